@@ -1,0 +1,100 @@
+"""What travels from a source to its sinks: blocks of samples, and the end of each gap-free segment.
+
+Index conventions, written once: a *segment* is a stretch of samples without a gap; its samples are numbered from 0.
+A sample's time is its index over the rate. Channels come first, samples last.
+"""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SampleBlock:
+    """Consecutive samples of all channels as the converter's codes.
+
+    Parameters
+    ----------
+    codes : ndarray of int16, shape (n_channels, n_samples)
+        Converter codes, C-contiguous.
+    segment : int
+        Number of the segment in its run, from 0.
+    first_sample : int
+        Index of the first sample in its segment.
+    host_time_ns : int
+        Wall clock of the host when the block had been read, ns since 1970 (evidence, never used to compute).
+    backlog : int
+        Samples per channel that the device still held after this block was read.
+    """
+
+    codes: NDArray[np.int16]
+    segment: int
+    first_sample: int
+    host_time_ns: int
+    backlog: int = 0
+
+    def __post_init__(self) -> None:
+        if self.codes.ndim != 2 or self.codes.dtype != np.int16:
+            raise ValueError(
+                f"codes: {self.codes.dtype} of shape {self.codes.shape}, expected int16 (n_channels, n_samples)"
+            )
+
+    @property
+    def n_samples(self) -> int:
+        """Number of samples per channel."""
+        return int(self.codes.shape[1])
+
+    @property
+    def end(self) -> int:
+        """Index one past the last sample."""
+        return self.first_sample + self.n_samples
+
+
+class EndReason(StrEnum):
+    """Why a segment ended."""
+
+    STOPPED = "stopped"  # somebody asked for it
+    FINISHED = "finished"  # the source has no more to give (planned length reached, recording played)
+    OVERRUN = "overrun"  # samples were lost between the device and us
+    UNPLUGGED = "unplugged"  # the device went away
+    DEVICE_ERROR = "device error"  # the driver reported anything else
+    RECORDER = "recorder"  # the recorder could not keep up or could not write
+    CUT = "cut"  # the recording breaks off here: its writer was ended by force
+
+
+@dataclass(frozen=True, slots=True)
+class SegmentEnd:
+    """The end of a segment, with what was lost at it.
+
+    Parameters
+    ----------
+    segment : int
+        Number of the segment.
+    samples : int
+        Samples per channel that the segment delivered.
+    reason : EndReason
+        Why it ended.
+    lost : int
+        Samples per channel known to be lost after its last sample; 0 where none were lost.
+    lost_is_exact : bool
+        False where ``lost`` is only a lower bound.
+    detail : str
+        What the driver said, with its code, for the operator; empty where all is well.
+    """
+
+    segment: int
+    samples: int
+    reason: EndReason
+    lost: int = 0
+    lost_is_exact: bool = True
+    detail: str = ""
+
+    @property
+    def is_gap_free(self) -> bool:
+        """Whether nothing was lost."""
+        return self.lost == 0 and self.lost_is_exact
+
+
+SourceItem = SampleBlock | SegmentEnd

@@ -1,0 +1,178 @@
+"""What the analyser says of the shaft at one moment: the one result that view, service, recording and summary share.
+
+Phase convention, written once: x(t) = Re[X exp(i k theta)] with theta = 0 when the mark passes the tacho. Where operators
+read a phase it is the *lag*, -arg(X), in degrees. Amplitudes are zero-to-peak unless the name says otherwise.
+"""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+
+class TachoState(StrEnum):
+    """What the tacho gives."""
+
+    GOOD = "good"
+    NO_PULSES = "no pulses"  # nothing in the last seconds: standing still, unplugged or misaligned
+    IRREGULAR = "irregular"  # pulses too unequal to be a shaft: noise, or a response limit passed
+    TOO_FAST = "too fast"  # light or dark time under the sensor's response time: speed may read too low
+
+
+@dataclass(frozen=True, slots=True)
+class TachoReport:
+    """What was seen of the tacho since the run began, and its state now.
+
+    Parameters
+    ----------
+    state : TachoState
+        The verdict on the last update interval.
+    pulses : int
+        Pulses accepted.
+    filled : int
+        Pulses that were missing and filled in.
+    rejected : int
+        Edges that were rejected as doubles or noise.
+    jitter : float
+        Robust scatter (MAD) of the edges about the smooth angle, s.
+    """
+
+    state: TachoState
+    pulses: int
+    filled: int
+    rejected: int
+    jitter: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Whirl:
+    """The strongest component below 1X.
+
+    Parameters
+    ----------
+    order : float
+        Its frequency over the shaft's.
+    forward, backward : float
+        Amplitudes of its forward and backward circles, m peak; the ellipse's half axes are their sum and difference.
+    vectors : ndarray of complex128, shape (2,)
+        Peak amplitude and phase at the probes x and y, m (phase only meaningful relative to each other).
+    """
+
+    order: float
+    forward: float
+    backward: float
+    vectors: ComplexArray
+
+    @property
+    def amplitude(self) -> float:
+        """Half the major axis of its ellipse, m peak."""
+        return self.forward + self.backward
+
+    @property
+    def is_forward(self) -> bool:
+        """Whether it goes round with the shaft."""
+        return self.forward >= self.backward
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class OrderFrame:
+    """What the last whole revolutions say.
+
+    Parameters
+    ----------
+    speed : float
+        Mean shaft speed over the frame, rad/s.
+    acceleration : float
+        Mean rate of change of speed over the frame, rad/s².
+    orders : ndarray of float64, shape (n_orders,)
+        Order axis, from 0, step 1 / revolutions.
+    spectrum : ndarray of complex128, shape (2, n_orders)
+        Hann-windowed order spectrum at x and y, m peak, phase referred to theta = 0.
+    vectors : ndarray of complex128, shape (2, 2)
+        ``vectors[k - 1, probe]``: the kX vector, k = 1, 2, at x and y, m peak.
+    noise : float
+        Floor of the order spectrum between the lines, m peak (median over orders and probes).
+    whirl : Whirl or None
+        Strongest sub-synchronous component that stands above the floor.
+    orbit : ndarray of float64, shape (2, n_points)
+        Displacement in the bench's directions X and Y over the last ``orbit_revolutions`` whole revolutions, mean removed, m;
+        every ``points_per_revolution``-th point from the first on lies on the mark.
+    """
+
+    speed: float
+    acceleration: float
+    orders: FloatArray
+    spectrum: ComplexArray
+    vectors: ComplexArray
+    noise: float
+    whirl: Whirl | None
+    orbit: FloatArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Trace:
+    """The last samples as a scope would show them, thinned for the eye.
+
+    Parameters
+    ----------
+    time : ndarray of float64, shape (n,)
+        Time in the segment, s.
+    displacement : ndarray of float64, shape (2, n)
+        Displacement towards the probes x and y, mean removed, m.
+    tacho : ndarray of float64, shape (n,)
+        Tacho voltage, V.
+    """
+
+    time: FloatArray
+    displacement: FloatArray
+    tacho: FloatArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Snapshot:
+    """The state of the shaft at one sample.
+
+    Snapshots come at fixed sample indices, every ``update_interval``, whatever the size of the blocks, and hold the same
+    bits live and in replay.
+
+    Parameters
+    ----------
+    segment : int
+        Segment of the run.
+    sample : int
+        One past the last sample used.
+    time : float
+        ``sample / rate``, s in the segment.
+    speed : float
+        Shaft speed over the last revolutions, rad/s; NaN where the tacho does not tell.
+    tacho : TachoReport
+        How far the tacho is to be trusted.
+    gap_volts : ndarray of float64, shape (2,)
+        Mean voltage of the probes over the last update interval, V.
+    gap_ok : ndarray of bool, shape (2,)
+        Whether each lies in its window.
+    peak_to_peak : ndarray of float64, shape (2,)
+        Overall peak-to-peak of each probe over the last update interval or revolution, whichever is longer, m.
+    clipped : ndarray of int64, shape (n_channels,)
+        Samples at the converter's rails since the run began, per channel.
+    frame : OrderFrame or None
+        None until there are enough whole revolutions in the segment, and where the tacho does not allow one.
+    trace : Trace
+        The last samples.
+    """
+
+    segment: int
+    sample: int
+    time: float
+    speed: float
+    tacho: TachoReport
+    gap_volts: FloatArray
+    gap_ok: NDArray[np.bool_]
+    peak_to_peak: FloatArray
+    clipped: NDArray[np.int64]
+    frame: OrderFrame | None
+    trace: Trace

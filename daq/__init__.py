@@ -1,0 +1,1 @@
+"""Everything live: drivers, session, view, service and command line."""

@@ -1,0 +1,178 @@
+"""rig.toml: what is wired where, how it is calibrated, how fast it is read, what is watched and where it is kept."""
+
+from enum import StrEnum
+from typing import Annotated, Literal
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+
+from analysis.run import Edge, Role
+
+
+class Section(BaseModel):
+    """A table of rig.toml: unknown keys are faults, values do not change."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+Positive = Annotated[float, Field(gt=0)]
+NotNegative = Annotated[float, Field(ge=0)]
+
+
+INPUT_RANGES = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0)  # of an M Series card, V, plus and minus
+
+
+def _input_range(value: float) -> float:
+    if value not in INPUT_RANGES:
+        raise ValueError(f"expected one of the card's ranges {', '.join(f'{r:g}' for r in INPUT_RANGES)}")
+    return value
+
+
+InputRange = Annotated[float, AfterValidator(_input_range)]
+
+
+class Backend(StrEnum):
+    """What delivers the samples."""
+
+    NIDAQMX = "nidaqmx"
+    SIMULATED = "simulated"
+
+
+class DeviceSection(Section):
+    """`[device]`: which card, or the simulated one."""
+
+    backend: Backend = Backend.SIMULATED
+    product: str = "USB-6251"
+    name: str = "Dev1"
+    serial: str = ""  # hexadecimal as printed on the card; when given, binds the card wherever it is plugged
+    target: str = ""  # "host:port" of a gRPC device server; empty: the driver on this machine
+    deadline_s: Positive = 3.0  # for every call over gRPC, beyond the call's own time-out
+
+
+class TimingSection(Section):
+    """`[timing]`: how fast, in what portions."""
+
+    rate_hz: Positive = 100_000.0  # per channel
+    block_s: Annotated[float, Field(ge=0.005, le=1.0)] = 0.1
+    buffer_s: Annotated[float, Field(ge=1.0, le=60.0)] = 8.0
+
+
+class ChannelSection(Section):
+    """`[[channel]]`: one input and what is wired to it."""
+
+    name: Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]{0,31}$")]
+    role: Role
+    physical: Annotated[str, Field(pattern=r"^ai[0-9]{1,2}$")]
+    terminal: Literal["differential", "rse", "nrse"] = "differential"
+    range_v: InputRange = 10.0  # plus and minus
+    angle_deg: float = 0.0
+    calibration: str = ""  # file, relative to rig.toml; for probes
+    gap_window_v: tuple[float, float] = (1.0, 9.0)
+
+
+class TachoSection(Section):
+    """`[tacho]`: how the mark is read."""
+
+    threshold_v: float = 2.5
+    hysteresis_v: Positive = 1.0
+    edge: Edge = Edge.RISING
+    pulses_per_revolution: Annotated[int, Field(ge=1, le=1024)] = 1
+    mark_fraction: Annotated[float, Field(gt=0, lt=1)] = 0.5
+    response_time_s: NotNegative = 1e-3
+    delay_s: NotNegative = 0.0
+
+
+class LimitsSection(Section):
+    """`[limits]`: what must not be passed."""
+
+    peak_to_peak_alarm_um: Positive = 80.0
+    peak_to_peak_danger_um: Positive = 95.0
+    clearance_um: Positive = 100.0  # radius of the circle the shaft can move in
+    speed_rpm: Positive = 20_000.0
+
+
+class AnalysisSection(Section):
+    """`[analysis]`: how a run is analysed, live and afterwards."""
+
+    update_s: Annotated[float, Field(ge=0.02, le=2.0)] = 0.1
+    revolutions: Annotated[int, Field(ge=4, le=256)] = 16
+    points_per_revolution: Annotated[int, Field(ge=16, le=1024, multiple_of=2)] = 64
+    highest_order: Annotated[float, Field(ge=2, le=64)] = 8.0
+
+
+class StorageSection(Section):
+    """`[storage]`: where runs go and how much room must stay."""
+
+    folder: str = ""  # empty: $RIG_DATA, else ./data
+    reserve_gb: NotNegative = 1.0  # recording stops cleanly before less is free
+
+
+class ModelSection(Section):
+    """`[model]`: the rotor that is laid over the measurement, the thesis's GJ90C, and what may differ here."""
+
+    imbalance_kg_m: NotNegative = 5e-7
+    imbalance_station: Annotated[int, Field(ge=1, le=6)] = 5
+    imbalance_phase_deg: float = 0.0  # from the tacho mark, in the direction of rotation
+    viscosity_pa_s: Positive = 0.015
+    inner_clearance_um: Positive = 20.0
+    outer_clearance_um: Positive = 80.0
+
+
+class ProfilePoint(Section):
+    """A corner of the speed profile."""
+
+    time_s: NotNegative
+    speed_rpm: NotNegative
+
+
+class WhirlSection(Section):
+    """`[[simulation.whirl]]`: a sub-synchronous component that the bench shows whether the model does or not."""
+
+    order: Annotated[float, Field(gt=0, lt=1)]
+    onset_rpm: Positive
+    end_rpm: Positive
+    amplitude_um: Positive  # peak, reached a tenth of the onset speed above the onset
+    forward: bool = True
+
+
+class SimulationSection(Section):
+    """`[simulation]`: the rig that is simulated; only read by the simulated backend.
+
+    The shaft follows the model, integrated in time along the speed profile ("model"), or its synchronous motion with
+    the whirls that are listed ("bench").
+    """
+
+    motion: Literal["model", "bench"] = "bench"
+    seed: Annotated[int, Field(ge=0)] = 2012
+    pace: Literal["real time", "flat out"] = "real time"
+    profile: tuple[ProfilePoint, ...] = (
+        ProfilePoint(time_s=0, speed_rpm=1000),
+        ProfilePoint(time_s=20, speed_rpm=15_600),
+    )
+    whirl: tuple[WhirlSection, ...] = ()
+    speed_fluctuation: Annotated[float, Field(ge=0, le=0.1)] = 0.002  # rms, relative: the air is not steady
+    speed_drift: Annotated[float, Field(ge=-0.1, le=0.1)] = 0.0  # relative per minute
+    run_out_um: NotNegative = 1.0  # residual, 1X at the probe, peak
+    second_order_um: NotNegative = 1.5  # the steady 2X that the thesis saw, peak
+    glitches_per_s: NotNegative = 0.5
+    sensor_noise_um: NotNegative = 0.1  # rms
+    sensor_bandwidth_hz: Positive = 50_000.0
+    gap_um: tuple[float, float] = (500.0, 500.0)  # standing gaps of x and y
+    tacho_jitter_us: NotNegative = 5.0  # rms
+    tacho_high_v: float = 4.2
+    tacho_low_v: float = 0.1
+    tacho_rise_us: Positive = 30.0
+
+
+class RigConfig(Section):
+    """A whole rig.toml."""
+
+    rig: Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9-]{0,31}$")] = "gj90c"
+    device: DeviceSection = DeviceSection()
+    timing: TimingSection = TimingSection()
+    channel: tuple[ChannelSection, ...]
+    tacho: TachoSection = TachoSection()
+    limits: LimitsSection = LimitsSection()
+    analysis: AnalysisSection = AnalysisSection()
+    storage: StorageSection = StorageSection()
+    model: ModelSection = ModelSection()
+    simulation: SimulationSection = SimulationSection()
