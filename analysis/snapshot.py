@@ -1,7 +1,7 @@
 """What the analyser says of the shaft at one moment: the one result that view, service, recording and summary share.
 
-Phase convention, written once: x(t) = Re[X exp(i k theta)] with theta = 0 when the mark passes the tacho. Where operators
-read a phase it is the *lag*, -arg(X), in degrees. Amplitudes are zero-to-peak unless the name says otherwise.
+Phase convention, written once: x(t) = Re[X exp(i k theta)] with theta = 0 when the mark passes the tacho.
+Where operators read a phase it is the *lag*, -arg(X), in degrees. Amplitudes are zero-to-peak unless the name says otherwise.
 """
 
 from dataclasses import dataclass
@@ -99,8 +99,8 @@ class OrderFrame:
     whirl : Whirl or None
         Strongest sub-synchronous component that stands above the floor.
     orbit : ndarray of float64, shape (2, n_points)
-        Displacement in the bench's directions X and Y over the last ``orbit_revolutions`` whole revolutions, mean removed, m;
-        every ``points_per_revolution``-th point from the first on lies on the mark.
+        Displacement in the bench's directions X and Y over the last ``orbit_revolutions`` whole revolutions, mean
+        removed, m; every ``points_per_revolution``-th point from the first on lies on the mark.
     """
 
     speed: float
@@ -136,8 +136,8 @@ class Trace:
 class Snapshot:
     """The state of the shaft at one sample.
 
-    Snapshots come at fixed sample indices, every ``update_interval``, whatever the size of the blocks, and hold the same
-    bits live and in replay.
+    Snapshots come at fixed sample indices, every ``update_interval``, whatever the size of the blocks, and hold the
+    same bits live and in replay.
 
     Parameters
     ----------

@@ -1,0 +1,1 @@
+"""rig.toml: its schema, and the validated rig that it describes."""

@@ -1,0 +1,70 @@
+"""A validated rig: its configuration and every file that it names, read once."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from analysis.run import AnalysisSettings, Calibration, Limits, Tacho
+from daq.config.schema import RigConfig
+
+MICRO = 1e-6
+RPM = 2 * math.pi / 60
+
+
+@dataclass(frozen=True, slots=True)
+class Rig:
+    """A rig.toml that has been found good, with the calibrations that it names.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    config : RigConfig
+        Its content.
+    calibrations : mapping of str to Calibration
+        The calibration of each probe, by channel name.
+    toml : str
+        The configuration in force, as TOML; copied into every run.
+    """
+
+    path: Path
+    config: RigConfig
+    calibrations: Mapping[str, Calibration]
+    toml: str
+
+    @property
+    def tacho(self) -> Tacho:
+        """How the tacho is read."""
+        section = self.config.tacho
+        return Tacho(
+            threshold=section.threshold_v,
+            hysteresis=section.hysteresis_v,
+            edge=section.edge,
+            pulses_per_revolution=section.pulses_per_revolution,
+            mark_fraction=section.mark_fraction,
+            response_time=section.response_time_s,
+            delay=section.delay_s,
+        )
+
+    @property
+    def limits(self) -> Limits:
+        """What is watched."""
+        section = self.config.limits
+        return Limits(
+            peak_to_peak_alarm=section.peak_to_peak_alarm_um * MICRO,
+            peak_to_peak_danger=section.peak_to_peak_danger_um * MICRO,
+            clearance=section.clearance_um * MICRO,
+            speed=section.speed_rpm * RPM,
+        )
+
+    @property
+    def settings(self) -> AnalysisSettings:
+        """How runs are analysed."""
+        section = self.config.analysis
+        return AnalysisSettings(
+            update_interval=section.update_s,
+            revolutions=section.revolutions,
+            points_per_revolution=section.points_per_revolution,
+            highest_order=section.highest_order,
+        )

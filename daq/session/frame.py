@@ -1,0 +1,106 @@
+"""What the live side shows of a run at one moment: the shaft, the model beside it, and the state of the recording."""
+
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Protocol
+
+from analysis.run import RunHeader
+from analysis.snapshot import Snapshot
+from model.prediction import Prediction
+
+
+class RunState(StrEnum):
+    """Where a run stands."""
+
+    STARTING = "starting"
+    RECORDING = "recording"
+    REPLAYING = "replaying"
+    FINISHED = "finished"
+    FAILED = "failed"
+
+
+class Severity(StrEnum):
+    """The overall peak-to-peak against its limits."""
+
+    NORMAL = "normal"
+    ALARM = "alarm"
+    DANGER = "danger"
+
+
+@dataclass(frozen=True, slots=True)
+class Status:
+    """The state of the recording, for somebody two metres away.
+
+    Parameters
+    ----------
+    state : RunState
+        Where the run stands.
+    elapsed : float
+        Sample time since the run began, s.
+    samples : int
+        Samples per channel recorded (or replayed).
+    lost : int
+        Samples per channel known to be lost.
+    lost_is_exact : bool
+        False where ``lost`` is a lower bound.
+    backlog : float
+        What the device held at the last read, s.
+    disk_left : float
+        How long the disk lasts at this rate before the reserve is reached, s; infinite where nothing is written.
+    skipped : int
+        Samples per channel that the live analysis had to skip (they are recorded).
+    dropped_frames : int
+        Pictures that the view could not draw in time.
+    severity : Severity
+        Now.
+    latched : Severity
+        The worst since the run began.
+    model : str
+        "ready", "computing 34 %", or why there is no prediction.
+    detail : str
+        What went wrong, for the operator; empty where all is well.
+    """
+
+    state: RunState
+    elapsed: float = 0.0
+    samples: int = 0
+    lost: int = 0
+    lost_is_exact: bool = True
+    backlog: float = 0.0
+    disk_left: float = float("inf")
+    skipped: int = 0
+    dropped_frames: int = 0
+    severity: Severity = Severity.NORMAL
+    latched: Severity = Severity.NORMAL
+    model: str = "off"
+    detail: str = ""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LiveFrame:
+    """One moment of a run.
+
+    Parameters
+    ----------
+    header : RunHeader
+        The run.
+    status : Status
+        Its state.
+    snapshot : Snapshot or None
+        The shaft; None before the first.
+    prediction : Prediction or None
+        The model at the measured speed; None where the speed or the model is not known.
+    """
+
+    header: RunHeader
+    status: Status
+    snapshot: Snapshot | None = None
+    prediction: Prediction | None = None
+
+
+class FrameSink(Protocol):
+    """Whoever shows frames. It takes them at once and may forget all but the latest; it never blocks."""
+
+    def offer(self, frame: LiveFrame) -> None:
+        """Show this frame when there is time."""
+        ...
