@@ -1,7 +1,8 @@
 """What the analyser says of the shaft at one moment: the one result that view, service, recording and summary share.
 
 Phase convention, written once: x(t) = Re[X exp(i k theta)] with theta = 0 when the mark passes the tacho.
-Where operators read a phase it is the *lag*, -arg(X), in degrees. Amplitudes are zero-to-peak unless the name says otherwise.
+Where operators read a phase it is the *lag*, -arg(X), in degrees. Amplitudes are zero-to-peak unless the name says
+otherwise.
 """
 
 from dataclasses import dataclass
