@@ -1,0 +1,197 @@
+"""The bounded ring of blocks in shared memory between the process that acquires and the one that watches.
+
+One writer, any number of readers, each with its own place. The writer never waits: a reader that falls a whole ring
+behind finds its place overwritten, moves on to the oldest block still there and is told how many samples it missed.
+"""
+
+import json
+from collections.abc import Iterator
+from dataclasses import asdict
+from multiprocessing.shared_memory import SharedMemory
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.samples import EndReason, SampleBlock, SegmentEnd, SourceItem
+
+_HEADER = 8  # int64 words at the front: published, closed, channels, slot capacity, slots
+_META = (
+    8  # int64 words before each slot's data: kind, segment, first sample, samples, host time, backlog, ticket, bytes
+)
+_BLOCK, _END = 0, 1
+_END_BYTES = 4096  # a slot always holds the text of a segment end
+
+
+_Words = NDArray[np.int64]
+
+
+def _slot_bytes(n_channels: int, capacity: int) -> int:
+    data = max(n_channels * capacity * 2, _END_BYTES)
+    return _META * 8 + (data + 7) // 8 * 8
+
+
+class BlockRing:
+    """Blocks and segment ends in shared memory.
+
+    Parameters
+    ----------
+    memory : SharedMemory
+        The memory; use `create` or `attach`.
+    owner : bool
+        Whether `close` also removes it.
+    """
+
+    def __init__(self, memory: SharedMemory, *, owner: bool) -> None:
+        self._memory = memory
+        self._owner = owner
+        self._bytes = np.ndarray((memory.size,), dtype=np.uint8, buffer=memory.buf)
+        self._words = np.ndarray((_HEADER,), dtype=np.int64, buffer=memory.buf)
+        self._slot = _slot_bytes(int(self._words[2]), int(self._words[3])) if self._words[4] else 0
+
+    @classmethod
+    def create(cls, n_channels: int, capacity: int, n_slots: int) -> "BlockRing":
+        """Make a ring of `n_slots` blocks of up to `capacity` samples per channel."""
+        if min(n_channels, capacity, n_slots) < 1:
+            raise ValueError(f"ring of {n_slots} slots × {n_channels} channels × {capacity} samples: expected ≥ 1 each")
+        size = _HEADER * 8 + n_slots * _slot_bytes(n_channels, capacity)
+        memory = SharedMemory(create=True, size=size)
+        words = np.ndarray((_HEADER,), dtype=np.int64, buffer=memory.buf)
+        words[:] = (0, 0, n_channels, capacity, n_slots, 0)
+        del words
+        return cls(memory, owner=True)
+
+    @classmethod
+    def attach(cls, name: str) -> "BlockRing":
+        """Open the ring of this name, made by another process."""
+        return cls(SharedMemory(name=name), owner=False)
+
+    @property
+    def name(self) -> str:
+        """Name by which another process attaches."""
+        return self._memory.name
+
+    @property
+    def published(self) -> int:
+        """Items put since the beginning."""
+        return int(self._words[0])
+
+    @property
+    def n_slots(self) -> int:
+        """Items that the ring holds."""
+        return int(self._words[4])
+
+    @property
+    def is_closed(self) -> bool:
+        """Whether the writer has put its last item."""
+        return bool(self._words[1])
+
+    def _place(self, index: int) -> tuple[_Words, int]:
+        offset = _HEADER * 8 + (index % int(self._words[4])) * self._slot
+        return np.ndarray((_META,), dtype=np.int64, buffer=self._memory.buf, offset=offset), offset + _META * 8
+
+    def put(self, item: SourceItem) -> None:
+        """Publish an item; blocks longer than a slot are published in pieces."""
+        if isinstance(item, SegmentEnd):
+            self._put_end(item)
+            return
+        capacity = int(self._words[3])
+        if item.codes.shape[0] != self._words[2]:
+            raise ValueError(f"block of {item.codes.shape[0]} channels: the ring holds {self._words[2]}")
+        for start in range(0, item.n_samples, capacity):
+            codes = item.codes[:, start : start + capacity]
+            meta, data = self._begin()
+            np.ndarray(codes.shape, dtype=np.int16, buffer=self._memory.buf, offset=data)[:] = codes
+            first = item.first_sample + start
+            self._publish(meta, _BLOCK, item.segment, first, codes.shape[1], item.host_time_ns, item.backlog, 0)
+
+    def _put_end(self, end: SegmentEnd) -> None:
+        document = asdict(end)
+        document["detail"] = end.detail[:1000]
+        text = json.dumps(document).encode()
+        meta, data = self._begin()
+        self._bytes[data : data + len(text)] = np.frombuffer(text, dtype=np.uint8)
+        self._publish(meta, _END, end.segment, end.samples, 0, 0, 0, len(text))
+
+    def _begin(self) -> tuple[_Words, int]:
+        meta, data = self._place(self.published)
+        meta[_TICKET] = -1  # a reader that is here has been lapped
+        return meta, data
+
+    def _publish(self, meta: _Words, *words: int) -> None:
+        meta[:7] = words
+        meta[7] = self._words[5]
+        meta[_TICKET] = self._words[0]
+        self._words[5] += words[3]
+        self._words[0] += 1
+
+    def finish(self) -> None:
+        """Say that nothing more will come."""
+        self._words[1] = 1
+
+    def read(self, index: int) -> tuple[SourceItem, int] | None:
+        """Return a copy of item `index` and the samples put before it, or None where it has been overwritten."""
+        meta, data = self._place(index)
+        kind, segment, first, n_samples, host_time, backlog, length, before, ticket = (int(word) for word in meta)
+        if ticket != index:
+            return None
+        shape = (int(self._words[2]), n_samples)
+        codes = np.ndarray(shape, dtype=np.int16, buffer=self._memory.buf, offset=data).copy()
+        text = self._bytes[data : data + length].tobytes()
+        if int(meta[_TICKET]) != index:  # it changed while it was copied
+            return None
+        if kind == _BLOCK:
+            return SampleBlock(codes, segment, first, host_time, backlog), before
+        document = json.loads(text)
+        return SegmentEnd(**{**document, "reason": EndReason(document["reason"])}), before
+
+    def reader(self) -> "RingReader":
+        """Return a reader placed at the oldest item still there."""
+        return RingReader(self)
+
+    def close(self) -> None:
+        """Let go of the memory; the owner removes it."""
+        self._words = np.zeros(_HEADER, dtype=np.int64)
+        self._bytes = np.zeros(0, dtype=np.uint8)
+        self._memory.close()
+        if self._owner:
+            self._owner = False
+            self._memory.unlink()
+
+
+class RingReader:
+    """One reader's place in a ring.
+
+    Parameters
+    ----------
+    ring : BlockRing
+        What is read.
+
+    Attributes
+    ----------
+    skipped : int
+        Samples per channel that were overwritten before they were read.
+    """
+
+    def __init__(self, ring: BlockRing) -> None:
+        self._ring = ring
+        self._next = max(0, ring.published - ring.n_slots)
+        self._read = 0
+        self.skipped = 0
+
+    @property
+    def lag(self) -> int:
+        """Items published and not yet read."""
+        return self._ring.published - self._next
+
+    def available(self) -> Iterator[SourceItem]:
+        """Yield what has been published and not yet read, as copies."""
+        while self._next < self._ring.published:
+            if self.lag > self._ring.n_slots:  # overwritten: go to where there is room again
+                self._next = self._ring.published - self._ring.n_slots // 2
+            found = self._ring.read(self._next)
+            self._next += 1
+            if found is not None:
+                item, before = found
+                self.skipped = before - self._read
+                self._read += item.n_samples if isinstance(item, SampleBlock) else 0
+                yield item
