@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 
 from analysis.samples import EndReason, SampleBlock, SegmentEnd, SourceItem
 
-_HEADER = 8  # int64 words at the front: published, closed, channels, slot capacity, slots
+_HEADER = 6  # int64 words at the front: published, closed, channels, slot capacity, slots, samples put
 _META = (
-    8  # int64 words before each slot's data: kind, segment, first sample, samples, host time, backlog, ticket, bytes
+    9  # int64 words before a slot's data: kind, segment, first, samples, host time, backlog, bytes, put before, ticket
 )
+_TICKET = 8  # written last: the index of the item that lies here, -1 while it changes
 _BLOCK, _END = 0, 1
 _END_BYTES = 4096  # a slot always holds the text of a segment end
 
