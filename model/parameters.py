@@ -1,0 +1,149 @@
+"""Everything the model is told: rotor, bearings, imbalance, gravity, and where the probes look."""
+
+import math
+from dataclasses import dataclass
+
+from model.rotor import Rotor, require_positive
+
+GRAVITY = 9.80665  # m/s²
+
+
+@dataclass(frozen=True, slots=True)
+class FloatingRing:
+    """A floating-ring bearing: an oil film inside and one outside a ring that turns by itself.
+
+    Parameters
+    ----------
+    length : float
+        Length of both films, m.
+    journal_radius : float
+        Radius of the journal, m.
+    inner_clearance, outer_clearance : float
+        Radial clearances journal to ring and ring to housing, m.
+    ring_outer_radius : float
+        Outer radius of the ring, m.
+    ring_mass : float
+        Mass of the ring, kg.
+    viscosity : float
+        Dynamic viscosity of the oil in both films, Pa s.
+
+    Raises
+    ------
+    ValueError
+        Where a size is not positive or the ring has no wall.
+    """
+
+    length: float
+    journal_radius: float
+    inner_clearance: float
+    outer_clearance: float
+    ring_outer_radius: float
+    ring_mass: float
+    viscosity: float
+
+    def __post_init__(self) -> None:
+        units = {"ring_mass": "kg", "viscosity": "Pa s"}
+        for name in self.__slots__:
+            require_positive(name, getattr(self, name), units.get(name, "m"))
+        if self.ring_outer_radius <= self.ring_inner_radius:
+            raise ValueError(
+                f"ring_outer_radius: {self.ring_outer_radius:g} m, expected more than the ring's inner radius "
+                f"{self.ring_inner_radius:g} m (journal radius plus inner clearance)"
+            )
+        for name, clearance in (("inner_clearance", self.inner_clearance), ("outer_clearance", self.outer_clearance)):
+            if clearance > 0.1 * self.journal_radius:
+                raise ValueError(
+                    f"{name}: {clearance:g} m, expected a thin film, at most a tenth of the journal's radius"
+                )
+
+    @property
+    def ring_inner_radius(self) -> float:
+        """Inner radius of the ring, m."""
+        return self.journal_radius + self.inner_clearance
+
+    @property
+    def clearance(self) -> float:
+        """How far the journal's centre can move from the housing's, m."""
+        return self.inner_clearance + self.outer_clearance
+
+    @property
+    def ring_speed_ratio(self) -> float:
+        """Speed of the ring over the shaft's, from the balance of the films' drag at small eccentricity."""
+        drag = self.ring_outer_radius**3 * self.inner_clearance / (self.journal_radius**3 * self.outer_clearance)
+        return 1 / (1 + drag)  # Eq. (3.25)
+
+
+@dataclass(frozen=True, slots=True)
+class Imbalance:
+    """An imbalance.
+
+    Parameters
+    ----------
+    station : int
+        Where it sits, from 1 at the compressor's end.
+    magnitude : float
+        Mass times eccentricity, kg m.
+    phase : float
+        Angle of the heavy spot from the tacho mark in the direction of rotation, rad. At theta = 0 the mark points to +X.
+    """
+
+    station: int
+    magnitude: float
+    phase: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class ModelParameters:
+    """The rotor on its two equal floating-ring bearings as the probes see it.
+
+    Parameters
+    ----------
+    rotor : Rotor
+        The shaft with its wheels.
+    bearing : FloatingRing
+        Both bearings.
+    imbalances : tuple of Imbalance
+        What shakes it; may be empty.
+    gravity : float
+        Acceleration towards -Y, m/s²; 0 switches it off.
+    probe_station : int
+        Station that the probes look at, from 1 at the compressor's end.
+    probe_angles : tuple of float, length 2
+        Where the probes x and y sit, rad from +X, positive in the direction of rotation.
+
+    Raises
+    ------
+    ValueError
+        Where a station does not exist, gravity is negative, or an imbalance is larger than the mass at its station times
+        the clearance: such a wheel's centre of mass would lie outside the room the shaft can move in.
+    """
+
+    rotor: Rotor
+    bearing: FloatingRing
+    imbalances: tuple[Imbalance, ...]
+    gravity: float = GRAVITY
+    probe_station: int = 1
+    probe_angles: tuple[float, float] = (0.0, math.pi / 2)
+
+    def __post_init__(self) -> None:
+        last = self.rotor.stations
+        if not 1 <= self.probe_station <= last:
+            raise ValueError(f"probe_station: {self.probe_station}, expected 1 to {last}")
+        if not (math.isfinite(self.gravity) and self.gravity >= 0):
+            raise ValueError(f"gravity: {self.gravity:g} m/s², expected a finite value, 0 or more")
+        for angle in self.probe_angles:
+            if not math.isfinite(angle):
+                raise ValueError(f"probe_angles: {angle} rad, expected finite angles")
+        for imbalance in self.imbalances:
+            if not 1 <= imbalance.station <= last:
+                raise ValueError(f"imbalance: station {imbalance.station}, expected 1 to {last}")
+            if not (math.isfinite(imbalance.magnitude) and imbalance.magnitude >= 0):
+                raise ValueError(f"imbalance: {imbalance.magnitude:g} kg m, expected a finite value, 0 or more")
+            if not math.isfinite(imbalance.phase):
+                raise ValueError(f"imbalance: phase {imbalance.phase} rad, expected a finite angle")
+            most = self.rotor.masses[imbalance.station - 1] * self.bearing.clearance
+            if imbalance.magnitude > most:
+                raise ValueError(
+                    f"imbalance: {imbalance.magnitude:g} kg m at station {imbalance.station}, expected at most {most:g} kg m "
+                    f"(the mass there times the bearing's clearance of {self.bearing.clearance * 1e6:g} µm)"
+                )
