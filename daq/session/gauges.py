@@ -1,0 +1,76 @@
+"""The numbers that the recorder keeps for whoever asks how the recording goes, in shared memory."""
+
+from multiprocessing import get_context
+from multiprocessing.sharedctypes import SynchronizedArray
+
+from analysis.samples import SampleBlock, SegmentEnd
+
+_SAMPLES, _SEGMENT, _LOST, _AT_LEAST, _BACKLOG, _DISK = range(6)
+
+
+class Gauges:
+    """Counts of a recording: one process writes them, any may read.
+
+    Parameters
+    ----------
+    words : SynchronizedArray
+        Shared memory from `shared`.
+    """
+
+    def __init__(self, words: "SynchronizedArray[int]") -> None:
+        self._words = words
+
+    @staticmethod
+    def shared() -> "SynchronizedArray[int]":
+        """Return fresh shared memory for a set of gauges."""
+        words = get_context("spawn").Array("q", 6)
+        words[_DISK] = -1
+        return words
+
+    def add_block(self, block: SampleBlock) -> None:
+        """Count a recorded block."""
+        with self._words.get_lock():
+            self._words[_SAMPLES] += block.n_samples
+            self._words[_SEGMENT] = block.end
+            self._words[_BACKLOG] = block.backlog
+
+    def add_end(self, end: SegmentEnd) -> None:
+        """Count what was lost at the end of a segment."""
+        with self._words.get_lock():
+            self._words[_LOST] += end.lost
+            self._words[_AT_LEAST] |= int(not end.lost_is_exact)
+            self._words[_SEGMENT] = 0
+
+    @property
+    def samples(self) -> int:
+        """Samples per channel recorded."""
+        return int(self._words[_SAMPLES])
+
+    @property
+    def segment_samples(self) -> int:
+        """Samples per channel recorded of the present segment."""
+        return int(self._words[_SEGMENT])
+
+    @property
+    def lost(self) -> int:
+        """Samples per channel known to be lost."""
+        return int(self._words[_LOST])
+
+    @property
+    def lost_is_exact(self) -> bool:
+        """Whether no more than that can have been lost."""
+        return not self._words[_AT_LEAST]
+
+    @property
+    def backlog(self) -> int:
+        """Samples per channel that the device held at the last read."""
+        return int(self._words[_BACKLOG])
+
+    @property
+    def disk_bytes(self) -> int:
+        """Bytes that may still be written before the reserve is reached; -1 before it was looked at."""
+        return int(self._words[_DISK])
+
+    @disk_bytes.setter
+    def disk_bytes(self, value: int) -> None:
+        self._words[_DISK] = value

@@ -1,0 +1,95 @@
+"""The live analysis: items in, frames out, the same for a run that is recorded and one that is replayed."""
+
+import threading
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+from analysis.analyser import Analyser
+from analysis.run import RunHeader
+from analysis.samples import SampleBlock, SourceItem
+from analysis.snapshot import Snapshot
+from analysis.summary import RunSummary, SummaryBuilder
+from daq.session.frame import FrameSink, LiveFrame, Severity, Status
+from model.prediction import Prediction
+
+Predict = Callable[[float], Prediction | None]
+
+_RANK = {Severity.NORMAL: 0, Severity.ALARM: 1, Severity.DANGER: 2}
+
+
+class LiveAnalysis:
+    """Analyses what it is given and offers a frame for every snapshot.
+
+    Parameters
+    ----------
+    header : RunHeader
+        The run.
+    predict : callable
+        The model's prediction at a speed, rad/s, at once; None where there is none.
+    sinks : sequence of FrameSink
+        Who shows the frames.
+    keep : callable or None
+        Takes every snapshot, to write it beside the samples.
+    """
+
+    def __init__(
+        self,
+        header: RunHeader,
+        predict: Predict,
+        sinks: Sequence[FrameSink],
+        keep: Callable[[Snapshot], None] | None = None,
+    ) -> None:
+        self._header = header
+        self._predict = predict
+        self._sinks = tuple(sinks)
+        self._keep = keep
+        self._analyser = Analyser(header.acquisition, header.settings)
+        self._summary = SummaryBuilder(header)
+        self._lock = threading.Lock()
+        self._snapshot: Snapshot | None = None
+        self._prediction: Prediction | None = None
+        self._severity = Severity.NORMAL
+        self._latched = Severity.NORMAL
+
+    def take(self, item: SourceItem, status: Status) -> None:
+        """Analyse an item; `status` is the state of the recording that goes with the frames."""
+        is_block = isinstance(item, SampleBlock)
+        snapshots = self._analyser.block(item) if is_block else self._analyser.segment_end(item)
+        for snapshot in snapshots:
+            self._summary.snapshot(snapshot)
+            if self._keep is not None:
+                self._keep(snapshot)
+            with self._lock:
+                self._snapshot = snapshot
+                self._prediction = self._predict(snapshot.speed)
+                self._judge(snapshot)
+        if not is_block:
+            self._summary.segment_end(item)
+        if snapshots:
+            self.offer(status)
+
+    def _judge(self, snapshot: Snapshot) -> None:
+        limits, worst = self._header.limits, float(snapshot.peak_to_peak.max())
+        if worst >= limits.peak_to_peak_danger:
+            self._severity = Severity.DANGER
+        elif worst >= limits.peak_to_peak_alarm:
+            self._severity = Severity.ALARM
+        else:
+            self._severity = Severity.NORMAL
+        self._latched = max(self._latched, self._severity, key=_RANK.__getitem__)
+
+    def frame(self, status: Status) -> LiveFrame:
+        """Return the latest frame with this status."""
+        with self._lock:
+            status = replace(status, severity=self._severity, latched=self._latched)
+            return LiveFrame(self._header, status, self._snapshot, self._prediction)
+
+    def offer(self, status: Status) -> None:
+        """Offer the latest frame to everybody who shows one."""
+        frame = self.frame(status)
+        for sink in self._sinks:
+            sink.offer(frame)
+
+    def summary(self) -> RunSummary:
+        """Return the summary of what has been analysed."""
+        return self._summary.summary()

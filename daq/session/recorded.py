@@ -1,0 +1,229 @@
+"""A run that is being recorded: the recorder in its process, the analysis beside it, its results sent back to be kept."""
+
+import math
+import multiprocessing
+import threading
+import time
+from collections.abc import Sequence
+from contextlib import suppress
+from multiprocessing.connection import Connection
+from multiprocessing.process import BaseProcess
+from pathlib import Path
+
+from analysis.run import RunHeader
+from analysis.samples import SegmentEnd
+from analysis.snapshot import Snapshot
+from analysis.summary import RunSummary
+from daq.config.rig import Rig
+from daq.errors import DeviceError, DeviceFault, RigError
+from daq.session.frame import FrameSink, LiveFrame, RunState, Status
+from daq.session.gauges import Gauges
+from daq.session.live import LiveAnalysis
+from daq.session.recorder import RESULTS_DEADLINE, Acquired, Closed, Done, Opened, Order, Refused, Stop, record
+from daq.session.ring import BlockRing
+from daq.session.run import Model, Outcome
+from recordings.results import encode_snapshot
+
+OPEN_DEADLINE = 120.0  # s: the simulated rig compiles its model the first time
+RING_SECONDS = 8.0  # of samples that the live analysis may fall behind before it skips
+POLL = 0.02  # s between two looks into the ring
+STATUS_INTERVAL = 0.5  # s between frames when no snapshot comes
+
+
+class RecordedRun:
+    """A run that is being recorded.
+
+    Parameters
+    ----------
+    order : Order
+        What is to be recorded.
+    model : Model
+        Whose prediction is laid over it.
+    sinks : sequence of FrameSink
+        Who shows it.
+
+    Raises
+    ------
+    RigError
+        Where the device or the file cannot be opened; nothing is left behind.
+    """
+
+    def __init__(self, order: Order, model: Model, sinks: Sequence[FrameSink] = ()) -> None:
+        self._order = order
+        self._model = model
+        rig: Rig = order.rig
+        timing = rig.config.timing
+        capacity = math.ceil(timing.rate_hz * timing.block_s) + 1
+        self._gauges_memory = Gauges.shared()
+        self._gauges = Gauges(self._gauges_memory)
+        self._ring = BlockRing.create(
+            len(rig.config.channel), capacity, max(16, math.ceil(RING_SECONDS / timing.block_s))
+        )
+        self._reader = self._ring.reader()
+        self._pipe, self._process = self._spawn()
+        self._sending = threading.Lock()
+        self._ends: tuple[SegmentEnd, ...] = ()
+        self._message = ""
+        self._note = ""
+        self._state = RunState.STARTING
+        self._by_hand = False
+        try:
+            self._header = self._opened()
+        except BaseException:
+            self._release()
+            raise
+        self._rate = self._header.acquisition.rate
+        self._analysis: LiveAnalysis | None = LiveAnalysis(self._header, model.at, sinks, self._keep)
+        self._shown = self._analysis
+        self._state = RunState.RECORDING
+        self._thread = threading.Thread(target=self._watch, name="live-analysis", daemon=True)
+        self._thread.start()
+
+    @property
+    def header(self) -> RunHeader:
+        """The run's header, with the acquisition as the device reported it."""
+        return self._header
+
+    @property
+    def path(self) -> Path:
+        """The file."""
+        return self._order.path
+
+    def _spawn(self) -> tuple[Connection, BaseProcess]:
+        context = multiprocessing.get_context("spawn")  # the same on every platform, and safe beside threads
+        here, there = context.Pipe()
+        process = context.Process(
+            target=record, args=(self._order, self._ring.name, self._gauges_memory, there), name="rig-recorder"
+        )
+        process.start()
+        there.close()
+        return here, process
+
+    def _opened(self) -> RunHeader:
+        if not self._pipe.poll(OPEN_DEADLINE):
+            raise DeviceError(DeviceFault.TIMEOUT, f"the device was not open after {OPEN_DEADLINE:g} s")
+        try:
+            message = self._pipe.recv()
+        except EOFError:
+            self._process.join(5.0)
+            raise DeviceError(
+                DeviceFault.OTHER, f"the recorder ended before it began (exit code {self._process.exitcode})"
+            ) from None
+        if isinstance(message, Refused):
+            error = RigError(message.message)
+            error.exit_code = message.exit_code
+            raise error
+        opened: Opened = message
+        return opened.header
+
+    def _keep(self, snapshot: Snapshot) -> None:
+        """Send a snapshot to be written beside the samples."""
+        for result in encode_snapshot(snapshot, self._header):
+            self._send(result)
+
+    def _send(self, message: object) -> None:
+        with self._sending, suppress(OSError):  # a recorder that is gone is noticed by the watch
+            self._pipe.send(message)
+
+    def status(self) -> Status:
+        """Return the state of the recording."""
+        rate, gauges = self._rate, self._gauges
+        bytes_per_second = rate * len(self._header.acquisition.channels) * 2
+        left = gauges.disk_bytes / bytes_per_second if gauges.disk_bytes >= 0 else math.inf
+        return Status(
+            state=self._state,
+            elapsed=gauges.samples / rate,
+            samples=gauges.samples,
+            lost=gauges.lost,
+            lost_is_exact=gauges.lost_is_exact,
+            backlog=gauges.backlog / rate,
+            disk_left=left,
+            skipped=self._reader.skipped,
+            model=self._model.state,
+            detail=self._message or self._note,
+        )
+
+    def _watch(self) -> None:
+        """Analyse what the recorder publishes until it ends, then let it close the file."""
+        offered = time.monotonic()
+        while True:
+            alive = self._process.is_alive() and not self._ring.is_closed
+            seen = self._analyse()
+            now = time.monotonic()
+            if seen:
+                offered = now
+            elif not alive:
+                break
+            else:
+                if now - offered > STATUS_INTERVAL:
+                    self._shown.offer(self.status())
+                    offered = now
+                time.sleep(POLL)
+        self._send(Done(self._reader.skipped))
+        self._farewell()
+        self._state = RunState.FAILED if self._outcome().exit_code in {3, 5} else RunState.FINISHED
+        self._shown.offer(self.status())
+
+    def _analyse(self) -> bool:
+        seen = False
+        for item in self._reader.available():
+            seen = True
+            if self._analysis is None:
+                continue
+            try:
+                self._analysis.take(item, self.status())
+            except Exception as error:  # noqa: BLE001 - a fault of the analysis must not end a recording: it is told
+                self._note = f"live analysis stopped: {type(error).__name__}: {error}; the recording goes on"
+                self._analysis = None
+        return seen
+
+    def _farewell(self) -> None:
+        deadline = time.monotonic() + RESULTS_DEADLINE
+        while self._pipe.poll(max(0.0, deadline - time.monotonic())):
+            try:
+                message = self._pipe.recv()
+            except (EOFError, OSError):
+                break
+            if isinstance(message, Acquired):
+                self._ends = message.ends
+            elif isinstance(message, Closed):
+                self._message = message.message or self._message
+                return
+        self._message = self._message or "the recorder ended without closing its file; it holds all that was flushed"
+
+    def _outcome(self) -> Outcome:
+        return Outcome(self._ends, self._message, self._by_hand, self._reader.skipped)
+
+    def latest(self) -> LiveFrame:
+        """Return the present frame."""
+        return self._shown.frame(self.status())
+
+    def summary(self) -> RunSummary:
+        """Return the summary of what has been analysed live."""
+        return self._shown.summary()
+
+    def stop(self) -> None:
+        """Ask for the end, by hand."""
+        self._by_hand = True
+        self._send(Stop())
+
+    def wait(self, timeout: float) -> bool:
+        """Wait up to `timeout` s for the end; return whether it has come."""
+        self._thread.join(timeout)
+        return not self._thread.is_alive()
+
+    def close(self) -> Outcome:
+        """End the run, join its thread and process, and say how it ended."""
+        if self._thread.is_alive():
+            self._send(Stop())
+            self._thread.join(4 * RESULTS_DEADLINE)
+        self._release()
+        return self._outcome()
+
+    def _release(self) -> None:
+        self._pipe.close()  # a recorder that still runs finishes its file now
+        self._process.join(RESULTS_DEADLINE)
+        if self._process.is_alive():
+            self._process.terminate()
+            self._process.join(5.0)
+        self._ring.close()

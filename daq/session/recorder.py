@@ -1,0 +1,249 @@
+"""The recorder: a process of its own that does nothing but carry samples from the source into the file and the ring.
+
+It talks with the watching process over an anonymous pipe: `Opened` or `Refused` first, `Acquired` when the samples have
+ended, `Closed` last. Back come results to be written beside the samples, `Stop`, and `Done` when no more will follow.
+If the watching process goes away, the recorder stops the source and finishes the file by itself.
+"""
+
+import shutil
+import signal
+import threading
+import time
+from contextlib import closing, suppress
+from dataclasses import dataclass, replace
+from multiprocessing.connection import Connection
+from multiprocessing.sharedctypes import SynchronizedArray
+from pathlib import Path
+
+from analysis.run import RunHeader
+from analysis.samples import EndReason, SampleBlock, SegmentEnd
+from daq.config.rig import Rig
+from daq.drivers.opening import open_source
+from daq.drivers.source import Source
+from daq.errors import RigError
+from daq.session.gauges import Gauges
+from daq.session.ring import BlockRing
+from recordings.errors import RecordingError
+from recordings.results import EncodedResult
+from recordings.writer import RunWriter
+
+RESULTS_DEADLINE = 15.0  # s that the finished acquisition waits for the last results before the file is closed without
+
+
+@dataclass(frozen=True, slots=True)
+class Order:
+    """What is to be recorded.
+
+    Parameters
+    ----------
+    rig : Rig
+        The rig.
+    run : str
+        Id of the run.
+    started_ns : int
+        Wall clock, ns since 1970.
+    note, program : str
+        The operator's words; name and version of the program.
+    path : Path
+        The file to be made.
+    duration : float or None
+        Sample time after which to stop, s.
+    """
+
+    rig: Rig
+    run: str
+    started_ns: int
+    note: str
+    program: str
+    path: Path
+    duration: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class Opened:
+    """The device delivers and the file is there."""
+
+    header: RunHeader
+
+
+@dataclass(frozen=True, slots=True)
+class Refused:
+    """Nothing was recorded."""
+
+    message: str
+    exit_code: int
+
+
+@dataclass(frozen=True, slots=True)
+class Acquired:
+    """The samples have ended; results may still be sent."""
+
+    ends: tuple[SegmentEnd, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Closed:
+    """The file is finished; `message` says what went wrong, if anything did."""
+
+    message: str
+
+
+@dataclass(frozen=True, slots=True)
+class Stop:
+    """Stop the source."""
+
+
+@dataclass(frozen=True, slots=True)
+class Done:
+    """No more results will come; so many samples were skipped by the live analysis."""
+
+    skipped_samples: int
+
+
+def record(order: Order, ring_name: str, gauge_words: "SynchronizedArray[int]", pipe: Connection) -> None:
+    """Run the recorder; the entry point of its process."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the whole group: the watching process decides
+    ring = BlockRing.attach(ring_name)
+    with closing(ring):
+        try:
+            source = open_source(order.rig)
+        except RigError as error:
+            pipe.send(Refused(str(error), error.exit_code))
+            return
+        with closing(source):
+            header = run_header(order, source)
+            try:
+                writer = RunWriter(order.path, header)
+            except RecordingError as error:
+                pipe.send(Refused(str(error), 2))
+                return
+            _Recorder(order, source, writer, ring, Gauges(gauge_words), pipe).run(header)
+
+
+def run_header(order: Order, source: Source) -> RunHeader:
+    """Return the header of the run, with the acquisition as the opened device reports it."""
+    return RunHeader(
+        run=order.run,
+        rig=order.rig.config.rig,
+        started_ns=order.started_ns,
+        acquisition=source.acquisition,
+        settings=order.rig.settings,
+        limits=order.rig.limits,
+        config_toml=order.rig.toml,
+        program=order.program,
+        note=order.note,
+    )
+
+
+class _Recorder:
+    """Source → file and ring, until the end; results on the side."""
+
+    def __init__(
+        self, order: Order, source: Source, writer: RunWriter, ring: BlockRing, gauges: Gauges, pipe: Connection
+    ) -> None:
+        self._order = order
+        self._source = source
+        self._writer = writer
+        self._ring = ring
+        self._gauges = gauges
+        self._pipe = pipe
+        self._ends: list[SegmentEnd] = []
+        self._message = ""
+        self._skipped = 0
+        self._done = threading.Event()
+        self._disk_checked = -1.0
+        rate = source.acquisition.rate
+        self._rate = rate
+        self._limit = None if order.duration is None else max(1, round(order.duration * rate))
+
+    def run(self, header: RunHeader) -> None:
+        signal.signal(signal.SIGTERM, lambda *_: self._source.stop())
+        listener = threading.Thread(target=self._listen, name="recorder-listener", daemon=True)
+        try:
+            self._pipe.send(Opened(header))
+            listener.start()
+            self._pump()
+        finally:
+            self._ring.finish()
+            self._source.close()
+            with suppress(OSError):  # the watching process may be gone; the file matters
+                self._pipe.send(Acquired(tuple(self._ends)))
+                self._done.wait(RESULTS_DEADLINE)
+            self._close()
+            listener.join(1.0)
+
+    def _pump(self) -> None:
+        for item in self._source.blocks():
+            try:
+                self._take(item)
+            except RecordingError as error:
+                self._give_up(item, str(error))
+                return
+
+    def _take(self, item: SampleBlock | SegmentEnd) -> None:
+        if isinstance(item, SegmentEnd):
+            if item.reason is EndReason.STOPPED and self._message:
+                item = replace(item, detail=self._message)
+            self._writer.segment_end(item)
+            self._gauges.add_end(item)
+            self._ends.append(item)
+        else:
+            self._writer.block(item)
+            self._gauges.add_block(item)
+            self._guard_disk()
+            if self._limit is not None and self._gauges.samples >= self._limit:
+                self._source.stop()
+        self._ring.put(item)
+
+    def _give_up(self, item: SampleBlock | SegmentEnd, message: str) -> None:
+        """Stop when the file takes no more; what came after the last good block is counted as lost."""
+        self._message = message
+        self._source.stop()
+        lost = item.n_samples if isinstance(item, SampleBlock) else 0
+        end = SegmentEnd(
+            item.segment, self._gauges.segment_samples, EndReason.RECORDER, lost, lost_is_exact=False, detail=message
+        )
+        self._gauges.add_end(end)
+        self._ends.append(end)
+        self._ring.put(end)
+
+    def _guard_disk(self) -> None:
+        now = time.monotonic()
+        if now - self._disk_checked < 1.0:
+            return
+        self._disk_checked = now
+        free = shutil.disk_usage(self._order.path.parent).free
+        reserve = self._order.rig.config.storage.reserve_gb * 1e9
+        self._gauges.disk_bytes = max(0, int(free - reserve))
+        if free < reserve and not self._message:
+            self._message = (
+                f"{self._order.path.parent}: {free / 1e9:.2f} GB free, less than storage.reserve_gb = "
+                f"{reserve / 1e9:g}: recording stopped, make room"
+            )
+            self._source.stop()
+
+    def _listen(self) -> None:
+        """Take results and orders from the watching process until it is done or gone."""
+        try:
+            while True:
+                message = self._pipe.recv()
+                if isinstance(message, EncodedResult):
+                    with suppress(RecordingError):  # the sample path meets the same trouble and tells it
+                        self._writer.result(message)
+                elif isinstance(message, Stop):
+                    self._source.stop()
+                elif isinstance(message, Done):
+                    self._skipped = message.skipped_samples
+                    return
+        except (EOFError, OSError):  # the watching process is gone
+            self._source.stop()
+        finally:
+            self._done.set()
+
+    def _close(self) -> None:
+        try:
+            self._writer.close(skipped_samples=self._skipped)
+        except RecordingError as error:
+            self._message = self._message or str(error)
+        with suppress(OSError):
+            self._pipe.send(Closed(self._message))

@@ -1,0 +1,98 @@
+"""A run that is replayed: the recording through the very same analysis, at whatever pace."""
+
+import threading
+from collections.abc import Sequence
+
+from analysis.run import RunHeader
+from analysis.samples import SampleBlock, SegmentEnd
+from analysis.summary import RunSummary
+from daq.drivers.source import Source
+from daq.session.frame import FrameSink, LiveFrame, RunState, Status
+from daq.session.live import LiveAnalysis
+from daq.session.run import Model, Outcome
+
+
+class ReplayedRun:
+    """A recording on its way through the live analysis.
+
+    Parameters
+    ----------
+    header : RunHeader
+        The recorded run.
+    source : Source
+        Its replay; closed with the run.
+    model : Model
+        Whose prediction is laid over it.
+    sinks : sequence of FrameSink
+        Who shows it.
+    """
+
+    def __init__(self, header: RunHeader, source: Source, model: Model, sinks: Sequence[FrameSink] = ()) -> None:
+        self._header = header
+        self._source = source
+        self._model = model
+        self._analysis = LiveAnalysis(header, model.at, sinks)
+        self._ends: list[SegmentEnd] = []
+        self._samples = 0
+        self._state = RunState.REPLAYING
+        self._by_hand = False
+        self._fault: BaseException | None = None
+        self._thread = threading.Thread(target=self._pump, name="replay", daemon=True)
+        self._thread.start()
+
+    @property
+    def header(self) -> RunHeader:
+        """The recorded run's header."""
+        return self._header
+
+    def status(self) -> Status:
+        """Return how far the replay is."""
+        return Status(
+            state=self._state,
+            elapsed=self._samples / self._header.acquisition.rate,
+            samples=self._samples,
+            lost=sum(end.lost for end in self._ends),
+            lost_is_exact=all(end.lost_is_exact for end in self._ends),
+            model=self._model.state,
+        )
+
+    def _pump(self) -> None:
+        try:
+            for item in self._source.blocks():
+                if isinstance(item, SampleBlock):
+                    self._samples += item.n_samples
+                else:
+                    self._ends.append(item)
+                self._analysis.take(item, self.status())
+            self._state = RunState.FINISHED
+        except Exception as error:  # noqa: BLE001 - carried to whoever closes the run
+            self._fault = error
+            self._state = RunState.FAILED
+        self._analysis.offer(self.status())
+
+    def latest(self) -> LiveFrame:
+        """Return the present frame."""
+        return self._analysis.frame(self.status())
+
+    def summary(self) -> RunSummary:
+        """Return the summary of what has been replayed."""
+        return self._analysis.summary()
+
+    def stop(self) -> None:
+        """Ask for the end, by hand."""
+        self._by_hand = True
+        self._source.stop()
+
+    def wait(self, timeout: float) -> bool:
+        """Wait up to `timeout` s for the end; return whether it has come."""
+        self._thread.join(timeout)
+        return not self._thread.is_alive()
+
+    def close(self) -> Outcome:
+        """End the replay, join its thread, and say how it ended; what went wrong in it is raised here."""
+        self._source.stop()
+        self._thread.join(10.0)
+        self._source.close()
+        if self._fault is not None:
+            raise self._fault
+        return Outcome(tuple(self._ends), by_hand=self._by_hand)
