@@ -1,4 +1,4 @@
-"""A run that is being recorded: the recorder in its process, the analysis beside it, its results sent back to be kept."""
+"""A run that is being recorded: the recorder in its process, the analysis beside it, results sent back to be kept."""
 
 import math
 import multiprocessing
