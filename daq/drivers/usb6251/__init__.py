@@ -1,0 +1,8 @@
+"""The NI USB-6251, by the driver on this machine or by a gRPC device server elsewhere.
+
+`driver` is the one file that knows nidaqmx and gRPC, `faults` says what its codes mean at the bench, `source` reads.
+"""
+
+from daq.drivers.usb6251.source import Usb6251, open_usb6251
+
+__all__ = ["Usb6251", "open_usb6251"]

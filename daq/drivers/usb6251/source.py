@@ -1,0 +1,177 @@
+"""The card as a source: fixed-size blocks, read by the caller's thread, and every gap told."""
+
+import threading
+import time
+from collections import deque
+from collections.abc import Generator, Iterator
+from typing import TYPE_CHECKING
+
+from analysis.run import Acquisition
+from analysis.samples import EndReason, SampleBlock, SegmentEnd, SourceItem
+from daq.config.rig import Rig
+from daq.drivers.usb6251.faults import ABSENT_CODES, OVERRUN_CODES
+from daq.errors import DeviceError, DeviceFault
+
+if TYPE_CHECKING:
+    from daq.drivers.usb6251.driver import NiCard
+
+RESTARTS = 5  # after an overrun, within
+RESTART_WINDOW = 60.0  # s; a card that overruns more often is not worth going on with
+
+
+def open_usb6251(rig: Rig) -> "Usb6251":
+    """Open the card that a rig names, reserve it and read back what it was really set to.
+
+    Parameters
+    ----------
+    rig : Rig
+        A rig whose backend is nidaqmx.
+
+    Returns
+    -------
+    Usb6251
+        Ready to deliver blocks.
+
+    Raises
+    ------
+    DeviceError
+        Package or driver not installed, server out of reach, card missing or busy, settings rejected. Nothing is left
+        reserved.
+    """
+    try:
+        from daq.drivers.usb6251.driver import NiCard  # noqa: PLC0415 - an optional extra, and slow to import
+    except ImportError as error:
+        raise DeviceError(
+            DeviceFault.DRIVER,
+            f"the package {error.name} is not installed: install the service with its extra 'card' "
+            "(pip install 'rig-service[card]')",
+        ) from error
+    return Usb6251(NiCard(rig))
+
+
+class Usb6251:
+    """The card, opened and ready to deliver blocks.
+
+    After an overrun the acquisition starts anew, as the next segment, up to `RESTARTS` times in `RESTART_WINDOW` s; any
+    other fault ends it.
+
+    Parameters
+    ----------
+    card : NiCard
+        The card with its acquisition committed; closed by `close`.
+    """
+
+    def __init__(self, card: "NiCard") -> None:
+        self._card = card
+        self._stopping = threading.Event()
+        self._iterated = False
+
+    @property
+    def acquisition(self) -> Acquisition:
+        """The acquisition as it really is, read back from the device."""
+        return self._card.acquisition
+
+    def blocks(self) -> Iterator[SourceItem]:
+        """Start, and yield blocks and segment ends until stopped or failed.
+
+        Raises
+        ------
+        DeviceError
+            The card could not be started; later faults are segment ends.
+        RuntimeError
+            Iterated a second time.
+        """
+        if self._iterated:
+            raise RuntimeError("blocks: iterated a second time, expected once; open the card anew")
+        self._iterated = True
+        return self._run()
+
+    def stop(self) -> None:
+        """Ask for the end, from any thread; `blocks` ends within a block."""
+        self._stopping.set()
+
+    def close(self) -> None:
+        """Release the card and the connection to it; harmless when closed, from any thread."""
+        self._stopping.set()
+        self._card.close()
+
+    def _run(self) -> Iterator[SourceItem]:
+        restarts: deque[float] = deque(maxlen=RESTARTS)
+        segment = 0
+        try:
+            self._card.start()
+            while True:
+                end = yield from self._segment(segment)
+                yield end
+                now = time.monotonic()
+                tired = len(restarts) == RESTARTS and now - restarts[0] < RESTART_WINDOW
+                if end.reason is not EndReason.OVERRUN or self._stopping.is_set() or tired:
+                    return
+                restarts.append(now)
+                segment += 1
+                try:
+                    self._restart()
+                except DeviceError as error:
+                    yield self._fault(segment, 0, error)
+                    return
+        finally:
+            self._card.release()
+
+    def _segment(self, segment: int) -> Generator[SourceItem, None, SegmentEnd]:
+        count = 0
+        while not self._stopping.is_set():
+            try:
+                codes = self._card.read()
+            except DeviceError as error:
+                return self._fault(segment, count, error)
+            host_time_ns = time.time_ns()
+            backlog, fault = self._backlog()
+            yield SampleBlock(codes, segment, count, host_time_ns, backlog)
+            count += codes.shape[1]
+            if fault is not None:
+                return self._fault(segment, count, fault)
+        return self._stopped(segment, count)
+
+    def _backlog(self) -> tuple[int, DeviceError | None]:
+        try:
+            return self._card.backlog(), None
+        except DeviceError as error:
+            return 0, error
+
+    def _restart(self) -> None:
+        try:
+            self._card.stop()
+        except DeviceError as error:
+            if error.code not in OVERRUN_CODES:  # stopping says once more what ended the acquisition
+                raise
+        self._card.start()
+
+    def _stopped(self, segment: int, count: int) -> SegmentEnd:
+        """End what was stopped, if the driver counted as many samples as we did."""
+        try:
+            position = self._card.position()
+        except DeviceError as error:
+            return SegmentEnd(
+                segment, count, EndReason.STOPPED, detail=f"the driver's own count could not be asked: {error}"
+            )
+        if position == count:
+            return SegmentEnd(segment, count, EndReason.STOPPED)
+        detail = f"the driver counts {position} samples delivered, {count} were taken"
+        if position > count:
+            return SegmentEnd(segment, count, EndReason.OVERRUN, lost=position - count, detail=detail)
+        return SegmentEnd(segment, count, EndReason.DEVICE_ERROR, lost_is_exact=False, detail=detail)
+
+    def _fault(self, segment: int, count: int, error: DeviceError) -> SegmentEnd:
+        if error.code == 0:  # the way to the driver failed: there is nobody to ask
+            return SegmentEnd(segment, count, EndReason.DEVICE_ERROR, lost_is_exact=False, detail=str(error))
+        try:
+            lost = max(0, self._card.acquired() - count)
+        except DeviceError:
+            lost = 0
+        if error.code in OVERRUN_CODES:
+            reason = EndReason.OVERRUN
+        else:
+            self._card.release()
+            gone = error.code in ABSENT_CODES or not self._card.is_present()
+            reason = EndReason.UNPLUGGED if gone else EndReason.DEVICE_ERROR
+        return SegmentEnd(segment, count, reason, lost, lost_is_exact=False, detail=str(error))
