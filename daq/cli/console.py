@@ -1,0 +1,113 @@
+"""What the commands print while a run goes: one line, rewritten on a terminal, repeated now and then elsewhere."""
+
+import math
+import sys
+import time
+from typing import TextIO
+
+from daq.session.frame import LiveFrame, Severity
+
+RPM = 2 * math.pi / 60
+_QUIET_INTERVAL = 5.0  # s between lines where they cannot be rewritten
+_STEADY = 20 * RPM  # rad/s²: below it the speed counts as held
+
+
+class Console:
+    """Prints progress to a stream.
+
+    Parameters
+    ----------
+    stream : TextIO
+        Where to; standard error, so that `--json` owns standard output.
+    """
+
+    def __init__(self, stream: TextIO | None = None) -> None:
+        self._stream = sys.stderr if stream is None else stream
+        self._rewrites = self._stream.isatty()
+        self._last = -math.inf
+        self._width = 0
+
+    def line(self, text: str) -> None:
+        """Print a line that stays."""
+        self._clear()
+        print(text, file=self._stream, flush=True)
+
+    def progress(self, text: str) -> None:
+        """Show where things stand; on a terminal it replaces what was there."""
+        now = time.monotonic()
+        if self._rewrites:
+            print("\r" + text.ljust(self._width), end="", file=self._stream, flush=True)
+            self._width = len(text)
+        elif now - self._last >= _QUIET_INTERVAL:
+            self._last = now
+            print(text, file=self._stream, flush=True)
+
+    def done(self) -> None:
+        """End the progress line, keeping what it says."""
+        if self._width:
+            print(file=self._stream, flush=True)
+            self._width = 0
+
+    def _clear(self) -> None:
+        if self._width:
+            print("\r" + " " * self._width + "\r", end="", file=self._stream, flush=True)
+            self._width = 0
+
+
+def frame_line(frame: LiveFrame) -> str:
+    """Return a frame as one line: clock, speed, vibration, whirl beside the model's, losses, backlog, disk."""
+    status, snapshot = frame.status, frame.snapshot
+    minutes, seconds = divmod(int(status.elapsed), 60)
+    parts = [f"{minutes:02d}:{seconds:02d}"]
+    if snapshot is None:
+        parts.append("waiting for the first samples")
+    else:
+        parts.append(_speed(frame))
+        x, y = snapshot.peak_to_peak * 1e6
+        alarm = {Severity.NORMAL: "", Severity.ALARM: "  ALARM", Severity.DANGER: "  DANGER"}[status.latched]
+        parts.append(f"x {x:.0f} µm  y {y:.0f} µm pp{alarm}")
+        parts.append(_whirl(frame))
+        if snapshot.clipped.any():
+            parts.append(f"clipped {int(snapshot.clipped.sum())}")
+    lost = f"lost {status.lost}" if status.lost_is_exact else f"lost ≥ {status.lost}"
+    parts.append(lost)
+    if status.skipped:
+        parts.append(f"live analysis skipped {status.skipped}")
+    parts.append(f"backlog {status.backlog:.1f} s")
+    if math.isfinite(status.disk_left):
+        parts.append(f"disk {duration(status.disk_left)}")
+    if status.model != "ready":
+        parts.append(f"model {status.model}")
+    if status.detail:
+        parts.append(status.detail)
+    return "  ".join(part for part in parts if part)
+
+
+def _speed(frame: LiveFrame) -> str:
+    snapshot = frame.snapshot
+    if snapshot is None or math.isnan(snapshot.speed):
+        state = "" if snapshot is None else snapshot.tacho.state.value
+        return f"speed ? ({state})"
+    trend = " "
+    if snapshot.frame is not None and abs(snapshot.frame.acceleration) > _STEADY:
+        trend = "▲" if snapshot.frame.acceleration > 0 else "▼"
+    return f"{snapshot.speed / RPM:6,.0f} r/min {trend}"
+
+
+def _whirl(frame: LiveFrame) -> str:
+    snapshot, prediction = frame.snapshot, frame.prediction
+    whirl = None if snapshot is None or snapshot.frame is None else snapshot.frame.whirl
+    measured = "" if whirl is None else f"{whirl.order:.2f}X {whirl.amplitude * 1e6:.0f} µm"
+    if prediction is None or math.isnan(prediction.whirl_order):
+        return measured
+    model = f"(model {prediction.whirl_order:.2f}X {prediction.whirl_amplitude * 1e6:.0f} µm)"
+    return f"{measured} {model}".strip()
+
+
+def duration(seconds: float) -> str:
+    """Return a duration in the largest unit that suits, as "41 h"."""
+    if seconds < 120:
+        return f"{seconds:.0f} s"
+    if seconds < 7200:
+        return f"{seconds / 60:.0f} min"
+    return f"{seconds / 3600:.0f} h"

@@ -1,0 +1,21 @@
+"""Watching a run from the terminal until it ends or is stopped."""
+
+from threading import Event
+
+from daq.cli.console import Console, frame_line
+from daq.session.run import Outcome, Run
+
+_LOOK = 0.2  # s
+
+
+def follow(run: Run, stop: Event, console: Console) -> Outcome:
+    """Show the run's progress until its end; a set `stop` ends it by hand."""
+    asked = False
+    while not run.wait(_LOOK):
+        console.progress(frame_line(run.latest()))
+        if stop.is_set() and not asked:
+            asked = True
+            run.stop()
+    console.progress(frame_line(run.latest()))
+    console.done()
+    return run.close()

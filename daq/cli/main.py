@@ -1,0 +1,137 @@
+"""The command `rig`."""
+
+import argparse
+import sys
+from collections.abc import Callable, Sequence
+from importlib.metadata import version
+
+from daq.cli import listing, predict, record, replay, serve
+from daq.errors import RigError, UsageError
+from recordings.errors import RecordingError
+
+_EPILOG = """\
+exit codes:
+  0    good
+  2    usage or configuration wrong; nothing was recorded
+  3    the device is missing, busy or failed
+  5    data lost or the recording is not whole (the file is kept)
+  130  stopped by hand (the file is complete)
+
+Runs are kept in the folder that storage.folder of the rig file names, else in $RIG_DATA, else in ./data.
+"""
+
+
+def _duration(text: str) -> float:
+    units = {"s": 1.0, "min": 60.0, "h": 3600.0}
+    for unit in ("min", "s", "h"):
+        if text.endswith(unit):
+            number, factor = text.removesuffix(unit), units[unit]
+            break
+    else:
+        number, factor = text, 1.0
+    try:
+        seconds = float(number) * factor
+    except ValueError:
+        seconds = 0.0
+    if not 0 < seconds < float("inf"):
+        raise argparse.ArgumentTypeError(f"{text!r}: expected a time such as 60s, 5min or 1h")
+    return seconds
+
+
+def _pace(text: str) -> float | None:
+    if text == "max":
+        return None
+    try:
+        pace = float(text)
+    except ValueError:
+        pace = 0.0
+    if not 0 < pace < float("inf"):
+        raise argparse.ArgumentTypeError(f"{text!r}: expected a factor such as 1 or 10, or max")
+    return pace
+
+
+def _port(text: str) -> int:
+    if not text.isdigit() or int(text) > 65535:
+        raise argparse.ArgumentTypeError(f"{text!r}: expected a port from 0 (any free one) to 65535")
+    return int(text)
+
+
+def _add_screens(parser: argparse.ArgumentParser, port: int) -> None:
+    group = parser.add_argument_group("screens")
+    group.add_argument("--host", default="127.0.0.1", help="address to serve at (default: this machine only)")
+    group.add_argument("--port", type=_port, default=port, help=f"port of page and REST (default {port}; 0: any free one)")
+    group.add_argument("--token", default="", help="bearer token that requests must carry; needed with another --host")
+    group.add_argument("--no-view", action="store_true", help="without the live picture (it needs rerun-sdk)")
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="rig",
+        description="Record, watch, replay and explain the runs of a rotor test rig, with the model beside the measurement.",
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--version", action="version", version=f"rig {version('rig-service')}")
+    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+
+    def add(name: str, run: Callable[[argparse.Namespace], int], text: str) -> argparse.ArgumentParser:
+        command = commands.add_parser(name, help=text, description=text)
+        command.set_defaults(run=run)
+        return command
+
+    command = add("record", record.run, "Record a run, with live picture and REST, and sum it up at its end.")
+    command.add_argument("config", metavar="RIG.TOML", help="the rig")
+    command.add_argument("--for", dest="duration", type=_duration, metavar="TIME", help="stop after 60s, 5min, 1h …")
+    command.add_argument("--note", default="", help="a word to remember the run by")
+    command.add_argument("--json", action="store_true", help="print the summary as JSON on standard output")
+    command.add_argument("--no-serve", action="store_true", help="without page and REST")
+    _add_screens(command, 8501)
+
+    command = add("replay", replay.run, "Replay a recording through the same analysis and picture.")
+    command.add_argument("recording", metavar="RUN", help="a run's id, or a file")
+    command.add_argument("--pace", type=_pace, default=1.0, help="1: its own pace (default), 10: ten times, max")
+    command.add_argument("--folder", default="", help="where runs are kept")
+    command.add_argument("--json", action="store_true", help="print the summary as JSON on standard output")
+    command.add_argument("--no-serve", action="store_true", help="without page and REST")
+    _add_screens(command, 8501)
+
+    command = add("serve", serve.run, "Serve the page and REST for the recorded runs until stopped.")
+    command.add_argument("config", metavar="RIG.TOML", nargs="?", help="the rig; its storage.folder is served")
+    command.add_argument("--folder", default="", help="where runs are kept")
+    _add_screens(command, 8501)
+
+    command = add("runs", listing.runs, "List the recorded runs, newest first.")
+    command.add_argument("--folder", default="", help="where runs are kept")
+    command.add_argument("--json", action="store_true", help="as JSON")
+
+    command = add("summary", listing.summary, "Say what a run was: speeds, amplitudes, whirl, losses, agreement.")
+    command.add_argument("recording", metavar="RUN", help="a run's id, or a file")
+    command.add_argument("--folder", default="", help="where runs are kept")
+    command.add_argument("--json", action="store_true", help="as JSON")
+
+    command = add("predict", predict.run, "Compute what the model expects at the probes over speed, once, and show it.")
+    command.add_argument("config", metavar="RIG.TOML", help="the rig")
+    command.add_argument("--speed", dest="speed_rpm", type=float, help="only at this speed, r/min")
+    command.add_argument("--json", action="store_true", help="as JSON")
+    command.add_argument("--quiet", action="store_true", help="only make sure that it is computed")
+    return parser
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command; return its exit code."""
+    chosen = _parser().parse_args(arguments)
+    try:
+        run: Callable[[argparse.Namespace], int] = chosen.run
+        return run(chosen)
+    except RigError as error:
+        print(f"rig: {error}", file=sys.stderr)
+        return error.exit_code
+    except RecordingError as error:
+        print(f"rig: {error}", file=sys.stderr)
+        return UsageError.exit_code
+    except KeyboardInterrupt:
+        return 130
+
+
+if __name__ == "__main__":
+    sys.exit(main())

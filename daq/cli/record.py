@@ -1,0 +1,53 @@
+"""`rig record`: one run, from the device to its summary."""
+
+import argparse
+import time
+from importlib.metadata import version
+from pathlib import Path
+
+from daq.cli.console import Console
+from daq.cli.following import follow
+from daq.cli.screens import Screens
+from daq.cli.stopping import stop_requested
+from daq.cli.telling import tell_summary
+from daq.config.load import load_rig
+from daq.service.summaries import Summaries
+from daq.session.predictor import Predictor, predictor_of
+from daq.session.recorded import RecordedRun
+from daq.session.recorder import Order
+from recordings.catalogue import Catalogue, data_folder
+
+
+def run(chosen: argparse.Namespace) -> int:
+    """Record a run; return the exit code."""
+    console = Console()
+    rig = load_rig(Path(chosen.config))
+    catalogue = Catalogue(data_folder(rig.config.storage.folder))
+    with predictor_of(rig) as predictor, stop_requested() as stop:
+        summaries = Summaries(catalogue)
+        with Screens(chosen, catalogue, summaries, console) as screens:
+            started_ns = time.time_ns()
+            run_id, path = catalogue.new_run(rig.config.rig, started_ns)
+            order = Order(
+                rig=rig,
+                run=run_id,
+                started_ns=started_ns,
+                note=chosen.note,
+                program=f"rig {version('rig-service')}",
+                path=path,
+                duration=chosen.duration,
+            )
+            recorded = RecordedRun(order, predictor, screens.sinks)
+            screens.show(recorded)
+            device, rate = recorded.header.acquisition.device, recorded.header.acquisition.rate
+            n_channels = len(recorded.header.acquisition.channels)
+            console.line(
+                f"run {run_id}  {device.product} ({'simulated' if device.simulated else f'serial {device.serial}'})  "
+                f"{n_channels} × {rate / 1e3:g} kS/s  {path}"
+            )
+            console.line(screens.addresses())
+            outcome = follow(recorded, stop, console)
+        if outcome.message:
+            console.line(f"rig: {outcome.message}")
+        tell_summary(run_id, summaries, console, as_json=chosen.json)
+    return outcome.exit_code

@@ -1,0 +1,113 @@
+"""What a run is watched on: the live picture and the service, started and ended together."""
+
+import argparse
+from dataclasses import replace
+from types import TracebackType
+from typing import Self
+
+from daq.cli.console import Console
+from daq.errors import ServiceError, UsageError
+from daq.service.app import create_app
+from daq.service.guard import is_loopback
+from daq.service.server import ServiceServer
+from daq.service.summaries import Summaries
+from daq.session.frame import FrameSink, LiveFrame
+from daq.session.run import Run
+from daq.view.live import LiveView
+from recordings.catalogue import Catalogue
+
+
+class Screens:
+    """The live picture and the service for the runs of a data folder.
+
+    Parameters
+    ----------
+    chosen : argparse.Namespace
+        The command's options: host, port, token, no_view, no_serve.
+    catalogue : Catalogue
+        The data folder.
+    summaries : Summaries
+        Who sums runs up.
+    console : Console
+        Where addresses are printed.
+
+    Raises
+    ------
+    UsageError
+        Where another machine may ask but no token is set.
+    ServiceError
+        Where an address is taken.
+    """
+
+    def __init__(self, chosen: argparse.Namespace, catalogue: Catalogue, summaries: Summaries, console: Console) -> None:
+        if not is_loopback(chosen.host) and not chosen.token:
+            raise UsageError(f"--host {chosen.host} lets other machines in: --token SECRET must be given with it")
+        self._run: Run | None = None
+        self._view = None if chosen.no_view else self._picture(chosen, console)
+        self._server: ServiceServer | None = None
+        if getattr(chosen, "no_serve", False):
+            return
+        app = create_app(
+            catalogue,
+            self,
+            summaries,
+            None if self._view is None else self._view.url,
+            host=chosen.host,
+            token=chosen.token or None,
+        )
+        server = ServiceServer(app, chosen.host, chosen.port)
+        try:
+            server.start()
+        except ServiceError:
+            self.close()
+            raise
+        self._server = server
+
+    @staticmethod
+    def _picture(chosen: argparse.Namespace, console: Console) -> LiveView | None:
+        try:
+            return LiveView(host=chosen.host)
+        except ServiceError as error:
+            console.line(f"no live picture: {error}")
+            return None
+
+    @property
+    def sinks(self) -> tuple[FrameSink, ...]:
+        """Who is offered frames."""
+        return () if self._view is None else (self._view,)
+
+    def show(self, run: Run) -> None:
+        """Make this the run that is shown as live."""
+        self._run = run
+
+    def latest(self) -> LiveFrame | None:
+        """Return the present frame of the run that is shown; None where there is none."""
+        if self._run is None:
+            return None
+        frame = self._run.latest()
+        dropped = 0 if self._view is None else self._view.dropped
+        return LiveFrame(frame.header, replace(frame.status, dropped_frames=dropped), frame.snapshot, frame.prediction)
+
+    def addresses(self) -> str:
+        """Return one line that says where to look."""
+        parts = []
+        if self._server is not None:
+            parts.append(f"page {self._server.url}/  REST {self._server.url}/api/v1  schema {self._server.url}/openapi.json")
+        if self._view is not None:
+            parts.append(f"live picture {self._view.url}")
+        return "\n".join(parts)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, _kind: type[BaseException] | None, _error: BaseException | None, _trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """End both."""
+        if self._server is not None:
+            self._server.close()
+        if self._view is not None:
+            self._view.close()

@@ -1,0 +1,26 @@
+"""`rig serve`: the page and REST for recorded runs, until stopped."""
+
+import argparse
+from pathlib import Path
+
+from daq.cli.console import Console
+from daq.cli.screens import Screens
+from daq.cli.stopping import stop_requested
+from daq.config.load import load_rig
+from daq.service.summaries import Summaries
+from recordings.catalogue import Catalogue, data_folder
+
+
+def run(chosen: argparse.Namespace) -> int:
+    """Serve until stopped; return the exit code."""
+    console = Console()
+    setting = chosen.folder
+    if not setting and chosen.config:
+        setting = load_rig(Path(chosen.config)).config.storage.folder
+    catalogue = Catalogue(data_folder(setting))
+    chosen.no_view = True  # nothing is live: runs are shown by `rig replay`
+    with stop_requested() as stop, Summaries(catalogue) as summaries:
+        with Screens(chosen, catalogue, summaries, console) as screens:
+            console.line(screens.addresses())
+            stop.wait()
+    return 0
