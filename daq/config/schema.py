@@ -142,7 +142,7 @@ class SimulationSection(Section):
     """
 
     motion: Literal["model", "bench"] = "bench"
-    seed: Annotated[int, Field(ge=0)] = 2012
+    seed: Annotated[int, Field(ge=0)] = 2012  # the same seed makes the same run, bit for bit
     pace: Literal["real time", "flat out"] = "real time"
     profile: tuple[ProfilePoint, ...] = (
         ProfilePoint(time_s=0, speed_rpm=1000),
@@ -150,17 +150,23 @@ class SimulationSection(Section):
     )
     whirl: tuple[WhirlSection, ...] = ()
     speed_fluctuation: Annotated[float, Field(ge=0, le=0.1)] = 0.002  # rms, relative: the air is not steady
+    fluctuation_time_s: Annotated[float, Field(ge=0.1, le=60)] = (
+        1.0  # how slowly the air and the rotor's inertia let it vary
+    )
     speed_drift: Annotated[float, Field(ge=-0.1, le=0.1)] = 0.0  # relative per minute
     run_out_um: NotNegative = 1.0  # residual, 1X at the probe, peak
     second_order_um: NotNegative = 1.5  # the steady 2X that the thesis saw, peak
-    glitches_per_s: NotNegative = 0.5
+    sag_um: NotNegative = 20.0  # how far below the bearing's centre the shaft runs ("model" finds its own)
+    glitches_per_s: Annotated[float, Field(ge=0, le=1000)] = 0.5  # of each probe
+    glitch_um: NotNegative = 6.0  # rms of their heights
     sensor_noise_um: NotNegative = 0.1  # rms
     sensor_bandwidth_hz: Positive = 50_000.0
-    gap_um: tuple[float, float] = (500.0, 500.0)  # standing gaps of x and y
+    gap_um: tuple[NotNegative, NotNegative] = (500.0, 500.0)  # of x and y with the shaft in the bearing's centre
     tacho_jitter_us: NotNegative = 5.0  # rms
     tacho_high_v: float = 4.2
     tacho_low_v: float = 0.1
-    tacho_rise_us: Positive = 30.0
+    tacho_rise_us: Positive = 30.0  # from one level to the other
+    tacho_noise_v: NotNegative = 0.01  # rms
 
 
 class RigConfig(Section):

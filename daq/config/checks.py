@@ -1,0 +1,182 @@
+"""What single keys of rig.toml cannot show: whether they fit together, the card and the sensors."""
+
+import math
+from collections import Counter
+from collections.abc import Iterator
+
+from analysis.run import Role
+from daq.config.faults import Fault
+from daq.config.schema import Backend, ChannelSection, RigConfig
+
+AGGREGATE_RATE = {"USB-6251": 1e6}  # samples per second over all channels of a multi-channel scan
+DIFFERENTIAL_INPUTS = 8  # ai0 to ai7, each with the input 8 above it as its negative
+SINGLE_ENDED_INPUTS = 16
+BLOCKS_IN_BUFFER = 4
+LEAST_ANGLE = 10.0  # degrees between the probes' axes
+ORDER_KEYS = ("analysis.highest_order", "limits.speed_rpm")
+MARK_KEYS = ("tacho.mark_fraction", "tacho.response_time_s", "tacho.pulses_per_revolution")
+LIGHT_AND_DARK_SAMPLES = 4  # of the tacho, at least, in its shorter phase
+
+
+def cross_faults(config: RigConfig) -> Iterator[Fault]:
+    """Return every contradiction between the keys of a configuration."""
+    yield from _roles(config)
+    yield from _wiring(config)
+    yield from _probe_angles(config)
+    for number, channel in enumerate(config.channel):
+        yield from _channel(channel, f"channel[{number}]")
+    yield from _timing(config)
+    yield from _tacho(config)
+    yield from _limits(config)
+    if config.device.backend is Backend.SIMULATED:
+        yield from _simulation(config)
+
+
+def _fault(key: str, value: float | str, expected: str, *others: str) -> Fault:
+    shown = f"{value:g}" if isinstance(value, float) else f"{value}"
+    return Fault((key, *others), f"{key} = {shown}: expected {expected}")
+
+
+def _roles(config: RigConfig) -> Iterator[Fault]:
+    roles = Counter(channel.role for channel in config.channel)
+    for role in Role:
+        if roles[role] != 1:
+            text = f"channel: {roles[role]} channels have the role {role.value}, expected exactly one"
+            yield Fault(("channel", "channel.role"), text)
+    last = len(config.channel) - 1
+    for number, channel in enumerate(config.channel):
+        if channel.role is Role.TACHO and number != last:
+            key = f"channel[{number}].role"
+            text = "the tacho as the last channel: its steep edges then settle before the next probe is sampled"
+            yield _fault(key, channel.role.value, text, "channel")
+
+
+def _wiring(config: RigConfig) -> Iterator[Fault]:
+    names: dict[str, int] = {}
+    inputs: dict[int, str] = {}
+    for number, channel in enumerate(config.channel):
+        key = f"channel[{number}]"
+        if channel.name in names:
+            yield _fault(f"{key}.name", channel.name, f"a name of its own, channel[{names[channel.name]}] has this one")
+        names.setdefault(channel.name, number)
+        positive = int(channel.physical.removeprefix("ai"))
+        differential = channel.terminal == "differential"
+        available = DIFFERENTIAL_INPUTS if differential else SINGLE_ENDED_INPUTS
+        if positive >= available:
+            yield _fault(
+                f"{key}.physical", channel.physical, f"ai0 to ai{available - 1} for a {channel.terminal} input"
+            )
+            continue
+        for used in [positive, positive + DIFFERENTIAL_INPUTS] if differential else [positive]:
+            if used in inputs:
+                taken = f"an input of its own, {inputs[used]} uses ai{used}"
+                yield _fault(f"{key}.physical", channel.physical, taken, "channel.terminal")
+                break
+            inputs[used] = key
+
+
+def _probe_angles(config: RigConfig) -> Iterator[Fault]:
+    probes = [(number, c) for number, c in enumerate(config.channel) if c.role is not Role.TACHO]
+    if len(probes) != 2:
+        return
+    (_, first), (number, second) = probes
+    apart = math.degrees(math.asin(abs(math.sin(math.radians(second.angle_deg - first.angle_deg)))))
+    if apart < LEAST_ANGLE:
+        expected = f"at least {LEAST_ANGLE:g} degrees from the line of {first.name!r} at {first.angle_deg:g}"
+        yield _fault(f"channel[{number}].angle_deg", second.angle_deg, expected, "channel.angle_deg", "channel.role")
+
+
+def _channel(channel: ChannelSection, key: str) -> Iterator[Fault]:
+    if channel.role is Role.TACHO:
+        if channel.calibration:
+            yield _fault(f"{key}.calibration", f'"{channel.calibration}"', "none for a tacho", f"{key}.role")
+        return
+    if not channel.calibration:
+        yield Fault((f"{key}.calibration", f"{key}.role"), f"{key}.calibration: missing, expected a file for a probe")
+    low, high = channel.gap_window_v
+    shown = f"[{low:g}, {high:g}]"
+    if low >= high:
+        yield _fault(f"{key}.gap_window_v", shown, "the lower voltage first")
+    elif low < -channel.range_v or high > channel.range_v:
+        expected = f"voltages within the range of ±{channel.range_v:g} V"
+        yield _fault(f"{key}.gap_window_v", shown, expected, f"{key}.range_v")
+
+
+def _timing(config: RigConfig) -> Iterator[Fault]:
+    timing, channels = config.timing, len(config.channel)
+    aggregate = AGGREGATE_RATE.get(config.device.product)
+    if aggregate is not None and timing.rate_hz * channels > aggregate:
+        expected = f"at most {aggregate / channels:.0f}: the {config.device.product} shares {aggregate:g} Hz among "
+        yield _fault("timing.rate_hz", timing.rate_hz, f"{expected}{channels} channels", "channel", "device.product")
+    needed = 2 * config.analysis.highest_order * config.limits.speed_rpm / 60
+    if timing.rate_hz <= needed:
+        order = f"order {config.analysis.highest_order:g} at {config.limits.speed_rpm:g} r/min"
+        yield _fault(
+            "timing.rate_hz", timing.rate_hz, f"more than {needed:.0f}: twice the frequency of {order}", *ORDER_KEYS
+        )
+    if timing.block_s * BLOCKS_IN_BUFFER > timing.buffer_s:
+        expected = f"at most a quarter of buffer_s = {timing.buffer_s:g}"
+        yield _fault("timing.block_s", timing.block_s, expected, "timing.buffer_s")
+    if timing.block_s * timing.rate_hz < 1:
+        yield _fault("timing.block_s", timing.block_s, "at least one sample", "timing.rate_hz")
+    points = config.analysis.points_per_revolution
+    if config.analysis.highest_order >= points / 2:
+        expected = f"less than half of points_per_revolution = {points}"
+        key = "analysis.highest_order"
+        yield _fault(key, config.analysis.highest_order, expected, "analysis.points_per_revolution")
+
+
+def _tacho(config: RigConfig) -> Iterator[Fault]:
+    tacho = config.tacho
+    low, high = tacho.threshold_v - tacho.hysteresis_v / 2, tacho.threshold_v + tacho.hysteresis_v / 2
+    switching = f"both switching levels, {low:g} and {high:g} V,"
+    for number, channel in enumerate(config.channel):
+        if channel.role is Role.TACHO and not (-channel.range_v < low and high < channel.range_v):
+            expected = f"{switching} within the range of ±{channel.range_v:g} V"
+            keys = ("tacho.hysteresis_v", f"channel[{number}].range_v")
+            yield _fault("tacho.threshold_v", tacho.threshold_v, expected, *keys)
+    shorter = min(tacho.mark_fraction, 1 - tacho.mark_fraction)
+    pulses = config.limits.speed_rpm / 60 * tacho.pulses_per_revolution
+    if pulses * tacho.response_time_s > shorter:
+        highest = shorter / tacho.response_time_s * 60 / tacho.pulses_per_revolution
+        expected = (
+            f"at most {highest:.0f}: light and dark must each last the tacho's response time of "
+            f"{tacho.response_time_s * 1e3:g} ms, with a mark over {tacho.mark_fraction * 100:g} % of the turn"
+        )
+        yield _fault("limits.speed_rpm", config.limits.speed_rpm, expected, *MARK_KEYS)
+    if shorter * config.timing.rate_hz < LIGHT_AND_DARK_SAMPLES * pulses:
+        least = LIGHT_AND_DARK_SAMPLES * pulses / shorter
+        expected = f"at least {least:.0f}: {LIGHT_AND_DARK_SAMPLES} samples of the tacho's light and dark at full speed"
+        yield _fault("timing.rate_hz", config.timing.rate_hz, expected, "limits.speed_rpm", *MARK_KEYS)
+
+
+def _limits(config: RigConfig) -> Iterator[Fault]:
+    limits = config.limits
+    alarm, danger = limits.peak_to_peak_alarm_um, limits.peak_to_peak_danger_um
+    if alarm > danger:
+        expected = f"at most peak_to_peak_danger_um = {danger:g}"
+        yield _fault("limits.peak_to_peak_alarm_um", alarm, expected, "limits.peak_to_peak_danger_um")
+    if danger > 2 * limits.clearance_um:
+        expected = f"at most {2 * limits.clearance_um:g}, twice clearance_um: the shaft has no more room"
+        yield _fault("limits.peak_to_peak_danger_um", danger, expected, "limits.clearance_um")
+
+
+def _simulation(config: RigConfig) -> Iterator[Fault]:
+    bench, tacho = config.simulation, config.tacho
+    if len(bench.profile) < 2 or bench.profile[0].time_s != 0:
+        text = "simulation.profile: expected at least two points, the first at time_s = 0"
+        yield Fault(("simulation.profile", "simulation.profile.time_s"), text)
+    for number, (earlier, later) in enumerate(zip(bench.profile, bench.profile[1:], strict=False), start=1):
+        if later.time_s <= earlier.time_s:
+            key = f"simulation.profile[{number}].time_s"
+            yield _fault(key, later.time_s, f"more than {earlier.time_s:g}, the time before it", "simulation.profile")
+    for number, whirl in enumerate(bench.whirl):
+        if whirl.end_rpm <= whirl.onset_rpm:
+            key = f"simulation.whirl[{number}]"
+            expected = f"more than onset_rpm = {whirl.onset_rpm:g}"
+            yield _fault(f"{key}.end_rpm", whirl.end_rpm, expected, f"{key}.onset_rpm")
+    low, high = tacho.threshold_v - tacho.hysteresis_v / 2, tacho.threshold_v + tacho.hysteresis_v / 2
+    if not (bench.tacho_low_v < low and high < bench.tacho_high_v):
+        expected = f"more than {high:g}, and tacho_low_v less than {low:g}: the tacho's switching levels"
+        keys = ("simulation.tacho_low_v", "tacho.threshold_v", "tacho.hysteresis_v")
+        yield _fault("simulation.tacho_high_v", bench.tacho_high_v, expected, *keys)

@@ -1,0 +1,181 @@
+"""What is wrong with a TOML file, in the words of the bench: every fault as "key = value: expected …"."""
+
+import difflib
+import json
+import tomllib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from datetime import date, datetime, time
+from pathlib import Path
+from types import GenericAlias
+from typing import Annotated, get_args, get_origin
+
+from pydantic import BaseModel, ValidationError
+from pydantic_core import ErrorDetails
+
+from daq.errors import ConfigError
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """One thing that is wrong.
+
+    Parameters
+    ----------
+    keys : tuple of str
+        The keys that it depends on, with the first the one to name, as "channel[2].range_v".
+    text : str
+        What the operator reads.
+    """
+
+    keys: tuple[str, ...]
+    text: str
+
+
+def dotted(location: tuple[int | str, ...]) -> str:
+    """Return a place in nested tables as the operator writes it, as "channel[2].range_v"."""
+    parts = [f"[{part}]" if isinstance(part, int) else f".{part}" for part in location]
+    return "".join(parts).lstrip(".")
+
+
+def shown(value: object) -> str:
+    """Return a value as TOML writes it, shortened where it is long."""
+    if isinstance(value, Mapping):
+        return "a table"
+    text = str(value) if isinstance(value, date | time) else json.dumps(value, ensure_ascii=False, default=str)
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def read_text(path: Path) -> str:
+    """Return a TOML file's text.
+
+    Raises
+    ------
+    ConfigError
+        There is no such file, it is a folder, it cannot be read, or it is not UTF-8.
+    """
+    try:
+        return path.read_text(encoding="utf-8")
+    except FileNotFoundError as error:
+        raise ConfigError(str(path), ["no such file"]) from error
+    except UnicodeDecodeError as error:
+        raise ConfigError(str(path), [f"byte {error.start} is not UTF-8: expected a TOML text file"]) from error
+    except OSError as error:
+        reason = "is a folder" if path.is_dir() else f"cannot be read ({error.strerror or error})"
+        raise ConfigError(str(path), [f"{reason}: expected a TOML file"]) from error
+
+
+def read_tables(text: str, file: str) -> dict[str, object]:
+    """Return the content of a TOML text.
+
+    Raises
+    ------
+    ConfigError
+        It is not TOML; says at which line.
+    """
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigError(file, [f"not TOML: {error}"]) from error
+
+
+def validation_faults(error: ValidationError, schema: type[BaseModel], data: Mapping[str, object]) -> Iterator[Fault]:
+    """Return the faults that pydantic found in data, one for each key."""
+    seen: set[str] = set()
+    for details in error.errors():
+        key = dotted(details["loc"])
+        if key not in seen:
+            seen.add(key)
+            yield Fault((key,), _text(details, key, schema, data))
+
+
+def plain_json(data: Mapping[str, object]) -> str:
+    """Return data as JSON, in which pydantic's strict mode knows TOML's types; days and times become text."""
+    return json.dumps(data, default=_time_text)
+
+
+def _time_text(value: date | time | datetime) -> str:
+    return value.isoformat()
+
+
+def _text(details: ErrorDetails, key: str, schema: type[BaseModel], data: Mapping[str, object]) -> str:
+    kind = details["type"]
+    if kind == "missing":
+        return f"{key}: missing, expected {_wanted(details['loc'], schema)}"
+    value = shown(_found(details["loc"], data))
+    if kind == "extra_forbidden":
+        return f"{key} = {value}: unknown key{_nearest(details['loc'], schema)}"
+    return f"{key} = {value}: expected {_expectation(details)}"
+
+
+def _expectation(details: ErrorDetails) -> str:
+    """Return what pydantic expected, in the operator's words."""
+    limits = details.get("ctx", {})
+    words = {
+        "float_type": "a number",
+        "int_type": "a whole number",
+        "int_from_float": "a whole number",
+        "bool_type": "true or false",
+        "string_type": "a text in quotes",
+        "finite_number": "a finite number",
+        "greater_than": "more than {gt}",
+        "greater_than_equal": "at least {ge}",
+        "less_than": "less than {lt}",
+        "less_than_equal": "at most {le}",
+        "multiple_of": "a multiple of {multiple_of}",
+        "enum": "{expected}",
+        "literal_error": "{expected}",
+        "tuple_type": "a list in brackets",
+        "too_long": "{max_length} values, there are {actual_length}",
+        "too_short": "{min_length} values, there are {actual_length}",
+        "string_pattern_mismatch": "a text like {pattern}",
+        "model_type": "a table",
+        "model_attributes_type": "a table",
+    }
+    if details["type"] in words:
+        return words[details["type"]].format(**limits)
+    return details["msg"].removeprefix("Value error, ").removeprefix("expected ")
+
+
+def _found(location: tuple[int | str, ...], data: object) -> object:
+    """Return the value at a place in nested tables."""
+    for part in location:
+        if isinstance(part, int):
+            data = data[part] if isinstance(data, list) and part < len(data) else None
+        else:
+            data = data.get(part) if isinstance(data, Mapping) else None
+    return data
+
+
+def _section(location: tuple[int | str, ...], schema: type[BaseModel]) -> type[BaseModel]:
+    """Return the table of the schema in which a place lies."""
+    section = schema
+    for part in location[:-1]:
+        if isinstance(part, str) and part in section.model_fields:
+            inner = _table_of(section.model_fields[part].annotation)
+            section = inner or section
+    return section
+
+
+def _table_of(annotation: object) -> type[BaseModel] | None:
+    """Return the table that an annotation holds, itself or in a tuple."""
+    if get_origin(annotation) in {tuple, Annotated} or isinstance(annotation, GenericAlias):
+        return _table_of(get_args(annotation)[0])
+    return annotation if isinstance(annotation, type) and issubclass(annotation, BaseModel) else None
+
+
+def _wanted(location: tuple[int | str, ...], schema: type[BaseModel]) -> str:
+    """Return what a missing key should hold."""
+    field = _section(location, schema).model_fields.get(str(location[-1]))
+    if field is None:
+        return "a value"
+    if _table_of(field.annotation) is not None:
+        return f"at least one [[{location[-1]}]]"
+    return field.description or "a value"
+
+
+def _nearest(location: tuple[int | str, ...], schema: type[BaseModel]) -> str:
+    """Return the hint at the known key that an unknown one resembles."""
+    known = list(_section(location, schema).model_fields)
+    near = difflib.get_close_matches(str(location[-1]), known, n=1, cutoff=0.5)
+    return f", did you mean {near[0]}?" if near else f", expected one of {', '.join(known)}"
