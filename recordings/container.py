@@ -1,0 +1,273 @@
+"""An MCAP file as it lies on the disk, whole or cut short: its metadata, and its chunks by place.
+
+A chunk is read only if its CRC fits, the index at the end is used only if its CRC fits, and without it the records are
+walked from the start up to where they break off.
+"""
+
+import struct
+import threading
+import zlib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from io import BytesIO
+from pathlib import Path
+
+import zstandard
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
+from mcap.opcode import Opcode
+from mcap.records import Chunk, Metadata
+from mcap.writer import MCAP0_MAGIC
+
+from recordings.errors import DamagedError, NotFoundError, StorageError
+
+RECORD = struct.Struct("<BQ")  # opcode, length of the content
+FOOTER = struct.Struct("<BQQQI")  # opcode, length, start of the summary, start of its offsets, CRC
+CHUNK_INDEX = struct.Struct("<QQQQI")  # first and last time, offset, length, bytes of message index offsets
+CHANNEL_OFFSET = struct.Struct("<HQ")
+MESSAGE = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
+LARGEST_CHUNK = 256 << 20
+LARGEST_METADATA = 16 << 20
+
+
+@dataclass(frozen=True, slots=True)
+class ChunkPlace:
+    """Where a chunk lies and what it holds.
+
+    Parameters
+    ----------
+    offset, length : int
+        Place of its record's content in the file, bytes.
+    start_ns : int
+        Log time of its earliest message, ns.
+    channels : frozenset of int or None
+        Channels of its messages; None where that is not known without reading it.
+    """
+
+    offset: int
+    length: int
+    start_ns: int
+    channels: frozenset[int] | None
+
+    def may_hold(self, channels: frozenset[int]) -> bool:
+        """Whether any message of these channels may be in it."""
+        return self.channels is None or not self.channels.isdisjoint(channels)
+
+
+@dataclass(frozen=True, slots=True)
+class StoredMessage:
+    """A message as it lies in a chunk."""
+
+    channel: int
+    log_time_ns: int
+    data: bytes
+
+
+class Container:
+    """An open MCAP file; it may be read from several threads.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+
+    Raises
+    ------
+    NotFoundError
+        Where there is no such file.
+    DamagedError
+        Where it is empty or not MCAP.
+    StorageError
+        Where it cannot be read.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._lock = threading.Lock()
+        try:
+            self._file = path.open("rb")
+        except FileNotFoundError as error:
+            raise NotFoundError(f"{path}: there is no such file") from error
+        except OSError as error:
+            raise StorageError(f"{path}: cannot be read: {error.strerror or error}") from error
+        try:
+            self.size = self._file.seek(0, 2)
+            self._check_magic()
+            self._summary_start, self._summary_stop = self._find_summary()
+        except (DamagedError, StorageError):
+            self.close()
+            raise
+
+    @property
+    def is_finished(self) -> bool:
+        """Whether the file has its index at the end, intact."""
+        return self._summary_stop > 0
+
+    @cached_property
+    def metadata(self) -> Mapping[str, Mapping[str, str]]:
+        """Metadata records by name; those in front of the first chunk, and those at the end that are found."""
+        places = list(self._metadata_at_start())
+        if self.is_finished:
+            places += self._metadata_in_summary()
+        else:
+            places += [(offset, length) for opcode, offset, length in self._records() if opcode == Opcode.METADATA]
+        records = [self._metadata(offset, length) for offset, length in places]
+        return {record.name: record.metadata for record in records if record is not None}
+
+    @cached_property
+    def chunks(self) -> list[ChunkPlace]:
+        """All chunks in the order of the file."""
+        return list(self._indexed_chunks() if self.is_finished else self._walked_chunks())
+
+    def messages(self, place: ChunkPlace) -> Iterator[StoredMessage]:
+        """Yield the messages of a chunk in the order of writing.
+
+        Raises
+        ------
+        DamagedError
+            Where the chunk is not what its checksum says.
+        """
+        data = self._chunk_data(place)
+        position = 0
+        while position < len(data):
+            if position + RECORD.size > len(data):
+                raise self._damaged(place)
+            opcode, length = RECORD.unpack_from(data, position)
+            position += RECORD.size
+            if position + length > len(data):
+                raise self._damaged(place)
+            if opcode == Opcode.MESSAGE:
+                if length < MESSAGE.size:
+                    raise self._damaged(place)
+                channel, _, log_time, _ = MESSAGE.unpack_from(data, position)
+                yield StoredMessage(channel, log_time, data[position + MESSAGE.size : position + length])
+            position += length
+
+    def close(self) -> None:
+        """Close the file; harmless when closed already."""
+        self._file.close()
+
+    def _read(self, offset: int, length: int) -> bytes:
+        """Return bytes of the file, fewer at its end."""
+        try:
+            with self._lock:
+                self._file.seek(offset)
+                return self._file.read(length)
+        except OSError as error:
+            raise StorageError(f"{self.path}: cannot be read: {error.strerror or error}") from error
+
+    def _check_magic(self) -> None:
+        if self.size == 0:
+            raise DamagedError(f"{self.path}: is empty")
+        if self._read(0, len(MCAP0_MAGIC)) != MCAP0_MAGIC:
+            raise DamagedError(f"{self.path}: is not an MCAP file (its first bytes are not MCAP's)")
+
+    def _find_summary(self) -> tuple[int, int]:
+        """Return start and end of the summary, or zeros where the file has none that is intact."""
+        nothing = (0, 0)
+        stop = self.size - FOOTER.size - len(MCAP0_MAGIC)
+        if stop < len(MCAP0_MAGIC):
+            return nothing
+        tail = self._read(stop, self.size - stop)
+        opcode, _, start, _, crc = FOOTER.unpack_from(tail)
+        if tail[FOOTER.size :] != MCAP0_MAGIC or opcode != Opcode.FOOTER or not 0 < start <= stop:
+            return nothing
+        return (start, stop) if zlib.crc32(self._read(start, stop - start + FOOTER.size - 4)) == crc else nothing
+
+    def _records(self, start: int = len(MCAP0_MAGIC)) -> Iterator[tuple[int, int, int]]:
+        """Yield opcode, offset and length of each record's content, to the end of the data or where it breaks off."""
+        offset = start
+        while True:
+            head = self._read(offset, RECORD.size)
+            if len(head) < RECORD.size:
+                return
+            opcode, length = RECORD.unpack(head)
+            offset += RECORD.size
+            if offset + length > self.size or opcode == Opcode.DATA_END:
+                return
+            yield opcode, offset, length
+            offset += length
+
+    def _metadata_at_start(self) -> Iterator[tuple[int, int]]:
+        for opcode, offset, length in self._records():
+            if opcode == Opcode.CHUNK:
+                return
+            if opcode == Opcode.METADATA:
+                yield offset, length
+
+    def _metadata_in_summary(self) -> Iterator[tuple[int, int]]:
+        for content in self._summary(Opcode.METADATA_INDEX):
+            offset, length = struct.unpack_from("<QQ", content)
+            yield offset + RECORD.size, length - RECORD.size
+
+    def _summary(self, wanted: Opcode) -> Iterator[bytes]:
+        """Yield the contents of the summary's records of one kind; its CRC has been checked."""
+        data = self._read(self._summary_start, self._summary_stop - self._summary_start)
+        position = 0
+        while position < len(data):
+            opcode, length = RECORD.unpack_from(data, position)
+            position += RECORD.size
+            if opcode == wanted:
+                yield data[position : position + length]
+            position += length
+
+    def _metadata(self, offset: int, length: int) -> Metadata | None:
+        """Return a metadata record, or None where it cannot be read."""
+        if length > LARGEST_METADATA:
+            return None
+        try:
+            record: Metadata = Metadata.read(ReadDataStream(BytesIO(self._read(offset, length))))
+        except (McapError, struct.error, UnicodeDecodeError):
+            return None
+        return record
+
+    def _indexed_chunks(self) -> Iterator[ChunkPlace]:
+        known: dict[frozenset[int], frozenset[int]] = {}
+        for content in self._summary(Opcode.CHUNK_INDEX):
+            start_ns, _, offset, length, index_bytes = CHUNK_INDEX.unpack_from(content)
+            index = content[CHUNK_INDEX.size : CHUNK_INDEX.size + index_bytes]
+            channels = frozenset(channel for channel, _ in CHANNEL_OFFSET.iter_unpack(index))
+            yield ChunkPlace(offset + RECORD.size, length - RECORD.size, start_ns, known.setdefault(channels, channels))
+
+    def _walked_chunks(self) -> Iterator[ChunkPlace]:
+        """Yield the chunks found by walking the records; what the last one holds is not known, its index may be cut."""
+        last: tuple[int, int, int] | None = None
+        channels: set[int] = set()
+        for opcode, offset, length in self._records():
+            if opcode == Opcode.CHUNK:
+                if last is not None:
+                    yield ChunkPlace(*last, frozenset(channels) or None)
+                (start_ns,) = struct.unpack("<Q", self._read(offset, 8).ljust(8, b"\0"))
+                last = (offset, length, start_ns)
+                channels = set()
+            elif opcode == Opcode.MESSAGE_INDEX:
+                channels.add(int.from_bytes(self._read(offset, 2), "little"))
+        if last is not None:
+            yield ChunkPlace(*last, None)
+
+    def _chunk_data(self, place: ChunkPlace) -> bytes:
+        """Return the uncompressed records of a chunk."""
+        try:
+            chunk = Chunk.read(ReadDataStream(BytesIO(self._read(place.offset, place.length))))
+            data = self._uncompressed(place, chunk)
+        except (McapError, struct.error, UnicodeDecodeError, zstandard.ZstdError) as error:
+            raise self._damaged(place) from error
+        if len(data) != chunk.uncompressed_size or zlib.crc32(data) != chunk.uncompressed_crc:
+            raise self._damaged(place)
+        return data
+
+    def _uncompressed(self, place: ChunkPlace, chunk: Chunk) -> bytes:
+        if chunk.compression == "":
+            return chunk.data
+        if chunk.compression != "zstd":
+            raise DamagedError(f"{self.path}: a chunk is compressed as {chunk.compression!r}, expected zstd or nothing")
+        if (
+            zstandard.frame_content_size(chunk.data) != chunk.uncompressed_size
+            or chunk.uncompressed_size > LARGEST_CHUNK
+        ):
+            raise self._damaged(place)
+        return zstandard.decompress(chunk.data)
+
+    def _damaged(self, place: ChunkPlace) -> DamagedError:
+        return DamagedError(f"{self.path}: the {place.length} bytes from byte {place.offset} on are damaged")

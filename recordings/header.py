@@ -1,0 +1,259 @@
+"""A run's header as a JSON document and back, bit for bit: SI values, the unit in every name."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+from analysis.run import (
+    Acquisition,
+    AnalysisSettings,
+    Calibration,
+    Channel,
+    Device,
+    Edge,
+    Limits,
+    Role,
+    RunHeader,
+    Tacho,
+)
+from recordings.errors import DamagedError
+
+Document = dict[str, Any]
+Choice = TypeVar("Choice", Edge, Role)
+
+
+def header_document(header: RunHeader) -> Document:
+    """Return all of a header as a document that JSON can hold."""
+    return {
+        "run": header.run,
+        "rig": header.rig,
+        "started_ns": header.started_ns,
+        "program": header.program,
+        "note": header.note,
+        "acquisition": _acquisition_document(header.acquisition),
+        "analysis": {
+            "update_interval_s": header.settings.update_interval,
+            "revolutions": header.settings.revolutions,
+            "points_per_revolution": header.settings.points_per_revolution,
+            "highest_order": header.settings.highest_order,
+            "orbit_revolutions": header.settings.orbit_revolutions,
+        },
+        "limits": {
+            "peak_to_peak_alarm_m": header.limits.peak_to_peak_alarm,
+            "peak_to_peak_danger_m": header.limits.peak_to_peak_danger,
+            "clearance_m": header.limits.clearance,
+            "speed_rad_per_s": header.limits.speed,
+        },
+        "config_toml": header.config_toml,
+    }
+
+
+def calibration_document(calibration: Calibration) -> Document:
+    """Return a probe's calibration: gap in metres = sum of gap_m_per_v_to_k[k] * volts**k."""
+    return {
+        "gap_m_per_v_to_k": list(calibration.coefficients),
+        "volts_low_v": calibration.volts_low,
+        "volts_high_v": calibration.volts_high,
+        "residual_m": calibration.residual,
+        "sensor": calibration.sensor,
+        "conditioner": calibration.conditioner,
+        "date": calibration.date,
+    }
+
+
+def header_from_document(document: Mapping[str, Any]) -> RunHeader:
+    """Return the header that a document holds; DamagedError names the key that is missing or wrong."""
+    top = _Section("header", document)
+    analysis, limits = top.section("analysis"), top.section("limits")
+    return RunHeader(
+        run=top.text("run"),
+        rig=top.text("rig"),
+        started_ns=top.whole("started_ns"),
+        acquisition=_acquisition(top.section("acquisition")),
+        settings=AnalysisSettings(
+            update_interval=analysis.number("update_interval_s"),
+            revolutions=analysis.whole("revolutions"),
+            points_per_revolution=analysis.whole("points_per_revolution"),
+            highest_order=analysis.number("highest_order"),
+            orbit_revolutions=analysis.whole("orbit_revolutions"),
+        ),
+        limits=Limits(
+            peak_to_peak_alarm=limits.number("peak_to_peak_alarm_m"),
+            peak_to_peak_danger=limits.number("peak_to_peak_danger_m"),
+            clearance=limits.number("clearance_m"),
+            speed=limits.number("speed_rad_per_s"),
+        ),
+        config_toml=top.text("config_toml"),
+        program=top.text("program"),
+        note=top.text("note"),
+    )
+
+
+def _acquisition_document(acquisition: Acquisition) -> Document:
+    device, tacho = acquisition.device, acquisition.tacho
+    return {
+        "device": {
+            "backend": device.backend,
+            "product": device.product,
+            "serial": device.serial,
+            "driver": device.driver,
+            "simulated": device.simulated,
+        },
+        "rate_hz": acquisition.rate,
+        "convert_rate_hz": acquisition.convert_rate,
+        "channels": [_channel_document(channel) for channel in acquisition.channels],
+        "tacho": {
+            "threshold_v": tacho.threshold,
+            "hysteresis_v": tacho.hysteresis,
+            "edge": tacho.edge.value,
+            "pulses_per_revolution": tacho.pulses_per_revolution,
+            "mark_fraction": tacho.mark_fraction,
+            "response_time_s": tacho.response_time,
+            "delay_s": tacho.delay,
+        },
+    }
+
+
+def _channel_document(channel: Channel) -> Document:
+    return {
+        "name": channel.name,
+        "role": channel.role.value,
+        "physical": channel.physical,
+        "range_low_v": channel.range_low,
+        "range_high_v": channel.range_high,
+        "scaling_v_per_code_to_k": list(channel.scaling),
+        "calibration": None if channel.calibration is None else calibration_document(channel.calibration),
+        "angle_rad": channel.angle,
+        "gap_low_v": _finite(channel.gap_low),
+        "gap_high_v": _finite(channel.gap_high),
+    }
+
+
+def _acquisition(section: "_Section") -> Acquisition:
+    device, tacho = section.section("device"), section.section("tacho")
+    return Acquisition(
+        device=Device(
+            backend=device.text("backend"),
+            product=device.text("product"),
+            serial=device.text("serial"),
+            driver=device.text("driver"),
+            simulated=device.flag("simulated"),
+        ),
+        rate=section.number("rate_hz"),
+        convert_rate=section.number("convert_rate_hz"),
+        channels=tuple(_channel(channel) for channel in section.sections("channels")),
+        tacho=Tacho(
+            threshold=tacho.number("threshold_v"),
+            hysteresis=tacho.number("hysteresis_v"),
+            edge=tacho.choice("edge", Edge),
+            pulses_per_revolution=tacho.whole("pulses_per_revolution"),
+            mark_fraction=tacho.number("mark_fraction"),
+            response_time=tacho.number("response_time_s"),
+            delay=tacho.number("delay_s"),
+        ),
+    )
+
+
+def _channel(section: "_Section") -> Channel:
+    calibration = None if section.is_null("calibration") else _calibration(section.section("calibration"))
+    return Channel(
+        name=section.text("name"),
+        role=section.choice("role", Role),
+        physical=section.text("physical"),
+        range_low=section.number("range_low_v"),
+        range_high=section.number("range_high_v"),
+        scaling=section.numbers("scaling_v_per_code_to_k"),
+        calibration=calibration,
+        angle=section.number("angle_rad"),
+        gap_low=-math.inf if section.is_null("gap_low_v") else section.number("gap_low_v"),
+        gap_high=math.inf if section.is_null("gap_high_v") else section.number("gap_high_v"),
+    )
+
+
+def _calibration(section: "_Section") -> Calibration:
+    return Calibration(
+        coefficients=section.numbers("gap_m_per_v_to_k"),
+        volts_low=section.number("volts_low_v"),
+        volts_high=section.number("volts_high_v"),
+        residual=section.number("residual_m"),
+        sensor=section.text("sensor"),
+        conditioner=section.text("conditioner"),
+        date=section.text("date"),
+    )
+
+
+def _finite(value: float) -> float | None:
+    """Return the value, or None for an open end: JSON has no infinity."""
+    return value if math.isfinite(value) else None
+
+
+@dataclass(frozen=True, slots=True)
+class _Section:
+    """A part of a document and where it stands, so that a fault can be named."""
+
+    where: str
+    values: Any
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.values, Mapping):
+            raise DamagedError(f"{self.where}: {self.values!r}, expected a group of values")
+
+    def is_null(self, key: str) -> bool:
+        return self._get(key) is None
+
+    def section(self, key: str) -> "_Section":
+        return _Section(f"{self.where}.{key}", self._get(key))
+
+    def sections(self, key: str) -> list["_Section"]:
+        return [_Section(f"{self.where}.{key}[{k}]", value) for k, value in enumerate(self._list(key))]
+
+    def text(self, key: str) -> str:
+        value = self._get(key)
+        if not isinstance(value, str):
+            raise self._wrong(key, value, "a text")
+        return value
+
+    def flag(self, key: str) -> bool:
+        value = self._get(key)
+        if not isinstance(value, bool):
+            raise self._wrong(key, value, "true or false")
+        return value
+
+    def whole(self, key: str) -> int:
+        value = self._get(key)
+        if not isinstance(value, int) or isinstance(value, bool):
+            raise self._wrong(key, value, "a whole number")
+        return value
+
+    def number(self, key: str) -> float:
+        return self._number(key, self._get(key))
+
+    def numbers(self, key: str) -> tuple[float, ...]:
+        return tuple(self._number(key, value) for value in self._list(key))
+
+    def choice(self, key: str, kind: type[Choice]) -> Choice:
+        value = self.text(key)
+        try:
+            return kind(value)
+        except ValueError:
+            raise self._wrong(key, value, "one of " + ", ".join(kind)) from None
+
+    def _get(self, key: str) -> Any:
+        if key not in self.values:
+            raise DamagedError(f"{self.where}: {key} is missing")
+        return self.values[key]
+
+    def _list(self, key: str) -> list[Any]:
+        value = self._get(key)
+        if not isinstance(value, list):
+            raise self._wrong(key, value, "a list")
+        return value
+
+    def _number(self, key: str, value: Any) -> float:
+        if not isinstance(value, int | float) or isinstance(value, bool):
+            raise self._wrong(key, value, "a number")
+        return float(value)
+
+    def _wrong(self, key: str, value: Any, expected: str) -> DamagedError:
+        return DamagedError(f"{self.where}.{key}: {value!r}, expected {expected}")

@@ -1,0 +1,277 @@
+"""Reading a run's file, finished or cut short."""
+
+from bisect import bisect_right
+from collections.abc import Iterator
+from contextlib import suppress
+from functools import cached_property
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.run import RunHeader
+from analysis.samples import EndReason, SampleBlock, SegmentEnd, SourceItem
+from analysis.snapshot import Snapshot
+from recordings import rig_pb2
+from recordings.container import ChunkPlace, Container, StoredMessage
+from recordings.errors import DamagedError, UnknownFormatError
+from recordings.header import header_from_document
+from recordings.layout import (
+    CHANNEL_IDS,
+    END_RECORD,
+    FEATURES,
+    ORDER_FRAME,
+    RUN_RECORD,
+    SAMPLES,
+    SEGMENT_END,
+    sample_time_ns,
+    unsealed,
+)
+from recordings.messages import block_span, decode_block, decode_segment_end, parsed
+from recordings.results import decode_snapshot
+from recordings.sequence import Sequence, cut_end
+
+SAMPLE_CHANNEL = frozenset({CHANNEL_IDS[SAMPLES]})
+END_CHANNEL = frozenset({CHANNEL_IDS[SEGMENT_END]})
+RESULT_CHANNELS = frozenset({CHANNEL_IDS[FEATURES], CHANNEL_IDS[ORDER_FRAME]})
+
+
+class RunReader:
+    """A recorded run. It may be used from several threads; each iterator by one.
+
+    A file that was cut short (its writer killed, the disk full, still being written) opens as far as it goes: its last
+    segment then ends with `EndReason.CUT`.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+
+    Raises
+    ------
+    NotFoundError
+        Where there is no such file.
+    DamagedError
+        Where it is empty, not MCAP, or cut before the first samples.
+    UnknownFormatError
+        Where it is no run or of a format version that is not known here.
+    StorageError
+        Where it cannot be read.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._container = Container(path)
+        try:
+            self.header: RunHeader = self._read_header()
+            self._read_ends()
+        except BaseException:
+            self._container.close()
+            raise
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    @property
+    def segment_ends(self) -> tuple[SegmentEnd, ...]:
+        """How each segment ended, in order."""
+        return self._ends
+
+    @property
+    def n_samples(self) -> int:
+        """Samples per channel in all segments."""
+        return sum(end.samples for end in self._ends)
+
+    @property
+    def duration(self) -> float:
+        """Sample time of all segments, s."""
+        return self.n_samples / self.header.acquisition.rate
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether the run was finished properly: every segment has its end, and the file its own."""
+        return self._is_complete
+
+    @property
+    def is_gap_free(self) -> bool:
+        """Whether the run is one segment without a loss."""
+        return len(self._ends) == 1 and self._ends[0].is_gap_free
+
+    @property
+    def skipped_samples(self) -> int:
+        """Samples per channel that the live analysis skipped; the results in the file lack them, the samples do not."""
+        return self._skipped_samples
+
+    def items(self) -> Iterator[SourceItem]:
+        """Yield blocks as recorded, each segment followed by its end.
+
+        Where the file is damaged inside a segment, the rest of that segment is left out, and its end says so.
+        """
+        sequence = Sequence({end.segment: end for end in self._ends})
+        for message in self._messages(SAMPLE_CHANNEL | END_CHANNEL):
+            if message.channel in SAMPLE_CHANNEL:
+                with suppress(ValueError):  # a message that does not say what it should is as good as lost
+                    yield from sequence.block(self._block(message.data))
+            elif message.channel in END_CHANNEL:
+                with suppress(ValueError):
+                    yield from sequence.segment_end(decode_segment_end(message.data))
+        yield from sequence.finish()
+
+    def samples(self, segment: int, first: int, stop: int) -> NDArray[np.int16]:
+        """Return the codes of a stretch of a segment.
+
+        Parameters
+        ----------
+        segment : int
+            The segment.
+        first, stop : int
+            First sample, and one past the last, in the segment.
+
+        Returns
+        -------
+        ndarray of int16, shape (n_channels, stop - first)
+            Converter codes.
+
+        Raises
+        ------
+        ValueError
+            Where there are no such samples.
+        DamagedError
+            Where the file is damaged there.
+        """
+        ends = {end.segment: end for end in self._ends}
+        if segment not in ends:
+            raise ValueError(f"segment: {segment}, expected one of {sorted(ends)}")
+        if not 0 <= first <= stop <= ends[segment].samples:
+            raise ValueError(f"samples: {first} to {stop}, expected within 0 to {ends[segment].samples}")
+        codes = np.empty((len(self.header.acquisition.channels), stop - first), dtype=np.int16)
+        filled = first
+        for block in self._blocks_from(segment, first):
+            if block.first_sample > filled or filled >= stop:
+                break
+            upto = min(block.end, stop)
+            codes[:, filled - first : upto - first] = block.codes[
+                :, filled - block.first_sample : upto - block.first_sample
+            ]
+            filled = upto
+        if filled < stop:
+            raise DamagedError(f"{self.path}: segment {segment} is damaged after sample {filled}")
+        return codes
+
+    def snapshots(self) -> Iterator[Snapshot]:
+        """Yield the snapshots as recorded, with an empty trace; those in damaged places are left out."""
+        frame: rig_pb2.OrderFrame | None = None
+        for message in self._messages(RESULT_CHANNELS):
+            with suppress(ValueError):  # a result that cannot be read can be computed again
+                if message.channel == CHANNEL_IDS[ORDER_FRAME]:
+                    frame = parsed(rig_pb2.OrderFrame(), message.data)
+                elif message.channel == CHANNEL_IDS[FEATURES]:
+                    features = parsed(rig_pb2.Features(), message.data)
+                    same = frame is not None and (frame.segment, frame.sample) == (features.segment, features.sample)
+                    yield decode_snapshot(features, frame if same else None)
+
+    def close(self) -> None:
+        """Close the file; harmless when closed already."""
+        self._container.close()
+
+    def _read_header(self) -> RunHeader:
+        entries = self._container.metadata.get(RUN_RECORD)
+        if entries is None:
+            if self._container.is_finished:
+                raise UnknownFormatError(f"{self.path}: an MCAP file, but no run: it lacks the record {RUN_RECORD}")
+            raise DamagedError(f"{self.path}: cut short or damaged: the record {RUN_RECORD} at its start is missing")
+        document = unsealed(self.path, RUN_RECORD, entries)
+        try:
+            return header_from_document(document)
+        except DamagedError as error:
+            raise DamagedError(f"{self.path}: {error}") from error
+
+    def _read_ends(self) -> None:
+        entries = self._container.metadata.get(END_RECORD)
+        document: dict[str, Any] = {}
+        if entries is not None and self._container.is_finished:
+            document = unsealed(self.path, END_RECORD, entries)
+        self._is_complete = bool(document.get("complete", False))
+        self._skipped_samples = int(document.get("skipped_samples", 0))
+        if self._is_complete:
+            self._ends = tuple(_end_from_document(end) for end in document["segments"])
+        else:
+            self._ends = self._survey()
+        self._starts_ns: dict[int, int] = {}
+        start_ns = self.header.started_ns
+        for end in self._ends:
+            self._starts_ns[end.segment] = start_ns
+            start_ns += sample_time_ns(end.samples + end.lost, self.header.acquisition.rate)
+
+    def _survey(self) -> tuple[SegmentEnd, ...]:
+        """Find how far a file goes that was not finished."""
+        ends = {}
+        for message in self._messages(END_CHANNEL):
+            if message.channel in END_CHANNEL:
+                with suppress(ValueError):
+                    end = decode_segment_end(message.data)
+                    ends[end.segment] = end
+        for place in reversed(self._container.chunks):
+            if place.may_hold(SAMPLE_CHANNEL) and (span := self._last_span(place)) is not None:
+                segment, samples = span
+                if segment not in ends:
+                    ends[segment] = cut_end(segment, samples)
+                break
+        if not ends:
+            raise DamagedError(f"{self.path}: cut short or damaged: it breaks off before the first samples")
+        return tuple(ends[segment] for segment in sorted(ends))
+
+    def _last_span(self, place: ChunkPlace) -> tuple[int, int] | None:
+        """Return segment and end of the last block of a chunk, or None where there is none."""
+        span = None
+        with suppress(DamagedError, ValueError):
+            for message in self._container.messages(place):
+                if message.channel in SAMPLE_CHANNEL:
+                    span = block_span(message.data)
+        return span
+
+    def _messages(self, channels: frozenset[int], first_place: int = 0) -> Iterator[StoredMessage]:
+        """Yield the messages of the chunks that may hold some of these channels; damaged chunks are left out."""
+        for place in self._container.chunks[first_place:]:
+            if place.may_hold(channels):
+                with suppress(DamagedError):  # whoever looks for what was in it finds it missing
+                    yield from self._container.messages(place)
+
+    @cached_property
+    def _sample_places(self) -> tuple[list[int], list[int]]:
+        """Start times of the chunks known to hold samples, ns, and their numbers."""
+        chunks = self._container.chunks
+        numbers = [k for k, chunk in enumerate(chunks) if chunk.channels and chunk.may_hold(SAMPLE_CHANNEL)]
+        return [chunks[k].start_ns for k in numbers], numbers
+
+    def _blocks_from(self, segment: int, sample: int) -> Iterator[SampleBlock]:
+        """Yield the blocks of a segment from the one on that holds this sample."""
+        time_ns = self._starts_ns[segment] + sample_time_ns(sample, self.header.acquisition.rate)
+        starts_ns, places = self._sample_places
+        first_place = places[max(bisect_right(starts_ns, time_ns) - 1, 0)] if places else 0
+        for message in self._messages(SAMPLE_CHANNEL, first_place):
+            if message.channel in SAMPLE_CHANNEL:
+                with suppress(ValueError):
+                    block = self._block(message.data)
+                    if block.segment > segment:
+                        return
+                    if block.segment == segment and block.end > sample:
+                        yield block
+
+    def _block(self, data: bytes) -> SampleBlock:
+        block = decode_block(data)
+        n_channels = len(self.header.acquisition.channels)
+        if block.codes.shape[0] != n_channels:
+            raise ValueError(f"block of {block.codes.shape[0]} channels, expected {n_channels}")
+        return block
+
+
+def _end_from_document(document: dict[str, Any]) -> SegmentEnd:
+    return SegmentEnd(**(document | {"reason": EndReason(document["reason"])}))

@@ -1,0 +1,298 @@
+"""Writing a run's file as the run goes."""
+
+import io
+import json
+from collections import deque
+from contextlib import suppress
+from pathlib import Path
+from typing import IO, Any, cast
+
+from mcap.well_known import MessageEncoding, SchemaEncoding
+from mcap.writer import CompressionType, Writer
+
+from analysis.run import RunHeader
+from analysis.samples import SampleBlock, SegmentEnd
+from recordings.errors import StorageError
+from recordings.header import calibration_document, header_document
+from recordings.layout import (
+    CALIBRATION_RECORD,
+    CHANNEL_IDS,
+    CONFIG_ATTACHMENT,
+    END_RECORD,
+    PROFILE,
+    RUN_RECORD,
+    SAMPLES,
+    SEGMENT_END,
+    TOPICS,
+    sample_time_ns,
+    sealed,
+)
+from recordings.messages import definitions, encode_block, encode_segment_end
+from recordings.results import EncodedResult
+
+CHUNK_BYTES = 1 << 20
+FLUSH_INTERVAL = 0.25
+"""At most so many seconds of samples are lost when the writing process is killed."""
+RESULT_INTERVAL = 2.0
+"""Results are gathered for so many seconds of samples into chunks of their own: they are read without the samples."""
+
+
+class RunWriter:
+    """A run's file being written; a sink of blocks.
+
+    Only one thread may hand over blocks, segment ends and `close`; results may come from any other at the same time.
+
+    Parameters
+    ----------
+    path : Path
+        File to be created; it must not exist, its folder must.
+    header : RunHeader
+        What is known of the run; written first.
+
+    Raises
+    ------
+    StorageError
+        Where the file exists already or cannot be created.
+    """
+
+    def __init__(self, path: Path, header: RunHeader) -> None:
+        self.path = path
+        self._header = header
+        self._rate = header.acquisition.rate
+        self._results: deque[EncodedResult] = deque()
+        self._ends: list[SegmentEnd] = []
+        self._starts_ns = {0: header.started_ns}
+        self._segment = 0
+        self._next_sample = 0
+        self._since_flush = 0
+        self._since_results = 0
+        self._sequence = 0
+        self._failure = ""
+        self._closed = False
+        self._file = _AppendedFile(path)
+        self._mcap: Any = Writer(  # not all of its methods are annotated
+            cast("IO[bytes]", self._file), CHUNK_BYTES, CompressionType.ZSTD, enable_crcs=True, enable_data_crcs=True
+        )
+        try:
+            self._begin()
+        except OSError as error:
+            raise self._fail(error) from error
+
+    def block(self, block: SampleBlock) -> None:
+        """Write a block.
+
+        Parameters
+        ----------
+        block : SampleBlock
+            It must follow the one before without a gap.
+
+        Raises
+        ------
+        StorageError
+            Where it cannot be written, now or since an earlier failure; what was written before stays readable.
+        ValueError
+            Where the block does not follow or has another number of channels.
+        """
+        if self._failure:
+            raise StorageError(self._failure)
+        self._check(block)
+        log_time = self._starts_ns[self._segment] + sample_time_ns(block.first_sample, self._rate)
+        try:
+            self._mcap.add_message(
+                CHANNEL_IDS[SAMPLES], log_time, encode_block(block), block.host_time_ns, self._sequence
+            )
+            self._sequence += 1
+            self._next_sample = block.end
+            self._since_flush += block.n_samples
+            self._since_results += block.n_samples
+            if self._since_flush + block.n_samples > FLUSH_INTERVAL * self._rate:
+                self._flush(results_too=self._since_results >= RESULT_INTERVAL * self._rate)
+        except OSError as error:
+            raise self._fail(error) from error
+
+    def segment_end(self, end: SegmentEnd) -> None:
+        """Write the end of a segment; nothing happens after a failure.
+
+        Raises
+        ------
+        StorageError
+            Where it cannot be written.
+        ValueError
+            Where it is not the end of the segment being written.
+        """
+        if self._failure:
+            return
+        if end.segment != self._segment or end.samples != self._next_sample:
+            raise ValueError(
+                f"end of segment {end.segment} after {end.samples} samples, expected segment {self._segment} "
+                f"after {self._next_sample}"
+            )
+        start_ns = self._starts_ns[end.segment]
+        log_time = start_ns + sample_time_ns(end.samples, self._rate)
+        try:
+            self._mcap.add_message(CHANNEL_IDS[SEGMENT_END], log_time, encode_segment_end(end), log_time, end.segment)
+            self._flush(results_too=True)
+        except OSError as error:
+            raise self._fail(error) from error
+        self._ends.append(end)
+        self._segment += 1
+        self._next_sample = 0
+        self._starts_ns[self._segment] = start_ns + sample_time_ns(end.samples + end.lost, self._rate)
+
+    def result(self, result: EncodedResult) -> None:
+        """Take a result, from any thread; it is written with the samples that come, at the latest on `close`.
+
+        What comes after `close` or after a failure is forgotten. ValueError where the topic is none of a run's.
+        """
+        if result.topic not in CHANNEL_IDS:
+            raise ValueError(f"topic: {result.topic!r}, expected one of {', '.join(CHANNEL_IDS)}")
+        self._results.append(result)
+
+    def close(self, skipped_samples: int = 0) -> None:
+        """Write what the run came to and finish the file; harmless when closed already or after a failure.
+
+        Parameters
+        ----------
+        skipped_samples : int
+            Samples per channel that the live analysis skipped (they are in the file).
+
+        Raises
+        ------
+        StorageError
+            Where it cannot be written; what was written before stays readable.
+        """
+        if self._closed:
+            return
+        try:
+            self._flush(results_too=True)
+            self._mcap.add_metadata(END_RECORD, sealed(self._end_document(skipped_samples)))
+            self._mcap.finish()
+            self._file.close()
+        except OSError as error:
+            raise self._fail(error) from error
+        self._closed = True
+
+    def _begin(self) -> None:
+        header = self._header
+        channels = header.acquisition.channels
+        self._mcap.start(profile=PROFILE, library=header.program)
+        self._mcap.add_metadata(RUN_RECORD, sealed(header_document(header)))
+        self._mcap.add_metadata(
+            CALIBRATION_RECORD,
+            {c.name: json.dumps(calibration_document(c.calibration)) for c in channels if c.calibration is not None},
+        )
+        self._mcap.add_attachment(
+            header.started_ns, header.started_ns, CONFIG_ATTACHMENT, "application/toml", header.config_toml.encode()
+        )
+        data = definitions()
+        for topic, message in TOPICS.items():
+            schema = self._mcap.register_schema(f"rig.{message}", SchemaEncoding.Protobuf, data)
+            about = (
+                {"rate_hz": repr(self._rate), "channels": ",".join(c.name for c in channels)}
+                if topic == SAMPLES
+                else {}
+            )
+            self._mcap.register_channel(topic, MessageEncoding.Protobuf, schema, about)
+        self._file.settle()
+
+    def _check(self, block: SampleBlock) -> None:
+        n_channels = len(self._header.acquisition.channels)
+        if block.codes.shape[0] != n_channels:
+            raise ValueError(f"block of {block.codes.shape[0]} channels, expected {n_channels}")
+        if (block.segment, block.first_sample) != (self._segment, self._next_sample):
+            raise ValueError(
+                f"block of segment {block.segment} from sample {block.first_sample}, expected segment {self._segment} "
+                f"from sample {self._next_sample}"
+            )
+
+    def _flush(self, *, results_too: bool) -> None:
+        """Close the chunk being built and hand it to the operating system."""
+        self._mcap.flush()
+        self._since_flush = 0
+        if results_too:
+            self._since_results = 0
+            while self._results:
+                result = self._results.popleft()
+                log_time = result.log_time_ns + self._starts_ns[result.segment] - self._starts_ns[0]
+                self._mcap.add_message(CHANNEL_IDS[result.topic], log_time, result.data, log_time)
+            self._mcap.flush()
+        self._file.settle()
+
+    def _end_document(self, skipped_samples: int) -> dict[str, object]:
+        return {
+            "complete": self._next_sample == 0,  # no segment left open
+            "gap_free": len(self._ends) == 1 and self._ends[0].is_gap_free,
+            "samples": sum(end.samples for end in self._ends) + self._next_sample,
+            "skipped_samples": skipped_samples,
+            "segments": [
+                {
+                    "segment": end.segment,
+                    "samples": end.samples,
+                    "reason": end.reason.value,
+                    "lost": end.lost,
+                    "lost_is_exact": end.lost_is_exact,
+                    "detail": end.detail,
+                }
+                for end in self._ends
+            ],
+        }
+
+    def _fail(self, error: OSError) -> StorageError:
+        """Cut the file back to what is whole, let go of it, and say what happened."""
+        self._failure = f"{self.path}: cannot be written: {error.strerror or error}"
+        self._closed = True
+        self._file.cut_back()
+        return StorageError(self._failure)
+
+
+class _AppendedFile:
+    """A new file that is only appended to, without a buffer of its own, and knows up to where it is whole."""
+
+    def __init__(self, path: Path) -> None:
+        try:
+            self._file = io.FileIO(path, "xb")
+        except FileExistsError as error:
+            raise StorageError(f"{path}: exists already; a run is never written over another") from error
+        except FileNotFoundError as error:
+            raise StorageError(f"{path}: cannot be created: there is no folder {path.parent}") from error
+        except OSError as error:
+            raise StorageError(f"{path}: cannot be created: {error.strerror or error}") from error
+        self._path = path
+        self._length = 0
+        self._settled = 0
+
+    def write(self, data: bytes) -> int:
+        """Append all of the data; OSError where the disk is full."""
+        left = memoryview(data)
+        while left:
+            written = self._file.write(left)
+            left = left[written:]
+        self._length += len(data)
+        return len(data)
+
+    def tell(self) -> int:
+        """Return the length of the file."""
+        return self._length
+
+    def flush(self) -> None:
+        """Nothing is held back."""
+
+    def settle(self) -> None:
+        """Remember that the file is whole up to here."""
+        self._settled = self._length
+
+    def cut_back(self) -> None:
+        """Drop what was written since it was last whole, and close."""
+        with suppress(
+            OSError
+        ):  # the disk is gone: what it holds is all there is, and readers find the last whole chunk
+            self._file.truncate(self._settled)
+        with suppress(OSError):
+            self._file.close()
+        if self._settled == 0:
+            with suppress(OSError):
+                self._path.unlink()
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
