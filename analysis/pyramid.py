@@ -1,0 +1,83 @@
+"""Samples at halved, quartered, … rates: what an angular grid is read from without aliasing, at any speed."""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal.windows import kaiser
+
+FloatArray = NDArray[np.float64]
+
+REACH = 27  # odd: samples on each side that the half-band filter uses
+_BETA = 8.6  # of its Kaiser window: stop band 86 dB from 0.3 of the input rate
+
+
+def _half_band() -> FloatArray:
+    """Return the taps at odd distances of the half-band low-pass (that at 0 is 1/2, those at even distances vanish)."""
+    distance = np.arange(-REACH, REACH + 1, 2)
+    taps = np.sin(0.5 * np.pi * distance) / (np.pi * distance) * kaiser(2 * REACH + 1, _BETA)[::2]
+    return np.asarray(0.5 * taps / taps.sum(), dtype=np.float64)  # gain 1 at rest
+
+
+_TAPS = _half_band()
+
+
+class Pyramid:
+    """The last samples at the sampling rate over 1, 2, 4, …, kept up as samples come.
+
+    Sample m of level k lies at sample m * 2**k of the original: the filters are symmetric and delay nothing, only
+    the newest samples of a level come later than those of the one below.
+
+    Parameters
+    ----------
+    n_channels : int
+        Number of channels.
+    levels : int
+        Number of levels, the original one included.
+    keep : int
+        Samples that each level remembers.
+    first : int
+        Index of the first sample to come.
+    """
+
+    def __init__(self, n_channels: int, levels: int, keep: int, first: int) -> None:
+        self._keep = max(keep, 4 * REACH)
+        self._samples = [np.empty((n_channels, 0)) for _ in range(levels)]
+        self._first = [first]
+        self._next = [first]  # index, in its level, of the first sample not yet made; that of level 0 is its end
+        for _ in range(levels - 1):
+            start = -((-self._first[-1] - REACH) // 2)
+            self._first.append(start)
+            self._next.append(start)
+
+    @property
+    def levels(self) -> int:
+        """Number of levels."""
+        return len(self._samples)
+
+    def push(self, samples: FloatArray) -> None:
+        """Take consecutive samples, shape (n_channels, n)."""
+        self._append(0, samples)
+        for level in range(1, self.levels):
+            first, end = self._next[level], (self._next[level - 1] - 1 - REACH) // 2 + 1
+            if end <= first:
+                break
+            below, origin = self._samples[level - 1], self._first[level - 1]
+            even = below[:, 2 * first - origin : 2 * end - 1 - origin : 2]
+            odd = below[:, 2 * first - REACH - origin : 2 * end - 1 + REACH - origin : 2]
+            filtered = np.stack([np.convolve(row, _TAPS, mode="valid") for row in odd])
+            self._append(level, 0.5 * even + filtered)
+        self._trim()
+
+    def _append(self, level: int, samples: FloatArray) -> None:
+        self._samples[level] = np.concatenate([self._samples[level], samples], axis=1)
+        self._next[level] += samples.shape[1]
+
+    def _trim(self) -> None:
+        for level, samples in enumerate(self._samples):
+            surplus = samples.shape[1] - self._keep
+            if surplus > 0:
+                self._samples[level] = samples[:, surplus:].copy()
+                self._first[level] += surplus
+
+    def level(self, level: int) -> tuple[FloatArray, int]:
+        """Return the samples of a level, shape (n_channels, n), and the index of the first of them in that level."""
+        return self._samples[level], self._first[level]

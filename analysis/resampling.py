@@ -1,0 +1,57 @@
+"""Values between samples: a windowed-sinc interpolator that is good to 0.42 of the sampling rate."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+HALF = 16  # samples used on each side
+_PHASES = 512  # rows of the table between two samples
+_BETA = 7.7  # of the Kaiser window: error below 1e-3 to 0.42 of the sampling rate
+
+
+def _kernel_table() -> FloatArray:
+    """Return the weights of 2 * HALF neighbours for each of the phases from 0 to 1, shape (_PHASES + 1, 2 * HALF)."""
+    fraction = np.arange(_PHASES + 1)[:, None] / _PHASES
+    distance = fraction - np.arange(1 - HALF, HALF + 1)
+    window = np.i0(_BETA * np.sqrt(np.maximum(1.0 - (distance / HALF) ** 2, 0.0)))
+    weights = np.sinc(distance) * window
+    return np.asarray(weights / weights.sum(axis=1, keepdims=True), dtype=np.float64)
+
+
+_TABLE = _kernel_table()
+
+
+def interpolate(samples: FloatArray, positions: FloatArray) -> FloatArray:
+    """Return the values of each channel at its own positions.
+
+    Parameters
+    ----------
+    samples : ndarray of float64, shape (n_channels, n)
+        Uniform samples.
+    positions : ndarray of float64, shape (n_channels, m)
+        Where to read each channel, in samples from its first, each between ``HALF - 1`` and ``n - 1 - HALF``.
+
+    Returns
+    -------
+    ndarray of float64, shape (n_channels, m)
+        Interpolated values; amplitudes are kept within 0.01 % below 0.4 of the sampling rate.
+
+    Raises
+    ------
+    ValueError
+        Where positions lie too near the ends.
+    """
+    whole = np.floor(positions).astype(np.int64)
+    if positions.size and (whole.min() < HALF - 1 or whole.max() + HALF > samples.shape[-1] - 1):
+        raise ValueError(
+            f"positions: {positions.min():.1f} to {positions.max():.1f} samples, expected {HALF - 1} to "
+            f"{samples.shape[-1] - 1 - HALF}"
+        )
+    fine = (positions - whole) * _PHASES
+    row = np.minimum(fine.astype(np.int64), _PHASES - 1)
+    part = (fine - row)[..., None]
+    weights = (1.0 - part) * _TABLE[row] + part * _TABLE[row + 1]
+    neighbours = whole[..., None] + np.arange(1 - HALF, HALF + 1)
+    values = np.stack([channel[index] for channel, index in zip(samples, neighbours, strict=True)])
+    return np.asarray(np.einsum("cmk,cmk->cm", weights, values), dtype=np.float64)

@@ -1,0 +1,242 @@
+"""The pulses of the tacho as a train: which edge is which pulse, what is missing, what is too much, and how sure."""
+
+from collections import deque
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.run import Tacho
+from analysis.snapshot import TachoReport, TachoState
+
+FloatArray = NDArray[np.float64]
+
+GATE = 0.3  # of the predicted period: how far an edge may lie from its prediction
+GATE_FILLED = 0.25  # the same where pulses before it are missing
+MOST_FILLED = 2  # successive pulses that may be missing
+SEED_INTERVALS = 4  # like intervals that make a train
+SEED_RATIO = 1.25  # of successive intervals
+SETTLED = 7  # pulses of a train before its speed is believed
+DIRTY_STREAK = 4  # successive pulses that each needed a repair: the train is not what it was taken for
+MOST_REJECTED = 10  # edges between two pulses
+HISTORY, MOST_REPAIRED = 64, 8  # of the last pulses
+MOST_JITTER = 0.05  # of the pulses' period
+SILENCE = 2.0  # s without an edge: no pulses
+FEWEST_SAMPLES = 20  # a pulse; more edges than that are no shaft
+
+
+class PulseTrain:
+    """Follows the pulses with a predictive gate.
+
+    Four like intervals make a train. Each further edge is compared with the time extrapolated from the last four
+    intervals (their mean and slope): near it, it is the next pulse; too early, it is a double and rejected, unless it
+    lies nearer to the prediction than the one that was taken; one or two periods too late, the pulses between were
+    missing and are counted. Anything else ends the train, and a new one is sought.
+
+    Parameters
+    ----------
+    tacho : Tacho
+        Pulses a revolution, mark and response time.
+    revolutions : int
+        Marks (one a revolution) to remember.
+    """
+
+    def __init__(self, tacho: Tacho, revolutions: int) -> None:
+        self._tacho = tacho
+        self._marks: deque[tuple[int, float]] = deque(maxlen=revolutions)
+        self._seed: deque[float] = deque(maxlen=SEED_INTERVALS + 1)
+        self._intervals: deque[float] = deque(maxlen=SEED_INTERVALS)
+        self._repaired: deque[bool] = deque(maxlen=HISTORY)
+        self._pulses = self._filled = self._rejected = 0
+        self.restart()
+
+    def restart(self) -> None:
+        """Forget the train but not the counts: the next edge does not follow the last."""
+        self._last_edge = -np.inf
+        self._searched = 0  # edges since the search for a train began
+        self._flooded = False
+        self._repaired.clear()
+        self._lose()
+
+    def _lose(self) -> None:
+        self._locked = False
+        self._number = 0  # of the last pulse in its train
+        self._time = self._before = self._predicted = 0.0
+        self._skipped = 1  # periods between the last pulse and the one before
+        self._dirty = self._rejected_since = 0
+        self._seed.clear()
+        self._intervals.clear()
+        self._marks.clear()
+
+    def advance(self, edges: FloatArray, now: float, elapsed: float, rate: float) -> None:
+        """Take the edges of a further stretch of time.
+
+        Parameters
+        ----------
+        edges : ndarray of float64, shape (n,)
+            Times of the edges, s, rising.
+        now : float
+            End of the stretch, s.
+        elapsed : float
+            Its length, s.
+        rate : float
+            Sample rate, Hz.
+        """
+        self._flooded = edges.size > 8 + elapsed * rate / FEWEST_SAMPLES
+        if self._flooded:
+            self._rejected += edges.size
+            self._last_edge = now
+            self._searched = SETTLED + 1
+            self._lose()
+            return
+        for time in edges.tolist():
+            self._edge(time)
+            self._last_edge = time
+        if self._locked and now - self._time > self._expected(MOST_FILLED + 1) + GATE * self._expected(1):
+            self._lose()
+        if now - self._last_edge > SILENCE:
+            self._searched = 0
+            self._lose()
+
+    def _expected(self, periods: int) -> float:
+        a, b, c, d = self._intervals
+        mean = 0.25 * (a + b + c + d)
+        slope = (1.5 * (d - a) + 0.5 * (c - b)) / 5.0
+        slope = min(max(slope, -0.2 * mean), 0.2 * mean)
+        return periods * mean + slope * (1.5 * periods + 0.5 * periods * (periods + 1))
+
+    def _edge(self, time: float) -> None:
+        if not self._locked:
+            self._search(time)
+            return
+        since = time - self._time
+        period = self._expected(1)
+        if since < (1.0 - GATE) * period:
+            self._double(time)
+            return
+        for periods in range(1, MOST_FILLED + 2):
+            gate = GATE if periods == 1 else GATE_FILLED
+            expected = self._expected(periods)
+            if abs(since - expected) <= gate * period:
+                self._accept(time, periods, self._time + expected)
+                return
+        if since < self._expected(MOST_FILLED + 1):
+            self._reject()
+        else:
+            self._lose()
+            self._search(time)
+
+    def _search(self, time: float) -> None:
+        self._searched += 1
+        if len(self._seed) == self._seed.maxlen:
+            self._rejected += 1
+        self._seed.append(time)
+        intervals = np.diff(self._seed)
+        if intervals.size < SEED_INTERVALS or intervals.min() <= 0.0:
+            return
+        ratios = intervals[1:] / intervals[:-1]
+        if ratios.max() > SEED_RATIO or ratios.min() < 1.0 / SEED_RATIO:
+            return
+        self._locked = True
+        self._intervals.extend(intervals.tolist())
+        self._pulses += len(self._seed)
+        self._number = len(self._seed) - 1
+        self._before, self._time = self._seed[-2], self._seed[-1]
+        self._predicted = self._time
+        for number, seed in enumerate(self._seed):
+            self._mark(number, seed)
+
+    def _mark(self, number: int, time: float) -> None:
+        turn, rest = divmod(number, self._tacho.pulses_per_revolution)
+        if rest == 0:
+            self._marks.append((turn, time))
+
+    def _accept(self, time: float, periods: int, predicted: float) -> None:
+        is_dirty = periods > 1 or self._rejected_since > 0
+        self._dirty = self._dirty + 1 if is_dirty else 0
+        self._repaired.append(is_dirty)
+        self._pulses += 1
+        self._filled += periods - 1
+        self._rejected_since = 0
+        self._intervals.extend([(time - self._time) / periods] * periods)
+        self._number += periods
+        self._before, self._time = self._time, time
+        self._skipped, self._predicted = periods, predicted
+        self._mark(self._number, time)
+        if self._dirty >= DIRTY_STREAK:
+            self._searched = SETTLED + 1
+            self._lose()
+
+    def _double(self, time: float) -> None:
+        is_better = abs(time - self._predicted) < abs(self._time - self._predicted)
+        if is_better:
+            was_mark = self._number % self._tacho.pulses_per_revolution == 0
+            for _ in range(self._skipped):
+                self._intervals.pop()
+            self._time = time
+            interval = (time - self._before) / self._skipped
+            self._intervals.extend([interval] * self._skipped)
+            if was_mark:
+                self._marks.pop()
+                self._mark(self._number, time)
+            self._rejected += 1
+            self._repaired.append(True)
+            return
+        self._reject()
+
+    def _reject(self) -> None:
+        self._rejected += 1
+        self._rejected_since += 1
+        if self._rejected_since > MOST_REJECTED:
+            self._searched = SETTLED + 1
+            self._lose()
+
+    @property
+    def marks(self) -> tuple[NDArray[np.int64], FloatArray]:
+        """Revolution number and time, s, of the last marks of the train, one a revolution, missing ones left out."""
+        turns = np.array([turn for turn, _ in self._marks], dtype=np.int64)
+        return turns, np.array([time for _, time in self._marks], dtype=np.float64)
+
+    @property
+    def is_settled(self) -> bool:
+        """Whether there is a train that has held long enough to be believed."""
+        return self._locked and self._number + 1 >= SETTLED
+
+    def speed(self, interval: float) -> float:
+        """Return the mean speed over the last whole revolutions that fill ``interval`` seconds (at least one), rad/s.
+
+        NaN where the pulses do not tell.
+        """
+        if not self.is_settled or len(self._marks) < 2:
+            return np.nan
+        turns, times = self.marks
+        first = max(int(np.searchsorted(times, times[-1] - interval, side="right")) - 1, 0)
+        first = min(first, times.size - 2)
+        return float(2.0 * np.pi * (turns[-1] - turns[first]) / (times[-1] - times[first]))
+
+    def state(self, now: float, speed: float, jitter: float) -> TachoState:
+        """Return the verdict.
+
+        Parameters
+        ----------
+        now : float
+            End of the samples, s.
+        speed : float
+            From `speed`, rad/s.
+        jitter : float
+            Scatter of the edges about the smooth angle, s; NaN where it is not known.
+        """
+        if now - self._last_edge > SILENCE:
+            return TachoState.NO_PULSES
+        if self._flooded or not self.is_settled or np.isnan(speed):
+            return TachoState.IRREGULAR if self._searched > SETTLED else TachoState.NO_PULSES
+        period = 2.0 * np.pi / (speed * self._tacho.pulses_per_revolution)
+        if sum(self._repaired) > MOST_REPAIRED or jitter > MOST_JITTER * period:
+            return TachoState.IRREGULAR
+        fraction = min(self._tacho.mark_fraction, 1.0 - self._tacho.mark_fraction)
+        if fraction * period < self._tacho.response_time:
+            return TachoState.TOO_FAST
+        return TachoState.GOOD
+
+    def report(self, state: TachoState, jitter: float) -> TachoReport:
+        """Return the verdict with the counts since the run began and the scatter, s."""
+        return TachoReport(state, self._pulses, self._filled, self._rejected, jitter)
