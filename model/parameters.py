@@ -84,7 +84,8 @@ class Imbalance:
     magnitude : float
         Mass times eccentricity, kg m.
     phase : float
-        Angle of the heavy spot from the tacho mark in the direction of rotation, rad. At theta = 0 the mark points to +X.
+        Angle of the heavy spot from the tacho mark in the direction of rotation, rad. At theta = 0 the mark points
+        to +X.
     """
 
     station: int
@@ -114,8 +115,8 @@ class ModelParameters:
     Raises
     ------
     ValueError
-        Where a station does not exist, gravity is negative, or an imbalance is larger than the mass at its station times
-        the clearance: such a wheel's centre of mass would lie outside the room the shaft can move in.
+        Where a station does not exist, gravity is negative, or an imbalance is larger than the rotor's mass times the
+        bearing's clearance: a rotor that turns about its centre of mass would not fit into the bearing.
     """
 
     rotor: Rotor
@@ -141,9 +142,9 @@ class ModelParameters:
                 raise ValueError(f"imbalance: {imbalance.magnitude:g} kg m, expected a finite value, 0 or more")
             if not math.isfinite(imbalance.phase):
                 raise ValueError(f"imbalance: phase {imbalance.phase} rad, expected a finite angle")
-            most = self.rotor.masses[imbalance.station - 1] * self.bearing.clearance
+            most = sum(self.rotor.masses) * self.bearing.clearance
             if imbalance.magnitude > most:
                 raise ValueError(
-                    f"imbalance: {imbalance.magnitude:g} kg m at station {imbalance.station}, expected at most {most:g} kg m "
-                    f"(the mass there times the bearing's clearance of {self.bearing.clearance * 1e6:g} µm)"
+                    f"imbalance: {imbalance.magnitude:g} kg m at station {imbalance.station}, expected at most "
+                    f"{most:g} kg m (the rotor's mass times the bearing's clearance of {self.bearing.clearance:g} m)"
                 )

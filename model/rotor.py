@@ -70,7 +70,8 @@ class Rotor:
         first, second = self.bearing_stations
         if not 1 <= first < second <= n:
             raise ValueError(
-                f"bearing_stations: {self.bearing_stations}, expected two different stations from 1 to {n} in rising order"
+                f"bearing_stations: {self.bearing_stations}, expected two different stations from 1 to {n}, "
+                "in rising order"
             )
 
     @property

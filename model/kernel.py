@@ -1,0 +1,399 @@
+"""The compiled inner loop: film forces and the implicit march in time.
+
+All compiled code stands in this one file: a compiled cache on disk is renewed when its own source file changes, not
+when a file that it imports does. Nothing is compiled when the file is imported, only at the first call.
+
+Complex numbers are vectors in the bench's plane, ``X + i Y``.
+"""
+
+from collections.abc import Callable
+from typing import Any, ParamSpec, TypeVar, cast
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from model.system import NO_LEVEL, Films, Levels, Shaft, State, Work
+
+FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+WALL = 1e-4  # smallest 1 - eccentricity² that is computed: beyond it the film's equations lose their digits
+NEWTON_ITERATIONS = 25
+NO_FAILURE = -1
+LARGEST_TURN = 2 * np.pi / 48  # that the shaft may make in one step, rad
+
+
+def compiled(function: Callable[P, R]) -> Callable[P, R]:
+    """Compile a function at its first call, keep it on disk, and release the interpreter's lock while it runs.
+
+    The one place where numba's decorator, which carries no types, meets typed code.
+    """
+    decorate = cast("Callable[[Any], Any]", numba.njit(cache=True, nogil=True, error_model="numpy"))
+    return cast("Callable[P, R]", decorate(function))
+
+
+@compiled
+def capone_force(
+    position: complex, velocity: complex, clearance: float, surface_speed: float, factor: float
+) -> complex:
+    """Return the force of a short film, cavitated where its pressure falls below zero, on the inner body, N.
+
+    Capone's closed form, thesis eq. (4.38), with one correction: F = q / (1 - q²). The printed q / (1 - x² - y²) is
+    equal only without squeeze and wrong by up to fifteen times at large velocities.
+
+    Parameters
+    ----------
+    position : complex
+        Of the inner body from the outer one, m; less than the clearance.
+    velocity : complex
+        Of the inner body against the outer one, m/s.
+    clearance : float
+        Radial, m.
+    surface_speed : float
+        Sum of the angular speeds of both surfaces, rad/s.
+    factor : float
+        mu R L³ / (4 C²), N s.
+
+    Returns
+    -------
+    complex
+        N; 0 where nothing moves.
+    """
+    x, y = position.real / clearance, position.imag / clearance
+    A = surface_speed * x - 2 * velocity.imag / clearance
+    B = surface_speed * y + 2 * velocity.real / clearance
+    s = np.hypot(A, B)
+    if s == 0.0:
+        return 0j
+    cos_a, sin_a = -A / s, -B / s  # alpha = arctan(B/A) - pi/2 sign(B/A) - pi/2 sign(B), without its 0/0
+    u = 1 - x * x - y * y
+    root = np.sqrt(u)
+    p = y * cos_a - x * sin_a
+    q = x * cos_a + y * sin_a
+    G = 2 / root * (0.5 * np.pi + np.arctan(p / root))
+    V = (2 + p * G) / u
+    F = q / (1 - q * q)  # printed q / (1 - x² - y²)
+    scale = -factor * s / u
+    return complex(
+        scale * (3 * x * V - sin_a * G - 2 * cos_a * F),
+        scale * (3 * y * V + cos_a * G - 2 * sin_a * F),
+    )  # Eq. (4.38)
+
+
+@compiled
+def film_stiffness(
+    position: complex, velocity: complex, drag: complex, clearance: float, surface_speed: float, factor: float
+) -> FloatArray:
+    """Return the change of a film's force with the position, (2, 2), N/m, by finite differences.
+
+    Parameters
+    ----------
+    position, velocity, clearance, surface_speed, factor : complex and float
+        As for ``capone_force``.
+    drag : complex
+        Change of velocity per change of position, 1/s: 2 / step in the march, i Omega in the turning frame.
+    """
+    jacobian = np.empty((2, 2))
+    start = capone_force(position, velocity, clearance, surface_speed, factor)
+    for k in range(2):
+        change = 1e-7 * clearance * (1j if k else 1.0 + 0j)
+        if (position.conjugate() * change).real > 0:
+            change = -change  # never towards the wall
+        force = capone_force(position + change, velocity + drag * change, clearance, surface_speed, factor)
+        slope = (force - start) / (change.imag if k else change.real)
+        jacobian[0, k] = slope.real
+        jacobian[1, k] = slope.imag
+    return jacobian
+
+
+@compiled
+def _nearest_wall(films: Films, journals: ComplexArray, rings: ComplexArray) -> float:
+    # smallest 1 - eccentricity² of the four films at these positions
+    nearest = 1.0
+    for b in range(2):
+        inner = np.abs(journals[b] - rings[b]) / films.inner_clearance
+        outer = np.abs(rings[b]) / films.outer_clearance
+        nearest = min(nearest, 1 - inner * inner, 1 - outer * outer)
+    return nearest
+
+
+@compiled
+def _work(modes: int) -> Work:
+    return Work(
+        np.zeros((2, 2), np.complex128),
+        np.zeros((2, 2), np.complex128),
+        np.zeros((2, 2), np.complex128),
+        np.zeros((2, 2), np.complex128),
+        np.zeros((2, 2), np.complex128),
+        np.zeros((2, 2), np.complex128),
+        np.zeros((2, 2), np.complex128),
+        np.zeros(8),
+        np.zeros(8),
+        np.zeros((8, 16)),
+        np.zeros((3, modes), np.complex128),
+    )
+
+
+@compiled
+def _film_forces(films: Films, speed: float, work: Work) -> None:
+    journals, rings = work.journals, work.rings
+    for b in range(2):
+        work.forces[0, b] = capone_force(
+            journals[0, b] - rings[0, b],
+            journals[1, b] - rings[1, b],
+            films.inner_clearance,
+            films.inner_speed * speed,
+            films.inner_factor,
+        )
+        work.forces[1, b] = capone_force(
+            rings[0, b], rings[1, b], films.outer_clearance, films.outer_speed * speed, films.outer_factor
+        )
+
+
+@compiled
+def _newton_matrix(films: Films, speed: float, step: float, work: Work) -> None:
+    # left half of ``augmented``: d(residual) / d(journals, rings)
+    journals, rings, matrix = work.journals, work.rings, work.augmented
+    rate, ring_factor = 2 / step, step * step / (4 * films.ring_mass)
+    matrix[:] = 0.0
+    for j in range(8):
+        matrix[j, j] = 1.0
+    for c in range(2):
+        inner = film_stiffness(
+            journals[0, c] - rings[0, c],
+            journals[1, c] - rings[1, c],
+            rate + 0j,
+            films.inner_clearance,
+            films.inner_speed * speed,
+            films.inner_factor,
+        )
+        outer = film_stiffness(
+            rings[0, c], rings[1, c], rate + 0j, films.outer_clearance, films.outer_speed * speed, films.outer_factor
+        )
+        for k in range(2):
+            for b in range(2):
+                through = work.receptance[b, c] * complex(inner[0, k], inner[1, k])
+                matrix[2 * b, 2 * c + k] -= through.real
+                matrix[2 * b + 1, 2 * c + k] -= through.imag
+                matrix[2 * b, 4 + 2 * c + k] += through.real
+                matrix[2 * b + 1, 4 + 2 * c + k] += through.imag
+            for j in range(2):
+                matrix[4 + 2 * c + j, 2 * c + k] += ring_factor * inner[j, k]
+                matrix[4 + 2 * c + j, 4 + 2 * c + k] -= ring_factor * (inner[j, k] + outer[j, k])
+
+
+@compiled
+def _invert(augmented: FloatArray) -> None:
+    # Gauss and Jordan's method with row pivots: the right half becomes the inverse of the left
+    n = augmented.shape[0]
+    for row in range(n):
+        augmented[row, n + row] = 1.0
+    for column in range(n):
+        pivot = column
+        for row in range(column + 1, n):
+            if abs(augmented[row, column]) > abs(augmented[pivot, column]):
+                pivot = row
+        for k in range(2 * n):
+            augmented[column, k], augmented[pivot, k] = augmented[pivot, k], augmented[column, k]
+        scale = 1 / augmented[column, column]
+        for k in range(2 * n):
+            augmented[column, k] *= scale
+        for row in range(n):
+            factor = augmented[row, column]
+            if row != column:
+                for k in range(2 * n):
+                    augmented[row, k] -= factor * augmented[column, k]
+
+
+@compiled
+def _miss(films: Films, step: float, work: Work) -> float:
+    # Residual at the present journals and rings; returns its largest part, m.
+    ring_factor = step * step / (4 * films.ring_mass)
+    journals, forces, H = work.journals, work.forces, work.receptance
+    size = 0.0
+    for b in range(2):
+        of_journal = journals[0, b] - work.free[0, b] - H[b, 0] * forces[0, 0] - H[b, 1] * forces[0, 1]
+        of_ring = work.rings[0, b] - work.free[1, b] - ring_factor * (forces[1, b] - forces[0, b])
+        work.residual[2 * b], work.residual[2 * b + 1] = of_journal.real, of_journal.imag
+        work.residual[4 + 2 * b], work.residual[5 + 2 * b] = of_ring.real, of_ring.imag
+        size = max(size, np.abs(of_journal), np.abs(of_ring))
+    return size
+
+
+@compiled
+def _move(films: Films, inverse: FloatArray, work: Work) -> bool:
+    # Newton's step, halved while it would lead to the wall
+    journals, rings, change = work.journals, work.rings, work.change
+    room = max(WALL, 0.2 * _nearest_wall(films, journals[0], rings[0]))
+    for j in range(8):
+        change[j] = 0.0
+        for k in range(8):
+            change[j] -= inverse[j, k] * work.residual[k]
+    fraction = 1.0
+    for _ in range(30):
+        for b in range(2):
+            journals[0, b] += fraction * complex(change[2 * b], change[2 * b + 1])
+            rings[0, b] += fraction * complex(change[4 + 2 * b], change[5 + 2 * b])
+        if _nearest_wall(films, journals[0], rings[0]) >= room:
+            return True
+        fraction = -0.5 * fraction if fraction > 0 else 0.5 * fraction  # walk back half of the way
+    return False
+
+
+@compiled
+def _solve_films(films: Films, levels: Levels, level: int, state: State, work: Work) -> bool:
+    # Find journals and rings, positions and velocities, at the end of the step.
+    step, speed = levels.steps[level], state.speed[0]
+    journals, rings, start_j, start_r = work.journals, work.rings, work.start_journals, work.start_rings
+    journals[0], rings[0] = start_j[0] + step * start_j[1], start_r[0] + step * start_r[1]
+    if _nearest_wall(films, journals[0], rings[0]) < WALL:
+        journals[0], rings[0] = start_j[0], start_r[0]
+    last = np.inf
+    for _ in range(NEWTON_ITERATIONS):
+        journals[1] = 2 / step * (journals[0] - start_j[0]) - start_j[1]
+        rings[1] = 2 / step * (rings[0] - start_r[0]) - start_r[1]
+        _film_forces(films, speed, work)
+        size = _miss(films, step, work)
+        if size < 1e-9 * films.inner_clearance:
+            return True
+        if state.level[0] != level or size > 0.1 * last:
+            _newton_matrix(films, speed, step, work)
+            _invert(work.augmented)
+            state.inverse[:] = work.augmented[:, 8:]
+            state.level[0] = level
+        last = size
+        if not _move(films, state.inverse, work):
+            return False
+    return False
+
+
+@compiled
+def _free_motion(shaft: Shaft, films: Films, levels: Levels, level: int, state: State, work: Work) -> None:
+    # Where journals and rings would come to without film forces, and how film forces would move them.
+    h, psi = levels.steps[level], levels.journals[level]
+    y, compliance = work.modal[1], work.modal[2]
+    for b in range(2):
+        start, rate, free, own, other = 0j, 0j, 0j, 0j, 0j
+        for k in range(y.size):
+            start += shaft.journals[b, k] * state.modal[0, k]
+            rate += shaft.journals[b, k] * state.modal[1, k]
+            free += psi[b, k] * y[k]
+            own += psi[b, k] * psi[b, k] * compliance[k]
+            other += psi[b, k] * psi[1 - b, k] * compliance[k]
+        work.start_journals[0, b], work.start_journals[1, b] = start, rate
+        work.free[0, b] = free
+        work.receptance[b, b], work.receptance[b, 1 - b] = own, other
+        place, rate, acceleration = state.rings[0, b], state.rings[1, b], state.rings[2, b]
+        work.start_rings[0, b], work.start_rings[1, b] = place, rate
+        work.free[1, b] = place + h * rate + h * h / 4 * (acceleration - 1j * films.gravity)
+
+
+@compiled
+def _step(shaft: Shaft, films: Films, levels: Levels, level: int, state: State, work: Work) -> bool:
+    # Newmark's step, beta = 1/4, gamma = 1/2, to the state's angle and speed; False where it has no solution
+    h, speed, T = levels.steps[level], state.speed[0], levels.transforms[level]
+    q, v, a = state.modal[0], state.modal[1], state.modal[2]
+    force, y, compliance = work.modal[0], work.modal[1], work.modal[2]
+    imbalance = speed * speed * np.exp(1j * state.angle[0])
+    for i in range(q.size):
+        force[i] = imbalance * shaft.imbalance[i] + shaft.weight[i] + 4 / (h * h) * q[i] + 4 / h * v[i] + a[i]
+        for j in range(q.size):
+            force[i] -= 1j * speed * shaft.gyroscopic[i, j] * (2 / h * q[j] + v[j])
+    for k in range(q.size):
+        compliance[k] = 1 / (1 - 1j * speed * levels.gyroscopic[level, k])
+        y[k] = 0j
+        for i in range(q.size):
+            y[k] += T[i, k] * force[i]
+        y[k] *= compliance[k]
+    _free_motion(shaft, films, levels, level, state, work)
+    if not _solve_films(films, levels, level, state, work):
+        return False
+    for k in range(q.size):
+        pushed = levels.journals[level, 0, k] * work.forces[0, 0] + levels.journals[level, 1, k] * work.forces[0, 1]
+        y[k] += compliance[k] * pushed
+    _newmark_end(h, T, y, state)
+    state.rings[:2] = work.rings
+    state.rings[2] = (work.forces[1] - work.forces[0]) / films.ring_mass - 1j * films.gravity
+    return True
+
+
+@compiled
+def _newmark_end(h: float, T: FloatArray, y: ComplexArray, state: State) -> None:
+    q, v, a = state.modal[0], state.modal[1], state.modal[2]
+    for i in range(q.size):
+        end = 0j
+        for k in range(q.size):
+            end += T[i, k] * y[k]
+        change = end - q[i]
+        a[i] = 4 / (h * h) * change - 4 / h * v[i] - a[i]
+        v[i] = 2 / h * change - v[i]
+        q[i] = end
+
+
+@compiled
+def _follow(
+    shaft: Shaft, films: Films, levels: Levels, level: int, state: State, course: FloatArray, work: Work
+) -> bool:
+    # One step of the caller's in 4^level parts; course: angle and speed at start and end, (2, 2)
+    parts = 4**level
+    for part in range(1, parts + 1):
+        state.angle[0] = course[0, 0] + (course[1, 0] - course[0, 0]) * part / parts
+        state.speed[0] = course[0, 1] + (course[1, 1] - course[0, 1]) * part / parts
+        if not _step(shaft, films, levels, level, state, work):
+            return False
+    return True
+
+
+@compiled
+def march(
+    shaft: Shaft,
+    films: Films,
+    levels: Levels,
+    state: State,
+    angles: FloatArray,
+    speeds: FloatArray,
+    displacement: ComplexArray,
+) -> int:
+    """Follow the shaft through ``angles`` and ``speeds`` at equal steps.
+
+    Where the shaft turns too far in a step, or Newton's method finds no way, the step is divided by four, repeatedly.
+
+    Parameters
+    ----------
+    shaft, films, levels : Shaft, Films, Levels
+        The system and its step.
+    state : State
+        Where the motion stands; changed.
+    angles, speeds : ndarray of float64, shape (n,)
+        The shaft's angle, rad, and speed, rad/s, at the ends of the steps.
+    displacement : ndarray of complex128, shape (n,)
+        Filled with the displacement at the probes' station, m.
+
+    Returns
+    -------
+    int
+        ``NO_FAILURE``, or the step at which no division helped: the motion reached a wall.
+    """
+    work = _work(shaft.probe.size)
+    course = np.empty((2, 2))
+    for n in range(angles.size):
+        course[0, 0], course[0, 1] = state.angle[0], state.speed[0]
+        course[1, 0], course[1, 1] = angles[n], speeds[n]
+        level, fastest = 0, max(course[0, 1], course[1, 1])
+        while levels.steps[level] * fastest > LARGEST_TURN and level < levels.steps.size - 1:
+            level += 1
+        modal, rings = state.modal.copy(), state.rings.copy()
+        while not _follow(shaft, films, levels, level, state, course, work):
+            state.modal[:], state.rings[:] = modal, rings
+            state.level[0] = NO_LEVEL
+            level += 1
+            if level == levels.steps.size:
+                return n
+        displacement[n] = 0j
+        for k in range(shaft.probe.size):
+            displacement[n] += shaft.probe[k] * state.modal[0, k]
+    return NO_FAILURE

@@ -1,0 +1,182 @@
+"""Motion of the shaft in time: modes, gyroscopic moments, oil films, imbalance and weight, integrated implicitly.
+
+Newmark's method (beta = 1/4, gamma = 1/2: second order, no numerical damping) in complex modal coordinates; each step
+is condensed to the two journals and the two rings, where Newton's method finds the films' forces.
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.errors import WallContactError
+from model.kernel import LARGEST_TURN, NO_FAILURE, march
+from model.parameters import ModelParameters
+from model.system import NO_LEVEL, Levels, ModalSystem, State
+
+FloatArray = NDArray[np.float64]
+
+STEPS_PER_TURN = 64
+SLOWEST = 50.0  # rad/s: below it a turn's time is no measure for settling or for the step
+LARGEST_STEP = 64 * LARGEST_TURN  # what three divisions by four make small enough, rad
+
+
+class ShaftMotion:
+    """The shaft's motion along any course of angle and speed.
+
+    All state is kept between calls: the result does not depend on how a course is cut into calls, bit for bit. The
+    imbalance's term with the angular acceleration, smaller than the kept one by acceleration / speed², is left out.
+
+    Parameters
+    ----------
+    parameters : ModelParameters
+        The rotor.
+    speed : float
+        Speed at the start, rad/s, 0 or more.
+    turns_to_settle : int
+        Turns at ``speed`` before the start, from rest in the bearings' centre.
+    angle : float
+        Of the shaft at the start, rad: the first step leads from there to the first angle given to ``advance``.
+
+    Raises
+    ------
+    ValueError
+        Where speed or turns are negative.
+    WallContactError
+        Where the motion reaches a wall while it settles.
+    """
+
+    def __init__(
+        self, parameters: ModelParameters, speed: float, turns_to_settle: int = 300, *, angle: float = 0.0
+    ) -> None:
+        if turns_to_settle < 0:
+            raise ValueError(f"turns_to_settle: {turns_to_settle}, expected 0 or more")
+        if not math.isfinite(angle):
+            raise ValueError(f"angle: {angle} rad, expected a finite value")
+        _require_speed(speed)
+        self._system = ModalSystem.of(parameters)
+        self._levels: dict[float, Levels] = {}
+        modes = self._system.shaft.squares.size
+        turning = max(speed, SLOWEST)
+        step = 2 * math.pi / (STEPS_PER_TURN * turning)
+        elapsed = step * np.arange(1 - turns_to_settle * STEPS_PER_TURN, 1, dtype=np.float64)
+        self._state = State(
+            modal=np.zeros((3, modes), np.complex128),
+            rings=np.zeros((3, 2), np.complex128),
+            inverse=np.eye(8),
+            level=np.array([NO_LEVEL], np.int64),
+            angle=np.array([angle - speed * step * elapsed.size]),
+            speed=np.array([float(speed)]),
+        )
+        self.advance(angle + speed * elapsed, np.full(elapsed.size, float(speed)), step)
+
+    @property
+    def speed(self) -> float:
+        """Speed of the shaft now, rad/s."""
+        return float(self._state.speed[0])
+
+    @property
+    def displacement(self) -> FloatArray:
+        """Displacement at the probes' station now, (2,), in X and Y, m."""
+        now = complex(self._system.shaft.probe @ self._state.modal[0])
+        return np.array([now.real, now.imag])
+
+    def change_speed(self, speed: float) -> None:
+        """Go on at another speed, rad/s, above 0, at once: velocities grow with the speed, places stay."""
+        _require_speed(speed)
+        ratio = speed / max(self.speed, SLOWEST)
+        for motion in (self._state.modal, self._state.rings):
+            motion[1] *= ratio
+            motion[2] *= ratio**2
+        self._state.speed[0] = speed
+
+    def turns(self, count: int, points_per_turn: int = STEPS_PER_TURN) -> FloatArray:
+        """Follow the shaft through whole turns at its present speed, which must not be 0.
+
+        Parameters
+        ----------
+        count : int
+            Turns.
+        points_per_turn : int
+            Steps in a turn.
+
+        Returns
+        -------
+        ndarray of float64, shape (2, count * points_per_turn)
+            Displacement in X and Y, m, from the present angle on (the end of the last turn is not in it).
+        """
+        if self.speed == 0:
+            raise ValueError("speed: 0 rad/s, expected a turning shaft")
+        turn = 2 * math.pi / points_per_turn
+        angle = self._state.angle[0] + turn * np.arange(1, count * points_per_turn + 1)
+        now = self.displacement
+        later = self.advance(angle, np.full(angle.size, self.speed), turn / self.speed)
+        return np.concatenate((now[:, None], later[:, :-1]), axis=1)
+
+    def advance(self, angle: FloatArray, speed: FloatArray, step: float) -> FloatArray:
+        """Follow the shaft through further time steps.
+
+        Parameters
+        ----------
+        angle : ndarray of float64, shape (n,)
+            Of the shaft at the ends of the steps, rad.
+        speed : ndarray of float64, shape (n,)
+            Of the shaft there, rad/s, 0 or more.
+        step : float
+            Time step, s. Steps in which the shaft makes more than 1/48 turn are divided inside.
+
+        Returns
+        -------
+        ndarray of float64, shape (2, n)
+            Displacement at the probes' station in the bench's directions X and Y, m, from the bearings' centre.
+
+        Raises
+        ------
+        ValueError
+            Where shapes, speeds or the step make no sense.
+        WallContactError
+            Where the motion reaches a wall; it cannot be continued then.
+        """
+        angle, speed = np.ascontiguousarray(angle, np.float64), np.ascontiguousarray(speed, np.float64)
+        if angle.ndim != 1 or angle.shape != speed.shape:
+            raise ValueError(f"angle, speed: shapes {angle.shape} and {speed.shape}, expected (n,) twice")
+        if not (math.isfinite(step) and step > 0):
+            raise ValueError(f"step: {step:g} s, expected a finite value above 0")
+        if not np.isfinite(angle).all():
+            raise ValueError("angle: expected finite values, rad")
+        if angle.size:
+            _require_speed(float(speed[np.argmin(speed)]))
+            _require_speed(float(speed[np.argmax(speed)]))
+            fastest = max(float(speed.max()), self.speed)
+            if step * fastest > LARGEST_STEP:
+                raise ValueError(
+                    f"step: {step:g} s, expected at most {LARGEST_STEP / fastest:g} s at {fastest:g} rad/s "
+                    f"({LARGEST_STEP / (2 * math.pi):.1f} turns)"
+                )
+        if step not in self._levels:
+            self._levels[step] = self._system.levels(step)
+        displacement = np.empty(angle.size, np.complex128)
+        system = self._system
+        failed = march(system.shaft, system.films, self._levels[step], self._state, angle, speed, displacement)
+        if failed != NO_FAILURE:
+            raise WallContactError(self._contact(float(speed[failed])))
+        return np.stack((displacement.real, displacement.imag))
+
+    def _contact(self, speed: float) -> str:
+        films, state = self._system.films, self._state
+        journals = self._system.shaft.journals @ state.modal[0]
+        places = [
+            ("inner", "journal", abs(j - r), films.inner_clearance)
+            for j, r in zip(journals, state.rings[0], strict=True)
+        ]
+        places += [("outer", "ring", abs(r), films.outer_clearance) for r in state.rings[0]]
+        film, body, distance, clearance = max(places, key=lambda place: place[2] / place[3])
+        return (
+            f"eccentricity: the {body} came to {distance * 1e6:.2f} µm of the {film} film's clearance of "
+            f"{clearance * 1e6:g} µm at {speed:.1f} rad/s, expected less than the clearance: the shaft touches the wall"
+        )
+
+
+def _require_speed(speed: float) -> None:
+    if not (math.isfinite(speed) and speed >= 0):
+        raise ValueError(f"speed: {speed:g} rad/s, expected a finite value, 0 or more")
