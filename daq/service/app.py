@@ -1,0 +1,101 @@
+"""The service: REST under /api/v1, the operator's page at /, the reference at /docs."""
+
+from importlib.metadata import version
+from typing import Any
+
+from fastapi import FastAPI
+from fastapi.openapi.utils import get_openapi
+
+from daq.errors import ServiceError
+from daq.service.documents import ProblemDocument
+from daq.service.guard import Guard, is_loopback
+from daq.service.pages import PUBLIC_PATHS, Pages
+from daq.service.problems import install
+from daq.service.reference import reference_page
+from daq.service.routes import Catalogue, Live, Routes, Summaries
+from daq.service.safe_headers import SafeHeaders
+
+DISTRIBUTION = "rig-service"
+SCHEMA = "#/components/schemas/{model}"
+DESCRIPTION = (
+    "Runs of a rotor test rig: what is recorded, what the shaft does now, and what a run was. "
+    "Names of fields carry their units; amplitudes say peak (zero-to-peak) or peak-to-peak; a phase is the lag after "
+    "the tacho's mark in degrees, 0 to 360; x and y are the two probes. Numbers are rounded to four decimals."
+)
+TAGS = [
+    {"name": "runs", "description": "What was recorded"},
+    {"name": "live", "description": "What is recorded or replayed now"},
+    {"name": "service", "description": "The service itself"},
+]
+
+
+def create_app(
+    catalogue: Catalogue,
+    live: Live,
+    summaries: Summaries,
+    viewer_url: str | None,
+    *,
+    host: str = "127.0.0.1",
+    token: str | None = None,
+) -> FastAPI:
+    """Return the application.
+
+    Parameters
+    ----------
+    catalogue : Catalogue
+        The recorded runs.
+    live : Live
+        The run under way.
+    summaries : Summaries
+        What runs were.
+    viewer_url : str or None
+        Address of the web viewer that the page embeds; None where there is none.
+    host : str
+        Address that the server is bound to. One of this machine alone answers only to this machine's own names.
+    token : str or None
+        What requests to the REST addresses must bear (``Authorization: Bearer ...``). Needed where others can
+        reach ``host``.
+
+    Raises
+    ------
+    ServiceError
+        Others can reach ``host`` and there is no token, or the token cannot be sent in a header.
+    """
+    if token is not None and not (token.isascii() and token.isprintable() and token.strip() == token and token):
+        raise ServiceError(
+            "the service's token: expected one or more printable ASCII characters without spaces at its ends"
+        )
+    if token is None and not is_loopback(host):
+        raise ServiceError(
+            f"the service at {host} can be reached from other machines: give it a token, or bind it to 127.0.0.1"
+        )
+    app = FastAPI(
+        title="Rig service",
+        version=version(DISTRIBUTION),
+        description=DESCRIPTION,
+        openapi_tags=TAGS,
+        docs_url=None,
+        redoc_url=None,
+        redirect_slashes=False,
+    )
+    install(app)
+    app.include_router(Routes(catalogue, live, summaries, app.version).router(with_token=token is not None))
+    app.openapi_schema = _openapi(app, with_token=token is not None)
+    app.include_router(Pages(viewer_url, reference_page(app.openapi_schema)).router())
+    app.add_middleware(Guard, host=host, token=token, public=PUBLIC_PATHS)
+    app.add_middleware(SafeHeaders)
+    return app
+
+
+def _openapi(app: FastAPI, *, with_token: bool) -> dict[str, Any]:
+    """Return the schema with what FastAPI does not know: the problem documents and the token."""
+    schema = get_openapi(
+        title=app.title, version=app.version, description=app.description, tags=app.openapi_tags, routes=app.routes
+    )
+    problem = ProblemDocument.model_json_schema(ref_template=SCHEMA, mode="serialization")
+    components = schema["components"]
+    components["schemas"] |= problem.pop("$defs") | {ProblemDocument.__name__: problem}
+    if with_token:
+        components["securitySchemes"] = {"token": {"type": "http", "scheme": "bearer"}}
+        schema["security"] = [{"token": []}]
+    return schema

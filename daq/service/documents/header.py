@@ -1,0 +1,48 @@
+"""What a run's header says: which device delivered it and what was watched."""
+
+from pydantic import Field
+
+from analysis.run import Device, Limits
+from daq.service.documents.document import Document
+from daq.service.documents.units import micrometres, rpm
+
+
+class DeviceDocument(Document):
+    """What delivered the samples."""
+
+    backend: str = Field(description="The driver behind it", examples=["nidaqmx"])
+    product: str = Field(description="Product name as the device gives it", examples=["USB-6251"])
+    serial: str = Field(description="Serial number as printed on it", examples=["1A2B3C"])
+    simulated: bool = Field(description="Whether it is simulated: no real shaft turned", examples=[False])
+
+
+class LimitsDocument(Document):
+    """What the operator must not pass, and the room there is."""
+
+    peak_to_peak_alarm_um: float | None = Field(
+        description="Overall vibration that raises the alarm, µm peak-to-peak", examples=[80.0]
+    )
+    peak_to_peak_danger_um: float | None = Field(
+        description="Overall vibration at which the run must end, µm peak-to-peak", examples=[95.0]
+    )
+    clearance_um: float | None = Field(
+        description="Radius of the circle that the shaft can move in, µm", examples=[100.0]
+    )
+    speed_rpm: float | None = Field(description="Highest speed of the rig, r/min", examples=[20_000.0])
+
+
+def device_document(device: Device) -> DeviceDocument:
+    """Return a device as a document."""
+    return DeviceDocument(
+        backend=device.backend, product=device.product, serial=device.serial, simulated=device.simulated
+    )
+
+
+def limits_document(limits: Limits) -> LimitsDocument:
+    """Return limits as a document."""
+    return LimitsDocument(
+        peak_to_peak_alarm_um=micrometres(limits.peak_to_peak_alarm),
+        peak_to_peak_danger_um=micrometres(limits.peak_to_peak_danger),
+        clearance_um=micrometres(limits.clearance),
+        speed_rpm=rpm(limits.speed),
+    )

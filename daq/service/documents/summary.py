@@ -1,0 +1,251 @@
+"""What a run was."""
+
+from datetime import datetime
+from typing import Annotated
+
+from pydantic import Field
+
+from analysis.findings import Moment, WhirlFinding
+from analysis.samples import EndReason, SegmentEnd
+from analysis.snapshot import TachoState
+from analysis.speed_table import SpeedRow
+from analysis.summary import ProbeSummary, RunSummary, Severity
+from daq.service.documents.document import Document
+from daq.service.documents.units import finite, micrometres, moment, rpm
+from daq.service.documents.vibration import Direction, ProbesDocument, direction, probes_document
+
+Count = Annotated[int, Field(ge=0)]
+
+
+class MomentDocument(Document):
+    """A place in a run."""
+
+    segment: Count = Field(description="Gap-free stretch of the run, from 0", examples=[0])
+    time_s: float = Field(description="Sample time in that segment, s", examples=[98.4])
+    speed_rpm: float | None = Field(description="Shaft speed there, r/min; null where unknown", examples=[10_980.0])
+
+
+class SegmentDocument(Document):
+    """A gap-free stretch of the run and how it ended."""
+
+    segment: Count = Field(description="Its number, from 0", examples=[0])
+    samples: Count = Field(description="Samples per channel that it holds", examples=[60_000_000])
+    end_reason: EndReason = Field(description="Why it ended", examples=["finished"])
+    lost_samples: Count = Field(description="Samples per channel known to be lost after its last one", examples=[0])
+    lost_is_exact: bool = Field(description="False where `lost_samples` is a lower bound", examples=[True])
+    detail: str = Field(description="What the driver said; empty where all was well", examples=[""])
+
+
+class ProbeSummaryDocument(Document):
+    """One probe over the whole run."""
+
+    name: str = Field(description="The operator's name for it", examples=["x"])
+    gap_mean_v: float | None = Field(description="Mean gap voltage, V", examples=[5.02])
+    gap_least_v: float | None = Field(description="Smallest gap voltage over an update interval, V", examples=[4.97])
+    gap_most_v: float | None = Field(description="Largest gap voltage over an update interval, V", examples=[5.08])
+    gap_ok: bool = Field(description="Whether it lay in the probe's window throughout", examples=[True])
+    largest_peak_to_peak_um: float | None = Field(
+        description="Largest overall vibration, µm peak-to-peak", examples=[96.1]
+    )
+    largest_at: MomentDocument | None = Field(description="Where that was; null where nothing was measured")
+    severity: Severity = Field(description="The largest vibration against the limits", examples=["danger"])
+
+
+class TachoSummaryDocument(Document):
+    """What was seen of the tacho over the whole run."""
+
+    pulses: Count = Field(description="Pulses accepted", examples=[40_210])
+    filled: Count = Field(description="Pulses that were missing and filled in", examples=[0])
+    rejected: Count = Field(description="Edges rejected as doubles or noise", examples=[2])
+    jitter_us: float | None = Field(
+        description="Robust scatter (median absolute deviation) of the edges at the run's end, µs", examples=[4.8]
+    )
+    snapshots_by_state: dict[TachoState, Count] = Field(
+        description="Number of results in each state of the tacho; states that did not occur are left out",
+        examples=[{"good": 2980, "no pulses": 20}],
+    )
+
+
+class SpeedRowDocument(Document):
+    """What the results in one bin of speed said."""
+
+    speed_rpm: float | None = Field(description="Mean shaft speed, r/min", examples=[11_025.0])
+    frames: Count = Field(description="Number of order spectra in the bin", examples=[24])
+    order_1x: ProbesDocument = Field(description="At running speed, mean of the vectors")
+    order_2x: ProbesDocument = Field(description="At twice running speed, mean of the vectors")
+    scatter_1x_peak_x_um: float | None = Field(
+        description="Standard deviation of the 1X vectors at x about their mean, µm zero-to-peak", examples=[0.4]
+    )
+    scatter_1x_peak_y_um: float | None = Field(description="The same at y, µm zero-to-peak", examples=[0.5])
+    mean_peak_to_peak_x_um: float | None = Field(description="Mean overall at x, µm peak-to-peak", examples=[38.4])
+    mean_peak_to_peak_y_um: float | None = Field(description="Mean overall at y, µm peak-to-peak", examples=[41.0])
+    largest_peak_to_peak_x_um: float | None = Field(
+        description="Largest overall at x, µm peak-to-peak", examples=[43.9]
+    )
+    largest_peak_to_peak_y_um: float | None = Field(
+        description="Largest overall at y, µm peak-to-peak", examples=[47.2]
+    )
+    whirl_order: float | None = Field(
+        description="Order of the largest component below 1X; null where none stood out", examples=[0.49]
+    )
+    whirl_peak_um: float | None = Field(
+        description="Its size, half the major axis of its ellipse, µm zero-to-peak; null likewise", examples=[12.1]
+    )
+    noise_peak_um: float | None = Field(description="Mean floor of the order spectra, µm zero-to-peak", examples=[0.05])
+
+
+class SubSynchronousDocument(Document):
+    """A component below 1X from its beginning to its end."""
+
+    order: float | None = Field(
+        description="Its frequency over the shaft's, mean weighted with amplitude", examples=[0.49]
+    )
+    order_at_begin: float | None = Field(description="The same over its first results", examples=[0.492])
+    begin: MomentDocument = Field(description="The first result that showed it")
+    end: MomentDocument = Field(description="The last result that showed it")
+    largest_peak_um: float | None = Field(
+        description="Its largest size, half the major axis of its ellipse, µm zero-to-peak", examples=[14.2]
+    )
+    largest_at: MomentDocument = Field(description="Where that was")
+    direction: Direction = Field(description="Whether it went round with the shaft", examples=["forward"])
+    frames: Count = Field(description="Number of order spectra that showed it", examples=[212])
+
+
+class SummaryDocument(Document):
+    """What a run was."""
+
+    run: str = Field(description="Id of the run", examples=["2026-11-24T09-12-07-gj90c"])
+    rig: str = Field(description="Name of the rig", examples=["gj90c"])
+    note: str = Field(description="The operator's words", examples=["after the oil change"])
+    started_at: datetime = Field(description="Wall clock at the start, UTC", examples=["2026-11-24T09:12:07.250000Z"])
+    duration_s: float = Field(description="Sampled time of all segments together, s", examples=[300.0])
+    samples: Count = Field(description="Samples per channel in all segments together", examples=[60_000_000])
+    is_gap_free: bool = Field(description="Whether the run is one stretch of which no sample was lost", examples=[True])
+    lost_samples: Count = Field(description="Samples per channel known to be lost", examples=[0])
+    lost_is_exact: bool = Field(description="False where `lost_samples` is a lower bound", examples=[True])
+    clipped_samples: tuple[Count, ...] = Field(
+        description="Samples at the converter's rails, for each channel in the order of the card", examples=[[0, 0, 0]]
+    )
+    segments: tuple[SegmentDocument, ...] = Field(description="The run's gap-free stretches")
+    lowest_speed_rpm: float | None = Field(
+        description="Lowest shaft speed, r/min; null where the tacho never told", examples=[1004.0]
+    )
+    highest_speed_rpm: float | None = Field(
+        description="Highest shaft speed, r/min; null likewise", examples=[15_120.0]
+    )
+    largest_peak_to_peak_um: float | None = Field(
+        description="Largest overall vibration of either probe, µm peak-to-peak", examples=[96.1]
+    )
+    severity: Severity = Field(description="That against the limits", examples=["danger"])
+    probes: tuple[ProbeSummaryDocument, ...] = Field(description="The probes x and y")
+    tacho: TachoSummaryDocument | None = Field(description="The tacho; null where nothing was measured")
+    snapshots: Count = Field(description="Number of results", examples=[3000])
+    frames: Count = Field(description="Number of results with an order spectrum", examples=[2950])
+    by_speed: tuple[SpeedRowDocument, ...] = Field(
+        description="Amplitude, phase and peak-to-peak by speed, in rising order of speed"
+    )
+    sub_synchronous: tuple[SubSynchronousDocument, ...] = Field(
+        description="Components below 1X in the order in which they began"
+    )
+
+
+def summary_document(summary: RunSummary) -> SummaryDocument:
+    """Return what a run was as a document.
+
+    Parameters
+    ----------
+    summary : RunSummary
+        What was measured.
+    """
+    tacho = summary.tacho
+    return SummaryDocument(
+        run=summary.run,
+        rig=summary.rig,
+        note=summary.note,
+        started_at=moment(summary.started_ns),
+        duration_s=finite(summary.duration) or 0.0,
+        samples=summary.samples,
+        is_gap_free=summary.is_gap_free,
+        lost_samples=summary.lost,
+        lost_is_exact=summary.lost_is_exact,
+        clipped_samples=summary.clipped,
+        segments=tuple(_segment(end) for end in summary.segments),
+        lowest_speed_rpm=rpm(summary.lowest_speed),
+        highest_speed_rpm=rpm(summary.highest_speed),
+        largest_peak_to_peak_um=micrometres(summary.largest_peak_to_peak),
+        severity=summary.severity,
+        probes=tuple(_probe(probe) for probe in summary.probes),
+        tacho=None
+        if tacho is None
+        else TachoSummaryDocument(
+            pulses=tacho.pulses,
+            filled=tacho.filled,
+            rejected=tacho.rejected,
+            jitter_us=finite(tacho.jitter * 1e6),
+            snapshots_by_state={TachoState(state): count for state, count in summary.tacho_states.items()},
+        ),
+        snapshots=summary.snapshots,
+        frames=summary.frames,
+        by_speed=tuple(_row(row) for row in summary.rows),
+        sub_synchronous=tuple(_whirl(finding) for finding in summary.whirls),
+    )
+
+
+def _moment(place: Moment) -> MomentDocument:
+    return MomentDocument(segment=place.segment, time_s=finite(place.time) or 0.0, speed_rpm=rpm(place.speed))
+
+
+def _segment(end: SegmentEnd) -> SegmentDocument:
+    return SegmentDocument(
+        segment=end.segment,
+        samples=end.samples,
+        end_reason=end.reason,
+        lost_samples=end.lost,
+        lost_is_exact=end.lost_is_exact,
+        detail=end.detail,
+    )
+
+
+def _probe(probe: ProbeSummary) -> ProbeSummaryDocument:
+    return ProbeSummaryDocument(
+        name=probe.name,
+        gap_mean_v=finite(probe.gap_mean),
+        gap_least_v=finite(probe.gap_least),
+        gap_most_v=finite(probe.gap_most),
+        gap_ok=probe.gap_ok,
+        largest_peak_to_peak_um=micrometres(probe.largest_peak_to_peak),
+        largest_at=None if probe.largest is None else _moment(probe.largest),
+        severity=probe.severity,
+    )
+
+
+def _row(row: SpeedRow) -> SpeedRowDocument:
+    order = finite(row.whirl_order)
+    return SpeedRowDocument(
+        speed_rpm=rpm(row.speed),
+        frames=row.frames,
+        order_1x=probes_document(row.vectors[0]),
+        order_2x=probes_document(row.vectors[1]),
+        scatter_1x_peak_x_um=micrometres(row.scatter[0, 0]),
+        scatter_1x_peak_y_um=micrometres(row.scatter[0, 1]),
+        mean_peak_to_peak_x_um=micrometres(row.peak_to_peak[0]),
+        mean_peak_to_peak_y_um=micrometres(row.peak_to_peak[1]),
+        largest_peak_to_peak_x_um=micrometres(row.largest_peak_to_peak[0]),
+        largest_peak_to_peak_y_um=micrometres(row.largest_peak_to_peak[1]),
+        whirl_order=order,
+        whirl_peak_um=None if order is None else micrometres(row.whirl_amplitude),
+        noise_peak_um=micrometres(row.noise),
+    )
+
+
+def _whirl(finding: WhirlFinding) -> SubSynchronousDocument:
+    return SubSynchronousDocument(
+        order=finite(finding.order),
+        order_at_begin=finite(finding.order_at_begin),
+        begin=_moment(finding.begin),
+        end=_moment(finding.end),
+        largest_peak_um=micrometres(finding.amplitude),
+        largest_at=_moment(finding.largest),
+        direction=direction(is_forward=finding.is_forward),
+        frames=finding.frames,
+    )

@@ -1,0 +1,43 @@
+"""From SI and radians to the units of the documents: µm, r/min, degrees of lag.
+
+Numbers are rounded to four decimals, far below what the probes resolve; NaN and infinity become None.
+"""
+
+import cmath
+import math
+from datetime import UTC, datetime
+
+DECIMALS = 4
+
+
+def finite(value: float) -> float | None:
+    """Return ``value`` (any unit) rounded to the documents' decimals, None where it is not finite."""
+    return round(float(value), DECIMALS) if math.isfinite(value) else None
+
+
+def micrometres(value: float) -> float | None:
+    """Return a length in m as µm."""
+    return finite(value * 1e6)
+
+
+def rpm(speed: float) -> float | None:
+    """Return a speed in rad/s as r/min (an acceleration in rad/s² as r/min per s)."""
+    return finite(speed * 30 / math.pi)
+
+
+def degrees(angle: float) -> float | None:
+    """Return an angle in rad as degrees."""
+    return finite(math.degrees(angle))
+
+
+def lag_degrees(vector: complex) -> float | None:
+    """Return the phase lag -arg X of a vector in degrees, 0 up to 360; None where it has no direction."""
+    if not (cmath.isfinite(vector) and vector):
+        return None
+    return round(math.degrees(-cmath.phase(vector)) % 360.0, DECIMALS) % 360.0
+
+
+def moment(nanoseconds: int) -> datetime:
+    """Return the wall clock's ns since 1970 as a date and time in UTC, to the microsecond."""
+    seconds, rest = divmod(nanoseconds, 1_000_000_000)
+    return datetime.fromtimestamp(seconds, UTC).replace(microsecond=rest // 1000)

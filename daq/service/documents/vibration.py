@@ -1,0 +1,45 @@
+"""How vibration is told: a line of the order spectrum at the two probes, and which way a whirl goes."""
+
+from collections.abc import Sequence
+from enum import StrEnum
+
+from pydantic import Field
+
+from daq.service.documents.document import Document
+from daq.service.documents.units import lag_degrees, micrometres
+
+
+class Direction(StrEnum):
+    """Which way a whirl goes round."""
+
+    FORWARD = "forward"  # with the shaft
+    BACKWARD = "backward"
+
+
+def direction(*, is_forward: bool) -> Direction:
+    """Return the word for a direction."""
+    return Direction.FORWARD if is_forward else Direction.BACKWARD
+
+
+class ProbesDocument(Document):
+    """One line of the order spectrum at the two probes."""
+
+    amplitude_peak_x_um: float | None = Field(description="Amplitude at probe x, µm zero-to-peak", examples=[15.2])
+    lag_x_deg: float | None = Field(
+        description="Phase lag at probe x after the tacho's mark, 0 to 360 degrees", examples=[47.3]
+    )
+    amplitude_peak_y_um: float | None = Field(description="Amplitude at probe y, µm zero-to-peak", examples=[16.8])
+    lag_y_deg: float | None = Field(
+        description="Phase lag at probe y after the tacho's mark, 0 to 360 degrees", examples=[136.9]
+    )
+
+
+def probes_document(vectors: Sequence[complex]) -> ProbesDocument:
+    """Return the complex peak amplitudes of one line at the probes x and y, m, as a document."""
+    x, y = (complex(vector) for vector in vectors)
+    return ProbesDocument(
+        amplitude_peak_x_um=micrometres(abs(x)),
+        lag_x_deg=lag_degrees(x),
+        amplitude_peak_y_um=micrometres(abs(y)),
+        lag_y_deg=lag_degrees(y),
+    )

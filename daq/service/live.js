@@ -1,0 +1,146 @@
+// Draws one moment of a run into the page.
+
+import { clock, count, decimals, known, lag, micrometres, order, span, whole } from "./figures.js";
+
+const element = (id) => document.getElementById(id);
+
+function write(id, text) {
+  const node = element(id);
+  if (node.textContent !== text) node.textContent = text;
+}
+
+function mark(id, name, on) {
+  element(id).classList.toggle(name, Boolean(on));
+}
+
+function banner(id, text, danger = false) {
+  const node = element(id);
+  if (text) write(id, text);
+  node.classList.toggle("danger", danger);
+  node.hidden = !text;
+}
+
+export function drawLive(live) {
+  document.body.dataset.state = live.status.state;
+  document.title = `${live.status.state} · ${live.rig}`;
+  write("state", live.status.state);
+  write("clock", clock(live.status.elapsed_s));
+  write("run", live.run);
+  const device = live.device;
+  const serial = device.serial ? ` (serial ${device.serial})` : "";
+  write("device", `${live.rig} · ${device.product}${serial}${device.simulated ? " · simulated: no shaft turns" : ""}`);
+  drawSpeed(live);
+  drawOverall(live);
+  drawRunningSpeed(live);
+  drawWhirl(live);
+  drawStatus(live);
+  drawBanners(live);
+}
+
+export function drawIdle() {
+  document.body.dataset.state = "idle";
+  document.title = "Rig · no run";
+  write("state", "no run");
+  write("clock", "–:––");
+  write("run", "No run is under way");
+  write("device", "rig record rig.toml starts one; this page follows by itself");
+  for (const node of document.querySelectorAll("#values b, #status dd")) node.textContent = "–";
+  for (const node of document.querySelectorAll("#values .size, #values td span, #values .trend, #values .note, #verdict")) {
+    if (node.id) node.textContent = "";
+  }
+  for (const node of document.querySelectorAll(".gauge i")) node.style.setProperty("--fill", "0%");
+  for (const node of document.querySelectorAll("#status div")) node.classList.remove("bad", "poor");
+  delete element("overall").dataset.severity;
+  banner("alarm", "");
+  banner("trouble", "");
+}
+
+function fill(id, value, full) {
+  const share = known(value) && full > 0 ? Math.min(100, (100 * value) / full) : 0;
+  element(id).querySelector("i").style.setProperty("--fill", `${share}%`);
+}
+
+function drawSpeed({ measured, limits }) {
+  const speed = measured?.speed_rpm;
+  write("speed", whole(speed));
+  const change = measured?.acceleration_rpm_per_s ?? 0;
+  const steady = Math.abs(change) < 0.002 * (speed ?? Infinity);
+  write("trend", !known(speed) || steady ? "" : change > 0 ? "▲" : "▼");
+  fill("speed-gauge", speed, limits.speed_rpm);
+  const tacho = measured?.tacho.state ?? "no result yet";
+  write("tacho", `tacho ${tacho} · limit ${whole(limits.speed_rpm)} r/min`);
+}
+
+function drawOverall({ measured, predicted, limits, status }) {
+  const full = 1.15 * limits.peak_to_peak_danger_um;
+  for (const probe of ["x", "y"]) {
+    const value = measured?.[`peak_to_peak_${probe}_um`];
+    write(`pp-${probe}`, micrometres(value));
+    fill(`pp-${probe}-gauge`, value, full);
+    const [alarm, danger] = element(`pp-${probe}-gauge`).querySelectorAll("s");
+    alarm.style.setProperty("--at", `${(100 * limits.peak_to_peak_alarm_um) / full}%`);
+    danger.style.setProperty("--at", `${(100 * limits.peak_to_peak_danger_um) / full}%`);
+  }
+  element("overall").dataset.severity = status.latched_severity;
+  const latched = status.latched_severity !== status.severity ? " · latched" : "";
+  write("verdict", `${status.latched_severity.toUpperCase()}${latched}`);
+  write("limits", `alarm ${micrometres(limits.peak_to_peak_alarm_um)} · danger ${micrometres(limits.peak_to_peak_danger_um)}`);
+  const model = predicted && `· model x ${micrometres(predicted.peak_to_peak_x_um)} y ${micrometres(predicted.peak_to_peak_y_um)}`;
+  write("pp-model", model ?? "");
+}
+
+function drawRunningSpeed({ measured, predicted }) {
+  for (const probe of ["x", "y"]) {
+    for (const [source, suffix] of [[measured, ""], [predicted, "-model"]]) {
+      write(`one-${probe}${suffix}`, micrometres(source?.order_1x?.[`amplitude_peak_${probe}_um`]));
+      write(`one-${probe}${suffix}-lag`, lag(source?.order_1x?.[`lag_${probe}_deg`]));
+    }
+  }
+}
+
+function drawWhirl({ measured, predicted }) {
+  const whirl = measured?.whirl;
+  write("whirl", whirl ? order(whirl.order) : measured?.order_1x ? "none" : "–");
+  write("whirl-size", whirl ? `${micrometres(whirl.amplitude_peak_um)} µm` : "");
+  write("whirl-note", whirl ? `${whirl.direction} · ${decimals(whirl.frequency_hz, 0)} Hz` : "");
+  const expected = predicted?.whirl;
+  write("whirl-model", expected ? order(expected.order) : predicted ? "none" : "–");
+  write("whirl-model-size", expected ? `${micrometres(expected.amplitude_peak_um)} µm` : "");
+  const growth = predicted?.growth_rate_per_s;
+  write("whirl-model-note", known(growth) ? `film ${growth > 0 ? "lets go" : "holds"} · ${growth > 0 ? "+" : ""}${decimals(growth, 0)} 1/s` : "");
+}
+
+function drawStatus({ measured, status }) {
+  write("samples", count(status.samples));
+  write("lost", `${status.lost_is_exact ? "" : "≥ "}${whole(status.lost_samples)}`);
+  mark("lost-cell", "bad", status.lost_samples > 0 || !status.lost_is_exact);
+  write("backlog", `${decimals(status.backlog_s, 1)} s`);
+  mark("backlog-cell", "poor", status.backlog_s > 1);
+  write("disk", status.disk_left_s === null ? "–" : span(status.disk_left_s));
+  mark("disk-cell", "poor", known(status.disk_left_s) && status.disk_left_s < 1800);
+  mark("disk-cell", "bad", known(status.disk_left_s) && status.disk_left_s < 300);
+  for (const probe of ["x", "y"]) {
+    const state = measured?.[`probe_${probe}`];
+    write(`gap-${probe}`, known(state?.gap_v) ? `${decimals(state.gap_v, 2)} V` : "–");
+    mark(`gap-${probe}-cell`, "bad", state && !state.gap_ok);
+  }
+  const clipped = measured ? measured.probe_x.clipped_samples + measured.probe_y.clipped_samples : null;
+  write("clipped", whole(clipped));
+  mark("clipped-cell", "poor", clipped > 0);
+  write("skipped", count(status.skipped_samples));
+  mark("skipped-cell", "poor", status.skipped_samples > 0);
+  write("dropped", count(status.dropped_frames));
+  write("model", status.model);
+}
+
+function drawBanners({ status, limits, measured }) {
+  const word = status.latched_severity;
+  const limit = word === "danger" ? limits.peak_to_peak_danger_um : limits.peak_to_peak_alarm_um;
+  const now = status.severity === "normal" ? "Now back to normal; latched until the run ends." : `Now ${status.severity}.`;
+  banner("alarm", word === "normal" ? "" : `▲ ${word.toUpperCase()}: ${micrometres(limit)} µm peak-to-peak was passed. ${now}`, word === "danger");
+  const closed = ["x", "y"].filter((probe) => measured && !measured[`probe_${probe}`].gap_ok);
+  const gaps = closed.map((probe) => `Probe ${probe} reads ${decimals(measured[`probe_${probe}`].gap_v, 2)} V: outside its gap window.`);
+  const tacho = { irregular: "Tacho irregular: speed and phase are not known.", "too fast": "Tacho too fast for its sensor: speed may read too low." };
+  const told = [status.detail, ...gaps, tacho[measured?.tacho.state] ?? ""].filter(Boolean);
+  banner("trouble", told.join(" "), status.state === "failed");
+}

@@ -1,0 +1,109 @@
+// Follows the live run five times a second, and says so when it cannot.
+
+import { clock } from "./figures.js";
+import { drawIdle, drawLive } from "./live.js";
+import { drawRuns } from "./runs.js";
+import { ask, keepToken, takeTokenFromAddress } from "./service_client.js";
+
+const LIVE_INTERVAL = 200; // ms
+const IDLE_INTERVAL = 1000;
+const RUNS_INTERVAL = 10000;
+const PATIENCE = 1500; // ms without an answer, or without new samples, before that is said
+
+const element = (id) => document.getElementById(id);
+const later = (interval) => new Promise((done) => setTimeout(done, interval));
+let answered = performance.now();
+let moved = performance.now();
+let elapsed = null;
+let state = null;
+
+function tell(text) {
+  const node = element("connection");
+  node.className = "banner lost";
+  if (text && node.textContent !== text) node.textContent = text;
+  node.hidden = !text;
+  document.body.classList.toggle("stale", Boolean(text));
+}
+
+function watch() {
+  const now = performance.now();
+  const silent = now - answered;
+  const still = now - moved;
+  const under_way = state === "recording" || state === "replaying";
+  if (silent > PATIENCE) {
+    tell(`CONNECTION LOST: no answer from the service for ${clock(silent / 1000)}. The values shown are old.`);
+  } else if (under_way && still > PATIENCE + 500) {
+    tell(`NO NEW SAMPLES for ${clock(still / 1000)}. The values shown are old.`);
+  } else {
+    tell("");
+  }
+}
+
+async function step() {
+  try {
+    const live = await ask("/api/v1/live");
+    const ended = state && state !== live.status.state;
+    answered = performance.now();
+    if (live.status.elapsed_s !== elapsed) moved = answered;
+    elapsed = live.status.elapsed_s;
+    state = live.status.state;
+    element("token").hidden = true;
+    drawLive(live);
+    if (ended) drawRuns();
+    return LIVE_INTERVAL;
+  } catch (error) {
+    if (error.name === "no-live-run") {
+      answered = performance.now();
+      state = null;
+      drawIdle();
+      element("token").hidden = true;
+      return IDLE_INTERVAL;
+    }
+    if (error.name === "token-needed") {
+      answered = performance.now();
+      element("token").hidden = false;
+      return IDLE_INTERVAL;
+    }
+    return IDLE_INTERVAL / 2;
+  }
+}
+
+async function follow() {
+  for (;;) await later(await step());
+}
+
+async function listRuns() {
+  for (;;) {
+    await drawRuns();
+    await later(RUNS_INTERVAL);
+  }
+}
+
+// The viewer is a server of its own; one that only this bench's machine can reach is no use elsewhere.
+function showViewer(address) {
+  const here = ["localhost", "127.0.0.1", "[::1]"];
+  if (!address) {
+    element("empty").textContent = "No live view in this session.\nThe values beside are complete without it.";
+  } else if (here.includes(new URL(address).hostname) && !here.includes(location.hostname)) {
+    element("empty").textContent = "The live view can only be seen on the machine at the bench.";
+  } else {
+    const frame = document.createElement("iframe");
+    frame.src = address;
+    frame.title = "Live view: orbit, order spectrum, cascade, amplitude and phase against speed";
+    frame.referrerPolicy = "no-referrer";
+    frame.allow = "fullscreen; clipboard-write";
+    element("view").replaceChildren(frame);
+  }
+}
+
+element("token").addEventListener("submit", (event) => {
+  event.preventDefault();
+  keepToken(element("token-value").value);
+  drawRuns();
+});
+
+takeTokenFromAddress();
+showViewer(document.body.dataset.viewer);
+setInterval(watch, 250);
+follow();
+listRuns();

@@ -1,0 +1,138 @@
+// The last runs; a run that is opened shows its summary.
+
+import { clock, count, decimals, known, lag, micrometres, moment, order, whole } from "./figures.js";
+import { ask } from "./service_client.js";
+
+const SHOWN = 12;
+const SUMMARY_PATIENCE = 60000; // ms: a summary may have to be made from the whole recording first
+
+const list = document.getElementById("runs");
+const note = document.getElementById("runs-note");
+let listed = "";
+
+function make(tag, text = "", className = "") {
+  const node = document.createElement(tag);
+  node.textContent = text;
+  if (className) node.className = className;
+  return node;
+}
+
+export async function drawRuns() {
+  let page;
+  try {
+    page = await ask(`/api/v1/runs?limit=${SHOWN}`, 5000);
+  } catch (error) {
+    if (error.name !== "token-needed") note.textContent = `The runs cannot be listed: ${error.message}`;
+    return;
+  }
+  note.textContent = page.total ? "" : "Nothing has been recorded in this data folder yet.";
+  const text = JSON.stringify(page);
+  if (text === listed) return;
+  listed = text;
+  const open = new Set([...list.querySelectorAll("details[open]")].map((node) => node.dataset.run));
+  list.replaceChildren(...page.runs.map((run) => entry(run, open.has(run.run))));
+}
+
+function entry(run, open) {
+  const details = make("details");
+  details.dataset.run = run.run;
+  const line = make("summary");
+  const badge = badgeOf(run);
+  line.append(
+    make("b", run.run),
+    make("span", moment(run.started_at), "note"),
+    make("span", clock(run.duration_s)),
+    make("span", run.note, "note"),
+    make("span", badge.text, `badge ${badge.level}`),
+  );
+  const body = make("div", "", "body");
+  details.append(line, body);
+  details.addEventListener("toggle", () => details.open && fillIn(body, run));
+  details.open = open;
+  return details;
+}
+
+function badgeOf(run) {
+  if (run.trouble) return { text: "✕ damaged", level: "bad" };
+  return run.is_complete ? { text: "✓ whole", level: "good" } : { text: "not ended", level: "poor" };
+}
+
+async function fillIn(body, run) {
+  if (body.childElementCount) return;
+  body.replaceChildren(make("p", "Reading the summary …", "note"));
+  try {
+    body.replaceChildren(...summary(await ask(`/api/v1/runs/${encodeURIComponent(run.run)}/summary`, SUMMARY_PATIENCE)));
+  } catch (error) {
+    body.replaceChildren();
+    body.append(make("p", run.trouble || error.message));
+  }
+}
+
+function facts(pairs) {
+  const node = make("dl", "", "facts");
+  for (const [name, value] of pairs) {
+    const pair = make("div");
+    pair.append(make("dt", name), make("dd", value));
+    node.append(pair);
+  }
+  return node;
+}
+
+function table(caption, heads, rows) {
+  const node = make("table");
+  node.append(make("caption", caption));
+  const head = node.createTHead().insertRow();
+  for (const name of heads) {
+    const cell = make("th", name);
+    cell.scope = "col";
+    head.append(cell);
+  }
+  const body = node.createTBody();
+  for (const row of rows) {
+    const line = body.insertRow();
+    for (const value of row) line.insertCell().textContent = value;
+  }
+  return node;
+}
+
+function summary(run) {
+  const lost = `${run.lost_is_exact ? "" : "at least "}${whole(run.lost_samples)}`;
+  const parts = [
+    facts([
+      ["Recording", run.is_gap_free ? "gap-free" : `${run.segments.length} parts, ${lost} lost`],
+      ["Length", `${clock(run.duration_s)} · ${count(run.samples)} samples`],
+      ["Speed", `${whole(run.lowest_speed_rpm)} to ${whole(run.highest_speed_rpm)} r/min`],
+      ["Largest overall", `${micrometres(run.largest_peak_to_peak_um)} µm peak-to-peak · ${run.severity}`],
+      ...run.probes.map((probe) => [`Gap ${probe.name}`, `${decimals(probe.gap_least_v, 2)} to ${decimals(probe.gap_most_v, 2)} V${probe.gap_ok ? "" : " · outside its window"}`]),
+    ]),
+  ];
+  for (const end of run.segments) if (end.detail) parts.push(make("p", `Part ${end.segment + 1} ended (${end.end_reason}): ${end.detail}`));
+  parts.push(subSynchronous(run.sub_synchronous));
+  if (run.by_speed.length) parts.push(bySpeed(run.by_speed));
+  return parts;
+}
+
+function subSynchronous(found) {
+  if (!found.length) return make("p", "No component below 1X stood out.");
+  const at = (place) => `${whole(place.speed_rpm)} r/min`;
+  return table(
+    "Below 1X",
+    ["order", "from", "to", "direction", "largest, µm peak", "there at"],
+    found.map((one) => [order(one.order), at(one.begin), at(one.end), one.direction, micrometres(one.largest_peak_um), at(one.largest_at)]),
+  );
+}
+
+function bySpeed(rows) {
+  const step = Math.ceil(rows.length / 16);
+  const polar = (line, probe) => `${micrometres(line[`amplitude_peak_${probe}_um`])} ∠ ${lag(line[`lag_${probe}_deg`])}`;
+  return table(
+    step > 1 ? `By speed, every ${step}th of ${rows.length} rows` : "By speed",
+    ["r/min", "1X x, µm peak ∠ lag", "1X y", "2X x", "2X y", "overall x, µm p-p", "overall y"],
+    rows
+      .filter((_, index) => index % step === 0 && known(rows[index].speed_rpm))
+      .map((row) => [
+        whole(row.speed_rpm), polar(row.order_1x, "x"), polar(row.order_1x, "y"), polar(row.order_2x, "x"), polar(row.order_2x, "y"),
+        micrometres(row.mean_peak_to_peak_x_um), micrometres(row.mean_peak_to_peak_y_um),
+      ]),
+  );
+}

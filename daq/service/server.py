@@ -1,0 +1,111 @@
+"""The HTTP server, in a thread of its own."""
+
+import contextlib
+import socket
+import threading
+import time
+from collections.abc import Iterator
+
+import uvicorn
+from starlette.types import ASGIApp
+
+from daq.errors import ServiceError
+
+START_DEADLINE = 10.0  # s
+BACKLOG = 128
+
+
+class ServiceServer:
+    """Serves an application over HTTP from a thread that it owns; installs no signal handler.
+
+    Parameters
+    ----------
+    app : ASGI application
+        What is served.
+    host : str
+        Address or name to listen at.
+    port : int
+        Port to listen at; 0 takes a free one.
+    """
+
+    def __init__(self, app: ASGIApp, host: str = "127.0.0.1", port: int = 0) -> None:
+        self._app = app
+        self._host = host
+        self._port = port
+        self._server: _Server | None = None
+        self._thread: threading.Thread | None = None
+
+    @property
+    def port(self) -> int:
+        """The port that is listened at; before `start` the one that was asked for."""
+        return self._port
+
+    @property
+    def url(self) -> str:
+        """The page's address, for a browser on this machine."""
+        reachable = {"": "127.0.0.1", "0.0.0.0": "127.0.0.1", "::": "::1"}.get(self._host, self._host)  # noqa: S104 - compared, not bound
+        return f"http://{f'[{reachable}]' if ':' in reachable else reachable}:{self._port}"
+
+    def start(self) -> None:
+        """Listen and return when requests are answered; ServiceError where the address cannot be had."""
+        if self._thread is not None:
+            raise ValueError(f"the server at {self.url} was started already")
+        listener = _listen(self._host, self._port)
+        self._port = int(listener.getsockname()[1])
+        config = uvicorn.Config(
+            self._app,
+            loop="asyncio",
+            http="h11",
+            ws="none",
+            lifespan="off",
+            log_config=None,
+            access_log=False,
+            server_header=False,
+            proxy_headers=False,
+        )
+        self._server = _Server(config)
+        self._thread = threading.Thread(
+            target=self._server.run, kwargs={"sockets": [listener]}, name="service", daemon=True
+        )
+        self._thread.start()
+        deadline = time.monotonic() + START_DEADLINE
+        while not self._server.started:
+            if not self._thread.is_alive() or time.monotonic() > deadline:
+                self.close()
+                raise ServiceError(f"the service at {self.url} did not come up; the log tells why")
+            time.sleep(0.005)
+
+    def close(self, deadline: float = 3.0) -> None:
+        """Stop listening, let answers under way finish, and return within about ``deadline`` s; again does nothing."""
+        server, thread = self._server, self._thread
+        if server is None or thread is None:
+            return
+        server.should_exit = True
+        thread.join(deadline)
+        if thread.is_alive():
+            server.force_exit = True
+            thread.join(1.0)
+        self._server = self._thread = None
+
+
+class _Server(uvicorn.Server):
+    """uvicorn's server, which leaves signals to the program that it runs in."""
+
+    @contextlib.contextmanager
+    def capture_signals(self) -> Iterator[None]:
+        yield
+
+
+def _listen(host: str, port: int) -> socket.socket:
+    wanted = f"{host}:{port}"
+    try:
+        family, _, _, _, address = socket.getaddrinfo(
+            host or None, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
+        )[0]
+        return socket.create_server(address[:2], family=family, backlog=BACKLOG)
+    except OverflowError as error:
+        raise ServiceError(f"the service cannot listen at {wanted}: the port must lie between 0 and 65535") from error
+    except OSError as error:
+        raise ServiceError(
+            f"the service cannot listen at {wanted}: {error.strerror or error}; port 0 takes a free one"
+        ) from error

@@ -1,0 +1,38 @@
+// Asks the service; knows its token and tells failures apart.
+
+const KEY = "rig-token";
+
+export class Problem extends Error {
+  constructor(problem) {
+    super(problem.detail || problem.title);
+    this.name = problem.type.split("#").pop();
+    this.status = problem.status;
+  }
+}
+
+export function keepToken(token) {
+  sessionStorage.setItem(KEY, token);
+}
+
+// A token may come with the page's address, behind the # that browsers do not send.
+export function takeTokenFromAddress() {
+  const token = new URLSearchParams(location.hash.slice(1)).get("token");
+  if (token) {
+    keepToken(token);
+    history.replaceState(null, "", location.pathname);
+  }
+}
+
+export async function ask(path, patience = 2000) {
+  const token = sessionStorage.getItem(KEY);
+  const response = await fetch(path, {
+    cache: "no-store",
+    headers: token ? { Authorization: `Bearer ${token}` } : {},
+    signal: AbortSignal.timeout(patience),
+  });
+  if (response.ok) return response.json();
+  if (response.headers.get("content-type")?.startsWith("application/problem+json")) {
+    throw new Problem(await response.json());
+  }
+  throw new Error(`HTTP ${response.status}`);
+}

@@ -1,0 +1,32 @@
+"""Threads for work that waits on files, so that the event loop never does."""
+
+from collections.abc import Callable
+from typing import TypeVar
+
+from anyio import CapacityLimiter, to_thread
+
+from daq.service.problems import BUSY, ProblemError
+
+T = TypeVar("T")
+
+
+class Workers:
+    """A bounded number of threads with a bounded queue before them.
+
+    Parameters
+    ----------
+    threads : int
+        How many pieces of work go on at once.
+    waiting : int
+        How many may wait; one more is turned away.
+    """
+
+    def __init__(self, threads: int, waiting: int) -> None:
+        self._limiter = CapacityLimiter(threads)
+        self._waiting = waiting
+
+    async def run(self, work: Callable[[], T]) -> T:
+        """Return what ``work`` returns, done in a thread; ProblemError (busy) where too many are waiting already."""
+        if self._limiter.statistics().tasks_waiting >= self._waiting:
+            raise ProblemError(BUSY, f"{self._waiting} requests for files are waiting already")
+        return await to_thread.run_sync(work, limiter=self._limiter)
