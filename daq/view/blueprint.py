@@ -1,0 +1,61 @@
+"""What stands where on the operator's screen."""
+
+import rerun.blueprint as rrb
+
+from analysis.run import RunHeader
+from daq.view import banner, bode, cascade, orbit, spectrum, traces
+from daq.view.palette import PAPER
+
+_Bounds = tuple[tuple[float, float], tuple[float, float]]
+
+
+def timeline(header: RunHeader) -> str:
+    """Return the name of the timeline on which a run is shown: its sample time."""
+    return f"time in {header.run}"
+
+
+def operator_blueprint(header: RunHeader) -> rrb.Blueprint:
+    """Return the layout for a run: status over orbit, spectrum and cascade over Bode plot, traces and words."""
+    return rrb.Blueprint(
+        rrb.Vertical(
+            _drawn("banner", "Rig", banner.BOUNDS),
+            rrb.Horizontal(
+                _drawn("orbit", "Orbit (µm, seen from the compressor end)", orbit.BOUNDS),
+                _drawn("spectrum", "Order spectrum (µm peak over shaft orders)", spectrum.BOUNDS),
+                _drawn("cascade", "Cascade (order spectra against speed, r/min)", cascade.BOUNDS),
+                column_shares=[1.0, 1.4, 1.4],
+            ),
+            rrb.Horizontal(
+                _drawn("bode", "1X and 2X against speed (µm peak, ° lag)", bode.BOUNDS),
+                rrb.Tabs(
+                    _drawn("traces", "Traces (µm and V over ms)", traces.BOUNDS),
+                    _trend("trend/overall", "Overall against run time (µm peak-to-peak)"),
+                    _trend("trend/speed", "Speed against run time (r/min)"),
+                    active_tab=0,
+                ),
+                rrb.TextDocumentView(origin="/details", name="In words"),
+                column_shares=[1.3, 1.3, 1.2],
+            ),
+            row_shares=[0.9, 2.5, 2.0],
+        ),
+        rrb.TopPanel(state="hidden"),
+        rrb.BlueprintPanel(state="hidden"),
+        rrb.SelectionPanel(state="hidden"),
+        rrb.TimePanel(state="hidden", timeline=timeline(header)),
+        auto_layout=False,
+        auto_views=False,
+    )
+
+
+def _drawn(origin: str, name: str, bounds: _Bounds) -> rrb.Spatial2DView:
+    across, down = bounds
+    return rrb.Spatial2DView(
+        origin=f"/{origin}",
+        name=name,
+        background=PAPER,
+        visual_bounds=rrb.VisualBounds2D(x_range=across, y_range=down),
+    )
+
+
+def _trend(origin: str, name: str) -> rrb.TimeSeriesView:
+    return rrb.TimeSeriesView(origin=f"/{origin}", name=name, plot_legend=rrb.PlotLegend(rrb.Corner2D.LeftTop))

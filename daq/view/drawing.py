@@ -1,0 +1,110 @@
+"""Lines and lettering collected for one entity of the viewer, in a plane with x to the right and y DOWN."""
+
+from collections.abc import Sequence
+from enum import Enum
+
+import numpy as np
+import rerun as rr
+from numpy.typing import ArrayLike, NDArray
+
+from daq.view.lettering import text_strokes, text_width
+from daq.view.palette import TEXT, Color
+
+FloatArray = NDArray[np.float64]
+
+
+class Anchor(Enum):
+    """Which end of a line of text stands at the point given; the value is the share of its width to the left."""
+
+    LEFT = 0.0
+    CENTRE = 0.5
+    RIGHT = 1.0
+
+
+def _runs(points: FloatArray) -> list[FloatArray]:
+    """Return the stretches of finite points of (n, 2): a line is broken where a value is missing."""
+    finite = np.isfinite(points).all(axis=1)
+    if finite.all():
+        return [points] if len(points) > 1 else []
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], finite.astype(np.int8), [0]))))
+    return [points[a:b] for a, b in edges.reshape(-1, 2) if b - a > 1]
+
+
+class Drawing:
+    """What is drawn as one entity; later strokes lie over earlier ones.
+
+    Lengths, widths and heights are in the units of the plane.
+    """
+
+    def __init__(self) -> None:
+        self._strips: list[FloatArray] = []
+        self._colors: list[Color] = []
+        self._radii: list[float] = []
+
+    def line(self, points: ArrayLike, color: Color, width: float) -> None:
+        """Draw a line through points of shape (n, 2); it is broken where one is not finite."""
+        for run in _runs(np.asarray(points, dtype=np.float64).reshape(-1, 2)):
+            self._add(run, color, width)
+
+    def dashes(self, points: ArrayLike, color: Color, width: float, length: float) -> None:
+        """Draw a dashed line through points of shape (n, 2)."""
+        for run in _runs(np.asarray(points, dtype=np.float64).reshape(-1, 2)):
+            along = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(run, axis=0).T))))
+            starts = np.arange(0.0, along[-1], 2.0 * length)
+            for start in starts:
+                inside = along[(along > start) & (along < start + length)]
+                at = np.concatenate(([start], inside, [min(start + length, along[-1])]))
+                self._add(np.stack([np.interp(at, along, run[:, k]) for k in range(2)], axis=1), color, width)
+
+    def circle(self, centre: tuple[float, float], radius: float, color: Color, width: float) -> None:
+        """Draw a circle."""
+        angle = np.linspace(0.0, 2.0 * np.pi, 97)
+        self.line(
+            np.stack([centre[0] + radius * np.cos(angle), centre[1] + radius * np.sin(angle)], axis=1), color, width
+        )
+
+    def dot(self, centre: tuple[float, float], radius: float, color: Color) -> None:
+        """Draw a filled disc."""
+        self.circle(centre, 0.5 * radius, color, radius)
+
+    def block(self, left: float, top: float, width: float, height: float, color: Color) -> None:
+        """Fill a rectangle with rounded ends."""
+        middle, end = top + 0.5 * height, 0.5 * height
+        self.line([(left + end, middle), (left + width - end, middle)], color, height)
+
+    def text(
+        self,
+        text: str,
+        at: tuple[float, float],
+        height: float,
+        color: Color = TEXT,
+        anchor: Anchor = Anchor.LEFT,
+        *,
+        upright: bool = True,
+        weight: float = 0.13,
+    ) -> float:
+        """Write a line of text standing on ``at``; upwards along the left where not ``upright``.
+
+        ``height`` is that of a capital, ``weight`` the stroke's width over it. Returns the width of the text.
+        """
+        width = text_width(text) * height
+        for stroke in text_strokes(text):
+            along = stroke[:, 0] * height - anchor.value * width
+            up = stroke[:, 1] * height
+            x, y = (at[0] + along, at[1] - up) if upright else (at[0] - up, at[1] - along)
+            self._add(np.stack([x, y], axis=1), color, weight * height)
+        return width
+
+    def log(self, stream: rr.RecordingStream, path: str, *, draw_order: float = 20.0) -> None:
+        """Show it as entity ``path`` in place of what was there."""
+        stream.log(path, self.archetype(draw_order=draw_order))
+
+    def archetype(self, *, draw_order: float = 20.0) -> rr.LineStrips2D:
+        """Return it as the viewer's archetype."""
+        strips: Sequence[NDArray[np.float32]] = [strip.astype(np.float32) for strip in self._strips]
+        return rr.LineStrips2D(strips, colors=self._colors, radii=self._radii, draw_order=draw_order)
+
+    def _add(self, strip: FloatArray, color: Color, width: float) -> None:
+        self._strips.append(strip)
+        self._colors.append(color)
+        self._radii.append(0.5 * width)

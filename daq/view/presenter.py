@@ -1,0 +1,126 @@
+"""Turns frames of a run into what the viewer draws; the same live and in replay."""
+
+import math
+from collections.abc import Callable, Hashable
+
+import rerun as rr
+
+from analysis.run import RunHeader
+from daq.session.frame import LiveFrame
+from daq.view.banner import banner
+from daq.view.blueprint import timeline
+from daq.view.bode import BodePlot
+from daq.view.cascade import CascadePlot
+from daq.view.details import details
+from daq.view.drawing import Drawing
+from daq.view.orbit import OrbitPlot
+from daq.view.palette import MEASURED_X, MEASURED_Y, MODEL, TEXT
+from daq.view.spectrum import SpectrumPlot
+from daq.view.traces import TracePlot
+
+_UNDER, _OVER, _TOP = 10.0, 20.0, 30.0  # what is drawn over what
+_SECOND = 2  # spectra, traces and the banner: every second frame
+_SLOW = 5  # cascade, Bode plot, words: every fifth
+_REPEAT = (
+    50  # frames of plots are sent again so often: who looks in late, and whom the oldest was dropped for, has them
+)
+
+
+class Presenter:
+    """Shows one run on one stream.
+
+    Not for more than one thread. What it keeps does not grow with the length of the run.
+
+    Parameters
+    ----------
+    stream : rerun.RecordingStream
+        Where it is logged.
+    header : RunHeader
+        The run. Its sample time is a timeline of its own, so that what a run before it left in the viewer is not seen.
+    """
+
+    def __init__(self, stream: rr.RecordingStream, header: RunHeader) -> None:
+        self._stream = stream
+        self._timeline = timeline(header)
+        self._count = 0
+        self._shown: dict[str, tuple[Hashable, int]] = {}
+        self._orbit = OrbitPlot(header)
+        self._spectrum = SpectrumPlot()
+        self._cascade = CascadePlot(header)
+        self._bode = BodePlot(header)
+        self._traces = TracePlot()
+        self._model_points = header.settings.points_per_revolution
+        self._style()
+
+    def show(self, frame: LiveFrame) -> None:
+        """Log what is due of a frame, at its time in the run."""
+        self._stream.set_time(self._timeline, duration=frame.status.elapsed)
+        snapshot = frame.snapshot
+        if snapshot is not None:
+            self._cascade.add(snapshot, frame.prediction)
+            self._bode.add(snapshot.frame, frame.prediction)
+        self._show_orbit(frame)
+        if self._count % _SECOND == 0:
+            drawing = banner(frame)
+            drawing.log(self._stream, "banner")
+            self._show_spectrum(frame)
+            self._show_traces(frame)
+            self._show_trend(frame)
+        if self._count % _SLOW == 0:
+            self._show_by_speed(frame)
+            self._stream.log("details", rr.TextDocument(details(frame), media_type=rr.MediaType.MARKDOWN))
+        self._count += 1
+
+    def _show_orbit(self, frame: LiveFrame) -> None:
+        order_frame = frame.snapshot.frame if frame.snapshot is not None else None
+        self._axes("orbit/axes", self._orbit.follow(order_frame, frame.prediction), self._orbit.axes)
+        self._orbit.model(frame.prediction, self._model_points).log(self._stream, "orbit/model", draw_order=_OVER)
+        self._orbit.measured(order_frame).log(self._stream, "orbit/measured", draw_order=_TOP)
+
+    def _show_spectrum(self, frame: LiveFrame) -> None:
+        order_frame = frame.snapshot.frame if frame.snapshot is not None else None
+        self._axes("spectrum/axes", self._spectrum.follow(order_frame, frame.prediction), self._spectrum.axes)
+        self._spectrum.model(frame.prediction).log(self._stream, "spectrum/model", draw_order=_OVER)
+        self._spectrum.measured(order_frame).log(self._stream, "spectrum/measured", draw_order=_TOP)
+
+    def _show_traces(self, frame: LiveFrame) -> None:
+        self._axes("traces/axes", self._traces.follow(frame.snapshot), self._traces.axes)
+        trace = frame.snapshot.trace if frame.snapshot is not None else None
+        self._traces.lines(trace).log(self._stream, "traces/lines", draw_order=_OVER)
+
+    def _show_by_speed(self, frame: LiveFrame) -> None:
+        order_frame = frame.snapshot.frame if frame.snapshot is not None else None
+        self._axes("cascade/axes", 0, self._cascade.axes)
+        self._stream.log("cascade/measured", self._cascade.picture())
+        self._cascade.lines(order_frame).log(self._stream, "cascade/model", draw_order=_TOP)
+        self._axes("bode/axes", self._bode.follow(), self._bode.axes)
+        self._bode.model().log(self._stream, "bode/model", draw_order=_OVER)
+        self._bode.measured().log(self._stream, "bode/measured", draw_order=_TOP)
+
+    def _show_trend(self, frame: LiveFrame) -> None:
+        snapshot = frame.snapshot
+        if snapshot is None:
+            return
+        for name, value in zip("xy", snapshot.peak_to_peak, strict=True):
+            self._stream.log(f"trend/overall/{name}", rr.Scalars(float(value) * 1e6))
+        if frame.prediction is not None:
+            worst = float(frame.prediction.peak_to_peak.max())
+            self._stream.log("trend/overall/model", rr.Scalars(worst * 1e6))
+        if math.isfinite(snapshot.speed):
+            self._stream.log("trend/speed/measured", rr.Scalars(snapshot.speed * 30.0 / math.pi))
+
+    def _axes(self, path: str, state: Hashable, draw: Callable[[], Drawing]) -> None:
+        """Log a plot's frame where its scale has changed, and now and then."""
+        state_before, count = self._shown.get(path, (None, -_REPEAT))
+        if state != state_before or self._count - count >= _REPEAT:
+            draw().log(self._stream, path, draw_order=_UNDER)
+            self._shown[path] = (state, self._count)
+
+    def _style(self) -> None:
+        for path, name, color in (
+            ("trend/overall/x", "x", MEASURED_X),
+            ("trend/overall/y", "y", MEASURED_Y),
+            ("trend/overall/model", "model, larger of both", MODEL),
+            ("trend/speed/measured", "speed", TEXT),
+        ):
+            self._stream.log(path, rr.SeriesLines(names=name, colors=[color], widths=[2.0]), static=True)

@@ -1,0 +1,49 @@
+"""How quantities are written for the operator."""
+
+import math
+
+import numpy as np
+
+from daq.view.bode import phase_lag
+
+
+def rpm(speed: float) -> str:
+    """Return a speed, rad/s, in whole r/min."""
+    return f"{speed * 30.0 / math.pi:,.0f}"
+
+
+def clock(elapsed: float) -> str:
+    """Return a time, s, as 02:41 or 1:02:41."""
+    seconds = max(0, int(elapsed))
+    minutes, seconds = divmod(seconds, 60)
+    if minutes < 60:
+        return f"{minutes:02d}:{seconds:02d}"
+    return f"{minutes // 60}:{minutes % 60:02d}:{seconds:02d}"
+
+
+def hours(left: float) -> str:
+    """Return how long the disk lasts, s, as 41 h or 25 min."""
+    if not math.isfinite(left):
+        return "not written"
+    return f"{left / 3600.0:,.0f} h" if left >= 7200.0 else f"{left / 60.0:.0f} min"
+
+
+def micrometres(length: float) -> str:
+    """Return a length, m, in µm with as many digits as can be trusted at a glance."""
+    return f"{length * 1e6:.0f} µm" if abs(length) >= 9.95e-6 else f"{length * 1e6:.1f} µm"
+
+
+def vector(value: complex) -> str:
+    """Return a vector, m peak, as amplitude and phase lag."""
+    return f"{micrometres(abs(value))}, {float(phase_lag(np.asarray(value))):.0f}°"
+
+
+_LAST_LATIN = 0x24F
+
+
+def legible(text: str) -> str:
+    """Return the text with a question mark for every letter that the viewer's only fount lacks.
+
+    The viewer may break down over such a letter, and names, notes and messages come from outside.
+    """
+    return "".join(c if c == "\n" or (c.isprintable() and ord(c) <= _LAST_LATIN) or c in "–—…" else "?" for c in text)
