@@ -10,7 +10,7 @@ from daq.config.rig import MICRO, RPM, Rig
 from daq.config.schema import ChannelSection
 from daq.drivers import simulated_converter as converter
 from daq.drivers.simulated_draws import Purpose, draws
-from daq.drivers.simulated_motion import Motion
+from daq.drivers.simulated_motion import Instants, Motion
 from daq.drivers.simulated_probe import SimulatedProbe
 from daq.drivers.simulated_shaft import shaft_motion
 from daq.drivers.simulated_speed import SpeedCourse, speed_course
@@ -66,7 +66,7 @@ class SimulatedCard:
         self._seed = bench.seed
         self._portion = 0
         self._left = np.empty((len(config.channel), 0), dtype=np.int16)
-        self._given = 0
+        self._taken = 0
 
     @property
     def acquisition(self) -> Acquisition:
@@ -83,9 +83,19 @@ class SimulatedCard:
         """Length of the whole run, samples per channel."""
         return self._n_samples
 
+    @property
+    def taken(self) -> int:
+        """Samples per channel taken so far."""
+        return self._taken
+
+    def skip(self, n: int) -> None:
+        """Let samples pass that nobody reads."""
+        while n > 0 and (passed := self.next_codes(min(n, PORTION)).shape[1]) > 0:
+            n -= passed
+
     def next_codes(self, n: int) -> NDArray[np.int16]:
         """Return the next codes, shape (n_channels, n); fewer at the end of the run, none after it."""
-        wanted = min(n, self._n_samples - self._given)
+        wanted = min(n, self._n_samples - self._taken)
         taken = [self._left[:, :wanted]]
         self._left = self._left[:, wanted:]
         missing = wanted - taken[0].shape[1]
@@ -94,17 +104,15 @@ class SimulatedCard:
             taken.append(made[:, :missing])
             self._left = made[:, missing:]
             missing -= taken[-1].shape[1]
-        self._given += wanted
+        self._taken += wanted
         return np.concatenate(taken, axis=1)
 
     def _make(self) -> NDArray[np.int16]:
         """Make the next portion of the run."""
         acquisition, portion = self._acquisition, self._portion
         time = (portion * PORTION + np.arange(PORTION)) / acquisition.rate
-        angle, speed = self._course.at(time)
-        lags = [row / acquisition.convert_rate for row in range(len(acquisition.channels))]
-        when_sampled = np.stack([angle + speed * lags[row] for row in self._probe_rows])
-        displacement = self._motion.advance(when_sampled, speed)
+        lags = np.arange(len(acquisition.channels)) / acquisition.convert_rate
+        displacement = self._motion.advance(Instants.along(self._course, time, lags[self._probe_rows]))
         made = np.empty((len(acquisition.channels), PORTION), dtype=np.int16)
         for row, probe, moved in zip(self._probe_rows, self._probes, displacement, strict=True):
             made[row] = converter.codes(probe.volts(portion, moved), acquisition.channels[row].scaling)

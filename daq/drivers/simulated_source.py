@@ -2,20 +2,26 @@
 
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 
 from analysis.run import Acquisition
 from analysis.samples import EndReason, SampleBlock, SegmentEnd, SourceItem
 from daq.drivers.simulated_card import SimulatedCard
+from model.errors import WallContactError
+
+RESTARTS = 5  # in a run, after overruns: with a reader that is late more often it is not worth going on
 
 
 class SimulatedSource:
     """Blocks of the simulated card.
 
+    A reader that is later than the buffer allows loses samples, as it would with the card: the segment ends with the
+    loss, and the acquisition goes on as the next segment. The bench does not wait meanwhile.
+
     Parameters
     ----------
     card : SimulatedCard
-        What is wired up.
+        What is wired up; nothing has been taken from it.
     block : int
         Samples per channel in a block.
     buffer : int
@@ -29,7 +35,8 @@ class SimulatedSource:
         self._block = block
         self._buffer = buffer
         self._real_time = real_time
-        self._stop = threading.Event()
+        self._stopping = threading.Event()
+        self._started = 0.0
 
     @property
     def acquisition(self) -> Acquisition:
@@ -37,49 +44,66 @@ class SimulatedSource:
         return self._card.acquisition
 
     def blocks(self) -> Iterator[SourceItem]:
-        """Start, and yield blocks until stopped, at the profile's end, or overrun by a reader that is too late.
+        """Start, and yield blocks until stopped or at the profile's end.
 
         Deadlines are counted from the start, so that the pace does not drift.
         """
-        started = time.monotonic()
-        read = 0
-        while not self._stop.is_set():
-            codes = self._card.next_codes(self._block)
-            end = read + codes.shape[1]
-            if codes.shape[1] == 0:
-                yield SegmentEnd(segment=0, samples=read, reason=EndReason.FINISHED)
+        self._started = time.monotonic()
+        for segment in range(RESTARTS + 1):
+            end = yield from self._segment(segment)
+            yield end
+            over = self._stopping.is_set() or self._card.taken + end.lost >= self._card.n_samples
+            if end.reason is not EndReason.OVERRUN or over:
                 return
-            lost = self._acquired(started) - read
-            if lost > self._buffer:
-                yield self._overrun(read, lost)
+            try:
+                self._card.skip(end.lost)
+            except WallContactError as error:
+                yield SegmentEnd(segment + 1, samples=0, reason=EndReason.DEVICE_ERROR, detail=str(error))
                 return
-            if self._real_time and self._stop.wait(max(started + end / self.acquisition.rate - time.monotonic(), 0.0)):
-                break
-            backlog = max(self._acquired(started) - end, 0)
-            yield SampleBlock(codes, segment=0, first_sample=read, host_time_ns=time.time_ns(), backlog=backlog)
-            read = end
-        yield SegmentEnd(segment=0, samples=read, reason=EndReason.STOPPED)
 
     def stop(self) -> None:
         """Ask for the end, from any thread."""
-        self._stop.set()
+        self._stopping.set()
 
     def close(self) -> None:
-        """Nothing is held; ask for the end."""
-        self._stop.set()
+        """Ask for the end; nothing is held."""
+        self._stopping.set()
 
-    def _acquired(self, started: float) -> int:
+    def _segment(self, segment: int) -> Generator[SampleBlock, None, SegmentEnd]:
+        """Yield the blocks of a segment and return its end."""
+        before = self._card.taken
+        read = 0
+        while not self._stopping.is_set():
+            late = self._acquired() - before - read
+            if late > self._buffer:
+                return self._overrun(segment, read, late)
+            try:
+                codes = self._card.next_codes(self._block)
+            except WallContactError as error:
+                return SegmentEnd(segment, read, EndReason.DEVICE_ERROR, detail=str(error))
+            if codes.shape[1] == 0:
+                return SegmentEnd(segment, read, EndReason.FINISHED)
+            if not self._wait_for(self._card.taken):
+                break
+            backlog = max(self._acquired() - self._card.taken, 0)
+            yield SampleBlock(codes, segment, first_sample=read, host_time_ns=time.time_ns(), backlog=backlog)
+            read += codes.shape[1]
+        return SegmentEnd(segment, read, EndReason.STOPPED)
+
+    def _wait_for(self, sample: int) -> bool:
+        """Wait until the card has digitised a sample; return whether nobody asked for the end meanwhile."""
+        if not self._real_time:
+            return True
+        due = self._started + sample / self.acquisition.rate
+        return not self._stopping.wait(max(due - time.monotonic(), 0.0))
+
+    def _acquired(self) -> int:
         """Return how many samples per channel the card has digitised by now; 0 where it waits for its reader."""
         if not self._real_time:
             return 0
-        return min(int((time.monotonic() - started) * self.acquisition.rate), self._card.n_samples)
+        return min(int((time.monotonic() - self._started) * self.acquisition.rate), self._card.n_samples)
 
-    def _overrun(self, read: int, lost: int) -> SegmentEnd:
+    def _overrun(self, segment: int, read: int, late: int) -> SegmentEnd:
         rate = self.acquisition.rate
-        return SegmentEnd(
-            segment=0,
-            samples=read,
-            reason=EndReason.OVERRUN,
-            lost=lost,
-            detail=f"the reader was {lost / rate:.1f} s late, the card's buffer holds {self._buffer / rate:.1f} s",
-        )
+        detail = f"the reader was {late / rate:.1f} s late, the card's buffer holds {self._buffer / rate:.1f} s"
+        return SegmentEnd(segment, read, EndReason.OVERRUN, lost=late, detail=detail)
