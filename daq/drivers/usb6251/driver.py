@@ -164,9 +164,9 @@ class NiCard:
         """Give the card free for others; harmless when it is, waits for a read in progress."""
         with self._lock:
             task, self._task = self._task, None
-        if task is not None:
-            with suppress(Error):  # a card that is gone, or its server, cannot be told
-                task.close()
+            if task is not None:
+                with suppress(Error):  # a card that is gone, or its server, cannot be told
+                    task.close()
 
     def close(self) -> None:
         """Release the card and the connection to it; harmless when closed."""
@@ -211,9 +211,9 @@ class NiCard:
             leftover = Task(name, grpc_options=attach)
         except Error:
             return  # there is none, or what is wrong with the server will be said when the task is made
-        position = leftover.in_stream.curr_read_pos
+        position = _position(leftover)
         time.sleep(ABANDONED_AFTER)
-        if leftover.in_stream.curr_read_pos != position:
+        if _position(leftover) != position:
             raise DeviceError(
                 DeviceFault.BUSY, f"another recording is reading {self._name}{self._where}: stop it there"
             )
@@ -307,6 +307,13 @@ def _channel(section: DeviceSection) -> grpc.Channel:
     plain = grpc.insecure_channel(section.target, options=CHANNEL_OPTIONS)
     timed: grpc.Channel = grpc.intercept_channel(plain, Deadline(section.deadline_s))
     return timed
+
+
+def _position(task: Task) -> int | None:
+    try:
+        return int(task.in_stream.curr_read_pos)
+    except DaqError:
+        return None  # it does not run
 
 
 def _session(

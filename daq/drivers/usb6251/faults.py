@@ -49,7 +49,7 @@ def device_fault(code: int, *, known: bool) -> DeviceFault:
 
 
 def bench_words(code: int, text: str) -> str:
-    """Return the trouble in the words of the bench, then in the driver's own, on one line."""
-    driver = " ".join(text.split())
+    """Return the trouble in the words of the bench, then the first paragraph of the driver's own, on one line."""
+    driver = " ".join(text.partition("\n\n")[0].split())
     words = _WORDS.get(code, "")
     return f"{words}; the driver says: {driver}" if words else f"the driver says: {driver}"

@@ -41,9 +41,10 @@ def open_usb6251(rig: Rig) -> "Usb6251":
     try:
         from daq.drivers.usb6251.driver import NiCard  # noqa: PLC0415 - an optional extra, and slow to import
     except ImportError as error:
+        package = (error.name or "nidaqmx").partition(".")[0]
         raise DeviceError(
             DeviceFault.DRIVER,
-            f"the package {error.name} is not installed: install the service with its extra 'card' "
+            f"the package {package} is not installed: install the service with its extra 'card' "
             "(pip install 'rig-service[card]')",
         ) from error
     return Usb6251(NiCard(rig))
