@@ -7,7 +7,7 @@ from daq.drivers.simulated_source import SimulatedSource
 from daq.drivers.source import Source
 from daq.drivers.usb6251 import open_usb6251
 from daq.errors import DeviceError, DeviceFault
-from model.errors import WallContactError
+from model.errors import ModelError
 
 
 def open_source(rig: Rig) -> Source:
@@ -27,7 +27,7 @@ def open_source(rig: Rig) -> Source:
         return open_usb6251(rig)
     try:
         card = SimulatedCard(rig)
-    except WallContactError as error:
+    except ModelError as error:
         raise DeviceError(DeviceFault.REJECTED, f"the simulated shaft cannot start: {error}") from error
     rate = card.acquisition.rate
     return SimulatedSource(

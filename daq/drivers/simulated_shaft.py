@@ -12,8 +12,10 @@ from daq.drivers.simulated_draws import Purpose, draws
 from daq.drivers.simulated_model import ModelMotion
 from daq.drivers.simulated_motion import Motion, RunOut, SynchronousMotion, Together, ToldWhirl, circular, towards
 from daq.drivers.simulated_speed import SpeedCourse
+from model.synchronous import synchronous_response
 
 GRID = 48  # speeds at which the synchronous response is computed
+SLOWEST = 50.0  # rad/s: below it the response is taken to fall to nothing
 
 
 def shaft_motion(rig: Rig, course: SpeedCourse, acquisition: Acquisition) -> Motion:
@@ -30,8 +32,8 @@ def shaft_motion(rig: Rig, course: SpeedCourse, acquisition: Acquisition) -> Mot
 
     Raises
     ------
-    WallContactError
-        The model's shaft reaches a wall at its first speed.
+    ModelError
+        The model's shaft reaches a wall at its first speed, or has no synchronous motion.
     """
     bench = rig.config.simulation
     angle_x, angle_y = (acquisition.channels[acquisition.row(role)].angle for role in (Role.PROBE_X, Role.PROBE_Y))
@@ -62,10 +64,16 @@ def _whirls(bench: SimulationSection, angles: tuple[float, float], phases: list[
 
 
 def _synchronous(rig: Rig, course: SpeedCourse, angles: tuple[float, float]) -> SynchronousMotion:
-    speeds = np.linspace(0.0, max(float(course.speeds.max()), 100.0), GRID)
-    unbalance = 2.5 * MICRO * (speeds / 1000.0) ** 2 / (1.0 + (speeds / 1000.0) ** 2)
+    """Return the model's synchronous motion over the speeds of the run, one branch followed from the lowest up."""
+    parameters = rotor_parameters(rig)
+    highest = 1.01 * max(float(course.speeds.max()), SLOWEST)  # a grid also for a run at one speed
+    speeds = np.linspace(max(float(course.speeds.min()), SLOWEST), highest, GRID)
+    responses = [synchronous_response(parameters, float(speeds[0]))]
+    for speed in speeds[1:]:
+        responses.append(synchronous_response(parameters, float(speed), responses[-1]))
+    vectors = np.stack([response.vectors for response in responses], axis=1)
     return SynchronousMotion(
-        speeds=speeds,
-        vectors=unbalance * circular(1.0, -0.3, angles)[:, np.newaxis],
+        speeds=np.concatenate([[0.0], speeds]),
+        vectors=np.concatenate([np.zeros((2, 1)), vectors], axis=1),
         static=towards(angles, np.array([0.0, -rig.config.simulation.sag_um * MICRO])),
     )
