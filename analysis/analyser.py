@@ -16,6 +16,7 @@ from analysis.tacho import SILENCE, PulseTrain
 FloatArray = NDArray[np.float64]
 
 FIT_TURNS = 8  # before a frame that its smooth angle is fitted to as well
+GLITCH_TIME = 2e-4  # s at either extreme of an update interval that does not count as the shaft's
 TRACE_POINTS = 1000  # at most, about
 _CODES = np.arange(2**16, dtype=np.uint16).view(np.int16)  # tables over them are indexed by a code's bits as uint16
 
@@ -146,7 +147,10 @@ class Analyser:
         return speed, report, self._frames.frame(self._pyramid, angle, int(turns[0]), int(turns[-1]))
 
     def _peak_to_peak(self, displacement: FloatArray, speed: float) -> FloatArray:
-        self._extremes.append((displacement.shape[1], displacement.min(axis=1), displacement.max(axis=1)))
+        n = displacement.shape[1]
+        spare = min(round(GLITCH_TIME * self._rate), n // 50)
+        ranked = np.partition(displacement, (spare, n - 1 - spare), axis=1)
+        self._extremes.append((n, ranked[:, spare], ranked[:, n - 1 - spare]))
         turn = 0.0 if np.isnan(speed) else 2.0 * np.pi / speed * self._rate
         needed = max(self._hop, turn)
         covered, low, high = 0, np.full(2, np.inf), np.full(2, -np.inf)

@@ -1,11 +1,20 @@
 """Sub-synchronous findings: the whirls of successive frames merged into components with a beginning and an end."""
 
+import math
 from dataclasses import dataclass
+
+from analysis.snapshot import OrderFrame, Whirl
+
+SAME_ORDER = 0.05  # orders: nearer whirls are one component
+LONGEST_BREAK = 0.5  # s without the component before it has ended
+FEWEST_FRAMES = 3
+MOST_FINDINGS = 256  # the weakest is dropped
+_FOLLOW = 0.3  # how fast the order that is looked for follows
 
 
 @dataclass(frozen=True, slots=True)
 class Moment:
-    """A place in a run.
+    """A place in a run; of a frame its middle.
 
     Parameters
     ----------
@@ -52,3 +61,111 @@ class WhirlFinding:
     largest: Moment
     is_forward: bool
     frames: int
+
+
+@dataclass(slots=True)
+class _Track:
+    """A component that is being followed: sums over its frames."""
+
+    recent_order: float
+    begin: Moment
+    end: Moment
+    largest: Moment
+    amplitude: float = 0.0
+    weight: float = 0.0
+    weighted_order: float = 0.0
+    begin_order: float = 0.0
+    forward: float = 0.0
+    backward: float = 0.0
+    frames: int = 0
+    frame_time: float = 0.0
+
+    def add(self, whirl: Whirl, moment: Moment, frame_time: float) -> None:
+        amplitude = whirl.amplitude
+        self.recent_order += _FOLLOW * (whirl.order - self.recent_order)
+        self.end = moment
+        if amplitude > self.amplitude:
+            self.amplitude, self.largest = amplitude, moment
+        self.weight += amplitude
+        self.weighted_order += amplitude * whirl.order
+        self.forward += whirl.forward
+        self.backward += whirl.backward
+        self.frames += 1
+        self.frame_time = max(self.frame_time, frame_time) if self.frames <= FEWEST_FRAMES else self.frame_time
+        if self.frames <= FEWEST_FRAMES:
+            self.begin_order = self.weighted_order / self.weight
+
+    @property
+    def is_sure(self) -> bool:
+        """Whether frames that share no samples showed it, so that no single disturbance can be behind it."""
+        return self.frames >= FEWEST_FRAMES and self.end.time - self.begin.time >= self.frame_time
+
+    def finding(self) -> WhirlFinding:
+        return WhirlFinding(
+            order=self.weighted_order / self.weight,
+            order_at_begin=self.begin_order,
+            begin=self.begin,
+            end=self.end,
+            amplitude=self.amplitude,
+            largest=self.largest,
+            is_forward=self.forward >= self.backward,
+            frames=self.frames,
+        )
+
+
+class WhirlTracker:
+    """Merges the whirls of successive frames into components.
+
+    A whirl belongs to the component whose order it continues within 0.05 (half a line of the spectrum, if that is
+    more). A component is found when three frames showed it, of which two share no samples, and has ended when no
+    frame has shown it for half a second or a frame's length, whichever is longer. Two components that take turns as
+    the strongest are followed side by side; one that replaces another is a finding of its own.
+    """
+
+    def __init__(self) -> None:
+        self._open: list[_Track] = []
+        self._closed: list[_Track] = []
+
+    def frame(self, segment: int, time: float, frame: OrderFrame) -> None:
+        """Take a frame.
+
+        Parameters
+        ----------
+        segment : int
+            Segment of the run.
+        time : float
+            Time of the frame's end in it, s.
+        frame : OrderFrame
+            With its whirl, if it has one.
+        """
+        resolution = float(frame.orders[1])
+        frame_time = 2.0 * math.pi / (frame.speed * resolution)
+        moment = Moment(segment, time - 0.5 * frame_time, frame.speed)
+        self._close(moment.time - max(LONGEST_BREAK, frame_time))
+        if frame.whirl is None:
+            return
+        near = max(SAME_ORDER, 0.5 * resolution)
+        order = frame.whirl.order
+        track = min(self._open, key=lambda track: abs(track.recent_order - order), default=None)
+        if track is None or abs(track.recent_order - order) > near:
+            track = _Track(order, moment, moment, moment)
+            self._open.append(track)
+        track.add(frame.whirl, moment, frame_time)
+
+    def segment_end(self) -> None:
+        """End all components: time does not run on into the next segment."""
+        self._close(math.inf)
+
+    def _close(self, before: float) -> None:
+        for track in [track for track in self._open if track.end.time < before]:
+            self._open.remove(track)
+            if track.is_sure:
+                self._closed.append(track)
+        if len(self._closed) > MOST_FINDINGS:
+            self._closed.remove(min(self._closed, key=lambda track: track.weight))
+
+    def findings(self) -> tuple[WhirlFinding, ...]:
+        """Return the components found, those still there included, in the order in which they began."""
+        tracks = self._closed + [track for track in self._open if track.is_sure]
+        tracks.sort(key=lambda track: (track.begin.segment, track.begin.time))
+        return tuple(track.finding() for track in tracks)

@@ -39,7 +39,7 @@ class TachoReport:
     rejected : int
         Edges that were rejected as doubles or noise.
     jitter : float
-        Robust scatter (MAD) of the edges about the smooth angle, s.
+        Robust scatter (1.4826 MAD) of the edges about the smooth angle, s; NaN where there is none.
     """
 
     state: TachoState
@@ -137,8 +137,8 @@ class Trace:
 class Snapshot:
     """The state of the shaft at one sample.
 
-    Snapshots come at fixed sample indices, every ``update_interval``, whatever the size of the blocks, and hold the
-    same bits live and in replay.
+    Snapshots come at fixed sample indices, every ``update_interval`` and at a segment's end, whatever the size of the
+    blocks, and hold the same bits live and in replay.
 
     Parameters
     ----------
@@ -157,7 +157,8 @@ class Snapshot:
     gap_ok : ndarray of bool, shape (2,)
         Whether each lies in its window.
     peak_to_peak : ndarray of float64, shape (2,)
-        Overall peak-to-peak of each probe over the last update interval or revolution, whichever is longer, m.
+        Overall peak-to-peak of each probe over the last update interval or revolution, whichever is longer, m: whole
+        update intervals, each without the extreme 0.2 ms (2 % at most) at either side, where a sensor's glitches lie.
     clipped : ndarray of int64, shape (n_channels,)
         Samples at the converter's rails since the run began, per channel.
     frame : OrderFrame or None

@@ -1,15 +1,17 @@
 """What a run was: the answer to the operator's last question, built from snapshots as they come."""
 
+from collections import Counter
 from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.findings import Moment, WhirlFinding
+from analysis.findings import Moment, WhirlFinding, WhirlTracker
+from analysis.run import Role, RunHeader
 from analysis.samples import SegmentEnd
-from analysis.snapshot import TachoReport
-from analysis.speed_table import SpeedRow
+from analysis.snapshot import Snapshot, TachoReport
+from analysis.speed_table import SpeedRow, SpeedTable
 
 FloatArray = NDArray[np.float64]
 
@@ -125,3 +127,121 @@ class RunSummary:
         """The worst of the probes' verdicts."""
         worst = [Severity.GOOD, Severity.ALARM, Severity.DANGER]
         return max((probe.severity for probe in self.probes), key=worst.index, default=Severity.GOOD)
+
+
+@dataclass(slots=True)
+class _Probe:
+    """Running sums of one probe."""
+
+    gap_sum: float = 0.0
+    gap_least: float = np.inf
+    gap_most: float = -np.inf
+    gap_ok: bool = True
+    peak_to_peak: float = 0.0
+    largest: Moment | None = None
+
+    def add(self, snapshot: Snapshot, probe: int) -> None:
+        gap = float(snapshot.gap_volts[probe])
+        self.gap_sum += gap
+        self.gap_least, self.gap_most = min(self.gap_least, gap), max(self.gap_most, gap)
+        self.gap_ok = self.gap_ok and bool(snapshot.gap_ok[probe])
+        overall = float(snapshot.peak_to_peak[probe])
+        if self.largest is None or overall > self.peak_to_peak:
+            self.peak_to_peak = overall
+            self.largest = Moment(snapshot.segment, snapshot.time, snapshot.speed)
+
+
+class SummaryBuilder:
+    """Builds the summary of a run from its snapshots and segment ends, as they come; memory does not grow.
+
+    Parameters
+    ----------
+    header : RunHeader
+        Of the run.
+    """
+
+    def __init__(self, header: RunHeader) -> None:
+        self._header = header
+        acquisition = header.acquisition
+        rows = (acquisition.row(Role.PROBE_X), acquisition.row(Role.PROBE_Y))
+        self._names = [acquisition.channels[row].name for row in rows]
+        self._probes = (_Probe(), _Probe())
+        self._table = SpeedTable()
+        self._whirls = WhirlTracker()
+        self._ends: list[SegmentEnd] = []
+        self._clipped: tuple[int, ...] = (0,) * len(acquisition.channels)
+        self._states: Counter[str] = Counter()
+        self._tacho: TachoReport | None = None
+        self._snapshots = self._frames = 0
+        self._lowest, self._highest = np.inf, -np.inf
+        self._open_segment, self._open_samples = -1, 0  # what has been seen of a segment that has not ended
+
+    def snapshot(self, snapshot: Snapshot) -> None:
+        """Take a snapshot, in the order in which they came."""
+        if snapshot.segment != self._open_segment:
+            self._whirls.segment_end()
+        self._open_segment, self._open_samples = snapshot.segment, snapshot.sample
+        self._snapshots += 1
+        self._states[snapshot.tacho.state.value] += 1
+        self._tacho = snapshot.tacho
+        self._clipped = tuple(snapshot.clipped.tolist())
+        for row, probe in enumerate(self._probes):
+            probe.add(snapshot, row)
+        if np.isfinite(snapshot.speed):
+            self._lowest, self._highest = min(self._lowest, snapshot.speed), max(self._highest, snapshot.speed)
+        self._table.snapshot(snapshot)
+        if snapshot.frame is not None:
+            self._frames += 1
+            self._whirls.frame(snapshot.segment, snapshot.time, snapshot.frame)
+
+    def segment_end(self, end: SegmentEnd) -> None:
+        """Take the end of a segment."""
+        self._ends.append(end)
+        self._whirls.segment_end()
+        self._open_segment, self._open_samples = -1, 0
+
+    def summary(self) -> RunSummary:
+        """Return the summary so far."""
+        header = self._header
+        samples = sum(end.samples for end in self._ends) + self._open_samples
+        has_speed = self._highest > 0.0
+        return RunSummary(
+            run=header.run,
+            rig=header.rig,
+            note=header.note,
+            started_ns=header.started_ns,
+            duration=samples / header.acquisition.rate,
+            samples=samples,
+            lost=sum(end.lost for end in self._ends),
+            lost_is_exact=all(end.lost_is_exact for end in self._ends),
+            segments=tuple(self._ends),
+            lowest_speed=self._lowest if has_speed else np.nan,
+            highest_speed=self._highest if has_speed else np.nan,
+            probes=tuple(self._probe(name, probe) for name, probe in zip(self._names, self._probes, strict=True)),
+            clipped=self._clipped,
+            snapshots=self._snapshots,
+            frames=self._frames,
+            tacho=self._tacho,
+            tacho_states=dict(self._states),
+            rows=self._table.rows(),
+            whirls=self._whirls.findings(),
+        )
+
+    def _probe(self, name: str, probe: _Probe) -> ProbeSummary:
+        limits = self._header.limits
+        severity = Severity.GOOD
+        if probe.peak_to_peak >= limits.peak_to_peak_danger:
+            severity = Severity.DANGER
+        elif probe.peak_to_peak >= limits.peak_to_peak_alarm:
+            severity = Severity.ALARM
+        seen = self._snapshots > 0
+        return ProbeSummary(
+            name=name,
+            gap_mean=probe.gap_sum / self._snapshots if seen else np.nan,
+            gap_least=probe.gap_least if seen else np.nan,
+            gap_most=probe.gap_most if seen else np.nan,
+            gap_ok=probe.gap_ok,
+            largest_peak_to_peak=probe.peak_to_peak,
+            largest=probe.largest,
+            severity=severity,
+        )

@@ -16,7 +16,9 @@ MOST_FILLED = 2  # successive pulses that may be missing
 SEED_INTERVALS = 4  # like intervals that make a train
 SEED_RATIO = 1.25  # of successive intervals
 SETTLED = 7  # pulses of a train before its speed is believed
+MOST_DOUBT = 20  # edges in vain that are remembered: each asks for one pulse more
 DIRTY_STREAK = 4  # successive pulses that each needed a repair: the train is not what it was taken for
+MOST_START = 2  # edges in vain with which a shaft may start
 MOST_REJECTED = 10  # edges between two pulses
 HISTORY, MOST_REPAIRED = 64, 8  # of the last pulses
 MOST_JITTER = 0.05  # of the pulses' period
@@ -52,7 +54,7 @@ class PulseTrain:
     def restart(self) -> None:
         """Forget the train but not the counts: the next edge does not follow the last."""
         self._last_edge = -np.inf
-        self._searched = 0  # edges since the search for a train began
+        self._doubt = 0  # edges that led to no train
         self._flooded = False
         self._repaired.clear()
         self._lose()
@@ -85,7 +87,7 @@ class PulseTrain:
         if self._flooded:
             self._rejected += edges.size
             self._last_edge = now
-            self._searched = SETTLED + 1
+            self._doubt = MOST_DOUBT
             self._lose()
             return
         for time in edges.tolist():
@@ -94,7 +96,7 @@ class PulseTrain:
         if self._locked and now - self._time > self._expected(MOST_FILLED + 1) + GATE * self._expected(1):
             self._lose()
         if now - self._last_edge > SILENCE:
-            self._searched = 0
+            self._doubt = 0
             self._lose()
 
     def _expected(self, periods: int) -> float:
@@ -126,9 +128,9 @@ class PulseTrain:
             self._search(time)
 
     def _search(self, time: float) -> None:
-        self._searched += 1
         if len(self._seed) == self._seed.maxlen:
             self._rejected += 1
+            self._doubt = min(self._doubt + 1, MOST_DOUBT)
         self._seed.append(time)
         intervals = np.diff(self._seed)
         if intervals.size < SEED_INTERVALS or intervals.min() <= 0.0:
@@ -162,8 +164,10 @@ class PulseTrain:
         self._before, self._time = self._time, time
         self._skipped, self._predicted = periods, predicted
         self._mark(self._number, time)
+        if not is_dirty:
+            self._doubt = max(self._doubt - 1, 0)
         if self._dirty >= DIRTY_STREAK:
-            self._searched = SETTLED + 1
+            self._doubt = MOST_DOUBT
             self._lose()
 
     def _double(self, time: float) -> None:
@@ -187,7 +191,7 @@ class PulseTrain:
         self._rejected += 1
         self._rejected_since += 1
         if self._rejected_since > MOST_REJECTED:
-            self._searched = SETTLED + 1
+            self._doubt = MOST_DOUBT
             self._lose()
 
     @property
@@ -199,7 +203,7 @@ class PulseTrain:
     @property
     def is_settled(self) -> bool:
         """Whether there is a train that has held long enough to be believed."""
-        return self._locked and self._number + 1 >= SETTLED
+        return self._locked and self._number + 1 >= SETTLED + self._doubt
 
     def speed(self, interval: float) -> float:
         """Return the mean speed over the last whole revolutions that fill ``interval`` seconds (at least one), rad/s.
@@ -228,7 +232,7 @@ class PulseTrain:
         if now - self._last_edge > SILENCE:
             return TachoState.NO_PULSES
         if self._flooded or not self.is_settled or np.isnan(speed):
-            return TachoState.IRREGULAR if self._searched > SETTLED else TachoState.NO_PULSES
+            return TachoState.IRREGULAR if self._doubt > MOST_START else TachoState.NO_PULSES
         period = 2.0 * np.pi / (speed * self._tacho.pulses_per_revolution)
         if sum(self._repaired) > MOST_REPAIRED or jitter > MOST_JITTER * period:
             return TachoState.IRREGULAR
