@@ -1,0 +1,77 @@
+"""A header survives its way through JSON, and a wrong document is named."""
+
+import json
+import math
+from copy import deepcopy
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from analysis.run import RunHeader
+from recordings.errors import DamagedError
+from recordings.header import header_document, header_from_document
+
+
+def test_header_comes_back_from_json_bit_for_bit(header: RunHeader) -> None:
+    text = json.dumps(header_document(header), allow_nan=False)
+    assert header_from_document(json.loads(text)) == header
+
+
+def test_open_gap_windows_come_back_as_infinite(header: RunHeader) -> None:
+    tacho = header_from_document(header_document(header)).acquisition.channels[2]
+    assert (tacho.gap_low, tacho.gap_high) == (-math.inf, math.inf)
+
+
+def test_numbers_in_the_document_have_their_unit_in_the_name(header: RunHeader) -> None:
+    document = header_document(header)
+    units = ("_s", "_m", "_v", "_hz", "_rad", "_ns", "_rad_per_s", "_to_k")
+    plain = {"revolutions", "points_per_revolution", "highest_order", "orbit_revolutions", "mark_fraction"}
+    counts = {"pulses_per_revolution"}
+
+    def check(part: Any) -> None:
+        for key, value in part.items():
+            if isinstance(value, dict):
+                check(value)
+            elif isinstance(value, list) and value and isinstance(value[0], dict):
+                for entry in value:
+                    check(entry)
+            elif isinstance(value, int | float | list) and not isinstance(value, bool):
+                assert key.endswith(units) or key in plain | counts, key
+
+    check(document)
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "message"),
+    [
+        (("run",), 3, r"header\.run: 3, expected a text"),
+        (("started_ns",), 1.5, r"header\.started_ns: 1\.5, expected a whole number"),
+        (("acquisition", "rate_hz"), "fast", r"header\.acquisition\.rate_hz: 'fast', expected a number"),
+        (("acquisition", "channels"), {}, r"header\.acquisition\.channels: \{\}, expected a list"),
+        (("acquisition", "channels", 1, "role"), "z", r"channels\[1\]\.role: 'z', expected one of probe_x, probe_y"),
+        (("acquisition", "device", "simulated"), 0, r"device\.simulated: 0, expected true or false"),
+        (("acquisition", "tacho"), [], r"header\.acquisition\.tacho: \[\], expected a group"),
+        (("limits", "clearance_m"), True, r"header\.limits\.clearance_m: True, expected a number"),
+    ],
+)
+def test_a_wrong_value_is_named(header: RunHeader, path: tuple[str | int, ...], value: object, message: str) -> None:
+    document = deepcopy(header_document(header))
+    part: Any = document
+    for key in path[:-1]:
+        part = part[key]
+    part[path[-1]] = value
+    with pytest.raises(DamagedError, match=message):
+        header_from_document(document)
+
+
+def test_a_missing_value_is_named(header: RunHeader) -> None:
+    document = header_document(header)
+    del document["acquisition"]["tacho"]["edge"]
+    with pytest.raises(DamagedError, match=r"header\.acquisition\.tacho: edge is missing"):
+        header_from_document(document)
+
+
+def test_a_header_with_another_note_is_another_header(header: RunHeader) -> None:
+    other = replace(header, note="warm")
+    assert header_from_document(header_document(other)) == other != header
