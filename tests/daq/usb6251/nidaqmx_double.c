@@ -1,0 +1,83 @@
+/* A double of NI's C library: one card whose code number i of channel c is 7 i + 1000 c, wrapped to 16 bits. Of the reads
+ * of a task the third is late (half its samples, then the time-out) and the fifth finds its samples overwritten; a task
+ * that was started again reads on without either. What is kept in `alive` counts tasks that nobody has cleared. */
+#include <stdarg.h>
+#include <stdint.h>
+#include <string.h>
+
+typedef struct {
+    int channels, started, reads;
+    uint64_t position;
+    double rate;
+} Task;
+
+static Task task;
+int alive;
+static const double scaling[4] = {6e-4, 3.2e-4, 1.4e-13, -7.1e-18};
+
+static int text(va_list arguments, const char *value) {
+    char *out = va_arg(arguments, char *);
+    uint32_t size = va_arg(arguments, uint32_t);
+    if (size == 0) return (int)strlen(value) + 1; /* the length is asked first */
+    strncpy(out, value, size);
+    return 0;
+}
+
+#define WITH_ARGUMENTS(last, statement) \
+    va_list arguments; \
+    va_start(arguments, last); \
+    int status = 0; \
+    statement; \
+    va_end(arguments); \
+    return status
+
+int DAQmxSetRuntimeEnvironment(const char *a, const char *b, const char *c, const char *d) { return 0; }
+int DAQmxGetSystemInfoAttribute(int32_t attribute, ...) {
+    WITH_ARGUMENTS(attribute, if (attribute == 0x193B) status = text(arguments, "Dev1, Dev2");
+                   else *va_arg(arguments, uint32_t *) = attribute == 0x1272 ? 24 : 0);
+}
+int DAQmxGetDeviceAttribute(const char *device, int32_t attribute, ...) {
+    WITH_ARGUMENTS(attribute, if (attribute == 0x631) status = text(arguments, "USB-6251");
+                   else *va_arg(arguments, uint32_t *) = attribute == 0x632 ? 0x1A2B30u + (device[3] - '0') : 0);
+}
+int DAQmxSelfTestDevice(const char *device) { return 0; }
+int DAQmxCreateTask(const char *name, void **handle) { memset(&task, 0, sizeof task); alive++; *handle = &task; return 0; }
+int DAQmxClearTask(void *handle) { alive--; return 0; }
+int DAQmxGetTaskAttribute(void *handle, int32_t attribute, ...) {
+    WITH_ARGUMENTS(attribute, status = text(arguments, "_unnamedTask<0>"));
+}
+int DAQmxCreateAIVoltageChan(void *handle, const char *physical, const char *name, int terminal, double low, double high,
+                             int units, const char *scale) {
+    task.channels++;
+    return strncmp(physical, "Dev2/ai", 7) || terminal != 10106 || low != -10 || high != 10 ? -200077 : 0;
+}
+int DAQmxCfgSampClkTiming(void *handle, const char *source, double rate, int edge, int mode, uint64_t samples) {
+    task.rate = rate;
+    return mode == 10123 ? 0 : -200077;
+}
+int DAQmxSetBufferAttribute(void *handle, int32_t attribute, uint32_t value) { return attribute == 0x186C ? 0 : -200077; }
+int DAQmxTaskControl(void *handle, int action) { return 0; }
+int DAQmxGetTimingAttribute(void *handle, int32_t attribute, ...) {
+    WITH_ARGUMENTS(attribute, *va_arg(arguments, double *) = attribute == 0x1344 ? task.rate + 0.25 : 90000.0);
+}
+int DAQmxGetChanAttribute(void *handle, const char *channel, int32_t attribute, ...) {
+    WITH_ARGUMENTS(attribute, double *out = va_arg(arguments, double *); if (attribute != 0x1930) *out = attribute == 0x1815 ? 10 : -10;
+                   else if (va_arg(arguments, uint32_t) == 0) status = 4; else memcpy(out, scaling, sizeof scaling));
+}
+int DAQmxStartTask(void *handle) { task.started++; task.reads = 0; task.position = 0; return 0; }
+int DAQmxStopTask(void *handle) { return task.reads == 5 ? -200279 : 0; }
+int DAQmxReadBinaryI16(void *handle, int n, double timeout, int fill, int16_t *out, uint32_t size, int *read, void *none) {
+    *read = 0;
+    task.reads++;
+    if (task.started == 1 && task.reads == 5) return -200279;
+    *read = task.started == 1 && task.reads == 3 ? n / 2 : n;
+    for (int c = 0; c < task.channels; c++)
+        for (int i = 0; i < *read; i++) out[c * *read + i] = (int16_t)(7 * (task.position + i) + 1000 * c);
+    task.position += *read;
+    return *read < n ? -200284 : 0;
+}
+int DAQmxGetReadAttribute(void *handle, int32_t attribute, ...) {
+    WITH_ARGUMENTS(attribute, if (attribute == 0x1223) *va_arg(arguments, uint32_t *) = 42;
+                   else *va_arg(arguments, uint64_t *) = task.position + (attribute == 0x192A ? 5000 : 0));
+}
+int DAQmxGetExtendedErrorInfo(char *out, uint32_t size) { strncpy(out, "the library's text", size); return 0; }

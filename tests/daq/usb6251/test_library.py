@@ -1,0 +1,101 @@
+"""The driver of the card through the C interface, with a double of NI's library built on the spot.
+
+The library is found by the dynamic loader when the interpreter starts, so the reading is done by a process of its own.
+"""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+SOURCE = Path(__file__).with_name("nidaqmx_double.c")
+PROGRAM = """
+import ctypes, json, sys
+from pathlib import Path
+from analysis.run import Calibration
+from analysis.samples import SampleBlock
+from daq.config.rig import Rig
+from daq.config.schema import RigConfig
+from daq.drivers.usb6251 import open_usb6251
+
+inputs = [("x", "probe_x"), ("y", "probe_y"), ("tacho", "tacho")]
+config = RigConfig.model_validate({
+    "device": {"backend": "nidaqmx", "serial": "1A2B32"},
+    "timing": {"rate_hz": 20_000, "block_s": 0.05},
+    "channel": [{"name": n, "role": r, "physical": f"ai{k}"} for k, (n, r) in enumerate(inputs)],
+})
+calibration = Calibration((0.0, 1e-4), 0.0, 10.0)
+source = open_usb6251(Rig(Path("rig.toml"), config, {"x": calibration, "y": calibration}, ""))
+items = []
+for item in source.blocks():
+    items.append(item)
+    if len(items) == 7:
+        source.stop()
+source.close()
+acquisition = source.acquisition
+json.dump({
+    "rate": acquisition.rate, "convert_rate": acquisition.convert_rate, "serial": acquisition.device.serial,
+    "driver": acquisition.device.driver, "scaling": acquisition.channels[0].scaling,
+    "alive": ctypes.c_int.in_dll(ctypes.CDLL("libnidaqmx.so.1"), "alive").value,
+    "blocks": [[i.segment, i.first_sample, i.backlog, i.codes.tolist()] for i in items if isinstance(i, SampleBlock)],
+    "ends": [[i.segment, i.samples, i.reason, i.lost, i.detail] for i in items if not isinstance(i, SampleBlock)],
+}, sys.stdout)
+"""
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    """What was read through the double."""
+    tools = ("cc", "ld", "objdump")
+    if sys.platform != "linux" or not all(map(shutil.which, tools)):
+        pytest.skip(f"needs Linux with {', '.join(tools)}")
+    folder = tmp_path_factory.mktemp("library")
+    library = folder / "libnidaqmx.so.1"
+    subprocess.run(
+        ["cc", "-shared", "-fPIC", "-O1", f"-Wl,-soname,{library.name}", "-o", library, SOURCE], check=True, timeout=60
+    )
+    (folder / "libnidaqmx.so").symlink_to(library.name)
+    environment = os.environ | {"LD_LIBRARY_PATH": str(folder)}
+    command = [sys.executable, "-W", "error", "-c", PROGRAM]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 0, done.stderr
+    read: dict[str, Any] = json.loads(done.stdout)
+    return read
+
+
+def test_codes_come_through_the_c_interface_bit_for_bit(recorded: dict[str, Any]) -> None:
+    first = [block for block in recorded["blocks"] if block[0] == 0]
+    codes = np.concatenate([np.array(block[3]) for block in first], axis=1)
+    index = np.arange(codes.shape[1])
+    expected = (7 * index + 1000 * np.arange(3)[:, np.newaxis]).astype(np.int16)
+    np.testing.assert_array_equal(codes, expected)
+
+
+def test_late_block_is_kept_and_the_next_follows_without_a_gap(recorded: dict[str, Any]) -> None:
+    assert [block[:2] for block in recorded["blocks"]] == [[0, 0], [0, 1000], [0, 2000], [0, 2500], [1, 0], [1, 1000]]
+    assert [len(block[3][0]) for block in recorded["blocks"]] == [1000, 1000, 500, 1000, 1000, 1000]
+    assert {block[2] for block in recorded["blocks"]} == {42}
+
+
+def test_overrun_is_told_with_the_librarys_code_and_text(recorded: dict[str, Any]) -> None:
+    (overrun, stopped) = recorded["ends"]
+    assert overrun[:4] == [0, 3500, "overrun", 5000]
+    assert "the library's text (driver code -200279)" in overrun[4]
+    assert stopped == [1, 2000, "stopped", 0, ""]
+
+
+def test_acquisition_is_read_back_from_the_library(recorded: dict[str, Any]) -> None:
+    assert recorded["rate"] == 20_000.25
+    assert recorded["convert_rate"] == 90_000.0
+    assert recorded["scaling"] == [6e-4, 3.2e-4, 1.4e-13, -7.1e-18]
+    assert (recorded["serial"], recorded["driver"]) == ("1A2B32", "NI-DAQmx 24.0.0")
+
+
+def test_no_task_is_left_in_the_library(recorded: dict[str, Any]) -> None:
+    assert recorded["alive"] == 0
