@@ -6,9 +6,9 @@ import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from datetime import date, datetime, time
+from enum import Enum
 from pathlib import Path
-from types import GenericAlias
-from typing import Annotated, get_args, get_origin
+from typing import get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
@@ -105,6 +105,8 @@ def _text(details: ErrorDetails, key: str, schema: type[BaseModel], data: Mappin
     value = shown(_found(details["loc"], data))
     if kind == "extra_forbidden":
         return f"{key} = {value}: unknown key{_nearest(details['loc'], schema)}"
+    if kind == "tuple_type" and _table_of(_annotation(details["loc"], schema)) is not None:
+        return f"{key} = {value}: expected {_wanted(details['loc'], schema)}"
     return f"{key} = {value}: expected {_expectation(details)}"
 
 
@@ -133,7 +135,8 @@ def _expectation(details: ErrorDetails) -> str:
         "model_attributes_type": "a table",
     }
     if details["type"] in words:
-        return words[details["type"]].format(**limits)
+        plain = {name: f"{limit:g}" if isinstance(limit, float) else limit for name, limit in limits.items()}
+        return words[details["type"]].format(**plain)
     return details["msg"].removeprefix("Value error, ").removeprefix("expected ")
 
 
@@ -157,21 +160,29 @@ def _section(location: tuple[int | str, ...], schema: type[BaseModel]) -> type[B
     return section
 
 
+def _annotation(location: tuple[int | str, ...], schema: type[BaseModel]) -> object:
+    """Return the type that the schema gives to a place; None where it has no such key."""
+    field = _section(location, schema).model_fields.get(str(location[-1]))
+    return None if field is None else field.annotation
+
+
 def _table_of(annotation: object) -> type[BaseModel] | None:
     """Return the table that an annotation holds, itself or in a tuple."""
-    if get_origin(annotation) in {tuple, Annotated} or isinstance(annotation, GenericAlias):
+    if get_origin(annotation) is tuple:
         return _table_of(get_args(annotation)[0])
     return annotation if isinstance(annotation, type) and issubclass(annotation, BaseModel) else None
 
 
 def _wanted(location: tuple[int | str, ...], schema: type[BaseModel]) -> str:
     """Return what a missing key should hold."""
-    field = _section(location, schema).model_fields.get(str(location[-1]))
-    if field is None:
-        return "a value"
-    if _table_of(field.annotation) is not None:
-        return f"at least one [[{location[-1]}]]"
-    return field.description or "a value"
+    annotation = _annotation(location, schema)
+    if _table_of(annotation) is not None:
+        return f"a table: [{dotted(location)}]" if isinstance(annotation, type) else f"tables: [[{dotted(location)}]]"
+    if isinstance(annotation, type) and issubclass(annotation, Enum):
+        return " or ".join(f"'{member.value}'" for member in annotation)
+    if annotation is float or annotation is int:
+        return "a number"
+    return "a text in quotes" if annotation is str else "a list in brackets"
 
 
 def _nearest(location: tuple[int | str, ...], schema: type[BaseModel]) -> str:

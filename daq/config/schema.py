@@ -130,7 +130,7 @@ class WhirlSection(Section):
     order: Annotated[float, Field(gt=0, lt=1)]
     onset_rpm: Positive
     end_rpm: Positive
-    amplitude_um: Positive  # peak, reached a tenth of the onset speed above the onset
+    amplitude_um: Positive  # peak, reached a tenth of the onset speed above the onset and kept up to its end
     forward: bool = True
 
 

@@ -119,7 +119,7 @@ class ToldWhirl:
     onset, end : float
         Shaft speeds between which it lives, rad/s.
     amplitude : float
-        At `FULL_GROWTH` above the onset, m peak.
+        From `FULL_GROWTH` above the onset on, m peak.
     forward : bool
         Whether it goes round with the shaft.
     phase : float
@@ -137,9 +137,10 @@ class ToldWhirl:
     def envelope(self, speed: FloatArray) -> FloatArray:
         """Return its amplitude, m peak, at speeds, rad/s.
 
-        It rises with the square root of the distance from the onset, as a limit cycle born in a Hopf bifurcation does.
+        It rises with the square root of the distance from the onset, as a limit cycle born in a Hopf bifurcation does,
+        until it is full.
         """
-        growth = np.sqrt(np.maximum((speed - self.onset) / (FULL_GROWTH * self.onset), 0.0))
+        growth = np.sqrt(np.clip((speed - self.onset) / (FULL_GROWTH * self.onset), 0.0, 1.0))
         fade = np.clip((self.end - speed) / (FADE * self.end), 0.0, 1.0)
         return np.asarray(self.amplitude * growth * fade, dtype=np.float64)
 
