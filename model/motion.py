@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from model.errors import WallContactError
 from model.kernel import LARGEST_TURN, NO_FAILURE, march
 from model.parameters import ModelParameters
-from model.system import NO_LEVEL, Levels, ModalSystem, State
+from model.system import Levels, ModalSystem, fresh_state
 
 FloatArray = NDArray[np.float64]
 
@@ -56,18 +56,11 @@ class ShaftMotion:
         _require_speed(speed)
         self._system = ModalSystem.of(parameters)
         self._levels: dict[float, Levels] = {}
-        modes = self._system.shaft.squares.size
         turning = max(speed, SLOWEST)
         step = 2 * math.pi / (STEPS_PER_TURN * turning)
         elapsed = step * np.arange(1 - turns_to_settle * STEPS_PER_TURN, 1, dtype=np.float64)
-        self._state = State(
-            modal=np.zeros((3, modes), np.complex128),
-            rings=np.zeros((3, 2), np.complex128),
-            inverse=np.eye(8),
-            level=np.array([NO_LEVEL], np.int64),
-            angle=np.array([angle - speed * step * elapsed.size]),
-            speed=np.array([float(speed)]),
-        )
+        modes = self._system.shaft.squares.size
+        self._state = fresh_state(modes, angle=angle - speed * step * elapsed.size, speed=speed)
         self.advance(angle + speed * elapsed, np.full(elapsed.size, float(speed)), step)
 
     @property

@@ -212,3 +212,15 @@ class ModalSystem:
         stacked = np.stack(transforms)
         journals = np.ascontiguousarray(self.shaft.journals @ stacked)
         return Levels(steps, stacked, np.stack(gyroscopic), journals)
+
+
+def fresh_state(modes: int, *, angle: float, speed: float) -> State:
+    """Return a motion at rest in the bearings' centre, the shaft at this angle, rad, and speed, rad/s."""
+    return State(
+        modal=np.zeros((3, modes), np.complex128),
+        rings=np.zeros((3, 2), np.complex128),
+        inverse=np.eye(8),
+        level=np.array([NO_LEVEL], np.int64),
+        angle=np.array([angle]),
+        speed=np.array([float(speed)]),
+    )

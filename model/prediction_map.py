@@ -1,0 +1,262 @@
+"""What the model says over speed: computed once, then looked up in microseconds."""
+
+import hashlib
+import json
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.orbit import ProbePair
+from analysis.orders import order_spectrum, order_vectors
+from analysis.run import AnalysisSettings
+from analysis.whirl import find_whirl, noise_floor
+from model.motion import STEPS_PER_TURN, ShaftMotion
+from model.parameters import ModelParameters
+from model.prediction import Prediction
+from model.stability import SynchronousOrbit, synchronous_orbit
+
+FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+MODEL_VERSION = 1  # to be raised with every change of the model's results
+NUMERICAL_FLOOR = 1e-9  # m: lines below a nanometre are no prediction
+FIRST_TURNS = 200  # to settle at the lowest speed
+PORTION = 32  # turns between two looks at whether the motion has settled
+SHORTEST, LONGEST = 2, 20  # portions at a speed
+CHANGE = 0.01  # of peak-to-peak from portion to portion, below which it has
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PredictionMap:
+    """Predictions at rising speeds, and between them.
+
+    Parameters
+    ----------
+    speeds : ndarray of float64, shape (n,)
+        Rising, rad/s.
+    orders : ndarray of float64, shape (n_orders,)
+        Order axis, from 0.
+    spectrum : ndarray of float64, shape (n, 2, n_orders)
+        Order spectra at the probes, m peak.
+    vectors : ndarray of complex128, shape (n, 2, 2)
+        kX vectors by order and probe, m peak.
+    whirl_order, whirl_amplitude : ndarray of float64, shape (n,)
+        Strongest sub-synchronous component: order, NaN where there is none, and half major axis, m peak.
+    peak_to_peak : ndarray of float64, shape (n, 2)
+        At the probes, m.
+    orbit : ndarray of float64, shape (n, 2, n_points)
+        Motion in X and Y over a few whole revolutions from theta = 0, mean removed, m.
+    growth_rate : ndarray of float64, shape (n,)
+        Of the synchronous motion's least stable whirl, 1/s.
+    """
+
+    speeds: FloatArray
+    orders: FloatArray
+    spectrum: FloatArray
+    vectors: ComplexArray
+    whirl_order: FloatArray
+    whirl_amplitude: FloatArray
+    peak_to_peak: FloatArray
+    orbit: FloatArray
+    growth_rate: FloatArray
+
+    def __post_init__(self) -> None:
+        n, n_orders = self.speeds.size, self.orders.size
+        shapes: dict[str, tuple[int, ...]] = {
+            "speeds": (n,),
+            "orders": (n_orders,),
+            "spectrum": (n, 2, n_orders),
+            "vectors": (n, 2, 2),
+            "whirl_order": (n,),
+            "whirl_amplitude": (n,),
+            "peak_to_peak": (n, 2),
+            "orbit": (n, 2, self.orbit.shape[-1]),
+            "growth_rate": (n,),
+        }
+        for name, shape in shapes.items():
+            array = getattr(self, name)
+            if array.shape != shape or array.dtype != (np.complex128 if name == "vectors" else np.float64):
+                raise ValueError(f"{name}: {array.dtype} of shape {array.shape}, expected shape {shape}")
+        _require_rising(self.speeds)
+
+    def at(self, speed: float) -> Prediction:
+        """Return the prediction at a speed.
+
+        Parameters
+        ----------
+        speed : float
+            rad/s, within the map.
+
+        Returns
+        -------
+        Prediction
+            Spectrum, vectors and peak-to-peak interpolated linearly; the orbit is that of the nearest speed.
+
+        Raises
+        ------
+        ValueError
+            Outside the map.
+        """
+        lowest, highest = float(self.speeds[0]), float(self.speeds[-1])
+        if not lowest <= speed <= highest:
+            raise ValueError(f"speed: {speed:g} rad/s, expected {lowest:g} to {highest:g} rad/s, the map's range")
+        above = max(int(np.searchsorted(self.speeds, speed)), 1)
+        below = above - 1
+        part = (speed - self.speeds[below]) / (self.speeds[above] - self.speeds[below])
+        nearest = above if part > 0.5 else below
+
+        def between(array: NDArray[np.generic]) -> NDArray[np.generic]:
+            return np.asarray((1 - part) * array[below] + part * array[above])
+
+        same_whirl = abs(self.whirl_order[above] - self.whirl_order[below]) < 0.1  # false where one is NaN
+        return Prediction(
+            speed=float(speed),
+            orders=self.orders,
+            spectrum=np.asarray(between(self.spectrum), np.float64),
+            vectors=np.asarray(between(self.vectors), np.complex128),
+            whirl_order=float(between(self.whirl_order) if same_whirl else self.whirl_order[nearest]),
+            whirl_amplitude=float(between(self.whirl_amplitude) if same_whirl else self.whirl_amplitude[nearest]),
+            peak_to_peak=np.asarray(between(self.peak_to_peak), np.float64),
+            orbit=self.orbit[nearest],
+            growth_rate=float(between(self.growth_rate)),
+        )
+
+    def to_arrays(self) -> dict[str, NDArray[np.generic]]:
+        """Return the map as plain arrays by name, for keeping."""
+        return {field.name: getattr(self, field.name) for field in fields(self)}
+
+    @classmethod
+    def from_arrays(cls, arrays: Mapping[str, NDArray[np.generic]]) -> "PredictionMap":
+        """Return the map that `to_arrays` took apart; ValueError where something is missing or does not fit."""
+        names = [field.name for field in fields(cls)]
+        missing = [name for name in names if name not in arrays]
+        if missing:
+            raise ValueError(f"prediction map: {', '.join(missing)} missing, expected {', '.join(names)}")
+        return cls(**{name: np.asarray(arrays[name]) for name in names})
+
+
+def default_speeds(highest: float) -> FloatArray:
+    """Return the speeds of a map up to ``highest``, rad/s: from 500 r/min in steps of about 250 r/min."""
+    rpm = 2 * math.pi / 60
+    lowest = 500 * rpm
+    if not (math.isfinite(highest) and highest > lowest):
+        raise ValueError(f"highest: {highest:g} rad/s, expected more than {lowest:g} rad/s")
+    steps = max(1, math.ceil((highest - lowest) / (250 * rpm) - 1e-9))
+    return np.linspace(lowest, highest, steps + 1)
+
+
+def model_key(parameters: ModelParameters, speeds: FloatArray, settings: AnalysisSettings) -> str:
+    """Return a hash, hexadecimal, of all that a map depends on and of the model's version."""
+    inputs = {
+        "version": MODEL_VERSION,
+        "parameters": asdict(parameters),
+        "settings": asdict(settings),
+        "speeds": [float(speed) for speed in speeds],
+    }
+    return hashlib.sha256(json.dumps(inputs, sort_keys=True).encode()).hexdigest()
+
+
+def compute_prediction_map(
+    parameters: ModelParameters,
+    speeds: FloatArray,
+    settings: AnalysisSettings,
+    on_progress: Callable[[int, int], None],
+) -> PredictionMap:
+    """Compute the map: a settled motion at each speed, begun from that at the one before.
+
+    Parameters
+    ----------
+    parameters : ModelParameters
+        The rotor.
+    speeds : ndarray of float64, shape (n,)
+        Rising, above 0, at least two, rad/s.
+    settings : AnalysisSettings
+        The measurement's: the predicted spectra have its order axis and window.
+    on_progress : callable
+        Told the number of speeds done and of all after each.
+
+    Returns
+    -------
+    PredictionMap
+        As a slow run-up would show it.
+
+    Raises
+    ------
+    ValueError
+        Where the speeds are not rising.
+    WallContactError
+        Where the motion reaches a wall.
+    """
+    speeds = np.asarray(speeds, np.float64)
+    _require_rising(speeds)
+    motion = ShaftMotion(parameters, float(speeds[0]), FIRST_TURNS)
+    synchronous: SynchronousOrbit | None = None
+    predictions = []
+    for done, speed in enumerate(speeds, 1):
+        motion.change_speed(float(speed))
+        synchronous = synchronous_orbit(parameters, float(speed), synchronous)
+        _settle(motion, synchronous.growth_rate)
+        predictions.append(_reduce(motion, parameters, settings, synchronous.growth_rate))
+        on_progress(done, speeds.size)
+    return PredictionMap(
+        speeds=speeds,
+        orders=predictions[0].orders,
+        spectrum=np.stack([one.spectrum for one in predictions]),
+        vectors=np.stack([one.vectors for one in predictions]),
+        whirl_order=np.array([one.whirl_order for one in predictions]),
+        whirl_amplitude=np.array([one.whirl_amplitude for one in predictions]),
+        peak_to_peak=np.stack([one.peak_to_peak for one in predictions]),
+        orbit=np.stack([one.orbit for one in predictions]),
+        growth_rate=np.array([one.growth_rate for one in predictions]),
+    )
+
+
+def _settle(motion: ShaftMotion, growth_rate: float) -> None:
+    """Wait until the motion's size changes no more, and long enough for an instability to show."""
+    turn = 2 * math.pi / motion.speed
+    folds = 12  # from a nanometre to a hundred micrometres
+    needed = folds / (growth_rate * turn) if growth_rate > 0 else 0.0
+    least = min(max(math.ceil(needed / PORTION), SHORTEST), LONGEST)
+    last = 0.0
+    for portion in range(1, LONGEST + 1):
+        size = float(np.ptp(motion.turns(PORTION), axis=1).max())
+        if portion >= least and abs(size - last) < CHANGE * size:
+            return
+        last = size
+
+
+def _reduce(
+    motion: ShaftMotion, parameters: ModelParameters, settings: AnalysisSettings, growth_rate: float
+) -> Prediction:
+    """Look at the next turns as the analysis looks at measured ones."""
+    pair = ProbePair(*parameters.probe_angles)
+    revolutions = settings.revolutions
+    points = settings.points_per_revolution * math.ceil(STEPS_PER_TURN / settings.points_per_revolution)
+    stride = points // settings.points_per_revolution
+    path = motion.turns(revolutions, points)
+    path -= path.mean(axis=1, keepdims=True)
+    waveform = pair.to_probes(path)
+    orders, spectrum = order_spectrum(waveform[:, ::stride], revolutions)
+    wanted = int(np.searchsorted(orders, settings.highest_order, side="right"))
+    orders, spectrum = orders[:wanted], spectrum[:, :wanted]
+    whirl = find_whirl(spectrum, revolutions, max(NUMERICAL_FLOOR, noise_floor(spectrum, revolutions)), pair)
+    orbit = path[:, -min(settings.orbit_revolutions, revolutions) * points :: stride]
+    return Prediction(
+        speed=motion.speed,
+        orders=orders,
+        spectrum=np.abs(spectrum),
+        vectors=order_vectors(spectrum, revolutions, 2),
+        whirl_order=math.nan if whirl is None else whirl.order,
+        whirl_amplitude=0.0 if whirl is None else whirl.amplitude,
+        peak_to_peak=np.ptp(waveform, axis=1),
+        orbit=np.ascontiguousarray(orbit - orbit.mean(axis=1, keepdims=True)),
+        growth_rate=growth_rate,
+    )
+
+
+def _require_rising(speeds: FloatArray) -> None:
+    if speeds.ndim != 1 or speeds.size < 2 or not (speeds[0] > 0 and np.all(np.diff(speeds) > 0)):
+        raise ValueError(f"speeds: {speeds}, rad/s, expected two or more, rising, above 0")
