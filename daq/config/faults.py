@@ -180,9 +180,9 @@ def _wanted(location: tuple[int | str, ...], schema: type[BaseModel]) -> str:
         return f"a table: [{dotted(location)}]" if isinstance(annotation, type) else f"tables: [[{dotted(location)}]]"
     if isinstance(annotation, type) and issubclass(annotation, Enum):
         return " or ".join(f"'{member.value}'" for member in annotation)
-    if annotation is float or annotation is int:
-        return "a number"
-    return "a text in quotes" if annotation is str else "a list in brackets"
+    if annotation is str:
+        return "a text in quotes"
+    return "a list in brackets" if get_origin(annotation) is tuple and isinstance(location[-1], str) else "a number"
 
 
 def _nearest(location: tuple[int | str, ...], schema: type[BaseModel]) -> str:
