@@ -23,6 +23,7 @@ function banner(id, text, danger = false) {
 export function drawLive(live) {
   document.body.dataset.state = live.status.state;
   document.title = `${live.status.state} · ${live.rig}`;
+  document.body.dataset.run = ["recording", "replaying", "starting"].includes(live.status.state) ? live.run : "";
   write("state", live.status.state);
   write("clock", clock(live.status.elapsed_s));
   write("run", live.run);
@@ -39,6 +40,7 @@ export function drawLive(live) {
 
 export function drawIdle() {
   document.body.dataset.state = "idle";
+  document.body.dataset.run = "";
   document.title = "Rig · no run";
   write("state", "no run");
   write("clock", "–:––");

@@ -20,7 +20,6 @@ from daq.service.documents import (
     run_list_document,
 )
 from daq.service.documents.health import UNDER_WAY
-from daq.service.documents.run import RunEntry
 from daq.service.problems import (
     BAD_PARAMETER,
     BUSY,
@@ -39,6 +38,7 @@ from daq.service.problems import (
 )
 from daq.service.workers import Workers
 from daq.session.frame import LiveFrame
+from recordings.catalogue import RunEntry
 from recordings.errors import RecordingError
 
 PREFIX = "/api/v1"
@@ -47,11 +47,11 @@ PREFIX = "/api/v1"
 class Catalogue(Protocol):
     """The runs of a data folder."""
 
-    def entries(self) -> Sequence[RunEntry]:
+    def runs(self) -> Sequence[RunEntry]:
         """Return all runs, newest first."""
         ...
 
-    def entry(self, run: str) -> RunEntry:
+    def run(self, run_id: str) -> RunEntry:
         """Return one run; NotFoundError where there is none, whatever its id looks like."""
         ...
 
@@ -67,7 +67,7 @@ class Live(Protocol):
 class Summaries(Protocol):
     """What runs were."""
 
-    def summary(self, run: str) -> SummaryDocument:
+    def summary(self, run_id: str) -> SummaryDocument:
         """Return a run's summary; it may read the whole recording. RecordingError where it cannot be read."""
         ...
 
@@ -140,13 +140,13 @@ class Routes:
 
     async def runs(self, query: Annotated[RunQuery, Query()]) -> RunListDocument:
         """List the data folder: runs under way or cut short too, with `is_complete` false."""
-        entries = await self._lookups.run(self._catalogue.entries)
+        entries = await self._lookups.run(self._catalogue.runs)
         chosen = [entry for entry in entries if _is_asked_for(entry, query)]
         return run_list_document(chosen[query.offset :][: query.limit], len(chosen), query.limit, query.offset)
 
     async def run(self, run: RunId) -> RunDocument:
         """Answers from the recording's header and end alone, in milliseconds."""
-        return run_document(await self._lookups.run(partial(self._catalogue.entry, run)))
+        return run_document(await self._lookups.run(partial(self._catalogue.run, run)))
 
     async def summary(self, run: RunId) -> SummaryDocument:
         """Speeds, amplitudes, phases, sub-synchronous components, losses, and the agreement with the model.
@@ -172,11 +172,12 @@ class Routes:
         """Answer at all; `health` says whether data folder and live run are well too."""
         trouble, runs = "", None
         try:
-            runs = len(await self._lookups.run(self._catalogue.entries))
+            runs = len(await self._lookups.run(self._catalogue.runs))
         except RecordingError as error:
             trouble = str(error)
         return health_document(self._version, time.monotonic() - self._made, runs, self._live.latest(), trouble)
 
 
 def _is_asked_for(entry: RunEntry, query: RunQuery) -> bool:
-    return query.rig in (None, entry.rig) and query.complete in (None, entry.is_complete)
+    rig = None if entry.header is None else entry.header.rig
+    return query.rig in (None, rig) and query.complete in (None, entry.is_complete)

@@ -42,7 +42,7 @@ function entry(run, open) {
     make("b", run.run),
     make("span", moment(run.started_at), "note"),
     make("span", clock(run.duration_s)),
-    make("span", run.note, "note"),
+    make("span", run.note ?? "", "note"),
     make("span", badge.text, `badge ${badge.level}`),
   );
   const body = make("div", "", "body");
@@ -53,8 +53,9 @@ function entry(run, open) {
 }
 
 function badgeOf(run) {
-  if (run.trouble) return { text: "✕ damaged", level: "bad" };
-  return run.is_complete ? { text: "✓ whole", level: "good" } : { text: "not ended", level: "poor" };
+  if (run.rig === null) return { text: "✕ unreadable", level: "bad" };
+  if (!run.is_complete) return { text: run.run === document.body.dataset.run ? "under way" : "not finished", level: "poor" };
+  return run.is_gap_free ? { text: "✓ gap-free", level: "good" } : { text: "samples lost", level: "bad" };
 }
 
 async function fillIn(body, run) {
@@ -64,7 +65,7 @@ async function fillIn(body, run) {
     body.replaceChildren(...summary(await ask(`/api/v1/runs/${encodeURIComponent(run.run)}/summary`, SUMMARY_PATIENCE)));
   } catch (error) {
     body.replaceChildren();
-    body.append(make("p", run.trouble || error.message));
+    body.append(make("p", run.fault || error.message));
   }
 }
 

@@ -2,42 +2,36 @@
 
 from collections.abc import Sequence
 from datetime import datetime
-from typing import Annotated, Protocol
+from typing import Annotated
 
 from pydantic import Field
 
 from daq.service.documents.document import Document
+from daq.service.documents.header import DeviceDocument, device_document
 from daq.service.documents.units import finite, moment
+from recordings.catalogue import RunEntry
 
 Count = Annotated[int, Field(ge=0)]
 
 
-class RunEntry(Protocol):
-    """What the list needs to know of a run."""
-
-    run: str
-    rig: str
-    started_ns: int
-    duration: float
-    samples: int
-    is_complete: bool
-    size: int
-    note: str
-    trouble: str
-
-
 class RunDocument(Document):
-    """A recorded run."""
+    """A recorded run; where its file cannot be read, what the file would tell is null."""
 
     run: str = Field(description="Its id", examples=["2026-11-24T09-12-07-gj90c"])
-    rig: str = Field(description="Name of the rig", examples=["gj90c"])
-    note: str = Field(description="The operator's words", examples=["after the oil change"])
-    started_at: datetime = Field(description="Wall clock at the start, UTC", examples=["2026-11-24T09:12:07.250000Z"])
-    duration_s: float | None = Field(description="Sampled time, s; null where unknown", examples=[300.0])
-    samples: Count | None = Field(description="Samples per channel; null where unknown", examples=[60_000_000])
-    is_complete: bool = Field(description="Whether the recording was ended in order", examples=[True])
+    rig: str | None = Field(description="Name of the rig", examples=["gj90c"])
+    note: str | None = Field(description="The operator's words", examples=["after the oil change"])
+    device: DeviceDocument | None = Field(description="What delivered the samples")
+    started_at: datetime = Field(
+        description="Wall clock at the start, UTC; the file's last change where it cannot be read",
+        examples=["2026-11-24T09:12:07.250000Z"],
+    )
+    duration_s: float | None = Field(description="Sampled time, s", examples=[300.0])
+    sample_rate_hz: float | None = Field(description="Samples per channel and second, Hz", examples=[200_000.0])
+    samples: Count | None = Field(description="Samples per channel", examples=[60_000_000])
+    is_complete: bool = Field(description="Whether the recording was finished in order", examples=[True])
+    is_gap_free: bool = Field(description="Whether it is one stretch of which no sample was lost", examples=[True])
     size_bytes: Count = Field(description="Size of the file, bytes", examples=[154_000_000])
-    trouble: str = Field(description="What is wrong with the file; empty where nothing is", examples=[""])
+    fault: str = Field(description="What is wrong with the file; empty where nothing is", examples=[""])
 
 
 class RunListDocument(Document):
@@ -51,16 +45,20 @@ class RunListDocument(Document):
 
 def run_document(entry: RunEntry) -> RunDocument:
     """Return a run of the catalogue as a document."""
+    header = entry.header
     return RunDocument(
-        run=entry.run,
-        rig=entry.rig,
-        note=entry.note,
+        run=entry.id,
+        rig=None if header is None else header.rig,
+        note=None if header is None else header.note,
+        device=None if header is None else device_document(header.acquisition.device),
         started_at=moment(entry.started_ns),
-        duration_s=finite(entry.duration),
-        samples=entry.samples,
+        duration_s=None if header is None else finite(entry.duration),
+        sample_rate_hz=None if header is None else finite(header.acquisition.rate),
+        samples=None if header is None else entry.samples,
         is_complete=entry.is_complete,
+        is_gap_free=entry.is_gap_free,
         size_bytes=entry.size,
-        trouble=entry.trouble,
+        fault=entry.fault,
     )
 
 
