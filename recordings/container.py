@@ -146,12 +146,15 @@ class Container:
 
     def close(self) -> None:
         """Close the file; harmless when closed already."""
-        self._file.close()
+        with self._lock:
+            self._file.close()
 
     def _read(self, offset: int, length: int) -> bytes:
         """Return bytes of the file, fewer at its end."""
         try:
             with self._lock:
+                if self._file.closed:
+                    raise StorageError(f"{self.path}: cannot be read: it has been closed")
                 self._file.seek(offset)
                 return self._file.read(length)
         except OSError as error:

@@ -101,8 +101,8 @@ class RunReader:
 
     @property
     def is_gap_free(self) -> bool:
-        """Whether the run is one segment without a loss."""
-        return len(self._ends) == 1 and self._ends[0].is_gap_free
+        """Whether the run was finished properly and is one segment without a loss."""
+        return self._is_complete and len(self._ends) == 1 and self._ends[0].is_gap_free
 
     @property
     def skipped_samples(self) -> int:

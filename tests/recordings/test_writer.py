@@ -1,0 +1,277 @@
+"""The writer never writes over a file, loses a quarter second at most when killed, and says what it cannot do."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+import threading
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from mcap.reader import make_reader
+
+from analysis.run import RunHeader
+from analysis.samples import EndReason, SampleBlock, SegmentEnd
+from analysis.snapshot import Snapshot
+from recordings.errors import StorageError
+from recordings.header import header_document
+from recordings.reader import RunReader
+from recordings.results import EncodedResult, encode_snapshot
+from recordings.writer import RunWriter
+
+MakeBlock = Callable[..., SampleBlock]
+MakeSnapshot = Callable[..., Snapshot]
+ROOT = Path(__file__).resolve().parents[2]
+IS_ROOT = hasattr(os, "geteuid") and os.geteuid() == 0
+
+
+def test_a_file_that_exists_is_never_written_over(tmp_path: Path, header: RunHeader) -> None:
+    path = tmp_path / "run.mcap"
+    path.write_bytes(b"precious")
+    with pytest.raises(StorageError, match=r"run\.mcap: exists already"):
+        RunWriter(path, header)
+    assert path.read_bytes() == b"precious"
+
+
+def test_a_missing_folder_is_named(tmp_path: Path, header: RunHeader) -> None:
+    with pytest.raises(StorageError, match=r"there is no folder .*nowhere"):
+        RunWriter(tmp_path / "nowhere" / "run.mcap", header)
+
+
+def test_a_file_in_the_place_of_the_folder_is_named(tmp_path: Path, header: RunHeader) -> None:
+    (tmp_path / "data").write_text("")
+    with pytest.raises(StorageError, match=r"data/run\.mcap|data\\run\.mcap"):
+        RunWriter(tmp_path / "data" / "run.mcap", header)
+
+
+@pytest.mark.skipif(IS_ROOT or sys.platform == "win32", reason="root and Windows write into read-only folders")
+def test_a_read_only_folder_is_named(tmp_path: Path, header: RunHeader) -> None:
+    tmp_path.chmod(0o500)
+    try:
+        with pytest.raises(StorageError, match=r"run\.mcap: cannot be created: Permission denied"):
+            RunWriter(tmp_path / "run.mcap", header)
+    finally:
+        tmp_path.chmod(0o700)
+
+
+def test_a_block_that_does_not_follow_is_refused(tmp_path: Path, header: RunHeader, make_block: MakeBlock) -> None:
+    writer = RunWriter(tmp_path / "run.mcap", header)
+    writer.block(make_block(0, 0, 100))
+    with pytest.raises(ValueError, match="segment 0 from sample 200, expected segment 0 from sample 100"):
+        writer.block(make_block(0, 200, 100))
+    with pytest.raises(ValueError, match="segment 1 from sample 0"):
+        writer.block(make_block(1, 0, 100))
+    with pytest.raises(ValueError, match="block of 2 channels, expected 3"):
+        writer.block(make_block(0, 100, 100, n_channels=2))
+    with pytest.raises(ValueError, match="end of segment 0 after 300 samples, expected segment 0 after 100"):
+        writer.segment_end(SegmentEnd(0, 300, EndReason.STOPPED))
+    writer.close()
+
+
+def test_a_result_of_an_unknown_topic_is_refused(tmp_path: Path, header: RunHeader) -> None:
+    writer = RunWriter(tmp_path / "run.mcap", header)
+    with pytest.raises(ValueError, match="topic: '/weather'"):
+        writer.result(EncodedResult("/weather", 0, b""))
+    writer.close()
+
+
+def test_closing_twice_is_harmless(tmp_path: Path, header: RunHeader, make_block: MakeBlock) -> None:
+    writer = RunWriter(tmp_path / "run.mcap", header)
+    writer.block(make_block(0, 0, 100))
+    writer.segment_end(SegmentEnd(0, 100, EndReason.STOPPED))
+    writer.close(skipped_samples=7)
+    size = writer.path.stat().st_size
+    writer.close()
+    assert writer.path.stat().st_size == size
+    with RunReader(writer.path) as reader:
+        assert reader.skipped_samples == 7
+
+
+def test_closing_within_a_segment_leaves_the_run_incomplete(
+    tmp_path: Path, header: RunHeader, make_block: MakeBlock
+) -> None:
+    writer = RunWriter(tmp_path / "run.mcap", header)
+    writer.block(make_block(0, 0, 100))
+    writer.close()
+    with RunReader(writer.path) as reader:
+        assert not reader.is_complete
+        assert reader.segment_ends[0].reason is EndReason.CUT
+        assert reader.n_samples == 100
+
+
+def test_results_from_another_thread_are_all_kept_in_order(
+    tmp_path: Path, header: RunHeader, make_block: MakeBlock, make_snapshot: MakeSnapshot
+) -> None:
+    writer = RunWriter(tmp_path / "run.mcap", header)
+
+    def analyse() -> None:
+        for k in range(1, 201):
+            for result in encode_snapshot(make_snapshot(0, 2000 * k), header):
+                writer.result(result)
+
+    thread = threading.Thread(target=analyse)
+    thread.start()
+    for k in range(200):
+        writer.block(make_block(0, 2000 * k, 2000))
+    thread.join()
+    writer.segment_end(SegmentEnd(0, 400_000, EndReason.STOPPED))
+    writer.close()
+    with RunReader(writer.path) as reader:
+        assert [snapshot.sample for snapshot in reader.snapshots()] == [2000 * k for k in range(1, 201)]
+        assert reader.samples(0, 0, 400_000).shape == (3, 400_000)
+
+
+WRITE_FOR_EVER = """
+    import sys
+    from pathlib import Path
+    import numpy as np
+    from analysis.samples import SampleBlock
+    from recordings.header import header_from_document
+    from recordings.writer import RunWriter
+    import json
+    header = header_from_document(json.loads(sys.stdin.readline()))
+    writer = RunWriter(Path(sys.argv[1]), header)
+    first = 0
+    while True:
+        codes = np.arange(first, first + 2000, dtype=np.int64).astype(np.int16)
+        block = SampleBlock(np.stack([codes, codes, codes]), 0, first, 0)
+        writer.block(block)
+        first = block.end
+        print(first, flush=True)
+        sys.stdin.readline()
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="SIGKILL is POSIX")
+def test_a_killed_writer_loses_at_most_a_quarter_second(tmp_path: Path, header: RunHeader) -> None:
+    path = tmp_path / "run.mcap"
+    for n_blocks in (1, 9, 10, 11, 12):
+        path.unlink(missing_ok=True)
+        with subprocess.Popen(
+            [sys.executable, "-c", textwrap.dedent(WRITE_FOR_EVER), str(path)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            cwd=ROOT,
+        ) as writer:
+            assert writer.stdin is not None
+            assert writer.stdout is not None
+            writer.stdin.write(json.dumps(header_document(header)).encode() + b"\n")
+            for _ in range(n_blocks - 1):
+                writer.stdin.write(b"\n")
+            writer.stdin.flush()
+            written = [int(writer.stdout.readline()) for _ in range(n_blocks)][-1]
+            writer.send_signal(signal.SIGKILL)
+        if n_blocks == 1:
+            continue
+        with RunReader(path) as reader:
+            assert not reader.is_complete
+            assert written - reader.n_samples <= 0.25 * header.acquisition.rate
+            assert reader.segment_ends[0].reason is EndReason.CUT
+            assert reader.samples(0, 0, reader.n_samples)[2, -1] == reader.n_samples % 65536 - 1
+
+
+FILL_THE_DISK = """
+    import json, resource, signal, sys
+    from pathlib import Path
+    import numpy as np
+    from analysis.samples import EndReason, SampleBlock, SegmentEnd
+    from recordings.errors import StorageError
+    from recordings.header import header_from_document
+    from recordings.writer import RunWriter
+    signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    limit = int(sys.argv[2])
+    resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
+    try:
+        writer = RunWriter(Path(sys.argv[1]), header_from_document(json.loads(sys.stdin.readline())))
+    except StorageError as error:
+        print("created", error)
+        sys.exit()
+    random = np.random.default_rng(0)
+    first = 0
+    try:
+        while True:
+            codes = random.integers(-2000, 2000, (3, 2000)).astype(np.int16)
+            writer.block(SampleBlock(codes, 0, first, 0))
+            first += 2000
+    except StorageError as error:
+        print("block", error)
+    try:
+        writer.block(SampleBlock(codes, 0, first, 0))
+    except StorageError as error:
+        print("again", error)
+    writer.segment_end(SegmentEnd(0, first, EndReason.RECORDER))
+    writer.close()
+    print("closed", first)
+"""
+
+
+def fill(path: Path, header: RunHeader, limit: int) -> list[str]:
+    """Write until the operating system refuses, as it does when a disk is full, and return what was printed."""
+    done = subprocess.run(
+        [sys.executable, "-c", textwrap.dedent(FILL_THE_DISK), str(path), str(limit)],
+        input=json.dumps(header_document(header)) + "\n",
+        capture_output=True,
+        text=True,
+        check=True,
+        cwd=ROOT,
+        timeout=60,
+    )
+    return done.stdout.splitlines()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="file size limits are POSIX")
+@pytest.mark.parametrize("limit", [200_000, 200_001, 333_333])
+def test_a_full_disk_is_said_and_what_was_written_stays_readable(tmp_path: Path, header: RunHeader, limit: int) -> None:
+    path = tmp_path / "run.mcap"
+    said, again, closed = fill(path, header, limit)
+    assert said == f"block {path}: cannot be written: File too large"
+    assert again == f"again {path}: cannot be written: File too large"
+    handed_over = int(closed.split()[1])
+    with RunReader(path) as reader:
+        assert not reader.is_complete
+        assert handed_over - reader.n_samples <= 0.25 * header.acquisition.rate
+        assert reader.samples(0, 0, reader.n_samples).shape == (3, reader.n_samples)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="file size limits are POSIX")
+def test_a_disk_without_room_for_the_header_leaves_no_file(tmp_path: Path, header: RunHeader) -> None:
+    path = tmp_path / "run.mcap"
+    (said,) = fill(path, header, 100)
+    assert said == f"created {path}: cannot be written: File too large"
+    assert not path.exists()
+
+
+def test_a_long_run_keeps_memory_flat(tmp_path: Path, header: RunHeader, make_block: MakeBlock) -> None:
+    psutil = pytest.importorskip("psutil")
+    process = psutil.Process()
+    writer = RunWriter(tmp_path / "run.mcap", header)
+    blocks = [make_block(0, 0, 2000)]
+    sizes = []
+    for k in range(6000):  # ten minutes
+        writer.block(SampleBlock(blocks[0].codes, 0, 2000 * k, 0))
+        if k in (1000, 5999):
+            sizes.append(process.memory_info().rss)
+    writer.segment_end(SegmentEnd(0, 12_000_000, EndReason.FINISHED))
+    writer.close()
+    assert sizes[1] - sizes[0] < 10_000_000
+    with RunReader(writer.path) as reader:
+        before = process.memory_info().rss
+        assert sum(item.n_samples for item in reader.items() if isinstance(item, SampleBlock)) == 12_000_000
+        assert process.memory_info().rss - before < 20_000_000
+
+
+def test_times_in_the_file_are_the_run_s_start_plus_sample_time(
+    tmp_path: Path, header: RunHeader, make_block: MakeBlock
+) -> None:
+    writer = RunWriter(tmp_path / "run.mcap", header)
+    writer.block(make_block(0, 0, 3000))
+    writer.segment_end(SegmentEnd(0, 3000, EndReason.OVERRUN, lost=1000))
+    writer.block(make_block(1, 0, 3000))
+    writer.segment_end(SegmentEnd(1, 3000, EndReason.STOPPED))
+    writer.close()
+    with writer.path.open("rb") as file:
+        times = [message.log_time - header.started_ns for _, _, message in make_reader(file).iter_messages()]
+    assert times == [0, 150_000_000, 200_000_000, 350_000_000]
