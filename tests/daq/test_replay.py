@@ -93,10 +93,11 @@ def test_the_acquisition_is_the_recorded_one_device_included(run: Path) -> None:
 def test_replay_keeps_its_pace_over_the_gap(run: Path) -> None:
     source = open_replay(run, 2.0)
     begun = time.monotonic()
-    due = []
-    for item in source.blocks():
-        if isinstance(item, SampleBlock):
-            due.append((time.monotonic() - begun, (item.end + 4_250 * item.segment) / RATE / 2.0))
+    due = [
+        (time.monotonic() - begun, (item.end + 4_250 * item.segment) / RATE / 2.0)
+        for item in source.blocks()
+        if isinstance(item, SampleBlock)
+    ]
     source.close()
     assert all(came >= when for came, when in due)
     assert due[-1][0] < due[-1][1] + 0.25
