@@ -164,14 +164,15 @@ class Rpcs:
 class DeviceServer:
     """The server, serving on a free port of the loopback.
 
-    `faults["ReadBinaryI16"].extend([0, -200279])` lets one read pass and fails the next; `log` has the calls made.
+    `faults["ReadBinaryI16"].extend([0, -200279])` lets one read pass and fails the next; `refusals` are calls that the
+    server itself refuses; `log` has the calls made.
     """
 
     def __init__(self, driver: NiDriver) -> None:
         self.driver = driver
         self.rpcs = Rpcs(driver)
         self.faults: dict[str, deque[int]] = defaultdict(deque)
-        self.unimplemented: set[str] = set()
+        self.refusals: dict[str, grpc.StatusCode] = {}
         self.log: list[str] = []
         self._thawed = threading.Event()
         self._thawed.set()
@@ -212,8 +213,8 @@ class DeviceServer:
         def answer(request: Any, context: grpc.ServicerContext) -> Any:
             self.log.append(name)
             self._thawed.wait()
-            if name in self.unimplemented:
-                context.abort(grpc.StatusCode.UNIMPLEMENTED, f"{name} is not implemented")
+            if name in self.refusals:
+                context.abort(self.refusals[name], f"{name} is refused")
             try:
                 with self.driver.lock:
                     self._fail(name)

@@ -100,6 +100,7 @@ class NiCard:
         self._section = rig.config.device
         self._task: Task | None = None
         self._lock = threading.Lock()
+        self._closed = False
         self._channel = _channel(self._section) if self._section.target else None
         with ExitStack() as undo:
             undo.callback(self.close)
@@ -152,7 +153,9 @@ class NiCard:
     def is_present(self) -> bool:
         """Ask the driver whether the card is still there; only after `release`, for a card at work cannot be tested."""
         try:
-            with self._translated():
+            with self._lock, self._translated():
+                if self._closed:
+                    raise _closed()
                 if self._name not in self._system.devices.device_names:
                     return False
                 self._system.devices[self._name].self_test_device()
@@ -171,8 +174,10 @@ class NiCard:
     def close(self) -> None:
         """Release the card and the connection to it; harmless when closed."""
         self.release()
-        if self._channel is not None:
-            self._channel.close()
+        with self._lock:
+            self._closed = True
+            if self._channel is not None:
+                self._channel.close()
 
     def _find(self) -> Device:
         section = self._section
@@ -266,7 +271,7 @@ class NiCard:
     def _use(self) -> Iterator[Task]:
         with self._lock, self._translated():
             if self._task is None:
-                raise DeviceError(DeviceFault.OTHER, "the card has been closed")
+                raise _closed()
             yield self._task
 
     @contextmanager
@@ -285,7 +290,7 @@ class NiCard:
                 "the NI-DAQmx driver is not installed on this machine: install NI-DAQmx from ni.com/downloads, or set "
                 "device.target to the host:port of a device server",
             ) from error
-        except Error as error:  # not for this platform, or a driver too old for a function
+        except (Error, OSError) as error:  # not for this platform, too old for a function, or not loadable
             raise DeviceError(DeviceFault.DRIVER, f"NI-DAQmx: {' '.join(str(error).split())}") from error
 
     def _server_error(self, error: RpcError) -> DeviceError:
@@ -301,6 +306,10 @@ class NiCard:
         if error.rpc_code == grpc.StatusCode.UNIMPLEMENTED:
             return DeviceError(DeviceFault.DRIVER, f"{server} is too old: {error.description}")
         return DeviceError(DeviceFault.OTHER, f"{server}: {error}")
+
+
+def _closed() -> DeviceError:
+    return DeviceError(DeviceFault.OTHER, "the card has been closed")
 
 
 def _channel(section: DeviceSection) -> grpc.Channel:

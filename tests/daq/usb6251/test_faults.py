@@ -8,6 +8,7 @@ import pytest
 from analysis.samples import EndReason, SampleBlock, SegmentEnd, SourceItem
 from daq.drivers.simulated_card import SimulatedCard
 from daq.drivers.usb6251 import Usb6251, open_usb6251
+from daq.drivers.usb6251.driver import NiCard
 from tests.daq.device_server import DeviceServer
 from tests.daq.usb6251.bench import bench, codes_of, ends_of, take
 
@@ -66,6 +67,17 @@ def test_overrun_after_which_the_card_does_not_start_ends_the_run_with_that(
     first, second = ends_of(list(card.blocks()))
     assert (first.reason, second.reason) == (EndReason.OVERRUN, EndReason.DEVICE_ERROR)
     assert (second.segment, second.samples) == (1, 0)
+    assert server.tasks == []
+
+
+def test_overrun_after_which_the_card_does_not_even_stop_ends_the_run_with_that(
+    card: Usb6251, server: DeviceServer
+) -> None:
+    server.faults["ReadBinaryI16"].extend([0, -200279])
+    server.faults["StopTask"].append(-88710)
+    del server.driver.devices["Dev1"]
+    first, second = ends_of(list(card.blocks()))
+    assert (first.reason, second.reason) == (EndReason.OVERRUN, EndReason.UNPLUGGED)
     assert server.tasks == []
 
 
@@ -179,3 +191,9 @@ def test_count_that_cannot_be_asked_is_said(card: Usb6251, server: DeviceServer)
     (end,) = ends_of(take(card, 2))
     assert end.reason is EndReason.STOPPED
     assert "could not be asked" in end.detail
+
+
+def test_closed_card_is_not_taken_for_unplugged(server: DeviceServer) -> None:
+    card = NiCard(bench(server.target))
+    card.close()
+    assert card.is_present()

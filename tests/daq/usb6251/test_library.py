@@ -49,21 +49,32 @@ json.dump({
 """
 
 
+TOOLS = ("cc", "ld", "objdump")
+pytestmark = pytest.mark.skipif(
+    sys.platform != "linux" or not all(shutil.which(tool) for tool in TOOLS),
+    reason=f"needs Linux with {', '.join(TOOLS)}",
+)
+
+
+def build(library: Path, source: Path, *options: str | Path) -> None:
+    command = ["cc", "-shared", "-fPIC", "-O1", f"-Wl,-soname,{library.name}", "-o", library, source, *options]
+    subprocess.run(command, check=True, timeout=60)
+
+
+def run(folder: Path) -> subprocess.CompletedProcess[str]:
+    """Run the program with the folder's library in the place of NI's."""
+    (folder / "libnidaqmx.so").symlink_to("libnidaqmx.so.1")
+    environment = os.environ | {"LD_LIBRARY_PATH": str(folder)}
+    command = [sys.executable, "-W", "error", "-c", PROGRAM]
+    return subprocess.run(command, env=environment, capture_output=True, text=True, timeout=60, check=False)
+
+
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     """What was read through the double."""
-    tools = ("cc", "ld", "objdump")
-    if sys.platform != "linux" or not all(map(shutil.which, tools)):
-        pytest.skip(f"needs Linux with {', '.join(tools)}")
     folder = tmp_path_factory.mktemp("library")
-    library = folder / "libnidaqmx.so.1"
-    subprocess.run(
-        ["cc", "-shared", "-fPIC", "-O1", f"-Wl,-soname,{library.name}", "-o", library, SOURCE], check=True, timeout=60
-    )
-    (folder / "libnidaqmx.so").symlink_to(library.name)
-    environment = os.environ | {"LD_LIBRARY_PATH": str(folder)}
-    command = [sys.executable, "-W", "error", "-c", PROGRAM]
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=60, check=False)
+    build(folder / "libnidaqmx.so.1", SOURCE)
+    done = run(folder)
     assert done.returncode == 0, done.stderr
     read: dict[str, Any] = json.loads(done.stdout)
     return read
@@ -99,3 +110,12 @@ def test_acquisition_is_read_back_from_the_library(recorded: dict[str, Any]) -> 
 
 def test_no_task_is_left_in_the_library(recorded: dict[str, Any]) -> None:
     assert recorded["alive"] == 0
+
+
+def test_library_that_does_not_load_is_a_matter_of_the_driver(tmp_path: Path) -> None:
+    needed = tmp_path / "libneeded.so"
+    build(needed, SOURCE)
+    build(tmp_path / "libnidaqmx.so.1", SOURCE, "-Wl,--no-as-needed", needed)
+    needed.unlink()
+    done = run(tmp_path)
+    assert "daq.errors.DeviceError: NI-DAQmx: libneeded.so: cannot open shared object file" in done.stderr

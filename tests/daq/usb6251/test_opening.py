@@ -7,6 +7,7 @@ import threading
 import time
 from typing import Any
 
+import grpc
 import pytest
 
 from analysis.samples import EndReason, SourceItem
@@ -130,11 +131,18 @@ def test_server_that_is_frozen_ends_the_opening_by_the_deadline(server: DeviceSe
 
 
 def test_server_too_old_for_a_call_is_a_matter_of_the_driver(server: DeviceServer) -> None:
-    server.unimplemented.add("CfgSampClkTiming")
+    server.refusals["CfgSampClkTiming"] = grpc.StatusCode.UNIMPLEMENTED
     error = refused(bench(server.target))
     assert error.fault is DeviceFault.DRIVER
     assert "too old" in str(error)
     assert server.tasks == []
+
+
+def test_server_that_refuses_a_call_is_quoted(server: DeviceServer) -> None:
+    server.refusals["TaskControl"] = grpc.StatusCode.PERMISSION_DENIED
+    error = refused(bench(server.target))
+    assert error.fault is DeviceFault.OTHER
+    assert f"device server {server.target}: StatusCode.PERMISSION_DENIED: TaskControl is refused" in str(error)
 
 
 def test_local_card_without_the_ni_driver_says_what_to_install() -> None:
