@@ -29,10 +29,11 @@ FEWEST_SAMPLES = 20  # a pulse; more edges than that are no shaft
 class PulseTrain:
     """Follows the pulses with a predictive gate.
 
-    Four like intervals make a train. Each further edge is compared with the time extrapolated from the last four
-    intervals (their mean and slope): near it, it is the next pulse; too early, it is a double and rejected, unless it
-    lies nearer to the prediction than the one that was taken; one or two periods too late, the pulses between were
-    missing and are counted. Anything else ends the train, and a new one is sought.
+    Four like intervals make a train. Each further edge is compared with the time extrapolated from the last eight
+    intervals (medians of the older and the younger half, so that an edge taken wrongly does not lead astray): near
+    it, it is the next pulse; too early, it is a double and rejected, unless it lies nearer to the prediction than the
+    one that was taken; one or two periods too late, the pulses between were missing and are counted. Anything else
+    ends the train, and a new one is sought.
 
     Parameters
     ----------
@@ -46,7 +47,7 @@ class PulseTrain:
         self._tacho = tacho
         self._marks: deque[tuple[int, float]] = deque(maxlen=revolutions)
         self._seed: deque[float] = deque(maxlen=SEED_INTERVALS + 1)
-        self._intervals: deque[float] = deque(maxlen=SEED_INTERVALS)
+        self._intervals: deque[float] = deque(maxlen=2 * SEED_INTERVALS)
         self._repaired: deque[bool] = deque(maxlen=HISTORY)
         self._pulses = self._filled = self._rejected = 0
         self.restart()
@@ -100,11 +101,15 @@ class PulseTrain:
             self._lose()
 
     def _expected(self, periods: int) -> float:
-        a, b, c, d = self._intervals
-        mean = 0.25 * (a + b + c + d)
-        slope = (1.5 * (d - a) + 0.5 * (c - b)) / 5.0
-        slope = min(max(slope, -0.2 * mean), 0.2 * mean)
-        return periods * mean + slope * (1.5 * periods + 0.5 * periods * (periods + 1))
+        """Return the time from the last pulse to the one so many periods later.
+
+        From medians of the older and the younger intervals, so that one of each may be wrong.
+        """
+        half = len(self._intervals) // 2
+        intervals = list(self._intervals)
+        older, younger = _median(intervals[:half]), _median(intervals[half:])
+        slope = min(max((younger - older) / half, -0.2 * younger), 0.2 * younger)
+        return periods * (younger + 0.5 * (half - 1) * slope) + slope * 0.5 * periods * (periods + 1)
 
     def _edge(self, time: float) -> None:
         if not self._locked:
@@ -124,6 +129,7 @@ class PulseTrain:
         if since < self._expected(MOST_FILLED + 1):
             self._reject()
         else:
+            self._doubt = min(self._doubt + SEED_INTERVALS, MOST_DOUBT)
             self._lose()
             self._search(time)
 
@@ -244,3 +250,9 @@ class PulseTrain:
     def report(self, state: TachoState, jitter: float) -> TachoReport:
         """Return the verdict with the counts since the run began and the scatter, s."""
         return TachoReport(state, self._pulses, self._filled, self._rejected, jitter)
+
+
+def _median(values: list[float]) -> float:
+    ordered = sorted(values)
+    middle = len(ordered) // 2
+    return ordered[middle] if len(ordered) % 2 else 0.5 * (ordered[middle - 1] + ordered[middle])

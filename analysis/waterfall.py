@@ -74,7 +74,7 @@ class Waterfall:
     def times(self) -> FloatArray:
         """Sample time since the run began at the begin of each row, shape (rows,), s; negative before the run."""
         rows = len(self._amplitudes)
-        return (self._newest - rows + 1 + np.arange(rows)) * self._interval
+        return np.asarray((self._newest - rows + 1 + np.arange(rows)) * self._interval, dtype=np.float64)
 
 
 class Keep(StrEnum):
@@ -131,7 +131,7 @@ class Cascade:
     @property
     def speeds(self) -> FloatArray:
         """Middle of each row's bin, shape (rows,), rad/s."""
-        return (np.arange(len(self._amplitudes)) + 0.5) * self._width
+        return np.asarray((np.arange(len(self._amplitudes)) + 0.5) * self._width, dtype=np.float64)
 
     @property
     def filled(self) -> NDArray[np.bool_]:

@@ -2,62 +2,24 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from analysis.analyser import Analyser
 from analysis.run import Acquisition, AnalysisSettings, Calibration, Channel, Device, Limits, Role, RunHeader, Tacho
-from analysis.samples import SampleBlock
+from analysis.samples import EndReason, SampleBlock, SegmentEnd
+from analysis.snapshot import OrderFrame, Snapshot
 
 FloatArray = NDArray[np.float64]
+Codes = NDArray[np.int16]
 Motion = Callable[[FloatArray], tuple[FloatArray, FloatArray]]  # theta, rad, to motion in X and Y, m
 Angle = Callable[[FloatArray], FloatArray]  # time, s, to theta, rad
 
 VOLTS_PER_CODE = 10.0 / 32768
 METRES_PER_VOLT = 1e-4
-
-
-@dataclass(frozen=True)
-class Bench:
-    """Known motion seen through an acquisition."""
-
-    acquisition: Acquisition
-    tacho_rise: float = 30e-6
-    tacho_low: float = 0.1
-    tacho_high: float = 4.2
-    noise: float = 0.1e-6  # also the converter's dither
-    seed: int = 1
-
-    def codes(self, angle: Angle, motion: Motion, n: int) -> NDArray[np.int16]:
-        """Return the codes, shape (n_channels, n), of a motion given against the shaft's angle."""
-        acquisition = self.acquisition
-        random = np.random.default_rng(self.seed)
-        rows = []
-        for row, channel in enumerate(acquisition.channels):
-            time = np.arange(n) / acquisition.rate + row / acquisition.convert_rate
-            if channel.role is Role.TACHO:
-                volts = self.tacho_volts(angle, time)
-            else:
-                X, Y = motion(angle(time))
-                displacement = X * np.cos(channel.angle) + Y * np.sin(channel.angle)
-                displacement += self.noise * random.standard_normal(n)
-                assert channel.calibration is not None
-                volts = (500e-6 - displacement - channel.calibration.coefficients[0]) / METRES_PER_VOLT
-            rows.append(np.clip(np.round(volts / VOLTS_PER_CODE), -32768, 32767))
-        return np.array(rows).astype(np.int16)
-
-    def tacho_volts(self, angle: Angle, time: FloatArray) -> FloatArray:
-        """Return the tacho's voltage: the mark covers the first part of each turn, edges are straight ramps."""
-        tacho = self.acquisition.tacho
-        marks = tacho.pulses_per_revolution
-        theta = angle(time - tacho.delay)
-        pulse_rate = np.gradient(theta, time) * marks / (2 * np.pi)
-        middle = 0.5 * tacho.mark_fraction
-        phase = (theta * marks / (2 * np.pi) + 0.5 - middle) % 1.0 - 0.5 + middle
-        width = pulse_rate * self.tacho_rise
-        light = np.minimum(0.5 + phase / width, 0.5 + (tacho.mark_fraction - phase) / width)
-        return self.tacho_low + (self.tacho_high - self.tacho_low) * np.clip(light, 0.0, 1.0)
 
 
 def steady(turn_rate: float, start: float = 0.3) -> Angle:
@@ -70,46 +32,136 @@ def ramp(begin: float, end: float, duration: float) -> Angle:
     return lambda time: 2 * np.pi * (begin * time + 0.5 * (end - begin) / duration * time**2)
 
 
-def acquisition(rate: float = 100_000.0, **tacho: float) -> Acquisition:
-    """Return an acquisition of two probes at right angles and a tacho."""
+def circles(*components: tuple[float, float, float]) -> Motion:
+    """Return the sum of circles: radius, m; order, negative for backward; phase, rad."""
+
+    def motion(theta: FloatArray) -> tuple[FloatArray, FloatArray]:
+        z = np.zeros(theta.shape, dtype=np.complex128)
+        for radius, order, phase in components:
+            z += radius * np.exp(1j * np.sign(order) * (abs(order) * theta + phase))
+        return z.real, z.imag
+
+    return motion
+
+
+def make_acquisition(rate: float, angles: tuple[float, float], tacho: Tacho) -> Acquisition:
+    """Return an acquisition of two probes and a tacho."""
     calibration = Calibration(coefficients=(50e-6, METRES_PER_VOLT), volts_low=0.5, volts_high=9.5)
     scaling = (0.0, VOLTS_PER_CODE)
-
-    def channel(name: str, role: Role, physical: str, angle: float = 0.0) -> Channel:
-        is_probe = role is not Role.TACHO
-        gap = {"gap_low": 1.0, "gap_high": 9.0} if is_probe else {}
-        return Channel(
-            name, role, physical, -10.0, 10.0, scaling, calibration if is_probe else None, angle=angle, **gap
+    probes = tuple(
+        Channel(
+            name=name,
+            role=role,
+            physical=f"ai{row}",
+            range_low=-10.0,
+            range_high=10.0,
+            scaling=scaling,
+            calibration=calibration,
+            angle=angle,
+            gap_low=1.0,
+            gap_high=9.0,
         )
-
+        for row, (name, role, angle) in enumerate(
+            [("x", Role.PROBE_X, angles[0]), ("y", Role.PROBE_Y, angles[1])],
+        )
+    )
     return Acquisition(
         device=Device("simulated", "test bench", "0", "none", simulated=True),
         rate=rate,
         convert_rate=4 * rate,
-        channels=(
-            channel("x", Role.PROBE_X, "ai0"),
-            channel("y", Role.PROBE_Y, "ai1", np.pi / 2),
-            channel("tacho", Role.TACHO, "ai2"),
-        ),
-        tacho=replace(Tacho(threshold=2.15, hysteresis=1.0), **tacho),  # type: ignore[arg-type]  # ints among floats
+        channels=(*probes, Channel("tacho", Role.TACHO, "ai2", -10.0, 10.0, scaling)),
+        tacho=tacho,
     )
 
 
-def blocks(codes: NDArray[np.int16], size: int, *, first: int = 0, segment: int = 0) -> Iterator[SampleBlock]:
-    """Yield the codes in blocks of a size."""
-    for begin in range(0, codes.shape[1], size):
-        piece = np.ascontiguousarray(codes[:, begin : begin + size])
-        yield SampleBlock(piece, segment=segment, first_sample=first + begin, host_time_ns=0)
+@dataclass(frozen=True)
+class Bench:
+    """Known motion seen through an acquisition."""
+
+    acquisition: Acquisition
+    settings: AnalysisSettings
+    noise: float = 0.1e-6  # m rms; also the converter's dither
+    tacho_rise: float = 30e-6
+
+    steady = staticmethod(steady)
+    ramp = staticmethod(ramp)
+    circles = staticmethod(circles)
+
+    def codes(self, angle: Angle, motion: Motion, duration: float) -> Codes:
+        """Return the codes, shape (3, n), of a motion given against the shaft's angle."""
+        acquisition = self.acquisition
+        n = round(duration * acquisition.rate)
+        random = np.random.default_rng(1)
+        rows = []
+        for row, channel in enumerate(acquisition.channels):
+            time = np.arange(n) / acquisition.rate + row / acquisition.convert_rate
+            if channel.calibration is None:
+                volts = self.tacho_volts(angle, time)
+            else:
+                X, Y = motion(angle(time))
+                displacement = X * np.cos(channel.angle) + Y * np.sin(channel.angle)
+                displacement += self.noise * random.standard_normal(n)
+                volts = (500e-6 - displacement - channel.calibration.coefficients[0]) / METRES_PER_VOLT
+            rows.append(np.clip(np.round(volts / VOLTS_PER_CODE), -32768, 32767))
+        return np.array(rows).astype(np.int16)
+
+    def tacho_volts(self, angle: Angle, time: FloatArray) -> FloatArray:
+        """Return the tacho's voltage, 0 to 4.3 V: the mark covers the first part of each turn, edges are ramps."""
+        tacho = self.acquisition.tacho
+        marks = tacho.pulses_per_revolution
+        turns = angle(time - tacho.delay) * marks / (2 * np.pi)
+        width = np.gradient(turns, time) * self.tacho_rise
+        middle = 0.5 * tacho.mark_fraction
+        phase = (turns + 0.5 - middle) % 1.0 - 0.5 + middle
+        light = np.minimum(0.5 + phase / width, 0.5 + (tacho.mark_fraction - phase) / width)
+        return 4.3 * np.clip(light, 0.0, 1.0)
+
+    def blocks(self, codes: Codes, size: int, *, first: int = 0, segment: int = 0) -> Iterator[SampleBlock]:
+        """Yield the codes in blocks of a size."""
+        for begin in range(0, codes.shape[1], size):
+            piece = np.ascontiguousarray(codes[:, begin : begin + size])
+            yield SampleBlock(piece, segment=segment, first_sample=first + begin, host_time_ns=0)
+
+    def snapshots(self, codes: Codes, size: int = 10_000) -> list[Snapshot]:
+        """Return what an analyser makes of the codes as one segment."""
+        analyser = Analyser(self.acquisition, self.settings)
+        snapshots = [snapshot for block in self.blocks(codes, size) for snapshot in analyser.block(block)]
+        return snapshots + analyser.segment_end(SegmentEnd(0, codes.shape[1], EndReason.FINISHED))
+
+    def frames(self, angle: Angle, motion: Motion, duration: float) -> list[OrderFrame]:
+        """Return the order frames of a motion."""
+        snapshots = self.snapshots(self.codes(angle, motion, duration))
+        return [snapshot.frame for snapshot in snapshots if snapshot.frame is not None]
 
 
 @pytest.fixture
-def header() -> RunHeader:
+def make_bench() -> Callable[..., Bench]:
+    """Return a maker of benches: rate, probe angles, noise and what differs in the tacho and the settings."""
+
+    def make(
+        *,
+        rate: float = 100_000.0,
+        angles: tuple[float, float] = (0.0, np.pi / 2),
+        noise: float = 0.1e-6,
+        tacho: dict[str, Any] | None = None,
+        **settings: Any,
+    ) -> Bench:
+        read = replace(Tacho(threshold=2.15, hysteresis=1.0), **(tacho or {}))
+        return Bench(make_acquisition(rate, angles, read), replace(AnalysisSettings(), **settings), noise)
+
+    return make
+
+
+@pytest.fixture
+def header(make_bench: Callable[..., Bench]) -> RunHeader:
+    """Return the header of a run on the bench."""
+    bench = make_bench()
     return RunHeader(
         run="2026-01-01T00-00-00-test",
         rig="test",
         started_ns=1_767_225_600_000_000_000,
-        acquisition=acquisition(),
-        settings=AnalysisSettings(),
+        acquisition=bench.acquisition,
+        settings=bench.settings,
         limits=Limits(80e-6, 95e-6, 100e-6, 2 * np.pi * 20_000 / 60),
         config_toml="",
         program="test",
