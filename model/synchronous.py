@@ -134,8 +134,8 @@ class _TurningFrame:
         films, spin = self._films, 1j * self._speed
         inner_slopes, outer_slopes = [], []
         for inner, outer in self._bearings(unknowns):
-            inner_slopes.append(film_stiffness(inner, spin * inner, drag, *_inner(films, self._speed)))
-            outer_slopes.append(film_stiffness(outer, spin * outer, drag, *_outer(films, self._speed)))
+            inner_slopes.append(_matrix(film_stiffness(inner, spin * inner, drag, *_inner(films, self._speed))))
+            outer_slopes.append(_matrix(film_stiffness(outer, spin * outer, drag, *_outer(films, self._speed))))
         return inner_slopes, outer_slopes
 
     def _residual(self, unknowns: ComplexArray, part: float) -> ComplexArray:
@@ -253,3 +253,8 @@ def _expand(matrix: ComplexArray) -> FloatArray:
     """Write a complex matrix as a real one on (Re, Im) pairs."""
     turned = np.array([[0.0, -1.0], [1.0, 0.0]])
     return np.asarray(np.kron(matrix.real, np.eye(2)) + np.kron(matrix.imag, turned), dtype=np.float64)
+
+
+def _matrix(slopes: tuple[complex, complex]) -> FloatArray:
+    of_x, of_y = slopes
+    return np.array([[of_x.real, of_y.real], [of_x.imag, of_y.imag]])
