@@ -59,7 +59,9 @@ def _port(text: str) -> int:
 def _add_screens(parser: argparse.ArgumentParser, port: int) -> None:
     group = parser.add_argument_group("screens")
     group.add_argument("--host", default="127.0.0.1", help="address to serve at (default: this machine only)")
-    group.add_argument("--port", type=_port, default=port, help=f"port of page and REST (default {port}; 0: any free one)")
+    group.add_argument(
+        "--port", type=_port, default=port, help=f"port of page and REST (default {port}; 0: any free one)"
+    )
     group.add_argument("--token", default="", help="bearer token that requests must carry; needed with another --host")
     group.add_argument("--no-view", action="store_true", help="without the live picture (it needs rerun-sdk)")
 
@@ -67,7 +69,7 @@ def _add_screens(parser: argparse.ArgumentParser, port: int) -> None:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="rig",
-        description="Record, watch, replay and explain the runs of a rotor test rig, with the model beside the measurement.",
+        description="Record, watch, replay and explain the runs of a rotor test rig, the model beside the measurement.",
         epilog=_EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )

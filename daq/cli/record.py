@@ -9,10 +9,10 @@ from daq.cli.console import Console
 from daq.cli.following import follow
 from daq.cli.screens import Screens
 from daq.cli.stopping import stop_requested
-from daq.cli.telling import tell_summary
+from daq.cli.telling import tell
 from daq.config.load import load_rig
 from daq.service.summaries import Summaries
-from daq.session.predictor import Predictor, predictor_of
+from daq.session.predictors import Predictors
 from daq.session.recorded import RecordedRun
 from daq.session.recorder import Order
 from recordings.catalogue import Catalogue, data_folder
@@ -23,8 +23,8 @@ def run(chosen: argparse.Namespace) -> int:
     console = Console()
     rig = load_rig(Path(chosen.config))
     catalogue = Catalogue(data_folder(rig.config.storage.folder))
-    with predictor_of(rig) as predictor, stop_requested() as stop:
-        summaries = Summaries(catalogue)
+    with Predictors() as predictors, stop_requested() as stop:
+        summaries = Summaries(catalogue, predictors)
         with Screens(chosen, catalogue, summaries, console) as screens:
             started_ns = time.time_ns()
             run_id, path = catalogue.new_run(rig.config.rig, started_ns)
@@ -37,7 +37,7 @@ def run(chosen: argparse.Namespace) -> int:
                 path=path,
                 duration=chosen.duration,
             )
-            recorded = RecordedRun(order, predictor, screens.sinks)
+            recorded = RecordedRun(order, predictors.for_rig(rig), screens.sinks)
             screens.show(recorded)
             device, rate = recorded.header.acquisition.device, recorded.header.acquisition.rate
             n_channels = len(recorded.header.acquisition.channels)
@@ -49,5 +49,7 @@ def run(chosen: argparse.Namespace) -> int:
             outcome = follow(recorded, stop, console)
         if outcome.message:
             console.line(f"rig: {outcome.message}")
-        tell_summary(run_id, summaries, console, as_json=chosen.json)
+        document = summaries.patiently(run_id, console.progress)
+        console.done()
+    tell(document, as_json=chosen.json)
     return outcome.exit_code

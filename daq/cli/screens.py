@@ -39,7 +39,9 @@ class Screens:
         Where an address is taken.
     """
 
-    def __init__(self, chosen: argparse.Namespace, catalogue: Catalogue, summaries: Summaries, console: Console) -> None:
+    def __init__(
+        self, chosen: argparse.Namespace, catalogue: Catalogue, summaries: Summaries, console: Console
+    ) -> None:
         if not is_loopback(chosen.host) and not chosen.token:
             raise UsageError(f"--host {chosen.host} lets other machines in: --token SECRET must be given with it")
         self._run: Run | None = None
@@ -92,7 +94,9 @@ class Screens:
         """Return one line that says where to look."""
         parts = []
         if self._server is not None:
-            parts.append(f"page {self._server.url}/  REST {self._server.url}/api/v1  schema {self._server.url}/openapi.json")
+            parts.append(
+                f"page {self._server.url}/  REST {self._server.url}/api/v1  schema {self._server.url}/openapi.json"
+            )
         if self._view is not None:
             parts.append(f"live picture {self._view.url}")
         return "\n".join(parts)

@@ -8,6 +8,7 @@ from daq.cli.screens import Screens
 from daq.cli.stopping import stop_requested
 from daq.config.load import load_rig
 from daq.service.summaries import Summaries
+from daq.session.predictors import Predictors
 from recordings.catalogue import Catalogue, data_folder
 
 
@@ -19,8 +20,10 @@ def run(chosen: argparse.Namespace) -> int:
         setting = load_rig(Path(chosen.config)).config.storage.folder
     catalogue = Catalogue(data_folder(setting))
     chosen.no_view = True  # nothing is live: runs are shown by `rig replay`
-    with stop_requested() as stop, Summaries(catalogue) as summaries:
+    with stop_requested() as stop, Predictors() as predictors:
+        summaries = Summaries(catalogue, predictors)
         with Screens(chosen, catalogue, summaries, console) as screens:
             console.line(screens.addresses())
-            stop.wait()
+            while not stop.wait(1.0):  # a wait without end would not let Ctrl-C through everywhere
+                continue
     return 0

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from analysis.analyser import Analyser
 from analysis.run import RunHeader
-from analysis.samples import SampleBlock, SourceItem
+from analysis.samples import SegmentEnd, SourceItem
 from analysis.snapshot import Snapshot
 from analysis.summary import RunSummary, SummaryBuilder
 from daq.session.frame import FrameSink, LiveFrame, Severity, Status
@@ -53,20 +53,22 @@ class LiveAnalysis:
 
     def take(self, item: SourceItem, status: Status) -> None:
         """Analyse an item; `status` is the state of the recording that goes with the frames."""
-        is_block = isinstance(item, SampleBlock)
-        snapshots = self._analyser.block(item) if is_block else self._analyser.segment_end(item)
+        snapshots = self._analyser.segment_end(item) if isinstance(item, SegmentEnd) else self._analyser.block(item)
         for snapshot in snapshots:
-            self._summary.snapshot(snapshot)
-            if self._keep is not None:
-                self._keep(snapshot)
-            with self._lock:
-                self._snapshot = snapshot
-                self._prediction = self._predict(snapshot.speed)
-                self._judge(snapshot)
-        if not is_block:
+            self._note(snapshot)
+        if isinstance(item, SegmentEnd):
             self._summary.segment_end(item)
         if snapshots:
             self.offer(status)
+
+    def _note(self, snapshot: Snapshot) -> None:
+        self._summary.snapshot(snapshot)
+        if self._keep is not None:
+            self._keep(snapshot)
+        prediction = self._predict(snapshot.speed)
+        with self._lock:
+            self._snapshot, self._prediction = snapshot, prediction
+            self._judge(snapshot)
 
     def _judge(self, snapshot: Snapshot) -> None:
         limits, worst = self._header.limits, float(snapshot.peak_to_peak.max())

@@ -9,7 +9,7 @@ import shutil
 import signal
 import threading
 import time
-from contextlib import closing, suppress
+from contextlib import ExitStack, closing, suppress
 from dataclasses import dataclass, replace
 from multiprocessing.connection import Connection
 from multiprocessing.sharedctypes import SynchronizedArray
@@ -20,7 +20,7 @@ from analysis.samples import EndReason, SampleBlock, SegmentEnd
 from daq.config.rig import Rig
 from daq.drivers.opening import open_source
 from daq.drivers.source import Source
-from daq.errors import RigError
+from daq.errors import RigError, UsageError
 from daq.session.gauges import Gauges
 from daq.session.ring import BlockRing
 from recordings.errors import RecordingError
@@ -104,20 +104,37 @@ def record(order: Order, ring_name: str, gauge_words: "SynchronizedArray[int]", 
     """Run the recorder; the entry point of its process."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the whole group: the watching process decides
     ring = BlockRing.attach(ring_name)
-    with closing(ring):
+    with closing(ring), ExitStack() as stack:
         try:
-            source = open_source(order.rig)
+            _require_room(order)
+            source = stack.enter_context(closing(open_source(order.rig)))
+            header = run_header(order, source)
+            writer = RunWriter(order.path, header)
         except RigError as error:
             pipe.send(Refused(str(error), error.exit_code))
-            return
-        with closing(source):
-            header = run_header(order, source)
-            try:
-                writer = RunWriter(order.path, header)
-            except RecordingError as error:
-                pipe.send(Refused(str(error), 2))
-                return
+        except RecordingError as error:
+            pipe.send(Refused(str(error), UsageError.exit_code))
+        else:
             _Recorder(order, source, writer, ring, Gauges(gauge_words), pipe).run(header)
+
+
+def _require_room(order: Order) -> None:
+    """Raise UsageError where the disk holds less than the reserve already."""
+    free, reserve = _room(order)
+    if free < reserve:
+        raise UsageError(_too_little(order, free, reserve))
+
+
+def _room(order: Order) -> tuple[int, int]:
+    """Return the bytes that are free where the run goes, and those that must stay free."""
+    return shutil.disk_usage(order.path.parent).free, int(order.rig.config.storage.reserve_gb * 1e9)
+
+
+def _too_little(order: Order, free: int, reserve: int) -> str:
+    return (
+        f"{order.path.parent}: {free / 1e9:.2f} GB free, expected more than storage.reserve_gb = {reserve / 1e9:g}: "
+        "make room or record elsewhere (storage.folder, RIG_DATA)"
+    )
 
 
 def run_header(order: Order, source: Source) -> RunHeader:
@@ -182,8 +199,9 @@ class _Recorder:
 
     def _take(self, item: SampleBlock | SegmentEnd) -> None:
         if isinstance(item, SegmentEnd):
-            if item.reason is EndReason.STOPPED and self._message:
-                item = replace(item, detail=self._message)
+            if item.reason is EndReason.STOPPED:
+                planned = self._limit is not None and self._gauges.samples >= self._limit
+                item = replace(item, reason=EndReason.FINISHED if planned else item.reason, detail=self._message)
             self._writer.segment_end(item)
             self._gauges.add_end(item)
             self._ends.append(item)
@@ -212,14 +230,10 @@ class _Recorder:
         if now - self._disk_checked < 1.0:
             return
         self._disk_checked = now
-        free = shutil.disk_usage(self._order.path.parent).free
-        reserve = self._order.rig.config.storage.reserve_gb * 1e9
-        self._gauges.disk_bytes = max(0, int(free - reserve))
+        free, reserve = _room(self._order)
+        self._gauges.disk_bytes = max(0, free - reserve)
         if free < reserve and not self._message:
-            self._message = (
-                f"{self._order.path.parent}: {free / 1e9:.2f} GB free, less than storage.reserve_gb = "
-                f"{reserve / 1e9:g}: recording stopped, make room"
-            )
+            self._message = "recording stopped: " + _too_little(self._order, free, reserve)
             self._source.stop()
 
     def _listen(self) -> None:

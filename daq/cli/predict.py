@@ -1,0 +1,72 @@
+"""`rig predict`: what the model expects at the probes over speed."""
+
+import argparse
+import math
+from pathlib import Path
+
+import numpy as np
+
+from daq.cli.console import RPM, Console
+from daq.cli.telling import print_json
+from daq.config.load import load_rig
+from daq.errors import RigError, UsageError
+from daq.service.documents.live import predicted_document
+from daq.session.predictors import Predictors
+from model.prediction import Prediction
+from model.prediction_map import PredictionMap
+
+_STEP = 1000 * RPM  # rad/s between the rows of the table
+
+
+def run(chosen: argparse.Namespace) -> int:
+    """Compute or look up the prediction and show it; return the exit code."""
+    console = Console()
+    rig = load_rig(Path(chosen.config))
+    with Predictors() as predictors:
+        predictor = predictors.for_rig(rig)
+        predictor.wait(None, lambda state: console.progress(f"model {state}"))
+        console.done()
+        found = predictor.map
+        if found is None:
+            raise RigError(f"there is no prediction: {predictor.state}")
+    if chosen.quiet:
+        return 0
+    predictions = _chosen(found, chosen.speed_rpm)
+    if chosen.json:
+        print_json([predicted_document(prediction) for prediction in predictions])
+    else:
+        print(_HEAD)
+        for prediction in predictions:
+            print(_row(prediction))
+    return 0
+
+
+def _chosen(found: PredictionMap, speed_rpm: float | None) -> list[Prediction]:
+    lowest, highest = float(found.speeds[0]), float(found.speeds[-1])
+    if speed_rpm is None:
+        first = math.ceil(lowest / _STEP - 1e-9) * _STEP
+        return [found.at(min(speed, highest)) for speed in np.arange(first, highest * (1 + 1e-9), _STEP)]
+    speed = speed_rpm * RPM
+    if not lowest <= speed <= highest:
+        raise UsageError(
+            f"--speed {speed_rpm:g}: expected {lowest / RPM:,.0f} to {highest / RPM:,.0f} r/min, up to limits.speed_rpm"
+        )
+    return [found.at(speed)]
+
+
+_HEAD = "   r/min   1X x µm pk  lag x °   1X y µm pk  lag y °   below 1X      overall µm pp   growth 1/s"
+
+
+def _row(prediction: Prediction) -> str:
+    x, y = prediction.vectors[0]
+    lags = [math.degrees(-math.atan2(v.imag, v.real)) % 360 for v in (x, y)]
+    whirl = (
+        f"{prediction.whirl_order:.2f}X {prediction.whirl_amplitude * 1e6:6.1f}"
+        if prediction.whirl_amplitude > 0
+        else "none"
+    )
+    overall = " / ".join(f"{value * 1e6:5.1f}" for value in prediction.peak_to_peak)
+    return (
+        f"{prediction.speed / RPM:8,.0f}   {abs(x) * 1e6:10.2f}  {lags[0]:7.1f}   {abs(y) * 1e6:10.2f}  {lags[1]:7.1f}"
+        f"   {whirl:12}  {overall:>13}   {prediction.growth_rate:+10.1f}"
+    )

@@ -1,0 +1,114 @@
+"""A run's summary in the words of the bench."""
+
+import json
+from collections.abc import Iterator
+
+from daq.service.documents import Document, SummaryDocument
+from daq.service.documents.summary import SpeedRowDocument
+
+
+def print_json(document: Document | list[Document]) -> None:
+    """Print a document, or a list of them, as JSON on standard output."""
+    if isinstance(document, list):
+        print(json.dumps([each.model_dump(mode="json") for each in document], ensure_ascii=False, indent=2))
+    else:
+        print(document.model_dump_json(indent=2))
+
+
+def tell(summary: SummaryDocument, *, as_json: bool) -> None:
+    """Print what a run was on standard output: as JSON, or in a few lines."""
+    if as_json:
+        print_json(summary)
+    else:
+        print("\n".join(summary_lines(summary)))
+
+
+def summary_lines(summary: SummaryDocument) -> Iterator[str]:
+    """Yield a summary in the words of the bench, line by line."""
+    yield f"run {summary.run}  {summary.duration_s:.1f} s  {summary.samples:,} samples a channel" + (
+        f"  “{summary.note}”" if summary.note else ""
+    )
+    yield "  ".join((_verdict(summary), _speeds(summary), _largest(summary)))
+    for fault in _oddities(summary):
+        yield f"unusual          {fault}"
+    yield from _table(summary)
+    if not summary.sub_synchronous:
+        yield "sub-synchronous  none"
+    for k, whirl in enumerate(summary.sub_synchronous):
+        label = "sub-synchronous" if k == 0 else ""
+        begin, end = _number(whirl.begin.speed_rpm), _number(whirl.end.speed_rpm)
+        order, size, way = _number(whirl.order, 2), _number(whirl.largest_peak_um, 1), whirl.direction.value
+        yield f"{label:15}  {order}X from {begin} to {end} r/min, {way}, up to {size} µm"
+
+
+def _table(summary: SummaryDocument) -> Iterator[str]:
+    """Yield a few rows of amplitude and phase by speed; the whole table is in the document."""
+    rows = [row for row in summary.by_speed if row.frames]
+    if rows:
+        yield "   r/min   1X x µm∠lag   1X y µm∠lag   2X x, y µm   overall x, y µm pp"
+    for row in _picked(rows):
+        one, two = row.order_1x, row.order_2x
+        x = f"{_number(one.amplitude_peak_x_um, 1)}∠{_number(one.lag_x_deg)}°"
+        y = f"{_number(one.amplitude_peak_y_um, 1)}∠{_number(one.lag_y_deg)}°"
+        second = f"{_number(two.amplitude_peak_x_um, 1)}, {_number(two.amplitude_peak_y_um, 1)}"
+        overall = f"{_number(row.largest_peak_to_peak_x_um)}, {_number(row.largest_peak_to_peak_y_um)}"
+        yield f"{_number(row.speed_rpm):>8}   {x:>11}   {y:>11}   {second:>10}   {overall:>18}"
+
+
+def _verdict(summary: SummaryDocument) -> str:
+    if summary.is_gap_free:
+        return "gap-free"
+    if not summary.segments:
+        return "NO END: the recording breaks off"
+    bound = "" if summary.lost_is_exact else "at least "
+    reasons = "; ".join(
+        f"segment {segment.segment}: {segment.end_reason.value}" + (f" ({segment.detail})" if segment.detail else "")
+        for segment in summary.segments
+    )
+    return f"NOT GAP-FREE: {bound}{summary.lost_samples:,} samples lost in {len(summary.segments)} segments: {reasons}"
+
+
+def _speeds(summary: SummaryDocument) -> str:
+    if summary.lowest_speed_rpm is None:
+        return "speed unknown: the tacho never told"
+    return f"{_number(summary.lowest_speed_rpm)}–{_number(summary.highest_speed_rpm)} r/min"
+
+
+def _largest(summary: SummaryDocument) -> str:
+    worst = max(summary.probes, key=lambda probe: probe.largest_peak_to_peak_um or 0.0, default=None)
+    if worst is None or worst.largest_at is None:
+        return "no vibration measured"
+    at = worst.largest_at
+    where = f"at {_number(at.speed_rpm)} r/min" if at.speed_rpm is not None else f"at {at.time_s:.1f} s"
+    verdict = "" if summary.severity.value == "good" else f" ({summary.severity.value.upper()})"
+    return f"max {_number(worst.largest_peak_to_peak_um)} µm pp on {worst.name} {where}{verdict}"
+
+
+def _oddities(summary: SummaryDocument) -> Iterator[str]:
+    for probe in summary.probes:
+        if not probe.gap_ok:
+            least, most = _number(probe.gap_least_v, 2), _number(probe.gap_most_v, 2)
+            yield f"probe {probe.name}: gap voltage {least} to {most} V left its window"
+    if any(summary.clipped_samples):
+        yield f"clipped samples by channel: {', '.join(f'{n:,}' for n in summary.clipped_samples)}"
+    tacho = summary.tacho
+    if tacho is not None:
+        others = {state: count for state, count in tacho.snapshots_by_state.items() if state.value != "good"}
+        total = sum(tacho.snapshots_by_state.values())
+        for state, count in others.items():
+            if count > 0.02 * total:
+                yield f"tacho: {state.value} for {100 * count / total:.0f} % of the run"
+        if tacho.filled or tacho.rejected:
+            repaired = f"{tacho.filled:,} filled in, {tacho.rejected:,} edges rejected"
+            yield f"tacho: {tacho.pulses:,} pulses, {repaired}"
+
+
+def _picked(rows: list[SpeedRowDocument]) -> list[SpeedRowDocument]:
+    """Return at most eight rows, evenly spread, the last among them."""
+    if len(rows) <= 8:
+        return rows
+    return [rows[round(k * (len(rows) - 1) / 7)] for k in range(8)]
+
+
+def _number(value: float | None, decimals: int = 0) -> str:
+    return "?" if value is None else f"{value:,.{decimals}f}"

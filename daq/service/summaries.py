@@ -1,0 +1,75 @@
+"""What runs were, as documents: read once, then kept beside the recordings."""
+
+from collections.abc import Callable
+
+from pydantic import ValidationError
+
+from analysis.run import RunHeader
+from analysis.summary import RunSummary
+from daq.service.documents import SummaryDocument, summary_document
+from daq.session.offline import summarise
+from daq.session.predictors import Predictors
+from model.compare import compare
+from recordings.catalogue import Catalogue
+from recordings.reader import RunReader
+
+KEPT_AS = "summary"
+
+Waiting = Callable[[str], None]
+
+
+class Summaries:
+    """Summaries of the runs of a data folder, with how the model agrees.
+
+    Parameters
+    ----------
+    catalogue : Catalogue
+        The data folder.
+    predictors : Predictors
+        The model's predictions.
+    """
+
+    def __init__(self, catalogue: Catalogue, predictors: Predictors) -> None:
+        self._catalogue = catalogue
+        self._predictors = predictors
+
+    def summary(self, run_id: str) -> SummaryDocument:
+        """Return a run's summary; the agreement is null as long as the model's map is being computed.
+
+        Raises
+        ------
+        RecordingError
+            There is no such run, or its file cannot be read.
+        """
+        return self._kept(run_id) or self._made(run_id, None)
+
+    def patiently(self, run_id: str, waiting: Waiting) -> SummaryDocument:
+        """Return a run's summary with the agreement, however long the model takes; `waiting` is told what goes on."""
+        return self._kept(run_id) or self._made(run_id, waiting)
+
+    def document(self, summary: RunSummary, header: RunHeader) -> SummaryDocument:
+        """Return a summary with how it agrees with the model of the run's rig, null where its map is not ready."""
+        prediction_map = self._predictors.of(header).map
+        return summary_document(summary, None if prediction_map is None else compare(summary, prediction_map))
+
+    def _kept(self, run_id: str) -> SummaryDocument | None:
+        document = self._catalogue.load_document(run_id, KEPT_AS)
+        if document is None:
+            return None
+        try:
+            return SummaryDocument.model_validate(document)
+        except ValidationError:  # kept by another version of the program
+            return None
+
+    def _made(self, run_id: str, waiting: Waiting | None) -> SummaryDocument:
+        with RunReader(self._catalogue.path(run_id)) as reader:
+            header, is_complete = reader.header, reader.is_complete
+            told = None if waiting is None else lambda part: waiting(f"reading {run_id}: {100 * part:.0f} %")
+            predictor = self._predictors.of(header)
+            summary = summarise(reader, told)
+        if waiting is not None:
+            predictor.wait(None, lambda state: waiting(f"model {state}"))
+        document = self.document(summary, header)
+        if is_complete and predictor.map is not None:
+            self._catalogue.store_document(run_id, KEPT_AS, document.model_dump(mode="json"))
+        return document

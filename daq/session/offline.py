@@ -1,0 +1,58 @@
+"""What a recorded run was, from its file: the results that lie beside the samples, or the samples analysed again."""
+
+from collections.abc import Callable, Iterator
+
+from analysis.analyser import Analyser
+from analysis.samples import SampleBlock, SegmentEnd
+from analysis.snapshot import Snapshot
+from analysis.summary import RunSummary, SummaryBuilder
+from recordings.reader import RunReader
+
+Progress = Callable[[float], None]
+
+
+def summarise(reader: RunReader, on_progress: Progress | None = None) -> RunSummary:
+    """Return the summary of a recording.
+
+    The live analysis wrote its results beside the samples. Where it kept up they are the whole story; where it had to
+    skip, or the file breaks off, the samples are analysed again, with the same outcome as a live analysis that kept up.
+
+    Parameters
+    ----------
+    reader : RunReader
+        The recording.
+    on_progress : callable or None
+        Told the part that is done, 0 to 1.
+    """
+    told = on_progress or (lambda _part: None)
+    builder = SummaryBuilder(reader.header)
+    kept = reader.is_complete and reader.skipped_samples == 0
+    duration = max(reader.duration, 1e-9)
+    done = 0.0
+    for item in _kept(reader) if kept else _analysed(reader):
+        if isinstance(item, SegmentEnd):
+            builder.segment_end(item)
+            done += item.samples / reader.header.acquisition.rate
+        else:
+            builder.snapshot(item)
+            told(min(1.0, (done + item.time) / duration))
+    return builder.summary()
+
+
+def _kept(reader: RunReader) -> Iterator[Snapshot | SegmentEnd]:
+    ends = list(reader.segment_ends)
+    for snapshot in reader.snapshots():
+        while ends and ends[0].segment < snapshot.segment:
+            yield ends.pop(0)
+        yield snapshot
+    yield from ends
+
+
+def _analysed(reader: RunReader) -> Iterator[Snapshot | SegmentEnd]:
+    analyser = Analyser(reader.header.acquisition, reader.header.settings)
+    for item in reader.items():
+        if isinstance(item, SampleBlock):
+            yield from analyser.block(item)
+        else:
+            yield from analyser.segment_end(item)
+            yield item

@@ -1,0 +1,54 @@
+"""The predictions for recorded runs: one predictor for every set of parameters that their rigs ask for."""
+
+import threading
+import tomllib
+from types import TracebackType
+from typing import Self
+
+from analysis.run import AnalysisSettings, Limits, RunHeader
+from daq.config.rig import Rig
+from daq.config.rotor import configured_rotor, rotor_parameters
+from daq.config.schema import RigConfig
+from daq.session.predictor import Predictor
+from model.parameters import ModelParameters
+from model.prediction_map import default_speeds, model_key
+
+
+class Predictors:
+    """Predictors by what they compute; each is started when it is first asked for and lives until `close`."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._by_key: dict[str, Predictor] = {}
+
+    def for_rig(self, rig: Rig) -> Predictor:
+        """Return the predictor for a rig."""
+        return self._for(rotor_parameters(rig), rig.settings, rig.limits)
+
+    def of(self, header: RunHeader) -> Predictor:
+        """Return the predictor for the rig of a run, as its configuration was then."""
+        config = RigConfig.model_validate(tomllib.loads(header.config_toml))
+        return self._for(configured_rotor(config), header.settings, header.limits)
+
+    def _for(self, parameters: ModelParameters, settings: AnalysisSettings, limits: Limits) -> Predictor:
+        speeds = default_speeds(limits.speed)
+        key = model_key(parameters, speeds, settings)
+        with self._lock:
+            if key not in self._by_key:
+                self._by_key[key] = Predictor(parameters, settings, speeds)
+            return self._by_key[key]
+
+    def close(self) -> None:
+        """End them all."""
+        with self._lock:
+            for predictor in self._by_key.values():
+                predictor.close()
+            self._by_key.clear()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, _kind: type[BaseException] | None, _error: BaseException | None, _trace: TracebackType | None
+    ) -> None:
+        self.close()
