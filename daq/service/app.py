@@ -4,7 +4,6 @@ from importlib.metadata import version
 from typing import Any
 
 from fastapi import FastAPI
-from fastapi.openapi.utils import get_openapi
 
 from daq.errors import ServiceError
 from daq.service.documents import ProblemDocument
@@ -69,33 +68,38 @@ def create_app(
         raise ServiceError(
             f"the service at {host} can be reached from other machines: give it a token, or bind it to 127.0.0.1"
         )
-    app = FastAPI(
-        title="Rig service",
-        version=version(DISTRIBUTION),
-        description=DESCRIPTION,
-        openapi_tags=TAGS,
-        docs_url=None,
-        redoc_url=None,
-        redirect_slashes=False,
-    )
+    app = _Service(with_token=token is not None)
     install(app)
     app.include_router(Routes(catalogue, live, summaries, app.version).router(with_token=token is not None))
-    app.openapi_schema = _openapi(app, with_token=token is not None)
-    app.include_router(Pages(viewer_url, reference_page(app.openapi_schema)).router())
+    app.include_router(Pages(viewer_url, reference_page(app.openapi())).router())
     app.add_middleware(Guard, host=host, token=token, public=PUBLIC_PATHS)
     app.add_middleware(SafeHeaders)
     return app
 
 
-def _openapi(app: FastAPI, *, with_token: bool) -> dict[str, Any]:
-    """Return the schema with what FastAPI does not know: the problem documents and the token."""
-    schema = get_openapi(
-        title=app.title, version=app.version, description=app.description, tags=app.openapi_tags, routes=app.routes
-    )
-    problem = ProblemDocument.model_json_schema(ref_template=SCHEMA, mode="serialization")
-    components = schema["components"]
-    components["schemas"] |= problem.pop("$defs") | {ProblemDocument.__name__: problem}
-    if with_token:
-        components["securitySchemes"] = {"token": {"type": "http", "scheme": "bearer"}}
-        schema["security"] = [{"token": []}]
-    return schema
+class _Service(FastAPI):
+    """The application with a schema that tells of problem documents and of the token."""
+
+    def __init__(self, *, with_token: bool) -> None:
+        super().__init__(
+            title="Rig service",
+            version=version(DISTRIBUTION),
+            description=DESCRIPTION,
+            openapi_tags=TAGS,
+            docs_url=None,
+            redoc_url=None,
+            redirect_slashes=False,
+        )
+        self._with_token = with_token
+
+    def openapi(self) -> dict[str, Any]:
+        """Return the OpenAPI document."""
+        schema = super().openapi()
+        components = schema["components"]
+        if ProblemDocument.__name__ not in components["schemas"]:
+            problem = ProblemDocument.model_json_schema(ref_template=SCHEMA, mode="serialization")
+            components["schemas"] |= problem.pop("$defs") | {ProblemDocument.__name__: problem}
+            if self._with_token:
+                components["securitySchemes"] = {"token": {"type": "http", "scheme": "bearer"}}
+                schema["security"] = [{"token": []}]
+        return schema

@@ -23,10 +23,15 @@ class Workers:
 
     def __init__(self, threads: int, waiting: int) -> None:
         self._limiter = CapacityLimiter(threads)
-        self._waiting = waiting
+        self._room = threads + waiting
+        self._inside = 0
 
     async def run(self, work: Callable[[], T]) -> T:
         """Return what ``work`` returns, done in a thread; ProblemError (busy) where too many are waiting already."""
-        if self._limiter.statistics().tasks_waiting >= self._waiting:
-            raise ProblemError(BUSY, f"{self._waiting} requests for files are waiting already")
-        return await to_thread.run_sync(work, limiter=self._limiter)
+        if self._inside >= self._room:
+            raise ProblemError(BUSY, f"{self._inside} requests for files are under way or waiting already")
+        self._inside += 1  # here and not in the limiter, which counts only when the event loop comes round
+        try:
+            return await to_thread.run_sync(work, limiter=self._limiter)
+        finally:
+            self._inside -= 1

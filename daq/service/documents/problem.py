@@ -27,5 +27,5 @@ class ProblemDocument(Document):
     detail: str = Field(description="This case", examples=["no run '2026-11-24T09-12-07-gj90c' in this data folder"])
     instance: str = Field(description="What was asked for", examples=["/api/v1/runs/2026-11-24T09-12-07-gj90c"])
     faults: tuple[Fault, ...] = Field(
-        default=(), description="Every parameter that is wrong; empty where it is not about parameters", examples=[[]]
+        description="Every parameter that is wrong; empty where it is not about parameters", examples=[[]]
     )
