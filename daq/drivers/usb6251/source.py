@@ -75,10 +75,10 @@ class Usb6251:
     def blocks(self) -> Iterator[SourceItem]:
         """Start, and yield blocks and segment ends until stopped or failed.
 
+        A card that does not even start is told by the end of a segment without samples.
+
         Raises
         ------
-        DeviceError
-            The card could not be started; later faults are segment ends.
         RuntimeError
             Iterated a second time.
         """
@@ -100,8 +100,12 @@ class Usb6251:
         restarts: deque[float] = deque(maxlen=RESTARTS)
         segment = 0
         try:
-            self._card.start()
             while True:
+                try:
+                    self._start(again=segment > 0)
+                except DeviceError as error:
+                    yield self._fault(segment, 0, error)
+                    return
                 end = yield from self._segment(segment)
                 yield end
                 now = time.monotonic()
@@ -110,13 +114,17 @@ class Usb6251:
                     return
                 restarts.append(now)
                 segment += 1
-                try:
-                    self._restart()
-                except DeviceError as error:
-                    yield self._fault(segment, 0, error)
-                    return
         finally:
             self._card.release()
+
+    def _start(self, *, again: bool) -> None:
+        if again:
+            try:
+                self._card.stop()
+            except DeviceError as error:
+                if error.code not in OVERRUN_CODES:  # stopping says once more what ended the acquisition
+                    raise
+        self._card.start()
 
     def _segment(self, segment: int) -> Generator[SourceItem, None, SegmentEnd]:
         count = 0
@@ -138,14 +146,6 @@ class Usb6251:
             return self._card.backlog(), None
         except DeviceError as error:
             return 0, error
-
-    def _restart(self) -> None:
-        try:
-            self._card.stop()
-        except DeviceError as error:
-            if error.code not in OVERRUN_CODES:  # stopping says once more what ended the acquisition
-                raise
-        self._card.start()
 
     def _stopped(self, segment: int, count: int) -> SegmentEnd:
         """End what was stopped, if the driver counted as many samples as we did."""

@@ -29,6 +29,17 @@ def test_overrun_ends_the_segment_with_code_and_text_and_the_next_begins(
     assert [block.first_sample for block in restarted] == [0, size, 2 * size]
 
 
+def test_card_that_does_not_start_ends_an_empty_segment_and_is_not_left_reserved(
+    card: Usb6251, server: DeviceServer
+) -> None:
+    server.faults["StartTask"].append(-50103)
+    (end,) = list(card.blocks())
+    assert isinstance(end, SegmentEnd)
+    assert (end.segment, end.samples, end.reason) == (0, 0, EndReason.DEVICE_ERROR)
+    assert "another program holds the card" in end.detail
+    assert server.tasks == []
+
+
 def test_overrun_tells_at_least_how_many_samples_were_lost(card: Usb6251, server: DeviceServer) -> None:
     items: list[SourceItem] = []
     for item in card.blocks():
