@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 from analysis.run import Role
 from daq.config.faults import Fault
+from daq.config.rotor import configured_rotor
 from daq.config.schema import Backend, ChannelSection, RigConfig
 
 AGGREGATE_RATE = {"USB-6251": 1e6}  # samples per second over all channels of a multi-channel scan
@@ -28,6 +29,7 @@ def cross_faults(config: RigConfig) -> Iterator[Fault]:
     yield from _timing(config)
     yield from _tacho(config)
     yield from _limits(config)
+    yield from _model(config)
     if config.device.backend is Backend.SIMULATED:
         yield from _simulation(config)
 
@@ -159,6 +161,14 @@ def _limits(config: RigConfig) -> Iterator[Fault]:
     if danger > 2 * limits.clearance_um:
         expected = f"at most {2 * limits.clearance_um:g}, twice clearance_um: the shaft has no more room"
         yield _fault("limits.peak_to_peak_danger_um", danger, expected, "limits.clearance_um")
+
+
+def _model(config: RigConfig) -> Iterator[Fault]:
+    """Return what the model itself says of its parameters."""
+    try:
+        configured_rotor(config)
+    except ValueError as error:
+        yield Fault(tuple(f"model.{name}" for name in type(config.model).model_fields), f"model: {error}")
 
 
 def _simulation(config: RigConfig) -> Iterator[Fault]:

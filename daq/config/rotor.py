@@ -25,5 +25,5 @@ def configured_rotor(config: RigConfig) -> ModelParameters:
         viscosity=section.viscosity_pa_s,
         inner_clearance=section.inner_clearance_um * MICRO,
         outer_clearance=section.outer_clearance_um * MICRO,
-        probe_angles=(seats[Role.PROBE_X], seats[Role.PROBE_Y]),
+        probe_angles=(seats.get(Role.PROBE_X, 0.0), seats.get(Role.PROBE_Y, math.pi / 2)),
     )

@@ -115,6 +115,7 @@ def test_load_rig_lists_the_known_keys_where_none_is_near(rig_file: RigFiles) ->
         ({"tacho": {"mark_fraction": 0.1}}, "limits.speed_rpm = 20000: expected at most 6000: light and dark must"),
         ({"tacho": {"threshold_v": 9.8}}, "tacho.threshold_v = 9.8: expected both switching levels, 9.3 and 10.3 V,"),
         ({"tacho": {"hysteresis_v": 5.0}}, "simulation.tacho_high_v = 4.2: expected more than 4.65"),
+        ({"model": {"imbalance_kg_m": 1.0}}, "model: imbalance: 1 kg m at station 5, expected at most 1.85e-05 kg m"),
         ({"analysis": {"points_per_revolution": 16}}, "analysis.highest_order = 8: expected less than half of points"),
     ],
 )

@@ -1,0 +1,142 @@
+"""The simulated card as a source: pace, buffer, stop, and how its segments end."""
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import pytest
+
+from analysis.samples import EndReason, SampleBlock, SegmentEnd, SourceItem
+from daq.config.rig import Rig
+from daq.drivers.opening import open_source
+from daq.drivers.simulated_card import SimulatedCard
+from daq.drivers.simulated_source import RESTARTS, SimulatedSource
+
+RigFactory = Callable[..., Rig]
+
+PACED = {"simulation": {"pace": "real time"}, "timing": {"block_s": 0.05}}
+RATE = 20_000
+
+
+def split(items: list[SourceItem]) -> tuple[list[SampleBlock], list[SegmentEnd]]:
+    """Return blocks and ends, each in their order."""
+    blocks = [item for item in items if isinstance(item, SampleBlock)]
+    return blocks, [item for item in items if isinstance(item, SegmentEnd)]
+
+
+def next_block(items: Iterator[SourceItem]) -> SampleBlock:
+    item = next(items)
+    assert isinstance(item, SampleBlock)
+    return item
+
+
+def paced(rig: RigFactory, *, buffer: int) -> SimulatedSource:
+    """Return a source at its own pace with a small buffer, in samples."""
+    return SimulatedSource(SimulatedCard(rig()), block=1000, buffer=buffer, real_time=True)
+
+
+def test_blocks_follow_one_another_to_the_end_of_the_profile(rig: RigFactory) -> None:
+    bench = rig(timing={"block_s": 0.15})
+    source = open_source(bench)
+    blocks, ends = split(list(source.blocks()))
+    assert [block.first_sample for block in blocks] == list(range(0, 40_000, 3000))
+    assert [block.n_samples for block in blocks] == [3000] * 13 + [1000]
+    assert ends == [SegmentEnd(0, 40_000, EndReason.FINISHED)]
+    codes = np.concatenate([block.codes for block in blocks], axis=1)
+    np.testing.assert_array_equal(codes, SimulatedCard(bench).next_codes(40_000))
+    assert all(block.codes.flags.c_contiguous for block in blocks)
+
+
+def test_flat_out_is_far_ahead_of_the_clock(rig: RigFactory) -> None:
+    source = open_source(rig())
+    started = time.monotonic()
+    assert len(list(source.blocks())) == 21
+    assert time.monotonic() - started < 1.0  # for 2 s of samples
+
+
+def test_real_time_keeps_its_pace_without_drift(rig: RigFactory) -> None:
+    source = open_source(rig(**PACED))
+    items = source.blocks()
+    started = time.monotonic()
+    arrivals = []
+    for number in range(12):
+        assert next_block(items).backlog < 0.2 * RATE
+        arrivals.append(time.monotonic() - started - 0.05 * (number + 1))
+        time.sleep(0.02)
+    source.stop()
+    assert min(arrivals) > -0.002
+    assert arrivals[-1] < 0.2  # twelve late readers of 20 ms would have added up to more
+
+
+def test_backlog_says_how_late_the_reader_is(rig: RigFactory) -> None:
+    source = paced(rig, buffer=RATE)
+    items = source.blocks()
+    next_block(items)
+    time.sleep(0.3)
+    late = next_block(items)
+    assert 0.2 * RATE <= late.backlog <= 0.6 * RATE
+    source.stop()
+
+
+def test_late_reader_overruns_the_buffer_and_goes_on_in_the_next_segment(rig: RigFactory) -> None:
+    source = paced(rig, buffer=2000)
+    items = source.blocks()
+    first = next_block(items)
+    time.sleep(0.25)
+    end = next(items)
+    assert isinstance(end, SegmentEnd)
+    assert (end.segment, end.samples, end.reason) == (0, 1000, EndReason.OVERRUN)
+    assert end.lost_is_exact
+    assert 0.2 * RATE < end.lost < RATE
+    assert "the card's buffer holds 0.1 s" in end.detail
+
+    following = next_block(items)
+    source.stop()
+    assert (following.segment, following.first_sample) == (1, 0)
+    card = SimulatedCard(rig())
+    np.testing.assert_array_equal(card.next_codes(1000), first.codes)
+    card.skip(end.lost)
+    np.testing.assert_array_equal(card.next_codes(1000), following.codes)
+
+
+def test_reader_that_is_always_late_is_given_up(rig: RigFactory) -> None:
+    ends = []
+    for item in paced(rig, buffer=500).blocks():
+        if isinstance(item, SegmentEnd):
+            ends.append(item)
+        time.sleep(0.06)
+    assert [end.segment for end in ends] == list(range(RESTARTS + 1))
+    assert {end.reason for end in ends} == {EndReason.OVERRUN}
+
+
+def test_stop_from_another_thread_ends_within_a_block(rig: RigFactory) -> None:
+    source = open_source(rig(**PACED))
+    threading.Timer(0.12, source.stop).start()
+    started = time.monotonic()
+    blocks, ends = split(list(source.blocks()))
+    assert time.monotonic() - started < 0.5
+    assert ends == [SegmentEnd(0, sum(block.n_samples for block in blocks), EndReason.STOPPED)]
+    assert len(blocks) >= 1
+
+
+@pytest.mark.parametrize("ask", [SimulatedSource.stop, SimulatedSource.close])
+def test_source_that_was_stopped_before_it_began_gives_nothing(
+    rig: RigFactory, ask: Callable[[SimulatedSource], None]
+) -> None:
+    source = paced(rig, buffer=RATE)
+    ask(source)
+    assert list(source.blocks()) == [SegmentEnd(0, 0, EndReason.STOPPED)]
+
+
+def test_shaft_that_reaches_the_wall_ends_the_run_as_a_fault(rig: RigFactory) -> None:
+    """With hardly any oil the shaft turns for a while, and touches when the speed has risen."""
+    corners = ((0.0, 500.0), (0.6, 500.0), (1.1, 40_000.0))
+    bench = rig(
+        simulation={"motion": "model", "profile": [{"time_s": t, "speed_rpm": speed} for t, speed in corners]},
+        model={"viscosity_pa_s": 1e-8, "inner_clearance_um": 5.0, "imbalance_kg_m": 1.5e-5},
+    )
+    blocks, (end,) = split(list(open_source(bench).blocks()))
+    assert end.reason is EndReason.DEVICE_ERROR
+    assert end.samples == blocks[-1].end
+    assert "touches the wall" in end.detail
