@@ -1,17 +1,17 @@
 """Writing a run's file as the run goes."""
 
-import io
 import json
 from collections import deque
-from contextlib import suppress
+from collections.abc import Iterator
 from pathlib import Path
-from typing import IO, Any, cast
 
+from mcap.records import Channel, Message, Schema
 from mcap.well_known import MessageEncoding, SchemaEncoding
-from mcap.writer import CompressionType, Writer
 
 from analysis.run import RunHeader
 from analysis.samples import SampleBlock, SegmentEnd
+from recordings.appended import AppendedFile
+from recordings.chunked import ChunkedFile
 from recordings.errors import StorageError
 from recordings.header import calibration_document, header_document
 from recordings.layout import (
@@ -67,13 +67,13 @@ class RunWriter:
         self._since_flush = 0
         self._since_results = 0
         self._sequence = 0
+        self._chunk: list[Message] = []
+        self._chunk_bytes = 0
         self._failure = ""
         self._closed = False
-        self._file = _AppendedFile(path)
-        self._mcap: Any = Writer(  # not all of its methods are annotated
-            cast("IO[bytes]", self._file), CHUNK_BYTES, CompressionType.ZSTD, enable_crcs=True, enable_data_crcs=True
-        )
+        self._file = AppendedFile(path)
         try:
+            self._mcap = ChunkedFile(self._file, PROFILE, header.program)
             self._begin()
         except OSError as error:
             raise self._fail(error) from error
@@ -97,15 +97,13 @@ class RunWriter:
             raise StorageError(self._failure)
         self._check(block)
         log_time = self._starts_ns[self._segment] + sample_time_ns(block.first_sample, self._rate)
+        self._add(Message(CHANNEL_IDS[SAMPLES], log_time, encode_block(block), block.host_time_ns, self._sequence))
+        self._sequence += 1
+        self._next_sample = block.end
+        self._since_flush += block.n_samples
+        self._since_results += block.n_samples
         try:
-            self._mcap.add_message(
-                CHANNEL_IDS[SAMPLES], log_time, encode_block(block), block.host_time_ns, self._sequence
-            )
-            self._sequence += 1
-            self._next_sample = block.end
-            self._since_flush += block.n_samples
-            self._since_results += block.n_samples
-            if self._since_flush + block.n_samples > FLUSH_INTERVAL * self._rate:
+            if self._since_flush + block.n_samples > FLUSH_INTERVAL * self._rate or self._chunk_bytes >= CHUNK_BYTES:
                 self._flush(results_too=self._since_results >= RESULT_INTERVAL * self._rate)
         except OSError as error:
             raise self._fail(error) from error
@@ -129,8 +127,8 @@ class RunWriter:
             )
         start_ns = self._starts_ns[end.segment]
         log_time = start_ns + sample_time_ns(end.samples, self._rate)
+        self._add(Message(CHANNEL_IDS[SEGMENT_END], log_time, encode_segment_end(end), log_time, end.segment))
         try:
-            self._mcap.add_message(CHANNEL_IDS[SEGMENT_END], log_time, encode_segment_end(end), log_time, end.segment)
             self._flush(results_too=True)
         except OSError as error:
             raise self._fail(error) from error
@@ -175,25 +173,29 @@ class RunWriter:
     def _begin(self) -> None:
         header = self._header
         channels = header.acquisition.channels
-        self._mcap.start(profile=PROFILE, library=header.program)
         self._mcap.add_metadata(RUN_RECORD, sealed(header_document(header)))
         self._mcap.add_metadata(
             CALIBRATION_RECORD,
             {c.name: json.dumps(calibration_document(c.calibration)) for c in channels if c.calibration is not None},
         )
-        self._mcap.add_attachment(
-            header.started_ns, header.started_ns, CONFIG_ATTACHMENT, "application/toml", header.config_toml.encode()
-        )
-        data = definitions()
+        self._mcap.add_attachment(CONFIG_ATTACHMENT, "application/toml", header.started_ns, header.config_toml.encode())
+        data, names = definitions(), ",".join(channel.name for channel in channels)
         for topic, message in TOPICS.items():
-            schema = self._mcap.register_schema(f"rig.{message}", SchemaEncoding.Protobuf, data)
+            number = CHANNEL_IDS[topic]
             about = (
                 {"rate_hz": repr(self._rate), "channels": ",".join(c.name for c in channels)}
                 if topic == SAMPLES
                 else {}
             )
-            self._mcap.register_channel(topic, MessageEncoding.Protobuf, schema, about)
+            self._mcap.add_channel(
+                Channel(number, topic, MessageEncoding.Protobuf, about, number),
+                Schema(number, data, SchemaEncoding.Protobuf, f"rig.{message}"),
+            )
         self._file.settle()
+
+    def _add(self, message: Message) -> None:
+        self._chunk.append(message)
+        self._chunk_bytes += len(message.data)
 
     def _check(self, block: SampleBlock) -> None:
         n_channels = len(self._header.acquisition.channels)
@@ -206,17 +208,21 @@ class RunWriter:
             )
 
     def _flush(self, *, results_too: bool) -> None:
-        """Close the chunk being built and hand it to the operating system."""
-        self._mcap.flush()
+        """Hand what has been gathered to the operating system."""
+        self._mcap.add_chunk(self._chunk)
+        self._chunk = []
+        self._chunk_bytes = 0
         self._since_flush = 0
         if results_too:
             self._since_results = 0
-            while self._results:
-                result = self._results.popleft()
-                log_time = result.log_time_ns + self._starts_ns[result.segment] - self._starts_ns[0]
-                self._mcap.add_message(CHANNEL_IDS[result.topic], log_time, result.data, log_time)
-            self._mcap.flush()
+            self._mcap.add_chunk(self._taken_results())
         self._file.settle()
+
+    def _taken_results(self) -> Iterator[Message]:
+        while self._results:
+            result = self._results.popleft()
+            log_time = result.log_time_ns + self._starts_ns[result.segment] - self._starts_ns[0]
+            yield Message(CHANNEL_IDS[result.topic], log_time, result.data, log_time, 0)
 
     def _end_document(self, skipped_samples: int) -> dict[str, object]:
         return {
@@ -243,56 +249,3 @@ class RunWriter:
         self._closed = True
         self._file.cut_back()
         return StorageError(self._failure)
-
-
-class _AppendedFile:
-    """A new file that is only appended to, without a buffer of its own, and knows up to where it is whole."""
-
-    def __init__(self, path: Path) -> None:
-        try:
-            self._file = io.FileIO(path, "xb")
-        except FileExistsError as error:
-            raise StorageError(f"{path}: exists already; a run is never written over another") from error
-        except FileNotFoundError as error:
-            raise StorageError(f"{path}: cannot be created: there is no folder {path.parent}") from error
-        except OSError as error:
-            raise StorageError(f"{path}: cannot be created: {error.strerror or error}") from error
-        self._path = path
-        self._length = 0
-        self._settled = 0
-
-    def write(self, data: bytes) -> int:
-        """Append all of the data; OSError where the disk is full."""
-        left = memoryview(data)
-        while left:
-            written = self._file.write(left)
-            left = left[written:]
-        self._length += len(data)
-        return len(data)
-
-    def tell(self) -> int:
-        """Return the length of the file."""
-        return self._length
-
-    def flush(self) -> None:
-        """Nothing is held back."""
-
-    def settle(self) -> None:
-        """Remember that the file is whole up to here."""
-        self._settled = self._length
-
-    def cut_back(self) -> None:
-        """Drop what was written since it was last whole, and close."""
-        with suppress(
-            OSError
-        ):  # the disk is gone: what it holds is all there is, and readers find the last whole chunk
-            self._file.truncate(self._settled)
-        with suppress(OSError):
-            self._file.close()
-        if self._settled == 0:
-            with suppress(OSError):
-                self._path.unlink()
-
-    def close(self) -> None:
-        """Close the file."""
-        self._file.close()
