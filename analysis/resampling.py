@@ -30,7 +30,7 @@ def interpolate(samples: FloatArray, positions: FloatArray) -> FloatArray:
     samples : ndarray of float64, shape (n_channels, n)
         Uniform samples.
     positions : ndarray of float64, shape (n_channels, m)
-        Where to read each channel, in samples from its first, each between ``HALF - 1`` and ``n - 1 - HALF``.
+        Where to read each channel, in samples from its first, each from ``HALF - 1`` to below ``n - HALF``.
 
     Returns
     -------
@@ -46,7 +46,7 @@ def interpolate(samples: FloatArray, positions: FloatArray) -> FloatArray:
     if positions.size and (whole.min() < HALF - 1 or whole.max() + HALF > samples.shape[-1] - 1):
         raise ValueError(
             f"positions: {positions.min():.1f} to {positions.max():.1f} samples, expected {HALF - 1} to "
-            f"{samples.shape[-1] - 1 - HALF}"
+            f"below {samples.shape[-1] - HALF}"
         )
     fine = (positions - whole) * _PHASES
     row = np.minimum(fine.astype(np.int64), _PHASES - 1)
