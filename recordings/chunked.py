@@ -1,7 +1,7 @@
 """An MCAP file being written in chunks of the caller's making.
 
-The library's own writer holds about 0.8 kB of objects for each chunk, which is 15 MB an hour at five chunks a second; here
-a chunk costs the 100 bytes that it will take in the index. The records themselves are the library's.
+The library's own writer holds about 0.8 kB of objects for each chunk, which is 15 MB an hour at five chunks a second.
+Here a chunk costs the 100 bytes that it will take in the index. The records themselves are the library's.
 """
 
 import zlib

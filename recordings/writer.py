@@ -182,11 +182,7 @@ class RunWriter:
         data, names = definitions(), ",".join(channel.name for channel in channels)
         for topic, message in TOPICS.items():
             number = CHANNEL_IDS[topic]
-            about = (
-                {"rate_hz": repr(self._rate), "channels": ",".join(c.name for c in channels)}
-                if topic == SAMPLES
-                else {}
-            )
+            about = {"rate_hz": repr(self._rate), "channels": names} if topic == SAMPLES else {}
             self._mcap.add_channel(
                 Channel(number, topic, MessageEncoding.Protobuf, about, number),
                 Schema(number, data, SchemaEncoding.Protobuf, f"rig.{message}"),
