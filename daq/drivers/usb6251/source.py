@@ -1,5 +1,6 @@
 """The card as a source: fixed-size blocks, read by the caller's thread, and every gap told."""
 
+import os
 import threading
 import time
 from collections import deque
@@ -38,6 +39,7 @@ def open_usb6251(rig: Rig) -> "Usb6251":
         Package or driver not installed, server out of reach, card missing or busy, settings rejected. Nothing is left
         reserved.
     """
+    os.environ.setdefault("GRPC_VERBOSITY", "ERROR")  # gRPC's own log would run across the operator's screen
     try:
         from daq.drivers.usb6251.driver import NiCard  # noqa: PLC0415 - an optional extra, and slow to import
     except ImportError as error:
