@@ -213,9 +213,7 @@ def _invert(augmented: FloatArray, inverse: FloatArray) -> None:
             if row != column:
                 for k in range(2 * n):
                     augmented[row, k] -= factor * augmented[column, k]
-    for row in range(n):
-        for k in range(n):
-            inverse[row, k] = augmented[row, n + k]
+    inverse[:] = augmented[:, n:]
 
 
 @inlined
