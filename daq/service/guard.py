@@ -1,6 +1,7 @@
 """Who is let in: requests that name this machine, or, where others reach it, those that bear its token."""
 
 import hmac
+from ipaddress import ip_address
 from typing import Final
 
 from starlette.datastructures import Headers
@@ -13,7 +14,12 @@ LOOPBACK_NAMES: Final = frozenset({"localhost", "127.0.0.1", "[::1]"})
 
 def is_loopback(host: str) -> bool:
     """Return whether an address or name that is bound to can only be reached from this machine."""
-    return host in {"localhost", "::1", "[::1]"} or host.startswith("127.")
+    if host.lower() == "localhost":
+        return True
+    try:
+        return ip_address(host.strip("[]")).is_loopback
+    except ValueError:  # a name, which may point anywhere
+        return False
 
 
 class Guard:
@@ -36,7 +42,7 @@ class Guard:
 
     def __init__(self, app: ASGIApp, host: str, token: str | None, public: frozenset[str]) -> None:
         self._app = app
-        self._names = LOOPBACK_NAMES | {host.lower()} if is_loopback(host) else None
+        self._names = LOOPBACK_NAMES | {_written(host)} if is_loopback(host) else None
         self._expected = None if token is None else f"Bearer {token}".encode()
         self._public = public
 
@@ -61,6 +67,10 @@ class Guard:
     def _bears_token(self, headers: Headers) -> bool:
         given = headers.get("authorization", "").encode("latin-1")
         return self._expected is not None and hmac.compare_digest(given, self._expected)
+
+
+def _written(host: str) -> str:
+    return f"[{host}]" if ":" in host and not host.startswith("[") else host.lower()
 
 
 def host_name(header: str) -> str:

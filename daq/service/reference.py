@@ -35,7 +35,7 @@ def reference_page(openapi: Schema) -> str:
         _problems(),
         "<h2>Documents</h2>",
         "<p>Every field is always there; what is not known is null.</p>",
-        *(_document(name, schema) for name, schema in sorted(schemas.items()) if "properties" in schema),
+        *(_document(name, schema) for name, schema in sorted(schemas.items())),
     ]
     return (
         '<!doctype html><html lang="en"><head><meta charset="utf-8"><meta name="color-scheme" content="dark">'
@@ -98,12 +98,15 @@ def _problems() -> str:
 
 
 def _document(name: str, schema: Schema) -> str:
+    meaning = _text(schema.get("description", ""))
+    if "properties" not in schema:
+        return f'<section id="{_text(name)}"><h3>{_text(name)}</h3><p>{meaning}</p><p>{_kind(schema)}</p></section>'
     rows = (
         f"<tr><td><code>{_text(field)}</code></td><td>{_kind(content)}</td>"
         f"<td>{_text(content.get('description', ''))}</td></tr>"
         for field, content in schema["properties"].items()
     )
-    meaning, table = _text(schema.get("description", "")), _table("Field", "Type", "Meaning", rows=rows)
+    table = _table("Field", "Type", "Meaning", rows=rows)
     return f'<section id="{_text(name)}"><h3>{_text(name)}</h3><p>{meaning}</p>{table}</section>'
 
 

@@ -13,6 +13,7 @@ from daq.errors import ServiceError
 
 START_DEADLINE = 10.0  # s
 BACKLOG = 128
+MOST_PORT = 65_535
 
 
 class ServiceServer:
@@ -98,13 +99,13 @@ class _Server(uvicorn.Server):
 
 def _listen(host: str, port: int) -> socket.socket:
     wanted = f"{host}:{port}"
+    if not 0 <= port <= MOST_PORT:  # getaddrinfo would take it modulo 65536
+        raise ServiceError(f"the service cannot listen at {wanted}: the port must lie between 0 and {MOST_PORT}")
     try:
         family, _, _, _, address = socket.getaddrinfo(
             host or None, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
         )[0]
         return socket.create_server(address[:2], family=family, backlog=BACKLOG)
-    except OverflowError as error:
-        raise ServiceError(f"the service cannot listen at {wanted}: the port must lie between 0 and 65535") from error
     except OSError as error:
         raise ServiceError(
             f"the service cannot listen at {wanted}: {error.strerror or error}; port 0 takes a free one"

@@ -34,7 +34,7 @@ def lag_degrees(vector: complex) -> float | None:
     """Return the phase lag -arg X of a vector in degrees, 0 up to 360; None where it has no direction."""
     if not (cmath.isfinite(vector) and vector):
         return None
-    return round(math.degrees(-cmath.phase(vector)) % 360.0, DECIMALS) % 360.0
+    return round(math.degrees(-math.atan2(vector.imag, vector.real)) % 360.0, DECIMALS) % 360.0
 
 
 def moment(nanoseconds: int) -> datetime:

@@ -1,5 +1,6 @@
 """How vibration is told: a line of the order spectrum at the two probes, and which way a whirl goes."""
 
+import math
 from collections.abc import Sequence
 from enum import StrEnum
 
@@ -38,8 +39,8 @@ def probes_document(vectors: Sequence[complex]) -> ProbesDocument:
     """Return the complex peak amplitudes of one line at the probes x and y, m, as a document."""
     x, y = (complex(vector) for vector in vectors)
     return ProbesDocument(
-        amplitude_peak_x_um=micrometres(abs(x)),
+        amplitude_peak_x_um=micrometres(math.hypot(x.real, x.imag)),
         lag_x_deg=lag_degrees(x),
-        amplitude_peak_y_um=micrometres(abs(y)),
+        amplitude_peak_y_um=micrometres(math.hypot(y.real, y.imag)),
         lag_y_deg=lag_degrees(y),
     )

@@ -1,0 +1,124 @@
+"""The server: its address, its thread, its end."""
+
+import asyncio
+import signal
+import socket
+import threading
+import time
+from ipaddress import IPv4Address
+
+import httpx
+import pytest
+from starlette.types import Receive, Scope, Send
+
+from daq.errors import ServiceError
+from daq.service.server import ServiceServer
+
+
+class Hello:
+    """An application that answers after ``delay`` s."""
+
+    def __init__(self, delay: float = 0.0) -> None:
+        self.delay = delay
+        self.asked = threading.Event()
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        self.asked.set()
+        if self.delay:
+            await asyncio.sleep(self.delay)
+        await send({"type": "http.response.start", "status": 200, "headers": []})
+        await send({"type": "http.response.body", "body": b"hello"})
+
+
+def test_server_answers_at_a_free_port_from_start_to_close() -> None:
+    server = ServiceServer(Hello())
+    server.start()
+    port = server.port
+    assert port > 0
+    assert server.url == f"http://127.0.0.1:{port}"
+    assert httpx.get(server.url).text == "hello"
+    server.close()
+    with pytest.raises(httpx.ConnectError):
+        httpx.get(f"http://127.0.0.1:{port}")
+
+
+def test_server_leaves_no_thread_and_no_signal_handler_behind() -> None:
+    threads, handlers = set(threading.enumerate()), [signal.getsignal(s) for s in (signal.SIGINT, signal.SIGTERM)]
+    server = ServiceServer(Hello())
+    server.start()
+    assert [signal.getsignal(s) for s in (signal.SIGINT, signal.SIGTERM)] == handlers
+    server.close()
+    server.close()
+    assert set(threading.enumerate()) == threads
+
+
+def test_taken_address_is_named() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        with pytest.raises(ServiceError, match=f"127.0.0.1:{port}.*in use"):
+            ServiceServer(Hello(), port=port).start()
+
+
+def test_taken_address_can_be_had_when_it_is_free_again() -> None:
+    first = ServiceServer(Hello())
+    first.start()
+    httpx.get(first.url)
+    second = ServiceServer(Hello(), port=first.port)
+    with pytest.raises(ServiceError, match="in use"):
+        second.start()
+    first.close()
+    second.start()
+    assert httpx.get(second.url).text == "hello"
+    second.close()
+
+
+@pytest.mark.parametrize(("host", "port"), [("203.0.113.7", 0), ("no such host", 0), ("127.0.0.1", 70_000)])
+def test_address_that_cannot_be_had_is_named(host: str, port: int) -> None:
+    with pytest.raises(ServiceError, match=f"cannot listen at {host}:{port}"):
+        ServiceServer(Hello(), host, port).start()
+
+
+def test_close_waits_for_an_answer_under_way() -> None:
+    application = Hello(delay=0.3)
+    server = ServiceServer(application)
+    server.start()
+    answers: list[str] = []
+    asker = threading.Thread(target=lambda: answers.append(httpx.get(server.url).text))
+    asker.start()
+    assert application.asked.wait(5.0)
+    server.close()
+    asker.join(5.0)
+    assert answers == ["hello"]
+
+
+def test_close_does_not_wait_longer_than_its_deadline() -> None:
+    application = Hello(delay=30.0)
+    server = ServiceServer(application)
+    server.start()
+    with socket.create_connection(("127.0.0.1", server.port)) as asker:
+        asker.sendall(b"GET / HTTP/1.1\r\nHost: localhost\r\n\r\n")
+        assert application.asked.wait(5.0)
+        began = time.monotonic()
+        server.close(deadline=0.3)
+        assert time.monotonic() - began < 3.0
+
+
+def test_started_server_is_not_started_again() -> None:
+    server = ServiceServer(Hello())
+    server.start()
+    with pytest.raises(ValueError, match="started already"):
+        server.start()
+    server.close()
+
+
+@pytest.mark.parametrize(
+    ("host", "url"),
+    [
+        (str(IPv4Address(0)), "http://127.0.0.1:80"),
+        ("::", "http://[::1]:80"),
+        ("::1", "http://[::1]:80"),
+        ("bench", "http://bench:80"),
+    ],
+)
+def test_url_is_one_that_a_browser_here_can_open(host: str, url: str) -> None:
+    assert ServiceServer(Hello(), host, 80).url == url
