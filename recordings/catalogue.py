@@ -18,7 +18,7 @@ from recordings.layout import NANOSECONDS
 from recordings.reader import RunReader
 
 SUFFIX = ".mcap"
-RUN_ID = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,99}")
+RUN_ID = re.compile(r"[A-Za-z0-9](?:[A-Za-z0-9_(). -]{0,98}[A-Za-z0-9_)-])?")
 """What the id of a run, the name of its file without suffix, may look like: nothing that leads out of the folder."""
 DATA_VARIABLE = "RIG_DATA"
 DEFAULT_FOLDER = "data"

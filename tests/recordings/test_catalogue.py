@@ -68,13 +68,21 @@ def test_damaged_files_are_listed_with_what_is_wrong(tmp_path: Path, record: Cal
     (tmp_path / "text.mcap").write_text("not a run at all")
     (tmp_path / "folder.mcap").mkdir()
     (tmp_path / "notes.txt").write_text("")
-    (tmp_path / "name with blanks.mcap").write_text("")
+    (tmp_path / "umlaut-ä.mcap").write_text("")
+    (tmp_path / ".hidden.mcap").write_text("")
     faults = {entry.id: entry.fault for entry in Catalogue(tmp_path).runs()}
     assert set(faults) == {"good", "cut", "empty", "text"}
     assert faults["good"] == ""
     assert faults["cut"].startswith("not finished")
     assert faults["empty"].endswith("empty.mcap: is empty")
     assert faults["text"].endswith("text.mcap: is not an MCAP file (its first bytes are not MCAP's)")
+
+
+def test_a_copy_that_a_file_manager_made_is_a_run_too(tmp_path: Path, record: Callable[[str, int], Path]) -> None:
+    path = record("2026-11-24T09-12-07-gj90c (copy 2)", SECOND)
+    catalogue = Catalogue(tmp_path)
+    assert [entry.id for entry in catalogue.runs()] == [path.stem]
+    assert catalogue.path(path.stem) == path
 
 
 def test_a_file_that_changes_is_read_again(tmp_path: Path, record: Callable[[str, int], Path]) -> None:
