@@ -11,7 +11,7 @@ from daq.cli.telling import print_json
 from daq.config.load import load_rig
 from daq.errors import RigError, UsageError
 from daq.service.documents.live import predicted_document
-from daq.session.predictors import Predictors
+from daq.session.predictors import PATIENCE, Predictors
 from model.prediction import Prediction
 from model.prediction_map import PredictionMap
 
@@ -24,7 +24,7 @@ def run(chosen: argparse.Namespace) -> int:
     rig = load_rig(Path(chosen.config))
     with Predictors() as predictors:
         predictor = predictors.for_rig(rig)
-        predictor.wait(None, lambda state: console.progress(f"model {state}"))
+        predictor.wait(PATIENCE, lambda state: console.progress(f"model {state}"))
         console.done()
         found = predictor.map
         if found is None:

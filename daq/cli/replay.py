@@ -10,7 +10,7 @@ from daq.cli.stopping import stop_requested
 from daq.cli.telling import tell
 from daq.drivers.replay import open_replay
 from daq.service.summaries import Summaries
-from daq.session.predictors import Predictors
+from daq.session.predictors import PATIENCE, Predictors
 from daq.session.replayed import ReplayedRun
 from recordings.catalogue import SUFFIX, Catalogue, data_folder
 from recordings.errors import NotFoundError
@@ -54,7 +54,7 @@ def run(chosen: argparse.Namespace) -> int:
             console.line(f"replay of {run_id} {pace}")
             console.line(screens.addresses())
             outcome = follow(replayed, stop, console)
-        model.wait(None, lambda state: console.progress(f"model {state}"))
+        model.wait(PATIENCE, lambda state: console.progress(f"model {state}"))
         console.done()
         document = summaries.document(replayed.summary(), header)
     tell(document, as_json=chosen.json)

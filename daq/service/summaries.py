@@ -8,7 +8,7 @@ from analysis.run import RunHeader
 from analysis.summary import RunSummary
 from daq.service.documents import SummaryDocument, summary_document
 from daq.session.offline import summarise
-from daq.session.predictors import Predictors
+from daq.session.predictors import PATIENCE, Predictors
 from model.compare import compare
 from recordings.catalogue import Catalogue
 from recordings.reader import RunReader
@@ -68,7 +68,7 @@ class Summaries:
             predictor = self._predictors.of(header)
             summary = summarise(reader, told)
         if waiting is not None:
-            predictor.wait(None, lambda state: waiting(f"model {state}"))
+            predictor.wait(PATIENCE, lambda state: waiting(f"model {state}"))
         document = self.document(summary, header)
         if is_complete and predictor.map is not None:
             self._catalogue.store_document(run_id, KEPT_AS, document.model_dump(mode="json"))

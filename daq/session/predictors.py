@@ -13,6 +13,8 @@ from daq.session.predictor import Predictor
 from model.parameters import ModelParameters
 from model.prediction_map import default_speeds, model_key
 
+PATIENCE = 120.0  # s between two words of a computation before it is given up
+
 
 class Predictors:
     """Predictors by what they compute; each is started when it is first asked for and lives until `close`."""

@@ -5,14 +5,17 @@ import sys
 import textwrap
 import threading
 import time
+from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from analysis.samples import EndReason, SampleBlock
 from analysis.snapshot import Snapshot
+from daq.config.rig import Rig
 from daq.drivers.replay import open_replay
 from daq.drivers.simulated_card import SimulatedCard
 from daq.errors import RigError
@@ -23,6 +26,8 @@ from daq.session.recorded import RecordedRun
 from daq.session.recorder import Order
 from model.prediction import Prediction
 from recordings.reader import RunReader
+
+RigFactory = Callable[..., Rig]
 
 RUN = "2026-11-24T09-12-07-test-rig"
 REAL_TIME = {"pace": "real time"}
@@ -47,23 +52,23 @@ class Screen:
         time.sleep(self._stall)
 
 
-def order(rig, folder: Path, *, duration: float | None = None) -> Order:
+def order(rig: Rig, folder: Path, *, duration: float | None = None) -> Order:
     return Order(
         rig=rig, run=RUN, started_ns=1_795_000_000_000_000_000, note="", program="rig test",
         path=folder / f"{RUN}.mcap", duration=duration,
     )  # fmt: skip
 
 
-def recorded(rig, folder: Path, screen: Screen | None = None, *, duration: float | None = None) -> RecordedRun:
+def recorded(rig: Rig, folder: Path, screen: Screen | None = None, *, duration: float | None = None) -> RecordedRun:
     return RecordedRun(order(rig, folder, duration=duration), NoModel(), [screen or Screen()])
 
 
-def codes_of(path: Path) -> np.ndarray:
+def codes_of(path: Path) -> NDArray[np.int16]:
     with RunReader(path) as reader:
         return np.hstack([item.codes for item in reader.items() if isinstance(item, SampleBlock)])
 
 
-def codes_of_card(rig) -> np.ndarray:
+def codes_of_card(rig: Rig) -> NDArray[np.int16]:
     card = SimulatedCard(rig)
     return card.next_codes(card.n_samples)
 
@@ -91,7 +96,7 @@ def snapshots_of(path: Path, block: int | None) -> list[Snapshot]:
     return kept
 
 
-def test_run_is_recorded_whole_with_the_codes_that_the_card_gave(rig, tmp_path):
+def test_run_is_recorded_whole_with_the_codes_that_the_card_gave(rig: RigFactory, tmp_path: Path) -> None:
     small = rig()
     run = recorded(small, tmp_path)
     assert run.wait(60)
@@ -104,7 +109,7 @@ def test_run_is_recorded_whole_with_the_codes_that_the_card_gave(rig, tmp_path):
         assert reader.header == run.header
 
 
-def test_live_results_are_kept_beside_the_samples_and_replay_bit_for_bit(rig, tmp_path):
+def test_live_results_are_kept_beside_the_samples_and_replay_bit_for_bit(rig: RigFactory, tmp_path: Path) -> None:
     live: list[Snapshot] = []
     screen = Screen()
     run = recorded(rig(simulation=REAL_TIME), tmp_path, screen)
@@ -119,7 +124,7 @@ def test_live_results_are_kept_beside_the_samples_and_replay_bit_for_bit(rig, tm
         assert all(identical(numbers[s.sample], s) for s in again)
 
 
-def test_summary_from_the_kept_results_equals_the_one_from_the_samples(rig, tmp_path):
+def test_summary_from_the_kept_results_equals_the_one_from_the_samples(rig: RigFactory, tmp_path: Path) -> None:
     run = recorded(rig(simulation=REAL_TIME), tmp_path)
     assert run.wait(60)
     live = run.summary()
@@ -142,7 +147,7 @@ class _Unkept:
         return getattr(self._reader, name)
 
 
-def test_run_of_given_length_stops_by_itself(rig, tmp_path):
+def test_run_of_given_length_stops_by_itself(rig: RigFactory, tmp_path: Path) -> None:
     run = recorded(rig(simulation=REAL_TIME), tmp_path, duration=0.5)
     assert run.wait(60)
     outcome = run.close()
@@ -151,7 +156,7 @@ def test_run_of_given_length_stops_by_itself(rig, tmp_path):
     assert 10_000 <= outcome.ends[0].samples <= 12_000
 
 
-def test_run_stopped_by_hand_is_complete(rig, tmp_path):
+def test_run_stopped_by_hand_is_complete(rig: RigFactory, tmp_path: Path) -> None:
     run = recorded(rig(simulation=REAL_TIME), tmp_path)
     time.sleep(0.4)
     run.stop()
@@ -163,7 +168,7 @@ def test_run_stopped_by_hand_is_complete(rig, tmp_path):
         assert reader.n_samples == outcome.ends[0].samples > 0
 
 
-def test_stalled_analysis_loses_no_sample_and_says_what_it_skipped(rig, tmp_path):
+def test_stalled_analysis_loses_no_sample_and_says_what_it_skipped(rig: RigFactory, tmp_path: Path) -> None:
     long = rig(
         timing={"rate_hz": 20_000.0, "block_s": 0.01, "buffer_s": 2.0},
         simulation={"profile": [{"time_s": 0.0, "speed_rpm": 6000.0}, {"time_s": 40.0, "speed_rpm": 6000.0}]},
@@ -179,7 +184,7 @@ def test_stalled_analysis_loses_no_sample_and_says_what_it_skipped(rig, tmp_path
         assert summarise(reader).snapshots == 400
 
 
-def test_analysis_that_fails_is_told_and_the_recording_goes_on(rig, tmp_path):
+def test_analysis_that_fails_is_told_and_the_recording_goes_on(rig: RigFactory, tmp_path: Path) -> None:
     class Broken(Screen):
         def offer(self, frame: LiveFrame) -> None:
             if frame.status.state is RunState.RECORDING and not frame.status.detail:
@@ -195,7 +200,7 @@ def test_analysis_that_fails_is_told_and_the_recording_goes_on(rig, tmp_path):
         assert reader.n_samples == 40_000
 
 
-def test_missing_device_is_told_and_leaves_nothing_behind(rig, tmp_path):
+def test_missing_device_is_told_and_leaves_nothing_behind(rig: RigFactory, tmp_path: Path) -> None:
     before = threading.active_count()
     with pytest.raises(RigError) as caught:
         recorded(rig(device={"backend": "nidaqmx"}), tmp_path)
@@ -204,7 +209,7 @@ def test_missing_device_is_told_and_leaves_nothing_behind(rig, tmp_path):
     assert threading.active_count() == before
 
 
-def test_run_that_exists_is_never_overwritten(rig, tmp_path):
+def test_run_that_exists_is_never_overwritten(rig: RigFactory, tmp_path: Path) -> None:
     (tmp_path / f"{RUN}.mcap").write_bytes(b"the only evidence")
     with pytest.raises(RigError, match=RUN) as caught:
         recorded(rig(), tmp_path)
@@ -212,13 +217,13 @@ def test_run_that_exists_is_never_overwritten(rig, tmp_path):
     assert (tmp_path / f"{RUN}.mcap").read_bytes() == b"the only evidence"
 
 
-def test_disk_that_is_full_already_is_refused(rig, tmp_path):
+def test_disk_that_is_full_already_is_refused(rig: RigFactory, tmp_path: Path) -> None:
     with pytest.raises(RigError, match=r"storage\.reserve_gb"):
         recorded(rig(storage={"reserve_gb": 1e9}), tmp_path)
 
 
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="POSIX only")
-def test_recorder_finishes_the_file_when_the_watching_process_is_killed(rig, tmp_path):
+def test_recorder_finishes_the_file_when_the_watching_process_is_killed(rig: RigFactory, tmp_path: Path) -> None:
     small = rig(
         simulation={**REAL_TIME, "profile": [{"time_s": 0, "speed_rpm": 6000}, {"time_s": 60, "speed_rpm": 6000}]}
     )

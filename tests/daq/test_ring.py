@@ -1,10 +1,11 @@
 import threading
+from collections.abc import Iterator
 
 import numpy as np
 import pytest
 
 from analysis.samples import EndReason, SampleBlock, SegmentEnd
-from daq.session.ring import BlockRing
+from daq.session.ring import BlockRing, RingReader
 
 
 def block(first: int, n: int, *, segment: int = 0) -> SampleBlock:
@@ -12,14 +13,18 @@ def block(first: int, n: int, *, segment: int = 0) -> SampleBlock:
     return SampleBlock(np.stack([codes, -codes, codes // 2]), segment, first, 17, backlog=3)
 
 
+def blocks_of(reader: RingReader) -> list[SampleBlock]:
+    return [item for item in reader.available() if isinstance(item, SampleBlock)]
+
+
 @pytest.fixture
-def ring():
+def ring() -> Iterator[BlockRing]:
     made = BlockRing.create(n_channels=3, capacity=100, n_slots=8)
     yield made
     made.close()
 
 
-def test_ring_gives_a_second_process_what_was_put(ring):
+def test_ring_gives_a_second_process_what_was_put(ring: BlockRing) -> None:
     other = BlockRing.attach(ring.name)
     ring.put(block(0, 100))
     ring.put(SegmentEnd(0, 100, EndReason.OVERRUN, lost=7, lost_is_exact=False, detail="buffer ran over"))
@@ -31,29 +36,29 @@ def test_ring_gives_a_second_process_what_was_put(ring):
     assert end == SegmentEnd(0, 100, EndReason.OVERRUN, lost=7, lost_is_exact=False, detail="buffer ran over")
 
 
-def test_ring_cuts_blocks_that_are_longer_than_a_slot(ring):
+def test_ring_cuts_blocks_that_are_longer_than_a_slot(ring: BlockRing) -> None:
     reader = ring.reader()
     ring.put(block(0, 250))
-    parts = list(reader.available())
+    parts = blocks_of(reader)
     assert [p.first_sample for p in parts] == [0, 100, 200]
     np.testing.assert_array_equal(np.hstack([p.codes for p in parts]), block(0, 250).codes)
     assert reader.skipped == 0
 
 
-def test_reader_that_falls_behind_counts_every_sample_it_missed(ring):
+def test_reader_that_falls_behind_counts_every_sample_it_missed(ring: BlockRing) -> None:
     reader = ring.reader()
     for k in range(30):
         ring.put(block(100 * k, 100))
-    seen = sum(item.n_samples for item in reader.available())
+    seen = sum(item.n_samples for item in blocks_of(reader))
     assert seen > 0
     assert seen + reader.skipped == 3000
 
 
-def test_reader_counts_what_it_missed_at_the_end_of_a_segment(ring):
+def test_reader_counts_what_it_missed_at_the_end_of_a_segment(ring: BlockRing) -> None:
     reader = ring.reader()
     for k in range(6):
         ring.put(block(100 * k, 100))
-    assert sum(item.n_samples for item in reader.available()) == 600
+    assert sum(item.n_samples for item in blocks_of(reader)) == 600
     for k in range(20):
         ring.put(block(600 + 100 * k, 100))
     for segment in range(7):
@@ -62,7 +67,7 @@ def test_reader_counts_what_it_missed_at_the_end_of_a_segment(ring):
     assert reader.skipped == 2000
 
 
-def test_reader_beside_a_fast_writer_never_sees_a_torn_block(ring):
+def test_reader_beside_a_fast_writer_never_sees_a_torn_block(ring: BlockRing) -> None:
     reader = ring.reader()
 
     def write() -> None:
@@ -74,13 +79,13 @@ def test_reader_beside_a_fast_writer_never_sees_a_torn_block(ring):
     writer.start()
     seen = 0
     while not (ring.is_closed and reader.lag == 0):
-        for item in reader.available():
+        for item in blocks_of(reader):
             np.testing.assert_array_equal(item.codes, block(item.first_sample, item.n_samples).codes)
             seen += item.n_samples
     writer.join(10)
     assert seen + reader.skipped == 400_000
 
 
-def test_ring_refuses_blocks_of_other_channels(ring):
+def test_ring_refuses_blocks_of_other_channels(ring: BlockRing) -> None:
     with pytest.raises(ValueError, match="block of 2 channels: the ring holds 3"):
         ring.put(SampleBlock(np.zeros((2, 5), dtype=np.int16), 0, 0, 0))
