@@ -1,7 +1,6 @@
 """The card as a source: fixed-size blocks, read by the caller's thread, and every gap told."""
 
 import os
-import threading
 import time
 from collections import deque
 from collections.abc import Generator, Iterator
@@ -66,7 +65,7 @@ class Usb6251:
 
     def __init__(self, card: "NiCard") -> None:
         self._card = card
-        self._stopping = threading.Event()
+        self._stopping = False  # a plain flag, which a signal handler may set at any instant
         self._iterated = False
 
     @property
@@ -91,11 +90,11 @@ class Usb6251:
 
     def stop(self) -> None:
         """Ask for the end, from any thread; `blocks` ends within a block."""
-        self._stopping.set()
+        self._stopping = True
 
     def close(self) -> None:
         """Release the card and the connection to it; harmless when closed, from any thread."""
-        self._stopping.set()
+        self._stopping = True
         self._card.close()
 
     def _run(self) -> Iterator[SourceItem]:
@@ -112,7 +111,7 @@ class Usb6251:
                 yield end
                 now = time.monotonic()
                 tired = len(restarts) == RESTARTS and now - restarts[0] < RESTART_WINDOW
-                if end.reason is not EndReason.OVERRUN or self._stopping.is_set() or tired:
+                if end.reason is not EndReason.OVERRUN or self._stopping or tired:
                     return
                 restarts.append(now)
                 segment += 1
@@ -130,7 +129,7 @@ class Usb6251:
 
     def _segment(self, segment: int) -> Generator[SourceItem, None, SegmentEnd]:
         count = 0
-        while not self._stopping.is_set():
+        while not self._stopping:
             try:
                 codes = self._card.read()
             except DeviceError as error:
