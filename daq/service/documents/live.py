@@ -149,7 +149,7 @@ def live_document(frame: LiveFrame) -> LiveDocument:
         limits=limits_document(header.limits),
         status=_status(frame.status),
         measured=None if snapshot is None else _measured(snapshot, header),
-        predicted=None if prediction is None else _predicted(prediction),
+        predicted=None if prediction is None else predicted_document(prediction),
     )
 
 
@@ -220,7 +220,8 @@ def _whirl(whirl: Whirl, frame: OrderFrame) -> WhirlDocument | None:
     )
 
 
-def _predicted(prediction: Prediction) -> PredictedDocument:
+def predicted_document(prediction: Prediction) -> PredictedDocument:
+    """Return what the model says at a speed as a document."""
     order = finite(prediction.whirl_order)
     whirl = None
     if order is not None:
