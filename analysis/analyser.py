@@ -150,7 +150,7 @@ class Analyser:
         n = displacement.shape[1]
         spare = min(round(GLITCH_TIME * self._rate), n // 50)
         ranked = np.partition(displacement, (spare, n - 1 - spare), axis=1)
-        self._extremes.append((n, ranked[:, spare], ranked[:, n - 1 - spare]))
+        self._extremes.append((n, ranked[:, spare].copy(), ranked[:, n - 1 - spare].copy()))
         turn = 0.0 if np.isnan(speed) else 2.0 * np.pi / speed * self._rate
         needed = max(self._hop, turn)
         covered, low, high = 0, np.full(2, np.inf), np.full(2, -np.inf)
