@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from model.errors import WallContactError
 from model.kernel import LARGEST_TURN, NO_FAILURE, march
 from model.parameters import ModelParameters
-from model.system import Levels, ModalSystem, fresh_state
+from model.system import Levels, ModalSystem, fresh_state, stand
 
 FloatArray = NDArray[np.float64]
 
@@ -82,6 +82,10 @@ class ShaftMotion:
             motion[1] *= ratio
             motion[2] *= ratio**2
         self._state.speed[0] = speed
+
+    def stand(self, standing: FloatArray) -> None:
+        """Put the motion where a `model.stability.SynchronousOrbit` stands, at theta = 0 of the next turn."""
+        stand(self._state, standing)
 
     def turns(self, count: int, points_per_turn: int = STEPS_PER_TURN) -> FloatArray:
         """Follow the shaft through whole turns at its present speed, which must not be 0.

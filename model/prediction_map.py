@@ -13,6 +13,7 @@ from analysis.orbit import ProbePair
 from analysis.orders import order_spectrum, order_vectors
 from analysis.run import AnalysisSettings
 from analysis.whirl import find_whirl, noise_floor
+from model.errors import ModelError
 from model.motion import STEPS_PER_TURN, ShaftMotion
 from model.parameters import ModelParameters
 from model.prediction import Prediction
@@ -25,8 +26,9 @@ MODEL_VERSION = 1  # to be raised with every change of the model's results
 NUMERICAL_FLOOR = 1e-9  # m: lines below a nanometre are no prediction
 FIRST_TURNS = 200  # to settle at the lowest speed
 PORTION = 32  # turns between two looks at whether the motion has settled
-SHORTEST, LONGEST = 2, 20  # portions at a speed
+SHORTEST_STABLE, SHORTEST_UNSTABLE, LONGEST = 2, 6, 24  # portions at a speed
 CHANGE = 0.01  # of peak-to-peak from portion to portion, below which it has
+NUDGE = 0.1  # of the inner clearance
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -197,9 +199,13 @@ def compute_prediction_map(
     predictions = []
     for done, speed in enumerate(speeds, 1):
         motion.change_speed(float(speed))
-        synchronous = synchronous_orbit(parameters, float(speed), synchronous)
-        _settle(motion, synchronous.growth_rate)
-        predictions.append(_reduce(motion, parameters, settings, synchronous.growth_rate))
+        try:
+            synchronous = synchronous_orbit(parameters, float(speed), synchronous)
+        except ModelError:  # far above the limits of stability there may be none within the clearances
+            synchronous = None
+        _settle(motion, synchronous, NUDGE * parameters.bearing.inner_clearance)
+        growth_rate = math.nan if synchronous is None else synchronous.growth_rate
+        predictions.append(_reduce(motion, parameters, settings, growth_rate))
         on_progress(done, speeds.size)
     return PredictionMap(
         speeds=speeds,
@@ -214,12 +220,18 @@ def compute_prediction_map(
     )
 
 
-def _settle(motion: ShaftMotion, growth_rate: float) -> None:
-    """Wait until the motion's size changes no more, and long enough for an instability to show."""
-    turn = 2 * math.pi / motion.speed
-    folds = 12  # from a nanometre to a hundred micrometres
-    needed = folds / (growth_rate * turn) if growth_rate > 0 else 0.0
-    least = min(max(math.ceil(needed / PORTION), SHORTEST), LONGEST)
+def _settle(motion: ShaftMotion, synchronous: SynchronousOrbit | None, nudge: float) -> None:
+    """Wait until the motion's size changes no more.
+
+    An unstable synchronous motion that still goes round undisturbed is nudged the way in which it lets go: the bench's
+    own disturbances would do that, and rounding alone takes thousands of turns.
+    """
+    least = SHORTEST_STABLE
+    if synchronous is not None and synchronous.growth_rate > 0:
+        least = SHORTEST_UNSTABLE
+        marks = motion.turns(PORTION)[:, ::STEPS_PER_TURN]
+        if float(np.ptp(marks, axis=1).max()) < nudge:
+            motion.stand(synchronous.standing + nudge * synchronous.disturbance)
     last = 0.0
     for portion in range(1, LONGEST + 1):
         size = float(np.ptp(motion.turns(PORTION), axis=1).max())

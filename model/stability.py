@@ -17,7 +17,7 @@ from model.kernel import NO_FAILURE, march
 from model.motion import STEPS_PER_TURN
 from model.parameters import ModelParameters
 from model.rotor import require_positive
-from model.system import ModalSystem, fresh_state
+from model.system import ModalSystem, fresh_state, stand
 
 FloatArray = NDArray[np.float64]
 
@@ -37,6 +37,8 @@ class SynchronousOrbit:
         rad/s.
     standing : ndarray of float64, shape (4 (n_modes + 2),)
         Where it stands at theta = 0, in the coordinates above, to begin from at a neighbouring speed.
+    disturbance : ndarray of float64, shape (4 (n_modes + 2),)
+        What grows fastest or decays slowest, at one moment, in the same coordinates: it moves a journal or ring by 1 m.
     growth_rate : float
         Of the disturbance that grows fastest or decays slowest, 1/s; positive where the motion is unstable.
     whirl_order : float
@@ -45,6 +47,7 @@ class SynchronousOrbit:
 
     speed: float
     standing: FloatArray
+    disturbance: FloatArray
     growth_rate: float
     whirl_order: float
 
@@ -102,6 +105,7 @@ def synchronous_orbit(
     return SynchronousOrbit(
         speed=speed,
         standing=standing,
+        disturbance=turn.scaled(vectors[:, worst].real),
         growth_rate=math.log(max(abs(multipliers[worst]), 1e-300)) * speed / (2 * math.pi),
         whirl_order=(turned if forward >= backward else -turned) % 1.0,
     )
@@ -120,10 +124,8 @@ class _Turn:
 
     def after(self, standing: FloatArray, turns: int) -> FloatArray:
         """Return where the motion stands after whole turns; ModelError where it reaches a wall."""
-        place, rate = standing.view(np.complex128).reshape(2, -1)
         state = fresh_state(self._modes, angle=0.0, speed=self._speed)
-        for kept, part in ((state.modal, slice(0, self._modes)), (state.rings, slice(self._modes, None))):
-            kept[0], kept[1] = place[part], self._speed * rate[part]
+        stand(state, standing)
         angles = 2 * math.pi / STEPS_PER_TURN * np.arange(1, turns * STEPS_PER_TURN + 1, dtype=np.float64)
         speeds = np.full(angles.size, self._speed)
         system = self._system
@@ -135,6 +137,12 @@ class _Turn:
         seen = 2 / h * q + v
         rate = h / 2 * (4 / h**2 * q + 4 / h * v + a) - seen
         return np.ascontiguousarray(np.concatenate((h / 2 * (seen - rate), rate / self._speed))).view(np.float64)
+
+    def scaled(self, disturbance: FloatArray) -> FloatArray:
+        """Return the disturbance of that shape in which the journal or ring that moves most moves by 1 m."""
+        place = np.ascontiguousarray(disturbance).view(np.complex128)[: self._modes + 2]
+        journals = self._system.shaft.journals @ place[: self._modes]
+        return disturbance / max(float(np.abs(journals).max()), float(np.abs(place[self._modes :]).max()))
 
     def differentiate(self, standing: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the map's derivative, (size, size), and its value."""

@@ -224,3 +224,12 @@ def fresh_state(modes: int, *, angle: float, speed: float) -> State:
         angle=np.array([angle]),
         speed=np.array([float(speed)]),
     )
+
+
+def stand(state: State, standing: FloatArray) -> None:
+    """Put a motion where ``standing`` says, (4 (m + 2),): see `model.stability`."""
+    modes = state.modal.shape[1]
+    place, rate = standing.view(np.complex128).reshape(2, -1)
+    for kept, part in ((state.modal, slice(0, modes)), (state.rings, slice(modes, None))):
+        kept[0], kept[1], kept[2] = place[part], state.speed[0] * rate[part], 0.0
+    state.level[0] = NO_LEVEL
