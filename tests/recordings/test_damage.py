@@ -1,19 +1,24 @@
 """Damaged files give fewer samples or one clear error, never wrong samples and never another exception."""
 
+import zlib
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
+from mcap.opcode import Opcode
+from mcap.records import Chunk
 from numpy.typing import NDArray
 
 from analysis.run import RunHeader
 from analysis.samples import EndReason, SampleBlock, SegmentEnd
 from analysis.snapshot import Snapshot
-from recordings.container import Container
+from recordings.chunked import encoded
+from recordings.container import RECORD, Container
 from recordings.errors import DamagedError, RecordingError
 from recordings.reader import RunReader
 from recordings.results import encode_snapshot
+from recordings.sequence import Sequence
 from recordings.writer import RunWriter
 
 MakeBlock = Callable[..., SampleBlock]
@@ -194,3 +199,56 @@ def test_a_run_that_is_still_being_written_can_be_read_so_far(
     with RunReader(writer.path) as reader:
         assert reader.is_complete
         assert reader.n_samples == 40_000
+
+
+def chunk_of(data: bytes, *, compression: str = "") -> bytes:
+    """Return a chunk record whose checksum fits whatever it holds."""
+    return encoded(Chunk(compression, data, 1, 0, zlib.crc32(data), len(data)))
+
+
+NONSENSE = {
+    "no room for a length": chunk_of(b"\x05"),
+    "a length beyond the chunk": chunk_of(RECORD.pack(Opcode.MESSAGE, 1000) + b"short"),
+    "a short message": chunk_of(RECORD.pack(Opcode.MESSAGE, 5) + b"short"),
+    "no block": chunk_of(RECORD.pack(Opcode.MESSAGE, 27) + b"\x01\0" + bytes(20) + b"\xff" * 5),
+    "no segment end": chunk_of(RECORD.pack(Opcode.MESSAGE, 27) + b"\x02\0" + bytes(20) + b"\xff" * 5),
+    "no features": chunk_of(RECORD.pack(Opcode.MESSAGE, 27) + b"\x03\0" + bytes(20) + b"\xff" * 5),
+    "another compression": chunk_of(b"", compression="lz4"),
+    "not zstd": chunk_of(b"not zstd", compression="zstd"),
+    "a short chunk": RECORD.pack(Opcode.CHUNK, 5) + b"short",
+    "an empty chunk": RECORD.pack(Opcode.CHUNK, 0),
+    "short metadata": RECORD.pack(Opcode.METADATA, 5) + b"short",
+    "a new record": RECORD.pack(0x7F, 3) + b"new",
+}
+
+
+@pytest.mark.parametrize("nonsense", NONSENSE)
+def test_records_that_hold_nonsense_are_passed_over(
+    tmp_path: Path, header: RunHeader, make_block: MakeBlock, check: Callable[[Path], int], nonsense: str
+) -> None:
+    writer = RunWriter(tmp_path / "run.mcap", header)
+    for k in range(4):
+        writer.block(make_block(0, k * 2000, 2000))
+    forged = tmp_path / "forged.mcap"
+    forged.write_bytes(writer.path.read_bytes() + NONSENSE[nonsense])
+    writer.close()
+    assert check(forged) == 8000
+
+
+def test_blocks_that_come_twice_or_late_are_passed_over(make_block: MakeBlock) -> None:
+    ends = {0: SegmentEnd(0, 100, EndReason.OVERRUN), 1: SegmentEnd(1, 100, EndReason.STOPPED)}
+    sequence = Sequence(ends)
+    first, second = make_block(0, 0, 100), make_block(1, 0, 100)
+    assert [*sequence.block(first), *sequence.segment_end(ends[0])] == [first, ends[0]]
+    assert [*sequence.block(first), *sequence.segment_end(ends[0])] == []
+    assert list(sequence.block(second)) == [second]
+    assert [*sequence.block(first), *sequence.segment_end(ends[0])] == []
+    assert list(sequence.finish()) == [ends[1]]
+    assert list(sequence.finish()) == []
+
+
+def test_a_segment_whose_beginning_is_missing_is_told_by_its_end(make_block: MakeBlock) -> None:
+    sequence = Sequence({})
+    assert list(sequence.block(make_block(0, 100, 100))) == []
+    (end,) = sequence.finish()
+    assert end == SegmentEnd(0, 0, EndReason.CUT, 0, lost_is_exact=False, detail="the recording breaks off here")

@@ -7,11 +7,14 @@ import subprocess
 import sys
 import textwrap
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
+import numpy as np
 import pytest
 from mcap.reader import make_reader
+from numpy.typing import NDArray
 
 from analysis.run import RunHeader
 from analysis.samples import EndReason, SampleBlock, SegmentEnd
@@ -173,75 +176,79 @@ def test_a_killed_writer_loses_at_most_a_quarter_second(tmp_path: Path, header: 
             assert reader.samples(0, 0, reader.n_samples)[2, -1] == reader.n_samples % 65536 - 1
 
 
-FILL_THE_DISK = """
-    import json, resource, signal, sys
-    from pathlib import Path
-    import numpy as np
-    from analysis.samples import EndReason, SampleBlock, SegmentEnd
-    from recordings.errors import StorageError
-    from recordings.header import header_from_document
-    from recordings.writer import RunWriter
-    signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-    limit = int(sys.argv[2])
-    resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
+@contextmanager
+def room_for(n_bytes: int) -> Iterator[None]:
+    """Let no file of this process grow beyond so many bytes: writing then fails as it does on a full disk."""
+    import resource  # noqa: PLC0415  # it exists on POSIX only
+
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (n_bytes, hard))
     try:
-        writer = RunWriter(Path(sys.argv[1]), header_from_document(json.loads(sys.stdin.readline())))
-    except StorageError as error:
-        print("created", error)
-        sys.exit()
-    random = np.random.default_rng(0)
-    first = 0
-    try:
-        while True:
-            codes = random.integers(-2000, 2000, (3, 2000)).astype(np.int16)
-            writer.block(SampleBlock(codes, 0, first, 0))
-            first += 2000
-    except StorageError as error:
-        print("block", error)
-    try:
-        writer.block(SampleBlock(codes, 0, first, 0))
-    except StorageError as error:
-        print("again", error)
-    writer.segment_end(SegmentEnd(0, first, EndReason.RECORDER))
-    writer.close()
-    print("closed", first)
-"""
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
 
 
-def fill(path: Path, header: RunHeader, limit: int) -> list[str]:
-    """Write until the operating system refuses, as it does when a disk is full, and return what was printed."""
-    done = subprocess.run(
-        [sys.executable, "-c", textwrap.dedent(FILL_THE_DISK), str(path), str(limit)],
-        input=json.dumps(header_document(header)) + "\n",
-        capture_output=True,
-        text=True,
-        check=True,
-        cwd=ROOT,
-        timeout=60,
-    )
-    return done.stdout.splitlines()
+needs_limits = pytest.mark.skipif(sys.platform == "win32", reason="limits of file size are POSIX")
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="file size limits are POSIX")
-@pytest.mark.parametrize("limit", [200_000, 200_001, 333_333])
-def test_a_full_disk_is_said_and_what_was_written_stays_readable(tmp_path: Path, header: RunHeader, limit: int) -> None:
+@needs_limits
+@pytest.mark.parametrize("limit", [100_000, 100_001, 133_333])
+def test_a_full_disk_is_said_and_what_was_written_stays_readable(
+    tmp_path: Path, header: RunHeader, make_block: MakeBlock, codes_of: Callable[..., NDArray[np.int16]], limit: int
+) -> None:
     path = tmp_path / "run.mcap"
-    said, again, closed = fill(path, header, limit)
-    assert said == f"block {path}: cannot be written: File too large"
-    assert again == f"again {path}: cannot be written: File too large"
-    handed_over = int(closed.split()[1])
+    writer = RunWriter(path, header)
+    handed_over = 0
+
+    def write_on() -> None:
+        nonlocal handed_over
+        while True:
+            writer.block(make_block(0, handed_over, 2000))
+            handed_over += 2000
+
+    with room_for(limit), pytest.raises(StorageError) as first:
+        write_on()
+    assert str(first.value) == f"{path}: cannot be written: File too large"
+    with pytest.raises(StorageError) as again:
+        writer.block(make_block(0, handed_over, 2000))
+    assert str(again.value) == str(first.value)
+    writer.segment_end(SegmentEnd(0, handed_over, EndReason.RECORDER))
+    writer.close()
     with RunReader(path) as reader:
         assert not reader.is_complete
         assert handed_over - reader.n_samples <= 0.25 * header.acquisition.rate
-        assert reader.samples(0, 0, reader.n_samples).shape == (3, reader.n_samples)
+        np.testing.assert_array_equal(reader.samples(0, 0, reader.n_samples), codes_of(0, 0, reader.n_samples))
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="file size limits are POSIX")
+@needs_limits
 def test_a_disk_without_room_for_the_header_leaves_no_file(tmp_path: Path, header: RunHeader) -> None:
     path = tmp_path / "run.mcap"
-    (said,) = fill(path, header, 100)
-    assert said == f"created {path}: cannot be written: File too large"
+    with room_for(100), pytest.raises(StorageError, match="cannot be written: File too large"):
+        RunWriter(path, header)
     assert not path.exists()
+
+
+@needs_limits
+def test_a_disk_that_fills_at_the_end_of_a_segment_is_said(
+    tmp_path: Path, header: RunHeader, make_block: MakeBlock
+) -> None:
+    writer = RunWriter(tmp_path / "run.mcap", header)
+    writer.block(make_block(0, 0, 2000))
+    with room_for(writer.path.stat().st_size + 10), pytest.raises(StorageError, match="File too large"):
+        writer.segment_end(SegmentEnd(0, 2000, EndReason.STOPPED))
+
+
+@needs_limits
+def test_a_disk_that_fills_on_closing_loses_no_sample(tmp_path: Path, header: RunHeader, make_block: MakeBlock) -> None:
+    writer = RunWriter(tmp_path / "run.mcap", header)
+    writer.block(make_block(0, 0, 2000))
+    writer.segment_end(SegmentEnd(0, 2000, EndReason.STOPPED))
+    with room_for(writer.path.stat().st_size + 10), pytest.raises(StorageError, match="File too large"):
+        writer.close()
+    with RunReader(writer.path) as reader:
+        assert reader.segment_ends == (SegmentEnd(0, 2000, EndReason.STOPPED),)
+        assert not reader.is_complete
 
 
 def test_a_long_run_keeps_memory_flat(tmp_path: Path, header: RunHeader, make_block: MakeBlock) -> None:
