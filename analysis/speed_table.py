@@ -90,7 +90,7 @@ class SpeedTable:
     Parameters
     ----------
     width : float
-        Width of a bin, rad/s; the first begins at 0.
+        Width of a bin, rad/s; each has a multiple of it in its middle, so that a held round speed fills one bin.
     """
 
     def __init__(self, width: float = BIN_WIDTH) -> None:
@@ -102,7 +102,7 @@ class SpeedTable:
     def snapshot(self, snapshot: Snapshot) -> None:
         """Take a snapshot."""
         if np.isfinite(snapshot.speed):
-            entry = self._bins[int(snapshot.speed / self._width)]
+            entry = self._bins[round(snapshot.speed / self._width)]
             entry.overalls += 1
             entry.overall += snapshot.peak_to_peak
             entry.largest = np.maximum(entry.largest, snapshot.peak_to_peak)
@@ -110,7 +110,7 @@ class SpeedTable:
             self._frame(snapshot.frame)
 
     def _frame(self, frame: OrderFrame) -> None:
-        entry = self._bins[int(frame.speed / self._width)]
+        entry = self._bins[round(frame.speed / self._width)]
         entry.frames += 1
         entry.speed += frame.speed
         entry.vectors += frame.vectors

@@ -1,0 +1,62 @@
+"""The table against speed, fed with snapshots of a bench."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from analysis.speed_table import BIN_WIDTH, SpeedTable
+
+if TYPE_CHECKING:
+    from tests.analysis.conftest import Bench
+
+MICRO = 1e-6
+
+
+def test_rows_hold_the_complex_mean_by_speed(make_bench: Callable[..., "Bench"]) -> None:
+    bench = make_bench()
+    motion = bench.circles((20 * MICRO, 1.0, 0.4), (3 * MICRO, 2.0, -0.7), (6 * MICRO, 0.4, 0.0))
+    table = SpeedTable()
+    for snapshot in bench.snapshots(bench.codes(bench.ramp(40.0, 80.0, 4.0), motion, 4.0)):
+        table.snapshot(snapshot)
+    rows = table.rows()
+    assert 8 <= len(rows) <= 13
+    assert np.all(np.diff([row.speed for row in rows]) > 0)
+    for row in rows:
+        assert abs(row.vectors[0, 0] - 20 * MICRO * np.exp(0.4j)) < 0.03 * MICRO
+        assert abs(row.vectors[1, 1] + 3j * MICRO * np.exp(-0.7j)) < 0.03 * MICRO
+        assert row.scatter.max() < 0.05 * MICRO
+        assert row.whirl_order == pytest.approx(0.4, abs=0.003)
+        assert row.whirl_amplitude == pytest.approx(6 * MICRO, rel=0.01)
+        assert np.all(row.peak_to_peak <= row.largest_peak_to_peak)
+        assert 40 * MICRO < row.peak_to_peak[0] < 60 * MICRO
+        assert 0 < row.noise < 0.02 * MICRO
+
+
+def test_scatter_is_the_spread_of_the_vectors(make_bench: Callable[..., "Bench"]) -> None:
+    bench = make_bench()
+    codes = bench.codes(bench.steady(100.0), bench.circles((20 * MICRO, 1.0, 0.0)), 0.4)
+    snapshot = bench.snapshots(codes)[-1]
+    assert snapshot.frame is not None
+    table = SpeedTable()
+    for factor in (0.9, 1.1):
+        table.snapshot(replace(snapshot, frame=replace(snapshot.frame, vectors=factor * snapshot.frame.vectors)))
+    (row,) = table.rows()
+    np.testing.assert_allclose(row.vectors, snapshot.frame.vectors)
+    np.testing.assert_allclose(row.scatter, 0.1 * np.abs(snapshot.frame.vectors), rtol=1e-6)
+    assert np.isnan(row.whirl_order)
+    assert row.frames == 2
+
+
+def test_snapshots_without_speed_or_frame_make_no_row(make_bench: Callable[..., "Bench"]) -> None:
+    bench = make_bench()
+    codes = bench.codes(bench.steady(100.0), bench.circles((20 * MICRO, 1.0, 0.0)), 0.4)
+    table = SpeedTable(BIN_WIDTH)
+    for snapshot in bench.snapshots(codes):
+        table.snapshot(replace(snapshot, frame=None))
+        table.snapshot(replace(snapshot, frame=None, speed=np.nan))
+    assert table.rows() == ()
+    with pytest.raises(ValueError, match="width"):
+        SpeedTable(0.0)
