@@ -179,7 +179,8 @@ def _simulation(config: RigConfig) -> Iterator[Fault]:
     for number, (earlier, later) in enumerate(zip(bench.profile, bench.profile[1:], strict=False), start=1):
         if later.time_s <= earlier.time_s:
             key = f"simulation.profile[{number}].time_s"
-            yield _fault(key, later.time_s, f"more than {earlier.time_s:g}, the time before it", "simulation.profile")
+            before = f"simulation.profile[{number - 1}].time_s"
+            yield _fault(key, later.time_s, f"more than {earlier.time_s:g}, the time before it", before)
     for number, whirl in enumerate(bench.whirl):
         if whirl.end_rpm <= whirl.onset_rpm:
             key = f"simulation.whirl[{number}]"

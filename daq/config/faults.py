@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
+from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
 from daq.errors import ConfigError
@@ -107,6 +108,9 @@ def _text(details: ErrorDetails, key: str, schema: type[BaseModel], data: Mappin
         return f"{key} = {value}: unknown key{_nearest(details['loc'], schema)}"
     if kind == "tuple_type" and _table_of(_annotation(details["loc"], schema)) is not None:
         return f"{key} = {value}: expected {_wanted(details['loc'], schema)}"
+    field = _field(details["loc"], schema)
+    if kind == "string_pattern_mismatch" and field is not None:
+        return f"{key} = {value}: expected {field.description}"
     return f"{key} = {value}: expected {_expectation(details)}"
 
 
@@ -130,7 +134,6 @@ def _expectation(details: ErrorDetails) -> str:
         "tuple_type": "a list in brackets",
         "too_long": "{max_length} values, there are {actual_length}",
         "too_short": "{min_length} values, there are {actual_length}",
-        "string_pattern_mismatch": "a text like {pattern}",
         "model_type": "a table",
         "model_attributes_type": "a table",
     }
@@ -160,9 +163,14 @@ def _section(location: tuple[int | str, ...], schema: type[BaseModel]) -> type[B
     return section
 
 
+def _field(location: tuple[int | str, ...], schema: type[BaseModel]) -> FieldInfo | None:
+    """Return what the schema says of a place; None where it has no such key."""
+    return _section(location, schema).model_fields.get(str(location[-1]))
+
+
 def _annotation(location: tuple[int | str, ...], schema: type[BaseModel]) -> object:
     """Return the type that the schema gives to a place; None where it has no such key."""
-    field = _section(location, schema).model_fields.get(str(location[-1]))
+    field = _field(location, schema)
     return None if field is None else field.annotation
 
 

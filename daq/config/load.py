@@ -1,19 +1,38 @@
 """Reading rig.toml and every file that it names, with all that is wrong said in one go."""
 
+import copy
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any, Final
 
 from pydantic import ValidationError
 
 from analysis.run import Calibration, Role
 from daq.config.calibration import load_calibration
 from daq.config.checks import cross_faults
-from daq.config.faults import Fault, dotted, plain_json, read_tables, read_text, validation_faults
+from daq.config.faults import Fault, plain_json, read_tables, read_text, validation_faults
 from daq.config.rig import Rig
 from daq.config.schema import ChannelSection, RigConfig
 from daq.config.write import to_toml
 from daq.errors import ConfigError
+
+Place = tuple[int | str, ...]
+
+ROUNDS = 4  # of taking out what is wrong
+
+# For what has no default, so that the rest of its table can be checked where it is missing or wrong.
+STAND_INS: Final[dict[int | str, object]] = {
+    "name": "nameless",
+    "role": Role.TACHO.value,
+    "physical": "ai15",
+    "time_s": 0.0,
+    "speed_rpm": 0.0,
+    "order": 0.5,
+    "onset_rpm": 1.0,
+    "end_rpm": 2.0,
+    "amplitude_um": 1.0,
+}
 
 
 def load_rig(path: Path | str) -> Rig:
@@ -73,34 +92,33 @@ def read_config(text: str, file: str) -> RigConfig:
 def _checked(data: dict[str, object]) -> tuple[RigConfig | None, list[Fault]]:
     """Return the configuration in tables with every fault in it; None where it is not even whole.
 
-    What is wrong is taken out, so that its default stands in for it and the rest can still be checked. A table that
-    lacks what has no default is taken out altogether.
+    What is wrong is taken out, so that its default, or a stand-in for what has none, lets the rest be checked.
     """
     faults: list[Fault] = []
-    wrong: set[str] = set()
-    pruned: Mapping[str, object] = data
+    sound: dict[str, object] = data
     whole = True
-    while True:
+    for _ in range(ROUNDS):
         try:
-            config = RigConfig.model_validate_json(plain_json(pruned), strict=True)
+            config = RigConfig.model_validate_json(plain_json(sound), strict=True)
         except ValidationError as error:
             if not faults:
                 faults = list(validation_faults(error, RigConfig, data))
-                wrong = {_bare(fault.keys[0]) for fault in faults}
-            places = [
-                details["loc"] if details["type"] != "missing" else details["loc"][:-1] for details in error.errors()
-            ]
-            if () in places:
+            missing = [details["loc"] for details in error.errors() if details["type"] == "missing"]
+            gone = [place[:-1] for place in missing if place[-1] not in STAND_INS]
+            if () in gone:
                 return None, faults
-            lost = {_bare(dotted(place)) for place in places if isinstance(place[-1], int)}
-            whole, wrong = whole and not lost, wrong | lost
-            pruned = _without(pruned, places)
+            present = [details["loc"] for details in error.errors() if details["type"] != "missing"]
+            whole = whole and not missing and not any(isinstance(place[-1], int) for place in present)
+            filled = _completed(sound, [place for place in missing if place[-1] in STAND_INS])
+            sound = _without(filled, present + gone)
         else:
+            wrong = {fault.keys[0] for fault in faults}
             faults += [fault for fault in cross_faults(config) if not _rests_on(fault, wrong)]
             return config if whole else None, faults
+    return None, faults
 
 
-def _without(data: Mapping[str, object], places: list[tuple[int | str, ...]]) -> dict[str, object]:
+def _without(data: Mapping[str, object], places: Sequence[Place]) -> dict[str, object]:
     """Return nested tables without what is at places."""
     kept: dict[str, object] = {}
     for key, value in data.items():
@@ -115,7 +133,7 @@ def _without(data: Mapping[str, object], places: list[tuple[int | str, ...]]) ->
     return kept
 
 
-def _items_without(items: list[object], places: list[tuple[int | str, ...]]) -> list[object]:
+def _items_without(items: list[object], places: Sequence[Place]) -> list[object]:
     """Return a list without what is at places in it."""
     kept: list[object] = []
     for number, item in enumerate(items):
@@ -125,13 +143,23 @@ def _items_without(items: list[object], places: list[tuple[int | str, ...]]) -> 
     return kept
 
 
+def _completed(data: dict[str, object], places: Sequence[Place]) -> dict[str, object]:
+    """Return nested tables with stand-ins at places."""
+    completed = copy.deepcopy(data)
+    for place in places:
+        table: Any = completed
+        for part in place[:-1]:
+            table = table[part]
+        table[place[-1]] = STAND_INS[place[-1]]
+    return completed
+
+
 def _rests_on(fault: Fault, wrong: set[str]) -> bool:
     """Return whether a contradiction involves what is wrong in itself, and so says nothing new."""
-    return any(_bare(key) == bare or _bare(key).startswith(f"{bare}.") for key in fault.keys for bare in wrong)
-
-
-def _bare(key: str) -> str:
-    return re.sub(r"\[\d+\]", "", key)
+    known = wrong | {re.sub(r"\[\d+\]", "", key) for key in wrong}
+    return any(
+        key == bad or key.startswith(f"{bad}.") or bad.startswith(f"{key}[") for key in fault.keys for bad in known
+    )
 
 
 def _probes(data: Mapping[str, object]) -> Iterator[tuple[int, Mapping[str, object]]]:

@@ -43,8 +43,12 @@ class DeviceSection(Section):
     backend: Backend = Backend.SIMULATED
     product: str = "USB-6251"
     name: str = "Dev1"
-    serial: str = ""  # hexadecimal as printed on the card; when given, binds the card wherever it is plugged
-    target: str = ""  # "host:port" of a gRPC device server; empty: the driver on this machine
+    serial: Annotated[
+        str, Field(pattern=r"^(0[xX])?[0-9A-Fa-f]{0,16}$", description="the hexadecimal number printed on the card")
+    ] = ""  # hexadecimal as printed on the card; when given, binds the card wherever it is plugged
+    target: Annotated[str, Field(pattern=r"^(\S+:\S+)?$", description='an address as "host:port", or nothing')] = (
+        ""  # of a gRPC device server; empty: the driver on this machine
+    )
     deadline_s: Positive = 3.0  # for every call over gRPC, beyond the call's own time-out
 
 
@@ -59,9 +63,14 @@ class TimingSection(Section):
 class ChannelSection(Section):
     """`[[channel]]`: one input and what is wired to it."""
 
-    name: Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]{0,31}$")]
+    name: Annotated[
+        str,
+        Field(
+            pattern=r"^[A-Za-z][A-Za-z0-9_-]{0,31}$", description="up to 32 letters, digits, - and _, a letter first"
+        ),
+    ]
     role: Role
-    physical: Annotated[str, Field(pattern=r"^ai[0-9]{1,2}$")]
+    physical: Annotated[str, Field(pattern=r"^ai[0-9]{1,2}$", description='an input of the card, as "ai0"')]
     terminal: Literal["differential", "rse", "nrse"] = "differential"
     range_v: InputRange = 10.0  # plus and minus
     angle_deg: float = 0.0
@@ -120,7 +129,7 @@ class ModelSection(Section):
 class ProfilePoint(Section):
     """A corner of the speed profile."""
 
-    time_s: NotNegative
+    time_s: Annotated[float, Field(ge=0, le=86_400)]  # a day at most
     speed_rpm: NotNegative
 
 
@@ -172,7 +181,9 @@ class SimulationSection(Section):
 class RigConfig(Section):
     """A whole rig.toml."""
 
-    rig: Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9-]{0,31}$")] = "gj90c"
+    rig: Annotated[
+        str, Field(pattern=r"^[a-z0-9][a-z0-9-]{0,31}$", description="up to 32 small letters, digits and hyphens")
+    ] = "gj90c"
     device: DeviceSection = DeviceSection()
     timing: TimingSection = TimingSection()
     channel: tuple[ChannelSection, ...]

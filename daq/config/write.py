@@ -10,7 +10,8 @@ def to_toml(data: Mapping[str, object]) -> str:
     Parameters
     ----------
     data : mapping
-        Keys are bare; a sequence of mappings becomes an array of tables, any other sequence an inline array.
+        Keys are bare; a sequence of mappings becomes an array of tables, any other sequence an inline
+        array, with inline tables where it holds mappings too.
     """
     return "\n".join(_table(data, "")).strip() + "\n"
 
@@ -42,6 +43,8 @@ def _value(value: object) -> str:
         return "true" if value else "false"
     if isinstance(value, list | tuple):
         return f"[{', '.join(_value(item) for item in value)}]"
+    if isinstance(value, Mapping):
+        return f"{{{', '.join(f'{key} = {_value(item)}' for key, item in value.items())}}}"
     if isinstance(value, int):
         return str(int(value))
     if isinstance(value, float):

@@ -145,7 +145,7 @@ def test_load_rig_names_what_does_not_fit_together(
         ({"calibration": ""}, {}, {}, "channel[0].calibration: missing, expected a file for a probe"),
         ({}, {}, {"calibration": "probe-x.toml"}, 'channel[2].calibration = "probe-x.toml": expected none for a tacho'),
         ({}, {}, {"range_v": 3.0}, "channel[2].range_v = 3.0: expected one of the card's ranges 0.1, 0.2, 0.5, 1, 2,"),
-        ({"physical": "a0"}, {}, {}, 'channel[0].physical = "a0": expected a text like ^ai[0-9]{1,2}$'),
+        ({"physical": "a0"}, {}, {}, 'channel[0].physical = "a0": expected an input of the card, as "ai0"'),
     ],
 )
 def test_load_rig_checks_what_is_wired_where(
@@ -195,6 +195,27 @@ def test_load_rig_lists_every_fault_at_once(rig_file: RigFiles) -> None:
         'channel[0].calibration = "probe-x.toml"',
         'channel[1].calibration = "none.toml"',
     ]
+
+
+def test_load_rig_checks_the_rest_of_a_table_that_lacks_a_key(rig_file: RigFiles) -> None:
+    wired = channels({}, {}, {"physical": "ai0"})
+    del wired[1]["role"]
+    whirls = [
+        {"order": 0.5, "end_rpm": 4e3, "amplitude_um": 5.0},
+        {"onset_rpm": 5e3, "end_rpm": 4e3, "amplitude_um": 5.0},
+    ]
+    assert faults_of(rig_file(channel=wired, simulation={"whirl": whirls})) == [
+        "channel[1].role: missing, expected 'probe_x' or 'probe_y' or 'tacho'",
+        "simulation.whirl[0].onset_rpm: missing, expected a number",
+        "simulation.whirl[1].order: missing, expected a number",
+        "channel[2].physical = ai0: expected an input of its own, channel[0] uses ai0",
+        "simulation.whirl[1].end_rpm = 4000: expected more than onset_rpm = 5000",
+    ]
+
+
+def test_load_rig_survives_a_channel_that_is_no_table(rig_file: RigFiles) -> None:
+    faults = faults_of(rig_file(channel=["x", *channels({}, {}, {})]))
+    assert faults == ['channel[0] = "x": expected a table']
 
 
 def test_load_rig_does_not_blame_what_rests_on_a_wrong_value(rig_file: RigFiles) -> None:
