@@ -84,7 +84,7 @@ function drawOverall({ measured, predicted, limits, status }) {
     danger.style.setProperty("--at", `${(100 * limits.peak_to_peak_danger_um) / full}%`);
   }
   element("overall").dataset.severity = status.latched_severity;
-  const latched = status.latched_severity !== status.severity ? " · latched" : "";
+  const latched = status.latched_severity !== status.severity ? " LATCHED" : "";
   write("verdict", `${status.latched_severity.toUpperCase()}${latched}`);
   write("limits", `alarm ${micrometres(limits.peak_to_peak_alarm_um)} · danger ${micrometres(limits.peak_to_peak_danger_um)}`);
   const model = predicted && `· model x ${micrometres(predicted.peak_to_peak_x_um)} y ${micrometres(predicted.peak_to_peak_y_um)}`;
@@ -138,8 +138,8 @@ function drawStatus({ measured, status }) {
 function drawBanners({ status, limits, measured }) {
   const word = status.latched_severity;
   const limit = word === "danger" ? limits.peak_to_peak_danger_um : limits.peak_to_peak_alarm_um;
-  const now = status.severity === "normal" ? "Now back to normal; latched until the run ends." : `Now ${status.severity}.`;
-  banner("alarm", word === "normal" ? "" : `▲ ${word.toUpperCase()}: ${micrometres(limit)} µm peak-to-peak was passed. ${now}`, word === "danger");
+  const now = status.severity === word ? "and still is" : `now ${status.severity}, latched until the run ends`;
+  banner("alarm", word === "normal" ? "" : `▲ ${word.toUpperCase()}: the limit of ${micrometres(limit)} µm peak-to-peak was passed, ${now}.`, word === "danger");
   const closed = ["x", "y"].filter((probe) => measured && !measured[`probe_${probe}`].gap_ok);
   const gaps = closed.map((probe) => `Probe ${probe} reads ${decimals(measured[`probe_${probe}`].gap_v, 2)} V: outside its gap window.`);
   const tacho = { irregular: "Tacho irregular: speed and phase are not known.", "too fast": "Tacho too fast for its sensor: speed may read too low." };

@@ -109,6 +109,7 @@ function summary(run) {
   ];
   for (const end of run.segments) if (end.detail) parts.push(make("p", `Part ${end.segment + 1} ended (${end.end_reason}): ${end.detail}`));
   parts.push(subSynchronous(run.sub_synchronous));
+  if (run.agreement) parts.push(model(run.agreement));
   if (run.by_speed.length) parts.push(bySpeed(run.by_speed));
   return parts;
 }
@@ -121,6 +122,34 @@ function subSynchronous(found) {
     ["order", "from", "to", "direction", "largest, µm peak", "there at"],
     found.map((one) => [order(one.order), at(one.begin), at(one.end), one.direction, micrometres(one.largest_peak_um), at(one.largest_at)]),
   );
+}
+
+function model(agreement) {
+  const one = agreement.synchronous;
+  const lines = [];
+  if (one && known(one.agrees_to_rpm)) {
+    lines.push(`1X agrees within ${percent(one.within_amplitude_ratio)} and ${lag(one.within_lag_difference_deg)} up to ${whole(one.agrees_to_rpm)} r/min.`);
+  }
+  if (one) {
+    lines.push(
+      `1X is furthest apart at ${whole(one.worst_amplitude_at_rpm)} r/min: measured ${decimals(one.worst_amplitude_ratio, 2)} times the predicted; ` +
+        `its lag at ${whole(one.worst_lag_at_rpm)} r/min: ${decimals(one.worst_lag_difference_deg, 0)}°.`,
+    );
+  }
+  for (const whirl of agreement.whirls) {
+    const expected = known(whirl.predicted_order) ? `${order(whirl.predicted_order)} expected from ${whole(whirl.predicted_onset_rpm)} r/min` : "none expected";
+    const missing = whirl.was_reached ? "none measured" : "not reached";
+    const seen = known(whirl.measured_order) ? `${order(whirl.measured_order)} measured from ${whole(whirl.measured_onset_rpm)} r/min` : missing;
+    lines.push(`Below 1X: ${expected}; ${seen}.`);
+  }
+  if (known(agreement.instability_onset_rpm)) lines.push(`The film is expected to let go at ${whole(agreement.instability_onset_rpm)} r/min.`);
+  const node = make("div", "", "model");
+  node.append(make("h3", "Model"), ...lines.map((line) => make("p", line)));
+  return node;
+}
+
+function percent(share) {
+  return `${Math.round(100 * share)} %`;
 }
 
 function bySpeed(rows) {

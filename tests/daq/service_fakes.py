@@ -13,6 +13,7 @@ from analysis.speed_table import SpeedRow
 from analysis.summary import ProbeSummary, RunSummary, Severity
 from daq.service.documents import SummaryDocument, summary_document
 from daq.session.frame import LiveFrame
+from model.compare import Agreement, PredictedWhirl, SynchronousAgreement, WhirlAgreement
 from recordings.catalogue import RunEntry
 from recordings.errors import NotFoundError
 from tests.daq.frames import RPM, make_header
@@ -105,6 +106,29 @@ def make_summary() -> RunSummary:
     )
 
 
+def make_agreement() -> Agreement:
+    """The model against that run: 1X agrees up to 14,000 r/min, one whirl of two was measured."""
+    return Agreement(
+        synchronous=SynchronousAgreement(
+            speeds=52,
+            median_ratio=0.97,
+            worst_ratio=1.31,
+            worst_ratio_speed=14_800.0 * RPM,
+            median_phase=math.radians(3.2),
+            worst_phase=math.radians(-24.0),
+            worst_phase_speed=14_900.0 * RPM,
+            agrees_to=14_000.0 * RPM,
+            within_ratio=0.08,
+            within_phase=math.radians(11.0),
+        ),
+        whirls=(
+            WhirlAgreement(PredictedWhirl(0.7, 9500.0 * RPM, 18_000.0 * RPM, 22e-6), make_summary().whirls[0], True),
+            WhirlAgreement(PredictedWhirl(0.2, 18_100.0 * RPM, 20_000.0 * RPM, 60e-6), None, False),
+        ),
+        instability_onset=math.nan,
+    )
+
+
 class FakeCatalogue:
     """Holds entries; raises ``trouble`` where there is one."""
 
@@ -148,4 +172,4 @@ class FakeSummaries:
         self.gate.wait(10.0)
         if self.trouble is not None:
             raise self.trouble
-        return summary_document(make_summary())
+        return summary_document(make_summary(), make_agreement())

@@ -14,7 +14,7 @@ from daq.service.documents import live_document, run_document, summary_document
 from daq.service.documents.units import finite, lag_degrees, micrometres, moment, rpm
 from daq.session.frame import LiveFrame
 from tests.daq.frames import RPM, make_frames
-from tests.daq.service_fakes import make_entries, make_summary
+from tests.daq.service_fakes import make_agreement, make_entries, make_summary
 
 FRAME = make_frames(200)[150]
 ANY = st.floats(allow_nan=True, allow_infinity=True)
@@ -131,8 +131,25 @@ def test_summary_document_has_none_for_what_is_not_known_and_is_json() -> None:
     assert strict(document.model_dump_json()) == document.model_dump(mode="json")
 
 
+def test_summary_document_tells_where_the_model_agrees_and_where_not() -> None:
+    agreement = summary_document(make_summary(), make_agreement()).agreement
+    assert agreement is not None
+    assert agreement.synchronous is not None
+    assert agreement.synchronous.agrees_to_rpm == pytest.approx(14_000.0)
+    assert agreement.synchronous.worst_lag_difference_deg == pytest.approx(-24.0)
+    seen, missed = agreement.whirls
+    assert (seen.predicted_order, seen.measured_order) == (0.7, 0.49)
+    assert seen.onset_ratio == pytest.approx(10_980.0 / 9500.0, abs=1e-4)
+    assert (missed.was_reached, missed.measured_onset_rpm, missed.onset_ratio) == (False, None, None)
+    assert agreement.instability_onset_rpm is None
+
+
+def test_summary_document_without_a_prediction_has_no_agreement() -> None:
+    assert summary_document(make_summary()).agreement is None
+
+
 def test_summary_document_reads_back_as_it_was_written() -> None:
-    document = summary_document(make_summary())
+    document = summary_document(make_summary(), make_agreement())
     assert type(document).model_validate_json(document.model_dump_json()) == document
     assert type(document).model_validate(document.model_dump(mode="json")) == document
 

@@ -1,5 +1,6 @@
 """What leaves the program as JSON, over REST and from the command line alike; every field's name carries its unit."""
 
+from daq.service.documents.agreement import AgreementDocument, agreement_document
 from daq.service.documents.document import Document
 from daq.service.documents.health import HealthDocument, health_document
 from daq.service.documents.live import LiveDocument, live_document
@@ -8,6 +9,7 @@ from daq.service.documents.run import RunDocument, RunListDocument, run_document
 from daq.service.documents.summary import SummaryDocument, summary_document
 
 __all__ = [
+    "AgreementDocument",
     "Document",
     "Fault",
     "HealthDocument",
@@ -16,6 +18,7 @@ __all__ = [
     "RunDocument",
     "RunListDocument",
     "SummaryDocument",
+    "agreement_document",
     "health_document",
     "live_document",
     "run_document",

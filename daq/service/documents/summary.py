@@ -10,9 +10,11 @@ from analysis.samples import EndReason, SegmentEnd
 from analysis.snapshot import TachoState
 from analysis.speed_table import SpeedRow
 from analysis.summary import ProbeSummary, RunSummary, Severity
+from daq.service.documents.agreement import AgreementDocument, agreement_document
 from daq.service.documents.document import Document
 from daq.service.documents.units import finite, micrometres, moment, rpm
 from daq.service.documents.vibration import Direction, ProbesDocument, direction, probes_document
+from model.compare import Agreement
 
 Count = Annotated[int, Field(ge=0)]
 
@@ -147,15 +149,20 @@ class SummaryDocument(Document):
     sub_synchronous: tuple[SubSynchronousDocument, ...] = Field(
         description="Components below 1X in the order in which they began"
     )
+    agreement: AgreementDocument | None = Field(
+        description="How far the model agrees; null where it is off or its prediction is still being computed"
+    )
 
 
-def summary_document(summary: RunSummary) -> SummaryDocument:
+def summary_document(summary: RunSummary, agreement: Agreement | None = None) -> SummaryDocument:
     """Return what a run was as a document.
 
     Parameters
     ----------
     summary : RunSummary
         What was measured.
+    agreement : Agreement or None
+        How far the model agrees; None where there is no prediction for it.
     """
     tacho = summary.tacho
     return SummaryDocument(
@@ -188,6 +195,7 @@ def summary_document(summary: RunSummary) -> SummaryDocument:
         frames=summary.frames,
         by_speed=tuple(_row(row) for row in summary.rows),
         sub_synchronous=tuple(_whirl(finding) for finding in summary.whirls),
+        agreement=None if agreement is None else agreement_document(agreement),
     )
 
 
