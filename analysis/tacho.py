@@ -15,7 +15,7 @@ GATE_FILLED = 0.25  # the same where pulses before it are missing
 MOST_FILLED = 2  # successive pulses that may be missing
 SEED_INTERVALS = 4  # like intervals that make a train
 SEED_RATIO = 1.25  # of successive intervals
-SETTLED = 7  # pulses of a train before its speed is believed
+SETTLED = SEED_INTERVALS + 1  # pulses of a train before its speed is believed
 MOST_DOUBT = 20  # edges in vain that are remembered: each asks for one pulse more
 DIRTY_STREAK = 4  # successive pulses that each needed a repair: the train is not what it was taken for
 MOST_START = 2  # edges in vain with which a shaft may start
@@ -33,7 +33,8 @@ class PulseTrain:
     intervals (medians of the older and the younger half, so that an edge taken wrongly does not lead astray): near
     it, it is the next pulse; too early, it is a double and rejected, unless it lies nearer to the prediction than the
     one that was taken; one or two periods too late, the pulses between were missing and are counted. Anything else
-    ends the train, and a new one is sought.
+    ends the train, and a new one is sought. A train whose pulses begin to miss regularly, every second or third,
+    is that of a sensor past its response: the slower train that follows is told as too fast.
 
     Parameters
     ----------
@@ -49,6 +50,7 @@ class PulseTrain:
         self._seed: deque[float] = deque(maxlen=SEED_INTERVALS + 1)
         self._intervals: deque[float] = deque(maxlen=2 * SEED_INTERVALS)
         self._repaired: deque[bool] = deque(maxlen=HISTORY)
+        self._recently_skipped: deque[int] = deque(maxlen=DIRTY_STREAK)
         self._pulses = self._filled = self._rejected = 0
         self.restart()
 
@@ -66,6 +68,7 @@ class PulseTrain:
         self._time = self._before = self._predicted = 0.0
         self._skipped = 1  # periods between the last pulse and the one before
         self._dirty = self._rejected_since = 0
+        self._folded = False  # whether the train came from one of which pulses went missing regularly
         self._seed.clear()
         self._intervals.clear()
         self._marks.clear()
@@ -169,12 +172,15 @@ class PulseTrain:
         self._number += periods
         self._before, self._time = self._time, time
         self._skipped, self._predicted = periods, predicted
+        self._recently_skipped.append(periods)
         self._mark(self._number, time)
         if not is_dirty:
             self._doubt = max(self._doubt - 1, 0)
         if self._dirty >= DIRTY_STREAK:
-            self._doubt = MOST_DOUBT
+            is_folded = len(set(self._recently_skipped)) == 1 and periods > 1
+            self._doubt = 0 if is_folded else MOST_DOUBT
             self._lose()
+            self._folded = is_folded
 
     def _double(self, time: float) -> None:
         is_better = abs(time - self._predicted) < abs(self._time - self._predicted)
@@ -243,7 +249,7 @@ class PulseTrain:
         if sum(self._repaired) > MOST_REPAIRED or jitter > MOST_JITTER * period:
             return TachoState.IRREGULAR
         fraction = min(self._tacho.mark_fraction, 1.0 - self._tacho.mark_fraction)
-        if fraction * period < self._tacho.response_time:
+        if self._folded or fraction * period < self._tacho.response_time:
             return TachoState.TOO_FAST
         return TachoState.GOOD
 

@@ -70,11 +70,19 @@ def test_missing_and_double_pulses_do_not_slip_the_count(seed: int) -> None:
     assert report.rejected > 5
 
 
-def test_a_steady_half_of_the_pulses_is_taken_for_the_shaft() -> None:
-    marks = np.arange(0.0, 4.0, 0.01)
-    edges = np.concatenate([marks[:100], marks[100::2]])
-    train = fed(PulseTrain(TACHO, 40), edges, 4.0)
-    assert train.speed(0.1) == pytest.approx(2 * np.pi * 50)
+@pytest.mark.parametrize("part", [2, 3])
+def test_a_sensor_that_begins_to_give_every_second_pulse_is_too_fast_until_it_gives_all(part: int) -> None:
+    marks = 0.005 + np.arange(0.0, 6.0, 0.01)
+    edges = np.concatenate([marks[:100], marks[100:400:part], marks[400:]])
+    train = PulseTrain(TACHO, 40)
+    states = []
+    for hop in range(60):
+        advance(train, edges, hop)
+        states.append(train.state(0.1 * (hop + 1), train.speed(0.1), np.nan))
+    assert states[5] is TachoState.GOOD
+    assert set(states[15:39]) == {TachoState.TOO_FAST}
+    assert set(states[50:]) == {TachoState.GOOD}
+    assert train.speed(0.1) == pytest.approx(2 * np.pi * 100)
 
 
 def test_two_marks_that_are_not_alike_are_no_train() -> None:
