@@ -4,6 +4,7 @@ import json
 from collections.abc import Iterator
 
 from daq.service.documents import Document, SummaryDocument
+from daq.service.documents.agreement import AgreementDocument
 from daq.service.documents.summary import SpeedRowDocument
 
 
@@ -39,6 +40,36 @@ def summary_lines(summary: SummaryDocument) -> Iterator[str]:
         begin, end = _number(whirl.begin.speed_rpm), _number(whirl.end.speed_rpm)
         order, size, way = _number(whirl.order, 2), _number(whirl.largest_peak_um, 1), whirl.direction.value
         yield f"{label:15}  {order}X from {begin} to {end} r/min, {way}, up to {size} µm"
+    if summary.agreement is None:
+        yield "model            not compared: its prediction was not ready"
+    else:
+        for k, line in enumerate(_model(summary.agreement)):
+            yield f"{'model' if k == 0 else '':15}  {line}"
+
+
+def _model(agreement: AgreementDocument) -> Iterator[str]:
+    """Yield how far the run agrees with the model."""
+    one = agreement.synchronous
+    if one is None:
+        yield "1X not compared: no steady speed within the model's range"
+    elif one.agrees_to_rpm is None:
+        median, lag = _number(one.median_amplitude_ratio, 2), _number(one.median_lag_difference_deg)
+        worst, at = _number(one.worst_amplitude_ratio, 2), _number(one.worst_amplitude_at_rpm)
+        yield f"1X measured over predicted {median} and {lag}° more lag in the median; worst {worst} at {at} r/min"
+    else:
+        part, lag = 100 * (one.within_amplitude_ratio or 0.0), _number(one.within_lag_difference_deg)
+        yield f"1X within {part:.0f} % and {lag}° up to {_number(one.agrees_to_rpm)} r/min"
+    for whirl in agreement.whirls:
+        predicted = (
+            "none predicted"
+            if whirl.predicted_order is None
+            else f"predicted from {_number(whirl.predicted_onset_rpm)} r/min ({_number(whirl.predicted_order, 2)}X)"
+        )
+        if whirl.measured_order is not None:
+            measured = f"measured from {_number(whirl.measured_onset_rpm)} ({_number(whirl.measured_order, 2)}X)"
+        else:
+            measured = "not measured" if whirl.was_reached else "not reached"
+        yield f"whirl {predicted}, {measured}"
 
 
 def _table(summary: SummaryDocument) -> Iterator[str]:
