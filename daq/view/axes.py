@@ -30,22 +30,25 @@ class Axis:
         Quantity and unit, as "speed, r/min".
     ticks : int
         At most so many intervals between ticks.
+    step : float
+        Distance between ticks; 0 takes a round one.
     """
 
     low: float
     high: float
     title: str
     ticks: int = 5
+    step: float = 0.0
 
     def values(self) -> FloatArray:
         """Return the values at which there are ticks."""
-        step = tick_step(self.high - self.low, self.ticks)
+        step = self.step or tick_step(self.high - self.low, self.ticks)
         first, last = np.ceil(self.low / step - 1e-9), np.floor(self.high / step + 1e-9)
         return np.asarray(np.arange(first, last + 1) * step, dtype=np.float64)
 
     def label(self, value: float) -> str:
         """Return the number at a tick."""
-        step = tick_step(self.high - self.low, self.ticks)
+        step = self.step or tick_step(self.high - self.low, self.ticks)
         return f"{value + 0.0:,.{max(0, -int(np.floor(np.log10(step) + 1e-9)))}f}"
 
     def share(self, values: ArrayLike) -> FloatArray:

@@ -4,10 +4,11 @@ import math
 
 from daq.session.frame import LiveFrame, RunState, Severity, Status
 from daq.view.drawing import Anchor, Drawing
+from daq.view.lettering import text_width
 from daq.view.palette import ALARM, DANGER, GOOD, INK, MEASURED_X, MEASURED_Y, QUIET, TEXT, Color
 from daq.view.wording import clock, hours, rpm
 
-BOUNDS = ((0.0, 1900.0), (0.0, 196.0))
+BOUNDS = ((0.0, 1900.0), (8.0, 180.0))
 _STEADY = 3.0 * math.pi / 30.0  # rad/s²: slower than 3 r/min each second is called steady
 _BLOCKS: dict[Severity, tuple[str, Color, Color]] = {
     Severity.NORMAL: ("NORMAL", GOOD, TEXT),
@@ -28,39 +29,42 @@ def banner(frame: LiveFrame) -> Drawing:
 
 def _speed(drawing: Drawing, frame: LiveFrame) -> None:
     snapshot = frame.snapshot
-    known = snapshot is not None and math.isfinite(snapshot.speed)
-    drawing.text(rpm(snapshot.speed) if snapshot and known else "--", (455.0, 160.0), 124.0, TEXT, Anchor.RIGHT)
-    drawing.text("r/min", (480.0, 160.0), 40.0, QUIET)
-    if snapshot is None or not known:
+    if snapshot is None or not math.isfinite(snapshot.speed):
+        drawing.text("--", (535.0, 140.0), 105.0, QUIET, Anchor.RIGHT)
+        drawing.text("no speed" if snapshot is not None else "no data", (555.0, 140.0), 26.0, ALARM)
         return
+    drawing.text(rpm(snapshot.speed), (535.0, 140.0), 105.0, TEXT, Anchor.RIGHT)
+    drawing.text("r/min", (556.0, 140.0), 34.0, QUIET)
     acceleration = snapshot.frame.acceleration if snapshot.frame is not None else 0.0
     if abs(acceleration) > _STEADY:
-        drawing.text("▲" if acceleration > 0.0 else "▼", (500.0, 95.0), 56.0, TEXT)
+        drawing.text("▲" if acceleration > 0.0 else "▼", (562.0, 86.0), 50.0, TEXT)
 
 
 def _overall(drawing: Drawing, frame: LiveFrame) -> None:
-    drawing.text("µm peak-to-peak", (660.0, 40.0), 22.0, QUIET)
-    for name, row, color, left in (("x", 0, MEASURED_X, 660.0), ("y", 1, MEASURED_Y, 840.0)):
+    drawing.text("µm peak-to-peak", (735.0, 38.0), 22.0, QUIET)
+    for name, row, color, left in (("x", 0, MEASURED_X, 735.0), ("y", 1, MEASURED_Y, 940.0)):
         value = "--" if frame.snapshot is None else f"{frame.snapshot.peak_to_peak[row] * 1e6:.0f}"
-        drawing.text(name, (left, 124.0), 38.0, color)
-        drawing.text(value, (left + 40.0, 124.0), 66.0, color)
+        drawing.text(name, (left, 116.0), 36.0, color)
+        drawing.text(value, (left + 36.0, 116.0), 60.0, color)
     limits = frame.header.limits
-    text = f"alarm {limits.peak_to_peak_alarm * 1e6:.0f}  danger {limits.peak_to_peak_danger * 1e6:.0f}"
-    drawing.text(text, (660.0, 172.0), 22.0, QUIET)
+    text = f"alarm {limits.peak_to_peak_alarm * 1e6:.0f}   danger {limits.peak_to_peak_danger * 1e6:.0f}"
+    drawing.text(text, (735.0, 160.0), 20.0, QUIET)
 
 
 def _severity(drawing: Drawing, frame: LiveFrame) -> None:
     status = frame.status
     now, paper, ink = _BLOCKS[status.severity]
-    drawing.text("now", (1030.0, 40.0), 22.0, QUIET)
-    drawing.block(1030.0, 58.0, 300.0, 64.0, paper)
-    drawing.text(now, (1180.0, 108.0), 38.0, ink, Anchor.CENTRE)
+    drawing.text("now", (1150.0, 38.0), 22.0, QUIET)
+    drawing.block(1150.0, 54.0, 270.0, 62.0, paper)
+    drawing.text(now, (1285.0, 102.0), 35.0, ink, Anchor.CENTRE)
+    if status.detail:
+        return
     worst, paper, ink = _BLOCKS[status.latched]
     if status.latched is Severity.NORMAL:
-        drawing.text("no limit passed in this run", (1180.0, 168.0), 20.0, QUIET, Anchor.CENTRE)
+        drawing.text("no limit passed yet", (1285.0, 158.0), 17.0, QUIET, Anchor.CENTRE)
     else:
-        drawing.block(1030.0, 134.0, 300.0, 50.0, paper)
-        drawing.text(f"{worst} WAS PASSED", (1180.0, 169.0), 21.0, ink, Anchor.CENTRE)
+        drawing.block(1150.0, 126.0, 270.0, 46.0, paper)
+        drawing.text(f"{worst} passed", (1285.0, 160.0), 24.0, ink, Anchor.CENTRE)
 
 
 _STATES: dict[RunState, tuple[str, Color]] = {
@@ -74,14 +78,21 @@ _STATES: dict[RunState, tuple[str, Color]] = {
 
 def _recording(drawing: Drawing, status: Status) -> None:
     word, color = _STATES[status.state]
-    drawing.dot((1400.0, 40.0), 20.0, color)
-    drawing.text(word, (1436.0, 55.0), 32.0, TEXT)
-    drawing.text(clock(status.elapsed), (1890.0, 55.0), 46.0, TEXT, Anchor.RIGHT)
+    drawing.dot((1472.0, 35.0), 16.0, color)
+    drawing.text(word, (1500.0, 47.0), 23.0, TEXT)
+    drawing.text(clock(status.elapsed), (1888.0, 52.0), 40.0, TEXT, Anchor.RIGHT)
     lost = f"{'' if status.lost_is_exact else 'at least '}{status.lost:,}"
-    drawing.text(f"lost {lost}", (1380.0, 118.0), 34.0, DANGER if status.lost else TEXT)
-    drawing.text(f"backlog {status.backlog:.1f} s", (1890.0, 118.0), 30.0, TEXT, Anchor.RIGHT)
+    drawing.text(f"lost {lost}", (1456.0, 108.0), 31.0, DANGER if status.lost else TEXT)
+    drawing.text(f"backlog {status.backlog:.1f} s", (1888.0, 108.0), 25.0, TEXT, Anchor.RIGHT)
     if status.detail:
-        drawing.text(status.detail[:48], (1380.0, 174.0), 22.0, ALARM)
+        _detail(drawing, status.detail)
         return
-    drawing.text(f"{status.samples / 1e6:,.1f} M samples", (1380.0, 174.0), 26.0, QUIET)
-    drawing.text(f"disk {hours(status.disk_left)}", (1890.0, 174.0), 30.0, TEXT, Anchor.RIGHT)
+    drawing.text(f"{status.samples / 1e6:,.1f} M samples", (1456.0, 160.0), 22.0, QUIET)
+    drawing.text(f"disk {hours(status.disk_left)}", (1888.0, 160.0), 25.0, TEXT, Anchor.RIGHT)
+
+
+def _detail(drawing: Drawing, detail: str) -> None:
+    """Write what went wrong on one line, as large as there is room for it."""
+    drawing.block(1150.0, 126.0, 740.0, 46.0, ALARM)
+    height = min(24.0, 690.0 / text_width(detail))
+    drawing.text(detail, (1520.0, 149.0 + 0.5 * height), height, INK, Anchor.CENTRE)

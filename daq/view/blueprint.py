@@ -3,7 +3,7 @@
 import rerun.blueprint as rrb
 
 from analysis.run import RunHeader
-from daq.view import banner, bode, cascade, orbit, spectrum, traces
+from daq.view import banner, bode, cascade, orbit, spectrum, traces, words
 from daq.view.palette import PAPER
 
 _Bounds = tuple[tuple[float, float], tuple[float, float]]
@@ -18,12 +18,12 @@ def operator_blueprint(header: RunHeader) -> rrb.Blueprint:
     """Return the layout for a run: status over orbit, spectrum and cascade over Bode plot, traces and words."""
     return rrb.Blueprint(
         rrb.Vertical(
-            _drawn("banner", "Rig", banner.BOUNDS),
+            _drawn("banner", "Rig", banner.BOUNDS, titlebar=False),
             rrb.Horizontal(
                 _drawn("orbit", "Orbit (µm, seen from the compressor end)", orbit.BOUNDS),
                 _drawn("spectrum", "Order spectrum (µm peak over shaft orders)", spectrum.BOUNDS),
                 _drawn("cascade", "Cascade (order spectra against speed, r/min)", cascade.BOUNDS),
-                column_shares=[1.0, 1.4, 1.4],
+                column_shares=[1.05, 1.35, 1.4],
             ),
             rrb.Horizontal(
                 _drawn("bode", "1X and 2X against speed (µm peak, ° lag)", bode.BOUNDS),
@@ -33,10 +33,14 @@ def operator_blueprint(header: RunHeader) -> rrb.Blueprint:
                     _trend("trend/speed", "Speed against run time (r/min)"),
                     active_tab=0,
                 ),
-                rrb.TextDocumentView(origin="/details", name="In words"),
-                column_shares=[1.3, 1.3, 1.2],
+                rrb.Tabs(
+                    _drawn("words", "Signals", words.BOUNDS),
+                    rrb.TextDocumentView(origin="/details", name="In words"),
+                    active_tab=0,
+                ),
+                column_shares=[1.25, 1.25, 1.1],
             ),
-            row_shares=[0.9, 2.5, 2.0],
+            row_shares=[1.0, 2.75, 2.25],
         ),
         rrb.TopPanel(state="hidden"),
         rrb.BlueprintPanel(state="hidden"),
@@ -47,11 +51,12 @@ def operator_blueprint(header: RunHeader) -> rrb.Blueprint:
     )
 
 
-def _drawn(origin: str, name: str, bounds: _Bounds) -> rrb.Spatial2DView:
+def _drawn(origin: str, name: str, bounds: _Bounds, *, titlebar: bool = True) -> rrb.Spatial2DView:
     across, down = bounds
     return rrb.Spatial2DView(
         origin=f"/{origin}",
         name=name,
+        titlebar=titlebar,
         background=PAPER,
         visual_bounds=rrb.VisualBounds2D(x_range=across, y_range=down),
     )

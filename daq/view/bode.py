@@ -15,7 +15,7 @@ from model.prediction import Prediction
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
-BOUNDS = ((-34.0, 304.0), (-14.0, 184.0))
+BOUNDS = ((-34.0, 316.0), (-15.0, 192.0))
 _BINS = 250
 _LETTERS = 7.0
 _MICRO = 1e6
@@ -94,7 +94,7 @@ class BodePlot:
         upper = Plot(
             0.0, 0.0, 300.0, 76.0, speed, Axis(0.0, self._reach.end, "amplitude, µm peak", ticks=3), letters=_LETTERS
         )
-        lower = Plot(0.0, 92.0, 300.0, 62.0, speed, Axis(0.0, 360.0, "1X phase lag, °", ticks=4), letters=_LETTERS)
+        lower = Plot(0.0, 98.0, 300.0, 64.0, speed, Axis(0.0, 360.0, "1X phase lag, °", step=90.0), letters=_LETTERS)
         return upper, lower
 
 

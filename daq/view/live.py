@@ -5,6 +5,7 @@ import threading
 import time
 import uuid
 from collections.abc import Sequence
+from dataclasses import replace
 from urllib.parse import quote
 
 import rerun as rr
@@ -134,7 +135,8 @@ class LiveView:
             if presenter is None or frame.header.run != run:
                 presenter, run = Presenter(stream, frame.header), frame.header.run
                 stream.send_blueprint(operator_blueprint(frame.header), make_active=True, make_default=True)
-            presenter.show(frame)
+            status = replace(frame.status, dropped_frames=self._dropped)
+            presenter.show(replace(frame, status=status))
             rest = _SHORTEST - (time.monotonic() - started)
             if rest > 0.0 and not self._closing:
                 time.sleep(rest)

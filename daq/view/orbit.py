@@ -12,7 +12,7 @@ from model.prediction import Prediction
 
 FloatArray = NDArray[np.float64]
 
-BOUNDS = ((-124.0, 106.0), (-114.0, 130.0))  # of the plane: x, y
+BOUNDS = ((-126.0, 106.0), (-113.0, 128.0))  # of the plane: x, y
 _LETTERS = 6.5
 _MICRO = 1e6
 
@@ -57,9 +57,8 @@ class OrbitPlot:
             drawing.circle(centre, radius, CLEARANCE, 1.2)
             label = f"clearance {self._clearance:.0f} µm"
             drawing.text(label, (centre[0] + radius, centre[1] + radius + 9.0), 0.8 * _LETTERS, CLEARANCE, Anchor.RIGHT)
-        drawing.text("measured", (-96.0, -90.0), _LETTERS, MEASURED_X)
-        drawing.text("model", (-96.0, -79.0), _LETTERS, MODEL)
-        drawing.text("mark", (-96.0, -68.0), _LETTERS, TACHO)
+        for row, (name, color) in enumerate((("measured", MEASURED_X), ("model", MODEL), ("mark", TACHO))):
+            drawing.text(name, (-97.0, -90.0 + 10.0 * row), 0.9 * _LETTERS, color)
         return drawing
 
     def measured(self, frame: OrderFrame | None) -> Drawing:

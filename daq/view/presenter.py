@@ -17,6 +17,7 @@ from daq.view.orbit import OrbitPlot
 from daq.view.palette import MEASURED_X, MEASURED_Y, MODEL, TEXT
 from daq.view.spectrum import SpectrumPlot
 from daq.view.traces import TracePlot
+from daq.view.words import words
 
 _UNDER, _OVER, _TOP = 10.0, 20.0, 30.0  # what is drawn over what
 _SECOND = 2  # spectra, traces and the banner: every second frame
@@ -61,8 +62,8 @@ class Presenter:
             self._bode.add(snapshot.frame, frame.prediction)
         self._show_orbit(frame)
         if self._count % _SECOND == 0:
-            drawing = banner(frame)
-            drawing.log(self._stream, "banner")
+            banner(frame).log(self._stream, "banner")
+            words(frame).log(self._stream, "words")
             self._show_spectrum(frame)
             self._show_traces(frame)
             self._show_trend(frame)

@@ -10,14 +10,14 @@ from daq.view.drawing import Anchor, Drawing
 from daq.view.palette import MEASURED_X, MEASURED_Y, MODEL, TEXT, dimmed
 from model.prediction import Prediction
 
-BOUNDS = ((-36.0, 308.0), (-22.0, 212.0))
-HIGHEST_ORDER = 4.0
+BOUNDS = ((-34.0, 308.0), (-18.0, 214.0))
+HIGHEST_ORDER = 3.0
 _LETTERS = 7.5
 _MICRO = 1e6
 
 
 class SpectrumPlot:
-    """Draws order spectra of one run, µm peak over orders 0 to 4."""
+    """Draws order spectra of one run, µm peak over orders 0 to 3."""
 
     def __init__(self) -> None:
         self._reach = Reach(smallest=2.0)
@@ -72,13 +72,13 @@ class SpectrumPlot:
             size = prediction.whirl_amplitude * _MICRO
             at = plot.place([prediction.whirl_order], [size])[0]
             text = f"model {prediction.whirl_order:.2f}X {size:.3g} µm"
-            drawing.text(text, (float(at[0]) + 5.0, float(at[1]) + 3.0), _LETTERS, MODEL)
+            drawing.text(text, (float(at[0]) + 5.0, float(at[1]) + 9.0), _LETTERS, MODEL)
         return drawing
 
     def _name(self, drawing: Drawing, order: float, size: float, name: str) -> None:
         at = self._plot().place([order], [size])[0]
-        drawing.text(name, (float(at[0]), float(at[1]) - 3.5), _LETTERS, TEXT, Anchor.CENTRE)
+        drawing.text(name, (float(at[0]) + 4.0, float(at[1]) - 2.0), _LETTERS, TEXT)
 
     def _plot(self) -> Plot:
-        axes = Axis(0.0, HIGHEST_ORDER, "order, X", ticks=8), Axis(0.0, self._reach.end, "amplitude, µm peak")
+        axes = Axis(0.0, HIGHEST_ORDER, "order, X", ticks=6), Axis(0.0, self._reach.end, "amplitude, µm peak")
         return Plot(0.0, 0.0, 300.0, 180.0, *axes, letters=_LETTERS)

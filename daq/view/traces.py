@@ -12,12 +12,12 @@ from daq.view.palette import MEASURED_X, MEASURED_Y, TACHO
 
 FloatArray = NDArray[np.float64]
 
-BOUNDS = ((-36.0, 304.0), (-14.0, 184.0))
+BOUNDS = ((-34.0, 316.0), (-15.0, 192.0))
 _LETTERS = 7.0
 _MICRO = 1e6
 _POINTS = 600  # a line of more is not seen
 _REVOLUTIONS = 6
-_SPANS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0)  # s
+_SPANS = (0.01, 0.015, 0.02, 0.03, 0.04, 0.06, 0.08, 0.1, 0.15, 0.2, 0.3, 0.5, 1.0, 2.0)  # s
 
 
 def thinned(values: FloatArray, points: int) -> tuple[NDArray[np.intp], FloatArray]:
@@ -45,7 +45,7 @@ class TracePlot:
             trace = snapshot.trace
             turn = 2.0 * math.pi / snapshot.speed if snapshot.speed > 0.0 else math.inf
             wanted = min(_REVOLUTIONS * turn, float(trace.time[-1] - trace.time[0]))
-            self._span = next((span for span in _SPANS if span >= 0.99 * wanted), _SPANS[-1])
+            self._span = max((span for span in _SPANS if span <= 1.01 * wanted), default=_SPANS[0])
             self._reach.follow(float(np.abs(trace.displacement).max()) * _MICRO)
             self._volts = max(self._volts, math.ceil(float(np.abs(trace.tacho).max())))
         return self._span, self._reach.end, self._volts
@@ -82,4 +82,4 @@ class TracePlot:
         end = self._reach.end
         upper = Plot(0.0, 0.0, 300.0, 104.0, time, Axis(-end, end, "displacement, µm", ticks=4), letters=_LETTERS)
         volts = Axis(min(0.0, -0.1 * self._volts), 1.1 * self._volts, "tacho, V", ticks=2)
-        return upper, Plot(0.0, 120.0, 300.0, 34.0, time, volts, letters=_LETTERS)
+        return upper, Plot(0.0, 124.0, 300.0, 38.0, time, volts, letters=_LETTERS)
