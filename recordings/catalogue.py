@@ -4,6 +4,7 @@ import os
 import re
 import shutil
 import threading
+import time
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
@@ -13,6 +14,7 @@ from typing import Any
 
 from analysis.run import RunHeader
 from recordings.cache import DocumentCache
+from recordings.container import is_ended
 from recordings.errors import NotFoundError, RecordingError, StorageError
 from recordings.layout import NANOSECONDS
 from recordings.reader import RunReader
@@ -20,6 +22,8 @@ from recordings.reader import RunReader
 SUFFIX = ".mcap"
 RUN_ID = re.compile(r"[A-Za-z0-9](?:[A-Za-z0-9_(). -]{0,98}[A-Za-z0-9_)-])?")
 """What the id of a run, the name of its file without suffix, may look like: nothing that leads out of the folder."""
+READING_SHARE = 20
+"""A file that is being written is read again after so many times as long as that took."""
 DATA_VARIABLE = "RIG_DATA"
 DEFAULT_FOLDER = "data"
 
@@ -93,7 +97,7 @@ class Catalogue:
         self.folder = folder
         self._documents = DocumentCache(folder)
         self._lock = threading.Lock()
-        self._entries: dict[str, RunEntry] = {}
+        self._kept: dict[str, _Kept] = {}
 
     def runs(self) -> list[RunEntry]:
         """Return all runs, newest first; a file that cannot be read is listed with what is wrong with it.
@@ -105,7 +109,7 @@ class Catalogue:
         """
         entries = {entry.id: entry for entry in (self._entry(path) for path in self._files()) if entry is not None}
         with self._lock:
-            self._entries = entries
+            self._kept = {run_id: kept for run_id, kept in self._kept.items() if run_id in entries}
         return sorted(entries.values(), key=lambda entry: (entry.started_ns, entry.id), reverse=True)
 
     def run(self, run_id: str) -> RunEntry:
@@ -113,8 +117,6 @@ class Catalogue:
         entry = self._entry(self.path(run_id))
         if entry is None:
             raise NotFoundError(f"run {run_id!r}: there is no such run in {self.folder}")
-        with self._lock:
-            self._entries[run_id] = entry
         return entry
 
     def path(self, run_id: str) -> Path:
@@ -199,23 +201,43 @@ class Catalogue:
         yield from (path for path in paths if path.suffix == SUFFIX and RUN_ID.fullmatch(path.stem))
 
     def _entry(self, path: Path) -> RunEntry | None:
-        """Return the entry of a file, from memory where the file has not changed; None where it is gone or no file."""
+        """Return the entry of a file, from memory where nothing speaks against it; None where it is gone or no file."""
         try:
             status = path.stat()
+            if not path.is_file():
+                return None
         except OSError:
             return None
-        if not path.is_file():
-            return None
         with self._lock:
-            known = self._entries.get(path.stem)
-        if known is not None and (known.size, known.changed_ns) == (status.st_size, status.st_mtime_ns):
-            return known
+            kept = self._kept.get(path.stem)
+        if kept is not None and kept.serves(path, status.st_size, status.st_mtime_ns):
+            return kept.entry
+        begun = time.monotonic()
         entry = RunEntry(path.stem, path, status.st_size, status.st_mtime_ns)
         try:
             with RunReader(path) as reader:
-                return _read_entry(entry, reader)
+                entry = _read_entry(entry, reader)
         except RecordingError as error:
-            return replace(entry, fault=str(error))
+            entry = replace(entry, fault=str(error))
+        ended = time.monotonic()
+        with self._lock:
+            self._kept[path.stem] = _Kept(entry, again_at=ended + READING_SHARE * (ended - begun))
+        return entry
+
+
+@dataclass(frozen=True, slots=True)
+class _Kept:
+    """An entry and when it is worth reading its file again while that grows."""
+
+    entry: RunEntry
+    again_at: float
+
+    def serves(self, path: Path, size: int, changed_ns: int) -> bool:
+        """Whether the entry still tells of the file, or nearly so where it is being written and long to read."""
+        if (self.entry.size, self.entry.changed_ns) == (size, changed_ns):
+            return True
+        is_growing = not self.entry.is_complete and self.entry.header is not None and size > self.entry.size
+        return is_growing and time.monotonic() < self.again_at and not is_ended(path)
 
 
 def _read_entry(entry: RunEntry, reader: RunReader) -> RunEntry:

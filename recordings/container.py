@@ -4,6 +4,7 @@ A chunk is read only if its CRC fits, the index at the end is used only if its C
 walked from the start up to where they break off.
 """
 
+import os
 import struct
 import threading
 import zlib
@@ -12,6 +13,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from io import BytesIO
 from pathlib import Path
+from typing import ClassVar
 
 import zstandard
 from mcap.data_stream import ReadDataStream
@@ -64,6 +66,18 @@ class StoredMessage:
     data: bytes
 
 
+@dataclass(frozen=True, slots=True)
+class _Record:
+    """A record by its place, with the first bytes of its content."""
+
+    PEEK: ClassVar[int] = 8
+
+    opcode: int
+    offset: int
+    length: int
+    peek: bytes
+
+
 class Container:
     """An open MCAP file; it may be read from several threads.
 
@@ -86,13 +100,13 @@ class Container:
         self.path = path
         self._lock = threading.Lock()
         try:
-            self._file = path.open("rb")
+            self._file = path.open("rb", buffering=0)
         except FileNotFoundError as error:
             raise NotFoundError(f"{path}: there is no such file") from error
         except OSError as error:
             raise StorageError(f"{path}: cannot be read: {error.strerror or error}") from error
         try:
-            self.size = self._file.seek(0, 2)
+            self.size = self._file.seek(0, os.SEEK_END)
             self._check_magic()
             self._summary_start, self._summary_stop = self._find_summary()
         except (DamagedError, StorageError):
@@ -106,19 +120,15 @@ class Container:
 
     @cached_property
     def metadata(self) -> Mapping[str, Mapping[str, str]]:
-        """Metadata records by name; those in front of the first chunk, and those at the end that are found."""
-        places = list(self._metadata_at_start())
-        if self.is_finished:
-            places += self._metadata_in_summary()
-        else:
-            places += [(offset, length) for opcode, offset, length in self._records() if opcode == Opcode.METADATA]
+        """Metadata records by name, those that are intact."""
+        places = [*self._metadata_at_start(), *self._metadata_in_summary()] if self.is_finished else self._walk[0]
         records = [self._metadata(offset, length) for offset, length in places]
         return {record.name: record.metadata for record in records if record is not None}
 
     @cached_property
     def chunks(self) -> list[ChunkPlace]:
         """All chunks in the order of the file."""
-        return list(self._indexed_chunks() if self.is_finished else self._walked_chunks())
+        return list(self._indexed_chunks()) if self.is_finished else self._walk[1]
 
     def messages(self, place: ChunkPlace) -> Iterator[StoredMessage]:
         """Yield the messages of a chunk in the order of writing.
@@ -178,26 +188,47 @@ class Container:
             return nothing
         return (start, stop) if zlib.crc32(self._read(start, stop - start + FOOTER.size - 4)) == crc else nothing
 
-    def _records(self, start: int = len(MCAP0_MAGIC)) -> Iterator[tuple[int, int, int]]:
-        """Yield opcode, offset and length of each record's content, to the end of the data or where it breaks off."""
-        offset = start
+    def _records(self) -> Iterator[_Record]:
+        """Yield the records one by one, up to the end of the data or where the file breaks off."""
+        offset = len(MCAP0_MAGIC)
         while True:
-            head = self._read(offset, RECORD.size)
+            head = self._read(offset, RECORD.size + _Record.PEEK)
             if len(head) < RECORD.size:
                 return
-            opcode, length = RECORD.unpack(head)
+            opcode, length = RECORD.unpack_from(head)
             offset += RECORD.size
-            if offset + length > self.size or opcode == Opcode.DATA_END:
+            if opcode in (0, Opcode.DATA_END) or offset + length > self.size:  # 0: a file system's filling, no record
                 return
-            yield opcode, offset, length
+            yield _Record(opcode, offset, length, head[RECORD.size :])
             offset += length
 
     def _metadata_at_start(self) -> Iterator[tuple[int, int]]:
-        for opcode, offset, length in self._records():
-            if opcode == Opcode.CHUNK:
+        for record in self._records():
+            if record.opcode == Opcode.CHUNK:
                 return
-            if opcode == Opcode.METADATA:
-                yield offset, length
+            if record.opcode == Opcode.METADATA:
+                yield record.offset, record.length
+
+    @cached_property
+    def _walk(self) -> tuple[list[tuple[int, int]], list[ChunkPlace]]:
+        """Places of metadata, and chunks, found by walking the records."""
+        metadata, chunks, channels = [], list[_Record](), list[set[int]]()
+        for record in self._records():
+            if record.opcode == Opcode.METADATA:
+                metadata.append((record.offset, record.length))
+            elif record.opcode == Opcode.CHUNK:
+                chunks.append(record)
+                channels.append(set())
+            elif record.opcode == Opcode.MESSAGE_INDEX and channels:
+                channels[-1].add(int.from_bytes(record.peek[:2], "little"))
+        if channels:
+            channels[-1].clear()  # what the last chunk holds is not known: its index may be cut
+        known: dict[frozenset[int], frozenset[int]] = {}
+        places = []
+        for chunk, indexed in zip(chunks, map(frozenset, channels), strict=True):
+            start_ns = int.from_bytes(chunk.peek, "little")
+            places.append(ChunkPlace(chunk.offset, chunk.length, start_ns, known.setdefault(indexed, indexed) or None))
+        return metadata, places
 
     def _metadata_in_summary(self) -> Iterator[tuple[int, int]]:
         for content in self._summary(Opcode.METADATA_INDEX):
@@ -233,22 +264,6 @@ class Container:
             channels = frozenset(channel for channel, _ in CHANNEL_OFFSET.iter_unpack(index))
             yield ChunkPlace(offset + RECORD.size, length - RECORD.size, start_ns, known.setdefault(channels, channels))
 
-    def _walked_chunks(self) -> Iterator[ChunkPlace]:
-        """Yield the chunks found by walking the records; what the last one holds is not known, its index may be cut."""
-        last: tuple[int, int, int] | None = None
-        channels: set[int] = set()
-        for opcode, offset, length in self._records():
-            if opcode == Opcode.CHUNK:
-                if last is not None:
-                    yield ChunkPlace(*last, frozenset(channels) or None)
-                (start_ns,) = struct.unpack("<Q", self._read(offset, 8).ljust(8, b"\0"))
-                last = (offset, length, start_ns)
-                channels = set()
-            elif opcode == Opcode.MESSAGE_INDEX:
-                channels.add(int.from_bytes(self._read(offset, 2), "little"))
-        if last is not None:
-            yield ChunkPlace(*last, None)
-
     def _chunk_data(self, place: ChunkPlace) -> bytes:
         """Return the uncompressed records of a chunk."""
         try:
@@ -274,3 +289,13 @@ class Container:
 
     def _damaged(self, place: ChunkPlace) -> DamagedError:
         return DamagedError(f"{self.path}: the {place.length} bytes from byte {place.offset} on are damaged")
+
+
+def is_ended(path: Path) -> bool:
+    """Return whether a file ends as a finished MCAP file does."""
+    try:
+        with path.open("rb") as file:
+            file.seek(-len(MCAP0_MAGIC), os.SEEK_END)
+            return file.read() == MCAP0_MAGIC
+    except OSError:
+        return False

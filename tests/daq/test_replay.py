@@ -100,17 +100,17 @@ def test_replay_keeps_its_pace_over_the_gap(run: Path) -> None:
     ]
     source.close()
     assert all(came >= when for came, when in due)
-    assert due[-1][0] < due[-1][1] + 0.25
+    assert due[-1][0] < due[-1][1] + 1.0
 
 
 def test_a_late_consumer_is_caught_up_with(run: Path) -> None:
-    source = open_replay(run, 2.0)
+    source = open_replay(run, 1.0)
     begun = time.monotonic()
     for k, _ in enumerate(source.blocks()):
         if k == 0:
-            time.sleep(0.15)
+            time.sleep(0.5)
     source.close()
-    assert time.monotonic() - begun < 0.625 / 2 + 0.25  # deadlines are absolute: the pause is not added
+    assert 0.62 < time.monotonic() - begun < 0.62 + 0.4  # deadlines are absolute: the pause is not added
 
 
 def test_stop_from_another_thread_ends_the_replay_at_once(run: Path) -> None:

@@ -3,6 +3,7 @@
 import os
 import re
 import sys
+import time
 from collections.abc import Callable
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -83,6 +84,26 @@ def test_a_copy_that_a_file_manager_made_is_a_run_too(tmp_path: Path, record: Ca
     catalogue = Catalogue(tmp_path)
     assert [entry.id for entry in catalogue.runs()] == [path.stem]
     assert catalogue.path(path.stem) == path
+
+
+def test_a_run_being_written_is_seen_to_grow_and_to_be_complete_at_once(
+    tmp_path: Path, header: RunHeader, make_block: MakeBlock
+) -> None:
+    catalogue = Catalogue(tmp_path)
+    writer = RunWriter(tmp_path / "run.mcap", header)
+    for k in range(100):
+        writer.block(make_block(0, 2000 * k, 2000))
+        if k == 10:
+            assert 0 < catalogue.run("run").samples <= 22_000
+            assert catalogue.run("run").fault.startswith("not finished")
+    deadline = time.monotonic() + 20
+    while catalogue.run("run").samples < 195_000:  # a file that is long to read is not read again at once
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+    writer.segment_end(SegmentEnd(0, 200_000, EndReason.STOPPED))
+    writer.close()
+    entry = catalogue.run("run")
+    assert (entry.samples, entry.is_complete, entry.fault) == (200_000, True, "")
 
 
 def test_a_file_that_changes_is_read_again(tmp_path: Path, record: Callable[[str, int], Path]) -> None:
