@@ -37,6 +37,7 @@ class SimulatedSource:
         self._real_time = real_time
         self._stopping = threading.Event()
         self._started = 0.0
+        self._read = 0  # samples per channel given in this segment
 
     @property
     def acquisition(self) -> Acquisition:
@@ -49,16 +50,18 @@ class SimulatedSource:
         Deadlines are counted from the start, so that the pace does not drift.
         """
         self._started = time.monotonic()
+        lost = 0
         for segment in range(RESTARTS + 1):
-            end = yield from self._segment(segment)
-            yield end
-            over = self._stopping.is_set() or self._card.taken + end.lost >= self._card.n_samples
-            if end.reason is not EndReason.OVERRUN or over:
-                return
+            self._read = 0
             try:
-                self._card.skip(end.lost)
+                self._card.skip(lost)
+                end = yield from self._segment(segment)
             except WallContactError as error:
-                yield SegmentEnd(segment + 1, samples=0, reason=EndReason.DEVICE_ERROR, detail=str(error))
+                end = SegmentEnd(segment, self._read, EndReason.DEVICE_ERROR, detail=str(error))
+            yield end
+            lost = end.lost
+            over = self._stopping.is_set() or self._card.taken + lost >= self._card.n_samples
+            if end.reason is not EndReason.OVERRUN or over:
                 return
 
     def stop(self) -> None:
@@ -72,23 +75,19 @@ class SimulatedSource:
     def _segment(self, segment: int) -> Generator[SampleBlock, None, SegmentEnd]:
         """Yield the blocks of a segment and return its end."""
         before = self._card.taken
-        read = 0
         while not self._stopping.is_set():
-            late = self._acquired() - before - read
+            late = self._acquired() - before - self._read
             if late > self._buffer:
-                return self._overrun(segment, read, late)
-            try:
-                codes = self._card.next_codes(self._block)
-            except WallContactError as error:
-                return SegmentEnd(segment, read, EndReason.DEVICE_ERROR, detail=str(error))
+                return self._overrun(segment, late)
+            codes = self._card.next_codes(self._block)
             if codes.shape[1] == 0:
-                return SegmentEnd(segment, read, EndReason.FINISHED)
+                return SegmentEnd(segment, self._read, EndReason.FINISHED)
             if not self._wait_for(self._card.taken):
                 break
+            first, self._read = self._read, self._read + codes.shape[1]
             backlog = max(self._acquired() - self._card.taken, 0)
-            yield SampleBlock(codes, segment, first_sample=read, host_time_ns=time.time_ns(), backlog=backlog)
-            read += codes.shape[1]
-        return SegmentEnd(segment, read, EndReason.STOPPED)
+            yield SampleBlock(codes, segment, first_sample=first, host_time_ns=time.time_ns(), backlog=backlog)
+        return SegmentEnd(segment, self._read, EndReason.STOPPED)
 
     def _wait_for(self, sample: int) -> bool:
         """Wait until the card has digitised a sample; return whether nobody asked for the end meanwhile."""
@@ -103,7 +102,7 @@ class SimulatedSource:
             return 0
         return min(int((time.monotonic() - self._started) * self.acquisition.rate), self._card.n_samples)
 
-    def _overrun(self, segment: int, read: int, late: int) -> SegmentEnd:
+    def _overrun(self, segment: int, late: int) -> SegmentEnd:
         rate = self.acquisition.rate
         detail = f"the reader was {late / rate:.1f} s late, the card's buffer holds {self._buffer / rate:.1f} s"
-        return SegmentEnd(segment, read, EndReason.OVERRUN, lost=late, detail=detail)
+        return SegmentEnd(segment, self._read, EndReason.OVERRUN, lost=late, detail=detail)

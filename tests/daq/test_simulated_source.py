@@ -6,12 +6,15 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from analysis.samples import EndReason, SampleBlock, SegmentEnd, SourceItem
 from daq.config.rig import Rig
 from daq.drivers.opening import open_source
 from daq.drivers.simulated_card import SimulatedCard
 from daq.drivers.simulated_source import RESTARTS, SimulatedSource
+from daq.errors import DeviceError
+from model.errors import WallContactError
 
 RigFactory = Callable[..., Rig]
 
@@ -129,14 +132,38 @@ def test_source_that_was_stopped_before_it_began_gives_nothing(
     assert list(source.blocks()) == [SegmentEnd(0, 0, EndReason.STOPPED)]
 
 
+class TouchingCard(SimulatedCard):
+    """A card whose shaft touches the wall after a number of samples."""
+
+    touches = 2500
+
+    def next_codes(self, n: int) -> NDArray[np.int16]:
+        if self.taken + n > self.touches:
+            raise WallContactError("the shaft touches the wall")
+        return super().next_codes(n)
+
+
 def test_shaft_that_reaches_the_wall_ends_the_run_as_a_fault(rig: RigFactory) -> None:
-    """With hardly any oil the shaft turns for a while, and touches when the speed has risen."""
-    corners = ((0.0, 500.0), (0.6, 500.0), (1.1, 40_000.0))
-    bench = rig(
-        simulation={"motion": "model", "profile": [{"time_s": t, "speed_rpm": speed} for t, speed in corners]},
-        model={"viscosity_pa_s": 1e-8, "inner_clearance_um": 5.0, "imbalance_kg_m": 1.5e-5},
-    )
-    blocks, (end,) = split(list(open_source(bench).blocks()))
-    assert end.reason is EndReason.DEVICE_ERROR
-    assert end.samples == blocks[-1].end
-    assert "touches the wall" in end.detail
+    source = SimulatedSource(TouchingCard(rig()), block=1000, buffer=RATE, real_time=False)
+    blocks, ends = split(list(source.blocks()))
+    assert [block.end for block in blocks] == [1000, 2000]
+    assert ends == [SegmentEnd(0, 2000, EndReason.DEVICE_ERROR, detail="the shaft touches the wall")]
+
+
+def test_shaft_that_reaches_the_wall_while_nobody_reads_ends_the_next_segment(rig: RigFactory) -> None:
+    source = SimulatedSource(TouchingCard(rig()), block=1000, buffer=500, real_time=True)
+    items = source.blocks()
+    next_block(items)
+    time.sleep(0.2)
+    _, ends = split(list(items))
+    assert [(end.segment, end.samples, end.reason) for end in ends] == [
+        (0, 1000, EndReason.OVERRUN),
+        (1, 0, EndReason.DEVICE_ERROR),
+    ]
+
+
+def test_rig_with_the_real_card_is_opened_by_its_driver(rig: RigFactory) -> None:
+    """Nobody listens at port 1: whoever tries to speak to a card there is told so in the rig's own error."""
+    card = {"backend": "nidaqmx", "target": "127.0.0.1:1", "deadline_s": 0.5}
+    with pytest.raises(DeviceError):
+        open_source(rig(device=card))
