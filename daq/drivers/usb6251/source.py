@@ -170,10 +170,13 @@ class Usb6251:
             lost = max(0, self._card.acquired() - count)
         except DeviceError:
             lost = 0
+        detail = str(error)
         if error.code in OVERRUN_CODES:
             reason = EndReason.OVERRUN
         else:
             self._card.release()
-            gone = error.code in ABSENT_CODES or not self._card.is_present()
-            reason = EndReason.UNPLUGGED if gone else EndReason.DEVICE_ERROR
-        return SegmentEnd(segment, count, reason, lost, lost_is_exact=False, detail=str(error))
+            if error.code in ABSENT_CODES or not self._card.is_present():
+                reason, detail = EndReason.UNPLUGGED, f"the card is gone: {detail}"
+            else:
+                reason = EndReason.DEVICE_ERROR
+        return SegmentEnd(segment, count, reason, lost, lost_is_exact=False, detail=detail)

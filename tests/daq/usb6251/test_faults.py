@@ -98,6 +98,7 @@ def test_card_that_is_no_longer_listed_was_unplugged(card: Usb6251, server: Devi
     server.faults["ReadBinaryI16"].extend([0, code])
     (end,) = ends_of(list(card.blocks()))
     assert end.reason is EndReason.UNPLUGGED
+    assert end.detail.startswith("the card is gone: ")
     assert str(code) in end.detail
     assert server.tasks == []
 
