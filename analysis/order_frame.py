@@ -95,10 +95,10 @@ class FrameBuilder:
                 positions = (angle.time(turns) - self._skews) * scale - first
                 if positions.min() < HALF - 1 or positions.max() >= samples.shape[1] - 1 - HALF:
                     return None
-                return self._evaluate(interpolate(samples, positions), edges)
+                return self._evaluate(interpolate(samples, positions), edges, angle.jitter)
         return None
 
-    def _evaluate(self, waveform: FloatArray, edges: FloatArray) -> OrderFrame:
+    def _evaluate(self, waveform: FloatArray, edges: FloatArray, jitter: float) -> OrderFrame:
         settings = self._settings
         revolutions = settings.revolutions
         waveform = waveform - waveform.mean(axis=1, keepdims=True)
@@ -109,13 +109,14 @@ class FrameBuilder:
         halves = np.diff(edges)
         speeds = np.pi * revolutions / halves  # mean of each half
         orbit = waveform[:, -min(settings.orbit_revolutions, revolutions) * self._points :: self._stride]
+        speed = float(2.0 * np.pi * revolutions / halves.sum())
         return OrderFrame(
-            speed=float(2.0 * np.pi * revolutions / halves.sum()),
+            speed=speed,
             acceleration=float((speeds[1] - speeds[0]) / (0.5 * halves.sum())),
             orders=orders,
             spectrum=spectrum,
             vectors=order_vectors(spectrum, revolutions, 2),
             noise=noise,
-            whirl=find_whirl(spectrum, revolutions, noise, self._pair),
+            whirl=find_whirl(spectrum, revolutions, noise, self._pair, jitter * speed),
             orbit=self._pair.to_bench(orbit - orbit.mean(axis=1, keepdims=True)),
         )

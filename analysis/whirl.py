@@ -11,7 +11,8 @@ ComplexArray = NDArray[np.complex128]
 
 LOWEST, HIGHEST = 0.08, 0.92  # orders searched
 ABOVE_NOISE = 5.0  # times the floor
-BELOW_SYNCHRONOUS = 0.005  # of 1X: what an imperfect angle leaves of it
+OF_SYNCHRONOUS = 0.005  # of 1X: what an imperfect angle leaves of it at least,
+OF_SCATTER = 0.5  # and for each radian by which the marks scatter about the angle
 _QUARTILE_TO_MEDIAN = 1.552  # of the Rayleigh distribution that the lines of noise have
 
 
@@ -41,7 +42,9 @@ def without_synchronous(spectrum: ComplexArray, revolutions: int) -> ComplexArra
     return rest
 
 
-def find_whirl(spectrum: ComplexArray, revolutions: int, noise: float, pair: ProbePair) -> Whirl | None:
+def find_whirl(
+    spectrum: ComplexArray, revolutions: int, noise: float, pair: ProbePair, scatter: float = 0.0
+) -> Whirl | None:
     """Return the strongest sub-synchronous component that stands above the floor, or None.
 
     Parameters
@@ -54,6 +57,9 @@ def find_whirl(spectrum: ComplexArray, revolutions: int, noise: float, pair: Pro
         From `noise_floor`, m peak.
     pair : ProbePair
         Directions of the probes.
+    scatter : float
+        Of the tacho's marks about the smooth angle, rad: it modulates 1X, and lines of so small a part of 1X are not
+        believed.
 
     Notes
     -----
@@ -78,7 +84,7 @@ def find_whirl(spectrum: ComplexArray, revolutions: int, noise: float, pair: Pro
     ellipse = pair.ellipse(vectors)
     floor = max(noise, _QUARTILE_TO_MEDIAN * float(np.quantile(np.abs(rest[:, first : last + 1]), 0.25)))
     synchronous = float(np.abs(spectrum[:, revolutions]).max())
-    if ellipse.major <= max(ABOVE_NOISE * floor, BELOW_SYNCHRONOUS * synchronous):
+    if ellipse.major <= max(ABOVE_NOISE * floor, (OF_SYNCHRONOUS + OF_SCATTER * scatter) * synchronous):
         return None
     order = (line + delta) / revolutions
     return Whirl(float(order), abs(ellipse.forward), abs(ellipse.backward), vectors)

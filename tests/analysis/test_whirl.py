@@ -74,3 +74,10 @@ def test_the_floor_is_the_noise_between_the_lines() -> None:
 def test_removing_1x_leaves_nothing_of_it() -> None:
     _, spectrum = order_spectrum(np.stack([3 * np.cos(THETA + 1), np.sin(THETA)]), 16)
     assert np.abs(without_synchronous(spectrum, 16)).max() < 1e-13
+
+
+def test_what_scattering_marks_make_of_1x_is_not_believed() -> None:
+    waveform = np.stack([20 * np.cos(THETA) + 0.3 * np.cos(0.9 * THETA), 20 * np.sin(THETA)])
+    _, spectrum = order_spectrum(waveform, 16)
+    assert find_whirl(spectrum[:, :129], 16, 0.0, PAIR) is not None
+    assert find_whirl(spectrum[:, :129], 16, 0.0, PAIR, scatter=0.05) is None
