@@ -134,8 +134,9 @@ def _work(modes: int) -> Work:
         np.zeros((2, 2), np.complex128),
         np.zeros(8),
         np.zeros(8),
-        np.zeros((8, 16)),
         np.zeros((3, modes), np.complex128),
+        np.zeros((3, modes), np.complex128),
+        np.zeros((3, 2), np.complex128),
     )
 
 
@@ -159,12 +160,13 @@ def _film_forces(films: Films, speed: float, step: float, work: Work) -> None:
 
 
 @inlined
-def _newton_matrix(films: Films, speed: float, step: float, work: Work) -> None:
+def _newton_matrix(films: Films, speed: float, step: float, work: Work, matrix: FloatArray) -> None:
     # left half of ``augmented``: d(residual) / d(journals, rings)
-    journals, rings, matrix = work.journals, work.rings, work.augmented
+    journals, rings = work.journals, work.rings
     rate, ring_factor = 2 / step, step * step / (4 * films.ring_mass)
-    matrix[:] = 0.0
     for j in range(8):
+        for k in range(16):
+            matrix[j, k] = 0.0
         matrix[j, j] = 1.0
     for c in range(2):
         inner = film_stiffness(
@@ -193,7 +195,7 @@ def _newton_matrix(films: Films, speed: float, step: float, work: Work) -> None:
 
 
 @inlined
-def _invert(augmented: FloatArray, inverse: FloatArray) -> None:
+def _invert(augmented: FloatArray) -> None:
     # Gauss and Jordan's method with row pivots: the right half becomes the inverse of the left.
     n = augmented.shape[0]
     for row in range(n):
@@ -213,7 +215,6 @@ def _invert(augmented: FloatArray, inverse: FloatArray) -> None:
             if row != column:
                 for k in range(2 * n):
                     augmented[row, k] -= factor * augmented[column, k]
-    inverse[:] = augmented[:, n:]
 
 
 @inlined
@@ -233,14 +234,14 @@ def _miss(films: Films, step: float, work: Work) -> float:
 
 
 @inlined
-def _move(films: Films, inverse: FloatArray, work: Work) -> bool:
+def _move(films: Films, augmented: FloatArray, work: Work) -> bool:
     # Newton's step, halved while it would lead to the wall
     journals, rings, change = work.journals, work.rings, work.change
     room = max(WALL, 0.2 * _nearest_wall(films, journals[0], rings[0]))
     for j in range(8):
         change[j] = 0.0
         for k in range(8):
-            change[j] -= inverse[j, k] * work.residual[k]
+            change[j] -= augmented[j, 8 + k] * work.residual[k]
     fraction = 1.0
     for _ in range(30):
         for b in range(2):
@@ -269,11 +270,11 @@ def _solve_films(films: Films, levels: Levels, level: int, state: State, work: W
         if size < 1e-9 * films.inner_clearance:
             return True
         if state.level[0] != level or size > 0.3 * last:
-            _newton_matrix(films, speed, step, work)
-            _invert(work.augmented, state.inverse)
+            _newton_matrix(films, speed, step, work, state.augmented)
+            _invert(state.augmented)
             state.level[0] = level
         last = size
-        if not _move(films, state.inverse, work):
+        if not _move(films, state.augmented, work):
             return False
     return False
 
@@ -349,6 +350,14 @@ def _newmark_end(h: float, T: FloatArray, y: ComplexArray, state: State) -> None
 
 
 @inlined
+def _copy(source: ComplexArray, target: ComplexArray) -> None:
+    # In loops: an assignment of slices takes ten times as long to compile.
+    for row in range(source.shape[0]):
+        for column in range(source.shape[1]):
+            target[row, column] = source[row, column]
+
+
+@inlined
 def _follow(
     shaft: Shaft, films: Films, levels: Levels, level: int, state: State, course: FloatArray, work: Work
 ) -> bool:
@@ -400,9 +409,11 @@ def march(
         level, fastest = 0, max(course[0, 1], course[1, 1])
         while levels.steps[level] * fastest > LARGEST_TURN and level < levels.steps.size - 1:
             level += 1
-        modal, rings = state.modal.copy(), state.rings.copy()
+        _copy(state.modal, work.kept_modal)
+        _copy(state.rings, work.kept_rings)
         while not _follow(shaft, films, levels, level, state, course, work):
-            state.modal[:], state.rings[:] = modal, rings
+            _copy(work.kept_modal, state.modal)
+            _copy(work.kept_rings, state.rings)
             state.level[0] = NO_LEVEL
             level += 1
             if level == levels.steps.size:

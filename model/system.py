@@ -101,17 +101,17 @@ class State(NamedTuple):
         Modal displacements, velocities and accelerations.
     rings : ndarray of complex128, shape (3, 2)
         The rings' displacements, velocities and accelerations, m, m/s, m/s².
-    inverse : ndarray of float64, shape (8, 8)
-        Inverse of Newton's matrix, kept as long as it serves.
+    augmented : ndarray of float64, shape (8, 16)
+        The inverse of Newton's matrix in the right half, kept as long as it serves.
     level : ndarray of int64, shape (1,)
-        Level that ``inverse`` belongs to; ``NO_LEVEL`` for none.
+        Level that it belongs to; ``NO_LEVEL`` for none.
     angle, speed : ndarray of float64, shape (1,)
         Of the shaft, rad and rad/s.
     """
 
     modal: ComplexArray
     rings: ComplexArray
-    inverse: FloatArray
+    augmented: FloatArray
     level: NDArray[np.int64]
     angle: FloatArray
     speed: FloatArray
@@ -134,10 +134,10 @@ class Work(NamedTuple):
         Of the inner and the outer films by bearing, N.
     residual, change : ndarray of float64, shape (8,)
         What the equations miss and Newton's answer, m: journals, then rings, X and Y alternately.
-    augmented : ndarray of float64, shape (8, 16)
-        Newton's matrix beside its inverse.
     modal : ndarray of complex128, shape (3, m)
         Forces, diagonal coordinates, compliances.
+    kept_modal, kept_rings : ndarray of complex128, shapes (3, m) and (3, 2)
+        The state at the start of the step.
     """
 
     journals: ComplexArray
@@ -149,8 +149,9 @@ class Work(NamedTuple):
     forces: ComplexArray
     residual: FloatArray
     change: FloatArray
-    augmented: FloatArray
     modal: ComplexArray
+    kept_modal: ComplexArray
+    kept_rings: ComplexArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -219,7 +220,7 @@ def fresh_state(modes: int, *, angle: float, speed: float) -> State:
     return State(
         modal=np.zeros((3, modes), np.complex128),
         rings=np.zeros((3, 2), np.complex128),
-        inverse=np.eye(8),
+        augmented=np.zeros((8, 16)),
         level=np.array([NO_LEVEL], np.int64),
         angle=np.array([angle]),
         speed=np.array([float(speed)]),
