@@ -67,7 +67,8 @@ class NiDriver:
 
     def __init__(self, make_card: Callable[[], PlayedCard], *, real_time: bool = False) -> None:
         self.make_card = make_card
-        self.acquisition = make_card().acquisition
+        self._next: PlayedCard | None = make_card()
+        self.acquisition = self._next.acquisition
         self.scaling = [channel.scaling for channel in self.acquisition.channels]
         self.real_time = real_time
         self.devices = {"Dev1": ("USB-6251", 0x1A2B3C), "Dev2": ("PCI-6221", 0xBEEF)}
@@ -101,7 +102,7 @@ class NiDriver:
     def start(self, task: NiTask, others: list[NiTask]) -> None:
         if not task.committed:
             self.commit(task, others)
-        task.card = self.make_card()
+        task.card, self._next = self._next or self.make_card(), None
         task.started = time.monotonic()
         task.position = task.acquired = self.ahead = 0
 
