@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from analysis.analyser import Analyser
-from analysis.run import Role
+from analysis.run import Edge, Role
 from analysis.samples import EndReason, SampleBlock, SegmentEnd
 from analysis.snapshot import Snapshot, TachoState
 
@@ -124,6 +124,42 @@ def test_jitter_of_the_tacho_leaves_no_line_below_1x(make_bench: Maker) -> None:
     spectra = [np.abs(s.frame.spectrum[:, 4:13]) for s in snapshots if s.frame is not None]
     assert np.max(spectra) < 0.004 * MICRO
     assert snapshots[-2].tacho.jitter == pytest.approx(2e-6, rel=0.5)
+
+
+def test_a_pulse_steeper_than_the_sampling_leaves_no_line_below_1x(make_bench: Maker) -> None:
+    bench = replace(make_bench(noise=0.02e-6), tacho_rise=1e-7)
+    frames = bench.frames(bench.steady(203.7), bench.circles((20 * MICRO, 1.0, 0.4)), 1.5)
+    lines = np.array([np.abs(frame.spectrum[:, 4:13]) for frame in frames])
+    assert lines.max() < 0.002 * MICRO  # edges a hundredth of a sample wide: rms 0.3 degrees each
+    phases = np.degrees([np.angle(frame.vectors[0, 0]) for frame in frames])
+    assert phases.std() < 0.1
+
+
+def test_the_falling_edge_marks_the_end_of_the_mark(make_bench: Maker) -> None:
+    bench = make_bench(tacho={"edge": Edge.FALLING, "mark_fraction": 0.25})
+    frame = bench.frames(bench.steady(100.0), bench.circles((20 * MICRO, 1.0, 0.4)), 0.5)[-1]
+    assert np.angle(frame.vectors[0, 0]) == pytest.approx(0.4 + np.pi / 2, abs=0.001)
+
+
+def test_several_marks_a_revolution_measure_the_same(make_bench: Maker) -> None:
+    bench = make_bench(tacho={"pulses_per_revolution": 4})
+    snapshot = bench.snapshots(bench.codes(bench.steady(50.0), bench.circles(*THREE), 0.8))[-1]
+    assert snapshot.frame is not None
+    assert snapshot.speed == pytest.approx(2 * np.pi * 50, rel=1e-6)
+    first = snapshot.frame.vectors[0, 0] / (20 * MICRO * np.exp(0.4j))
+    assert abs(first) == pytest.approx(1.0, abs=0.001)
+    assert abs(first**4 - 1) < 0.005  # which of the four marks is the first, nobody can tell
+
+
+def test_a_fan_that_wanders_costs_no_phase(make_bench: Maker) -> None:
+    bench = make_bench()
+
+    def wandering(time: NDArray[np.float64]) -> NDArray[np.float64]:
+        return 2 * np.pi * (100.0 * time + 0.3 * np.sin(2 * np.pi * 0.8 * time) / (2 * np.pi * 0.8))
+
+    frames = bench.frames(wandering, bench.circles(*THREE), 3.0)
+    phases = np.degrees([np.angle(frame.vectors[0, 0] / np.exp(0.4j)) for frame in frames])
+    assert np.abs(phases).max() < 0.1
 
 
 @pytest.mark.parametrize("size", [1, 333, 2000, 10_000, 25_001, 100_000])
