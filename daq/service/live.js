@@ -66,7 +66,7 @@ function drawSpeed({ measured, limits }) {
   const speed = measured?.speed_rpm;
   write("speed", whole(speed));
   const change = measured?.acceleration_rpm_per_s ?? 0;
-  const steady = Math.abs(change) < 0.002 * (speed ?? Infinity);
+  const steady = Math.abs(change) <= 0.002 * (speed ?? Infinity);
   write("trend", !known(speed) || steady ? "" : change > 0 ? "▲" : "▼");
   fill("speed-gauge", speed, limits.speed_rpm);
   const tacho = measured?.tacho.state ?? "no result yet";

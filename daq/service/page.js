@@ -2,6 +2,7 @@
 
 import { clock } from "./figures.js";
 import { drawIdle, drawLive } from "./live.js";
+import { followPicture } from "./picture.js";
 import { drawRuns } from "./runs.js";
 import { ask, keepToken, takeTokenFromAddress } from "./service_client.js";
 
@@ -83,7 +84,9 @@ async function listRuns() {
 function showViewer(address) {
   const here = ["localhost", "127.0.0.1", "[::1]"];
   if (!address) {
-    element("empty").textContent = "No live view in this session.\nThe values beside are complete without it.";
+    const empty = element("empty");
+    empty.textContent = "No run is under way.\nOrbit and order spectrum are drawn here when one is.";
+    followPicture(element("view"), empty);
   } else if (here.includes(new URL(address).hostname) && !here.includes(location.hostname)) {
     element("empty").textContent = "The live view can only be seen on the machine at the bench.";
   } else {

@@ -19,6 +19,7 @@ ASSETS: Final = (
     "page.js",
     "live.js",
     "runs.js",
+    "picture.js",
     "figures.js",
     "service_client.js",
     "reference.css",

@@ -63,12 +63,12 @@ def example(schema: Schema, schemas: Schema) -> object:
 def _operation(method: str, path: str, operation: Schema, schemas: Schema) -> str:
     parts = [
         f'<section id="{_text(operation["operationId"])}"><h2><code>{method.upper()} {_text(path)}</code></h2>',
-        f"<p><strong>{_text(operation['summary'])}.</strong> {_text(operation.get('description', ''))}</p>",
+        f"<p><strong>{_text(operation['summary'])}.</strong> {_prose(operation['description'])}</p>",
     ]
     if operation.get("parameters"):
         rows = (
             f"<tr><td><code>{_text(parameter['name'])}</code></td><td>{parameter['in']}</td>"
-            f"<td>{_kind(parameter['schema'])}</td><td>{_text(parameter.get('description', ''))}</td></tr>"
+            f"<td>{_kind(parameter['schema'])}</td><td>{_prose(parameter.get('description', ''))}</td></tr>"
             for parameter in operation["parameters"]
         )
         parts.append(_table("Parameter", "In", "Type", "Meaning", rows=rows))
@@ -83,7 +83,7 @@ def _answers(responses: Schema) -> Iterator[str]:
     for status, response in sorted(responses.items()):
         for media_type, content in response["content"].items():
             yield (
-                f"<tr><td>{status}</td><td>{_text(response['description'])}</td>"
+                f"<tr><td>{status}</td><td>{_prose(response['description'])}</td>"
                 f"<td>{_kind(content['schema'])} <small>{_text(media_type)}</small></td></tr>"
             )
 
@@ -91,19 +91,19 @@ def _answers(responses: Schema) -> Iterator[str]:
 def _problems() -> str:
     rows = (
         f'<tr id="{kind.name}"><td><code>{kind.name}</code></td><td>{kind.status}</td>'
-        f"<td>{_text(kind.title)}. {_text(kind.explanation)}</td></tr>"
+        f"<td>{_text(kind.title)}. {_prose(kind.explanation)}</td></tr>"
         for kind in KINDS
     )
     return _table("Name", "Status", "Meaning", rows=rows)
 
 
 def _document(name: str, schema: Schema) -> str:
-    meaning = _text(schema.get("description", ""))
+    meaning = _prose(schema.get("description", ""))
     if "properties" not in schema:
         return f'<section id="{_text(name)}"><h3>{_text(name)}</h3><p>{meaning}</p><p>{_kind(schema)}</p></section>'
     rows = (
         f"<tr><td><code>{_text(field)}</code></td><td>{_kind(content)}</td>"
-        f"<td>{_text(content.get('description', ''))}</td></tr>"
+        f"<td>{_prose(content.get('description', ''))}</td></tr>"
         for field, content in schema["properties"].items()
     )
     table = _table("Field", "Type", "Meaning", rows=rows)
@@ -134,3 +134,10 @@ def _name(reference: str) -> str:
 
 def _text(value: object) -> str:
     return html.escape(str(value), quote=True)
+
+
+def _prose(value: str) -> str:
+    """Return Markdown's code spans and paragraphs as HTML."""
+    parts = _text(value).split("`")
+    marked = "".join(f"<code>{part}</code>" if k % 2 else part for k, part in enumerate(parts))
+    return marked.replace("\n\n", "<br>")

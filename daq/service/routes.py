@@ -11,11 +11,13 @@ from pydantic import BaseModel, ConfigDict, Field
 from daq.service.documents import (
     HealthDocument,
     LiveDocument,
+    PictureDocument,
     RunDocument,
     RunListDocument,
     SummaryDocument,
     health_document,
     live_document,
+    picture_document,
     run_document,
     run_list_document,
 )
@@ -126,6 +128,7 @@ class Routes:
             RUN_NOT_FOUND, BAD_PARAMETER, RUN_UNDER_WAY, RUN_DAMAGED, RUN_FORMAT, STORAGE, BUSY,
         )  # fmt: skip
         add("/live", self.live, "get_live", "live", "The run under way, at this moment", NO_LIVE_RUN)
+        add("/live/picture", self.picture, "get_live_picture", "live", "Orbit and order spectrum now", NO_LIVE_RUN)
         add("/health", self.health, "get_health", "service", "Whether the service is well", BUSY)
         return router
 
@@ -135,7 +138,13 @@ class Routes:
         summary: str, *kinds: Kind,
     ) -> None:  # fmt: skip
         router.add_api_route(
-            path, endpoint, operation_id=name, tags=[tag], summary=summary, responses=openapi_responses(*kinds, *always)
+            path,
+            endpoint,
+            operation_id=name,
+            tags=[tag],
+            summary=summary,
+            response_description=summary,
+            responses=openapi_responses(*kinds, *always),
         )
 
     async def runs(self, query: Annotated[RunQuery, Query()]) -> RunListDocument:
@@ -163,10 +172,17 @@ class Routes:
 
         When a run has ended its last moment stays, with `state` finished or failed, until the next one begins.
         """
+        return live_document(self._frame())
+
+    async def picture(self) -> PictureDocument:
+        """Give the curves of the last whole revolutions, measured and predicted, as `/live` gives the numbers."""
+        return picture_document(self._frame())
+
+    def _frame(self) -> LiveFrame:
         frame = self._live.latest()
         if frame is None:
             raise ProblemError(NO_LIVE_RUN, "nothing is recorded or replayed now")
-        return live_document(frame)
+        return frame
 
     async def health(self) -> HealthDocument:
         """Answer at all; `health` says whether data folder and live run are well too."""

@@ -10,7 +10,7 @@ from typing import Any
 import httpx
 import pytest
 
-from daq.service.documents import LiveDocument, ProblemDocument, RunDocument, SummaryDocument
+from daq.service.documents import LiveDocument, PictureDocument, ProblemDocument, RunDocument, SummaryDocument
 from daq.session.frame import RunState
 from recordings.errors import DamagedError, RecordingError, StorageError, UnknownFormatError
 from tests.daq.frames import make_frames
@@ -207,6 +207,26 @@ def test_live_gives_measurement_and_model_side_by_side_and_is_never_kept(bench: 
     assert live.measured.whirl.order == 0.49
 
 
+def test_live_picture_gives_orbit_and_spectrum_with_the_models_beside_them(bench: Bench) -> None:
+    assert problem(bench.get("/live/picture")).type == "/docs#no-live-run"
+    frame = make_frames(200)[150]
+    bench.live.frame = frame
+    picture = PictureDocument.model_validate_json(bench.get("/live/picture").content)
+    assert frame.snapshot is not None
+    assert frame.snapshot.frame is not None
+    assert picture.measured is not None
+    assert picture.predicted is not None
+    assert picture.measured.orbit_x_um == pytest.approx(frame.snapshot.frame.orbit[0] * 1e6, abs=1e-4)
+    assert len(picture.measured.orbit_y_um) == 4 * picture.points_per_revolution
+    first = picture.measured.orders.index(1.0)
+    assert picture.measured.spectrum_peak_x_um[first] == pytest.approx(
+        abs(frame.snapshot.frame.spectrum[0, first]) * 1e6, abs=1e-4
+    )
+    bench.live.frame = replace(frame, snapshot=None, prediction=None)
+    empty = PictureDocument.model_validate_json(bench.get("/live/picture").content)
+    assert (empty.measured, empty.predicted) == (None, None)
+
+
 def test_health_names_the_run_under_way_and_a_failed_one(bench: Bench) -> None:
     assert bench.get("/health").json()["live_run"] is None
     frame = make_frames(1)[0]
@@ -273,6 +293,7 @@ def test_every_answer_fits_the_schema_that_is_given_for_it(bench: Bench, schema:
     for frame in make_frames(40)[::13]:
         bench.live.frame = frame
         check(bench.get("/live"), "/live", 200)
+        check(bench.get("/live/picture"), "/live/picture", 200)
     bench.live.frame = replace(frame, snapshot=None, prediction=None)
     check(bench.get("/live"), "/live", 200)
     check(bench.get("/health"), "/health", 200)
@@ -301,7 +322,7 @@ def test_schema_checker_finds_what_does_not_fit(schema: dict[str, Any]) -> None:
 def test_schema_names_every_operation_and_points_nowhere_unknown(schema: dict[str, Any]) -> None:
     operations = [operation for path in schema["paths"].values() for operation in path.values()]
     assert [operation["operationId"] for operation in operations] == [
-        "list_runs", "get_run", "get_run_summary", "get_live", "get_health",
+        "list_runs", "get_run", "get_run_summary", "get_live", "get_live_picture", "get_health",
     ]  # fmt: skip
     assert {tag for operation in operations for tag in operation["tags"]} == {tag["name"] for tag in schema["tags"]}
     text = json.dumps(schema)

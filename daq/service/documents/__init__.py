@@ -4,6 +4,7 @@ from daq.service.documents.agreement import AgreementDocument, agreement_documen
 from daq.service.documents.document import Document
 from daq.service.documents.health import HealthDocument, health_document
 from daq.service.documents.live import LiveDocument, live_document
+from daq.service.documents.picture import PictureDocument, picture_document
 from daq.service.documents.problem import Fault, ProblemDocument
 from daq.service.documents.run import RunDocument, RunListDocument, run_document, run_list_document
 from daq.service.documents.summary import SummaryDocument, summary_document
@@ -14,6 +15,7 @@ __all__ = [
     "Fault",
     "HealthDocument",
     "LiveDocument",
+    "PictureDocument",
     "ProblemDocument",
     "RunDocument",
     "RunListDocument",
@@ -21,6 +23,7 @@ __all__ = [
     "agreement_document",
     "health_document",
     "live_document",
+    "picture_document",
     "run_document",
     "run_list_document",
     "summary_document",
