@@ -3,7 +3,7 @@
 import rerun.blueprint as rrb
 
 from analysis.run import RunHeader
-from daq.view import banner, bode, cascade, orbit, spectrum, traces, words
+from daq.view import banner, bode, colour_map, orbit, spectrum, traces, words
 from daq.view.palette import PAPER
 
 _Bounds = tuple[tuple[float, float], tuple[float, float]]
@@ -22,15 +22,19 @@ def operator_blueprint(header: RunHeader) -> rrb.Blueprint:
             rrb.Horizontal(
                 _drawn("orbit", "Orbit (µm, seen from the compressor end)", orbit.BOUNDS),
                 _drawn("spectrum", "Order spectrum (µm peak over shaft orders)", spectrum.BOUNDS),
-                _drawn("cascade", "Cascade (order spectra against speed, r/min)", cascade.BOUNDS),
+                rrb.Tabs(
+                    _drawn("cascade", "Cascade (spectra over speed, r/min)", colour_map.BOUNDS),
+                    _drawn("waterfall", "Waterfall (spectra over time, s)", colour_map.BOUNDS),
+                    active_tab=0,
+                ),
                 column_shares=[1.05, 1.35, 1.4],
             ),
             rrb.Horizontal(
                 _drawn("bode", "1X and 2X against speed (µm peak, ° lag)", bode.BOUNDS),
                 rrb.Tabs(
                     _drawn("traces", "Traces (µm and V over ms)", traces.BOUNDS),
-                    _trend("trend/overall", "Overall against run time (µm peak-to-peak)"),
-                    _trend("trend/speed", "Speed against run time (r/min)"),
+                    _trend("trend/overall", "Overall (µm peak-to-peak)"),
+                    _trend("trend/speed", "Speed (r/min)"),
                     active_tab=0,
                 ),
                 rrb.Tabs(

@@ -17,6 +17,7 @@ from daq.view.orbit import OrbitPlot
 from daq.view.palette import MEASURED_X, MEASURED_Y, MODEL, TEXT
 from daq.view.spectrum import SpectrumPlot
 from daq.view.traces import TracePlot
+from daq.view.waterfall import WaterfallPlot
 from daq.view.words import words
 
 _UNDER, _OVER, _TOP = 10.0, 20.0, 30.0  # what is drawn over what
@@ -48,6 +49,7 @@ class Presenter:
         self._orbit = OrbitPlot(header)
         self._spectrum = SpectrumPlot()
         self._cascade = CascadePlot(header)
+        self._waterfall = WaterfallPlot(header)
         self._bode = BodePlot(header)
         self._traces = TracePlot()
         self._model_points = header.settings.points_per_revolution
@@ -59,6 +61,7 @@ class Presenter:
         snapshot = frame.snapshot
         if snapshot is not None:
             self._cascade.add(snapshot, frame.prediction)
+            self._waterfall.add(snapshot, frame.prediction, frame.status.elapsed)
             self._bode.add(snapshot.frame, frame.prediction)
         self._show_orbit(frame)
         if self._count % _SECOND == 0:
@@ -94,6 +97,9 @@ class Presenter:
         self._axes("cascade/axes", 0, self._cascade.axes)
         self._stream.log("cascade/measured", self._cascade.picture())
         self._cascade.lines(order_frame).log(self._stream, "cascade/model", draw_order=_TOP)
+        self._axes("waterfall/axes", 0, self._waterfall.axes)
+        self._stream.log("waterfall/measured", self._waterfall.picture())
+        self._waterfall.lines(frame.status.elapsed).log(self._stream, "waterfall/model", draw_order=_TOP)
         self._axes("bode/axes", self._bode.follow(), self._bode.axes)
         self._bode.model().log(self._stream, "bode/model", draw_order=_OVER)
         self._bode.measured().log(self._stream, "bode/measured", draw_order=_TOP)
