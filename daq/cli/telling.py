@@ -92,11 +92,12 @@ def _verdict(summary: SummaryDocument) -> str:
     if not summary.segments:
         return "NO END: the recording breaks off"
     bound = "" if summary.lost_is_exact else "at least "
-    reasons = "; ".join(
-        f"segment {segment.segment}: {segment.end_reason.value}" + (f" ({segment.detail})" if segment.detail else "")
+    ends = "; ".join(
+        f"segment {segment.segment} of {segment.samples:,} samples: {segment.end_reason.value}"
+        + (f" ({segment.detail})" if segment.detail else "")
         for segment in summary.segments
     )
-    return f"NOT GAP-FREE: {bound}{summary.lost_samples:,} samples lost in {len(summary.segments)} segments: {reasons}"
+    return f"NOT GAP-FREE: {bound}{summary.lost_samples:,} samples lost; {ends}"
 
 
 def _speeds(summary: SummaryDocument) -> str:

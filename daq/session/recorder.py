@@ -201,7 +201,9 @@ class _Recorder:
         if isinstance(item, SegmentEnd):
             if item.reason is EndReason.STOPPED:
                 planned = self._limit is not None and self._gauges.samples >= self._limit
-                item = replace(item, reason=EndReason.FINISHED if planned else item.reason, detail=self._message)
+                item = replace(
+                    item, reason=EndReason.FINISHED if planned else item.reason, detail=self._message or item.detail
+                )
             self._writer.segment_end(item)
             self._gauges.add_end(item)
             self._ends.append(item)
