@@ -180,5 +180,5 @@ def circular(amplitude: float, phase: float, angles: tuple[float, float]) -> Com
 
 def towards(angles: tuple[float, float], displacement: FloatArray) -> FloatArray:
     """Return the parts towards two probes of a displacement in the bench's X and Y, first axis (2,), m."""
-    directions = np.array([[np.cos(angle), np.sin(angle)] for angle in angles])
-    return np.asarray(directions @ displacement, dtype=np.float64)
+    x, y = displacement
+    return np.stack([x * np.cos(angle) + y * np.sin(angle) for angle in angles])  # the same bits for any length
