@@ -1,14 +1,22 @@
 """A new file that is only appended to."""
 
 import io
+import os
+import threading
 from contextlib import suppress
 from pathlib import Path
 
 from recordings.errors import StorageError
 
+SYNC_INTERVAL = 1.0
+"""Seconds between the moments at which what was written is made to survive a loss of power."""
+
 
 class AppendedFile:
     """A new file without a buffer of its own, that knows up to where it is whole.
+
+    A thread of its own has the operating system bring what it holds to the disk every second: a pulled plug costs about
+    so much of a run, and the writing thread need not wait for it.
 
     Parameters
     ----------
@@ -33,6 +41,9 @@ class AppendedFile:
         self._path = path
         self._length = 0
         self._settled = 0
+        self._closing = threading.Event()
+        self._syncer = threading.Thread(target=self._sync, name=f"sync {path.name}", daemon=True)
+        self._syncer.start()
 
     @property
     def length(self) -> int:
@@ -52,9 +63,8 @@ class AppendedFile:
 
     def cut_back(self) -> None:
         """Drop what was written since the file was last whole, and close; where nothing is whole, there is no file."""
-        with suppress(
-            OSError
-        ):  # the disk is gone: what it holds is all there is, and readers find the last whole chunk
+        self._end_syncing()
+        with suppress(OSError):  # the disk is gone: readers find the last whole chunk of what it holds
             self._file.truncate(self._settled)
         with suppress(OSError):
             self._file.close()
@@ -63,5 +73,20 @@ class AppendedFile:
                 self._path.unlink()
 
     def close(self) -> None:
-        """Close the file; OSError where the system only now finds that it cannot keep it."""
+        """Bring all to the disk and close the file; OSError where the system only now finds that it cannot keep it."""
+        self._end_syncing()
+        os.fsync(self._file.fileno())
         self._file.close()
+
+    def _end_syncing(self) -> None:
+        self._closing.set()
+        self._syncer.join()
+
+    def _sync(self) -> None:
+        synced = 0
+        while not self._closing.wait(SYNC_INTERVAL):
+            length = self._length
+            if length > synced:
+                with suppress(OSError):  # the next write or the close meets the same trouble and says so
+                    os.fsync(self._file.fileno())
+                synced = length

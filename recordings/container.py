@@ -280,12 +280,10 @@ class Container:
             return chunk.data
         if chunk.compression != "zstd":
             raise DamagedError(f"{self.path}: a chunk is compressed as {chunk.compression!r}, expected zstd or nothing")
-        if (
-            zstandard.frame_content_size(chunk.data) != chunk.uncompressed_size
-            or chunk.uncompressed_size > LARGEST_CHUNK
-        ):
+        declared = zstandard.frame_content_size(chunk.data)  # -1 where whoever rewrote the file left it out
+        if declared not in (-1, chunk.uncompressed_size) or chunk.uncompressed_size > LARGEST_CHUNK:
             raise self._damaged(place)
-        return zstandard.decompress(chunk.data)
+        return zstandard.decompress(chunk.data, max_output_size=chunk.uncompressed_size)
 
     def _damaged(self, place: ChunkPlace) -> DamagedError:
         return DamagedError(f"{self.path}: the {place.length} bytes from byte {place.offset} on are damaged")

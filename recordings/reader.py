@@ -194,10 +194,7 @@ class RunReader:
             raise DamagedError(f"{self.path}: {error}") from error
 
     def _read_ends(self) -> None:
-        entries = self._container.metadata.get(END_RECORD)
-        document: dict[str, Any] = {}
-        if entries is not None and self._container.is_finished:
-            document = unsealed(self.path, END_RECORD, entries)
+        document = self._end_document()
         self._is_complete = bool(document.get("complete", False))
         self._skipped_samples = int(document.get("skipped_samples", 0))
         if self._is_complete:
@@ -209,6 +206,16 @@ class RunReader:
         for end in self._ends:
             self._starts_ns[end.segment] = start_ns
             start_ns += sample_time_ns(end.samples + end.lost, self.header.acquisition.rate)
+
+    def _end_document(self) -> dict[str, Any]:
+        """Return what the run came to, or nothing where it was not finished or that record is damaged."""
+        entries = self._container.metadata.get(END_RECORD)
+        if entries is None or not self._container.is_finished:
+            return {}
+        try:
+            return unsealed(self.path, END_RECORD, entries)
+        except DamagedError:
+            return {}
 
     def _survey(self) -> tuple[SegmentEnd, ...]:
         """Find how far a file goes that was not finished."""

@@ -12,7 +12,7 @@ from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from google.protobuf.descriptor_pool import DescriptorPool
 from google.protobuf.message_factory import GetMessageClass
 from mcap.reader import make_reader
-from mcap.writer import Writer
+from mcap.writer import CompressionType, Writer
 from numpy.typing import NDArray
 
 from analysis.run import RunHeader
@@ -159,6 +159,43 @@ def plainly_unpacked(message: Any) -> NDArray[np.int16]:
         before = values[-1] if k % message.samples else 0
         values.append((before + delta) & 0xFFFF)
     return np.array(struct.unpack(f"<{n}h", struct.pack(f"<{n}H", *values)), np.int16).reshape(message.channels, -1)
+
+
+@pytest.mark.parametrize("compression", [CompressionType.ZSTD, CompressionType.NONE])
+def test_a_run_that_another_tool_wrote_anew_reads_the_same(
+    run: Path, tmp_path: Path, codes_of: CodesOf, compression: CompressionType
+) -> None:
+    other = tmp_path / "anew.mcap"
+    with run.open("rb") as old, other.open("wb") as new:
+        reader = make_reader(old)
+        summary = reader.get_summary()
+        assert summary is not None
+        writer: Any = Writer(new, chunk_size=50_000, compression=compression)
+        writer.start()
+        for record in reader.iter_metadata():
+            writer.add_metadata(record.name, record.metadata)
+        for channel in summary.channels.values():
+            schema = summary.schemas[channel.schema_id]
+            number = writer.register_schema(schema.name, schema.encoding, schema.data)
+            writer.register_channel(channel.topic, channel.message_encoding, number, channel.metadata)
+        for _, channel, message in reader.iter_messages():
+            writer.add_message(channel.id, message.log_time, message.data, message.publish_time, message.sequence)
+        writer.finish()
+    with RunReader(run) as before, RunReader(other) as after:
+        assert after.header == before.header
+        assert after.segment_ends == before.segment_ends
+        assert len(list(after.items())) == len(list(before.items()))
+        assert len(list(after.snapshots())) == len(list(before.snapshots()))
+        np.testing.assert_array_equal(after.samples(2, 777, 44_444), codes_of(2, 777, 44_444))
+
+
+def test_a_damaged_end_record_leaves_the_samples_readable(run: Path) -> None:
+    data = run.read_bytes()
+    place = data.rindex(b'"skipped_samples": 4321')
+    run.write_bytes(data[:place] + b'"skipped_samples": 4322' + data[place + 23 :])
+    with RunReader(run) as reader:
+        assert not reader.is_complete
+        assert reader.segment_ends == ENDS
 
 
 def test_a_missing_file_is_named(tmp_path: Path) -> None:

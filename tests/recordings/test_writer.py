@@ -151,7 +151,7 @@ WRITE_FOR_EVER = """
 @pytest.mark.skipif(sys.platform == "win32", reason="SIGKILL is POSIX")
 def test_a_killed_writer_loses_at_most_a_quarter_second(tmp_path: Path, header: RunHeader) -> None:
     path = tmp_path / "run.mcap"
-    for n_blocks in (1, 9, 10, 11, 12):
+    for n_blocks in (2, 9, 10, 11, 12):
         path.unlink(missing_ok=True)
         with subprocess.Popen(
             [sys.executable, "-c", textwrap.dedent(WRITE_FOR_EVER), str(path)],
@@ -167,8 +167,6 @@ def test_a_killed_writer_loses_at_most_a_quarter_second(tmp_path: Path, header: 
             writer.stdin.flush()
             written = [int(writer.stdout.readline()) for _ in range(n_blocks)][-1]
             writer.send_signal(signal.SIGKILL)
-        if n_blocks == 1:
-            continue
         with RunReader(path) as reader:
             assert not reader.is_complete
             assert written - reader.n_samples <= 0.25 * header.acquisition.rate
