@@ -252,6 +252,12 @@ def test_load_rig_tells_a_folder(tmp_path: Path) -> None:
     assert fault.endswith("expected a TOML file")
 
 
+def test_load_rig_reads_what_a_windows_editor_wrote(rig_file: RigFiles) -> None:
+    path = rig_file()
+    path.write_bytes(b"\xef\xbb\xbf" + path.read_bytes().replace(b"\n", b"\r\n"))
+    assert load_rig(path).config.rig == "test-rig"
+
+
 def test_load_rig_tells_what_is_no_text(tmp_path: Path) -> None:
     path = tmp_path / "rig.toml"
     path.write_bytes(b"\xff\xfe\x00")
