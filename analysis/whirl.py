@@ -79,6 +79,7 @@ def find_whirl(
     line = first + int(np.argmax(np.where(is_peak, searched, -1.0)))
     side = 1 if size[line + 1] > size[line - 1] else -1
     delta = side * (2.0 * size[line + side] - size[line]) / (size[line] + size[line + side])
+    delta = min(max(float(delta), -0.5), 0.5)  # further off it would be the neighbour's
     gain = np.sinc(delta) / (1.0 - delta**2)
     vectors = rest[:, line] / gain * np.exp(-1j * np.pi * delta)  # referred to the frame's first mark
     ellipse = pair.ellipse(vectors)

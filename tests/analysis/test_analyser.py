@@ -85,6 +85,17 @@ def test_orbit_and_direction_do_not_depend_on_the_probes_angles(make_bench: Make
     assert np.abs(pure.orbit - synchronous).max() < 0.5 * MICRO  # noise
 
 
+def test_the_order_of_the_channels_does_not_matter(make_bench: Maker) -> None:
+    bench = make_bench()
+    x, y, tacho = bench.acquisition.channels
+    for channels in [(tacho, y, x), (y, tacho, x)]:
+        turned = replace(bench, acquisition=replace(bench.acquisition, channels=channels))
+        snapshot = turned.snapshots(turned.codes(bench.steady(300.0), bench.circles(*THREE), 0.5))[-1]
+        assert snapshot.frame is not None
+        phases = np.degrees(np.angle(snapshot.frame.vectors[0] / np.exp(0.4j) / [1, -1j]))
+        assert np.abs(phases).max() < 0.05
+
+
 def test_a_delay_of_the_tacho_is_taken_off(make_bench: Maker) -> None:
     motion = ((20 * MICRO, 1.0, 0.4),)
     bench = make_bench(tacho={"delay": 4e-4})

@@ -81,3 +81,12 @@ def test_what_scattering_marks_make_of_1x_is_not_believed() -> None:
     _, spectrum = order_spectrum(waveform, 16)
     assert find_whirl(spectrum[:, :129], 16, 0.0, PAIR) is not None
     assert find_whirl(spectrum[:, :129], 16, 0.0, PAIR, scatter=0.05) is None
+
+
+def test_a_line_without_neighbours_is_taken_as_it_stands() -> None:
+    spectrum = np.zeros((2, 33), dtype=np.complex128)
+    spectrum[:, 7] = 1e-6, -1e-6j
+    with np.errstate(all="raise"):
+        whirl = find_whirl(spectrum, 16, 0.0, PAIR)
+    assert whirl is not None
+    assert abs(whirl.order * 16 - 7) <= 0.5
