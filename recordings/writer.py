@@ -217,7 +217,8 @@ class RunWriter:
     def _taken_results(self) -> Iterator[Message]:
         while self._results:
             result = self._results.popleft()
-            log_time = result.log_time_ns + self._starts_ns[result.segment] - self._starts_ns[0]
+            start_ns = self._starts_ns.get(result.segment, self._starts_ns[self._segment])
+            log_time = result.log_time_ns + start_ns - self._starts_ns[0]
             yield Message(CHANNEL_IDS[result.topic], log_time, result.data, log_time, 0)
 
     def _end_document(self, skipped_samples: int) -> dict[str, object]:

@@ -81,6 +81,20 @@ def test_a_result_of_an_unknown_topic_is_refused(tmp_path: Path, header: RunHead
     writer.close()
 
 
+def test_a_result_of_a_segment_that_never_began_does_not_stop_the_recording(
+    tmp_path: Path, header: RunHeader, make_block: MakeBlock, make_snapshot: MakeSnapshot
+) -> None:
+    writer = RunWriter(tmp_path / "run.mcap", header)
+    for result in encode_snapshot(make_snapshot(7, 2000), header):
+        writer.result(result)
+    writer.block(make_block(0, 0, 2000))
+    writer.segment_end(SegmentEnd(0, 2000, EndReason.STOPPED))
+    writer.close()
+    with RunReader(writer.path) as reader:
+        assert [snapshot.segment for snapshot in reader.snapshots()] == [7]
+        assert reader.is_complete
+
+
 def test_closing_twice_is_harmless(tmp_path: Path, header: RunHeader, make_block: MakeBlock) -> None:
     writer = RunWriter(tmp_path / "run.mcap", header)
     writer.block(make_block(0, 0, 100))
