@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from analysis.run import Role
 from daq.config.faults import Fault
 from daq.config.rotor import configured_rotor
-from daq.config.schema import Backend, ChannelSection, RigConfig
+from daq.config.schema import Backend, ChannelSection, RigConfig, TachoSection
 
 AGGREGATE_RATE = {"USB-6251": 1e6}  # samples per second over all channels of a multi-channel scan
 DIFFERENTIAL_INPUTS = 8  # ai0 to ai7, each with the input 8 above it as its negative
@@ -137,19 +137,35 @@ def _tacho(config: RigConfig) -> Iterator[Fault]:
             expected = f"{switching} within the range of ±{channel.range_v:g} V"
             keys = ("tacho.hysteresis_v", f"channel[{number}].range_v")
             yield _fault("tacho.threshold_v", tacho.threshold_v, expected, *keys)
+    for key, speed in _planned_speeds(config):
+        if speed > (highest := _fastest_followed(tacho)) * (1 + 1e-9):
+            expected = (
+                f"at most {highest:.0f}: light and dark must each last the tacho's response time of "
+                f"{tacho.response_time_s * 1e3:g} ms, with a mark over {tacho.mark_fraction * 100:g} % of the turn"
+            )
+            yield _fault(key, speed, expected, *MARK_KEYS)
     shorter = min(tacho.mark_fraction, 1 - tacho.mark_fraction)
     pulses = config.limits.speed_rpm / 60 * tacho.pulses_per_revolution
-    if pulses * tacho.response_time_s > shorter:
-        highest = shorter / tacho.response_time_s * 60 / tacho.pulses_per_revolution
-        expected = (
-            f"at most {highest:.0f}: light and dark must each last the tacho's response time of "
-            f"{tacho.response_time_s * 1e3:g} ms, with a mark over {tacho.mark_fraction * 100:g} % of the turn"
-        )
-        yield _fault("limits.speed_rpm", config.limits.speed_rpm, expected, *MARK_KEYS)
     if shorter * config.timing.rate_hz < LIGHT_AND_DARK_SAMPLES * pulses:
         least = LIGHT_AND_DARK_SAMPLES * pulses / shorter
         expected = f"at least {least:.0f}: {LIGHT_AND_DARK_SAMPLES} samples of the tacho's light and dark at full speed"
         yield _fault("timing.rate_hz", config.timing.rate_hz, expected, "limits.speed_rpm", *MARK_KEYS)
+
+
+def _planned_speeds(config: RigConfig) -> Iterator[tuple[str, float]]:
+    """Yield key and value, r/min, of every speed that the tacho should follow."""
+    yield "limits.speed_rpm", config.limits.speed_rpm
+    if config.device.backend is Backend.SIMULATED:
+        for number, point in enumerate(config.simulation.profile):
+            yield f"simulation.profile[{number}].speed_rpm", point.speed_rpm
+
+
+def _fastest_followed(tacho: TachoSection) -> float:
+    """Return the speed, r/min, up to which light and dark both outlast the sensor's response time."""
+    if tacho.response_time_s == 0:
+        return math.inf
+    shorter = min(tacho.mark_fraction, 1 - tacho.mark_fraction)
+    return shorter / tacho.response_time_s * 60 / tacho.pulses_per_revolution
 
 
 def _limits(config: RigConfig) -> Iterator[Fault]:

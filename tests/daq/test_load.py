@@ -182,6 +182,12 @@ def test_load_rig_checks_the_simulated_profile_and_whirls(rig_file: RigFiles) ->
     ]
 
 
+def test_load_rig_checks_that_the_tacho_follows_the_simulated_profile(rig_file: RigFiles) -> None:
+    profile = [{"time_s": 0.0, "speed_rpm": 3e3}, {"time_s": 2.0, "speed_rpm": 33e3}]
+    (fault,) = faults_of(rig_file(simulation={"profile": profile}))
+    assert fault.startswith("simulation.profile[1].speed_rpm = 33000: expected at most 30000: light and dark must each")
+
+
 def test_load_rig_does_not_check_the_simulation_for_the_real_card(rig_file: RigFiles) -> None:
     rig = load_rig(rig_file(device={"backend": "nidaqmx"}, simulation={"tacho_high_v": 1.0}))
     assert rig.config.device.backend is Backend.NIDAQMX
