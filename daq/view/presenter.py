@@ -22,7 +22,7 @@ from daq.view.words import words
 
 _UNDER, _OVER, _TOP = 10.0, 20.0, 30.0  # what is drawn over what
 _SECOND = 2  # spectra, traces and the banner: every second frame
-_SLOW = 5  # cascade, Bode plot, words: every fifth
+_SLOW = 5  # what grows with speed or time, and words: every fifth
 _REPEAT = (
     50  # frames of plots are sent again so often: who looks in late, and whom the oldest was dropped for, has them
 )
@@ -66,11 +66,11 @@ class Presenter:
         self._show_orbit(frame)
         if self._count % _SECOND == 0:
             banner(frame).log(self._stream, "banner")
-            words(frame).log(self._stream, "words")
             self._show_spectrum(frame)
             self._show_traces(frame)
-            self._show_trend(frame)
         if self._count % _SLOW == 0:
+            words(frame).log(self._stream, "words")
+            self._show_trend(frame)
             self._show_by_speed(frame)
             self._stream.log("details", rr.TextDocument(details(frame), media_type=rr.MediaType.MARKDOWN))
         self._count += 1
@@ -108,13 +108,10 @@ class Presenter:
         snapshot = frame.snapshot
         if snapshot is None:
             return
-        for name, value in zip("xy", snapshot.peak_to_peak, strict=True):
-            self._stream.log(f"trend/overall/{name}", rr.Scalars(float(value) * 1e6))
-        if frame.prediction is not None:
-            worst = float(frame.prediction.peak_to_peak.max())
-            self._stream.log("trend/overall/model", rr.Scalars(worst * 1e6))
-        if math.isfinite(snapshot.speed):
-            self._stream.log("trend/speed/measured", rr.Scalars(snapshot.speed * 30.0 / math.pi))
+        model = float("nan") if frame.prediction is None else float(frame.prediction.peak_to_peak.max()) * 1e6
+        overall = [*(float(value) * 1e6 for value in snapshot.peak_to_peak), model]
+        self._stream.log("trend/overall", rr.Scalars(overall))
+        self._stream.log("trend/speed", rr.Scalars(snapshot.speed * 30.0 / math.pi))
 
     def _axes(self, path: str, state: Hashable, draw: Callable[[], Drawing]) -> None:
         """Log a plot's frame where its scale has changed, and now and then."""
@@ -124,10 +121,8 @@ class Presenter:
             self._shown[path] = (state, self._count)
 
     def _style(self) -> None:
-        for path, name, color in (
-            ("trend/overall/x", "x", MEASURED_X),
-            ("trend/overall/y", "y", MEASURED_Y),
-            ("trend/overall/model", "model, larger of both", MODEL),
-            ("trend/speed/measured", "speed", TEXT),
-        ):
-            self._stream.log(path, rr.SeriesLines(names=name, colors=[color], widths=[2.0]), static=True)
+        overall = rr.SeriesLines(
+            names=["x", "y", "model, larger of both"], colors=[MEASURED_X, MEASURED_Y, MODEL], widths=[2.0, 2.0, 2.0]
+        )
+        self._stream.log("trend/overall", overall, static=True)
+        self._stream.log("trend/speed", rr.SeriesLines(names=["speed"], colors=[TEXT], widths=[2.0]), static=True)

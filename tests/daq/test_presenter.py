@@ -1,0 +1,175 @@
+"""What is logged of a run: every plot has its data, measured and predicted, at the run's time."""
+
+import math
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pytest
+import rerun as rr
+from numpy.typing import NDArray
+from rerun.chunk import RrdReader
+
+from daq.session.frame import LiveFrame, RunState, Severity, Status
+from daq.view.blueprint import timeline
+from daq.view.colour_map import COLUMNS, HIGHEST_ORDER, ROWS
+from daq.view.palette import ALARM, MEASURED_X, MEASURED_Y, MODEL, TACHO, Color
+from daq.view.presenter import Presenter
+from tests.daq.frames import make_frames, make_header
+
+RUN = timeline(make_header())
+DRAWN = {
+    "/banner",
+    "/words",
+    "/details",
+    "/trend/overall",
+    "/trend/speed",
+    *(f"/{plot}/{part}" for plot in ("orbit", "spectrum", "cascade", "waterfall", "bode") for part in ("axes", "model")),
+    *(f"/{plot}/measured" for plot in ("orbit", "spectrum", "cascade", "waterfall", "bode")),
+    "/traces/axes",
+    "/traces/lines",
+}
+
+
+class Logged:
+    """What a presenter logged of some frames, read back from a file."""
+
+    def __init__(self, frames: Iterable[LiveFrame], path: Path) -> None:
+        stream = rr.RecordingStream("rig")
+        stream.set_sinks(rr.FileSink(path))
+        presenter = Presenter(stream, make_header())
+        for frame in frames:
+            presenter.show(frame)
+        stream.flush()
+        stream.disconnect()
+        self.path = path
+
+    def rows(self, entity: str) -> list[dict[str, Any]]:
+        """The rows of an entity, as columns by name."""
+        chunks = RrdReader(self.path).stream().filter(content=entity)
+        rows = []
+        for chunk in chunks:
+            batch = chunk.to_record_batch()
+            names = [name for name in batch.schema.names if name not in {"rerun.controls.RowId", "log_time", RUN}]
+            columns = {name: batch.column(name).to_pylist() for name in names}
+            if RUN in batch.schema.names:
+                columns[RUN] = [ns / 1e9 for ns in batch.column(RUN).cast(pa.int64()).to_pylist()]
+            rows += [{name: column[k] for name, column in columns.items()} for k in range(batch.num_rows)]
+        return sorted(rows, key=lambda row: float(row.get(RUN, 0.0)))
+
+    def entities(self) -> set[str]:
+        return {chunk.entity_path for chunk in RrdReader(self.path).stream() if not chunk.entity_path.startswith("/__")}
+
+    def strips(self, entity: str, color: Color) -> list[NDArray[np.float64]]:
+        """The strips of the last row of an entity that have a colour."""
+        row = self.rows(entity)[-1]
+        red, green, blue, alpha = color
+        wanted = (red << 24) | (green << 16) | (blue << 8) | alpha
+        pairs = zip(row["LineStrips2D:strips"], row["LineStrips2D:colors"], strict=True)
+        return [np.array(strip) for strip, code in pairs if code == wanted]
+
+
+@pytest.fixture(autouse=True)
+def _strict() -> Iterator[None]:
+    rr.set_strict_mode(True)
+    yield
+    rr.set_strict_mode(False)
+
+
+@pytest.fixture(scope="module")
+def run_up(tmp_path_factory: pytest.TempPathFactory) -> Logged:
+    """A run-up to 15,600 r/min, cut where 0.49X stands beside the model's 0.70X."""
+    return Logged(make_frames(120)[:101], tmp_path_factory.mktemp("view") / "run.rrd")
+
+
+def test_every_entity_of_every_plot_has_data(run_up: Logged) -> None:
+    assert run_up.entities() - {"/"} == DRAWN
+
+
+@pytest.mark.parametrize("plot", ["orbit", "spectrum", "bode"])
+def test_measured_and_predicted_are_drawn_in_their_colours(run_up: Logged, plot: str) -> None:
+    assert any(len(strip) > 20 for strip in run_up.strips(f"/{plot}/measured", MEASURED_X))
+    assert any(len(strip) > 20 for strip in run_up.strips(f"/{plot}/model", MODEL))
+
+
+def test_both_probes_have_a_line_of_their_own(run_up: Logged) -> None:
+    for entity in ("/spectrum/measured", "/bode/measured", "/traces/lines"):
+        for color in (MEASURED_X, MEASURED_Y):
+            assert any(len(strip) > 20 for strip in run_up.strips(entity, color))
+    assert any(len(strip) > 10 for strip in run_up.strips("/traces/lines", TACHO))
+
+
+def test_predicted_whirl_lies_over_the_cascade_at_its_order(run_up: Logged) -> None:
+    line = max(run_up.strips("/cascade/model", MODEL), key=len)
+    assert np.allclose(line[:, 0], 0.70 / HIGHEST_ORDER * COLUMNS, atol=1e-3)
+
+
+def test_frames_lie_on_the_timeline_of_their_run(run_up: Logged) -> None:
+    times = [row[RUN] for row in run_up.rows("/orbit/measured")]
+    assert np.allclose(times, 0.1 * np.arange(1, 102))
+
+
+def test_orbit_is_drawn_with_y_up(tmp_path: Path) -> None:
+    frame = make_frames(1)[0]
+    assert frame.snapshot is not None
+    assert frame.snapshot.frame is not None
+    angle = 2.0 * math.pi * np.arange(256) / 64
+    orbit = 8e-6 * np.stack([0.5 * np.cos(angle), np.sin(angle)])  # on the axis Y at a quarter of a turn
+    snapshot = replace(frame.snapshot, frame=replace(frame.snapshot.frame, orbit=orbit))
+    logged = Logged([replace(frame, snapshot=snapshot, prediction=None)], tmp_path / "orbit.rrd")
+    line = max(logged.strips("/orbit/measured", MEASURED_X), key=len)
+    top = line[np.argmin(line[:, 1])]  # the viewer's y points down
+    assert np.allclose(top, (0.0, -80.0), atol=1e-3)  # 8 µm on a scale of 10 µm, 100 units long
+    assert math.isclose(line[:, 0].max(), 40.0, abs_tol=0.1)
+
+
+def test_cascade_is_bright_at_1x_up_to_the_speed_reached(run_up: Logged) -> None:
+    row = run_up.rows("/cascade/measured")[-1]
+    picture = np.array(row["Image:buffer"], dtype=np.uint8).reshape(ROWS, COLUMNS, 3).sum(axis=2)
+    at_1x = picture[:, round(COLUMNS / HIGHEST_ORDER)]
+    reached = round((1.0 - 13_000.0 / 20_000.0) * ROWS)
+    assert at_1x[reached + 3] > 300  # 12,400 r/min
+    assert np.all(at_1x[: reached - 5] == picture.min())  # above 14,000 r/min nothing has been
+
+
+def test_sequence_without_snapshot_or_model_or_speed_is_drawn(tmp_path: Path) -> None:
+    frame = make_frames(1)[0]
+    assert frame.snapshot is not None
+    still = replace(frame.snapshot, speed=math.nan, frame=None)
+    starting = LiveFrame(frame.header, Status(RunState.STARTING))
+    logged = Logged([starting, replace(frame, snapshot=still, prediction=None), frame], tmp_path / "few.rrd")
+    assert logged.entities() - {"/"} >= {"/banner", "/orbit/axes", "/spectrum/axes", "/words"}
+
+
+def test_alarm_stays_on_the_banner_when_it_is_over(tmp_path: Path) -> None:
+    frame = make_frames(1)[0]
+    quiet = Logged([frame], tmp_path / "quiet.rrd")
+    passed = replace(frame, status=replace(frame.status, severity=Severity.NORMAL, latched=Severity.ALARM))
+    latched = Logged([passed], tmp_path / "latched.rrd")
+    assert not quiet.strips("/banner", ALARM)
+    assert latched.strips("/banner", ALARM)
+
+
+def test_details_say_in_words_what_is_below_1x_and_what_the_model_says(run_up: Logged) -> None:
+    text = str(run_up.rows("/details")[-1]["TextDocument:text"][0])
+    assert "0.49X" in text
+    assert "forward (model 0.70X" in text
+    assert "lost **0**" in text
+
+
+def test_details_hold_no_letter_that_the_viewer_cannot_draw(tmp_path: Path) -> None:
+    frame = make_frames(1)[0]
+    frame = replace(frame, status=replace(frame.status, detail="Öl ∠ 油"))
+    logged = Logged([frame], tmp_path / "letters.rrd")
+    assert "Öl ? ?" in str(logged.rows("/details")[-1]["TextDocument:text"][0])
+
+
+def test_axes_are_sent_again_for_who_looks_in_late(run_up: Logged) -> None:
+    assert len(run_up.rows("/cascade/axes")) >= 2
+
+
+def test_what_is_logged_in_a_second_is_lean(run_up: Logged) -> None:
+    assert run_up.path.stat().st_size / 10.1 < 500e3  # bytes a second of run
