@@ -1,0 +1,133 @@
+"""What a run costs: the load of each part at 3 × 200 kS/s, and memory over an hour. Run by `make bench`."""
+
+import threading
+import time
+from pathlib import Path
+
+import psutil
+import pytest
+
+from daq.config.load import load_rig
+from daq.config.rig import Rig
+from daq.service.app import create_app
+from daq.service.server import ServiceServer
+from daq.service.summaries import Summaries
+from daq.session.frame import LiveFrame
+from daq.session.predictors import Predictors
+from daq.session.recorded import RecordedRun
+from daq.session.recorder import Order
+from daq.view.live import LiveView
+from recordings.catalogue import Catalogue
+from recordings.reader import RunReader
+
+pytestmark = pytest.mark.benchmark
+
+BENCH = Path(__file__).parents[2] / "rigs" / "bench.toml"
+RUN = "2026-11-24T09-12-07-gj90c"
+
+
+def rig_with(folder: Path, *changes: tuple[str, str]) -> Rig:
+    """The simulated bench with lines of its file replaced."""
+    text = BENCH.read_text(encoding="utf-8").replace('"calibration/', f'"{BENCH.parent.as_posix()}/calibration/')
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new)
+    path = folder / "rig.toml"
+    path.write_text(text, encoding="utf-8")
+    return load_rig(path)
+
+
+def order(rig: Rig, folder: Path) -> Order:
+    return Order(rig, RUN, time.time_ns(), "", "rig bench", folder / f"{RUN}.mcap", None)
+
+
+class Live:
+    """The run that the service tells of."""
+
+    run: RecordedRun | None = None
+
+    def latest(self) -> LiveFrame | None:
+        return None if self.run is None else self.run.latest()
+
+
+def loads_by_thread(process: psutil.Process) -> dict[str, float]:
+    """CPU time of this process's threads, s, by name; those that are not Python's together."""
+    names = {thread.native_id: thread.name for thread in threading.enumerate()}
+    loads: dict[str, float] = {}
+    for thread in process.threads():
+        name = names.get(thread.id, "native threads (picture server, numerics)")
+        loads[name] = loads.get(name, 0.0) + thread.user_time + thread.system_time
+    return loads
+
+
+def test_everything_keeps_up_with_three_times_200_kilosamples(tmp_path: Path) -> None:
+    rig = rig_with(tmp_path, ("rate_hz = 100_000", "rate_hz = 200_000"), ("time_s = 20", "time_s = 60"))
+    watching = psutil.Process()
+    live = Live()
+    view = LiveView()
+    with Predictors() as predictors:
+        predictors.for_rig(rig).wait(120.0)
+        catalogue = Catalogue(tmp_path)
+        app = create_app(catalogue, live, Summaries(catalogue, predictors), view.url)
+        server = ServiceServer(app)
+        server.start()
+        live.run = run = RecordedRun(order(rig, tmp_path), predictors.for_rig(rig), [view])
+        (recorder,) = (child for child in watching.children() if "spawn_main" in " ".join(child.cmdline()))
+        before, since, recorder_before = loads_by_thread(watching), time.monotonic(), recorder.cpu_times()
+        backlog = 0.0
+        while not run.wait(0.5):
+            backlog = max(backlog, run.status().backlog)
+            if run.status().elapsed < 59:
+                after, until, recorder_after = loads_by_thread(watching), time.monotonic(), recorder.cpu_times()
+        outcome = run.close()
+        server.close()
+        view.close()
+    seconds = until - since
+    spent = recorder_after.user + recorder_after.system - recorder_before.user - recorder_before.system
+    print(f"\nload of a run at 3 × {run.header.acquisition.rate / 1e3:g} kS/s over {seconds:.0f} s, part of one core:")
+    print(f"  {100 * spent / seconds:6.1f} %  recorder (simulated card, writer, ring)")
+    for name in sorted(after, key=lambda name: before.get(name, 0.0) - after[name]):
+        print(f"  {100 * (after[name] - before.get(name, 0.0)) / seconds:6.1f} %  {name}")
+    print(f"  largest backlog {backlog:.3f} s, skipped {outcome.skipped} samples, dropped {view.dropped} pictures")
+    assert outcome.exit_code == 0
+    assert all(end.is_gap_free for end in outcome.ends)
+    assert outcome.skipped == 0
+    assert view.dropped < 0.05 * 600
+    assert spent < 0.6 * seconds
+
+
+def test_memory_stays_flat_over_an_hour(tmp_path: Path) -> None:
+    rig = rig_with(
+        tmp_path,
+        ('pace = "real time"', 'pace = "flat out"'),
+        ("time_s = 20\n", "time_s = 3600\n"),
+    )
+    watching = psutil.Process()
+    with Predictors() as predictors:
+        predictors.for_rig(rig).wait(120.0)
+        run = RecordedRun(order(rig, tmp_path), predictors.for_rig(rig))
+        (recorder,) = (child for child in watching.children() if "spawn_main" in " ".join(child.cmdline()))
+        memory: list[tuple[float, float, float]] = []
+        started = time.monotonic()
+        while not run.wait(0.5):
+            try:
+                memory.append(
+                    (run.status().elapsed, recorder.memory_info().rss / 1e6, watching.memory_info().rss / 1e6)
+                )
+            except psutil.NoSuchProcess:
+                break
+        wall = time.monotonic() - started
+        outcome = run.close()
+    settled = [row for row in memory if row[0] > 360]
+    print(
+        f"\none hour in {wall:.0f} s ({3600 / wall:.0f} × real time); resident memory, MB, after 6 min and at the end:"
+    )
+    for column, name in ((1, "recorder"), (2, "watching process")):
+        print(
+            f"  {name}: {settled[0][column]:.0f} → {settled[-1][column]:.0f}, most {max(r[column] for r in memory):.0f}"
+        )
+        assert settled[-1][column] - settled[0][column] < 30
+    assert outcome.exit_code == 0
+    with RunReader(tmp_path / f"{RUN}.mcap") as reader:
+        assert reader.is_complete
+        assert reader.n_samples == round(3600 * reader.header.acquisition.rate)
