@@ -108,11 +108,12 @@ class PulseTrain:
 
         From medians of the older and the younger intervals, so that one of each may be wrong.
         """
-        half = len(self._intervals) // 2
         intervals = list(self._intervals)
+        n, half = len(intervals), len(intervals) // 2
         older, younger = _median(intervals[:half]), _median(intervals[half:])
-        slope = min(max((younger - older) / half, -0.2 * younger), 0.2 * younger)
-        return periods * (younger + 0.5 * (half - 1) * slope) + slope * 0.5 * periods * (periods + 1)
+        slope = min(max((younger - older) / (0.5 * n), -0.2 * younger), 0.2 * younger)
+        last = younger + 0.5 * (n - half - 1) * slope
+        return periods * last + slope * 0.5 * periods * (periods + 1)
 
     def _edge(self, time: float) -> None:
         if not self._locked:
