@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from model.errors import WallContactError
 from model.kernel import LARGEST_TURN, NO_FAILURE, march
 from model.parameters import ModelParameters
-from model.system import Levels, ModalSystem, fresh_state, stand
+from model.system import Levels, ModalSystem, stand
 
 FloatArray = NDArray[np.float64]
 
@@ -59,8 +59,7 @@ class ShaftMotion:
         turning = max(speed, SLOWEST)
         step = 2 * math.pi / (STEPS_PER_TURN * turning)
         elapsed = step * np.arange(1 - turns_to_settle * STEPS_PER_TURN, 1, dtype=np.float64)
-        modes = self._system.shaft.squares.size
-        self._state = fresh_state(modes, angle=angle - speed * step * elapsed.size, speed=speed)
+        self._state = self._system.at_rest(angle=angle - speed * step * elapsed.size, speed=speed)
         self.advance(angle + speed * elapsed, np.full(elapsed.size, float(speed)), step)
 
     @property
@@ -84,7 +83,7 @@ class ShaftMotion:
         self._state.speed[0] = speed
 
     def stand(self, standing: FloatArray) -> None:
-        """Put the motion where a `model.stability.SynchronousOrbit` stands, at theta = 0 of the next turn."""
+        """Put the motion where a `model.stability.SynchronousOrbit` stands; exact from the next step on."""
         stand(self._state, standing)
 
     def turns(self, count: int, points_per_turn: int = STEPS_PER_TURN) -> FloatArray:

@@ -23,12 +23,12 @@ FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 MODEL_VERSION = 1  # to be raised with every change of the model's results
-NUMERICAL_FLOOR = 1e-9  # m: lines below a nanometre are no prediction
+NUMERICAL_FLOOR = 5e-9  # m peak: what rounding and the end of settling leave between the lines
 FIRST_TURNS = 200  # to settle at the lowest speed
 PORTION = 32  # turns between two looks at whether the motion has settled
 SHORTEST_STABLE, SHORTEST_UNSTABLE, LONGEST = 2, 6, 24  # portions at a speed
 CHANGE = 0.01  # of peak-to-peak from portion to portion, below which it has
-NUDGE = 0.1  # of the inner clearance
+NUDGE = 0.1  # of the inner clearance: how far an unstable motion is disturbed
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -223,15 +223,18 @@ def compute_prediction_map(
 def _settle(motion: ShaftMotion, synchronous: SynchronousOrbit | None, nudge: float) -> None:
     """Wait until the motion's size changes no more.
 
-    An unstable synchronous motion that still goes round undisturbed is nudged the way in which it lets go: the bench's
-    own disturbances would do that, and rounding alone takes thousands of turns.
+    A motion that goes round with the shaft, or nearly, is put on the synchronous orbit, so that no remains of the last
+    speed are taken for whirl. Where that orbit is unstable it is nudged the way in which it lets go: the bench's own
+    disturbances would do that, and rounding alone takes thousands of turns.
     """
     least = SHORTEST_STABLE
-    if synchronous is not None and synchronous.growth_rate > 0:
-        least = SHORTEST_UNSTABLE
+    if synchronous is not None:
         marks = motion.turns(PORTION)[:, ::STEPS_PER_TURN]
+        unstable = synchronous.growth_rate > 0
         if float(np.ptp(marks, axis=1).max()) < nudge:
-            motion.stand(synchronous.standing + nudge * synchronous.disturbance)
+            motion.stand(synchronous.standing + (nudge if unstable else 0.0) * synchronous.disturbance)
+        if unstable:
+            least = SHORTEST_UNSTABLE
     last = 0.0
     for portion in range(1, LONGEST + 1):
         size = float(np.ptp(motion.turns(PORTION), axis=1).max())

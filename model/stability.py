@@ -17,7 +17,7 @@ from model.kernel import NO_FAILURE, march
 from model.motion import STEPS_PER_TURN
 from model.parameters import ModelParameters
 from model.rotor import require_positive
-from model.system import ModalSystem, fresh_state, stand
+from model.system import ModalSystem, stand
 
 FloatArray = NDArray[np.float64]
 
@@ -124,7 +124,7 @@ class _Turn:
 
     def after(self, standing: FloatArray, turns: int) -> FloatArray:
         """Return where the motion stands after whole turns; ModelError where it reaches a wall."""
-        state = fresh_state(self._modes, angle=0.0, speed=self._speed)
+        state = self._system.at_rest(angle=0.0, speed=self._speed)
         stand(state, standing)
         angles = 2 * math.pi / STEPS_PER_TURN * np.arange(1, turns * STEPS_PER_TURN + 1, dtype=np.float64)
         speeds = np.full(angles.size, self._speed)

@@ -200,6 +200,21 @@ class ModalSystem:
         )
         return cls(shaft, films)
 
+    def at_rest(self, *, angle: float, speed: float) -> State:
+        """Return a motion at rest in the bearings' centre, the shaft at this angle, rad, and speed, rad/s."""
+        shaft = self.shaft
+        modal, rings = np.zeros((3, shaft.squares.size), np.complex128), np.zeros((3, 2), np.complex128)
+        modal[2] = speed**2 * np.exp(1j * angle) * shaft.imbalance + shaft.weight  # no film force there yet
+        rings[2] = -1j * self.films.gravity
+        return State(
+            modal=modal,
+            rings=rings,
+            augmented=np.zeros((8, 16)),
+            level=np.array([NO_LEVEL], np.int64),
+            angle=np.array([angle]),
+            speed=np.array([float(speed)]),
+        )
+
     def levels(self, step: float) -> Levels:
         """Return Newmark's matrices for a time step, s, and its fourths."""
         steps = np.array([step / 4**level for level in range(N_LEVELS)])
@@ -213,18 +228,6 @@ class ModalSystem:
         stacked = np.stack(transforms)
         journals = np.ascontiguousarray(self.shaft.journals @ stacked)
         return Levels(steps, stacked, np.stack(gyroscopic), journals)
-
-
-def fresh_state(modes: int, *, angle: float, speed: float) -> State:
-    """Return a motion at rest in the bearings' centre, the shaft at this angle, rad, and speed, rad/s."""
-    return State(
-        modal=np.zeros((3, modes), np.complex128),
-        rings=np.zeros((3, 2), np.complex128),
-        augmented=np.zeros((8, 16)),
-        level=np.array([NO_LEVEL], np.int64),
-        angle=np.array([angle]),
-        speed=np.array([float(speed)]),
-    )
 
 
 def stand(state: State, standing: FloatArray) -> None:

@@ -1,0 +1,20 @@
+"""What the tests of the model share."""
+
+from dataclasses import replace
+
+import pytest
+
+from model.gj90c import gj90c
+from model.parameters import ModelParameters
+
+
+@pytest.fixture
+def default() -> ModelParameters:
+    """The rig's default rotor."""
+    return gj90c()
+
+
+@pytest.fixture
+def weightless() -> ModelParameters:
+    """A rotor without weight, shaken hard enough to be stable."""
+    return replace(gj90c(imbalance=1e-5), gravity=0.0)
