@@ -18,6 +18,8 @@ let moved = performance.now();
 let elapsed = null;
 let state = null;
 
+const isUnderWay = (name) => name === "recording" || name === "replaying";
+
 function tell(text) {
   const node = element("connection");
   node.className = "banner lost";
@@ -30,10 +32,11 @@ function watch() {
   const now = performance.now();
   const silent = now - answered;
   const still = now - moved;
-  const under_way = state === "recording" || state === "replaying";
-  if (silent > PATIENCE) {
+  if (silent > PATIENCE && (state === "finished" || state === "failed")) {
+    tell(`The run has ${state} and its service has ended. These are its last values.`);
+  } else if (silent > PATIENCE) {
     tell(`CONNECTION LOST: no answer from the service for ${clock(silent / 1000)}. The values shown are old.`);
-  } else if (under_way && still > PATIENCE + 500) {
+  } else if (isUnderWay(state) && still > PATIENCE + 500) {
     tell(`NO NEW SAMPLES for ${clock(still / 1000)}. The values shown are old.`);
   } else {
     tell("");
@@ -50,7 +53,7 @@ async function step() {
     state = live.status.state;
     element("token").hidden = true;
     drawLive(live);
-    if (ended) drawRuns();
+    if (ended && !isUnderWay(state)) drawRuns(live.run);
     return LIVE_INTERVAL;
   } catch (error) {
     if (error.name === "no-live-run") {

@@ -17,7 +17,8 @@ function make(tag, text = "", className = "") {
   return node;
 }
 
-export async function drawRuns() {
+// Lists the runs anew; one that is named is opened.
+export async function drawRuns(opened = "") {
   let page;
   try {
     page = await ask(`/api/v1/runs?limit=${SHOWN}`, 5000);
@@ -27,10 +28,10 @@ export async function drawRuns() {
   }
   note.textContent = page.total ? "" : "Nothing has been recorded in this data folder yet.";
   const text = JSON.stringify(page);
-  if (text === listed) return;
+  if (text === listed && !opened) return;
   listed = text;
   const open = new Set([...list.querySelectorAll("details[open]")].map((node) => node.dataset.run));
-  list.replaceChildren(...page.runs.map((run) => entry(run, open.has(run.run))));
+  list.replaceChildren(...page.runs.map((run) => entry(run, run.run === opened || open.has(run.run))));
 }
 
 function entry(run, open) {
@@ -42,7 +43,7 @@ function entry(run, open) {
     make("b", run.run),
     make("span", moment(run.started_at), "note"),
     make("span", clock(run.duration_s)),
-    make("span", run.note ?? "", "note"),
+    make("span", run.note ?? run.fault, "note"),
     make("span", badge.text, `badge ${badge.level}`),
   );
   const body = make("div", "", "body");
@@ -133,7 +134,7 @@ function model(agreement) {
   if (one) {
     lines.push(
       `1X is furthest apart at ${whole(one.worst_amplitude_at_rpm)} r/min: measured ${decimals(one.worst_amplitude_ratio, 2)} times the predicted; ` +
-        `its lag at ${whole(one.worst_lag_at_rpm)} r/min: ${decimals(one.worst_lag_difference_deg, 0)}°.`,
+        `at ${whole(one.worst_lag_at_rpm)} r/min it lags ${decimals(Math.abs(one.worst_lag_difference_deg), 0)}° ${one.worst_lag_difference_deg < 0 ? "less" : "more"}.`,
     );
   }
   for (const whirl of agreement.whirls) {

@@ -1,0 +1,86 @@
+"""The page in a real browser: what an operator reads on it."""
+
+import re
+import shutil
+import subprocess
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from daq.session.frame import LiveFrame, RunState, Severity
+from tests.daq.frames import make_frames
+from tests.daq.service_bench import Bench, open_bench
+from tests.daq.service_fakes import NEWEST
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+pytestmark = [pytest.mark.browser, pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium here")]
+
+FRAME = make_frames(200)[150]
+
+
+@pytest.fixture
+def bench() -> Iterator[Bench]:
+    served = open_bench()
+    yield served
+    served.close()
+
+
+def seen(address: str, profile: Path) -> str:
+    """The page as the browser has it after two seconds, and what the browser complained of."""
+    command = [
+        str(CHROMIUM), "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
+        "--disable-background-networking", "--disable-component-update", "--disable-sync", f"--user-data-dir={profile}",
+        "--virtual-time-budget=2000", "--enable-logging=stderr", "--dump-dom", address,
+    ]  # fmt: skip
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True)
+    complaints = [line for line in done.stderr.splitlines() if "CONSOLE" in line and "404" not in line]
+    assert complaints == []
+    return done.stdout
+
+
+def text_of(page: str, element: str) -> str:
+    """What the element of this id says."""
+    found = re.search(rf'id="{element}"[^>]*>(.*?)</(?:b|p|h1|dd|span)>', page, re.DOTALL)
+    assert found is not None, element
+    return found[1]
+
+
+def test_page_shows_the_live_run_with_the_model_beside_it(bench: Bench, tmp_path: Path) -> None:
+    bench.live.frame = FRAME
+    page = seen(bench.server.url, tmp_path)
+    assert 'data-state="recording"' in page
+    assert text_of(page, "run") == NEWEST
+    assert text_of(page, "speed") == "12,005"
+    assert text_of(page, "whirl") == "0.49X"
+    assert text_of(page, "whirl-model") == "0.70X"
+    assert text_of(page, "clock") == "00:15"
+    assert text_of(page, "disk") == "41 h"
+    assert text_of(page, "gap-x") == "5.10 V"
+    assert page.count("<polyline") == 5  # two orbits; spectra of x, y and the model
+
+
+def test_page_keeps_a_passed_limit_in_sight(bench: Bench, tmp_path: Path) -> None:
+    status = replace(FRAME.status, severity=Severity.NORMAL, latched=Severity.DANGER, lost=2000, lost_is_exact=False)
+    bench.live.frame = replace(FRAME, status=status)
+    page = seen(bench.server.url, tmp_path)
+    assert text_of(page, "verdict") == "DANGER LATCHED"
+    assert "limit of 90 µm peak-to-peak was passed" in text_of(page, "alarm")
+    assert text_of(page, "lost") == "≥ 2,000"
+    assert re.search(r'id="lost-cell" class="bad"', page)
+
+
+def test_page_says_that_nothing_is_under_way_and_lists_the_runs(bench: Bench, tmp_path: Path) -> None:
+    page = seen(bench.server.url, tmp_path)
+    assert 'data-state="idle"' in page
+    assert text_of(page, "speed") == "–"
+    assert page.count("<details") == 4
+    assert "no MCAP file" in page
+
+
+def test_page_says_why_a_run_failed(bench: Bench, tmp_path: Path) -> None:
+    bench.live.frame = LiveFrame(FRAME.header, replace(FRAME.status, state=RunState.FAILED, detail="card unplugged"))
+    page = seen(bench.server.url, tmp_path)
+    assert 'data-state="failed"' in page
+    assert "card unplugged" in text_of(page, "trouble")
