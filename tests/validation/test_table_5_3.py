@@ -1,4 +1,4 @@
-"""Table 5.3 of the thesis: natural frequencies against speed on bearings of 1e4 N/m, and the counts of Figures 5.3 to 5.7.
+"""Table 5.3 of the thesis: natural frequencies against speed on bearings of 1e4 N/m, and the counts of the figures.
 
 Tolerance 0.8 Hz: the thesis prints whole hertz (0.5) from slightly different numbers. Entries that cannot be meant are
 listed with their reason; they are still held to a wider tolerance, so that all 170 are compared.
