@@ -1,6 +1,8 @@
 """The command `rig`."""
 
 import argparse
+import io
+import os
 import sys
 from collections.abc import Callable, Sequence
 from importlib.metadata import version
@@ -62,7 +64,11 @@ def _add_screens(parser: argparse.ArgumentParser, port: int) -> None:
     group.add_argument(
         "--port", type=_port, default=port, help=f"port of page and REST (default {port}; 0: any free one)"
     )
-    group.add_argument("--token", default="", help="bearer token that requests must carry; needed with another --host")
+    group.add_argument(
+        "--token",
+        default=os.environ.get("RIG_TOKEN", ""),
+        help="bearer token that requests must carry, needed with another --host; better given as $RIG_TOKEN",
+    )
     group.add_argument("--no-view", action="store_true", help="without the live picture (it needs rerun-sdk)")
 
 
@@ -121,6 +127,9 @@ def _parser() -> argparse.ArgumentParser:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command; return its exit code."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")  # a console that knows no µ shows a question mark, and the run goes on
     chosen = _parser().parse_args(arguments)
     try:
         run: Callable[[argparse.Namespace], int] = chosen.run

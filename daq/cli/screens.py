@@ -45,7 +45,7 @@ class Screens:
         if not is_loopback(chosen.host) and not chosen.token:
             raise UsageError(f"--host {chosen.host} lets other machines in: --token SECRET must be given with it")
         self._run: Run | None = None
-        self._view = None if chosen.no_view else self._picture(chosen, console)
+        self._view = None if chosen.no_view else self._picture(console)
         self._server: ServiceServer | None = None
         if getattr(chosen, "no_serve", False):
             return
@@ -53,7 +53,7 @@ class Screens:
             catalogue,
             self,
             summaries,
-            None if self._view is None else self._view.url,
+            self._view.url if self._view is not None and is_loopback(chosen.host) else None,
             host=chosen.host,
             token=chosen.token or None,
         )
@@ -66,9 +66,10 @@ class Screens:
         self._server = server
 
     @staticmethod
-    def _picture(chosen: argparse.Namespace, console: Console) -> LiveView | None:
+    def _picture(console: Console) -> LiveView | None:
+        """Return the live picture, on this machine alone: rerun's viewer knows no token."""
         try:
-            return LiveView(host=chosen.host)
+            return LiveView()
         except ServiceError as error:
             console.line(f"no live picture: {error}")
             return None
@@ -87,8 +88,10 @@ class Screens:
         if self._run is None:
             return None
         frame = self._run.latest()
-        dropped = 0 if self._view is None else self._view.dropped
-        return LiveFrame(frame.header, replace(frame.status, dropped_frames=dropped), frame.snapshot, frame.prediction)
+        if self._view is None:
+            return frame
+        detail = frame.status.detail or self._view.failure
+        return replace(frame, status=replace(frame.status, dropped_frames=self._view.dropped, detail=detail))
 
     def addresses(self) -> str:
         """Return one line that says where to look."""
