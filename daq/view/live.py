@@ -94,6 +94,11 @@ class LiveView:
             self._slot = frame
             self._wake.notify()
 
+    @property
+    def waiting(self) -> bool:
+        """Whether a frame waits to be drawn."""
+        return self._slot is not None
+
     def wait_ready(self, timeout: float) -> bool:
         """Wait until the view can be opened, at most ``timeout`` s; returns whether it can."""
         return self._ready.wait(timeout)

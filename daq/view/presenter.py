@@ -21,11 +21,12 @@ from daq.view.waterfall import WaterfallPlot
 from daq.view.words import words
 
 _UNDER, _OVER, _TOP = 10.0, 20.0, 30.0  # what is drawn over what
-_SECOND = 2  # spectra, traces and the banner: every second frame
-_SLOW = 5  # what grows with speed or time, and words: every fifth
-_REPEAT = (
-    50  # frames of plots are sent again so often: who looks in late, and whom the oldest was dropped for, has them
-)
+# Of ten frames a second so many are drawn. A browser without a graphics card takes in some thirty pieces a second and
+# never leaves one out: what is sent beyond that is seen late.
+_FAST = 2  # orbit and banner: every second frame
+_MIDDLE = 4  # spectra, traces, signals
+_SLOW = 10  # what grows with speed or time, and the words
+_REPEAT = 50  # so often axes are sent again, for who looks in late and for whom the oldest was dropped
 
 
 class Presenter:
@@ -63,13 +64,14 @@ class Presenter:
             self._cascade.add(snapshot, frame.prediction)
             self._waterfall.add(snapshot, frame.prediction, frame.status.elapsed)
             self._bode.add(snapshot.frame, frame.prediction)
-        self._show_orbit(frame)
-        if self._count % _SECOND == 0:
+        if self._count % _FAST == 0:
             banner(frame).log(self._stream, "banner")
+            self._show_orbit(frame)
+        if self._count % _MIDDLE == 0:
             self._show_spectrum(frame)
             self._show_traces(frame)
-        if self._count % _SLOW == 0:
             words(frame).log(self._stream, "words")
+        if self._count % _SLOW == 0:
             self._show_trend(frame)
             self._show_by_speed(frame)
             self._stream.log("details", rr.TextDocument(details(frame), media_type=rr.MediaType.MARKDOWN))

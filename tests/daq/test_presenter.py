@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyarrow as pa
 import pytest
 import rerun as rr
 from numpy.typing import NDArray
@@ -27,7 +26,11 @@ DRAWN = {
     "/details",
     "/trend/overall",
     "/trend/speed",
-    *(f"/{plot}/{part}" for plot in ("orbit", "spectrum", "cascade", "waterfall", "bode") for part in ("axes", "model")),
+    *(
+        f"/{plot}/{part}"
+        for plot in ("orbit", "spectrum", "cascade", "waterfall", "bode")
+        for part in ("axes", "model")
+    ),
     *(f"/{plot}/measured" for plot in ("orbit", "spectrum", "cascade", "waterfall", "bode")),
     "/traces/axes",
     "/traces/lines",
@@ -56,7 +59,7 @@ class Logged:
             names = [name for name in batch.schema.names if name not in {"rerun.controls.RowId", "log_time", RUN}]
             columns = {name: batch.column(name).to_pylist() for name in names}
             if RUN in batch.schema.names:
-                columns[RUN] = [ns / 1e9 for ns in batch.column(RUN).cast(pa.int64()).to_pylist()]
+                columns[RUN] = [ns / 1e9 for ns in batch.column(RUN).cast("int64").to_pylist()]
             rows += [{name: column[k] for name, column in columns.items()} for k in range(batch.num_rows)]
         return sorted(rows, key=lambda row: float(row.get(RUN, 0.0)))
 
@@ -109,7 +112,7 @@ def test_predicted_whirl_lies_over_the_cascade_at_its_order(run_up: Logged) -> N
 
 def test_frames_lie_on_the_timeline_of_their_run(run_up: Logged) -> None:
     times = [row[RUN] for row in run_up.rows("/orbit/measured")]
-    assert np.allclose(times, 0.1 * np.arange(1, 102))
+    assert np.allclose(times, 0.1 * np.arange(1, 102, 2))
 
 
 def test_orbit_is_drawn_with_y_up(tmp_path: Path) -> None:
@@ -140,7 +143,9 @@ def test_sequence_without_snapshot_or_model_or_speed_is_drawn(tmp_path: Path) ->
     assert frame.snapshot is not None
     still = replace(frame.snapshot, speed=math.nan, frame=None)
     starting = LiveFrame(frame.header, Status(RunState.STARTING))
-    logged = Logged([starting, replace(frame, snapshot=still, prediction=None), frame], tmp_path / "few.rrd")
+    logged = Logged(
+        [starting] * 20 + [replace(frame, snapshot=still, prediction=None)] * 20 + [frame], tmp_path / "few.rrd"
+    )
     assert logged.entities() - {"/"} >= {"/banner", "/orbit/axes", "/spectrum/axes", "/words"}
 
 
