@@ -1,15 +1,19 @@
 """Who is let in: names of this machine, and tokens where others can ask too."""
 
+import http.client
 from collections.abc import Iterator
 from ipaddress import IPv4Address
+from pathlib import Path
 
 import pytest
 
 from daq.errors import ServiceError
 from daq.service.app import create_app
-from daq.service.documents import ProblemDocument
+from daq.service.documents import ProblemDocument, SummaryDocument
 from daq.service.guard import host_name, is_loopback
 from daq.service.pages import PUBLIC_PATHS
+from daq.service.server import ServiceServer
+from recordings.catalogue import Catalogue
 from tests.daq.service_bench import API, Bench, open_bench
 from tests.daq.service_fakes import FakeCatalogue, FakeLive, FakeSummaries, make_entries
 
@@ -121,6 +125,31 @@ def test_answers_say_that_nothing_is_guessed_embedded_or_kept(local: Bench) -> N
         assert headers["cache-control"] == "no-store"
         assert "access-control-allow-origin" not in headers
         assert "server" not in headers
+
+
+@pytest.mark.parametrize("tail", ["", "/summary"])
+@pytest.mark.parametrize(
+    "run_id", ["..%2fsecret", "%2e%2e%2fsecret", "..%5csecret", "../secret", "data/../../secret", "%2e%2e", "."]
+)
+def test_no_run_id_leads_out_of_the_data_folder(tmp_path: Path, run_id: str, tail: str) -> None:
+    folder = tmp_path / "data"
+    folder.mkdir()
+    (tmp_path / "secret.mcap").write_bytes(b"secret")
+    catalogue = Catalogue(folder)
+
+    class FromFile:
+        def summary(self, run_id: str) -> SummaryDocument:
+            raise AssertionError(catalogue.path(run_id).read_bytes())
+
+    server = ServiceServer(create_app(catalogue, FakeLive(), FromFile(), None))
+    server.start()
+    connection = http.client.HTTPConnection("127.0.0.1", server.port, timeout=10)
+    connection.request("GET", f"{API}/runs/{run_id}{tail}")
+    answer = connection.getresponse()
+    assert answer.status == 404
+    assert b"secret.mcap" not in answer.read()
+    connection.close()
+    server.close()
 
 
 @pytest.mark.parametrize("host", ["127.0.0.1", "127.0.1.1", "localhost", "Localhost", "::1", "[::1]"])

@@ -111,6 +111,19 @@ def test_started_server_is_not_started_again() -> None:
     server.close()
 
 
+def test_answers_in_two_writes_do_not_wait_for_acknowledgement() -> None:
+    server = ServiceServer(Hello())
+    server.start()
+    took = []
+    with httpx.Client(base_url=server.url) as client:
+        for _ in range(60):
+            began = time.monotonic()
+            client.get("/")
+            took.append(time.monotonic() - began)
+    server.close()
+    assert min(took[30:]) < 0.03  # Nagle's rule and a late acknowledgement together make 0.04 s of each
+
+
 @pytest.mark.parametrize(
     ("host", "url"),
     [
