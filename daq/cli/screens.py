@@ -3,7 +3,7 @@
 import argparse
 from dataclasses import replace
 from types import TracebackType
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 from daq.cli.console import Console
 from daq.errors import ServiceError, UsageError
@@ -13,8 +13,11 @@ from daq.service.server import ServiceServer
 from daq.service.summaries import Summaries
 from daq.session.frame import FrameSink, LiveFrame
 from daq.session.run import Run
-from daq.view.live import LiveView
+from daq.view import open_live_view
 from recordings.catalogue import Catalogue
+
+if TYPE_CHECKING:
+    from daq.view.live import LiveView
 
 
 class Screens:
@@ -66,10 +69,10 @@ class Screens:
         self._server = server
 
     @staticmethod
-    def _picture(console: Console) -> LiveView | None:
+    def _picture(console: Console) -> "LiveView | None":
         """Return the live picture, on this machine alone: rerun's viewer knows no token."""
         try:
-            return LiveView()
+            return open_live_view()
         except ServiceError as error:
             console.line(f"no live picture: {error}")
             return None

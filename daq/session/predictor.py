@@ -6,6 +6,7 @@ import os
 import signal
 import sys
 import threading
+import time
 import zipfile
 import zlib
 from collections.abc import Callable
@@ -21,16 +22,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.run import AnalysisSettings
-from daq.config.rig import Rig
-from daq.config.rotor import rotor_parameters
 from model.errors import ModelError
 from model.parameters import ModelParameters
 from model.prediction import Prediction
-from model.prediction_map import PredictionMap, compute_prediction_map, default_speeds, model_key
+from model.prediction_map import PredictionMap, compute_prediction_map, model_key
 
 FloatArray = NDArray[np.float64]
 
 JOIN_TIME = 2.0  # s
+PORTION = 0.2  # s of waiting at a time, so that closing need not wait long
 BELOW_NORMAL = 0x4000  # Windows' BELOW_NORMAL_PRIORITY_CLASS
 
 
@@ -131,18 +131,20 @@ class Predictor:
         Returns
         -------
         PredictionMap or None
-            None where there is none, or no report came in time.
+            None where there is none, or nothing new was reported in time.
         """
-        told = ""
+        told, since = "", time.monotonic()
         if on_progress is not None and self._remark:
             on_progress(self._remark)
         while True:
             state = self.state
-            if on_progress is not None and state != told:
-                on_progress(state)
-                told = state
-            if self._process is None or self._finished or not self._listen(timeout):
+            if state != told:
+                told, since = state, time.monotonic()
+                if on_progress is not None:
+                    on_progress(state)
+            if self._process is None or self._finished or time.monotonic() - since >= timeout:
                 return self._map
+            self._listen(min(PORTION, timeout))
 
     def close(self) -> None:
         """End the computation, if it still runs, and join it."""
@@ -168,16 +170,14 @@ class Predictor:
     ) -> None:
         self.close()
 
-    def _listen(self, timeout: float) -> bool:
-        """Take what the process has said, waiting for the first word; return whether it said something."""
-        if self._process is None or self._finished or not self._listening.acquire(blocking=False):
-            return False
+    def _listen(self, timeout: float) -> None:
+        """Take what the process has said, waiting for the first word."""
+        if not self._listening.acquire(blocking=timeout > 0, timeout=timeout or -1):
+            return
         try:
-            heard = False
-            while not self._finished and self._reports.poll(0.0 if heard else timeout):
-                heard = True
+            while self._process is not None and not self._finished and self._reports.poll(timeout):
                 self._take()
-            return heard
+                timeout = 0.0
         finally:
             self._listening.release()
 
@@ -194,11 +194,6 @@ class Predictor:
         else:
             self._map = PredictionMap.from_arrays(report)
         self._finished = True
-
-
-def predictor_of(rig: Rig) -> Predictor:
-    """Return the predictor of a rig: its rotor over its whole range of speed."""
-    return Predictor(rotor_parameters(rig), rig.settings, default_speeds(rig.limits.speed))
 
 
 def cache_folder() -> Path:

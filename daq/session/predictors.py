@@ -1,14 +1,13 @@
 """The predictions for recorded runs: one predictor for every set of parameters that their rigs ask for."""
 
 import threading
-import tomllib
 from types import TracebackType
 from typing import Self
 
 from analysis.run import AnalysisSettings, Limits, RunHeader
+from daq.config.load import read_config
 from daq.config.rig import Rig
 from daq.config.rotor import configured_rotor, rotor_parameters
-from daq.config.schema import RigConfig
 from daq.session.predictor import Predictor
 from model.parameters import ModelParameters
 from model.prediction_map import default_speeds, model_key
@@ -29,7 +28,7 @@ class Predictors:
 
     def of(self, header: RunHeader) -> Predictor:
         """Return the predictor for the rig of a run, as its configuration was then."""
-        config = RigConfig.model_validate(tomllib.loads(header.config_toml))
+        config = read_config(header.config_toml, f"configuration of run {header.run}")
         return self._for(configured_rotor(config), header.settings, header.limits)
 
     def _for(self, parameters: ModelParameters, settings: AnalysisSettings, limits: Limits) -> Predictor:
