@@ -1,0 +1,365 @@
+"""Lubrication of a floating-ring bearing at rest in its bearing (chapter 3): where journal and ring run, and the oil.
+
+Axes: X right, Y up, the shaft turns counter-clockwise, the load points down. ``Psi`` is the place around the bearing,
+rad, 0 at the top where the oil comes in, growing in the direction of rotation. The inner film carries the load; the
+outer one carries the load and the ring's weight; so each film is solved by itself. Both films are infinitely long.
+
+With Table 3.1 taken literally the chapter's numbers do not follow. Two calibrations, for which the thesis gives no
+cause, bring back its equilibria and cavities but not its flows: `Lubrication.load_factor` and
+`Lubrication.inner_capacity_factor`, set in `thesis_like`. The physics is `nominal`.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import brentq
+
+from model.errors import EquilibriumError
+from model.long_film import LongFilm, bearing_angle, complete_film, ruptured_film, sommerfeld_angle
+from model.parameters import GRAVITY, FloatingRing
+from model.rotor import require_positive
+
+FloatArray = NDArray[np.float64]
+
+HOLES = 6  # evenly spaced in the ring, section 3.3.3
+NEAREST_WALL = 0.999  # eccentricity ratio beyond which an equilibrium is refused
+SMALLEST_ECCENTRICITY, LARGEST_ECCENTRICITY = 1e-9, 1 - 1e-9  # searched
+EXTENTS = (0.99, 0.95, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.1)  # searched for a film that begins past the inlet
+
+
+@dataclass(frozen=True, slots=True)
+class FilmEquilibrium:
+    """An infinitely long film that carries a load.
+
+    Parameters
+    ----------
+    shape : LongFilm
+        Eccentricity and ends of the film.
+    attitude : float
+        Angle of the displacement from the load in the direction of rotation, rad.
+    scale : float
+        K = 6 eta R² w / C², Pa.
+    inlet_pressure : float
+        At Psi = 0, Pa.
+    load : float
+        Carried by the pressure, downwards, N.
+    """
+
+    shape: LongFilm
+    attitude: float
+    scale: float
+    inlet_pressure: float
+    load: float
+
+    @property
+    def eccentricity(self) -> float:
+        """Ratio of the displacement to the clearance."""
+        return self.shape.eccentricity
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether the film runs all the way round, without a cavity."""
+        return self.shape.is_complete
+
+    @property
+    def rupture(self) -> float | None:
+        """Where the film ends and the cavity starts, Psi from 0 to 2 pi, rad; none in a complete film."""
+        return None if self.is_complete else self._place(self.shape.end)
+
+    @property
+    def reformation(self) -> float | None:
+        """Where the cavity ends and the film starts again, Psi above 0 and at most 2 pi, rad; none when complete."""
+        if self.is_complete:
+            return None
+        place = self._place(self.shape.start)
+        turn = 2 * math.pi
+        return turn if min(place, turn - place) < 1e-9 else place
+
+    def pressure(self, psi: ArrayLike) -> FloatArray:
+        """Return the pressure, Pa.
+
+        Parameters
+        ----------
+        psi : array_like
+            Places around the bearing, rad; any turn.
+
+        Returns
+        -------
+        ndarray
+            Pa, in the shape of `psi`; 0 in the cavity.
+        """
+        shape = self.shape
+        start = float(bearing_angle(shape.start, shape.eccentricity))
+        theta = start + np.mod(np.asarray(psi, dtype=np.float64) - self.attitude - start, 2 * math.pi)
+        phi = sommerfeld_angle(theta, shape.eccentricity)
+        if self.is_complete:
+            return np.asarray(self.inlet_pressure + self.scale * (shape.rise(phi) - shape.inlet_rise))
+        return np.where(phi < shape.end, np.maximum(self.scale * shape.rise(phi), 0.0), 0.0)
+
+    def _place(self, phi: float) -> float:
+        return float((bearing_angle(phi, self.shape.eccentricity) + self.attitude) % (2 * math.pi))
+
+
+@dataclass(frozen=True, slots=True)
+class RingEquilibrium:
+    """Journal and ring at rest in their bearing.
+
+    Parameters
+    ----------
+    inner, outer : FilmEquilibrium
+        Journal in ring and ring in housing.
+    flow_scale : float
+        Flow through one hole, kg/s per root of Pa.
+    """
+
+    inner: FilmEquilibrium
+    outer: FilmEquilibrium
+    flow_scale: float
+
+    def pressure_difference(self, psi: ArrayLike) -> FloatArray:
+        """Return the outer film's pressure less the inner film's at places around the bearing (rad), Pa."""
+        return self.outer.pressure(psi) - self.inner.pressure(psi)
+
+    def flow(self, ring_angle: ArrayLike) -> FloatArray:
+        """Return the oil that flows through the six holes into the inner film, kg/s.
+
+        Parameters
+        ----------
+        ring_angle : array_like
+            Place of the first hole, Psi, rad.
+
+        Returns
+        -------
+        ndarray
+            kg/s in the shape of `ring_angle`, positive into the inner film. In proportion to the calibration
+            `flow_scale`, so known in shape and sign only.
+        """
+        holes = 2 * np.pi / HOLES * np.arange(HOLES)
+        difference = self.pressure_difference(np.asarray(ring_angle, dtype=np.float64)[..., np.newaxis] + holes)
+        return np.asarray(self.flow_scale * np.sum(np.sign(difference) * np.sqrt(np.abs(difference)), axis=-1))
+
+    def mean_flow(self, angles: int = 240) -> float:
+        """Return the flow into the inner film averaged over a turn of the ring, kg/s (a calibrated figure).
+
+        Parameters
+        ----------
+        angles : int
+            How many ring angles between two holes are averaged.
+        """
+        return float(np.mean(self.flow(2 * np.pi / HOLES * (np.arange(angles) + 0.5) / angles)))
+
+
+def film_equilibrium(load: float, scale: float, area: float, inlet_pressure: float) -> FilmEquilibrium:
+    """Return where the inner body of an infinitely long film runs under a load.
+
+    Parameters
+    ----------
+    load : float
+        Downwards, N.
+    scale : float
+        K = 6 eta R² w / C², w the sum of the surfaces' speeds, Pa.
+    area : float
+        Length times radius, m².
+    inlet_pressure : float
+        At the top (Psi = 0), Pa, 0 or more.
+
+    Returns
+    -------
+    FilmEquilibrium
+
+    Raises
+    ------
+    ValueError
+        Where a quantity makes no sense.
+    EquilibriumError
+        Where the load would press the body against the wall.
+    """
+    for name, value, unit in (("load", load, "N"), ("scale", scale, "Pa"), ("area", area, "m²")):
+        require_positive(name, value, unit)
+    if not (math.isfinite(inlet_pressure) and inlet_pressure >= 0):
+        raise ValueError(f"inlet_pressure: {inlet_pressure:g} Pa, expected a finite value, 0 or more")
+    target, rise = load / (scale * area), inlet_pressure / scale
+    shape = complete_film(_eccentricity_under(target, load, complete_film))
+    if rise < shape.inlet_rise:
+        shape = _ruptured_with(target, load, rise)
+    if shape.eccentricity > NEAREST_WALL:
+        raise _against_the_wall(load, shape.eccentricity)
+    return FilmEquilibrium(shape, shape.attitude, scale, inlet_pressure, load)
+
+
+def _ruptured_with(target: float, load: float, rise: float) -> LongFilm:
+    # the film under a load that has the inlet's pressure at its top; load and rise grow with eccentricity and extent
+
+    def film(extent: float) -> LongFilm:
+        return ruptured_film(_eccentricity_under(target, load, lambda eps: ruptured_film(eps, extent)), extent)
+
+    shorter = next((extent for extent in EXTENTS if film(extent).inlet_rise < rise), None)
+    if shorter is None:
+        raise EquilibriumError(
+            f"inlet_pressure: the film under {load:g} N would end before {EXTENTS[-1]:g} of its full extent, "
+            "expected a film that reaches from the inlet past its thinnest place"
+        )
+    return film(_root(lambda extent: film(extent).inlet_rise - rise, shorter, 1.0))
+
+
+def _eccentricity_under(target: float, load: float, film: Callable[[float], LongFilm]) -> float:
+    # the eccentricity ratio at which films of a kind carry the load, K L R
+    if film(SMALLEST_ECCENTRICITY).load > target:
+        raise EquilibriumError(
+            f"load: {load:g} N displaces the body by less than {SMALLEST_ECCENTRICITY:g} of its clearance, "
+            "expected a load that the film's equations can resolve"
+        )
+    if film(LARGEST_ECCENTRICITY).load < target:
+        raise _against_the_wall(load, LARGEST_ECCENTRICITY)
+    return _root(lambda eps: film(eps).load - target, SMALLEST_ECCENTRICITY, LARGEST_ECCENTRICITY)
+
+
+def _root(function: Callable[[float], float], low: float, high: float) -> float:
+    return float(brentq(function, low, high, xtol=1e-15, rtol=1e-14))
+
+
+def _against_the_wall(load: float, eccentricity: float) -> EquilibriumError:
+    return EquilibriumError(
+        f"load: {load:g} N presses the body to {eccentricity:.9g} of its clearance, "
+        f"expected a load that leaves it within {NEAREST_WALL} of it"
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Lubrication:
+    """A floating-ring bearing with its oil supply, as chapter 3 takes it.
+
+    Parameters
+    ----------
+    bearing : FloatingRing
+        Sizes, ring's mass and the oil's viscosity.
+    load_factor : float
+        Calibration of both films' loads: load carried by the films over the load stated; 1 is the physics.
+    inner_capacity_factor : float
+        Calibration of the inner film's pressures; 1 is the physics.
+    flow_scale : float
+        Calibration of the flow through one hole, kg/s per root of Pa. The thesis gives neither the holes' diameter nor
+        their length, and its (3.24) has no unit of flow: flows are known up to this factor and not predicted.
+    gravity : float
+        m/s².
+
+    Raises
+    ------
+    ValueError
+        Where one of the factors is not positive or gravity is negative.
+    """
+
+    bearing: FloatingRing
+    load_factor: float = 1.0
+    inner_capacity_factor: float = 1.0
+    flow_scale: float = 1.22e-7
+    gravity: float = GRAVITY
+
+    def __post_init__(self) -> None:
+        for name, unit in (("load_factor", ""), ("inner_capacity_factor", ""), ("flow_scale", "kg/s/sqrt(Pa)")):
+            require_positive(name, getattr(self, name), unit)
+        if not (math.isfinite(self.gravity) and self.gravity >= 0):
+            raise ValueError(f"gravity: {self.gravity:g} m/s², expected a finite value, 0 or more")
+
+    @property
+    def outer_scale(self) -> float:
+        """K of the outer film at a shaft speed of 1 rad/s, Pa s."""
+        b = self.bearing
+        return 6 * b.viscosity * b.ring_outer_radius**2 * b.ring_speed_ratio / b.outer_clearance**2
+
+    @property
+    def inner_scale(self) -> float:
+        """K of the inner film at a shaft speed of 1 rad/s, Pa s."""
+        b = self.bearing
+        surfaces = 1 + b.ring_speed_ratio * b.ring_inner_radius / b.journal_radius  # Eq. (3.2): the sum of speeds
+        return self.inner_capacity_factor * 6 * b.viscosity * b.journal_radius**2 * surfaces / b.inner_clearance**2
+
+    def equilibrium(self, load: float, speed: float, inlet_pressure: float) -> RingEquilibrium:
+        """Return where journal and ring run.
+
+        Parameters
+        ----------
+        load : float
+            On the journal, downwards, N.
+        speed : float
+            Of the shaft, rad/s.
+        inlet_pressure : float
+            Of the oil at the top of the outer film, Pa; the inner film begins with none.
+
+        Returns
+        -------
+        RingEquilibrium
+
+        Raises
+        ------
+        ValueError
+            Where a quantity makes no sense.
+        EquilibriumError
+            Where a film cannot carry the load.
+        """
+        require_positive("load", load, "N")
+        require_positive("speed", speed, "rad/s")
+        b = self.bearing
+        inner_load = self.load_factor * load  # the ring's balance adds its weight: the films decouple
+        outer_load = inner_load + b.ring_mass * self.gravity
+        return RingEquilibrium(
+            inner=film_equilibrium(inner_load, self.inner_scale * speed, b.length * b.journal_radius, 0.0),
+            outer=film_equilibrium(
+                outer_load, self.outer_scale * speed, b.length * b.ring_outer_radius, inlet_pressure
+            ),
+            flow_scale=self.flow_scale,
+        )
+
+    def complete_above(self, load: float, inlet_pressure: float) -> float:
+        """Return the shaft speed above which the outer film has no cavity, rad/s.
+
+        Parameters
+        ----------
+        load : float
+            On the journal, downwards, N.
+        inlet_pressure : float
+            Pa, above 0: without pressure the film always ruptures.
+
+        Returns
+        -------
+        float
+            rad/s.
+        """
+        require_positive("load", load, "N")
+        require_positive("inlet_pressure", inlet_pressure, "Pa")
+        b = self.bearing
+        outer_load = self.load_factor * load + b.ring_mass * self.gravity
+        area = b.length * b.ring_outer_radius
+
+        def excess(eccentricity: float) -> float:
+            film = complete_film(eccentricity)  # whose lowest pressure is 0
+            return film.inlet_rise / film.load - inlet_pressure * area / outer_load
+
+        film = complete_film(_root(excess, SMALLEST_ECCENTRICITY, LARGEST_ECCENTRICITY))
+        return inlet_pressure / (film.inlet_rise * self.outer_scale)
+
+
+def table_3_1() -> FloatingRing:
+    """Return the bearing of Table 3.1."""
+    return FloatingRing(
+        length=10e-3,
+        journal_radius=5e-3,
+        inner_clearance=20e-6,
+        outer_clearance=80e-6,
+        ring_outer_radius=7e-3,
+        ring_mass=0.02,
+        viscosity=0.012,
+    )
+
+
+def nominal() -> Lubrication:
+    """Return chapter 3's bearing as its table and equations say."""
+    return Lubrication(table_3_1())
+
+
+def thesis_like() -> Lubrication:
+    """Return chapter 3's bearing calibrated to the equilibria that the chapter states; the cause is unknown."""
+    return Lubrication(table_3_1(), load_factor=5.0, inner_capacity_factor=0.382)
