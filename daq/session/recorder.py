@@ -166,7 +166,7 @@ class _Recorder:
         self._pipe = pipe
         self._ends: list[SegmentEnd] = []
         self._message = ""
-        self._skipped = 0
+        self._skipped: int | None = None  # not known before the watching process says that it is done
         self._done = threading.Event()
         self._disk_checked = -1.0
         rate = source.acquisition.rate
@@ -258,7 +258,8 @@ class _Recorder:
 
     def _close(self) -> None:
         try:
-            self._writer.close(skipped_samples=self._skipped)
+            skipped = self._gauges.samples if self._skipped is None else self._skipped  # then the results may be anything
+            self._writer.close(skipped_samples=skipped)
         except RecordingError as error:
             self._message = self._message or str(error)
         with suppress(OSError):
