@@ -258,7 +258,8 @@ class _Recorder:
 
     def _close(self) -> None:
         try:
-            skipped = self._gauges.samples if self._skipped is None else self._skipped  # then the results may be anything
+            # without word from the watching process its results may be anything
+            skipped = self._gauges.samples if self._skipped is None else self._skipped
             self._writer.close(skipped_samples=skipped)
         except RecordingError as error:
             self._message = self._message or str(error)
