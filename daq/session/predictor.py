@@ -211,7 +211,7 @@ def cache_folder() -> Path:
 def _read(file: Path) -> tuple[PredictionMap | None, str]:
     """Return the map in a file, or None, and what is wrong with the file if it is there."""
     try:
-        with np.load(file, allow_pickle=False) as arrays:
+        with file.open("rb") as content, np.load(content, allow_pickle=False) as arrays:
             return PredictionMap.from_arrays(dict(arrays)), ""
     except FileNotFoundError:
         return None, ""

@@ -1,0 +1,154 @@
+import os
+import sys
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from analysis.run import AnalysisSettings
+from daq.session.predictor import Predictor, cache_folder
+from model.gj90c import gj90c
+from model.prediction_map import compute_prediction_map
+
+SETTINGS = AnalysisSettings(revolutions=8)
+SPEEDS = np.array([500.0, 560.0, 620.0])
+PATIENCE = 100.0  # s: the first computation on a machine compiles
+
+
+def predictor(folder: Path, viscosity: float = 0.015, speeds: list[float] | None = None) -> Predictor:
+    return Predictor(gj90c(viscosity=viscosity), SETTINGS, SPEEDS if speeds is None else np.array(speeds), folder)
+
+
+@pytest.fixture(scope="module")
+def filled(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A cache in which a predictor has kept its map."""
+    folder = tmp_path_factory.mktemp("cache") / "not" / "there" / "yet"
+    with predictor(folder) as computing:
+        assert computing.wait(PATIENCE) is not None
+    return folder
+
+
+def test_map_is_computed_beside_and_nobody_waits_for_it(tmp_path: Path) -> None:
+    begun = time.perf_counter()
+    with predictor(tmp_path) as computing:
+        assert computing.state.startswith("computing")
+        assert computing.at(530.0) is None
+        assert computing.map is None
+        assert time.perf_counter() - begun < 1.0
+        told: list[str] = []
+        found = computing.wait(PATIENCE, told.append)
+        assert told[0].startswith("computing")
+        assert told[-1] == computing.state == "ready"
+        assert found is not None
+        expected = compute_prediction_map(gj90c(), SPEEDS, SETTINGS, lambda _done, _total: None)
+        assert np.array_equal(found.vectors, expected.vectors)
+        assert computing.at(530.0) is not None
+        assert computing.at(499.0) is None
+        assert computing.at(621.0) is None
+        assert computing.at(float("nan")) is None
+    assert [file.suffix for file in tmp_path.iterdir()] == [".npz"]
+
+
+def test_map_in_the_cache_is_ready_at_once(filled: Path) -> None:
+    with predictor(filled) as ready:
+        assert ready.state == "ready"
+        assert ready.remark == ""
+        assert ready.at(530.0) is not None
+        assert ready.wait(0.0) is ready.map
+
+
+def test_other_parameters_are_not_served_from_the_cache(filled: Path) -> None:
+    with predictor(filled, viscosity=0.016) as computing:
+        assert computing.state.startswith("computing")
+    assert computing.state == "off: stopped"
+
+
+@pytest.mark.parametrize("content", [b"", b"no archive", b"PK\x03\x04 cut short", b"\x93NUMPY\x01\x00"])
+def test_damaged_file_is_said_once_and_computed_anew(filled: Path, tmp_path: Path, content: bytes) -> None:
+    kept = next(filled.iterdir())
+    (tmp_path / kept.name).write_bytes(content)
+    with predictor(tmp_path) as computing:
+        assert computing.state.startswith("computing")
+        assert "no readable prediction" in computing.remark
+        told: list[str] = []
+        computing.wait(0.0, told.append)
+        assert told[0] == computing.remark
+
+
+def test_shortened_file_is_replaced_by_a_whole_one(filled: Path, tmp_path: Path) -> None:
+    whole = next(filled.iterdir()).read_bytes()
+    damaged = tmp_path / next(filled.iterdir()).name
+    damaged.write_bytes(whole[: len(whole) // 2])
+    with predictor(tmp_path) as computing:
+        assert computing.remark
+        assert computing.wait(PATIENCE) is not None
+    with predictor(tmp_path) as ready:
+        assert ready.state == "ready"
+
+
+def test_closing_ends_the_computation(tmp_path: Path) -> None:
+    computing = predictor(tmp_path, speeds=list(np.linspace(200, 2000, 400)))
+    process = computing._process
+    assert process is not None
+    pid = process.pid
+    assert pid is not None
+    begun = time.perf_counter()
+    computing.close()
+    computing.close()
+    assert time.perf_counter() - begun < 3.0
+    assert computing.state == "off: stopped"
+    assert computing.wait(1.0) is None
+    if sys.platform != "win32":
+        with pytest.raises(ProcessLookupError):
+            os.kill(pid, 0)
+
+
+def test_motion_that_fails_switches_the_model_off_with_the_reason(tmp_path: Path) -> None:
+    with predictor(tmp_path, viscosity=1e-7, speeds=[10.0, 11.0]) as failing:
+        assert failing.wait(PATIENCE) is None
+        assert failing.state.startswith("off: eccentricity: the ring came to")
+
+
+def test_computation_that_is_killed_switches_the_model_off(tmp_path: Path) -> None:
+    with predictor(tmp_path, speeds=list(np.linspace(200, 2000, 400))) as killed:
+        process = killed._process
+        assert process is not None
+        process.kill()
+        killed.wait(PATIENCE)
+        assert killed.state == "off: the computation ended without a result"
+
+
+def test_folder_that_cannot_be_written_costs_only_the_cache(tmp_path: Path) -> None:
+    blocked = tmp_path / "file"
+    blocked.write_text("no folder")
+    with predictor(blocked / "cache") as computing:
+        assert computing.wait(PATIENCE) is not None
+        assert computing.state == "ready"
+    assert blocked.read_text() == "no folder"
+
+
+def test_several_may_ask_while_one_waits(tmp_path: Path) -> None:
+    with predictor(tmp_path) as computing:
+        waiting = threading.Thread(target=computing.wait, args=(PATIENCE,))
+        waiting.start()
+        states = set()
+        while waiting.is_alive():
+            states.add(computing.state.split()[0])
+            time.sleep(0.01)
+        assert states <= {"computing", "ready"}
+        assert computing.wait(PATIENCE) is not None
+
+
+def test_cache_lies_where_the_environment_says() -> None:
+    kept = dict(os.environ)
+    try:
+        os.environ["RIG_CACHE"] = "somewhere"
+        assert cache_folder() == Path("somewhere")
+        del os.environ["RIG_CACHE"]
+        assert cache_folder().name in {"rig", "cache"}
+        assert cache_folder().is_absolute()
+    finally:
+        os.environ.clear()
+        os.environ.update(kept)
