@@ -13,6 +13,7 @@ import rerun as rr
 from daq.errors import ServiceError
 from daq.session.frame import LiveFrame
 from daq.view.blueprint import operator_blueprint
+from daq.view.pages import ViewerPages
 from daq.view.presenter import Presenter
 
 _APPLICATION = "rig"
@@ -45,16 +46,21 @@ class LiveView:
     def __init__(
         self, host: str = "127.0.0.1", web_port: int = 0, grpc_port: int = 0, *, origins: Sequence[str] = ()
     ) -> None:
-        self._web_port = _usable_port(host, web_port, "the live view's page")
-        self._grpc_port = _usable_port(host, grpc_port, "the live view's data")
+        self._pages = ViewerPages(host, web_port)
+        try:
+            self._grpc_port = _usable_port(host, grpc_port)
+        except ServiceError:
+            self._pages.close()
+            raise
         self._name = socket.gethostname() if host in _EVERYWHERE else host
-        pages = {f"http://{name}:{self._web_port}" for name in (self._name, "localhost", "127.0.0.1")}
+        names = sorted({self._name, "localhost", "127.0.0.1"})
+        self._data_origins = [f"http://{name}:{self._grpc_port}" for name in names]
         self._sink = rr.GrpcServerSink(
             host or "0.0.0.0",  # noqa: S104 - asked for by the caller
             self._grpc_port,
             server_memory_limit=_MEMORY,
             newest_first=True,
-            cors_allow_origin=sorted(pages | set(origins)),
+            cors_allow_origin=[*(f"http://{name}:{self._pages.port}" for name in names), *origins],
         )
         self._slot: LiveFrame | None = None
         self._wake = threading.Condition()
@@ -68,7 +74,7 @@ class LiveView:
     @property
     def url(self) -> str:
         """Address to open in a browser: the viewer's page, told where the data is."""
-        page = f"http://{self._name}:{self._web_port}/"
+        page = f"http://{self._name}:{self._pages.port}/"
         return f"{page}?url={quote(self.viewer_url, safe='')}&hide_welcome_screen=1&theme=dark"
 
     @property
@@ -84,7 +90,7 @@ class LiveView:
     @property
     def failure(self) -> str:
         """Why nothing is drawn any more, for the operator; empty where all is well."""
-        return self._failure
+        return self._failure or self._pages.failure
 
     def offer(self, frame: LiveFrame) -> None:
         """Show this frame when there is time; never blocks."""
@@ -101,7 +107,8 @@ class LiveView:
 
     def wait_ready(self, timeout: float) -> bool:
         """Wait until the view can be opened, at most ``timeout`` s; returns whether it can."""
-        return self._ready.wait(timeout)
+        until = time.monotonic() + timeout
+        return self._ready.wait(timeout) and self._pages.wait(until - time.monotonic())
 
     def close(self, timeout: float = 5.0) -> bool:
         """Draw what waits, end, and free the ports; returns whether that was done within ``timeout`` s."""
@@ -119,10 +126,10 @@ class LiveView:
             return frame
 
     def _run(self) -> None:
+        self._pages.serve(self._data_origins)
         try:
             stream = rr.RecordingStream(_APPLICATION, recording_id=str(uuid.uuid4()))
             stream.set_sinks(self._sink)
-            rr.serve_web_viewer(web_port=self._web_port, open_browser=False)
             stream.log(
                 "details", rr.TextDocument("# waiting for a run", media_type=rr.MediaType.MARKDOWN), static=False
             )
@@ -132,6 +139,8 @@ class LiveView:
             stream.disconnect()
         except Exception as error:  # noqa: BLE001 - the view may fail, the run may not: said, and shown no more
             self._failure = f"the live view stopped: {error}"
+        finally:
+            self._pages.close()
 
     def _draw(self, stream: rr.RecordingStream) -> None:
         presenter, run = None, None
@@ -147,7 +156,7 @@ class LiveView:
                 time.sleep(rest)
 
 
-def _usable_port(host: str, port: int, purpose: str) -> int:
+def _usable_port(host: str, port: int) -> int:
     """Return ``port``, or a free one for 0; ServiceError where it cannot be listened on."""
     try:
         with socket.create_server((host, port)) as probe:
@@ -155,5 +164,5 @@ def _usable_port(host: str, port: int, purpose: str) -> int:
             return number
     except OSError as error:
         raise ServiceError(
-            f"port {port} on {host} for {purpose}: {error.strerror or error}; choose another, or 0"
+            f"port {port} on {host} for the live view's data: {error.strerror or error}; choose another, or 0"
         ) from error

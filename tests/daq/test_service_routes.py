@@ -244,6 +244,14 @@ def test_address_that_does_not_exist_is_a_problem_too(bench: Bench, path: str) -
     assert problem(bench.get(path)).status == 404
 
 
+@pytest.mark.parametrize("path", [f"{API}/runs", f"{API}/live", "/", "/page.js", "/openapi.json"])
+def test_head_is_answered_as_get_without_the_content(bench: Bench, path: str) -> None:
+    head, get = bench.client.head(path), bench.client.get(path)
+    assert head.content == b""
+    assert head.status_code == get.status_code
+    assert {**head.headers, "date": ""} == {**get.headers, "date": ""}
+
+
 @pytest.mark.parametrize("method", ["POST", "PUT", "DELETE", "PATCH"])
 def test_what_is_read_only_says_so(bench: Bench, method: str) -> None:
     response = bench.client.request(method, f"{API}/runs")

@@ -91,6 +91,16 @@ def test_close_waits_for_an_answer_under_way() -> None:
     assert answers == ["hello"]
 
 
+def test_close_does_not_wait_for_a_browser_that_keeps_its_connection() -> None:
+    server = ServiceServer(Hello())
+    server.start()
+    with httpx.Client(base_url=server.url) as client:
+        client.get("/")
+        began = time.monotonic()
+        server.close(deadline=5.0)
+        assert time.monotonic() - began < 3.0
+
+
 def test_close_does_not_wait_longer_than_its_deadline() -> None:
     application = Hello(delay=30.0)
     server = ServiceServer(application)
