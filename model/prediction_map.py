@@ -22,7 +22,7 @@ from model.stability import SynchronousOrbit, synchronous_orbit
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
-MODEL_VERSION = 1  # to be raised with every change of the model's results
+MODEL_VERSION = 2  # to be raised with every change of the model's results
 NUMERICAL_FLOOR = 5e-9  # m peak: what rounding and the end of settling leave between the lines
 FIRST_TURNS = 200  # to settle at the lowest speed
 PORTION = 32  # turns between two looks at whether the motion has settled
@@ -169,6 +169,9 @@ def compute_prediction_map(
 ) -> PredictionMap:
     """Compute the map: a settled motion at each speed, begun from that at the one before.
 
+    A shaft that did not whirl at the speed before starts on the synchronous orbit. Where that is unstable it is nudged
+    the way in which it lets go: on the bench disturbances do that, and rounding alone takes thousands of turns.
+
     Parameters
     ----------
     parameters : ModelParameters
@@ -195,16 +198,20 @@ def compute_prediction_map(
     speeds = np.asarray(speeds, np.float64)
     _require_rising(speeds)
     motion = ShaftMotion(parameters, float(speeds[0]), FIRST_TURNS)
+    nudge = NUDGE * parameters.bearing.inner_clearance
     synchronous: SynchronousOrbit | None = None
+    is_whirling = False
     predictions = []
     for done, speed in enumerate(speeds, 1):
-        motion.change_speed(float(speed))
         try:
             synchronous = synchronous_orbit(parameters, float(speed), synchronous)
-        except ModelError:  # far above the limits of stability there may be none within the clearances
+        except ModelError:  # far beyond the limit of stability there may be none within the clearances
             synchronous = None
-        _settle(motion, synchronous, NUDGE * parameters.bearing.inner_clearance)
         growth_rate = math.nan if synchronous is None else synchronous.growth_rate
+        motion.change_speed(float(speed))
+        if synchronous is not None and not is_whirling:
+            motion.stand(synchronous.standing + (nudge if growth_rate > 0 else 0.0) * synchronous.disturbance)
+        is_whirling = _settle(motion, SHORTEST_UNSTABLE if growth_rate > 0 else SHORTEST_STABLE, nudge)
         predictions.append(_reduce(motion, parameters, settings, growth_rate))
         on_progress(done, speeds.size)
     return PredictionMap(
@@ -220,27 +227,17 @@ def compute_prediction_map(
     )
 
 
-def _settle(motion: ShaftMotion, synchronous: SynchronousOrbit | None, nudge: float) -> None:
-    """Wait until the motion's size changes no more.
-
-    A motion that goes round with the shaft, or nearly, is put on the synchronous orbit, so that no remains of the last
-    speed are taken for whirl. Where that orbit is unstable it is nudged the way in which it lets go: the bench's own
-    disturbances would do that, and rounding alone takes thousands of turns.
-    """
-    least = SHORTEST_STABLE
-    if synchronous is not None:
-        marks = motion.turns(PORTION)[:, ::STEPS_PER_TURN]
-        unstable = synchronous.growth_rate > 0
-        if float(np.ptp(marks, axis=1).max()) < nudge:
-            motion.stand(synchronous.standing + (nudge if unstable else 0.0) * synchronous.disturbance)
-        if unstable:
-            least = SHORTEST_UNSTABLE
+def _settle(motion: ShaftMotion, shortest: int, nudge: float) -> bool:
+    """Wait until the motion's size changes no more; return whether it whirls besides going round with the shaft."""
     last = 0.0
     for portion in range(1, LONGEST + 1):
-        size = float(np.ptp(motion.turns(PORTION), axis=1).max())
-        if portion >= least and abs(size - last) < CHANGE * size:
-            return
+        path = motion.turns(PORTION)
+        size = float(np.ptp(path, axis=1).max())
+        if portion >= shortest and abs(size - last) < CHANGE * size:
+            break
         last = size
+    marks = path[:, ::STEPS_PER_TURN]
+    return float(np.ptp(marks, axis=1).max()) > nudge
 
 
 def _reduce(

@@ -24,7 +24,7 @@ def prediction_map() -> PredictionMap:
 def test_at_low_speed_the_shaft_only_follows_its_imbalance(prediction_map: PredictionMap) -> None:
     assert np.isnan(prediction_map.whirl_order[:2]).all()
     assert (prediction_map.growth_rate[:2] < 0).all()
-    # section 6.2 of the trial calculations: 1X of 2 to 3 µm
+    # and that by 2 to 3 µm, of 100 µm clearance
     assert np.abs(prediction_map.vectors[2:, 0]).max() < 3.2e-6
 
 
