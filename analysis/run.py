@@ -201,6 +201,19 @@ class AnalysisSettings:
     orbit_revolutions: int = 4
 
 
+class Severity(StrEnum):
+    """Overall vibration against its limits, from harmless to worst."""
+
+    NORMAL = "normal"
+    ALARM = "alarm"
+    DANGER = "danger"
+
+    @property
+    def rank(self) -> int:
+        """0 for the harmless one, rising."""
+        return list(Severity).index(self)
+
+
 @dataclass(frozen=True, slots=True)
 class Limits:
     """What the operator must not pass, and the room there is.
@@ -219,6 +232,12 @@ class Limits:
     peak_to_peak_danger: float
     clearance: float
     speed: float
+
+    def severity(self, peak_to_peak: float) -> Severity:
+        """Return how an overall vibration, m peak-to-peak, stands to the limits; a limit that is met is passed."""
+        if peak_to_peak >= self.peak_to_peak_danger:
+            return Severity.DANGER
+        return Severity.ALARM if peak_to_peak >= self.peak_to_peak_alarm else Severity.NORMAL
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,26 +2,17 @@
 
 from collections import Counter
 from dataclasses import dataclass
-from enum import StrEnum
 
 import numpy as np
 from numpy.typing import NDArray
 
 from analysis.findings import Moment, WhirlFinding, WhirlTracker
-from analysis.run import Role, RunHeader
+from analysis.run import Role, RunHeader, Severity
 from analysis.samples import SegmentEnd
 from analysis.snapshot import Snapshot, TachoReport
 from analysis.speed_table import SpeedRow, SpeedTable
 
 FloatArray = NDArray[np.float64]
-
-
-class Severity(StrEnum):
-    """How the largest vibration stands to the limits."""
-
-    GOOD = "good"
-    ALARM = "alarm"
-    DANGER = "danger"
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,8 +116,8 @@ class RunSummary:
     @property
     def severity(self) -> Severity:
         """The worst of the probes' verdicts."""
-        worst = [Severity.GOOD, Severity.ALARM, Severity.DANGER]
-        return max((probe.severity for probe in self.probes), key=worst.index, default=Severity.GOOD)
+        severities = (probe.severity for probe in self.probes)
+        return max(severities, key=lambda severity: severity.rank, default=Severity.NORMAL)
 
 
 @dataclass(slots=True)
@@ -228,12 +219,6 @@ class SummaryBuilder:
         )
 
     def _probe(self, name: str, probe: _Probe) -> ProbeSummary:
-        limits = self._header.limits
-        severity = Severity.GOOD
-        if probe.peak_to_peak >= limits.peak_to_peak_danger:
-            severity = Severity.DANGER
-        elif probe.peak_to_peak >= limits.peak_to_peak_alarm:
-            severity = Severity.ALARM
         seen = self._snapshots > 0
         return ProbeSummary(
             name=name,
@@ -243,5 +228,5 @@ class SummaryBuilder:
             gap_ok=probe.gap_ok,
             largest_peak_to_peak=probe.peak_to_peak,
             largest=probe.largest,
-            severity=severity,
+            severity=self._header.limits.severity(probe.peak_to_peak),
         )

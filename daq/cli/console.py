@@ -5,7 +5,8 @@ import sys
 import time
 from typing import TextIO
 
-from daq.session.frame import LiveFrame, Severity
+from analysis.run import Severity
+from daq.session.frame import LiveFrame
 
 RPM = 2 * math.pi / 60
 _QUIET_INTERVAL = 5.0  # s between lines where they cannot be rewritten

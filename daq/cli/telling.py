@@ -3,6 +3,7 @@
 import json
 from collections.abc import Iterator
 
+from analysis.run import Severity
 from daq.service.documents import Document, SummaryDocument
 from daq.service.documents.agreement import AgreementDocument
 from daq.service.documents.summary import SpeedRowDocument
@@ -112,7 +113,7 @@ def _largest(summary: SummaryDocument) -> str:
         return "no vibration measured"
     at = worst.largest_at
     where = f"at {_number(at.speed_rpm)} r/min" if at.speed_rpm is not None else f"at {at.time_s:.1f} s"
-    verdict = "" if summary.severity.value == "good" else f" ({summary.severity.value.upper()})"
+    verdict = "" if summary.severity is Severity.NORMAL else f" ({summary.severity.value.upper()})"
     return f"max {_number(worst.largest_peak_to_peak_um)} µm pp on {worst.name} {where}{verdict}"
 
 

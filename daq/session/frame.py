@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Protocol
 
-from analysis.run import RunHeader
+from analysis.run import RunHeader, Severity
 from analysis.snapshot import Snapshot
 from model.prediction import Prediction
 
@@ -17,14 +17,6 @@ class RunState(StrEnum):
     REPLAYING = "replaying"
     FINISHED = "finished"
     FAILED = "failed"
-
-
-class Severity(StrEnum):
-    """The overall peak-to-peak against its limits."""
-
-    NORMAL = "normal"
-    ALARM = "alarm"
-    DANGER = "danger"
 
 
 @dataclass(frozen=True, slots=True)

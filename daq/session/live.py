@@ -5,16 +5,14 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from analysis.analyser import Analyser
-from analysis.run import RunHeader
+from analysis.run import RunHeader, Severity
 from analysis.samples import SegmentEnd, SourceItem
 from analysis.snapshot import Snapshot
 from analysis.summary import RunSummary, SummaryBuilder
-from daq.session.frame import FrameSink, LiveFrame, Severity, Status
+from daq.session.frame import FrameSink, LiveFrame, Status
 from model.prediction import Prediction
 
 Predict = Callable[[float], Prediction | None]
-
-_RANK = {Severity.NORMAL: 0, Severity.ALARM: 1, Severity.DANGER: 2}
 
 
 class LiveAnalysis:
@@ -71,14 +69,8 @@ class LiveAnalysis:
             self._judge(snapshot)
 
     def _judge(self, snapshot: Snapshot) -> None:
-        limits, worst = self._header.limits, float(snapshot.peak_to_peak.max())
-        if worst >= limits.peak_to_peak_danger:
-            self._severity = Severity.DANGER
-        elif worst >= limits.peak_to_peak_alarm:
-            self._severity = Severity.ALARM
-        else:
-            self._severity = Severity.NORMAL
-        self._latched = max(self._latched, self._severity, key=_RANK.__getitem__)
+        self._severity = self._header.limits.severity(float(snapshot.peak_to_peak.max()))
+        self._latched = max(self._latched, self._severity, key=lambda severity: severity.rank)
 
     def frame(self, status: Status) -> LiveFrame:
         """Return the latest frame with this status."""

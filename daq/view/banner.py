@@ -2,7 +2,8 @@
 
 import math
 
-from daq.session.frame import LiveFrame, RunState, Severity, Status
+from analysis.run import Severity
+from daq.session.frame import LiveFrame, RunState, Status
 from daq.view.drawing import Anchor, Drawing
 from daq.view.lettering import text_width
 from daq.view.palette import ALARM, DANGER, GOOD, INK, MEASURED_X, MEASURED_Y, QUIET, TEXT, Color

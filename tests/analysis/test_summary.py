@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from analysis.run import Limits, RunHeader
+from analysis.run import Limits, RunHeader, Severity
 from analysis.samples import EndReason, SegmentEnd
-from analysis.summary import RunSummary, Severity, SummaryBuilder
+from analysis.summary import RunSummary, SummaryBuilder
 
 if TYPE_CHECKING:
     from tests.analysis.conftest import Bench
@@ -77,7 +77,7 @@ def test_a_quiet_run_has_no_findings_and_says_so(make_bench: Maker, header: RunH
     codes = bench.codes(bench.steady(100.0), bench.circles((10 * MICRO, 1.0, 0.4)), 1.25)
     summary = summary_of(bench, header, codes, SegmentEnd(0, 125_000, EndReason.STOPPED))
     assert summary.whirls == ()
-    assert summary.severity is Severity.GOOD
+    assert summary.severity is Severity.NORMAL
     assert (summary.samples, summary.duration) == (125_000, 1.25)
     assert (summary.snapshots, summary.frames) == (13, 12)
     assert summary.tacho_states == {"good": 13}
@@ -94,7 +94,7 @@ def test_a_quiet_run_has_no_findings_and_says_so(make_bench: Maker, header: RunH
     assert (summary.run, summary.rig, summary.started_ns) == (header.run, header.rig, header.started_ns)
 
 
-@pytest.mark.parametrize(("radius", "severity"), [(35, Severity.GOOD), (42, Severity.ALARM), (49, Severity.DANGER)])
+@pytest.mark.parametrize(("radius", "severity"), [(35, Severity.NORMAL), (42, Severity.ALARM), (49, Severity.DANGER)])
 def test_severity_is_the_largest_vibration_against_the_limits(
     make_bench: Maker, header: RunHeader, radius: float, severity: Severity
 ) -> None:

@@ -6,9 +6,20 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.run import Acquisition, AnalysisSettings, Calibration, Channel, Device, Limits, Role, RunHeader, Tacho
+from analysis.run import (
+    Acquisition,
+    AnalysisSettings,
+    Calibration,
+    Channel,
+    Device,
+    Limits,
+    Role,
+    RunHeader,
+    Severity,
+    Tacho,
+)
 from analysis.snapshot import OrderFrame, Snapshot, TachoReport, TachoState, Trace, Whirl
-from daq.session.frame import LiveFrame, RunState, Severity, Status
+from daq.session.frame import LiveFrame, RunState, Status
 from model.prediction import Prediction
 
 RATE = 100_000.0

@@ -7,10 +7,11 @@ from pathlib import Path
 import numpy as np
 
 from analysis.findings import Moment, WhirlFinding
+from analysis.run import Severity
 from analysis.samples import EndReason, SegmentEnd
 from analysis.snapshot import TachoReport, TachoState
 from analysis.speed_table import SpeedRow
-from analysis.summary import ProbeSummary, RunSummary, Severity
+from analysis.summary import ProbeSummary, RunSummary
 from daq.service.documents import SummaryDocument, summary_document
 from daq.session.frame import LiveFrame
 from model.compare import Agreement, PredictedWhirl, SynchronousAgreement, WhirlAgreement
@@ -92,7 +93,7 @@ def make_summary() -> RunSummary:
         highest_speed=math.nan,
         probes=(
             ProbeSummary("x", 5.02, 4.97, 5.08, True, 96.1e-6, at(280.0, 15_060.0), Severity.DANGER),
-            ProbeSummary("y", math.nan, math.nan, math.nan, False, 0.0, None, Severity.GOOD),
+            ProbeSummary("y", math.nan, math.nan, math.nan, False, 0.0, None, Severity.NORMAL),
         ),
         clipped=(0, 3, 0),
         snapshots=3000,

@@ -12,7 +12,8 @@ import rerun as rr
 from numpy.typing import NDArray
 from rerun.chunk import RrdReader
 
-from daq.session.frame import LiveFrame, RunState, Severity, Status
+from analysis.run import Severity
+from daq.session.frame import LiveFrame, RunState, Status
 from daq.view.blueprint import timeline
 from daq.view.colour_map import COLUMNS, HIGHEST_ORDER, ROWS
 from daq.view.palette import ALARM, MEASURED_X, MEASURED_Y, MODEL, TACHO, Color

@@ -9,7 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from daq.session.frame import LiveFrame, RunState, Severity
+from analysis.run import Severity
+from daq.session.frame import LiveFrame, RunState
 from tests.daq.frames import make_frames
 from tests.daq.service_bench import Bench, open_bench
 from tests.daq.service_fakes import NEWEST

@@ -6,13 +6,13 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from analysis.run import Role, RunHeader
+from analysis.run import Role, RunHeader, Severity
 from analysis.snapshot import OrderFrame, Snapshot, TachoState, Whirl
 from daq.service.documents.document import Document
 from daq.service.documents.header import DeviceDocument, LimitsDocument, device_document, limits_document
 from daq.service.documents.units import finite, micrometres, moment, rpm
 from daq.service.documents.vibration import Direction, ProbesDocument, direction, probes_document
-from daq.session.frame import LiveFrame, RunState, Severity, Status
+from daq.session.frame import LiveFrame, RunState, Status
 from model.prediction import Prediction
 
 Count = Annotated[int, Field(ge=0)]

@@ -6,10 +6,11 @@ from typing import Annotated
 from pydantic import Field
 
 from analysis.findings import Moment, WhirlFinding
+from analysis.run import Severity
 from analysis.samples import EndReason, SegmentEnd
 from analysis.snapshot import TachoState
 from analysis.speed_table import SpeedRow
-from analysis.summary import ProbeSummary, RunSummary, Severity
+from analysis.summary import ProbeSummary, RunSummary
 from daq.service.documents.agreement import AgreementDocument, agreement_document
 from daq.service.documents.document import Document
 from daq.service.documents.units import finite, micrometres, moment, rpm
