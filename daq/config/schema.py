@@ -143,6 +143,24 @@ class WhirlSection(Section):
     forward: bool = True
 
 
+class Miswiring(StrEnum):
+    """What is wired wrongly at the simulated bench."""
+
+    NONE = "none"
+    X_OPEN = "probe x open"
+    Y_OPEN = "probe y open"
+    X_CLOSED = "probe x gap closed"
+    Y_OUT_OF_REACH = "probe y out of reach"
+    X_REVERSED = "probe x reversed"
+    BRIDGED = "probes bridged"
+    PROBES_EXCHANGED = "probes exchanged"
+    TACHO_EXCHANGED = "probe x and tacho exchanged"
+    TACHO_SILENT = "tacho silent"
+    TACHO_REVERSED = "tacho reversed"
+    TACHO_WEAK = "tacho weak"
+    HUM = "mains hum"
+
+
 class SimulationSection(Section):
     """`[simulation]`: the rig that is simulated; only read by the simulated backend.
 
@@ -176,6 +194,7 @@ class SimulationSection(Section):
     tacho_low_v: float = 0.1
     tacho_rise_us: Positive = 30.0  # from one level to the other
     tacho_noise_v: NotNegative = 0.01  # rms
+    miswiring: Miswiring = Miswiring.NONE  # what the preflight is to find; the seed draws how wrong it is
 
 
 class RigConfig(Section):

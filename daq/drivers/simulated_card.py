@@ -15,6 +15,7 @@ from daq.drivers.simulated_probe import SimulatedProbe
 from daq.drivers.simulated_shaft import shaft_motion
 from daq.drivers.simulated_speed import SpeedCourse, speed_course
 from daq.drivers.simulated_tacho import SimulatedTacho, TachoSignal
+from daq.drivers.simulated_wiring import SimulatedWiring
 
 PORTION = 8192  # samples made together, however many are asked for
 
@@ -63,6 +64,9 @@ class SimulatedCard:
             seed=bench.seed,
         )
         self._tacho_noise = bench.tacho_noise_v
+        self._wiring = SimulatedWiring(
+            bench.miswiring, (self._probe_rows[0], self._probe_rows[1], self._tacho_row), bench.seed
+        )
         self._seed = bench.seed
         self._portion = 0
         self._left = np.empty((len(config.channel), 0), dtype=np.int16)
@@ -113,13 +117,16 @@ class SimulatedCard:
         time = (portion * PORTION + np.arange(PORTION)) / acquisition.rate
         lags = np.arange(len(acquisition.channels)) / acquisition.convert_rate
         displacement = self._motion.advance(Instants.along(self._course, time, lags[self._probe_rows]))
-        made = np.empty((len(acquisition.channels), PORTION), dtype=np.int16)
+        volts = np.empty((len(acquisition.channels), PORTION))
         for row, probe, moved in zip(self._probe_rows, self._probes, displacement, strict=True):
-            made[row] = converter.codes(probe.volts(portion, moved), acquisition.channels[row].scaling)
-        tacho = self._tacho.volts(time + lags[self._tacho_row])
-        tacho += self._tacho_noise * draws(self._seed, Purpose.TACHO_NOISE, portion).standard_normal(PORTION)
-        made[self._tacho_row] = converter.codes(tacho, acquisition.channels[self._tacho_row].scaling)
+            volts[row] = probe.volts(portion, moved)
+        noise = draws(self._seed, Purpose.TACHO_NOISE, portion).standard_normal(PORTION)
+        volts[self._tacho_row] = self._tacho.volts(time + lags[self._tacho_row]) + self._tacho_noise * noise
         self._portion += 1
+        at_inputs = self._wiring.carry(portion, time, volts)
+        made = np.empty(at_inputs.shape, dtype=np.int16)
+        for row, channel in enumerate(acquisition.channels):
+            made[row] = converter.codes(at_inputs[row], channel.scaling)
         return made
 
 

@@ -14,6 +14,8 @@ class Purpose(IntEnum):
     GLITCHES = 4
     TACHO_JITTER = 5
     TACHO_NOISE = 6
+    WIRING = 7
+    WIRING_NOISE = 8
 
 
 def draws(seed: int, purpose: Purpose, *index: int) -> np.random.Generator:
