@@ -8,6 +8,8 @@ from fastapi import FastAPI
 from daq.errors import ServiceError
 from daq.service.documents import ProblemDocument
 from daq.service.guard import Guard, is_loopback
+from daq.service.head import HeadAsGet
+from daq.service.last_resort import LastResort
 from daq.service.pages import PUBLIC_PATHS, Pages
 from daq.service.problems import install
 from daq.service.reference import reference_page
@@ -72,7 +74,9 @@ def create_app(
     install(app)
     app.include_router(Routes(catalogue, live, summaries, app.version).router(with_token=token is not None))
     app.include_router(Pages(viewer_url, reference_page(app.openapi())).router())
+    app.add_middleware(LastResort)
     app.add_middleware(Guard, host=host, token=token, public=PUBLIC_PATHS)
+    app.add_middleware(HeadAsGet)
     app.add_middleware(SafeHeaders)
     return app
 
@@ -86,6 +90,7 @@ class _Service(FastAPI):
             version=version(DISTRIBUTION),
             description=DESCRIPTION,
             openapi_tags=TAGS,
+            license_info={"name": "Apache License 2.0", "identifier": "Apache-2.0"},
             docs_url=None,
             redoc_url=None,
             redirect_slashes=False,

@@ -22,7 +22,8 @@ function banner(id, text, danger = false) {
 
 export function drawLive(live) {
   document.body.dataset.state = live.status.state;
-  document.title = `${live.status.state} · ${live.rig}`;
+  const passed = live.status.latched_severity === "normal" ? "" : `▲ ${live.status.latched_severity.toUpperCase()} · `;
+  document.title = `${passed}${live.status.state} · ${live.rig}`;
   document.body.dataset.run = ["recording", "replaying", "starting"].includes(live.status.state) ? live.run : "";
   write("state", live.status.state);
   write("clock", clock(live.status.elapsed_s));

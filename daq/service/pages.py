@@ -56,7 +56,7 @@ class Pages:
             **{f"/{name}": self._answer(text, name.rpartition(".")[2]) for name, text in self._assets.items()},
         }
         for path, answer in pages.items():
-            router.add_api_route(path, answer, methods=["GET", "HEAD"])
+            router.add_api_route(path, answer)
         return router
 
     def _answer(self, text: str, kind: str) -> Callable[[], Awaitable[Response]]:

@@ -199,12 +199,11 @@ def openapi_responses(*kinds: Kind) -> dict[int | str, dict[str, Any]]:
 
 
 def install(app: FastAPI) -> None:
-    """Make ``app`` answer every error with a problem document."""
+    """Make ``app`` answer every error that is expected with a problem document."""
     app.exception_handler(ProblemError)(_of_problem)
     app.exception_handler(RecordingError)(_of_recording)
     app.exception_handler(RequestValidationError)(_of_validation)
     app.exception_handler(HTTPException)(_of_http)
-    app.exception_handler(Exception)(_of_anything)
 
 
 async def _of_problem(request: Request, error: ProblemError) -> Response:
@@ -233,7 +232,3 @@ async def _of_http(request: Request, error: HTTPException) -> Response:
         return problem_response(METHOD, METHOD.explanation, path, headers=error.headers)
     detail = f"there is nothing at {path}" if error.status_code == NOT_FOUND.status else str(error.detail)
     return problem_response(NOT_FOUND, detail, path, status=error.status_code, headers=error.headers)
-
-
-async def _of_anything(request: Request, error: Exception) -> Response:
-    return problem_response(INTERNAL, f"{type(error).__name__}; the service's log tells more", request.url.path)

@@ -170,11 +170,16 @@ def test_summary_of_the_run_under_way_is_a_conflict_until_it_has_ended(bench: Be
     assert bench.get(f"/runs/{NEWEST}/summary").status_code == 200
 
 
-def test_fault_of_the_program_is_told_without_its_inside(bench: Bench) -> None:
+def test_fault_of_the_program_is_told_without_its_inside_and_logged_with_it(
+    bench: Bench, caplog: pytest.LogCaptureFixture
+) -> None:
     bench.summaries.trouble = LookupError("secret inside")
     told = problem(bench.get(f"/runs/{NEWEST}/summary"))
     assert (told.status, told.type) == (500, "/docs#internal")
     assert "secret" not in told.detail
+    assert "secret inside" in caplog.text
+    assert f"GET {API}/runs/{NEWEST}/summary failed" in caplog.text
+    assert bench.get("/runs").status_code == 200
 
 
 def test_data_folder_that_cannot_be_read_makes_the_list_unavailable_and_health_troubled(bench: Bench) -> None:
