@@ -6,6 +6,7 @@ centre of the motion and makes it elliptic; it is left out here, so that a light
 stable than it is.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,7 +16,7 @@ from model.errors import ModelError
 from model.kernel import capone_force, film_stiffness
 from model.parameters import ModelParameters
 from model.rotor import require_positive
-from model.system import Films, ModalSystem
+from model.system import MODES, Films, ModalSystem
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -54,7 +55,7 @@ class SynchronousResponse:
 
 
 def synchronous_response(
-    parameters: ModelParameters, speed: float, start: SynchronousResponse | None = None
+    parameters: ModelParameters, speed: float, start: SynchronousResponse | None = None, *, modes: int = MODES
 ) -> SynchronousResponse:
     """Return the synchronous motion at a speed and the growth of its least stable whirl.
 
@@ -66,11 +67,14 @@ def synchronous_response(
         rad/s, above 0.
     start : SynchronousResponse, optional
         Motion at a neighbouring speed, to follow one branch where there are several.
+    modes : int
+        Free modes of the rotor that are kept.
 
     Returns
     -------
     SynchronousResponse
-        The motion that is reached from ``start``, or from none by raising the imbalance.
+        The motion that is reached from ``start``; without it, or where that fails, by raising the imbalance, or else
+        the speed, step by step.
 
     Raises
     ------
@@ -78,21 +82,17 @@ def synchronous_response(
         Where Newton's method finds no motion within the clearances.
     """
     require_positive("speed", speed, "rad/s")
-    system = ModalSystem.of(replace(parameters, gravity=0.0))
+    system = ModalSystem.of(replace(parameters, gravity=0.0), modes)
     frame = _TurningFrame(system, speed)
-    unknowns = np.zeros(4, np.complex128)
-    if start is not None:
-        unknowns = np.concatenate((start.journals, start.rings))
-    found = frame.solve(unknowns, 1.0)
-    if found is None:  # raise the imbalance step by step
-        found = np.zeros(4, np.complex128)
-        for part in np.linspace(0.05, 1.0, 20):
-            found = frame.solve(found, float(part))
-            if found is None:
-                raise ModelError(
-                    f"synchronous motion at {speed:.1f} rad/s: none found within the clearances at {part:.0%} of the "
-                    "imbalance"
-                )
+    rest = np.zeros(4, np.complex128)
+    found = frame.solve(rest if start is None else np.concatenate((start.journals, start.rings)), 1.0)
+    if found is None:
+        found = _follow(rest, ((frame, float(part)) for part in np.linspace(0.05, 1.0, 20)))
+    if found is None:
+        speeds = np.geomspace(speed / 20, speed, 60)
+        found = _follow(rest, ((_TurningFrame(system, float(lower)), 1.0) for lower in speeds))
+    if found is None:
+        raise ModelError(f"synchronous motion at {speed:.1f} rad/s: none found within the clearances")
     circle = frame.probe(found)
     growth_rate, whirl_order = frame.least_stable(found)
     angles = np.asarray(parameters.probe_angles)
@@ -105,6 +105,16 @@ def synchronous_response(
         growth_rate=growth_rate,
         whirl_order=whirl_order,
     )
+
+
+def _follow(found: ComplexArray, steps: "Iterable[tuple[_TurningFrame, float]]") -> ComplexArray | None:
+    """Solve for one frame and part of the imbalance after the other, each from the one before; None where one fails."""
+    for frame, part in steps:
+        following = frame.solve(found, part)
+        if following is None:
+            return None
+        found = following
+    return found
 
 
 class _TurningFrame:

@@ -30,6 +30,20 @@ def test_neighbouring_speed_leads_to_the_same_motion(weightless: ModelParameters
     )
 
 
+@pytest.mark.parametrize(("speed", "amplitude"), [(2000.0, 81.13e-6), (6000.0, 277.01e-6)])
+def test_four_modes_give_what_another_program_gave_for_four(
+    weightless: ModelParameters, speed: float, amplitude: float
+) -> None:
+    # at 6000 rad/s the motion is only reached by raising the speed; there are several
+    assert abs(synchronous_response(weightless, speed, modes=4).circle) == pytest.approx(amplitude, abs=0.005e-6)
+
+
+def test_six_modes_are_enough(weightless: ModelParameters) -> None:
+    for speed in (2000.0, 6000.0):
+        six, twelve = (synchronous_response(weightless, speed, modes=modes).circle for modes in (6, 12))
+        assert abs(six - twelve) < 5e-4 * abs(twelve)
+
+
 def test_imbalance_that_throws_the_shaft_far_is_reached_step_by_step() -> None:
     response = synchronous_response(gj90c(imbalance=1.8e-5), 5000.0)
     assert np.abs(response.journals).max() < 100e-6
