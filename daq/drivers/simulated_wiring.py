@@ -20,6 +20,10 @@ WEAK = (0.15, 0.35)  # of the tacho's voltage: a wrong divider
 HUM = (0.1, 0.5)  # V peak: 10 to 50 µm
 HUM_THIRD = 0.3  # of its amplitude, three times as fast
 
+OPENED = {Miswiring.X_OPEN: 0, Miswiring.Y_OPEN: 1, Miswiring.TACHO_SILENT: 2}  # number in x, y, tacho
+REVERSED = {Miswiring.X_REVERSED: 0, Miswiring.TACHO_REVERSED: 2}
+EXCHANGED = {Miswiring.PROBES_EXCHANGED: (0, 1), Miswiring.TACHO_EXCHANGED: (0, 2)}
+
 
 @dataclass(frozen=True, slots=True)
 class SimulatedWiring:
@@ -53,35 +57,25 @@ class SimulatedWiring:
         """
         how = draws(self.seed, Purpose.WIRING)  # the same through the run
         noise = draws(self.seed, Purpose.WIRING_NOISE, portion)
+        fault, n = self.miswiring, time.size
         x, y, tacho = self.rows
-        n = time.size
-        match self.miswiring:
-            case Miswiring.X_OPEN:
-                volts[x] = _open(how, noise, n)
-            case Miswiring.Y_OPEN:
-                volts[y] = _open(how, noise, n)
-            case Miswiring.X_CLOSED:
-                volts[x] = how.uniform(*TIP_VOLTS) + CONDITIONER_NOISE * noise.standard_normal(n)
-            case Miswiring.Y_OUT_OF_REACH:
-                volts[y] = how.uniform(*SATURATED_VOLTS) + CONDITIONER_NOISE * noise.standard_normal(n)
-            case Miswiring.X_REVERSED:
-                volts[x] = -volts[x]
-            case Miswiring.BRIDGED:
-                volts[[x, y]] = np.mean(volts[[x, y]], axis=0) + CONVERTER_NOISE * noise.standard_normal((2, n))
-            case Miswiring.PROBES_EXCHANGED:
-                volts[[x, y]] = volts[[y, x]]
-            case Miswiring.TACHO_EXCHANGED:
-                volts[[x, tacho]] = volts[[tacho, x]]
-            case Miswiring.TACHO_SILENT:
-                volts[tacho] = _open(how, noise, n)
-            case Miswiring.TACHO_REVERSED:
-                volts[tacho] = -volts[tacho]
-            case Miswiring.TACHO_WEAK:
-                volts[tacho] *= how.uniform(*WEAK)
-            case Miswiring.HUM:
-                volts[[x, y]] += _hum(how, time)
-            case Miswiring.NONE:
-                pass
+        if fault in OPENED:
+            volts[self.rows[OPENED[fault]]] = _open(how, noise, n)
+        elif fault in REVERSED:
+            volts[self.rows[REVERSED[fault]]] *= -1.0
+        elif fault in EXCHANGED:
+            one, other = (self.rows[number] for number in EXCHANGED[fault])
+            volts[[one, other]] = volts[[other, one]]
+        elif fault is Miswiring.X_CLOSED:
+            volts[x] = how.uniform(*TIP_VOLTS) + CONDITIONER_NOISE * noise.standard_normal(n)
+        elif fault is Miswiring.Y_OUT_OF_REACH:
+            volts[y] = how.uniform(*SATURATED_VOLTS) + CONDITIONER_NOISE * noise.standard_normal(n)
+        elif fault is Miswiring.BRIDGED:
+            volts[[x, y]] = np.mean(volts[[x, y]], axis=0) + CONVERTER_NOISE * noise.standard_normal((2, n))
+        elif fault is Miswiring.TACHO_WEAK:
+            volts[tacho] *= how.uniform(*WEAK)
+        elif fault is Miswiring.HUM:
+            volts[[x, y]] += _hum(how, time)
         return volts
 
 
