@@ -17,7 +17,7 @@ from daq.view.pages import ViewerPages
 from daq.view.presenter import Presenter
 
 _APPLICATION = "rig"
-_MEMORY = "64MiB"  # some minutes for who looks in late; the viewer draws all of it before it is up to date
+_MEMORY = "16MiB"  # a minute or two for who looks in late; the viewer draws all of it before it is up to date
 _SHORTEST = 0.08  # s between two pictures
 _EVERYWHERE = ("0.0.0.0", "::", "")  # noqa: S104 - compared with, not bound to
 

@@ -21,11 +21,12 @@ from daq.view.waterfall import WaterfallPlot
 from daq.view.words import words
 
 _UNDER, _OVER, _TOP = 10.0, 20.0, 30.0  # what is drawn over what
-# Of ten frames a second so many are drawn. A browser without a graphics card takes in some thirty pieces a second and
-# never leaves one out: what is sent beyond that is seen late.
-_FAST = 2  # orbit and banner: every second frame
-_MIDDLE = 4  # spectra, traces, signals
-_SLOW = 10  # what grows with speed or time, and the words
+# Every how many frames, of ten a second, things are drawn. A browser without a graphics card takes in some twenty-five
+# pieces a second and never leaves one out: whatever is sent beyond that is seen late.
+_FAST = 3  # orbit and banner
+_MIDDLE = 6  # spectra, traces, signals
+_SLOW = 12  # cascade and Bode plot
+_SLOWEST = 24  # what stands in the background: waterfall, trends, words
 _REPEAT = 50  # so often axes are sent again, for who looks in late and for whom the oldest was dropped
 
 
@@ -72,8 +73,10 @@ class Presenter:
             self._show_traces(frame)
             words(frame).log(self._stream, "words")
         if self._count % _SLOW == 0:
-            self._show_trend(frame)
             self._show_by_speed(frame)
+        if self._count % _SLOWEST == 0:
+            self._show_waterfall(frame)
+            self._show_trend(frame)
             self._stream.log("details", rr.TextDocument(details(frame), media_type=rr.MediaType.MARKDOWN))
         self._count += 1
 
@@ -99,12 +102,14 @@ class Presenter:
         self._axes("cascade/axes", 0, self._cascade.axes)
         self._stream.log("cascade/measured", self._cascade.picture())
         self._cascade.lines(order_frame).log(self._stream, "cascade/model", draw_order=_TOP)
-        self._axes("waterfall/axes", 0, self._waterfall.axes)
-        self._stream.log("waterfall/measured", self._waterfall.picture())
-        self._waterfall.lines(frame.status.elapsed).log(self._stream, "waterfall/model", draw_order=_TOP)
         self._axes("bode/axes", self._bode.follow(), self._bode.axes)
         self._bode.model().log(self._stream, "bode/model", draw_order=_OVER)
         self._bode.measured().log(self._stream, "bode/measured", draw_order=_TOP)
+
+    def _show_waterfall(self, frame: LiveFrame) -> None:
+        self._axes("waterfall/axes", 0, self._waterfall.axes)
+        self._stream.log("waterfall/measured", self._waterfall.picture())
+        self._waterfall.lines(frame.status.elapsed).log(self._stream, "waterfall/model", draw_order=_TOP)
 
     def _show_trend(self, frame: LiveFrame) -> None:
         snapshot = frame.snapshot
