@@ -3,6 +3,7 @@
 `driver` is the one file that knows nidaqmx and gRPC, `faults` says what its codes mean at the bench, `source` reads.
 """
 
+from daq.drivers.usb6251.devices import FoundDevice, connected_devices, self_test
 from daq.drivers.usb6251.source import Usb6251, open_usb6251
 
-__all__ = ["Usb6251", "open_usb6251"]
+__all__ = ["FoundDevice", "Usb6251", "connected_devices", "open_usb6251", "self_test"]

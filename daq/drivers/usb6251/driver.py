@@ -25,7 +25,8 @@ from analysis.run import Acquisition, Channel, Role
 from analysis.run import Device as DeviceRecord
 from daq.config.rig import Rig
 from daq.config.schema import ChannelSection, DeviceSection
-from daq.drivers.usb6251.faults import ABSENT_CODES, NOT_YET_AVAILABLE, bench_words, device_fault
+from daq.drivers.usb6251.devices import FoundDevice
+from daq.drivers.usb6251.faults import ABSENT_CODES, BUSY_CODES, NOT_YET_AVAILABLE, bench_words, device_fault
 from daq.errors import DeviceError, DeviceFault
 
 PATIENCE = 1.0  # s that a block may come late before the device is asked what is wrong
@@ -81,6 +82,66 @@ class Deadline(grpc.UnaryUnaryClientInterceptor):
         return continuation(details, request)
 
 
+class NiSystem:
+    """The driver, here or at a device server, without an acquisition: what is connected and how it is.
+
+    Parameters
+    ----------
+    section : DeviceSection
+        Where the driver is, and which card is meant.
+
+    Raises
+    ------
+    DeviceError
+        From every method but `close`.
+    """
+
+    def __init__(self, section: DeviceSection) -> None:
+        self._section = section
+        self._channel = _channel(section) if section.target else None
+
+    def devices(self) -> list[FoundDevice]:
+        """Return what is connected."""
+        with _translated(self._section):
+            system = self._system()
+            version = "NI-DAQmx " + ".".join(str(part) for part in system.driver_version) + _where(self._section)
+            return [
+                FoundDevice(
+                    name=str(device.name),
+                    product=str(device.product_type),
+                    serial=f"{device.serial_num:X}",
+                    simulated=bool(device.is_simulated),
+                    busy=self._is_busy(device),
+                    driver=version,
+                )
+                for device in system.devices
+            ]
+
+    def self_test(self) -> None:
+        """Let the card that is meant test itself; it must be idle."""
+        with _translated(self._section):
+            _find(self._system(), self._section).self_test_device()
+
+    def close(self) -> None:
+        """Close the connection to the server; harmless when closed."""
+        if self._channel is not None:
+            self._channel.close()
+
+    def _system(self) -> System:
+        return System(None if self._channel is None else _session(self._channel, ""))
+
+    def _is_busy(self, device: Device) -> bool | None:
+        """Return whether another acquisition holds the device; None where it has no analog input to ask for."""
+        options = None if self._channel is None else _session(self._channel, "")
+        with Task(grpc_options=options) as task:
+            try:
+                task.ai_channels.add_ai_voltage_chan(f"{device.name}/ai0")
+                task.control(TaskMode.TASK_COMMIT)
+            except DaqError as error:
+                return True if error.error_code in BUSY_CODES else None
+        return False
+
+
 class NiCard:
     """The card with its acquisition configured and committed: reserved until `release`.
 
@@ -104,10 +165,10 @@ class NiCard:
         self._channel = _channel(self._section) if self._section.target else None
         with ExitStack() as undo:
             undo.callback(self.close)
-            with self._translated():
+            with _translated(self._section):
                 remote = _session(self._channel, "") if self._channel is not None else None
                 self._system = System(remote)
-                device = self._find()
+                device = _find(self._system, self._section)
                 self._name = str(device.name)
                 self._task = self._new_task()
                 self.acquisition = self._configure(self._task, rig, device)
@@ -153,7 +214,7 @@ class NiCard:
     def is_present(self) -> bool:
         """Ask the driver whether the card is still there; only after `release`, for a card at work cannot be tested."""
         try:
-            with self._lock, self._translated():
+            with self._lock, _translated(self._section):
                 if self._closed:
                     raise _closed()
                 if self._name not in self._system.devices.device_names:
@@ -179,24 +240,6 @@ class NiCard:
             if self._channel is not None:
                 self._channel.close()
 
-    def _find(self) -> Device:
-        section = self._section
-        devices: list[Device] = list(self._system.devices)
-        for device in devices:
-            if section.serial:
-                bound = f"{device.serial_num:X}" == section.serial.upper().removeprefix("0X").lstrip("0")
-            else:
-                bound = device.name.casefold() == section.name.casefold()
-            if bound and device.product_type.startswith(section.product):
-                return device
-        binding = f"serial number {section.serial}" if section.serial else f"name {section.name}"
-        there = ", ".join(f"{d.name}: {d.product_type}, serial number {d.serial_num:X}" for d in devices) or "no device"
-        raise DeviceError(
-            DeviceFault.MISSING,
-            f"no {section.product} of {binding} is connected{self._where}; there is {there}. "
-            "Check its supply (it is not listed without) and its USB cable",
-        )
-
     def _new_task(self) -> Task:
         if self._channel is None:
             return Task()
@@ -220,7 +263,7 @@ class NiCard:
         time.sleep(ABANDONED_AFTER)
         if _position(leftover) != position:
             raise DeviceError(
-                DeviceFault.BUSY, f"another recording is reading {self._name}{self._where}: stop it there"
+                DeviceFault.BUSY, f"another recording is reading {self._name}{_where(self._section)}: stop it there"
             )
         leftover.close()
 
@@ -244,7 +287,7 @@ class NiCard:
                 backend="nidaqmx",
                 product=str(device.product_type),
                 serial=f"{device.serial_num:X}",
-                driver="NI-DAQmx " + ".".join(str(part) for part in version) + self._where,
+                driver="NI-DAQmx " + ".".join(str(part) for part in version) + _where(self._section),
                 simulated=bool(device.is_simulated),
             ),
             rate=rate,
@@ -263,49 +306,69 @@ class NiCard:
         )
         return channel
 
-    @property
-    def _where(self) -> str:
-        return f" at device server {self._section.target}" if self._section.target else ""
-
     @contextmanager
     def _use(self) -> Iterator[Task]:
-        with self._lock, self._translated():
+        with self._lock, _translated(self._section):
             if self._task is None:
                 raise _closed()
             yield self._task
 
-    @contextmanager
-    def _translated(self) -> Iterator[None]:
-        try:
-            yield
-        except DaqError as error:
-            code = int(error.error_code)
-            fault = device_fault(code, known=error.error_type is not DAQmxErrors.UNKNOWN)
-            raise DeviceError(fault, f"{self._section.product}: {bench_words(code, str(error))}", code) from error
-        except RpcError as error:
-            raise self._server_error(error) from error
-        except DaqNotFoundError as error:
-            raise DeviceError(
-                DeviceFault.DRIVER,
-                "the NI-DAQmx driver is not installed on this machine: install NI-DAQmx from ni.com/downloads, or set "
-                "device.target to the host:port of a device server",
-            ) from error
-        except (Error, OSError) as error:  # not for this platform, too old for a function, or not loadable
-            raise DeviceError(DeviceFault.DRIVER, f"NI-DAQmx: {' '.join(str(error).split())}") from error
 
-    def _server_error(self, error: RpcError) -> DeviceError:
-        server = f"device server {self._section.target}"
-        deadline = f"{self._section.deadline_s:g} s"
-        if error.rpc_code == grpc.StatusCode.DEADLINE_EXCEEDED:
-            return DeviceError(DeviceFault.TIMEOUT, f"{server} did not answer within its deadline of {deadline}")
-        if error.rpc_code == grpc.StatusCode.UNAVAILABLE:
-            return DeviceError(
-                DeviceFault.MISSING,
-                f"{server} cannot be reached (deadline {deadline}): is it running, is the network up?",
-            )
-        if error.rpc_code == grpc.StatusCode.UNIMPLEMENTED:
-            return DeviceError(DeviceFault.DRIVER, f"{server} is too old: {error.description}")
-        return DeviceError(DeviceFault.OTHER, f"{server}: {error}")
+def _find(system: System, section: DeviceSection) -> Device:
+    devices: list[Device] = list(system.devices)
+    for device in devices:
+        if section.serial:
+            bound = f"{device.serial_num:X}" == section.serial.upper().removeprefix("0X").lstrip("0")
+        else:
+            bound = device.name.casefold() == section.name.casefold()
+        if bound and device.product_type.startswith(section.product):
+            return device
+    binding = f"serial number {section.serial}" if section.serial else f"name {section.name}"
+    there = ", ".join(f"{d.name}: {d.product_type}, serial number {d.serial_num:X}" for d in devices) or "no device"
+    raise DeviceError(
+        DeviceFault.MISSING,
+        f"no {section.product} of {binding} is connected{_where(section)}; there is {there}. "
+        "Check its supply (it is not listed without) and its USB cable",
+    )
+
+
+def _where(section: DeviceSection) -> str:
+    return f" at device server {section.target}" if section.target else ""
+
+
+@contextmanager
+def _translated(section: DeviceSection) -> Iterator[None]:
+    try:
+        yield
+    except DaqError as error:
+        code = int(error.error_code)
+        fault = device_fault(code, known=error.error_type is not DAQmxErrors.UNKNOWN)
+        raise DeviceError(fault, f"{section.product}: {bench_words(code, str(error))}", code) from error
+    except RpcError as error:
+        raise _server_error(section, error) from error
+    except DaqNotFoundError as error:
+        raise DeviceError(
+            DeviceFault.DRIVER,
+            "the NI-DAQmx driver is not installed on this machine: install NI-DAQmx from ni.com/downloads, or set "
+            "device.target to the host:port of a device server",
+        ) from error
+    except (Error, OSError) as error:  # not for this platform, too old for a function, or not loadable
+        raise DeviceError(DeviceFault.DRIVER, f"NI-DAQmx: {' '.join(str(error).split())}") from error
+
+
+def _server_error(section: DeviceSection, error: RpcError) -> DeviceError:
+    server = f"device server {section.target}"
+    deadline = f"{section.deadline_s:g} s"
+    if error.rpc_code == grpc.StatusCode.DEADLINE_EXCEEDED:
+        return DeviceError(DeviceFault.TIMEOUT, f"{server} did not answer within its deadline of {deadline}")
+    if error.rpc_code == grpc.StatusCode.UNAVAILABLE:
+        return DeviceError(
+            DeviceFault.MISSING,
+            f"{server} cannot be reached (deadline {deadline}): is it running, is the network up?",
+        )
+    if error.rpc_code == grpc.StatusCode.UNIMPLEMENTED:
+        return DeviceError(DeviceFault.DRIVER, f"{server} is too old: {error.description}")
+    return DeviceError(DeviceFault.OTHER, f"{server}: {error}")
 
 
 def _closed() -> DeviceError:

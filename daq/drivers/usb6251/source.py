@@ -1,31 +1,30 @@
 """The card as a source: fixed-size blocks, read by the caller's thread, and every gap told."""
 
-import os
 import time
-from collections import deque
 from collections.abc import Generator, Iterator
 from typing import TYPE_CHECKING
 
 from analysis.run import Acquisition
 from analysis.samples import EndReason, SampleBlock, SegmentEnd, SourceItem
 from daq.config.rig import Rig
+from daq.drivers.restarts import Restarts
+from daq.drivers.usb6251.extra import card_extra
 from daq.drivers.usb6251.faults import ABSENT_CODES, OVERRUN_CODES
-from daq.errors import DeviceError, DeviceFault
+from daq.errors import DeviceError
 
 if TYPE_CHECKING:
     from daq.drivers.usb6251.driver import NiCard
 
-RESTARTS = 5  # after an overrun, within
-RESTART_WINDOW = 60.0  # s; a card that overruns more often is not worth going on with
 
-
-def open_usb6251(rig: Rig) -> "Usb6251":
+def open_usb6251(rig: Rig, restarts: Restarts | None = None) -> "Usb6251":
     """Open the card that a rig names, reserve it and read back what it was really set to.
 
     Parameters
     ----------
     rig : Rig
         A rig whose backend is nidaqmx.
+    restarts : Restarts or None
+        How often a new segment may begin; None for what the rig says.
 
     Returns
     -------
@@ -38,33 +37,27 @@ def open_usb6251(rig: Rig) -> "Usb6251":
         Package or driver not installed, server out of reach, card missing or busy, settings rejected. Nothing is left
         reserved.
     """
-    os.environ.setdefault("GRPC_VERBOSITY", "ERROR")  # gRPC's own log would run across the operator's screen
-    try:
+    with card_extra():
         from daq.drivers.usb6251.driver import NiCard  # noqa: PLC0415 - an optional extra, and slow to import
-    except ImportError as error:
-        package = (error.name or "nidaqmx").partition(".")[0]
-        raise DeviceError(
-            DeviceFault.DRIVER,
-            f"the package {package} is not installed: install the service with its extra 'card' "
-            "(pip install 'rig-service[card]')",
-        ) from error
-    return Usb6251(NiCard(rig))
+    return Usb6251(NiCard(rig), restarts or Restarts(rig.config.session.restarts_per_minute))
 
 
 class Usb6251:
     """The card, opened and ready to deliver blocks.
 
-    After an overrun the acquisition starts anew, as the next segment, up to `RESTARTS` times in `RESTART_WINDOW` s; any
-    other fault ends it.
+    After an overrun the acquisition starts anew, as the next segment; any other fault ends it.
 
     Parameters
     ----------
     card : NiCard
         The card with its acquisition committed; closed by `close`.
+    restarts : Restarts
+        How often a new segment may begin.
     """
 
-    def __init__(self, card: "NiCard") -> None:
+    def __init__(self, card: "NiCard", restarts: Restarts) -> None:
         self._card = card
+        self._restarts = restarts
         self._stopping = False  # a plain flag, which a signal handler may set at any instant
         self._iterated = False
 
@@ -98,7 +91,6 @@ class Usb6251:
         self._card.close()
 
     def _run(self) -> Iterator[SourceItem]:
-        restarts: deque[float] = deque(maxlen=RESTARTS)
         segment = 0
         try:
             while True:
@@ -108,12 +100,12 @@ class Usb6251:
                     yield self._fault(segment, 0, error)
                     return
                 end = yield from self._segment(segment)
+                goes_on = end.reason is EndReason.OVERRUN and not self._stopping
+                if goes_on and not self._restarts.take():
+                    goes_on, end = False, self._restarts.last(end)
                 yield end
-                now = time.monotonic()
-                tired = len(restarts) == RESTARTS and now - restarts[0] < RESTART_WINDOW
-                if end.reason is not EndReason.OVERRUN or self._stopping or tired:
+                if not goes_on or self._stopping:
                     return
-                restarts.append(now)
                 segment += 1
         finally:
             self._card.release()
