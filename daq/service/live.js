@@ -46,7 +46,7 @@ export function drawIdle() {
   write("state", "no run");
   write("clock", "–:––");
   write("run", "No run is under way");
-  write("device", "rig record rig.toml starts one; this page follows by itself");
+  write("device", "rig record RIG.TOML starts one and says where to watch it; recorded runs are below");
   for (const node of document.querySelectorAll("#values b, #status dd")) node.textContent = "–";
   for (const node of document.querySelectorAll("#values .size, #values td span, #values .trend, #values .note, #verdict")) {
     if (node.id) node.textContent = "";

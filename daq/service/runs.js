@@ -133,8 +133,9 @@ function model(agreement) {
   }
   if (one) {
     lines.push(
+      `1X in the median: measured ${decimals(one.median_amplitude_ratio, 2)} times the predicted, ${lagging(one.median_lag_difference_deg)}.`,
       `1X is furthest apart at ${whole(one.worst_amplitude_at_rpm)} r/min: measured ${decimals(one.worst_amplitude_ratio, 2)} times the predicted; ` +
-        `at ${whole(one.worst_lag_at_rpm)} r/min it lags ${decimals(Math.abs(one.worst_lag_difference_deg), 0)}° ${one.worst_lag_difference_deg < 0 ? "less" : "more"}.`,
+        `at ${whole(one.worst_lag_at_rpm)} r/min ${lagging(one.worst_lag_difference_deg)}.`,
     );
   }
   for (const whirl of agreement.whirls) {
@@ -147,6 +148,10 @@ function model(agreement) {
   const node = make("div", "", "model");
   node.append(make("h3", "Model"), ...lines.map((line) => make("p", line)));
   return node;
+}
+
+function lagging(difference) {
+  return `lagging ${decimals(Math.abs(difference), 0)}° ${difference < 0 ? "less" : "more"}`;
 }
 
 function percent(share) {
