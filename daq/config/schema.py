@@ -57,7 +57,7 @@ class TimingSection(Section):
 
     rate_hz: Positive = 100_000.0  # per channel
     block_s: Annotated[float, Field(ge=0.005, le=1.0)] = 0.1
-    buffer_s: Annotated[float, Field(ge=1.0, le=60.0)] = 8.0
+    buffer_s: Annotated[float, Field(ge=0.5, le=60.0)] = 8.0
 
 
 class ChannelSection(Section):
@@ -113,6 +113,14 @@ class StorageSection(Section):
 
     folder: str = ""  # empty: $RIG_DATA, else ./data
     reserve_gb: NotNegative = 1.0  # recording stops cleanly before less is free
+
+
+class SessionSection(Section):
+    """`[session]`: how a recording goes on after a fault, in a new segment."""
+
+    restarts_per_minute: Annotated[int, Field(ge=0, le=60)] = 5  # new segments; 0: the first fault ends the run
+    reconnect_s: Annotated[float, Field(ge=0, le=86_400)] = 60.0  # how long a card that went away is waited for
+    retry_s: Annotated[float, Field(ge=0.2, le=1.0)] = 0.5  # between two attempts to open it again
 
 
 class ModelSection(Section):
@@ -210,5 +218,6 @@ class RigConfig(Section):
     limits: LimitsSection = LimitsSection()
     analysis: AnalysisSection = AnalysisSection()
     storage: StorageSection = StorageSection()
+    session: SessionSection = SessionSection()
     model: ModelSection = ModelSection()
     simulation: SimulationSection = SimulationSection()

@@ -2,6 +2,8 @@
 
 from daq.config.rig import Rig
 from daq.config.schema import Backend
+from daq.drivers.reconnecting import Reconnecting
+from daq.drivers.restarts import Restarts
 from daq.drivers.simulated_card import SimulatedCard
 from daq.drivers.simulated_source import SimulatedSource
 from daq.drivers.source import Source
@@ -23,8 +25,12 @@ def open_source(rig: Rig) -> Source:
     DeviceError
         The device, or the software that speaks to it, is missing, busy or refuses the settings.
     """
+    session = rig.config.session
+    restarts = Restarts(session.restarts_per_minute)
     if rig.config.device.backend is Backend.NIDAQMX:
-        return open_usb6251(rig)
+        return Reconnecting(
+            lambda: open_usb6251(rig, restarts), restarts, retry=session.retry_s, patience=session.reconnect_s
+        )
     try:
         card = SimulatedCard(rig)
     except ModelError as error:
@@ -35,4 +41,5 @@ def open_source(rig: Rig) -> Source:
         block=max(round(rig.config.timing.block_s * rate), 1),
         buffer=round(rig.config.timing.buffer_s * rate),
         real_time=rig.config.simulation.pace == "real time",
+        restarts=restarts,
     )

@@ -6,10 +6,9 @@ from collections.abc import Generator, Iterator
 
 from analysis.run import Acquisition
 from analysis.samples import EndReason, SampleBlock, SegmentEnd, SourceItem
+from daq.drivers.restarts import Restarts
 from daq.drivers.simulated_card import SimulatedCard
 from model.errors import WallContactError
-
-RESTARTS = 5  # in a run, after overruns: with a reader that is late more often it is not worth going on
 
 
 class SimulatedSource:
@@ -28,13 +27,16 @@ class SimulatedSource:
         Samples per channel that the device holds for a late reader.
     real_time : bool
         Whether samples come at the card's rate; else as fast as they are taken.
+    restarts : Restarts
+        How often a new segment may begin.
     """
 
-    def __init__(self, card: SimulatedCard, *, block: int, buffer: int, real_time: bool) -> None:
+    def __init__(self, card: SimulatedCard, *, block: int, buffer: int, real_time: bool, restarts: Restarts) -> None:
         self._card = card
         self._block = block
         self._buffer = buffer
         self._real_time = real_time
+        self._restarts = restarts
         self._stopping = threading.Event()
         self._started = 0.0
         self._read = 0  # samples per channel given in this segment
@@ -50,19 +52,23 @@ class SimulatedSource:
         Deadlines are counted from the start, so that the pace does not drift.
         """
         self._started = time.monotonic()
-        lost = 0
-        for segment in range(RESTARTS + 1):
+        lost, segment = 0, 0
+        while True:
             self._read = 0
             try:
                 self._card.skip(lost)
                 end = yield from self._segment(segment)
             except WallContactError as error:
                 end = SegmentEnd(segment, self._read, EndReason.DEVICE_ERROR, detail=str(error))
-            yield end
             lost = end.lost
             over = self._stopping.is_set() or self._card.taken + lost >= self._card.n_samples
-            if end.reason is not EndReason.OVERRUN or over:
+            goes_on = end.reason is EndReason.OVERRUN and not over
+            if goes_on and not self._restarts.take():
+                goes_on, end = False, self._restarts.last(end)
+            yield end
+            if not goes_on or self._stopping.is_set():
                 return
+            segment += 1
 
     def stop(self) -> None:
         """Ask for the end, from any thread."""
