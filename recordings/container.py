@@ -67,8 +67,18 @@ class StoredMessage:
 
 
 @dataclass(frozen=True, slots=True)
-class _Record:
-    """A record by its place, with the first bytes of its content."""
+class Record:
+    """A record by its place, with the first bytes of its content.
+
+    Parameters
+    ----------
+    opcode : int
+        Its kind.
+    offset, length : int
+        Place of its content in the file, bytes.
+    peek : bytes
+        The first bytes of its content, fewer at the end of the file.
+    """
 
     PEEK: ClassVar[int] = 8
 
@@ -107,8 +117,8 @@ class Container:
             raise StorageError(f"{path}: cannot be read: {error.strerror or error}") from error
         try:
             self.size = self._file.seek(0, os.SEEK_END)
-            self._check_magic()
             self._summary_start, self._summary_stop = self._find_summary()
+            self._check_magic()
         except (DamagedError, StorageError):
             self.close()
             raise
@@ -118,12 +128,25 @@ class Container:
         """Whether the file has its index at the end, intact."""
         return self._summary_stop > 0
 
+    @property
+    def has_magic(self) -> bool:
+        """Whether the file begins as MCAP does."""
+        return self.read(0, len(MCAP0_MAGIC)) == MCAP0_MAGIC
+
+    @property
+    def data_stop(self) -> int:
+        """Where the summary begins, bytes; the file's size where it has none that is intact."""
+        return self._summary_start or self.size
+
     @cached_property
-    def metadata(self) -> Mapping[str, Mapping[str, str]]:
-        """Metadata records by name, those that are intact."""
+    def _metadata_records(self) -> list[Metadata]:
         places = [*self._metadata_at_start(), *self._metadata_in_summary()] if self.is_finished else self._walk[0]
-        records = [self._metadata(offset, length) for offset, length in places]
-        return {record.name: record.metadata for record in records if record is not None}
+        records = [self.metadata_at(offset, length) for offset, length in dict.fromkeys(places)]
+        return [record for record in records if record is not None]
+
+    def metadata(self, name: str) -> list[Mapping[str, str]]:
+        """Return the entries of all metadata records of this name that can be read, in the order of the file."""
+        return [record.metadata for record in self._metadata_records if record.name == name]
 
     @cached_property
     def chunks(self) -> list[ChunkPlace]:
@@ -159,7 +182,7 @@ class Container:
         with self._lock:
             self._file.close()
 
-    def _read(self, offset: int, length: int) -> bytes:
+    def read(self, offset: int, length: int) -> bytes:
         """Return bytes of the file, fewer at its end."""
         try:
             with self._lock:
@@ -173,7 +196,7 @@ class Container:
     def _check_magic(self) -> None:
         if self.size == 0:
             raise DamagedError(f"{self.path}: is empty")
-        if self._read(0, len(MCAP0_MAGIC)) != MCAP0_MAGIC:
+        if not self.has_magic and not self.is_finished:  # an index that fits its checksum is proof enough
             raise DamagedError(f"{self.path}: is not an MCAP file (its first bytes are not MCAP's)")
 
     def _find_summary(self) -> tuple[int, int]:
@@ -182,28 +205,28 @@ class Container:
         stop = self.size - FOOTER.size - len(MCAP0_MAGIC)
         if stop < len(MCAP0_MAGIC):
             return nothing
-        tail = self._read(stop, self.size - stop)
+        tail = self.read(stop, self.size - stop)
         opcode, _, start, _, crc = FOOTER.unpack_from(tail)
         if tail[FOOTER.size :] != MCAP0_MAGIC or opcode != Opcode.FOOTER or not 0 < start <= stop:
             return nothing
-        return (start, stop) if zlib.crc32(self._read(start, stop - start + FOOTER.size - 4)) == crc else nothing
+        return (start, stop) if zlib.crc32(self.read(start, stop - start + FOOTER.size - 4)) == crc else nothing
 
-    def _records(self) -> Iterator[_Record]:
+    def records(self) -> Iterator[Record]:
         """Yield the records one by one, up to the end of the data or where the file breaks off."""
         offset = len(MCAP0_MAGIC)
         while True:
-            head = self._read(offset, RECORD.size + _Record.PEEK)
+            head = self.read(offset, RECORD.size + Record.PEEK)
             if len(head) < RECORD.size:
                 return
             opcode, length = RECORD.unpack_from(head)
             offset += RECORD.size
             if opcode in (0, Opcode.DATA_END) or offset + length > self.size:  # 0: a file system's filling, no record
                 return
-            yield _Record(opcode, offset, length, head[RECORD.size :])
+            yield Record(opcode, offset, length, head[RECORD.size :])
             offset += length
 
     def _metadata_at_start(self) -> Iterator[tuple[int, int]]:
-        for record in self._records():
+        for record in self.records():
             if record.opcode == Opcode.CHUNK:
                 return
             if record.opcode == Opcode.METADATA:
@@ -212,8 +235,8 @@ class Container:
     @cached_property
     def _walk(self) -> tuple[list[tuple[int, int]], list[ChunkPlace]]:
         """Places of metadata, and chunks, found by walking the records."""
-        metadata, chunks, channels = [], list[_Record](), list[set[int]]()
-        for record in self._records():
+        metadata, chunks, channels = [], list[Record](), list[set[int]]()
+        for record in self.records():
             if record.opcode == Opcode.METADATA:
                 metadata.append((record.offset, record.length))
             elif record.opcode == Opcode.CHUNK:
@@ -231,13 +254,13 @@ class Container:
         return metadata, places
 
     def _metadata_in_summary(self) -> Iterator[tuple[int, int]]:
-        for content in self._summary(Opcode.METADATA_INDEX):
+        for content in self.summary(Opcode.METADATA_INDEX):
             offset, length = struct.unpack_from("<QQ", content)
             yield offset + RECORD.size, length - RECORD.size
 
-    def _summary(self, wanted: Opcode) -> Iterator[bytes]:
+    def summary(self, wanted: Opcode) -> Iterator[bytes]:
         """Yield the contents of the summary's records of one kind; its CRC has been checked."""
-        data = self._read(self._summary_start, self._summary_stop - self._summary_start)
+        data = self.read(self._summary_start, self._summary_stop - self._summary_start)
         position = 0
         while position < len(data):
             opcode, length = RECORD.unpack_from(data, position)
@@ -246,19 +269,19 @@ class Container:
                 yield data[position : position + length]
             position += length
 
-    def _metadata(self, offset: int, length: int) -> Metadata | None:
+    def metadata_at(self, offset: int, length: int) -> Metadata | None:
         """Return a metadata record, or None where it cannot be read."""
         if length > LARGEST_METADATA:
             return None
         try:
-            record: Metadata = Metadata.read(ReadDataStream(BytesIO(self._read(offset, length))))
+            record: Metadata = Metadata.read(ReadDataStream(BytesIO(self.read(offset, length))))
         except (McapError, struct.error, UnicodeDecodeError):
             return None
         return record
 
     def _indexed_chunks(self) -> Iterator[ChunkPlace]:
         known: dict[frozenset[int], frozenset[int]] = {}
-        for content in self._summary(Opcode.CHUNK_INDEX):
+        for content in self.summary(Opcode.CHUNK_INDEX):
             start_ns, _, offset, length, index_bytes = CHUNK_INDEX.unpack_from(content)
             index = content[CHUNK_INDEX.size : CHUNK_INDEX.size + index_bytes]
             channels = frozenset(channel for channel, _ in CHANNEL_OFFSET.iter_unpack(index))
@@ -267,7 +290,7 @@ class Container:
     def _chunk_data(self, place: ChunkPlace) -> bytes:
         """Return the uncompressed records of a chunk."""
         try:
-            chunk = Chunk.read(ReadDataStream(BytesIO(self._read(place.offset, place.length))))
+            chunk = Chunk.read(ReadDataStream(BytesIO(self.read(place.offset, place.length))))
             data = self._uncompressed(place, chunk)
         except (McapError, struct.error, UnicodeDecodeError, zstandard.ZstdError) as error:
             raise self._damaged(place) from error

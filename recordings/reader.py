@@ -16,14 +16,13 @@ from analysis.samples import EndReason, SampleBlock, SegmentEnd, SourceItem
 from analysis.snapshot import Snapshot
 from recordings import rig_pb2
 from recordings.container import ChunkPlace, Container, StoredMessage
-from recordings.errors import DamagedError, UnknownFormatError
-from recordings.header import header_from_document
+from recordings.errors import DamagedError
+from recordings.front import read_header
 from recordings.layout import (
     CHANNEL_IDS,
     END_RECORD,
     FEATURES,
     ORDER_FRAME,
-    RUN_RECORD,
     SAMPLES,
     SEGMENT_END,
     sample_time_ns,
@@ -182,23 +181,14 @@ class RunReader:
         self._container.close()
 
     def _read_header(self) -> RunHeader:
-        entries = self._container.metadata.get(RUN_RECORD)
-        if entries is None:
-            if self._container.is_finished:
-                raise UnknownFormatError(f"{self.path}: an MCAP file, but no run: it lacks the record {RUN_RECORD}")
-            raise DamagedError(f"{self.path}: cut short or damaged: the record {RUN_RECORD} at its start is missing")
-        document = unsealed(self.path, RUN_RECORD, entries)
-        try:
-            return header_from_document(document)
-        except DamagedError as error:
-            raise DamagedError(f"{self.path}: {error}") from error
+        return read_header(self._container)
 
     def _read_ends(self) -> None:
         document = self._end_document()
         self._is_complete = bool(document.get("complete", False))
         self._skipped_samples = int(document.get("skipped_samples", 0))
         if self._is_complete:
-            self._ends = tuple(_end_from_document(end) for end in document["segments"])
+            self._ends = tuple(end_from_document(end) for end in document["segments"])
         else:
             self._ends = self._survey()
         self._starts_ns: dict[int, int] = {}
@@ -209,11 +199,11 @@ class RunReader:
 
     def _end_document(self) -> dict[str, Any]:
         """Return what the run came to, or nothing where it was not finished or that record is damaged."""
-        entries = self._container.metadata.get(END_RECORD)
-        if entries is None or not self._container.is_finished:
+        entries = self._container.metadata(END_RECORD)
+        if not entries or not self._container.is_finished:
             return {}
         try:
-            return unsealed(self.path, END_RECORD, entries)
+            return unsealed(self.path, END_RECORD, entries[-1])
         except DamagedError:
             return {}
 
@@ -280,5 +270,6 @@ class RunReader:
         return block
 
 
-def _end_from_document(document: dict[str, Any]) -> SegmentEnd:
+def end_from_document(document: dict[str, Any]) -> SegmentEnd:
+    """Return the end of a segment as the record of the run's end tells it."""
     return SegmentEnd(**(document | {"reason": EndReason(document["reason"])}))

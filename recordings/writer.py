@@ -2,8 +2,9 @@
 
 import json
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 from mcap.records import Channel, Message, Schema
 from mcap.well_known import MessageEncoding, SchemaEncoding
@@ -146,6 +147,22 @@ class RunWriter:
             raise ValueError(f"topic: {result.topic!r}, expected one of {', '.join(CHANNEL_IDS)}")
         self._results.append(result)
 
+    def record(self, name: str, document: Mapping[str, Any]) -> None:
+        """Write a document that says more of the run, as where its samples came from; from the thread that closes.
+
+        Raises
+        ------
+        StorageError
+            Where it cannot be written; what was written before stays readable.
+        """
+        if self._failure:
+            raise StorageError(self._failure)
+        try:
+            self._mcap.add_metadata(name, sealed(document))
+        except OSError as error:
+            raise self._fail(error) from error
+        self._file.settle()
+
     def close(self, skipped_samples: int = 0) -> None:
         """Write what the run came to and finish the file; harmless when closed already or after a failure.
 
@@ -187,6 +204,7 @@ class RunWriter:
                 Channel(number, topic, MessageEncoding.Protobuf, about, number),
                 Schema(number, data, SchemaEncoding.Protobuf, f"rig.{message}"),
             )
+        self._mcap.add_metadata(RUN_RECORD, sealed(header_document(header)))  # again: without it nothing can be read
         self._file.settle()
 
     def _add(self, message: Message) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from mcap.opcode import Opcode
 from mcap.records import Chunk
+from mcap.writer import MCAP0_MAGIC
 from numpy.typing import NDArray
 
 from analysis.run import RunHeader
@@ -120,18 +121,16 @@ def test_a_flipped_bit_in_a_cut_file_never_gives_wrong_samples(
     data = data[: len(data) * 2 // 3]
     random = np.random.default_rng(43)
     flipped = tmp_path / "flipped.mcap"
-    said = set()
     for place in random.choice(len(data), 200, replace=False):
         kept = data[place]
         data[place] = int(random.integers(256))
         flipped.write_bytes(data)
         data[place] = kept
-        try:
+        if place < len(MCAP0_MAGIC):
+            with pytest.raises(DamagedError, match=r"flipped\.mcap: is not an MCAP file"):
+                check(flipped)
+        else:
             assert check(flipped) < ALL
-        except RecordingError as error:
-            said.add(str(error))
-    assert said
-    assert all(message.startswith(f"{flipped}: ") for message in said)
 
 
 def damage_chunk(path: Path, number: int) -> None:
