@@ -63,6 +63,7 @@ class Pages:
         content = text.encode()
         headers = {"Cache-Control": "no-cache"}
         if kind == "html":
+            headers["Origin-Agent-Cluster"] = "?1"  # a busy viewer in the frame must not hold up the values
             headers["Content-Security-Policy"] = (
                 "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; connect-src 'self'; "
                 f"frame-src {self._frame}; form-action 'none'; base-uri 'none'; frame-ancestors 'none'"

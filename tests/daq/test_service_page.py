@@ -92,6 +92,7 @@ def test_page_embeds_the_viewer_and_allows_frames_of_its_origin_alone(bench: Ben
     assert policy["default-src"] == "'none'"
     assert {policy[name] for name in ("script-src", "style-src", "connect-src", "img-src")} == {"'self'"}
     assert policy["frame-ancestors"] == "'none'"
+    assert response.headers["origin-agent-cluster"] == "?1"
 
 
 def test_page_without_a_viewer_allows_no_frame() -> None:

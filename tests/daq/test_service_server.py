@@ -12,6 +12,7 @@ import pytest
 from starlette.types import Receive, Scope, Send
 
 from daq.errors import ServiceError
+from daq.service.last_resort import LastResort
 from daq.service.server import ServiceServer
 
 
@@ -145,3 +146,17 @@ def test_answers_in_two_writes_do_not_wait_for_acknowledgement() -> None:
 )
 def test_url_is_one_that_a_browser_here_can_open(host: str, url: str) -> None:
     assert ServiceServer(Hello(), host, 80).url == url
+
+
+def test_answer_that_breaks_off_after_it_began_is_not_passed_off_as_whole() -> None:
+    class BreaksOff:
+        async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+            await send({"type": "http.response.start", "status": 200, "headers": [(b"content-length", b"10")]})
+            await send({"type": "http.response.body", "body": b"half", "more_body": True})
+            raise ValueError("broke off")
+
+    server = ServiceServer(LastResort(BreaksOff()))
+    server.start()
+    with pytest.raises(httpx.RemoteProtocolError):
+        httpx.get(server.url)
+    server.close()
