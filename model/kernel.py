@@ -28,18 +28,23 @@ LARGEST_TURN = 2 * np.pi / 48  # that the shaft may make in one step, rad
 
 
 def compiled(function: Callable[P, R]) -> Callable[P, R]:
-    """Compile a function at its first call, keep it on disk, and release the interpreter's lock while it runs.
-
-    The one place where numba's decorator, which carries no types, meets typed code.
-    """
-    decorate = cast("Callable[[Any], Any]", numba.njit(cache=True, nogil=True, error_model="numpy"))
-    return cast("Callable[P, R]", decorate(function))
+    """Compile a function at its first call, keep it on disk, and release the interpreter's lock while it runs."""
+    return _compiled(function, forceinline=False)
 
 
 def inlined(function: Callable[P, R]) -> Callable[P, R]:
     """Compile a function into those that call it, so that its arrays' references are not counted: a third faster."""
-    decorate = cast("Callable[[Any], Any]", numba.njit(cache=True, nogil=True, error_model="numpy", forceinline=True))
-    return cast("Callable[P, R]", decorate(function))
+    return _compiled(function, forceinline=True)
+
+
+def _compiled(function: Callable[P, R], *, forceinline: bool) -> Callable[P, R]:
+    # The one place where numba's decorator, which carries no types, meets typed code.
+    decorate = cast("Callable[..., Any]", numba.njit)
+    options = {"nogil": True, "error_model": "numpy", "forceinline": forceinline}
+    try:
+        return cast("Callable[P, R]", decorate(function, cache=True, **options))
+    except RuntimeError:  # no folder to keep it in, neither beside the source nor in the user's cache
+        return cast("Callable[P, R]", decorate(function, **options))
 
 
 @compiled

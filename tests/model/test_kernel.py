@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 import model.kernel as kernel_module
-from model.kernel import LARGEST_TURN, NO_FAILURE, march
+from model.kernel import LARGEST_TURN, NO_FAILURE, compiled, march
 from model.parameters import ModelParameters
 from model.system import ModalSystem
 
@@ -63,3 +63,11 @@ def test_nothing_is_compiled_when_the_kernel_is_imported() -> None:
     code = "import model.kernel as k; print([len(f.signatures) for f in (k.march, k.capone_force, k.film_stiffness)])"
     shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)
     assert shown.stdout.strip() == "[0, 0, 0]"
+
+
+def test_function_that_cannot_be_kept_on_disk_is_compiled_all_the_same() -> None:
+    names: dict[str, Callable[[float], float]] = {}
+    exec("def double(x):\n    return 2 * x", names)  # noqa: S102  # a function without a file has nowhere to be kept
+    double = compiled(names["double"])
+    assert double is not names["double"]
+    assert double(1.5) == 3.0

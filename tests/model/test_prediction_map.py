@@ -104,6 +104,14 @@ def test_progress_is_told_speed_by_speed() -> None:
     assert told == [(1, 2), (2, 2)]
 
 
+def test_growth_is_unknown_where_no_synchronous_orbit_is_found() -> None:
+    # an oil so thin that the shaft bounces: the motion goes on, but none repeats itself
+    thin = gj90c(viscosity=1e-4, imbalance=1.8e-5)
+    found = compute_prediction_map(thin, np.array([5000.0, 5010.0]), SETTINGS, silent)
+    assert np.isnan(found.growth_rate).all()
+    assert np.isfinite(found.peak_to_peak).all()
+
+
 @pytest.mark.parametrize("speeds", [[100.0], [200.0, 100.0], [0.0, 100.0], [100.0, math.nan]])
 def test_speeds_that_do_not_rise_are_refused(speeds: list[float]) -> None:
     with pytest.raises(ValueError, match=r"speeds: .* rad/s, expected two or more, rising, above 0"):
