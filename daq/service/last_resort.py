@@ -32,7 +32,7 @@ class LastResort:
 
         try:
             await self._app(scope, receive, send_on)
-        except Exception as error:
+        except Exception as error:  # whatever it is, the service must go on for the others
             if begun or scope["type"] != "http":
                 raise
             logger.exception("%s %s failed", scope["method"], scope["path"])
