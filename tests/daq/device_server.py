@@ -162,13 +162,13 @@ class Rpcs:
 
 
 class DeviceServer:
-    """The server, serving on a free port of the loopback.
+    """The server, serving on a port of the loopback, a free one unless it is given.
 
     `faults["ReadBinaryI16"].extend([0, -200279])` lets one read pass and fails the next; `refusals` are calls that the
     server itself refuses; `log` has the calls made.
     """
 
-    def __init__(self, driver: NiDriver) -> None:
+    def __init__(self, driver: NiDriver, *, port: int = 0) -> None:
         self.driver = driver
         self.rpcs = Rpcs(driver)
         self.faults: dict[str, deque[int]] = defaultdict(deque)
@@ -183,7 +183,7 @@ class DeviceServer:
             for name, method in ((name, getattr(self.rpcs, name)) for name in vars(Rpcs) if name[0].isupper())
         }
         add_NiDAQmxServicer_to_server(type("Servicer", (NiDAQmxServicer,), calls)(), self._server)
-        self.target = f"127.0.0.1:{self._server.add_insecure_port('127.0.0.1:0')}"
+        self.target = f"127.0.0.1:{self._server.add_insecure_port(f'127.0.0.1:{port}')}"
         self._server.start()
 
     @property
