@@ -49,7 +49,7 @@ def operator_blueprint(header: RunHeader) -> rrb.Blueprint:
         rrb.TopPanel(state="hidden"),
         rrb.BlueprintPanel(state="hidden"),
         rrb.SelectionPanel(state="hidden"),
-        rrb.TimePanel(state="hidden", timeline=timeline(header)),
+        rrb.TimePanel(state="hidden", timeline=timeline(header), play_state="following"),  # "playing" falls behind
         auto_layout=False,
         auto_views=False,
     )
