@@ -7,7 +7,7 @@ import sys
 from collections.abc import Callable, Sequence
 from importlib.metadata import version
 
-from daq.cli import listing, predict, record, replay, serve
+from daq.cli import listing, predict, preflight, record, replay, serve, verify
 from daq.errors import RigError, UsageError
 from recordings.errors import RecordingError
 
@@ -16,6 +16,7 @@ exit codes:
   0    good
   2    usage or configuration wrong; nothing was recorded
   3    the device is missing, busy or failed
+  4    preflight: something stands against a run
   5    data lost or the recording is not whole (the file is kept)
   130  stopped by hand (the file is complete)
 
@@ -23,46 +24,14 @@ Runs are kept in the folder that storage.folder of the rig file names, else in $
 """
 
 
-def _duration(text: str) -> float:
-    units = {"s": 1.0, "min": 60.0, "h": 3600.0}
-    for unit in ("min", "s", "h"):
-        if text.endswith(unit):
-            number, factor = text.removesuffix(unit), units[unit]
-            break
-    else:
-        number, factor = text, 1.0
-    try:
-        seconds = float(number) * factor
-    except ValueError:
-        seconds = 0.0
-    if not 0 < seconds < float("inf"):
-        raise argparse.ArgumentTypeError(f"{text!r}: expected a time such as 60s, 5min or 1h")
-    return seconds
-
-
-def _pace(text: str) -> float | None:
-    if text == "max":
-        return None
-    try:
-        pace = float(text)
-    except ValueError:
-        pace = 0.0
-    if not 0 < pace < float("inf"):
-        raise argparse.ArgumentTypeError(f"{text!r}: expected a factor such as 1 or 10, or max")
-    return pace
-
-
-def _port(text: str) -> int:
-    if not text.isdigit() or int(text) > 65535:
-        raise argparse.ArgumentTypeError(f"{text!r}: expected a port from 0 (any free one) to 65535")
-    return int(text)
-
-
-def _add_screens(parser: argparse.ArgumentParser, port: int) -> None:
+def _add_screens(parser: argparse.ArgumentParser, default_port: int) -> None:
     group = parser.add_argument_group("screens")
     group.add_argument("--host", default="127.0.0.1", help="address to serve at (default: this machine only)")
     group.add_argument(
-        "--port", type=_port, default=port, help=f"port of page and REST (default {port}; 0: any free one)"
+        "--port",
+        type=port,
+        default=default_port,
+        help=f"port of page and REST (default {default_port}; 0: any free one)",
     )
     group.add_argument(
         "--token",
@@ -87,9 +56,11 @@ def _parser() -> argparse.ArgumentParser:
         command.set_defaults(run=run)
         return command
 
+    add_bench_commands(add)
+
     command = add("record", record.run, "Record a run, with live picture and REST, and sum it up at its end.")
     command.add_argument("config", metavar="RIG.TOML", help="the rig")
-    command.add_argument("--for", dest="duration", type=_duration, metavar="TIME", help="stop after 60s, 5min, 1h …")
+    command.add_argument("--for", dest="duration", type=duration, metavar="TIME", help="stop after 60s, 5min, 1h …")
     command.add_argument("--note", default="", help="a word to remember the run by")
     command.add_argument("--json", action="store_true", help="print the summary as JSON on standard output")
     command.add_argument("--no-serve", action="store_true", help="without page and REST")
@@ -97,7 +68,7 @@ def _parser() -> argparse.ArgumentParser:
 
     command = add("replay", replay.run, "Replay a recording through the same analysis and picture.")
     command.add_argument("recording", metavar="RUN", help="a run's id, or a file")
-    command.add_argument("--pace", type=_pace, default=1.0, help="1: its own pace (default), 10: ten times, max")
+    command.add_argument("--pace", type=pace, default=1.0, help="1: its own pace (default), 10: ten times, max")
     command.add_argument("--folder", default="", help="where runs are kept")
     command.add_argument("--json", action="store_true", help="print the summary as JSON on standard output")
     command.add_argument("--no-serve", action="store_true", help="without page and REST")
@@ -114,6 +85,23 @@ def _parser() -> argparse.ArgumentParser:
 
     command = add("summary", listing.summary, "Say what a run was: speeds, amplitudes, whirl, losses, agreement.")
     command.add_argument("recording", metavar="RUN", help="a run's id, or a file")
+    command.add_argument("--folder", default="", help="where runs are kept")
+    command.add_argument("--json", action="store_true", help="as JSON")
+
+    command = add(
+        "verify", verify.run, "Check that a recording is whole: checksums, indexes, samples, counts, calibration."
+    )
+    command.add_argument("recording", metavar="RUN", help="a run's id, or a file")
+    command.add_argument("--folder", default="", help="where runs are kept")
+    command.add_argument("--json", action="store_true", help="as JSON")
+
+    command = add(
+        "recover", verify.run_recover, "Copy all that is intact of a damaged recording, and say what is missing."
+    )
+    command.add_argument("recording", metavar="RUN", help="a run's id, or a file; it is only read")
+    command.add_argument(
+        "-o", dest="output", default="", metavar="NEW.MCAP", help="the copy (default: RUN-recovered.mcap beside it)"
+    )
     command.add_argument("--folder", default="", help="where runs are kept")
     command.add_argument("--json", action="store_true", help="as JSON")
 

@@ -1,0 +1,52 @@
+"""The kinds of value that the commands take as arguments, each with what is said of a wrong one."""
+
+import argparse
+
+
+def duration(text: str) -> float:
+    """Return a time such as 60s, 5min or 1h in s."""
+    units = {"s": 1.0, "min": 60.0, "h": 3600.0}
+    for unit in ("min", "s", "h"):
+        if text.endswith(unit):
+            number, factor = text.removesuffix(unit), units[unit]
+            break
+    else:
+        number, factor = text, 1.0
+    try:
+        seconds = float(number) * factor
+    except ValueError:
+        seconds = 0.0
+    if not 0 < seconds < float("inf"):
+        raise argparse.ArgumentTypeError(f"{text!r}: expected a time such as 60s, 5min or 1h")
+    return seconds
+
+
+def pace(text: str) -> float | None:
+    """Return a factor such as 1 or 10; None for max."""
+    if text == "max":
+        return None
+    try:
+        factor = float(text)
+    except ValueError:
+        factor = 0.0
+    if not 0 < factor < float("inf"):
+        raise argparse.ArgumentTypeError(f"{text!r}: expected a factor such as 1 or 10, or max")
+    return factor
+
+
+def speed(text: str) -> float:
+    """Return a speed, r/min."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0.0
+    if not 0 < value < float("inf"):
+        raise argparse.ArgumentTypeError(f"{text!r}: expected a speed in r/min, such as 15000")
+    return value
+
+
+def port(text: str) -> int:
+    """Return the number of a port."""
+    if not text.isdigit() or int(text) > 65535:
+        raise argparse.ArgumentTypeError(f"{text!r}: expected a port from 0 (any free one) to 65535")
+    return int(text)

@@ -1,0 +1,24 @@
+"""The commands for the bench before a run: `rig preflight`."""
+
+import argparse
+from collections.abc import Callable
+
+from daq.cli import preflight
+from daq.cli.arguments import duration, speed
+
+AddCommand = Callable[[str, Callable[[argparse.Namespace], int], str], argparse.ArgumentParser]
+
+
+def add_bench_commands(add: AddCommand) -> None:
+    """Add the commands with `add`, which takes name, function and description."""
+    command = add(
+        "preflight",
+        preflight.run,
+        "Look at the rig before a run: card, gaps, wiring, tacho, calibrations, disk; say what to do about it.",
+    )
+    command.add_argument("config", metavar="RIG.TOML", help="the rig")
+    command.add_argument("--for", dest="duration", type=duration, metavar="TIME", help="planned run: 60s, 5min, 1h …")
+    command.add_argument(
+        "--speed", dest="speed_rpm", type=speed, metavar="RPM", help="planned highest speed (default: the rig's limit)"
+    )
+    command.add_argument("--json", action="store_true", help="as JSON on standard output")

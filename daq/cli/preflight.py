@@ -1,0 +1,54 @@
+"""`rig preflight`: whether the rig is ready."""
+
+import argparse
+import datetime as dt
+import textwrap
+from collections.abc import Iterator
+from pathlib import Path
+
+from analysis.verdict import Verdict
+from daq.cli.console import RPM, Console
+from daq.cli.telling import print_json
+from daq.config.load import load_rig
+from daq.service.documents.preflight import preflight_document
+from daq.session.preflight import Plan, Preflight, preflight
+from recordings.catalogue import data_folder
+
+NOT_READY = 4  # exit code
+_WIDTH = 112
+_COLUMN = 34  # at most
+
+
+def run(chosen: argparse.Namespace) -> int:
+    """Check and print the table; return the exit code."""
+    console = Console()
+    rig = load_rig(Path(chosen.config))
+    plan = Plan(
+        folder=data_folder(rig.config.storage.folder),
+        duration=chosen.duration,
+        speed=None if chosen.speed_rpm is None else chosen.speed_rpm * RPM,
+    )
+    found = preflight(rig, plan, dt.datetime.now().astimezone().date(), console.progress)
+    console.done()
+    if chosen.json:
+        print_json(preflight_document(rig.config.rig, found))
+    else:
+        print("\n".join(table(found)))
+    return NOT_READY if found.verdict is Verdict.FAIL else 0
+
+
+def table(found: Preflight) -> Iterator[str]:
+    """Yield the checks line by line, with what to do under those that are not good, and the verdict last."""
+    names = max(len(check.name) for check in found.checks)
+    values = min(max(len(check.value) for check in found.checks), _COLUMN)
+    for check in found.checks:
+        yield f"{check.verdict.value}  {check.name:{names}}  {check.value:{values}}  {check.limit}".rstrip()
+        if check.advice:
+            yield from textwrap.wrap(check.advice, _WIDTH, initial_indent="      → ", subsequent_indent="        ")
+    failed = sum(check.verdict is Verdict.FAIL for check in found.checks)
+    warned = sum(check.verdict is Verdict.WARN for check in found.checks)
+    warnings = f"{warned} warning{'' if warned == 1 else 's'}"
+    if failed:
+        yield f"NOT READY: {failed} of {len(found.checks)} checks failed, {warnings}"
+    else:
+        yield f"ready: {len(found.checks)} checks, {warnings if warned else 'all good'}"

@@ -1,0 +1,150 @@
+"""Is the rig ready? A second of its samples, and all that is known before, as a table of verdicts."""
+
+import datetime as dt
+import shutil
+from collections.abc import Callable
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.run import Acquisition
+from analysis.samples import SampleBlock, SegmentEnd
+from analysis.tacho_checks import speed_limit_check
+from analysis.verdict import Check, Verdict, worst
+from analysis.wiring import wiring_checks
+from daq.config.rig import Rig
+from daq.config.schema import Backend
+from daq.drivers.opening import open_source
+from daq.drivers.source import Source
+from daq.drivers.usb6251 import self_test
+from daq.session.rig_checks import calibration_checks, device_checks, disk_check, planned_speed_check, sample_checks
+
+LOOK = 1.0  # s of samples
+
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """The run that is planned.
+
+    Parameters
+    ----------
+    folder : Path
+        Where it goes.
+    duration : float or None
+        How long it is to be, s; None where that is open.
+    speed : float or None
+        Highest speed, rad/s; None for the rig's limit.
+    """
+
+    folder: Path
+    duration: float | None = None
+    speed: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Preflight:
+    """What was found.
+
+    Parameters
+    ----------
+    acquisition : Acquisition
+        As the opened device reports it.
+    checks : tuple of Check
+        In the order in which an operator would look.
+    """
+
+    acquisition: Acquisition
+    checks: tuple[Check, ...]
+
+    @property
+    def verdict(self) -> Verdict:
+        """The worst of all."""
+        return worst(self.checks)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Look:
+    """A stretch of samples from a source.
+
+    Parameters
+    ----------
+    blocks : tuple of SampleBlock
+        Of the first segment, as they came.
+    end : SegmentEnd or None
+        Of that segment; None where the source ended without one.
+    """
+
+    blocks: tuple[SampleBlock, ...]
+    end: SegmentEnd | None
+
+    @property
+    def codes(self) -> NDArray[np.int16]:
+        """All samples, shape (n_channels, n); n = 0 where none came."""
+        if not self.blocks:
+            return np.empty((0, 0), dtype=np.int16)
+        return np.concatenate([block.codes for block in self.blocks], axis=1)
+
+
+def look(source: Source, samples: int) -> Look:
+    """Take at least so many samples per channel from a source, and stop it; it is left to be closed."""
+    blocks: list[SampleBlock] = []
+    for item in source.blocks():
+        if isinstance(item, SegmentEnd):
+            return Look(tuple(blocks), item)
+        blocks.append(item)
+        if item.end >= samples:
+            source.stop()
+    return Look(tuple(blocks), None)
+
+
+def preflight(rig: Rig, plan: Plan, today: dt.date, told: Progress) -> Preflight:
+    """Open the rig's device, look at a second of samples, and judge.
+
+    Parameters
+    ----------
+    rig : Rig
+        The rig.
+    plan : Plan
+        What is to be recorded.
+    today : date
+        Against which calibrations age.
+    told : callable
+        Told what is being done.
+
+    Raises
+    ------
+    DeviceError
+        The device is missing, busy, or fails its own test.
+    """
+    checks: list[Check] = []
+    if rig.config.device.backend is Backend.NIDAQMX:
+        told("the card tests itself")
+        self_test(rig.config.device)  # before the acquisition: a card at work cannot
+        checks.append(Check.passed("self-test", "passed", "the card's own test"))
+    told("opening the device")
+    with closing(open_source(rig)) as source:
+        acquisition = source.acquisition
+        told(f"looking at {LOOK:g} s of samples")
+        wanted = round(LOOK * acquisition.rate)
+        seen = look(source, wanted)
+    checks = [*device_checks(rig, acquisition), *checks, *sample_checks(seen.blocks, seen.end, wanted, rig)]
+    if seen.codes.size:
+        checks += wiring_checks(acquisition, seen.codes)
+    speed = rig.limits.speed if plan.speed is None else plan.speed
+    checks += [planned_speed_check(rig, speed), speed_limit_check(rig.tacho, speed)]
+    checks += calibration_checks(rig, today)
+    checks.append(disk_check(_free(plan.folder), rig, acquisition.rate, plan.duration))
+    return Preflight(acquisition, tuple(checks))
+
+
+def _free(folder: Path) -> int:
+    """Return the bytes that are free where a folder is, or will be made."""
+    there = folder.absolute()
+    while not there.exists() and there != there.parent:
+        there = there.parent
+    return shutil.disk_usage(there).free
