@@ -38,7 +38,7 @@ PRINTED = {
 CARRIED_ON = "printed as 53 at every speed; the branch dips to 50.0 where it meets the lower one near 2600 rad/s"
 HAND_CARRIED = "printed as -50 from 2500 rad/s on; the branch hardly depends on speed and stays at -52.4"
 WIDER: dict[tuple[int, int], tuple[float, str]] = {
-    **{(speed, 53): (3.1 if speed == 2500 else 1.5, CARRIED_ON) for speed in range(2500, 8001, 500)},
+    **{(speed, 53): (3.1 if speed == 2500 else 1.5, CARRIED_ON) for speed in range(2500, 6501, 500)},
     **{(speed, -50): (2.5, HAND_CARRIED) for speed in range(2500, 8001, 500)},
     (8000, -11667): (1.5, "the column falls by 18 a row; -11665.6 continues it, -11667 does not"),
 }
@@ -74,7 +74,7 @@ def test_only_the_entries_with_a_reason_miss_table_5_3() -> None:
     misses = {
         (speed, printed) for speed in PRINTED for ours, printed in pairs(speed) if abs(ours - printed) > TOLERANCE
     }
-    assert misses <= set(WIDER)
+    assert misses == set(WIDER)
     assert sum(len(pairs(speed)) for speed in PRINTED) == 170
 
 

@@ -1,0 +1,78 @@
+"""What a turn of the shaft costs: the compiled Newmark march against SciPy's LSODA on the same equations."""
+
+import math
+import time
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+
+from analysis.run import AnalysisSettings
+from model.gj90c import gj90c
+from model.kernel import capone_force
+from model.motion import STEPS_PER_TURN, ShaftMotion
+from model.prediction_map import compute_prediction_map, default_speeds
+from model.system import ModalSystem
+
+SPEED = 1100.0
+TURNS = 10
+
+
+def lsoda(system: ModalSystem, turns: int) -> float:
+    """Processor time of SciPy's LSODA with NumPy's matrices and the compiled film force, s."""
+    shaft, films = system.shaft, system.films
+    modes = shaft.squares.size
+
+    def rates(time_now: float, flat: NDArray[np.float64]) -> NDArray[np.float64]:
+        q, z, v, u = np.split(flat.view(np.complex128), [modes, modes + 2, 2 * modes + 2])
+        places, velocities = shaft.journals @ q, shaft.journals @ v
+        forces = np.empty((2, 2), np.complex128)
+        for b in range(2):
+            inner = places[b] - z[b], velocities[b] - u[b], films.inner_clearance, films.inner_speed * SPEED
+            outer = z[b], u[b], films.outer_clearance, films.outer_speed * SPEED
+            forces[0, b] = capone_force(*inner, films.inner_factor)
+            forces[1, b] = capone_force(*outer, films.outer_factor)
+        pushed = SPEED**2 * np.exp(1j * SPEED * time_now) * shaft.imbalance + shaft.weight
+        bend = pushed + shaft.journals.T @ forces[0] + 1j * SPEED * shaft.gyroscopic @ v - shaft.squares * q
+        ring = (forces[1] - forces[0]) / films.ring_mass - 1j * films.gravity
+        return np.concatenate((v, u, bend, ring)).view(np.float64)
+
+    begin = time.process_time()
+    span = (0.0, turns * 2 * math.pi / SPEED)
+    solution = solve_ivp(rates, span, np.zeros(4 * (modes + 2)), "LSODA", rtol=1e-6, atol=1e-11)
+    assert solution.success
+    return time.process_time() - begin
+
+
+@pytest.mark.benchmark
+def test_march_is_a_hundred_times_as_fast_as_lsoda() -> None:
+    parameters = gj90c()
+    motion = ShaftMotion(parameters, SPEED, 10)
+    march = math.inf
+    for _ in range(5):
+        begin = time.process_time()
+        motion.turns(TURNS * 20)
+        march = min(march, (time.process_time() - begin) / 20)
+    scipy = min(lsoda(ModalSystem.of(parameters), TURNS) for _ in range(2))
+    step = march / (TURNS * STEPS_PER_TURN)
+    print(f"\n{TURNS} turns: march {march * 1e3:.2f} ms ({step * 1e6:.2f} µs a step), LSODA {scipy * 1e3:.0f} ms")
+    print(f"ratio {scipy / march:.0f}")
+    assert scipy / march > 100
+
+
+@pytest.mark.benchmark
+def test_default_map_takes_seconds() -> None:
+    compute_prediction_map(gj90c(), np.array([500.0, 510.0]), AnalysisSettings(), lambda _done, _total: None)
+    begin = time.process_time()
+    found = compute_prediction_map(
+        gj90c(), default_speeds(20_000 * math.pi / 30), AnalysisSettings(), lambda _done, _total: None
+    )
+    used = time.process_time() - begin
+    begin = time.perf_counter()
+    for speed in np.linspace(100.0, 2000.0, 1000):
+        found.at(speed)
+    looked_up = (time.perf_counter() - begin) / 1000
+    print(f"\n{found.speeds.size} speeds: {used:.1f} s of one core; a look-up {looked_up * 1e6:.0f} µs")
+    assert used < 30
+    assert looked_up < 1e-3
