@@ -17,6 +17,7 @@ PROFILE = "rig"
 RUN_RECORD = "rig.run"
 CALIBRATION_RECORD = "rig.calibration"
 END_RECORD = "rig.end"
+RECOVERED_RECORD = "rig.recovered"
 """Names of the metadata records."""
 
 CONFIG_ATTACHMENT = "rig.toml"

@@ -11,6 +11,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.clock import PPM, ClockError
 from analysis.run import RunHeader
 from analysis.samples import EndReason, SampleBlock, SegmentEnd, SourceItem
 from analysis.snapshot import Snapshot
@@ -108,6 +109,11 @@ class RunReader:
         """Samples per channel that the live analysis skipped; the results in the file lack them, the samples do not."""
         return self._skipped_samples
 
+    @property
+    def clock_error(self) -> ClockError | None:
+        """The card's clock against the host's; None where the run could not tell, or was not finished."""
+        return self._clock_error
+
     def items(self) -> Iterator[SourceItem]:
         """Yield blocks as recorded, each segment followed by its end.
 
@@ -187,6 +193,7 @@ class RunReader:
         document = self._end_document()
         self._is_complete = bool(document.get("complete", False))
         self._skipped_samples = int(document.get("skipped_samples", 0))
+        self._clock_error = _clock_error(document)
         if self._is_complete:
             self._ends = tuple(end_from_document(end) for end in document["segments"])
         else:
@@ -273,3 +280,8 @@ class RunReader:
 def end_from_document(document: dict[str, Any]) -> SegmentEnd:
     """Return the end of a segment as the record of the run's end tells it."""
     return SegmentEnd(**(document | {"reason": EndReason(document["reason"])}))
+
+
+def _clock_error(document: dict[str, Any]) -> ClockError | None:
+    error, uncertainty = document.get("clock_error_ppm"), document.get("clock_uncertainty_ppm")
+    return None if error is None or uncertainty is None else ClockError(error * PPM, uncertainty * PPM)

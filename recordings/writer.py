@@ -9,6 +9,7 @@ from typing import Any
 from mcap.records import Channel, Message, Schema
 from mcap.well_known import MessageEncoding, SchemaEncoding
 
+from analysis.clock import PPM, ClockFit
 from analysis.run import RunHeader
 from analysis.samples import SampleBlock, SegmentEnd
 from recordings.appended import AppendedFile
@@ -62,6 +63,7 @@ class RunWriter:
         self._rate = header.acquisition.rate
         self._results: deque[EncodedResult] = deque()
         self._ends: list[SegmentEnd] = []
+        self._clock = ClockFit(self._rate)
         self._starts_ns = {0: header.started_ns}
         self._segment = 0
         self._next_sample = 0
@@ -101,6 +103,7 @@ class RunWriter:
         self._add(Message(CHANNEL_IDS[SAMPLES], log_time, encode_block(block), block.host_time_ns, self._sequence))
         self._sequence += 1
         self._next_sample = block.end
+        self._clock.block(block)
         self._since_flush += block.n_samples
         self._since_results += block.n_samples
         try:
@@ -187,6 +190,14 @@ class RunWriter:
             raise self._fail(error) from error
         self._closed = True
 
+    def abandon(self) -> None:
+        """Let go of the file and remove it, where a run that was not recorded live could not be written whole."""
+        if not self._failure:
+            self._failure = f"{self.path}: has been abandoned"
+            self._file.cut_back()
+        self._closed = True
+        self.path.unlink(missing_ok=True)
+
     def _begin(self) -> None:
         header = self._header
         channels = header.acquisition.channels
@@ -240,11 +251,14 @@ class RunWriter:
             yield Message(CHANNEL_IDS[result.topic], log_time, result.data, log_time, 0)
 
     def _end_document(self, skipped_samples: int) -> dict[str, object]:
+        clock = self._clock.error()
         return {
             "complete": self._next_sample == 0,  # no segment left open
             "gap_free": len(self._ends) == 1 and self._ends[0].is_gap_free,
             "samples": sum(end.samples for end in self._ends) + self._next_sample,
             "skipped_samples": skipped_samples,
+            "clock_error_ppm": None if clock is None else clock.error / PPM,
+            "clock_uncertainty_ppm": None if clock is None else clock.uncertainty / PPM,
             "segments": [
                 {
                     "segment": end.segment,

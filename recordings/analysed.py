@@ -1,0 +1,59 @@
+"""A whole run written at once from samples that are there already, with the results of their analysis."""
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from analysis.analyser import Analyser
+from analysis.run import RunHeader
+from analysis.samples import SampleBlock, SourceItem
+from analysis.snapshot import Snapshot
+from recordings.results import encode_snapshot
+from recordings.writer import RunWriter
+
+
+def write_analysed(
+    path: Path, header: RunHeader, items: Iterable[SourceItem], remarks: Mapping[str, Mapping[str, Any]]
+) -> None:
+    """Write a run; nothing is left of it where that fails.
+
+    Parameters
+    ----------
+    path : Path
+        File to be created; it must not exist, its folder must.
+    header : RunHeader
+        Of the run.
+    items : iterable of SampleBlock and SegmentEnd
+        Its samples, in order; every segment has its end.
+    remarks : mapping of str to mapping
+        Further records by name, written when all samples have been taken.
+
+    Raises
+    ------
+    StorageError
+        Where it cannot be written.
+    RecordingError
+        Where the items cannot be read on.
+    """
+    writer = RunWriter(path, header)
+    try:
+        analyser = Analyser(header.acquisition, header.settings)
+        for item in items:
+            if isinstance(item, SampleBlock):
+                writer.block(item)
+                _keep(writer, header, analyser.block(item))
+            else:
+                _keep(writer, header, analyser.segment_end(item))
+                writer.segment_end(item)
+        for name, document in remarks.items():
+            writer.record(name, document)
+        writer.close()
+    except BaseException:
+        writer.abandon()
+        raise
+
+
+def _keep(writer: RunWriter, header: RunHeader, snapshots: list[Snapshot]) -> None:
+    for snapshot in snapshots:
+        for result in encode_snapshot(snapshot, header):
+            writer.result(result)
