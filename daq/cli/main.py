@@ -7,7 +7,9 @@ import sys
 from collections.abc import Callable, Sequence
 from importlib.metadata import version
 
-from daq.cli import listing, predict, preflight, record, replay, serve, verify
+from daq.cli import listing, predict, record, replay, serve, verify
+from daq.cli.arguments import duration, pace, port
+from daq.cli.bench import add_bench_commands
 from daq.errors import RigError, UsageError
 from recordings.errors import RecordingError
 
@@ -88,22 +90,7 @@ def _parser() -> argparse.ArgumentParser:
     command.add_argument("--folder", default="", help="where runs are kept")
     command.add_argument("--json", action="store_true", help="as JSON")
 
-    command = add(
-        "verify", verify.run, "Check that a recording is whole: checksums, indexes, samples, counts, calibration."
-    )
-    command.add_argument("recording", metavar="RUN", help="a run's id, or a file")
-    command.add_argument("--folder", default="", help="where runs are kept")
-    command.add_argument("--json", action="store_true", help="as JSON")
-
-    command = add(
-        "recover", verify.run_recover, "Copy all that is intact of a damaged recording, and say what is missing."
-    )
-    command.add_argument("recording", metavar="RUN", help="a run's id, or a file; it is only read")
-    command.add_argument(
-        "-o", dest="output", default="", metavar="NEW.MCAP", help="the copy (default: RUN-recovered.mcap beside it)"
-    )
-    command.add_argument("--folder", default="", help="where runs are kept")
-    command.add_argument("--json", action="store_true", help="as JSON")
+    verify.add_commands(add)
 
     command = add("predict", predict.run, "Compute what the model expects at the probes over speed, once, and show it.")
     command.add_argument("config", metavar="RIG.TOML", help="the rig")
