@@ -42,7 +42,7 @@ def run(chosen: argparse.Namespace) -> int:
     catalogue, run_id = found(chosen.recording, chosen.folder)
     path = catalogue.path(run_id)
     with RunReader(path) as reader:
-        header = reader.header
+        header, clock = reader.header, reader.clock_error
     with stop_requested() as stop, Predictors() as predictors:
         summaries = Summaries(catalogue, predictors)
         model = predictors.of(header)
@@ -56,6 +56,6 @@ def run(chosen: argparse.Namespace) -> int:
             outcome = follow(replayed, stop, console)
         model.wait(PATIENCE, lambda state: console.progress(f"model {state}"))
         console.done()
-        document = summaries.document(replayed.summary(), header)
+        document = summaries.document(replayed.summary(), header, clock)
     tell(document, as_json=chosen.json)
     return outcome.exit_code

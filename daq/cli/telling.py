@@ -31,6 +31,9 @@ def summary_lines(summary: SummaryDocument) -> Iterator[str]:
         f"  “{summary.note}”" if summary.note else ""
     )
     yield "  ".join((_verdict(summary), _speeds(summary), _largest(summary)))
+    if summary.clock_error_ppm is not None:
+        uncertainty = _number(summary.clock_uncertainty_ppm, 1)
+        yield f"clock            the card's {summary.clock_error_ppm:+,.1f} ± {uncertainty} ppm against this computer's"
     for fault in _oddities(summary):
         yield f"unusual          {fault}"
     yield from _table(summary)

@@ -68,14 +68,14 @@ class Reconnecting:
                 first = numbered.segment + 1
                 yield numbered
             self._device.close()
-            if not goes_on or self._stopping:
+            if not goes_on or self._is_stopping():
                 return
             error = self._reconnect()
             if error is not None:
                 reason = EndReason.UNPLUGGED if error.fault is DeviceFault.MISSING else EndReason.DEVICE_ERROR
                 yield SegmentEnd(first, 0, reason, detail=str(error))
                 return
-            if self._stopping:
+            if self._is_stopping():
                 self._device.close()
                 return
 
@@ -91,16 +91,16 @@ class Reconnecting:
 
     def _judged(self, end: SegmentEnd) -> tuple[bool, SegmentEnd]:
         """Return whether the device is to be opened anew after this end, and the end with what is to be said."""
-        if end.reason not in BROKEN or self._stopping or self._patience == 0:
+        if end.reason not in BROKEN or self._is_stopping() or self._patience == 0:
             return False, end
         return (True, end) if self._restarts.take() else (False, self._restarts.last(end))
 
     def _reconnect(self) -> DeviceError | None:
         """Open the device again until it is there or the end was asked for; return why it stays away."""
         deadline = time.monotonic() + self._patience
-        while not self._stopping:
+        while not self._is_stopping():
             self._wait()
-            if self._stopping:
+            if self._is_stopping():
                 return None
             try:
                 device = self._open()
@@ -118,9 +118,13 @@ class Reconnecting:
             return None
         return None
 
+    def _is_stopping(self) -> bool:
+        """Whether the end was asked for, which may become true at any instant."""
+        return self._stopping
+
     def _wait(self) -> None:
         due = time.monotonic() + self._retry
-        while not self._stopping and (left := due - time.monotonic()) > 0:
+        while not self._is_stopping() and (left := due - time.monotonic()) > 0:
             time.sleep(min(left, NAP))
 
 

@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 from pydantic import ValidationError
 
+from analysis.clock import ClockError
 from analysis.run import RunHeader
 from analysis.summary import RunSummary
 from daq.service.documents import SummaryDocument, summary_document
@@ -47,10 +48,11 @@ class Summaries:
         """Return a run's summary with the agreement, however long the model takes; `waiting` is told what goes on."""
         return self._kept(run_id) or self._made(run_id, waiting)
 
-    def document(self, summary: RunSummary, header: RunHeader) -> SummaryDocument:
+    def document(self, summary: RunSummary, header: RunHeader, clock: ClockError | None) -> SummaryDocument:
         """Return a summary with how it agrees with the model of the run's rig, null where its map is not ready."""
         prediction_map = self._predictors.of(header).map
-        return summary_document(summary, None if prediction_map is None else compare(summary, prediction_map))
+        agreement = None if prediction_map is None else compare(summary, prediction_map)
+        return summary_document(summary, agreement, clock)
 
     def _kept(self, run_id: str) -> SummaryDocument | None:
         document = self._catalogue.load_document(run_id, KEPT_AS)
@@ -63,13 +65,13 @@ class Summaries:
 
     def _made(self, run_id: str, waiting: Waiting | None) -> SummaryDocument:
         with RunReader(self._catalogue.path(run_id)) as reader:
-            header, is_complete = reader.header, reader.is_complete
+            header, is_complete, clock = reader.header, reader.is_complete, reader.clock_error
             told = None if waiting is None else lambda part: waiting(f"reading {run_id}: {100 * part:.0f} %")
             predictor = self._predictors.of(header)
             summary = summarise(reader, told)
         if waiting is not None:
             predictor.wait(PATIENCE, lambda state: waiting(f"model {state}"))
-        document = self.document(summary, header)
+        document = self.document(summary, header, clock)
         if is_complete and predictor.map is not None:
             self._catalogue.store_document(run_id, KEPT_AS, document.model_dump(mode="json"))
         return document

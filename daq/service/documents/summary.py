@@ -5,6 +5,7 @@ from typing import Annotated
 
 from pydantic import Field
 
+from analysis.clock import PPM, ClockError
 from analysis.findings import Moment, WhirlFinding
 from analysis.run import Severity
 from analysis.samples import EndReason, SegmentEnd
@@ -130,6 +131,14 @@ class SummaryDocument(Document):
         description="Samples at the converter's rails, for each channel in the order of the card", examples=[[0, 0, 0]]
     )
     segments: tuple[SegmentDocument, ...] = Field(description="The run's gap-free stretches")
+    clock_error_ppm: float | None = Field(
+        description="The card's clock against the computer's over the run, positive where the card is fast; null where "
+        "the run is too short or did not go in real time",
+        examples=[12.3],
+    )
+    clock_uncertainty_ppm: float | None = Field(
+        description="How far off that may be on either side, 95 %; null likewise", examples=[0.4]
+    )
     lowest_speed_rpm: float | None = Field(
         description="Lowest shaft speed, r/min; null where the tacho never told", examples=[1004.0]
     )
@@ -155,7 +164,9 @@ class SummaryDocument(Document):
     )
 
 
-def summary_document(summary: RunSummary, agreement: Agreement | None = None) -> SummaryDocument:
+def summary_document(
+    summary: RunSummary, agreement: Agreement | None = None, clock: ClockError | None = None
+) -> SummaryDocument:
     """Return what a run was as a document.
 
     Parameters
@@ -164,6 +175,8 @@ def summary_document(summary: RunSummary, agreement: Agreement | None = None) ->
         What was measured.
     agreement : Agreement or None
         How far the model agrees; None where there is no prediction for it.
+    clock : ClockError or None
+        The card's clock against the computer's; None where the run cannot tell.
     """
     tacho = summary.tacho
     return SummaryDocument(
@@ -178,6 +191,8 @@ def summary_document(summary: RunSummary, agreement: Agreement | None = None) ->
         lost_is_exact=summary.lost_is_exact,
         clipped_samples=summary.clipped,
         segments=tuple(_segment(end) for end in summary.segments),
+        clock_error_ppm=None if clock is None else finite(clock.error / PPM),
+        clock_uncertainty_ppm=None if clock is None else finite(clock.uncertainty / PPM),
         lowest_speed_rpm=rpm(summary.lowest_speed),
         highest_speed_rpm=rpm(summary.highest_speed),
         largest_peak_to_peak_um=micrometres(summary.largest_peak_to_peak),
