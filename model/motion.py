@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from model.errors import WallContactError
 from model.kernel import LARGEST_TURN, NO_FAILURE, march
 from model.parameters import ModelParameters
-from model.system import Levels, ModalSystem, stand
+from model.system import ModalSystem, stand
 
 FloatArray = NDArray[np.float64]
 
@@ -55,11 +55,11 @@ class ShaftMotion:
             raise ValueError(f"angle: {angle} rad, expected a finite value")
         _require_speed(speed)
         self._system = ModalSystem.of(parameters)
-        self._levels: dict[float, Levels] = {}
         turning = max(speed, SLOWEST)
         step = 2 * math.pi / (STEPS_PER_TURN * turning)
         elapsed = step * np.arange(1 - turns_to_settle * STEPS_PER_TURN, 1, dtype=np.float64)
         self._state = self._system.at_rest(angle=angle - speed * step * elapsed.size, speed=speed)
+        self._levels = self._system.levels(step)
         self.advance(angle + speed * elapsed, np.full(elapsed.size, float(speed)), step)
 
     @property
@@ -149,11 +149,11 @@ class ShaftMotion:
                     f"step: {step:g} s, expected at most {LARGEST_STEP / fastest:g} s at {fastest:g} rad/s "
                     f"({LARGEST_STEP / (2 * math.pi):.1f} turns)"
                 )
-        if step not in self._levels:
-            self._levels[step] = self._system.levels(step)
+        if step != self._levels.steps[0]:
+            self._levels = self._system.levels(step)
         displacement = np.empty(angle.size, np.complex128)
         system = self._system
-        failed = march(system.shaft, system.films, self._levels[step], self._state, angle, speed, displacement)
+        failed = march(system.shaft, system.films, self._levels, self._state, angle, speed, displacement)
         if failed != NO_FAILURE:
             raise WallContactError(self._contact(float(speed[failed])))
         return np.stack((displacement.real, displacement.imag))
