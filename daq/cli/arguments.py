@@ -50,3 +50,11 @@ def port(text: str) -> int:
     if not text.isdigit() or int(text) > 65535:
         raise argparse.ArgumentTypeError(f"{text!r}: expected a port from 0 (any free one) to 65535")
     return int(text)
+
+
+def address(text: str) -> str:
+    """Return the address of a device server."""
+    host, _, number = text.rpartition(":")
+    if not host or not number.isdigit():
+        raise argparse.ArgumentTypeError(f"{text!r}: expected an address as host:port")
+    return text
