@@ -1,10 +1,13 @@
 """The oil films of a floating-ring bearing: two in series, each with Capone's short-bearing force."""
 
+import cmath
+import math
 from dataclasses import dataclass
 
 from model.kernel import WALL, capone_force
 from model.parameters import FloatingRing
 from model.rotor import require_positive
+from model.short_film import Capone, capone
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +45,7 @@ class Film:
         """Size of the force at unit surface speed, mu R L³ / (4 C²), N s."""
         return self.viscosity * self.radius * self.length**3 / (4 * self.clearance**2)
 
-    def force(self, position: complex, velocity: complex, surface_speed: float) -> complex:
+    def force(self, position: complex, velocity: complex, surface_speed: float, form: Capone = Capone.EXACT) -> complex:
         """Return the force on the inner body, N.
 
         Parameters
@@ -53,16 +56,18 @@ class Film:
             Of the inner body against the outer one, m/s.
         surface_speed : float
             Sum of the angular speeds of both surfaces, rad/s.
+        form : Capone, optional
+            The exact force, or the one that the thesis prints.
 
         Returns
         -------
         complex
-            X + i Y, N; thesis eq. (4.38) with its F corrected.
+            X + i Y, N; thesis eq. (4.38), with its F corrected unless the printed form is asked for.
 
         Raises
         ------
         ValueError
-            Where the position lies at or beyond the wall.
+            Where the position lies at or beyond the wall, or velocity or speed are not finite.
         """
         eccentricity = abs(position) / self.clearance
         if not 1 - eccentricity**2 >= WALL:
@@ -70,6 +75,11 @@ class Film:
                 f"position: {abs(position) * 1e6:.3f} µm from the centre, expected less than the clearance of "
                 f"{self.clearance * 1e6:g} µm (eccentricity ratio {eccentricity:.5f})"
             )
+        if not (cmath.isfinite(velocity) and math.isfinite(surface_speed)):
+            raise ValueError(f"velocity, surface_speed: {velocity} m/s, {surface_speed} rad/s, expected finite values")
+        if form is Capone.AS_PRINTED:
+            moving = velocity / self.clearance
+            return complex(self.factor * capone(position / self.clearance, moving, float(surface_speed), form))
         return capone_force(complex(position), complex(velocity), self.clearance, float(surface_speed), self.factor)
 
 

@@ -1,8 +1,8 @@
 """The infinitely long oil film of chapter 3: Sommerfeld's closed forms for a film that ruptures and forms again.
 
 The film is ``h = C (1 + eps cos theta)``; ``theta`` counts from the thickest place in the direction of rotation. It
-begins at ``theta_s`` with no pressure, ends at ``theta_e`` with neither pressure nor slope, and carries nothing from its
-end to its next start. All follows in closed form from the eccentricity ratio ``eps`` and the end, which are therefore
+begins at ``theta_s`` with no pressure, ends at ``theta_e`` with neither pressure nor slope, and carries nothing from
+there to its next start. All follows in closed form from the eccentricity ratio ``eps`` and the end, which are thus
 the parameters here. Pressures are in units of ``K = 6 eta R² w / C²`` and forces in units of ``K L R``, where ``w`` is
 the sum of both surfaces' angular speeds.
 

@@ -1,0 +1,253 @@
+"""The infinitely short oil film: the thesis's three force laws of section 2.1.4, for many states at once.
+
+A film is short where the oil flows out along the axis alone. Its force in closed form depends on which half of the film
+is taken to carry pressure: the half behind the thinnest place whatever the motion (2.4), or the half whose pressure is
+above zero, which moves with the velocity (Capone's (2.7) in Cartesian and (2.9) in polar coordinates; the two are the
+same film).
+
+Positions are complex, ``X + i Y``, in clearances; velocities in clearances per second; speeds in rad/s. Forces come in
+rad/s and are to be multiplied by ``mu R L³ / (4 C²)`` (`Film.factor`, N s): so a film that does not turn is nothing
+special. ``w`` is the sum of the angular speeds of both surfaces.
+"""
+
+from enum import Enum
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+Numbers = TypeVar("Numbers", FloatArray, ComplexArray)
+
+
+class Capone(Enum):
+    """Which F stands in Capone's force."""
+
+    EXACT = "exact"
+    """F = q / (1 - q²), the integral of the pressure."""
+    AS_PRINTED = "as printed"
+    """F = q / (1 - x² - y²) as the thesis prints it: the same to first order in the velocity, wrong beyond."""
+
+
+def capone_components(
+    x: Numbers, y: Numbers, x_rate: Numbers, y_rate: Numbers, surface_speed: float, form: Capone
+) -> tuple[Numbers, Numbers]:
+    """Return Capone's force from separate coordinates, which may be complex to differentiate by a complex step.
+
+    Parameters
+    ----------
+    x, y : ndarray
+        Position of the inner body, clearances.
+    x_rate, y_rate : ndarray
+        Its velocity, clearances per second.
+    surface_speed : float
+        w, rad/s.
+    form : Capone
+        Which F.
+
+    Returns
+    -------
+    tuple of ndarray
+        Along X and Y on the inner body, rad/s.
+    """
+    A = surface_speed * x - 2 * y_rate
+    B = surface_speed * y + 2 * x_rate
+    s = np.sqrt(A * A + B * B)
+    moves = s != 0
+    size = np.where(moves, s, 1.0)
+    cos_a, sin_a = -A / size, -B / size  # alpha of (2.7): arctan(B/A) less half turns by sign, without its 0/0
+    u = 1 - x * x - y * y
+    root = np.sqrt(u)
+    p = y * cos_a - x * sin_a
+    q = x * cos_a + y * sin_a
+    G = 2 / root * (np.pi / 2 + np.arctan(p / root))
+    V = (2 + p * G) / u
+    F = q / (1 - q * q) if form is Capone.EXACT else q / u
+    along_x = -s / u * (3 * x * V - sin_a * G - 2 * cos_a * F)
+    along_y = -s / u * (3 * y * V + cos_a * G - 2 * sin_a * F)  # Eq. (2.7); its second sign before cos a G set right
+    return np.where(moves, along_x, 0.0), np.where(moves, along_y, 0.0)
+
+
+def capone(position: ArrayLike, velocity: ArrayLike, surface_speed: float, form: Capone = Capone.EXACT) -> ComplexArray:
+    """Return the force of a short film whose pressure carries wherever it is above zero, on the inner body.
+
+    Parameters
+    ----------
+    position, velocity : array_like
+        Of the inner body against the outer one, X + i Y, clearances and clearances per second; shapes that broadcast.
+    surface_speed : float
+        w, rad/s.
+    form : Capone, optional
+        The exact force, or the one that the thesis prints.
+
+    Returns
+    -------
+    ndarray
+        X + i Y, rad/s; times `Film.factor` in N.
+
+    Raises
+    ------
+    ValueError
+        Where a position lies at or beyond the wall or something is not finite.
+    """
+    z, v = np.asarray(position, dtype=np.complex128), np.asarray(velocity, dtype=np.complex128)
+    _require_inside(np.abs(z))
+    _require_finite("velocity", v, "clearances/s")
+    _require_finite("surface_speed", surface_speed, "rad/s")
+    along_x, along_y = capone_components(z.real, z.imag, v.real, v.imag, surface_speed, form)
+    return np.asarray(along_x + 1j * along_y)
+
+
+def short_film_pressure(
+    position: complex, velocity: complex, surface_speed: float, angle: ArrayLike, station: ArrayLike
+) -> FloatArray:
+    """Return the pressure of a short film.
+
+    Parameters
+    ----------
+    position, velocity : complex
+        Of the inner body, clearances and clearances per second.
+    surface_speed : float
+        w, rad/s.
+    angle : array_like
+        From +X in the direction of rotation, rad.
+    station : array_like
+        Along the film, lengths from its middle, -1/2 to 1/2; broadcasts with `angle`.
+
+    Returns
+    -------
+    ndarray
+        Over mu L² / C², rad/s; 0 in the cavity.
+
+    Raises
+    ------
+    ValueError
+        Where the position lies at or beyond the wall.
+    """
+    _require_inside(np.abs(np.asarray(position)))
+    theta, z = np.asarray(angle, dtype=np.float64), np.asarray(station, dtype=np.float64)
+    turn = np.exp(-1j * theta)
+    h = 1 - (position * turn).real
+    squeeze = surface_speed * (position * turn).imag + 2 * (velocity * turn).real  # of the film's closing, Eq. (2.5)
+    return np.asarray(np.maximum(-3 * squeeze / h**3 * (z**2 - 0.25), 0.0))  # Eq. (2.6)
+
+
+def fixed_half_film(
+    eccentricity: ArrayLike, eccentricity_rate: ArrayLike, whirl_speed: ArrayLike, surface_speed: float
+) -> ComplexArray:
+    """Return the force of the infinitely short bearing whose half behind the thinnest place never carries.
+
+    Parameters
+    ----------
+    eccentricity : array_like
+        Ratio, 0 to below 1.
+    eccentricity_rate : array_like
+        Its change, 1/s.
+    whirl_speed : array_like
+        Angular speed of the line of centres, rad/s.
+    surface_speed : float
+        w, rad/s.
+
+    Returns
+    -------
+    ndarray
+        Outwards + i forwards on the inner body, rad/s; times `Film.factor` in N.
+
+    Raises
+    ------
+    ValueError
+        Where an eccentricity lies outside its range or something is not finite.
+    """
+    eps, rate, sweep = _polar(eccentricity, eccentricity_rate, whirl_speed, surface_speed)
+    s = 1 - eps**2
+    outwards = -(
+        eps * sweep / s**2 + np.pi * (1 + 2 * eps**2) * rate / (2 * s**2.5)
+    )  # Eq. (2.4a), force on the journal
+    forwards = np.pi * sweep / (4 * s**1.5) + 2 * eps * rate / s**2  # Eq. (2.4b)
+    return np.asarray(4 * (outwards + 1j * forwards))
+
+
+def moving_half_film(
+    eccentricity: ArrayLike, eccentricity_rate: ArrayLike, whirl_speed: ArrayLike, surface_speed: float
+) -> ComplexArray:
+    """Return the force of the infinitely short bearing whose carrying half moves with the velocity: (2.9).
+
+    Parameters
+    ----------
+    eccentricity : array_like
+        Ratio, 0 to below 1.
+    eccentricity_rate : array_like
+        Its change, 1/s.
+    whirl_speed : array_like
+        Angular speed of the line of centres, rad/s.
+    surface_speed : float
+        w, rad/s.
+
+    Returns
+    -------
+    ndarray
+        Outwards + i forwards on the inner body, rad/s; times `Film.factor` in N.
+
+    Raises
+    ------
+    ValueError
+        Where an eccentricity lies outside its range or something is not finite.
+    """
+    eps, rate, sweep = _polar(eccentricity, eccentricity_rate, whirl_speed, surface_speed)
+    s = 1 - eps**2
+    start = np.arctan2(rate, sweep / 2)  # the film runs half a turn from here, from the thickest place on
+    beta = eps / (1 + np.sqrt(s))
+    turn = 2 * np.arctan2(beta * np.sin(start), 1 + beta * np.cos(start))
+    back = 2 * np.arctan2(-beta * np.sin(start), 1 - beta * np.cos(start))
+    first, last = start - turn, start + np.pi - back  # in Sommerfeld's variable; the Delta of (2.9) is their distance
+    Jcc = (_cos_squared(last, eps) - _cos_squared(first, eps)) / s**2.5
+    Jsc = (_sin_cos(last, eps) - _sin_cos(first, eps)) / s**2
+    Jss = (_sin_squared(last) - _sin_squared(first)) / s**1.5
+    outwards = -Jcc * rate + Jsc * sweep / 2
+    forwards = -Jsc * rate + Jss * sweep / 2  # Eq. (2.9)
+    return np.asarray(4 * (outwards + 1j * forwards))
+
+
+def _cos_squared(phi: FloatArray, eps: FloatArray) -> FloatArray:
+    # integral of (cos phi - eps)²
+    return phi / 2 + np.sin(2 * phi) / 4 - 2 * eps * np.sin(phi) + eps**2 * phi
+
+
+def _sin_cos(phi: FloatArray, eps: FloatArray) -> FloatArray:
+    # integral of sin phi (cos phi - eps)
+    return np.sin(phi) ** 2 / 2 + eps * np.cos(phi)
+
+
+def _sin_squared(phi: FloatArray) -> FloatArray:
+    return phi / 2 - np.sin(2 * phi) / 4
+
+
+def _polar(
+    eccentricity: ArrayLike, eccentricity_rate: ArrayLike, whirl_speed: ArrayLike, surface_speed: float
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    # eccentricity, its rate, and eccentricity times the speed at which oil is swept past the line of centres
+    eps, rate, whirl = np.broadcast_arrays(
+        np.asarray(eccentricity, dtype=np.float64),
+        np.asarray(eccentricity_rate, dtype=np.float64),
+        np.asarray(whirl_speed, dtype=np.float64),
+    )
+    _require_inside(eps)
+    _require_finite("eccentricity_rate", rate, "1/s")
+    _require_finite("whirl_speed", whirl, "rad/s")
+    _require_finite("surface_speed", surface_speed, "rad/s")
+    return eps, rate, np.asarray(eps * (surface_speed - 2 * whirl))
+
+
+def _require_inside(eccentricity: FloatArray) -> None:
+    inside = (eccentricity >= 0) & (eccentricity < 1)
+    if not np.all(inside):
+        worst = float(eccentricity[~inside].flat[0])
+        raise ValueError(f"eccentricity: {worst:g} of the clearance, expected 0 or more and below 1 (the wall)")
+
+
+def _require_finite(name: str, values: ArrayLike, unit: str) -> None:
+    array = np.asarray(values)
+    finite = np.isfinite(array)
+    if not np.all(finite):
+        raise ValueError(f"{name}: {array[~finite].flat[0]} {unit}, expected a finite value")
