@@ -159,7 +159,7 @@ def test_forces_name_a_velocity_or_speed_that_is_not_finite(form: Capone) -> Non
         capone(0.5, 0j, math.inf, form)
     with pytest.raises(ValueError, match="eccentricity_rate: nan 1/s"):
         moving_half_film(0.5, math.nan, 0.0, SPEED)
-    with pytest.raises(ValueError, match="velocity, surface_speed: .*expected finite values"):
+    with pytest.raises(ValueError, match=r"velocity, surface_speed: .*expected finite values"):
         FILM.force(0j, complex(0, math.inf), SPEED, form)
 
 
