@@ -23,7 +23,6 @@ def add_bench_commands(add: AddCommand) -> None:
     command.add_argument(
         "--target",
         type=address,
-        default="",
         metavar="HOST:PORT",
         help="of an NI gRPC device server (default: the driver on this machine)",
     )

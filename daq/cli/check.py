@@ -9,7 +9,7 @@ from daq.config.rig import Rig
 from daq.config.schema import Backend
 from daq.drivers import simulated_converter as converter
 from daq.errors import ConfigError
-from daq.service.documents.rig_check import RigCheckDocument, faulty_document, good_document
+from daq.service.documents.rig_check import faulty_document, good_document
 from daq.session.rig_checks import disk_rate
 
 
@@ -23,29 +23,23 @@ def run(chosen: argparse.Namespace) -> int:
         print_json(faulty_document(error))
         return error.exit_code
     rate = converter.coerced_rate(rig.config.timing.rate_hz)
-    document = good_document(
-        rig,
-        rate=rate,
-        convert_rate=converter.convert_rate(rate, len(rig.config.channel)),
-        disk_rate=disk_rate(rig, rate),
-    )
+    convert_rate = converter.convert_rate(rate, len(rig.config.channel))
     if chosen.json:
-        print_json(document)
+        print_json(good_document(rig, rate=rate, convert_rate=convert_rate, disk_rate=disk_rate(rig, rate)))
     else:
-        print(_line(rig, document))
+        print(_line(rig, rate, convert_rate))
     return 0
 
 
-def _line(rig: Rig, document: RigCheckDocument) -> str:
-    """Return what was understood in one line."""
+def _line(rig: Rig, rate: float, convert_rate: float) -> str:
+    """Return what was understood in one line; rates in Hz."""
     device = rig.config.device
     card = f"simulated {device.product}" if device.backend is Backend.SIMULATED else device.product
     if device.backend is Backend.NIDAQMX:
         card += f" serial number {device.serial}" if device.serial else f" as {device.name}"
-    inputs = ", ".join(f"{channel.name} on {channel.physical}" for channel in document.channels)
-    convert = document.convert_rate_hz or 0.0
+    inputs = ", ".join(f"{channel.name} on {channel.physical}" for channel in rig.config.channel)
     return (
-        f"{rig.path}: good: {rig.config.rig} on {card}, {inputs}, {(document.sample_rate_hz or 0.0) / 1e3:g} kS/s each, "
-        f"convert clock {convert / 1e3:.4g} kHz ({1e6 / convert:.2f} µs between channels), "
-        f"at most {(document.disk_bytes_per_hour or 0) / 1e9:.2g} GB an hour"
+        f"{rig.path}: good: {rig.config.rig} on {card}, {inputs}, {rate / 1e3:g} kS/s each, "
+        f"convert clock {convert_rate / 1e3:.4g} kHz ({1e6 / convert_rate:.2f} µs between channels), "
+        f"at most {disk_rate(rig, rate) * 3600 / 1e9:.2g} GB an hour"
     )

@@ -3,6 +3,7 @@
 import math
 import sys
 import time
+from contextlib import suppress
 from typing import TextIO
 
 from analysis.run import Severity
@@ -31,28 +32,32 @@ class Console:
     def line(self, text: str) -> None:
         """Print a line that stays."""
         self._clear()
-        print(text, file=self._stream, flush=True)
+        self._print(text)
 
     def progress(self, text: str) -> None:
         """Show where things stand; on a terminal it replaces what was there."""
         now = time.monotonic()
         if self._rewrites:
-            print("\r" + text.ljust(self._width), end="", file=self._stream, flush=True)
+            self._print("\r" + text.ljust(self._width), end="")
             self._width = len(text)
         elif now - self._last >= _QUIET_INTERVAL:
             self._last = now
-            print(text, file=self._stream, flush=True)
+            self._print(text)
 
     def done(self) -> None:
         """End the progress line, keeping what it says."""
         if self._width:
-            print(file=self._stream, flush=True)
+            self._print("")
             self._width = 0
 
     def _clear(self) -> None:
         if self._width:
-            print("\r" + " " * self._width + "\r", end="", file=self._stream, flush=True)
+            self._print("\r" + " " * self._width + "\r", end="")
             self._width = 0
+
+    def _print(self, text: str, end: str = "\n") -> None:
+        with suppress(OSError, ValueError):  # a terminal that was closed takes nothing; the run goes on to its end
+            print(text, end=end, file=self._stream, flush=True)
 
 
 def frame_line(frame: LiveFrame) -> str:

@@ -12,7 +12,7 @@ _STATES = {True: "busy: another program holds it", False: "free", None: "no anal
 
 def run(chosen: argparse.Namespace) -> int:
     """List what is connected; return the exit code."""
-    devices = connected_devices(DeviceSection(backend=Backend.NIDAQMX, target=chosen.target))
+    devices = connected_devices(DeviceSection(backend=Backend.NIDAQMX, target=chosen.target or ""))
     if chosen.json:
         print_json([found_device_document(device) for device in devices])
     elif devices:

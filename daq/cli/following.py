@@ -11,11 +11,14 @@ _LOOK = 0.2  # s
 def follow(run: Run, stop: Event, console: Console) -> Outcome:
     """Show the run's progress until its end; a set `stop` ends it by hand."""
     asked = False
-    while not run.wait(_LOOK):
+    try:
+        while not run.wait(_LOOK):
+            console.progress(frame_line(run.latest()))
+            if stop.is_set() and not asked:
+                asked = True
+                run.stop()
         console.progress(frame_line(run.latest()))
-        if stop.is_set() and not asked:
-            asked = True
-            run.stop()
-    console.progress(frame_line(run.latest()))
-    console.done()
-    return run.close()
+        console.done()
+    finally:  # whatever happens here, the recorder is not left alone with an open file
+        outcome = run.close()
+    return outcome

@@ -12,9 +12,9 @@ from daq.cli.stopping import stop_requested
 from daq.cli.telling import tell
 from daq.config.load import load_rig
 from daq.service.summaries import Summaries
+from daq.session.messages import Order
 from daq.session.predictors import Predictors
 from daq.session.recorded import RecordedRun
-from daq.session.recorder import Order
 from recordings.catalogue import Catalogue, data_folder
 
 
