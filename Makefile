@@ -7,7 +7,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/ready
 RIG ?= rigs/bench.toml
 
-.PHONY: run serve test check bench proto clean
+.PHONY: run serve test check bench campaign proto clean
 
 run: $(READY)
 	$(BIN)/rig predict $(RIG) --quiet
@@ -30,6 +30,9 @@ check: $(READY)
 
 bench: $(READY)
 	$(BIN)/pytest tests/benchmarks -m benchmark -s
+
+campaign: $(READY)
+	$(BIN)/pytest tests -m campaign -s
 
 # The protobuf code is committed; run this after changing recordings/rig.proto.
 proto: $(READY)

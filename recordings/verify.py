@@ -11,7 +11,7 @@ from mcap.opcode import Opcode
 
 from analysis.run import RunHeader
 from recordings.calibration_check import check_acquisition
-from recordings.container import Container, StoredMessage
+from recordings.container import RECORD, Container, StoredMessage
 from recordings.continuity import Continuity
 from recordings.errors import DamagedError, RecordingError
 from recordings.findings import Check, Finding
@@ -143,7 +143,7 @@ class _Inspection:
         """Walk the records of the data section."""
         stop = 8
         for record in self._file.records():
-            where = f"byte {record.offset - 9}"
+            where = f"byte {record.offset - RECORD.size}"
             stop = record.offset + record.length
             if record.opcode == Opcode.CHUNK:
                 yield from self._chunk(record.offset, record.length, where)
@@ -160,7 +160,7 @@ class _Inspection:
     def _data_end(self, stop: int) -> Iterator[Finding]:
         """Check that the records led to the end of the data, and its checksum."""
         head = self._file.read(stop, 13)
-        if len(head) < 13 or head[0] != Opcode.DATA_END:
+        if len(head) < 13 or RECORD.unpack_from(head) != (Opcode.DATA_END, 4):
             yield Finding(Check.FILE, f"byte {stop}", f"the records break off, {self._file.size - stop} bytes are left")
             return
         expected, crc, offset = int.from_bytes(head[9:13], "little"), 0, 0

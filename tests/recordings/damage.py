@@ -1,0 +1,106 @@
+"""A small run of known codes, and what every reader of a damaged copy of it must hold to."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.samples import SampleBlock
+from recordings.container import Container
+from recordings.errors import DamagedError, RecordingError
+from recordings.layout import CHANNEL_IDS, SAMPLES
+from recordings.messages import decode_block
+from recordings.reader import RunReader
+from recordings.recover import recover
+from recordings.salvage import search_chunks
+from recordings.verify import Verdict, verify
+
+CodesOf = Callable[..., NDArray[np.int16]]
+Spans = set[tuple[int, int, int]]
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What a damaged file still gave: samples read from it, samples recovered, whether it opens."""
+
+    read: int
+    recovered: int
+    opens: bool
+
+
+def examine(path: Path, copy: Path, codes_of: CodesOf) -> Outcome:
+    """Read, verify and recover a damaged file; every sample that comes out of it must be right, and none be left."""
+    copy.unlink(missing_ok=True)
+    intact = intact_blocks(path, codes_of)
+    try:
+        verification = verify(path)
+        assert verification.verdict is Verdict.NOT_WHOLE
+        assert verification.faults
+        n_read = _read(path, codes_of)
+    except RecordingError as error:
+        check_words(error, path)
+        n_read = 0
+    try:
+        recovery = recover(path, copy)
+    except RecordingError as error:
+        check_words(error, path)
+        check_nothing_left(copy, intact)
+        return Outcome(n_read, 0, opens=False)
+    assert verify(copy).verdict is Verdict.SOUND
+    with RunReader(copy) as reader:
+        for stretch in recovery.stretches:
+            codes = reader.samples(stretch.segment, 0, stretch.stop - stretch.first)
+            np.testing.assert_array_equal(codes, codes_of(stretch.from_segment, stretch.first, stretch.stop))
+        assert reader.n_samples == recovery.samples
+        assert reader.is_complete
+    for segment, first, stop in intact:
+        assert any(
+            stretch.from_segment == segment and stretch.first <= first and stop <= stretch.stop
+            for stretch in recovery.stretches
+        ), f"samples {first} to {stop} of segment {segment} are intact and were not recovered"
+    assert recovery.samples == sum(stop - first for _, first, stop in intact)
+    return Outcome(n_read, recovery.samples, opens=True)
+
+
+def check_words(error: RecordingError, path: Path) -> None:
+    """Check that an error names the file."""
+    assert str(error).startswith(f"{path}: ")
+
+
+def check_nothing_left(copy: Path, intact: Spans) -> None:
+    """Check that a recovery that failed had nothing to bring back, and left no file."""
+    assert not copy.exists()
+    assert not intact
+
+
+def intact_blocks(path: Path, codes_of: CodesOf) -> Spans:
+    """Return segment, first and last sample of the blocks in chunks whose checksums fit, found without any index."""
+    spans: Spans = set()
+    try:
+        container = Container(path)
+    except RecordingError:
+        return spans
+    for place in search_chunks(container):
+        try:
+            messages = list(container.messages(place))
+        except DamagedError:
+            continue
+        for message in messages:
+            if message.channel == CHANNEL_IDS[SAMPLES]:
+                block = decode_block(message.data)
+                np.testing.assert_array_equal(block.codes, codes_of(block.segment, block.first_sample, block.end))
+                spans.add((block.segment, block.first_sample, block.end))
+    container.close()
+    return spans
+
+
+def _read(path: Path, codes_of: CodesOf) -> int:
+    n_samples = 0
+    with RunReader(path) as reader:
+        for item in reader.items():
+            if isinstance(item, SampleBlock):
+                np.testing.assert_array_equal(item.codes, codes_of(item.segment, item.first_sample, item.end))
+                n_samples += item.n_samples
+    return n_samples
