@@ -130,14 +130,14 @@ def hum_check(probe: ProbeSignal, slow: SlowSignal) -> Check:
     """Return whether the mains are to be seen; ``slow`` is the probe's displacement, m."""
     name = f"{probe.name} mains hum"
     limit = f"{HUM_WARN:g} µm peak at 50 or 60 Hz"
-    if not slow.is_separable_from_mains:
-        advice = "the shaft turns with the mains' frequency, or a part of it: look again at rest or at another speed"
-        return Check.warned(name, Finding.UNTOLD, "?", limit, advice)
     line = slow.mains()
     height = line.amplitude / MICRO
     value = f"{height:.2f} µm at {line.frequency:.0f} Hz"
     if height <= HUM_WARN:
         return Check.passed(name, value, limit)
+    if not line.is_separable:
+        advice = "the shaft turns with the mains' frequency, or a part of it: look again at rest or at another speed"
+        return Check.warned(name, Finding.UNTOLD, value, limit, advice)
     advice = (
         f"{probe.name} hums with the mains: earth its shield at one end only, look for a loop through the "
         "conditioner's supply, keep the cable away from the inverter's"

@@ -28,7 +28,7 @@ class MainsLine:
     frequency : float
         50 or 60, Hz.
     amplitude : float
-        Peak, in the signal's unit; 0 where no line stands out there.
+        Peak, in the signal's unit; 0 where no line stands out there. With the shaft's part where both lie together.
     is_separable : bool
         Whether it can be told from the shaft's own orders.
     """
@@ -68,6 +68,7 @@ class SlowSignal:
         solution = np.linalg.lstsq(weighted, self._window * thinned, rcond=None)[0]
         self._solution = solution
         self._rest = self._window * (thinned - self._basis @ solution)
+        self._moving = self._rest + self._window * (self._basis[:, 2:] @ solution[2:])
 
     @property
     def vectors(self) -> ComplexArray:
@@ -84,32 +85,28 @@ class SlowSignal:
         """Return the stronger of the lines at 50 and 60 Hz."""
         return max((self._line(frequency) for frequency in MAINS), key=lambda line: line.amplitude)
 
-    @property
-    def is_separable_from_mains(self) -> bool:
-        """Whether the shaft's orders leave room for lines at 50 and 60 Hz to be seen."""
-        return all(self._left_of(frequency) >= SEPARABLE for frequency in MAINS)
-
     def motion(self) -> float:
         """Return the rms of all that moves between 2 and 1000 Hz but for the mains' lines, in the signal's unit."""
-        all_of_it = self._rest + self._window * (self._basis[:, 2:] @ self._solution[2:])
-        spectrum = np.fft.rfft(all_of_it)
-        frequency = np.fft.rfftfreq(all_of_it.size, 1.0 / self._rate)
+        spectrum = np.fft.rfft(self._moving)
+        frequency = np.fft.rfftfreq(self._moving.size, 1.0 / self._rate)
         kept = (frequency >= MOTION_BAND[0]) & (frequency <= MOTION_BAND[1])
         for mains in MAINS:
             nearest = np.round(frequency / mains)
             kept &= (nearest == 0) | (np.abs(frequency - nearest * mains) > 2.0)
-        power = 2.0 * np.sum(np.abs(spectrum[kept]) ** 2) / all_of_it.size
+        power = 2.0 * np.sum(np.abs(spectrum[kept]) ** 2) / self._moving.size
         return float(np.sqrt(power / np.sum(self._window**2)))
 
     def _line(self, mains: float) -> MainsLine:
         left = self._left_of(mains)
+        is_separable = left >= SEPARABLE
         offsets = np.arange(-NEIGHBOURS, NEIGHBOURS + STEP / 2, STEP)
         phases = np.exp(-1j * TAU * np.outer(mains + offsets, self._time))
-        heights = np.abs(phases @ self._rest) * 2.0 / np.sum(self._window)
+        heights = np.abs(phases @ (self._rest if is_separable else self._moving)) * 2.0 / np.sum(self._window)
         highest = int(np.argmax(heights))
-        if left < SEPARABLE or abs(offsets[highest]) > MAINS_DRIFT:
-            return MainsLine(mains, 0.0, is_separable=left >= SEPARABLE)
-        return MainsLine(mains, float(heights[highest]) / left, is_separable=True)
+        if abs(offsets[highest]) > MAINS_DRIFT:
+            return MainsLine(mains, 0.0, is_separable=is_separable)
+        height = float(heights[highest])
+        return MainsLine(mains, height / left if is_separable else height, is_separable=is_separable)
 
     def _left_of(self, mains: float) -> float:
         """Return the part of a mains line's energy that is left when the shaft's orders are taken out."""

@@ -183,18 +183,18 @@ def test_backlog_is_warned_of(rig: RigFactory) -> None:
 
 
 def test_command_prints_a_table_and_ends_with_0_or_4(rig_file: RigFiles, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["preflight", str(rig_file(simulation=steady(3000.0)))]) == 0
+    assert main(["preflight", str(rig_file(simulation=steady(4000.0)))]) == 0
     good = capsys.readouterr().out.splitlines()
     assert good[0].startswith("WARN  device  ")
     assert good[-1] == f"ready: {sum(line[:4] in ('PASS', 'WARN') for line in good)} checks, 2 warnings"
-    assert main(["preflight", str(rig_file(simulation=steady(3000.0, miswiring="tacho silent")))]) == 4
+    assert main(["preflight", str(rig_file(simulation=steady(4000.0, miswiring="tacho silent")))]) == 4
     bad = capsys.readouterr().out
     assert "\nFAIL  tacho levels " in bad
     assert "\nNOT READY: 1 of " in bad
 
 
 def test_command_gives_programs_the_same(rig_file: RigFiles, capsys: pytest.CaptureFixture[str]) -> None:
-    path = rig_file(simulation=steady(3000.0, miswiring="mains hum"))
+    path = rig_file(simulation=steady(4000.0, miswiring="mains hum"))
     assert main(["preflight", str(path), "--for", "1min", "--speed", "12000", "--json"]) == 4
     document = PreflightDocument.model_validate_json(capsys.readouterr().out)
     assert document.verdict is Verdict.FAIL
