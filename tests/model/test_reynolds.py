@@ -21,7 +21,7 @@ def film(slenderness: float) -> Film:
 
 
 @pytest.mark.parametrize("cavitates", [False, True])
-def test_force_converges_in_second_order(cavitates: bool) -> None:  # noqa: FBT001 - a parameter of the test
+def test_force_converges_in_second_order(*, cavitates: bool) -> None:
     def force(around: int) -> complex:
         grid = Grid(around, around // 12)
         return solve_reynolds(film(1.0), HALF_WAY, 2e-3 + 1e-3j, SPEED, grid, cavitates=cavitates).force
