@@ -17,6 +17,8 @@ def follow(run: Run, stop: Event, console: Console) -> Outcome:
             if stop.is_set() and not asked:
                 asked = True
                 run.stop()
+        if stop.is_set() and not asked:  # the recorder was told as well, and was faster
+            run.stop()
         console.progress(frame_line(run.latest()))
         console.done()
     finally:  # whatever happens here, the recorder is not left alone with an open file

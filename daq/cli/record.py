@@ -2,6 +2,7 @@
 
 import argparse
 import time
+from contextlib import closing
 from importlib.metadata import version
 from pathlib import Path
 
@@ -37,16 +38,14 @@ def run(chosen: argparse.Namespace) -> int:
                 path=path,
                 duration=chosen.duration,
             )
-            recorded = RecordedRun(order, predictors.for_rig(rig), screens.sinks)
-            screens.show(recorded)
-            device, rate = recorded.header.acquisition.device, recorded.header.acquisition.rate
-            n_channels = len(recorded.header.acquisition.channels)
-            console.line(
-                f"run {run_id}  {device.product} ({'simulated' if device.simulated else f'serial {device.serial}'})  "
-                f"{n_channels} × {rate / 1e3:g} kS/s  {path}"
-            )
-            console.line(screens.addresses())
-            outcome = follow(recorded, stop, console)
+            with closing(RecordedRun(order, predictors.for_rig(rig), screens.sinks)) as recorded:
+                screens.show(recorded)
+                device, rate = recorded.header.acquisition.device, recorded.header.acquisition.rate
+                which = "simulated" if device.simulated else f"serial {device.serial}"
+                n_channels = len(recorded.header.acquisition.channels)
+                console.line(f"run {run_id}  {device.product} ({which})  {n_channels} × {rate / 1e3:g} kS/s  {path}")
+                console.line(screens.addresses())
+                outcome = follow(recorded, stop, console)
         if outcome.message:
             console.line(f"rig: {outcome.message}")
         document = summaries.patiently(run_id, console.progress)

@@ -24,7 +24,7 @@ export function drawLive(live) {
   document.body.dataset.state = live.status.state;
   const passed = live.status.latched_severity === "normal" ? "" : `▲ ${live.status.latched_severity.toUpperCase()} · `;
   document.title = `${passed}${live.status.state} · ${live.rig}`;
-  document.body.dataset.run = ["recording", "replaying", "starting"].includes(live.status.state) ? live.run : "";
+  document.body.dataset.run = ["finished", "failed"].includes(live.status.state) ? "" : live.run;
   write("state", live.status.state);
   write("clock", clock(live.status.elapsed_s));
   write("run", live.run);
@@ -118,7 +118,7 @@ function drawStatus({ measured, status }) {
   write("lost", `${status.lost_is_exact ? "" : "≥ "}${whole(status.lost_samples)}`);
   mark("lost-cell", "bad", status.lost_samples > 0 || !status.lost_is_exact);
   write("backlog", `${decimals(status.backlog_s, 1)} s`);
-  mark("backlog-cell", "poor", status.backlog_s > 1);
+  mark("backlog-cell", "poor", status.backlog_s > 1 || status.state === "degraded");
   write("disk", status.disk_left_s === null ? "–" : span(status.disk_left_s));
   mark("disk-cell", "poor", known(status.disk_left_s) && status.disk_left_s < 1800);
   mark("disk-cell", "bad", known(status.disk_left_s) && status.disk_left_s < 300);

@@ -18,7 +18,8 @@ let moved = performance.now();
 let elapsed = null;
 let state = null;
 
-const isUnderWay = (name) => name === "recording" || name === "replaying";
+const isUnderWay = (name) => ["recording", "degraded", "interrupted", "replaying"].includes(name);
+const isMoving = (name) => isUnderWay(name) && name !== "interrupted";
 
 function tell(text) {
   const node = element("connection");
@@ -36,7 +37,7 @@ function watch() {
     tell(`The run has ${state} and its service has ended. These are its last values.`);
   } else if (silent > PATIENCE) {
     tell(`CONNECTION LOST: no answer from the service for ${clock(silent / 1000)}. The values shown are old.`);
-  } else if (isUnderWay(state) && still > PATIENCE + 500) {
+  } else if (isMoving(state) && still > PATIENCE + 500) {
     tell(`NO NEW SAMPLES for ${clock(still / 1000)}. The values shown are old.`);
   } else {
     tell("");

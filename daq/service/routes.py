@@ -21,7 +21,6 @@ from daq.service.documents import (
     run_document,
     run_list_document,
 )
-from daq.service.documents.health import UNDER_WAY
 from daq.service.problems import (
     BAD_PARAMETER,
     BUSY,
@@ -163,7 +162,7 @@ class Routes:
         A summary that was not made when the run ended is made now from the whole recording, which takes a while.
         """
         frame = self._live.latest()
-        if frame is not None and frame.header.run == run and frame.status.state in UNDER_WAY:
+        if frame is not None and frame.header.run == run and frame.status.state.is_under_way:
             raise ProblemError(RUN_UNDER_WAY, f"run {run} is still {frame.status.state.value}")
         return await self._readings.run(partial(self._summaries.summary, run))
 

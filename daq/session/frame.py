@@ -14,9 +14,16 @@ class RunState(StrEnum):
 
     STARTING = "starting"
     RECORDING = "recording"
+    DEGRADED = "degraded"  # recording, but samples are about to be lost
+    INTERRUPTED = "interrupted"  # recording, but no samples come
     REPLAYING = "replaying"
     FINISHED = "finished"
     FAILED = "failed"
+
+    @property
+    def is_under_way(self) -> bool:
+        """Whether the run has not ended."""
+        return self not in {RunState.FINISHED, RunState.FAILED}
 
 
 @dataclass(frozen=True, slots=True)

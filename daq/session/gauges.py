@@ -1,11 +1,12 @@
 """The numbers that the recorder keeps for whoever asks how the recording goes, in shared memory."""
 
+import time
 from multiprocessing import get_context
 from multiprocessing.sharedctypes import SynchronizedArray
 
 from analysis.samples import SampleBlock, SegmentEnd
 
-_SAMPLES, _SEGMENT, _LOST, _AT_LEAST, _BACKLOG, _DISK = range(6)
+_SAMPLES, _SEGMENT, _LOST, _AT_LEAST, _BACKLOG, _DISK, _BLOCK_AT = range(7)
 
 
 class Gauges:
@@ -23,9 +24,13 @@ class Gauges:
     @staticmethod
     def shared() -> "SynchronizedArray[int]":
         """Return fresh shared memory for a set of gauges."""
-        words = get_context("spawn").Array("q", 6)
+        words = get_context("spawn").Array("q", 7)
         words[_DISK] = -1
         return words
+
+    def begin(self) -> None:
+        """Note that blocks are expected from now on."""
+        self._words[_BLOCK_AT] = time.monotonic_ns()
 
     def add_block(self, block: SampleBlock) -> None:
         """Count a recorded block."""
@@ -33,6 +38,7 @@ class Gauges:
             self._words[_SAMPLES] += block.n_samples
             self._words[_SEGMENT] = block.end
             self._words[_BACKLOG] = block.backlog
+            self._words[_BLOCK_AT] = time.monotonic_ns()
 
     def add_end(self, end: SegmentEnd) -> None:
         """Count what was lost at the end of a segment."""
@@ -40,6 +46,7 @@ class Gauges:
             self._words[_LOST] += end.lost
             self._words[_AT_LEAST] |= int(not end.lost_is_exact)
             self._words[_SEGMENT] = 0
+            self._words[_BACKLOG] = 0
 
     @property
     def samples(self) -> int:
@@ -65,6 +72,12 @@ class Gauges:
     def backlog(self) -> int:
         """Samples per channel that the device held at the last read."""
         return int(self._words[_BACKLOG])
+
+    @property
+    def silence(self) -> float:
+        """Time since the last block, s; 0 before blocks are expected."""
+        at = int(self._words[_BLOCK_AT])
+        return (time.monotonic_ns() - at) / 1e9 if at else 0.0
 
     @property
     def disk_bytes(self) -> int:

@@ -19,9 +19,11 @@ from daq.errors import DeviceError, DeviceFault, RigError
 from daq.session.frame import FrameSink, LiveFrame, RunState, Status
 from daq.session.gauges import Gauges
 from daq.session.live import LiveAnalysis
-from daq.session.recorder import RESULTS_DEADLINE, Acquired, Closed, Done, Opened, Order, Refused, Stop, record
+from daq.session.messages import Acquired, Closed, Done, Opened, Order, Refused, Stop
+from daq.session.recorder import RESULTS_DEADLINE, record
 from daq.session.ring import BlockRing
 from daq.session.run import Model, Outcome
+from daq.session.watchdog import alertness
 from recordings.results import encode_snapshot
 
 OPEN_DEADLINE = 120.0  # s: the simulated rig compiles its model the first time
@@ -63,8 +65,10 @@ class RecordedRun:
         self._pipe, self._process = self._spawn()
         self._sending = threading.Lock()
         self._ends: tuple[SegmentEnd, ...] = ()
+        self._last_end: SegmentEnd | None = None
         self._message = ""
         self._note = ""
+        self._fault = ""
         self._state = RunState.STARTING
         self._by_hand = False
         try:
@@ -128,10 +132,15 @@ class RecordedRun:
     def status(self) -> Status:
         """Return the state of the recording."""
         rate, gauges = self._rate, self._gauges
+        state, alert = self._state, ""
+        if state is RunState.RECORDING and not self._ring.is_closed:
+            state, alert = alertness(gauges, self._header.acquisition.rate, self._order.rig.config.timing)
+            if state is RunState.INTERRUPTED and self._last_end is not None and not gauges.segment_samples:
+                alert = f"{alert}: {self._last_end.detail}"
         bytes_per_second = rate * len(self._header.acquisition.channels) * 2
         left = gauges.disk_bytes / bytes_per_second if gauges.disk_bytes >= 0 else math.inf
         return Status(
-            state=self._state,
+            state=state,
             elapsed=gauges.samples / rate,
             samples=gauges.samples,
             lost=gauges.lost,
@@ -140,11 +149,31 @@ class RecordedRun:
             disk_left=left,
             skipped=self._reader.skipped,
             model=self._model.state,
-            detail=self._message or self._note,
+            detail=self._message or alert or self._note,
         )
 
     def _watch(self) -> None:
-        """Analyse what the recorder publishes until it ends, then let it close the file."""
+        """Follow the recorder to its end, whatever happens here."""
+        try:
+            self._follow()
+        except Exception as error:  # noqa: BLE001 - whatever it is, the recorder is stopped and finishes its file
+            self._fault = f"the run was stopped by a fault of the program: {type(error).__name__}: {error}"
+            self._send(Stop())
+        self._send(Done(self._reader.skipped))
+        self._farewell()
+        self._message = self._message or self._fault
+        self._state = RunState.FAILED if self._outcome().exit_code in {3, 5} else RunState.FINISHED
+        self._offer()
+
+    def _offer(self) -> None:
+        """Show how things stand where there is no new result."""
+        try:
+            self._shown.offer(self.status())
+        except Exception as error:  # noqa: BLE001 - a fault of a screen must not end a recording: it is told
+            self._note = f"a screen failed: {type(error).__name__}: {error}; the recording goes on"
+
+    def _follow(self) -> None:
+        """Analyse what the recorder publishes until it ends."""
         offered = time.monotonic()
         while True:
             alive = self._process.is_alive() and not self._ring.is_closed
@@ -156,18 +185,16 @@ class RecordedRun:
                 break
             else:
                 if now - offered > STATUS_INTERVAL:
-                    self._shown.offer(self.status())
+                    self._offer()
                     offered = now
                 time.sleep(POLL)
-        self._send(Done(self._reader.skipped))
-        self._farewell()
-        self._state = RunState.FAILED if self._outcome().exit_code in {3, 5} else RunState.FINISHED
-        self._shown.offer(self.status())
 
     def _analyse(self) -> bool:
         seen = False
         for item in self._reader.available():
             seen = True
+            if isinstance(item, SegmentEnd):
+                self._last_end = item
             if self._analysis is None:
                 continue
             try:

@@ -10,18 +10,17 @@ import signal
 import threading
 import time
 from contextlib import ExitStack, closing, suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from multiprocessing.connection import Connection
 from multiprocessing.sharedctypes import SynchronizedArray
-from pathlib import Path
 
 from analysis.run import RunHeader
 from analysis.samples import EndReason, SampleBlock, SegmentEnd
-from daq.config.rig import Rig
 from daq.drivers.opening import open_source
 from daq.drivers.source import Source
 from daq.errors import RigError, UsageError
 from daq.session.gauges import Gauges
+from daq.session.messages import Acquired, Closed, Done, Opened, Order, Refused, Stop
 from daq.session.ring import BlockRing
 from recordings.errors import RecordingError
 from recordings.results import EncodedResult
@@ -30,79 +29,9 @@ from recordings.writer import RunWriter
 RESULTS_DEADLINE = 15.0  # s that the finished acquisition waits for the last results before the file is closed without
 
 
-@dataclass(frozen=True, slots=True)
-class Order:
-    """What is to be recorded.
-
-    Parameters
-    ----------
-    rig : Rig
-        The rig.
-    run : str
-        Id of the run.
-    started_ns : int
-        Wall clock, ns since 1970.
-    note, program : str
-        The operator's words; name and version of the program.
-    path : Path
-        The file to be made.
-    duration : float or None
-        Sample time after which to stop, s.
-    """
-
-    rig: Rig
-    run: str
-    started_ns: int
-    note: str
-    program: str
-    path: Path
-    duration: float | None
-
-
-@dataclass(frozen=True, slots=True)
-class Opened:
-    """The device delivers and the file is there."""
-
-    header: RunHeader
-
-
-@dataclass(frozen=True, slots=True)
-class Refused:
-    """Nothing was recorded."""
-
-    message: str
-    exit_code: int
-
-
-@dataclass(frozen=True, slots=True)
-class Acquired:
-    """The samples have ended; results may still be sent."""
-
-    ends: tuple[SegmentEnd, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class Closed:
-    """The file is finished; `message` says what went wrong, if anything did."""
-
-    message: str
-
-
-@dataclass(frozen=True, slots=True)
-class Stop:
-    """Stop the source."""
-
-
-@dataclass(frozen=True, slots=True)
-class Done:
-    """No more results will come; so many samples were skipped by the live analysis."""
-
-    skipped_samples: int
-
-
 def record(order: Order, ring_name: str, gauge_words: "SynchronizedArray[int]", pipe: Connection) -> None:
     """Run the recorder; the entry point of its process."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the whole group: the watching process decides
+    _leave_to_the_watching_process("SIGINT", "SIGHUP", "SIGBREAK")
     ring = BlockRing.attach(ring_name)
     with closing(ring), ExitStack() as stack:
         try:
@@ -116,6 +45,13 @@ def record(order: Order, ring_name: str, gauge_words: "SynchronizedArray[int]", 
             pipe.send(Refused(str(error), UsageError.exit_code))
         else:
             _Recorder(order, source, writer, ring, Gauges(gauge_words), pipe).run(header)
+
+
+def _leave_to_the_watching_process(*names: str) -> None:
+    """Ignore what Ctrl-C or a terminal that closes sends to the whole group: the watching process decides."""
+    for name in names:  # SIGHUP: POSIX only; SIGBREAK: Windows only
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), signal.SIG_IGN)
 
 
 def _require_room(order: Order) -> None:
@@ -179,7 +115,11 @@ class _Recorder:
         try:
             self._pipe.send(Opened(header))
             listener.start()
+            self._gauges.begin()
             self._pump()
+        except Exception as error:  # noqa: BLE001 - whatever it is, the file is finished and the operator is told
+            self._message = f"recording stopped by a fault of the program: {type(error).__name__}: {error}"
+            self._source.stop()
         finally:
             self._ring.finish()
             self._source.close()
@@ -239,7 +179,7 @@ class _Recorder:
             self._source.stop()
 
     def _listen(self) -> None:
-        """Take results and orders from the watching process until it is done or gone."""
+        """Take results and orders from the watching process until it is done or gone; then nobody is left to stop."""
         try:
             while True:
                 message = self._pipe.recv()
@@ -251,9 +191,10 @@ class _Recorder:
                 elif isinstance(message, Done):
                     self._skipped = message.skipped_samples
                     return
-        except (EOFError, OSError):  # the watching process is gone
-            self._source.stop()
+        except (EOFError, OSError):
+            pass  # the watching process is gone
         finally:
+            self._source.stop()
             self._done.set()
 
     def _close(self) -> None:

@@ -32,7 +32,7 @@ def _speed(drawing: Drawing, frame: LiveFrame) -> None:
     snapshot = frame.snapshot
     if snapshot is None or not math.isfinite(snapshot.speed):
         drawing.text("--", (535.0, 140.0), 105.0, QUIET, Anchor.RIGHT)
-        drawing.text("no speed" if snapshot is not None else "no data", (555.0, 140.0), 26.0, ALARM)
+        drawing.text("no speed" if snapshot is not None else "no data", (555.0, 140.0), 24.0, ALARM)
         return
     drawing.text(rpm(snapshot.speed), (535.0, 140.0), 105.0, TEXT, Anchor.RIGHT)
     drawing.text("r/min", (556.0, 140.0), 34.0, QUIET)
@@ -46,7 +46,7 @@ def _overall(drawing: Drawing, frame: LiveFrame) -> None:
     for name, row, color, left in (("x", 0, MEASURED_X, 735.0), ("y", 1, MEASURED_Y, 940.0)):
         value = "--" if frame.snapshot is None else f"{frame.snapshot.peak_to_peak[row] * 1e6:.0f}"
         drawing.text(name, (left, 116.0), 36.0, color)
-        drawing.text(value, (left + 36.0, 116.0), 60.0, color)
+        drawing.text(value, (left + 42.0, 116.0), 58.0, color)
     limits = frame.header.limits
     text = f"alarm {limits.peak_to_peak_alarm * 1e6:.0f}   danger {limits.peak_to_peak_danger * 1e6:.0f}"
     drawing.text(text, (735.0, 160.0), 20.0, QUIET)
@@ -55,22 +55,23 @@ def _overall(drawing: Drawing, frame: LiveFrame) -> None:
 def _severity(drawing: Drawing, frame: LiveFrame) -> None:
     status = frame.status
     now, paper, ink = _BLOCKS[status.severity]
-    drawing.text("now", (1150.0, 38.0), 22.0, QUIET)
     drawing.block(1150.0, 54.0, 270.0, 62.0, paper)
     drawing.text(now, (1285.0, 102.0), 35.0, ink, Anchor.CENTRE)
-    if status.detail:
-        return
     worst, paper, ink = _BLOCKS[status.latched]
     if status.latched is Severity.NORMAL:
-        drawing.text("no limit passed yet", (1285.0, 158.0), 17.0, QUIET, Anchor.CENTRE)
+        drawing.text("no limit passed yet", (1285.0, 38.0), 17.0, QUIET, Anchor.CENTRE)
     else:
-        drawing.block(1150.0, 126.0, 270.0, 46.0, paper)
-        drawing.text(f"{worst} passed", (1285.0, 160.0), 24.0, ink, Anchor.CENTRE)
+        drawing.block(1150.0, 10.0, 270.0, 38.0, paper)
+        drawing.text(f"{worst} passed", (1285.0, 38.0), 20.0, ink, Anchor.CENTRE)
+    if not status.detail:
+        drawing.text(frame.header.rig[:16], (1285.0, 160.0), 22.0, QUIET, Anchor.CENTRE)
 
 
 _STATES: dict[RunState, tuple[str, Color]] = {
     RunState.STARTING: ("STARTING", QUIET),
     RunState.RECORDING: ("RECORDING", DANGER),
+    RunState.DEGRADED: ("BUFFER FILLING", ALARM),
+    RunState.INTERRUPTED: ("NO SAMPLES", ALARM),
     RunState.REPLAYING: ("REPLAY", MEASURED_X),
     RunState.FINISHED: ("FINISHED", QUIET),
     RunState.FAILED: ("FAILED", DANGER),
@@ -82,9 +83,12 @@ def _recording(drawing: Drawing, status: Status) -> None:
     drawing.dot((1472.0, 35.0), 16.0, color)
     drawing.text(word, (1500.0, 47.0), 23.0, TEXT)
     drawing.text(clock(status.elapsed), (1888.0, 52.0), 40.0, TEXT, Anchor.RIGHT)
-    lost = f"{'' if status.lost_is_exact else 'at least '}{status.lost:,}"
-    drawing.text(f"lost {lost}", (1456.0, 108.0), 31.0, DANGER if status.lost else TEXT)
-    drawing.text(f"backlog {status.backlog:.1f} s", (1888.0, 108.0), 25.0, TEXT, Anchor.RIGHT)
+    if status.lost:
+        text = f"LOST {'' if status.lost_is_exact else 'at least '}{status.lost:,}"
+        drawing.text(text, (1456.0, 108.0), min(31.0, 430.0 / text_width(text)), DANGER)
+    else:
+        drawing.text("lost 0", (1456.0, 108.0), 31.0, TEXT)
+        drawing.text(f"backlog {status.backlog:.1f} s", (1888.0, 108.0), 25.0, TEXT, Anchor.RIGHT)
     if status.detail:
         _detail(drawing, status.detail)
         return

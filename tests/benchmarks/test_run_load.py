@@ -13,9 +13,9 @@ from daq.service.app import create_app
 from daq.service.server import ServiceServer
 from daq.service.summaries import Summaries
 from daq.session.frame import LiveFrame
+from daq.session.messages import Order
 from daq.session.predictors import Predictors
 from daq.session.recorded import RecordedRun
-from daq.session.recorder import Order
 from daq.view.live import LiveView
 from recordings.catalogue import Catalogue
 from recordings.reader import RunReader

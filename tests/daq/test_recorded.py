@@ -21,9 +21,9 @@ from daq.drivers.simulated_card import SimulatedCard
 from daq.errors import RigError
 from daq.session.frame import LiveFrame, RunState, Status
 from daq.session.live import LiveAnalysis
+from daq.session.messages import Order
 from daq.session.offline import summarise
 from daq.session.recorded import RecordedRun
-from daq.session.recorder import Order
 from model.prediction import Prediction
 from recordings.reader import RunReader
 

@@ -28,9 +28,6 @@ class HealthDocument(Document):
     )
 
 
-UNDER_WAY = (RunState.STARTING, RunState.RECORDING, RunState.REPLAYING)
-
-
 def health_document(
     version: str, uptime: float, runs: int | None, frame: LiveFrame | None, trouble: str = ""
 ) -> HealthDocument:
@@ -64,5 +61,5 @@ def health_document(
         version=version,
         uptime_s=round(uptime, 3),
         runs=runs,
-        live_run=frame.header.run if frame is not None and frame.status.state in UNDER_WAY else None,
+        live_run=frame.header.run if frame is not None and frame.status.state.is_under_way else None,
     )

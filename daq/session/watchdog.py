@@ -1,0 +1,33 @@
+"""What is to be said of how the samples come, before any are lost."""
+
+from daq.config.schema import TimingSection
+from daq.session.frame import RunState
+from daq.session.gauges import Gauges
+
+SILENCE = 1.0
+"""So much later, s, than a block is due its absence is told."""
+FULL = 0.5
+"""From this part of the card's buffer on the backlog is told."""
+
+
+def alertness(gauges: Gauges, rate: float, timing: TimingSection) -> tuple[RunState, str]:
+    """Return how a recording goes, and what is to be said to the operator; nothing where all is well.
+
+    Parameters
+    ----------
+    gauges : Gauges
+        What the recorder keeps.
+    rate : float
+        Sample rate, Hz.
+    timing : TimingSection
+        How long a block is, and how much the card holds for a late reader.
+    """
+    if gauges.silence > timing.block_s + SILENCE:
+        return RunState.INTERRUPTED, f"no samples for {gauges.silence:.0f} s"
+    backlog = gauges.backlog / rate
+    if backlog > FULL * timing.buffer_s:
+        return RunState.DEGRADED, (
+            f"{backlog:.1f} s wait in the card's buffer of {timing.buffer_s:g} s: samples are about to be lost; "
+            "close other programs or lower timing.rate_hz"
+        )
+    return RunState.RECORDING, ""
