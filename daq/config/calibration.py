@@ -1,16 +1,22 @@
 """A probe's calibration record: a small TOML file beside rig.toml."""
 
 import datetime as dt
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import AfterValidator, Field, ValidationError
 
+from analysis.calibration_fit import ORDERS, CalibrationFit, fit_calibration, usual_order
 from analysis.run import Calibration
 from daq.config.faults import plain_json, read_tables, read_text, validation_faults
 from daq.config.schema import NotNegative, Section
-from daq.errors import ConfigError
+from daq.config.write import to_toml
+from daq.errors import ConfigError, UsageError
+
+FloatArray = NDArray[np.float64]
 
 MICRO = 1e-6
 ROUNDING = 0.1  # µm by which a point may lie farther off than the residual says
@@ -25,16 +31,18 @@ def _day(value: str) -> str:
 
 
 class CalibrationTable(Section):
-    """`[calibration]`: gap = sum of ``coefficients_um[k]`` · volts**k."""
+    """`[calibration]`: gap = sum of ``coefficients_um[k]`` · volts**k; left out, they are fitted to the points."""
 
-    coefficients_um: Annotated[tuple[float, ...], Field(min_length=2, max_length=8)]  # in rising order, µm per volt**k
-    volts_low: float  # the span that was calibrated
-    volts_high: float
-    residual_um: NotNegative = 0.0  # largest deviation of a calibration point
+    coefficients_um: Annotated[tuple[float, ...], Field(min_length=2, max_length=8)] | None = None  # µm per volt**k
+    order: Annotated[int, Field(ge=ORDERS[0], le=ORDERS[1])] | None = None  # of the fit, where there are only points
+    volts_low: float | None = None  # the span that was calibrated; left out: that of the points
+    volts_high: float | None = None
+    residual_um: NotNegative | None = None  # largest deviation of a calibration point
     sensor: str = ""  # serial numbers
     conditioner: str = ""
     date: Annotated[str, AfterValidator(_day)]
     target: str = ""  # material and diameter of what it was calibrated against
+    operator: str = ""  # who did it
     note: str = ""
 
 
@@ -52,6 +60,30 @@ class CalibrationRecord(Section):
     point: tuple[CalibrationPoint, ...] = ()
 
 
+@dataclass(frozen=True, slots=True)
+class Papers:
+    """What belongs to a calibration beside its points.
+
+    Parameters
+    ----------
+    date : str
+        Day, ISO 8601.
+    sensor, conditioner : str
+        Serial numbers.
+    target : str
+        Material and diameter of what it was calibrated against.
+    operator, note : str
+        Who did it, and anything else.
+    """
+
+    date: str
+    sensor: str = ""
+    conditioner: str = ""
+    target: str = ""
+    operator: str = ""
+    note: str = ""
+
+
 def load_calibration(path: Path) -> Calibration:
     """Return the calibration in a file.
 
@@ -60,43 +92,141 @@ def load_calibration(path: Path) -> Calibration:
     ConfigError
         The file is missing or wrong; names every fault.
     """
-    data = read_tables(read_text(path), str(path))
-    try:
-        record = CalibrationRecord.model_validate_json(plain_json(data), strict=True)
-    except ValidationError as error:
-        faults = [fault.text for fault in validation_faults(error, CalibrationRecord, data)]
-        raise ConfigError(str(path), faults) from error
+    record = load_record(path)
     table = record.calibration
-    if faults := _cross_faults(record):
+    faults: list[str] = []
+    curve = _curve(record, faults)
+    if curve is None or (faults := faults + _cross_faults(curve, record)):
         raise ConfigError(str(path), faults)
     return Calibration(
-        coefficients=tuple(coefficient * MICRO for coefficient in table.coefficients_um),
-        volts_low=table.volts_low,
-        volts_high=table.volts_high,
-        residual=table.residual_um * MICRO,
+        coefficients=tuple(coefficient * MICRO for coefficient in curve.coefficients_um),
+        volts_low=curve.volts_low,
+        volts_high=curve.volts_high,
+        residual=curve.residual_um * MICRO,
         sensor=table.sensor,
         conditioner=table.conditioner,
         date=table.date,
     )
 
 
-def _cross_faults(record: CalibrationRecord) -> list[str]:
+def load_record(path: Path) -> CalibrationRecord:
+    """Return what a calibration file says, whether or not it makes a curve.
+
+    Raises
+    ------
+    ConfigError
+        The file is missing or not of this form; names every fault.
+    """
+    data = read_tables(read_text(path), str(path))
+    try:
+        return CalibrationRecord.model_validate_json(plain_json(data), strict=True)
+    except ValidationError as error:
+        faults = [fault.text for fault in validation_faults(error, CalibrationRecord, data)]
+        raise ConfigError(str(path), faults) from error
+
+
+@dataclass(frozen=True, slots=True)
+class _Curve:
+    """The polynomial of a record, as it says or as its points give it; µm and V."""
+
+    coefficients_um: tuple[float, ...]
+    volts_low: float
+    volts_high: float
+    residual_um: float
+
+
+def _curve(record: CalibrationRecord, faults: list[str]) -> _Curve | None:
+    """Return a record's polynomial; None, with faults, where it has neither coefficients nor points for one."""
+    table, volts = record.calibration, [point.volts for point in record.point]
+    low = min(volts, default=None) if table.volts_low is None else table.volts_low
+    high = max(volts, default=None) if table.volts_high is None else table.volts_high
+    coefficients, residual = table.coefficients_um, table.residual_um
+    if coefficients is None and volts:
+        order = usual_order(len(volts)) if table.order is None else table.order
+        try:
+            fit = fit_calibration(np.array([point.gap_um for point in record.point]) * MICRO, np.array(volts), order)
+        except ValueError as error:
+            faults.append(f"point: {error}")
+            return None
+        coefficients = tuple(coefficient / MICRO for coefficient in fit.coefficients)
+        residual = fit.residual / MICRO if residual is None else residual
+    elif table.order is not None:
+        faults.append(f"calibration.order = {table.order}: expected none where coefficients_um are given")
+    for key, value in (("coefficients_um", coefficients), ("volts_low", low), ("volts_high", high)):
+        if value is None:
+            wanted = "a list in brackets" if key == "coefficients_um" else "a number"
+            faults.append(f"calibration.{key}: missing, expected {wanted}, or the measured points as [[point]] tables")
+    if coefficients is None or low is None or high is None:
+        return None
+    return _Curve(coefficients, low, high, residual or 0.0)
+
+
+def _cross_faults(curve: _Curve, record: CalibrationRecord) -> list[str]:
     """Return what single keys cannot show."""
-    table = record.calibration
-    if table.volts_low >= table.volts_high:
-        return [f"calibration.volts_low = {table.volts_low:g}: expected less than volts_high = {table.volts_high:g}"]
+    if curve.volts_low >= curve.volts_high:
+        return [f"calibration.volts_low = {curve.volts_low:g}: expected less than volts_high = {curve.volts_high:g}"]
     faults = []
-    volts = np.linspace(table.volts_low, table.volts_high, 1001)
-    if np.any(np.diff(np.polynomial.polynomial.polyval(volts, table.coefficients_um)) <= 0):
+    volts = np.linspace(curve.volts_low, curve.volts_high, 1001)
+    if np.any(np.diff(np.polynomial.polynomial.polyval(volts, curve.coefficients_um)) <= 0):
         faults.append(
-            f"calibration.coefficients_um = {list(table.coefficients_um)}: expected a gap that rises with the voltage "
-            f"from {table.volts_low:g} to {table.volts_high:g} V"
+            f"calibration.coefficients_um = {list(curve.coefficients_um)}: expected a gap that rises with the voltage "
+            f"from {curve.volts_low:g} to {curve.volts_high:g} V"
         )
     for number, point in enumerate(record.point):
-        off = abs(float(np.polynomial.polynomial.polyval(point.volts, table.coefficients_um)) - point.gap_um)
-        if off > table.residual_um + ROUNDING:
+        off = abs(float(np.polynomial.polynomial.polyval(point.volts, curve.coefficients_um)) - point.gap_um)
+        if off > curve.residual_um + ROUNDING:
             faults.append(
-                f"point[{number}] = {point.gap_um:g} µm at {point.volts:g} V: expected within {table.residual_um:g} µm "
+                f"point[{number}] = {point.gap_um:g} µm at {point.volts:g} V: expected within {curve.residual_um:g} µm "
                 f"of the polynomial, lies {off:.2f} µm off"
             )
     return faults
+
+
+def fitted_record(fit: CalibrationFit, gaps: FloatArray, volts: FloatArray, papers: Papers) -> CalibrationRecord:
+    """Return the record of a fit.
+
+    Parameters
+    ----------
+    fit : CalibrationFit
+        The polynomial.
+    gaps, volts : ndarray of float64, shape (n,)
+        The points, m and V.
+    papers : Papers
+        What belongs to the record beside them.
+    """
+    table = CalibrationTable(
+        coefficients_um=tuple(float(f"{coefficient / MICRO:.9g}") for coefficient in fit.coefficients),
+        volts_low=round(fit.volts_low, 6),
+        volts_high=round(fit.volts_high, 6),
+        residual_um=round(fit.residual / MICRO, 4),
+        sensor=papers.sensor,
+        conditioner=papers.conditioner,
+        date=papers.date,
+        target=papers.target,
+        operator=papers.operator,
+        note=papers.note,
+    )
+    points = tuple(
+        CalibrationPoint(gap_um=round(float(gap) / MICRO, 4), volts=round(float(volt), 6))
+        for gap, volt in zip(gaps, volts, strict=True)
+    )
+    return CalibrationRecord(calibration=table, point=points)
+
+
+def write_record(path: Path, record: CalibrationRecord) -> None:
+    """Write a record into a new file; one that is there is never overwritten.
+
+    Raises
+    ------
+    UsageError
+        There is such a file, or it cannot be written.
+    """
+    text = to_toml(record.model_dump(mode="json", exclude_none=True))
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with path.open("x", encoding="utf-8") as file:
+            file.write(text)
+    except FileExistsError as error:
+        raise UsageError(f"{path}: is there already, and a calibration is never overwritten") from error
+    except OSError as error:
+        raise UsageError(f"{path}: cannot be written ({error.strerror or error})") from error

@@ -1,0 +1,104 @@
+"""A probe's calibration curve, fitted to measured points."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.polynomial import Polynomial
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+FREEDOM = 1  # points more than coefficients, at least: a polynomial through every point shows no residual
+GRID = 1001
+ORDERS = (1, 7)
+USUAL_ORDER = 3
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CalibrationFit:
+    """A polynomial: gap = sum of ``coefficients[k] * volts**k``.
+
+    Parameters
+    ----------
+    coefficients : tuple of float
+        In rising order, m per V**k.
+    volts_low, volts_high : float
+        The span that was calibrated, V.
+    residuals : ndarray of float64, shape (n,)
+        The polynomial's gap less the measured, m, point by point.
+    """
+
+    coefficients: tuple[float, ...]
+    volts_low: float
+    volts_high: float
+    residuals: FloatArray
+
+    @property
+    def order(self) -> int:
+        """Of the polynomial."""
+        return len(self.coefficients) - 1
+
+    @property
+    def residual(self) -> float:
+        """Largest deviation of a point from the polynomial, m."""
+        return float(np.max(np.abs(self.residuals)))
+
+
+def usual_order(points: int) -> int:
+    """Return the order that suits so many points: 3, lower where they are few."""
+    return max(ORDERS[0], min(USUAL_ORDER, points - 1 - FREEDOM))
+
+
+def fit_calibration(gaps: FloatArray, volts: FloatArray, order: int) -> CalibrationFit:
+    """Fit a polynomial of gap over voltage to points by least squares.
+
+    Parameters
+    ----------
+    gaps : ndarray of float64, shape (n,)
+        Set with the micrometer, m, in any sequence.
+    volts : ndarray of float64, shape (n,)
+        The conditioner's output at them, V.
+    order : int
+        Of the polynomial, 1 to 7.
+
+    Raises
+    ------
+    ValueError
+        Too few points, points whose voltage does not rise with the gap, or a polynomial that does not rise between
+        them.
+    """
+    gaps, volts = np.asarray(gaps, dtype=np.float64), np.asarray(volts, dtype=np.float64)
+    if gaps.ndim != 1 or gaps.shape != volts.shape:
+        raise ValueError(f"gaps, volts: shapes {gaps.shape} and {volts.shape}, expected the same, (n,)")
+    if not ORDERS[0] <= order <= ORDERS[1]:
+        raise ValueError(f"order {order}, expected {ORDERS[0]} to {ORDERS[1]}")
+    fewest = order + 1 + FREEDOM
+    if gaps.size < fewest:
+        raise ValueError(f"{gaps.size} points, expected at least {fewest} for a polynomial of order {order}")
+    if not (np.all(np.isfinite(gaps)) and np.all(np.isfinite(volts))):
+        raise ValueError("a point is not a finite number")
+    _require_rising(gaps, volts)
+    low, high = float(volts.min()), float(volts.max())
+    fitted = Polynomial.fit(volts, gaps, order).convert()
+    coefficients = tuple(float(c) for c in np.pad(fitted.coef, (0, order + 1 - fitted.coef.size)))
+    slopes = fitted.deriv()(np.linspace(low, high, GRID))
+    if np.any(slopes <= 0.0):
+        at = float(np.linspace(low, high, GRID)[int(np.argmin(slopes))])
+        raise ValueError(f"the polynomial of order {order} falls at {at:.2f} V, expected a rise: try a lower order")
+    return CalibrationFit(coefficients, low, high, np.asarray(fitted(volts) - gaps, dtype=np.float64))
+
+
+def _require_rising(gaps: FloatArray, volts: FloatArray) -> None:
+    """Raise ValueError where a wider gap does not give a higher voltage."""
+    by_gap = np.argsort(gaps, kind="stable")
+    gaps, volts = gaps[by_gap], volts[by_gap]
+    falls = np.flatnonzero((np.diff(volts) <= 0.0) & (np.diff(gaps) > 0.0))
+    if falls.size == 0 and gaps[0] < gaps[-1]:
+        return
+    first = int(falls[0]) if falls.size else 0
+    one, other = gaps[first : first + 2] * 1e6 if gaps.size > 1 else (np.nan, np.nan)
+    after = min(first + 1, volts.size - 1)
+    raise ValueError(
+        f"{volts[first]:.3f} V at {one:g} µm, {volts[after]:.3f} V at {other:g} µm: expected a voltage that rises with "
+        "the gap (wires exchanged, micrometer read the other way round, or a misread step?)"
+    )
