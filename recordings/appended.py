@@ -12,8 +12,15 @@ SYNC_INTERVAL = 1.0
 """Seconds between the moments at which what was written is made to survive a loss of power."""
 
 
+ALLOCATION = 1 << 20
+"""Bytes by which room is asked for ahead."""
+
+
 class AppendedFile:
     """A new file without a buffer of its own, that knows up to where it is whole.
+
+    Where the system can (POSIX), room on the disk is taken ahead of what is written, so that a file can still be
+    finished when the disk has become full. Until it is closed it therefore ends in zeros.
 
     A thread of its own has the operating system bring what it holds to the disk every second: a pulled plug costs about
     so much of a run, and the writing thread need not wait for it.
@@ -41,6 +48,7 @@ class AppendedFile:
         self._path = path
         self._length = 0
         self._settled = 0
+        self._allocated = 0
         self._closing = threading.Event()
         self._syncer = threading.Thread(target=self._sync, name=f"sync {path.name}", daemon=True)
         self._syncer.start()
@@ -50,11 +58,24 @@ class AppendedFile:
         """Bytes written."""
         return self._length
 
-    def write(self, data: bytes) -> None:
-        """Append all of the data; OSError where the disk is full."""
+    def write(self, data: bytes, reserve: int = 0) -> None:
+        """Append all of the data, or nothing and raise OSError where the disk is full.
+
+        Parameters
+        ----------
+        data : bytes
+            What to append.
+        reserve : int
+            Bytes for which there must be room behind it.
+        """
+        self._allocate(self._length + len(data) + reserve)
         left = memoryview(data)
-        while left:
-            left = left[self._file.write(left) :]
+        try:
+            while left:
+                left = left[self._file.write(left) :]
+        except OSError:
+            self._file.seek(self._length)
+            raise
         self._length += len(data)
 
     def settle(self) -> None:
@@ -75,8 +96,23 @@ class AppendedFile:
     def close(self) -> None:
         """Bring all to the disk and close the file; OSError where the system only now finds that it cannot keep it."""
         self._end_syncing()
+        self._file.truncate(self._length)
         os.fsync(self._file.fileno())
         self._file.close()
+
+    def _allocate(self, stop: int) -> None:
+        """Make sure of the room up to a place in the file; OSError where there is none."""
+        if stop <= self._allocated or not hasattr(os, "posix_fallocate"):  # Windows: the disk is full when it is
+            return
+        for wanted in (max(stop, self._allocated + ALLOCATION), stop):
+            try:
+                os.posix_fallocate(self._file.fileno(), self._allocated, wanted - self._allocated)
+            except OSError:
+                if wanted == stop:
+                    raise
+            else:
+                self._allocated = wanted
+                return
 
     def _end_syncing(self) -> None:
         self._closing.set()

@@ -236,7 +236,7 @@ class _Kept:
         """Whether the entry still tells of the file, or nearly so where it is being written and long to read."""
         if (self.entry.size, self.entry.changed_ns) == (size, changed_ns):
             return True
-        is_growing = not self.entry.is_complete and self.entry.header is not None and size > self.entry.size
+        is_growing = not self.entry.is_complete and self.entry.header is not None and size >= self.entry.size
         return is_growing and time.monotonic() < self.again_at and not is_ended(path)
 
 

@@ -36,6 +36,8 @@ from recordings.appended import AppendedFile
 
 ZSTD_LEVEL = 3
 FOOTER_CRC_BYTES = 4
+TAIL_RESERVE = 1 << 16
+"""Bytes beside the summary that are kept free so that a file can be finished when the disk is full."""
 
 
 class ChunkedFile:
@@ -59,10 +61,10 @@ class ChunkedFile:
         self._start_ns, self._end_ns = 0, 0
         self._append(MCAP0_MAGIC + encoded(Header(profile=profile, library=library)))
 
-    def add_metadata(self, name: str, entries: Mapping[str, str]) -> None:
-        """Write a metadata record."""
+    def add_metadata(self, name: str, entries: Mapping[str, str], *, is_tail: bool = False) -> None:
+        """Write a metadata record; one of the tail may use the room that is kept for finishing."""
         offset, record = self._file.length, encoded(Metadata(name=name, metadata=dict(entries)))
-        self._append(record)
+        self._append(record, is_tail=is_tail)
         self._note(MetadataIndex(offset=offset, length=len(record), name=name), Opcode.METADATA_INDEX)
 
     def add_attachment(self, name: str, media_type: str, time_ns: int, data: bytes) -> None:
@@ -79,8 +81,11 @@ class ChunkedFile:
         self._note(schema, Opcode.SCHEMA)
         self._note(channel, Opcode.CHANNEL)
 
-    def add_chunk(self, messages: Iterable[Message]) -> None:
-        """Write a chunk and its index; nothing where there are no messages."""
+    def add_chunk(self, messages: Iterable[Message], *, is_tail: bool = False) -> None:
+        """Write a chunk and its index; nothing where there are no messages.
+
+        One of the tail may use the room that is kept for finishing.
+        """
         builder: Any = RecordBuilder()
         indexes: dict[int, MessageIndex] = {}
         times = []
@@ -105,7 +110,7 @@ class ChunkedFile:
         for channel, index in indexes.items():
             places[channel] = offset + len(record) + len(index_records)
             index_records += encoded(index)
-        self._append(record + index_records)
+        self._append(record + index_records, is_tail=is_tail)
         self._note(
             ChunkIndex(
                 message_start_time=chunk.message_start_time,
@@ -126,7 +131,7 @@ class ChunkedFile:
 
     def finish(self) -> None:
         """Write the summary and the end of the file."""
-        self._append(encoded(DataEnd(data_section_crc=self._crc)))
+        self._append(encoded(DataEnd(data_section_crc=self._crc)), is_tail=True)
         self._note(self._statistics(), Opcode.STATISTICS)
         start = self._file.length
         summary, offsets = b"", []
@@ -138,7 +143,7 @@ class ChunkedFile:
         footer = encoded(Footer(summary_start=start, summary_offset_start=offset_start, summary_crc=0))
         crc = zlib.crc32(summary + footer[:-FOOTER_CRC_BYTES])
         footer = encoded(Footer(summary_start=start, summary_offset_start=offset_start, summary_crc=crc))
-        self._append(summary + footer + MCAP0_MAGIC)
+        self._append(summary + footer + MCAP0_MAGIC, is_tail=True)
 
     def _statistics(self) -> Statistics:
         return Statistics(
@@ -153,8 +158,9 @@ class ChunkedFile:
             schema_count=self._records[Opcode.SCHEMA],
         )
 
-    def _append(self, data: bytes) -> None:
-        self._file.write(data)
+    def _append(self, data: bytes, *, is_tail: bool = False) -> None:
+        reserve = 0 if is_tail else TAIL_RESERVE + sum(map(len, self._summary.values()))
+        self._file.write(data, reserve)
         self._crc = zlib.crc32(data, self._crc)
 
     def _note(self, record: McapRecord, opcode: Opcode) -> None:

@@ -11,7 +11,7 @@ from mcap.well_known import MessageEncoding, SchemaEncoding
 
 from analysis.clock import PPM, ClockFit
 from analysis.run import RunHeader
-from analysis.samples import SampleBlock, SegmentEnd
+from analysis.samples import EndReason, SampleBlock, SegmentEnd
 from recordings.appended import AppendedFile
 from recordings.chunked import ChunkedFile
 from recordings.errors import StorageError
@@ -67,6 +67,7 @@ class RunWriter:
         self._starts_ns = {0: header.started_ns}
         self._segment = 0
         self._next_sample = 0
+        self._kept_samples = 0  # of the open segment, in the file
         self._since_flush = 0
         self._since_results = 0
         self._sequence = 0
@@ -108,7 +109,9 @@ class RunWriter:
         self._since_results += block.n_samples
         try:
             if self._since_flush + block.n_samples > FLUSH_INTERVAL * self._rate or self._chunk_bytes >= CHUNK_BYTES:
-                self._flush(results_too=self._since_results >= RESULT_INTERVAL * self._rate)
+                self._flush()
+                if self._since_results >= RESULT_INTERVAL * self._rate:
+                    self._flush_results()
         except OSError as error:
             raise self._fail(error) from error
 
@@ -133,13 +136,14 @@ class RunWriter:
         log_time = start_ns + sample_time_ns(end.samples, self._rate)
         self._add(Message(CHANNEL_IDS[SEGMENT_END], log_time, encode_segment_end(end), log_time, end.segment))
         try:
-            self._flush(results_too=True)
+            self._flush()
+            self._ends.append(end)
+            self._segment += 1
+            self._next_sample = self._kept_samples = 0
+            self._starts_ns[self._segment] = start_ns + sample_time_ns(end.samples + end.lost, self._rate)
+            self._flush_results()
         except OSError as error:
             raise self._fail(error) from error
-        self._ends.append(end)
-        self._segment += 1
-        self._next_sample = 0
-        self._starts_ns[self._segment] = start_ns + sample_time_ns(end.samples + end.lost, self._rate)
 
     def result(self, result: EncodedResult) -> None:
         """Take a result, from any thread; it is written with the samples that come, at the latest on `close`.
@@ -182,10 +186,9 @@ class RunWriter:
         if self._closed:
             return
         try:
-            self._flush(results_too=True)
-            self._mcap.add_metadata(END_RECORD, sealed(self._end_document(skipped_samples)))
-            self._mcap.finish()
-            self._file.close()
+            self._flush()
+            self._flush_results()
+            self._finish(skipped_samples)
         except OSError as error:
             raise self._fail(error) from error
         self._closed = True
@@ -232,15 +235,19 @@ class RunWriter:
                 f"from sample {self._next_sample}"
             )
 
-    def _flush(self, *, results_too: bool) -> None:
-        """Hand what has been gathered to the operating system."""
+    def _flush(self) -> None:
+        """Hand the samples that have been gathered to the operating system."""
         self._mcap.add_chunk(self._chunk)
+        self._kept_samples = self._next_sample
+        self._file.settle()
         self._chunk = []
         self._chunk_bytes = 0
         self._since_flush = 0
-        if results_too:
-            self._since_results = 0
-            self._mcap.add_chunk(self._taken_results())
+
+    def _flush_results(self) -> None:
+        """Hand the results that have been gathered to the operating system."""
+        self._since_results = 0
+        self._mcap.add_chunk(self._taken_results())
         self._file.settle()
 
     def _taken_results(self) -> Iterator[Message]:
@@ -272,9 +279,34 @@ class RunWriter:
             ],
         }
 
+    def _finish(self, skipped_samples: int) -> None:
+        """Write what the run came to and the index; the room for both has been kept."""
+        self._mcap.add_metadata(END_RECORD, sealed(self._end_document(skipped_samples)), is_tail=True)
+        self._mcap.finish()
+        self._file.close()
+
     def _fail(self, error: OSError) -> StorageError:
-        """Cut the file back to what is whole, let go of it, and say what happened."""
+        """Finish the file with what is in it, or cut it back to what is whole; let go of it, and say what happened."""
         self._failure = f"{self.path}: cannot be written: {error.strerror or error}"
         self._closed = True
-        self._file.cut_back()
+        try:
+            self._finish_early()
+        except OSError:
+            self._file.cut_back()
         return StorageError(self._failure)
+
+    def _finish_early(self) -> None:
+        """Finish the file after a failure; results of the last samples may be missing: all are to be made anew."""
+        if self._kept_samples:
+            lost = self._next_sample - self._kept_samples
+            end = SegmentEnd(
+                self._segment, self._kept_samples, EndReason.RECORDER, lost, lost_is_exact=False, detail=self._failure
+            )
+            log_time = self._starts_ns[self._segment] + sample_time_ns(end.samples, self._rate)
+            message = Message(CHANNEL_IDS[SEGMENT_END], log_time, encode_segment_end(end), log_time, end.segment)
+            self._mcap.add_chunk([message], is_tail=True)
+            self._ends.append(end)
+        self._next_sample = self._kept_samples = 0
+        if not self._ends:
+            raise OSError(self._failure)  # nothing was recorded
+        self._finish(sum(end.samples for end in self._ends))
