@@ -1,0 +1,84 @@
+"""What the operator is told of how samples come, before any are lost."""
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from analysis.samples import SampleBlock
+from daq.cli.console import frame_line
+from daq.config.rig import Rig
+from daq.config.schema import TimingSection
+from daq.drivers.simulated_card import SimulatedCard
+from daq.session.frame import RunState, Status
+from daq.session.gauges import Gauges
+from daq.session.recorded import RecordedRun
+from daq.session.watchdog import alertness
+from recordings.reader import RunReader
+from tests.daq.device_server import serving
+from tests.daq.ni_driver import NiDriver
+from tests.daq.test_recorded import recorded
+
+RigFactory = Callable[..., Rig]
+
+RATE = 1000.0
+TIMING = TimingSection(rate_hz=RATE, block_s=0.1, buffer_s=4)
+LONG = [{"time_s": 0.0, "speed_rpm": 6000.0}, {"time_s": 60.0, "speed_rpm": 6000.0}]
+
+
+def gauges_after(backlog: int) -> Gauges:
+    gauges = Gauges(Gauges.shared())
+    gauges.begin()
+    gauges.add_block(SampleBlock(np.zeros((1, 100), np.int16), 0, 0, 0, backlog))
+    return gauges
+
+
+def test_backlog_is_told_from_half_the_buffer_on() -> None:
+    assert alertness(gauges_after(2000), RATE, TIMING) == (RunState.RECORDING, "")
+    state, told = alertness(gauges_after(2001), RATE, TIMING)
+    assert state is RunState.DEGRADED
+    assert told.startswith("2.0 s wait in the card's buffer of 4 s: samples are about to be lost")
+
+
+def test_nothing_is_told_before_blocks_are_expected() -> None:
+    assert alertness(Gauges(Gauges.shared()), RATE, TIMING) == (RunState.RECORDING, "")
+
+
+def seen_within(run: RecordedRun, seconds: float, state: RunState) -> Status:
+    deadline = time.monotonic() + seconds
+    while (status := run.latest().status).state is not state:
+        assert time.monotonic() < deadline, status
+        time.sleep(0.02)
+    return status
+
+
+def test_operator_sees_buffer_silence_and_recovery_of_a_run_over_the_wire(rig: RigFactory, tmp_path: Path) -> None:
+    simulated = rig(simulation={"profile": LONG})
+    with serving(NiDriver(lambda: SimulatedCard(simulated), real_time=True)) as server:
+        device = {"backend": "nidaqmx", "target": server.target, "deadline_s": 0.4}
+        run = recorded(rig(device=device, simulation={"profile": LONG}, session={"retry_s": 0.2}), tmp_path)
+        seen_within(run, 10, RunState.RECORDING)
+        server.driver.stall(30_000)  # of the 40,000 that the card holds
+        filling = seen_within(run, 5, RunState.DEGRADED)
+        assert 1.0 < filling.backlog <= 1.6
+        assert "samples are about to be lost" in frame_line(run.latest())
+        assert filling.lost == 0
+        seen_within(run, 5, RunState.RECORDING)  # the reader has caught up
+        server.freeze()
+        silent = seen_within(run, 5, RunState.INTERRUPTED)
+        assert silent.detail.startswith("no samples for 1 s")
+        time.sleep(0.8)
+        assert "did not answer within its deadline" in run.latest().status.detail
+        server.thaw()
+        seen_within(run, 10, RunState.RECORDING)
+        time.sleep(0.3)
+        run.stop()
+        assert run.wait(20)
+        outcome = run.close()
+        assert server.tasks == []
+    assert [end.segment for end in outcome.ends] == [0, 1]
+    assert outcome.exit_code == 5
+    with RunReader(run.path) as reader:
+        assert reader.is_complete
+        assert not reader.is_gap_free
