@@ -51,13 +51,13 @@ class CascadePlot:
 
     def picture(self) -> rr.Image:
         """Return the colours."""
-        return map_picture(self._cascade.orders, self._cascade.amplitudes)
+        return map_picture(self._cascade.orders, self._cascade.amplitudes[_nearest(self._cascade.filled)])
 
     def lines(self, frame: OrderFrame | None) -> Drawing:
         """Return the predicted whirl against speed and a line at the speed of now."""
         drawing = Drawing()
         speeds = self._cascade.speeds * _TO_RPM
-        drawing.line(self._plot.place(self._predicted, speeds), MODEL, 0.9)
+        drawing.line(self._plot.place(self._predicted[_nearest(self._cascade.filled)], speeds), MODEL, 0.9)
         known = np.flatnonzero(np.isfinite(self._predicted))
         if known.size:
             at = self._plot.place(self._predicted[known[-1:]], speeds[known[-1:]])[0]
@@ -66,3 +66,16 @@ class CascadePlot:
             speed = frame.speed * _TO_RPM
             drawing.line(self._plot.place([0.0, HIGHEST_ORDER], [speed, speed]), dimmed(TEXT, 0.6), 0.35)
         return drawing
+
+
+def _nearest(filled: NDArray[np.bool_]) -> NDArray[np.intp]:
+    """Return which row is shown in each: its own, or the nearest where the shaft just ran past it."""
+    rows = np.arange(filled.size)
+    known = np.flatnonzero(filled)
+    if not known.size:
+        return rows
+    after = np.clip(np.searchsorted(known, rows), 0, known.size - 1)
+    before = np.clip(after - 1, 0, known.size - 1)
+    nearest = np.where(rows - known[before] <= known[after] - rows, known[before], known[after])
+    between = (known[before] < rows) & (rows < known[after]) & (known[after] - known[before] <= 4)
+    return np.asarray(np.where(between, nearest, rows), dtype=np.intp)

@@ -21,7 +21,7 @@ def _below_synchronous(frame: LiveFrame) -> str:
     """Say what moves below 1X, and what the model expects there."""
     order_frame = frame.snapshot.frame if frame.snapshot is not None else None
     whirl = order_frame.whirl if order_frame is not None else None
-    said = "nothing below 1X"
+    said = "nothing below 1X" if order_frame is not None else "no spectrum yet"
     if whirl is not None:
         way = "forward" if whirl.is_forward else "backward"
         said = f"{whirl.order:.2f}X {micrometres(whirl.amplitude)} {way}"

@@ -48,9 +48,8 @@ class OrbitPlot:
         if self._shows_clearance():
             radius = 100.0 * self._clearance / self._reach.end
             drawing.circle((0.0, 0.0), radius, CLEARANCE, 1.4)
-            drawing.text(
-                f"clearance {self._clearance:.0f} µm", (0.0, -radius + 10.0), _LETTERS, CLEARANCE, Anchor.CENTRE
-            )
+            drawing.text("clearance", (97.0, -90.0), 0.9 * _LETTERS, CLEARANCE, Anchor.RIGHT)
+            drawing.text(f"{self._clearance:.0f} µm", (97.0, -80.0), 0.9 * _LETTERS, CLEARANCE, Anchor.RIGHT)
         else:
             centre, radius = _INSET
             drawing.dot(centre, radius, PAPER)

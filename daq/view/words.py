@@ -19,7 +19,7 @@ def words(frame: LiveFrame) -> Drawing:
     drawing = Drawing()
     order_frame = frame.snapshot.frame if frame.snapshot is not None else None
     whirl = order_frame.whirl if order_frame is not None else None
-    said, color = "nothing below 1X", QUIET
+    said, color = "nothing below 1X" if order_frame is not None else "no spectrum yet", QUIET
     if whirl is not None:
         way = "forward" if whirl.is_forward else "backward"
         said, color = f"{whirl.order:.2f}X {micrometres(whirl.amplitude)} {way}", TEXT
@@ -55,12 +55,12 @@ def _vectors(drawing: Drawing, frame: LiveFrame, at: float) -> float:
     drawing.text("y", (_Y, at), _SIZE, MEASURED_Y, Anchor.RIGHT)
     order_frame = frame.snapshot.frame if frame.snapshot is not None else None
     for order in (1, 2):
-        for name, one, colors in (
-            (f"{order}X", order_frame, (MEASURED_X, MEASURED_Y)),
-            (f"{order}X model", frame.prediction, (MODEL, MODEL)),
+        for name, ink, one, colors in (
+            (f"{order}X", TEXT, order_frame, (MEASURED_X, MEASURED_Y)),
+            (f"{order}X model", MODEL, frame.prediction, (MODEL, MODEL)),
         ):
             at += 14.0
-            drawing.text(name, (_LEFT, at), _SIZE, TEXT if one is order_frame else MODEL)
+            drawing.text(name, (_LEFT, at), _SIZE, ink)
             if one is None:
                 continue
             for probe, (right, color) in enumerate(zip((_X, _Y), colors, strict=True)):

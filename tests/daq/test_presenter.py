@@ -16,7 +16,7 @@ from analysis.run import Severity
 from daq.session.frame import LiveFrame, RunState, Status
 from daq.view.blueprint import timeline
 from daq.view.colour_map import COLUMNS, HIGHEST_ORDER, ROWS
-from daq.view.palette import ALARM, MEASURED_X, MEASURED_Y, MODEL, TACHO, Color
+from daq.view.palette import ALARM, DANGER, MEASURED_X, MEASURED_Y, MODEL, TACHO, Color
 from daq.view.presenter import Presenter
 from tests.daq.frames import make_frames, make_header
 
@@ -109,6 +109,30 @@ def test_both_probes_have_a_line_of_their_own(run_up: Logged) -> None:
 def test_predicted_whirl_lies_over_the_cascade_at_its_order(run_up: Logged) -> None:
     line = max(run_up.strips("/cascade/model", MODEL), key=len)
     assert np.allclose(line[:, 0], 0.70 / HIGHEST_ORDER * COLUMNS, atol=1e-3)
+
+
+def test_cascade_has_no_stripes_where_the_shaft_ran_fast(tmp_path: Path) -> None:
+    logged = Logged(make_frames(60)[:49], tmp_path / "fast.rrd")  # 247 r/min from frame to frame, 200 r/min a row
+    row = logged.rows("/cascade/measured")[-1]
+    picture = np.array(row["Image:buffer"], dtype=np.uint8).reshape(ROWS, COLUMNS, 3).sum(axis=2)
+    at_1x = picture[:, round(COLUMNS / HIGHEST_ORDER)].astype(int)
+    assert np.all(at_1x[40:60] > 250)  # 8,000 to 12,000 r/min
+
+
+def test_banner_says_what_was_lost_and_what_went_wrong(tmp_path: Path) -> None:
+    frame = make_frames(1)[0]
+    status = replace(
+        frame.status,
+        state=RunState.FAILED,
+        lost=12_345,
+        lost_is_exact=False,
+        detail="unplugged",
+        latched=Severity.DANGER,
+    )
+    logged = Logged([replace(frame, status=status)], tmp_path / "failed.rrd")
+    assert logged.strips("/banner", ALARM)
+    assert len(logged.strips("/banner", DANGER)) > 10
+    assert "at least 12,345" in str(logged.rows("/details")[-1]["TextDocument:text"][0])
 
 
 def test_frames_lie_on_the_timeline_of_their_run(run_up: Logged) -> None:
