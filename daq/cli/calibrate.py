@@ -1,0 +1,181 @@
+"""`rig calibrate`: a probe's curve from micrometer steps, and the tacho's switching levels from its signal."""
+
+import argparse
+import csv
+import datetime as dt
+import math
+import sys
+from collections.abc import Iterator, Sequence
+from itertools import count
+from pathlib import Path
+
+import numpy as np
+
+from analysis.calibration_fit import CalibrationFit, fit_calibration, usual_order
+from daq.cli.preflight import NOT_READY
+from daq.cli.telling import print_json
+from daq.config.calibration import CalibrationRecord, Papers, fitted_record, load_calibration, load_record, write_record
+from daq.config.load import load_rig
+from daq.config.rig import MICRO, Rig
+from daq.errors import UsageError
+from daq.service.documents.calibration import gap_document, tacho_document
+from daq.session.calibrating import Point, measured_point, points_of, probe_row, tacho_levels
+
+_HALF_PLOT = 15  # characters to either side of zero
+
+
+def gap(chosen: argparse.Namespace) -> int:
+    """Calibrate a probe; return the exit code."""
+    rig = load_rig(Path(chosen.config))
+    section = rig.config.channel[probe_row(rig, chosen.channel)]
+    before = load_record(rig.path.parent / section.calibration)
+    today = dt.datetime.now().astimezone().date().isoformat()
+    path = _new_path(rig, chosen, today)
+    if path.exists():
+        raise UsageError(f"{path}: is there already, and a calibration is never overwritten")
+    points = points_of(Path(chosen.points)) if chosen.points else _stepped(rig, chosen.channel)
+    record, fit = _record(points, chosen, _papers(chosen, before, today), path)
+    write_record(path, record)
+    load_calibration(path)  # what was written is what a rig will read
+    if chosen.json:
+        print_json(gap_document(chosen.channel, path, record, fit))
+    else:
+        print("\n".join(_told(points, fit)))
+        print(f'{path}: written; in {rig.path} name it at the channel: calibration = "{_named(path, rig)}"')
+    return 0
+
+
+def tacho(chosen: argparse.Namespace) -> int:
+    """Propose the tacho's switching levels; return the exit code."""
+    rig = load_rig(Path(chosen.config))
+    levels = tacho_levels(rig)
+    if chosen.json:
+        print_json(tacho_document(rig.tacho, levels))
+        return NOT_READY if levels is None else 0
+    if levels is None:
+        print("the tacho does not switch between two levels: turn the shaft, by hand if need be, and look at its mark")
+        return NOT_READY
+    print(
+        f"the tacho switches between {levels.low:.2f} and {levels.high:.2f} V, noise {1e3 * levels.scatter:.0f} mV rms, "
+        f"light for {100 * levels.high_fraction:.0f} % of the time\n"
+        f"[tacho]\nthreshold_v = {levels.middle:.2f}\nhysteresis_v = {levels.hysteresis:.2f}"
+    )
+    low, high = rig.tacho.threshold - rig.tacho.hysteresis / 2, rig.tacho.threshold + rig.tacho.hysteresis / 2
+    fits = levels.low < low and high < levels.high
+    print(
+        f"{rig.path} has threshold_v = {rig.tacho.threshold:g}, hysteresis_v = {rig.tacho.hysteresis:g}: its switching "
+        f"levels {low:g} and {high:g} V {'lie' if fits else 'do NOT both lie'} between those of the signal"
+    )
+    return 0
+
+
+def _new_path(rig: Rig, chosen: argparse.Namespace, today: str) -> Path:
+    """Return the file to write: as was asked, or a new one beside the present record."""
+    if chosen.output:
+        return Path(chosen.output)
+    folder = (rig.path.parent / rig.config.channel[probe_row(rig, chosen.channel)].calibration).parent
+    names = (f"probe-{chosen.channel}-{today}{'' if number == 1 else f'-{number}'}.toml" for number in count(1))
+    return next(folder / name for name in names if not (folder / name).exists())
+
+
+def _named(path: Path, rig: Rig) -> str:
+    """Return a file as the rig file would name it."""
+    try:
+        return path.resolve().relative_to(rig.path.parent.resolve()).as_posix()
+    except ValueError:
+        return path.resolve().as_posix()
+
+
+def _papers(chosen: argparse.Namespace, before: CalibrationRecord, today: str) -> Papers:
+    """Return the papers of the new record: what is not said is as it was."""
+    old = before.calibration
+    return Papers(
+        date=today,
+        sensor=chosen.sensor or old.sensor,
+        conditioner=chosen.conditioner or old.conditioner,
+        target=chosen.target or old.target,
+        operator=chosen.operator,
+        note=chosen.note,
+    )
+
+
+def _stepped(rig: Rig, name: str) -> list[Point]:
+    """Ask for the gap of each micrometer step, and measure it."""
+    physical = rig.config.channel[probe_row(rig, name)].physical
+    _say(
+        f"probe {name} on {physical}: set the micrometer, wait until it is still, and enter the gap in µm (0 where the "
+        "tip touches).\nAn empty line ends; a - takes the last step back."
+    )
+    points: list[Point] = []
+    while True:
+        print(f"step {len(points) + 1}, gap in µm: ", end="", file=sys.stderr, flush=True)
+        answer = sys.stdin.readline().strip()
+        if not answer:
+            _say("")
+            return points
+        if answer == "-":
+            if points:
+                points.pop()
+            continue
+        gap_um = _gap(answer)
+        if gap_um is None:
+            _say(f"{answer!r}: expected a gap in µm, 0 or more, such as 250")
+            continue
+        points.append(measured_point(rig, name, gap_um * MICRO))
+        _say(f"  {points[-1].volts:.4f} V, scatter {1e3 * points[-1].scatter:.1f} mV rms")
+
+
+def _gap(answer: str) -> float | None:
+    try:
+        value = float(answer.replace(",", "."))
+    except ValueError:
+        return None
+    return value if 0.0 <= value < math.inf else None
+
+
+def _record(
+    points: Sequence[Point], chosen: argparse.Namespace, papers: Papers, path: Path
+) -> tuple[CalibrationRecord, CalibrationFit]:
+    """Return record and fit of points; where they make no calibration, measured ones are kept in a file."""
+    gaps, volts = np.array([point.gap for point in points]), np.array([point.volts for point in points])
+    order = chosen.order or usual_order(len(points))
+    try:
+        fit = fit_calibration(gaps, volts, order)
+    except ValueError as error:
+        kept = ""
+        if points and not chosen.points:
+            saved = path.with_suffix(".csv")
+            _keep(saved, points)
+            kept = f"; the points are kept in {saved}, to be put right there and given with --points"
+        raise UsageError(f"the points make no calibration: {error}{kept}") from error
+    return fitted_record(fit, gaps, volts, papers), fit
+
+
+def _keep(path: Path, points: Sequence[Point]) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with path.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(["gap_um", "volts"])
+        writer.writerows((f"{point.gap / MICRO:g}", f"{point.volts:.6f}") for point in points)
+
+
+def _told(points: Sequence[Point], fit: CalibrationFit) -> Iterator[str]:
+    """Yield the points with how far the polynomial lies off, drawn to scale."""
+    scale = max(fit.residual, 1e-12)
+    yield f"{'gap µm':>9} {'volts':>9} {'scatter mV':>11} {'off µm':>8}  {'0':>{_HALF_PLOT + 1}}"
+    for point, off in sorted(zip(points, fit.residuals, strict=True), key=lambda pair: pair[0].gap):
+        place = _HALF_PLOT + round(_HALF_PLOT * float(off) / scale)
+        line = [" "] * (2 * _HALF_PLOT + 1)
+        line[_HALF_PLOT], line[place] = "|", "o"
+        scatter = "" if math.isnan(point.scatter) else f"{1e3 * point.scatter:.2f}"
+        row = f"{point.gap / MICRO:9.1f} {point.volts:9.4f} {scatter:>11} {off / MICRO:+8.2f}  {''.join(line)}"
+        yield row.rstrip()
+    coefficients = ", ".join(f"{coefficient / MICRO:.6g}" for coefficient in fit.coefficients)
+    yield (
+        f"order {fit.order}: gap_um = [{coefficients}] · volts^k from {fit.volts_low:.3f} to {fit.volts_high:.3f} V, "
+        f"rising, {fit.residual / MICRO:.2f} µm off at most"
+    )
+
+
+def _say(text: str) -> None:
+    print(text, file=sys.stderr, flush=True)
