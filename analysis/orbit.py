@@ -40,6 +40,16 @@ class ProbePair:
         """Return displacements towards the probes, shape (2, ...), of motion in X and Y, shape (2, ...)."""
         return np.asarray(np.tensordot(self._towards, motion, axes=1), dtype=np.float64)
 
+    @property
+    def lead(self) -> float:
+        """Sine of the angle from probe x to probe y: 1 where y lies a quarter turn further in the turning sense."""
+        cross = self._towards[0, 0] * self._towards[1, 1] - self._towards[0, 1] * self._towards[1, 0]
+        return float(round(cross, 6))
+
+    def vectors_to_bench(self, vectors: ComplexArray) -> ComplexArray:
+        """Return complex vectors in X and Y, shape (2, ...), of those at the probes x and y, shape (2, ...)."""
+        return np.asarray(np.tensordot(self._bench, vectors, axes=1), dtype=np.complex128)
+
     def ellipse(self, vectors: ComplexArray) -> "Ellipse":
         """Return the ellipse of one component.
 

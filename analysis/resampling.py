@@ -20,6 +20,8 @@ def _kernel_table() -> FloatArray:
 
 
 _TABLE = _kernel_table()
+_SLOPE = np.diff(_TABLE, axis=0)
+_BLOCK = 512  # positions whose weights and neighbours a core's cache holds
 
 
 def interpolate(samples: FloatArray, positions: FloatArray) -> FloatArray:
@@ -50,8 +52,14 @@ def interpolate(samples: FloatArray, positions: FloatArray) -> FloatArray:
         )
     fine = (positions - whole) * _PHASES
     row = np.minimum(fine.astype(np.int64), _PHASES - 1)
-    part = (fine - row)[..., None]
-    weights = (1.0 - part) * _TABLE[row] + part * _TABLE[row + 1]
-    neighbours = whole[..., None] + np.arange(1 - HALF, HALF + 1)
-    values = np.stack([channel[index] for channel, index in zip(samples, neighbours, strict=True)])
-    return np.asarray(np.einsum("cmk,cmk->cm", weights, values), dtype=np.float64)
+    part = fine - row
+    values = np.empty(positions.shape)
+    for channel, of_channel in enumerate(samples):
+        neighbours = np.lib.stride_tricks.sliding_window_view(of_channel, 2 * HALF)
+        for begin in range(0, positions.shape[1], _BLOCK):
+            here = np.s_[channel, begin : begin + _BLOCK]
+            weights = _SLOPE[row[here]]
+            weights *= part[here][:, None]
+            weights += _TABLE[row[here]]
+            np.einsum("mk,mk->m", weights, neighbours[whole[here] - (HALF - 1)], out=values[here])
+    return values

@@ -1,6 +1,7 @@
 """The pulses of the tacho as a train: which edge is which pulse, what is missing, what is too much, and how sure."""
 
 from collections import deque
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,10 +43,18 @@ class PulseTrain:
         Pulses a revolution, mark and response time.
     revolutions : int
         Marks (one a revolution) to remember.
+    on_end : callable or None
+        Given the remembered marks, number and time, s, of every train that ends.
     """
 
-    def __init__(self, tacho: Tacho, revolutions: int) -> None:
+    def __init__(
+        self,
+        tacho: Tacho,
+        revolutions: int,
+        on_end: Callable[[tuple[tuple[int, float], ...]], None] | None = None,
+    ) -> None:
         self._tacho = tacho
+        self._on_end = on_end
         self._marks: deque[tuple[int, float]] = deque(maxlen=revolutions)
         self._seed: deque[float] = deque(maxlen=SEED_INTERVALS + 1)
         self._intervals: deque[float] = deque(maxlen=2 * SEED_INTERVALS)
@@ -63,6 +72,8 @@ class PulseTrain:
         self._lose()
 
     def _lose(self) -> None:
+        if self._on_end is not None and self._marks:
+            self._on_end(tuple(self._marks))
         self._locked = False
         self._number = 0  # of the last pulse in its train
         self._time = self._before = self._predicted = 0.0

@@ -1,0 +1,237 @@
+"""A whole record of two probes, sampled uniformly in shaft angle."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.edges import EdgeDetector
+from analysis.errors import RecordTooShortError, TachoRefusedError
+from analysis.orbit import ProbePair
+from analysis.pulse_record import pulse_record
+from analysis.pyramid import Pyramid
+from analysis.resampling import HALF, interpolate
+from analysis.run import CODE_MAX, CODE_MIN, Acquisition, Role
+from analysis.shaft_angle import ShaftAngle, shaft_angle
+
+FloatArray = NDArray[np.float64]
+
+PASSED = 0.2  # of the angular sampling: the highest order that is kept without loss
+CHUNK_POINTS = 16_384  # angular samples that are read at a time: what a core's cache holds
+_CODES = np.arange(2**16, dtype=np.uint16).view(np.int16)  # tables over them are indexed by a code's bits as uint16
+CHUNK_SAMPLES = 500_000  # samples of the tacho that are searched for edges at a time
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class AngularRecord:
+    """Displacement towards two probes against the angle of the shaft, whole revolutions that begin at the mark.
+
+    Parameters
+    ----------
+    waveform : ndarray of float64, shape (2, n_revolutions, points)
+        Displacement towards the probes x and y, m.
+    first_turn : int
+        Number of the first revolution since the first pulse.
+    times : ndarray of float64, shape (n_revolutions + 1,)
+        When the mark passed, s.
+    pair : ProbePair
+        Directions of the probes.
+    angle_jitter : float
+        Scatter of the tacho's pulses about the smooth angle, s.
+    measured : bool
+        Whether a tacho told the angle.
+    """
+
+    waveform: FloatArray
+    first_turn: int
+    times: FloatArray
+    pair: ProbePair
+    angle_jitter: float
+    measured: bool = True
+
+    @property
+    def revolutions(self) -> int:
+        """Number of whole revolutions."""
+        return int(self.waveform.shape[1])
+
+    @property
+    def points(self) -> int:
+        """Angular samples a revolution."""
+        return int(self.waveform.shape[2])
+
+    @property
+    def highest_order(self) -> float:
+        """Order up to which nothing is lost and nothing folds in."""
+        return PASSED * self.points
+
+    @property
+    def speeds(self) -> FloatArray:
+        """Mean speed of each revolution, rad/s, shape (n_revolutions,)."""
+        return np.asarray(2.0 * np.pi / np.diff(self.times), dtype=np.float64)
+
+    def with_waveform(self, waveform: FloatArray) -> "AngularRecord":
+        """Return the record with another waveform of the same shape."""
+        if waveform.shape != self.waveform.shape:
+            raise ValueError(f"waveform: shape {waveform.shape}, expected {self.waveform.shape}")
+        return replace(self, waveform=waveform)
+
+    def part(self, begin: int, end: int) -> "AngularRecord":
+        """Return the revolutions from ``begin`` to before ``end``."""
+        if not 0 <= begin < end <= self.revolutions:
+            raise ValueError(f"begin, end: {begin} and {end}, expected a part of 0 to {self.revolutions}")
+        return replace(
+            self,
+            waveform=self.waveform[:, begin:end],
+            first_turn=self.first_turn + begin,
+            times=self.times[begin : end + 1],
+        )
+
+
+def angular_record(
+    displacement: FloatArray,
+    rate: float,
+    angle: ShaftAngle,
+    pair: ProbePair,
+    *,
+    points: int = 64,
+    skews: tuple[float, float] = (0.0, 0.0),
+) -> AngularRecord:
+    """Resample two probes uniformly in the angle of the shaft, without aliasing at any speed.
+
+    Each revolution is read from the finest of the levels at the rate over 1, 2, 4, … that holds nothing which the
+    angular grid could fold onto orders below 0.2 of its points, by a windowed sinc of 32 samples; each probe at its
+    own instants.
+
+    Parameters
+    ----------
+    displacement : ndarray of float64, shape (2, n)
+        Towards the probes x and y, uniformly in time, m.
+    rate : float
+        Sample rate, Hz.
+    angle : ShaftAngle
+        Time against revolutions, where time 0 is the first sample.
+    pair : ProbePair
+        Directions of the probes.
+    points : int
+        Angular samples a revolution: 5 times the highest order of interest.
+    skews : tuple of float
+        Time by which each probe is sampled later than the axis says, s (multiplexer, filter).
+
+    Raises
+    ------
+    RecordTooShortError
+        Without one whole revolution that the samples hold.
+    ValueError
+        Shapes, rate or samples that are not finite.
+    """
+    if displacement.ndim != 2 or displacement.shape[0] != 2 or points < 4 or not rate > 0.0:
+        raise ValueError(
+            f"displacement {displacement.shape}, {points} points, {rate} Hz: expected (2, n), 4 points at "
+            "least, a rate above 0"
+        )
+    if not np.isfinite(displacement).all():
+        raise ValueError("displacement: holds values that are not finite, expected metres")
+    most_per_turn = 2.0 * (1.0 - PASSED) * points  # samples of the level that is read
+    first, last = int(np.ceil(angle.first)), int(np.floor(angle.last))
+    if last <= first:
+        raise RecordTooShortError("the record holds no whole revolution")
+    times = np.asarray(angle.time(np.arange(first, last + 1)), dtype=np.float64)
+    wanted = np.ceil(np.log2(rate * np.diff(times) / most_per_turn))
+    levels = np.maximum(wanted, 0).astype(np.int64)
+    pyramid = Pyramid(2, int(levels.max()) + 1, displacement.shape[1], 0)
+    pyramid.push(displacement)
+
+    skew = np.array(skews)[:, None]
+    inside = _held(pyramid, times, skew, rate, levels)
+    if not inside.any():
+        raise RecordTooShortError("the samples hold no whole revolution")
+    begin = int(np.argmax(inside))
+    end = inside.size - int(np.argmax(inside[::-1]))
+    waveform = np.empty((2, end - begin, points))
+    grid = np.arange(points) / points
+    breaks = np.flatnonzero(np.diff(levels[begin:end])) + begin + 1
+    for start, stop in zip([begin, *breaks], [*breaks, end], strict=True):
+        samples, origin = pyramid.level(int(levels[start]))
+        scale = rate / 2 ** int(levels[start])
+        step = max(CHUNK_POINTS // points, 1)
+        for low in range(int(start), int(stop), step):
+            high = min(low + step, int(stop))
+            cubic = angle.cubics(first + np.arange(low, high))[..., None]
+            instants = ((cubic[3] * grid + cubic[2]) * grid + cubic[1]) * grid + cubic[0]
+            positions = (instants.ravel() - skew) * scale - origin
+            waveform[:, low - begin : high - begin] = interpolate(samples, positions).reshape(2, -1, points)
+    return AngularRecord(waveform, first + begin, times[begin : end + 1], pair, angle.jitter, angle.measured)
+
+
+def _held(
+    pyramid: Pyramid, times: FloatArray, skew: FloatArray, rate: float, levels: NDArray[np.int64]
+) -> NDArray[np.bool_]:
+    """Return which revolutions lie within the samples of their level, with the interpolator's reach."""
+    held = np.zeros(levels.size, dtype=np.bool_)
+    for level in np.unique(levels):
+        samples, origin = pyramid.level(int(level))
+        scale = rate / 2 ** int(level)
+        low = (times[:-1] - skew.max()) * scale - origin
+        high = (times[1:] - skew.min()) * scale - origin
+        fits = (low >= HALF) & (high < samples.shape[1] - 1 - HALF)
+        held |= (levels == level) & fits
+    return held
+
+
+def tacho_edges(acquisition: Acquisition, codes: NDArray[np.int16]) -> FloatArray:
+    """Return the times, s, of the tacho's edges in a record of codes, shape (n_channels, n); the delay is still in."""
+    row = acquisition.row(Role.TACHO)
+    channel = acquisition.channels[row]
+    volts = channel.volts(_CODES)
+    detector = EdgeDetector(acquisition.tacho)
+    edges = [
+        detector.edges(volts[np.ascontiguousarray(codes[row, begin : begin + CHUNK_SAMPLES]).view(np.uint16)], begin)
+        for begin in range(0, codes.shape[1], CHUNK_SAMPLES)
+    ]
+    found = np.concatenate([np.empty(0), *edges])
+    return np.asarray(found / acquisition.rate + row / acquisition.convert_rate, dtype=np.float64)
+
+
+def record_of_codes(
+    acquisition: Acquisition,
+    codes: NDArray[np.int16],
+    *,
+    points: int = 64,
+    pulse_times: FloatArray | None = None,
+) -> AngularRecord:
+    """Return the angular record of one gap-free segment of converter codes.
+
+    Parameters
+    ----------
+    acquisition : Acquisition
+        What the codes mean.
+    codes : ndarray of int16, shape (n_channels, n)
+        Consecutive samples.
+    points : int
+        Angular samples a revolution.
+    pulse_times : ndarray of float64, shape (n_pulses,), or None
+        Times of the tacho's pulses from a counter, s from the first sample, in place of the tacho's channel.
+
+    Raises
+    ------
+    TachoRefusedError, RecordTooShortError
+        Where pulses or samples do not suffice.
+    ValueError
+        Shapes that do not fit.
+    """
+    if codes.ndim != 2 or codes.shape[0] != len(acquisition.channels) or codes.shape[1] == 0:
+        raise ValueError(f"codes: shape {codes.shape}, expected ({len(acquisition.channels)}, n) with n > 0")
+    rows = (acquisition.row(Role.PROBE_X), acquisition.row(Role.PROBE_Y))
+    for row in rows:
+        is_stuck = bool((codes[row] == codes[row, 0]).all())
+        if is_stuck and codes[row, 0] in {CODE_MIN, CODE_MAX}:
+            raise TachoRefusedError(f"probe {acquisition.channels[row].name!r} is at the converter's rail throughout")
+    edges = tacho_edges(acquisition, codes) if pulse_times is None else pulse_times
+    angle = shaft_angle(pulse_record(edges, acquisition.tacho))
+    displacement = np.empty((2, codes.shape[1]))
+    for probe, row in enumerate(rows):
+        table = acquisition.channels[row].displacement(_CODES)
+        np.take(table, np.ascontiguousarray(codes[row]).view(np.uint16), out=displacement[probe], mode="clip")
+    pair = ProbePair(acquisition.channels[rows[0]].angle, acquisition.channels[rows[1]].angle)
+    skews = (rows[0] / acquisition.convert_rate, rows[1] / acquisition.convert_rate)
+    return angular_record(displacement, acquisition.rate, angle, pair, points=points, skews=skews)

@@ -1,0 +1,87 @@
+"""What is in a probe's signal that the shaft did not do: drift of its mean, and hum of the mains."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.angular_record import AngularRecord
+from analysis.errors import RecordTooShortError
+from analysis.slow_lines import MainsLine, SlowSignal
+
+FloatArray = NDArray[np.float64]
+
+BLOCKS = 20  # of the record, of which the means are compared
+CLEAR = 4.0  # standard deviations of the slope
+
+
+@dataclass(frozen=True, slots=True)
+class Drift:
+    """How the mean of a signal moves with time.
+
+    Parameters
+    ----------
+    slope : float
+        Of a straight line through the means, unit/s.
+    sigma : float
+        Standard deviation of the slope, from how the means scatter about the line.
+    total : float
+        Over the record, in the signal's unit.
+    """
+
+    slope: float
+    sigma: float
+    total: float
+
+    @property
+    def is_clear(self) -> bool:
+        """Whether the slope stands 4 standard deviations from none."""
+        return abs(self.slope) > CLEAR * self.sigma
+
+
+def drift(values: FloatArray, rate: float) -> Drift:
+    """Return the drift of a signal at about one speed.
+
+    Parameters
+    ----------
+    values : ndarray of float64, shape (n,)
+        Uniformly in time, any unit.
+    rate : float
+        Sample rate, Hz.
+
+    Raises
+    ------
+    RecordTooShortError
+        With fewer than 200 samples.
+    """
+    if values.ndim != 1 or not np.isfinite(values).all():
+        raise ValueError(f"values: shape {values.shape}, expected (n,), finite")
+    n = values.size // BLOCKS
+    if n < 10:
+        raise RecordTooShortError(f"{values.size} samples, expected at least {10 * BLOCKS}")
+    means = values[: n * BLOCKS].reshape(BLOCKS, n).mean(axis=1)
+    time = (np.arange(BLOCKS) - 0.5 * (BLOCKS - 1)) * n / rate
+    slope = float(time @ means / (time @ time))
+    rest = means - means.mean() - slope * time
+    sigma = float(np.sqrt(rest @ rest / (BLOCKS - 2) / (time @ time)))
+    return Drift(slope, sigma, slope * values.size / rate)
+
+
+def mains_hum(values: FloatArray, rate: float, record: AngularRecord | None = None) -> MainsLine:
+    """Return the mains' line in a signal, told from the shaft's orders where its angle is known.
+
+    Parameters
+    ----------
+    values : ndarray of float64, shape (n,)
+        A second or more, uniformly in time, any unit.
+    rate : float
+        Sample rate, Hz.
+    record : AngularRecord or None
+        Of the same samples, for the shaft's angle; the speed should not change by more than a few per cent.
+    """
+    if record is None:
+        return SlowSignal(values, rate).mains()
+    time = np.arange(values.size) / rate
+    inside = (time >= record.times[0]) & (time <= record.times[-1])
+    turns = np.interp(time[inside], record.times, np.arange(record.times.size, dtype=np.float64))
+    return SlowSignal(values[inside], rate, 2.0 * np.pi * turns).mains()

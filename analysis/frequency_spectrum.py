@@ -1,0 +1,101 @@
+"""Averaged spectra against frequency."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.errors import RecordTooShortError
+from analysis.order_map import Window
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FrequencySpectrum:
+    """Amplitudes against frequency.
+
+    Parameters
+    ----------
+    frequencies : ndarray of float64, shape (n_lines,)
+        From 0, Hz.
+    amplitudes : ndarray of float64, shape (..., n_lines)
+        Root of the mean square of the frames' amplitudes, peak of a single line, in the waveform's unit.
+    noise_bandwidth : float
+        Equivalent noise bandwidth of a line, Hz.
+    frames : int
+        Averaged.
+    relative_sigma : float
+        Standard deviation over value where the line is noise: about 1 / (2 sqrt(independent frames)).
+    """
+
+    frequencies: FloatArray
+    amplitudes: FloatArray
+    noise_bandwidth: float
+    frames: int
+    relative_sigma: float
+
+    @property
+    def density(self) -> FloatArray:
+        """Power spectral density, unit²/Hz, shape (..., n_lines)."""
+        return np.asarray(0.5 * self.amplitudes**2 / self.noise_bandwidth, dtype=np.float64)
+
+
+def frequency_spectrum(
+    waveform: FloatArray, rate: float, *, resolution: float = 1.0, overlap: float = 0.5, window: Window = Window.HANN
+) -> FrequencySpectrum:
+    """Return the averaged amplitude spectrum of a waveform.
+
+    Parameters
+    ----------
+    waveform : ndarray of float64, shape (..., n)
+        Uniformly in time, any unit; the mean of each frame is taken off.
+    rate : float
+        Sample rate, Hz.
+    resolution : float
+        Distance of the lines, Hz, about; a frame is 1 / resolution long.
+    overlap : float
+        Part of a frame that the next one shares, 0 to below 1.
+    window : Window
+        Weighting.
+
+    Raises
+    ------
+    RecordTooShortError
+        Where the waveform is shorter than a frame.
+
+    Notes
+    -----
+    P. Welch, IEEE Trans. Audio Electroacoust. 15, 1967; scaling as A. Brandt, Noise and Vibration
+    Analysis, 2011, ch. 9.
+    """
+    waveform = np.asarray(waveform, dtype=np.float64)
+    if waveform.ndim == 0 or not 0.0 <= overlap < 1.0 or not 0.0 < resolution <= 0.25 * rate:
+        raise ValueError(
+            f"waveform {waveform.shape}, overlap {overlap}, resolution {resolution} Hz: expected samples, 0 to "
+            f"below 1, above 0 to {0.25 * rate} Hz"
+        )
+    n = round(rate / resolution)
+    if waveform.shape[-1] < n:
+        raise RecordTooShortError(
+            f"{waveform.shape[-1]} samples, expected at least {n} for a resolution of {resolution} Hz"
+        )
+    step = max(round(n * (1.0 - overlap)), 1)
+    starts = range(0, waveform.shape[-1] - n + 1, step)
+    weights = window.weights(n)
+    power = np.zeros((*waveform.shape[:-1], n // 2 + 1))
+    for start in starts:
+        frame = waveform[..., start : start + n]
+        power += np.abs(2.0 * np.fft.rfft((frame - frame.mean(axis=-1, keepdims=True)) * weights)) ** 2
+    amplitudes = np.sqrt(power / len(starts))
+    amplitudes[..., 0] *= 0.5
+    if n % 2 == 0:
+        amplitudes[..., -1] *= 0.5
+    independent = max((waveform.shape[-1] // n), 1)
+    return FrequencySpectrum(
+        frequencies=np.arange(n // 2 + 1) * rate / n,
+        amplitudes=amplitudes,
+        noise_bandwidth=window.noise_bandwidth * rate / n,
+        frames=len(starts),
+        relative_sigma=0.5 / float(np.sqrt(independent)),
+    )

@@ -1,0 +1,121 @@
+"""The vector of any one order through a record, with its uncertainty."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.angular_record import AngularRecord
+from analysis.errors import RecordTooShortError
+from analysis.orders import hann
+from analysis.uncertainty import phase_sigma, sigma_of_floor
+
+FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+FLOOR_LINES = 6  # lines at either side of the order, from the third on, that tell the noise
+CHUNK_FRAMES = 128
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class OrderTrack:
+    """One order's vectors in successive frames.
+
+    Parameters
+    ----------
+    order : float
+        Frequency over shaft frequency.
+    vectors : ndarray of complex128, shape (2, n)
+        At the probes x and y, m peak, x(t) = Re[X exp(i order theta)]; theta counts on from the first pulse, so that
+        the phase of a part order runs on steadily. Operators read the lag, -arg X.
+    sigma : ndarray of float64, shape (2, n)
+        Standard deviation of each amplitude, m peak.
+    phase_sigma : ndarray of float64, shape (2, n)
+        Standard deviation of each phase, rad: noise and the tacho's jitter.
+    speeds : ndarray of float64, shape (n,)
+        Mean speed of each frame, rad/s.
+    times : ndarray of float64, shape (n,)
+        Middle of each frame, s.
+    """
+
+    order: float
+    vectors: ComplexArray
+    sigma: FloatArray
+    phase_sigma: FloatArray
+    speeds: FloatArray
+    times: FloatArray
+
+    def minus(self, vectors: ComplexArray, sigma: FloatArray) -> "OrderTrack":
+        """Return the track less a vector for each probe, shape (2,), as for run-out; uncertainties add in square."""
+        rest = self.vectors - vectors[:, None]
+        both = np.hypot(self.sigma, sigma[:, None])
+        angle = np.sqrt(
+            np.maximum(self.phase_sigma**2 - (self.sigma / np.maximum(np.abs(self.vectors), 1e-300)) ** 2, 0.0)
+        )
+        turned = angle * np.abs(self.vectors) / np.maximum(np.abs(rest), 1e-300)  # the angle's error turns the whole
+        return replace(self, vectors=rest, sigma=both, phase_sigma=phase_sigma(np.abs(rest), both, turned, 1.0))
+
+
+def track_order(record: AngularRecord, order: float, *, revolutions: int = 16, overlap: float = 0.75) -> OrderTrack:
+    """Return the vectors of one order, whole or not, by a Hann window over many revolutions.
+
+    Parameters
+    ----------
+    record : AngularRecord
+        Displacement against angle.
+    order : float
+        Above 0; components nearer than 2 / revolutions to it are not told apart.
+    revolutions : int
+        In a frame; at least 8 keep a whirl out of 1X.
+    overlap : float
+        Part of a frame that the next one shares, 0 to below 1.
+
+    Raises
+    ------
+    RecordTooShortError
+        Where the record holds fewer revolutions than a frame.
+    ValueError
+        Order or settings out of range.
+
+    Notes
+    -----
+    X = 2 sum(w x exp(-i order theta)) with a Hann window w of sum 1; amplitude uncertainty from the median of the
+    lines beside the order, free of the orders' own skirts (see `analysis.uncertainty`).
+    """
+    if not 0.0 < order <= record.highest_order or revolutions < 4 or not 0.0 <= overlap < 1.0:
+        raise ValueError(
+            f"order {order}, revolutions {revolutions}, overlap {overlap}: expected above 0 to {record.highest_order}, "
+            "at least 4, 0 to below 1"
+        )
+    if record.revolutions < revolutions:
+        raise RecordTooShortError(f"{record.revolutions} revolutions in the record, expected at least {revolutions}")
+    step = max(round(revolutions * (1.0 - overlap)), 1)
+    starts = np.arange(0, record.revolutions - revolutions + 1, step)
+    points = revolutions * record.points
+    away = np.arange(3, 3 + FLOOR_LINES) / revolutions
+    lines = np.concatenate([[order], order - away, order + away])
+    lines = lines[(lines > 1.5 / revolutions) | (np.arange(lines.size) == 0)]
+    theta = 2.0 * np.pi * np.arange(points) / record.points
+    kernel = 2.0 * hann(points)[:, None] * np.exp(-1j * theta[:, None] * lines)
+    kernel[:, :] -= hann(points)[:, None] * kernel.sum(axis=0)  # a constant leaves nothing
+    frames = np.lib.stride_tricks.sliding_window_view(record.waveform.reshape(2, -1), points, axis=1)
+    frames = frames[:, starts * record.points]
+    found = np.empty((2, starts.size, lines.size), dtype=np.complex128)
+    for begin in range(0, starts.size, CHUNK_FRAMES):
+        chunk = frames[:, begin : begin + CHUNK_FRAMES]
+        found[:, begin : begin + CHUNK_FRAMES] = chunk @ kernel
+    beside = np.abs(lines[1:] - np.round(lines[1:])) * revolutions > 1.99  # clear of the whole orders' skirts
+    floor = np.median(np.abs(found[:, :, 1:][:, :, beside]), axis=(0, 2)) if beside.any() else np.zeros(starts.size)
+    sigma = np.tile(sigma_of_floor(floor), (2, 1))
+    count = record.first_turn + starts
+    vectors = found[:, :, 0] * np.exp(-2j * np.pi * order * count)
+    speeds = 2.0 * np.pi * revolutions / (record.times[starts + revolutions] - record.times[starts])
+    angle_sigma = speeds * record.angle_jitter * np.sqrt(1.5 / revolutions)
+    return OrderTrack(
+        order=order,
+        vectors=vectors,
+        sigma=sigma,
+        phase_sigma=phase_sigma(np.abs(vectors), sigma, angle_sigma, order),
+        speeds=speeds,
+        times=0.5 * (record.times[starts] + record.times[starts + revolutions]),
+    )

@@ -1,0 +1,155 @@
+"""The pulses of a whole record: counted forward and backward in time, and refused where the two counts differ.
+
+Takes times of pulses, whether found in a waveform (`analysis.edges`) or stamped by a counter.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.errors import TachoRefusedError
+from analysis.run import Tacho
+from analysis.tacho import HISTORY, MOST_REPAIRED, PulseTrain
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+FEWEST_PULSES = 8
+ALIKE = 1.2  # ratio of successive intervals throughout a train in which nothing is missing or double
+COUNTED = 0.9  # part of the pulses that one train must hold: less is a shaft that stood still between
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PulseRecord:
+    """The pulses of one uninterrupted train.
+
+    Parameters
+    ----------
+    numbers : ndarray of int64, shape (n,)
+        Number of each pulse since the first, rising; where pulses were missing it skips.
+    times : ndarray of float64, shape (n,)
+        Their times, s, rising, the sensor's delay taken off.
+    pulses_per_revolution : int
+        Marks on the shaft; pulses whose number divides by it lie at theta = 0.
+    seen : int
+        Edges given in the train's span.
+    filled : int
+        Pulses that were missing and counted as passed.
+    rejected : int
+        Edges that were doubles or noise.
+    too_fast : bool
+        Whether light or dark lasted less than the sensor's response anywhere: pulses may be missing unnoticed.
+    """
+
+    numbers: IntArray
+    times: FloatArray
+    pulses_per_revolution: int
+    seen: int
+    filled: int
+    rejected: int
+    too_fast: bool
+
+    @property
+    def repaired_part(self) -> float:
+        """Pulses filled or rejected over pulses counted, the quality of the record: 0 is best."""
+        return (self.filled + self.rejected) / max(int(self.numbers[-1] - self.numbers[0]), 1)
+
+
+def pulse_record(times: FloatArray, tacho: Tacho) -> PulseRecord:
+    """Return the longest train of pulses in a record, each numbered.
+
+    The predictive gate of `PulseTrain` runs over the pulses forward and, with time reversed, backward: a pulse counts
+    where both accept it. Where the two come to different counts between two pulses, a repair would be guessing.
+
+    Parameters
+    ----------
+    times : ndarray of float64, shape (n,)
+        Times of the edges, s, rising; of a counter's stamps or of `EdgeDetector.edges` over the rate.
+    tacho : Tacho
+        Marks, response time and delay; the delay is taken off.
+
+    Raises
+    ------
+    TachoRefusedError
+        Too few pulses, no regular train, a count that differs forward and backward, or too many repairs.
+    ValueError
+        Times that are not finite or do not rise.
+    """
+    times = np.asarray(times, dtype=np.float64)
+    if times.ndim != 1 or not np.isfinite(times).all() or (np.diff(times) <= 0.0).any():
+        raise ValueError(f"times: shape {times.shape}, expected (n,) finite and rising, s")
+    if times.size < FEWEST_PULSES:
+        raise TachoRefusedError(f"{times.size} tacho pulses in the record, expected at least {FEWEST_PULSES}")
+    ratios = np.diff(times)[1:] / np.diff(times)[:-1]
+    if ratios.max() < ALIKE and ratios.min() > 1.0 / ALIKE:
+        return _record(np.arange(times.size), times, times.size, tacho)
+    single = replace(tacho, pulses_per_revolution=1)
+    forward = max(_trains(times, single), key=lambda train: train[0].size, default=None)
+    backward = max(_trains(-times[::-1], single), key=lambda train: train[0].size, default=None)
+    if forward is None or backward is None:
+        raise TachoRefusedError(f"none of {times.size} tacho edges make a regular train: noise, or no shaft")
+    back_numbers, back_times = -backward[0][::-1], -backward[1][::-1]
+    numbers, kept = _agreed(forward, (back_numbers, back_times))
+    begin, end = np.searchsorted(times, [kept[0], kept[-1]])
+    seen = int(end - begin) + 1
+    if seen < COUNTED * times.size and forward[0].size < COUNTED * times.size - FEWEST_PULSES:
+        raise TachoRefusedError(
+            f"the longest regular train holds {seen} of {times.size} tacho edges, from {kept[0]:.3f} to "
+            f"{kept[-1]:.3f} s: analyse the record in parts between the breaks"
+        )
+    _refuse_patchwork(numbers, kept, times[begin : end + 1])
+    return _record(numbers - numbers[0], kept, seen, tacho)
+
+
+def _record(numbers: IntArray, times: FloatArray, seen: int, tacho: Tacho) -> PulseRecord:
+    period = np.diff(times) / np.diff(numbers)
+    shortest = float(period.min()) * min(tacho.mark_fraction, 1.0 - tacho.mark_fraction)
+    return PulseRecord(
+        numbers=numbers,
+        times=times - tacho.delay,
+        pulses_per_revolution=tacho.pulses_per_revolution,
+        seen=seen,
+        filled=int(numbers[-1]) + 1 - numbers.size,
+        rejected=seen - numbers.size,
+        too_fast=shortest < tacho.response_time,
+    )
+
+
+def _trains(times: FloatArray, tacho: Tacho) -> Iterator[tuple[IntArray, FloatArray]]:
+    ended: list[tuple[tuple[int, float], ...]] = []
+    train = PulseTrain(tacho, times.size, ended.append)
+    train.advance(times, float(times[-1]), float(times[-1] - times[0]), np.inf)
+    train.restart()  # ends the last one
+    for marks in ended:
+        yield np.array([mark[0] for mark in marks], dtype=np.int64), np.array([mark[1] for mark in marks])
+
+
+def _agreed(forward: tuple[IntArray, FloatArray], backward: tuple[IntArray, FloatArray]) -> tuple[IntArray, FloatArray]:
+    """Return numbers and times of the pulses of both trains, and of the one where the other has not begun."""
+    common, in_forward, in_backward = np.intersect1d(forward[1], backward[1], return_indices=True)
+    if common.size < FEWEST_PULSES:
+        raise TachoRefusedError("the tacho's pulses make different trains forward and backward in time")
+    offset = forward[0][in_forward] - backward[0][in_backward]
+    if (offset != offset[0]).any():
+        at = float(common[int(np.argmax(offset != offset[0]))])
+        raise TachoRefusedError(
+            f"tacho: the revolutions counted forward and backward differ at {at:.4f} s: too many pulses are missing or "
+            "double there to know the angle"
+        )
+    before = backward[1] < forward[1][0]
+    after = forward[1] > backward[1][-1]
+    numbers = np.concatenate([backward[0][before] + offset[0], forward[0][in_forward], forward[0][after]])
+    times = np.concatenate([backward[1][before], common, forward[1][after]])
+    return numbers, times
+
+
+def _refuse_patchwork(numbers: IntArray, times: FloatArray, edges: FloatArray) -> None:
+    """Raise where more than the live tracker would bear needed a repair, on average over the record."""
+    repaired = int(numbers[-1] - numbers[0]) + 1 - numbers.size + edges.size - times.size
+    allowed = MOST_REPAIRED / HISTORY * numbers.size
+    if repaired > allowed:
+        raise TachoRefusedError(
+            f"tacho: {repaired} of {numbers.size} pulses are missing or double, expected at most {int(allowed)}"
+        )

@@ -1,0 +1,153 @@
+"""The angle of the shaft through a whole record, with how far it is to be trusted."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import BSpline
+from scipy.linalg import solveh_banded
+
+from analysis.angle import DEGREE, FEWEST_KNOT_TURNS, KNOT_TIME, KNOT_TURNS, MAD_TO_SIGMA, OUTLIER, OUTLIER_PART
+from analysis.pulse_record import PulseRecord
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ShaftAngle:
+    """Time against revolutions, through a record.
+
+    Parameters
+    ----------
+    time : BSpline
+        Time, s, of a count of revolutions; theta = 0 where the count is whole.
+    first, last : float
+        Revolutions between which it holds.
+    jitter : float
+        Robust scatter of the pulses about it (1.4826 MAD), s.
+    outliers : int
+        Pulses that were left out because they lay far off.
+    mark_angles : ndarray of float64, shape (pulses_per_revolution,)
+        Where the marks were found on the shaft, rad from the first; 0 for the first.
+    measured : bool
+        True where a tacho told; False where it was read from the vibration itself (`analysis.tacholess`).
+    """
+
+    time: BSpline
+    first: float
+    last: float
+    jitter: float
+    outliers: int
+    mark_angles: FloatArray
+    measured: bool = True
+
+    def speed(self, turns: FloatArray) -> FloatArray:
+        """Return the shaft's speed, rad/s, at counts of revolutions."""
+        return np.asarray(2.0 * np.pi / self.time(turns, nu=1), dtype=np.float64)
+
+    def cubics(self, turns: NDArray[np.int64]) -> FloatArray:
+        """Return time within whole revolutions as cubics of the part of the turn, coefficients (4, n), s, rising."""
+        factorials = (1.0, 1.0, 2.0, 6.0)
+        return np.stack([self.time(turns, nu=power) / factorial for power, factorial in enumerate(factorials)])
+
+    def turns(self, times: FloatArray) -> FloatArray:
+        """Return the count of revolutions at times, s; NaN outside the record."""
+        grid = np.linspace(self.first, self.last, max(int(2 * (self.last - self.first)), 2))
+        turns = np.interp(times, self.time(grid), grid, left=np.nan, right=np.nan)
+        inside = np.isfinite(turns)
+        for _ in range(3):  # Newton: converges to rounding from half a revolution
+            held = np.clip(turns[inside], self.first, self.last)
+            turns[inside] = held - (self.time(held) - times[inside]) / self.time(held, nu=1)
+        return np.asarray(turns, dtype=np.float64)
+
+    def angle_sigma(self, turns: FloatArray, revolutions: int) -> FloatArray:
+        """Return the standard deviation of the angle, rad, as the mean of so many revolutions feels it.
+
+        Pulses that scatter independently average out as those under a Hann window do: jitter sqrt(1.5 / revolutions).
+        A common error of all pulses, as of the configured delay, is not in it.
+        """
+        pulses = max(revolutions * self.mark_angles.size, 1)
+        return np.asarray(self.speed(turns) * self.jitter * np.sqrt(1.5 / pulses), dtype=np.float64)
+
+
+def shaft_angle(record: PulseRecord) -> ShaftAngle:
+    """Fit a least-squares cubic spline, time against revolutions, through a record of pulses.
+
+    Knots lie 8 revolutions apart, closer at low speed (80 ms, at least 3 revolutions), where the speed changes within
+    8 revolutions. Pulses that lie far off are left out and the rest is fitted again. With several marks on the shaft
+    their places are found first, from where each lies on average between the revolutions of the first.
+
+    Parameters
+    ----------
+    record : PulseRecord
+        Numbered pulses.
+
+    Notes
+    -----
+    K. Fyfe and E. Munck, Analysis of computed order tracking, MSSP 11(2), 1997: the angle's errors limit everything;
+    time is fitted against angle because the pulses lie uniformly in it.
+    """
+    marks = record.pulses_per_revolution
+    turns = record.numbers / marks
+    offsets = np.zeros(marks)
+    if marks > 1:
+        first = record.numbers % marks == 0
+        rough = ShaftAngle(
+            _fit(turns[first], record.times[first])[0],
+            float(turns[first][0]),
+            float(turns[first][-1]),
+            0.0,
+            0,
+            offsets,
+        )
+        off = rough.turns(record.times) - turns
+        for mark in range(1, marks):
+            offsets[mark] = float(np.nanmedian(off[record.numbers % marks == mark]))
+        turns = turns + offsets[record.numbers % marks]
+    time, residual = _fit(turns, record.times)
+    scatter = _scatter(residual)
+    period = np.gradient(record.times, turns)
+    good = np.abs(residual) <= np.maximum(OUTLIER * scatter, OUTLIER_PART * period)
+    good[[0, -1]] = True
+    if not good.all():
+        time, residual = _fit(turns[good], record.times[good])
+        scatter = _scatter(residual)
+    angles = 2.0 * np.pi * (np.arange(marks) / marks + offsets)
+    return ShaftAngle(time, float(turns[0]), float(turns[-1]), scatter, int(np.count_nonzero(~good)), angles)
+
+
+def _scatter(residual: FloatArray) -> float:
+    return MAD_TO_SIGMA * float(np.median(np.abs(residual - np.median(residual))))
+
+
+def _fit(turns: FloatArray, times: FloatArray) -> tuple[BSpline, FloatArray]:
+    """Return the spline and what it leaves of each pulse, s."""
+    inner = [float(turns[0])]
+    marks = (turns.size - 1) / float(turns[-1] - turns[0])  # pulses a revolution
+    at, last = 0, turns.size - 1
+    while True:
+        span = int(max(KNOT_TURNS * marks, DEGREE + 1))
+        ahead = min(at + span, last)
+        turn_rate = float((turns[ahead] - turns[at]) / (times[ahead] - times[at]))
+        apart = min(max(KNOT_TIME * turn_rate, FEWEST_KNOT_TURNS), KNOT_TURNS) * marks
+        at += max(round(apart), 3)
+        if at > last - max(round(apart), 3):
+            break
+        inner.append(float(round(turns[at])))  # whole: within a revolution the spline is one cubic
+    inner.append(float(turns[-1]))
+    knots = np.concatenate([np.full(DEGREE, inner[0]), inner, np.full(DEGREE, inner[-1])])
+    slope = (times[-1] - times[0]) / (turns[-1] - turns[0])
+    line = times[0] + slope * (turns - turns[0])
+    basis = BSpline.design_matrix(turns, knots, DEGREE)
+    gram = (basis.T @ basis).todia()
+    banded = np.stack(
+        [
+            gram.diagonal(-row) if row == 0 else np.append(gram.diagonal(-row), np.zeros(row))
+            for row in range(DEGREE + 1)
+        ]
+    )
+    correction = solveh_banded(banded, basis.T @ (times - line), lower=True)
+    averages = np.convolve(knots[1:-1], np.full(DEGREE, 1.0 / DEGREE), mode="valid")
+    coefficients = correction + times[0] + slope * (averages - turns[0])
+    residual = times - line - basis @ correction
+    return BSpline(knots, coefficients, DEGREE), np.asarray(residual, dtype=np.float64)

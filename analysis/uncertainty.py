@@ -1,0 +1,77 @@
+"""How far amplitude, phase and order of a line are to be trusted, in standard deviations.
+
+Noise in a spectrum is taken as complex normal: its amplitudes are Rayleigh distributed, their median 1.1774 times the
+standard deviation of one part. What all pulses of the tacho have in common (its delay), the calibration of the probes
+and run-out are not in these figures.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+RAYLEIGH_MEDIAN = float(np.sqrt(2.0 * np.log(2.0)))  # over the standard deviation of one part
+NEIGHBOURS = 2.0 / 3.0  # correlation of the noise of two neighbouring lines of a Hann window
+
+
+def amplitude_sigma(noise_rms: float, samples: int, noise_bandwidth: float = 1.5) -> float:
+    """Return the standard deviation of a line's amplitude, peak, in white noise.
+
+    Parameters
+    ----------
+    noise_rms : float
+        Of the samples, any unit.
+    samples : int
+        In the frame, independent of one another.
+    noise_bandwidth : float
+        Of the window, bins; 1.5 is Hann's.
+
+    Notes
+    -----
+    sigma_A = sigma_x sqrt(2 * 1.5 / N) (A. Brandt, Noise and Vibration Analysis, 2011, ch. 9).
+    """
+    if not noise_rms >= 0.0 or samples < 1:
+        raise ValueError(f"noise_rms, samples: {noise_rms} and {samples}, expected 0 or more and at least 1")
+    return float(noise_rms * np.sqrt(2.0 * noise_bandwidth / samples))
+
+
+def sigma_of_floor(floor: FloatArray) -> FloatArray:
+    """Return the standard deviation of a line's amplitude where the median of the lines beside it is ``floor``."""
+    return np.asarray(floor / RAYLEIGH_MEDIAN, dtype=np.float64)
+
+
+def phase_sigma(amplitude: FloatArray, sigma: FloatArray, angle_sigma: FloatArray, order: float) -> FloatArray:
+    """Return the standard deviation of a line's phase, rad, at most that of an unknown phase, pi / sqrt(3).
+
+    Parameters
+    ----------
+    amplitude, sigma : ndarray of float64
+        Amplitude and its standard deviation, in the same unit.
+    angle_sigma : ndarray of float64
+        Of the shaft's angle, from the tacho's jitter, rad.
+    order : float
+        Of the line: the angle's error counts so many times.
+    """
+    ratio = np.divide(sigma, amplitude, out=np.full(np.shape(amplitude), np.inf), where=amplitude > 0.0)
+    return np.asarray(np.minimum(np.hypot(ratio, order * angle_sigma), np.pi / np.sqrt(3.0)), dtype=np.float64)
+
+
+def order_sigma(peak: FloatArray, neighbour: FloatArray, sigma: FloatArray, revolutions: int) -> FloatArray:
+    """Return the standard deviation of an order interpolated between two lines of a Hann window.
+
+    Parameters
+    ----------
+    peak, neighbour : ndarray of float64
+        Amplitudes A of the peak's line and B of its larger neighbour.
+    sigma : ndarray of float64
+        Standard deviation of one line, in the same unit.
+    revolutions : int
+        In the frame.
+
+    Notes
+    -----
+    delta = (2B - A) / (A + B) lines; its variance is 9 (A² + B² + 2 rho A B) sigma² / (A + B)^4 with the noise of the
+    two lines, which stand in opposite phase, correlated by rho = 2/3.
+    """
+    spread = peak**2 + neighbour**2 + 2.0 * NEIGHBOURS * peak * neighbour
+    return np.asarray(3.0 * np.sqrt(spread) * sigma / (peak + neighbour) ** 2 / revolutions, dtype=np.float64)

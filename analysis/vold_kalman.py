@@ -1,0 +1,165 @@
+"""Orders as they swell and fade, sample by sample: the Vold-Kalman filter of the second generation."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solveh_banded
+
+from analysis.errors import RecordTooShortError
+
+FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+POLES = 2  # differences of the envelope that are held small
+WORST_WEIGHT = 1e13  # of the structural equation: beyond it the solution has lost its digits
+HALF_POWER = np.sqrt(2.0) - 1.0
+_STENCIL = np.array([1.0, -2.0, 1.0])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class OrderEnvelopes:
+    """The complex envelopes of several orders, solved for together.
+
+    Parameters
+    ----------
+    orders : tuple of float
+        Frequencies over shaft frequency.
+    envelopes : ndarray of complex128, shape (n_orders, n)
+        In the waveform's unit, peak: x(t) = sum Re[X exp(i order theta(t))].
+    sigma : ndarray of float64, shape (n_orders, n)
+        Standard deviation of each amplitude, from what all orders leave of the waveform taken as white noise.
+    angle : ndarray of float64, shape (n,)
+        Angle of the shaft, rad.
+    rest : ndarray of float64, shape (n,)
+        What the orders leave of the waveform.
+    """
+
+    orders: tuple[float, ...]
+    envelopes: ComplexArray
+    sigma: FloatArray
+    angle: FloatArray
+    rest: FloatArray
+
+    def waveform(self, index: int) -> FloatArray:
+        """Return the waveform of one order alone, shape (n,), in the waveform's unit."""
+        turning = np.exp(1j * self.orders[index] * self.angle)
+        return np.asarray((self.envelopes[index] * turning).real, dtype=np.float64)
+
+
+def order_envelopes(
+    waveform: FloatArray,
+    angle: FloatArray,
+    rate: float,
+    orders: tuple[float, ...],
+    *,
+    bandwidth: float | None = None,
+    bandwidth_percent: float | None = None,
+) -> OrderEnvelopes:
+    """Return the envelopes of several orders of a waveform.
+
+    Decimate first (`analysis.pyramid`): the work grows with the rate, and at a rate far above the bandwidth the
+    equations lose their digits, which is refused.
+
+    Parameters
+    ----------
+    waveform : ndarray of float64, shape (n,)
+        Uniformly in time, any unit, about free of a mean.
+    angle : ndarray of float64, shape (n,)
+        Angle of the shaft at the samples, rad, rising.
+    rate : float
+        Sample rate, Hz.
+    orders : tuple of float
+        Above 0, all different.
+    bandwidth : float or None
+        Full width at half power, Hz, the same at every speed.
+    bandwidth_percent : float or None
+        Full width at half power in per cent of each order's frequency. One of the two must be given.
+
+    Raises
+    ------
+    RecordTooShortError
+        With fewer than 8 samples.
+    ValueError
+        Shapes, orders above 0.45 of the rate, or a bandwidth that is out of reach at this rate.
+
+    Notes
+    -----
+    Minimises sum |r (second difference of X_k)|² + |x - sum Re[X_k exp(i k theta)]|² over all X_k together; r from
+    the bandwidth: r² (2 sin(pi B / (2 rate)))^4 = (sqrt 2 - 1) / 2, as a real waveform gives half its power to each
+    turning direction (H. Vold and J. Leuridan, SAE 931288, 1993; J. Tuma, Setting the passband width in the
+    Vold-Kalman order tracking filter, ICSV 12, 2005). The normal equations are banded: real and imaginary parts of all
+    orders at one sample, then the next sample.
+    """
+    waveform, angle = np.asarray(waveform, dtype=np.float64), np.asarray(angle, dtype=np.float64)
+    _check(waveform, angle, orders)
+    if (bandwidth is None) == (bandwidth_percent is None):
+        raise ValueError("bandwidth, bandwidth_percent: expected one of the two, Hz or per cent of the order")
+    n, count = waveform.size, len(orders)
+    turn_rate = np.gradient(angle) * rate / (2.0 * np.pi)
+    if max(orders) * float(turn_rate.max()) > 0.45 * rate:
+        raise ValueError(
+            f"order {max(orders)} reaches {max(orders) * float(turn_rate.max()):.0f} Hz, expected at most 0.45 of the "
+            f"rate, {0.45 * rate:.0f} Hz"
+        )
+    widths = np.empty((count, n))
+    for index, order in enumerate(orders):
+        widths[index] = bandwidth if bandwidth is not None else 0.01 * (bandwidth_percent or 0.0) * order * turn_rate
+    weights = _weights(widths, rate)
+    turning = np.exp(1j * np.array(orders)[:, None] * angle)
+    rows = np.stack([turning.real, -turning.imag], axis=1).reshape(2 * count, n)  # x = rows · (Re, Im)
+    solution = solveh_banded(
+        _equations(rows, np.repeat(weights, 2, axis=0)), (rows * waveform).T.ravel(), lower=True, check_finite=False
+    )
+    parts = solution.reshape(n, count, 2)
+    envelopes = np.ascontiguousarray((parts[..., 0] + 1j * parts[..., 1]).T)
+    rest = waveform - (envelopes * turning).real.sum(axis=0)
+    # sigma_A = sigma_x sqrt(2 * noise bandwidth / rate); that of a filter 1 / (1 + u^4) is 3 pi / (8 sqrt 2) of its
+    # corner u = 1 on either side, which lies HALF_POWER^(-1/4) outside the half-power point.
+    noise_width = widths * 3.0 * np.pi / (8.0 * np.sqrt(2.0)) * HALF_POWER**-0.25
+    sigma = float(np.std(rest)) * np.sqrt(2.0 * noise_width / rate)
+    return OrderEnvelopes(tuple(orders), envelopes, sigma, angle, rest)
+
+
+def _check(waveform: FloatArray, angle: FloatArray, orders: tuple[float, ...]) -> None:
+    if waveform.ndim != 1 or waveform.shape != angle.shape:
+        raise ValueError(f"waveform, angle: shapes {waveform.shape} and {angle.shape}, expected both (n,)")
+    if waveform.size < 8:
+        raise RecordTooShortError(f"{waveform.size} samples, expected at least 8")
+    if not (np.isfinite(waveform).all() and np.isfinite(angle).all() and (np.diff(angle) > 0.0).all()):
+        raise ValueError("waveform, angle: expected finite values and an angle that rises")
+    if not orders or min(orders) <= 0.0 or len(set(orders)) != len(orders):
+        raise ValueError(f"orders: {orders}, expected at least one, above 0, all different")
+
+
+def _weights(widths: FloatArray, rate: float) -> FloatArray:
+    """Return r² of each order at each sample."""
+    narrowest, widest = float(widths.min()), float(widths.max())
+    if not 0.0 < narrowest <= widest < 0.5 * rate:
+        raise ValueError(f"bandwidth: {narrowest} to {widest} Hz, expected above 0 to below {0.5 * rate} Hz")
+    weights = 0.5 * HALF_POWER / (2.0 * np.sin(0.5 * np.pi * widths / rate)) ** (2 * POLES)
+    if float(weights.max()) > WORST_WEIGHT:
+        lowest = rate * 2.0 / np.pi * 0.5 * (0.5 * HALF_POWER / WORST_WEIGHT) ** (0.5 / POLES)
+        raise ValueError(
+            f"bandwidth: {narrowest:.3g} Hz at {rate:.0f} samples a second, expected at least {lowest:.3g} Hz: "
+            "decimate the waveform"
+        )
+    return np.asarray(weights, dtype=np.float64)
+
+
+def _equations(rows: FloatArray, weights: FloatArray) -> FloatArray:
+    """Return the lower diagonals of the normal equations, shape (POLES * m + 1, n * m), of m unknowns a sample."""
+    m, n = rows.shape
+    bands = np.zeros((POLES * m + 1, n, m))
+    for lag in range(m):  # unknown i + lag against i, at one sample
+        for i in range(m - lag):
+            bands[lag, :, i] = rows[i] * rows[i + lag]
+    for i in range(m):
+        middle = weights[i, 1:-1]
+        for first in range(POLES + 1):
+            for second in range(first, POLES + 1):
+                begin = first
+                bands[(second - first) * m, begin : begin + middle.size, i] += (
+                    middle * _STENCIL[first] * _STENCIL[second]
+                )
+    return bands.reshape(POLES * m + 1, n * m)
