@@ -23,6 +23,7 @@ from recordings.layout import (
     CHANNEL_IDS,
     END_RECORD,
     FEATURES,
+    NANOSECONDS,
     ORDER_FRAME,
     SAMPLES,
     SEGMENT_END,
@@ -35,6 +36,7 @@ from recordings.sequence import Sequence, cut_end
 
 SAMPLE_CHANNEL = frozenset({CHANNEL_IDS[SAMPLES]})
 END_CHANNEL = frozenset({CHANNEL_IDS[SEGMENT_END]})
+RESULTS_LAG_NS = 2 * NANOSECONDS  # by which chunks may lie out of order, results being written after their samples
 RESULT_CHANNELS = frozenset({CHANNEL_IDS[FEATURES], CHANNEL_IDS[ORDER_FRAME]})
 
 
@@ -172,8 +174,11 @@ class RunReader:
 
     def snapshots(self) -> Iterator[Snapshot]:
         """Yield the snapshots as recorded, with an empty trace; those in damaged places are left out."""
+        return self._snapshots(0)
+
+    def _snapshots(self, first_place: int) -> Iterator[Snapshot]:
         frame: rig_pb2.OrderFrame | None = None
-        for message in self._messages(RESULT_CHANNELS):
+        for message in self._messages(RESULT_CHANNELS, first_place):
             with suppress(ValueError):  # a result that cannot be read can be computed again
                 if message.channel == CHANNEL_IDS[ORDER_FRAME]:
                     frame = parsed(rig_pb2.OrderFrame(), message.data)
@@ -181,6 +186,25 @@ class RunReader:
                     features = parsed(rig_pb2.Features(), message.data)
                     same = frame is not None and (frame.segment, frame.sample) == (features.segment, features.sample)
                     yield decode_snapshot(features, frame if same else None)
+
+    def snapshot(self, segment: int, sample: int) -> Snapshot | None:
+        """Return the snapshot at a sample as recorded, without reading those before; None where there is none.
+
+        Parameters
+        ----------
+        segment, sample : int
+            As in the snapshot itself.
+        """
+        if segment not in self._starts_ns:
+            return None
+        time_ns = self._starts_ns[segment] + sample_time_ns(sample, self.header.acquisition.rate)
+        first = max(bisect_right([chunk.start_ns for chunk in self._container.chunks], time_ns - RESULTS_LAG_NS) - 1, 0)
+        for snapshot in self._snapshots(first):
+            if (snapshot.segment, snapshot.sample) == (segment, sample):
+                return snapshot
+            if (snapshot.segment, snapshot.sample) > (segment, sample):
+                break
+        return None
 
     def close(self) -> None:
         """Close the file; harmless when closed already."""

@@ -1,6 +1,5 @@
 """The prediction beside a run: read from the cache, or computed in a process of its own; nobody ever waits for it."""
 
-import ctypes
 import multiprocessing
 import os
 import signal
@@ -22,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.run import AnalysisSettings
+from daq.session.priority import give_way
 from model.errors import ModelError
 from model.parameters import ModelParameters
 from model.prediction import Prediction
@@ -31,7 +31,6 @@ FloatArray = NDArray[np.float64]
 
 JOIN_TIME = 2.0  # s
 PORTION = 0.2  # s of waiting at a time, so that closing need not wait long
-BELOW_NORMAL = 0x4000  # Windows' BELOW_NORMAL_PRIORITY_CLASS
 
 
 @dataclass(frozen=True, slots=True)
@@ -238,7 +237,7 @@ def _compute(
 ) -> None:
     """Compute, keep and send a map: the body of the process."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the parent, which ends this process
-    _give_way()
+    give_way()
     with suppress(BrokenPipeError):  # nobody listens any more
         try:
             prediction_map = compute_prediction_map(
@@ -250,12 +249,3 @@ def _compute(
         with suppress(OSError):  # a full or read-only disk: the map is sent all the same, and computed again next time
             _write(file, prediction_map)
         reports.send(prediction_map.to_arrays())
-
-
-def _give_way() -> None:
-    """Lower the priority of this process: acquisition and view come first."""
-    if sys.platform == "win32":
-        kernel = ctypes.windll.kernel32
-        kernel.SetPriorityClass(kernel.GetCurrentProcess(), BELOW_NORMAL)
-    else:
-        os.nice(5)
