@@ -8,6 +8,7 @@ import subprocess
 import sys
 import threading
 import time
+import urllib.error
 import urllib.request
 from collections.abc import Iterator
 from dataclasses import replace
@@ -79,6 +80,25 @@ def test_address_opens_the_viewer_with_the_data_and_no_welcome(view: LiveView) -
     assert asked["theme"] == ["dark"]
     with urllib.request.urlopen(view.url, timeout=10.0) as answer:  # noqa: S310 - our own address
         assert b"<html" in answer.read()
+
+
+def test_page_may_talk_to_its_data_and_to_nobody_else(view: LiveView) -> None:
+    with urllib.request.urlopen(view.url, timeout=10.0) as answer:  # noqa: S310 - our own address
+        policy = dict(part.strip().split(" ", 1) for part in answer.headers["Content-Security-Policy"].split(";"))
+    assert policy["default-src"] == "'self'"
+    port = urlsplit(view.viewer_url).port
+    allowed = {f"http://{name}:{port}" for name in ("127.0.0.1", "localhost")}
+    assert set(policy["connect-src"].split()) == {"'self'", *allowed}
+
+
+def test_page_has_the_viewer_and_nothing_else(view: LiveView) -> None:
+    page = view.url.partition("?")[0]
+    request = urllib.request.Request(f"{page}re_viewer_bg.wasm", method="HEAD")  # noqa: S310 - our own address
+    with urllib.request.urlopen(request, timeout=10.0) as answer:  # noqa: S310 - our own address
+        assert answer.headers["Content-Type"] == "application/wasm"
+        assert int(answer.headers["Content-Length"]) > 1_000_000
+    with pytest.raises(urllib.error.HTTPError, match="404"):
+        urllib.request.urlopen(f"{page}../pyproject.toml", timeout=10.0)  # noqa: S310 - our own address
 
 
 def test_frames_are_replaced_and_counted_when_they_come_too_fast(view: LiveView) -> None:
