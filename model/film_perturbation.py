@@ -9,8 +9,6 @@ from model.film_coefficients import LinearCoefficients, short_film_coefficients
 from model.film_grid import Flow, Grid
 from model.reynolds import pressure_unit, slenderness, solve_reynolds, thickness
 
-NEWTON_ITERATIONS = 30
-
 
 def perturbed_coefficients(
     film: Film, position: complex, surface_speed: float, grid: Grid, flow: Flow = Flow.BOTH
@@ -69,7 +67,9 @@ def perturbed_coefficients(
     return LinearCoefficients(position, rest.force, stiffness, damping)
 
 
-def finite_film_equilibrium(film: Film, load: float, surface_speed: float, grid: Grid) -> LinearCoefficients:
+def finite_film_equilibrium(
+    film: Film, load: float, surface_speed: float, grid: Grid, most_steps: int = 30
+) -> LinearCoefficients:
     """Return where a film of finite length carries a load, and its coefficients there.
 
     Parameters
@@ -82,6 +82,8 @@ def finite_film_equilibrium(film: Film, load: float, surface_speed: float, grid:
         w, rad/s.
     grid : Grid
         Division of the film.
+    most_steps : int
+        Newton's steps after which it gives up.
 
     Returns
     -------
@@ -90,12 +92,12 @@ def finite_film_equilibrium(film: Film, load: float, surface_speed: float, grid:
     Raises
     ------
     ValueError
-        Where load or speed is not positive.
+        Where load or speed is not positive, or the grid is too coarse for how near the wall the load presses.
     EquilibriumError
         Where Newton's steps do not settle within the clearance.
     """
     position = short_film_coefficients(film, load, surface_speed).position
-    for _ in range(NEWTON_ITERATIONS):
+    for _ in range(most_steps):
         found = perturbed_coefficients(film, position, surface_speed, grid)
         missing = found.force - 1j * load
         if abs(missing) < 1e-9 * load:
@@ -105,6 +107,6 @@ def finite_film_equilibrium(film: Film, load: float, surface_speed: float, grid:
         room = film.clearance - abs(position)
         position += move * min(1.0, 0.5 * room / abs(move))
     raise EquilibriumError(
-        f"load: {load:g} N is not balanced after {NEWTON_ITERATIONS} steps ({abs(missing):g} N missing at "
+        f"load: {load:g} N is not balanced after {most_steps} steps ({abs(missing):g} N missing at "
         f"{abs(position) / film.clearance:.6f} of the clearance), expected at most {1e-9 * load:g} N"
     )

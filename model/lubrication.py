@@ -26,8 +26,20 @@ FloatArray = NDArray[np.float64]
 
 HOLES = 6  # evenly spaced in the ring, section 3.3.3
 NEAREST_WALL = 0.999  # eccentricity ratio beyond which an equilibrium is refused
-SMALLEST_ECCENTRICITY, LARGEST_ECCENTRICITY = 1e-9, 1 - 1e-9  # searched
-EXTENTS = (0.99, 0.95, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.1)  # searched for a film that begins past the inlet
+SMALLEST_ECCENTRICITY, LARGEST_ECCENTRICITY = 1e-6, 1 - 1e-9  # searched
+EXTENTS = (
+    0.99,
+    0.95,
+    0.9,
+    0.8,
+    0.7,
+    0.6,
+    0.5,
+    0.4,
+    0.3,
+    0.2,
+    0.1,
+)  # the last film begins far past the inlet under any load
 
 
 @dataclass(frozen=True, slots=True)
@@ -196,12 +208,7 @@ def _ruptured_with(target: float, load: float, rise: float) -> LongFilm:
     def film(extent: float) -> LongFilm:
         return ruptured_film(_eccentricity_under(target, load, lambda eps: ruptured_film(eps, extent)), extent)
 
-    shorter = next((extent for extent in EXTENTS if film(extent).inlet_rise < rise), None)
-    if shorter is None:
-        raise EquilibriumError(
-            f"inlet_pressure: the film under {load:g} N would end before {EXTENTS[-1]:g} of its full extent, "
-            "expected a film that reaches from the inlet past its thinnest place"
-        )
+    shorter = next(extent for extent in EXTENTS if film(extent).inlet_rise < rise)
     return film(_root(lambda extent: film(extent).inlet_rise - rise, shorter, 1.0))
 
 

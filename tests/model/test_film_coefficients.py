@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.sparse.linalg import splu
 
 from model.errors import EquilibriumError
 from model.film import Film, films_of
@@ -21,8 +22,10 @@ from model.film_coefficients import (
 from model.film_grid import Flow, Grid
 from model.film_perturbation import finite_film_equilibrium, perturbed_coefficients
 from model.lubrication import table_3_1
-from model.reynolds import solve_reynolds
+from model.reynolds import pressure_unit, slenderness, solve_reynolds
 from model.short_film import Capone
+
+FloatArray = NDArray[np.float64]
 
 ECCENTRICITIES = tuple(round(0.1 * n, 1) for n in range(1, 10))
 FILM = Film(radius=5e-3, length=10e-3, clearance=20e-6, viscosity=0.015)
@@ -92,6 +95,51 @@ def test_perturbation_of_a_finite_film_equals_differences_of_its_solution(slende
         damping = difference(0j, direction * step * SPEED, step * SPEED)
         assert found.stiffness[:, column] == pytest.approx((stiffness.real, stiffness.imag), rel=1e-6)
         assert found.damping[:, column] == pytest.approx((damping.real, damping.imag), rel=1e-6)
+
+
+def printed_perturbation(film: Film, position: complex, grid: Grid) -> tuple[FloatArray, FloatArray]:
+    """Stiffness and damping from (4.24)-(4.27) as the thesis writes them, put right and with the axial flow kept."""
+    rest = solve_reynolds(film, position, 0j, SPEED, grid)
+    unit = pressure_unit(film)
+    p = rest.pressure[:-1] / unit
+    psi = grid.angles - math.pi / 2  # the thesis counts from +Y
+    z = position / film.clearance
+    h = 1 - (z * np.exp(-1j * grid.angles)).real
+    slope = (1j * z * np.exp(-1j * grid.angles)).real
+    slope_p = (np.roll(p, -1, axis=1) - np.roll(p, 1, axis=1)) / (2 * grid.width)
+    sin, cos = np.sin(psi), np.cos(psi)
+    right = (
+        6 * SPEED * (cos - 3 * sin * slope / h) - 3 * h**3 * slope_p * (cos * h - sin * slope) / h**2,  # Eq. (4.24)
+        6 * SPEED * (sin + 3 * cos * slope / h) + 3 * h**3 * slope_p * (-sin * h - cos * slope) / h**2,  # Eq. (4.25)
+        12 * sin,  # Eq. (4.26)
+        -12 * cos,  # Eq. (4.27)
+    )
+    h_faces = 1 - (z * np.exp(-1j * grid.faces)).real
+    matrix = grid.conduction(h**3, h_faces**3, slenderness(film), Flow.BOTH)
+    carries = np.flatnonzero(rest.carries)
+    solver = splu(matrix[carries][:, carries].tocsc())
+    coefficients = np.zeros((4, 2))
+    for row, side in zip(coefficients, right, strict=True):
+        change = np.zeros(p.size)
+        change[carries] = solver.solve(-(side * grid.lengths[:, np.newaxis] * grid.width).ravel()[carries])
+        resultant = unit * film.radius * film.length / film.clearance * grid.resultant(change)
+        row[:] = resultant.real, resultant.imag
+    return coefficients[:2].T, coefficients[2:].T
+
+
+def test_perturbed_equations_of_the_thesis_converge_to_the_same_coefficients() -> None:
+    film = Film(5e-3, 10e-3, 20e-6, 0.012)
+    position = 0.5 * film.clearance * np.exp(-0.5j)
+    errors = []
+    for around in (96, 192, 384):
+        grid = Grid(around, around // 12)
+        found = perturbed_coefficients(film, position, SPEED, grid)
+        stiffness, damping = printed_perturbation(film, position, grid)
+        assert damping == pytest.approx(found.damping, rel=1e-9)
+        errors.append(float(np.max(np.abs(stiffness / found.stiffness - 1))))
+    assert errors[-1] < 1e-4
+    assert errors[0] / errors[1] == pytest.approx(4, rel=0.1)
+    assert errors[1] / errors[2] == pytest.approx(4, rel=0.1)
 
 
 def test_short_films_load_and_attitude_are_those_of_its_force() -> None:
@@ -165,6 +213,20 @@ def test_differentiation_names_what_it_cannot_take() -> None:
 def test_finite_film_names_a_load_that_its_grid_cannot_resolve() -> None:
     with pytest.raises(ValueError, match=r"around: 48 places, expected at least \d+ to resolve the film"):
         finite_film_equilibrium(FILM, 1e5, SPEED, Grid(48, 4))
+
+
+def test_finite_film_tells_of_an_equilibrium_that_does_not_settle() -> None:
+    with pytest.raises(
+        EquilibriumError, match=r"load: 300 N is not balanced after 2 steps .* expected at most 3e-07 N"
+    ):
+        finite_film_equilibrium(FILM, 300.0, SPEED, Grid(96, 8), most_steps=2)
+
+
+def test_perturbation_of_a_film_whose_surfaces_stand_has_no_coefficients() -> None:
+    found = perturbed_coefficients(FILM, 0.5 * FILM.clearance + 0j, 0.0, Grid(48, 4))
+    assert found.force == 0
+    assert not np.any(found.stiffness)
+    assert not np.any(found.damping)
 
 
 def test_perturbation_of_a_centred_film_has_no_force_and_only_cross_stiffness() -> None:

@@ -36,6 +36,27 @@ def test_pressures_of_both_films_balance_their_loads(
         assert np.min(pressure) >= 0
 
 
+def test_films_balance_and_meet_their_inlet_pressure_at_300_random_loads() -> None:
+    rng = np.random.default_rng(11)
+    psi = np.linspace(0, TURN, 18000, endpoint=False)
+    found = 0
+    for _ in range(300):
+        load, scale, area = 10 ** rng.uniform(-2, 4), 10 ** rng.uniform(4, 8), 10 ** rng.uniform(-5, -3)
+        inlet_pressure = 0.0 if rng.random() < 0.3 else 10 ** rng.uniform(2, 7)
+        try:
+            film = film_equilibrium(load, scale, area, inlet_pressure)
+        except EquilibriumError:
+            continue
+        found += 1
+        pressure = film.pressure(psi)
+        element = area * TURN / psi.size
+        assert -np.sum(pressure * np.cos(psi)) * element == pytest.approx(load, rel=2e-3)
+        assert np.sum(pressure * np.sin(psi)) * element == pytest.approx(0.0, abs=2e-3 * load)
+        assert float(film.pressure(0.0)) == pytest.approx(inlet_pressure, abs=1e-6 * float(np.max(pressure)))
+        assert 0 < film.eccentricity <= 0.999
+    assert found > 200
+
+
 def test_outer_film_has_the_inlet_pressure_at_the_top_and_the_inner_film_none() -> None:
     for speed in (500.0, 3000.0, 9000.0):  # ruptured and complete
         rest = thesis_like().equilibrium(20.0, speed, 2e5)
@@ -125,6 +146,13 @@ def test_equilibrium_tells_of_a_load_that_presses_the_journal_against_the_wall(l
 def test_equilibrium_tells_of_a_load_too_small_to_resolve() -> None:
     with pytest.raises(EquilibriumError, match=r"load: 1e-12 N displaces the body by less than"):
         nominal().equilibrium(1e-12, 1000.0, 1e5)
+
+
+def test_equilibrium_tells_of_a_load_that_presses_nearer_to_the_wall_than_is_computed() -> None:
+    with pytest.raises(
+        EquilibriumError, match=r"presses the body to 0\.999\d+ of its clearance, expected .* within 0.999"
+    ):
+        film_equilibrium(400.0, 1e4, 5e-5, 0.0)
 
 
 @pytest.mark.parametrize("name", ["load_factor", "inner_capacity_factor", "flow_scale"])

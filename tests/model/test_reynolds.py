@@ -8,16 +8,16 @@ import pytest
 from model.film import Film
 from model.film_grid import Flow, Grid
 from model.long_film import bearing_angle, ruptured_film
-from model.reynolds import Groove, pressure_unit, solve_reynolds
+from model.reynolds import Groove, pressure_unit, slenderness, solve_reynolds, thickness
 
 SPEED = 1000.0
 CLEARANCE = 20e-6
 HALF_WAY = 0.5 * CLEARANCE + 0j
 
 
-def film(slenderness: float) -> Film:
+def film(ratio: float) -> Film:
     """Film of a given length over diameter."""
-    return Film(radius=5e-3, length=slenderness * 10e-3, clearance=CLEARANCE, viscosity=0.012)
+    return Film(radius=5e-3, length=ratio * 10e-3, clearance=CLEARANCE, viscosity=0.012)
 
 
 @pytest.mark.parametrize("cavitates", [False, True])
@@ -35,9 +35,9 @@ def test_force_converges_in_second_order(*, cavitates: bool) -> None:
 @pytest.mark.parametrize("velocity", [0j, 3e-3 - 2e-3j])
 def test_force_comes_to_the_short_films_as_the_length_shrinks(velocity: complex) -> None:
     deviations = []
-    for slenderness in (0.2, 0.1, 0.05, 0.025):
-        short = film(slenderness).force(HALF_WAY, velocity, SPEED)
-        found = solve_reynolds(film(slenderness), HALF_WAY, velocity, SPEED, Grid(720, 8))
+    for ratio in (0.2, 0.1, 0.05, 0.025):
+        short = film(ratio).force(HALF_WAY, velocity, SPEED)
+        found = solve_reynolds(film(ratio), HALF_WAY, velocity, SPEED, Grid(720, 8))
         deviations.append(abs(found.force - short) / abs(short))
     ratios = np.array(deviations[:-1]) / np.array(deviations[1:])
     assert np.all(ratios > 3.3)  # as the square of the length
@@ -48,11 +48,9 @@ def test_force_comes_to_the_long_films_as_the_length_grows() -> None:
     shape = ruptured_film(0.5, 0.95)
     start = float(bearing_angle(shape.start, 0.5))  # a groove without pressure where the long film begins
     deviations = []
-    for slenderness in (4.0, 8.0, 16.0, 32.0):
-        found = solve_reynolds(
-            film(slenderness), HALF_WAY, 0j, SPEED, Grid(180, 32), groove=Groove(start + math.pi, 0.0)
-        )
-        unit = 6 * pressure_unit(film(slenderness)) * SPEED * film(slenderness).length * film(slenderness).radius
+    for ratio in (4.0, 8.0, 16.0, 32.0):
+        found = solve_reynolds(film(ratio), HALF_WAY, 0j, SPEED, Grid(180, 32), groove=Groove(start + math.pi, 0.0))
+        unit = 6 * pressure_unit(film(ratio)) * SPEED * film(ratio).length * film(ratio).radius
         deviations.append(found.force / (unit * complex(*shape.force)) - 1)
     assert np.abs(deviations[:-1]) / np.abs(deviations[1:]) == pytest.approx([2, 2, 2], abs=0.2)  # two ends, D/L each
     assert abs(2 * deviations[-1] - deviations[-2]) < 3e-3  # what would be left of an endless film
@@ -72,6 +70,21 @@ def test_film_nowhere_pulls_and_carries_where_its_pressure_is_above_zero() -> No
     assert np.array_equal(found.pressure[:-1] > 0, found.carries)
     assert np.all(found.pressure[-1] == 0)
     assert 0.3 < np.mean(found.carries) < 0.7
+
+
+def test_pressure_is_the_one_that_projected_relaxation_finds() -> None:
+    grid = Grid(32, 4)
+    found = solve_reynolds(film(1.0), HALF_WAY, 2e-3j, SPEED, grid)
+    h_faces, h_places, squeeze = thickness(film(1.0), HALF_WAY, 2e-3j, grid)
+    matrix = grid.conduction(h_places**3, h_faces**3, slenderness(film(1.0)), Flow.BOTH).toarray()
+    source = grid.carried(SPEED * h_faces, squeeze)
+    pressure = np.zeros(source.size)
+    for _ in range(400):
+        for volume in range(source.size):
+            outflow = matrix[volume] @ pressure + source[volume]
+            pressure[volume] = max(0.0, pressure[volume] - 1.5 * outflow / matrix[volume, volume])
+    expected = pressure_unit(film(1.0)) * pressure.reshape(grid.along, grid.around)
+    assert found.pressure[:-1] == pytest.approx(expected, abs=1e-8 * float(np.max(expected)))
 
 
 def test_film_ends_without_slope_where_it_breaks_and_with_one_where_it_begins() -> None:
