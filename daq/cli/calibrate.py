@@ -56,8 +56,8 @@ def tacho(chosen: argparse.Namespace) -> int:
         print("the tacho does not switch between two levels: turn the shaft, by hand if need be, and look at its mark")
         return NOT_READY
     print(
-        f"the tacho switches between {levels.low:.2f} and {levels.high:.2f} V, noise {1e3 * levels.scatter:.0f} mV rms, "
-        f"light for {100 * levels.high_fraction:.0f} % of the time\n"
+        f"the tacho switches between {levels.low:.2f} and {levels.high:.2f} V, "
+        f"noise {1e3 * levels.scatter:.0f} mV rms, light for {100 * levels.high_fraction:.0f} % of the time\n"
         f"[tacho]\nthreshold_v = {levels.middle:.2f}\nhysteresis_v = {levels.hysteresis:.2f}"
     )
     low, high = rig.tacho.threshold - rig.tacho.hysteresis / 2, rig.tacho.threshold + rig.tacho.hysteresis / 2

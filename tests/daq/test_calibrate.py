@@ -1,0 +1,200 @@
+"""Calibrating at the command line: steps, files of points, records that are never overwritten, the tacho's levels."""
+
+import io
+import json
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from daq.cli.main import main
+from daq.config.calibration import load_calibration, load_record
+from daq.errors import ConfigError
+
+RigFiles = Callable[..., Path]
+
+POINTS = "gap_um,volts,who\n100,0.95\n300,2.97\n500,5.01\n700,7.04\n900,9.05\n\n"
+STILL = {"profile": [{"time_s": 0.0, "speed_rpm": 0.0}, {"time_s": 1.5, "speed_rpm": 0.0}]}
+
+
+@contextmanager
+def typed(text: str) -> Iterator[None]:
+    """Let the operator have typed this."""
+    before, sys.stdin = sys.stdin, io.StringIO(text)
+    try:
+        yield
+    finally:
+        sys.stdin = before
+
+
+def written(folder: Path) -> list[Path]:
+    """Return the records that a calibration has written."""
+    return sorted(folder.glob("probe-x-*.toml"))
+
+
+def points_file(folder: Path, text: str = POINTS) -> str:
+    path = folder / "points.csv"
+    path.write_text(text, encoding="utf-8")
+    return str(path)
+
+
+def test_steps_at_the_micrometer_give_back_the_probes_curve(
+    rig_file: RigFiles, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = rig_file()
+    with typed("100\n250\nx\n-5\n400\n9\n-\n550,0\n700\n850\n\n"):
+        assert main(["calibrate", "gap", str(path), "x", "--operator", "me", "--target", "steel"]) == 0
+    told = capsys.readouterr()
+    assert told.err.count("step 4, gap in µm: ") == 2
+    assert "'x': expected a gap in µm" in told.err
+    assert "'-5': expected a gap in µm" in told.err
+    assert "rising, 0.0" in told.out
+    (record,) = written(path.parent)
+    assert f'calibration = "{record.name}"' in told.out
+    new, old = load_calibration(record), load_calibration(path.parent / "probe-x.toml")
+    assert new.coefficients == pytest.approx(old.coefficients, rel=0.02, abs=1e-7)
+    assert new.residual < 0.1e-6
+    assert (new.sensor, new.conditioner) == (old.sensor, old.conditioner)
+    table = load_record(record).calibration
+    assert (table.operator, table.target) == ("me", "steel")
+    assert [point.gap_um for point in load_record(record).point] == [100, 250, 400, 550, 700, 850]
+
+
+def test_points_from_a_file_are_fitted_and_shown(rig_file: RigFiles, capsys: pytest.CaptureFixture[str]) -> None:
+    path = rig_file()
+    assert (
+        main(["calibrate", "gap", str(path), "y", "--points", points_file(path.parent), "--order", "1", "--json"]) == 0
+    )
+    document = json.loads(capsys.readouterr().out)
+    assert document["channel"] == "y"
+    assert len(document["coefficients_um"]) == 2
+    assert document["coefficients_um"][1] == pytest.approx(98.6, abs=0.5)
+    assert [point["gap_um"] for point in document["points"]] == [100, 300, 500, 700, 900]
+    assert document["residual_um"] == pytest.approx(max(abs(p["off_um"]) for p in document["points"]), abs=1e-3)
+    assert load_calibration(Path(document["file"])).residual == pytest.approx(document["residual_um"] * 1e-6)
+
+
+def test_points_of_a_german_spreadsheet_are_understood(rig_file: RigFiles) -> None:
+    path = rig_file()
+    text = "Spalt;Volt\n100,5;0,95\n300;2,97\n500;5,01\n700;7,04\n"
+    assert main(["calibrate", "gap", str(path), "x", "--points", points_file(path.parent, text)]) == 0
+    (record,) = written(path.parent)
+    assert load_record(record).point[0].gap_um == 100.5
+
+
+def test_record_is_never_overwritten(rig_file: RigFiles, capsys: pytest.CaptureFixture[str]) -> None:
+    path = rig_file()
+    points = points_file(path.parent)
+    for _ in range(2):
+        assert main(["calibrate", "gap", str(path), "x", "--points", points]) == 0
+    first, second = written(path.parent)
+    assert first.name != second.name
+    before = first.read_bytes()
+    assert main(["calibrate", "gap", str(path), "x", "--points", points, "-o", str(first)]) == 2
+    assert "never overwritten" in capsys.readouterr().err
+    assert first.read_bytes() == before
+
+
+def test_points_that_make_no_calibration_are_refused_and_steps_are_kept(
+    rig_file: RigFiles, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = rig_file()
+    with typed("500\n400\n"):
+        assert main(["calibrate", "gap", str(path), "x"]) == 2
+    told = capsys.readouterr().err
+    assert "2 points, expected at least 3" in told
+    (kept,) = path.parent.glob("*.csv")
+    assert str(kept) in told
+    assert len(kept.read_text(encoding="utf-8").splitlines()) == 3
+    assert written(path.parent) == []
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["tacho"], "has no probe 'tacho': expected x or y"),
+        (["x", "--points", "nowhere.csv"], "nowhere.csv: cannot be read"),
+        (["x", "--points", "POINTS"], "line 3: 'much,more': expected gap_um, volts"),
+    ],
+)
+def test_wrong_channel_or_points_are_named(
+    rig_file: RigFiles, capsys: pytest.CaptureFixture[str], arguments: list[str], message: str
+) -> None:
+    path = rig_file()
+    points = points_file(path.parent, "gap,volts\n1,2\nmuch,more\n")
+    given = [points if argument == "POINTS" else argument for argument in arguments]
+    assert main(["calibrate", "gap", str(path), *given]) == 2
+    assert message in capsys.readouterr().err
+
+
+def test_gap_beyond_the_cards_range_is_not_taken_for_a_point(
+    rig_file: RigFiles, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = rig_file(
+        channel=[
+            {"name": "x", "role": "probe_x", "physical": "ai0", "calibration": "probe-x.toml", "range_v": 5.0}
+            | {"gap_window_v": [1.0, 4.0]},
+            {"name": "y", "role": "probe_y", "physical": "ai1", "angle_deg": 90.0, "calibration": "probe-y.toml"},
+            {"name": "tacho", "role": "tacho", "physical": "ai2"},
+        ]
+    )
+    with typed("900\n"):
+        assert main(["calibrate", "gap", str(path), "x"]) == 3
+    assert "at the end of what ai0 can read at 900 µm" in capsys.readouterr().err
+
+
+def test_record_with_points_alone_is_a_calibration(tmp_path: Path) -> None:
+    path = tmp_path / "points.toml"
+    points = "".join(f"[[point]]\ngap_um = {100 * k}\nvolts = {k}.0\n" for k in range(1, 7))
+    path.write_text(f'[calibration]\ndate = "2026-11-24"\norder = 1\n{points}', encoding="utf-8")
+    calibration = load_calibration(path)
+    assert calibration.coefficients == pytest.approx((0.0, 1e-4), abs=1e-12)
+    assert (calibration.volts_low, calibration.volts_high) == (1.0, 6.0)
+
+
+@pytest.mark.parametrize(
+    ("text", "fault"),
+    [
+        ("", "calibration.coefficients_um: missing, expected a list in brackets, or the measured points"),
+        (
+            "order = 2\ncoefficients_um = [0, 100]\nvolts_low = 0\nvolts_high = 9",
+            "calibration.order = 2: expected none",
+        ),
+        ("[[point]]\ngap_um = 1\nvolts = 1", "point: 1 points, expected at least 3"),
+    ],
+)
+def test_record_without_a_curve_says_what_is_missing(tmp_path: Path, text: str, fault: str) -> None:
+    path = tmp_path / "record.toml"
+    path.write_text(f'[calibration]\ndate = "2026-11-24"\n{text}\n', encoding="utf-8")
+    with pytest.raises(ConfigError) as caught:
+        load_calibration(path)
+    assert caught.value.faults[0].startswith(fault)
+
+
+def test_tacho_levels_propose_the_switching_levels(rig_file: RigFiles, capsys: pytest.CaptureFixture[str]) -> None:
+    levels = {"tacho_high_v": 5.0, "tacho_low_v": 1.0}
+    assert main(["calibrate", "tacho", str(rig_file(simulation=levels))]) == 0
+    told = capsys.readouterr().out
+    assert "switches between 1.00 and 5.00 V" in told
+    assert "\nthreshold_v = 3.00\nhysteresis_v = 1.00\n" in told
+    assert "1.65 and 2.65 V lie between those of the signal" in told
+
+
+def test_tacho_too_weak_for_the_rig_gets_levels_of_its_own(
+    rig_file: RigFiles, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["calibrate", "tacho", str(rig_file(simulation={"miswiring": "tacho weak"})), "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert (
+        document["level_low_v"] < document["threshold_v"] < document["level_high_v"] < document["present_threshold_v"]
+    )
+
+
+def test_tacho_that_does_not_switch_gets_no_levels(rig_file: RigFiles, capsys: pytest.CaptureFixture[str]) -> None:
+    path = str(rig_file(simulation=STILL))
+    assert main(["calibrate", "tacho", path]) == 4
+    assert "turn the shaft" in capsys.readouterr().out
+    assert main(["calibrate", "tacho", path, "--json"]) == 4
+    assert json.loads(capsys.readouterr().out)["threshold_v"] is None

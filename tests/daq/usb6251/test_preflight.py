@@ -1,0 +1,97 @@
+"""Preflight and the list of devices with the real client over the wire."""
+
+import datetime as dt
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from analysis.run import Calibration
+from analysis.verdict import Finding, Verdict
+from daq.cli.main import main
+from daq.config.rig import Rig
+from daq.errors import DeviceError, DeviceFault
+from daq.session.preflight import Plan, Preflight, preflight
+from tests.daq.device_server import DeviceServer
+from tests.daq.usb6251.bench import bench
+
+CALIBRATION = Calibration((0.0, 1e-4), 0.0, 10.0, residual=1e-6, sensor="a", conditioner="b", date="2026-11-20")
+
+
+def ready(server: DeviceServer, **device: Any) -> Rig:
+    rig = bench(server.target, **device)
+    other = replace(CALIBRATION, sensor="c", conditioner="d")
+    return replace(rig, calibrations={"x": CALIBRATION, "y": other})
+
+
+def looked_at(rig: Rig, folder: Path) -> Preflight:
+    return preflight(rig, Plan(folder, 10.0), dt.date(2026, 11, 24), lambda _text: None)
+
+
+def test_preflight_tests_the_card_before_it_acquires_and_leaves_nothing_reserved(
+    server: DeviceServer, tmp_path: Path
+) -> None:
+    found = looked_at(ready(server, serial="1A2B3C"), tmp_path)
+    checks = {check.name: check for check in found.checks}
+    assert checks["self-test"].verdict is Verdict.GOOD
+    assert server.log.index("SelfTestDevice") < server.log.index("CreateTask")
+    assert checks["device serial"].value == "1A2B3C"
+    assert checks["samples"].verdict is Verdict.GOOD
+    assert {check.name for check in found.checks if check.verdict is Verdict.FAIL} == set()
+    assert server.tasks == []
+
+
+def test_card_bound_by_its_name_alone_is_warned_of(server: DeviceServer, tmp_path: Path) -> None:
+    (check,) = (check for check in looked_at(ready(server), tmp_path).checks if check.name == "device serial")
+    assert check.finding is Finding.SERIAL
+    assert 'serial = "1A2B3C"' in check.advice
+
+
+def test_samples_lost_in_the_look_fail(server: DeviceServer, tmp_path: Path) -> None:
+    server.faults["ReadBinaryI16"].extend([0, 0, -200279])
+    (check,) = (check for check in looked_at(ready(server), tmp_path).checks if check.name == "samples")
+    assert check.finding is Finding.COUNT
+    assert "fetched fast enough" in check.advice
+    assert server.tasks == []
+
+
+@pytest.mark.parametrize("held", [False, True])
+def test_card_that_fails_its_test_or_is_busy_ends_the_preflight(
+    server: DeviceServer,
+    tmp_path: Path,
+    held: bool,  # noqa: FBT001 - a test's parameter
+) -> None:
+    server.driver.answers_tests = held
+    server.driver.held_elsewhere = held
+    with pytest.raises(DeviceError) as caught:
+        looked_at(ready(server), tmp_path)
+    assert caught.value.fault is (DeviceFault.BUSY if held else DeviceFault.MISSING)
+    assert caught.value.exit_code == 3
+    assert server.tasks == []
+
+
+def test_devices_are_listed_at_the_command_line(server: DeviceServer, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["devices", "--target", server.target]) == 0
+    head, first, _ = capsys.readouterr().out.splitlines()
+    assert head == f"NI-DAQmx 24.5.1 at device server {server.target}"
+    assert first.split()[:2] == ["Dev1", "USB-6251"]
+    assert "1A2B3C" in first
+    assert main(["devices", "--target", server.target, "--json"]) == 0
+    assert [device["busy"] for device in json.loads(capsys.readouterr().out)] == [False, False]
+    server.driver.devices = {}
+    assert main(["devices", "--target", server.target]) == 0
+    assert "no device is connected" in capsys.readouterr().out
+
+
+def test_devices_without_the_driver_end_with_3(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["devices"]) == 3
+    assert "install NI-DAQmx" in capsys.readouterr().err
+
+
+def test_devices_at_no_address_are_wrong_usage(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as caught:
+        main(["devices", "--target", "bench-pc"])
+    assert caught.value.code == 2
+    assert "expected an address as host:port" in capsys.readouterr().err
