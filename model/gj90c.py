@@ -3,7 +3,7 @@
 import math
 
 from model.parameters import FloatingRing, Imbalance, ModelParameters
-from model.rotor import Rotor
+from model.rotor import Disc, Rotor, Segment, ShaftMass
 
 
 def gj90c_rotor() -> Rotor:
@@ -14,14 +14,21 @@ def gj90c_rotor() -> Rotor:
     stations 3 and 4, the only pair that gives the rigid modes of Table 5.3. Station 1 is the compressor's end, 2 its
     wheel, 5 the turbine wheel.
     """
+    masses = (0.01, 0.06, 0.015, 0.02, 0.07, 0.01)  # Table 5.1
+    diametral_inertias = (0.2e-6, 9e-6, 0.2e-6, 0.2e-6, 8e-6, 0.2e-6)  # Table 5.1
+    polar_inertias = (0.1e-6, 16e-6, 0.1e-6, 0.1e-6, 14e-6, 0.1e-6)  # Table 5.1
+    radii = (5e-3, 5e-3, 4e-3, 7e-3, 7e-3)  # Table 5.1
+    lengths = (5e-3, 25e-3, 30e-3, 25e-3, 5e-3)  # Table 5.1
+    youngs_modulus = 205e9  # Table 5.1
+    sizes = zip(masses, diametral_inertias, polar_inertias, strict=True)
     return Rotor(
-        masses=(0.01, 0.06, 0.015, 0.02, 0.07, 0.01),  # Table 5.1
-        diametral_inertias=(0.2e-6, 9e-6, 0.2e-6, 0.2e-6, 8e-6, 0.2e-6),  # Table 5.1
-        polar_inertias=(0.1e-6, 16e-6, 0.1e-6, 0.1e-6, 14e-6, 0.1e-6),  # Table 5.1
-        radii=(5e-3, 5e-3, 4e-3, 7e-3, 7e-3),  # Table 5.1
-        lengths=(5e-3, 25e-3, 30e-3, 25e-3, 5e-3),  # Table 5.1
-        youngs_modulus=205e9,  # Table 5.1
+        segments=tuple(
+            Segment(length, radius, youngs_modulus=youngs_modulus)
+            for length, radius in zip(lengths, radii, strict=True)
+        ),
+        discs=tuple(Disc(station, *size) for station, size in enumerate(sizes, 1)),
         bearing_stations=(3, 4),
+        shaft_mass=ShaftMass.NONE,  # it is in the masses
     )
 
 

@@ -67,14 +67,11 @@ def free_modes(rotor: Rotor, count: int | None = None) -> FreeModes:
 
 
 def _rigid_shapes(rotor: Rotor) -> FloatArray:
-    masses = np.asarray(rotor.masses)
-    positions = np.concatenate(([0.0], np.cumsum(rotor.lengths)))
-    positions -= masses @ positions / masses.sum()
-    shapes = np.zeros((2 * rotor.stations, 2))
-    shapes[0::2, 0] = 1
-    shapes[0::2, 1] = positions
-    shapes[1::2, 1] = 1
-    return np.asarray(shapes / np.sqrt(np.diag(shapes.T @ rotor.mass_matrix() @ shapes)), dtype=np.float64)
+    mass, translation, rotation = rotor.mass_matrix(), rotor.translation, np.ones(2 * rotor.stations)
+    rotation[0::2] = rotor.positions
+    centre = (translation @ mass @ rotation) / (translation @ mass @ translation)
+    shapes = np.column_stack((translation, rotation - centre * translation))
+    return np.asarray(shapes / np.sqrt(np.diag(shapes.T @ mass @ shapes)), dtype=np.float64)
 
 
 def supported_stiffness(rotor: Rotor, bearing_stiffness: float) -> FloatArray:

@@ -142,7 +142,7 @@ class ModelParameters:
                 raise ValueError(f"imbalance: {imbalance.magnitude:g} kg m, expected a finite value, 0 or more")
             if not math.isfinite(imbalance.phase):
                 raise ValueError(f"imbalance: phase {imbalance.phase} rad, expected a finite angle")
-            most = sum(self.rotor.masses) * self.bearing.clearance
+            most = self.rotor.mass * self.bearing.clearance
             if imbalance.magnitude > most:
                 raise ValueError(
                     f"imbalance: {imbalance.magnitude:g} kg m at station {imbalance.station}, expected at most "

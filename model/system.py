@@ -178,7 +178,7 @@ class ModalSystem:
         imbalance = np.zeros(modes, np.complex128)
         for one in parameters.imbalances:
             imbalance += one.magnitude * np.exp(1j * one.phase) * shapes[rotor.displacement(one.station)]
-        weight = -1j * parameters.gravity * np.asarray(rotor.masses) @ shapes[0::2]
+        weight = -1j * parameters.gravity * (rotor.translation @ rotor.mass_matrix() @ shapes)
         shaft = Shaft(
             squares=free.frequencies**2,
             gyroscopic=np.ascontiguousarray(shapes.T @ rotor.gyroscopic_matrix() @ shapes),
