@@ -18,7 +18,7 @@ exit codes:
   0    good
   2    usage or configuration wrong; nothing was recorded
   3    the device is missing, busy or failed
-  4    preflight: something stands against a run
+  4    preflight: something stands against a run; calibrate tacho: its signal does not switch
   5    data lost or the recording is not whole (the file is kept)
   130  stopped by hand (the file is complete)
 
