@@ -42,7 +42,7 @@ def test_a_killed_recording_loses_a_quarter_second_at_most(
 ) -> None:
     profile = [{"time_s": 0.0, "speed_rpm": 6000.0}, {"time_s": 600.0, "speed_rpm": 6000.0}]
     rig_toml = rig_file(timing={"rate_hz": RATE}, simulation={"pace": "real time", "profile": profile})
-    context = multiprocessing.get_context("spawn" if n_kills < 10 else "forkserver")
+    context = multiprocessing.get_context("spawn")
     chance = random.Random(17)  # noqa: S311 - moments, not secrets
     losses = []
     for k in range(n_kills):
