@@ -55,7 +55,7 @@ class LatchedAlarm:
         self._largest = 0.0
 
     def update(self, peak_to_peak: float, time: float) -> AlarmState:
-        """Take an overall vibration, m peak-to-peak, at a time, s, rising; NaN, one that is not known, changes nothing."""
+        """Take an overall vibration, m peak-to-peak, at a time, s, rising; NaN, not known, changes nothing."""
         now = Severity.NORMAL
         for severity, limit in self._limits.items():
             held = self._now.rank >= severity.rank

@@ -105,19 +105,22 @@ def shaft_angle(record: PulseRecord) -> ShaftAngle:
             offsets[mark] = float(np.nanmedian(off[record.numbers % marks == mark]))
         turns = turns + offsets[record.numbers % marks]
     time, residual = _fit(turns, record.times)
-    scatter = _scatter(residual)
+    scatter = _scatter(residual, time)
     period = np.gradient(record.times, turns)
     good = np.abs(residual) <= np.maximum(OUTLIER * scatter, OUTLIER_PART * period)
     good[[0, -1]] = True
     if not good.all():
         time, residual = _fit(turns[good], record.times[good])
-        scatter = _scatter(residual)
+        scatter = _scatter(residual, time)
     angles = 2.0 * np.pi * (np.arange(marks) / marks + offsets)
     return ShaftAngle(time, float(turns[0]), float(turns[-1]), scatter, int(np.count_nonzero(~good)), angles)
 
 
-def _scatter(residual: FloatArray) -> float:
-    return MAD_TO_SIGMA * float(np.median(np.abs(residual - np.median(residual))))
+def _scatter(residual: FloatArray, fitted: BSpline) -> float:
+    """Return the scatter of the pulses, s: of what is left of them, and of what the fit has taken with it."""
+    freedom = max(residual.size - fitted.c.size, 1)
+    spread = float(np.median(np.abs(residual - np.median(residual))))
+    return MAD_TO_SIGMA * spread * float(np.sqrt(residual.size / freedom))
 
 
 def _fit(turns: FloatArray, times: FloatArray) -> tuple[BSpline, FloatArray]:

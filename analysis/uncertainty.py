@@ -11,7 +11,9 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.float64]
 
 RAYLEIGH_MEDIAN = float(np.sqrt(2.0 * np.log(2.0)))  # over the standard deviation of one part
-NEIGHBOURS = 2.0 / 3.0  # correlation of the noise of two neighbouring lines of a Hann window
+NEIGHBOURS = (
+    2.0 / 3.0
+)  # correlation of the noise of two neighbouring lines of a Hann window, along a component's phase in each
 
 
 def amplitude_sigma(noise_rms: float, samples: int, noise_bandwidth: float = 1.5) -> float:
@@ -70,8 +72,8 @@ def order_sigma(peak: FloatArray, neighbour: FloatArray, sigma: FloatArray, revo
 
     Notes
     -----
-    delta = (2B - A) / (A + B) lines; its variance is 9 (A² + B² + 2 rho A B) sigma² / (A + B)^4 with the noise of the
-    two lines, which stand in opposite phase, correlated by rho = 2/3.
+    delta = (2B - A) / (A + B) lines; its variance is 9 (A² + B² - 2 rho A B) sigma² / (A + B)^4 with the noise of the
+    two lines, each along its own phase, correlated by rho = 2/3.
     """
-    spread = peak**2 + neighbour**2 + 2.0 * NEIGHBOURS * peak * neighbour
+    spread = peak**2 + neighbour**2 - 2.0 * NEIGHBOURS * peak * neighbour
     return np.asarray(3.0 * np.sqrt(spread) * sigma / (peak + neighbour) ** 2 / revolutions, dtype=np.float64)
