@@ -135,6 +135,14 @@ class RingEquilibrium:
         """Return the outer film's pressure less the inner film's at places around the bearing (rad), Pa."""
         return self.outer.pressure(psi) - self.inner.pressure(psi)
 
+    def hole_flow(self, psi: ArrayLike) -> FloatArray:
+        """Return the oil that flows through one hole at places around the bearing (rad), kg/s, positive inwards.
+
+        As the root of the pressure difference, (3.24), with `flow_scale` for what the thesis leaves out.
+        """
+        difference = self.pressure_difference(psi)
+        return np.asarray(self.flow_scale * np.sign(difference) * np.sqrt(np.abs(difference)))  # Eq. (3.24)
+
     def flow(self, ring_angle: ArrayLike) -> FloatArray:
         """Return the oil that flows through the six holes into the inner film, kg/s.
 
@@ -150,8 +158,8 @@ class RingEquilibrium:
             `flow_scale`, so known in shape and sign only.
         """
         holes = 2 * np.pi / HOLES * np.arange(HOLES)
-        difference = self.pressure_difference(np.asarray(ring_angle, dtype=np.float64)[..., np.newaxis] + holes)
-        return np.asarray(self.flow_scale * np.sum(np.sign(difference) * np.sqrt(np.abs(difference)), axis=-1))
+        places = np.asarray(ring_angle, dtype=np.float64)[..., np.newaxis] + holes
+        return np.asarray(np.sum(self.hole_flow(places), axis=-1))
 
     def mean_flow(self, angles: int = 240) -> float:
         """Return the flow into the inner film averaged over a turn of the ring, kg/s (a calibrated figure).
@@ -249,7 +257,8 @@ class Lubrication:
         Calibration of the inner film's pressures; 1 is the physics.
     flow_scale : float
         Calibration of the flow through one hole, kg/s per root of Pa. The thesis gives neither the holes' diameter nor
-        their length, and its (3.24) has no unit of flow: flows are known up to this factor and not predicted.
+        their length, and its (3.24) has no unit of flow: flows are known up to this factor and not predicted. The
+        default gives the 2.1e-4 kg/s of page 84 (10 N, 1e5 Pa, 1,000 rad/s) with both other factors at 1.
     gravity : float
         m/s².
 

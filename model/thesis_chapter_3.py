@@ -133,10 +133,24 @@ def _differences(reading: Reading) -> list[Comparison]:
         _equal(reading, "3.9", quantity.format(f"{stated:g}"), "°", stated, _nearest(zeros, stated), 5, note)
         for stated in (187.0, 343.0)
     ]
+    fed = [
+        _equal(
+            reading,
+            "3.10",
+            f"holes fed with the ring at {angle}°, load not stated (30 N taken)",
+            "-",
+            stated,
+            float(np.sum(rest.hole_flow(np.radians(angle + 60.0 * np.arange(6))) > 0)),
+            0,
+            SIDE_FORCE,
+        )
+        for angle, stated in ((0, 4), (20, 3), (60, 4))
+    ]
     peak = float(np.max(rest.outer.pressure(psi))) / 1e5
     axis = "axis of the figure; the load is not stated"
     return [
         *found,
+        *fed,
         Comparison("Fig. 3.8", "highest pressure", "1e5 Pa", 16, peak, 0, Relation.AT_MOST, f"{reading.name}; {axis}"),
         Comparison(
             "Fig. 3.9",

@@ -116,6 +116,7 @@ def test_flow_of_one_hole_is_as_the_root_of_the_pressure_difference_and_turns_wi
     holes = np.radians(10 + 60 * np.arange(6))
     difference = rest.outer.pressure(holes) - rest.inner.pressure(holes)
     assert np.min(difference) < 0 < np.max(difference)
+    assert np.sign(rest.hole_flow(holes)) == pytest.approx(np.sign(difference))
     expected = sum(2.0 * math.copysign(math.sqrt(abs(d)), d) for d in difference)
     assert float(rest.flow(math.radians(10))) == pytest.approx(expected, rel=1e-12)
 
