@@ -1,8 +1,10 @@
 /* A double of NI's C library: one card whose code number i of channel c is 7 i + 1000 c, wrapped to 16 bits. Of the reads
  * of a task the third is late (half its samples, then the time-out) and the fifth finds its samples overwritten; a task
- * that was started again reads on without either. What is kept in `alive` counts tasks that nobody has cleared. */
+ * that was started again reads on without either, as does every task where NIDAQMX_DOUBLE_FAULTLESS is in the
+ * environment. What is kept in `alive` counts tasks that nobody has cleared. */
 #include <stdarg.h>
 #include <stdint.h>
+#include <stdlib.h>
 #include <string.h>
 
 typedef struct {
@@ -65,12 +67,13 @@ int DAQmxGetChanAttribute(void *handle, const char *channel, int32_t attribute, 
                    else if (va_arg(arguments, uint32_t) == 0) status = 4; else memcpy(out, scaling, sizeof scaling));
 }
 int DAQmxStartTask(void *handle) { task.started++; task.reads = 0; task.position = 0; return 0; }
-int DAQmxStopTask(void *handle) { return task.reads == 5 ? -200279 : 0; }
+int DAQmxStopTask(void *handle) { return task.reads == 5 && !getenv("NIDAQMX_DOUBLE_FAULTLESS") ? -200279 : 0; }
 int DAQmxReadBinaryI16(void *handle, int n, double timeout, int fill, int16_t *out, uint32_t size, int *read, void *none) {
     *read = 0;
     task.reads++;
-    if (task.started == 1 && task.reads == 5) return -200279;
-    *read = task.started == 1 && task.reads == 3 ? n / 2 : n;
+    int scripted = task.started == 1 && !getenv("NIDAQMX_DOUBLE_FAULTLESS");
+    if (scripted && task.reads == 5) return -200279;
+    *read = scripted && task.reads == 3 ? n / 2 : n;
     for (int c = 0; c < task.channels; c++)
         for (int i = 0; i < *read; i++) out[c * *read + i] = (int16_t)(7 * (task.position + i) + 1000 * c);
     task.position += *read;

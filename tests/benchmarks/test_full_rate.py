@@ -1,0 +1,130 @@
+"""The card's full rate over a wire for ten minutes: gap-free, the own count the driver's, and what it costs.
+
+The device server stands in a process of its own and plays one second of the simulated bench over and over. Run by
+`make bench`.
+"""
+
+import multiprocessing
+import time
+from dataclasses import replace
+from multiprocessing.connection import Connection
+from pathlib import Path
+
+import numpy as np
+import psutil
+import pytest
+from numpy.typing import NDArray
+
+from analysis.run import Acquisition
+from analysis.samples import EndReason
+from daq.config.load import load_rig
+from daq.config.rig import Rig
+from daq.config.schema import Backend, DeviceSection
+from daq.drivers.simulated_card import SimulatedCard
+from daq.session.messages import Order
+from daq.session.recorded import RecordedRun
+from model.prediction import Prediction
+from recordings.reader import RunReader
+from tests.daq.device_server import serving
+from tests.daq.ni_driver import NiDriver
+
+pytestmark = pytest.mark.benchmark
+
+BENCH = Path(__file__).parents[2] / "rigs" / "bench.toml"
+RATE = 333_333.0
+SECONDS = 600.0
+RUN = "2026-11-24T09-12-07-gj90c"
+
+
+class NoModel:
+    state = "off"
+
+    def at(self, _speed: float) -> Prediction | None:
+        return None
+
+
+class Looped:
+    """A card that gives the same second again and again."""
+
+    n_samples = 1 << 60
+
+    def __init__(self, codes: NDArray[np.int16], acquisition: Acquisition) -> None:
+        self.acquisition = acquisition
+        self._codes = codes
+        self._place = 0
+
+    def next_codes(self, n: int) -> NDArray[np.int16]:
+        index = (self._place + np.arange(n)) % self._codes.shape[1]
+        self._place += n
+        return self._codes[:, index]
+
+
+def full_rate_rig(target: str = "") -> Rig:
+    rig = load_rig(BENCH)
+    device = DeviceSection(backend=Backend.NIDAQMX, target=target)
+    timing = rig.config.timing.model_copy(update={"rate_hz": RATE})
+    return replace(rig, config=rig.config.model_copy(update={"device": device, "timing": timing}))
+
+
+def serve(pipe: Connection) -> None:
+    card = SimulatedCard(full_rate_rig())
+    codes = card.next_codes(round(card.acquisition.rate))
+    with serving(NiDriver(lambda: Looped(codes, card.acquisition), real_time=True)) as server:
+        pipe.send(server.target)
+        pipe.recv()
+        pipe.send(server.tasks)
+
+
+def spent(process: psutil.Process) -> float:
+    times = process.cpu_times()
+    return times.user + times.system
+
+
+def test_full_rate_over_the_wire_is_gap_free_for_ten_minutes(tmp_path: Path) -> None:
+    context = multiprocessing.get_context("spawn")
+    here, there = context.Pipe()
+    server = context.Process(target=serve, args=(there,))
+    server.start()
+    rig = full_rate_rig(str(here.recv()))
+    path = tmp_path / f"{RUN}.mcap"
+    run = RecordedRun(Order(rig, RUN, time.time_ns(), "", "rig bench", path, SECONDS), NoModel())
+    watching = psutil.Process()
+    (recorder,) = (
+        child for child in watching.children() if child.pid != server.pid and "spawn_main" in " ".join(child.cmdline())
+    )
+    begun, before, server_before, own_before = (
+        time.monotonic(),
+        spent(recorder),
+        spent(psutil.Process(server.pid)),
+        spent(watching),
+    )
+    backlog = memory = 0.0
+    while not run.wait(0.5):
+        status = run.status()
+        backlog = max(backlog, status.backlog)
+        if status.elapsed < SECONDS - 2:
+            until, after, memory = time.monotonic(), spent(recorder), recorder.memory_info().rss / 1e6
+            server_after, own_after = spent(psutil.Process(server.pid)), spent(watching)
+    outcome = run.close()
+    here.send("done")
+    left = here.recv()
+    server.join(10)
+    seconds = until - begun
+    (end,) = outcome.ends
+    with RunReader(path) as reader:
+        clock, complete, recorded = reader.clock_error, reader.is_gap_free, reader.n_samples
+    size, rate = path.stat().st_size / 1e6, run.header.acquisition.rate
+    print(f"\n3 × {rate / 1e3:g} kS/s over the wire for {recorded / rate:.0f} s: {recorded:,} samples a channel,")
+    print(f"  lost {end.lost}, the driver's count is ours: {not end.detail}; part of one core:")
+    print(f"  {100 * (after - before) / seconds:5.1f} %  acquisition and recording")
+    print(
+        f"  {100 * (own_after - own_before) / seconds:5.1f} %  live analysis, which skipped {outcome.skipped:,} samples"
+    )
+    print(f"  {100 * (server_after - server_before) / seconds:5.1f} %  the stand-in device server")
+    print(f"  largest backlog {backlog:.3f} s, recorder's memory {memory:.0f} MB, file {size:.0f} MB, {clock}")
+    path.unlink()
+    assert (end.reason, end.lost, end.lost_is_exact, end.detail) == (EndReason.FINISHED, 0, True, "")
+    assert complete
+    assert recorded == end.samples >= SECONDS * run.header.acquisition.rate
+    assert left == []
+    assert after - before < 0.15 * seconds
