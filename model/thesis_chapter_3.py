@@ -30,8 +30,8 @@ SIDE_FORCE = (
     "load, viscosity or clearance"
 )
 FLOW_TREND = (
-    "at a fixed load no balanced pair of films gives a flow that falls with speed: the inner pressure hardly changes "
-    "and the outer cavity shrinks"
+    "no factors on loads and capacities that were tried give flows that fall with speed: at a fixed load the inner "
+    "pressure hardly changes and the outer cavity shrinks"
 )
 LOAD_RATIO = "the speeds for 10, 20 and 30 N stand as 1 to 2.7 to 4.9 in any reading"
 
