@@ -140,21 +140,23 @@ class Rpcs:
         self.driver.stop(self.task(request))
         return pb.StopTaskResponse()
 
-    def ReadBinaryI16(self, request: Any, _: object) -> Any:
+    def ReadBinaryI16(self, request: Any, context: grpc.ServicerContext) -> Any:
         task = self.task(request)
         codes, status = self.driver.read(task, request.num_samps_per_chan, request.timeout)
+        if context.is_active():
+            task.count.replied += codes.shape[1]
         padded = np.zeros(request.array_size_in_samps, np.int16)
         padded[: codes.size] = codes.ravel()
         return pb.ReadBinaryI16Response(status=status, read_array=padded, samps_per_chan_read=codes.shape[1])
 
     def GetReadAttributeUInt32(self, request: Any, _: object) -> Any:
         task = self.task(request)
-        available = self.driver.count(task) - task.position
+        available = self.driver.count(task) - task.count.position
         return pb.GetReadAttributeUInt32Response(value={0x1223: available}[request.attribute_raw])
 
     def GetReadAttributeUInt64(self, request: Any, _: object) -> Any:
         task = self.task(request)
-        values = {0x192A: self.driver.count(task), 0x1221: task.position + self.driver.miscount}
+        values = {0x192A: self.driver.count(task), 0x1221: task.count.position + self.driver.miscount}
         return pb.GetReadAttributeUInt64Response(value=values[request.attribute_raw])
 
     def GetErrorString(self, request: Any, _: object) -> Any:
@@ -165,7 +167,7 @@ class DeviceServer:
     """The server, serving on a port of the loopback, a free one unless it is given.
 
     `faults["ReadBinaryI16"].extend([0, -200279])` lets one read pass and fails the next; `refusals` are calls that the
-    server itself refuses; `log` has the calls made.
+    server itself refuses; `log` has the calls made; `at_call` says what happens right before the call of that number.
     """
 
     def __init__(self, driver: NiDriver, *, port: int = 0) -> None:
@@ -174,6 +176,7 @@ class DeviceServer:
         self.faults: dict[str, deque[int]] = defaultdict(deque)
         self.refusals: dict[str, grpc.StatusCode] = {}
         self.log: list[str] = []
+        self.at_call: dict[int, Callable[[], None]] = {}
         self._thawed = threading.Event()
         self._thawed.set()
         self._pool = ThreadPoolExecutor(max_workers=4)
@@ -212,6 +215,7 @@ class DeviceServer:
     def _call(self, name: str, method: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
         def answer(request: Any, context: grpc.ServicerContext) -> Any:
             self.log.append(name)
+            self.at_call.pop(len(self.log), lambda: None)()
             self._thawed.wait()
             if name in self.refusals:
                 context.abort(self.refusals[name], f"{name} is refused")

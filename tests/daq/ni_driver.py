@@ -42,6 +42,15 @@ class NiChannel:
 
 
 @dataclass
+class NiStart:
+    """What became of one start: kept when its task is gone."""
+
+    position: int = 0  # samples handed to reads
+    acquired: int = 0
+    replied: int = 0  # of the samples handed to reads, those whose reader was still there
+
+
+@dataclass
 class NiTask:
     channels: list[NiChannel] = field(default_factory=list)
     rate: float = 0.0
@@ -50,8 +59,7 @@ class NiTask:
     committed: bool = False
     card: PlayedCard | None = None  # while it runs
     started: float = 0.0
-    position: int = 0
-    acquired: int = 0
+    count: NiStart = field(default_factory=NiStart)
 
 
 class NiDriver:
@@ -78,6 +86,7 @@ class NiDriver:
         self.ahead = 0  # samples that the card is ahead of what its clock says
         self.late: deque[int] = deque()  # samples that do come within the time-outs of the next reads
         self.miscount = 0  # by which the driver's position is off
+        self.starts: list[NiStart] = []
         self.lock = threading.RLock()
 
     def commit(self, task: NiTask, others: list[NiTask]) -> None:
@@ -104,10 +113,12 @@ class NiDriver:
             self.commit(task, others)
         task.card, self._next = self._next or self.make_card(), None
         task.started = time.monotonic()
-        task.position = task.acquired = self.ahead = 0
+        self.ahead = 0
+        task.count = NiStart()
+        self.starts.append(task.count)
 
     def stop(self, task: NiTask) -> None:
-        overrun = task.card is not None and task.acquired - task.position > task.buffer
+        overrun = task.card is not None and task.count.acquired - task.count.position > task.buffer
         task.card = None
         if overrun:
             raise DriverError(-200279)  # the real one says once more what ended the acquisition
@@ -118,16 +129,16 @@ class NiDriver:
         if card is None:
             raise DriverError(-200983)
         coming = self.late.popleft() if self.late else n
-        wanted = min(task.position + coming, card.n_samples)
+        wanted = min(task.count.position + coming, card.n_samples)
         if self.real_time:
             due = task.started + max(0, wanted - self.ahead) / self.acquisition.rate
             time.sleep(max(0.0, min(timeout, due - time.monotonic())))
         self.count(task, wanted)
-        if task.acquired - task.position > task.buffer:
+        if task.count.acquired - task.count.position > task.buffer:
             raise DriverError(-200279)
-        got = min(coming, task.acquired - task.position)
+        got = min(coming, task.count.acquired - task.count.position)
         codes = card.next_codes(got)
-        task.position += got
+        task.count.position += got
         return codes, 0 if got == n else -200284
 
     def count(self, task: NiTask, wanted: int = 0) -> int:
@@ -135,8 +146,8 @@ class NiDriver:
         if task.card is None:
             raise DriverError(-200983)
         clock = (time.monotonic() - task.started) * self.acquisition.rate if self.real_time else wanted
-        task.acquired = max(task.acquired, min(int(clock) + self.ahead, task.card.n_samples))
-        return task.acquired
+        task.count.acquired = max(task.count.acquired, min(int(clock) + self.ahead, task.card.n_samples))
+        return task.count.acquired
 
     def self_test(self, device: str) -> None:
         if device not in self.devices:

@@ -1,0 +1,262 @@
+"""Runs over the wire in which everything goes wrong that can, drawn by a seed; every sample is accounted for.
+
+The recorder's part, source to file, runs in this process so that a run takes a fraction of a second: the source is the
+one that the recorder opens, the file is written by the writer that the recorder uses.
+"""
+
+import math
+import random
+import threading
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.run import Acquisition
+from analysis.samples import EndReason, SampleBlock, SegmentEnd
+from daq.config.rig import Rig
+from daq.config.schema import SessionSection
+from daq.drivers.opening import open_source
+from daq.drivers.simulated_card import SimulatedCard
+from daq.session.recorder import run_header
+from recordings.reader import RunReader
+from recordings.writer import RunWriter
+from tests.daq.device_server import DeviceServer
+from tests.daq.ni_driver import NiDriver
+from tests.daq.test_recorded import order
+from tests.daq.usb6251.bench import bench
+
+DEADLINE = 10.0  # s for a run: what is slower hangs
+BLOCKS = 40  # after which a run is stopped
+CALLS = 90  # within which trouble comes; two make a block
+BUFFER = 120_000  # samples of the card
+OVERRUNS = (-200279, -200222, -200361, -200010, -200019, -200714)
+ABSENT = (-88710, -88709, -201003, -200220, -50405)
+ANY_CALL = ("StartTask", "StopTask", "GetReadAttributeUInt32", "GetReadAttributeUInt64", "TaskControl", "CreateTask")
+ANY_CODE = (-200545, -50103, -200077, -299_999, -200088)
+
+ACQUISITION: Acquisition = SimulatedCard(bench()).acquisition
+
+
+def codes_of(generation: int, first: int, n: int) -> NDArray[np.int16]:
+    """Return codes that tell in which start of the card, in which channel and when they were taken."""
+    index = np.arange(first, first + n)
+    return (257 * generation + 7 * index + 1000 * np.arange(3)[:, np.newaxis]).astype(np.int16)
+
+
+class CountingCard:
+    """A card whose codes are numbered."""
+
+    acquisition = ACQUISITION
+    n_samples = 1 << 40
+
+    def __init__(self, generation: int) -> None:
+        self._generation = generation
+        self._taken = 0
+
+    def next_codes(self, n: int) -> NDArray[np.int16]:
+        codes = codes_of(self._generation, self._taken, n)
+        self._taken += n
+        return codes
+
+
+@dataclass
+class Bench:
+    """The card at its server, and those who do harm to it."""
+
+    random: random.Random
+    made: int = 0
+    timers: list[threading.Timer] = field(default_factory=list)
+    troubles: list[str] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.driver = NiDriver(self._card)
+        self.server = DeviceServer(self.driver)
+        self.port = int(self.server.target.rpartition(":")[2])
+
+    def _card(self) -> CountingCard:
+        self.made += 1
+        return CountingCard(self.made - 1)
+
+    def later(self, what: Callable[[], None], least: float, most: float) -> None:
+        timer = threading.Timer(self.random.uniform(least, most), what)
+        self.timers.append(timer)
+        timer.start()
+
+    def end(self) -> None:
+        for timer in self.timers:
+            timer.join()
+        self.server.thaw()
+
+    def overrun(self) -> None:
+        self.server.faults["ReadBinaryI16"].append(self.random.choice(OVERRUNS))
+
+    def stall(self) -> None:
+        self.driver.stall(BUFFER + self.random.randrange(1, 50_000))
+
+    def unplug(self) -> None:
+        device = self.driver.devices.pop("Dev1", None)
+        self.server.faults["ReadBinaryI16"].append(self.random.choice(ABSENT))
+        if device is not None and self.random.random() < 0.9:
+            self.later(lambda: self.driver.devices.update(Dev1=device), 0.05, 0.8)
+
+    def power_cycle(self) -> None:
+        self.server.faults["ReadBinaryI16"].append(self.random.choice((-201003, -200220)))
+
+    def abort(self) -> None:
+        self.server.faults["ReadBinaryI16"].append(self.random.choice((-88710, -88709)))
+
+    def seize(self) -> None:
+        self.driver.held_elsewhere = True
+        self.power_cycle()
+        self.later(lambda: setattr(self.driver, "held_elsewhere", False), 0.05, 0.8)
+
+    def fail_test(self) -> None:
+        self.driver.answers_tests = False
+        self.abort()
+        self.later(lambda: setattr(self.driver, "answers_tests", True), 0.05, 0.8)
+
+    def freeze(self) -> None:
+        self.server.freeze()
+        self.later(self.server.thaw, 0.1, 2.0)
+
+    def restart(self) -> None:
+        def begin() -> None:
+            self.server = DeviceServer(self.driver, port=self.port)
+
+        def kill() -> None:
+            self.server.kill()
+            self.later(begin, 0.05, 0.5)
+
+        self.later(kill, 0.0, 0.01)  # not from within one of its own calls
+
+    def partial_reads(self) -> None:
+        self.driver.late.extend(self.random.randrange(1, 1499) for _ in range(self.random.randrange(1, 4)))
+
+    def silence(self) -> None:
+        self.driver.late.append(0)
+
+    def any_call(self) -> None:
+        self.server.faults[self.random.choice(ANY_CALL)].append(self.random.choice(ANY_CODE))
+        if self.random.random() < 0.5:
+            self.power_cycle()
+
+    def plan(self) -> None:
+        """Draw what goes wrong when."""
+        kinds = (
+            self.overrun, self.stall, self.unplug, self.power_cycle, self.abort, self.seize, self.fail_test,
+            self.freeze, self.restart, self.partial_reads, self.silence, self.any_call,
+        )  # fmt: skip
+        begun = len(self.server.log)
+        for _ in range(self.random.randrange(1, 4)):
+            trouble = self.random.choice(kinds)
+            self.troubles.append(trouble.__name__)
+            self.server.at_call[begun + self.random.randrange(1, CALLS)] = trouble
+
+
+def rig_at(target: str) -> Rig:
+    rig = bench(target, deadline_s=0.3)
+    session = SessionSection(restarts_per_minute=5, reconnect_s=2.0, retry_s=0.2)
+    return replace(rig, config=rig.config.model_copy(update={"session": session}))
+
+
+def record(bench: Bench, path: Path) -> float:
+    """Record a run with its troubles, as the recorder does; return how long it took, s."""
+    made = order(rig_at(bench.server.target), path.parent)
+    source = open_source(made.rig)
+    writer = RunWriter(path, run_header(made, source))
+    bench.plan()
+
+    def pump() -> None:
+        blocks = 0
+        for item in source.blocks():
+            if isinstance(item, SegmentEnd):
+                writer.segment_end(item)
+                continue
+            writer.block(item)
+            blocks += 1
+            if blocks == BLOCKS:
+                source.stop()
+        source.close()
+
+    pumping = threading.Thread(target=pump, daemon=True)
+    began = time.monotonic()
+    pumping.start()
+    pumping.join(DEADLINE)
+    took = time.monotonic() - began
+    source.close()
+    assert not pumping.is_alive(), f"{bench.troubles}: the run hangs"
+    writer.close()
+    return took
+
+
+def segments(reader: RunReader) -> Iterator[tuple[SegmentEnd, NDArray[np.int16]]]:
+    """Yield each segment's end and its codes, having seen to it that its blocks follow one another."""
+    blocks: list[SampleBlock] = []
+    for item in reader.items():
+        if isinstance(item, SampleBlock):
+            blocks.append(item)
+            continue
+        assert [block.first_sample for block in blocks[:1]] in ([], [0])
+        assert all(a.end == b.first_sample for a, b in pairwise(blocks))
+        assert all(block.segment == item.segment for block in blocks)
+        yield item, np.concatenate([np.empty((3, 0), np.int16), *(block.codes for block in blocks)], axis=1)
+        blocks = []
+
+
+def check(bench: Bench, path: Path) -> int:
+    """See to it that every sample that the server gave is in the file or counted; return the file's samples."""
+    starts = dict(enumerate(bench.driver.starts))
+    with RunReader(path) as reader:
+        assert reader.is_complete
+        ends = reader.segment_ends
+        assert [end.segment for end in ends] == list(range(len(ends)))
+        assert reader.is_gap_free == (len(ends) == 1 and ends[0].is_gap_free)
+        for end, codes in segments(reader):
+            assert codes.shape[1] == end.samples
+            if end.samples:
+                generation = (int(codes[0, 0]) % 65536) // 257
+                np.testing.assert_array_equal(codes, codes_of(generation, 0, end.samples))
+                start = starts.pop(generation)
+                way_failed = "device server" in end.detail
+                missed = start.replied - end.samples
+                assert 0 <= missed <= (1499 if way_failed else 0), end
+                assert end.samples + end.lost <= start.acquired, end
+                if missed:
+                    assert not end.lost_is_exact, end
+                if end.reason is EndReason.OVERRUN and end.lost:
+                    assert end.samples + end.lost == start.acquired, end
+                if end.reason is EndReason.STOPPED:
+                    assert start.position == end.samples, end
+        n_samples = reader.n_samples
+        unstarted = sum(end.samples == 0 for end in ends)
+    assert all(start.replied == 0 for start in starts.values()), "samples that were given are in no segment"
+    assert len(starts) <= unstarted
+    return n_samples
+
+
+def all_tasks_cleared(bench: Bench) -> bool:
+    """Return whether nobody has left a task on the server, when the last calls to it have been worked off."""
+    deadline = time.monotonic() + 2.0
+    while bench.server.tasks and time.monotonic() < deadline:
+        time.sleep(0.02)
+    return not bench.server.tasks
+
+
+def run_of(seed: int, folder: Path) -> tuple[list[str], float, int]:
+    """Make the run of a seed and check it; return its troubles, how long it took, s, and its samples."""
+    harmed = Bench(random.Random(seed))  # noqa: S311 - reproducible on purpose
+    path = folder / f"{seed}.mcap"
+    try:
+        took = record(harmed, path)
+    finally:
+        harmed.end()
+    assert all_tasks_cleared(harmed), f"{harmed.troubles}: a task was left on the server"
+    samples = check(harmed, path)
+    harmed.server.kill()
+    assert math.isfinite(took)
+    return harmed.troubles, took, samples
