@@ -44,7 +44,7 @@ $(READY): pyproject.toml constraints.txt
 	    { echo "Python 3.11 or newer is needed, found $$($(PYTHON) --version); set PYTHON=python3.11 or newer"; exit 1; }
 	@$(PYTHON) -c 'import ensurepip' 2>/dev/null || { echo "python3-venv is missing: apt install python3-venv"; exit 1; }
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable ".[card,view,dev]"
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable ".[card,view,formats,dev]"
 	@touch $(READY)
 
 clean:

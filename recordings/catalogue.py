@@ -3,25 +3,35 @@
 import os
 import re
 import shutil
+import stat
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from itertools import count
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
-from analysis.run import RunHeader
-from recordings.cache import DocumentCache
+from recordings import annotations
 from recordings.container import is_ended
+from recordings.database import Database
+from recordings.entry import RunEntry, read_entry
 from recordings.errors import NotFoundError, RecordingError, StorageError
+from recordings.indexing import IndexReport, Summarise, compare, verdict_of
 from recordings.layout import NANOSECONDS
 from recordings.reader import RunReader
+from recordings.search import Search
+from recordings.shelf import Kept, Shelf
+
+__all__ = ["Catalogue", "RunEntry", "data_folder"]
 
 SUFFIX = ".mcap"
 RUN_ID = re.compile(r"[A-Za-z0-9](?:[A-Za-z0-9_(). -]{0,98}[A-Za-z0-9_)-])?")
 """What the id of a run, the name of its file without suffix, may look like: nothing that leads out of the folder."""
+GROWING = 10.0
+"""Seconds since its last change in which an unfinished file may still be being written."""
 READING_SHARE = 20
 """A file that is being written is read again after so many times as long as that took."""
 DATA_VARIABLE = "RIG_DATA"
@@ -39,65 +49,24 @@ def data_folder(setting: str = "") -> Path:
     return Path(setting or os.environ.get(DATA_VARIABLE, "") or DEFAULT_FOLDER).expanduser()
 
 
-@dataclass(frozen=True, slots=True)
-class RunEntry:
-    """A run as the catalogue lists it.
-
-    Parameters
-    ----------
-    id : str
-        The run's id.
-    path : Path
-        Its file.
-    size : int
-        Size of the file, bytes.
-    changed_ns : int
-        When the file was last written to, ns since 1970.
-    header : RunHeader or None
-        What was known when it started; None where the file cannot be read.
-    duration : float
-        Sample time, s.
-    samples : int
-        Samples per channel.
-    is_complete : bool
-        Whether it was finished properly.
-    is_gap_free : bool
-        Whether it is one segment without a loss.
-    fault : str
-        What is wrong with the file, for the operator; empty where all is well.
-    """
-
-    id: str
-    path: Path
-    size: int
-    changed_ns: int
-    header: RunHeader | None = None
-    duration: float = 0.0
-    samples: int = 0
-    is_complete: bool = False
-    is_gap_free: bool = False
-    fault: str = ""
-
-    @property
-    def started_ns(self) -> int:
-        """When the run began, ns since 1970; the file's last change where that cannot be read."""
-        return self.changed_ns if self.header is None else self.header.started_ns
-
-
 class Catalogue:
-    """The runs of a data folder, found by looking into it; it may be used from several threads.
+    """The runs of a data folder: the files are the truth, what is known of them is kept in a database.
+
+    It may be used from several threads, and on one folder by several processes.
 
     Parameters
     ----------
     folder : Path
         The data folder; it need not exist before the first run.
+    url : str
+        Database as SQLAlchemy takes it; empty for the environment's RIG_CATALOGUE, or else SQLite in the folder.
     """
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, url: str = "") -> None:
         self.folder = folder
-        self._documents = DocumentCache(folder)
+        self._shelf = Shelf(folder, Database(folder, url))
         self._lock = threading.Lock()
-        self._kept: dict[str, _Kept] = {}
+        self._known: dict[str, _Known] = {}
 
     def runs(self) -> list[RunEntry]:
         """Return all runs, newest first; a file that cannot be read is listed with what is wrong with it.
@@ -105,19 +74,92 @@ class Catalogue:
         Raises
         ------
         StorageError
-            Where the folder cannot be read. One that does not exist yet holds no runs.
+            Where the folder or the database cannot be read. A folder that does not exist yet holds no runs.
         """
-        entries = {entry.id: entry for entry in (self._entry(path) for path in self._files()) if entry is not None}
+        files = self._files()
+        entries = self._looked_up(files, None) if files else []
         with self._lock:
-            self._kept = {run_id: kept for run_id, kept in self._kept.items() if run_id in entries}
-        return sorted(entries.values(), key=lambda entry: (entry.started_ns, entry.id), reverse=True)
+            self._known = {run_id: known for run_id, known in self._known.items() if run_id in files}
+        return sorted(entries, key=lambda entry: (entry.started_ns, entry.id), reverse=True)
 
     def run(self, run_id: str) -> RunEntry:
         """Return one run; NotFoundError where there is none."""
-        entry = self._entry(self.path(run_id))
-        if entry is None:
+        path = self.path(run_id)
+        file = _seen(path)
+        entries = [] if file is None else self._looked_up({run_id: file}, run_id)
+        if not entries:
             raise NotFoundError(f"run {run_id!r}: there is no such run in {self.folder}")
-        return entry
+        return entries[0]
+
+    def search(self, search: Search) -> list[RunEntry]:
+        """Return the runs that a search asks for, newest first.
+
+        Speeds and findings are those of the runs that `index` has summed up.
+        """
+        present = {entry.id for entry in self.runs()}
+        return [kept.entry for run_id, kept in self._shelf.entries(search).items() if run_id in present]
+
+    def annotate(self, run_id: str, *, remark: str | None = None, tags: Iterable[str] | None = None) -> RunEntry:
+        """Give a run other words or tags; they are kept in a file beside it.
+
+        Parameters
+        ----------
+        run_id : str
+            The run.
+        remark : str or None
+            Words on it; None leaves them.
+        tags : iterable of str or None
+            All its tags; None leaves them.
+
+        Raises
+        ------
+        NotFoundError
+            Where there is no such run.
+        ValueError
+            Where a tag or the remark cannot be one.
+        StorageError
+            Where they cannot be kept.
+        """
+        path = self.path(run_id)
+        with self._shelf.turn():  # what is read and written again must not change in between
+            before = annotations.load(path)
+            words = annotations.checked(
+                before.remark if remark is None else remark, before.tags if tags is None else tuple(tags)
+            )
+            annotations.store(path, words)
+        return self.run(run_id)
+
+    def index(
+        self, summarise: Summarise, *, verifying: bool = False, told: Callable[[str], object] = str
+    ) -> IndexReport:
+        """Bring what is kept up to date with the files, and sum up the runs that have not been.
+
+        Parameters
+        ----------
+        summarise : callable
+            Returns the summary of a reader's run.
+        verifying : bool
+            Whether to verify the files that have not been since they changed.
+        told : callable
+            Told what is being done.
+
+        Raises
+        ------
+        StorageError
+            Where the folder or the database cannot be read or written.
+        """
+        before = self._shelf.entries()
+        present = {entry.id: entry for entry in self.runs()}
+        report = compare(before, present)
+        self._shelf.forget(list(report.vanished))
+        for run_id, kept in self._shelf.entries().items():
+            if run_id in present and not kept.is_summarised and kept.entry.header is not None:
+                told(f"reading {run_id}")
+                self._sum_up(run_id, summarise)
+            if run_id in present and verifying and not kept.entry.verdict:
+                told(f"verifying {run_id}")
+                self._shelf.judge(run_id, verdict_of(kept.entry.path))
+        return report
 
     def path(self, run_id: str) -> Path:
         """Return the file of a run.
@@ -185,68 +227,139 @@ class Catalogue:
 
     def load_document(self, run_id: str, name: str) -> dict[str, Any] | None:
         """Return a document kept for a run, or None where there is none for its file as it is now."""
-        return self._documents.load(self.path(run_id), name)
+        file = _seen(self.path(run_id))
+        with suppress(StorageError):  # nothing depends on it: it is computed again
+            return None if file is None else self._shelf.load_document(run_id, name, file.size, file.changed_ns)
+        return None
 
     def store_document(self, run_id: str, name: str, document: dict[str, Any]) -> None:
         """Keep a document for a run as long as its file does not change."""
-        self._documents.store(self.path(run_id), name, document)
+        file = _seen(self.path(run_id))
+        with suppress(StorageError):
+            if file is not None:
+                self._shelf.store_document(run_id, name, file.size, file.changed_ns, document)
 
-    def _files(self) -> Iterator[Path]:
+    def _files(self) -> dict[str, "_File"]:
+        """Return the files of runs by id."""
         try:
-            paths = list(self.folder.iterdir())
+            names = os.listdir(self.folder)  # noqa: PTH208 - ten thousand paths would cost as much as the rest
         except FileNotFoundError:
-            return
+            return {}
         except OSError as error:
             raise StorageError(f"{self.folder}: the data folder cannot be read: {error.strerror or error}") from error
-        yield from (path for path in paths if path.suffix == SUFFIX and RUN_ID.fullmatch(path.stem))
+        stems = (name.removesuffix(SUFFIX) for name in names if name.endswith(SUFFIX))
+        annotated = {name.removesuffix(annotations.SUFFIX) for name in names if name.endswith(annotations.SUFFIX)}
+        paths = (self.folder / f"{stem}{SUFFIX}" for stem in stems if RUN_ID.fullmatch(stem))
+        files = ((path.stem, _seen(path, may_have_words=path.stem in annotated)) for path in paths)
+        return {stem: file for stem, file in files if file is not None}
 
-    def _entry(self, path: Path) -> RunEntry | None:
-        """Return the entry of a file, from memory where nothing speaks against it; None where it is gone or no file."""
-        try:
-            status = path.stat()
-            if not path.is_file():
-                return None
-        except OSError:
-            return None
+    def _looked_up(self, files: dict[str, "_File"], only: str | None) -> list[RunEntry]:
+        """Return the entries of files: from memory, else from the database, else from the files themselves."""
+        revision = self._shelf.revision()
         with self._lock:
-            kept = self._kept.get(path.stem)
-        if kept is not None and kept.serves(path, status.st_size, status.st_mtime_ns):
-            return kept.entry
-        begun = time.monotonic()
-        entry = RunEntry(path.stem, path, status.st_size, status.st_mtime_ns)
-        try:
-            with RunReader(path) as reader:
-                entry = _read_entry(entry, reader)
-        except RecordingError as error:
-            entry = replace(entry, fault=str(error))
-        ended = time.monotonic()
-        with self._lock:
-            self._kept[path.stem] = _Kept(entry, again_at=ended + READING_SHARE * (ended - begun))
-        return entry
+            known = {run_id: self._known.get(run_id) for run_id in files}
+        served = {
+            run_id: each.entry
+            for run_id, each in known.items()
+            if each is not None and each.serves(files[run_id], revision)
+        }
+        if len(served) < len(files):
+            kept = self._shelf.entries(run_id=only or "")
+            unread = [
+                run_id for run_id in files if run_id not in served and not _holds(kept.get(run_id), files[run_id])
+            ]
+            fresh = {run_id: _Known.read(files[run_id]) for run_id in unread}
+            settled = [run_id for run_id in unread if not fresh[run_id].is_growing]
+            self._shelf.put([fresh[run_id].entry for run_id in settled])
+            words = [
+                run_id
+                for run_id in files
+                if (run_id in settled and files[run_id].remarked_ns)
+                or (run_id in kept and kept[run_id].remarked_ns != files[run_id].remarked_ns)
+            ]
+            for run_id in words:
+                self._shelf.annotate(run_id, annotations.load(files[run_id].path), files[run_id].remarked_ns)
+            if settled or words:
+                kept = self._shelf.entries(run_id=only or "")
+            found = {run_id: _Known.of(kept[run_id]) for run_id in files if run_id in kept and run_id not in served}
+            found |= {run_id: fresh[run_id] for run_id in unread if run_id not in found or fresh[run_id].is_growing}
+            with self._lock:
+                self._known |= found
+            served |= {run_id: each.entry for run_id, each in found.items()}
+        return list(served.values())
+
+    def _sum_up(self, run_id: str, summarise: Summarise) -> None:
+        """Keep what a search needs of a run's summary; a run that cannot be read has none."""
+        with suppress(RecordingError), RunReader(self.path(run_id)) as reader:
+            self._shelf.summarise(run_id, summarise(reader))
 
 
 @dataclass(frozen=True, slots=True)
-class _Kept:
-    """An entry and when it is worth reading its file again while that grows."""
+class _File:
+    """A file as the folder shows it."""
+
+    path: Path
+    size: int
+    changed_ns: int
+    remarked_ns: int
+
+
+@dataclass(frozen=True, slots=True)
+class _Known:
+    """An entry in memory, and how long it is worth not looking again."""
 
     entry: RunEntry
-    again_at: float
+    remarked_ns: int
+    revision: int
+    again_at: float = 0.0
 
-    def serves(self, path: Path, size: int, changed_ns: int) -> bool:
+    @classmethod
+    def of(cls, kept: Kept) -> Self:
+        return cls(kept.entry, kept.remarked_ns, kept.revision)
+
+    @classmethod
+    def read(cls, file: _File) -> Self:
+        begun = time.monotonic()
+        entry = read_entry(file.path, file.size, file.changed_ns)
+        words = annotations.load(file.path) if file.remarked_ns else annotations.Annotations()
+        ended = time.monotonic()
+        again_at = ended + READING_SHARE * (ended - begun)
+        return cls(replace(entry, remark=words.remark, tags=words.tags), file.remarked_ns, -1, again_at)
+
+    @property
+    def is_growing(self) -> bool:
+        """Whether it may be of a run that is being recorded: such an entry is not worth keeping."""
+        entry = self.entry
+        return self.revision < 0 and not entry.is_complete and time.time_ns() - entry.changed_ns < GROWING * NANOSECONDS
+
+    def serves(self, file: _File, revision: int) -> bool:
         """Whether the entry still tells of the file, or nearly so where it is being written and long to read."""
-        if (self.entry.size, self.entry.changed_ns) == (size, changed_ns):
-            return True
-        is_growing = not self.entry.is_complete and self.entry.header is not None and size >= self.entry.size
-        return is_growing and time.monotonic() < self.again_at and not is_ended(path)
+        entry = self.entry
+        if self.remarked_ns != file.remarked_ns or self.revision not in (-1, revision):
+            return False
+        if (entry.size, entry.changed_ns) == (file.size, file.changed_ns):
+            return self.revision >= 0 or self.is_growing
+        is_growing = not entry.is_complete and entry.header is not None and file.size >= entry.size
+        return is_growing and time.monotonic() < self.again_at and not is_ended(file.path)
 
 
-def _read_entry(entry: RunEntry, reader: RunReader) -> RunEntry:
-    return replace(
-        entry,
-        header=reader.header,
-        duration=reader.duration,
-        samples=reader.n_samples,
-        is_complete=reader.is_complete,
-        is_gap_free=reader.is_gap_free,
-        fault="" if reader.is_complete else "not finished: it is still being written, or its writer was ended by force",
-    )
+def _holds(kept: Kept | None, file: _File) -> bool:
+    """Whether what is kept tells of the file as it is."""
+    if kept is None or (kept.entry.size, kept.entry.changed_ns) != (file.size, file.changed_ns):
+        return False
+    return kept.entry.header is not None or kept.entry.fault != ""
+
+
+def _seen(path: Path, *, may_have_words: bool = True) -> _File | None:
+    """Return a file as the folder shows it; None where it is gone or no file."""
+    try:
+        status = path.stat()
+    except OSError:
+        return None
+    if not stat.S_ISREG(status.st_mode):
+        return None
+    remarked_ns = 0
+    if may_have_words:
+        with suppress(OSError):
+            remarked_ns = annotations.place_of(path).stat().st_mtime_ns
+    return _File(path, status.st_size, status.st_mtime_ns, remarked_ns)

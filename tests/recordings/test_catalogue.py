@@ -180,30 +180,16 @@ def test_documents_are_kept_until_the_file_changes(tmp_path: Path, record: Calla
     os.utime(path, ns=(status.st_atime_ns, status.st_mtime_ns + SECOND))
     assert catalogue.load_document("run", "summary") is None
     assert [entry.id for entry in catalogue.runs()] == ["run"]
-    assert [kept.name for kept in (tmp_path / ".rig").iterdir()] == ["run.summary.json"]
 
 
-@pytest.mark.parametrize("text", ["", "{", "[]", '{"of": 1}', '{"of": {}, "document": {}}', "\xff"])
-def test_a_spoilt_document_is_as_good_as_none(tmp_path: Path, record: Callable[[str, int], Path], text: str) -> None:
-    record("run", SECOND)
-    catalogue = Catalogue(tmp_path)
-    catalogue.store_document("run", "summary", {})
-    (tmp_path / ".rig" / "run.summary.json").write_text(text, encoding="latin-1")
-    assert catalogue.load_document("run", "summary") is None
-
-
-def test_a_folder_that_cannot_take_documents_is_no_fault(tmp_path: Path, record: Callable[[str, int], Path]) -> None:
+def test_a_folder_that_takes_no_catalogue_is_no_fault(tmp_path: Path, record: Callable[[str, int], Path]) -> None:
     record("run", SECOND)
     (tmp_path / ".rig").write_text("a file in its place")
     catalogue = Catalogue(tmp_path)
+    assert [entry.id for entry in catalogue.runs()] == ["run"]
     catalogue.store_document("run", "summary", {"a": 1})
-    assert catalogue.load_document("run", "summary") is None
-
-
-def test_a_document_s_name_cannot_lead_out_of_the_folder(tmp_path: Path, record: Callable[[str, int], Path]) -> None:
-    record("run", SECOND)
-    with pytest.raises(ValueError, match=r"document: '\.\./a'"):
-        Catalogue(tmp_path).store_document("run", "../a", {})
+    assert catalogue.load_document("run", "summary") == {"a": 1}
+    assert Catalogue(tmp_path).load_document("run", "summary") is None
 
 
 def test_the_data_folder_is_the_setting_then_the_environment_then_data(

@@ -1,0 +1,94 @@
+"""The tables of the catalogue, alike on SQLite and PostgreSQL."""
+
+from sqlalchemy import BigInteger, Boolean, Column, Float, ForeignKeyConstraint, Integer, MetaData, String, Table, Text
+
+VERSION = 1
+"""Of the tables; a catalogue of another version is thrown away and built again from the files."""
+
+ID_LENGTH = 128
+FOLDER_LENGTH = 512
+
+METADATA = MetaData()
+
+SCHEMA = Table("rig_schema", METADATA, Column("version", Integer, primary_key=True))
+
+REVISION = (
+    Table(  # rises with every change of a folder's rows: what was read before is still true as long as it does not
+        "rig_revision",
+        METADATA,
+        Column("folder", String(FOLDER_LENGTH), primary_key=True),
+        Column("number", BigInteger, nullable=False),
+    )
+)
+
+SETUP = Table(
+    "rig_setup",
+    METADATA,
+    Column("id", String(64), primary_key=True),  # SHA-256 of the document
+    Column("document", Text, nullable=False),  # a header without what is a single run's own
+)
+
+RUN = Table(
+    "rig_run",
+    METADATA,
+    Column("folder", String(FOLDER_LENGTH), primary_key=True),
+    Column("id", String(ID_LENGTH), primary_key=True),
+    Column("size", BigInteger, nullable=False),
+    Column("changed_ns", BigInteger, nullable=False),
+    Column("started_ns", BigInteger, nullable=False),
+    Column("setup", String(64)),  # null where the file cannot be read
+    Column("run", Text, nullable=False, default=""),  # the id in the header: a copy has another name
+    Column("rig", Text, nullable=False, default=""),
+    Column("note", Text, nullable=False, default=""),  # the operator's words, recorded with the run
+    Column("serial", Text, nullable=False, default=""),
+    Column("calibration", String(64), nullable=False, default=""),  # identity of the probes' calibrations
+    Column("duration_s", Float, nullable=False),
+    Column("samples", BigInteger, nullable=False),
+    Column("is_complete", Boolean, nullable=False),
+    Column("is_gap_free", Boolean, nullable=False),
+    Column("fault", Text, nullable=False),
+    Column("remark", Text, nullable=False, default=""),  # words added afterwards
+    Column("remarked_ns", BigInteger, nullable=False, default=0),  # last change of the file with remark and tags
+    Column("verdict", String(16), nullable=False, default=""),  # empty where it has not been verified
+    Column("is_summarised", Boolean, nullable=False, default=False),
+    Column("lowest_speed_rpm", Float),
+    Column("highest_speed_rpm", Float),
+    Column("largest_peak_to_peak_um", Float),
+    Column("severity", String(16)),
+)
+
+
+def _of_run(table: str, *columns: Column[object]) -> Table:
+    """Return a table whose rows belong to a run and go with it."""
+    return Table(
+        table,
+        METADATA,
+        Column("folder", String(FOLDER_LENGTH), primary_key=True),
+        Column("id", String(ID_LENGTH), primary_key=True),
+        *columns,
+        ForeignKeyConstraint(["folder", "id"], [RUN.c.folder, RUN.c.id], ondelete="CASCADE"),
+    )
+
+
+TAG = _of_run("rig_tag", Column[object]("tag", String(64), primary_key=True))
+
+FINDING = _of_run(  # sub-synchronous components
+    "rig_finding",
+    Column[object]("number", Integer, primary_key=True),
+    Column[object]("order", Float, nullable=False),
+    Column[object]("is_forward", Boolean, nullable=False),
+    Column[object]("onset_rpm", Float, nullable=False),
+    Column[object]("end_rpm", Float, nullable=False),
+    Column[object]("largest_peak_um", Float, nullable=False),
+)
+
+DOCUMENT = Table(  # computed from runs; good only for the file of this size and time of change
+    "rig_document",
+    METADATA,
+    Column("folder", String(FOLDER_LENGTH), primary_key=True),
+    Column("id", String(ID_LENGTH), primary_key=True),
+    Column("name", String(64), primary_key=True),
+    Column("size", BigInteger, nullable=False),
+    Column("changed_ns", BigInteger, nullable=False),
+    Column("document", Text, nullable=False),
+)
