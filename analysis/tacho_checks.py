@@ -138,7 +138,10 @@ def _one_level_check(signal: TachoSignal, *, motion: bool) -> Check:
     if low <= level <= high:
         advice = f"the tacho stands at {level:.2f} V, between its switching levels: unplugged, or levels set wrong"
         return Check.failed(name, Finding.LEVELS, value, limit, advice)
-    advice = "nothing turns, so the mark cannot be judged: turn the shaft by hand and look again"
+    advice = (
+        "nothing turns, so neither the mark nor the direction of the orbit can be judged: turn the shaft by hand and "
+        "look again"
+    )
     return Check.warned(name, Finding.STILL, value, limit, advice)
 
 
