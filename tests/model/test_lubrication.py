@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from model.errors import EquilibriumError
-from model.lubrication import Lubrication, film_equilibrium, nominal, table_3_1, thesis_like
+from model.film_equilibrium import film_equilibrium
+from model.lubrication import Lubrication, nominal, table_3_1, thesis_like
 
 STEP = math.radians(0.5)
 PSI = np.arange(720) * STEP
@@ -154,6 +155,14 @@ def test_equilibrium_tells_of_a_load_that_presses_nearer_to_the_wall_than_is_com
         EquilibriumError, match=r"presses the body to 0\.999\d+ of its clearance, expected .* within 0.999"
     ):
         film_equilibrium(400.0, 1e4, 5e-5, 0.0)
+
+
+def test_speed_of_closing_names_a_pressure_that_closes_no_film() -> None:
+    for pressure in (1e-12, 1e12):
+        with pytest.raises(EquilibriumError, match=r"inlet_pressure: .* of the load per length and radius, expected"):
+            nominal().complete_above(10.0, pressure)
+    with pytest.raises(ValueError, match="inlet_pressure: 0 Pa"):
+        nominal().complete_above(10.0, 0.0)
 
 
 @pytest.mark.parametrize("name", ["load_factor", "inner_capacity_factor", "flow_scale"])
