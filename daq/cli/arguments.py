@@ -1,6 +1,7 @@
 """The kinds of value that the commands take as arguments, each with what is said of a wrong one."""
 
 import argparse
+from pathlib import Path
 
 
 def duration(text: str) -> float:
@@ -58,3 +59,11 @@ def address(text: str) -> str:
     if not host or not number.isdigit():
         raise argparse.ArgumentTypeError(f"{text!r}: expected an address as host:port")
     return text
+
+
+def calibration(text: str) -> tuple[str, Path]:
+    """Return a probe's name and the file of its calibration."""
+    name, _, file = text.partition("=")
+    if not name or not file:
+        raise argparse.ArgumentTypeError(f"{text!r}: expected a probe and a file, such as x=probe-x.toml")
+    return name, Path(file)

@@ -5,6 +5,7 @@ import argparse
 from daq.cli.console import Console
 from daq.cli.replay import found
 from daq.cli.telling import print_json, tell
+from daq.config.calibration import load_calibration
 from daq.service.documents import RunDocument, run_document
 from daq.service.summaries import Summaries
 from daq.session.predictors import Predictors
@@ -40,8 +41,13 @@ def summary(chosen: argparse.Namespace) -> int:
     """Say what a run was; return the exit code."""
     console = Console()
     catalogue, run_id = found(chosen.recording, chosen.folder)
+    calibrations = {name: load_calibration(path) for name, path in chosen.calibration}
     with Predictors() as predictors:
-        document = Summaries(catalogue, predictors).patiently(run_id, console.progress)
+        summaries = Summaries(catalogue, predictors)
+        if calibrations:
+            document = summaries.reevaluated(run_id, calibrations, console.progress)
+        else:
+            document = summaries.patiently(run_id, console.progress)
     console.done()
     tell(document, as_json=chosen.json)
     return 0 if document.is_gap_free else 5

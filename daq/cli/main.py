@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from importlib.metadata import version
 
 from daq.cli import listing, predict, record, replay, serve, verify
-from daq.cli.arguments import duration, pace, port
+from daq.cli.arguments import calibration, duration, pace, port
 from daq.cli.bench import add_bench_commands
 from daq.errors import RigError, UsageError
 from recordings.errors import RecordingError
@@ -88,6 +88,14 @@ def _parser() -> argparse.ArgumentParser:
     command = add("summary", listing.summary, "Say what a run was: speeds, amplitudes, whirl, losses, agreement.")
     command.add_argument("recording", metavar="RUN", help="a run's id, or a file")
     command.add_argument("--folder", default="", help="where runs are kept")
+    command.add_argument(
+        "--calibration",
+        type=calibration,
+        action="append",
+        default=[],
+        metavar="PROBE=FILE",
+        help="analyse the samples anew with this record, as x=probe-x-2026-11-24.toml; the recording stays as it is",
+    )
     command.add_argument("--json", action="store_true", help="as JSON")
 
     verify.add_commands(add)

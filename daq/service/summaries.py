@@ -1,15 +1,16 @@
 """What runs were, as documents: read once, then kept beside the recordings."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 from pydantic import ValidationError
 
 from analysis.clock import ClockError
-from analysis.run import RunHeader
+from analysis.run import Calibration, RunHeader
 from analysis.summary import RunSummary
 from daq.service.documents import SummaryDocument, summary_document
 from daq.session.offline import summarise
 from daq.session.predictors import PATIENCE, Predictors
+from daq.session.reevaluation import corrected_header, reevaluate
 from model.compare import compare
 from recordings.catalogue import Catalogue
 from recordings.reader import RunReader
@@ -47,6 +48,23 @@ class Summaries:
     def patiently(self, run_id: str, waiting: Waiting) -> SummaryDocument:
         """Return a run's summary with the agreement, however long the model takes; `waiting` is told what goes on."""
         return self._kept(run_id) or self._made(run_id, waiting)
+
+    def reevaluated(self, run_id: str, calibrations: Mapping[str, Calibration], waiting: Waiting) -> SummaryDocument:
+        """Return the summary that a run has with other calibrations, by probe; its kept summary stays as it is.
+
+        Raises
+        ------
+        UsageError
+            The run has no probe of a name.
+        RecordingError
+            There is no such run, or its file cannot be read.
+        """
+        with RunReader(self._catalogue.path(run_id)) as reader:
+            header, clock = corrected_header(reader.header, calibrations), reader.clock_error
+            predictor = self._predictors.of(header)
+            summary = reevaluate(reader, header, lambda part: waiting(f"analysing {run_id} anew: {100 * part:.0f} %"))
+        predictor.wait(PATIENCE, lambda state: waiting(f"model {state}"))
+        return self.document(summary, header, clock)
 
     def document(self, summary: RunSummary, header: RunHeader, clock: ClockError | None) -> SummaryDocument:
         """Return a summary with how it agrees with the model of the run's rig, null where its map is not ready."""
