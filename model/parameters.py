@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass
 
 from model.rotor import Rotor, require_positive
+from model.supports import StaticLoad, Support
 
 GRAVITY = 9.80665  # m/s²
 
@@ -26,6 +27,8 @@ class FloatingRing:
         Mass of the ring, kg.
     viscosity : float
         Dynamic viscosity of the oil in both films, Pa s.
+    static_load : float
+        Force on each ring towards -Y, N, besides its weight: that of the oil feed.
 
     Raises
     ------
@@ -40,11 +43,15 @@ class FloatingRing:
     ring_outer_radius: float
     ring_mass: float
     viscosity: float
+    static_load: float = 0.0
 
     def __post_init__(self) -> None:
-        units = {"ring_mass": "kg", "viscosity": "Pa s"}
-        for name in self.__slots__:
-            require_positive(name, getattr(self, name), units.get(name, "m"))
+        sizes = ("length", "journal_radius", "inner_clearance", "outer_clearance", "ring_outer_radius")
+        units = {**dict.fromkeys(sizes, "m"), "ring_mass": "kg", "viscosity": "Pa s"}
+        for name, unit in units.items():
+            require_positive(name, getattr(self, name), unit)
+        if not math.isfinite(self.static_load):
+            raise ValueError(f"static_load: {self.static_load:g} N, expected a finite value")
         if self.ring_outer_radius <= self.ring_inner_radius:
             raise ValueError(
                 f"ring_outer_radius: {self.ring_outer_radius:g} m, expected more than the ring's inner radius "
@@ -92,6 +99,17 @@ class Imbalance:
     magnitude: float
     phase: float = 0.0
 
+    def require_at_most(self, most: float, why: str) -> None:
+        """Raise ValueError unless it is finite and not larger than ``most``, kg m."""
+        if not (math.isfinite(self.magnitude) and self.magnitude >= 0):
+            raise ValueError(f"imbalance: {self.magnitude:g} kg m, expected a finite value, 0 or more")
+        if not math.isfinite(self.phase):
+            raise ValueError(f"imbalance: phase {self.phase} rad, expected a finite angle")
+        if self.magnitude > most:
+            raise ValueError(
+                f"imbalance: {self.magnitude:g} kg m at station {self.station}, expected at most {most:g} kg m {why}"
+            )
+
 
 @dataclass(frozen=True, slots=True)
 class ModelParameters:
@@ -111,6 +129,11 @@ class ModelParameters:
         Station that the probes look at, from 1 at the compressor's end.
     probe_angles : tuple of float, length 2
         Where the probes x and y sit, rad from +X, positive in the direction of rotation.
+    loads : tuple of StaticLoad
+        What presses on the shaft besides its weight.
+    supports : tuple of Support
+        Linear supports in place of the floating rings, for modes, critical speeds and linear response; the motion
+        on the films does not have them.
 
     Raises
     ------
@@ -125,6 +148,8 @@ class ModelParameters:
     gravity: float = GRAVITY
     probe_station: int = 1
     probe_angles: tuple[float, float] = (0.0, math.pi / 2)
+    loads: tuple[StaticLoad, ...] = ()
+    supports: tuple[Support, ...] = ()
 
     def __post_init__(self) -> None:
         last = self.rotor.stations
@@ -135,16 +160,17 @@ class ModelParameters:
         for angle in self.probe_angles:
             if not math.isfinite(angle):
                 raise ValueError(f"probe_angles: {angle} rad, expected finite angles")
+        placed: tuple[tuple[str, tuple[Imbalance | StaticLoad | Support, ...]], ...] = (
+            ("imbalance", self.imbalances),
+            ("load", self.loads),
+            ("support", self.supports),
+        )
+        for name, things in placed:
+            for thing in things:
+                if not 1 <= thing.station <= last:
+                    raise ValueError(f"{name}: station {thing.station}, expected 1 to {last}")
+        most = self.rotor.mass * self.bearing.clearance
         for imbalance in self.imbalances:
-            if not 1 <= imbalance.station <= last:
-                raise ValueError(f"imbalance: station {imbalance.station}, expected 1 to {last}")
-            if not (math.isfinite(imbalance.magnitude) and imbalance.magnitude >= 0):
-                raise ValueError(f"imbalance: {imbalance.magnitude:g} kg m, expected a finite value, 0 or more")
-            if not math.isfinite(imbalance.phase):
-                raise ValueError(f"imbalance: phase {imbalance.phase} rad, expected a finite angle")
-            most = self.rotor.mass * self.bearing.clearance
-            if imbalance.magnitude > most:
-                raise ValueError(
-                    f"imbalance: {imbalance.magnitude:g} kg m at station {imbalance.station}, expected at most "
-                    f"{most:g} kg m (the rotor's mass times the bearing's clearance of {self.bearing.clearance:g} m)"
-                )
+            imbalance.require_at_most(
+                most, f"(the rotor's mass times the bearing's clearance of {self.bearing.clearance:g} m)"
+            )

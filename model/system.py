@@ -31,7 +31,7 @@ class Films(NamedTuple):
     ring_mass : float
         kg.
     gravity : float
-        m/s².
+        Force on a ring towards -Y over its mass, of its weight and the oil feed, m/s².
     """
 
     inner_factor: float
@@ -60,7 +60,7 @@ class Shaft(NamedTuple):
     imbalance : ndarray of complex128, shape (m,)
         Modal imbalance at theta = 0, kg m times shape.
     weight : ndarray of complex128, shape (m,)
-        Modal weight.
+        Modal weight and other loads at rest.
     """
 
     squares: FloatArray
@@ -173,12 +173,15 @@ class ModalSystem:
     def of(cls, parameters: ModelParameters, modes: int = MODES) -> "ModalSystem":
         """Reduce the parameters to the lowest ``modes`` free modes."""
         rotor, bearing = parameters.rotor, parameters.bearing
+        modes = min(modes, 2 * rotor.stations)
         free = free_modes(rotor, modes)
         shapes = free.shapes
         imbalance = np.zeros(modes, np.complex128)
         for one in parameters.imbalances:
             imbalance += one.magnitude * np.exp(1j * one.phase) * shapes[rotor.displacement(one.station)]
-        weight = -1j * parameters.gravity * (rotor.translation @ rotor.mass_matrix() @ shapes)
+        weight = np.asarray(-1j * parameters.gravity * (rotor.translation @ rotor.mass_matrix() @ shapes))
+        for load in parameters.loads:
+            weight += complex(load.x, load.y) * shapes[rotor.displacement(load.station)]
         shaft = Shaft(
             squares=free.frequencies**2,
             gyroscopic=np.ascontiguousarray(shapes.T @ rotor.gyroscopic_matrix() @ shapes),
@@ -196,7 +199,7 @@ class ModalSystem:
             inner_speed=1 + ring * bearing.ring_inner_radius / bearing.journal_radius,  # surfaces of ring and journal
             outer_speed=ring,
             ring_mass=bearing.ring_mass,
-            gravity=parameters.gravity,
+            gravity=parameters.gravity + bearing.static_load / bearing.ring_mass,
         )
         return cls(shaft, films)
 

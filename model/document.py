@@ -1,0 +1,205 @@
+"""Reading nested tables, as TOML gives them, with every fault said: quantity, value, unit, expectation.
+
+A quantity's key ends with its unit: ``radius_mm``, ``mass_kg``. Any unit of its dimension will do.
+"""
+
+import difflib
+import math
+from collections.abc import Mapping, Sequence
+from typing import Final
+
+DIMENSIONS: Final[dict[str, dict[str, float]]] = {
+    "length": {"mm": 1e-3, "m": 1.0, "um": 1e-6},
+    "mass": {"kg": 1.0, "g": 1e-3},
+    "moment of inertia": {"kg_m2": 1.0, "kg_mm2": 1e-6, "g_mm2": 1e-9},
+    "modulus": {"gpa": 1e9, "mpa": 1e6, "pa": 1.0},
+    "density": {"kg_m3": 1.0, "g_cm3": 1e3},
+    "viscosity": {"pa_s": 1.0, "mpa_s": 1e-3, "cp": 1e-3},
+    "stiffness": {"n_m": 1.0, "n_mm": 1e3, "n_um": 1e6},
+    "damping": {"n_s_m": 1.0, "n_s_mm": 1e3},
+    "imbalance": {"kg_m": 1.0, "g_mm": 1e-6},
+    "angle": {"deg": math.pi / 180, "rad": 1.0},
+    "force": {"n": 1.0, "kn": 1e3},
+    "acceleration": {"m_s2": 1.0},
+    "number": {"": 1.0},
+}
+SHOWN: Final[dict[str, str]] = {
+    "um": "µm", "kg_m2": "kg m²", "kg_mm2": "kg mm²", "g_mm2": "g mm²", "gpa": "GPa", "mpa": "MPa", "pa": "Pa",
+    "kg_m3": "kg/m³", "g_cm3": "g/cm³", "pa_s": "Pa s", "mpa_s": "mPa s", "cp": "cP", "n_m": "N/m", "n_mm": "N/mm",
+    "n_um": "N/µm", "n_s_m": "N s/m", "n_s_mm": "N s/mm", "kg_m": "kg m", "g_mm": "g mm", "deg": "°", "n": "N",
+    "kn": "kN", "m_s2": "m/s²",
+}  # fmt: skip
+Limit = str  # "positive", "not negative" or "any"
+
+
+class DocumentError(ValueError):
+    """A document is wrong.
+
+    Parameters
+    ----------
+    faults : sequence of str
+        All that is wrong.
+    """
+
+    def __init__(self, faults: Sequence[str]) -> None:
+        super().__init__("; ".join(faults))
+        self.faults = tuple(faults)
+
+
+class Table:
+    """One table of a document.
+
+    Parameters
+    ----------
+    data : mapping
+        Its content.
+    name : str
+        Where it is, as "segment[2]"; empty for the whole document.
+    faults : list of str
+        Where what is wrong is put down; a wrong value reads as a harmless one, so that the rest can be checked.
+    """
+
+    def __init__(self, data: Mapping[str, object], name: str, faults: list[str]) -> None:
+        self._data, self._name, self._faults = data, name, faults
+        self._known: list[str] = []
+        self._used: set[str] = set()
+
+    def has(self, name: str) -> bool:
+        """Return whether there is a key of that name, or a quantity of that name in any unit."""
+        return any(key == name or key.startswith(f"{name}_") for key in self._data)
+
+    def number(self, name: str, dimension: str, default: float | None = None, limit: Limit = "positive") -> float:
+        """Return a quantity in SI units; the default, in SI units, where it is not there."""
+        found = self._quantity(name, dimension, required=default is None)
+        if found is None:
+            return 1.0 if default is None else default
+        key, unit, factor = found
+        return self._scaled(key, self._data[key], unit, factor, limit)
+
+    def numbers(self, name: str, dimension: str, default: tuple[float, float]) -> tuple[float, float]:
+        """Return two quantities in SI units."""
+        found = self._quantity(name, dimension, required=False)
+        if found is None:
+            return default
+        key, unit, factor = found
+        values = self._data[key]
+        if not isinstance(values, list) or len(values) != 2:
+            self.fault(f"{key} = {values}: expected two numbers")
+            return default
+        first, second = (self._scaled(key, value, unit, factor, "any") for value in values)
+        return first, second
+
+    def matrix(self, name: str, dimension: str, *, required: bool) -> tuple[tuple[float, float], tuple[float, float]]:
+        """Return a 2 by 2 matrix in SI units, given as such or as one number for all directions; 0 where not given."""
+        found = self._quantity(name, dimension, required=required)
+        if found is None:
+            return (0.0, 0.0), (0.0, 0.0)
+        key, unit, factor = found
+        value = self._data[key]
+        if isinstance(value, list):
+            rows = [row for row in value if isinstance(row, list) and len(row) == 2]
+            if len(value) != 2 or len(rows) != 2:
+                self.fault(f"{key} = {value}: expected a number or two rows of two numbers")
+                return (0.0, 0.0), (0.0, 0.0)
+            (xx, xy), (yx, yy) = ([self._scaled(key, one, unit, factor, "any") for one in row] for row in rows)
+            return (xx, xy), (yx, yy)
+        same = self._scaled(key, value, unit, factor, "positive" if required else "not negative")
+        return (same, 0.0), (0.0, same)
+
+    def integer(self, name: str, default: int | None = None) -> int:
+        """Return a whole number."""
+        self._known.append(name)
+        if name not in self._data:
+            if default is None:
+                self.fault(f"{name}: missing, expected a whole number")
+            return 1 if default is None else default
+        self._used.add(name)
+        value = self._data[name]
+        if isinstance(value, bool) or not isinstance(value, int):
+            self.fault(f"{name} = {value}: expected a whole number")
+            return 1
+        return value
+
+    def text(self, name: str, default: str, choices: Sequence[str] = ()) -> str:
+        """Return a text, one of the choices where there are any."""
+        self._known.append(name)
+        value = self._data.get(name, default)
+        self._used.add(name)
+        if not isinstance(value, str) or (choices and value not in choices):
+            expected = " or ".join(f'"{choice}"' for choice in choices) if choices else "a text in quotes"
+            self.fault(f'{name} = "{value}": expected {expected}')
+            return default
+        return value
+
+    def table(self, name: str, *, required: bool = True) -> "Table | None":
+        """Return a table in this one; None where there is none."""
+        self._known.append(name)
+        self._used.add(name)
+        value = self._data.get(name)
+        if isinstance(value, Mapping):
+            return Table(value, self._place(name), self._faults)
+        if value is not None or required:
+            self.fault(f"{name}: {'missing' if value is None else value}, expected a table [{self._place(name)}]")
+        return None
+
+    def tables(self, name: str) -> list["Table"]:
+        """Return the tables of a list in this one; none where there is no such list."""
+        self._known.append(name)
+        self._used.add(name)
+        value = self._data.get(name, [])
+        if not isinstance(value, list) or not all(isinstance(one, Mapping) for one in value):
+            self.fault(f"{name} = {value}: expected tables [[{self._place(name)}]]")
+            return []
+        return [Table(one, f"{self._place(name)}[{number}]", self._faults) for number, one in enumerate(value)]
+
+    def finish(self) -> None:
+        """Put down every key that nothing was read from."""
+        for key in self._data:
+            if key not in self._used:
+                near = difflib.get_close_matches(key, self._known, n=1, cutoff=0.5)
+                hint = f"did you mean {near[0]}?" if near else f"expected one of {', '.join(self._known)}"
+                self.fault(f"{key} = {self._data[key]}: unknown key, {hint}")
+
+    def fault(self, text: str) -> None:
+        """Put down a fault of this table."""
+        self._faults.append(self._place(text))
+
+    def _place(self, key: str) -> str:
+        return f"{self._name}.{key}" if self._name else key
+
+    def _quantity(self, name: str, dimension: str, *, required: bool) -> tuple[str, str, float] | None:
+        """Return key, unit and its size of a quantity; None where it is not there."""
+        units = DIMENSIONS[dimension]
+        keys = {f"{name}_{unit}" if unit else name: unit for unit in units}
+        usual = next(iter(keys))
+        self._known.append(usual)
+        present = [key for key in keys if key in self._data]
+        self._used.update(present)
+        if len(present) > 1:
+            self.fault(f"{present[1]} = {self._data[present[1]]}: expected it once, {present[0]} says it already")
+        if present:
+            unit = keys[present[0]]
+            return present[0], SHOWN.get(unit, unit), units[unit]
+        foreign = [key for key in self._data if key not in self._used and self._is_unit_of(key, name)]
+        for key in foreign[:1]:
+            self._used.add(key)
+            unit = key.removeprefix(name).removeprefix("_") or "none"
+            self.fault(f"{key} = {self._data[key]}: unknown unit {unit}, expected {' or '.join(keys)}")
+        if required and not foreign:
+            self.fault(f"{usual}: missing, expected a {dimension}")
+        return None
+
+    @staticmethod
+    def _is_unit_of(key: str, name: str) -> bool:
+        """Return whether a key is that quantity with some unit, or none."""
+        return key == name or key.startswith(f"{name}_")
+
+    def _scaled(self, key: str, value: object, unit: str, factor: float, limit: Limit) -> float:
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            self.fault(f"{key} = {value}: expected a number")
+            return 1.0
+        least = {"positive": "above 0", "not negative": "0 or more", "any": ""}[limit]
+        if not math.isfinite(value) or (limit == "positive" and value <= 0) or (limit == "not negative" and value < 0):
+            self.fault(f"{key} = {value:g} {unit}: expected a finite value {least}".rstrip())
+            return 1.0
+        return float(f"{value * factor:.15g}")  # 20 µm is 2e-5 m, not 1.9999999999999998e-05
