@@ -1,7 +1,9 @@
 """A small rig's header, blocks and snapshots for the tests of recordings."""
 
 import math
-from collections.abc import Callable
+import os
+from collections.abc import Callable, Iterator
+from uuid import uuid4
 
 import numpy as np
 import pytest
@@ -21,6 +23,7 @@ from analysis.run import (
 )
 from analysis.samples import SampleBlock
 from analysis.snapshot import OrderFrame, Snapshot, TachoReport, TachoState, Trace, Whirl
+from tests.recordings.postgresql import new_database, server
 
 RATE = 20_000.0
 STARTED_NS = 1_795_511_527_123_456_789
@@ -121,3 +124,23 @@ def _codes(segment: int, first: int, stop: int, n_channels: int = 3) -> NDArray[
     rows = [np.round(40_000 * np.sin(angle + k + segment)) + noise.astype(np.float64) for k in range(n_channels)]
     codes: NDArray[np.int16] = np.clip(np.stack(rows), -32768, 32767).astype(np.int16)
     return codes
+
+
+@pytest.fixture(scope="session")
+def postgresql() -> Iterator[str]:
+    """Run a PostgreSQL server for all tests that need one."""
+    with server() as address:
+        yield address
+
+
+@pytest.fixture(params=["sqlite", "postgresql"])
+def database(request: pytest.FixtureRequest) -> Iterator[str]:
+    """Let catalogues keep what they know in SQLite in their folders, then in an empty database of a real server."""
+    before = os.environ.pop("RIG_CATALOGUE", None)
+    if request.param == "postgresql":
+        name = f"test_{uuid4().hex}"
+        os.environ["RIG_CATALOGUE"] = new_database(request.getfixturevalue("postgresql"), name)
+    yield request.param
+    os.environ.pop("RIG_CATALOGUE", None)
+    if before is not None:
+        os.environ["RIG_CATALOGUE"] = before

@@ -20,6 +20,8 @@ from recordings.writer import RunWriter
 MakeBlock = Callable[..., SampleBlock]
 SECOND = 1_000_000_000
 
+pytestmark = pytest.mark.usefixtures("database")
+
 
 @pytest.fixture
 def record(tmp_path: Path, header: RunHeader, make_block: MakeBlock) -> Callable[[str, int], Path]:
@@ -180,16 +182,6 @@ def test_documents_are_kept_until_the_file_changes(tmp_path: Path, record: Calla
     os.utime(path, ns=(status.st_atime_ns, status.st_mtime_ns + SECOND))
     assert catalogue.load_document("run", "summary") is None
     assert [entry.id for entry in catalogue.runs()] == ["run"]
-
-
-def test_a_folder_that_takes_no_catalogue_is_no_fault(tmp_path: Path, record: Callable[[str, int], Path]) -> None:
-    record("run", SECOND)
-    (tmp_path / ".rig").write_text("a file in its place")
-    catalogue = Catalogue(tmp_path)
-    assert [entry.id for entry in catalogue.runs()] == ["run"]
-    catalogue.store_document("run", "summary", {"a": 1})
-    assert catalogue.load_document("run", "summary") == {"a": 1}
-    assert Catalogue(tmp_path).load_document("run", "summary") is None
 
 
 def test_the_data_folder_is_the_setting_then_the_environment_then_data(
