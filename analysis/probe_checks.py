@@ -126,8 +126,18 @@ def calibrated_check(probe: ProbeSignal) -> Check:
     return Check.warned(name, Finding.BEYOND_CALIBRATION, value, limit, advice)
 
 
-def hum_check(probe: ProbeSignal, slow: SlowSignal) -> Check:
-    """Return whether the mains are to be seen; ``slow`` is the probe's displacement, m."""
+def hum_check(probe: ProbeSignal, slow: SlowSignal, turning: float) -> Check:
+    """Return whether the mains are to be seen.
+
+    Parameters
+    ----------
+    probe : ProbeSignal
+        The probe.
+    slow : SlowSignal
+        Its displacement, m.
+    turning : float
+        Frequency of the shaft, Hz: whirl may lie anywhere below it. 0 at rest, infinite where it turns untold.
+    """
     name = f"{probe.name} mains hum"
     limit = f"{HUM_WARN:g} µm peak at 50 or 60 Hz"
     line = slow.mains()
@@ -138,6 +148,11 @@ def hum_check(probe: ProbeSignal, slow: SlowSignal) -> Check:
     if not line.is_separable:
         advice = "the shaft turns with the mains' frequency, or a part of it: look again at rest or at another speed"
         return Check.warned(name, Finding.UNTOLD, value, limit, advice)
+    if line.frequency < turning:
+        advice = (
+            f"{probe.name} hums with the mains, or the shaft whirls just there: look again at rest, then at the shields"
+        )
+        return Check.warned(name, Finding.HUM, value, limit, advice)
     advice = (
         f"{probe.name} hums with the mains: earth its shield at one end only, look for a loop through the "
         "conditioner's supply, keep the cable away from the inverter's"

@@ -53,14 +53,16 @@ def wiring_checks(acquisition: Acquisition, codes: NDArray[np.int16]) -> tuple[C
     sound = [probe for probe, gap in zip(rest, gaps, strict=True) if gap.verdict is Verdict.GOOD]
     slow = [SlowSignal(probe.displacement, acquisition.rate, angle) for probe in sound]
     checks += gaps
+    motion = bool(slow) and all(signal.motion() > MOVES for signal in slow)
+    untold = np.inf if motion else 0.0
+    turning = untold if angle is None else tacho.speed / (2.0 * np.pi)
     for probe, signal in zip(sound, slow, strict=True):
-        checks += [clipping_check(probe), calibrated_check(probe), hum_check(probe, signal)]
+        checks += [clipping_check(probe), calibrated_check(probe), hum_check(probe, signal, turning)]
     if len(sound) == len(ROLES):
         checks.append(_apart_check(*sound))
         if angle is not None and checks[-1].verdict is Verdict.GOOD:
             checks.append(_direction_check(sound, slow))
     if not told:
-        motion = bool(slow) and all(signal.motion() > MOVES for signal in slow)
         checks += tacho_checks(tacho, motion=motion)
     return tuple(checks)
 
