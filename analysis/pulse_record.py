@@ -130,7 +130,9 @@ def _agreed(forward: tuple[IntArray, FloatArray], backward: tuple[IntArray, Floa
     """Return numbers and times of the pulses of both trains, and of the one where the other has not begun."""
     common, in_forward, in_backward = np.intersect1d(forward[1], backward[1], return_indices=True)
     if common.size < FEWEST_PULSES:
-        raise TachoRefusedError("the tacho's pulses make different trains forward and backward in time")
+        raise TachoRefusedError(
+            "the tacho's pulses make several trains: analyse the record in parts between the breaks"
+        )
     offset = forward[0][in_forward] - backward[0][in_backward]
     if (offset != offset[0]).any():
         at = float(common[int(np.argmax(offset != offset[0]))])

@@ -8,9 +8,13 @@ from scipy.interpolate import BSpline
 from scipy.linalg import solveh_banded
 
 from analysis.angle import DEGREE, FEWEST_KNOT_TURNS, KNOT_TIME, KNOT_TURNS, MAD_TO_SIGMA, OUTLIER, OUTLIER_PART
+from analysis.errors import RecordTooShortError
 from analysis.pulse_record import PulseRecord
 
 FloatArray = NDArray[np.float64]
+
+MISSED = 3e-6  # revolutions that the spline may miss a steady rise of speed by: 0.001 degrees
+FEWEST_TURNS = 4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -82,12 +86,20 @@ def shaft_angle(record: PulseRecord) -> ShaftAngle:
     record : PulseRecord
         Numbered pulses.
 
+    Raises
+    ------
+    RecordTooShortError
+        With fewer than 4 whole revolutions.
+
     Notes
     -----
     K. Fyfe and E. Munck, Analysis of computed order tracking, MSSP 11(2), 1997: the angle's errors limit everything;
     time is fitted against angle because the pulses lie uniformly in it.
     """
     marks = record.pulses_per_revolution
+    whole = np.count_nonzero(record.numbers % marks == 0) - 1
+    if whole < FEWEST_TURNS:
+        raise RecordTooShortError(f"the tacho's pulses span {whole} revolutions, expected at least {FEWEST_TURNS}")
     turns = record.numbers / marks
     offsets = np.zeros(marks)
     if marks > 1:
@@ -123,21 +135,34 @@ def _scatter(residual: FloatArray, fitted: BSpline) -> float:
     return MAD_TO_SIGMA * spread * float(np.sqrt(residual.size / freedom))
 
 
+def _inner_knots(turns: FloatArray, times: FloatArray) -> list[float]:
+    """Return the knots, in revolutions: whole but for the ends, so that the spline is one cubic in each revolution.
+
+    Where the speed n rises by a in every unit of time, n t'' = -a / n², and so on: the cubic misses by about
+    h^4 15 a³ / (384 n^6) revolutions where knots lie h apart.
+    """
+    per_turn = (turns.size - 1) / float(turns[-1] - turns[0])  # pulses a revolution
+    span, last = int(max(KNOT_TURNS * per_turn, DEGREE + 1)), turns.size - 1
+    at, knots = 0, [float(turns[0])]
+    while True:
+        middle = min(max(at, span), max(last - span, 0))
+        low, high = max(middle - span, 0), min(middle + span, last)
+        before = (turns[middle] - turns[low]) / (times[middle] - times[low]) if middle > low else np.nan
+        after = (turns[high] - turns[middle]) / (times[high] - times[middle])
+        rise = 2.0 * abs(after - before) / (times[high] - times[low]) if middle > low else 0.0
+        bend = 15.0 * rise**3 / (384.0 * after**6)
+        straight = (MISSED / bend) ** 0.25 if bend > 0.0 else KNOT_TURNS
+        apart = max(min(KNOT_TIME * after, straight, KNOT_TURNS), FEWEST_KNOT_TURNS)
+        step = max(round(apart * per_turn), DEGREE)
+        at += step
+        if at > last - step:
+            return [*knots, float(turns[-1])]
+        knots.append(float(round(turns[at])))
+
+
 def _fit(turns: FloatArray, times: FloatArray) -> tuple[BSpline, FloatArray]:
     """Return the spline and what it leaves of each pulse, s."""
-    inner = [float(turns[0])]
-    marks = (turns.size - 1) / float(turns[-1] - turns[0])  # pulses a revolution
-    at, last = 0, turns.size - 1
-    while True:
-        span = int(max(KNOT_TURNS * marks, DEGREE + 1))
-        ahead = min(at + span, last)
-        turn_rate = float((turns[ahead] - turns[at]) / (times[ahead] - times[at]))
-        apart = min(max(KNOT_TIME * turn_rate, FEWEST_KNOT_TURNS), KNOT_TURNS) * marks
-        at += max(round(apart), 3)
-        if at > last - max(round(apart), 3):
-            break
-        inner.append(float(round(turns[at])))  # whole: within a revolution the spline is one cubic
-    inner.append(float(turns[-1]))
+    inner = _inner_knots(turns, times)
     knots = np.concatenate([np.full(DEGREE, inner[0]), inner, np.full(DEGREE, inner[-1])])
     slope = (times[-1] - times[0]) / (turns[-1] - turns[0])
     line = times[0] + slope * (turns - turns[0])

@@ -9,6 +9,8 @@ import pytest
 from numpy.typing import NDArray
 
 from analysis.analyser import Analyser
+from analysis.angular_record import AngularRecord, record_of_codes
+from analysis.orbit import ProbePair
 from analysis.run import Acquisition, AnalysisSettings, Calibration, Channel, Device, Limits, Role, RunHeader, Tacho
 from analysis.samples import EndReason, SampleBlock, SegmentEnd
 from analysis.snapshot import OrderFrame, Snapshot
@@ -166,3 +168,37 @@ def header(make_bench: Callable[..., Bench]) -> RunHeader:
         config_toml="",
         program="test",
     )
+
+
+@pytest.fixture
+def make_record(make_bench: Callable[..., Bench]) -> Callable[..., AngularRecord]:
+    """Return a maker of angular records of a known motion: motion, angle, duration, and what `make_bench` takes."""
+
+    def make(motion: Motion, angle: Angle, duration: float, *, points: int = 64, **bench: Any) -> AngularRecord:
+        made = make_bench(**bench)
+        return record_of_codes(made.acquisition, made.codes(angle, motion, duration), points=points)
+
+    return make
+
+
+@pytest.fixture
+def make_angular() -> Callable[..., AngularRecord]:
+    """Return a maker of angular records without card or tacho: circles at a steady speed, on the grid itself."""
+
+    def make(
+        *components: tuple[float, float, float],
+        revolutions: int = 64,
+        points: int = 64,
+        turn_rate: float = 100.0,
+        noise: float = 0.0,
+        mean: tuple[float, float] = (0.0, 0.0),
+        seed: int = 0,
+    ) -> AngularRecord:
+        theta = 2 * np.pi * np.arange(revolutions * points) / points
+        motion = np.stack(circles(*components)(theta)).reshape(2, revolutions, points)
+        motion += noise * np.random.default_rng(seed).standard_normal(motion.shape)
+        motion += np.array(mean)[:, None, None]
+        times = np.arange(revolutions + 1) / turn_rate
+        return AngularRecord(motion, 0, times, ProbePair(0.0, np.pi / 2), angle_jitter=0.0)
+
+    return make
