@@ -3,7 +3,7 @@
 from importlib.metadata import version
 from typing import Any
 
-from fastapi import FastAPI
+from fastapi import APIRouter, FastAPI
 
 from daq.errors import ServiceError
 from daq.service.documents import ProblemDocument
@@ -11,9 +11,12 @@ from daq.service.guard import Guard, is_loopback
 from daq.service.head import HeadAsGet
 from daq.service.last_resort import LastResort
 from daq.service.pages import PUBLIC_PATHS, Pages
-from daq.service.problems import install
+from daq.service.problems import HOST, INTERNAL, TOKEN, install
+from daq.service.readings import Readings
 from daq.service.reference import reference_page
-from daq.service.routes import Catalogue, Live, Routes, Summaries
+from daq.service.routes import PREFIX, Catalogue, Live, Routes, Summaries
+from daq.service.routing import Routing
+from daq.service.run_routes import RunRoutes
 from daq.service.safe_headers import SafeHeaders
 
 DISTRIBUTION = "rig-service"
@@ -25,6 +28,7 @@ DESCRIPTION = (
 )
 TAGS = [
     {"name": "runs", "description": "What was recorded"},
+    {"name": "results", "description": "What was measured in a run, and what the model says of it"},
     {"name": "live", "description": "What is recorded or replayed now"},
     {"name": "service", "description": "The service itself"},
 ]
@@ -36,6 +40,7 @@ def create_app(
     summaries: Summaries,
     viewer_url: str | None,
     *,
+    readings: Readings | None = None,
     host: str = "127.0.0.1",
     token: str | None = None,
 ) -> FastAPI:
@@ -51,6 +56,8 @@ def create_app(
         What runs were.
     viewer_url : str or None
         Address of the web viewer that the page embeds; None where there is none.
+    readings : Readings or None
+        Who answers what is asked of recorded runs beyond their summaries; None: nobody is asked.
     host : str
         Address that the server is bound to. One of this machine alone answers only to this machine's own names.
     token : str or None
@@ -73,6 +80,10 @@ def create_app(
     app = _Service(with_token=token is not None)
     install(app)
     app.include_router(Routes(catalogue, live, summaries, app.version).router(with_token=token is not None))
+    if readings is not None:
+        routing = Routing(APIRouter(prefix=PREFIX), (HOST, INTERNAL, *((TOKEN,) if token is not None else ())))
+        RunRoutes(catalogue, live, readings, app.version).add_to(routing)
+        app.include_router(routing.router)
     app.include_router(Pages(viewer_url, reference_page(app.openapi())).router())
     app.add_middleware(LastResort)
     app.add_middleware(Guard, host=host, token=token, public=PUBLIC_PATHS)
@@ -100,6 +111,8 @@ class _Service(FastAPI):
     def openapi(self) -> dict[str, Any]:
         """Return the OpenAPI document."""
         schema = super().openapi()
+        used = {tag for path in schema["paths"].values() for operation in path.values() for tag in operation["tags"]}
+        schema["tags"] = [tag for tag in TAGS if tag["name"] in used]
         components = schema["components"]
         if ProblemDocument.__name__ not in components["schemas"]:
             problem = ProblemDocument.model_json_schema(ref_template=SCHEMA, mode="serialization")

@@ -56,7 +56,23 @@ NO_LIVE_RUN = Kind(
     "The service is well, but nothing is recorded or replayed now. Ask again later.",
 )
 NOT_FOUND = Kind("not-found", 404, "There is nothing at this address", "The addresses that exist are listed on /docs.")
-METHOD = Kind("method-not-allowed", 405, "This can only be read", "The service answers GET requests alone.")
+METHOD = Kind(
+    "method-not-allowed", 405, "This cannot be done here", "`Allow` names the methods that this address knows."
+)
+NO_SUCH_MOMENT = Kind(
+    "no-such-moment",
+    404,
+    "The run holds nothing there",
+    "No frame, sample or prediction lies at or near this time or speed; `detail` tells what there is.",
+)
+TOO_MUCH = Kind("too-much", 413, "More than one answer may hold", "Ask for a shorter stretch at a time.")
+NOT_ACCEPTABLE = Kind(
+    "not-acceptable", 406, "No form that is accepted can be sent", "`Accept` must allow one of the types of the answer."
+)
+RANGE = Kind("range-not-satisfiable", 416, "The range lies outside the file", "`Content-Range` gives the file's size.")
+MODEL_NOT_READY = Kind(
+    "model-not-ready", 503, "The model has no answer yet", "Its map is being computed; ask again later."
+)
 RUN_UNDER_WAY = Kind(
     "run-under-way",
     409,
@@ -98,7 +114,7 @@ INTERNAL = Kind("internal", 500, "The service failed", "A fault of the program; 
 
 KINDS: Final = (
     BAD_PARAMETER, RUN_NOT_FOUND, NO_LIVE_RUN, NOT_FOUND, METHOD, RUN_UNDER_WAY, RUN_DAMAGED, RUN_FORMAT, TOKEN, HOST,
-    BUSY, STORAGE, INTERNAL,
+    BUSY, STORAGE, INTERNAL, NO_SUCH_MOMENT, TOO_MUCH, NOT_ACCEPTABLE, RANGE, MODEL_NOT_READY,
 )  # fmt: skip
 
 
@@ -154,7 +170,7 @@ def problem_response(
     extra = {"Cache-Control": "no-store", **(headers or {})}
     if kind is TOKEN:
         extra["WWW-Authenticate"] = 'Bearer realm="rig"'
-    if kind in (BUSY, STORAGE):
+    if kind in (BUSY, STORAGE, MODEL_NOT_READY):
         extra["Retry-After"] = "2"
     return Response(document.model_dump_json(), status_code=document.status, headers=extra, media_type=MEDIA_TYPE)
 

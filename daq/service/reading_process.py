@@ -37,24 +37,25 @@ class ReadingProcess:
         pipe = self._started()
         try:
             pipe.send((work, arguments))
-            waited = 0.0
-            while not pipe.poll(LOOK):
-                waited += LOOK
-                if self._ending.is_set() or waited > deadline:
-                    raise ReadingStoppedError(
-                        "the service ends" if self._ending.is_set() else f"not done after {deadline:g} s"
-                    )
+            self._await(pipe, deadline)
             is_well, result = pipe.recv()
         except (OSError, EOFError) as error:
             self._kill()
             raise ReadingStoppedError(f"the reading process went away: {error}") from error
-        except ReadingStoppedError:
-            self._kill()
-            raise
         if not is_well:
             raise result
         done: T = result
         return done
+
+    def _await(self, pipe: Connection, deadline: float) -> None:
+        waited = 0.0
+        while not pipe.poll(LOOK):
+            waited += LOOK
+            if self._ending.is_set() or waited > deadline:
+                self._kill()
+                raise ReadingStoppedError(
+                    "the service ends" if self._ending.is_set() else f"not done after {deadline:g} s"
+                )
 
     def end(self) -> None:
         """Give up what is under way; nothing is begun any more."""
@@ -121,9 +122,13 @@ class ReadingProcesses:
         """Give up what is under way and end them all."""
         for process in self._all:
             process.end()
+        ended = []
         for _ in self._all:
             with suppress(queue.Empty):  # one that does not come back ends with the program
-                self._free.get(timeout=JOIN_TIME).join()
+                ended.append(self._free.get(timeout=JOIN_TIME))
+        for process in ended:
+            process.join()
+            self._free.put(process)  # whoever waits for it is told that the service ends
 
     def __enter__(self) -> Self:
         return self

@@ -73,15 +73,17 @@ def _operation(method: str, path: str, operation: Schema, schemas: Schema) -> st
         )
         parts.append(_table("Parameter", "In", "Type", "Meaning", rows=rows))
     parts.append(_table("Status", "Answer", "Type", rows=_answers(operation["responses"])))
-    answer = operation["responses"]["200"]["content"]["application/json"]["schema"]
-    shown = json.dumps(example(answer, schemas), indent=2, ensure_ascii=False)
-    parts.append(f"<details><summary>Example</summary><pre>{_text(shown)}</pre></details></section>")
-    return "".join(parts)
+    for status, response in operation["responses"].items():
+        answer = response.get("content", {}).get("application/json")
+        if status.startswith("2") and answer is not None:
+            shown = json.dumps(example(answer["schema"], schemas), indent=2, ensure_ascii=False)
+            parts.append(f"<details><summary>Example</summary><pre>{_text(shown)}</pre></details>")
+    return "".join((*parts, "</section>"))
 
 
 def _answers(responses: Schema) -> Iterator[str]:
     for status, response in sorted(responses.items()):
-        for media_type, content in response["content"].items():
+        for media_type, content in response.get("content", {"–": {"schema": {"type": "no content"}}}).items():
             yield (
                 f"<tr><td>{status}</td><td>{_prose(response['description'])}</td>"
                 f"<td>{_kind(content['schema'])} <small>{_text(media_type)}</small></td></tr>"

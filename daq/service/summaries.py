@@ -29,11 +29,16 @@ class Summaries:
         The data folder.
     predictors : Predictors
         The model's predictions.
+    read : callable or None
+        Sums up the run of a file for whoever asks over REST; None does it here.
     """
 
-    def __init__(self, catalogue: Catalogue, predictors: Predictors) -> None:
+    def __init__(
+        self, catalogue: Catalogue, predictors: Predictors, read: Callable[[Path], RunSummary] | None = None
+    ) -> None:
         self._catalogue = catalogue
         self._predictors = predictors
+        self._read = read
 
     def summary(self, run_id: str) -> SummaryDocument:
         """Return a run's summary; the agreement is null as long as the model's map is being computed.
@@ -86,7 +91,7 @@ class Summaries:
             header, is_complete, clock = reader.header, reader.is_complete, reader.clock_error
             told = None if waiting is None else lambda part: waiting(f"reading {run_id}: {100 * part:.0f} %")
             predictor = self._predictors.of(header)
-            summary = summarise(reader, told)
+            summary = self._read(reader.path) if self._read is not None and waiting is None else summarise(reader, told)
         if waiting is not None:
             predictor.wait(PATIENCE, lambda state: waiting(f"model {state}"))
         document = self.document(summary, header, clock)

@@ -26,10 +26,9 @@ def summarise(reader: RunReader, on_progress: Progress | None = None) -> RunSumm
     """
     told = on_progress or (lambda _part: None)
     builder = SummaryBuilder(reader.header)
-    kept = reader.is_complete and reader.skipped_samples == 0
     duration = max(reader.duration, 1e-9)
     done = 0.0
-    for item in _kept(reader) if kept else _analysed(reader):
+    for item in results(reader):
         if isinstance(item, SegmentEnd):
             builder.segment_end(item)
             done += item.samples / reader.header.acquisition.rate
@@ -37,6 +36,18 @@ def summarise(reader: RunReader, on_progress: Progress | None = None) -> RunSumm
             builder.snapshot(item)
             told(min(1.0, (done + item.time) / duration))
     return builder.summary()
+
+
+def results(reader: RunReader) -> Iterator[Snapshot | SegmentEnd]:
+    """Yield the results of a recording and the ends of its segments, as recorded or analysed again as `summarise` does.
+
+    Parameters
+    ----------
+    reader : RunReader
+        The recording.
+    """
+    is_whole = reader.is_complete and reader.skipped_samples == 0
+    return _kept(reader) if is_whole else _analysed(reader)
 
 
 def _kept(reader: RunReader) -> Iterator[Snapshot | SegmentEnd]:

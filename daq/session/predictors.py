@@ -10,6 +10,7 @@ from daq.config.rig import Rig
 from daq.config.rotor import configured_rotor, rotor_parameters
 from daq.session.predictor import Predictor
 from model.parameters import ModelParameters
+from model.prediction import Prediction
 from model.prediction_map import default_speeds, model_key
 
 PATIENCE = 120.0  # s between two words of a computation before it is given up
@@ -30,6 +31,17 @@ class Predictors:
         """Return the predictor for the rig of a run, as its configuration was then."""
         config = read_config(header.config_toml, f"configuration of run {header.run}")
         return self._for(configured_rotor(config), header.settings, header.limits)
+
+    def prediction_for(self, header: RunHeader, speed: float) -> Prediction | None:
+        """Return what the model says of a run's rig at a speed, rad/s, at once.
+
+        Raises
+        ------
+        ValueError
+            The speed lies outside the rig's map.
+        """
+        known = self.of(header).map
+        return None if known is None else known.at(speed)
 
     def _for(self, parameters: ModelParameters, settings: AnalysisSettings, limits: Limits) -> Predictor:
         speeds = default_speeds(limits.speed)

@@ -209,8 +209,8 @@ def summary_document(
         ),
         snapshots=summary.snapshots,
         frames=summary.frames,
-        by_speed=tuple(_row(row) for row in summary.rows),
-        sub_synchronous=tuple(_whirl(finding) for finding in summary.whirls),
+        by_speed=tuple(speed_row_document(row) for row in summary.rows),
+        sub_synchronous=tuple(sub_synchronous_document(finding) for finding in summary.whirls),
         agreement=None if agreement is None else agreement_document(agreement),
     )
 
@@ -243,7 +243,8 @@ def _probe(probe: ProbeSummary) -> ProbeSummaryDocument:
     )
 
 
-def _row(row: SpeedRow) -> SpeedRowDocument:
+def speed_row_document(row: SpeedRow) -> SpeedRowDocument:
+    """Return what one bin of speed said as a document."""
     order = finite(row.whirl_order)
     return SpeedRowDocument(
         speed_rpm=rpm(row.speed),
@@ -262,7 +263,8 @@ def _row(row: SpeedRow) -> SpeedRowDocument:
     )
 
 
-def _whirl(finding: WhirlFinding) -> SubSynchronousDocument:
+def sub_synchronous_document(finding: WhirlFinding) -> SubSynchronousDocument:
+    """Return a component below 1X as a document."""
     return SubSynchronousDocument(
         order=finite(finding.order),
         order_at_begin=finite(finding.order_at_begin),

@@ -1,0 +1,117 @@
+"""The answers that are made of a recording's file by a reading process, ready to be sent."""
+
+import gzip
+from collections.abc import Callable
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from analysis.samples import SegmentEnd
+from analysis.summary import RunSummary
+from analysis.waterfall import Cascade
+from daq.service.documents.course import (
+    CascadeDocument,
+    FindingsDocument,
+    OrderVectorsDocument,
+)
+from daq.service.documents.document import Document
+from daq.service.documents.moment import full_spectrum_document, orbit_document, order_spectrum_document
+from daq.service.documents.summary import speed_row_document, sub_synchronous_document
+from daq.service.documents.units import finite, micrometres, rpm
+from daq.service.questions import At, CascadeQuery, TrendQuery
+from daq.service.records import NoSuchMomentError, records, snapshot_at, status_of
+from daq.service.trend import trend_document
+from daq.session.offline import results
+from recordings.reader import RunReader
+
+RPM = np.pi / 30.0
+ANSWERS_KEPT = 128
+LEVEL = 4  # of gzip: beyond it nothing is gained but time spent
+
+
+def order_vectors(path: Path) -> Document:
+    """Return 1X and 2X over speed."""
+    found = records(path)
+    return OrderVectorsDocument(
+        run=found.header.run, by_speed=tuple(speed_row_document(row) for row in found.summary.rows)
+    )
+
+
+def findings(path: Path) -> Document:
+    """Return what was found below 1X."""
+    found = records(path)
+    return FindingsDocument(
+        run=found.header.run,
+        sub_synchronous=tuple(sub_synchronous_document(finding) for finding in found.summary.whirls),
+    )
+
+
+def trend(path: Path, query: TrendQuery) -> Document:
+    """Return values over time."""
+    begin = query.from_s
+    end = np.inf if query.duration_s is None else begin + query.duration_s
+    return trend_document(records(path), query.segment, begin, end, query.entries)
+
+
+def moment(path: Path, what: str, at: At) -> Document:
+    """Return order spectrum, full spectrum or orbit of the frame nearest to a moment."""
+    found = records(path)
+    index = found.nearest(at.segment, at.time_s, None if at.speed_rpm is None else at.speed_rpm * RPM)
+    snapshot, frame = snapshot_at(path, found, index)
+    if what == "order-spectrum":
+        return order_spectrum_document(found.header, snapshot, frame)
+    if what == "full-spectrum":
+        return full_spectrum_document(found.header, snapshot, frame)
+    return orbit_document(found.header, snapshot, frame)
+
+
+def cascade(path: Path, query: CascadeQuery) -> Document:
+    """Return spectra over speed."""
+    found = records(path)
+    speeds = found.frame_speed[np.isfinite(found.frame_speed)]
+    if not speeds.size:
+        raise NoSuchMomentError("no order spectrum in the run")
+    rows = Cascade(found.header.settings, float(speeds.max()) * (1.0 + 1e-9), query.rows)
+    with RunReader(path) as reader:
+        for item in results(reader):
+            if not isinstance(item, SegmentEnd):
+                rows.snapshot(item)
+    filled, orders = rows.filled, rows.orders
+    starts = np.arange(0, orders.size, -(-orders.size // query.columns))
+    amplitudes = np.maximum.reduceat(rows.amplitudes[filled], starts, axis=1)
+    return CascadeDocument(
+        run=found.header.run,
+        speeds_rpm=tuple(rpm(speed) for speed in rows.speeds[filled].tolist()),
+        orders=tuple(finite(order) for order in orders[starts].tolist()),
+        amplitude_peak_um=tuple(tuple(micrometres(value) for value in row) for row in amplitudes.tolist()),
+    )
+
+
+def summary(path: Path) -> RunSummary:
+    """Return what the run was."""
+    return records(path).summary
+
+
+ANSWERS: dict[str, Callable[..., Document]] = {
+    "order-vectors": order_vectors,
+    "findings": findings,
+    "trend": trend,
+    "cascade": cascade,
+    "order-spectrum": lambda path, at: moment(path, "order-spectrum", at),
+    "full-spectrum": lambda path, at: moment(path, "full-spectrum", at),
+    "orbit": lambda path, at: moment(path, "orbit", at),
+}
+
+
+def answer_of(path: Path, what: str, query: object, packed: bool) -> bytes:  # noqa: FBT001 - sent through a pipe
+    """Return an answer as JSON, gzipped where that is wanted; made once as long as the file does not change."""
+    status = status_of(path)
+    return _answer(path, status.st_size, status.st_mtime_ns, what, query, packed)
+
+
+@lru_cache(maxsize=ANSWERS_KEPT)
+def _answer(path: Path, _size: int, _changed_ns: int, what: str, query: object, packed: bool) -> bytes:  # noqa: FBT001 - a key of the cache
+    document = ANSWERS[what](path) if query is None else ANSWERS[what](path, query)
+    body = document.model_dump_json().encode()
+    return gzip.compress(body, LEVEL, mtime=0) if packed else body

@@ -1,0 +1,142 @@
+"""What is asked of recorded runs, answered from their files by processes of their own."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Protocol, Self, TypeVar
+
+import numpy as np
+
+from analysis.run import RunHeader
+from analysis.summary import RunSummary
+from daq.errors import RigError
+from daq.service import answers, sample_answers
+from daq.service.documents.course import ComparisonDocument, PredictionDocument
+from daq.service.documents.live import predicted_document
+from daq.service.documents.summary import speed_row_document
+from daq.service.documents.units import degrees, finite, rpm
+from daq.service.problems import (
+    BUSY,
+    MODEL_NOT_READY,
+    NO_SUCH_MOMENT,
+    NOT_ACCEPTABLE,
+    TOO_MUCH,
+    Kind,
+    ProblemError,
+)
+from daq.service.questions import SampleFormat, SamplesQuery
+from daq.service.reading_process import ReadingProcesses, ReadingStoppedError
+from daq.service.records import NoSuchMomentError
+from daq.service.sample_answers import NoArrowError, TooMuchError
+from model.prediction import Prediction
+from recordings.catalogue import RunEntry
+
+T = TypeVar("T")
+RPM = np.pi / 30.0
+NEAR_SPEED = 300.0 * RPM  # rad/s: a measured bin further than this from the speed asked for is none of it
+
+
+class Models(Protocol):
+    """The model's predictions by the rigs of runs."""
+
+    def prediction_for(self, header: RunHeader, speed: float) -> Prediction | None:
+        """Return the prediction at a speed, rad/s; None where there is none yet, ValueError outside its range."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class _Failure:
+    error: type[Exception]
+    kind: Kind
+
+
+FAILURES = (
+    _Failure(NoSuchMomentError, NO_SUCH_MOMENT),
+    _Failure(TooMuchError, TOO_MUCH),
+    _Failure(NoArrowError, NOT_ACCEPTABLE),
+    _Failure(ReadingStoppedError, BUSY),
+)
+
+
+class Readings:
+    """Answers about runs; made by reading processes, so that no request holds up an acquisition or a live view.
+
+    Parameters
+    ----------
+    models : Models
+        The model's predictions.
+    processes : int
+        How many answers are made at once.
+    """
+
+    def __init__(self, models: Models, processes: int = 1) -> None:
+        self._models = models
+        self._processes = ReadingProcesses(processes)
+
+    def answer(self, run: RunEntry, what: str, query: object, *, packed: bool) -> bytes:
+        """Return the answer of this name (see `daq.service.answers`) as JSON, gzipped where it is `packed`."""
+        return self._run(answers.answer_of, run.path, what, query, packed)
+
+    def samples(self, run: RunEntry, query: SamplesQuery, form: SampleFormat, *, packed: bool) -> bytes:
+        """Return a stretch of samples."""
+        return self._run(sample_answers.samples, run.path, query, form, packed)
+
+    def summary(self, path: Path) -> RunSummary:
+        """Return what the run of a file was."""
+        return self._run(answers.summary, path)
+
+    def prediction(self, run: RunEntry, speed: float) -> PredictionDocument:
+        """Return what the model says of a run's rig at a speed, rad/s."""
+        return PredictionDocument(run=run.id, predicted=predicted_document(self._predicted(run, speed)))
+
+    def comparison(self, run: RunEntry, speed: float) -> ComparisonDocument:
+        """Return the measurement nearest to a speed, rad/s, beside the prediction at the measured speed."""
+        rows = self.summary(run.path).rows
+        row = min(rows, key=lambda row: abs(row.speed - speed), default=None)
+        if row is None or abs(row.speed - speed) > NEAR_SPEED:
+            raise ProblemError(NO_SUCH_MOMENT, f"nothing was measured near {rpm(speed):,.0f} r/min")
+        prediction = self._predicted(run, row.speed)
+        measured, predicted = row.vectors[0], prediction.vectors[0]
+        seen = np.abs(predicted) > 0.0
+        ratio = np.where(seen, np.abs(measured) / np.where(seen, np.abs(predicted), 1.0), np.nan)
+        later = np.where(seen, -np.angle(measured * np.conj(predicted)), np.nan)
+        return ComparisonDocument(
+            run=run.id,
+            measured=speed_row_document(row),
+            predicted=predicted_document(prediction),
+            amplitude_ratio_x=finite(ratio[0]),
+            amplitude_ratio_y=finite(ratio[1]),
+            lag_difference_x_deg=degrees(later[0]),
+            lag_difference_y_deg=degrees(later[1]),
+        )
+
+    def _predicted(self, run: RunEntry, speed: float) -> Prediction:
+        if run.header is None:
+            raise ProblemError(MODEL_NOT_READY, f"run {run.id}: its rig is not known: {run.fault}")
+        try:
+            prediction = self._models.prediction_for(run.header, speed)
+        except (ValueError, RigError) as error:  # outside the model's speeds, or a rig that has no model
+            raise ProblemError(NO_SUCH_MOMENT, str(error)) from error
+        if prediction is None:
+            raise ProblemError(MODEL_NOT_READY, "the model's map of this rig is being computed")
+        return prediction
+
+    def _run(self, work: Callable[..., T], *arguments: object) -> T:
+        try:
+            return self._processes.run(work, *arguments)
+        except tuple(failure.error for failure in FAILURES) as error:
+            kind = next(failure.kind for failure in FAILURES if isinstance(error, failure.error))
+            raise ProblemError(kind, str(error)) from error
+
+    def close(self) -> None:
+        """End the processes."""
+        self._processes.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, _kind: type[BaseException] | None, _error: BaseException | None, _trace: TracebackType | None
+    ) -> None:
+        self.close()

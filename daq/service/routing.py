@@ -1,0 +1,71 @@
+"""How an address is made known to the application and its schema."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from fastapi import APIRouter, Response
+from fastapi.responses import JSONResponse
+
+from daq.service.problems import Kind, openapi_responses
+
+
+@dataclass(frozen=True, slots=True)
+class Routing:
+    """Adds addresses to a router, each with every way in which it can fail.
+
+    Parameters
+    ----------
+    router : APIRouter
+        Where they are added.
+    always : tuple of Kind
+        Problems that every address may answer with.
+    """
+
+    router: APIRouter
+    always: tuple[Kind, ...]
+
+    def add(
+        self,
+        address: str,
+        endpoint: Callable[..., Any],
+        name: str,
+        tag: str,
+        summary: str,
+        *kinds: Kind,
+        status: int = 200,
+        model: type | None = None,
+        answers: Mapping[int | str, dict[str, Any]] | None = None,
+    ) -> None:
+        """Add an address.
+
+        Parameters
+        ----------
+        address, endpoint : str, callable
+            The path, with the method before it where that is not GET, and who answers.
+        name, tag, summary : str
+            Its operation, group and meaning in the schema.
+        *kinds : Kind
+            How it can fail.
+        status : int
+            Of a good answer.
+        model : type or None
+            The document of a good answer where the endpoint returns bytes.
+        answers : mapping or None
+            Further answers by status, as OpenAPI writes them.
+        """
+        method, _, path = address.rpartition(" ")
+        is_raw = model is None and answers is not None and status in answers
+        self.router.add_api_route(
+            path,
+            endpoint,
+            methods=[method or "GET"],
+            status_code=status,
+            operation_id=name,
+            tags=[tag],
+            summary=summary,
+            response_description=summary,
+            response_class=Response if is_raw else JSONResponse,
+            response_model=model,
+            responses={**openapi_responses(*kinds, *self.always), **(answers or {})},
+        )

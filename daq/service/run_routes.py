@@ -1,0 +1,250 @@
+"""The addresses that tell of a recorded run: its results, its samples, its file."""
+
+from collections.abc import Callable
+from functools import partial
+from typing import Annotated, Protocol
+
+import numpy as np
+from fastapi import Path, Query, Request, Response
+from fastapi.responses import StreamingResponse
+
+from daq.service.acceptance import accepts_gzip, best_type
+from daq.service.documents.course import (
+    CascadeDocument,
+    ComparisonDocument,
+    FindingsDocument,
+    OrderVectorsDocument,
+    PredictionDocument,
+    SamplesDocument,
+    TrendDocument,
+)
+from daq.service.documents.document import Document
+from daq.service.documents.moment import FullSpectrumDocument, OrbitDocument, OrderSpectrumDocument
+from daq.service.problems import (
+    BAD_PARAMETER,
+    BUSY,
+    MODEL_NOT_READY,
+    NO_SUCH_MOMENT,
+    NOT_ACCEPTABLE,
+    RANGE,
+    RUN_DAMAGED,
+    RUN_FORMAT,
+    RUN_NOT_FOUND,
+    RUN_UNDER_WAY,
+    STORAGE,
+    TOO_MUCH,
+    ProblemError,
+    problem_response,
+)
+from daq.service.questions import At, CascadeQuery, SampleFormat, SamplesQuery, Speed, TrendQuery
+from daq.service.ranges import NoSuchRangeError, byte_range, portions
+from daq.service.readings import Readings
+from daq.service.routing import Routing
+from daq.service.tags import NOT_MODIFIED, entity_tag, file_tag, is_known
+from daq.service.workers import Workers
+from daq.session.frame import LiveFrame
+from recordings.catalogue import RunEntry
+
+MCAP = "application/octet-stream"
+NPZ = "application/x-npz"
+ARROW = "application/vnd.apache.arrow.stream"
+SAMPLE_TYPES = {"application/json": SampleFormat.JSON, NPZ: SampleFormat.NPZ, ARROW: SampleFormat.ARROW}
+READING = (RUN_NOT_FOUND, BAD_PARAMETER, RUN_UNDER_WAY, RUN_DAMAGED, RUN_FORMAT, STORAGE, BUSY)
+BINARY = {"schema": {"type": "string", "format": "binary"}}
+RPM = np.pi / 30.0
+
+RunId = Annotated[
+    str, Path(description="Id of the run, as /api/v1/runs lists it", examples=["2026-11-24T09-12-07-gj90c"])
+]
+
+
+class Catalogue(Protocol):
+    """The runs of a data folder."""
+
+    def run(self, run_id: str) -> RunEntry:
+        """Return one run; NotFoundError where there is none."""
+        ...
+
+
+class Live(Protocol):
+    """The run that is under way."""
+
+    def latest(self) -> LiveFrame | None:
+        """Return its latest moment at once; None where there is no run."""
+        ...
+
+
+class RunRoutes:
+    """Answers about one recorded run.
+
+    Parameters
+    ----------
+    catalogue : Catalogue
+        The recorded runs.
+    live : Live
+        The run under way, which cannot be asked so.
+    readings : Readings
+        Who makes the answers.
+    version : str
+        Of the service; an answer of another version is made anew.
+    """
+
+    def __init__(self, catalogue: Catalogue, live: Live, readings: Readings, version: str) -> None:
+        self._catalogue = catalogue
+        self._live = live
+        self._readings = readings
+        self._version = version
+        self._lookups = Workers(threads=4, waiting=64)
+        self._makings = Workers(threads=2, waiting=64)
+
+    def add_to(self, routing: Routing) -> None:
+        """Make the addresses known."""
+        results: tuple[tuple[str, Callable[..., object], str, type[Document]], ...] = (
+            ("order-vectors", self.order_vectors, "1X and 2X over speed", OrderVectorsDocument),
+            ("findings", self.findings, "What was found below 1X", FindingsDocument),
+            ("trend", self.trend, "Speed and vibration over time", TrendDocument),
+            ("cascade", self.cascade, "Order spectra over speed", CascadeDocument),
+            ("order-spectrum", self.order_spectrum, "The order spectrum of a moment", OrderSpectrumDocument),
+            ("full-spectrum", self.full_spectrum, "Forward and backward circles of a moment", FullSpectrumDocument),
+            ("orbit", self.orbit, "The orbit of a moment", OrbitDocument),
+        )
+        for what, endpoint, meaning, model in results:
+            name = f"get_run_{what.replace('-', '_')}"
+            kinds = (
+                READING if endpoint in {self.order_vectors, self.findings, self.trend} else (*READING, NO_SUCH_MOMENT)
+            )
+            routing.add(
+                f"/runs/{{run}}/{what}", endpoint, name, "results", meaning, *kinds, model=model, answers=NOT_MODIFIED
+            )
+        predicted = (*READING, NO_SUCH_MOMENT, MODEL_NOT_READY)
+        routing.add(
+            "/runs/{run}/prediction", self.prediction, "get_run_prediction", "results",
+            "What the model says at a speed", *predicted,
+        )  # fmt: skip
+        routing.add(
+            "/runs/{run}/comparison", self.comparison, "get_run_comparison", "results",
+            "Measurement and model at a speed", *predicted,
+        )  # fmt: skip
+        routing.add(
+            "/runs/{run}/samples", self.samples, "get_run_samples", "results", "Samples of a stretch of time",
+            *READING, NO_SUCH_MOMENT, TOO_MUCH, NOT_ACCEPTABLE, model=SamplesDocument,
+            answers={200: {"content": {NPZ: BINARY, ARROW: BINARY}}, **NOT_MODIFIED},
+        )  # fmt: skip
+        routing.add(
+            "/runs/{run}/file", self.file, "get_run_file", "runs", "The recording's file",
+            RUN_NOT_FOUND, BAD_PARAMETER, RUN_UNDER_WAY, STORAGE, BUSY, RANGE,
+            answers={
+                200: {"description": "The whole file, MCAP", "content": {MCAP: BINARY}},
+                206: {"description": "The stretch that `Range` asks for", "content": {MCAP: BINARY}},
+                **NOT_MODIFIED,
+            },
+        )  # fmt: skip
+
+    async def order_vectors(self, request: Request, run: RunId) -> Response:
+        """Give amplitude and phase of 1X and 2X, their scatter and the overall vibration by bins of speed.
+
+        The rows are those of the run's summary. `ETag` and `If-None-Match` spare sending what is known already.
+        """
+        return await self._answer(request, run, "order-vectors")
+
+    async def findings(self, request: Request, run: RunId) -> Response:
+        """Give the sub-synchronous components, each from its beginning to its end, as in the run's summary."""
+        return await self._answer(request, run, "findings")
+
+    async def trend(self, request: Request, run: RunId, query: Annotated[TrendQuery, Query()]) -> Response:
+        """Give speed, overall vibration, 1X and whirl over time; what is thinned keeps its extremes."""
+        return await self._answer(request, run, "trend", query)
+
+    async def cascade(self, request: Request, run: RunId, query: Annotated[CascadeQuery, Query()]) -> Response:
+        """Give the largest amplitude of every cell of speed and order, as many as a screen shows."""
+        return await self._answer(request, run, "cascade", query)
+
+    async def order_spectrum(self, request: Request, run: RunId, at: Annotated[At, Query()]) -> Response:
+        """Give amplitude and phase by order at the recorded frame that is nearest."""
+        return await self._answer(request, run, "order-spectrum", at)
+
+    async def full_spectrum(self, request: Request, run: RunId, at: Annotated[At, Query()]) -> Response:
+        """Give the circles with and against the rotation by order at the recorded frame that is nearest."""
+        return await self._answer(request, run, "full-spectrum", at)
+
+    async def orbit(self, request: Request, run: RunId, at: Annotated[At, Query()]) -> Response:
+        """Give the path of the last whole revolutions of the recorded frame that is nearest."""
+        return await self._answer(request, run, "orbit", at)
+
+    async def prediction(self, run: RunId, at: Annotated[Speed, Query()]) -> PredictionDocument:
+        """Give what the model expects of the run's rig, as its configuration was then."""
+        entry = await self._entry(run)
+        return await self._makings.run(partial(self._readings.prediction, entry, at.speed_rpm * RPM))
+
+    async def comparison(self, run: RunId, at: Annotated[Speed, Query()]) -> ComparisonDocument:
+        """Give the measured bin of speed that is nearest, within 300 r/min, beside the model at its mean speed."""
+        entry = await self._entry(run)
+        return await self._makings.run(partial(self._readings.comparison, entry, at.speed_rpm * RPM))
+
+    async def samples(self, request: Request, run: RunId, query: Annotated[SamplesQuery, Query()]) -> Response:
+        """Give samples as JSON, as a NumPy archive or as an Arrow stream, in engineering units, volts or codes.
+
+        The archive holds an array `channel:NAME` for each channel and a table `about` of names and values.
+        """
+        form = query.format or best_type(request.headers.get("accept"), SAMPLE_TYPES)
+        if form is None:
+            raise ProblemError(NOT_ACCEPTABLE, f"expected one of {', '.join(SAMPLE_TYPES)}")
+        form = SampleFormat(form)
+        media_type = next(name for name, each in SAMPLE_TYPES.items() if each is form)
+        packed = form is SampleFormat.JSON and accepts_gzip(request.headers.get("accept-encoding"))
+        entry = await self._entry(run)
+        tag = entity_tag(entry, self._version, form.value, str(packed))
+        headers = {**_headers(tag, packed=packed), "Vary": "Accept, Accept-Encoding"}
+        if is_known(request.headers.get("if-none-match"), tag):
+            return Response(status_code=304, headers=headers)
+        body = await self._makings.run(partial(self._readings.samples, entry, query, form, packed=packed))
+        return Response(body, headers=headers, media_type=media_type)
+
+    async def file(self, request: Request, run: RunId) -> Response:
+        """Send the recording, or with `Range` a stretch of it; `If-Range` makes sure that it is of the same file."""
+        entry = await self._entry(run)
+        tag = file_tag(entry)
+        headers = {
+            "ETag": tag,
+            "Cache-Control": "private, no-cache",
+            "Accept-Ranges": "bytes",
+            "Content-Disposition": f'attachment; filename="{entry.path.name}"',
+        }
+        if is_known(request.headers.get("if-none-match"), tag):
+            return Response(status_code=304, headers=headers)
+        wanted = request.headers.get("range") if request.headers.get("if-range", tag) == tag else None
+        try:
+            stretch = byte_range(wanted, entry.size)
+        except NoSuchRangeError as error:
+            return problem_response(
+                RANGE, str(error), request.url.path, headers={"Content-Range": f"bytes */{entry.size}"}
+            )
+        begin, end = stretch or (0, entry.size)
+        headers["Content-Length"] = str(end - begin)
+        if stretch is not None:
+            headers["Content-Range"] = f"bytes {begin}-{end - 1}/{entry.size}"
+        return StreamingResponse(
+            portions(entry.path, begin, end), 200 if stretch is None else 206, headers=headers, media_type=MCAP
+        )
+
+    async def _answer(self, request: Request, run: str, what: str, query: object = None) -> Response:
+        packed = accepts_gzip(request.headers.get("accept-encoding"))
+        entry = await self._entry(run)
+        tag = entity_tag(entry, self._version, what, str(packed))
+        headers = _headers(tag, packed=packed)
+        if is_known(request.headers.get("if-none-match"), tag):
+            return Response(status_code=304, headers=headers)
+        body = await self._makings.run(partial(self._readings.answer, entry, what, query, packed=packed))
+        return Response(body, headers=headers, media_type="application/json")
+
+    async def _entry(self, run: str) -> RunEntry:
+        """Return a run that has ended."""
+        frame = self._live.latest()
+        if frame is not None and frame.header.run == run and frame.status.state.is_under_way:
+            raise ProblemError(RUN_UNDER_WAY, f"run {run} is still {frame.status.state.value}")
+        return await self._lookups.run(partial(self._catalogue.run, run))
+
+
+def _headers(tag: str, *, packed: bool) -> dict[str, str]:
+    coding = {"Content-Encoding": "gzip"} if packed else {}
+    return {"ETag": tag, "Cache-Control": "private, no-cache", "Vary": "Accept-Encoding", **coding}

@@ -1,0 +1,78 @@
+"""A service over a folder that holds one real recording, made in a second from the simulated card."""
+
+from collections.abc import Callable
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+
+import httpx
+
+from analysis.run import RunHeader
+from daq.config.rig import Rig
+from daq.drivers.opening import open_source
+from daq.service.app import create_app
+from daq.service.readings import Readings
+from daq.service.server import ServiceServer
+from daq.service.summaries import Summaries
+from daq.session.messages import Order
+from daq.session.predictors import Predictors
+from daq.session.recorder import run_header
+from model.prediction import Prediction
+from recordings.analysed import write_analysed
+from recordings.catalogue import Catalogue
+from tests.daq.frames import make_prediction
+from tests.daq.service_fakes import FakeLive
+
+RUN = "2026-11-24T09-12-07-test-rig"
+API = "/api/v1"
+HIGHEST = 20_000.0  # r/min that the model knows
+
+
+def record_run(rig: Rig, folder: Path, run: str = RUN) -> Path:
+    """Record a simulated run with its results into a folder; return its file."""
+    path = folder / f"{run}.mcap"
+    order = Order(rig, run, 1_795_000_000_000_000_000, "first light", "rig test", path, None)
+    with closing(open_source(rig)) as source:
+        write_analysed(path, run_header(order, source), source.blocks(), {})
+    return path
+
+
+class KnownModels:
+    """A model that is ready, up to 20,000 r/min."""
+
+    def prediction_for(self, header: RunHeader, speed: float) -> Prediction | None:
+        if speed * 30 / 3.141592653589793 > HIGHEST:
+            raise ValueError(f"speed: {speed:g} rad/s, expected less")
+        return make_prediction(speed, header.settings)
+
+
+@dataclass
+class RecordedBench:
+    """A served data folder and a client."""
+
+    folder: Path
+    live: FakeLive
+    client: httpx.Client
+    close: Callable[[], None]
+
+    def get(self, tail: str, headers: dict[str, str] | None = None, **parameters: str | float) -> httpx.Response:
+        """Ask for something of the recorded run."""
+        return self.client.get(f"{API}/runs/{RUN}{tail}", params=parameters, headers=headers)
+
+
+def open_recorded_bench(folder: Path) -> RecordedBench:
+    """Serve the runs of a folder."""
+    catalogue, live, predictors = Catalogue(folder), FakeLive(), Predictors()
+    readings = Readings(KnownModels())
+    app = create_app(catalogue, live, Summaries(catalogue, predictors), None, readings=readings)
+    server = ServiceServer(app)
+    server.start()
+    client = httpx.Client(base_url=server.url, timeout=30.0)
+
+    def close() -> None:
+        client.close()
+        server.close()
+        readings.close()
+        predictors.close()
+
+    return RecordedBench(folder, live, client, close)
