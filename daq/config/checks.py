@@ -8,6 +8,7 @@ from analysis.run import Role
 from daq.config.faults import Fault
 from daq.config.rotor import configured_rotor
 from daq.config.schema import Backend, ChannelSection, RigConfig, TachoSection
+from model.document import DocumentError
 
 AGGREGATE_RATE = {"USB-6251": 1e6}  # samples per second over all channels of a multi-channel scan
 DIFFERENTIAL_INPUTS = 8  # ai0 to ai7, each with the input 8 above it as its negative
@@ -183,6 +184,10 @@ def _model(config: RigConfig) -> Iterator[Fault]:
     """Return what the model itself says of its parameters."""
     try:
         configured_rotor(config)
+    except DocumentError as error:
+        file = f'model.rotor = "{config.model.rotor}"' if config.model.rotor else "rotor"
+        for fault in error.faults:
+            yield Fault(("rotor", "model.rotor"), f"{file}: {fault}")
     except ValueError as error:
         yield Fault(tuple(f"model.{name}" for name in type(config.model).model_fields), f"model: {error}")
 

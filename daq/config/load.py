@@ -11,14 +11,16 @@ from pydantic import ValidationError
 from analysis.run import Calibration, Role
 from daq.config.calibration import load_calibration
 from daq.config.checks import cross_faults
-from daq.config.faults import Fault, plain_json, read_tables, read_text, validation_faults
+from daq.config.faults import Fault, plain_json, read_tables, read_text, shown, validation_faults
 from daq.config.rig import Rig
+from daq.config.rotor_file import default_rotor, read_rotor
 from daq.config.schema import ChannelSection, RigConfig
 from daq.config.write import to_toml
 from daq.errors import ConfigError
 
 Place = tuple[int | str, ...]
 
+ROTOR_KEY = "model.rotor"
 ROUNDS = 4  # of taking out what is wrong
 
 # For what has no default, so that the rest of its table can be checked where it is missing or wrong.
@@ -41,7 +43,7 @@ def load_rig(path: Path | str) -> Rig:
     Parameters
     ----------
     path : Path or str
-        rig.toml; the calibration files that it names are relative to it.
+        rig.toml; the calibration and rotor files that it names are relative to it.
 
     Raises
     ------
@@ -50,7 +52,9 @@ def load_rig(path: Path | str) -> Rig:
     """
     path = Path(path)
     data = read_tables(read_text(path), str(path))
+    rotor_faults = _take_in_rotor(data, path.parent)
     config, faults = _checked(data)
+    faults += rotor_faults
     calibrations: dict[str, Calibration] = {}
     for number, channel in _probes(data):
         key = f"channel[{number}]"
@@ -65,7 +69,12 @@ def load_rig(path: Path | str) -> Rig:
                 faults += _window_faults(config.channel[number], calibration, key)
     if faults or config is None:
         raise ConfigError(str(path), [fault.text for fault in faults])
-    return Rig(path=path, config=config, calibrations=calibrations, toml=to_toml(config.model_dump(mode="json")))
+    return Rig(
+        path=path,
+        config=config,
+        calibrations=calibrations,
+        toml=to_toml(config.model_dump(mode="json", exclude_none=True)),
+    )
 
 
 def read_config(text: str, file: str) -> RigConfig:
@@ -87,6 +96,22 @@ def read_config(text: str, file: str) -> RigConfig:
     if faults or config is None:
         raise ConfigError(file, [fault.text for fault in faults])
     return config
+
+
+def _take_in_rotor(data: dict[str, object], folder: Path) -> list[Fault]:
+    """Put the content of the rotor's file into the tables, so that a recording of them is whole."""
+    section = data.get("model")
+    name = section.get("rotor", "") if isinstance(section, Mapping) else ""
+    if not isinstance(name, str):
+        return []  # the schema says so
+    if "rotor" in data:
+        text = f"{ROTOR_KEY} = {shown(name)}: expected none beside the file's own [rotor]"
+        return [Fault((ROTOR_KEY,), text)] if name else []
+    try:
+        data["rotor"] = read_rotor(folder / name) if name else default_rotor()
+    except ConfigError as error:
+        return [Fault((ROTOR_KEY,), f"{ROTOR_KEY} = {shown(name)}: {fault}") for fault in error.faults]
+    return []
 
 
 def _checked(data: dict[str, object]) -> tuple[RigConfig | None, list[Fault]]:

@@ -1,12 +1,13 @@
 """The rotor model's parameters, from the rig's configuration."""
 
 import math
+from dataclasses import replace
 
 from analysis.run import Role
 from daq.config.rig import MICRO, Rig
-from daq.config.schema import RigConfig
-from model.gj90c import gj90c
-from model.parameters import ModelParameters
+from daq.config.rotor_file import rotor_of
+from daq.config.schema import ModelSection, RigConfig
+from model.parameters import FloatingRing, Imbalance, ModelParameters
 
 
 def rotor_parameters(rig: Rig) -> ModelParameters:
@@ -15,15 +16,44 @@ def rotor_parameters(rig: Rig) -> ModelParameters:
 
 
 def configured_rotor(config: RigConfig) -> ModelParameters:
-    """Return the parameters of the model that a configuration asks for, as of a recording's rig."""
-    section = config.model
+    """Return the parameters of the model that a configuration asks for, as of a recording's rig.
+
+    The rotor file's, with what `[model]` says in its place.
+
+    Raises
+    ------
+    ValueError
+        The rotor is wrong, or does not go together with what `[model]` says.
+    """
+    parameters = rotor_of(config.rotor)
     seats = {channel.role: math.radians(channel.angle_deg) for channel in config.channel}
-    return gj90c(
-        imbalance=section.imbalance_kg_m,
-        imbalance_station=section.imbalance_station,
-        imbalance_phase=math.radians(section.imbalance_phase_deg),
-        viscosity=section.viscosity_pa_s,
-        inner_clearance=section.inner_clearance_um * MICRO,
-        outer_clearance=section.outer_clearance_um * MICRO,
+    return replace(
+        parameters,
+        bearing=_bearing(parameters.bearing, config.model),
+        imbalances=_imbalances(parameters.imbalances, config.model),
         probe_angles=(seats.get(Role.PROBE_X, 0.0), seats.get(Role.PROBE_Y, math.pi / 2)),
     )
+
+
+def _bearing(bearing: FloatingRing, section: ModelSection) -> FloatingRing:
+    if section.viscosity_pa_s is not None:
+        bearing = replace(bearing, viscosity=section.viscosity_pa_s)
+    if section.inner_clearance_um is not None:
+        bearing = replace(bearing, inner_clearance=section.inner_clearance_um * MICRO)
+    if section.outer_clearance_um is not None:
+        bearing = replace(bearing, outer_clearance=section.outer_clearance_um * MICRO)
+    return bearing
+
+
+def _imbalances(imbalances: tuple[Imbalance, ...], section: ModelSection) -> tuple[Imbalance, ...]:
+    """Return the imbalances with the first as the section says; the others stay."""
+    magnitude, station, phase = section.imbalance_kg_m, section.imbalance_station, section.imbalance_phase_deg
+    if magnitude is None and station is None and phase is None:
+        return imbalances
+    first, *others = imbalances or (Imbalance(1, 0.0),)
+    changed = Imbalance(
+        station=first.station if station is None else station,
+        magnitude=first.magnitude if magnitude is None else magnitude,
+        phase=first.phase if phase is None else math.radians(phase),
+    )
+    return (changed, *others)

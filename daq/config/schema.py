@@ -113,6 +113,7 @@ class StorageSection(Section):
 
     folder: str = ""  # empty: $RIG_DATA, else ./data
     reserve_gb: NotNegative = 1.0  # recording stops cleanly before less is free
+    catalogue: str = ""  # database of the runs, as "postgresql+psycopg://…"; empty: $RIG_CATALOGUE, else in the folder
 
 
 class SessionSection(Section):
@@ -124,14 +125,15 @@ class SessionSection(Section):
 
 
 class ModelSection(Section):
-    """`[model]`: the rotor that is laid over the measurement, the thesis's GJ90C, and what may differ here."""
+    """`[model]`: the rotor that is laid over the measurement, and what differs here from its file."""
 
-    imbalance_kg_m: NotNegative = 5e-7
-    imbalance_station: Annotated[int, Field(ge=1, le=6)] = 5
-    imbalance_phase_deg: float = 0.0  # from the tacho mark, in the direction of rotation
-    viscosity_pa_s: Positive = 0.015
-    inner_clearance_um: Positive = 20.0
-    outer_clearance_um: Positive = 80.0
+    rotor: str = ""  # file, relative to rig.toml; empty: the thesis's GJ90C
+    imbalance_kg_m: NotNegative | None = None  # this and the next two: of the file's first imbalance
+    imbalance_station: Annotated[int, Field(ge=1)] | None = None
+    imbalance_phase_deg: float | None = None  # from the tacho mark, in the direction of rotation
+    viscosity_pa_s: Positive | None = None
+    inner_clearance_um: Positive | None = None
+    outer_clearance_um: Positive | None = None
 
 
 class ProfilePoint(Section):
@@ -220,4 +222,5 @@ class RigConfig(Section):
     storage: StorageSection = StorageSection()
     session: SessionSection = SessionSection()
     model: ModelSection = ModelSection()
+    rotor: dict[str, object] = {}  # content of the rotor file, put here when rig.toml is read
     simulation: SimulationSection = SimulationSection()
