@@ -1,6 +1,7 @@
 """What runs were, as documents: read once, then kept beside the recordings."""
 
 from collections.abc import Callable, Mapping
+from pathlib import Path
 
 from pydantic import ValidationError
 
