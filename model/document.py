@@ -202,5 +202,6 @@ class Table:
         if not math.isfinite(value) or (limit == "positive" and value <= 0) or (limit == "not negative" and value < 0):
             self.fault(f"{key} = {value:g} {unit}: expected a finite value {least}".rstrip())
             return 1.0
-        decimal = factor < 1 and unit != SHOWN["deg"]
-        return value / round(1 / factor) if decimal else value * factor  # 20e-6 to the last digit, as 20 * 1e-6 is not
+        if unit != SHOWN["deg"]:
+            return float(f"{value * factor:.15g}")  # 20 µm is 2e-5 m, not 1.9999999999999998e-05
+        return value * factor
