@@ -13,6 +13,7 @@ FloatArray = NDArray[np.float64]
 
 FEWEST = 48  # revolutions from which a pattern is told
 MOST_PERIODS = 6
+SMALL = 0.01  # of the motion: points nearer than that are one
 TIGHT = 0.1  # of the points' extent: scatter within a cluster
 FILLED_SECTORS, THIN = 10, 0.35  # of 16 sectors about the middle, and scatter of the radius of a curve
 
@@ -60,7 +61,8 @@ def poincare_section(record: AngularRecord, noise: float = 0.0) -> PoincareSecti
     record : AngularRecord
         48 revolutions at least for a pattern to be told.
     noise : float
-        Rms of the probes' noise in one sample, m: points nearer than 5 times that are one.
+        Rms of the probes' noise in one sample, m: points nearer than 5 times that, or than 1 % of the motion,
+        are one.
 
     Notes
     -----
@@ -73,7 +75,7 @@ def poincare_section(record: AngularRecord, noise: float = 0.0) -> PoincareSecti
     if record.revolutions < FEWEST:
         return PoincareSection(points, record.speeds, Pattern.UNKNOWN, 0, extent)
     period, scatter = _period(points)
-    if extent <= 5.0 * noise or extent == 0.0:
+    if extent <= max(5.0 * noise, SMALL * float(record.waveform.std())):
         return PoincareSection(points, record.speeds, Pattern.POINT, 1, extent)
     if scatter < max(TIGHT * extent, 2.0 * noise):
         pattern = Pattern.POINT if period == 1 else Pattern.CLUSTERS

@@ -1,0 +1,110 @@
+"""Forward and backward circles, and what unequal probes make of them."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from analysis.angular_record import AngularRecord
+from analysis.full_spectrum import full_cascade, full_spectrum, probe_mismatch
+from analysis.orbit import ProbePair
+from analysis.order_map import order_map
+
+Maker = Callable[..., AngularRecord]
+MICRO = 1e-6
+FORWARD = ((20 * MICRO, 1.0, 0.4), (8 * MICRO, 0.5, 0.0), (3 * MICRO, 2.0, 1.0))
+
+
+def seen(record: AngularRecord, gain: float = 0.0, skew: float = 0.0) -> AngularRecord:
+    """Return a record as a probe y sees it that is too sensitive and looks askew."""
+    waveform = record.waveform.copy()
+    waveform[1] = (1.0 + gain) * waveform[1] + skew * waveform[0]
+    return record.with_waveform(waveform)
+
+
+def test_forward_and_backward_do_not_leak_into_one_another(make_angular: Maker) -> None:
+    frames = order_map(make_angular((20.0, 1.0, 0.4), (5.0, -2.0, 0.1), (8.0, 0.5, 0.0)))
+    spectrum = full_spectrum(frames.orders, frames.spectrum, frames.pair)
+    assert np.abs(spectrum.backward[:, 16]).max() / 20.0 < 1e-10
+    assert np.abs(spectrum.forward[:, 32]).max() / 5.0 < 1e-10
+    assert np.abs(spectrum.backward[:, 8]).max() / 8.0 < 1e-10
+    np.testing.assert_allclose(np.abs(spectrum.forward[:, 16]), 20.0)
+    np.testing.assert_allclose(np.abs(spectrum.backward[:, 32]), 5.0)
+
+
+@pytest.mark.parametrize("angles", [(0.0, np.pi / 2), (np.pi / 4, 3 * np.pi / 4), (0.3, 1.4), (np.pi / 2, 0.0)])
+def test_circles_do_not_depend_on_where_the_probes_sit(make_angular: Maker, angles: tuple[float, float]) -> None:
+    plain = make_angular((20.0, 1.0, 0.4), (5.0, -2.0, 0.1))
+    pair = ProbePair(*angles)
+    turned = AngularRecord(np.asarray(pair.to_probes(plain.waveform)), 0, plain.times, pair, 0.0)
+    frames = order_map(turned)
+    spectrum = full_spectrum(frames.orders, frames.spectrum, pair)
+    np.testing.assert_allclose(spectrum.forward[:, 16], 20.0 * np.exp(0.4j), atol=1e-9)
+    np.testing.assert_allclose(np.abs(spectrum.backward[:, 32]), 5.0, atol=1e-9)
+
+
+def test_the_axis_runs_from_backward_to_forward(make_angular: Maker) -> None:
+    frames = order_map(make_angular((20.0, 1.0, 0.4), (5.0, -2.0, 0.1)))
+    spectrum = full_spectrum(frames.orders, frames.spectrum, frames.pair)
+    amplitudes = spectrum.amplitudes[0]
+    strong = spectrum.axis[1:-1][
+        (amplitudes[1:-1] > amplitudes[:-2]) & (amplitudes[1:-1] > amplitudes[2:]) & (amplitudes[1:-1] > 1)
+    ]
+    assert spectrum.axis.size == spectrum.amplitudes.shape[1]
+    np.testing.assert_allclose(strong, [-2.0, 1.0])
+
+
+@pytest.mark.parametrize(("gain", "skew"), [(0.01, 0.0), (-0.02, 0.0), (0.0, 0.01), (0.01, -0.005)])
+def test_a_mismatch_of_the_probes_is_told_and_not_shown_as_backward_whirl(
+    make_angular: Maker, gain: float, skew: float
+) -> None:
+    frames = order_map(seen(make_angular(*FORWARD, revolutions=200, noise=0.1 * MICRO), gain, skew))
+    mismatch = probe_mismatch(frames)
+    assert mismatch.is_told
+    assert mismatch.gain == pytest.approx(gain, abs=3 * mismatch.sigma)
+    assert mismatch.skew == pytest.approx(skew, abs=3 * mismatch.sigma)
+    assert mismatch.sigma < 0.001
+    untold = full_spectrum(frames.orders, frames.spectrum, frames.pair)
+    told = full_spectrum(frames.orders, frames.spectrum, frames.pair, mismatch)
+    assert np.abs(untold.backward[:, 16].mean()) / (20 * MICRO) > 0.004
+    assert np.abs(told.backward[:, 16].mean()) / (20 * MICRO) < 3e-4
+    assert untold.uncertain[:, 16].all()
+    assert told.uncertain[:, 16].all()
+
+
+def test_a_mirrored_pair_tells_the_same_gain(make_angular: Maker) -> None:
+    plain = make_angular(*FORWARD, revolutions=200, noise=0.1 * MICRO)
+    pair = ProbePair(np.pi / 2, 0.0)
+    turned = AngularRecord(np.asarray(pair.to_probes(plain.waveform)), 0, plain.times, pair, 0.0)
+    mismatch = probe_mismatch(order_map(seen(turned, 0.01, 0.005)))
+    assert mismatch.gain == pytest.approx(0.01, abs=0.001)
+    assert mismatch.skew == pytest.approx(0.005, abs=0.001)
+
+
+def test_an_elliptic_shaft_is_not_taken_for_a_mismatch(make_angular: Maker) -> None:
+    frames = order_map(make_angular(*FORWARD, (1 * MICRO, -1.0, 0.0), revolutions=200, noise=0.1 * MICRO))
+    mismatch = probe_mismatch(frames)
+    assert not mismatch.is_told
+    spectrum = full_spectrum(frames.orders, frames.spectrum, frames.pair, mismatch)
+    np.testing.assert_allclose(np.abs(spectrum.backward[:, 16]), 1 * MICRO, rtol=0.05)
+    assert not spectrum.uncertain[:, 16].any()  # 5 % of the forward circle: more than probes may differ
+
+
+def test_one_component_alone_cannot_tell(make_angular: Maker) -> None:
+    frames = order_map(seen(make_angular((20 * MICRO, 1.0, 0.0), noise=0.1 * MICRO), 0.01))
+    mismatch = probe_mismatch(frames)
+    assert (mismatch.is_told, mismatch.components) == (False, 1)
+    assert full_spectrum(frames.orders, frames.spectrum, frames.pair, mismatch).uncertain[:, 16].all()
+
+
+def test_a_full_cascade_holds_the_largest_circles_of_each_speed(make_angular: Maker) -> None:
+    slow, fast = make_angular((5.0, 1.0, 0.0)), make_angular((9.0, 1.0, 0.0), (2.0, -1.0, 0.0))
+    waveform = np.concatenate([slow.waveform, fast.waveform], axis=1)
+    times = np.concatenate([slow.times, slow.times[-1] + fast.times[1:] / 3.0])  # 100, then 300 turns a second
+    record = AngularRecord(waveform, 0, times, slow.pair, 0.0)
+    speeds, cascade = full_cascade(order_map(record, overlap=0.0), 2 * np.pi * 10.0)
+    np.testing.assert_allclose(speeds, 2 * np.pi * np.array([100.0, 300.0]))
+    np.testing.assert_allclose(np.abs(cascade.forward[:, 16]), [5.0, 9.0])
+    np.testing.assert_allclose(np.abs(cascade.backward[:, 16]), [0.0, 2.0], atol=1e-9)
+    with pytest.raises(ValueError, match="width"):
+        full_cascade(order_map(record), 0.0)
