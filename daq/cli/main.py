@@ -7,7 +7,7 @@ import sys
 from collections.abc import Callable, Sequence
 from importlib.metadata import version
 
-from daq.cli import listing, predict, record, replay, serve, verify
+from daq.cli import finding, listing, predict, record, replay, serve, verify
 from daq.cli.arguments import calibration, duration, pace, port
 from daq.cli.bench import add_bench_commands
 from daq.errors import RigError, UsageError
@@ -98,6 +98,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     command.add_argument("--json", action="store_true", help="as JSON")
 
+    finding.add_commands(add)
     verify.add_commands(add)
 
     command = add("predict", predict.run, "Compute what the model expects at the probes over speed, once, and show it.")

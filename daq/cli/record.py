@@ -23,7 +23,7 @@ def run(chosen: argparse.Namespace) -> int:
     """Record a run; return the exit code."""
     console = Console()
     rig = load_rig(Path(chosen.config))
-    catalogue = Catalogue(data_folder(rig.config.storage.folder))
+    catalogue = Catalogue(data_folder(rig.config.storage.folder), rig.config.storage.catalogue)
     with Predictors() as predictors, stop_requested() as stop:
         summaries = Summaries(catalogue, predictors)
         with Screens(chosen, catalogue, summaries, console) as screens:

@@ -1,0 +1,138 @@
+"""`rig index`, `rig find` and `rig annotate`: what is known of the recorded runs, and what people say of them."""
+
+import argparse
+from collections.abc import Callable
+from datetime import UTC, datetime
+
+from daq.cli.arguments import speed
+from daq.cli.console import RPM, Console
+from daq.cli.replay import found
+from daq.cli.telling import print_json
+from daq.errors import UsageError
+from daq.service.documents.catalogue import found_run_document, index_document
+from daq.session.offline import summarise
+from recordings.catalogue import Catalogue, data_folder
+from recordings.search import Search
+
+NOT_WHOLE = 5
+SECOND = 1_000_000_000
+
+Add = Callable[[str, Callable[[argparse.Namespace], int], str], argparse.ArgumentParser]
+
+
+def add_commands(add: Add) -> None:
+    """Add the commands to the command line."""
+    command = add(
+        "index", index, "Bring the catalogue up to date with the files, and tell what is new, damaged or gone."
+    )
+    command.add_argument("--verify", action="store_true", help="verify the files that have not been as they are")
+    _add_place(command)
+
+    command = add("find", find, "Find runs by time, speed, words, tags and findings; newest first.")
+    command.add_argument("--since", type=_moment, metavar="TIME", help="begun at or after, such as 2026-11-24T09:00")
+    command.add_argument("--before", type=_moment, metavar="TIME", help="begun before")
+    command.add_argument("--speed", type=_range, metavar="LOW-HIGH", help="went through these speeds, r/min")
+    command.add_argument("--text", default="", help="words in id, rig, note or remark")
+    command.add_argument("--tag", action="append", default=[], help="a tag that it has; may be given again")
+    text = "a sub-synchronous component began below this speed, r/min"
+    command.add_argument("--onset-below", type=speed, metavar="SPEED", help=text)
+    _add_place(command)
+
+    command = add(
+        "annotate", annotate, "Say something of a run afterwards: a remark, tags. Its recording stays as it is."
+    )
+    command.add_argument("recording", metavar="RUN", help="a run's id, or a file")
+    command.add_argument("--remark", help="words on the run, in place of those before")
+    command.add_argument("--tag", action="append", default=[], help="a tag to be added; may be given again")
+    command.add_argument("--untag", action="append", default=[], help="a tag to be taken away; may be given again")
+    _add_place(command)
+
+
+def _add_place(command: argparse.ArgumentParser) -> None:
+    command.add_argument("--folder", default="", help="where runs are kept")
+    command.add_argument("--json", action="store_true", help="as JSON")
+
+
+def index(chosen: argparse.Namespace) -> int:
+    """Bring the catalogue up to date; return the exit code."""
+    console = Console()
+    catalogue = Catalogue(data_folder(chosen.folder))
+    report = catalogue.index(summarise, verifying=chosen.verify, told=console.progress)
+    console.done()
+    faults = {entry.id: entry.fault or entry.verdict for entry in catalogue.runs()}
+    unsound = [run_id for run_id, fault in faults.items() if fault not in ("", "sound")]
+    if chosen.json:
+        print_json(index_document(report))
+    else:
+        for name, run_ids in (("new", report.new), ("changed", report.changed), ("vanished", report.vanished)):
+            for run_id in run_ids:
+                print(f"{name:9} {run_id}")
+        for run_id in unsound:
+            print(f"damaged   {run_id}: {faults[run_id]}")
+        print(f"{catalogue.folder}: {len(faults)} runs, {report.unchanged} unchanged")
+    return NOT_WHOLE if unsound else 0
+
+
+def find(chosen: argparse.Namespace) -> int:
+    """Find runs; return the exit code."""
+    low, high = chosen.speed or (None, None)
+    search = Search(
+        started_from_ns=chosen.since,
+        started_before_ns=chosen.before,
+        speed_low=None if low is None else low * RPM,
+        speed_high=None if high is None else high * RPM,
+        text=chosen.text,
+        tags=tuple(chosen.tag),
+        onset_below=None if chosen.onset_below is None else chosen.onset_below * RPM,
+    )
+    entries = Catalogue(data_folder(chosen.folder)).search(search)
+    if chosen.json:
+        print_json([found_run_document(entry) for entry in entries])
+    else:
+        for entry in entries:
+            words = [f"#{tag}" for tag in entry.tags] + [
+                f"“{text}”" for text in _words(entry.header.note if entry.header else "", entry.remark)
+            ]
+            print("  ".join((entry.id, f"{entry.duration:8.1f} s", *words)))
+    return 0
+
+
+def annotate(chosen: argparse.Namespace) -> int:
+    """Say something of a run; return the exit code."""
+    catalogue, run_id = found(chosen.recording, chosen.folder)
+    entry = catalogue.run(run_id)
+    tags = None
+    if chosen.tag or chosen.untag:
+        tags = (set(entry.tags) | set(chosen.tag)) - set(chosen.untag)
+    try:
+        entry = catalogue.annotate(run_id, remark=chosen.remark, tags=tags)
+    except ValueError as error:
+        raise UsageError(str(error)) from error
+    if chosen.json:
+        print_json(found_run_document(entry))
+    else:
+        print("  ".join((entry.id, *(f"#{tag}" for tag in entry.tags), *_words(entry.remark))))
+    return 0
+
+
+def _words(*texts: str) -> list[str]:
+    return [" ".join(text.split()) for text in texts if text.strip()]
+
+
+def _moment(text: str) -> int:
+    """Return a moment, ns since 1970; without a zone it is the computer's own."""
+    try:
+        return round(datetime.fromisoformat(text).astimezone(UTC).timestamp()) * SECOND
+    except (ValueError, OverflowError, OSError):
+        raise argparse.ArgumentTypeError(f"{text!r}: expected a time such as 2026-11-24T09:00") from None
+
+
+def _range(text: str) -> tuple[float, float]:
+    low, separator, high = text.partition("-")
+    try:
+        speeds = float(low), float(high)
+    except ValueError:
+        speeds = (0.0, -1.0)
+    if not separator or not 0 <= speeds[0] <= speeds[1]:
+        raise argparse.ArgumentTypeError(f"{text!r}: expected a range of speed in r/min, such as 9000-12000")
+    return speeds
