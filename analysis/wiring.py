@@ -17,7 +17,7 @@ SAME_MEAN = 0.01  # V: an orbit may be a straight line, but no two gaps are the 
 ALIKE_NOISE = 0.6  # of their noise: two conditioners have none in common
 MOVES = 0.5 * MICRO  # m rms, of both probes between 2 and 1000 Hz: the shaft turns
 BACKWARD = 3.0  # times the forward circle: no light rotor on its films whirls backward so
-LEAST_CIRCLE = 0.1 * MICRO  # m peak: less says nothing of a direction
+LEAST_CIRCLE = 0.05 * MICRO  # m peak: less says nothing of a direction
 ROLES = (Role.PROBE_X, Role.PROBE_Y)
 
 

@@ -134,7 +134,7 @@ def test_orbit_against_the_shaft_tells_exchanged_probes() -> None:
 
 
 def test_orbit_too_small_for_a_direction_is_let_pass() -> None:
-    volts = turning(um=0.05)
+    volts = turning(um=0.02)
     assert found(checked(volts | {"x": volts["y"], "y": volts["x"]})) == {}
 
 

@@ -54,7 +54,7 @@ def twice(calibration: Calibration) -> Calibration:
 def test_run_with_its_own_calibrations_is_what_it_was(run: Path) -> None:
     with RunReader(run) as reader:
         anew, before = reevaluate(reader, corrected_header(reader.header, {})), summarise(reader)
-    assert replace(anew, rows=()) == replace(before, rows=())
+    assert (anew.probes, anew.segments, anew.samples) == (before.probes, before.segments, before.samples)
     for row, other in zip(anew.rows, before.rows, strict=True):
         np.testing.assert_array_equal(row.vectors, other.vectors)
 
