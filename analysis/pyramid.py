@@ -54,7 +54,7 @@ class Pyramid:
         return len(self._samples)
 
     def push(self, samples: FloatArray) -> None:
-        """Take consecutive samples, shape (n_channels, n)."""
+        """Take consecutive samples, shape (n_channels, n); they are kept, not copied, where they are the first."""
         self._append(0, samples)
         for level in range(1, self.levels):
             first, end = self._next[level], (self._next[level - 1] - 1 - REACH) // 2 + 1
@@ -68,7 +68,8 @@ class Pyramid:
         self._trim()
 
     def _append(self, level: int, samples: FloatArray) -> None:
-        self._samples[level] = np.concatenate([self._samples[level], samples], axis=1)
+        before = self._samples[level]
+        self._samples[level] = np.concatenate([before, samples], axis=1) if before.shape[1] else samples
         self._next[level] += samples.shape[1]
 
     def _trim(self) -> None:

@@ -18,6 +18,7 @@ SEED_INTERVALS = 4  # like intervals that make a train
 SEED_RATIO = 1.25  # of successive intervals
 SETTLED = SEED_INTERVALS + 1  # pulses of a train before its speed is believed
 MOST_DOUBT = 20  # edges in vain that are remembered: each asks for one pulse more
+CLEAN = 0.05  # change from one interval to the next with which pulses are beyond question
 DIRTY_STREAK = 4  # successive pulses that each needed a repair: the train is not what it was taken for
 MOST_START = 2  # edges in vain with which a shaft may start
 MOST_REJECTED = 10  # edges between two pulses
@@ -105,7 +106,7 @@ class PulseTrain:
             self._doubt = MOST_DOUBT
             self._lose()
             return
-        for time in edges.tolist():
+        for time in edges[self._follow(edges) :].tolist():
             self._edge(time)
             self._last_edge = time
         if self._locked and now - self._time > self._expected(MOST_FILLED + 1) + GATE * self._expected(1):
@@ -114,8 +115,40 @@ class PulseTrain:
             self._doubt = 0
             self._lose()
 
+    def _follow(self, edges: FloatArray) -> int:
+        """Accept a clean stretch of pulses at once, all but the last few; return how many.
+
+        What it accepts the gate would have accepted one by one: each interval is like the one before.
+        """
+        n = edges.size - (self._intervals.maxlen or 0) - 1
+        if n < 1 or not self._locked or self._dirty or self._rejected_since:
+            return 0
+        times = np.concatenate([[self._time], edges[:n]])
+        intervals = np.diff(times)
+        before = np.concatenate([[self._expected(1)], intervals[:-1]])
+        if (np.abs(intervals - before) > CLEAN * before).any():
+            return 0
+        numbers = self._number + np.arange(1, n + 1)
+        turns, rests = np.divmod(numbers, self._tacho.pulses_per_revolution)
+        marked = np.flatnonzero(rests == 0)[-(self._marks.maxlen or n) :]
+        self._marks.extend(zip(turns[marked].tolist(), edges[marked].tolist(), strict=True))
+        self._repaired.extend([False] * min(n, HISTORY))
+        self._recently_skipped.extend([1] * min(n, DIRTY_STREAK))
+        self._intervals.extend(intervals.tolist())
+        self._pulses += n
+        self._number += n
+        self._before, self._time = float(times[-2]), float(times[-1])
+        self._skipped, self._predicted = 1, self._time
+        self._doubt = max(self._doubt - n, 0)
+        return n
+
     def _expected(self, periods: int) -> float:
-        """Return the time from the last pulse to the one so many periods later.
+        """Return the time from the last pulse to the one so many periods later."""
+        last, slope = self._trend()
+        return periods * last + slope * 0.5 * periods * (periods + 1)
+
+    def _trend(self) -> tuple[float, float]:
+        """Return the last interval as it should have been, and its change from one to the next.
 
         From medians of the older and the younger intervals, so that one of each may be wrong.
         """
@@ -123,21 +156,21 @@ class PulseTrain:
         n, half = len(intervals), len(intervals) // 2
         older, younger = _median(intervals[:half]), _median(intervals[half:])
         slope = min(max((younger - older) / (0.5 * n), -0.2 * younger), 0.2 * younger)
-        last = younger + 0.5 * (n - half - 1) * slope
-        return periods * last + slope * 0.5 * periods * (periods + 1)
+        return younger + 0.5 * (n - half - 1) * slope, slope
 
     def _edge(self, time: float) -> None:
         if not self._locked:
             self._search(time)
             return
         since = time - self._time
-        period = self._expected(1)
+        last, slope = self._trend()
+        period = last + slope
         if since < (1.0 - GATE) * period:
             self._double(time)
             return
         for periods in range(1, MOST_FILLED + 2):
             gate = GATE if periods == 1 else GATE_FILLED
-            expected = self._expected(periods)
+            expected = periods * last + slope * 0.5 * periods * (periods + 1)
             if abs(since - expected) <= gate * period:
                 self._accept(time, periods, self._time + expected)
                 return

@@ -1,5 +1,7 @@
 """The pulse train: counting right through missing and double pulses, and refusing what is no shaft."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -152,3 +154,21 @@ def test_bounces_at_every_edge_end_the_train() -> None:
     bounces = (marks[40:, None] + np.random.default_rng(1).uniform(0, 2e-3, (60, 6))).ravel()
     train = fed(PulseTrain(TACHO, 40), np.sort(np.concatenate([marks[:40], bounces])), 1.0)
     assert train.state(1.0, train.speed(0.1), np.nan) is TachoState.IRREGULAR
+
+
+@pytest.mark.parametrize("marks_a_turn", [1, 3])
+def test_pulses_taken_at_once_and_one_by_one_make_the_same_train(marks_a_turn: int) -> None:
+    tacho = replace(TACHO, pulses_per_revolution=marks_a_turn)
+    marks = run_up(1500) + 2e-5 * np.random.default_rng(0).standard_normal(1500)
+    marks = np.delete(marks, [400, 800])
+    many, single = PulseTrain(tacho, 60), PulseTrain(tacho, 60)
+    for begin in range(0, marks.size, 100):
+        many.advance(marks[begin : begin + 100], float(marks[begin : begin + 100][-1]), 1.0, RATE)
+    for mark in marks:
+        single.advance(np.array([mark]), float(mark), 1.0, RATE)
+    for one, other in zip(many.marks, single.marks, strict=True):
+        np.testing.assert_array_equal(one, other)
+    reports = [train.report(train.state(float(marks[-1]), train.speed(0.1), np.nan), 0.0) for train in (many, single)]
+    assert reports[0] == reports[1]
+    assert many.speed(0.1) == single.speed(0.1)
+    assert reports[0].filled == 2
