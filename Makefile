@@ -5,9 +5,10 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/ready
+ORACLE := .venv-oracle/ready
 RIG ?= rigs/bench.toml
 
-.PHONY: run serve test check bench campaign proto clean
+.PHONY: run serve test check bench campaign oracle proto clean
 
 run: $(READY)
 	$(BIN)/rig predict $(RIG) --quiet
@@ -34,9 +35,18 @@ bench: $(READY)
 campaign: $(READY)
 	$(BIN)/pytest tests -m campaign -s
 
+# ROSS, another rotor program, computes again what tests/validation/ross/ross.json holds. It has an environment of its own.
+oracle: $(READY) $(ORACLE)
+	$(BIN)/pytest tests/validation -m oracle
+
+$(ORACLE): tests/validation/ross/requirements.txt
+	test -x .venv-oracle/bin/python || $(PYTHON) -m venv .venv-oracle
+	.venv-oracle/bin/python -m pip install --quiet --disable-pip-version-check --requirement $<
+	@touch $(ORACLE)
+
 # The protobuf code is committed; run this after changing recordings/rig.proto.
 proto: $(READY)
-	$(BIN)/python -m grpc_tools.protoc --proto_path=. --python_out=. --pyi_out=. recordings/rig.proto
+	$(BIN)/python -m grpc_tools.protoc --proto_path=recordings --python_out=recordings --pyi_out=recordings rig.proto
 
 $(READY): pyproject.toml constraints.txt
 	@command -v $(PYTHON) >/dev/null || { echo "$(PYTHON) is missing: apt install python3 python3-venv"; exit 1; }
@@ -48,4 +58,4 @@ $(READY): pyproject.toml constraints.txt
 	@touch $(READY)
 
 clean:
-	rm -rf $(VENV) build *.egg-info .mypy_cache .ruff_cache .pytest_cache .coverage .coverage.*
+	rm -rf $(VENV) .venv-oracle build *.egg-info .mypy_cache .ruff_cache .pytest_cache .coverage .coverage.*

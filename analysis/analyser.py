@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from analysis.angle import smooth_angle
 from analysis.edges import EdgeDetector
 from analysis.order_frame import SPARE_TURNS, FrameBuilder
-from analysis.run import CODE_MAX, CODE_MIN, Acquisition, AnalysisSettings, Role
+from analysis.run import CODE_MAX, CODE_MIN, Acquisition, AnalysisSettings, Channel, Role
 from analysis.samples import SampleBlock, SegmentEnd
 from analysis.snapshot import OrderFrame, Snapshot, TachoReport, TachoState, Trace
 from analysis.tacho import SILENCE, PulseTrain
@@ -50,6 +50,7 @@ class Analyser:
         self._tacho = acquisition.tacho
         probes = [acquisition.channels[row] for row in self._rows]
         self._gap_windows = np.array([(probe.gap_low, probe.gap_high) for probe in probes])
+        self._calibrated = np.array([_calibrated_span(probe) for probe in probes])
         self._probe_volts = [probe.volts(_CODES) for probe in probes]
         self._probe_displacement = [probe.displacement(_CODES) for probe in probes]
         self._tacho_volts = acquisition.channels[self._tacho_row].volts(_CODES)
@@ -59,6 +60,7 @@ class Analyser:
         self._frames = FrameBuilder(acquisition, settings)
         self._train = PulseTrain(acquisition.tacho, settings.revolutions + FIT_TURNS + SPARE_TURNS + 1)
         self._clipped = np.zeros(self._n_channels, dtype=np.int64)
+        self._beyond = np.zeros(len(self._rows), dtype=np.int64)
         self._codes = np.empty((self._n_channels, self._hop), dtype=np.int16)
         hops_in_a_turn = int(SILENCE / settings.update_interval) + 2
         self._extremes: deque[tuple[int, FloatArray, FloatArray]] = deque(maxlen=hops_in_a_turn)
@@ -113,7 +115,10 @@ class Analyser:
         displacement = np.stack(
             [table[unsigned[row]] for table, row in zip(self._probe_displacement, self._rows, strict=True)]
         )
-        gap = np.array([table[unsigned[row]].mean() for table, row in zip(self._probe_volts, self._rows, strict=True)])
+        volts = np.stack([table[unsigned[row]] for table, row in zip(self._probe_volts, self._rows, strict=True)])
+        gap = volts.mean(axis=1)
+        low, high = self._calibrated[:, :1], self._calibrated[:, 1:]
+        self._beyond += np.count_nonzero((volts < low) | (volts > high), axis=1)
         tacho = self._tacho_volts[unsigned[self._tacho_row]]
 
         edges = self._edges.edges(tacho, first) / self._rate + self._tacho_shift
@@ -132,6 +137,7 @@ class Analyser:
             clipped=self._clipped.copy(),
             frame=frame,
             trace=self._trace(first, displacement, tacho),
+            beyond_calibration=self._beyond.copy(),
         )
 
     def _shaft(self, now: float) -> tuple[float, TachoReport, OrderFrame | None]:
@@ -169,3 +175,9 @@ class Analyser:
             displacement=thinned - thinned.mean(axis=1, keepdims=True),
             tacho=tacho[::stride].copy(),
         )
+
+
+def _calibrated_span(probe: Channel) -> tuple[float, float]:
+    """Return the span of voltage that was calibrated, V; none where the channel has no calibration."""
+    calibration = probe.calibration
+    return (np.nan, np.nan) if calibration is None else (calibration.volts_low, calibration.volts_high)

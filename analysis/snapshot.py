@@ -5,7 +5,7 @@ Where operators read a phase it is the *lag*, -arg(X), in degrees. Amplitudes ar
 otherwise.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 
 import numpy as np
@@ -165,6 +165,9 @@ class Snapshot:
         None until there are enough whole revolutions in the segment, and where the tacho does not allow one.
     trace : Trace
         The last samples.
+    beyond_calibration : ndarray of int64, shape (2,)
+        Samples of each probe since the run began whose voltage lies outside the span that was calibrated: their
+        displacement is extrapolated.
     """
 
     segment: int
@@ -178,3 +181,4 @@ class Snapshot:
     clipped: NDArray[np.int64]
     frame: OrderFrame | None
     trace: Trace
+    beyond_calibration: NDArray[np.int64] = field(default_factory=lambda: np.zeros(2, dtype=np.int64))

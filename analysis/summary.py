@@ -33,6 +33,8 @@ class ProbeSummary:
         Where that was; None without snapshots.
     severity : Severity
         The largest vibration against the limits.
+    beyond_calibration : int
+        Samples whose voltage lay outside the span that was calibrated: their displacement is extrapolated.
     """
 
     name: str
@@ -43,6 +45,7 @@ class ProbeSummary:
     largest_peak_to_peak: float
     largest: Moment | None
     severity: Severity
+    beyond_calibration: int = 0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -130,12 +133,14 @@ class _Probe:
     gap_ok: bool = True
     peak_to_peak: float = 0.0
     largest: Moment | None = None
+    beyond_calibration: int = 0
 
     def add(self, snapshot: Snapshot, probe: int) -> None:
         gap = float(snapshot.gap_volts[probe])
         self.gap_sum += gap
         self.gap_least, self.gap_most = min(self.gap_least, gap), max(self.gap_most, gap)
         self.gap_ok = self.gap_ok and bool(snapshot.gap_ok[probe])
+        self.beyond_calibration = int(snapshot.beyond_calibration[probe])
         overall = float(snapshot.peak_to_peak[probe])
         if self.largest is None or overall > self.peak_to_peak:
             self.peak_to_peak = overall
@@ -229,4 +234,5 @@ class SummaryBuilder:
             largest_peak_to_peak=probe.peak_to_peak,
             largest=probe.largest,
             severity=self._header.limits.severity(probe.peak_to_peak),
+            beyond_calibration=probe.beyond_calibration,
         )

@@ -91,6 +91,7 @@ def decode_snapshot(features: rig_pb2.Features, frame: rig_pb2.OrderFrame | None
         clipped=np.array(features.clipped, dtype=np.int64),
         frame=None if frame is None else _decoded_frame(frame),
         trace=Trace(time=np.empty(0), displacement=np.empty((2, 0)), tacho=np.empty(0)),
+        beyond_calibration=np.array(features.beyond_calibration or (0, 0), dtype=np.int64),  # older files have none
     )
 
 
@@ -116,6 +117,7 @@ def _features(snapshot: Snapshot) -> rig_pb2.Features:
         peak_to_peak_x_m=snapshot.peak_to_peak[0],
         peak_to_peak_y_m=snapshot.peak_to_peak[1],
         clipped=snapshot.clipped.tolist(),
+        beyond_calibration=snapshot.beyond_calibration.tolist(),
         has_order_frame=snapshot.frame is not None,
     )
     if snapshot.frame is not None:

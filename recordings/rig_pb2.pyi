@@ -53,7 +53,7 @@ class SegmentEnd(_message.Message):
     def __init__(self, segment: _Optional[int] = ..., samples: _Optional[int] = ..., reason: _Optional[str] = ..., lost: _Optional[int] = ..., lost_is_exact: _Optional[bool] = ..., detail: _Optional[str] = ...) -> None: ...
 
 class Features(_message.Message):
-    __slots__ = ("segment", "sample", "time_s", "speed_rpm", "speed_rad_per_s", "tacho_state", "tacho_pulses", "tacho_filled", "tacho_rejected", "tacho_jitter_s", "gap_x_v", "gap_y_v", "gap_x_ok", "gap_y_ok", "peak_to_peak_x_um", "peak_to_peak_y_um", "peak_to_peak_x_m", "peak_to_peak_y_m", "clipped", "has_order_frame", "x_1x_um", "x_1x_lag_deg", "y_1x_um", "y_1x_lag_deg", "x_2x_um", "x_2x_lag_deg", "y_2x_um", "y_2x_lag_deg", "whirl_order", "whirl_um", "whirl_is_forward", "noise_um")
+    __slots__ = ("segment", "sample", "time_s", "speed_rpm", "speed_rad_per_s", "tacho_state", "tacho_pulses", "tacho_filled", "tacho_rejected", "tacho_jitter_s", "gap_x_v", "gap_y_v", "gap_x_ok", "gap_y_ok", "peak_to_peak_x_um", "peak_to_peak_y_um", "peak_to_peak_x_m", "peak_to_peak_y_m", "clipped", "has_order_frame", "x_1x_um", "x_1x_lag_deg", "y_1x_um", "y_1x_lag_deg", "x_2x_um", "x_2x_lag_deg", "y_2x_um", "y_2x_lag_deg", "whirl_order", "whirl_um", "whirl_is_forward", "noise_um", "beyond_calibration")
     SEGMENT_FIELD_NUMBER: _ClassVar[int]
     SAMPLE_FIELD_NUMBER: _ClassVar[int]
     TIME_S_FIELD_NUMBER: _ClassVar[int]
@@ -86,6 +86,7 @@ class Features(_message.Message):
     WHIRL_UM_FIELD_NUMBER: _ClassVar[int]
     WHIRL_IS_FORWARD_FIELD_NUMBER: _ClassVar[int]
     NOISE_UM_FIELD_NUMBER: _ClassVar[int]
+    BEYOND_CALIBRATION_FIELD_NUMBER: _ClassVar[int]
     segment: int
     sample: int
     time_s: float
@@ -118,7 +119,8 @@ class Features(_message.Message):
     whirl_um: float
     whirl_is_forward: bool
     noise_um: float
-    def __init__(self, segment: _Optional[int] = ..., sample: _Optional[int] = ..., time_s: _Optional[float] = ..., speed_rpm: _Optional[float] = ..., speed_rad_per_s: _Optional[float] = ..., tacho_state: _Optional[str] = ..., tacho_pulses: _Optional[int] = ..., tacho_filled: _Optional[int] = ..., tacho_rejected: _Optional[int] = ..., tacho_jitter_s: _Optional[float] = ..., gap_x_v: _Optional[float] = ..., gap_y_v: _Optional[float] = ..., gap_x_ok: _Optional[bool] = ..., gap_y_ok: _Optional[bool] = ..., peak_to_peak_x_um: _Optional[float] = ..., peak_to_peak_y_um: _Optional[float] = ..., peak_to_peak_x_m: _Optional[float] = ..., peak_to_peak_y_m: _Optional[float] = ..., clipped: _Optional[_Iterable[int]] = ..., has_order_frame: _Optional[bool] = ..., x_1x_um: _Optional[float] = ..., x_1x_lag_deg: _Optional[float] = ..., y_1x_um: _Optional[float] = ..., y_1x_lag_deg: _Optional[float] = ..., x_2x_um: _Optional[float] = ..., x_2x_lag_deg: _Optional[float] = ..., y_2x_um: _Optional[float] = ..., y_2x_lag_deg: _Optional[float] = ..., whirl_order: _Optional[float] = ..., whirl_um: _Optional[float] = ..., whirl_is_forward: _Optional[bool] = ..., noise_um: _Optional[float] = ...) -> None: ...
+    beyond_calibration: _containers.RepeatedScalarFieldContainer[int]
+    def __init__(self, segment: _Optional[int] = ..., sample: _Optional[int] = ..., time_s: _Optional[float] = ..., speed_rpm: _Optional[float] = ..., speed_rad_per_s: _Optional[float] = ..., tacho_state: _Optional[str] = ..., tacho_pulses: _Optional[int] = ..., tacho_filled: _Optional[int] = ..., tacho_rejected: _Optional[int] = ..., tacho_jitter_s: _Optional[float] = ..., gap_x_v: _Optional[float] = ..., gap_y_v: _Optional[float] = ..., gap_x_ok: _Optional[bool] = ..., gap_y_ok: _Optional[bool] = ..., peak_to_peak_x_um: _Optional[float] = ..., peak_to_peak_y_um: _Optional[float] = ..., peak_to_peak_x_m: _Optional[float] = ..., peak_to_peak_y_m: _Optional[float] = ..., clipped: _Optional[_Iterable[int]] = ..., has_order_frame: _Optional[bool] = ..., x_1x_um: _Optional[float] = ..., x_1x_lag_deg: _Optional[float] = ..., y_1x_um: _Optional[float] = ..., y_1x_lag_deg: _Optional[float] = ..., x_2x_um: _Optional[float] = ..., x_2x_lag_deg: _Optional[float] = ..., y_2x_um: _Optional[float] = ..., y_2x_lag_deg: _Optional[float] = ..., whirl_order: _Optional[float] = ..., whirl_um: _Optional[float] = ..., whirl_is_forward: _Optional[bool] = ..., noise_um: _Optional[float] = ..., beyond_calibration: _Optional[_Iterable[int]] = ...) -> None: ...
 
 class Vector(_message.Message):
     __slots__ = ("real_m", "imag_m")

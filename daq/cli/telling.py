@@ -125,6 +125,9 @@ def _oddities(summary: SummaryDocument) -> Iterator[str]:
         if not probe.gap_ok:
             least, most = _number(probe.gap_least_v, 2), _number(probe.gap_most_v, 2)
             yield f"probe {probe.name}: gap voltage {least} to {most} V left its window"
+        if probe.samples_beyond_calibration:
+            part = 100 * probe.samples_beyond_calibration / max(summary.samples, 1)
+            yield f"probe {probe.name}: {part:.2g} % of the samples lie beyond its calibration: extrapolated"
     if any(summary.clipped_samples):
         yield f"clipped samples by channel: {', '.join(f'{n:,}' for n in summary.clipped_samples)}"
     tacho = summary.tacho

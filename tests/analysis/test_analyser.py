@@ -212,6 +212,8 @@ def test_a_new_segment_starts_afresh_and_the_counts_run_on(make_bench: Maker) ->
     assert second[-1].segment == 1
     assert first[-1].clipped.tolist() == [1, 0, 0]
     assert second[-1].clipped.tolist() == [2, 0, 0]
+    assert first[-1].beyond_calibration.tolist() == [1, 0]
+    assert second[-1].beyond_calibration.tolist() == [2, 0]
     assert second[-1].tacho.pulses == 2 * first[-1].tacho.pulses
     assert same(first[-1].frame, second[-1].frame)
     assert analyser.segment_end(SegmentEnd(7, 0, EndReason.FINISHED)) == []

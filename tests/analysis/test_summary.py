@@ -137,6 +137,7 @@ def test_gap_and_clipping_of_a_probe_that_came_loose_are_said(make_bench: Maker,
     summary = summary_of(bench, header, codes, SegmentEnd(0, 60_000, EndReason.STOPPED))
     assert summary.clipped == (0, 30_000, 0)
     assert [probe.gap_ok for probe in summary.probes] == [True, False]
+    assert [probe.beyond_calibration for probe in summary.probes] == [0, 30_000]
     assert summary.probes[1].gap_most == pytest.approx(10.0, abs=0.001)
 
 

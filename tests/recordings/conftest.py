@@ -109,6 +109,7 @@ def make_snapshot() -> Callable[..., Snapshot]:
             gap_ok=np.array([True, False]),
             peak_to_peak=random.random(2) * 1e-4,
             clipped=np.array([0, 3, 0]),
+            beyond_calibration=np.array([0, 1_234_567]),
             frame=frame if with_frame else None,
             trace=Trace(np.arange(3.0), np.zeros((2, 3)), np.zeros(3)),
         )

@@ -53,6 +53,10 @@ class ProbeSummaryDocument(Document):
     )
     largest_at: MomentDocument | None = Field(description="Where that was; null where nothing was measured")
     severity: Severity = Field(description="The largest vibration against the limits", examples=["danger"])
+    samples_beyond_calibration: Count = Field(
+        description="Samples whose voltage lay outside the calibrated span: their displacement is extrapolated",
+        examples=[0],
+    )
 
 
 class TachoSummaryDocument(Document):
@@ -240,6 +244,7 @@ def _probe(probe: ProbeSummary) -> ProbeSummaryDocument:
         largest_peak_to_peak_um=micrometres(probe.largest_peak_to_peak),
         largest_at=None if probe.largest is None else _moment(probe.largest),
         severity=probe.severity,
+        samples_beyond_calibration=probe.beyond_calibration,
     )
 
 
