@@ -40,6 +40,13 @@ def _add_screens(parser: argparse.ArgumentParser, default_port: int) -> None:
         default=os.environ.get("RIG_TOKEN", ""),
         help="bearer token that requests must carry, needed with another --host; better given as $RIG_TOKEN",
     )
+    group.add_argument(
+        "--cors",
+        action="append",
+        default=[],
+        metavar="ORIGIN",
+        help="another site whose pages may ask, such as http://notebook.lab:8888; may be given again",
+    )
     group.add_argument("--no-view", action="store_true", help="without the live picture (it needs rerun-sdk)")
 
 

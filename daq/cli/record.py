@@ -12,6 +12,8 @@ from daq.cli.screens import Screens
 from daq.cli.stopping import stop_requested
 from daq.cli.telling import tell
 from daq.config.load import load_rig
+from daq.config.rig import Rig
+from daq.service.readings import Readings
 from daq.service.summaries import Summaries
 from daq.session.messages import Order
 from daq.session.predictors import Predictors
@@ -19,36 +21,43 @@ from daq.session.recorded import RecordedRun
 from recordings.catalogue import Catalogue, data_folder
 
 
+def order_for(catalogue: Catalogue, rig: Rig, note: str, duration: float | None) -> Order:
+    """Return the order for a run that begins now."""
+    started_ns = time.time_ns()
+    run_id, path = catalogue.new_run(rig.config.rig, started_ns)
+    return Order(
+        rig=rig,
+        run=run_id,
+        started_ns=started_ns,
+        note=note,
+        program=f"rig {version('rig-service')}",
+        path=path,
+        duration=duration,
+    )
+
+
 def run(chosen: argparse.Namespace) -> int:
     """Record a run; return the exit code."""
     console = Console()
     rig = load_rig(Path(chosen.config))
     catalogue = Catalogue(data_folder(rig.config.storage.folder), rig.config.storage.catalogue)
-    with Predictors() as predictors, stop_requested() as stop:
-        summaries = Summaries(catalogue, predictors)
-        with Screens(chosen, catalogue, summaries, console) as screens:
-            started_ns = time.time_ns()
-            run_id, path = catalogue.new_run(rig.config.rig, started_ns)
-            order = Order(
-                rig=rig,
-                run=run_id,
-                started_ns=started_ns,
-                note=chosen.note,
-                program=f"rig {version('rig-service')}",
-                path=path,
-                duration=chosen.duration,
-            )
+    with Predictors() as predictors, Readings(predictors) as readings, stop_requested() as stop:
+        summaries = Summaries(catalogue, predictors, readings.summary)
+        with Screens(chosen, catalogue, summaries, console, readings) as screens:
+            order = order_for(catalogue, rig, chosen.note, chosen.duration)
             with closing(RecordedRun(order, predictors.for_rig(rig), screens.sinks)) as recorded:
                 screens.show(recorded)
                 device, rate = recorded.header.acquisition.device, recorded.header.acquisition.rate
                 which = "simulated" if device.simulated else f"serial {device.serial}"
                 n_channels = len(recorded.header.acquisition.channels)
-                console.line(f"run {run_id}  {device.product} ({which})  {n_channels} × {rate / 1e3:g} kS/s  {path}")
+                console.line(
+                    f"run {order.run}  {device.product} ({which})  {n_channels} × {rate / 1e3:g} kS/s  {order.path}"
+                )
                 console.line(screens.addresses())
                 outcome = follow(recorded, stop, console)
         if outcome.message:
             console.line(f"rig: {outcome.message}")
-        document = summaries.patiently(run_id, console.progress)
+        document = summaries.patiently(order.run, console.progress)
         console.done()
     tell(document, as_json=chosen.json)
     return outcome.exit_code

@@ -9,6 +9,7 @@ from daq.cli.screens import Screens
 from daq.cli.stopping import stop_requested
 from daq.cli.telling import tell
 from daq.drivers.replay import open_replay
+from daq.service.readings import Readings
 from daq.service.summaries import Summaries
 from daq.session.predictors import PATIENCE, Predictors
 from daq.session.replayed import ReplayedRun
@@ -43,10 +44,10 @@ def run(chosen: argparse.Namespace) -> int:
     path = catalogue.path(run_id)
     with RunReader(path) as reader:
         header, clock = reader.header, reader.clock_error
-    with stop_requested() as stop, Predictors() as predictors:
-        summaries = Summaries(catalogue, predictors)
+    with stop_requested() as stop, Predictors() as predictors, Readings(predictors) as readings:
+        summaries = Summaries(catalogue, predictors, readings.summary)
         model = predictors.of(header)
-        with Screens(chosen, catalogue, summaries, console) as screens:
+        with Screens(chosen, catalogue, summaries, console, readings) as screens:
             source = open_replay(path, chosen.pace)
             replayed = ReplayedRun(header, source, model, screens.sinks)
             screens.show(replayed)

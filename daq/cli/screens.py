@@ -7,10 +7,13 @@ from typing import TYPE_CHECKING, Self
 
 from daq.cli.console import Console
 from daq.errors import ServiceError, UsageError
+from daq.service.abilities import Abilities
 from daq.service.app import create_app
 from daq.service.guard import is_loopback
+from daq.service.readings import Readings
 from daq.service.server import ServiceServer
 from daq.service.summaries import Summaries
+from daq.session.desk import RunDesk
 from daq.session.frame import FrameSink, LiveFrame
 from daq.session.run import Run
 from daq.view import open_live_view
@@ -33,6 +36,10 @@ class Screens:
         Who sums runs up.
     console : Console
         Where addresses are printed.
+    readings : Readings or None
+        Who answers what is asked of recorded runs beyond their summaries.
+    desk : RunDesk or None
+        Who starts runs that are asked for over REST; None where none can be.
 
     Raises
     ------
@@ -43,11 +50,18 @@ class Screens:
     """
 
     def __init__(
-        self, chosen: argparse.Namespace, catalogue: Catalogue, summaries: Summaries, console: Console
+        self,
+        chosen: argparse.Namespace,
+        catalogue: Catalogue,
+        summaries: Summaries,
+        console: Console,
+        readings: Readings | None = None,
+        desk: RunDesk | None = None,
     ) -> None:
         if not is_loopback(chosen.host) and not chosen.token:
             raise UsageError(f"--host {chosen.host} lets other machines in: --token SECRET must be given with it")
         self._run: Run | None = None
+        self._desk = desk
         self._view = None if chosen.no_view else self._picture(console)
         self._server: ServiceServer | None = None
         if getattr(chosen, "no_serve", False):
@@ -57,6 +71,7 @@ class Screens:
             self,
             summaries,
             self._view.url if self._view is not None and is_loopback(chosen.host) else None,
+            abilities=Abilities(readings, self, desk, tuple(chosen.cors)),
             host=chosen.host,
             token=chosen.token or None,
         )
@@ -88,13 +103,26 @@ class Screens:
 
     def latest(self) -> LiveFrame | None:
         """Return the present frame of the run that is shown; None where there is none."""
-        if self._run is None:
+        run = self._shown
+        if run is None:
             return None
-        frame = self._run.latest()
+        frame = run.latest()
         if self._view is None:
             return frame
         detail = frame.status.detail or self._view.failure
         return replace(frame, status=replace(frame.status, dropped_frames=self._view.dropped, detail=detail))
+
+    def stop(self) -> str | None:
+        """Ask for the end of the run that is shown; return its id, None where none is under way."""
+        run = self._shown
+        if run is None or run.wait(0.0):
+            return None
+        run.stop()
+        return run.header.run
+
+    @property
+    def _shown(self) -> Run | None:
+        return self._run or (None if self._desk is None else self._desk.run)
 
     def addresses(self) -> str:
         """Return one line that says where to look."""

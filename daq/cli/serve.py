@@ -1,27 +1,41 @@
 """`rig serve`: the page and REST for recorded runs, until stopped."""
 
 import argparse
+from contextlib import ExitStack
 from pathlib import Path
 
 from daq.cli.console import Console
+from daq.cli.record import order_for
 from daq.cli.screens import Screens
 from daq.cli.stopping import stop_requested
 from daq.config.load import load_rig
+from daq.config.rig import Rig
 from daq.config.schema import StorageSection
+from daq.service.readings import Readings
 from daq.service.summaries import Summaries
+from daq.session.desk import RunDesk
 from daq.session.predictors import Predictors
+from daq.session.recorded import RecordedRun
 from recordings.catalogue import Catalogue, data_folder
 
 
 def run(chosen: argparse.Namespace) -> int:
     """Serve until stopped; return the exit code."""
     console = Console()
-    storage = load_rig(Path(chosen.config)).config.storage if chosen.config else StorageSection()
+    rig = load_rig(Path(chosen.config)) if chosen.config else None
+    storage = StorageSection() if rig is None else rig.config.storage
     catalogue = Catalogue(data_folder(chosen.folder or storage.folder), storage.catalogue)
-    chosen.no_view = True  # nothing is live: runs are shown by `rig replay`
-    with stop_requested() as stop, Predictors() as predictors:
-        summaries = Summaries(catalogue, predictors)
-        with Screens(chosen, catalogue, summaries, console) as screens:
+    chosen.no_view = True  # runs are shown by `rig record` and `rig replay`
+    with stop_requested() as stop, Predictors() as predictors, Readings(predictors) as readings, ExitStack() as stack:
+        desk = None
+        if rig is not None:
+
+            def begin(rig: Rig, note: str, duration: float | None) -> RecordedRun:
+                return RecordedRun(order_for(catalogue, rig, note, duration), predictors.for_rig(rig))
+
+            desk = stack.enter_context(RunDesk({rig.config.rig: rig}, begin))
+        summaries = Summaries(catalogue, predictors, readings.summary)
+        with Screens(chosen, catalogue, summaries, console, readings, desk) as screens:
             console.line(screens.addresses())
             while not stop.wait(1.0):  # a wait without end would not let Ctrl-C through everywhere
                 continue

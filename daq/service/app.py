@@ -4,15 +4,18 @@ from importlib.metadata import version
 from typing import Any
 
 from fastapi import APIRouter, FastAPI
+from fastapi.middleware.cors import CORSMiddleware
 
 from daq.errors import ServiceError
+from daq.service.abilities import TELLING, Abilities
 from daq.service.documents import ProblemDocument
 from daq.service.guard import Guard, is_loopback
 from daq.service.head import HeadAsGet
+from daq.service.hub import Hub
 from daq.service.last_resort import LastResort
+from daq.service.live_routes import LiveRoutes
 from daq.service.pages import PUBLIC_PATHS, Pages
 from daq.service.problems import HOST, INTERNAL, TOKEN, install
-from daq.service.readings import Readings
 from daq.service.reference import reference_page
 from daq.service.routes import PREFIX, Catalogue, Live, Routes, Summaries
 from daq.service.routing import Routing
@@ -40,10 +43,10 @@ def create_app(
     summaries: Summaries,
     viewer_url: str | None,
     *,
-    readings: Readings | None = None,
+    abilities: Abilities = TELLING,
     host: str = "127.0.0.1",
     token: str | None = None,
-) -> FastAPI:
+) -> "Service":
     """Return the application.
 
     Parameters
@@ -56,8 +59,8 @@ def create_app(
         What runs were.
     viewer_url : str or None
         Address of the web viewer that the page embeds; None where there is none.
-    readings : Readings or None
-        Who answers what is asked of recorded runs beyond their summaries; None: nobody is asked.
+    abilities : Abilities
+        What else it can do.
     host : str
         Address that the server is bound to. One of this machine alone answers only to this machine's own names.
     token : str or None
@@ -77,25 +80,35 @@ def create_app(
         raise ServiceError(
             f"the service at {host} can be reached from other machines: give it a token, or bind it to 127.0.0.1"
         )
-    app = _Service(with_token=token is not None)
+    hub = Hub(live)
+    app = Service(hub, with_token=token is not None)
     install(app)
     app.include_router(Routes(catalogue, live, summaries, app.version).router(with_token=token is not None))
-    if readings is not None:
-        routing = Routing(APIRouter(prefix=PREFIX), (HOST, INTERNAL, *((TOKEN,) if token is not None else ())))
-        RunRoutes(catalogue, live, readings, app.version).add_to(routing)
-        app.include_router(routing.router)
+    routing = Routing(APIRouter(prefix=PREFIX), (HOST, INTERNAL, *((TOKEN,) if token is not None else ())))
+    LiveRoutes(hub, abilities.steering, abilities.desk).add_to(routing)
+    if abilities.readings is not None:
+        RunRoutes(catalogue, live, abilities.readings, app.version).add_to(routing)
+    app.include_router(routing.router)
     app.include_router(Pages(viewer_url, reference_page(app.openapi())).router())
     app.add_middleware(LastResort)
-    app.add_middleware(Guard, host=host, token=token, public=PUBLIC_PATHS)
+    app.add_middleware(Guard, host=host, token=token, public=PUBLIC_PATHS, origins=frozenset(abilities.origins))
+    if abilities.origins:
+        app.add_middleware(
+            CORSMiddleware,
+            allow_origins=abilities.origins,
+            allow_methods=("GET", "HEAD", "POST", "PATCH", "PUT", "DELETE"),
+            allow_headers=("Authorization", "Content-Type", "If-None-Match", "If-Range", "Range"),
+            expose_headers=("ETag", "Content-Range", "Retry-After", "Location"),
+        )
     app.add_middleware(HeadAsGet)
     app.add_middleware(SafeHeaders)
     return app
 
 
-class _Service(FastAPI):
+class Service(FastAPI):
     """The application with a schema that tells of problem documents and of the token."""
 
-    def __init__(self, *, with_token: bool) -> None:
+    def __init__(self, hub: Hub, *, with_token: bool) -> None:
         super().__init__(
             title="Rig service",
             version=version(DISTRIBUTION),
@@ -106,7 +119,12 @@ class _Service(FastAPI):
             redoc_url=None,
             redirect_slashes=False,
         )
+        self._hub = hub
         self._with_token = with_token
+
+    def end(self) -> None:
+        """Let all who follow the live run go, so that the server need not wait for them."""
+        self._hub.end()
 
     def openapi(self) -> dict[str, Any]:
         """Return the OpenAPI document."""

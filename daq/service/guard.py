@@ -7,9 +7,13 @@ from typing import Final
 from starlette.datastructures import Headers
 from starlette.types import ASGIApp, Receive, Scope, Send
 
-from daq.service.problems import HOST, TOKEN, problem_response
+from daq.service.problems import CROSS_SITE, HOST, MEDIA, TOKEN, Kind, problem_response
 
 LOOPBACK_NAMES: Final = frozenset({"localhost", "127.0.0.1", "[::1]"})
+
+HARMLESS: Final = frozenset({"GET", "HEAD", "OPTIONS"})
+WITH_JSON: Final = frozenset({"POST", "PATCH"})
+TOKEN_PROTOCOL: Final = "token."  # noqa: S105 - the beginning of a subprotocol's name
 
 
 def is_loopback(host: str) -> bool:
@@ -38,35 +42,74 @@ class Guard:
         What requests must bear, except for ``public`` paths; None asks for none.
     public : frozenset of str
         Paths that tell nothing of the rig: the page's own files.
+    origins : frozenset of str
+        Other sites whose pages may ask.
     """
 
-    def __init__(self, app: ASGIApp, host: str, token: str | None, public: frozenset[str]) -> None:
+    def __init__(
+        self,
+        app: ASGIApp,
+        host: str,
+        token: str | None,
+        public: frozenset[str],
+        origins: frozenset[str] = frozenset(),
+    ) -> None:
         self._app = app
+        self._origins = origins
         self._names = LOOPBACK_NAMES | {_written(host)} if is_loopback(host) else None
         self._expected = None if token is None else f"Bearer {token}".encode()
         self._public = public
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Pass the request on, or answer 421 or 401."""
-        if scope["type"] != "http":
+        """Pass the request on, or answer 421, 401, 403 or 415."""
+        if scope["type"] not in {"http", "websocket"}:
             await self._app(scope, receive, send)
             return
         headers, path = Headers(scope=scope), str(scope["path"])
+        refused = self._refused(scope, headers, path)
+        if refused is None:
+            await self._app(scope, receive, send)
+        else:
+            kind, detail = refused
+            await problem_response(kind, detail, path)(scope, receive, send)
+
+    def _refused(self, scope: Scope, headers: Headers, path: str) -> tuple[Kind, str] | None:
+        """Return why a request is turned away; None where it is not."""
         name = host_name(headers.get("host", ""))
         if self._names is not None and name not in self._names:
-            detail = f"the request names {name!r}; expected one of {', '.join(sorted(self._names))}"
-            await problem_response(HOST, detail, path)(scope, receive, send)
-        elif self._expected is not None and path not in self._public and not self._bears_token(headers):
+            return HOST, f"the request names {name!r}; expected one of {', '.join(sorted(self._names))}"
+        if self._expected is not None and path not in self._public and not self._bears_token(headers):
             given = "another token was given" if "authorization" in headers else "no token was given"
-            await problem_response(TOKEN, f"{given}: send the header Authorization: Bearer <token>", path)(
-                scope, receive, send
-            )
-        else:
-            await self._app(scope, receive, send)
+            return TOKEN, f"{given}: send the header Authorization: Bearer <token>"
+        is_socket = scope["type"] == "websocket"
+        if not is_socket and scope["method"] in HARMLESS:
+            return None
+        if not self._is_own_page(headers):
+            return CROSS_SITE, f"the request comes from {headers.get('origin') or 'another site'}"
+        if not is_socket and scope["method"] in WITH_JSON and not _is_json(headers.get("content-type", "")):
+            return MEDIA, f"{headers.get('content-type') or 'no type'!r}, expected application/json"
+        return None
+
+    def _is_own_page(self, headers: Headers) -> bool:
+        """Return whether no browser says that a page from elsewhere asks."""
+        origin = headers.get("origin")
+        if origin is not None:
+            return origin in self._origins or origin.partition("://")[2].lower() == headers.get("host", "").lower()
+        return headers.get("sec-fetch-site", "none") in {"none", "same-origin"}
 
     def _bears_token(self, headers: Headers) -> bool:
-        given = headers.get("authorization", "").encode("latin-1")
-        return self._expected is not None and hmac.compare_digest(given, self._expected)
+        if self._expected is None:
+            return True
+        protocols = (name.strip() for name in headers.get("sec-websocket-protocol", "").split(","))
+        given = [  # a page can send nothing but protocols with a WebSocket
+            headers.get("authorization", ""),
+            *(f"Bearer {name.removeprefix(TOKEN_PROTOCOL)}" for name in protocols if name.startswith(TOKEN_PROTOCOL)),
+        ]
+        return any(hmac.compare_digest(one.encode("latin-1"), self._expected) for one in given)
+
+
+def _is_json(content_type: str) -> bool:
+    return content_type.partition(";")[0].strip().lower() == "application/json"
 
 
 def _written(host: str) -> str:

@@ -18,8 +18,8 @@ let moved = performance.now();
 let elapsed = null;
 let state = null;
 
-const isUnderWay = (name) => ["recording", "degraded", "interrupted", "replaying"].includes(name);
-const isMoving = (name) => isUnderWay(name) && name !== "interrupted";
+const isUnderWay = (name) => ["armed", "recording", "degraded", "interrupted", "replaying"].includes(name);
+const isMoving = (name) => isUnderWay(name) && !["armed", "interrupted"].includes(name);
 
 function tell(text) {
   const node = element("connection");

@@ -69,6 +69,16 @@ TOO_MUCH = Kind("too-much", 413, "More than one answer may hold", "Ask for a sho
 NOT_ACCEPTABLE = Kind(
     "not-acceptable", 406, "No form that is accepted can be sent", "`Accept` must allow one of the types of the answer."
 )
+CROSS_SITE = Kind(
+    "cross-site",
+    403,
+    "Another site may not ask for this",
+    "A page that is not the service's own asks.",
+)
+MEDIA = Kind("media-type", 415, "The content's type is not the one expected", "Send `Content-Type: application/json`.")
+RUN_NOT_POSSIBLE = Kind(
+    "run-not-possible", 409, "No run can be started now", "Another is under way, or device or disk stand against it."
+)
 RANGE = Kind("range-not-satisfiable", 416, "The range lies outside the file", "`Content-Range` gives the file's size.")
 MODEL_NOT_READY = Kind(
     "model-not-ready", 503, "The model has no answer yet", "Its map is being computed; ask again later."
@@ -114,7 +124,8 @@ INTERNAL = Kind("internal", 500, "The service failed", "A fault of the program; 
 
 KINDS: Final = (
     BAD_PARAMETER, RUN_NOT_FOUND, NO_LIVE_RUN, NOT_FOUND, METHOD, RUN_UNDER_WAY, RUN_DAMAGED, RUN_FORMAT, TOKEN, HOST,
-    BUSY, STORAGE, INTERNAL, NO_SUCH_MOMENT, TOO_MUCH, NOT_ACCEPTABLE, RANGE, MODEL_NOT_READY,
+    BUSY, STORAGE, INTERNAL, NO_SUCH_MOMENT, TOO_MUCH, NOT_ACCEPTABLE, RANGE, MODEL_NOT_READY, CROSS_SITE, MEDIA,
+    RUN_NOT_POSSIBLE,
 )  # fmt: skip
 
 

@@ -57,7 +57,7 @@ class ServiceServer:
             self._app,
             loop="asyncio",
             http="h11",
-            ws="none",
+            ws="websockets-sansio",
             lifespan="off",
             log_config=None,
             log_level="error",  # a client that talks nonsense is no news for the operator
@@ -82,6 +82,9 @@ class ServiceServer:
         server, thread = self._server, self._thread
         if server is None or thread is None:
             return
+        end = getattr(self._app, "end", None)
+        if callable(end):  # an application whose answers may have no end of their own
+            end()
         server.should_exit = True
         thread.join(deadline)
         if thread.is_alive():

@@ -10,7 +10,9 @@ import httpx
 from analysis.run import RunHeader
 from daq.config.rig import Rig
 from daq.drivers.opening import open_source
+from daq.service.abilities import Abilities
 from daq.service.app import create_app
+from daq.service.live_routes import Desk
 from daq.service.readings import Readings
 from daq.service.server import ServiceServer
 from daq.service.summaries import Summaries
@@ -37,6 +39,20 @@ def record_run(rig: Rig, folder: Path, run: str = RUN) -> Path:
     return path
 
 
+class Steered:
+    """Ends the run that the live fake shows."""
+
+    def __init__(self, live: FakeLive) -> None:
+        self.live = live
+        self.stopped: list[str] = []
+
+    def stop(self) -> str | None:
+        if self.live.frame is None:
+            return None
+        self.stopped.append(self.live.frame.header.run)
+        return self.live.frame.header.run
+
+
 class KnownModels:
     """A model that is ready, up to 20,000 r/min."""
 
@@ -52,19 +68,30 @@ class RecordedBench:
 
     folder: Path
     live: FakeLive
+    steered: Steered
     client: httpx.Client
     close: Callable[[], None]
 
-    def get(self, tail: str, headers: dict[str, str] | None = None, **parameters: str | float) -> httpx.Response:
+    def get(self, tail: str, headers: dict[str, str] | None = None, /, **parameters: str | float) -> httpx.Response:
         """Ask for something of the recorded run."""
         return self.client.get(f"{API}/runs/{RUN}{tail}", params=parameters, headers=headers)
 
 
-def open_recorded_bench(folder: Path) -> RecordedBench:
-    """Serve the runs of a folder."""
+def open_recorded_bench(
+    folder: Path,
+    *,
+    host: str = "127.0.0.1",
+    token: str | None = None,
+    origins: tuple[str, ...] = (),
+    desk: Desk | None = None,
+) -> RecordedBench:
+    """Serve the runs of a folder at a free port of this machine, as if bound to ``host``."""
     catalogue, live, predictors = Catalogue(folder), FakeLive(), Predictors()
     readings = Readings(KnownModels())
-    app = create_app(catalogue, live, Summaries(catalogue, predictors), None, readings=readings)
+    steered = Steered(live)
+    abilities = Abilities(readings, steered, desk, origins)
+    summaries = Summaries(catalogue, predictors, readings.summary)
+    app = create_app(catalogue, live, summaries, None, abilities=abilities, host=host, token=token)
     server = ServiceServer(app)
     server.start()
     client = httpx.Client(base_url=server.url, timeout=30.0)
@@ -75,4 +102,4 @@ def open_recorded_bench(folder: Path) -> RecordedBench:
         readings.close()
         predictors.close()
 
-    return RecordedBench(folder, live, client, close)
+    return RecordedBench(folder, live, steered, client, close)

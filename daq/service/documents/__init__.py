@@ -7,6 +7,7 @@ from daq.service.documents.live import LiveDocument, live_document
 from daq.service.documents.picture import PictureDocument, picture_document
 from daq.service.documents.problem import Fault, ProblemDocument
 from daq.service.documents.run import RunDocument, RunListDocument, run_document, run_list_document
+from daq.service.documents.stopping import OrderDocument, StartedDocument, StoppingDocument
 from daq.service.documents.summary import SummaryDocument, summary_document
 
 __all__ = [
@@ -15,10 +16,13 @@ __all__ = [
     "Fault",
     "HealthDocument",
     "LiveDocument",
+    "OrderDocument",
     "PictureDocument",
     "ProblemDocument",
     "RunDocument",
     "RunListDocument",
+    "StartedDocument",
+    "StoppingDocument",
     "SummaryDocument",
     "agreement_document",
     "health_document",

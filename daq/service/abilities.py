@@ -1,0 +1,32 @@
+"""What a service can do beside telling of runs and of the live one."""
+
+from dataclasses import dataclass
+from typing import Final
+
+from daq.service.live_routes import Desk, Steering
+from daq.service.readings import Readings
+
+
+@dataclass(frozen=True, slots=True)
+class Abilities:
+    """What a service can do; what is None it cannot, and has no addresses for.
+
+    Parameters
+    ----------
+    readings : Readings or None
+        Answers what is asked of recorded runs beyond their summaries.
+    steering : Steering or None
+        Ends the run under way.
+    desk : Desk or None
+        Starts runs.
+    origins : tuple of str
+        Other sites whose pages may ask (CORS), as ``http://notebook.lab:8888``.
+    """
+
+    readings: Readings | None = None
+    steering: Steering | None = None
+    desk: Desk | None = None
+    origins: tuple[str, ...] = ()
+
+
+TELLING: Final = Abilities()

@@ -1,0 +1,161 @@
+"""Following the live run instead of asking again and again, and ending it."""
+
+import asyncio
+from collections.abc import AsyncIterator
+from contextlib import suppress
+from functools import partial
+from typing import Final, Protocol
+
+from fastapi import Request, Response, WebSocket, WebSocketDisconnect
+from fastapi.responses import StreamingResponse
+
+from analysis.run import RunHeader
+from daq.errors import RigError
+from daq.service.documents import OrderDocument, StartedDocument, StoppingDocument
+from daq.service.documents.units import moment
+from daq.service.hub import Hub
+from daq.service.problems import (
+    BAD_PARAMETER,
+    BUSY,
+    CROSS_SITE,
+    MEDIA,
+    NO_LIVE_RUN,
+    RUN_NOT_POSSIBLE,
+    STORAGE,
+    ProblemError,
+    problem_response,
+)
+from daq.service.routing import Routing
+from daq.service.workers import Workers
+
+EVENTS: Final = "text/event-stream"
+PROTOCOL: Final = "rig.live"
+
+
+class Steering(Protocol):
+    """Who can end the run that is under way."""
+
+    def stop(self) -> str | None:
+        """Ask for its end; return its id, None where no run is under way."""
+        ...
+
+
+class Desk(Protocol):
+    """Who starts runs, one at a time."""
+
+    @property
+    def rigs(self) -> tuple[str, ...]:
+        """Names of the rigs that may be chosen."""
+        ...
+
+    def start(self, rig: str, note: str, duration: float | None) -> RunHeader:
+        """Begin a run and return its header once samples come; RigError where it cannot be."""
+        ...
+
+
+class LiveRoutes:
+    """The live run as events, over a WebSocket, and its end.
+
+    Parameters
+    ----------
+    hub : Hub
+        Who looks at it.
+    steering : Steering or None
+        Who can end it; None: nobody here.
+    desk : Desk or None
+        Who can start one; None: nobody here.
+    """
+
+    def __init__(self, hub: Hub, steering: Steering | None, desk: Desk | None) -> None:
+        self._hub = hub
+        self._desk = desk
+        self._starting = Workers(threads=1, waiting=0)
+        self._steering = steering
+
+    def add_to(self, routing: Routing) -> None:
+        """Make the addresses known."""
+        routing.add(
+            "/live/events", self.events, "follow_live", "live", "The run under way, whenever it changes", BUSY,
+            answers={200: {"content": {EVENTS: {"schema": {"type": "string"}}}}},
+        )  # fmt: skip
+        routing.router.add_api_websocket_route("/live/socket", self.socket, name="follow_live_socket")
+        if self._steering is not None:
+            routing.add(
+                "POST /live/stop", self.stop, "stop_live", "live", "End the run under way",
+                NO_LIVE_RUN, CROSS_SITE, MEDIA, status=202,
+            )  # fmt: skip
+
+        if self._desk is not None:
+            routing.add(
+                "POST /runs", self.start, "start_run", "runs", "Start a run",
+                BAD_PARAMETER, RUN_NOT_POSSIBLE, CROSS_SITE, MEDIA, BUSY, STORAGE, status=201,
+            )  # fmt: skip
+
+    async def start(self, order: OrderDocument, response: Response) -> StartedDocument:
+        """Start a run with a rig that the service was started with, and answer when samples come, which takes seconds.
+
+        One run goes at a time. `/live` follows it, `/live/stop` ends it, and so does the service's own end.
+        """
+        if self._desk is None:
+            raise ProblemError(RUN_NOT_POSSIBLE, "this service starts no runs")
+        rig = order.rig or self._desk.rigs[0]
+        if rig not in self._desk.rigs:
+            raise ProblemError(RUN_NOT_POSSIBLE, f"rig: {rig!r}, expected one of {', '.join(self._desk.rigs)}")
+        try:
+            header = await self._starting.run(partial(self._desk.start, rig, order.note, order.duration_s))
+        except RigError as error:
+            raise ProblemError(RUN_NOT_POSSIBLE, str(error)) from error
+        response.headers["Location"] = f"/api/v1/runs/{header.run}"
+        return StartedDocument(run=header.run, rig=header.rig, started_at=moment(header.started_ns))
+
+    async def events(self, request: Request) -> Response:
+        """Send server-sent events of type `live` whose data is the document of `/live`, or `null` without a run.
+
+        A client that is slow is sent the newest and not all between; every 15 s without news comes a comment. The
+        WebSocket `/api/v1/live/socket` sends the same documents as text messages; where a token is needed, a browser
+        names the subprotocols `rig.live` and `token.<token>`.
+        """
+        self._hub.require_room()
+        if request.scope.get("rig.head"):
+            return Response(media_type=EVENTS)
+        return StreamingResponse(self._events(), media_type=EVENTS, headers={"X-Accel-Buffering": "no"})
+
+    async def _events(self) -> AsyncIterator[str]:
+        with suppress(ProblemError):  # the last place was taken in between: the stream ends, and the client comes again
+            async for text in self._hub.moments():
+                yield f"event: live\ndata: {text}\n\n" if text else ": still here\n\n"
+
+    async def socket(self, socket: WebSocket) -> None:
+        """Send the live document as text whenever it changes."""
+        try:
+            self._hub.require_room()
+        except ProblemError as error:
+            await socket.send_denial_response(problem_response(error.kind, error.detail, socket.url.path))
+            return
+        await socket.accept(PROTOCOL if PROTOCOL in socket.scope.get("subprotocols", ()) else None)
+        sending = asyncio.create_task(self._send(socket))
+        try:
+            while True:
+                await socket.receive()
+        except (WebSocketDisconnect, RuntimeError):  # gone, or told so already
+            sending.cancel()
+            with suppress(asyncio.CancelledError):
+                await sending
+
+    async def _send(self, socket: WebSocket) -> None:
+        with suppress(WebSocketDisconnect, ProblemError, RuntimeError):
+            async for text in self._hub.moments():
+                if text:
+                    await socket.send_text(text)
+            await socket.close(1001)
+
+    async def stop(self) -> StoppingDocument:
+        """Ask for the end, as Ctrl-C at the bench does: the file is finished and kept. `/live` tells when that is done.
+
+        The request's `Content-Type` must be `application/json`, its content may be empty; pages of other sites are
+        turned away.
+        """
+        run = None if self._steering is None else self._steering.stop()
+        if run is None:
+            raise ProblemError(NO_LIVE_RUN, "no run is under way")
+        return StoppingDocument(run=run)
