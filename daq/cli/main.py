@@ -10,6 +10,7 @@ from importlib.metadata import version
 from daq.cli import finding, listing, predict, record, replay, serve, verify
 from daq.cli.arguments import calibration, duration, pace, port
 from daq.cli.bench import add_bench_commands
+from daq.cli.model.commands import add_kinds
 from daq.errors import RigError, UsageError
 from recordings.errors import RecordingError
 
@@ -50,6 +51,15 @@ def _add_screens(parser: argparse.ArgumentParser, default_port: int) -> None:
     group.add_argument("--no-view", action="store_true", help="without the live picture (it needs rerun-sdk)")
 
 
+def _add_recording(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--for", dest="duration", type=duration, metavar="TIME", help="stop after 60s, 5min, 1h …")
+    parser.add_argument("--note", default="", help="a word to remember the run by")
+    group = parser.add_argument_group("trigger")
+    group.add_argument("--start", metavar="CONDITION", help='record from here on, as "speed > 2000" (r/min)')
+    group.add_argument("--stop", metavar="CONDITION", help='and up to here, as "speed < 1500", "x > 4.5" (V)')
+    group.add_argument("--pre", type=duration, metavar="TIME", help="from before the start, recorded too: 2s …")
+
+
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="rig",
@@ -69,8 +79,7 @@ def _parser() -> argparse.ArgumentParser:
 
     command = add("record", record.run, "Record a run, with live picture and REST, and sum it up at its end.")
     command.add_argument("config", metavar="RIG.TOML", help="the rig")
-    command.add_argument("--for", dest="duration", type=duration, metavar="TIME", help="stop after 60s, 5min, 1h …")
-    command.add_argument("--note", default="", help="a word to remember the run by")
+    _add_recording(command)
     command.add_argument("--json", action="store_true", help="print the summary as JSON on standard output")
     command.add_argument("--no-serve", action="store_true", help="without page and REST")
     _add_screens(command, 8501)
@@ -108,12 +117,20 @@ def _parser() -> argparse.ArgumentParser:
     finding.add_commands(add)
     verify.add_commands(add)
 
+    _add_model(add)
+    return parser
+
+
+def _add_model(add: Callable[[str, Callable[[argparse.Namespace], int], str], argparse.ArgumentParser]) -> None:
     command = add("predict", predict.run, "Compute what the model expects at the probes over speed, once, and show it.")
     command.add_argument("config", metavar="RIG.TOML", help="the rig")
     command.add_argument("--speed", dest="speed_rpm", type=float, help="only at this speed, r/min")
     command.add_argument("--json", action="store_true", help="as JSON")
     command.add_argument("--quiet", action="store_true", help="only make sure that it is computed")
-    return parser
+
+    add_kinds(
+        add("model", lambda _: 2, "Study the rotor and its films: modes to waterfalls, sweeps, the thesis again.")
+    )
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

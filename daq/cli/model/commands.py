@@ -1,0 +1,22 @@
+"""`rig model`: its kinds of study."""
+
+import argparse
+
+from daq.cli.model.studies import add_studies
+
+_EPILOG = """\
+RANGE is FIRST:LAST:COUNT (FIRST:LAST:COUNT:log for equal ratios), or values with commas. Without RIG.TOML the thesis's
+GJ90C is taken. Every study prints a table; --json gives it to programs, -o FILE.svg or FILE.png draws it.
+"""
+
+
+def add_kinds(parser: argparse.ArgumentParser) -> None:
+    """Add the kinds of study to the command's parser."""
+    parser.epilog = _EPILOG
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
+    kinds = parser.add_subparsers(dest="kind", required=True, metavar="STUDY")
+
+    def add(name: str, text: str) -> argparse.ArgumentParser:
+        return kinds.add_parser(name, help=text, description=text)
+
+    add_studies(add)

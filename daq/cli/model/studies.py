@@ -1,0 +1,172 @@
+"""The studies: `rig model modes`, `campbell`, `critical`, `response`, `onset`, `waterfall`, `bifurcation` and films."""
+
+import argparse
+from collections.abc import Callable
+
+import numpy as np
+
+from daq.cli.model.ranges import counting, not_negative, positive, rising, values
+from daq.cli.model.rotor import model_errors, parameters_of
+from daq.cli.model.showing import add_output, check_output, show
+from daq.errors import UsageError
+from model.film_grid import Grid
+from model.lubrication import Lubrication, nominal, thesis_like
+from model.parameters import ModelParameters
+from model.studies.films import film_study, lubrication_study
+from model.studies.linear import campbell_study, critical_study, modes_study
+from model.studies.run_up import bifurcation_study, run_up, waterfall_study
+from model.studies.study import Study
+from model.studies.synchronous import onset_study, response_study
+
+AddKind = Callable[[str, str], argparse.ArgumentParser]
+Compute = Callable[[ModelParameters, argparse.Namespace], Study]
+
+_STIFFNESS = 1e4  # N/m, of Table 5.3
+
+
+def add_studies(add: AddKind) -> None:
+    """Add the studies with `add`, which takes name and description."""
+
+    def study(name: str, compute: Compute, text: str) -> argparse.ArgumentParser:
+        command = add(name, text)
+        add_output(command)
+        command.set_defaults(run=lambda chosen: _run(compute, chosen))
+        return command
+
+    _add_linear(study)
+    _add_films_in_motion(study)
+    _add_films_at_rest(study)
+
+
+Add = Callable[[str, Compute, str], argparse.ArgumentParser]
+
+
+def _run(compute: Compute, chosen: argparse.Namespace) -> int:
+    check_output(chosen)
+    parameters = parameters_of(chosen.config)
+    with model_errors():
+        study = compute(parameters, chosen)
+    return show(study, chosen)
+
+
+def _add_linear(study: Add) -> None:
+    command = study("modes", _modes, "Natural frequencies and mode shapes, free or on springs.")
+    held = command.add_mutually_exclusive_group()
+    _add_stiffness(held, "free, or on the rotor's own supports")
+    command.add_argument("--speed", type=not_negative, default=0.0, metavar="RAD_S", help="of the shaft (default: 0)")
+    command.add_argument("--count", type=counting, default=10, help="how many modes (default: 10)")
+
+    command = study("campbell", _campbell, "Natural frequencies over speed, each mode followed, and critical speeds.")
+    _add_stiffness(command, f"the rotor's own supports, else {_STIFFNESS:g}")
+    _add_speeds(command, "0:8000:81", "rad/s", kind=values)
+    command.add_argument("--count", type=counting, default=10, help="how many branches, both senses (default: 10)")
+
+    command = study("critical", _critical, "Undamped critical speeds over the stiffness of the bearings.")
+    command.add_argument(
+        "--stiffness-n-m",
+        type=rising,
+        default="1e3:1e10:71:log",
+        metavar="RANGE",
+        help="of each bearing (default: %(default)s)",
+    )
+    command.add_argument("--highest", type=positive, default=2e5, metavar="RAD_S", help="(default: 200000)")
+
+    command = study("response", _response, "1X over speed, run-up and run-down on the films, or linear on springs.")
+    _add_stiffness(command, "on the films")
+    _add_speeds(command, "100:4000:79", "rad/s")
+
+
+def _add_films_in_motion(study: Add) -> None:
+    command = study("onset", _onset, "Where the films let go: growth of the least stable whirl, ends by bisection.")
+    _add_speeds(command, "100:4000:79", "rad/s")
+    for name, compute, text in (
+        ("waterfall", _waterfall, "Spectra over speed, of a run-up in time with settling at each speed."),
+        ("bifurcation", _bifurcation, "Positions once a turn over speed, of a run-up in time."),
+    ):
+        command = study(name, compute, text)
+        _add_speeds(command, "100:2500:97", "rad/s")
+        command.add_argument("--settle", type=counting, default=100, help="turns at a speed first (default: 100)")
+        command.add_argument("--turns", type=counting, default=64, help="turns looked at (default: 64)")
+
+
+def _add_films_at_rest(study: Add) -> None:
+    command = study("lubrication", _lubrication, "Journal and ring at rest over speed, their cavities and oil flow.")
+    _add_speeds(command, "1000:6000:51", "rad/s")
+    command.add_argument("--load-n", type=positive, default=10.0, help="on the journal (default: 10)")
+    command.add_argument("--inlet-bar", type=positive, default=1.0, help="pressure of the oil (default: 1)")
+    command.add_argument(
+        "--bearing",
+        choices=("rig", "table-3.1", "thesis-like"),
+        default="rig",
+        help="the rig's; Table 3.1; the latter calibrated to the numbers of chapter 3 (default: rig)",
+    )
+
+    command = study("film", _film, "One film at rest by three models: short, of its length, long; 8 coefficients.")
+    command.add_argument("--which", choices=("inner", "outer"), default="inner", help="(default: inner)")
+    command.add_argument("--speed", type=positive, default=1000.0, metavar="RAD_S", help="of the shaft (default: 1000)")
+    command.add_argument(
+        "--eccentricity", type=values, default="0.05:0.9:18", metavar="RANGE", help="(default: %(default)s)"
+    )
+
+
+def _add_stiffness(command: "argparse._ActionsContainer", otherwise: str) -> None:
+    command.add_argument("--stiffness-n-m", type=positive, help=f"of a spring at each journal (default: {otherwise})")
+
+
+def _add_speeds(
+    command: argparse.ArgumentParser, default: str, unit: str, kind: Callable[[str], object] = rising
+) -> None:
+    command.add_argument(
+        "--speeds", type=kind, default=default, metavar="RANGE", help=f"FIRST:LAST:COUNT, {unit} (default: {default})"
+    )
+
+
+def _modes(parameters: ModelParameters, chosen: argparse.Namespace) -> Study:
+    return modes_study(parameters, chosen.stiffness_n_m, chosen.speed, chosen.count)
+
+
+def _campbell(parameters: ModelParameters, chosen: argparse.Namespace) -> Study:
+    stiffness = chosen.stiffness_n_m
+    if stiffness is None and not parameters.supports:
+        stiffness = _STIFFNESS
+    return campbell_study(parameters, stiffness, chosen.speeds, chosen.count)
+
+
+def _critical(parameters: ModelParameters, chosen: argparse.Namespace) -> Study:
+    return critical_study(parameters, chosen.stiffness_n_m, chosen.highest)
+
+
+def _response(parameters: ModelParameters, chosen: argparse.Namespace) -> Study:
+    return response_study(parameters, chosen.speeds, chosen.stiffness_n_m)
+
+
+def _onset(parameters: ModelParameters, chosen: argparse.Namespace) -> Study:
+    return onset_study(parameters, chosen.speeds)
+
+
+def _waterfall(parameters: ModelParameters, chosen: argparse.Namespace) -> Study:
+    return waterfall_study(run_up(parameters, chosen.speeds, chosen.settle, _turns(chosen)), "run-up")
+
+
+def _bifurcation(parameters: ModelParameters, chosen: argparse.Namespace) -> Study:
+    return bifurcation_study(run_up(parameters, chosen.speeds, chosen.settle, _turns(chosen)), "run-up")
+
+
+def _turns(chosen: argparse.Namespace) -> int:
+    if chosen.turns < 8:
+        raise UsageError(f"--turns {chosen.turns}: expected 8 or more, else orders cannot be told apart")
+    return int(chosen.turns)
+
+
+def _lubrication(parameters: ModelParameters, chosen: argparse.Namespace) -> Study:
+    lubrication = {
+        "rig": lambda: Lubrication(parameters.bearing),
+        "table-3.1": nominal,
+        "thesis-like": thesis_like,
+    }[chosen.bearing]()
+    return lubrication_study(lubrication, chosen.load_n, chosen.inlet_bar * 1e5, chosen.speeds)
+
+
+def _film(parameters: ModelParameters, chosen: argparse.Namespace) -> Study:
+    ratios = np.asarray(chosen.eccentricity)
+    return film_study(parameters.bearing, chosen.which, chosen.speed, ratios, Grid())

@@ -1,0 +1,177 @@
+"""Studies of the rotor on linear springs: modes, Campbell diagram, critical speeds."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.campbell import campbell
+from model.critical import critical_speed_map, system_critical_speeds
+from model.linear import LinearSystem, linear_system, whirl_modes
+from model.parameters import ModelParameters
+from model.rotor import Rotor
+from model.studies.study import Plot, Series, Study, Style
+from model.supports import Coefficients, Support
+
+FloatArray = NDArray[np.float64]
+
+SPEED_LABEL = "Speed of the shaft [rad/s]"
+RIGID = 1e-6  # of the highest frequency: below it a mode is a free motion, its frequency rounding
+FREQUENCY_LABEL = "Natural frequency [Hz]"
+
+
+def on_springs(rotor: Rotor, stiffness: float) -> tuple[Support, ...]:
+    """Return equal springs, N/m, at the journals."""
+    return tuple(Support(station, Coefficients.isotropic(stiffness)) for station in rotor.bearing_stations)
+
+
+def supported(parameters: ModelParameters, stiffness: float | None) -> LinearSystem:
+    """Return the rotor on springs of this stiffness, N/m; on its own supports, or free, where it is not given."""
+    supports = parameters.supports if stiffness is None else on_springs(parameters.rotor, stiffness)
+    return linear_system(parameters.rotor, supports)
+
+
+def modes_study(parameters: ModelParameters, stiffness: float | None, speed: float, count: int = 10) -> Study:
+    """Return the lowest modes at a speed: frequencies and shapes.
+
+    Parameters
+    ----------
+    parameters : ModelParameters
+        Rotor and, where no stiffness is given, supports; free without either.
+    stiffness : float, optional
+        Of a spring at each journal, N/m.
+    speed : float
+        Of the shaft, rad/s.
+    count : int
+        How many modes.
+    """
+    modes = whirl_modes(supported(parameters, stiffness), [speed])[0]
+    kept = slice(0, min(count, modes.frequencies.size))
+    frequencies = modes.frequencies[kept] / (2 * math.pi)
+    is_rigid = np.abs(modes.frequencies[kept]) < RIGID * np.abs(modes.frequencies).max()
+    frequencies = np.where(is_rigid, 0.0, frequencies)
+    mean = modes.forward[kept].mean(axis=1)
+    names = tuple(_sense(float(one), is_rigid=bool(free)) for one, free in zip(mean, is_rigid, strict=True))
+    rising = [number for number, one in enumerate(frequencies) if one >= 0][:6]
+    series = []
+    for number in rising:
+        plane = max(modes.shapes[number], key=lambda moved: float(np.abs(moved).max()))
+        moved = np.real(plane * np.exp(-1j * np.angle(_largest(plane))))
+        series.append(Series(f"{frequencies[number]:,.1f} Hz", parameters.rotor.positions * 1e3, np.asarray(moved)))
+    held = "free" if stiffness is None and not parameters.supports else "supported"
+    title = f"Modes of the {held} rotor at {speed:,.0f} rad/s"
+    return Study(
+        title,
+        {
+            "frequency_hz": np.asarray(frequencies),
+            "growth_rate_1_s": modes.growth_rates[kept],
+            "whirl": names,
+        },
+        (Plot(title, "Position along the shaft [mm]", "Displacement, largest 1", tuple(series), y_limits=(-1.1, 1.1)),),
+    )
+
+
+def _sense(forward: float, *, is_rigid: bool) -> str:
+    if is_rigid:
+        return "free"
+    return "forward" if forward > 0.99 else "reverse" if forward < -0.99 else f"mixed {forward:+.2f}"
+
+
+def _largest(values: NDArray[np.complex128]) -> complex:
+    return complex(values[int(np.argmax(np.abs(values)))])
+
+
+def campbell_study(
+    parameters: ModelParameters, stiffness: float | None, speeds: FloatArray, count: int = 10, *, zoom: bool = True
+) -> Study:
+    """Return natural frequencies over speed, each mode followed, and where they meet the shaft's own frequency.
+
+    Parameters
+    ----------
+    parameters : ModelParameters
+        Rotor and, where no stiffness is given, supports.
+    stiffness : float, optional
+        Of a spring at each journal, N/m.
+    speeds : ndarray of float64, shape (n,)
+        Rising, rad/s.
+    count : int
+        How many branches to follow, forward and reverse together.
+    zoom : bool
+        Whether to draw, besides all, what the shaft's frequency can reach.
+    """
+    system = supported(parameters, stiffness)
+    found = campbell(system, speeds, count)
+    critical = system_critical_speeds(system, float(speeds[-1]))
+    frequencies = found.frequencies / (2 * math.pi)
+    columns: dict[str, FloatArray | tuple[str, ...]] = {"speed_rad_s": speeds}
+    for number, branch in enumerate(frequencies, 1):
+        columns[f"branch_{number}_hz"] = np.asarray(branch)
+    held = "supports of the rotor" if stiffness is None else f"springs of {stiffness:.3g} N/m"
+    title = f"Campbell diagram, {held}"
+    crossings = np.array(sorted((*critical.forward, *critical.reverse)))
+    lines = [
+        Series(
+            "forward" if first else "",
+            speeds,
+            np.where(branch >= 0, branch, np.nan),
+        )
+        for first, branch in _firsts(frequencies, forward=True)
+    ]
+    lines += [
+        Series("reverse, turned up" if first else "", speeds, np.where(branch < 0, -branch, np.nan), Style.DASHED)
+        for first, branch in _firsts(frequencies, forward=False)
+    ]
+    own = Series("n = Ω: the shaft's frequency", speeds, speeds / (2 * math.pi), Style.REFERENCE)
+    marks = Series("critical speeds", crossings, crossings / (2 * math.pi), Style.MARKS)
+    plots = [Plot(title, SPEED_LABEL, FREQUENCY_LABEL, (*lines, own, marks))]
+    reach = 1.05 * float(speeds[-1]) / (2 * math.pi)
+    if zoom and float(np.nanmax(np.abs(frequencies))) > 2 * reach:
+        below = f"{title}: up to the shaft's frequency"
+        plots.append(Plot(below, SPEED_LABEL, FREQUENCY_LABEL, (*lines, own, marks), y_limits=(0.0, reach)))
+    remarks = (
+        "critical speeds, rad/s: forward " + _listed(critical.forward) + "; reverse " + _listed(critical.reverse),
+    )
+    return Study(title, columns, tuple(plots), remarks)
+
+
+def _firsts(frequencies: FloatArray, *, forward: bool) -> list[tuple[bool, FloatArray]]:
+    chosen = [branch for branch in frequencies if np.any((branch >= 0) == forward)]
+    return [(number == 0, branch) for number, branch in enumerate(chosen)]
+
+
+def _listed(speeds: tuple[float, ...]) -> str:
+    return ", ".join(f"{speed:,.1f}" for speed in speeds) or "none"
+
+
+def critical_study(parameters: ModelParameters, stiffnesses: FloatArray, highest: float) -> Study:
+    """Return undamped critical speeds over the stiffness of equal springs at the journals.
+
+    Parameters
+    ----------
+    parameters : ModelParameters
+        The rotor.
+    stiffnesses : ndarray of float64, shape (n,)
+        Rising, N/m.
+    highest : float
+        Speed up to which they are given, rad/s.
+    """
+    found = critical_speed_map(parameters.rotor, stiffnesses)
+    columns: dict[str, FloatArray | tuple[str, ...]] = {"stiffness_n_m": stiffnesses}
+    series = []
+    for name, speeds, style in (("forward", found.forward, Style.LINE), ("reverse", found.reverse, Style.DASHED)):
+        for number, branch in enumerate(speeds, 1):
+            below = np.where(branch <= highest, branch, np.nan)
+            if np.any(np.isfinite(below)):
+                columns[f"{name}_{number}_rad_s"] = below
+                series.append(Series(name if number == 1 else "", stiffnesses, below, style))
+    title = "Undamped critical speeds over the stiffness of the bearings"
+    plot = Plot(
+        title,
+        "Stiffness of each bearing [N/m]",
+        "Critical speed [rad/s]",
+        tuple(series),
+        x_log=True,
+        y_log=True,
+        y_limits=(50.0, highest),
+    )
+    return Study(title, columns, (plot,))
