@@ -7,9 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from model.linear import LinearSystem, WhirlModes, whirl_modes
+from model.linear import LinearSystem, WhirlModes, plain_states, whirl_modes
 
 FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
 IntArray = NDArray[np.intp]
 
 ALIKE = 0.1  # smallest likeness of the modes of one branch at neighbouring speeds
@@ -53,7 +54,8 @@ def campbell(system: LinearSystem, speeds: Sequence[float] | FloatArray, branche
     system : LinearSystem
         Rotor on supports.
     speeds : sequence of float
-        Rising, rad/s; in steps in which shapes change little, except where branches meet.
+        Rising, rad/s. Where two branches come close and part again they exchange shapes: in steps that are short
+        against that a branch keeps apart from the other, in longer ones it keeps its shape and crosses.
     branches : int, optional
         How many to follow, from the lowest; all where it is not given.
 
@@ -70,22 +72,36 @@ def campbell(system: LinearSystem, speeds: Sequence[float] | FloatArray, branche
     wanted = np.asarray(speeds, np.float64)
     if wanted.size == 0 or np.any(np.diff(wanted) <= 0):
         raise ValueError(f"speeds: {wanted}, rad/s, expected one or more, rising")
-    modes = whirl_modes(system, wanted)
-    most = modes[0].frequencies.size
+    frequencies, growth_rates, vectors = _spectra(system, wanted)
+    most = frequencies[0].size
     count = most if branches is None else branches
     if not 1 <= count <= most:
         raise ValueError(f"branches: {count}, expected 1 to {most}")
-    frequencies = np.full((count, wanted.size), np.nan)
-    growth_rates = np.full((count, wanted.size), np.nan)
+    followed = np.full((2, count, wanted.size), np.nan)
     here: IntArray = np.arange(count)
     alive: IntArray = np.arange(count)
-    frequencies[:, 0], growth_rates[:, 0] = modes[0].frequencies[:count], modes[0].growth_rates[:count]
+    followed[:, :, 0] = frequencies[0][:count], growth_rates[0][:count]
     for step in range(1, wanted.size):
-        kept, following = _follow(modes[step - 1], modes[step], here)
-        alive, here = alive[kept], following
-        frequencies[alive, step] = modes[step].frequencies[here]
-        growth_rates[alive, step] = modes[step].growth_rates[here]
-    return Campbell(wanted, frequencies, growth_rates)
+        kept, here = _follow(vectors[step - 1][here], vectors[step])
+        alive = alive[kept]
+        followed[0, alive, step] = frequencies[step][here]
+        followed[1, alive, step] = growth_rates[step][here]
+    return Campbell(wanted, followed[0], followed[1])
+
+
+def _spectra(
+    system: LinearSystem, speeds: FloatArray
+) -> tuple[Sequence[FloatArray], Sequence[FloatArray], Sequence[FloatArray | ComplexArray]]:
+    """Return frequencies, growth rates and eigenvectors at each speed."""
+    if system.is_plain and np.isfinite(speeds).all():
+        frequencies, states, _ = plain_states(system, speeds)
+        return list(frequencies), list(np.zeros_like(frequencies)), list(states)
+    modes = whirl_modes(system, speeds)
+    return (
+        [one.frequencies for one in modes],
+        [one.growth_rates for one in modes],
+        [one.vectors for one in modes],
+    )
 
 
 def likeness(first: WhirlModes, second: WhirlModes) -> FloatArray:
@@ -93,9 +109,9 @@ def likeness(first: WhirlModes, second: WhirlModes) -> FloatArray:
     return np.asarray(np.abs(first.vectors.conj() @ second.vectors.T) ** 2, np.float64)
 
 
-def _follow(last: WhirlModes, following: WhirlModes, here: IntArray) -> tuple[IntArray, IntArray]:
-    """Return which of the modes ``here`` go on, and as which of the following ones."""
-    alike = np.abs(last.vectors[here].conj() @ following.vectors.T) ** 2
+def _follow(last: FloatArray | ComplexArray, following: FloatArray | ComplexArray) -> tuple[IntArray, IntArray]:
+    """Return which of the modes go on, and as which of the following ones."""
+    alike = np.abs(last.conj() @ following.T) ** 2
     best = np.argmax(alike, axis=1)
     if np.unique(best).size == best.size and np.all(alike[np.arange(best.size), best] > ALIKE):
         return np.arange(best.size), best  # nearly always

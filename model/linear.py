@@ -131,7 +131,25 @@ def whirl_modes(system: LinearSystem, speeds: Sequence[float] | FloatArray) -> l
     return [_general_modes(system, float(speed)) for speed in wanted]
 
 
-def _plain_modes(system: LinearSystem, speeds: FloatArray) -> list[WhirlModes]:
+def plain_states(system: LinearSystem, speeds: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the modes of a rotor on undamped supports that are the same in all directions.
+
+    Parameters
+    ----------
+    system : LinearSystem
+        With ``is_plain``.
+    speeds : ndarray of float64, shape (n,)
+        rad/s.
+
+    Returns
+    -------
+    frequencies : ndarray of float64, shape (n, 2 N)
+        By size, rad/s, below 0 for reverse ones.
+    states : ndarray of float64, shape (n, 2 N, 2 N)
+        In rows, orthonormal.
+    to_place : ndarray of float64, shape (2 N, N)
+        States times it are displacements and slopes, times the frequency.
+    """
     M, J, K = system.plane
     n = system.coordinates
     squares, vectors = np.linalg.eigh(K)
@@ -142,12 +160,18 @@ def _plain_modes(system: LinearSystem, speeds: FloatArray) -> list[WhirlModes]:
     whole[:, :n, n:] = root.T @ to_unit.T
     whole[:, n:, :n] = to_unit @ root
     whole[:, n:, n:] = speeds[:, None, None] * (to_unit @ J @ to_unit.T)
-    frequencies, states = np.linalg.eigh(whole)
+    frequencies, columns = np.linalg.eigh(whole)
+    order = np.argsort(np.abs(frequencies), axis=1, kind="stable")
+    frequencies = np.take_along_axis(frequencies, order, axis=1)
+    states = np.take_along_axis(np.swapaxes(columns, 1, 2), order[:, :, None], axis=1)
+    return frequencies, states, np.concatenate((np.zeros((n, n)), to_unit))
+
+
+def _plain_modes(system: LinearSystem, speeds: FloatArray) -> list[WhirlModes]:
     found = []
-    for speed, own, state in zip(speeds, frequencies, states, strict=True):
-        order = np.argsort(np.abs(own), kind="stable")
-        signed, rows = own[order], state.T[order]
-        place = rows[:, n:] @ to_unit  # b is w L^T Z
+    frequencies, states, to_place = plain_states(system, speeds)
+    for speed, signed, rows in zip(speeds, frequencies, states, strict=True):
+        place = rows @ to_place
         sense = np.where(signed < 0, -1.0, 1.0)
         whole_place = np.concatenate((place, -1j * sense[:, None] * place), axis=1)
         found.append(_modes(system, float(speed), signed, np.zeros(signed.size), whole_place, rows + 0j))

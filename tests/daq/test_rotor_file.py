@@ -60,7 +60,7 @@ def test_model_section_says_what_differs_from_the_rotors_file(rig_file: RigFiles
     changes = {"imbalance_kg_m": 2e-7, "inner_clearance_um": 25.0}
     parameters = rotor_parameters(load_rig(beside(rig_file(model={"rotor": "rotor.toml"} | changes), more)))
     assert parameters.imbalances == (Imbalance(5, 2e-7), Imbalance(2, 1e-7, math.pi / 2))
-    assert parameters.bearing.inner_clearance == 25e-6
+    assert parameters.bearing.inner_clearance == pytest.approx(25e-6)
     assert parameters.bearing.outer_clearance == 80e-6
 
 
