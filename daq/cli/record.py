@@ -13,6 +13,7 @@ from daq.cli.stopping import stop_requested
 from daq.cli.telling import tell
 from daq.config.load import load_rig
 from daq.config.rig import Rig
+from daq.config.trigger import with_trigger
 from daq.service.readings import Readings
 from daq.service.summaries import Summaries
 from daq.session.messages import Order
@@ -39,7 +40,7 @@ def order_for(catalogue: Catalogue, rig: Rig, note: str, duration: float | None)
 def run(chosen: argparse.Namespace) -> int:
     """Record a run; return the exit code."""
     console = Console()
-    rig = load_rig(Path(chosen.config))
+    rig = with_trigger(load_rig(Path(chosen.config)), chosen.start, chosen.stop, chosen.pre)
     catalogue = Catalogue(data_folder(rig.config.storage.folder), rig.config.storage.catalogue)
     with Predictors() as predictors, Readings(predictors) as readings, stop_requested() as stop:
         summaries = Summaries(catalogue, predictors, readings.summary)

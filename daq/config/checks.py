@@ -5,6 +5,7 @@ from collections import Counter
 from collections.abc import Iterator
 
 from analysis.run import Role
+from daq.config.condition import SPEED, TIME, read_condition
 from daq.config.faults import Fault
 from daq.config.rotor import configured_rotor
 from daq.config.schema import Backend, ChannelSection, RigConfig, TachoSection
@@ -31,6 +32,7 @@ def cross_faults(config: RigConfig) -> Iterator[Fault]:
     yield from _tacho(config)
     yield from _limits(config)
     yield from _model(config)
+    yield from trigger_faults(config)
     if config.device.backend is Backend.SIMULATED:
         yield from _simulation(config)
 
@@ -178,6 +180,15 @@ def _limits(config: RigConfig) -> Iterator[Fault]:
     if danger > 2 * limits.clearance_um:
         expected = f"at most {2 * limits.clearance_um:g}, twice clearance_um: the shaft has no more room"
         yield _fault("limits.peak_to_peak_danger_um", danger, expected, "limits.clearance_um")
+
+
+def trigger_faults(config: RigConfig) -> Iterator[Fault]:
+    """Return what is wrong with the trigger's conditions."""
+    names = [SPEED, TIME, *(channel.name for channel in config.channel)]
+    for key, text in (("trigger.start", config.trigger.start), ("trigger.stop", config.trigger.stop)):
+        condition = read_condition(text)
+        if condition is not None and condition.quantity not in names:
+            yield _fault(key, f'"{text}"', f"a condition on one of {', '.join(names)}", "channel.name")
 
 
 def _model(config: RigConfig) -> Iterator[Fault]:

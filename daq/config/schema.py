@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 from analysis.run import Edge, Role
+from daq.config.condition import read_condition
 
 
 class Section(BaseModel):
@@ -116,6 +117,23 @@ class StorageSection(Section):
     catalogue: str = ""  # database of the runs, as "postgresql+psycopg://…"; empty: $RIG_CATALOGUE, else in the folder
 
 
+def _condition(value: str) -> str:
+    read_condition(value)
+    return value
+
+
+ConditionText = Annotated[str, AfterValidator(_condition)]
+
+
+class TriggerSection(Section):
+    """`[trigger]`: from when to when a run is recorded."""
+
+    start: ConditionText = ""  # as "speed > 2000" (r/min), "x > 4.5" (V), "time > 10" (s); empty: at once
+    stop: ConditionText = ""  # likewise; empty: until it is stopped
+    pre_s: Annotated[float, Field(ge=0, le=30)] = 2.0  # of samples from before the start that are recorded too
+    hold_s: Annotated[float, Field(ge=0, le=60)] = 0.5  # how long a condition must hold
+
+
 class SessionSection(Section):
     """`[session]`: how a recording goes on after a fault, in a new segment."""
 
@@ -221,6 +239,7 @@ class RigConfig(Section):
     analysis: AnalysisSection = AnalysisSection()
     storage: StorageSection = StorageSection()
     session: SessionSection = SessionSection()
+    trigger: TriggerSection = TriggerSection()
     model: ModelSection = ModelSection()
     rotor: dict[str, object] = {}  # content of the rotor file, put here when rig.toml is read
     simulation: SimulationSection = SimulationSection()

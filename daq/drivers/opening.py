@@ -1,5 +1,6 @@
 """Which source a rig asks for."""
 
+from daq.config.condition import read_condition
 from daq.config.rig import Rig
 from daq.config.schema import Backend
 from daq.drivers.reconnecting import Reconnecting
@@ -7,6 +8,7 @@ from daq.drivers.restarts import Restarts
 from daq.drivers.simulated_card import SimulatedCard
 from daq.drivers.simulated_source import SimulatedSource
 from daq.drivers.source import Source
+from daq.drivers.triggered import Triggered, Waiting
 from daq.drivers.usb6251 import open_usb6251
 from daq.errors import DeviceError, DeviceFault
 from model.errors import ModelError
@@ -43,3 +45,26 @@ def open_source(rig: Rig) -> Source:
         real_time=rig.config.simulation.pace == "real time",
         restarts=restarts,
     )
+
+
+def open_triggered(rig: Rig, waiting: Waiting) -> Source:
+    """Return the rig's source, with the conditions from and up to which it is recorded.
+
+    Parameters
+    ----------
+    rig : Rig
+        A validated rig.
+    waiting : callable
+        Told the present speed, r/min, as long as the start is waited for.
+
+    Raises
+    ------
+    DeviceError
+        As `open_source`.
+    """
+    source = open_source(rig)
+    trigger = rig.config.trigger
+    start, stop = read_condition(trigger.start), read_condition(trigger.stop)
+    if start is None and stop is None:
+        return source
+    return Triggered(source, start, stop, before=trigger.pre_s, hold=trigger.hold_s, waiting=waiting)

@@ -13,6 +13,7 @@ class RunState(StrEnum):
     """Where a run stands."""
 
     STARTING = "starting"
+    ARMED = "armed"  # samples come, and are recorded from a condition on
     RECORDING = "recording"
     DEGRADED = "degraded"  # recording, but samples are about to be lost
     INTERRUPTED = "interrupted"  # recording, but no samples come

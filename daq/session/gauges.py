@@ -6,7 +6,7 @@ from multiprocessing.sharedctypes import SynchronizedArray
 
 from analysis.samples import SampleBlock, SegmentEnd
 
-_SAMPLES, _SEGMENT, _LOST, _AT_LEAST, _BACKLOG, _DISK, _BLOCK_AT = range(7)
+_SAMPLES, _SEGMENT, _LOST, _AT_LEAST, _BACKLOG, _DISK, _BLOCK_AT, _ARMED, _RPM = range(9)
 
 
 class Gauges:
@@ -24,7 +24,7 @@ class Gauges:
     @staticmethod
     def shared() -> "SynchronizedArray[int]":
         """Return fresh shared memory for a set of gauges."""
-        words = get_context("spawn").Array("q", 7)
+        words = get_context("spawn").Array("q", 9)
         words[_DISK] = -1
         return words
 
@@ -32,12 +32,20 @@ class Gauges:
         """Note that blocks are expected from now on."""
         self._words[_BLOCK_AT] = time.monotonic_ns()
 
+    def wait(self, speed: float) -> None:
+        """Note that the start is waited for, at this speed, r/min."""
+        with self._words.get_lock():
+            self._words[_ARMED] = 1
+            self._words[_RPM] = round(speed)
+            self._words[_BLOCK_AT] = time.monotonic_ns()
+
     def add_block(self, block: SampleBlock) -> None:
         """Count a recorded block."""
         with self._words.get_lock():
             self._words[_SAMPLES] += block.n_samples
             self._words[_SEGMENT] = block.end
             self._words[_BACKLOG] = block.backlog
+            self._words[_ARMED] = 0
             self._words[_BLOCK_AT] = time.monotonic_ns()
 
     def add_end(self, end: SegmentEnd) -> None:
@@ -72,6 +80,16 @@ class Gauges:
     def backlog(self) -> int:
         """Samples per channel that the device held at the last read."""
         return int(self._words[_BACKLOG])
+
+    @property
+    def is_armed(self) -> bool:
+        """Whether samples come and the start is waited for."""
+        return bool(self._words[_ARMED])
+
+    @property
+    def speed_rpm(self) -> int:
+        """Speed while the start is waited for, r/min."""
+        return int(self._words[_RPM])
 
     @property
     def silence(self) -> float:

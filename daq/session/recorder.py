@@ -16,7 +16,7 @@ from multiprocessing.sharedctypes import SynchronizedArray
 
 from analysis.run import RunHeader
 from analysis.samples import EndReason, SampleBlock, SegmentEnd
-from daq.drivers.opening import open_source
+from daq.drivers.opening import open_triggered
 from daq.drivers.source import Source
 from daq.errors import RigError, UsageError
 from daq.session.gauges import Gauges
@@ -33,10 +33,11 @@ def record(order: Order, ring_name: str, gauge_words: "SynchronizedArray[int]", 
     """Run the recorder; the entry point of its process."""
     _leave_to_the_watching_process("SIGINT", "SIGHUP", "SIGBREAK")
     ring = BlockRing.attach(ring_name)
+    gauges = Gauges(gauge_words)
     with closing(ring), ExitStack() as stack:
         try:
             _require_room(order)
-            source = stack.enter_context(closing(open_source(order.rig)))
+            source = stack.enter_context(closing(open_triggered(order.rig, gauges.wait)))
             header = run_header(order, source)
             writer = RunWriter(order.path, header)
         except RigError as error:
@@ -44,7 +45,7 @@ def record(order: Order, ring_name: str, gauge_words: "SynchronizedArray[int]", 
         except RecordingError as error:
             pipe.send(Refused(str(error), UsageError.exit_code))
         else:
-            _Recorder(order, source, writer, ring, Gauges(gauge_words), pipe).run(header)
+            _Recorder(order, source, writer, ring, gauges, pipe).run(header)
 
 
 def _leave_to_the_watching_process(*names: str) -> None:

@@ -69,6 +69,7 @@ def _severity(drawing: Drawing, frame: LiveFrame) -> None:
 
 _STATES: dict[RunState, tuple[str, Color]] = {
     RunState.STARTING: ("STARTING", QUIET),
+    RunState.ARMED: ("ARMED", ALARM),
     RunState.RECORDING: ("RECORDING", DANGER),
     RunState.DEGRADED: ("BUFFER FILLING", ALARM),
     RunState.INTERRUPTED: ("NO SAMPLES", ALARM),
