@@ -18,6 +18,7 @@ RUN_RECORD = "rig.run"
 CALIBRATION_RECORD = "rig.calibration"
 END_RECORD = "rig.end"
 RECOVERED_RECORD = "rig.recovered"
+IMPORTED_RECORD = "rig.imported"
 """Names of the metadata records."""
 
 CONFIG_ATTACHMENT = "rig.toml"

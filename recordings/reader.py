@@ -116,6 +116,12 @@ class RunReader:
         """The card's clock against the host's; None where the run could not tell, or was not finished."""
         return self._clock_error
 
+    def segment_started_ns(self, segment: int) -> int:
+        """Return when a segment began by sample time, ns since 1970; ValueError where there is none of this number."""
+        if segment not in self._starts_ns:
+            raise ValueError(f"segment: {segment}, expected one of {sorted(self._starts_ns)}")
+        return self._starts_ns[segment]
+
     def items(self) -> Iterator[SourceItem]:
         """Yield blocks as recorded, each segment followed by its end.
 

@@ -68,9 +68,14 @@ class Verification:
         return tuple(finding for finding in self.findings if finding.is_fault)
 
     @property
-    def verdict(self) -> Verdict:
+    def is_sound(self) -> bool:
         """Whether the recording is whole."""
-        return Verdict.NOT_WHOLE if self.faults else Verdict.SOUND
+        return not self.faults
+
+    @property
+    def verdict(self) -> Verdict:
+        """What the inspection came to."""
+        return Verdict.SOUND if self.is_sound else Verdict.NOT_WHOLE
 
 
 def verify(path: Path) -> Verification:

@@ -7,7 +7,7 @@ import sys
 from collections.abc import Callable, Sequence
 from importlib.metadata import version
 
-from daq.cli import finding, listing, predict, record, replay, serve, verify
+from daq.cli import exchange, finding, listing, predict, record, replay, serve, verify
 from daq.cli.arguments import calibration, duration, pace, port
 from daq.cli.bench import add_bench_commands
 from daq.cli.model.commands import add_kinds
@@ -116,6 +116,7 @@ def _parser() -> argparse.ArgumentParser:
 
     finding.add_commands(add)
     verify.add_commands(add)
+    exchange.add_commands(add)
 
     _add_model(add)
     return parser

@@ -1,0 +1,111 @@
+"""A foreign file made into a run, for a rig that a mapping names."""
+
+import hashlib
+import math
+from dataclasses import replace
+from importlib.metadata import version
+from pathlib import Path
+
+from analysis.run import Acquisition, Channel, Device, Role, RunHeader
+from daq.config.load import load_rig
+from daq.config.mapping import load_mapping
+from daq.config.rig import Rig
+from daq.config.schema import ChannelSection
+from daq.errors import ConfigError
+from recordings.analysed import write_analysed
+from recordings.catalogue import Catalogue
+from recordings.formats import read_table
+from recordings.imported import METRES, ImportedChannel, imported_channel, imported_items
+from recordings.layout import IMPORTED_RECORD
+
+AT_ONCE = 1e12
+"""Convert rate, Hz, where nothing is known of a multiplexer: all channels are sampled at once."""
+RATE_TOLERANCE = 1e-3
+
+
+def import_run(file: Path, mapping_file: Path, catalogue: Catalogue) -> tuple[str, Path]:
+    """Make a foreign file into a run of a data folder; return its id and its file.
+
+    Raises
+    ------
+    ConfigError
+        Where the mapping or the rig's file is wrong, or they do not fit each other or the file.
+    RecordingError
+        Where the file cannot be read or the run cannot be written.
+    """
+    mapping, text = load_mapping(mapping_file)
+    rig = load_rig(mapping_file.parent / mapping.rig)
+    missing = [section.name for section in rig.config.channel if section.name not in mapping.channel]
+    unknown = mapping.channel.keys() - {section.name for section in rig.config.channel}
+    faults = [f"channel.{name}: is missing, expected the column of the rig's channel" for name in missing]
+    faults += [f"channel.{name}: the rig has no such channel" for name in sorted(unknown)]
+    for section in rig.config.channel:
+        wanted = mapping.channel.get(section.name)
+        if wanted is not None and section.role is Role.TACHO and wanted.unit in METRES:
+            faults.append(f'channel.{section.name}.unit = "{wanted.unit}": a tacho gives "V" or "mV"')
+    table = read_table(file)
+    rate = mapping.rate_hz or table.rate
+    if rate is None:
+        faults.append(f"rate_hz: is missing, and {file.name} does not tell how fast it was sampled")
+    elif table.rate is not None and abs(rate - table.rate) > RATE_TOLERANCE * rate:
+        faults.append(f"rate_hz = {rate:g}: {file.name} says {table.rate:g}")
+    if faults or rate is None:
+        raise ConfigError(str(mapping_file), faults)
+    channels = []
+    for section in rig.config.channel:
+        wanted = mapping.channel[section.name]
+        column = table.column(wanted.source)
+        channels.append(imported_channel(column, _channel(rig, section), wanted.unit, wanted.factor))
+    started_ns = next(
+        moment for moment in (mapping.started_ns, table.started_ns, file.stat().st_mtime_ns) if moment is not None
+    )
+    run_id, path = catalogue.new_run(rig.config.rig, started_ns)
+    header = _header(rig, run_id, started_ns, rate, channels)
+    origin = {
+        "source": file.name,
+        "sha256": hashlib.sha256(file.read_bytes()).hexdigest(),
+        "mapping": text,
+        "properties": dict(table.properties),
+        "columns": {wanted.source: table.column(wanted.source).unit for wanted in mapping.channel.values()},
+    }
+    note = mapping.note or table.properties.get("note", "")
+    items = imported_items(channels, rate, started_ns)
+    write_analysed(path, replace(header, note=note), items, {IMPORTED_RECORD: origin})
+    return run_id, path
+
+
+def _header(rig: Rig, run_id: str, started_ns: int, rate: float, channels: list[ImportedChannel]) -> RunHeader:
+    acquisition = Acquisition(
+        device=Device("imported", "", "", "", simulated=False),
+        rate=rate,
+        convert_rate=AT_ONCE,
+        channels=tuple(each.channel for each in channels),
+        tacho=rig.tacho,
+    )
+    return RunHeader(
+        run=run_id,
+        rig=rig.config.rig,
+        started_ns=started_ns,
+        acquisition=acquisition,
+        settings=rig.settings,
+        limits=rig.limits,
+        config_toml=rig.toml,
+        program=f"rig {version('rig-service')}",
+        note="",
+    )
+
+
+def _channel(rig: Rig, section: ChannelSection) -> Channel:
+    low, high = section.gap_window_v if section.role is not Role.TACHO else (-math.inf, math.inf)
+    return Channel(
+        name=section.name,
+        role=section.role,
+        physical=section.physical,
+        range_low=-section.range_v,
+        range_high=section.range_v,
+        scaling=(0.0, 1.0),
+        calibration=rig.calibrations.get(section.name),
+        angle=math.radians(section.angle_deg),
+        gap_low=low,
+        gap_high=high,
+    )

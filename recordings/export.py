@@ -1,0 +1,144 @@
+"""A run, or a part of it, as a table in the operator's units: what other programs are given."""
+
+import cmath
+import json
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from analysis.run import Channel
+from analysis.samples import SegmentEnd
+from analysis.snapshot import Snapshot
+from recordings.errors import ForeignFormatError
+from recordings.formats.table import Column, Table
+from recordings.header import calibration_document
+from recordings.layout import sample_time_ns
+from recordings.reader import RunReader
+
+MICRO = 1e-6
+RPM = 2 * math.pi / 60
+MOST_SAMPLES = 50_000_000
+"""Per channel in one table: it is made in memory."""
+RESULT_UNITS = {
+    "segment": "",
+    "time_s": "s",
+    "speed_rpm": "r/min",
+    "gap_x_v": "V",
+    "gap_y_v": "V",
+    "peak_to_peak_x_um": "µm",
+    "peak_to_peak_y_um": "µm",
+    "x_1x_um": "µm",
+    "x_1x_lag_deg": "deg",
+    "y_1x_um": "µm",
+    "y_1x_lag_deg": "deg",
+    "x_2x_um": "µm",
+    "x_2x_lag_deg": "deg",
+    "y_2x_um": "µm",
+    "y_2x_lag_deg": "deg",
+    "whirl_order": "",
+    "whirl_um": "µm",
+    "noise_um": "µm",
+}
+
+
+def samples_table(reader: RunReader, start: float = 0.0, stop: float = math.inf, segment: int | None = None) -> Table:
+    """Return samples in engineering units.
+
+    Displacement of the probes is towards the probe, zero at its tip, µm; other channels are volts at the input.
+
+    Parameters
+    ----------
+    reader : RunReader
+        The run.
+    start, stop : float
+        Part of the segment, s of sample time.
+    segment : int or None
+        Which segment; None where there is only one.
+
+    Raises
+    ------
+    ForeignFormatError
+        Where the part is empty or too large for a table, or the segment is not named though there are several.
+    DamagedError
+        Where the file is damaged there.
+    """
+    end = _chosen(reader, segment)
+    acquisition = reader.header.acquisition
+    first = max(0, math.ceil(start * acquisition.rate - 1e-6))
+    last = end.samples if math.isinf(stop) else min(end.samples, math.ceil(stop * acquisition.rate - 1e-6))
+    if not 0 < last - first <= MOST_SAMPLES:
+        raise ForeignFormatError(
+            f"{reader.path}: {max(0, last - first)} samples from {start:g} s to {stop:g} s of a segment of "
+            f"{end.samples / acquisition.rate:g} s, expected 1 to {MOST_SAMPLES}"
+        )
+    codes = reader.samples(end.segment, first, last)
+    times = Column("time_s", "s", np.arange(first, last) / acquisition.rate)
+    columns = [_column(channel, row) for channel, row in zip(acquisition.channels, codes, strict=True)]
+    started_ns = reader.segment_started_ns(end.segment) + sample_time_ns(first, acquisition.rate)
+    about = _properties(reader) | {"segment": str(end.segment), "convert_rate_hz": repr(acquisition.convert_rate)}
+    return Table((times, *columns), acquisition.rate, started_ns, about)
+
+
+def results_table(reader: RunReader, start: float = 0.0, stop: float = math.inf, segment: int | None = None) -> Table:
+    """Return the recorded results, one row for each, NaN where there is nothing; amplitudes are peak, lags are -arg X.
+
+    Raises
+    ------
+    ForeignFormatError
+        Where there are none.
+    """
+    rows = [
+        list(_row(snapshot))
+        for snapshot in reader.snapshots()
+        if start <= snapshot.time < stop and segment in (None, snapshot.segment)
+    ]
+    if not rows:
+        raise ForeignFormatError(f"{reader.path}: holds no results from {start:g} s to {stop:g} s")
+    values = np.array(rows, dtype=np.float64).T
+    columns = tuple(Column(name, unit, row) for (name, unit), row in zip(RESULT_UNITS.items(), values, strict=True))
+    about = _properties(reader) | {"phase": "x(t) = Re[X exp(i k theta)], theta = 0 at the mark; lag = -arg X"}
+    return Table(columns, None, reader.header.started_ns, about)
+
+
+def _chosen(reader: RunReader, segment: int | None) -> SegmentEnd:
+    ends = {end.segment: end for end in reader.segment_ends}
+    if segment is None and len(ends) == 1:
+        return reader.segment_ends[0]
+    if segment not in ends:
+        raise ForeignFormatError(
+            f"{reader.path}: segment {segment}, expected one of {', '.join(map(str, ends))}: a gap lies between them"
+        )
+    return ends[segment]
+
+
+def _column(channel: Channel, codes: np.ndarray[tuple[int], np.dtype[np.int16]]) -> Column:
+    if channel.calibration is None:
+        return Column(f"{channel.name}_v", "V", channel.volts(codes))
+    return Column(f"{channel.name}_um", "µm", channel.displacement(codes) / MICRO)
+
+
+def _properties(reader: RunReader) -> dict[str, str]:
+    header = reader.header
+    properties = {"run": header.run, "rig": header.rig, "note": header.note, "program": header.program}
+    for channel in header.acquisition.channels:
+        properties[f"{channel.name}_angle_deg"] = repr(math.degrees(channel.angle))
+        if channel.calibration is not None:
+            properties[f"{channel.name}_calibration"] = json.dumps(calibration_document(channel.calibration))
+    return properties
+
+
+def _row(snapshot: Snapshot) -> Iterator[float]:
+    """Yield a row in the order of the columns."""
+    yield from (snapshot.segment, snapshot.time, snapshot.speed / RPM)
+    yield from snapshot.gap_volts
+    yield from snapshot.peak_to_peak / MICRO
+    frame = snapshot.frame
+    if frame is None:
+        yield from [math.nan] * 11
+        return
+    for vector in frame.vectors.ravel().tolist():
+        yield from (abs(vector) / MICRO, -math.degrees(cmath.phase(vector)) % 360.0)
+    whirl = frame.whirl
+    yield from (math.nan, math.nan) if whirl is None else (whirl.order, whirl.amplitude / MICRO)
+    yield frame.noise / MICRO

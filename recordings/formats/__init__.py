@@ -1,0 +1,84 @@
+"""Foreign files: what runs are exported to and samples imported from, each format in its own file.
+
+A format's library is imported when the format is used: they are the extra ``formats``.
+"""
+
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from recordings.errors import ForeignFormatError
+from recordings.formats.table import Column, Table
+
+__all__ = ["EXPORTS", "IMPORTS", "Column", "Table", "read_table", "write_table"]
+
+IMPORTS = {
+    ".tdms": "tdms",
+    ".lvm": "labview",
+    ".csv": "delimited",
+    ".mat": "matlab",
+    ".uff": "universal",
+    ".unv": "universal",
+    ".wav": "wave",
+}
+EXPORTS = {
+    ".csv": "delimited",
+    ".parquet": "columnar",
+    ".h5": "hierarchical",
+    ".hdf5": "hierarchical",
+    ".tdms": "tdms",
+    ".mat": "matlab",
+    ".uff": "universal",
+    ".unv": "universal",
+}
+
+
+def read_table(path: Path) -> Table:
+    """Read a foreign file; its suffix tells the format.
+
+    Raises
+    ------
+    ForeignFormatError
+        Where the format is not known, its library is missing, or the file is not what it should be.
+    """
+    module = _module(path, IMPORTS)
+    try:
+        table: Table = module.read(path)
+    except ForeignFormatError as error:
+        raise ForeignFormatError(f"{path}: {error}") from error
+    except OSError as error:
+        raise ForeignFormatError(f"{path}: cannot be read: {error.strerror or error}") from error
+    except (ValueError, KeyError, IndexError, TypeError, EOFError, NotImplementedError) as error:
+        kind = path.suffix.lower().removeprefix(".")
+        raise ForeignFormatError(f"{path}: is not a {kind} file that can be read: {error}") from error
+    return table
+
+
+def write_table(path: Path, table: Table) -> None:
+    """Write a table to a new file; its suffix tells the format.
+
+    Raises
+    ------
+    ForeignFormatError
+        Where the format is not known, its library is missing, the file exists or cannot be written.
+    """
+    module = _module(path, EXPORTS)
+    if path.exists():
+        raise ForeignFormatError(f"{path}: exists already; nothing is written over")
+    try:
+        module.write(path, table)
+    except OSError as error:
+        path.unlink(missing_ok=True)
+        raise ForeignFormatError(f"{path}: cannot be written: {error.strerror or error}") from error
+
+
+def _module(path: Path, known: dict[str, str]) -> Any:
+    name = known.get(path.suffix.lower())
+    if name is None:
+        raise ForeignFormatError(f"{path}: suffix {path.suffix!r}, expected one of {', '.join(known)}")
+    try:
+        return import_module(f"recordings.formats.{name}")
+    except ModuleNotFoundError as error:
+        raise ForeignFormatError(
+            f"{path}: the library {error.name} is missing; install the extra: pip install 'rig-service[formats]'"
+        ) from error

@@ -1,0 +1,21 @@
+"""HDF5: a data set for every column with its unit, the rest as attributes of the file."""
+
+from pathlib import Path
+
+import h5py
+
+from recordings.formats.table import Table
+
+
+def write(path: Path, table: Table) -> None:
+    """Write a file."""
+    with h5py.File(path, "x") as file:
+        for name, value in table.properties.items():
+            file.attrs[name] = value
+        if table.rate is not None:
+            file.attrs["rate_hz"] = table.rate
+        if table.started_ns is not None:
+            file.attrs["started_ns"] = table.started_ns
+        for column in table.columns:
+            data = file.create_dataset(column.name, data=column.values, compression="gzip", shuffle=True)
+            data.attrs["unit"] = column.unit
