@@ -14,7 +14,7 @@ from itertools import count
 from pathlib import Path
 from typing import Any, Self
 
-from recordings import annotations
+from recordings import annotations, trash
 from recordings.container import is_ended
 from recordings.database import Database
 from recordings.entry import RunEntry, read_entry
@@ -179,6 +179,18 @@ class Catalogue:
             except OSError as error:
                 raise StorageError(f"{path}: cannot be read: {error.strerror or error}") from error
         raise NotFoundError(f"run {run_id[:120]!r}: there is no such run in {self.folder}")
+
+    def place_for(self, run_id: str) -> Path:
+        """Return where the file of a run of this id belongs, whether it is there or not; NotFoundError for no id."""
+        if not RUN_ID.fullmatch(run_id):
+            raise NotFoundError(f"run {run_id[:120]!r}: no run can have this id")
+        return self.folder / f"{run_id}{SUFFIX}"
+
+    def put_away(self, run_id: str) -> Path:
+        """Move a run into the folder `trash` of the data folder; return where it is. NotFoundError, StorageError."""
+        place = trash.put_away(self.path(run_id))
+        self._shelf.forget([run_id])
+        return place
 
     def new_run(self, rig_name: str, started_ns: int) -> tuple[str, Path]:
         """Return an id that is free, and the path for its file; the folder is made where it is missing.

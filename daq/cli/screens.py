@@ -71,7 +71,7 @@ class Screens:
             self,
             summaries,
             self._view.url if self._view is not None and is_loopback(chosen.host) else None,
-            abilities=Abilities(readings, self, desk, tuple(chosen.cors)),
+            abilities=Abilities(readings, self, desk, catalogue, tuple(chosen.cors)),
             host=chosen.host,
             token=chosen.token or None,
         )

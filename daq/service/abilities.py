@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from typing import Final
 
+from daq.service.change_routes import ChangingCatalogue
 from daq.service.live_routes import Desk, Steering
 from daq.service.readings import Readings
 
@@ -19,6 +20,8 @@ class Abilities:
         Ends the run under way.
     desk : Desk or None
         Starts runs.
+    folder : ChangingCatalogue or None
+        Takes words on runs, puts runs away, takes runs in; only beside `readings`.
     origins : tuple of str
         Other sites whose pages may ask (CORS), as ``http://notebook.lab:8888``.
     """
@@ -26,6 +29,7 @@ class Abilities:
     readings: Readings | None = None
     steering: Steering | None = None
     desk: Desk | None = None
+    folder: ChangingCatalogue | None = None
     origins: tuple[str, ...] = ()
 
 

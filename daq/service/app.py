@@ -8,6 +8,7 @@ from fastapi.middleware.cors import CORSMiddleware
 
 from daq.errors import ServiceError
 from daq.service.abilities import TELLING, Abilities
+from daq.service.change_routes import ChangeRoutes
 from daq.service.documents import ProblemDocument
 from daq.service.guard import Guard, is_loopback
 from daq.service.head import HeadAsGet
@@ -88,6 +89,8 @@ def create_app(
     LiveRoutes(hub, abilities.steering, abilities.desk).add_to(routing)
     if abilities.readings is not None:
         RunRoutes(catalogue, live, abilities.readings, app.version).add_to(routing)
+        if abilities.folder is not None:
+            ChangeRoutes(abilities.folder, live, abilities.readings).add_to(routing)
     app.include_router(routing.router)
     app.include_router(Pages(viewer_url, reference_page(app.openapi())).router())
     app.add_middleware(LastResort)

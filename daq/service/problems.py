@@ -79,6 +79,13 @@ MEDIA = Kind("media-type", 415, "The content's type is not the one expected", "S
 RUN_NOT_POSSIBLE = Kind(
     "run-not-possible", 409, "No run can be started now", "Another is under way, or device or disk stand against it."
 )
+RUN_EXISTS = Kind(
+    "run-exists", 409, "There is such a run already", "Nothing is ever written over a recording: choose another id."
+)
+NO_RECORDING = Kind(
+    "no-recording", 422, "What was sent is no whole recording", "It was looked through and not kept; see `detail`."
+)
+TOO_LARGE = Kind("too-large", 413, "The file is too large", "It passes the limit, or what room the disk has left.")
 RANGE = Kind("range-not-satisfiable", 416, "The range lies outside the file", "`Content-Range` gives the file's size.")
 MODEL_NOT_READY = Kind(
     "model-not-ready", 503, "The model has no answer yet", "Its map is being computed; ask again later."
@@ -125,7 +132,7 @@ INTERNAL = Kind("internal", 500, "The service failed", "A fault of the program; 
 KINDS: Final = (
     BAD_PARAMETER, RUN_NOT_FOUND, NO_LIVE_RUN, NOT_FOUND, METHOD, RUN_UNDER_WAY, RUN_DAMAGED, RUN_FORMAT, TOKEN, HOST,
     BUSY, STORAGE, INTERNAL, NO_SUCH_MOMENT, TOO_MUCH, NOT_ACCEPTABLE, RANGE, MODEL_NOT_READY, CROSS_SITE, MEDIA,
-    RUN_NOT_POSSIBLE,
+    RUN_NOT_POSSIBLE, RUN_EXISTS, NO_RECORDING, TOO_LARGE,
 )  # fmt: skip
 
 

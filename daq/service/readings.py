@@ -19,6 +19,7 @@ from daq.service.documents.units import degrees, finite, rpm
 from daq.service.problems import (
     BUSY,
     MODEL_NOT_READY,
+    NO_RECORDING,
     NO_SUCH_MOMENT,
     NOT_ACCEPTABLE,
     TOO_MUCH,
@@ -30,7 +31,9 @@ from daq.service.reading_process import ReadingProcesses, ReadingStoppedError
 from daq.service.records import NoSuchMomentError
 from daq.service.sample_answers import NoArrowError, TooMuchError
 from model.prediction import Prediction
+from recordings.arrival import require_whole
 from recordings.catalogue import RunEntry
+from recordings.errors import DamagedError, UnknownFormatError
 
 T = TypeVar("T")
 RPM = np.pi / 30.0
@@ -85,6 +88,13 @@ class Readings:
     def summary(self, path: Path) -> RunSummary:
         """Return what the run of a file was."""
         return self._run(answers.summary, path)
+
+    def require_whole(self, draft: Path) -> None:
+        """Raise ProblemError where a file that was sent in is no whole recording."""
+        try:
+            self._run(require_whole, draft)
+        except (DamagedError, UnknownFormatError) as error:
+            raise ProblemError(NO_RECORDING, str(error).replace(str(draft), "what was sent")) from error
 
     def prediction(self, run: RunEntry, speed: float) -> PredictionDocument:
         """Return what the model says of a run's rig at a speed, rad/s."""

@@ -25,7 +25,7 @@ class Routing:
     router: APIRouter
     always: tuple[Kind, ...]
 
-    def add(
+    def add(  # noqa: PLR0913 - each says one thing that the schema says
         self,
         address: str,
         endpoint: Callable[..., Any],
@@ -35,6 +35,7 @@ class Routing:
         *kinds: Kind,
         status: int = 200,
         model: type | None = None,
+        content: dict[str, Any] | None = None,
         answers: Mapping[int | str, dict[str, Any]] | None = None,
     ) -> None:
         """Add an address.
@@ -51,6 +52,8 @@ class Routing:
             Of a good answer.
         model : type or None
             The document of a good answer where the endpoint returns bytes.
+        content : dict or None
+            What is sent with the request where the endpoint reads it itself, as OpenAPI writes it.
         answers : mapping or None
             Further answers by status, as OpenAPI writes them.
         """
@@ -67,5 +70,6 @@ class Routing:
             response_description=summary,
             response_class=Response if is_raw else JSONResponse,
             response_model=model,
+            openapi_extra=None if content is None else {"requestBody": content},
             responses={**openapi_responses(*kinds, *self.always), **(answers or {})},
         )

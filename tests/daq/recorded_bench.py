@@ -89,7 +89,7 @@ def open_recorded_bench(
     catalogue, live, predictors = Catalogue(folder), FakeLive(), Predictors()
     readings = Readings(KnownModels())
     steered = Steered(live)
-    abilities = Abilities(readings, steered, desk, origins)
+    abilities = Abilities(readings, steered, desk, catalogue, origins)
     summaries = Summaries(catalogue, predictors, readings.summary)
     app = create_app(catalogue, live, summaries, None, abilities=abilities, host=host, token=token)
     server = ServiceServer(app)

@@ -1,0 +1,170 @@
+"""Changing the data folder: words on a run, a run put away, a recording sent in."""
+
+from functools import partial
+from pathlib import Path
+from typing import Annotated, Final, Protocol
+
+from anyio import CapacityLimiter, to_thread
+from fastapi import Path as InPath
+from fastapi import Request, Response
+
+from daq.service.documents import RunDocument, run_document
+from daq.service.documents.catalogue import FoundRunDocument, found_run_document
+from daq.service.documents.change import PutAwayDocument, WordsDocument
+from daq.service.problems import (
+    BAD_PARAMETER,
+    BUSY,
+    CROSS_SITE,
+    MEDIA,
+    NO_RECORDING,
+    RUN_EXISTS,
+    RUN_NOT_FOUND,
+    RUN_UNDER_WAY,
+    STORAGE,
+    TOO_LARGE,
+    ProblemError,
+)
+from daq.service.readings import Readings
+from daq.service.routing import Routing
+from daq.service.workers import Workers
+from daq.session.frame import LiveFrame
+from recordings.arrival import Arrival, RunExistsError
+from recordings.catalogue import RunEntry
+
+MOST_BYTES: Final = 64 * 1024**3
+RESERVE: Final = 1024**3  # bytes that stay free on the disk
+AT_ONCE: Final = 2
+MCAP: Final = "application/octet-stream"
+BINARY = {"content": {MCAP: {"schema": {"type": "string", "format": "binary"}}}, "required": True}
+
+RunId = Annotated[
+    str, InPath(description="Id of the run, as /api/v1/runs lists it", examples=["2026-11-24T09-12-07-gj90c"])
+]
+
+
+class ChangingCatalogue(Protocol):
+    """A data folder that can be changed."""
+
+    def run(self, run_id: str) -> RunEntry:
+        """Return one run; NotFoundError where there is none."""
+        ...
+
+    def annotate(self, run_id: str, *, remark: str | None, tags: tuple[str, ...] | None) -> RunEntry:
+        """Give a run other words; ValueError where they cannot be."""
+        ...
+
+    def put_away(self, run_id: str) -> Path:
+        """Move a run into the trash; return where it is."""
+        ...
+
+    def place_for(self, run_id: str) -> Path:
+        """Return where the file of a run belongs; NotFoundError for no id."""
+        ...
+
+    def free_bytes(self) -> int:
+        """Return the room left on the disk, bytes."""
+        ...
+
+
+class Live(Protocol):
+    """The run that is under way."""
+
+    def latest(self) -> LiveFrame | None:
+        """Return its latest moment at once; None where there is no run."""
+        ...
+
+
+class ChangeRoutes:
+    """Changes to the data folder.
+
+    Parameters
+    ----------
+    catalogue : ChangingCatalogue
+        The data folder.
+    live : Live
+        The run under way, which is left alone.
+    readings : Readings
+        Who looks through what is sent in.
+    """
+
+    def __init__(self, catalogue: ChangingCatalogue, live: Live, readings: Readings) -> None:
+        self._catalogue = catalogue
+        self._live = live
+        self._readings = readings
+        self._changes = Workers(threads=1, waiting=16)
+        self._writing = CapacityLimiter(AT_ONCE)
+        self._arriving = 0
+
+    def add_to(self, routing: Routing) -> None:
+        """Make the addresses known."""
+        changing = (RUN_NOT_FOUND, BAD_PARAMETER, CROSS_SITE, STORAGE, BUSY)
+        routing.add(
+            "PATCH /runs/{run}", self.annotate, "annotate_run", "runs", "Change words and tags of a run",
+            *changing, MEDIA,
+        )  # fmt: skip
+        routing.add(
+            "DELETE /runs/{run}", self.put_away, "put_run_away", "runs", "Move a run into the trash",
+            *changing, RUN_UNDER_WAY,
+        )  # fmt: skip
+        routing.add(
+            "PUT /runs/{run}/file", self.arrive, "send_run", "runs", "Send a recording in",
+            *changing, RUN_EXISTS, NO_RECORDING, TOO_LARGE, status=201, content=BINARY,
+        )  # fmt: skip
+
+    async def annotate(self, run: RunId, words: WordsDocument) -> FoundRunDocument:
+        """Change what is said of the run; it is kept in a file beside the recording, which never changes."""
+        try:
+            entry = await self._changes.run(
+                partial(self._catalogue.annotate, run, remark=words.remark, tags=words.tags)
+            )
+        except ValueError as error:
+            raise ProblemError(BAD_PARAMETER, str(error)) from error
+        return found_run_document(entry)
+
+    async def put_away(self, run: RunId) -> PutAwayDocument:
+        """Move the recording into the folder `trash` of the data folder; nothing is deleted."""
+        frame = self._live.latest()
+        if frame is not None and frame.header.run == run and frame.status.state.is_under_way:
+            raise ProblemError(RUN_UNDER_WAY, f"run {run} is still {frame.status.state.value}")
+        place = await self._changes.run(partial(self._catalogue.put_away, run))
+        return PutAwayDocument(run=run, trash=f"{place.parent.name}/{place.name}")
+
+    async def arrive(self, request: Request, run: RunId, response: Response) -> RunDocument:
+        """Keep a recording under the id of the address, once it is whole and every checksum in it holds.
+
+        What is there already is never written over, and of what is refused nothing is left.
+        """
+        limit = min(MOST_BYTES, await self._changes.run(self._catalogue.free_bytes) - RESERVE)
+        place = self._catalogue.place_for(run)
+        sent = request.headers.get("content-length", "0")
+        if sent.isdecimal() and int(sent) > limit:
+            raise ProblemError(TOO_LARGE, f"{int(sent):,} bytes, expected at most {max(limit, 0):,}")
+        if self._arriving >= AT_ONCE:
+            raise ProblemError(BUSY, f"{self._arriving} recordings are being sent in already")
+        self._arriving += 1
+        try:
+            await self._take(request, place, limit)
+        finally:
+            self._arriving -= 1
+        response.headers["Location"] = f"/api/v1/runs/{run}"
+        return run_document(await self._changes.run(partial(self._catalogue.run, run)))
+
+    async def _take(self, request: Request, place: Path, limit: int) -> None:
+        try:
+            arrival = await to_thread.run_sync(partial(Arrival, place), limiter=self._writing)
+        except RunExistsError as error:
+            raise ProblemError(RUN_EXISTS, str(error)) from error
+        try:
+            size = 0
+            async for portion in request.stream():
+                size += len(portion)
+                if size > limit:
+                    raise ProblemError(TOO_LARGE, f"more than {max(limit, 0):,} bytes")
+                await to_thread.run_sync(arrival.write, portion, limiter=self._writing)
+            await to_thread.run_sync(arrival.close, limiter=self._writing)
+            await to_thread.run_sync(self._readings.require_whole, arrival.draft, limiter=self._writing)
+            await to_thread.run_sync(arrival.settle, limiter=self._writing)
+        except RunExistsError as error:
+            raise ProblemError(RUN_EXISTS, str(error)) from error
+        finally:
+            await to_thread.run_sync(arrival.abandon)

@@ -1,0 +1,29 @@
+"""What may be changed of a recorded run: what is said of it, and where it lies."""
+
+from typing import Annotated
+
+from pydantic import Field
+
+from daq.service.documents.document import Document
+
+
+class WordsDocument(Document):
+    """Words and tags for a run; what is left out or null stays as it is."""
+
+    remark: str | None = Field(
+        None, description="Words on the run, in place of those before", max_length=10_000, examples=["bearing changed"]
+    )
+    tags: tuple[Annotated[str, Field(max_length=64)], ...] | None = Field(
+        None, description="All its tags, in place of those before; printable, without blanks at either end",
+        max_length=100, examples=[["reference"]],
+    )  # fmt: skip
+
+
+class PutAwayDocument(Document):
+    """A run that was moved into the trash."""
+
+    run: str = Field(description="Id of the run", examples=["2026-11-24T09-12-07-gj90c"])
+    trash: str = Field(
+        description="Its file, in the data folder; moved back by hand it is listed again",
+        examples=["trash/2026-11-24T09-12-07-gj90c.mcap"],
+    )

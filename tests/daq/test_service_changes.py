@@ -1,0 +1,167 @@
+"""Changing the data folder over REST: words, trash, recordings sent in, runs started."""
+
+import http.client
+import shutil
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import closing
+from dataclasses import replace
+from pathlib import Path
+
+import httpx
+import pytest
+
+from analysis.run import RunHeader
+from daq.config.rig import Rig
+from daq.errors import DeviceError, DeviceFault
+from daq.session.desk import RunDesk
+from daq.session.frame import LiveFrame
+from daq.session.run import Outcome
+from tests.daq.frames import make_frames
+from tests.daq.recorded_bench import API, RUN, RecordedBench, open_recorded_bench, record_run
+
+RigFactory = Callable[..., Rig]
+SHORT = {"profile": [{"time_s": 0.0, "speed_rpm": 6000.0}, {"time_s": 0.5, "speed_rpm": 6000.0}]}
+
+
+class FakeRun:
+    """A run that ends when it is stopped."""
+
+    def __init__(self, note: str) -> None:
+        self.frame = make_frames(1)[0]
+        self.header: RunHeader = replace(self.frame.header, note=note)
+        self.ended = threading.Event()
+        self.closed = False
+
+    def latest(self) -> LiveFrame:
+        return self.frame
+
+    def stop(self) -> None:
+        self.ended.set()
+
+    def wait(self, timeout: float) -> bool:
+        return self.ended.wait(timeout)
+
+    def close(self) -> Outcome:
+        self.ended.set()
+        self.closed = True
+        return Outcome(())
+
+
+@pytest.fixture
+def bench(tmp_path: Path, rig: RigFactory) -> Iterator[RecordedBench]:
+    folder = tmp_path / "data"
+    folder.mkdir()
+    record_run(rig(simulation=SHORT), folder)
+    served = open_recorded_bench(folder)
+    yield served
+    served.close()
+
+
+def listed(bench: RecordedBench) -> list[str]:
+    return [run["run"] for run in bench.client.get(f"{API}/runs").json()["runs"]]
+
+
+def kind(response: httpx.Response) -> tuple[int, str]:
+    return response.status_code, response.json()["type"].removeprefix("/docs#")
+
+
+def test_words_and_tags_are_kept_and_the_recording_is_not_touched(bench: RecordedBench) -> None:
+    path = bench.folder / f"{RUN}.mcap"
+    before = path.read_bytes()
+    first = bench.client.patch(f"{API}/runs/{RUN}", json={"remark": "bearing changed", "tags": ["reference", "cold"]})
+    assert first.status_code == 200
+    second = bench.client.patch(f"{API}/runs/{RUN}", json={"tags": []})
+    assert (second.json()["remark"], second.json()["tags"]) == ("bearing changed", [])
+    assert first.json()["tags"] == ["cold", "reference"]
+    assert path.read_bytes() == before
+
+
+@pytest.mark.parametrize("words", [{"tags": [" x"]}, {"tags": ["a\nb"]}, {"remark": 3}, {"other": 1}, []])
+def test_words_that_cannot_be_are_refused(bench: RecordedBench, words: object) -> None:
+    assert kind(bench.client.patch(f"{API}/runs/{RUN}", json=words)) == (422, "bad-parameter")
+
+
+def test_run_that_is_put_away_lies_in_the_trash_byte_for_byte(bench: RecordedBench) -> None:
+    content = (bench.folder / f"{RUN}.mcap").read_bytes()
+    bench.client.patch(f"{API}/runs/{RUN}", json={"remark": "to go"})
+    response = bench.client.delete(f"{API}/runs/{RUN}")
+    assert response.json() == {"run": RUN, "trash": f"trash/{RUN}.mcap"}
+    assert listed(bench) == []
+    assert (bench.folder / "trash" / f"{RUN}.mcap").read_bytes() == content
+    assert bench.client.delete(f"{API}/runs/{RUN}").status_code == 404
+    shutil.copy(bench.folder / "trash" / f"{RUN}.mcap", bench.folder)
+    assert bench.client.delete(f"{API}/runs/{RUN}").json()["trash"] == f"trash/{RUN} (2).mcap"
+
+
+def test_run_under_way_is_not_put_away(bench: RecordedBench) -> None:
+    frame = make_frames(1)[0]
+    bench.live.frame = replace(frame, header=replace(frame.header, run=RUN))
+    assert kind(bench.client.delete(f"{API}/runs/{RUN}")) == (409, "run-under-way")
+    assert (bench.folder / f"{RUN}.mcap").exists()
+
+
+@pytest.mark.parametrize("run", ["..%2fx", "no-such-run", "%2e%2e"])
+def test_nothing_outside_the_folder_is_put_away_or_taken_in(bench: RecordedBench, run: str) -> None:
+    (bench.folder.parent / "x.mcap").write_bytes(b"secret")
+    assert bench.client.delete(f"{API}/runs/{run}").status_code in {404, 405}
+    assert bench.client.put(f"{API}/runs/{run}/file", content=b"x").status_code in {404, 405, 422}
+    assert (bench.folder.parent / "x.mcap").read_bytes() == b"secret"
+
+
+def test_recording_that_is_sent_in_is_there_byte_for_byte_and_never_overwritten(bench: RecordedBench) -> None:
+    content = (bench.folder / f"{RUN}.mcap").read_bytes()
+    response = bench.client.put(f"{API}/runs/sent-in/file", content=content)
+    assert response.status_code == 201
+    assert response.headers["location"] == f"{API}/runs/sent-in"
+    assert bench.client.get(f"{API}/runs/sent-in/file").content == content
+    assert kind(bench.client.put(f"{API}/runs/sent-in/file", content=content)) == (409, "run-exists")
+    assert sorted(listed(bench)) == sorted([RUN, "sent-in"])
+
+
+def test_what_is_no_whole_recording_leaves_nothing_behind(bench: RecordedBench) -> None:
+    content = (bench.folder / f"{RUN}.mcap").read_bytes()
+    flipped = bytearray(content)
+    flipped[len(content) // 2] ^= 1
+    for sent in (b"", b"no recording", content[: len(content) // 2], bytes(flipped)):
+        assert kind(bench.client.put(f"{API}/runs/sent-in/file", content=sent)) == (422, "no-recording")
+    with closing(http.client.HTTPConnection("127.0.0.1", bench.client.base_url.port, timeout=10)) as connection:
+        connection.putrequest("PUT", f"{API}/runs/sent-in/file")
+        connection.putheader("Content-Length", str(10**15))
+        connection.endheaders()
+        assert connection.getresponse().status == 413
+    assert [path.name for path in bench.folder.iterdir() if "sent-in" in path.name] == []
+
+
+def test_page_of_another_site_changes_nothing(bench: RecordedBench) -> None:
+    evil = {"Origin": "http://evil.example"}
+    assert bench.client.delete(f"{API}/runs/{RUN}", headers=evil).status_code == 403
+    assert bench.client.put(f"{API}/runs/x/file", content=b"", headers=evil).status_code == 403
+    assert bench.client.patch(f"{API}/runs/{RUN}", json={}, headers=evil).status_code == 403
+    assert bench.client.post(f"{API}/runs", json={}, headers=evil).status_code in {403, 405}
+    assert listed(bench) == [RUN]
+
+
+def test_run_is_started_one_at_a_time_and_joined_in_the_end(tmp_path: Path, rig: RigFactory) -> None:
+    made: list[FakeRun] = []
+
+    def begin(_rig: Rig, note: str, duration: float | None) -> FakeRun:
+        if note == "unplugged":
+            raise DeviceError(DeviceFault.MISSING, "there is no device Dev1")
+        assert duration in {None, 5.0}
+        made.append(FakeRun(note))
+        return made[-1]
+
+    with RunDesk({"test-rig": rig()}, begin) as desk:
+        bench = open_recorded_bench(tmp_path, desk=desk)
+        first = bench.client.post(f"{API}/runs", json={"note": "warm", "duration_s": 5.0})
+        assert (first.status_code, first.json()["run"]) == (201, made[0].header.run)
+        assert first.headers["location"] == f"{API}/runs/{made[0].header.run}"
+        assert kind(bench.client.post(f"{API}/runs", json={})) == (409, "run-not-possible")
+        made[0].stop()
+        refused = bench.client.post(f"{API}/runs", json={"note": "unplugged"})
+        assert "there is no device Dev1" in refused.json()["detail"]
+        assert bench.client.post(f"{API}/runs", json={"rig": "other"}).status_code == 409
+        assert bench.client.post(f"{API}/runs", json={"rig": "test-rig"}).status_code == 201
+        bench.close()
+    assert [run.closed for run in made] == [True, True]
