@@ -1,12 +1,14 @@
 """Slow lines in a probe's signal: what goes round with the shaft, what the mains put in, whether anything moves."""
 
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
+Number = TypeVar("Number", np.float64, np.complex128)
 
 TAU = 2.0 * np.pi
 SLOW_RATE = 5000.0  # Hz to which signals are thinned: the mains' and the shaft's lines lie well below
@@ -14,6 +16,7 @@ MAINS = (50.0, 60.0)  # Hz
 MAINS_DRIFT = 0.6  # Hz about a mains frequency in which its line must be the highest, a resolution of about 1 s
 NEIGHBOURS = 5.0  # Hz about it
 STEP = 0.1  # Hz
+BASE_RATE = 100.0  # Hz, of the signal shifted down by a mains frequency: the neighbours lie well below
 ORDERS = (1, 2, 3, 4)  # of the shaft that are taken out
 SEPARABLE = 0.5  # part of a mains line's energy that the shaft's orders must leave of it
 MOTION_BAND = (2.0, 1000.0)  # Hz
@@ -100,8 +103,12 @@ class SlowSignal:
         left = self._left_of(mains)
         is_separable = left >= SEPARABLE
         offsets = np.arange(-NEIGHBOURS, NEIGHBOURS + STEP / 2, STEP)
-        phases = np.exp(-1j * TAU * np.outer(mains + offsets, self._time))
-        heights = np.abs(phases @ (self._rest if is_separable else self._moving)) * 2.0 / np.sum(self._window)
+        signal = self._rest if is_separable else self._moving
+        step = max(int(self._rate / BASE_RATE), 1)
+        base = _thinned(signal * np.exp(-1j * TAU * mains * self._time), step)
+        time = step * np.arange(base.size) / self._rate
+        phases = np.exp(-1j * TAU * np.outer(offsets, time))
+        heights = np.abs(phases @ base) * 2.0 * step / np.sum(self._window)
         highest = int(np.argmax(heights))
         if abs(offsets[highest]) > MAINS_DRIFT:
             return MainsLine(mains, 0.0, is_separable=is_separable)
@@ -115,9 +122,10 @@ class SlowSignal:
         return 1.0 - float(np.max(np.sum(taken**2, axis=1) / np.sum(lines**2, axis=1)))
 
 
-def _thinned(values: FloatArray, step: int) -> FloatArray:
+def _thinned(values: NDArray[Number], step: int) -> NDArray[Number]:
+    """Return the means of so many values each."""
     whole = values.size // step * step
-    return np.asarray(values[:whole].reshape(-1, step).mean(axis=1), dtype=np.float64)
+    return np.asarray(values[:whole].reshape(-1, step).mean(axis=1), dtype=values.dtype)
 
 
 def _order_columns(angle: FloatArray) -> list[FloatArray]:
