@@ -29,6 +29,8 @@ def with_trigger(rig: Rig, start: str | None, stop: str | None, before: float | 
         A condition is none or on what does not exist, or the time is too long.
     """
     given = {"start": start, "stop": stop, "pre_s": before}
+    if start is None and stop is None and before is None:
+        return rig
     changed = rig.config.trigger.model_dump() | {key: value for key, value in given.items() if value is not None}
     try:
         trigger = TriggerSection.model_validate(changed)
@@ -38,4 +40,4 @@ def with_trigger(rig: Rig, start: str | None, stop: str | None, before: float | 
     config = rig.config.model_copy(update={"trigger": trigger})
     if faults := [fault.text for fault in trigger_faults(config)]:
         raise ConfigError("the trigger that was asked for", faults)
-    return replace(rig, config=config, toml=to_toml(config.model_dump(mode="json")))
+    return replace(rig, config=config, toml=to_toml(config.model_dump(mode="json", exclude_none=True)))

@@ -64,13 +64,15 @@ def test_signal_to_all_processes_of_the_command_ends_it_with_a_whole_file(
         command(rig), env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
     )
     assert process.stderr is not None
+    told = ""
     for line in process.stderr:
+        told += line
         if re.search(r"page http://", line):
             break
     time.sleep(0.7)
     os.killpg(process.pid, number)
-    out, _ = process.communicate(timeout=60)
-    assert process.returncode == 130
+    out, more = process.communicate(timeout=60)
+    assert process.returncode == 130, told + more
     assert "gap-free" in out
     with whole_run(tmp_path / "data") as reader:
         assert reader.is_gap_free
