@@ -19,6 +19,7 @@ STEP = 0.1  # Hz
 BASE_RATE = 100.0  # Hz, of the signal shifted down by a mains frequency: the neighbours lie well below
 ORDERS = (1, 2, 3, 4)  # of the shaft that are taken out
 SEPARABLE = 0.5  # part of a mains line's energy that the shaft's orders must leave of it
+SINGULAR = 1e-10  # of the largest power: what is less is no direction of its own
 MOTION_BAND = (2.0, 1000.0)  # Hz
 
 
@@ -67,8 +68,10 @@ class SlowSignal:
         self._turning = [] if angle is None else _order_columns(_thinned(angle, step))
         self._basis = np.stack([*still, *self._turning], axis=1)
         weighted = self._window[:, np.newaxis] * self._basis
-        self._factor, _ = np.linalg.qr(weighted)
-        solution = np.linalg.lstsq(weighted, self._window * thinned, rcond=None)[0]
+        powers, turn = np.linalg.eigh(weighted.T @ weighted)
+        turn = turn[:, powers > SINGULAR * powers[-1]] / np.sqrt(powers[powers > SINGULAR * powers[-1]])
+        self._factor = weighted @ turn  # orthonormal columns that span the orders
+        solution = turn @ (self._factor.T @ (self._window * thinned))
         self._solution = solution
         self._rest = self._window * (thinned - self._basis @ solution)
         self._moving = self._rest + self._window * (self._basis[:, 2:] @ solution[2:])
