@@ -12,9 +12,11 @@ from model.film_study import study_film
 from model.lubrication import Lubrication, RingEquilibrium
 from model.parameters import FloatingRing
 from model.studies.linear import SPEED_LABEL
-from model.studies.study import Plot, Series, Study
+from model.studies.study import Plot, Series, Study, Style
 
 FloatArray = NDArray[np.float64]
+
+AXES = ((0, 0, "xx"), (0, 1, "xy"), (1, 0, "yx"), (1, 1, "yy"))
 
 
 def film_study(bearing: FloatingRing, which: str, speed: float, eccentricities: FloatArray, grid: Grid) -> Study:
@@ -48,10 +50,9 @@ def film_study(bearing: FloatingRing, which: str, speed: float, eccentricities: 
     }
     stiffness = np.array([one.stiffness for one in found.finite_coefficients])
     damping = np.array([one.damping for one in found.finite_coefficients])
-    axes = ((0, 0, "xx"), (0, 1, "xy"), (1, 0, "yx"), (1, 1, "yy"))
-    for row, column, name in axes:
+    for row, column, name in AXES:
         columns[f"stiffness_{name}_n_m"] = stiffness[:, row, column]
-    for row, column, name in axes:
+    for row, column, name in AXES:
         columns[f"damping_{name}_n_s_m"] = damping[:, row, column]
     models = ("infinitely short", "of its length", "infinitely long")
     loads = (found.short_load, found.finite_load, found.long_load)
@@ -76,22 +77,23 @@ def film_study(bearing: FloatingRing, which: str, speed: float, eccentricities: 
                 tuple(Series(m, e, np.degrees(a)) for m, a in zip(models, attitudes, strict=True)),
                 y_limits=(0.0, 90.0),
             ),
-            Plot(
-                "Stiffness of the film of its length, load downwards",
-                label,
-                "Stiffness [N/m]",
-                tuple(Series(f"k_{name}", e, stiffness[:, row, column]) for row, column, name in axes),
-            ),
-            Plot(
-                "Damping of the film of its length, load downwards",
-                label,
-                "Damping [N s/m]",
-                tuple(Series(f"c_{name}", e, damping[:, row, column]) for row, column, name in axes),
-                y_log=bool(np.all(damping > 0)),
-            ),
+            _coefficients("Stiffness", "k", "N/m", e, stiffness),
+            _coefficients("Damping", "c", "N s/m", e, damping),
         ),
         ("short and finite film: cavity where the pressure would fall below 0 (half film; Reynolds's condition)",),
     )
+
+
+def _coefficients(quantity: str, letter: str, unit: str, e: FloatArray, values: FloatArray) -> Plot:
+    """Return coefficients over eccentricity; they change their size by decades, and some their sign."""
+    series = []
+    for row, column, name in AXES:
+        value = values[:, row, column]
+        series.append(Series(f"{letter}_{name}", e, np.where(value > 0, value, np.nan)))
+        series.append(Series(f"−{letter}_{name}", e, np.where(value < 0, -value, np.nan), Style.DASHED))
+    shown = tuple(one for one in series if np.any(np.isfinite(one.y)))
+    title = f"{quantity} of the film of its length, load downwards"
+    return Plot(title, "Eccentricity ratio [–]", f"{quantity} [{unit}]", shown, y_log=True)
 
 
 def lubrication_study(lubrication: Lubrication, load: float, inlet_pressure: float, speeds: FloatArray) -> Study:
@@ -139,9 +141,9 @@ def lubrication_study(lubrication: Lubrication, load: float, inlet_pressure: flo
     psi = np.arange(0.0, 360.0)
     numbers = {name: column for name, column in columns.items() if not isinstance(column, tuple)}
 
-    def over_speed(quantity: str, label: str) -> Plot:
+    def over_speed(quantity: str, label: str, limits: tuple[float, float] | None = None) -> Plot:
         lines = tuple(Series(f"{name} film", speeds, numbers[f"{name}_{quantity}"]) for name in films)
-        return Plot(title if quantity == "eccentricity" else "", SPEED_LABEL, label, lines)
+        return Plot(title if quantity == "eccentricity" else "", SPEED_LABEL, label, lines, y_limits=limits)
 
     pressures = tuple(
         Series(f"{name} film", psi, np.asarray(film.pressure(np.radians(psi)) / 1e5))
@@ -152,7 +154,7 @@ def lubrication_study(lubrication: Lubrication, load: float, inlet_pressure: flo
         columns,
         (
             over_speed("eccentricity", "Eccentricity ratio [–]"),
-            over_speed("attitude_deg", "Attitude [°]"),
+            over_speed("attitude_deg", "Attitude [°]", (0.0, 100.0)),
             Plot(
                 f"Pressure at {speeds[-1]:,.0f} rad/s",
                 "Place from the top in the direction of rotation [°]",

@@ -52,7 +52,7 @@ def modes_study(parameters: ModelParameters, stiffness: float | None, speed: flo
     frequencies = np.where(is_rigid, 0.0, frequencies)
     mean = modes.forward[kept].mean(axis=1)
     names = tuple(_sense(float(one), is_rigid=bool(free)) for one, free in zip(mean, is_rigid, strict=True))
-    rising = [number for number, one in enumerate(frequencies) if one >= 0][:6]
+    rising = [number for number, one in enumerate(frequencies) if one >= 0 and not is_rigid[number]][:5]
     series = []
     for number in rising:
         plane = max(modes.shapes[number], key=lambda moved: float(np.abs(moved).max()))

@@ -3,6 +3,7 @@
 import argparse
 
 from daq.cli.model.studies import add_studies
+from daq.cli.model.sweep import add_sweep
 
 _EPILOG = """\
 RANGE is FIRST:LAST:COUNT (FIRST:LAST:COUNT:log for equal ratios), or values with commas. Without RIG.TOML the thesis's
@@ -20,3 +21,4 @@ def add_kinds(parser: argparse.ArgumentParser) -> None:
         return kinds.add_parser(name, help=text, description=text)
 
     add_studies(add)
+    add_sweep(add)

@@ -25,10 +25,10 @@ _MARKS: dict[Style, dict[str, Any]] = {
 }
 
 
-def require_drawing(file: Path | None = None) -> None:
+def require_drawing(file: Path | None = None, option: str = "-o") -> None:
     """Raise UsageError where matplotlib is missing or the file has no format that can be drawn."""
     if file is not None and file.suffix.lower() not in FORMATS:
-        raise UsageError(f"-o {file}: expected a name that ends with {' or '.join(FORMATS)}")
+        raise UsageError(f"{option} {file}: expected a name that ends with {' or '.join(FORMATS)}")
     try:
         import matplotlib.figure  # noqa: F401, PLC0415  # an extra: only asked whether it is there
     except ImportError as error:
@@ -40,7 +40,7 @@ def save(plots: Sequence[Plot | Surface], file: Path) -> None:
     try:
         file.write_bytes(render(plots, file.suffix.lower().removeprefix(".")))
     except OSError as error:
-        raise UsageError(f"-o {file}: {error.strerror or error}, expected a place that can be written to") from error
+        raise UsageError(f"{file}: {error.strerror or error}, expected a place that can be written to") from error
 
 
 def render(plots: Sequence[Plot | Surface], kind: str, salt: str = "rig") -> bytes:

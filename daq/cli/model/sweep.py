@@ -1,0 +1,127 @@
+"""`rig model sweep`: a quantity over all combinations of parameters."""
+
+import argparse
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from daq.cli.console import Console
+from daq.cli.model.drawing import require_drawing, save
+from daq.cli.model.ranges import FloatArray, counting, values
+from daq.cli.model.rotor import model_errors, parameters_of
+from daq.cli.model.showing import show
+from daq.errors import UsageError
+from daq.session.sweep.run import grid, run_sweep
+from daq.session.sweep.workers import DaskWorkers, LocalWorkers
+from model.studies.quantities import QUANTITIES, Outcome, Point
+from model.studies.study import Plot, Series, Study, Style
+from model.studies.vary import CHANGES
+
+SHOWN = 40  # points in the table that is printed
+
+
+def add_sweep(add: Callable[[str, str], argparse.ArgumentParser]) -> None:
+    """Add the command."""
+    command = add("sweep", "A quantity over all combinations of parameters, in processes here or on a Dask cluster.")
+    command.formatter_class = argparse.RawDescriptionHelpFormatter
+    command.epilog = "\n".join(
+        [f"parameters: {', '.join(CHANGES)}", "quantities, with their own options and results:"]
+        + [
+            f"  {name}: {one.text}\n      {', '.join(one.options)} -> {', '.join(one.results)}"
+            for name, one in QUANTITIES.items()
+        ]
+    )
+    command.add_argument("config", metavar="RIG.TOML", nargs="?", help="the rig (default: the thesis's GJ90C)")
+    command.add_argument(
+        "--vary",
+        type=_vary,
+        action="append",
+        required=True,
+        metavar="NAME=RANGE",
+        help="as viscosity_pa_s=0.005:0.035:7",
+    )
+    command.add_argument("--quantity", choices=QUANTITIES, default="onset", help="what is computed (default: onset)")
+    command.add_argument(
+        "-o", "--output", type=Path, required=True, metavar="FILE.parquet", help="results; taken up again"
+    )
+    command.add_argument("--plot", type=Path, metavar="FILE.svg|.png", help="draw the results over the first parameter")
+    command.add_argument("--json", action="store_true", help="all points as JSON on standard output")
+    where = command.add_mutually_exclusive_group()
+    where.add_argument("--processes", type=counting, help="how many here (default: one for each processor)")
+    where.add_argument("--scheduler", default="", metavar="tcp://HOST:PORT", help="of a Dask cluster, instead")
+    command.set_defaults(run=run)
+
+
+def _vary(text: str) -> tuple[str, FloatArray]:
+    name, equals, range_ = text.partition("=")
+    if not (name and equals and range_):
+        raise argparse.ArgumentTypeError(f"{text!r}: expected NAME=RANGE, as viscosity_pa_s=0.005:0.035:7")
+    return name, values(range_)
+
+
+def run(chosen: argparse.Namespace) -> int:
+    """Compute a sweep, write and show it; return the exit code."""
+    if chosen.plot is not None:
+        require_drawing(chosen.plot, "--plot")
+    vary = dict(chosen.vary)
+    if len(vary) < len(chosen.vary):
+        raise UsageError("--vary: a name stands twice, expected each once")
+    parameters = parameters_of(chosen.config)
+    with model_errors():
+        points = grid(parameters, chosen.quantity, {name: list(map(float, one)) for name, one in vary.items()})
+    console = Console()
+
+    def progress(done: int, total: int) -> None:
+        console.progress(f"{done:,} of {total:,} points")
+
+    if chosen.scheduler:
+        cluster = DaskWorkers(chosen.scheduler)
+        try:
+            outcomes = run_sweep(points, cluster, chosen.output, progress)
+        finally:
+            cluster.close()
+    else:
+        outcomes = run_sweep(points, LocalWorkers(chosen.processes), chosen.output, progress)
+    console.done()
+    study = _study(points, outcomes, chosen.output)
+    if chosen.plot is not None:
+        save(study.plots, chosen.plot)
+    chosen.output = None  # the table is written, not drawn
+    return show(study if chosen.json else _shortened(study), chosen)
+
+
+def _study(points: list[Point], outcomes: list[Outcome], file: Path) -> Study:
+    names = [name for name, _ in points[0].values]
+    results = QUANTITIES[points[0].quantity].results
+    columns: dict[str, FloatArray | tuple[str, ...]] = {
+        name: np.array([dict(point.values)[name] for point in points]) for name in names
+    }
+    found = np.array([outcome.results for outcome in outcomes])
+    for number, name in enumerate(results):
+        columns[name] = found[:, number]
+    faults = sum(bool(outcome.fault) for outcome in outcomes)
+    if faults:
+        columns["fault"] = tuple(outcome.fault for outcome in outcomes)
+    remarks = (f"{len(points):,} points in {file}" + (f", {faults:,} without a result" if faults else ""),)
+    others = np.array([[value for _, value in point.values[1:]] for point in points])
+    first = np.array([point.values[0][1] for point in points])
+    plots = []
+    for number, name in enumerate(results):
+        series = []
+        for group in np.unique(others, axis=0) if others.size else [np.empty(0)]:
+            inside = np.all(others == group, axis=1) if others.size else np.ones(len(points), bool)
+            label = ", ".join(f"{one} {value:.4g}" for one, value in zip(names[1:], group, strict=True))
+            order = np.argsort(first[inside], kind="stable")
+            series.append(Series(label, first[inside][order], found[inside, number][order]))
+        few = series if len(series) <= 12 else [Series("", first, found[:, number], Style.POINTS)]
+        plots.append(Plot(points[0].quantity if number == 0 else "", names[0], name, tuple(few)))
+    return Study(f"Sweep: {points[0].quantity}", columns, tuple(plots), remarks)
+
+
+def _shortened(study: Study) -> Study:
+    size = len(next(iter(study.columns.values())))
+    if size <= SHOWN:
+        return study
+    columns = {name: column[:SHOWN] for name, column in study.columns.items()}
+    return Study(study.title, columns, study.plots, (f"… the first {SHOWN} of {size:,} points", *study.remarks))

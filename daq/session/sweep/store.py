@@ -1,0 +1,96 @@
+"""A sweep's results on disk: Parquet parts as they come, one Parquet file at the end, each whole or not there."""
+
+import importlib
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from tempfile import NamedTemporaryFile
+from uuid import uuid4
+
+from daq.errors import UsageError
+from model.studies.quantities import Outcome
+
+
+class SweepStore:
+    """Keeps outcomes by the keys of their points.
+
+    Parameters
+    ----------
+    file : Path
+        Of all results, ``.parquet``; parts are in the folder ``<file>.parts`` until the sweep is whole.
+    results : tuple of str
+        Names of the numbers.
+
+    Raises
+    ------
+    UsageError
+        Where pyarrow is missing or the file cannot be what is expected.
+    """
+
+    def __init__(self, file: Path, results: tuple[str, ...]) -> None:
+        if file.suffix.lower() != ".parquet":
+            raise UsageError(f"-o {file}: expected a name that ends with .parquet")
+        try:
+            importlib.import_module("pyarrow")
+        except ImportError as error:
+            message = "sweeps need pyarrow: install the extra, pip install 'rig-service[formats]'"
+            raise UsageError(message) from error
+        self._file, self._results = file, results
+        self._parts = file.with_name(file.name + ".parts")
+
+    def known(self, keys: Iterable[str]) -> dict[str, Outcome]:
+        """Return what is kept of these points, from the file and from parts of a sweep that was stopped."""
+        wanted, found = set(keys), {}
+        parts = sorted(self._parts.glob("*.parquet")) if self._parts.is_dir() else []
+        for file in [self._file] * self._file.exists() + parts:
+            for outcome in self._read(file):
+                if outcome.key in wanted:
+                    found[outcome.key] = outcome
+        return found
+
+    def keep(self, outcomes: Sequence[Outcome]) -> None:
+        """Keep some outcomes at once, as a part."""
+        if outcomes:
+            self._write({}, outcomes, self._parts / f"{uuid4().hex}.parquet")
+
+    def finish(self, values: Mapping[str, Sequence[float]], outcomes: Sequence[Outcome]) -> None:
+        """Write the whole sweep, values beside results in the order of its points, and remove the parts."""
+        self._write(values, outcomes, self._file)
+        if self._parts.is_dir():
+            for part in self._parts.iterdir():
+                part.unlink()
+            self._parts.rmdir()
+
+    def _write(self, values: Mapping[str, Sequence[float]], outcomes: Sequence[Outcome], file: Path) -> None:
+        import pyarrow as pa  # noqa: PLC0415  # an extra, slow to import
+        from pyarrow import parquet  # noqa: PLC0415  # an extra, slow to import
+
+        columns = {"key": pa.array([one.key for one in outcomes], pa.string())}
+        columns |= {name: pa.array(list(column), pa.float64()) for name, column in values.items()}
+        for number, name in enumerate(self._results):
+            columns[name] = pa.array([one.results[number] for one in outcomes], pa.float64())
+        columns["fault"] = pa.array([one.fault for one in outcomes], pa.string())
+        try:
+            file.parent.mkdir(parents=True, exist_ok=True)
+            with NamedTemporaryFile(dir=file.parent, suffix=".part", delete=False) as whole:
+                try:
+                    parquet.write_table(pa.table(columns), whole)
+                    whole.close()
+                    Path(whole.name).replace(file)
+                except OSError:
+                    whole.close()
+                    Path(whole.name).unlink(missing_ok=True)
+                    raise
+        except OSError as error:
+            raise UsageError(f"{file}: cannot be written ({error.strerror or error})") from error
+
+    def _read(self, file: Path) -> list[Outcome]:
+        from pyarrow import ArrowException, parquet  # noqa: PLC0415  # an extra, slow to import
+
+        try:
+            table = parquet.read_table(file)
+        except (OSError, ArrowException) as error:
+            raise UsageError(f"{file}: no readable Parquet file ({error}); move it away or choose another") from error
+        if not {"key", "fault", *self._results} <= set(table.column_names):
+            raise UsageError(f"{file}: holds something else than this sweep's quantity; choose another file")
+        columns = [table.column(name).to_pylist() for name in ("key", "fault", *self._results)]
+        return [Outcome(key, tuple(results), fault) for key, fault, *results in zip(*columns, strict=True)]

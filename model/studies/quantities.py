@@ -1,0 +1,175 @@
+"""What a sweep computes at each of its points: a few numbers from parameters."""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass
+from hashlib import sha256
+from json import dumps
+from typing import Final
+
+import numpy as np
+
+from model.errors import ModelError
+from model.modes import critical_speeds
+from model.parameters import ModelParameters
+from model.prediction_map import MODEL_VERSION
+from model.studies.run_up import INNER, OUTER, run_up
+from model.studies.synchronous import stability
+from model.studies.vary import CHANGES, varied
+from model.synchronous import synchronous_response
+
+QUANTITIES_VERSION = 1  # to be raised with every change of what a quantity is
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """A quantity of a sweep.
+
+    Parameters
+    ----------
+    text : str
+        What it is.
+    options : mapping of str to float
+        Its own options, which may be varied too, and what they are otherwise.
+    results : tuple of str
+        Names of its numbers, with units.
+    compute : callable
+        Numbers from parameters and options, in the order of `results`.
+    """
+
+    text: str
+    options: Mapping[str, float]
+    results: tuple[str, ...]
+    compute: Callable[[ModelParameters, Mapping[str, float]], tuple[float, ...]]
+
+
+@dataclass(frozen=True, slots=True)
+class Point:
+    """A point of a sweep.
+
+    Parameters
+    ----------
+    parameters : ModelParameters
+        What stays.
+    quantity : str
+        Of `QUANTITIES`.
+    values : tuple of pairs of str and float
+        What is varied: parameters of `CHANGES`, options of the quantity.
+    """
+
+    parameters: ModelParameters
+    quantity: str
+    values: tuple[tuple[str, float], ...]
+
+    def key(self) -> str:
+        """Return a hash, hexadecimal, of all that its result depends on, and of the model's version."""
+        inputs = {
+            "versions": [MODEL_VERSION, QUANTITIES_VERSION],
+            "parameters": asdict(self.parameters),
+            "quantity": self.quantity,
+            "values": sorted(self.values),
+        }
+        return sha256(dumps(inputs, sort_keys=True).encode()).hexdigest()
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What a point came to.
+
+    Parameters
+    ----------
+    key : str
+        Of the point.
+    results : tuple of float
+        The quantity's numbers; NaN where there are none.
+    fault : str
+        Why there are none; empty where there are.
+    """
+
+    key: str
+    results: tuple[float, ...]
+    fault: str = ""
+
+
+def outcome_of(point: Point) -> Outcome:
+    """Return what a point comes to; what the model refuses or cannot answer is told in it, never raised."""
+    quantity = QUANTITIES[point.quantity]
+    values = dict(point.values)
+    options = {**quantity.options, **{name: values[name] for name in quantity.options if name in values}}
+    try:
+        changed = {name: value for name, value in values.items() if name not in quantity.options}
+        parameters = varied(point.parameters, changed)
+        return Outcome(point.key(), quantity.compute(parameters, options))
+    except (ModelError, ValueError) as error:
+        return Outcome(point.key(), (math.nan,) * len(quantity.results), str(error))
+
+
+def outcomes_of(points: tuple[Point, ...]) -> tuple[Outcome, ...]:
+    """Return what each of some points comes to: the unit of work that is sent to another process."""
+    return tuple(outcome_of(point) for point in points)
+
+
+def names_of(quantity: str) -> tuple[str, ...]:
+    """Return what may be varied with a quantity; ValueError where there is no such quantity."""
+    if quantity not in QUANTITIES:
+        raise ValueError(f"quantity: {quantity}, expected one of {', '.join(QUANTITIES)}")
+    return (*CHANGES, *QUANTITIES[quantity].options)
+
+
+def _response(parameters: ModelParameters, options: Mapping[str, float]) -> tuple[float, ...]:
+    found = synchronous_response(parameters, options["speed_rad_s"])
+    vector = complex(found.vectors[0])
+    lag = math.degrees(-math.atan2(vector.imag, vector.real)) % 360
+    return abs(vector) * 1e6, lag, found.growth_rate, found.whirl_order
+
+
+def _onset(parameters: ModelParameters, options: Mapping[str, float]) -> tuple[float, ...]:
+    low, high, count = options["lowest_speed_rad_s"], options["highest_speed_rad_s"], int(options["speeds"])
+    found = stability(parameters, np.linspace(low, high, count))
+    if not found.bands:
+        return math.nan, math.nan, math.nan, float(np.nanmax(found.growth_rates))
+    first = found.bands[0]
+    return first.start, first.stop, first.whirl_order, float(np.nanmax(found.growth_rates))
+
+
+def _whirl(parameters: ModelParameters, options: Mapping[str, float]) -> tuple[float, ...]:
+    low, high, count = options["lowest_speed_rad_s"], options["highest_speed_rad_s"], int(options["speeds"])
+    found = run_up(parameters, np.linspace(low, high, count), int(options["settle_turns"]), int(options["turns"]))
+    largest = float(np.nanmax(found.peak_to_peak)) if np.any(np.isfinite(found.peak_to_peak)) else math.nan
+    return found.onset(INNER), found.onset(OUTER), largest * 1e6
+
+
+def _critical(parameters: ModelParameters, options: Mapping[str, float]) -> tuple[float, ...]:
+    found = critical_speeds(parameters.rotor, options["stiffness_n_m"], options["highest_speed_rad_s"])
+    first = [speeds[0] if speeds else math.nan for speeds in (found.forward, found.reverse)]
+    return *first, float(len(found.forward)), float(len(found.reverse))
+
+
+_RANGE = {"lowest_speed_rad_s": 100.0, "highest_speed_rad_s": 4000.0, "speeds": 40.0}
+
+QUANTITIES: Final[dict[str, Quantity]] = {
+    "response": Quantity(
+        "1X at probe x and the least stable whirl at a speed, without weight",
+        {"speed_rad_s": 1000.0},
+        ("amplitude_um_pk", "lag_deg", "growth_rate_1_s", "whirl_order"),
+        _response,
+    ),
+    "onset": Quantity(
+        "first band of speeds in which the synchronous motion is unstable, by eigenvalues",
+        _RANGE,
+        ("onset_rad_s", "end_rad_s", "whirl_order", "largest_growth_rate_1_s"),
+        _onset,
+    ),
+    "whirl": Quantity(
+        "first speeds at which a run-up in time shows the films' whirls, and its largest overall vibration",
+        {**_RANGE, "settle_turns": 40.0, "turns": 64.0},
+        ("inner_onset_rad_s", "outer_onset_rad_s", "largest_um_pp"),
+        _whirl,
+    ),
+    "critical": Quantity(
+        "critical speeds on springs",
+        {"stiffness_n_m": 1e4, "highest_speed_rad_s": 8000.0},
+        ("first_forward_rad_s", "first_reverse_rad_s", "forward", "reverse"),
+        _critical,
+    ),
+}
