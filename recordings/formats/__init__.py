@@ -48,9 +48,11 @@ def read_table(path: Path) -> Table:
         raise ForeignFormatError(f"{path}: {error}") from error
     except OSError as error:
         raise ForeignFormatError(f"{path}: cannot be read: {error.strerror or error}") from error
-    except (ValueError, KeyError, IndexError, TypeError, EOFError, NotImplementedError) as error:
+    except Exception as error:  # the libraries meet a damaged file with errors of every kind
         kind = path.suffix.lower().removeprefix(".")
         raise ForeignFormatError(f"{path}: is not a {kind} file that can be read: {error}") from error
+    if table.n_rows == 0:
+        raise ForeignFormatError(f"{path}: holds no columns of numbers")
     return table
 
 
