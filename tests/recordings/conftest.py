@@ -33,7 +33,15 @@ STARTED_NS = 1_795_511_527_123_456_789
 def header() -> RunHeader:
     """Return the header of a run with two probes and a tacho at 20 kS/s."""
     calibration = Calibration(
-        (1.234e-4, 1.0 / 7.87e4, -3.3e-9), 0.5, 9.5, 1.7e-7, "2UM-117", "KD-2306 No. 3", "2026-03-02"
+        (1.234e-4, 1.0 / 7.87e4, -3.3e-9),
+        0.5,
+        9.5,
+        1.7e-7,
+        "2UM-117",
+        "KD-2306 No. 3",
+        "2026-03-02",
+        "42CrMo4, diameter 10 mm",
+        "M. Curie",
     )
     scaling = (1.7e-4, 10.0 / 32768 * 1.0001, 2.2e-14)
     channels = (

@@ -18,6 +18,16 @@ def test_header_comes_back_from_json_bit_for_bit(header: RunHeader) -> None:
     assert header_from_document(json.loads(text)) == header
 
 
+def test_header_of_an_older_file_names_neither_target_nor_operator(header: RunHeader) -> None:
+    document = header_document(header)
+    calibration = document["acquisition"]["channels"][0]["calibration"]
+    assert calibration.pop("target") == "42CrMo4, diameter 10 mm"
+    assert calibration.pop("operator") == "M. Curie"
+    old = header_from_document(document).acquisition.channels[0].calibration
+    assert old is not None
+    assert (old.target, old.operator) == ("", "")
+
+
 def test_open_gap_windows_come_back_as_infinite(header: RunHeader) -> None:
     tacho = header_from_document(header_document(header)).acquisition.channels[2]
     assert (tacho.gap_low, tacho.gap_high) == (-math.inf, math.inf)
