@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from analysis.edges import EdgeDetector
 from analysis.errors import RecordTooShortError, TachoRefusedError
 from analysis.orbit import ProbePair
-from analysis.pulse_record import pulse_record
+from analysis.pulse_record import PulseRecord, pulse_record
 from analysis.pyramid import Pyramid
 from analysis.resampling import HALF, interpolate
 from analysis.run import CODE_MAX, CODE_MIN, Acquisition, Role
@@ -40,6 +40,11 @@ class AngularRecord:
         Scatter of the tacho's pulses about the smooth angle, s.
     measured : bool
         Whether a tacho told the angle.
+    pulses : PulseRecord or None
+        How far the tacho's pulses are to be trusted: what was filled and rejected, and whether its sensor was past its
+        response; None where the angle was given.
+    clipped : tuple of int
+        Samples of each probe at the converter's rails: what is read near them is too small.
     """
 
     waveform: FloatArray
@@ -48,6 +53,8 @@ class AngularRecord:
     pair: ProbePair
     angle_jitter: float
     measured: bool = True
+    pulses: PulseRecord | None = None
+    clipped: tuple[int, int] = (0, 0)
 
     @property
     def revolutions(self) -> int:
@@ -227,11 +234,14 @@ def record_of_codes(
         if is_stuck and codes[row, 0] in {CODE_MIN, CODE_MAX}:
             raise TachoRefusedError(f"probe {acquisition.channels[row].name!r} is at the converter's rail throughout")
     edges = tacho_edges(acquisition, codes) if pulse_times is None else pulse_times
-    angle = shaft_angle(pulse_record(edges, acquisition.tacho))
+    pulses = pulse_record(edges, acquisition.tacho)
+    angle = shaft_angle(pulses)
+    clipped = [int(np.count_nonzero((codes[row] == CODE_MIN) | (codes[row] == CODE_MAX))) for row in rows]
     displacement = np.empty((2, codes.shape[1]))
     for probe, row in enumerate(rows):
         table = acquisition.channels[row].displacement(_CODES)
         np.take(table, np.ascontiguousarray(codes[row]).view(np.uint16), out=displacement[probe], mode="clip")
     pair = ProbePair(acquisition.channels[rows[0]].angle, acquisition.channels[rows[1]].angle)
     skews = (rows[0] / acquisition.convert_rate, rows[1] / acquisition.convert_rate)
-    return angular_record(displacement, acquisition.rate, angle, pair, points=points, skews=skews)
+    record = angular_record(displacement, acquisition.rate, angle, pair, points=points, skews=skews)
+    return replace(record, pulses=pulses, clipped=(clipped[0], clipped[1]))

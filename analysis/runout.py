@@ -66,7 +66,11 @@ class SlowRoll:
         return bool(self.peak_to_peak.max() > max(RUNOUT_LIMIT, 0.25 * allowed))
 
     def off_waveform(self, record: AngularRecord) -> AngularRecord:
-        """Return a record less the run-out at every angle: scratches go too, whatever their order."""
+        """Return a record less the run-out at every angle, scratches included.
+
+        Of a scratch narrower than about a sixteenth of a turn, which has orders beyond the record's highest, a part
+        may stay.
+        """
         if record.points != self.waveform.shape[1]:
             raise ValueError(f"record of {record.points} points a revolution, expected {self.waveform.shape[1]}")
         return record.with_waveform(record.waveform - self.waveform[:, None])

@@ -16,6 +16,7 @@ IntArray = NDArray[np.int64]
 
 MOST_COMPONENTS = 4  # in one frame
 OF_STRONGEST = 0.05  # below it a component may be what the stronger one left
+BESIDE_SYNCHRONOUS = 0.02  # of 1X within that many lines of it: what a 1X that swells leaves beside it
 OF_NEIGHBOUR, NEIGHBOUR_LINES = 0.25, 4.0  # the same for one as near as this
 SAME_ORDER = 0.05  # orders by which a component may move on from frame to frame
 LONGEST_BREAK = 4  # frames' lengths without it before it has ended
@@ -170,7 +171,10 @@ def _strongest(order_map: OrderMap, rest: ComplexArray, before: list[_Component]
     forward, backward = 0.5 * np.abs(X + 1j * Y), 0.5 * np.abs(X - 1j * Y)
     order = (line + delta) / n
     synchronous = np.abs(order_map.spectrum[:, :, n]).max(axis=0)
-    bar = (OF_SYNCHRONOUS + OF_SCATTER * order_map.angle_sigma * np.sqrt(n / 1.5)) * synchronous
+    beside_1x = np.abs(order - 1.0) * n < NEIGHBOUR_LINES
+    bar = (
+        np.where(beside_1x, BESIDE_SYNCHRONOUS, OF_SYNCHRONOUS) + OF_SCATTER * order_map.angle_sigma * np.sqrt(n / 1.5)
+    ) * synchronous
     bar = np.maximum(bar, ABOVE_NOISE * order_map.noise)
     for stronger in before:
         held = np.where(np.isfinite(stronger.order), stronger.forward + stronger.backward, 0.0)

@@ -163,6 +163,17 @@ def test_what_cannot_be_analysed_is_refused_with_its_reason(make_bench: Maker) -
         angular_record(np.zeros((2, 100)), 1e5, angle_of(200.0, 0.09), ProbePair(0.0, 1.0))
 
 
+def test_a_record_tells_what_its_pulses_and_samples_lacked(make_bench: Maker) -> None:
+    bench = make_bench()  # its tacho needs 1 ms of light and of dark
+    codes = bench.codes(bench.steady(700.0), bench.circles((20 * MICRO, 1.0, 0.4)), 0.3)
+    codes[0, 100:107] = 32767
+    record = record_of_codes(bench.acquisition, codes)
+    assert record.clipped == (7, 0)
+    assert record.pulses is not None
+    assert record.pulses.too_fast
+    assert (record.pulses.filled, record.pulses.rejected) == (0, 0)
+
+
 def test_a_part_of_a_record_keeps_its_times(make_angular: Callable[..., AngularRecord]) -> None:
     record = make_angular((1.0, 1.0, 0.0), revolutions=20)
     part = record.part(5, 12)

@@ -89,6 +89,11 @@ def test_the_order_map_of_a_minute_is_made_thirty_times_as_fast_as_it_ran() -> N
         f"\norder map of {DURATION:.0f} s of 2 channels: {ratio:.0f} times real time; rms errors {np.round(seen, 3)} %"
     )
     assert all(error <= bar for error, (_, _, bar) in zip(seen, ORDERS, strict=True))
+    phase = np.degrees(np.angle(found.spectrum[0, :, 16]))
+    drift = phase[-phase.size // 3 :].mean() - phase[: phase.size // 3].mean()
+    print(f"phase of 1X: bias {phase.mean():.4f}, scatter {phase.std():.3f}, drift {drift:.4f} degrees")
+    assert max(abs(float(phase.mean())), float(phase.std())) <= 0.1
+    assert abs(float(drift)) < 0.01
     assert ratio > 30
 
 
