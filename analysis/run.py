@@ -33,6 +33,10 @@ class Calibration:
         Serial numbers.
     date : str
         Day of the calibration, ISO 8601.
+    target : str
+        Material and diameter of what it was calibrated against.
+    operator : str
+        Who did it.
     """
 
     coefficients: tuple[float, ...]
@@ -42,6 +46,8 @@ class Calibration:
     sensor: str = ""
     conditioner: str = ""
     date: str = ""
+    target: str = ""
+    operator: str = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -59,6 +59,8 @@ def calibration_document(calibration: Calibration) -> Document:
         "sensor": calibration.sensor,
         "conditioner": calibration.conditioner,
         "date": calibration.date,
+        "target": calibration.target,
+        "operator": calibration.operator,
     }
 
 
@@ -180,6 +182,8 @@ def _calibration(section: "_Section") -> Calibration:
         sensor=section.text("sensor"),
         conditioner=section.text("conditioner"),
         date=section.text("date"),
+        target=section.text("target") if section.has("target") else "",  # older files have neither
+        operator=section.text("operator") if section.has("operator") else "",
     )
 
 
@@ -198,6 +202,9 @@ class _Section:
     def __post_init__(self) -> None:
         if not isinstance(self.values, Mapping):
             raise DamagedError(f"{self.where}: {self.values!r}, expected a group of values")
+
+    def has(self, key: str) -> bool:
+        return key in self.values
 
     def is_null(self, key: str) -> bool:
         return self._get(key) is None

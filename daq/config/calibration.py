@@ -106,6 +106,8 @@ def load_calibration(path: Path) -> Calibration:
         sensor=table.sensor,
         conditioner=table.conditioner,
         date=table.date,
+        target=table.target,
+        operator=table.operator,
     )
 
 

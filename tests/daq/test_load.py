@@ -52,6 +52,11 @@ def test_load_rig_gives_si_units(rig: RigFactory) -> None:
     assert loaded.calibrations["y"].sensor == "1U1-4711"
 
 
+def test_load_rig_keeps_what_a_probe_was_calibrated_against_and_by_whom(rig: RigFactory) -> None:
+    loaded = rig(calibration={"target": "42CrMo4", "operator": "M. Curie"})
+    assert (loaded.calibrations["x"].target, loaded.calibrations["x"].operator) == ("42CrMo4", "M. Curie")
+
+
 def test_rig_toml_holds_the_whole_configuration_in_force_and_reads_back(rig: RigFactory) -> None:
     loaded = rig(storage={"folder": 'C:\\runs "new"'})
     assert "deadline_s = 3.0" in loaded.toml  # a default that the file does not name
