@@ -16,7 +16,7 @@ from pyarrow import parquet
 from daq.errors import UsageError
 from daq.session.sweep.run import grid, run_sweep
 from daq.session.sweep.store import SweepStore
-from daq.session.sweep.workers import DaskWorkers, LocalWorkers
+from daq.session.sweep.workers import DaskWorkers, LocalWorkers, Workers
 from model.gj90c import gj90c
 from model.studies.quantities import QUANTITIES, Outcome, Point
 
@@ -60,7 +60,7 @@ def bits(outcomes: Sequence[Outcome]) -> bytes:
 @pytest.fixture(scope="module")
 def cluster() -> Iterator[distributed.LocalCluster]:
     with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, host="127.0.0.1", dashboard_address=None, silence_logs=50
+        n_workers=2, threads_per_worker=1, host="127.0.0.1", dashboard_address=":0", silence_logs=50
     ) as running:
         yield running
 
@@ -146,7 +146,7 @@ def test_processes_here_give_the_same_bits_and_survive_the_death_of_one(tmp_path
 
 
 def test_two_dask_workers_give_the_same_bits(tmp_path: Path, cluster: distributed.LocalCluster) -> None:
-    _compare_with_cluster(points(100), cluster, tmp_path, silent)
+    _compare_with_cluster(points(100), cluster, tmp_path, silent, Here())
 
 
 def test_nobody_at_the_schedulers_address_is_said() -> None:
@@ -169,13 +169,17 @@ def test_2000_points_on_two_dask_workers_give_the_same_bits_though_one_is_killed
             done_before.append(done)
             os.kill(victim, signal.SIGTERM if os.name == "nt" else signal.SIGKILL)
 
-    _compare_with_cluster(points(2000), cluster, tmp_path, silent)
-    _compare_with_cluster(points(2000), cluster, tmp_path, kill_one)
+    _compare_with_cluster(points(2000), cluster, tmp_path, silent, LocalWorkers(2))
+    _compare_with_cluster(points(2000), cluster, tmp_path, kill_one, LocalWorkers(2))
     assert done_before
 
 
 def _compare_with_cluster(
-    chosen: list[Point], cluster: distributed.LocalCluster, folder: Path, on_progress: Callable[[int, int], None]
+    chosen: list[Point],
+    cluster: distributed.LocalCluster,
+    folder: Path,
+    on_progress: Callable[[int, int], None],
+    others: Workers,
 ) -> None:
     workers = DaskWorkers(cluster.scheduler_address)
     file = folder / "cluster.parquet"
@@ -185,4 +189,4 @@ def _compare_with_cluster(
         workers.close()
     file.unlink()
     assert len(found) == len(chosen)
-    assert bits(found) == bits(run_sweep(chosen, LocalWorkers(2), folder / "local.parquet", silent))
+    assert bits(found) == bits(run_sweep(chosen, others, folder / "local.parquet", silent))

@@ -6,7 +6,7 @@ import signal
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from typing import Protocol, TypeVar
+from typing import Any, Protocol, TypeVar
 
 from daq.errors import RigError, UsageError
 from daq.session.priority import give_way
@@ -103,22 +103,20 @@ class DaskWorkers:
             raise UsageError(
                 f"--scheduler {address}: no Dask scheduler answers there ({error}), expected one as tcp://host:8786"
             ) from error
-        self._as_completed = distributed.as_completed
+        self._as_completed: Callable[..., Iterator[Any]] = distributed.as_completed
         self._killed = distributed.scheduler.KilledWorker
 
     def run(self, function: Callable[[Task], Result], tasks: Sequence[Task]) -> Iterator[tuple[int, Result]]:
         """Yield each task's number and result; tasks of a worker that dies are given to another."""
-        futures = {
-            self._client.submit(function, task, pure=False, retries=RETRIES): number
-            for number, task in enumerate(tasks)
-        }
+        futures = [self._client.submit(function, task, pure=False, retries=RETRIES) for task in tasks]
+        numbers = {future.key: number for number, future in enumerate(futures)}
         try:
-            for future in self._as_completed(list(futures)):
+            for future in self._as_completed(list(futures), loop=self._client.loop):
                 try:
                     result = future.result()
                 except self._killed as error:
                     raise RigError(f"sweep: the cluster's workers die of it; what is done is kept ({error})") from error
-                yield futures[future], result
+                yield numbers[future.key], result
                 future.release()
         finally:
             self._client.cancel([future for future in futures if not future.done()])
