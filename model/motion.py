@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 from model.errors import WallContactError
 from model.kernel import LARGEST_TURN, NO_FAILURE, march
 from model.parameters import ModelParameters
-from model.system import ModalSystem, stand
+from model.system import NO_LEVEL, ModalSystem, stand
 
 FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
 
 STEPS_PER_TURN = 64
 SLOWEST = 50.0  # rad/s: below it a turn's time is no measure for settling or for the step
@@ -72,6 +73,19 @@ class ShaftMotion:
         """Displacement at the probes' station now, (2,), in X and Y, m."""
         now = complex(self._system.shaft.probe @ self._state.modal[0])
         return np.array([now.real, now.imag])
+
+    @property
+    def state(self) -> ComplexArray:
+        """Where the motion is: (3, n_modes + 2) displacements, velocities, accelerations of modes and rings."""
+        return np.concatenate((self._state.modal, self._state.rings), axis=1)
+
+    def resume(self, state: ComplexArray) -> None:
+        """Go on from a `state` of the same rotor at the present angle and speed."""
+        modes = self._state.modal.shape[1]
+        if state.shape != (3, modes + 2):
+            raise ValueError(f"state: shape {state.shape}, expected {(3, modes + 2)}")
+        self._state.modal[:], self._state.rings[:] = state[:, :modes], state[:, modes:]
+        self._state.level[0] = NO_LEVEL
 
     def change_speed(self, speed: float) -> None:
         """Go on at another speed, rad/s, above 0, at once: velocities grow with the speed, places stay."""

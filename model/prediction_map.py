@@ -22,7 +22,7 @@ from model.stability import SynchronousOrbit, synchronous_orbit
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
-MODEL_VERSION = 2  # to be raised with every change of the model's results
+MODEL_VERSION = 3  # to be raised with every change of the model's results
 NUMERICAL_FLOOR = 5e-9  # m peak: what rounding and the end of settling leave between the lines
 FIRST_TURNS = 200  # to settle at the lowest speed
 PORTION = 32  # turns between two looks at whether the motion has settled
@@ -53,6 +53,8 @@ class PredictionMap:
         Motion in X and Y over a few whole revolutions from theta = 0, mean removed, m.
     growth_rate : ndarray of float64, shape (n,)
         Of the synchronous motion's least stable whirl, 1/s.
+    states : ndarray of complex128, shape (n, 3, n_modes + 2)
+        Where the motion is at theta = 0, to go on from (`model.motion.ShaftMotion.state`).
     """
 
     speeds: FloatArray
@@ -64,6 +66,7 @@ class PredictionMap:
     peak_to_peak: FloatArray
     orbit: FloatArray
     growth_rate: FloatArray
+    states: ComplexArray
 
     def __post_init__(self) -> None:
         n, n_orders = self.speeds.size, self.orders.size
@@ -77,10 +80,11 @@ class PredictionMap:
             "peak_to_peak": (n, 2),
             "orbit": (n, 2, self.orbit.shape[-1]),
             "growth_rate": (n,),
+            "states": (n, 3, self.states.shape[-1]),
         }
         for name, shape in shapes.items():
             array = getattr(self, name)
-            if array.shape != shape or array.dtype != (np.complex128 if name == "vectors" else np.float64):
+            if array.shape != shape or array.dtype != (np.complex128 if name in {"vectors", "states"} else np.float64):
                 raise ValueError(f"{name}: {array.dtype} of shape {array.shape}, expected shape {shape}")
         _require_rising(self.speeds)
 
@@ -201,7 +205,7 @@ def compute_prediction_map(
     nudge = NUDGE * parameters.bearing.inner_clearance
     synchronous: SynchronousOrbit | None = None
     is_whirling = False
-    predictions = []
+    predictions, states = [], []
     for done, speed in enumerate(speeds, 1):
         try:
             synchronous = synchronous_orbit(parameters, float(speed), synchronous)
@@ -212,7 +216,8 @@ def compute_prediction_map(
         if synchronous is not None and not is_whirling:
             motion.stand(synchronous.standing + (nudge if growth_rate > 0 else 0.0) * synchronous.disturbance)
         is_whirling = _settle(motion, SHORTEST_UNSTABLE if growth_rate > 0 else SHORTEST_STABLE, nudge)
-        predictions.append(_reduce(motion, parameters, settings, growth_rate))
+        predictions.append(look_at(motion, parameters, settings, growth_rate))
+        states.append(motion.state)
         on_progress(done, speeds.size)
     return PredictionMap(
         speeds=speeds,
@@ -224,6 +229,7 @@ def compute_prediction_map(
         peak_to_peak=np.stack([one.peak_to_peak for one in predictions]),
         orbit=np.stack([one.orbit for one in predictions]),
         growth_rate=np.array([one.growth_rate for one in predictions]),
+        states=np.stack(states),
     )
 
 
@@ -240,10 +246,25 @@ def _settle(motion: ShaftMotion, shortest: int, nudge: float) -> bool:
     return float(np.ptp(marks, axis=1).max()) > nudge
 
 
-def _reduce(
+def look_at(
     motion: ShaftMotion, parameters: ModelParameters, settings: AnalysisSettings, growth_rate: float
 ) -> Prediction:
-    """Look at the next turns as the analysis looks at measured ones."""
+    """Return what the next turns show, reduced as the analysis reduces measured ones.
+
+    Parameters
+    ----------
+    motion : ShaftMotion
+        Settled, at theta = 0; it goes on by whole turns.
+    parameters, settings : ModelParameters, AnalysisSettings
+        The rotor's and the measurement's.
+    growth_rate : float
+        To be passed on, 1/s.
+
+    Returns
+    -------
+    Prediction
+        At the motion's speed.
+    """
     pair = ProbePair(*parameters.probe_angles)
     revolutions = settings.revolutions
     points = settings.points_per_revolution * math.ceil(STEPS_PER_TURN / settings.points_per_revolution)

@@ -7,7 +7,7 @@ stable than it is.
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -82,7 +82,7 @@ def synchronous_response(
         Where Newton's method finds no motion within the clearances.
     """
     require_positive("speed", speed, "rad/s")
-    system = ModalSystem.of(replace(parameters, gravity=0.0), modes)
+    system = ModalSystem.of(parameters, modes)
     frame = _TurningFrame(system, speed)
     rest = np.zeros(4, np.complex128)
     found = frame.solve(rest if start is None else np.concatenate((start.journals, start.rings)), 1.0)
@@ -230,8 +230,8 @@ class _TurningFrame:
             ring = np.zeros(size)
             ring[modes + b] = 1
             through_inner, through_outer = np.outer(pushed, seen), np.outer(ring, ring) / films.ring_mass
-            stiffness_real -= np.kron(through_inner, inner_k[b]) + np.kron(through_outer, outer_k[b])
-            damping_real -= np.kron(through_inner, inner_c[b]) + np.kron(through_outer, outer_c[b])
+            stiffness_real -= _kron(through_inner, inner_k[b]) + _kron(through_outer, outer_k[b])
+            damping_real -= _kron(through_inner, inner_c[b]) + _kron(through_outer, outer_c[b])
         n = 2 * size
         first_order = np.block([[np.zeros((n, n)), np.eye(n)], [-stiffness_real, -damping_real]])
         values, vectors = np.linalg.eig(first_order)
@@ -262,7 +262,13 @@ def _turn(factor: complex) -> FloatArray:
 def _expand(matrix: ComplexArray) -> FloatArray:
     """Write a complex matrix as a real one on (Re, Im) pairs."""
     turned = np.array([[0.0, -1.0], [1.0, 0.0]])
-    return np.asarray(np.kron(matrix.real, np.eye(2)) + np.kron(matrix.imag, turned), dtype=np.float64)
+    return _kron(matrix.real, np.eye(2)) + _kron(matrix.imag, turned)
+
+
+def _kron(matrix: FloatArray, pair: FloatArray) -> FloatArray:
+    """Return Kronecker's product with a 2 by 2 matrix, much faster than NumPy's for any two."""
+    size = matrix.shape[0]
+    return np.asarray((matrix[:, None, :, None] * pair[None, :, None, :]).reshape(2 * size, 2 * size), np.float64)
 
 
 def _matrix(slopes: tuple[complex, complex]) -> FloatArray:

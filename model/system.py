@@ -1,6 +1,7 @@
 """What the integration in time needs of the parameters: modes of the shaft, films, matrices of the time step."""
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -171,7 +172,12 @@ class ModalSystem:
 
     @classmethod
     def of(cls, parameters: ModelParameters, modes: int = MODES) -> "ModalSystem":
-        """Reduce the parameters to the lowest ``modes`` free modes."""
+        """Reduce the parameters to the lowest ``modes`` free modes; the last few are kept for those that ask again."""
+        return _reduced(parameters, modes)
+
+    @classmethod
+    def reduced(cls, parameters: ModelParameters, modes: int) -> "ModalSystem":
+        """Reduce the parameters anew."""
         rotor, bearing = parameters.rotor, parameters.bearing
         modes = min(modes, 2 * rotor.stations)
         free = free_modes(rotor, modes)
@@ -231,6 +237,11 @@ class ModalSystem:
         stacked = np.stack(transforms)
         journals = np.ascontiguousarray(self.shaft.journals @ stacked)
         return Levels(steps, stacked, np.stack(gyroscopic), journals)
+
+
+@lru_cache(maxsize=8)
+def _reduced(parameters: ModelParameters, modes: int) -> ModalSystem:
+    return ModalSystem.reduced(parameters, modes)
 
 
 def stand(state: State, standing: FloatArray) -> None:

@@ -89,6 +89,10 @@ def numpy_rates(parameters: ModelParameters, speed: float, modes: int = 6) -> Ra
         return np.asarray(-factor * s / u * force)
 
     def rates(time: float, flat: FloatArray) -> FloatArray:
+        with np.errstate(invalid="ignore", divide="ignore"):  # an explicit solver tries steps into the wall
+            return rates_within(time, flat)
+
+    def rates_within(time: float, flat: FloatArray) -> FloatArray:
         q, rings, v, ring_rates = np.split(flat.view(np.complex128), [modes, modes + 2, 2 * modes + 2])
         apart, closing = shaft.journals @ q - rings, shaft.journals @ v - ring_rates
         inner = film(apart, closing, films.inner_clearance, films.inner_speed * speed, films.inner_factor)

@@ -33,6 +33,7 @@ def model() -> PredictionMap:
         peak_to_peak=np.zeros((n, 2)),
         orbit=np.zeros((n, 2, 8)),
         growth_rate=(SPEEDS - 950) / 100,
+        states=np.zeros((n, 3, 8), np.complex128),
     )
 
 

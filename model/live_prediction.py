@@ -1,0 +1,48 @@
+"""The prediction at exactly one speed, fast enough to follow the operator: begun from the map's nearest motion."""
+
+import numpy as np
+
+from analysis.run import AnalysisSettings
+from model.motion import ShaftMotion
+from model.parameters import ModelParameters
+from model.prediction import Prediction
+from model.prediction_map import PredictionMap, look_at
+
+TURNS_TO_SETTLE = 32
+
+
+def predict(
+    parameters: ModelParameters, speed: float, prediction_map: PredictionMap, settings: AnalysisSettings
+) -> Prediction:
+    """Return the motion at a speed, integrated there and not interpolated.
+
+    Parameters
+    ----------
+    parameters : ModelParameters
+        The rotor.
+    speed : float
+        rad/s, within the map.
+    prediction_map : PredictionMap
+        Of the same rotor.
+    settings : AnalysisSettings
+        The measurement's.
+
+    Returns
+    -------
+    Prediction
+        Settled for a few turns from the map's motion at the nearest speed; the growth rate is the map's.
+
+    Raises
+    ------
+    ValueError
+        Outside the map.
+    WallContactError
+        Where the motion reaches a wall.
+    """
+    growth_rate = prediction_map.at(speed).growth_rate
+    nearest = int(np.argmin(np.abs(prediction_map.speeds - speed)))
+    motion = ShaftMotion(parameters, float(prediction_map.speeds[nearest]), 0)
+    motion.resume(prediction_map.states[nearest])
+    motion.change_speed(speed)
+    motion.turns(TURNS_TO_SETTLE)
+    return look_at(motion, parameters, settings, growth_rate)

@@ -1,0 +1,155 @@
+"""How fast the model is, beside ROSS and SciPy, in one run: `make bench`."""
+
+import math
+import subprocess
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+
+from analysis.run import AnalysisSettings
+from model.campbell import campbell
+from model.gj90c import gj90c
+from model.linear import linear_system
+from model.live_prediction import predict
+from model.motion import ShaftMotion
+from model.prediction_map import PredictionMap, compute_prediction_map, default_speeds
+from model.supports import Coefficients, Support
+from model.synchronous import SynchronousResponse, synchronous_response
+from model.system import ModalSystem
+from tests.model.equations import Rates, at_rest, compiled_rates, numpy_rates
+
+FloatArray = NDArray[np.float64]
+Method = Literal["LSODA", "RK45"]
+
+ROOT = Path(__file__).parents[2]
+ORACLE = ROOT / ".venv-oracle" / "bin" / "python"
+RPM = 2 * math.pi / 60
+SPEEDS = np.arange(100.0, 2001.0, 1900.0 / 78)  # rad/s: 79 speeds over the rig's range
+TURNS = 104
+STEPS = 96
+TOLERANCE = 0.05e-6  # m: "equal accuracy" is at least that of the march
+
+
+def median_time(act: Callable[[], object], repeats: int) -> float:
+    times = []
+    for _ in range(repeats):
+        begin = time.perf_counter()
+        act()
+        times.append(time.perf_counter() - begin)
+    return float(np.median(times))
+
+
+@pytest.mark.benchmark
+@pytest.mark.skipif(not ORACLE.exists(), reason="`make oracle` installs ROSS")
+def test_campbell_diagram_is_a_hundred_times_as_fast_as_by_ross() -> None:
+    rotor = gj90c().rotor
+
+    def ours() -> None:
+        springs = [Support(station, Coefficients.isotropic(1e4)) for station in rotor.bearing_stations]
+        campbell(linear_system(rotor, springs), np.arange(0.0, 8001.0, 500.0))
+
+    mine = median_time(ours, 50)
+    program = ROOT / "tests" / "validation" / "ross" / "golden.py"
+    said = subprocess.run([ORACLE, program, "time"], check=True, capture_output=True, text=True).stdout
+    theirs = float(said.split()[-1])
+    print(f"\nCampbell, 17 speeds: {mine * 1e3:.2f} ms, ROSS {theirs * 1e3:.0f} ms, ratio {theirs / mine:.0f}")
+    assert theirs / mine >= 100
+
+
+def marched(speed: float, turns: int) -> FloatArray:
+    step = 2 * math.pi / (speed * STEPS)
+    angle = speed * step * np.arange(1, turns * STEPS + 1, dtype=np.float64)
+    return ShaftMotion(gj90c(), speed, 0).advance(angle, np.full(angle.size, speed), step)
+
+
+def solved(rates: Rates, speed: float, turns: float, method: Method, tolerances: tuple[float, float]) -> FloatArray:
+    times = np.arange(1, round(turns * STEPS) + 1) * (2 * math.pi / (speed * STEPS))
+    rtol, atol = tolerances
+    solution = solve_ivp(rates, (0.0, float(times[-1])), at_rest(), method, times, rtol=rtol, atol=atol)
+    assert solution.success
+    path = np.ascontiguousarray(solution.y.T).view(np.complex128)[:, :6] @ ModalSystem.of(gj90c()).shaft.probe
+    return np.stack((path.real, path.imag))
+
+
+def time_per_turn(make: Callable[..., Rates], method: Method, turns: float, tolerances: tuple[float, float]) -> float:
+    """Return what a turn costs on the mean over three speeds of the sweep, s, and print how far off it ends."""
+    spent, worst = 0.0, 0.0
+    for speed in SPEEDS[[13, 39, 65]]:
+        rates = make(gj90c(), float(speed))
+        rates(0.0, at_rest())
+        begin = time.process_time()
+        path = solved(rates, float(speed), turns, method, tolerances)
+        spent += (time.process_time() - begin) / turns / 3
+        tight = solved(compiled_rates(gj90c(), float(speed)), float(speed), turns, "LSODA", (1e-10, 1e-14))
+        worst = max(worst, float(np.abs(path - tight).max()))
+        march = float(np.abs(marched(float(speed), math.ceil(turns))[:, : path.shape[1]] - tight).max())
+        print(f"  {method} at {speed:.0f} rad/s: error {worst * 1e6:.4f} µm, the march's {march * 1e6:.4f} µm")
+        assert march < 2 * TOLERANCE
+    return spent
+
+
+@pytest.mark.benchmark
+def test_sweep_is_faster_than_scipys_solvers_by_orders() -> None:
+    marched(500.0, 1)
+    begin = time.process_time()
+    for speed in SPEEDS:
+        marched(float(speed), TURNS)
+    march = time.process_time() - begin
+    # the rivals are timed over a few turns at three speeds and extrapolated to the sweep
+    lsoda = time_per_turn(compiled_rates, "LSODA", 4, (1e-4, 1e-9)) * TURNS * SPEEDS.size
+    explicit = time_per_turn(numpy_rates, "RK45", 0.25, (1e-3, 1e-8)) * TURNS * SPEEDS.size
+    print(f"\n{SPEEDS.size} speeds of {TURNS} turns: {march:.2f} s; extrapolated from a few turns:")
+    print(f"LSODA, compiled equations: {lsoda:.0f} s, ratio {lsoda / march:.0f}")
+    print(f"RK45, NumPy equations: {explicit / 3600:.1f} h, ratio {explicit / march:.0f}")
+    assert lsoda / march >= 20
+    assert explicit / march >= 1500
+
+
+@pytest.mark.benchmark
+def test_synchronous_motion_with_its_stability_takes_a_millisecond() -> None:
+    parameters = gj90c()
+    followed: list[SynchronousResponse | None] = [synchronous_response(parameters, 100.0)]
+    begin = time.process_time()
+    for speed in SPEEDS:
+        followed.append(synchronous_response(parameters, float(speed), followed[-1]))
+    each = (time.process_time() - begin) / SPEEDS.size
+    print(f"\nsynchronous motion and stability: {each * 1e3:.2f} ms a speed")
+    assert each <= 1e-3
+
+
+@pytest.fixture(scope="module")
+def prediction_map() -> PredictionMap:
+    speeds = default_speeds(20_000 * RPM)
+    return compute_prediction_map(gj90c(), speeds, AnalysisSettings(), lambda _done, _total: None)
+
+
+@pytest.mark.benchmark
+def test_prediction_from_the_map_takes_a_tenth_of_a_millisecond(prediction_map: PredictionMap) -> None:
+    speeds = np.random.default_rng(3).uniform(60.0, 2000.0, 2000)
+    times = []
+    for speed in speeds:
+        begin = time.perf_counter()
+        prediction_map.at(float(speed))
+        times.append(time.perf_counter() - begin)
+    print(f"\nfrom the map: median {np.median(times) * 1e6:.0f} µs, 99 % {np.percentile(times, 99) * 1e6:.0f} µs")
+    assert np.median(times) <= 1e-4
+
+
+@pytest.mark.benchmark
+def test_prediction_at_a_new_speed_takes_twenty_milliseconds(prediction_map: PredictionMap) -> None:
+    speeds = np.random.default_rng(4).uniform(60.0, 2000.0, 300)
+    times = []
+    for speed in speeds:
+        begin = time.thread_time()
+        predict(gj90c(), float(speed), prediction_map, AnalysisSettings())
+        times.append(time.thread_time() - begin)
+    slowest = float(np.percentile(times, 99))
+    # processor time: what others do on the machine at the moment is not the model's
+    print(f"\nat a new speed: median {np.median(times) * 1e3:.1f} ms, 99 % {slowest * 1e3:.1f} ms")
+    assert slowest <= 20e-3
