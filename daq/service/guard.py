@@ -7,12 +7,11 @@ from typing import Final
 from starlette.datastructures import Headers
 from starlette.types import ASGIApp, Receive, Scope, Send
 
-from daq.service.problems import CROSS_SITE, HOST, MEDIA, TOKEN, Kind, problem_response
+from daq.service.problems import CROSS_SITE, HOST, TOKEN, Kind, problem_response
 
 LOOPBACK_NAMES: Final = frozenset({"localhost", "127.0.0.1", "[::1]"})
 
 HARMLESS: Final = frozenset({"GET", "HEAD", "OPTIONS"})
-WITH_JSON: Final = frozenset({"POST", "PATCH"})
 TOKEN_PROTOCOL: Final = "token."  # noqa: S105 - the beginning of a subprotocol's name
 
 
@@ -61,7 +60,7 @@ class Guard:
         self._public = public
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Pass the request on, or answer 421, 401, 403 or 415."""
+        """Pass the request on, or answer 421, 401 or 403."""
         if scope["type"] not in {"http", "websocket"}:
             await self._app(scope, receive, send)
             return
@@ -86,8 +85,6 @@ class Guard:
             return None
         if not self._is_own_page(headers):
             return CROSS_SITE, f"the request comes from {headers.get('origin') or 'another site'}"
-        if not is_socket and scope["method"] in WITH_JSON and not _is_json(headers.get("content-type", "")):
-            return MEDIA, f"{headers.get('content-type') or 'no type'!r}, expected application/json"
         return None
 
     def _is_own_page(self, headers: Headers) -> bool:
@@ -106,10 +103,6 @@ class Guard:
             *(f"Bearer {name.removeprefix(TOKEN_PROTOCOL)}" for name in protocols if name.startswith(TOKEN_PROTOCOL)),
         ]
         return any(hmac.compare_digest(one.encode("latin-1"), self._expected) for one in given)
-
-
-def _is_json(content_type: str) -> bool:
-    return content_type.partition(";")[0].strip().lower() == "application/json"
 
 
 def _written(host: str) -> str:

@@ -11,7 +11,8 @@ from fastapi.responses import StreamingResponse
 
 from analysis.run import RunHeader
 from daq.errors import RigError
-from daq.service.documents import OrderDocument, StartedDocument, StoppingDocument
+from daq.service.documents import OrderDocument, StartedDocument, StopDocument, StoppingDocument
+from daq.service.documents.mark import MarkDocument, MarkOrder
 from daq.service.documents.units import moment
 from daq.service.hub import Hub
 from daq.service.problems import (
@@ -37,6 +38,10 @@ class Steering(Protocol):
 
     def stop(self) -> str | None:
         """Ask for its end; return its id, None where no run is under way."""
+        ...
+
+    def mark(self, text: str) -> MarkDocument | None:
+        """Name the present moment of the run that is recorded; None where none is."""
         ...
 
 
@@ -82,7 +87,11 @@ class LiveRoutes:
         if self._steering is not None:
             routing.add(
                 "POST /live/stop", self.stop, "stop_live", "live", "End the run under way",
-                NO_LIVE_RUN, CROSS_SITE, MEDIA, status=202,
+                NO_LIVE_RUN, BAD_PARAMETER, CROSS_SITE, MEDIA, status=202,
+            )  # fmt: skip
+            routing.add(
+                "POST /live/marks", self.mark, "mark_live", "live", "Name this moment of the run under way",
+                NO_LIVE_RUN, BAD_PARAMETER, CROSS_SITE, MEDIA, status=201,
             )  # fmt: skip
 
         if self._desk is not None:
@@ -149,13 +158,22 @@ class LiveRoutes:
                     await socket.send_text(text)
             await socket.close(1001)
 
-    async def stop(self) -> StoppingDocument:
+    async def stop(self, _order: StopDocument) -> StoppingDocument:
         """Ask for the end, as Ctrl-C at the bench does: the file is finished and kept. `/live` tells when that is done.
 
-        The request's `Content-Type` must be `application/json`, its content may be empty; pages of other sites are
-        turned away.
+        What is sent is `{}`, as `application/json`; pages of other sites are turned away.
         """
         run = None if self._steering is None else self._steering.stop()
         if run is None:
             raise ProblemError(NO_LIVE_RUN, "no run is under way")
         return StoppingDocument(run=run)
+
+    async def mark(self, order: MarkOrder) -> MarkDocument:
+        """Keep a word on this moment in the recording, as a line typed at the command's terminal does.
+
+        It is in the run's summary when the run has ended. A run that is replayed takes none.
+        """
+        made = None if self._steering is None else self._steering.mark(order.text)
+        if made is None:
+            raise ProblemError(NO_LIVE_RUN, "no run is being recorded")
+        return made

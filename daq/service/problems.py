@@ -7,11 +7,14 @@ from typing import Any, Final
 from fastapi import FastAPI, Request, Response
 from fastapi.exceptions import RequestValidationError
 from starlette.exceptions import HTTPException
+from starlette.routing import Match
 
 from daq.service.documents.problem import Fault, ProblemDocument
 from recordings.errors import DamagedError, NotFoundError, RecordingError, StorageError, UnknownFormatError
 
 MEDIA_TYPE: Final = "application/problem+json"
+UNREADABLE: Final = 400
+METHODS: Final = ("DELETE", "GET", "PATCH", "POST", "PUT")
 REFERENCE: Final = "/docs#"
 
 
@@ -263,6 +266,18 @@ async def _of_validation(request: Request, error: RequestValidationError) -> Res
 async def _of_http(request: Request, error: HTTPException) -> Response:
     path = request.url.path
     if error.status_code == METHOD.status:
-        return problem_response(METHOD, METHOD.explanation, path, headers=error.headers)
+        return problem_response(METHOD, METHOD.explanation, path, headers={"Allow": ", ".join(_methods(request))})
+    if error.status_code == UNREADABLE:  # content that is no JSON at all
+        return problem_response(BAD_PARAMETER, str(error.detail), path)
     detail = f"there is nothing at {path}" if error.status_code == NOT_FOUND.status else str(error.detail)
     return problem_response(NOT_FOUND, detail, path, status=error.status_code, headers=error.headers)
+
+
+def _methods(request: Request) -> list[str]:
+    """Return the methods that an address knows, whichever of its routes."""
+    scope = dict(request.scope)
+    return sorted(
+        method
+        for method in METHODS
+        if any(route.matches({**scope, "method": method})[0] is Match.FULL for route in request.app.routes)
+    )

@@ -1,13 +1,32 @@
 """How an address is made known to the application and its schema."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Coroutine, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
-from fastapi import APIRouter, Response
+from fastapi import APIRouter, Request, Response
 from fastapi.responses import JSONResponse
+from fastapi.routing import APIRoute
 
-from daq.service.problems import Kind, openapi_responses
+from daq.service.problems import MEDIA, Kind, ProblemError, openapi_responses
+
+WITH_JSON: Final = frozenset({"POST", "PATCH"})
+
+
+class JsonRoute(APIRoute):
+    """A route that takes JSON and says so: no form of another site's page can send that."""
+
+    def get_route_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
+        """Return the handler, with a look at the content's type before it."""
+        handle = super().get_route_handler()
+
+        async def checked(request: Request) -> Response:
+            sent = request.headers.get("content-type", "")
+            if sent.partition(";")[0].strip().lower() != "application/json":
+                raise ProblemError(MEDIA, f"{sent or 'no type'!r}, expected application/json")
+            return await handle(request)
+
+        return checked
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,6 +82,7 @@ class Routing:
             path,
             endpoint,
             methods=[method or "GET"],
+            route_class_override=JsonRoute if method in WITH_JSON else None,
             status_code=status,
             operation_id=name,
             tags=[tag],

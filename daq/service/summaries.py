@@ -9,11 +9,13 @@ from analysis.clock import ClockError
 from analysis.run import Calibration, RunHeader
 from analysis.summary import RunSummary
 from daq.service.documents import SummaryDocument, summary_document
+from daq.service.documents.mark import mark_document
 from daq.session.offline import summarise
 from daq.session.predictors import PATIENCE, Predictors
 from daq.session.reevaluation import corrected_header, reevaluate
 from model.compare import compare
 from recordings.catalogue import Catalogue
+from recordings.marks import Mark
 from recordings.reader import RunReader
 
 KEPT_AS = "summary"
@@ -67,16 +69,20 @@ class Summaries:
         """
         with RunReader(self._catalogue.path(run_id)) as reader:
             header, clock = corrected_header(reader.header, calibrations), reader.clock_error
+            marks = reader.marks()
             predictor = self._predictors.of(header)
             summary = reevaluate(reader, header, lambda part: waiting(f"analysing {run_id} anew: {100 * part:.0f} %"))
         predictor.wait(PATIENCE, lambda state: waiting(f"model {state}"))
-        return self.document(summary, header, clock)
+        return self.document(summary, header, clock, marks)
 
-    def document(self, summary: RunSummary, header: RunHeader, clock: ClockError | None) -> SummaryDocument:
+    def document(
+        self, summary: RunSummary, header: RunHeader, clock: ClockError | None, marks: tuple[Mark, ...] = ()
+    ) -> SummaryDocument:
         """Return a summary with how it agrees with the model of the run's rig, null where its map is not ready."""
         prediction_map = self._predictors.of(header).map
         agreement = None if prediction_map is None else compare(summary, prediction_map)
-        return summary_document(summary, agreement, clock)
+        rate = header.acquisition.rate
+        return summary_document(summary, agreement, clock, tuple(mark_document(mark, rate) for mark in marks))
 
     def _kept(self, run_id: str) -> SummaryDocument | None:
         document = self._catalogue.load_document(run_id, KEPT_AS)
@@ -90,12 +96,13 @@ class Summaries:
     def _made(self, run_id: str, waiting: Waiting | None) -> SummaryDocument:
         with RunReader(self._catalogue.path(run_id)) as reader:
             header, is_complete, clock = reader.header, reader.is_complete, reader.clock_error
+            marks = reader.marks()
             told = None if waiting is None else lambda part: waiting(f"reading {run_id}: {100 * part:.0f} %")
             predictor = self._predictors.of(header)
             summary = self._read(reader.path) if self._read is not None and waiting is None else summarise(reader, told)
         if waiting is not None:
             predictor.wait(PATIENCE, lambda state: waiting(f"model {state}"))
-        document = self.document(summary, header, clock)
+        document = self.document(summary, header, clock, marks)
         if is_complete and predictor.map is not None:
             self._catalogue.store_document(run_id, KEPT_AS, document.model_dump(mode="json"))
         return document

@@ -102,9 +102,9 @@ def test_head_of_the_events_ends_at_once(bench: RecordedBench) -> None:
 
 
 def test_run_under_way_is_ended_once_asked(bench: RecordedBench) -> None:
-    assert bench.client.post(f"{API}/live/stop", headers=JSON).status_code == 404
+    assert bench.client.post(f"{API}/live/stop", json={}).status_code == 404
     bench.live.frame = FRAMES[0]
-    response = bench.client.post(f"{API}/live/stop", headers=JSON)
+    response = bench.client.post(f"{API}/live/stop", json={})
     assert (response.status_code, response.json()) == (202, {"run": FRAMES[0].header.run})
     assert bench.steered.stopped == [FRAMES[0].header.run]
 
@@ -126,7 +126,7 @@ def test_run_under_way_is_ended_once_asked(bench: RecordedBench) -> None:
 )
 def test_only_the_services_own_page_may_end_a_run(bench: RecordedBench, headers: dict[str, str], status: int) -> None:
     bench.live.frame = FRAMES[0]
-    response = bench.client.post(f"{API}/live/stop", headers=headers)
+    response = bench.client.post(f"{API}/live/stop", headers=headers, content=b"{}")
     assert response.status_code == status
     assert bool(bench.steered.stopped) == (status == 202)
 

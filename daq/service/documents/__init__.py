@@ -7,7 +7,7 @@ from daq.service.documents.live import LiveDocument, live_document
 from daq.service.documents.picture import PictureDocument, picture_document
 from daq.service.documents.problem import Fault, ProblemDocument
 from daq.service.documents.run import RunDocument, RunListDocument, run_document, run_list_document
-from daq.service.documents.stopping import OrderDocument, StartedDocument, StoppingDocument
+from daq.service.documents.stopping import OrderDocument, StartedDocument, StopDocument, StoppingDocument
 from daq.service.documents.summary import SummaryDocument, summary_document
 
 __all__ = [
@@ -22,6 +22,7 @@ __all__ = [
     "RunDocument",
     "RunListDocument",
     "StartedDocument",
+    "StopDocument",
     "StoppingDocument",
     "SummaryDocument",
     "agreement_document",

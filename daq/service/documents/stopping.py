@@ -32,6 +32,10 @@ class StartedDocument(Document):
     started_at: datetime = Field(description="Wall clock at the start, UTC", examples=["2026-11-24T09:12:07.250000Z"])
 
 
+class StopDocument(Document):
+    """An order to end the run under way; it has no fields."""
+
+
 class StoppingDocument(Document):
     """A run that is ending."""
 

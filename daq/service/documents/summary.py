@@ -14,6 +14,7 @@ from analysis.speed_table import SpeedRow
 from analysis.summary import ProbeSummary, RunSummary
 from daq.service.documents.agreement import AgreementDocument, agreement_document
 from daq.service.documents.document import Document
+from daq.service.documents.mark import MarkDocument
 from daq.service.documents.units import finite, micrometres, moment, rpm
 from daq.service.documents.vibration import Direction, ProbesDocument, direction, probes_document
 from model.compare import Agreement
@@ -135,6 +136,9 @@ class SummaryDocument(Document):
         description="Samples at the converter's rails, for each channel in the order of the card", examples=[[0, 0, 0]]
     )
     segments: tuple[SegmentDocument, ...] = Field(description="The run's gap-free stretches")
+    marks: tuple[MarkDocument, ...] = Field(
+        description="Moments that somebody named while the run was recorded, in order", default=()
+    )
     clock_error_ppm: float | None = Field(
         description="The card's clock against the computer's over the run, positive where the card is fast; null where "
         "the run is too short or did not go in real time",
@@ -169,7 +173,10 @@ class SummaryDocument(Document):
 
 
 def summary_document(
-    summary: RunSummary, agreement: Agreement | None = None, clock: ClockError | None = None
+    summary: RunSummary,
+    agreement: Agreement | None = None,
+    clock: ClockError | None = None,
+    marks: tuple[MarkDocument, ...] = (),
 ) -> SummaryDocument:
     """Return what a run was as a document.
 
@@ -181,6 +188,8 @@ def summary_document(
         How far the model agrees; None where there is no prediction for it.
     clock : ClockError or None
         The card's clock against the computer's; None where the run cannot tell.
+    marks : tuple of MarkDocument
+        Moments that somebody named.
     """
     tacho = summary.tacho
     return SummaryDocument(
@@ -195,6 +204,7 @@ def summary_document(
         lost_is_exact=summary.lost_is_exact,
         clipped_samples=summary.clipped,
         segments=tuple(_segment(end) for end in summary.segments),
+        marks=marks,
         clock_error_ppm=None if clock is None else finite(clock.error / PPM),
         clock_uncertainty_ppm=None if clock is None else finite(clock.uncertainty / PPM),
         lowest_speed_rpm=rpm(summary.lowest_speed),

@@ -1,0 +1,36 @@
+"""Moments that somebody named while a run was recorded."""
+
+from datetime import datetime
+from typing import Annotated
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from daq.service.documents.document import Document
+from daq.service.documents.units import finite, moment
+from recordings.marks import MOST_LETTERS, Mark
+
+
+class MarkDocument(Document):
+    """A moment and its name."""
+
+    text: str = Field(description="Its name", examples=["knocking begins"])
+    segment: int = Field(description="The segment in which it lies", examples=[0], ge=0)
+    time_s: float | None = Field(
+        description="Sample time in the segment, s, right within a block and the card's backlog", examples=[12.3]
+    )
+    at: datetime = Field(description="Wall clock of the host, UTC", examples=["2026-11-24T09:12:19.550000Z"])
+
+
+class MarkOrder(BaseModel):
+    """What the present moment is to be called."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    text: Annotated[str, Field(description="Its name", examples=["knocking begins"], max_length=MOST_LETTERS)] = "mark"
+
+
+def mark_document(mark: Mark, rate: float) -> MarkDocument:
+    """Return a mark as a document, for the run's sample rate, Hz."""
+    return MarkDocument(
+        text=mark.text, segment=mark.segment, time_s=finite(mark.sample / rate), at=moment(mark.host_time_ns)
+    )

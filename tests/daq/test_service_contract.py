@@ -1,0 +1,69 @@
+"""The service against its own schema: schemathesis with all its checks, over a real socket."""
+
+import re
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from daq.config.rig import Rig
+from tests.daq.frames import run_up
+from tests.daq.recorded_bench import RecordedBench, open_recorded_bench, record_run
+
+RigFactory = Callable[..., Rig]
+CONFIG = Path(__file__).with_name("schemathesis.toml")
+SHORT = {"profile": [{"time_s": 0.0, "speed_rpm": 5000.0}, {"time_s": 1.0, "speed_rpm": 7000.0}]}
+KNOWN = "2026-11-24T09-12-07-gj90c"  # what the schema's examples name
+LEAST_CAMPAIGN = 20_000
+
+
+@pytest.fixture
+def bench(tmp_path: Path, rig: RigFactory) -> Iterator[RecordedBench]:
+    folder = tmp_path / "data"
+    folder.mkdir()
+    record_run(rig(simulation=SHORT), folder, KNOWN)
+    served = open_recorded_bench(folder)
+    served.live.frame = list(run_up(3, "under-way"))[2]
+    yield served
+    served.close()
+
+
+def cases(bench: RecordedBench, *options: str, timeout: float) -> int:
+    """Try the service; return the number of cases, none of which may have found a fault."""
+    done = subprocess.run(
+        [
+            str(Path(sys.executable).with_name("schemathesis")),
+            f"--config-file={CONFIG}",
+            "run",
+            str(bench.client.base_url.join("/openapi.json")),
+            "--checks=all",
+            "--exclude-path=/api/v1/live/events",  # has no end
+            "--no-color",
+            *options,
+        ],
+        capture_output=True,
+        text=True,
+        timeout=timeout,
+        cwd=bench.folder.parent,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout[-8000:] + done.stderr[-2000:]
+    generated = re.search(r"(\d+) generated", done.stdout)
+    assert generated is not None, done.stdout[-2000:]
+    print(done.stdout[-600:])
+    return int(generated.group(1))
+
+
+def test_service_keeps_to_its_schema_in_some_hundred_cases(bench: RecordedBench) -> None:
+    assert cases(bench, "--phases=examples,fuzzing", "--max-examples=6", "--seed=1", timeout=120.0) > 200
+
+
+@pytest.mark.campaign
+def test_service_keeps_to_its_schema_in_twenty_thousand_cases(bench: RecordedBench) -> None:
+    total = cases(
+        bench, "--phases=examples,coverage,fuzzing,stateful", "--max-examples=1500", "--workers=2", timeout=7200.0
+    )
+    print(f"{total:,} cases")
+    assert total >= LEAST_CAMPAIGN
