@@ -63,8 +63,10 @@ class Pyramid:
             below, origin = self._samples[level - 1], self._first[level - 1]
             even = below[:, 2 * first - origin : 2 * end - 1 - origin : 2]
             odd = below[:, 2 * first - REACH - origin : 2 * end - 1 + REACH - origin : 2]
-            filtered = np.stack([np.convolve(row, _TAPS, mode="valid") for row in odd])
-            self._append(level, 0.5 * even + filtered)
+            filtered = 0.5 * even
+            for row, of_channel in enumerate(odd):
+                filtered[row] += np.correlate(of_channel, _TAPS, mode="valid")  # the taps are symmetric
+            self._append(level, filtered)
         self._trim()
 
     def _append(self, level: int, samples: FloatArray) -> None:
