@@ -24,8 +24,15 @@ IMPORTED_RECORD = "rig.imported"
 CONFIG_ATTACHMENT = "rig.toml"
 
 SAMPLES, SEGMENT_END, FEATURES, ORDER_FRAME = "/samples", "/segment_end", "/features", "/order_frame"
+MARK = "/mark"
 
-TOPICS = {SAMPLES: "SampleBlock", SEGMENT_END: "SegmentEnd", FEATURES: "Features", ORDER_FRAME: "OrderFrame"}
+TOPICS = {
+    SAMPLES: "SampleBlock",
+    SEGMENT_END: "SegmentEnd",
+    FEATURES: "Features",
+    ORDER_FRAME: "OrderFrame",
+    MARK: "Mark",
+}
 """Topics and their messages. The MCAP channel of each has its number in this order, from 1."""
 
 CHANNEL_IDS = {topic: k for k, topic in enumerate(TOPICS, start=1)}

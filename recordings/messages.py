@@ -9,7 +9,9 @@ from analysis.samples import EndReason, SampleBlock, SegmentEnd
 from recordings import rig_pb2
 from recordings.codec import pack, unpack
 
-Message = TypeVar("Message", rig_pb2.SampleBlock, rig_pb2.SegmentEnd, rig_pb2.Features, rig_pb2.OrderFrame)
+Message = TypeVar(
+    "Message", rig_pb2.SampleBlock, rig_pb2.SegmentEnd, rig_pb2.Features, rig_pb2.OrderFrame, rig_pb2.Mark
+)
 
 
 def parsed(message: Message, data: bytes) -> Message:

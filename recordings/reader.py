@@ -23,6 +23,7 @@ from recordings.layout import (
     CHANNEL_IDS,
     END_RECORD,
     FEATURES,
+    MARK,
     NANOSECONDS,
     ORDER_FRAME,
     SAMPLES,
@@ -30,6 +31,7 @@ from recordings.layout import (
     sample_time_ns,
     unsealed,
 )
+from recordings.marks import Mark, decode_mark
 from recordings.messages import block_span, decode_block, decode_segment_end, parsed
 from recordings.results import decode_snapshot
 from recordings.sequence import Sequence, cut_end
@@ -37,6 +39,7 @@ from recordings.sequence import Sequence, cut_end
 SAMPLE_CHANNEL = frozenset({CHANNEL_IDS[SAMPLES]})
 END_CHANNEL = frozenset({CHANNEL_IDS[SEGMENT_END]})
 RESULTS_LAG_NS = 2 * NANOSECONDS  # by which chunks may lie out of order, results being written after their samples
+MARK_CHANNEL = frozenset({CHANNEL_IDS[MARK]})
 RESULT_CHANNELS = frozenset({CHANNEL_IDS[FEATURES], CHANNEL_IDS[ORDER_FRAME]})
 
 
@@ -177,6 +180,15 @@ class RunReader:
         if filled < stop:
             raise DamagedError(f"{self.path}: segment {segment} is damaged after sample {filled}")
         return codes
+
+    def marks(self) -> tuple[Mark, ...]:
+        """Return the moments that were named while the run was recorded; those in damaged places are left out."""
+        marks = []
+        for message in self._messages(MARK_CHANNEL):
+            if message.channel in MARK_CHANNEL:
+                with suppress(ValueError):
+                    marks.append(decode_mark(message.data))
+        return tuple(sorted(marks, key=lambda mark: (mark.segment, mark.sample)))
 
     def snapshots(self) -> Iterator[Snapshot]:
         """Yield the snapshots as recorded, with an empty trace; those in damaged places are left out."""

@@ -18,12 +18,13 @@ from recordings.findings import Check, Finding
 from recordings.front import header_of, read_header
 from recordings.index_check import IndexCheck
 from recordings.layout import CONFIG_ATTACHMENT, END_RECORD, RUN_RECORD, TOPICS, unsealed
+from recordings.marks import decode_mark
 from recordings.messages import decode_block, decode_segment_end, parsed
 from recordings.reader import end_from_document
 from recordings.rig_pb2 import Features, OrderFrame
 
 WINDOW = 4 << 20
-SAMPLES_ID, END_ID, FEATURES_ID, FRAME_ID = range(1, 5)
+SAMPLES_ID, END_ID, FEATURES_ID, FRAME_ID, MARK_ID = range(1, 6)
 MOST_FINDINGS = 100
 
 
@@ -204,6 +205,8 @@ class _Inspection:
             parsed(Features(), message.data)
         elif message.channel == FRAME_ID:
             parsed(OrderFrame(), message.data)
+        elif message.channel == MARK_ID:
+            decode_mark(message.data)
         else:
             what = f"a message of channel {message.channel}, expected 1 to {len(TOPICS)}"
             yield Finding(Check.INDEX, where, what, is_fault=False)

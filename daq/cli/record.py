@@ -8,6 +8,7 @@ from pathlib import Path
 
 from daq.cli.console import Console
 from daq.cli.following import follow
+from daq.cli.marking import take_marks
 from daq.cli.screens import Screens
 from daq.cli.stopping import stop_requested
 from daq.cli.telling import tell
@@ -55,6 +56,8 @@ def run(chosen: argparse.Namespace) -> int:
                     f"run {order.run}  {device.product} ({which})  {n_channels} × {rate / 1e3:g} kS/s  {order.path}"
                 )
                 console.line(screens.addresses())
+                if take_marks(recorded, console):
+                    console.line("type a word and Enter to mark a moment; Ctrl-C ends the run")
                 outcome = follow(recorded, stop, console)
         if outcome.message:
             console.line(f"rig: {outcome.message}")

@@ -9,13 +9,14 @@ from daq.cli.console import Console
 from daq.errors import ServiceError, UsageError
 from daq.service.abilities import Abilities
 from daq.service.app import create_app
+from daq.service.documents.mark import MarkDocument, mark_document
 from daq.service.guard import is_loopback
 from daq.service.readings import Readings
 from daq.service.server import ServiceServer
 from daq.service.summaries import Summaries
 from daq.session.desk import RunDesk
 from daq.session.frame import FrameSink, LiveFrame
-from daq.session.run import Run
+from daq.session.run import Marked, Run
 from daq.view import open_live_view
 from recordings.catalogue import Catalogue
 
@@ -119,6 +120,12 @@ class Screens:
             return None
         run.stop()
         return run.header.run
+
+    def mark(self, text: str) -> MarkDocument | None:
+        """Name the present moment of the run that is recorded; None where none is."""
+        run = self._shown
+        mark = run.mark(text) if run is not None and isinstance(run, Marked) else None
+        return None if run is None or mark is None else mark_document(mark, run.header.acquisition.rate)
 
     @property
     def _shown(self) -> Run | None:

@@ -34,6 +34,9 @@ def summary_lines(summary: SummaryDocument) -> Iterator[str]:
     if summary.clock_error_ppm is not None:
         uncertainty = _number(summary.clock_uncertainty_ppm, 1)
         yield f"clock            the card's {summary.clock_error_ppm:+,.1f} ± {uncertainty} ppm against this computer's"
+    for mark in summary.marks:
+        where = f"segment {mark.segment}, " if len(summary.segments) > 1 else ""
+        yield f"mark             {where}{_number(mark.time_s, 1)} s  “{mark.text}”"
     for fault in _oddities(summary):
         yield f"unusual          {fault}"
     yield from _table(summary)

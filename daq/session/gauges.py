@@ -6,7 +6,7 @@ from multiprocessing.sharedctypes import SynchronizedArray
 
 from analysis.samples import SampleBlock, SegmentEnd
 
-_SAMPLES, _SEGMENT, _LOST, _AT_LEAST, _BACKLOG, _DISK, _BLOCK_AT, _ARMED, _RPM = range(9)
+_SAMPLES, _SEGMENT, _LOST, _AT_LEAST, _BACKLOG, _DISK, _BLOCK_AT, _ARMED, _RPM, _NUMBER = range(10)
 
 
 class Gauges:
@@ -24,7 +24,7 @@ class Gauges:
     @staticmethod
     def shared() -> "SynchronizedArray[int]":
         """Return fresh shared memory for a set of gauges."""
-        words = get_context("spawn").Array("q", 9)
+        words = get_context("spawn").Array("q", 10)
         words[_DISK] = -1
         return words
 
@@ -44,6 +44,7 @@ class Gauges:
         with self._words.get_lock():
             self._words[_SAMPLES] += block.n_samples
             self._words[_SEGMENT] = block.end
+            self._words[_NUMBER] = block.segment
             self._words[_BACKLOG] = block.backlog
             self._words[_ARMED] = 0
             self._words[_BLOCK_AT] = time.monotonic_ns()
@@ -54,6 +55,7 @@ class Gauges:
             self._words[_LOST] += end.lost
             self._words[_AT_LEAST] |= int(not end.lost_is_exact)
             self._words[_SEGMENT] = 0
+            self._words[_NUMBER] = end.segment + 1
             self._words[_BACKLOG] = 0
 
     @property
@@ -65,6 +67,12 @@ class Gauges:
     def segment_samples(self) -> int:
         """Samples per channel recorded of the present segment."""
         return int(self._words[_SEGMENT])
+
+    @property
+    def place(self) -> tuple[int, int]:
+        """The present segment, and samples per channel recorded of it."""
+        with self._words.get_lock():
+            return int(self._words[_NUMBER]), int(self._words[_SEGMENT])
 
     @property
     def lost(self) -> int:

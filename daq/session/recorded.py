@@ -24,6 +24,7 @@ from daq.session.recorder import RESULTS_DEADLINE, record
 from daq.session.ring import BlockRing
 from daq.session.run import Model, Outcome
 from daq.session.watchdog import alertness
+from recordings.marks import MOST_LETTERS, Mark, encode_mark
 from recordings.results import encode_snapshot
 
 OPEN_DEADLINE = 120.0  # s: the simulated rig compiles its model the first time
@@ -233,6 +234,15 @@ class RecordedRun:
         """Ask for the end, by hand."""
         self._by_hand = True
         self._send(Stop())
+
+    def mark(self, text: str) -> Mark | None:
+        """Name the present moment; return the mark, which is in the file soon, or None where the run has ended."""
+        if not self._thread.is_alive() or self._ring.is_closed:
+            return None
+        segment, sample = self._gauges.place
+        mark = Mark(segment, sample, " ".join(text.split())[:MOST_LETTERS] or "mark", time.time_ns())
+        self._send(encode_mark(mark, self._header))
+        return mark
 
     def wait(self, timeout: float) -> bool:
         """Wait up to `timeout` s for the end; return whether it has come."""

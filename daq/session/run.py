@@ -1,12 +1,13 @@
 """What every run offers while it goes, and what it comes to in the end."""
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from analysis.run import RunHeader
 from analysis.samples import EndReason, SegmentEnd
 from daq.session.frame import LiveFrame
 from model.prediction import Prediction
+from recordings.marks import Mark
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,4 +77,13 @@ class Run(Protocol):
 
     def close(self) -> Outcome:
         """End it, join all that it started, and say how it ended."""
+        ...
+
+
+@runtime_checkable
+class Marked(Protocol):
+    """A run in which moments can be named: one that is recorded."""
+
+    def mark(self, text: str) -> Mark | None:
+        """Name the present moment; return None where the run has ended."""
         ...

@@ -1,0 +1,54 @@
+"""Moments that somebody named while a run was recorded."""
+
+from dataclasses import dataclass
+
+from analysis.run import RunHeader
+from recordings import rig_pb2
+from recordings.layout import MARK, sample_time_ns
+from recordings.messages import parsed
+from recordings.results import EncodedResult
+
+MOST_LETTERS = 200
+"""A mark's text is cut off after so many."""
+
+
+@dataclass(frozen=True, slots=True)
+class Mark:
+    """A moment and its name.
+
+    Parameters
+    ----------
+    segment : int
+        The segment in which it lies.
+    sample : int
+        Samples per channel that were recorded of the segment when it came: right within a block and the card's backlog.
+    text : str
+        Its name.
+    host_time_ns : int
+        Wall clock of the host when it came, ns since 1970.
+    """
+
+    segment: int
+    sample: int
+    text: str
+    host_time_ns: int
+
+
+def encode_mark(mark: Mark, header: RunHeader) -> EncodedResult:
+    """Return the message that keeps a mark."""
+    rate = header.acquisition.rate
+    message = rig_pb2.Mark(
+        segment=mark.segment,
+        sample=mark.sample,
+        time_s=mark.sample / rate,
+        text=mark.text[:MOST_LETTERS],
+        host_time_ns=mark.host_time_ns,
+    )
+    log_time_ns = header.started_ns + sample_time_ns(mark.sample, rate)
+    return EncodedResult(MARK, log_time_ns, message.SerializeToString(), mark.segment)
+
+
+def decode_mark(data: bytes) -> Mark:
+    """Return the mark of a message; ValueError where the bytes are none."""
+    message = parsed(rig_pb2.Mark(), data)
+    return Mark(message.segment, message.sample, message.text, message.host_time_ns)

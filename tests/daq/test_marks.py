@@ -1,0 +1,77 @@
+"""Moments that are named while a run is recorded: over REST, at the terminal, in the file and in the summary."""
+
+import os
+import re
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import httpx
+import pytest
+
+from daq.config.rig import Rig
+from recordings.reader import RunReader
+from recordings.verify import verify
+from tests.daq.test_recorded import REAL_TIME, recorded
+from tests.daq.test_shutdown import POSIX, SLOW, command
+
+RigFiles = Callable[..., Path]
+RigFactory = Callable[..., Rig]
+JSON = {"Content-Type": "application/json"}
+
+
+def test_marks_are_in_the_file_at_the_moment_they_were_made(rig: RigFactory, tmp_path: Path) -> None:
+    run = recorded(rig(simulation=REAL_TIME), tmp_path)
+    time.sleep(0.7)
+    before = run.status().samples
+    first = run.mark("  knocking\nbegins ")
+    time.sleep(0.3)
+    second = run.mark("")
+    assert run.wait(60)
+    run.close()
+    assert run.mark("too late") is None
+    with RunReader(run.path) as reader:
+        assert reader.marks() == (first, second)
+        assert reader.n_samples == 40_000
+    assert first is not None
+    assert second is not None
+    assert (first.segment, first.text, second.text) == (0, "knocking begins", "mark")
+    assert before <= first.sample <= before + 2000
+    assert second.sample - first.sample == pytest.approx(0.3 * 20_000, abs=2 * 2000)
+    assert second.host_time_ns > first.host_time_ns
+    assert verify(run.path).findings == ()
+
+
+@POSIX
+def test_marks_come_by_rest_and_by_the_terminal_and_are_told_in_the_summary(rig_file: RigFiles, tmp_path: Path) -> None:
+    import pty  # noqa: PLC0415 - POSIX only
+
+    environment = os.environ | {"RIG_DATA": str(tmp_path / "data"), "RIG_CACHE": str(tmp_path / "cache")}
+    rig = rig_file(simulation=SLOW, limits={"speed_rpm": 4000.0})
+    process, terminal = pty.fork()
+    if process == 0:
+        os.execve(sys.executable, [*command(rig), "--for", "5s"], environment)  # noqa: S606 - it has the terminal
+    seen = b""
+    while b"lost 0" not in seen:
+        seen += os.read(terminal, 4096)
+    found = re.search(rb"REST (http://[^ ]+)", seen)
+    assert found is not None
+    url = found[1].decode() + "/live/marks"
+    assert httpx.post(url, json={"text": "by REST"}).status_code == 201
+    assert httpx.post(url, content=b'{"text": "a form"}', headers={"Content-Type": "text/plain"}).status_code == 415
+    assert httpx.post(url, json={"text": "x", "who": "y"}).status_code == 422
+    os.write(terminal, b"by hand\n")
+    try:
+        while True:
+            seen += os.read(terminal, 4096)
+    except OSError:  # the other side is closed
+        pass
+    os.waitpid(process, 0)
+    told = seen.decode(errors="replace")
+    assert "marked “by hand”" in told
+    assert re.search(r"mark +\d\.\d s  “by REST”", told)
+    assert re.search(r"mark +\d\.\d s  “by hand”", told)
+    (path,) = (tmp_path / "data").glob("*.mcap")
+    with RunReader(path) as reader:
+        assert [mark.text for mark in reader.marks()] == ["by REST", "by hand"]
