@@ -23,7 +23,7 @@ from analysis.run import (
 )
 from analysis.samples import SampleBlock
 from analysis.snapshot import OrderFrame, Snapshot, TachoReport, TachoState, Trace, Whirl
-from tests.recordings.postgresql import new_database, server
+from tests.recordings.postgresql import new_schema, server
 
 RATE = 20_000.0
 STARTED_NS = 1_795_511_527_123_456_789
@@ -144,11 +144,11 @@ def postgresql() -> Iterator[str]:
 
 @pytest.fixture(params=["sqlite", "postgresql"])
 def database(request: pytest.FixtureRequest) -> Iterator[str]:
-    """Let catalogues keep what they know in SQLite in their folders, then in an empty database of a real server."""
+    """Let catalogues keep what they know in SQLite in their folders, then in an empty schema of a real server."""
     before = os.environ.pop("RIG_CATALOGUE", None)
     if request.param == "postgresql":
         name = f"test_{uuid4().hex}"
-        os.environ["RIG_CATALOGUE"] = new_database(request.getfixturevalue("postgresql"), name)
+        os.environ["RIG_CATALOGUE"] = new_schema(request.getfixturevalue("postgresql"), name)
     yield request.param
     os.environ.pop("RIG_CATALOGUE", None)
     if before is not None:

@@ -29,7 +29,7 @@ def programs() -> Path | None:
 
 @contextmanager
 def server() -> Iterator[str]:
-    """Run a server; gives the address of its databases, to be followed by a name."""
+    """Run a server; gives the address, to be followed by a database."""
     folder = programs()
     if folder is None:
         reason = "PostgreSQL's server is not installed (Debian package postgresql)"
@@ -60,7 +60,7 @@ def server() -> Iterator[str]:
                 wait_for(port, running, place / "log")
                 yield f"postgresql+psycopg://rig@127.0.0.1:{port}/"
             finally:
-                running.send_signal(signal.SIGINT)
+                running.send_signal(signal.SIGQUIT)  # at once: nothing of it is kept
                 running.wait(PATIENCE)
     finally:
         shutil.rmtree(place, ignore_errors=True)
@@ -82,13 +82,13 @@ def wait_for(port: int, running: "subprocess.Popen[bytes]", log: Path) -> None:
             return
 
 
-def new_database(address: str, name: str) -> str:
-    """Make an empty database and return its address."""
+def new_schema(address: str, name: str) -> str:
+    """Make an empty schema, which is quicker than a database, and return the address of its tables."""
     import psycopg  # noqa: PLC0415  # only where there is a server
 
     with psycopg.connect(address.replace("+psycopg", "") + "postgres", autocommit=True) as connection:
-        connection.execute(f"CREATE DATABASE {name}".encode())
-    return f"{address}{name}"
+        connection.execute(f"CREATE SCHEMA {name}".encode())
+    return f"{address}postgres?options=-csearch_path%3D{name}"
 
 
 def free_port() -> int:

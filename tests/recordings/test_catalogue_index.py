@@ -242,15 +242,15 @@ def test_several_processes_share_a_catalogue(tmp_path: Path, record: Record) -> 
     for k in range(5):
         record(f"run-{k}", k + 1)
     context = multiprocessing.get_context("spawn")
-    processes = [context.Process(target=hammer, args=(tmp_path, number)) for number in range(3)]
+    processes = [context.Process(target=hammer, args=(tmp_path, number)) for number in range(2)]
     for process in processes:
         process.start()
     for process in processes:
         process.join(60)
-    assert [process.exitcode for process in processes] == [0, 0, 0]
+    assert [process.exitcode for process in processes] == [0, 0]
     catalogue = Catalogue(tmp_path)
     assert len(catalogue.runs()) == 5
-    assert [catalogue.load_document("run-4", f"document-{number}") for number in range(3)] == [{"k": 4}] * 3
+    assert [catalogue.load_document("run-4", f"document-{number}") for number in range(2)] == [{"k": 4}] * 2
     assert len(catalogue.search(Search(onset_below=math.inf))) == 5
 
 

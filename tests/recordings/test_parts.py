@@ -1,0 +1,103 @@
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from analysis.run import Acquisition, AnalysisSettings, Channel, Device, Limits, Role, RunHeader, Tacho
+from analysis.samples import EndReason, SampleBlock, SegmentEnd
+from recordings.catalogue import Catalogue
+from recordings.marks import Mark, encode_mark
+from recordings.parts import PartLimits, PartWriter
+from recordings.reader import RunReader
+from recordings.verify import verify
+
+RATE, BLOCK = 1000.0, 100
+NS = 1_000_000_000
+
+
+@pytest.fixture
+def header() -> RunHeader:
+    channels = tuple(Channel(role.value, role, f"ai{k}", -10, 10, (0.0, 3e-4)) for k, role in enumerate(Role))
+    acquisition = Acquisition(Device("simulated", "", "", "", simulated=True), RATE, 1e5, channels, Tacho(2.5, 1.0))
+    limits = Limits(80e-6, 95e-6, 100e-6, 2000 * math.pi / 3)
+    return RunHeader("run", "rig", 10**18, acquisition, AnalysisSettings(), limits, "", "rig", "a word")
+
+
+def codes(first: int, n: int = BLOCK) -> np.ndarray[tuple[int, int], np.dtype[np.int16]]:
+    return (np.arange(first, first + n) + 1000 * np.arange(3)[:, np.newaxis]).astype(np.int16)
+
+
+def written(folder: Path, header: RunHeader, limits: PartLimits, *, blocks: int = 12) -> PartWriter:
+    """Write a run of numbered samples, with an overrun of 50 samples after the seventh block and a mark in the ninth."""
+    writer = PartWriter(folder / "run.mcap", header, limits)
+    segment = first = 0
+    for k in range(blocks):
+        if k == 7:
+            writer.segment_end(SegmentEnd(0, first, EndReason.OVERRUN, 50))
+            segment, first = 1, 0
+        writer.block(SampleBlock(codes(k * BLOCK), segment, first, 0))
+        first += BLOCK
+        if k == 8:
+            writer.result(encode_mark(Mark(segment, first, "here", 5), header))
+    writer.segment_end(SegmentEnd(segment, first, EndReason.STOPPED))
+    writer.close()
+    return writer
+
+
+def test_parts_hold_every_sample_of_the_run_once(tmp_path: Path, header: RunHeader) -> None:
+    writer = written(tmp_path, header, PartLimits(samples=300))
+    assert writer.parts == 4
+    runs = sorted(Catalogue(tmp_path).runs(), key=lambda entry: entry.started_ns)
+    assert [entry.id for entry in runs] == ["run", "run-part2", "run-part3", "run-part4"]
+    got = []
+    for entry in runs:
+        assert verify(entry.path).findings == ()
+        with RunReader(entry.path) as reader:
+            assert reader.is_complete
+            assert reader.header.run == entry.id
+            assert reader.skipped_samples == reader.n_samples == 300
+            got += [item.codes for item in reader.items() if isinstance(item, SampleBlock)]
+    np.testing.assert_array_equal(np.concatenate(got, axis=1), codes(0, 12 * BLOCK))
+
+
+def test_parts_say_where_they_go_on_and_when_they_began(tmp_path: Path, header: RunHeader) -> None:
+    written(tmp_path, header, PartLimits(samples=300))
+    readers = [RunReader(tmp_path / f"{name}.mcap") for name in ("run", "run-part2", "run-part3", "run-part4")]
+    ends = [reader.segment_ends for reader in readers]
+    for reader in readers:
+        reader.close()
+    assert ends[0] == (SegmentEnd(0, 300, EndReason.FINISHED, detail="goes on in run-part2 with the next sample"),)
+    assert ends[2] == (
+        SegmentEnd(0, 100, EndReason.OVERRUN, 50),
+        SegmentEnd(1, 200, EndReason.FINISHED, detail="goes on in run-part4 with the next sample"),
+    )
+    assert ends[3] == (SegmentEnd(0, 300, EndReason.STOPPED),)
+    assert [reader.header.note for reader in readers[:2]] == ["a word", "a word (part 2 of run)"]
+    starts = [(reader.header.started_ns - header.started_ns) / NS for reader in readers]
+    assert starts == [0.0, 0.3, 0.6, 0.95]
+
+
+def test_mark_lies_in_its_part(tmp_path: Path, header: RunHeader) -> None:
+    written(tmp_path, header, PartLimits(samples=300))
+    with RunReader(tmp_path / "run-part3.mcap") as reader:
+        assert reader.marks() == (Mark(1, 200, "here", 5),)
+
+
+def test_part_that_is_full_at_the_end_of_a_segment_ends_with_it(tmp_path: Path, header: RunHeader) -> None:
+    written(tmp_path, header, PartLimits(samples=700))
+    with RunReader(tmp_path / "run.mcap") as first, RunReader(tmp_path / "run-part2.mcap") as second:
+        assert first.segment_ends == (SegmentEnd(0, 700, EndReason.OVERRUN, 50),)
+        assert second.segment_ends == (SegmentEnd(0, 500, EndReason.STOPPED),)
+        assert second.header.started_ns - header.started_ns == 750_000_000
+
+
+def test_size_limits_a_part_too(tmp_path: Path, header: RunHeader) -> None:
+    assert written(tmp_path, header, PartLimits(size=20_000)).parts > 1
+
+
+def test_run_without_limits_is_one_file_as_ever(tmp_path: Path, header: RunHeader) -> None:
+    assert written(tmp_path, header, PartLimits()).parts == 1
+    with RunReader(tmp_path / "run.mcap") as reader:
+        assert reader.skipped_samples == 0
+        assert reader.marks() == (Mark(1, 200, "here", 5),)
