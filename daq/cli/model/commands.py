@@ -4,6 +4,7 @@ import argparse
 
 from daq.cli.model.studies import add_studies
 from daq.cli.model.sweep import add_sweep
+from daq.cli.model.thesis import add_thesis
 
 _EPILOG = """\
 RANGE is FIRST:LAST:COUNT (FIRST:LAST:COUNT:log for equal ratios), or values with commas. Without RIG.TOML the thesis's
@@ -22,3 +23,4 @@ def add_kinds(parser: argparse.ArgumentParser) -> None:
 
     add_studies(add)
     add_sweep(add)
+    add_thesis(add)

@@ -1,0 +1,136 @@
+"""The thesis computed again as one page: stated beside computed, every figure, nothing fetched from elsewhere."""
+
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from html import escape
+
+from daq.cli.model.drawing import render
+from model.studies.study import Plot, Series, Surface
+from model.studies.thesis_chapter_6 import Trend
+from model.thesis_report import Comparison, Figure
+
+Captioned = tuple[str, tuple[Plot | Surface, ...]]
+
+_STYLE = """\
+body{font:15px/1.45 system-ui,sans-serif;max-width:72rem;margin:2rem auto;padding:0 1rem;color:#222}
+table{border-collapse:collapse;font-size:13px;margin:1rem 0}th,td{padding:.2rem .6rem;border-bottom:1px solid #ddd;
+text-align:left;vertical-align:top}td.n{text-align:right;font-variant-numeric:tabular-nums;white-space:nowrap}
+tr.no td.v{color:#a33;font-weight:600}tr.yes td.v{color:#276}figure{margin:1.5rem 0}
+figure svg{max-width:100%;height:auto}
+figcaption{font-size:13px;color:#444}.three figure{display:inline-block;width:48%;margin:.5rem .5%;vertical-align:top}
+"""
+_INTRODUCTION = (
+    "H. Zhang's tables and figures (2012), each stated number beside the computed one. “Reproduced” means within the "
+    "tolerance that the printing allows; where a number differs, the reason stands beside it."
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """A chapter of the report.
+
+    Parameters
+    ----------
+    title : str
+        Number and subject.
+    text : str
+        What must be known to read it.
+    comparisons : tuple of Comparison
+        Stated beside computed.
+    figures : tuple of pairs of caption and plots
+        Drawn.
+    trends : tuple of Trend
+        What is said in words.
+    """
+
+    title: str
+    text: str
+    comparisons: tuple[Comparison, ...]
+    figures: tuple[Captioned, ...]
+    trends: tuple[Trend, ...] = ()
+
+
+def captioned(figure: Figure) -> Captioned:
+    """Return a figure of curves as one to be drawn."""
+    series = tuple(Series(curve.label, curve.x, curve.y) for curve in figure.curves)
+    return f"Fig. {figure.number}: {figure.title}", (Plot(figure.title, figure.x_label, figure.y_label, series),)
+
+
+def page(parts: Sequence[Part]) -> str:
+    """Return the report as HTML."""
+    body = [
+        "<h1>The thesis computed again</h1>",
+        f"<p>{_INTRODUCTION}</p>",
+        _overview(parts),
+    ]
+    for number, part in enumerate(parts):
+        body += [f"<h2>{escape(part.title)}</h2>", f"<p>{escape(part.text)}</p>"]
+        if part.trends:
+            body.append(_trends(part.trends))
+        body.append(_comparisons(part.comparisons))
+        layout = ' class="three"' if len(part.figures) > 20 else ""
+        body.append(f"<div{layout}>")
+        body += [_figure(one, f"{number}-{index}") for index, one in enumerate(part.figures)]
+        body.append("</div>")
+    head = f'<meta charset="utf-8"><title>The thesis computed again</title><style>{_STYLE}</style>'
+    return f'<!doctype html><html lang="en"><head>{head}</head><body>{"".join(body)}</body></html>\n'
+
+
+def counts(part: Part) -> tuple[int, int]:
+    """Return how many numbers and trends of a part are reproduced, of how many."""
+    verdicts = [one.is_reproduced for one in part.comparisons] + [one.is_reproduced for one in part.trends]
+    return sum(verdicts), len(verdicts)
+
+
+def _overview(parts: Sequence[Part]) -> str:
+    rows = []
+    for part in parts:
+        good, total = counts(part)
+        places = Counter(one.place for one in part.comparisons if not one.is_reproduced)
+        missed = ", ".join(f"{place} ({count})" for place, count in places.items()) or "none"
+        rows.append(f"<tr><td>{escape(part.title)}<td class=n>{good} of {total}<td>{escape(missed)}</tr>")
+    return f"<table><tr><th>Chapter<th>Reproduced<th>Numbers that differ, by place</tr>{''.join(rows)}</table>"
+
+
+def _comparisons(comparisons: Iterable[Comparison]) -> str:
+    rows = []
+    for one in comparisons:
+        computed = "none" if one.computed is None else _number(one.computed)
+        deviation = "" if one.deviation is None else f"{one.deviation:+.3g}"
+        verdict, kind = ("reproduced", "yes") if one.is_reproduced else ("not reproduced", "no")
+        relation = "" if one.relation.value == "=" else f"{one.relation.value} "
+        cells = (
+            one.place,
+            one.quantity,
+            f"{relation}{_number(one.stated)}",
+            computed,
+            deviation,
+            one.unit,
+            verdict,
+            one.note,
+        )
+        kinds = ("", "", " class=n", " class=n", " class=n", "", " class=v", "")
+        row = "".join(f"<td{k}>{escape(cell)}" for k, cell in zip(kinds, cells, strict=True))
+        rows.append(f"<tr class={kind}>{row}</tr>")
+    names = ("Place", "Quantity", "Stated", "Computed", "Deviation", "Unit", "Verdict", "How, or why it differs")
+    return f"<table><tr>{''.join(f'<th>{name}' for name in names)}</tr>{''.join(rows)}</table>"
+
+
+def _trends(trends: Iterable[Trend]) -> str:
+    rows = "".join(
+        f"<tr class={'yes' if one.is_reproduced else 'no'}><td>{escape(one.text)}"
+        f"<td class=v>{'reproduced' if one.is_reproduced else 'not reproduced'}<td>{escape(one.seen)}</tr>"
+        for one in trends
+    )
+    return f"<table><tr><th>Trend stated<th>Verdict<th>Computed, in the order of the cases</tr>{rows}</table>"
+
+
+def _figure(one: Captioned, salt: str) -> str:
+    caption, plots = one
+    svg = render(plots, "svg", salt).decode()
+    return f"<figure>{svg[svg.index('<svg') :]}<figcaption>{escape(caption)}</figcaption></figure>"
+
+
+def _number(value: float) -> str:
+    return f"{value:,.1f}".removesuffix(".0") if abs(value) >= 100 else f"{value:.3g}"

@@ -1,0 +1,238 @@
+"""Chapter 6 of the thesis computed again: run-ups with eleven sets of parameters, onsets and trends.
+
+The printed imbalances (1, 2.5 and 5e-5 kg m) cannot be borne: two are larger than the rotor's mass times the bearing's
+clearance, and the smallest pins the journals near the wall. All cases are therefore computed at 0.05 of them, and the
+smallest once as printed.
+"""
+
+import itertools
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.gj90c import gj90c
+from model.parameters import ModelParameters
+from model.studies.run_up import INNER, OUTER, RunUp, bifurcation_plot, run_up, waterfall_surface
+from model.studies.study import Plot, Surface
+from model.studies.synchronous import Stability, stability
+from model.thesis_report import Comparison
+
+FloatArray = NDArray[np.float64]
+
+SHARE = 0.05  # of the printed imbalances
+SPEEDS = np.arange(200.0, 8001.0, 100.0)  # rad/s
+SPEEDS.flags.writeable = False
+PINNED = "at this imbalance the journals are pinned near the wall"
+NOT_FOLLOWING = (
+    "the onset speeds do not follow from the printed data: at the printed imbalance the journals are pinned to the "
+    "wall, at 0.05 of it the films let go as computed here"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """A set of parameters of chapter 6 and what is stated of it.
+
+    Parameters
+    ----------
+    name : str
+        What differs.
+    figures : str
+        In the thesis.
+    imbalance : float
+        As printed, kg m, on the turbine wheel.
+    viscosity : float
+        Pa s.
+    inner_clearance, outer_clearance : float
+        m.
+    static_load : float
+        On each ring, N.
+    inner_onset, outer_onset : float
+        Stated, rad/s.
+    share : float
+        Of the printed imbalance that is computed.
+    """
+
+    name: str
+    figures: str
+    imbalance: float = 2.5e-5
+    viscosity: float = 0.015
+    inner_clearance: float = 20e-6
+    outer_clearance: float = 80e-6
+    static_load: float = 0.0
+    inner_onset: float = math.nan
+    outer_onset: float = math.nan
+    share: float = SHARE
+
+    def parameters(self) -> ModelParameters:
+        """Return the case with the imbalance that can be borne."""
+        found = gj90c(
+            imbalance=self.share * self.imbalance,
+            viscosity=self.viscosity,
+            inner_clearance=self.inner_clearance,
+            outer_clearance=self.outer_clearance,
+        )
+        return replace(found, bearing=replace(found.bearing, static_load=self.static_load))
+
+
+CASES = (
+    Case("imbalance 1e-5 kg m", "Fig. 6.1", imbalance=1e-5, inner_onset=2600, outer_onset=6700),
+    Case("imbalance 2.5e-5 kg m, the base case", "Fig. 6.2", inner_onset=3500, outer_onset=6000),
+    Case("imbalance 5e-5 kg m", "Fig. 6.3", imbalance=5e-5, inner_onset=4100, outer_onset=5000),
+    Case("viscosity 5 mPa s", "Section 6.2", viscosity=0.005, inner_onset=1700, outer_onset=4500),
+    Case("viscosity 35 mPa s", "Section 6.2", viscosity=0.035, inner_onset=2900, outer_onset=6700),
+    Case("inner clearance 15 µm", "Figs 6.12, 6.13", inner_clearance=15e-6, inner_onset=2800, outer_onset=5000),
+    Case("inner clearance 25 µm", "Figs 6.12, 6.13", inner_clearance=25e-6, inner_onset=4000, outer_onset=5900),
+    Case("outer clearance 70 µm", "Figs 6.14, 6.15", outer_clearance=70e-6, inner_onset=800, outer_onset=6000),
+    Case("outer clearance 90 µm", "Figs 6.16, 6.17", outer_clearance=90e-6, inner_onset=2500, outer_onset=4900),
+    Case("static load 2 N", "Chapter 6", static_load=2.0, inner_onset=3000, outer_onset=5300),
+    Case("static load 5 N", "Chapter 6", static_load=5.0, inner_onset=2500, outer_onset=5000),
+    Case("1e-5 kg m as printed", "Fig. 6.1", imbalance=1e-5, inner_onset=2600, outer_onset=6700, share=1.0),
+)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Outcome:
+    """A case computed again.
+
+    Parameters
+    ----------
+    run : RunUp
+        40 turns to settle and 64 looked at, every 100 rad/s.
+    stability : Stability
+        Of the synchronous motion, by eigenvalues.
+    """
+
+    run: RunUp
+    stability: Stability
+
+
+def run_case(case: Case) -> Outcome:
+    """Return a case computed again; takes some seconds."""
+    parameters = case.parameters()
+    return Outcome(run_up(parameters, SPEEDS), stability(parameters, SPEEDS[::2], 5.0))
+
+
+def chapter_6_comparisons(found: tuple[Outcome, ...]) -> list[Comparison]:
+    """Return what chapter 6 states of its cases and frequencies, beside what run-ups of `CASES` showed."""
+    comparisons = []
+    for case, one in zip(CASES, found, strict=True):
+        for film, band, stated in (("inner", INNER, case.inner_onset), ("outer", OUTER, case.outer_onset)):
+            onset = one.run.onset(band)
+            why = PINNED if case.share == 1 else NOT_FOLLOWING
+            comparisons.append(
+                Comparison(
+                    case.figures,
+                    f"{film} film's onset, {case.name}",
+                    "rad/s",
+                    stated,
+                    onset if math.isfinite(onset) else None,
+                    100.0,
+                    note=("" if math.isfinite(onset) else f"no whirl of the {film} film; ")
+                    + f"{why}; {_bands(one.stability)}",
+                )
+            )
+    base = found[1].run
+    for film, band, stated, tolerance, note in (
+        ("outer", OUTER, 0.2, 0.02, "half the ring's speed: 0.203 for a centred ring"),
+        ("inner", INNER, 0.6, 0.11, "half the sum of both surfaces' speeds: 0.703 for a centred journal"),
+    ):
+        order = _order_at_onset(base, band)
+        where = f"order of the {film} film's whirl, base case"
+        comparisons.append(Comparison("Section 6.2", where, "X", stated, order, tolerance, note=note))
+    return comparisons
+
+
+def _bands(found: Stability) -> str:
+    """Return what the eigenvalues say."""
+    parts = [f"{one.start:,.0f} to {one.stop:,.0f} rad/s ({one.whirl_order:.2f}X)" for one in found.bands]
+    return "by eigenvalues unstable " + (" and ".join(parts) if parts else "nowhere")
+
+
+def _order_at_onset(found: RunUp, band: tuple[float, float]) -> float | None:
+    onset = found.onset(band)
+    if not math.isfinite(onset):
+        return None
+    row = found.spectrum[int(np.argmin(np.abs(found.speeds - onset)))]
+    inside = (found.orders >= band[0]) & (found.orders < band[1])
+    return float(found.orders[inside][int(np.argmax(row[inside]))])
+
+
+@dataclass(frozen=True, slots=True)
+class Trend:
+    """Something that chapter 6 says of its cases.
+
+    Parameters
+    ----------
+    text : str
+        The trend.
+    is_reproduced : bool
+        Whether the run-ups show it.
+    seen : str
+        What they show.
+    """
+
+    text: str
+    is_reproduced: bool
+    seen: str
+
+
+def trends(found: tuple[Outcome, ...]) -> list[Trend]:
+    """Return the trends of chapter 6, each judged by the run-ups of `CASES`."""
+    runs = [(case, one.run) for case, one in zip(CASES, found, strict=True)]
+    by_name = {case.name: one for case, one in runs}
+    base = CASES[1].name
+    imbalance = (CASES[0].name, base, CASES[2].name)
+    viscosity = ("viscosity 5 mPa s", base, "viscosity 35 mPa s")
+    inner_gap = ("inner clearance 15 µm", base, "inner clearance 25 µm")
+    outer_gap = ("outer clearance 70 µm", base, "outer clearance 90 µm")
+    load = (base, "static load 2 N", "static load 5 N")
+
+    def trend(text: str, names: tuple[str, ...], band: tuple[float, float], sign: int) -> Trend:
+        onsets = [by_name[name].onset(band) for name in names]
+        sizes = [one if math.isfinite(one) else math.inf for one in onsets]  # no whirl: later than any
+        steps = [(later > earlier) - (later < earlier) for earlier, later in itertools.pairwise(sizes)]
+        seen = " → ".join(f"{one:,.0f} rad/s" if math.isfinite(one) else "none" for one in onsets)
+        return Trend(text, all(step == sign for step in steps), seen)
+
+    both = [(one.onset(INNER), one.onset(OUTER)) for case, one in runs if case.share < 1]
+    ordered = sum(inner < outer for inner, outer in both)
+    largest = [float(np.nanmax(by_name[name].peak_to_peak)) * 1e6 for name in viscosity]
+    outer_at = np.flatnonzero(by_name[base].speeds == by_name[base].onset(OUTER))
+    overall = by_name[base].peak_to_peak * 1e6
+    grows = bool(outer_at.size) and float(np.nanmax(overall[outer_at[0] :])) > 2 * float(overall[outer_at[0] - 1])
+    return [
+        trend("more imbalance delays the inner film's whirl", imbalance, INNER, 1),
+        trend("more imbalance lowers the outer film's onset", imbalance, OUTER, -1),
+        Trend("the outer film follows the inner one", ordered == len(both), f"in {ordered} of {len(both)} cases"),
+        trend("thicker oil raises the inner film's onset", viscosity, INNER, 1),
+        trend("thicker oil raises the outer film's onset", viscosity, OUTER, 1),
+        Trend(
+            "thicker oil inhibits amplitudes",
+            all(later < earlier for earlier, later in itertools.pairwise(largest)),
+            " → ".join(f"{one:,.0f} µm peak-to-peak" for one in largest),
+        ),
+        trend("a larger inner clearance delays the inner film", inner_gap, INNER, 1),
+        trend("a larger inner clearance lowers the outer film's onset", inner_gap, OUTER, -1),
+        trend("a larger outer clearance lowers the inner film's onset", outer_gap, INNER, -1),
+        trend("a larger outer clearance lowers the outer film's onset", outer_gap, OUTER, -1),
+        trend("static load lowers the inner film's onset", load, INNER, -1),
+        trend("static load lowers the outer film's onset", load, OUTER, -1),
+        Trend("amplitude rises with the outer film's whirl", grows, f"to {float(np.nanmax(overall)):,.0f} µm pp"),
+    ]
+
+
+def chapter_6_figures(found: tuple[Outcome, ...]) -> list[tuple[str, tuple[Plot | Surface, ...]]]:
+    """Return a waterfall and a bifurcation diagram of each case, with captions."""
+    return [
+        (
+            f"{case.figures}: {case.name} (computed at {case.share:g} of the printed imbalance)",
+            (
+                waterfall_surface(one.run, f"Waterfall, {case.name}"),
+                bifurcation_plot(one.run, f"Bifurcation, {case.name}"),
+            ),
+        )
+        for case, one in zip(CASES, found, strict=True)
+    ]
