@@ -12,7 +12,7 @@ from typing import Any
 
 from sqlalchemy import Connection, Engine, Table, create_engine, event, make_url, select, text
 from sqlalchemy.dialects import postgresql, sqlite
-from sqlalchemy.exc import ArgumentError, DatabaseError, SQLAlchemyError
+from sqlalchemy.exc import ArgumentError, DatabaseError, OperationalError, SQLAlchemyError
 from sqlalchemy.pool import NullPool
 
 from recordings.errors import StorageError
@@ -39,11 +39,14 @@ class Database:
         The data folder.
     url : str
         An address as SQLAlchemy takes it; empty for the environment's RIG_CATALOGUE, or else SQLite in the folder.
+    patience : float
+        How long SQLite waits for another process that writes, s.
     """
 
-    def __init__(self, folder: Path, url: str = "") -> None:
+    def __init__(self, folder: Path, url: str = "", patience: float = PATIENCE) -> None:
         self._url = url or os.environ.get(CATALOGUE_VARIABLE, "")
         self._file = folder / FOLDER / FILE
+        self._patience = patience
         self._lock = Lock()
         self._engine: Engine | None = None
 
@@ -91,18 +94,24 @@ class Database:
 
     def _prepared(self) -> Engine:
         if self._url:
-            return _with_tables(_engine(self._url))
+            return _with_tables(_engine(self._url, self._patience))
         for last in (False, True):
             try:
                 self._file.parent.mkdir(parents=True, exist_ok=True)
-                return _with_tables(_engine(f"sqlite:///{self._file}"))
-            except (DatabaseError, OSError):
+                return _with_tables(_engine(f"sqlite:///{self._file}", self._patience))
+            except OSError:
+                break
+            except OperationalError as error:
+                if "locked" in str(error.orig):
+                    raise
+                break  # it cannot be written, or not even be opened
+            except DatabaseError:
                 if not last:
                     with suppress(OSError):  # spoilt: it can be built again
                         self._file.unlink()
         temporary = tempfile.mkdtemp(prefix="rig-catalogue-")
         weakref.finalize(self, shutil.rmtree, temporary, ignore_errors=True)
-        return _with_tables(_engine(f"sqlite:///{Path(temporary) / FILE}"))
+        return _with_tables(_engine(f"sqlite:///{Path(temporary) / FILE}", self._patience))
 
     @contextmanager
     def _translated(self) -> Iterator[None]:
@@ -113,10 +122,10 @@ class Database:
             raise StorageError(f"catalogue {self.name}: {reason[0] if reason else type(error).__name__}") from error
 
 
-def _engine(url: str) -> Engine:
+def _engine(url: str, patience: float) -> Engine:
     """Return an engine; a connection lives as long as it is used, so that processes may fork and files be moved."""
     is_sqlite = make_url(url).get_backend_name() == "sqlite"
-    engine = create_engine(url, poolclass=NullPool, connect_args={"timeout": PATIENCE} if is_sqlite else {})
+    engine = create_engine(url, poolclass=NullPool, connect_args={"timeout": patience} if is_sqlite else {})
     if is_sqlite:
         event.listen(engine, "connect", _leave_transactions_to_us)
         event.listen(engine, "begin", _begin)
