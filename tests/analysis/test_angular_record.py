@@ -184,3 +184,17 @@ def test_a_part_of_a_record_keeps_its_times(make_angular: Callable[..., AngularR
     with pytest.raises(ValueError, match="waveform"):
         record.with_waveform(np.zeros(3))
     assert replace(record, first_turn=3).part(0, 2).first_turn == 3
+
+
+def test_orders_one_to_six_at_600_hertz_go_through_the_whole_chain_within_a_quarter_per_cent() -> None:
+    """Orders 1, 0.5, 4 and 6 at 600 Hz on a shaft from 10 to 40 Hz in 5 s: order 6 reaches 0.4 of the rate."""
+    rate, amplitudes = 600.0, {1.0: 1.0, 0.5: 0.5, 4.0: 2.0**0.5, 6.0: 2.0}
+    time = np.arange(int(rate * 5.0)) / rate
+    turns = 10.0 * time + 3.0 * time**2
+    wave = sum(size * np.cos(2 * np.pi * order * turns) for order, size in amplitudes.items())
+    pulses = np.asarray((np.sqrt(100.0 + 12.0 * np.arange(0, 125)) - 10.0) / 6.0)
+    angle = shaft_angle(pulse_record(pulses, TACHO))
+    record = angular_record(np.stack([np.asarray(wave)] * 2), rate, angle, ProbePair(0.0, np.pi / 2))
+    spectrum = order_map(record).spectrum
+    for order, size in amplitudes.items():
+        assert np.abs(np.abs(spectrum[0, :, round(16 * order)]) / size - 1.0).max() < 0.0025
