@@ -90,12 +90,13 @@ def _plot(axes: "Axes", plot: Plot) -> None:
     axes.grid(visible=True, which="both" if plot.x_log or plot.y_log else "major", color="0.9", linewidth=0.6)
     axes.set_axisbelow(True)
     _thousands(axes, plot)
-    named = sum(bool(series.label) for series in plot.series)
-    if named > 1 or (named == 1 and len(plot.series) > 1):
-        if named > 5:
-            axes.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False)
-        else:
-            axes.legend(fontsize=8, framealpha=0.9)
+    named = len(axes.get_legend_handles_labels()[1])
+    if not axes.lines:
+        axes.text(0.5, 0.5, "nothing to draw", transform=axes.transAxes, ha="center", color="0.4")
+    elif named > 5:
+        axes.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False)
+    elif named > 1 or (named == 1 and len(plot.series) > 1):
+        axes.legend(fontsize=8, framealpha=0.9)
 
 
 def _series(axes: "Axes", series: Series) -> None:

@@ -27,6 +27,8 @@ def values(text: str) -> FloatArray:
 def _range(first: str, last: str, count: str, scale: str = "") -> FloatArray:
     """Return a range; none where it makes no sense."""
     start, stop, number = float(first), float(last), int(count)
+    if not (math.isfinite(start) and math.isfinite(stop)):
+        return np.empty(0)
     if not 2 <= number <= MOST or scale not in {"", "log"} or (scale == "log" and not (start > 0 and stop > 0)):
         return np.empty(0)
     return np.geomspace(start, stop, number) if scale == "log" else np.linspace(start, stop, number)

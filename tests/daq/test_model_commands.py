@@ -1,0 +1,105 @@
+"""`rig model`: tables, JSON and pictures of every study, and one clear message for what cannot be."""
+
+import json
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import pytest
+
+from daq.cli.main import main
+
+Capture = pytest.CaptureFixture[str]
+
+STUDIES = {
+    "modes": ["--count", "6"],
+    "campbell": ["--speeds", "0:8000:17"],
+    "critical": ["--stiffness-n-m", "1e3:1e10:8:log"],
+    "response": ["--speeds", "500:1500:3"],
+    "onset": ["--speeds", "600:1000:3"],
+    "waterfall": ["--speeds", "1000:1100:2", "--settle", "8", "--turns", "8"],
+    "bifurcation": ["--speeds", "1000:1100:2", "--settle", "8", "--turns", "8"],
+    "lubrication": ["--speeds", "1000:3000:3"],
+    "film": ["--eccentricity", "0.2,0.4"],
+}
+
+
+def document(capsys: Capture, *arguments: str) -> dict[str, list[dict[str, float]]]:
+    assert main(["model", *arguments, "--json"]) == 0
+    found: dict[str, list[dict[str, float]]] = json.loads(capsys.readouterr().out)
+    return found
+
+
+@pytest.mark.parametrize("name", STUDIES)
+def test_study_prints_a_table_and_draws_labelled_axes(name: str, tmp_path: Path, capsys: Capture) -> None:
+    picture = tmp_path / "out.svg"
+    assert main(["model", name, *STUDIES[name], "-o", str(picture)]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) > 3
+    texts = [element.text or "" for element in ET.parse(picture).iter("{http://www.w3.org/2000/svg}text")]  # noqa: S314  # our own
+    assert sum("[" in text and "]" in text for text in texts) >= 1, texts
+    assert "nan" not in " ".join(lines + texts).lower().split()
+
+
+def test_same_study_gives_the_same_picture(tmp_path: Path, capsys: Capture) -> None:
+    for name in ("a.svg", "b.svg"):
+        assert main(["model", "modes", "-o", str(tmp_path / name)]) == 0
+    assert (tmp_path / "a.svg").read_bytes() == (tmp_path / "b.svg").read_bytes()
+    assert main(["model", "modes", "-o", str(tmp_path / "a.png")]) == 0
+    assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
+    capsys.readouterr()
+
+
+def test_modes_are_those_of_table_5_2(capsys: Capture) -> None:
+    rows = document(capsys, "modes")["rows"]
+    forward = [row["frequency_hz"] for row in rows if row["frequency_hz"] > 0]
+    assert forward == pytest.approx([1730.2, 5044.9, 11975.2], abs=0.06)
+
+
+def test_campbell_follows_a_branch_of_table_5_3_and_names_the_critical_speeds(capsys: Capture) -> None:
+    found = document(capsys, "campbell", "--speeds", "0:8000:17")
+    first_bending = [row["branch_6_hz"] for row in found["rows"]]
+    assert [first_bending[0], first_bending[-1]] == pytest.approx([1731.7, 2409.3], abs=0.06)
+    remarks = " ".join(map(str, found["remarks"]))
+    assert "forward 135.8, 329.5; reverse 121.5, 329.3, 7,800.1" in remarks
+
+
+def test_onset_of_the_default_rotor_is_found_by_bisection(capsys: Capture) -> None:
+    found = document(capsys, "onset", "--speeds", "600:1000:3")
+    [remark] = [str(remark) for remark in found["remarks"]]
+    # docs/model.md: the synchronous motion is unstable from 7,700 r/min, 806 rad/s, at 0.70X
+    assert remark == "unstable from 800 to 1,000 rad/s, whirl at 0.70X"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["modes", "-o", "out.pdf"], "-o out.pdf: expected a name that ends with .svg or .png"),
+        (["film", "--eccentricity", "0.2,1.2"], "eccentricit"),
+        (["sweep", "--vary", "oil=1,2", "-o", "x.parquet"], "vary oil: unknown, expected one of imbalance_kg_m"),
+        (["sweep", "--vary", "viscosity_pa_s=0.01,0.02", "-o", "x.csv"], "expected a name that ends with .parquet"),
+        (["waterfall", "--turns", "2"], "--turns 2: expected 8 or more"),
+        (["modes", "nowhere.toml"], "nowhere.toml"),
+    ],
+)
+def test_what_cannot_be_is_said_in_one_message(arguments: list[str], message: str, capsys: Capture) -> None:
+    assert main(["model", *arguments]) == 2
+    error = capsys.readouterr().err
+    assert message in error
+    assert "Traceback" not in error
+
+
+@pytest.mark.parametrize("wrong", ["1:2", "2:1:1", "0:10:5", "a,b", "5:1:9", "1:inf:4"])
+def test_range_that_makes_no_sense_is_told(wrong: str, capsys: Capture) -> None:
+    with pytest.raises(SystemExit):
+        main(["model", "onset", "--speeds", wrong])
+    assert "expected" in capsys.readouterr().err
+
+
+def test_sweep_prints_its_points_and_is_taken_up_again(tmp_path: Path, capsys: Capture) -> None:
+    file = tmp_path / "out.parquet"
+    arguments = ["sweep", "--vary", "stiffness_n_m=1e4,1e7", "--quantity", "critical", "-o", str(file)]
+    picture = tmp_path / "out.svg"
+    first = document(capsys, *arguments, "--processes", "1", "--plot", str(picture))["rows"]
+    assert [row["first_forward_rad_s"] for row in first] == pytest.approx([135.8, 4034.8], abs=0.06)
+    assert picture.exists()
+    assert document(capsys, *arguments)["rows"] == first
