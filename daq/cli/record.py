@@ -11,7 +11,7 @@ from daq.cli.following import follow
 from daq.cli.marking import take_marks
 from daq.cli.screens import Screens
 from daq.cli.stopping import stop_requested
-from daq.cli.telling import tell
+from daq.cli.telling import print_json, tell
 from daq.config.load import load_rig
 from daq.config.rig import Rig
 from daq.config.trigger import with_trigger
@@ -21,6 +21,7 @@ from daq.session.messages import Order
 from daq.session.predictors import Predictors
 from daq.session.recorded import RecordedRun
 from recordings.catalogue import Catalogue, data_folder
+from recordings.parts import part_names
 
 
 def order_for(catalogue: Catalogue, rig: Rig, note: str, duration: float | None) -> Order:
@@ -61,7 +62,11 @@ def run(chosen: argparse.Namespace) -> int:
                 outcome = follow(recorded, stop, console)
         if outcome.message:
             console.line(f"rig: {outcome.message}")
-        document = summaries.patiently(order.run, console.progress)
+        documents = [summaries.patiently(part, console.progress) for part in part_names(order.path)]
         console.done()
-    tell(document, as_json=chosen.json)
+    if chosen.json and len(documents) > 1:
+        print_json(list(documents))
+    else:
+        for document in documents:
+            tell(document, as_json=chosen.json)
     return outcome.exit_code

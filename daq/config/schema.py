@@ -114,6 +114,8 @@ class StorageSection(Section):
 
     folder: str = ""  # empty: $RIG_DATA, else ./data
     reserve_gb: NotNegative = 1.0  # recording stops cleanly before less is free
+    split_gb: NotNegative = 0.0  # a run goes on in a further file when one is so large; 0: never
+    split_min: NotNegative = 0.0  # or holds so many minutes; 0: never
     catalogue: str = ""  # database of the runs, as "postgresql+psycopg://…"; empty: $RIG_CATALOGUE, else in the folder
 
 

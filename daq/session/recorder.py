@@ -23,8 +23,8 @@ from daq.session.gauges import Gauges
 from daq.session.messages import Acquired, Closed, Done, Opened, Order, Refused, Stop
 from daq.session.ring import BlockRing
 from recordings.errors import RecordingError
+from recordings.parts import PartLimits, PartWriter
 from recordings.results import EncodedResult
-from recordings.writer import RunWriter
 
 RESULTS_DEADLINE = 15.0  # s that the finished acquisition waits for the last results before the file is closed without
 
@@ -39,7 +39,7 @@ def record(order: Order, ring_name: str, gauge_words: "SynchronizedArray[int]", 
             _require_room(order)
             source = stack.enter_context(closing(open_triggered(order.rig, gauges.wait)))
             header = run_header(order, source)
-            writer = RunWriter(order.path, header)
+            writer = PartWriter(order.path, header, _part_limits(order, header))
         except RigError as error:
             pipe.send(Refused(str(error), error.exit_code))
         except RecordingError as error:
@@ -53,6 +53,13 @@ def _leave_to_the_watching_process(*names: str) -> None:
     for name in names:  # SIGHUP: POSIX only; SIGBREAK: Windows only
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), signal.SIG_IGN)
+
+
+def _part_limits(order: Order, header: RunHeader) -> PartLimits:
+    """Return when a run goes on in a further file, as the rig says."""
+    storage = order.rig.config.storage
+    samples = round(60 * storage.split_min * header.acquisition.rate) or None
+    return PartLimits(samples, round(1e9 * storage.split_gb) or None)
 
 
 def _require_room(order: Order) -> None:
@@ -93,7 +100,7 @@ class _Recorder:
     """Source → file and ring, until the end; results on the side."""
 
     def __init__(
-        self, order: Order, source: Source, writer: RunWriter, ring: BlockRing, gauges: Gauges, pipe: Connection
+        self, order: Order, source: Source, writer: PartWriter, ring: BlockRing, gauges: Gauges, pipe: Connection
     ) -> None:
         self._order = order
         self._source = source

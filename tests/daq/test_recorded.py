@@ -1,3 +1,4 @@
+import multiprocessing
 import os
 import signal
 import subprocess
@@ -16,15 +17,20 @@ from numpy.typing import NDArray
 from analysis.samples import EndReason, SampleBlock
 from analysis.snapshot import Snapshot
 from daq.config.rig import Rig
+from daq.drivers.opening import open_source
 from daq.drivers.replay import open_replay
 from daq.drivers.simulated_card import SimulatedCard
 from daq.errors import RigError
 from daq.session.frame import LiveFrame, RunState, Status
+from daq.session.gauges import Gauges
 from daq.session.live import LiveAnalysis
-from daq.session.messages import Order
+from daq.session.messages import Done, Order
 from daq.session.offline import summarise
 from daq.session.recorded import RecordedRun
+from daq.session.recorder import _Recorder, run_header
+from daq.session.ring import BlockRing
 from model.prediction import Prediction
+from recordings.parts import PartLimits, PartWriter, part_names
 from recordings.reader import RunReader
 
 RigFactory = Callable[..., Rig]
@@ -220,6 +226,39 @@ def test_run_that_exists_is_never_overwritten(rig: RigFactory, tmp_path: Path) -
 def test_disk_that_is_full_already_is_refused(rig: RigFactory, tmp_path: Path) -> None:
     with pytest.raises(RigError, match=r"storage\.reserve_gb"):
         recorded(rig(storage={"reserve_gb": 1e9}), tmp_path)
+
+
+def test_run_that_is_split_loses_no_sample_between_its_files(rig: RigFactory, tmp_path: Path) -> None:
+    small = rig(storage={"split_min": 0.01})
+    run = recorded(small, tmp_path)
+    assert run.wait(60)
+    assert run.close().exit_code == 0
+    files = [tmp_path / f"{name}.mcap" for name in part_names(run.path)]
+    assert len(files) == 4  # of 0.6 s at least, in blocks of 0.1 s
+    np.testing.assert_array_equal(np.hstack([codes_of(file) for file in files]), codes_of_card(small))
+    with RunReader(files[1]) as reader:
+        assert reader.is_gap_free
+        assert summarise(reader).snapshots == 6
+
+
+def test_disk_that_fills_up_ends_the_recording_cleanly(rig: RigFactory, tmp_path: Path) -> None:
+    full = order(rig(storage={"reserve_gb": 1e9}, simulation=REAL_TIME), tmp_path)
+    source = open_source(full.rig)
+    here, there = multiprocessing.Pipe()
+    ring = BlockRing.create(3, 2001, 16)
+    before = signal.getsignal(signal.SIGTERM)
+    with closing(ring), closing(source):
+        header = run_header(full, source)
+        threading.Timer(1.0, here.send, [Done(0)]).start()
+        writer = PartWriter(full.path, header, PartLimits())
+        _Recorder(full, source, writer, ring, Gauges(Gauges.shared()), there).run(header)
+    signal.signal(signal.SIGTERM, before)
+    with RunReader(full.path) as reader:
+        assert reader.is_complete
+        (end,) = reader.segment_ends
+    assert end.is_gap_free
+    assert "recording stopped: " in end.detail
+    assert "storage.reserve_gb = 1e+09" in end.detail
 
 
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="POSIX only")

@@ -27,8 +27,8 @@ from daq.session.messages import Acquired, Opened
 from daq.session.recorder import _Recorder, run_header
 from daq.session.ring import BlockRing
 from daq.session.run import Outcome
+from recordings.parts import PartLimits, PartWriter
 from recordings.reader import RunReader
-from recordings.writer import RunWriter
 from tests.daq.test_recorded import Screen, order, recorded
 
 RigFiles = Callable[..., Path]
@@ -145,7 +145,9 @@ def test_fault_of_the_program_in_the_recorder_finishes_the_file_and_releases_the
     here, there = Pipe()
     ring = BlockRing.create(3, 2001, 16)
     with closing(ring), closing(here):
-        recorder = _Recorder(made, source, RunWriter(made.path, header), ring, Gauges(Gauges.shared()), there)
+        recorder = _Recorder(
+            made, source, PartWriter(made.path, header, PartLimits()), ring, Gauges(Gauges.shared()), there
+        )
         threading.Timer(0.5, here.send, ["not an order"]).start()
         threading.Timer(1.0, here.close).start()
         recorder.run(header)
@@ -173,7 +175,9 @@ def test_fault_of_the_program_in_the_recorder_is_told(rig: RigFactory, tmp_path:
     watching = threading.Thread(target=watch)
     watching.start()
     with closing(ring):
-        recorder = _Recorder(made, source, RunWriter(made.path, header), ring, Gauges(Gauges.shared()), there)
+        recorder = _Recorder(
+            made, source, PartWriter(made.path, header, PartLimits()), ring, Gauges(Gauges.shared()), there
+        )
         recorder.run(header)
     watching.join(5)
     assert [type(message) for message in told] == [Opened, Acquired]

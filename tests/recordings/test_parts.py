@@ -4,7 +4,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.run import Acquisition, AnalysisSettings, Channel, Device, Limits, Role, RunHeader, Tacho
+from analysis.run import Acquisition, AnalysisSettings, Calibration, Channel, Device, Limits, Role, RunHeader, Tacho
 from analysis.samples import EndReason, SampleBlock, SegmentEnd
 from recordings.catalogue import Catalogue
 from recordings.marks import Mark, encode_mark
@@ -18,7 +18,11 @@ NS = 1_000_000_000
 
 @pytest.fixture
 def header() -> RunHeader:
-    channels = tuple(Channel(role.value, role, f"ai{k}", -10, 10, (0.0, 3e-4)) for k, role in enumerate(Role))
+    calibration = Calibration((0.0, 1e-4), 0.0, 10.0)
+    channels = tuple(
+        Channel(role.value, role, f"ai{k}", -10, 10, (0.0, 3e-4), None if role is Role.TACHO else calibration)
+        for k, role in enumerate(Role)
+    )
     acquisition = Acquisition(Device("simulated", "", "", "", simulated=True), RATE, 1e5, channels, Tacho(2.5, 1.0))
     limits = Limits(80e-6, 95e-6, 100e-6, 2000 * math.pi / 3)
     return RunHeader("run", "rig", 10**18, acquisition, AnalysisSettings(), limits, "", "rig", "a word")
@@ -29,7 +33,7 @@ def codes(first: int, n: int = BLOCK) -> np.ndarray[tuple[int, int], np.dtype[np
 
 
 def written(folder: Path, header: RunHeader, limits: PartLimits, *, blocks: int = 12) -> PartWriter:
-    """Write a run of numbered samples, with an overrun of 50 samples after the seventh block and a mark in the ninth."""
+    """Write a run of numbered samples, with an overrun of 50 after the seventh block and a mark in the ninth."""
     writer = PartWriter(folder / "run.mcap", header, limits)
     segment = first = 0
     for k in range(blocks):
@@ -52,7 +56,7 @@ def test_parts_hold_every_sample_of_the_run_once(tmp_path: Path, header: RunHead
     assert [entry.id for entry in runs] == ["run", "run-part2", "run-part3", "run-part4"]
     got = []
     for entry in runs:
-        assert verify(entry.path).findings == ()
+        assert not [finding for finding in verify(entry.path).findings if finding.is_fault]
         with RunReader(entry.path) as reader:
             assert reader.is_complete
             assert reader.header.run == entry.id
