@@ -19,6 +19,7 @@ from daq.service.documents.document import Document
 from daq.service.documents.moment import full_spectrum_document, orbit_document, order_spectrum_document
 from daq.service.documents.summary import speed_row_document, sub_synchronous_document
 from daq.service.documents.units import finite, micrometres, rpm
+from daq.service.plots import plot
 from daq.service.questions import At, CascadeQuery, TrendQuery
 from daq.service.records import NoSuchMomentError, records, snapshot_at, status_of
 from daq.service.trend import trend_document
@@ -27,6 +28,7 @@ from recordings.reader import RunReader
 
 RPM = np.pi / 30.0
 ANSWERS_KEPT = 128
+DRAWN = "plots/"  # before the name of an answer that is wanted as SVG
 LEVEL = 4  # of gzip: beyond it nothing is gained but time spent
 
 
@@ -112,6 +114,8 @@ def answer_of(path: Path, what: str, query: object, packed: bool) -> bytes:  # n
 
 @lru_cache(maxsize=ANSWERS_KEPT)
 def _answer(path: Path, _size: int, _changed_ns: int, what: str, query: object, packed: bool) -> bytes:  # noqa: FBT001 - a key of the cache
+    is_drawn = what.startswith(DRAWN)
+    what = what.removeprefix(DRAWN)
     document = ANSWERS[what](path) if query is None else ANSWERS[what](path, query)
-    body = document.model_dump_json().encode()
+    body = (plot(document) if is_drawn else document.model_dump_json()).encode()
     return gzip.compress(body, LEVEL, mtime=0) if packed else body

@@ -1,6 +1,6 @@
 """The addresses that tell of a recorded run: its results, its samples, its file."""
 
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from functools import partial
 from typing import Annotated, Protocol
 
@@ -46,6 +46,7 @@ from daq.session.frame import LiveFrame
 from recordings.catalogue import RunEntry
 
 MCAP = "application/octet-stream"
+SVG = "image/svg+xml"
 NPZ = "application/x-npz"
 ARROW = "application/vnd.apache.arrow.stream"
 SAMPLE_TYPES = {"application/json": SampleFormat.JSON, NPZ: SampleFormat.NPZ, ARROW: SampleFormat.ARROW}
@@ -116,6 +117,18 @@ class RunRoutes:
             routing.add(
                 f"/runs/{{run}}/{what}", endpoint, name, "results", meaning, *kinds, model=model, answers=NOT_MODIFIED
             )
+        for what, plotter, meaning in (
+            ("order-spectrum", self.plot_of_moment("order-spectrum"), "The order spectrum of a moment, drawn"),
+            ("full-spectrum", self.plot_of_moment("full-spectrum"), "The full spectrum of a moment, drawn"),
+            ("orbit", self.plot_of_moment("orbit"), "The orbit of a moment, drawn"),
+            ("bode", self.bode, "Amplitude and phase of 1X over speed, drawn"),
+            ("cascade", self.drawn_cascade, "Order spectra over speed, drawn"),
+        ):
+            name = f"draw_run_{what.replace('-', '_')}"
+            routing.add(
+                f"/runs/{{run}}/plots/{what}.svg", plotter, name, "results", meaning, *READING, NO_SUCH_MOMENT,
+                answers={200: {"content": {SVG: {"schema": {"type": "string"}}}}, **NOT_MODIFIED},
+            )  # fmt: skip
         predicted = (*READING, NO_SUCH_MOMENT, MODEL_NOT_READY)
         routing.add(
             "/runs/{run}/prediction", self.prediction, "get_run_prediction", "results",
@@ -170,6 +183,23 @@ class RunRoutes:
     async def orbit(self, request: Request, run: RunId, at: Annotated[At, Query()]) -> Response:
         """Give the path of the last whole revolutions of the recorded frame that is nearest."""
         return await self._answer(request, run, "orbit", at)
+
+    def plot_of_moment(self, what: str) -> Callable[..., Awaitable[Response]]:
+        """Return the endpoint that draws order spectrum, full spectrum or orbit."""
+
+        async def draw(request: Request, run: RunId, at: Annotated[At, Query()]) -> Response:
+            """Draw the recorded frame that is nearest, with the same numbers as the address without `plots`."""
+            return await self._answer(request, run, f"plots/{what}", at)
+
+        return draw
+
+    async def bode(self, request: Request, run: RunId) -> Response:
+        """Draw 1X at both probes over speed."""
+        return await self._answer(request, run, "plots/order-vectors")
+
+    async def drawn_cascade(self, request: Request, run: RunId, query: Annotated[CascadeQuery, Query()]) -> Response:
+        """Draw the spectra one above the other, each with its foot at its speed."""
+        return await self._answer(request, run, "plots/cascade", query)
 
     async def prediction(self, run: RunId, at: Annotated[Speed, Query()]) -> PredictionDocument:
         """Give what the model expects of the run's rig, as its configuration was then."""
@@ -235,7 +265,7 @@ class RunRoutes:
         if is_known(request.headers.get("if-none-match"), tag):
             return Response(status_code=304, headers=headers)
         body = await self._makings.run(partial(self._readings.answer, entry, what, query, packed=packed))
-        return Response(body, headers=headers, media_type="application/json")
+        return Response(body, headers=headers, media_type=SVG if what.startswith("plots/") else "application/json")
 
     async def _entry(self, run: str) -> RunEntry:
         """Return a run that has ended."""

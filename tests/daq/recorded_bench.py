@@ -12,6 +12,8 @@ from daq.config.rig import Rig
 from daq.drivers.opening import open_source
 from daq.service.abilities import Abilities
 from daq.service.app import create_app
+from daq.service.documents.mark import MarkDocument
+from daq.service.documents.units import moment
 from daq.service.live_routes import Desk
 from daq.service.readings import Readings
 from daq.service.server import ServiceServer
@@ -51,6 +53,11 @@ class Steered:
             return None
         self.stopped.append(self.live.frame.header.run)
         return self.live.frame.header.run
+
+    def mark(self, text: str) -> MarkDocument | None:
+        if self.live.frame is None:
+            return None
+        return MarkDocument(text=text, segment=0, time_s=1.0, at=moment(1_795_511_527_250_000_000))
 
 
 class KnownModels:

@@ -14,7 +14,7 @@ from tests.daq.recorded_bench import RecordedBench, open_recorded_bench, record_
 
 RigFactory = Callable[..., Rig]
 CONFIG = Path(__file__).with_name("schemathesis.toml")
-SHORT = {"profile": [{"time_s": 0.0, "speed_rpm": 5000.0}, {"time_s": 1.0, "speed_rpm": 7000.0}]}
+SHORT = {"profile": [{"time_s": 0.0, "speed_rpm": 10_000.0}, {"time_s": 1.0, "speed_rpm": 12_000.0}]}
 KNOWN = "2026-11-24T09-12-07-gj90c"  # what the schema's examples name
 LEAST_CAMPAIGN = 20_000
 

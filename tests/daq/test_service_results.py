@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from importlib import import_module
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
@@ -240,3 +241,18 @@ def test_run_under_way_is_not_read(bench: RecordedBench) -> None:
 def test_gzipped_answer_is_what_it_says(bench: RecordedBench) -> None:
     with bench.client.stream("GET", f"{API}/runs/{RUN}/order-vectors") as response:
         assert gzip.decompress(b"".join(response.iter_raw())).startswith(b'{"run":')
+
+
+@pytest.mark.parametrize("what", ["order-spectrum", "full-spectrum", "orbit", "bode", "cascade"])
+def test_plot_is_an_svg_of_curves_that_lie_inside_it(bench: RecordedBench, what: str) -> None:
+    response = bench.get(f"/plots/{what}.svg")
+    assert response.headers["content-type"] == "image/svg+xml"
+    root = ET.fromstring(response.text)  # noqa: S314 - the service's own
+    lines = root.findall(".//{http://www.w3.org/2000/svg}polyline")
+    assert lines
+    for line in lines:
+        points = np.array([point.split(",") for point in line.attrib["points"].split()], dtype=np.float64)
+        assert points.min() >= 0.0
+        assert points[:, 0].max() <= 640.0
+        assert points[:, 1].max() <= 400.0
+    assert RUN in response.text
