@@ -8,12 +8,17 @@ from analysis.analyser import Analyser
 from analysis.run import RunHeader
 from analysis.samples import SampleBlock, SourceItem
 from analysis.snapshot import Snapshot
+from recordings.marks import Mark, encode_mark
 from recordings.results import encode_snapshot
 from recordings.writer import RunWriter
 
 
 def write_analysed(
-    path: Path, header: RunHeader, items: Iterable[SourceItem], remarks: Mapping[str, Mapping[str, Any]]
+    path: Path,
+    header: RunHeader,
+    items: Iterable[SourceItem],
+    remarks: Mapping[str, Mapping[str, Any]],
+    marks: Iterable[Mark] = (),
 ) -> None:
     """Write a run; nothing is left of it where that fails.
 
@@ -27,6 +32,9 @@ def write_analysed(
         Its samples, in order; every segment has its end.
     remarks : mapping of str to mapping
         Further records by name, written when all samples have been taken.
+
+    marks : iterable of Mark
+        Named moments, taken when all samples have been.
 
     Raises
     ------
@@ -45,6 +53,8 @@ def write_analysed(
             else:
                 _keep(writer, header, analyser.segment_end(item))
                 writer.segment_end(item)
+        for mark in marks:
+            writer.result(encode_mark(mark, header))
         for name, document in remarks.items():
             writer.record(name, document)
         writer.close()

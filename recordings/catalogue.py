@@ -303,7 +303,7 @@ class Catalogue:
     def _sum_up(self, run_id: str, summarise: Summarise) -> None:
         """Keep what a search needs of a run's summary; a run that cannot be read has none."""
         with suppress(RecordingError), RunReader(self.path(run_id)) as reader:
-            self._shelf.summarise(run_id, summarise(reader))
+            self._shelf.summarise(run_id, summarise(reader), reader.marks())
 
 
 @dataclass(frozen=True, slots=True)

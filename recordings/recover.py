@@ -1,7 +1,7 @@
 """A whole copy of what is intact in a damaged recording, and exactly what is missing from it."""
 
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 from analysis.run import RunHeader
@@ -10,7 +10,8 @@ from recordings.analysed import write_analysed
 from recordings.container import ChunkPlace, Container
 from recordings.errors import DamagedError, RecordingError
 from recordings.front import read_header
-from recordings.layout import CHANNEL_IDS, END_RECORD, RECOVERED_RECORD, SAMPLES, SEGMENT_END, unsealed
+from recordings.layout import CHANNEL_IDS, END_RECORD, MARK, RECOVERED_RECORD, SAMPLES, SEGMENT_END, unsealed
+from recordings.marks import Mark, decode_mark
 from recordings.messages import decode_block, decode_segment_end
 from recordings.reader import end_from_document
 from recordings.salvage import search_chunks
@@ -116,7 +117,8 @@ def recover(source: Path, target: Path) -> Recovery:
         if not any(isinstance(item, SampleBlock) for item in salvage.read()):
             raise DamagedError(f"{source}: nothing to recover: it holds no intact samples")
         told: dict[str, object] = {}
-        write_analysed(target, header, _told(salvage, source, told), {RECOVERED_RECORD: told})
+        items = _told(salvage, source, told)
+        write_analysed(target, header, items, {RECOVERED_RECORD: told}, salvage.marks())
         return Recovery(source, target, salvage.damaged, tuple(salvage.stretches), tuple(salvage.missing))
     finally:
         container.close()
@@ -146,6 +148,7 @@ class _Salvage:
         self.damaged = 0
         self.stretches: list[Stretch] = []
         self.missing: list[Missing] = []
+        self._marks: list[Mark] = []
         self._segment = 0  # of the copy
         self._from_segment, self._first, self._next_sample = 0, 0, 0
         self._is_open = True
@@ -153,8 +156,23 @@ class _Salvage:
     def read(self) -> Iterator[SampleBlock | SegmentEnd]:
         """Yield all blocks and ends of segments that can be read, in the order of the file."""
         self.damaged = 0
+        self._marks = []
         for place in self._places:
             yield from self._chunk(place)
+
+    def marks(self) -> Iterator[Mark]:
+        """Yield the marks where they lie in the copy, once all items have come; one in a hole is at its beginning."""
+        for mark in self._marks:
+            before = [
+                stretch
+                for stretch in self.stretches
+                if (stretch.from_segment, stretch.first) <= (mark.segment, mark.sample)
+            ]
+            if before:
+                stretch = before[-1]
+                same = stretch.from_segment == mark.segment
+                sample = min(mark.sample, stretch.stop) - stretch.first if same else stretch.stop - stretch.first
+                yield replace(mark, segment=stretch.segment, sample=sample)
 
     def items(self) -> Iterator[SourceItem]:
         """Yield what is intact as segments without a gap, each with its end."""
@@ -227,6 +245,8 @@ class _Salvage:
                     yield decode_block(message.data)
                 elif message.channel == CHANNEL_IDS[SEGMENT_END]:
                     yield decode_segment_end(message.data)
+                elif message.channel == CHANNEL_IDS[MARK]:
+                    self._marks.append(decode_mark(message.data))
             except ValueError:  # intact, but no message of ours
                 continue
 

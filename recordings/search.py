@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from sqlalchemy import ColumnElement, and_, exists, or_
 
-from recordings.tables import FINDING, RUN, TAG
+from recordings.tables import FINDING, MARK, RUN, TAG
 
 RPM = 2 * math.pi / 60
 
@@ -23,7 +23,7 @@ class Search:
     speed_low, speed_high : float or None
         The run went through some speed of this range, rad/s.
     text : str
-        Words that all stand somewhere in id, rig, note or remark, whatever their case.
+        Words that all stand somewhere in id, rig, note, remark or a mark, whatever their case.
     tags : tuple of str
         Tags that it all has.
     onset_below : float or None
@@ -56,9 +56,14 @@ def condition(search: Search) -> ColumnElement[bool]:
     if search.is_complete is not None:
         terms.append(RUN.c.is_complete == search.is_complete)
     searched = (RUN.c.id, RUN.c.rig, RUN.c.note, RUN.c.remark)
-    terms += [or_(*(column.icontains(word, autoescape=True) for column in searched)) for word in search.text.split()]
-    for tag in search.tags:
-        terms.append(exists().where(TAG.c.folder == RUN.c.folder, TAG.c.id == RUN.c.id, TAG.c.tag == tag))
+    for word in search.text.split():
+        named = exists().where(
+            MARK.c.folder == RUN.c.folder, MARK.c.id == RUN.c.id, MARK.c.text.icontains(word, autoescape=True)
+        )
+        terms.append(or_(named, *(column.icontains(word, autoescape=True) for column in searched)))
+    terms += [
+        exists().where(TAG.c.folder == RUN.c.folder, TAG.c.id == RUN.c.id, TAG.c.tag == tag) for tag in search.tags
+    ]
     if search.onset_below is not None:
         onset = FINDING.c.onset_rpm < search.onset_below / RPM
         terms.append(exists().where(FINDING.c.folder == RUN.c.folder, FINDING.c.id == RUN.c.id, onset))

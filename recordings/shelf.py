@@ -3,7 +3,7 @@
 import hashlib
 import json
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -18,8 +18,9 @@ from recordings.database import Database
 from recordings.entry import RunEntry
 from recordings.errors import DamagedError
 from recordings.header import calibration_document, header_document, header_from_document
+from recordings.marks import Mark
 from recordings.search import RPM, Search, condition
-from recordings.tables import DOCUMENT, FINDING, REVISION, RUN, SETUP, TAG
+from recordings.tables import DOCUMENT, FINDING, MARK, REVISION, RUN, SETUP, TAG
 
 MICRO = 1e-6
 OWN_KEYS = {"run": "", "started_ns": 0, "note": ""}
@@ -127,8 +128,8 @@ class Shelf:
         with self._writing() as connection:
             connection.execute(update(RUN).where(self._is(RUN, run_id)).values(verdict=verdict))
 
-    def summarise(self, run_id: str, summary: RunSummary) -> None:
-        """Keep what a search needs of a summary."""
+    def summarise(self, run_id: str, summary: RunSummary, marks: Iterable[Mark]) -> None:
+        """Keep what a search needs of a summary, and the marks."""
         values = {
             "is_summarised": True,
             "lowest_speed_rpm": _finite(summary.lowest_speed / RPM),
@@ -150,10 +151,23 @@ class Shelf:
             for number, whirl in enumerate(summary.whirls)
             if math.isfinite(whirl.begin.speed) and math.isfinite(whirl.end.speed)
         ]
+        named = [
+            {
+                "folder": self._name,
+                "id": run_id,
+                "number": number,
+                "segment": mark.segment,
+                "sample": mark.sample,
+                "text": mark.text,
+            }
+            for number, mark in enumerate(marks)
+        ]
         with self._writing() as connection:
             if connection.execute(update(RUN).where(self._is(RUN, run_id)).values(values)).rowcount:
                 connection.execute(delete(FINDING).where(self._is(FINDING, run_id)))
                 self._database.put(connection, FINDING, findings)
+                connection.execute(delete(MARK).where(self._is(MARK, run_id)))
+                self._database.put(connection, MARK, named)
 
     def forget(self, run_ids: list[str]) -> None:
         """Drop what is kept of runs that are gone."""

@@ -2,7 +2,7 @@
 
 from sqlalchemy import BigInteger, Boolean, Column, Float, ForeignKeyConstraint, Integer, MetaData, String, Table, Text
 
-VERSION = 1
+VERSION = 2
 """Of the tables; a catalogue of another version is thrown away and built again from the files."""
 
 ID_LENGTH = 128
@@ -80,6 +80,14 @@ FINDING = _of_run(  # sub-synchronous components
     Column[object]("onset_rpm", Float, nullable=False),
     Column[object]("end_rpm", Float, nullable=False),
     Column[object]("largest_peak_um", Float, nullable=False),
+)
+
+MARK = _of_run(  # moments that were named while the run was recorded
+    "rig_mark",
+    Column[object]("number", Integer, primary_key=True),
+    Column[object]("segment", Integer, nullable=False),
+    Column[object]("sample", BigInteger, nullable=False),
+    Column[object]("text", Text, nullable=False),
 )
 
 DOCUMENT = Table(  # computed from runs; good only for the file of this size and time of change

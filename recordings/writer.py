@@ -82,6 +82,11 @@ class RunWriter:
         except OSError as error:
             raise self._fail(error) from error
 
+    @property
+    def size(self) -> int:
+        """Bytes written; the file itself may be larger, for room is taken ahead."""
+        return self._file.length
+
     def block(self, block: SampleBlock) -> None:
         """Write a block.
 

@@ -32,7 +32,7 @@ def add_commands(add: Add) -> None:
     command.add_argument("--since", type=_moment, metavar="TIME", help="begun at or after, such as 2026-11-24T09:00")
     command.add_argument("--before", type=_moment, metavar="TIME", help="begun before")
     command.add_argument("--speed", type=_range, metavar="LOW-HIGH", help="went through these speeds, r/min")
-    command.add_argument("--text", default="", help="words in id, rig, note or remark")
+    command.add_argument("--text", default="", help="words in id, rig, note, remark or marks")
     command.add_argument("--tag", action="append", default=[], help="a tag that it has; may be given again")
     text = "a sub-synchronous component began below this speed, r/min"
     command.add_argument("--onset-below", type=speed, metavar="SPEED", help=text)

@@ -15,6 +15,7 @@ from analysis.samples import EndReason, SampleBlock, SegmentEnd
 from analysis.summary import RunSummary, SummaryBuilder
 from recordings.catalogue import Catalogue
 from recordings.errors import NotFoundError, StorageError
+from recordings.marks import Mark, encode_mark
 from recordings.reader import RunReader
 from recordings.search import Search
 from recordings.shelf import calibration_identity
@@ -51,6 +52,19 @@ def summarise(reader: RunReader) -> RunSummary:
     whirl = WhirlFinding(0.48, 0.49, begin, end, 14e-6, end, is_forward=True, frames=5)
     summary = SummaryBuilder(reader.header).summary()
     return replace(summary, lowest_speed=speed, highest_speed=12 * speed, whirls=(whirl,))
+
+
+def test_a_run_is_found_by_a_moment_that_was_named(tmp_path: Path, header: RunHeader, make_block: MakeBlock) -> None:
+    writer = RunWriter(tmp_path / "run.mcap", header)
+    writer.block(make_block(0, 0, 2000))
+    writer.result(encode_mark(Mark(0, 1000, "oil valve opened", 7), header))
+    writer.segment_end(SegmentEnd(0, 2000, EndReason.STOPPED))
+    writer.close()
+    catalogue = Catalogue(tmp_path)
+    assert catalogue.search(Search(text="valve")) == []
+    catalogue.index(summarise)
+    assert ids([*catalogue.search(Search(text="VALVE oil"))]) == ["run"]
+    assert catalogue.search(Search(text="closed")) == []
 
 
 def ids(found: list[object]) -> list[str]:

@@ -12,6 +12,7 @@ from analysis.samples import SampleBlock
 from recordings.catalogue import Catalogue
 from recordings.database import Database
 from recordings.errors import StorageError
+from recordings.tables import VERSION
 from recordings.writer import RunWriter
 
 
@@ -52,4 +53,4 @@ def test_a_spoilt_catalogue_is_made_anew(tmp_path: Path) -> None:
     with Database(tmp_path).reading() as connection:
         assert connection.dialect.name == "sqlite"
     with closing(sqlite3.connect(tmp_path / ".rig" / "catalogue.sqlite")) as read:
-        assert read.execute("SELECT version FROM rig_schema").fetchall() == [(1,)]
+        assert read.execute("SELECT version FROM rig_schema").fetchall() == [(VERSION,)]

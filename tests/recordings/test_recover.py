@@ -16,6 +16,7 @@ from analysis.run import RunHeader
 from analysis.samples import EndReason, SampleBlock, SegmentEnd
 from recordings.container import Container
 from recordings.errors import DamagedError, StorageError
+from recordings.marks import Mark, encode_mark
 from recordings.messages import decode_block
 from recordings.reader import RunReader
 from recordings.recover import Missing, Stretch, recover
@@ -166,6 +167,33 @@ def test_a_cut_run_misses_whatever_came_after(run: Path, tmp_path: Path, header:
     document = json.loads(told.metadata["document"])
     assert document["source"] == "run.mcap"
     assert document["missing"] == [{"segment": 1, "first": missing.first, "stop": None}]
+
+
+def test_marks_stay_at_their_moments(tmp_path: Path, header: RunHeader, make_block: MakeBlock) -> None:
+    writer = RunWriter(tmp_path / "run.mcap", header)
+    moments = [(0, 500, "start"), (0, 7500, "in the hole"), (0, 15_000, "after it"), (1, 900, "next segment")]
+    for segment in range(2):
+        for k in range(N_BLOCKS):
+            writer.block(make_block(segment, k * BLOCK, BLOCK))
+        for of_segment, sample, text in moments:
+            if of_segment == segment:
+                writer.result(encode_mark(Mark(segment, sample, text, 7), header))
+        writer.segment_end(SegmentEnd(segment, N, EndReason.OVERRUN))
+    writer.close()
+    whole = recover(writer.path, tmp_path / "whole.mcap").target
+    with RunReader(writer.path) as one, RunReader(whole) as other:
+        assert other.marks() == one.marks() == tuple(Mark(*moment, 7) for moment in moments)
+    spoil(writer.path, (0, 7500))
+    recovery = recover(writer.path, tmp_path / "copy.mcap")
+    first, second = recovery.stretches[:2]
+    with RunReader(recovery.target) as reader:
+        assert [(mark.segment, mark.sample) for mark in reader.marks()] == [
+            (0, 500),
+            (0, first.stop),
+            (1, 15_000 - second.first),
+            (2, 900),
+        ]
+    assert verify(recovery.target).is_sound
 
 
 def test_a_copy_never_overwrites(run: Path, tmp_path: Path) -> None:
