@@ -79,13 +79,15 @@ class ShaftMotion:
         """Where the motion is: (3, n_modes + 2) displacements, velocities, accelerations of modes and rings."""
         return np.concatenate((self._state.modal, self._state.rings), axis=1)
 
-    def resume(self, state: ComplexArray) -> None:
-        """Go on from a `state` of the same rotor at the present angle and speed."""
+    def resume(self, state: ComplexArray, speed: float) -> None:
+        """Go on at the present angle and speed from a `state` that the same rotor had at another speed, rad/s."""
         modes = self._state.modal.shape[1]
         if state.shape != (3, modes + 2):
             raise ValueError(f"state: shape {state.shape}, expected {(3, modes + 2)}")
         self._state.modal[:], self._state.rings[:] = state[:, :modes], state[:, modes:]
         self._state.level[0] = NO_LEVEL
+        present, self._state.speed[0] = self.speed, speed
+        self.change_speed(present)
 
     def change_speed(self, speed: float) -> None:
         """Go on at another speed, rad/s, above 0, at once: velocities grow with the speed, places stay."""

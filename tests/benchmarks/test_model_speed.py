@@ -68,7 +68,9 @@ def marched(speed: float, turns: int) -> FloatArray:
     return ShaftMotion(gj90c(), speed, 0).advance(angle, np.full(angle.size, speed), step)
 
 
-def solved(rates: Rates, speed: float, turns: float, method: Method, tolerances: tuple[float, float]) -> FloatArray:
+def solved(
+    rates: Rates, speed: float, turns: float, method: Method, tolerances: tuple[float, FloatArray]
+) -> FloatArray:
     times = np.arange(1, round(turns * STEPS) + 1) * (2 * math.pi / (speed * STEPS))
     rtol, atol = tolerances
     solution = solve_ivp(rates, (0.0, float(times[-1])), at_rest(), method, times, rtol=rtol, atol=atol)
@@ -77,20 +79,34 @@ def solved(rates: Rates, speed: float, turns: float, method: Method, tolerances:
     return np.stack((path.real, path.imag))
 
 
-def time_per_turn(make: Callable[..., Rates], method: Method, turns: float, tolerances: tuple[float, float]) -> float:
-    """Return what a turn costs on the mean over three speeds of the sweep, s, and print how far off it ends."""
-    spent, worst = 0.0, 0.0
+def time_per_turn(make: Callable[..., Rates], method: Method, turns: float) -> float:
+    """Return what a turn costs on the mean over three speeds of the sweep, s, as accurately as the march at least.
+
+    Tolerances are the loosest of a few that end no further off than the march, or than the bar where that is more.
+    """
+    spent = 0.0
     for speed in SPEEDS[[13, 39, 65]]:
+        compiled = compiled_rates(gj90c(), float(speed))
+        tight = solved(compiled, float(speed), turns, "LSODA", (1e-10, np.full(at_rest().size, 1e-14)))
+        march = float(np.abs(marched(float(speed), math.ceil(turns))[:, : tight.shape[1]] - tight).max())
+        assert march < TOLERANCE
         rates = make(gj90c(), float(speed))
         rates(0.0, at_rest())
-        begin = time.process_time()
-        path = solved(rates, float(speed), turns, method, tolerances)
-        spent += (time.process_time() - begin) / turns / 3
-        tight = solved(compiled_rates(gj90c(), float(speed)), float(speed), turns, "LSODA", (1e-10, 1e-14))
-        worst = max(worst, float(np.abs(path - tight).max()))
-        march = float(np.abs(marched(float(speed), math.ceil(turns))[:, : path.shape[1]] - tight).max())
-        print(f"  {method} at {speed:.0f} rad/s: error {worst * 1e6:.4f} µm, the march's {march * 1e6:.4f} µm")
-        assert march < 2 * TOLERANCE
+        half = at_rest().size // 2
+        for loose in (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6):
+            absolute = np.concatenate((np.full(half, loose * 1e-5), np.full(half, loose * 1e-5 * speed)))
+            begin = time.process_time()
+            path = solved(rates, float(speed), turns, method, (loose, absolute))
+            used = (time.process_time() - begin) / turns
+            error = float(np.abs(path - tight).max())
+            if error <= march:
+                break
+        assert error <= march
+        spent += used / 3
+        print(
+            f"  {method} at {speed:.0f} rad/s, relative tolerance {loose:g}: {used * 1e3:.1f} ms a turn, "
+            f"error {error * 1e6:.4f} µm, the march's {march * 1e6:.4f} µm"
+        )
     return spent
 
 
@@ -102,8 +118,8 @@ def test_sweep_is_faster_than_scipys_solvers_by_orders() -> None:
         marched(float(speed), TURNS)
     march = time.process_time() - begin
     # the rivals are timed over a few turns at three speeds and extrapolated to the sweep
-    lsoda = time_per_turn(compiled_rates, "LSODA", 4, (1e-4, 1e-9)) * TURNS * SPEEDS.size
-    explicit = time_per_turn(numpy_rates, "RK45", 0.25, (1e-3, 1e-8)) * TURNS * SPEEDS.size
+    lsoda = time_per_turn(compiled_rates, "LSODA", 4) * TURNS * SPEEDS.size
+    explicit = time_per_turn(numpy_rates, "RK45", 0.25) * TURNS * SPEEDS.size
     print(f"\n{SPEEDS.size} speeds of {TURNS} turns: {march:.2f} s; extrapolated from a few turns:")
     print(f"LSODA, compiled equations: {lsoda:.0f} s, ratio {lsoda / march:.0f}")
     print(f"RK45, NumPy equations: {explicit / 3600:.1f} h, ratio {explicit / march:.0f}")
@@ -114,11 +130,14 @@ def test_sweep_is_faster_than_scipys_solvers_by_orders() -> None:
 @pytest.mark.benchmark
 def test_synchronous_motion_with_its_stability_takes_a_millisecond() -> None:
     parameters = gj90c()
-    followed: list[SynchronousResponse | None] = [synchronous_response(parameters, 100.0)]
-    begin = time.process_time()
-    for speed in SPEEDS:
-        followed.append(synchronous_response(parameters, float(speed), followed[-1]))
-    each = (time.process_time() - begin) / SPEEDS.size
+    times = []
+    for _ in range(5):
+        followed: list[SynchronousResponse | None] = [synchronous_response(parameters, 100.0)]
+        begin = time.process_time()
+        for speed in SPEEDS:
+            followed.append(synchronous_response(parameters, float(speed), followed[-1]))
+        times.append((time.process_time() - begin) / SPEEDS.size)
+    each = float(np.median(times))
     print(f"\nsynchronous motion and stability: {each * 1e3:.2f} ms a speed")
     assert each <= 1e-3
 
