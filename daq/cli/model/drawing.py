@@ -19,7 +19,7 @@ FORMATS = (".svg", ".png")
 _MARKS: dict[Style, dict[str, Any]] = {
     Style.LINE: {"linestyle": "-", "linewidth": 1.4},
     Style.DASHED: {"linestyle": "--", "linewidth": 1.2},
-    Style.POINTS: {"linestyle": "", "marker": ".", "markersize": 1.6},
+    Style.POINTS: {"linestyle": "", "marker": ".", "markersize": 1.6, "rasterized": True},
     Style.MARKS: {"linestyle": "", "marker": "o", "markersize": 5.5, "color": "black", "zorder": 5},
     Style.REFERENCE: {"linestyle": (0, (5, 2)), "linewidth": 1.0, "color": "0.4"},
 }
@@ -90,13 +90,17 @@ def _plot(axes: "Axes", plot: Plot) -> None:
     axes.grid(visible=True, which="both" if plot.x_log or plot.y_log else "major", color="0.9", linewidth=0.6)
     axes.set_axisbelow(True)
     _thousands(axes, plot)
+    _legend(axes, len(plot.series))
+
+
+def _legend(axes: "Axes", series: int) -> None:
     named = len(axes.get_legend_handles_labels()[1])
     if not axes.lines:
         axes.text(0.5, 0.5, "nothing to draw", transform=axes.transAxes, ha="center", color="0.4")
     elif named > 5:
         axes.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False)
-    elif named > 1 or (named == 1 and len(plot.series) > 1):
-        axes.legend(fontsize=8, framealpha=0.9)
+    elif named > 1 or (named == 1 and series > 1):
+        axes.legend(fontsize=8, framealpha=0.75)
 
 
 def _series(axes: "Axes", series: Series) -> None:
