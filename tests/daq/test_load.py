@@ -108,7 +108,7 @@ def test_load_rig_names_key_value_and_expectation(
 
 def test_load_rig_lists_the_known_keys_where_none_is_near(rig_file: RigFiles) -> None:
     (fault,) = faults_of(rig_file(storage={"xyz": 1}))
-    assert fault == "storage.xyz = 1: unknown key, expected one of folder, reserve_gb"
+    assert fault == "storage.xyz = 1: unknown key, expected one of folder, reserve_gb, split_gb, split_min, catalogue"
 
 
 @pytest.mark.parametrize(
