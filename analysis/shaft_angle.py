@@ -8,13 +8,14 @@ from scipy.interpolate import BSpline
 from scipy.linalg import solveh_banded
 
 from analysis.angle import DEGREE, FEWEST_KNOT_TURNS, KNOT_TIME, KNOT_TURNS, MAD_TO_SIGMA, OUTLIER, OUTLIER_PART
-from analysis.errors import RecordTooShortError
+from analysis.errors import RecordTooShortError, TachoRefusedError
 from analysis.pulse_record import PulseRecord
 
 FloatArray = NDArray[np.float64]
 
 MISSED = 3e-6  # revolutions that the spline may miss a steady rise of speed by: 0.001 degrees
 FEWEST_TURNS = 4
+MOST_OFF = 3  # pulses in a row that may be false
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -90,6 +91,8 @@ def shaft_angle(record: PulseRecord) -> ShaftAngle:
     ------
     RecordTooShortError
         With fewer than 4 whole revolutions.
+    TachoRefusedError
+        Where several pulses in a row lie off the smooth angle: the speed jumps.
 
     Notes
     -----
@@ -121,11 +124,24 @@ def shaft_angle(record: PulseRecord) -> ShaftAngle:
     period = np.gradient(record.times, turns)
     good = np.abs(residual) <= np.maximum(OUTLIER * scatter, OUTLIER_PART * period)
     good[[0, -1]] = True
+    _refuse_jumps(good, record.times)
     if not good.all():
         time, residual = _fit(turns[good], record.times[good])
         scatter = _scatter(residual, time)
     angles = 2.0 * np.pi * (np.arange(marks) / marks + offsets)
     return ShaftAngle(time, float(turns[0]), float(turns[-1]), scatter, int(np.count_nonzero(~good)), angles)
+
+
+def _refuse_jumps(good: NDArray[np.bool_], times: FloatArray) -> None:
+    """Raise where several pulses in a row lie off: no false edges, but a speed that changes as no shaft's does."""
+    bad = np.concatenate([[False], ~good, [False]]).astype(np.int8)
+    begins, ends = np.flatnonzero(np.diff(bad) == 1), np.flatnonzero(np.diff(bad) == -1)
+    long = np.flatnonzero(ends - begins > MOST_OFF)
+    if long.size:
+        raise TachoRefusedError(
+            f"tacho: {ends[long[0]] - begins[long[0]]} pulses in a row from {times[begins[long[0]]]:.4f} s on lie off "
+            "the smooth angle: the speed jumps there; analyse the record in parts"
+        )
 
 
 def _scatter(residual: FloatArray, fitted: BSpline) -> float:

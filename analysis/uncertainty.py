@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.float64]
 
 RAYLEIGH_MEDIAN = float(np.sqrt(2.0 * np.log(2.0)))  # over the standard deviation of one part
-NEIGHBOURS = (
-    2.0 / 3.0
-)  # correlation of the noise of two neighbouring lines of a Hann window, along a component's phase in each
+NEIGHBOURS = 2.0 / 3.0  # correlation of the noise of two lines side by side, Hann, each along its own phase
+SMALLEST = 1e-100  # amplitude, in any unit: below it there is no line
 
 
 def amplitude_sigma(noise_rms: float, samples: int, noise_bandwidth: float = 1.5) -> float:
@@ -76,4 +75,5 @@ def order_sigma(peak: FloatArray, neighbour: FloatArray, sigma: FloatArray, revo
     two lines, each along its own phase, correlated by rho = 2/3.
     """
     spread = peak**2 + neighbour**2 - 2.0 * NEIGHBOURS * peak * neighbour
-    return np.asarray(3.0 * np.sqrt(spread) * sigma / (peak + neighbour) ** 2 / revolutions, dtype=np.float64)
+    total = np.maximum(peak + neighbour, SMALLEST)
+    return np.asarray(3.0 * np.sqrt(spread) / total * (sigma / total) / revolutions, dtype=np.float64)
