@@ -233,7 +233,8 @@ def chapter_6_figures(found: tuple[Outcome, ...]) -> list[tuple[str, tuple[Plot 
     """Return a waterfall and a bifurcation diagram of each case, with captions."""
     return [
         (
-            f"{case.figures}: {case.name} (computed at {case.share:g} of the printed imbalance){UNDAMPED if case.share == 1 else ''}",
+            f"{case.figures}: {case.name} (computed at {case.share:g} of the printed imbalance)"
+            + (UNDAMPED if case.share == 1 else ""),
             (
                 waterfall_surface(one.run, f"Waterfall, {case.name}"),
                 bifurcation_plot(one.run, f"Bifurcation, {case.name}"),

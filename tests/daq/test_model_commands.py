@@ -1,6 +1,8 @@
 """`rig model`: tables, JSON and pictures of every study, and one clear message for what cannot be."""
 
 import json
+import subprocess
+import sys
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
@@ -10,6 +12,7 @@ from daq.cli.main import main
 
 Capture = pytest.CaptureFixture[str]
 
+SWEEP = ["sweep", "--vary", "viscosity_pa_s=0.01,0.02", "-o", "x.parquet"]
 STUDIES = {
     "modes": ["--count", "6"],
     "campbell": ["--speeds", "0:8000:17"],
@@ -19,7 +22,7 @@ STUDIES = {
     "waterfall": ["--speeds", "1000:1100:2", "--settle", "8", "--turns", "8"],
     "bifurcation": ["--speeds", "1000:1100:2", "--settle", "8", "--turns", "8"],
     "lubrication": ["--speeds", "1000:3000:3"],
-    "film": ["--eccentricity", "0.2,0.4"],
+    "film": ["--eccentricity", "0.2,0.3"],
 }
 
 
@@ -93,6 +96,24 @@ def test_range_that_makes_no_sense_is_told(wrong: str, capsys: Capture) -> None:
     with pytest.raises(SystemExit):
         main(["model", "onset", "--speeds", wrong])
     assert "expected" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("missing", "arguments", "message"),
+    [
+        ("matplotlib", ["modes", "-o", "out.svg"], "pip install 'rig-service[plots]'"),
+        ("distributed", [*SWEEP, "--scheduler", "tcp://127.0.0.1:1"], "pip install 'rig-service[dask]'"),
+        ("pyarrow", SWEEP, "pip install 'rig-service[formats]'"),
+    ],
+)
+def test_missing_extra_is_named(missing: str, arguments: list[str], message: str, tmp_path: Path) -> None:
+    run = f"from daq.cli.main import main; sys.exit(main({['model', *arguments]!r}))"
+    code = f"import sys; sys.modules[{missing!r}] = None; {run}"
+    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert message in done.stderr
+    assert "Traceback" not in done.stderr
+    assert not list(tmp_path.iterdir())
 
 
 def test_sweep_prints_its_points_and_is_taken_up_again(tmp_path: Path, capsys: Capture) -> None:

@@ -32,8 +32,8 @@ _CHAPTER_6 = (
     "Run-ups in steps of 100 rad/s, 40 turns to settle and 64 looked at; onset: a component above a tenth of 1X at two "
     "successive speeds. Two of the printed imbalances exceed what the clearances can bear, the smallest pins the "
     "journals: the cases are computed at 0.05 of them. Components are told apart by their order alone, below and above "
-    "0.40X, so that 1X less the inner whirl (0.3X) and 1X less twice the outer one (0.6X) count as well; the eigenvalues "
-    "beside each onset tell which film lets go. Grey: the motion reached a wall."
+    "0.40X, so that 1X less the inner whirl (0.3X) and 1X less twice the outer one (0.6X) count as well; the "
+    "eigenvalues beside each onset tell which film lets go. Grey: the motion reached a wall."
 )
 
 
