@@ -16,6 +16,7 @@ from daq.session.priority import give_way
 
 T = TypeVar("T")
 DEADLINE = 300.0  # s that one piece of work may take
+STEPS = 15  # of priority below the acquisition and the live view
 LOOK = 0.2  # s between two looks at whether the process is to end
 JOIN_TIME = 2.0  # s
 
@@ -144,7 +145,7 @@ def _serve(pipe: Connection) -> None:
     for name in ("SIGINT", "SIGHUP", "SIGBREAK"):  # the asking process decides; SIGHUP: POSIX only, SIGBREAK: Windows
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), signal.SIG_IGN)
-    give_way()
+    give_way(STEPS)
     while True:
         try:
             work, arguments = pipe.recv()
