@@ -97,7 +97,7 @@ def _comparisons(comparisons: Iterable[Comparison]) -> str:
     rows = []
     for one in comparisons:
         computed = "none" if one.computed is None else _number(one.computed)
-        deviation = "" if one.deviation is None else f"{one.deviation:+.3g}"
+        deviation = "" if one.deviation is None else _signed(one.deviation)
         verdict, kind = ("reproduced", "yes") if one.is_reproduced else ("not reproduced", "no")
         relation = "" if one.relation.value == "=" else f"{one.relation.value} "
         cells = (
@@ -134,3 +134,7 @@ def _figure(one: Captioned, salt: str) -> str:
 
 def _number(value: float) -> str:
     return f"{value:,.1f}".removesuffix(".0") if abs(value) >= 100 else f"{value:.3g}"
+
+
+def _signed(value: float) -> str:
+    return f"{value:+,.0f}" if abs(value) >= 100 else f"{value:+.3g}"
