@@ -57,7 +57,7 @@ def cases(bench: RecordedBench, *options: str, timeout: float) -> int:
 
 
 def test_service_keeps_to_its_schema_in_some_hundred_cases(bench: RecordedBench) -> None:
-    assert cases(bench, "--phases=examples,fuzzing", "--max-examples=6", "--seed=1", timeout=120.0) > 200
+    assert cases(bench, "--phases=examples,fuzzing", "--max-examples=6", "--seed=1", timeout=120.0) > 120
 
 
 @pytest.mark.campaign
