@@ -30,8 +30,10 @@ def keys(data: object, above: str = "") -> Iterator[str]:
 
 
 def test_every_key_of_the_configuration_is_explained_in_a_rig_file() -> None:
-    known = set(keys(load_rig(RIGS / "bench.toml").config))
-    assert set(RigConfig.model_fields) < known
+    config = load_rig(RIGS / "bench.toml").config.model_dump()
+    del config["rotor"]  # the rotor's own file, taken in when the rig is loaded; explained there
+    known = set(keys(config))
+    assert set(RigConfig.model_fields) - {"rotor"} < known
     written = {
         key for name in ("bench", "usb6251") for key in keys(tomllib.loads((RIGS / f"{name}.toml").read_text("utf-8")))
     }
