@@ -137,7 +137,7 @@ class SummaryDocument(Document):
     )
     segments: tuple[SegmentDocument, ...] = Field(description="The run's gap-free stretches")
     marks: tuple[MarkDocument, ...] = Field(
-        description="Moments that somebody named while the run was recorded, in order", default=()
+        description="Moments that somebody named while the run was recorded, in order"
     )
     clock_error_ppm: float | None = Field(
         description="The card's clock against the computer's over the run, positive where the card is fast; null where "
