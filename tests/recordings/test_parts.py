@@ -1,4 +1,6 @@
 import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +13,7 @@ from recordings.marks import Mark, encode_mark
 from recordings.parts import PartLimits, PartWriter
 from recordings.reader import RunReader
 from recordings.verify import verify
+from recordings.writer import RunWriter
 
 RATE, BLOCK = 1000.0, 100
 NS = 1_000_000_000
@@ -96,8 +99,19 @@ def test_part_that_is_full_at_the_end_of_a_segment_ends_with_it(tmp_path: Path, 
         assert second.header.started_ns - header.started_ns == 750_000_000
 
 
+@contextmanager
+def closing_writer(folder: Path, header: RunHeader) -> Iterator[RunWriter]:
+    """A recording in which nothing but its beginning is written."""
+    writer = RunWriter(folder / "empty.mcap", header)
+    yield writer
+    writer.close()
+
+
 def test_size_limits_a_part_too(tmp_path: Path, header: RunHeader) -> None:
-    assert written(tmp_path, header, PartLimits(size=20_000)).parts > 1
+    with closing_writer(tmp_path, header) as empty:
+        begun = empty.size
+    writer = written(tmp_path, header, PartLimits(size=begun + 500), blocks=120)
+    assert 1 < writer.parts < 120
 
 
 def test_run_without_limits_is_one_file_as_ever(tmp_path: Path, header: RunHeader) -> None:
