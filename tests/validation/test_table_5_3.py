@@ -9,38 +9,16 @@ import pytest
 
 from model.gj90c import gj90c_rotor
 from model.modes import critical_speeds, natural_frequencies
+from model.studies.thesis_table_5_3 import PRINTED, reason
 
 BEARING_STIFFNESS = 1e4  # N/m
 TOLERANCE = 0.8  # Hz
 
-# rad/s: third, second, first bending, upper, lower rigid mode, Hz; forward, then reverse
-PRINTED = {
-    0: ((11976, 5046, 1732, 52, 20), (-11976, -5046, -1732, -52, -20)),
-    500: ((11997, 5094, 1769, 53, 25), (-11955, -4997, -1695, -52, -16)),
-    1000: ((12019, 5143, 1808, 53, 31), (-11934, -4950, -1659, -52, -13)),
-    1500: ((12040, 5193, 1847, 53, 37), (-11913, -4904, -1623, -52, -11)),
-    2000: ((12063, 5244, 1887, 53, 44), (-11893, -4858, -1589, -52, -9)),
-    2500: ((12085, 5295, 1927, 53, 55), (-11873, -4813, -1555, -50, -8)),
-    3000: ((12108, 5347, 1968, 53, 61), (-11853, -4769, -1521, -50, -7)),
-    3500: ((12131, 5400, 2010, 53, 68), (-11833, -4725, -1489, -50, -6)),
-    4000: ((12154, 5454, 2052, 53, 76), (-11814, -4682, -1457, -50, -5)),
-    4500: ((12177, 5508, 2095, 53, 85), (-11794, -4640, -1427, -50, -5)),
-    5000: ((12201, 5563, 2138, 53, 93), (-11775, -4598, -1396, -50, -4)),
-    5500: ((12225, 5619, 2182, 53, 101), (-11756, -4557, -1367, -50, -4)),
-    6000: ((12250, 5676, 2227, 53, 110), (-11738, -4517, -1338, -50, -4)),
-    6500: ((12274, 5733, 2272, 53, 118), (-11720, -4477, -1311, -50, -4)),
-    7000: ((12300, 5791, 2317, 53, 127), (-11701, -4438, -1283, -50, -3)),
-    7500: ((12325, 5850, 2363, 53, 135), (-11683, -4399, -1257, -50, -3)),
-    8000: ((12351, 5909, 2410, 53, 143), (-11667, -4361, -1231, -50, -3)),
-}
-
 # (speed, frequency printed): tolerance, Hz, and why
-CARRIED_ON = "printed as 53 at every speed; the branch dips to 50.0 where it meets the lower one near 2600 rad/s"
-HAND_CARRIED = "printed as -50 from 2500 rad/s on; the branch hardly depends on speed and stays at -52.4"
 WIDER: dict[tuple[int, int], tuple[float, str]] = {
-    **{(speed, 53): (3.1 if speed == 2500 else 1.5, CARRIED_ON) for speed in range(2500, 6501, 500)},
-    **{(speed, -50): (2.5, HAND_CARRIED) for speed in range(2500, 8001, 500)},
-    (8000, -11667): (1.5, "the column falls by 18 a row; -11665.6 continues it, -11667 does not"),
+    **{(speed, 53): (3.1 if speed == 2500 else 1.5, reason(speed, 53)) for speed in range(2500, 6501, 500)},
+    **{(speed, -50): (2.5, reason(speed, -50)) for speed in range(2500, 8001, 500)},
+    (8000, -11667): (1.5, reason(8000, -11667)),
 }
 
 
