@@ -28,7 +28,7 @@ CALIBRATION = Calibration((0.0, 1e-4), 0.0, 10.0)
 
 def bench(target: str = "", *, rate: float = RATE, tacho_input: str = "ai2", **device: Any) -> Rig:
     config = RigConfig(
-        device=DeviceSection.model_validate({"backend": Backend.NIDAQMX, "target": target, "deadline_s": 0.4} | device),
+        device=DeviceSection.model_validate({"backend": Backend.NIDAQMX, "target": target, "deadline_s": 1.2} | device),
         timing=TimingSection(rate_hz=rate, block_s=0.05, buffer_s=4),
         channel=(
             ChannelSection(name="x", role=Role.PROBE_X, physical="ai0", range_v=10.0),

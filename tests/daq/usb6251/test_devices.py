@@ -10,7 +10,7 @@ from tests.daq.device_server import DeviceServer
 
 def section(server: DeviceServer, **keys: str) -> DeviceSection:
     return DeviceSection.model_validate(
-        {"backend": Backend.NIDAQMX, "target": server.target, "deadline_s": 0.4} | keys, strict=False
+        {"backend": Backend.NIDAQMX, "target": server.target, "deadline_s": 1.2} | keys, strict=False
     )
 
 

@@ -108,7 +108,7 @@ def test_server_that_is_not_there_is_named_with_the_deadline() -> None:
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         target = f"127.0.0.1:{free.getsockname()[1]}"
-    error = refused(bench(target))
+    error = refused(bench(target, deadline_s=0.4))
     assert (error.fault, error.code) == (DeviceFault.MISSING, 0)
     assert f"{target} cannot be reached (deadline 0.4 s)" in str(error)
 
@@ -116,7 +116,7 @@ def test_server_that_is_not_there_is_named_with_the_deadline() -> None:
 def test_server_that_is_frozen_ends_the_opening_by_the_deadline(server: DeviceServer) -> None:
     server.freeze()
     began = time.monotonic()
-    error = refused(bench(server.target))
+    error = refused(bench(server.target, deadline_s=0.4))
     assert time.monotonic() - began < 4
     assert error.fault is DeviceFault.TIMEOUT
     assert f"{server.target} did not answer within its deadline of 0.4 s" in str(error)
