@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import psutil
 import pytest
 from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from google.protobuf.descriptor_pool import DescriptorPool
@@ -253,10 +254,14 @@ def test_a_header_that_lacks_a_value_is_named_with_the_file(tmp_path: Path) -> N
 
 
 def test_the_reader_keeps_no_file_open_after_closing(run: Path) -> None:
+    def is_open() -> bool:
+        return str(run.resolve()) in {file.path for file in psutil.Process().open_files()}
+
     reader = RunReader(run)
+    assert is_open()
     reader.close()
     reader.close()
-    run.unlink()  # fails on Windows where a file is open
+    assert not is_open()
 
 
 def test_blocks_with_another_number_of_channels_than_the_header_are_left_out(run: Path, header: RunHeader) -> None:
