@@ -1,7 +1,7 @@
-"""Figures of standards for the vibration of shafts, for information, each with what it is meant for.
+"""Figures of standards for the vibration of shafts, for information, each with what it is meant for and its source.
 
-None of them is written for a turbocharger on floating rings: judge that by its clearance. The figures are those that
-the field quotes; before anything hangs on one, read the standard itself.
+None of them is written for a turbocharger on floating rings: judge that by its clearance. No standard's own text was
+at hand: `Figure.source` says where each number was read instead. Before anything hangs on one, read the standard.
 """
 
 from dataclasses import dataclass
@@ -10,9 +10,22 @@ import numpy as np
 
 MICRO = 1e-6
 RPM = 60.0 / (2.0 * np.pi)  # r/min of a rad/s
-ISO_SPEEDS = (120.0, 30_000.0)  # r/min, scope of ISO 20816-3
+ISO_SPEEDS = (120.0, 30_000.0)  # r/min, in the title of ISO 20816-3:2022
 ISO_ZONES = (("A/B", 4800.0), ("B/C", 9000.0), ("C/D", 13_200.0))  # um peak-to-peak times the root of r/min
-API_LARGEST = 25.4  # um peak-to-peak
+ISO_SCOPE = "industrial machines above 15 kW that run at 120 to 30,000 r/min"
+ISO_SOURCE = (
+    "zone boundaries of ISO 7919-3 and its successor ISO 20816-3 as the field quotes them, scope from its title; not "
+    "checked against the standard's text"
+)
+API_LARGEST, API_SPEED = 25.4, 12_000.0  # um peak-to-peak; r/min
+API_SCOPE = "axial and centrifugal compressors of the process industry, at the mechanical running test"
+API_SOURCE = (
+    "API 617, 4.8.2.11, and API 684, SP6.8.2.11, as the open rotor program ROSS cites them; not checked against the "
+    "standard's text"
+)
+RUNOUT, RUNOUT_PART = 6.4, 0.25  # um peak-to-peak; of the allowed vibration
+RUNOUT_SCOPE = "the places of a shaft that proximity probes look at, both kinds of run-out together"
+RUNOUT_SOURCE = "API 670 as the field quotes it; not checked against the standard's text"
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,6 +42,8 @@ class Figure:
         What it is meant for.
     in_scope : bool
         Whether the speed lies in its scope; the machine never does.
+    source : str
+        Where the number was read, and that the standard's text was not.
     """
 
     standard: str
@@ -36,6 +51,7 @@ class Figure:
     limit: float
     scope: str
     in_scope: bool
+    source: str
 
 
 def figures(speed: float) -> tuple[Figure, ...]:
@@ -44,35 +60,46 @@ def figures(speed: float) -> tuple[Figure, ...]:
     Parameters
     ----------
     speed : float
-        rad/s, above 0.
+        rad/s, above 0 and finite.
 
     Notes
     -----
-    ISO 20816-3 zone boundaries of relative shaft vibration 4800, 9000, 13200 / sqrt(n); API 617 mechanical running
-    test 25.4 sqrt(12000 / n), at most 25.4; API 670 combined run-out 6.4 or a quarter of the allowed vibration, in um
-    peak-to-peak with n in r/min.
+    With n in r/min, in um peak-to-peak: ISO 20816-3 zone boundaries of relative shaft vibration 4800, 9000,
+    13200 / sqrt(n); API 617 vibration limit 25.4 sqrt(12000 / n), at most 25.4; API 670 combined run-out, see
+    `combined_runout`.
     """
-    if not speed > 0.0:
-        raise ValueError(f"speed: {speed} rad/s, expected more than 0")
+    if not 0.0 < speed < np.inf:
+        raise ValueError(f"speed: {speed} rad/s, expected more than 0, finite")
     rpm = speed * RPM
     inside = ISO_SPEEDS[0] <= rpm <= ISO_SPEEDS[1]
-    iso_scope = "industrial machines above 15 kW that run at 120 to 30,000 r/min"
     iso = [
         Figure(
-            "ISO 20816-3", f"zone boundary {name}", k / np.sqrt(rpm) * MICRO if inside else np.nan, iso_scope, inside
+            "ISO 20816-3",
+            f"zone boundary {name}",
+            float(k / np.sqrt(rpm) * MICRO) if inside else np.nan,
+            ISO_SCOPE,
+            inside,
+            ISO_SOURCE,
         )
         for name, k in ISO_ZONES
     ]
-    running = min(API_LARGEST * np.sqrt(12_000.0 / rpm), API_LARGEST) * MICRO
-    api_scope = "axial and centrifugal compressors of the process industry, at the mechanical running test"
-    runout = max(6.4 * MICRO, 0.25 * running)
+    running = min(API_LARGEST * float(np.sqrt(API_SPEED / rpm)), API_LARGEST) * MICRO
+    runout = combined_runout(running)
     return (
         *iso,
-        Figure("API 617", "vibration limit", float(running), api_scope, in_scope=True),
-        Figure(
-            "API 670", "combined run-out", float(runout), "probe areas of shafts with proximity probes", in_scope=True
-        ),
+        Figure("API 617", "vibration limit", running, API_SCOPE, in_scope=True, source=API_SOURCE),
+        Figure("API 670", "combined run-out", runout, RUNOUT_SCOPE, in_scope=True, source=RUNOUT_SOURCE),
     )
+
+
+def combined_runout(allowed: float) -> float:
+    """Return the run-out that API 670 bears beside an allowed vibration, both m peak-to-peak.
+
+    6.4 um or a quarter of the allowed vibration, whichever is more (`RUNOUT_SOURCE`).
+    """
+    if not allowed >= 0.0:
+        raise ValueError(f"allowed: {allowed} m peak-to-peak, expected 0 or more")
+    return max(RUNOUT * MICRO, RUNOUT_PART * allowed)
 
 
 def unbalance_allowed(grade: float, mass: float, speed: float) -> float:

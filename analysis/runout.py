@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.acceptance import combined_runout
 from analysis.angular_record import AngularRecord
 from analysis.errors import RecordTooShortError
 from analysis.order_track import OrderTrack
@@ -15,7 +16,6 @@ ComplexArray = NDArray[np.complex128]
 SLOW_PART = 0.1  # of the first critical speed: below it the shaft hardly moves
 FEWEST = 8  # revolutions
 WANDERING = 0.2  # change of the 1X vector over the slow roll, of itself: the shaft moved
-RUNOUT_LIMIT = 6.4e-6  # m peak-to-peak, API 670: combined run-out not above this or a quarter of the allowed vibration
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -62,8 +62,8 @@ class SlowRoll:
         return self.fastest <= SLOW_PART * critical_speed and self.wandering <= WANDERING
 
     def exceeds_api_670(self, allowed: float) -> bool:
-        """Whether run-out passes 6.4 um and a quarter of the allowed vibration, m peak-to-peak (API 670)."""
-        return bool(self.peak_to_peak.max() > max(RUNOUT_LIMIT, 0.25 * allowed))
+        """Whether run-out passes what API 670 bears beside an allowed vibration, m peak-to-peak."""
+        return bool(self.peak_to_peak.max() > combined_runout(allowed))
 
     def off_waveform(self, record: AngularRecord) -> AngularRecord:
         """Return a record less the run-out at every angle, scratches included.
