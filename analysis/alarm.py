@@ -1,87 +1,166 @@
-"""A latched alarm with hysteresis and delay: it comes when a limit is held, and goes when somebody has seen it."""
+"""Alarms: a limit that is held is told, and stays told until the vibration has fallen well below it."""
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
+from analysis.findings import Moment
 from analysis.run import Limits, Severity
+from analysis.snapshot import Snapshot
 
-HYSTERESIS = 0.05  # of the limit, by which the vibration must fall before the present verdict falls
-DELAY = 1.0  # s that a limit must be passed, as monitors have it (API 670 asks 1 s to 3 s for radial vibration)
+MOST_ALARMS = (
+    256  # that are remembered of a run: of those that are over, the one that passed its limit least goes first
+)
 
 
 @dataclass(frozen=True, slots=True)
-class AlarmState:
-    """What an alarm says.
+class Alarm:
+    """A limit that was passed at one probe, once it had been for long enough.
 
     Parameters
     ----------
-    now : Severity
-        Verdict on the vibration of the moment, with hysteresis.
-    latched : Severity
-        The worst verdict since somebody acknowledged.
-    since : float
-        Time at which the latched verdict came, s; NaN while normal.
+    number : int
+        From 1, in the order in which they came.
+    probe : str
+        The channel's name.
+    severity : Severity
+        Which limit: alarm or danger.
+    limit : float
+        That limit, m peak-to-peak.
+    begin : Moment
+        When it came: the limit had been passed for the whole hold time.
     largest : float
-        Largest vibration since, m peak-to-peak.
+        Largest overall vibration since the limit was passed, m peak-to-peak.
+    largest_at : Moment
+        Where that was.
+    end : Moment or None
+        When the vibration fell below the limit by the hysteresis; None while it lasts.
     """
 
-    now: Severity
-    latched: Severity
-    since: float
+    number: int
+    probe: str
+    severity: Severity
+    limit: float
+    begin: Moment
     largest: float
+    largest_at: Moment
+    end: Moment | None = None
+
+    @property
+    def lasts(self) -> bool:
+        """Whether the vibration has not fallen since."""
+        return self.end is None
 
 
-class LatchedAlarm:
-    """Watches an overall vibration against its limits.
+class LimitWatch:
+    """Watches one overall vibration against one limit, with hysteresis and delay.
+
+    Parameters
+    ----------
+    limit : float
+        m peak-to-peak; one that is met is passed.
+    hysteresis : float
+        Part of the limit by which the vibration must fall below it before the alarm ends, 0 to below 1.
+    hold : float
+        Time that the limit must be passed without a break before the alarm comes, s (API 670 asks for 1 s to 3 s).
+    """
+
+    def __init__(self, limit: float, hysteresis: float, hold: float) -> None:
+        if not limit > 0.0 or not 0.0 <= hysteresis < 1.0 or not hold >= 0.0:
+            raise ValueError(
+                f"limit, hysteresis, hold: {limit} m, {hysteresis} and {hold} s, expected above 0, 0 to below 1 and "
+                "0 or more"
+            )
+        self._limit, self._fall, self._hold = limit, limit * (1.0 - hysteresis), hold
+        self._passed: Moment | None = None  # where the present passing began
+        self.is_on = False
+        self.largest, self.largest_at = 0.0, Moment(0, 0.0, math.nan)  # of the present passing
+
+    def update(self, peak_to_peak: float, moment: Moment) -> bool:
+        """Take an overall vibration, m peak-to-peak, later than the one before; return whether the alarm is on.
+
+        NaN, not known, changes nothing; over a gap a limit is not held.
+        """
+        if math.isnan(peak_to_peak):
+            return self.is_on
+        if peak_to_peak < (self._fall if self.is_on else self._limit):
+            self._passed, self.is_on = None, False
+            return False
+        if self._passed is None or (not self.is_on and self._passed.segment != moment.segment):
+            self._passed, self.largest = moment, 0.0
+        if peak_to_peak > self.largest:
+            self.largest, self.largest_at = peak_to_peak, moment
+        self.is_on = self.is_on or moment.time - self._passed.time >= self._hold
+        return self.is_on
+
+
+class AlarmWatch:
+    """Watches the overall vibration of both probes against their limits; what it says depends on the samples alone.
 
     Parameters
     ----------
     limits : Limits
-        Alarm and danger, m peak-to-peak.
-    hysteresis : float
-        Part of a limit by which the vibration must fall below it before the verdict does, 0 to below 1.
-    delay : float
-        Time that a limit must be passed without a break before the verdict rises, s.
+        Alarm and danger, hysteresis and hold time.
+    probes : sequence of str
+        Names of the probes x and y.
     """
 
-    def __init__(self, limits: Limits, hysteresis: float = HYSTERESIS, delay: float = DELAY) -> None:
-        if not 0.0 <= hysteresis < 1.0 or not delay >= 0.0:
-            raise ValueError(f"hysteresis, delay: {hysteresis} and {delay} s, expected 0 to below 1 and 0 or more")
-        self._limits = {Severity.ALARM: limits.peak_to_peak_alarm, Severity.DANGER: limits.peak_to_peak_danger}
-        self._hysteresis, self._delay = hysteresis, delay
-        self._passed: dict[Severity, float] = {}  # since when each limit has been passed, s
-        self._now = self._latched = Severity.NORMAL
-        self._since = math.nan
-        self._largest = 0.0
+    def __init__(self, limits: Limits, probes: Sequence[str]) -> None:
+        levels = ((Severity.ALARM, limits.peak_to_peak_alarm), (Severity.DANGER, limits.peak_to_peak_danger))
+        self._watches = [
+            (row, name, severity, limit, LimitWatch(limit, limits.hysteresis, limits.hold))
+            for row, name in enumerate(probes)
+            for severity, limit in levels
+        ]
+        self._lasting: dict[int, Alarm] = {}  # by the number of their watch
+        self._over: list[Alarm] = []
+        self._count = 0
 
-    def update(self, peak_to_peak: float, time: float) -> AlarmState:
-        """Take an overall vibration, m peak-to-peak, at a time, s, rising; NaN, not known, changes nothing."""
-        now = Severity.NORMAL
-        for severity, limit in self._limits.items():
-            held = self._now.rank >= severity.rank
-            bar = limit * (1.0 - self._hysteresis) if held else limit
-            if math.isnan(peak_to_peak):
-                now = severity if held else now
-            elif peak_to_peak >= bar:
-                began = self._passed.setdefault(severity, time)
-                if held or time - began >= self._delay:
-                    now = severity
-            else:
-                self._passed.pop(severity, None)
-        self._now = now
-        if now.rank > self._latched.rank:
-            self._latched, self._since = now, time
-        self._largest = max(self._largest, peak_to_peak)
-        return self.state
+    def snapshot(self, snapshot: Snapshot) -> tuple[Alarm, ...]:
+        """Take a snapshot, in the order in which they came; return the alarms that came with it."""
+        moment = Moment(snapshot.segment, snapshot.time, snapshot.speed)
+        came = []
+        for key, (row, probe, severity, limit, watch) in enumerate(self._watches):
+            is_on = watch.update(float(snapshot.peak_to_peak[row]), moment)
+            lasting = self._lasting.get(key)
+            if not is_on:
+                if lasting is not None:
+                    self._close(replace(self._lasting.pop(key), end=moment))
+            elif lasting is None:
+                self._count += 1
+                alarm = Alarm(self._count, probe, severity, limit, moment, watch.largest, watch.largest_at)
+                self._lasting[key] = alarm
+                came.append(alarm)
+            elif watch.largest > lasting.largest:
+                self._lasting[key] = replace(lasting, largest=watch.largest, largest_at=watch.largest_at)
+        return tuple(came)
+
+    def _close(self, alarm: Alarm) -> None:
+        self._over.append(alarm)
+        if len(self._over) > MOST_ALARMS:
+            self._over.remove(min(self._over, key=lambda alarm: alarm.largest / alarm.limit))
 
     @property
-    def state(self) -> AlarmState:
-        """What the alarm says."""
-        return AlarmState(self._now, self._latched, self._since, self._largest)
+    def alarms(self) -> tuple[Alarm, ...]:
+        """All alarms so far, in the order in which they came."""
+        return tuple(sorted([*self._over, *self._lasting.values()], key=lambda alarm: alarm.number))
 
-    def acknowledge(self, time: float) -> AlarmState:
-        """Somebody has seen it, at a time, s: what is latched falls to the verdict of the moment."""
-        self._latched = self._now
-        self._since = time if self._now is not Severity.NORMAL else math.nan
-        self._largest = 0.0
-        return self.state
+
+def shown_alarms(alarms: Sequence[Alarm], acknowledged: int, *, latch: bool) -> tuple[Alarm, ...]:
+    """Return the alarms that an operator must see: those that last, and latched ones that nobody has acknowledged.
+
+    Parameters
+    ----------
+    alarms : sequence of Alarm
+        From `AlarmWatch`.
+    acknowledged : int
+        Number of the last one that somebody has acknowledged; 0 for none.
+    latch : bool
+        Whether an alarm that is over stays until it is acknowledged.
+    """
+    return tuple(alarm for alarm in alarms if alarm.lasts or (latch and alarm.number > acknowledged))
+
+
+def worst(alarms: Sequence[Alarm]) -> Severity:
+    """Return the worst severity among alarms; normal where there are none."""
+    return max((alarm.severity for alarm in alarms), key=lambda severity: severity.rank, default=Severity.NORMAL)

@@ -232,12 +232,21 @@ class Limits:
         Radius of the circle that the shaft can move in, m.
     speed : float
         Highest speed of the rig, rad/s.
+    hysteresis : float
+        Part of a limit by which the vibration must fall below it before its alarm ends, 0 to below 1.
+    hold : float
+        Time that a limit must be passed before its alarm comes, s.
+    latch : bool
+        Whether an alarm stays in sight until somebody acknowledges it.
     """
 
     peak_to_peak_alarm: float
     peak_to_peak_danger: float
     clearance: float
     speed: float
+    hysteresis: float = 0.05
+    hold: float = 1.0
+    latch: bool = True
 
     def severity(self, peak_to_peak: float) -> Severity:
         """Return how an overall vibration, m peak-to-peak, stands to the limits; a limit that is met is passed."""

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.alarm import Alarm, AlarmWatch
 from analysis.findings import Moment, WhirlFinding, WhirlTracker
 from analysis.run import Role, RunHeader, Severity
 from analysis.samples import SegmentEnd
@@ -84,6 +85,8 @@ class RunSummary:
         Amplitude, phase and peak-to-peak against speed, in rising order of speed.
     whirls : tuple of WhirlFinding
         Sub-synchronous components in the order in which they began.
+    alarms : tuple of Alarm
+        Limits that were passed for long enough, in the order in which their alarms came.
     """
 
     run: str
@@ -105,6 +108,7 @@ class RunSummary:
     tacho_states: dict[str, int]
     rows: tuple[SpeedRow, ...]
     whirls: tuple[WhirlFinding, ...]
+    alarms: tuple[Alarm, ...] = ()
 
     @property
     def is_gap_free(self) -> bool:
@@ -164,6 +168,7 @@ class SummaryBuilder:
         self._probes = (_Probe(), _Probe())
         self._table = SpeedTable()
         self._whirls = WhirlTracker()
+        self._alarms = AlarmWatch(header.limits, self._names)
         self._ends: list[SegmentEnd] = []
         self._clipped: tuple[int, ...] = (0,) * len(acquisition.channels)
         self._states: Counter[str] = Counter()
@@ -172,8 +177,8 @@ class SummaryBuilder:
         self._lowest, self._highest = np.inf, -np.inf
         self._open_segment, self._open_samples = -1, 0  # what has been seen of a segment that has not ended
 
-    def snapshot(self, snapshot: Snapshot) -> None:
-        """Take a snapshot, in the order in which they came."""
+    def snapshot(self, snapshot: Snapshot) -> tuple[Alarm, ...]:
+        """Take a snapshot, in the order in which they came; return the alarms that came with it."""
         if snapshot.segment != self._open_segment:
             self._whirls.segment_end()
         self._open_segment, self._open_samples = snapshot.segment, snapshot.sample
@@ -189,6 +194,12 @@ class SummaryBuilder:
         if snapshot.frame is not None:
             self._frames += 1
             self._whirls.frame(snapshot.segment, snapshot.time, snapshot.frame)
+        return self._alarms.snapshot(snapshot)
+
+    @property
+    def alarms(self) -> tuple[Alarm, ...]:
+        """The alarms so far."""
+        return self._alarms.alarms
 
     def segment_end(self, end: SegmentEnd) -> None:
         """Take the end of a segment."""
@@ -221,6 +232,7 @@ class SummaryBuilder:
             tacho_states=dict(self._states),
             rows=self._table.rows(),
             whirls=self._whirls.findings(),
+            alarms=self._alarms.alarms,
         )
 
     def _probe(self, name: str, probe: _Probe) -> ProbeSummary:

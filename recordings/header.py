@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
 from analysis.run import (
@@ -44,6 +44,9 @@ def header_document(header: RunHeader) -> Document:
             "peak_to_peak_danger_m": header.limits.peak_to_peak_danger,
             "clearance_m": header.limits.clearance,
             "speed_rad_per_s": header.limits.speed,
+            "hysteresis_fraction": header.limits.hysteresis,
+            "hold_s": header.limits.hold,
+            "latch": header.limits.latch,
         },
         "config_toml": header.config_toml,
     }
@@ -80,15 +83,27 @@ def header_from_document(document: Mapping[str, Any]) -> RunHeader:
             highest_order=analysis.number("highest_order"),
             orbit_revolutions=analysis.whole("orbit_revolutions"),
         ),
-        limits=Limits(
-            peak_to_peak_alarm=limits.number("peak_to_peak_alarm_m"),
-            peak_to_peak_danger=limits.number("peak_to_peak_danger_m"),
-            clearance=limits.number("clearance_m"),
-            speed=limits.number("speed_rad_per_s"),
-        ),
+        limits=_limits(limits),
         config_toml=top.text("config_toml"),
         program=top.text("program"),
         note=top.text("note"),
+    )
+
+
+def _limits(section: "_Section") -> Limits:
+    known = Limits(
+        peak_to_peak_alarm=section.number("peak_to_peak_alarm_m"),
+        peak_to_peak_danger=section.number("peak_to_peak_danger_m"),
+        clearance=section.number("clearance_m"),
+        speed=section.number("speed_rad_per_s"),
+    )
+    if not section.has("hold_s"):  # an older file: alarms as they are by default
+        return known
+    return replace(
+        known,
+        hysteresis=section.number("hysteresis_fraction"),
+        hold=section.number("hold_s"),
+        latch=section.flag("latch"),
     )
 
 

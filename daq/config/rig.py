@@ -56,6 +56,9 @@ class Rig:
             peak_to_peak_danger=section.peak_to_peak_danger_um * MICRO,
             clearance=section.clearance_um * MICRO,
             speed=section.speed_rpm * RPM,
+            hysteresis=section.hysteresis_fraction,
+            hold=section.hold_s,
+            latch=section.latch,
         )
 
     @property

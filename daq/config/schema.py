@@ -98,6 +98,9 @@ class LimitsSection(Section):
     peak_to_peak_danger_um: Positive = 95.0
     clearance_um: Positive = 100.0  # radius of the circle the shaft can move in
     speed_rpm: Positive = 20_000.0
+    hysteresis_fraction: Annotated[float, Field(ge=0, le=0.5)] = 0.05  # part of a limit, below it, where its alarm ends
+    hold_s: Annotated[float, Field(ge=0, le=60)] = 1.0  # how long a limit must be passed before its alarm comes
+    latch: bool = True  # an alarm stays in sight until somebody acknowledges it
 
 
 class AnalysisSection(Section):

@@ -2,10 +2,10 @@
 
 import math
 from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from analysis.acceptance import figures, unbalance_allowed
 from analysis.alarm import MOST_ALARMS, Alarm, AlarmWatch, LimitWatch, shown_alarms, worst
 from analysis.findings import Moment
 from analysis.run import Limits, Severity

@@ -17,10 +17,11 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from PIL import Image
 
-from analysis.alarm import LatchedAlarm
+from analysis.alarm import LimitWatch
 from analysis.angular_record import AngularRecord, angular_record
 from analysis.centreline import centreline
 from analysis.filtered_orbit import FilteredOrbit, direct_orbit, filtered_orbit, orbit_without
+from analysis.findings import Moment
 from analysis.frequency_spectrum import frequency_spectrum
 from analysis.full_spectrum import ProbeMismatch, full_cascade, full_spectrum, probe_mismatch
 from analysis.glitches import find_glitches
@@ -288,16 +289,16 @@ def below_one_x(axes: Axes, run: Run) -> None:
 
 
 def overall(axes: Axes, run: Run) -> None:
-    alarm, size = LatchedAlarm(LIMITS, delay=0.2), int(0.1 * RATE)
+    watch, size = LimitWatch(LIMITS.peak_to_peak_alarm, LIMITS.hysteresis, hold=0.2), int(0.1 * RATE)
     blocks = run.displacement[:, : run.time.size // size * size].reshape(2, -1, size)
     peak_to_peak = (np.quantile(blocks, 0.999, axis=2) - np.quantile(blocks, 0.001, axis=2)).max(axis=0)
     times = (np.arange(peak_to_peak.size) + 0.5) * size / RATE
-    states = [alarm.update(float(value), float(time)) for value, time in zip(peak_to_peak, times, strict=True)]
+    states = [watch.update(value, Moment(0, time, np.nan)) for value, time in zip(peak_to_peak, times, strict=True)]
     axes.plot(times, peak_to_peak / MICRO, X, lw=1.0, label="larger of x and y")
     for limit, colour, name in ((50, "#e69f00", "alarm"), (80, "#cc0000", "danger")):
         axes.axhline(limit, color=colour, lw=0.9, label=name)
-    since = alarm.state.since
-    latched = np.array([state.latched.rank > 0 for state in states])
+    latched = np.maximum.accumulate(states)
+    since = times[np.argmax(latched)]
     axes.fill_between(times, 0, 100, where=latched.tolist(), color="#e69f00", alpha=0.12, lw=0, label="latched")
     axes.set(title=f"Overall, alarm since {since:.1f} s", xlabel="time, s", ylabel="µm peak-to-peak", ylim=(0, 95))
     axes.legend(ncols=2)

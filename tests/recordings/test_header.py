@@ -36,7 +36,8 @@ def test_open_gap_windows_come_back_as_infinite(header: RunHeader) -> None:
 def test_numbers_in_the_document_have_their_unit_in_the_name(header: RunHeader) -> None:
     document = header_document(header)
     units = ("_s", "_m", "_v", "_hz", "_rad", "_ns", "_rad_per_s", "_to_k")
-    plain = {"revolutions", "points_per_revolution", "highest_order", "orbit_revolutions", "mark_fraction"}
+    fractions = {"mark_fraction", "hysteresis_fraction"}
+    plain = {"revolutions", "points_per_revolution", "highest_order", "orbit_revolutions"} | fractions
     counts = {"pulses_per_revolution"}
 
     def check(part: Any) -> None:
