@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import BSpline
-from scipy.linalg import solveh_banded
+from scipy.linalg import cho_solve_banded, cholesky_banded
 
 from analysis.angle import DEGREE, FEWEST_KNOT_TURNS, KNOT_TIME, KNOT_TURNS, MAD_TO_SIGMA, OUTLIER, OUTLIER_PART
 from analysis.errors import RecordTooShortError, TachoRefusedError
@@ -34,6 +34,8 @@ class ShaftAngle:
         Pulses that were left out because they lay far off.
     mark_angles : ndarray of float64, shape (pulses_per_revolution,)
         Where the marks were found on the shaft, rad from the first; 0 for the first.
+    covariance : ndarray of float64, shape (4, n_coefficients)
+        Of the spline's coefficients where the pulses scatter by 1 s: its diagonals, the main one first, s².
     measured : bool
         True where a tacho told; False where it was read from the vibration itself (`analysis.tacholess`).
     """
@@ -44,6 +46,7 @@ class ShaftAngle:
     jitter: float
     outliers: int
     mark_angles: FloatArray
+    covariance: FloatArray
     measured: bool = True
 
     def speed(self, turns: FloatArray) -> FloatArray:
@@ -65,14 +68,23 @@ class ShaftAngle:
             turns[inside] = held - (self.time(held) - times[inside]) / self.time(held, nu=1)
         return np.asarray(turns, dtype=np.float64)
 
-    def angle_sigma(self, turns: FloatArray, revolutions: int) -> FloatArray:
-        """Return the standard deviation of the angle, rad, as the mean of so many revolutions feels it.
+    def time_sigma(self, turns: FloatArray) -> FloatArray:
+        """Return the standard deviation of time at counts of revolutions, s, where pulses scatter independently.
 
-        Pulses that scatter independently average out as those under a Hann window do: jitter sqrt(1.5 / revolutions).
-        A common error of all pulses, as of the configured delay, is not in it.
+        Smaller than the jitter, as the spline averages the pulses about, and larger at its ends; a common error of all
+        pulses, as of the configured delay, is not in it. NaN where no tacho told.
         """
-        pulses = max(revolutions * self.mark_angles.size, 1)
-        return np.asarray(self.speed(turns) * self.jitter * np.sqrt(1.5 / pulses), dtype=np.float64)
+        if not self.measured:
+            return np.full(np.shape(turns), np.nan)
+        basis = BSpline.design_matrix(np.asarray(turns, dtype=np.float64), self.time.t, DEGREE)
+        weights = basis.data.reshape(-1, DEGREE + 1)
+        first = basis.indices.reshape(-1, DEGREE + 1)[:, 0]
+        variance = np.zeros(first.size)
+        for low in range(DEGREE + 1):
+            for apart in range(DEGREE + 1 - low):
+                both = weights[:, low] * weights[:, low + apart] * self.covariance[apart, first + low]
+                variance += both if apart == 0 else 2.0 * both
+        return np.asarray(self.jitter * np.sqrt(variance), dtype=np.float64)
 
 
 def shaft_angle(record: PulseRecord) -> ShaftAngle:
@@ -103,33 +115,39 @@ def shaft_angle(record: PulseRecord) -> ShaftAngle:
     whole = np.count_nonzero(record.numbers % marks == 0) - 1
     if whole < FEWEST_TURNS:
         raise RecordTooShortError(f"the tacho's pulses span {whole} revolutions, expected at least {FEWEST_TURNS}")
-    turns = record.numbers / marks
-    offsets = np.zeros(marks)
-    if marks > 1:
-        first = record.numbers % marks == 0
-        rough = ShaftAngle(
-            _fit(turns[first], record.times[first])[0],
-            float(turns[first][0]),
-            float(turns[first][-1]),
-            0.0,
-            0,
-            offsets,
-        )
-        off = rough.turns(record.times) - turns
-        for mark in range(1, marks):
-            offsets[mark] = float(np.nanmedian(off[record.numbers % marks == mark]))
-        turns = turns + offsets[record.numbers % marks]
-    time, residual = _fit(turns, record.times)
-    scatter = _scatter(residual, time)
+    offsets = _mark_offsets(record)
+    turns = record.numbers / marks + offsets[record.numbers % marks]
+    fit = _fit(turns, record.times)
     period = np.gradient(record.times, turns)
-    good = np.abs(residual) <= np.maximum(OUTLIER * scatter, OUTLIER_PART * period)
+    good = np.abs(fit.residual) <= np.maximum(OUTLIER * fit.scatter, OUTLIER_PART * period)
     good[[0, -1]] = True
     _refuse_jumps(good, record.times)
     if not good.all():
-        time, residual = _fit(turns[good], record.times[good])
-        scatter = _scatter(residual, time)
-    angles = 2.0 * np.pi * (np.arange(marks) / marks + offsets)
-    return ShaftAngle(time, float(turns[0]), float(turns[-1]), scatter, int(np.count_nonzero(~good)), angles)
+        fit = _fit(turns[good], record.times[good])
+    return ShaftAngle(
+        time=fit.time,
+        first=float(turns[0]),
+        last=float(turns[-1]),
+        jitter=fit.scatter,
+        outliers=int(np.count_nonzero(~good)),
+        mark_angles=2.0 * np.pi * (np.arange(marks) / marks + offsets),
+        covariance=_inverse_bands(fit.factor),
+    )
+
+
+def _mark_offsets(record: PulseRecord) -> FloatArray:
+    """Return by how much of a turn each mark lies off its even place, the first by none."""
+    marks = record.pulses_per_revolution
+    mark = record.numbers % marks
+    turns = record.numbers / marks
+    offsets = np.zeros(marks)
+    if marks > 1:
+        time = _fit(turns[mark == 0], record.times[mark == 0]).time
+        inside = (turns >= turns[mark == 0][0]) & (turns <= turns[mark == 0][-1])
+        off = (record.times[inside] - time(turns[inside])) / time(turns[inside], nu=1)
+        for other in range(1, marks):
+            offsets[other] = float(np.median(off[mark[inside] == other]))
+    return offsets
 
 
 def _refuse_jumps(good: NDArray[np.bool_], times: FloatArray) -> None:
@@ -142,13 +160,6 @@ def _refuse_jumps(good: NDArray[np.bool_], times: FloatArray) -> None:
             f"tacho: {ends[long[0]] - begins[long[0]]} pulses in a row from {times[begins[long[0]]]:.4f} s on lie off "
             "the smooth angle: the speed jumps there; analyse the record in parts"
         )
-
-
-def _scatter(residual: FloatArray, fitted: BSpline) -> float:
-    """Return the scatter of the pulses, s: of what is left of them, and of what the fit has taken with it."""
-    freedom = max(residual.size - fitted.c.size, 1)
-    spread = float(np.median(np.abs(residual - np.median(residual))))
-    return MAD_TO_SIGMA * spread * float(np.sqrt(residual.size / freedom))
 
 
 def _inner_knots(turns: FloatArray, times: FloatArray) -> list[float]:
@@ -176,22 +187,52 @@ def _inner_knots(turns: FloatArray, times: FloatArray) -> list[float]:
         knots.append(float(round(turns[at])))
 
 
-def _fit(turns: FloatArray, times: FloatArray) -> tuple[BSpline, FloatArray]:
-    """Return the spline and what it leaves of each pulse, s."""
+@dataclass(frozen=True, slots=True, eq=False)
+class _Fit:
+    """A spline through pulses: what it leaves of each, s, and the Cholesky factor of its normal equations, banded."""
+
+    time: BSpline
+    residual: FloatArray
+    factor: FloatArray
+
+    @property
+    def scatter(self) -> float:
+        """Of the pulses, s: of what is left of them, and of what the fit has taken with it."""
+        freedom = max(self.residual.size - self.factor.shape[1], 1)
+        spread = float(np.median(np.abs(self.residual - np.median(self.residual))))
+        return MAD_TO_SIGMA * spread * float(np.sqrt(self.residual.size / freedom))
+
+
+def _fit(turns: FloatArray, times: FloatArray) -> _Fit:
     inner = _inner_knots(turns, times)
     knots = np.concatenate([np.full(DEGREE, inner[0]), inner, np.full(DEGREE, inner[-1])])
     slope = (times[-1] - times[0]) / (turns[-1] - turns[0])
     line = times[0] + slope * (turns - turns[0])
     basis = BSpline.design_matrix(turns, knots, DEGREE)
     gram = (basis.T @ basis).todia()
-    banded = np.stack(
-        [
-            gram.diagonal(-row) if row == 0 else np.append(gram.diagonal(-row), np.zeros(row))
-            for row in range(DEGREE + 1)
-        ]
-    )
-    correction = solveh_banded(banded, basis.T @ (times - line), lower=True)
+    banded = np.stack([np.append(gram.diagonal(-row), np.zeros(row)) for row in range(DEGREE + 1)])
+    factor = cholesky_banded(banded, lower=True)
+    correction = cho_solve_banded((factor, True), basis.T @ (times - line))
     averages = np.convolve(knots[1:-1], np.full(DEGREE, 1.0 / DEGREE), mode="valid")
     coefficients = correction + times[0] + slope * (averages - turns[0])
     residual = times - line - basis @ correction
-    return BSpline(knots, coefficients, DEGREE), np.asarray(residual, dtype=np.float64)
+    return _Fit(BSpline(knots, coefficients, DEGREE), np.asarray(residual, dtype=np.float64), factor)
+
+
+def _inverse_bands(factor: FloatArray) -> FloatArray:
+    """Return the diagonals of the inverse of a matrix, the main one first, from its banded lower Cholesky factor L.
+
+    Z = (L L')⁻¹ has L' Z = L⁻¹, which is lower triangular, so that its bands follow from the last row upwards
+    (K. Takahashi, J. Fagan and M. Chin, PICA conference, 1973).
+    """
+    bands, size = factor.shape
+    columns = factor.T.tolist()
+    inverse = [[0.0] * bands for _ in range(size + bands)]  # inverse[i][d] is Z[i, i + d]
+    for i in range(size - 1, -1, -1):
+        column, row = columns[i], inverse[i]
+        for d in range(bands - 1, -1, -1):
+            known = 1.0 / column[0] if d == 0 else 0.0
+            for k in range(1, bands):
+                known -= column[k] * inverse[i + min(k, d)][abs(k - d)]
+            row[d] = known / column[0]
+    return np.array(inverse[:size]).T

@@ -64,7 +64,8 @@ class RidgeSpeed:
         counts = np.asarray(turns(times), dtype=np.float64)
         from_turns = make_interp_spline(counts, times, DEGREE)
         jitter = float(np.median(self.sigma / self.speeds) * np.median(np.diff(self.times)))
-        return ShaftAngle(from_turns, 0.0, float(counts[-1]), jitter, 0, np.zeros(1), measured=False)
+        covariance = np.full((DEGREE + 1, from_turns.c.size), np.nan)
+        return ShaftAngle(from_turns, 0.0, float(counts[-1]), jitter, 0, np.zeros(1), covariance, measured=False)
 
 
 def speed_from_ridge(displacement: FloatArray, rate: float, lowest: float, highest: float) -> RidgeSpeed:

@@ -37,7 +37,18 @@ def test_jitter_is_told_and_averaged_out() -> None:
     turns = np.linspace(20.0, 1980.0, 5001)
     truth = (np.sqrt(100.0**2 + 180.0 * turns) - 100.0) / 90.0
     assert np.std(angle.time(turns) - truth) < 0.5 * 2e-6
-    assert angle.angle_sigma(np.array([1000.0]), 16)[0] < 0.4 * 2e-6 * angle.speed(np.array([1000.0]))[0]
+
+
+def test_what_is_stated_of_the_times_is_their_scatter_over_many_runs() -> None:
+    clean = run_up(120)
+    turns = np.array([0.0, 1.0, 4.0, 11.0, 37.5, 60.0, 100.0, 117.0, 119.0])
+    random = np.random.default_rng(0)
+    noises = 2e-6 * random.standard_normal((400, clean.times.size))
+    angles = [shaft_angle(replace(clean, times=clean.times + noise)) for noise in noises]
+    seen = np.std([angle.time(turns) for angle in angles], axis=0)
+    stated = np.mean([angle.time_sigma(turns) for angle in angles], axis=0)
+    np.testing.assert_allclose(stated, seen, rtol=0.15)
+    assert stated[0] > 1.5 * stated[4]
 
 
 def test_a_pulse_far_off_is_left_out() -> None:
