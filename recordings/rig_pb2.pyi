@@ -185,15 +185,17 @@ class OrderFrame(_message.Message):
     def __init__(self, segment: _Optional[int] = ..., sample: _Optional[int] = ..., time_s: _Optional[float] = ..., speed_rad_per_s: _Optional[float] = ..., acceleration_rad_per_s2: _Optional[float] = ..., orders: _Optional[_Iterable[float]] = ..., spectrum_x_real_m: _Optional[_Iterable[float]] = ..., spectrum_x_imag_m: _Optional[_Iterable[float]] = ..., spectrum_y_real_m: _Optional[_Iterable[float]] = ..., spectrum_y_imag_m: _Optional[_Iterable[float]] = ..., x_1x: _Optional[_Union[Vector, _Mapping]] = ..., y_1x: _Optional[_Union[Vector, _Mapping]] = ..., x_2x: _Optional[_Union[Vector, _Mapping]] = ..., y_2x: _Optional[_Union[Vector, _Mapping]] = ..., noise_m: _Optional[float] = ..., whirl: _Optional[_Union[Whirl, _Mapping]] = ..., orbit_x_m: _Optional[_Iterable[float]] = ..., orbit_y_m: _Optional[_Iterable[float]] = ...) -> None: ...
 
 class Mark(_message.Message):
-    __slots__ = ("segment", "sample", "time_s", "text", "host_time_ns")
+    __slots__ = ("segment", "sample", "time_s", "text", "host_time_ns", "kind")
     SEGMENT_FIELD_NUMBER: _ClassVar[int]
     SAMPLE_FIELD_NUMBER: _ClassVar[int]
     TIME_S_FIELD_NUMBER: _ClassVar[int]
     TEXT_FIELD_NUMBER: _ClassVar[int]
     HOST_TIME_NS_FIELD_NUMBER: _ClassVar[int]
+    KIND_FIELD_NUMBER: _ClassVar[int]
     segment: int
     sample: int
     time_s: float
     text: str
     host_time_ns: int
-    def __init__(self, segment: _Optional[int] = ..., sample: _Optional[int] = ..., time_s: _Optional[float] = ..., text: _Optional[str] = ..., host_time_ns: _Optional[int] = ...) -> None: ...
+    kind: str
+    def __init__(self, segment: _Optional[int] = ..., sample: _Optional[int] = ..., time_s: _Optional[float] = ..., text: _Optional[str] = ..., host_time_ns: _Optional[int] = ..., kind: _Optional[str] = ...) -> None: ...

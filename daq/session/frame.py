@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Protocol
 
+from analysis.alarm import Alarm
 from analysis.run import RunHeader, Severity
 from analysis.snapshot import Snapshot
 from model.prediction import Prediction
@@ -52,13 +53,17 @@ class Status:
     dropped_frames : int
         Pictures that the view could not draw in time.
     severity : Severity
-        Now.
+        The worst of the alarms that last.
     latched : Severity
-        The worst since the run began.
+        The worst of the alarms in sight.
     model : str
         "ready", "computing 34 %", or why there is no prediction.
     detail : str
         What went wrong, for the operator; empty where all is well.
+    alarms : tuple of Alarm
+        Those in sight: they last, or are latched until somebody acknowledges them.
+    acknowledged : int
+        Number of the last alarm that somebody has acknowledged; 0 for none.
     """
 
     state: RunState
@@ -74,6 +79,8 @@ class Status:
     latched: Severity = Severity.NORMAL
     model: str = "off"
     detail: str = ""
+    alarms: tuple[Alarm, ...] = ()
+    acknowledged: int = 0
 
 
 @dataclass(frozen=True, slots=True, eq=False)

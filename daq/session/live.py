@@ -4,8 +4,9 @@ import threading
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
+from analysis.alarm import Alarm, shown_alarms, worst
 from analysis.analyser import Analyser
-from analysis.run import RunHeader, Severity
+from analysis.run import RunHeader
 from analysis.samples import SegmentEnd, SourceItem
 from analysis.snapshot import Snapshot
 from analysis.summary import RunSummary, SummaryBuilder
@@ -28,6 +29,8 @@ class LiveAnalysis:
         Who shows the frames.
     keep : callable or None
         Takes every snapshot, to write it beside the samples.
+    keep_alarm : callable or None
+        Takes every alarm when it comes, likewise.
     """
 
     def __init__(
@@ -36,18 +39,20 @@ class LiveAnalysis:
         predict: Predict,
         sinks: Sequence[FrameSink],
         keep: Callable[[Snapshot], None] | None = None,
+        keep_alarm: Callable[[Alarm], None] | None = None,
     ) -> None:
         self._header = header
         self._predict = predict
         self._sinks = tuple(sinks)
         self._keep = keep
+        self._keep_alarm = keep_alarm
         self._analyser = Analyser(header.acquisition, header.settings)
         self._summary = SummaryBuilder(header)
         self._lock = threading.Lock()
         self._snapshot: Snapshot | None = None
         self._prediction: Prediction | None = None
-        self._severity = Severity.NORMAL
-        self._latched = Severity.NORMAL
+        self._alarms: tuple[Alarm, ...] = ()
+        self._acknowledged = 0  # number of the last alarm that somebody has acknowledged
 
     def take(self, item: SourceItem, status: Status) -> None:
         """Analyse an item; `status` is the state of the recording that goes with the frames."""
@@ -60,22 +65,35 @@ class LiveAnalysis:
             self.offer(status)
 
     def _note(self, snapshot: Snapshot) -> None:
-        self._summary.snapshot(snapshot)
+        came = self._summary.snapshot(snapshot)
         if self._keep is not None:
             self._keep(snapshot)
+        if self._keep_alarm is not None:
+            for alarm in came:
+                self._keep_alarm(alarm)
         prediction = self._predict(snapshot.speed)
         with self._lock:
             self._snapshot, self._prediction = snapshot, prediction
-            self._judge(snapshot)
+            self._alarms = self._summary.alarms
 
-    def _judge(self, snapshot: Snapshot) -> None:
-        self._severity = self._header.limits.severity(float(snapshot.peak_to_peak.max()))
-        self._latched = max(self._latched, self._severity, key=lambda severity: severity.rank)
+    def _shown(self) -> tuple[Alarm, ...]:
+        return shown_alarms(self._alarms, self._acknowledged, latch=self._header.limits.latch)
+
+    def acknowledge(self) -> tuple[Alarm, ...]:
+        """Take note of the alarms so far, and return those that were in sight and new; what lasts stays in sight."""
+        with self._lock:
+            noted = tuple(alarm for alarm in self._shown() if alarm.number > self._acknowledged)
+            self._acknowledged = max((alarm.number for alarm in noted), default=self._acknowledged)
+        return noted
 
     def frame(self, status: Status) -> LiveFrame:
         """Return the latest frame with this status."""
         with self._lock:
-            status = replace(status, severity=self._severity, latched=self._latched)
+            shown, acknowledged = self._shown(), self._acknowledged
+            lasting = [alarm for alarm in shown if alarm.lasts]
+            status = replace(
+                status, severity=worst(lasting), latched=worst(shown), alarms=shown, acknowledged=acknowledged
+            )
             return LiveFrame(self._header, status, self._snapshot, self._prediction)
 
     def offer(self, status: Status) -> None:

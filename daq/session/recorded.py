@@ -10,12 +10,14 @@ from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 
+from analysis.alarm import Alarm
 from analysis.run import RunHeader
 from analysis.samples import SegmentEnd
 from analysis.snapshot import Snapshot
 from analysis.summary import RunSummary
 from daq.config.rig import Rig
 from daq.errors import DeviceError, DeviceFault, RigError
+from daq.session.alarms import acknowledgement, alarm_mark
 from daq.session.frame import FrameSink, LiveFrame, RunState, Status
 from daq.session.gauges import Gauges
 from daq.session.live import LiveAnalysis
@@ -78,7 +80,7 @@ class RecordedRun:
             self._release()
             raise
         self._rate = self._header.acquisition.rate
-        self._analysis: LiveAnalysis | None = LiveAnalysis(self._header, model.at, sinks, self._keep)
+        self._analysis: LiveAnalysis | None = LiveAnalysis(self._header, model.at, sinks, self._keep, self._keep_alarm)
         self._shown = self._analysis
         self._state = RunState.RECORDING
         self._thread = threading.Thread(target=self._watch, name="live-analysis", daemon=True)
@@ -125,6 +127,10 @@ class RecordedRun:
         """Send a snapshot to be written beside the samples."""
         for result in encode_snapshot(snapshot, self._header):
             self._send(result)
+
+    def _keep_alarm(self, alarm: Alarm) -> None:
+        """Send an alarm that has come to be written beside the samples."""
+        self._send(encode_mark(alarm_mark(alarm, self._rate, time.time_ns()), self._header))
 
     def _send(self, message: object) -> None:
         with self._sending, suppress(OSError):  # a recorder that is gone is noticed by the watch
@@ -243,6 +249,14 @@ class RecordedRun:
         mark = Mark(segment, sample, " ".join(text.split())[:MOST_LETTERS] or "mark", time.time_ns())
         self._send(encode_mark(mark, self._header))
         return mark
+
+    def acknowledge(self) -> tuple[Alarm, ...]:
+        """Take note of the alarms so far, which is in the file soon; return those that were new."""
+        noted = self._shown.acknowledge()
+        if noted and self._thread.is_alive():
+            segment, sample = self._gauges.place
+            self._send(encode_mark(acknowledgement(noted, segment, sample, time.time_ns()), self._header))
+        return noted
 
     def wait(self, timeout: float) -> bool:
         """Wait up to `timeout` s for the end; return whether it has come."""

@@ -3,6 +3,7 @@
 import threading
 from collections.abc import Sequence
 
+from analysis.alarm import Alarm
 from analysis.run import RunHeader
 from analysis.samples import SampleBlock, SegmentEnd
 from analysis.summary import RunSummary
@@ -77,6 +78,10 @@ class ReplayedRun:
     def summary(self) -> RunSummary:
         """Return the summary of what has been replayed."""
         return self._analysis.summary()
+
+    def acknowledge(self) -> tuple[Alarm, ...]:
+        """Take note of the alarms so far, for this replay alone; return those that were new."""
+        return self._analysis.acknowledge()
 
     def stop(self) -> None:
         """Ask for the end, by hand."""

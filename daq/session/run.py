@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
+from analysis.alarm import Alarm
 from analysis.run import RunHeader
 from analysis.samples import EndReason, SegmentEnd
 from daq.session.frame import LiveFrame
@@ -65,6 +66,10 @@ class Run(Protocol):
 
     def latest(self) -> LiveFrame:
         """Return the present frame."""
+        ...
+
+    def acknowledge(self) -> tuple[Alarm, ...]:
+        """Take note of the alarms so far; return those that were new."""
         ...
 
     def stop(self) -> None:

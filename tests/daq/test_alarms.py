@@ -1,0 +1,95 @@
+"""Alarms of a run: while it is recorded, in its file, in its summary, and in its replay."""
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from analysis.run import Severity
+from daq.config.rig import Rig
+from daq.drivers.replay import open_replay
+from daq.session.offline import summarise
+from daq.session.replayed import ReplayedRun
+from recordings.marks import MarkKind
+from recordings.reader import RunReader
+from recordings.verify import verify
+from tests.daq.test_recorded import REAL_TIME, NoModel, Screen, recorded
+
+RigFactory = Callable[..., Rig]
+
+SOON = {"peak_to_peak_alarm_um": 1.0, "peak_to_peak_danger_um": 90.0, "hold_s": 0.3}
+
+
+def until(condition: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + 30.0
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+
+
+def test_an_alarm_comes_after_its_hold_time_is_recorded_and_is_acknowledged(rig: RigFactory, tmp_path: Path) -> None:
+    screen = Screen()
+    run = recorded(rig(simulation=REAL_TIME, limits=SOON), tmp_path, screen)
+    until(lambda: len(run.latest().status.alarms) == 2)
+    assert {alarm.probe for alarm in run.latest().status.alarms} == {"x", "y"}
+    noted = run.acknowledge()
+    assert [alarm.number for alarm in noted] == [1, 2]
+    assert run.acknowledge() == ()
+    assert run.wait(60)
+    run.close()
+    first = next(frame for frame in screen.frames if frame.status.alarms)
+    assert first.snapshot is not None
+    assert first.snapshot.time == pytest.approx(0.4)  # 0.1 s after the run began it was passed
+    last = run.latest().status
+    assert (last.severity, last.latched) == (Severity.ALARM, Severity.ALARM)  # it lasts
+    assert last.acknowledged == 2
+    with RunReader(run.path) as reader:
+        marks = reader.marks()
+        summary = summarise(reader)
+    assert [mark.kind for mark in marks] == [MarkKind.ALARM, MarkKind.ALARM, MarkKind.ACKNOWLEDGED]
+    assert marks[0].sample == 8000
+    assert marks[0].text.startswith("alarm at ")
+    assert "r/min, limit 1" in marks[0].text
+    assert marks[2].text == f"acknowledged alarm at {noted[0].probe}, alarm at {noted[1].probe}"
+    assert [(alarm.probe, alarm.begin.time) for alarm in summary.alarms] == [("x", 0.4), ("y", 0.4)]
+    assert summary.alarms == run.summary().alarms
+    assert verify(run.path).findings == ()
+
+
+def test_a_replay_gives_the_same_alarms_not_yet_acknowledged(rig: RigFactory, tmp_path: Path) -> None:
+    run = recorded(rig(limits=SOON), tmp_path)
+    assert run.wait(60)
+    run.acknowledge()
+    run.close()
+    with RunReader(run.path) as reader:
+        header, expected = reader.header, summarise(reader).alarms
+    source = open_replay(run.path, None)
+    replayed = ReplayedRun(header, source, NoModel())
+    assert replayed.wait(60)
+    assert replayed.summary().alarms == expected
+    assert replayed.latest().status.alarms == expected
+    assert len(replayed.acknowledge()) == 2
+    assert replayed.latest().status.acknowledged == 2
+    replayed.close()
+
+
+@pytest.mark.parametrize(("latch", "latched"), [(True, Severity.ALARM), (False, Severity.NORMAL)])
+def test_an_alarm_that_is_over_stays_in_sight_where_the_rig_says_so(
+    rig: RigFactory, tmp_path: Path, *, latch: bool, latched: Severity
+) -> None:
+    profile = [(0.0, 9000.0), (1.0, 9000.0), (2.0, 2000.0), (3.0, 2000.0)]
+    falling = {"profile": [{"time_s": time_s, "speed_rpm": speed_rpm} for time_s, speed_rpm in profile]}
+    first = recorded(rig(simulation=falling), tmp_path)
+    assert first.wait(60)
+    first.close()
+    overall = [float(row.largest_peak_to_peak.max()) * 1e6 for row in first.summary().rows]
+    limits = {"peak_to_peak_alarm_um": 0.5 * (min(overall) + max(overall)), "hold_s": 0.0, "latch": latch}
+    (tmp_path / "again").mkdir()
+    run = recorded(rig(simulation=falling, limits=limits), tmp_path / "again")
+    assert run.wait(60)
+    run.close()
+    status = run.latest().status
+    assert (status.severity, status.latched) == (Severity.NORMAL, latched)
+    assert [alarm.lasts for alarm in run.summary().alarms] == [False] * len(run.summary().alarms)
+    assert run.summary().alarms
