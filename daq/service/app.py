@@ -13,13 +13,15 @@ from daq.service.documents import ProblemDocument
 from daq.service.guard import Guard, is_loopback
 from daq.service.head import HeadAsGet
 from daq.service.hub import Hub
+from daq.service.kinds import Kind
 from daq.service.last_resort import LastResort
 from daq.service.live_routes import LiveRoutes
+from daq.service.live_run import Live
 from daq.service.pages import PUBLIC_PATHS, Pages
-from daq.service.problems import HOST, INTERNAL, TOKEN, install
+from daq.service.problems import install
 from daq.service.reference import reference_page
-from daq.service.routes import PREFIX, Catalogue, Live, Routes, Summaries
-from daq.service.routing import Routing
+from daq.service.routes import Catalogue, Routes, Summaries
+from daq.service.routing import PREFIX, Routing
 from daq.service.run_routes import RunRoutes
 from daq.service.safe_headers import SafeHeaders
 
@@ -84,8 +86,9 @@ def create_app(
     hub = Hub(live)
     app = Service(hub, with_token=token is not None)
     install(app)
-    app.include_router(Routes(catalogue, live, summaries, app.version).router(with_token=token is not None))
-    routing = Routing(APIRouter(prefix=PREFIX), (HOST, INTERNAL, *((TOKEN,) if token is not None else ())))
+    always = (Kind.HOST_NOT_ALLOWED, Kind.INTERNAL, *((Kind.TOKEN_NEEDED,) if token is not None else ()))
+    routing = Routing(APIRouter(prefix=PREFIX), always)
+    Routes(catalogue, live, summaries, app.version).add_to(routing)
     LiveRoutes(hub, abilities.steering, abilities.desk).add_to(routing)
     if abilities.readings is not None:
         RunRoutes(catalogue, live, abilities.readings, app.version).add_to(routing)

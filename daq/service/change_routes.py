@@ -2,32 +2,21 @@
 
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Final, Protocol
+from typing import Final, Protocol
 
 from anyio import CapacityLimiter, to_thread
-from fastapi import Path as InPath
 from fastapi import Request, Response
 
 from daq.service.documents import RunDocument, run_document
 from daq.service.documents.catalogue import FoundRunDocument, found_run_document
 from daq.service.documents.change import PutAwayDocument, WordsDocument
-from daq.service.problems import (
-    BAD_PARAMETER,
-    BUSY,
-    CROSS_SITE,
-    MEDIA,
-    NO_RECORDING,
-    RUN_EXISTS,
-    RUN_NOT_FOUND,
-    RUN_UNDER_WAY,
-    STORAGE,
-    TOO_LARGE,
-    ProblemError,
-)
+from daq.service.kinds import Kind
+from daq.service.live_run import Live, require_ended
+from daq.service.problems import ProblemError
+from daq.service.questions import RunId
 from daq.service.readings import Readings
 from daq.service.routing import Routing
 from daq.service.workers import Workers
-from daq.session.frame import LiveFrame
 from recordings.arrival import Arrival, RunExistsError
 from recordings.catalogue import RunEntry
 
@@ -36,10 +25,6 @@ RESERVE: Final = 1024**3  # bytes that stay free on the disk
 AT_ONCE: Final = 2
 MCAP: Final = "application/octet-stream"
 BINARY = {"content": {MCAP: {"schema": {"type": "string", "format": "binary"}}}, "required": True}
-
-RunId = Annotated[
-    str, InPath(description="Id of the run, as /api/v1/runs lists it", examples=["2026-11-24T09-12-07-gj90c"])
-]
 
 
 class ChangingCatalogue(Protocol):
@@ -66,14 +51,6 @@ class ChangingCatalogue(Protocol):
         ...
 
 
-class Live(Protocol):
-    """The run that is under way."""
-
-    def latest(self) -> LiveFrame | None:
-        """Return its latest moment at once; None where there is no run."""
-        ...
-
-
 class ChangeRoutes:
     """Changes to the data folder.
 
@@ -97,18 +74,18 @@ class ChangeRoutes:
 
     def add_to(self, routing: Routing) -> None:
         """Make the addresses known."""
-        changing = (RUN_NOT_FOUND, BAD_PARAMETER, CROSS_SITE, STORAGE, BUSY)
+        changing = (Kind.RUN_NOT_FOUND, Kind.BAD_PARAMETER, Kind.CROSS_SITE, Kind.STORAGE_UNAVAILABLE, Kind.BUSY)
         routing.add(
             "PATCH /runs/{run}", self.annotate, "annotate_run", "runs", "Change words and tags of a run",
-            *changing, MEDIA,
+            *changing, Kind.MEDIA_TYPE,
         )  # fmt: skip
         routing.add(
             "DELETE /runs/{run}", self.put_away, "put_run_away", "runs", "Move a run into the trash",
-            *changing, RUN_UNDER_WAY,
+            *changing, Kind.RUN_UNDER_WAY,
         )  # fmt: skip
         routing.add(
             "PUT /runs/{run}/file", self.arrive, "send_run", "runs", "Send a recording in",
-            *changing, RUN_EXISTS, NO_RECORDING, TOO_LARGE, status=201, content=BINARY,
+            *changing, Kind.RUN_EXISTS, Kind.NO_RECORDING, Kind.TOO_LARGE, status=201, content=BINARY,
         )  # fmt: skip
 
     async def annotate(self, run: RunId, words: WordsDocument) -> FoundRunDocument:
@@ -118,14 +95,12 @@ class ChangeRoutes:
                 partial(self._catalogue.annotate, run, remark=words.remark, tags=words.tags)
             )
         except ValueError as error:
-            raise ProblemError(BAD_PARAMETER, str(error)) from error
+            raise ProblemError(Kind.BAD_PARAMETER, str(error)) from error
         return found_run_document(entry)
 
     async def put_away(self, run: RunId) -> PutAwayDocument:
         """Move the recording into the folder `trash` of the data folder; nothing is deleted."""
-        frame = self._live.latest()
-        if frame is not None and frame.header.run == run and frame.status.state.is_under_way:
-            raise ProblemError(RUN_UNDER_WAY, f"run {run} is still {frame.status.state.value}")
+        require_ended(self._live, run)
         place = await self._changes.run(partial(self._catalogue.put_away, run))
         return PutAwayDocument(run=run, trash=f"{place.parent.name}/{place.name}")
 
@@ -138,9 +113,9 @@ class ChangeRoutes:
         place = self._catalogue.place_for(run)
         sent = request.headers.get("content-length", "0")
         if sent.isdecimal() and int(sent) > limit:
-            raise ProblemError(TOO_LARGE, f"{int(sent):,} bytes, expected at most {max(limit, 0):,}")
+            raise ProblemError(Kind.TOO_LARGE, f"{int(sent):,} bytes, expected at most {max(limit, 0):,}")
         if self._arriving >= AT_ONCE:
-            raise ProblemError(BUSY, f"{self._arriving} recordings are being sent in already")
+            raise ProblemError(Kind.BUSY, f"{self._arriving} recordings are being sent in already")
         self._arriving += 1
         try:
             await self._take(request, place, limit)
@@ -153,18 +128,18 @@ class ChangeRoutes:
         try:
             arrival = await to_thread.run_sync(partial(Arrival, place), limiter=self._writing)
         except RunExistsError as error:
-            raise ProblemError(RUN_EXISTS, str(error)) from error
+            raise ProblemError(Kind.RUN_EXISTS, str(error)) from error
         try:
             size = 0
             async for portion in request.stream():
                 size += len(portion)
                 if size > limit:
-                    raise ProblemError(TOO_LARGE, f"more than {max(limit, 0):,} bytes")
+                    raise ProblemError(Kind.TOO_LARGE, f"more than {max(limit, 0):,} bytes")
                 await to_thread.run_sync(arrival.write, portion, limiter=self._writing)
             await to_thread.run_sync(arrival.close, limiter=self._writing)
             await to_thread.run_sync(self._readings.require_whole, arrival.draft, limiter=self._writing)
             await to_thread.run_sync(arrival.settle, limiter=self._writing)
         except RunExistsError as error:
-            raise ProblemError(RUN_EXISTS, str(error)) from error
+            raise ProblemError(Kind.RUN_EXISTS, str(error)) from error
         finally:
             await to_thread.run_sync(arrival.abandon)

@@ -7,7 +7,8 @@ from typing import Final
 from starlette.datastructures import Headers
 from starlette.types import ASGIApp, Receive, Scope, Send
 
-from daq.service.problems import CROSS_SITE, HOST, TOKEN, Kind, problem_response
+from daq.service.kinds import Kind
+from daq.service.problems import problem_response
 
 LOOPBACK_NAMES: Final = frozenset({"localhost", "127.0.0.1", "[::1]"})
 
@@ -76,15 +77,18 @@ class Guard:
         """Return why a request is turned away; None where it is not."""
         name = host_name(headers.get("host", ""))
         if self._names is not None and name not in self._names:
-            return HOST, f"the request names {name!r}; expected one of {', '.join(sorted(self._names))}"
+            return (
+                Kind.HOST_NOT_ALLOWED,
+                f"the request names {name!r}; expected one of {', '.join(sorted(self._names))}",
+            )
         if self._expected is not None and path not in self._public and not self._bears_token(headers):
             given = "another token was given" if "authorization" in headers else "no token was given"
-            return TOKEN, f"{given}: send the header Authorization: Bearer <token>"
+            return Kind.TOKEN_NEEDED, f"{given}: send the header Authorization: Bearer <token>"
         is_socket = scope["type"] == "websocket"
         if not is_socket and scope["method"] in HARMLESS:
             return None
         if not self._is_own_page(headers):
-            return CROSS_SITE, f"the request comes from {headers.get('origin') or 'another site'}"
+            return Kind.CROSS_SITE, f"the request comes from {headers.get('origin') or 'another site'}"
         return None
 
     def _is_own_page(self, headers: Headers) -> bool:

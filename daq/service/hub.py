@@ -4,24 +4,17 @@ import asyncio
 import threading
 from collections.abc import AsyncIterator
 from contextlib import suppress
-from typing import Protocol
 
 from daq.service.documents import live_document
-from daq.service.problems import BUSY, ProblemError
+from daq.service.kinds import Kind
+from daq.service.live_run import Live
+from daq.service.problems import ProblemError
 from daq.session.frame import LiveFrame
 
 INTERVAL = 0.1  # s between two looks
 MOST_CLIENTS = 64
 MOST_WAITING = 4  # moments that wait for a client
 SILENCE = 15.0  # s without a moment before a client is told that the service is still there
-
-
-class Live(Protocol):
-    """The run that is under way."""
-
-    def latest(self) -> LiveFrame | None:
-        """Return its latest moment at once; None where there is no run."""
-        ...
 
 
 class Hub:
@@ -68,7 +61,7 @@ class Hub:
     def require_room(self) -> None:
         """Raise ProblemError (busy) where too many listen already."""
         if len(self._clients) >= MOST_CLIENTS or self._ended.is_set():
-            raise ProblemError(BUSY, f"{len(self._clients)} clients follow the live run already")
+            raise ProblemError(Kind.BUSY, f"{len(self._clients)} clients follow the live run already")
 
     def end(self) -> None:
         """Let all who listen go."""

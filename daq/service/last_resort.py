@@ -4,7 +4,8 @@ import logging
 
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from daq.service.problems import INTERNAL, problem_response
+from daq.service.kinds import Kind
+from daq.service.problems import problem_response
 
 logger = logging.getLogger(__name__)
 
@@ -37,4 +38,4 @@ class LastResort:
                 raise
             logger.exception("%s %s failed", scope["method"], scope["path"])
             detail = f"{type(error).__name__}; the service's log tells more"
-            await problem_response(INTERNAL, detail, scope["path"])(scope, receive, send)
+            await problem_response(Kind.INTERNAL, detail, scope["path"])(scope, receive, send)

@@ -15,17 +15,8 @@ from daq.service.documents import OrderDocument, StartedDocument, StopDocument, 
 from daq.service.documents.mark import MarkDocument, MarkOrder
 from daq.service.documents.units import moment
 from daq.service.hub import Hub
-from daq.service.problems import (
-    BAD_PARAMETER,
-    BUSY,
-    CROSS_SITE,
-    MEDIA,
-    NO_LIVE_RUN,
-    RUN_NOT_POSSIBLE,
-    STORAGE,
-    ProblemError,
-    problem_response,
-)
+from daq.service.kinds import Kind
+from daq.service.problems import ProblemError, problem_response
 from daq.service.routing import Routing
 from daq.service.workers import Workers
 
@@ -80,24 +71,25 @@ class LiveRoutes:
     def add_to(self, routing: Routing) -> None:
         """Make the addresses known."""
         routing.add(
-            "/live/events", self.events, "follow_live", "live", "The run under way, whenever it changes", BUSY,
+            "/live/events", self.events, "follow_live", "live", "The run under way, whenever it changes", Kind.BUSY,
             answers={200: {"content": {EVENTS: {"schema": {"type": "string"}}}}},
         )  # fmt: skip
         routing.router.add_api_websocket_route("/live/socket", self.socket, name="follow_live_socket")
         if self._steering is not None:
             routing.add(
                 "POST /live/stop", self.stop, "stop_live", "live", "End the run under way",
-                NO_LIVE_RUN, BAD_PARAMETER, CROSS_SITE, MEDIA, status=202,
+                Kind.NO_LIVE_RUN, Kind.BAD_PARAMETER, Kind.CROSS_SITE, Kind.MEDIA_TYPE, status=202,
             )  # fmt: skip
             routing.add(
                 "POST /live/marks", self.mark, "mark_live", "live", "Name this moment of the run under way",
-                NO_LIVE_RUN, BAD_PARAMETER, CROSS_SITE, MEDIA, status=201,
+                Kind.NO_LIVE_RUN, Kind.BAD_PARAMETER, Kind.CROSS_SITE, Kind.MEDIA_TYPE, status=201,
             )  # fmt: skip
 
         if self._desk is not None:
             routing.add(
                 "POST /runs", self.start, "start_run", "runs", "Start a run",
-                BAD_PARAMETER, RUN_NOT_POSSIBLE, CROSS_SITE, MEDIA, BUSY, STORAGE, status=201,
+                Kind.BAD_PARAMETER, Kind.RUN_NOT_POSSIBLE, Kind.CROSS_SITE, Kind.MEDIA_TYPE, Kind.BUSY,
+                Kind.STORAGE_UNAVAILABLE, status=201,
             )  # fmt: skip
 
     async def start(self, order: OrderDocument, response: Response) -> StartedDocument:
@@ -106,14 +98,14 @@ class LiveRoutes:
         One run goes at a time. `/live` follows it, `/live/stop` ends it, and so does the service's own end.
         """
         if self._desk is None:
-            raise ProblemError(RUN_NOT_POSSIBLE, "this service starts no runs")
+            raise ProblemError(Kind.RUN_NOT_POSSIBLE, "this service starts no runs")
         rig = order.rig or self._desk.rigs[0]
         if rig not in self._desk.rigs:
-            raise ProblemError(RUN_NOT_POSSIBLE, f"rig: {rig!r}, expected one of {', '.join(self._desk.rigs)}")
+            raise ProblemError(Kind.RUN_NOT_POSSIBLE, f"rig: {rig!r}, expected one of {', '.join(self._desk.rigs)}")
         try:
             header = await self._starting.run(partial(self._desk.start, rig, order.note, order.duration_s))
         except RigError as error:
-            raise ProblemError(RUN_NOT_POSSIBLE, str(error)) from error
+            raise ProblemError(Kind.RUN_NOT_POSSIBLE, str(error)) from error
         response.headers["Location"] = f"/api/v1/runs/{header.run}"
         return StartedDocument(run=header.run, rig=header.rig, started_at=moment(header.started_ns))
 
@@ -165,7 +157,7 @@ class LiveRoutes:
         """
         run = None if self._steering is None else self._steering.stop()
         if run is None:
-            raise ProblemError(NO_LIVE_RUN, "no run is under way")
+            raise ProblemError(Kind.NO_LIVE_RUN, "no run is under way")
         return StoppingDocument(run=run)
 
     async def mark(self, order: MarkOrder) -> MarkDocument:
@@ -175,5 +167,5 @@ class LiveRoutes:
         """
         made = None if self._steering is None else self._steering.mark(order.text)
         if made is None:
-            raise ProblemError(NO_LIVE_RUN, "no run is being recorded")
+            raise ProblemError(Kind.NO_LIVE_RUN, "no run is being recorded")
         return made

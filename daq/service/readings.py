@@ -1,7 +1,6 @@
 """What is asked of recorded runs, answered from their files by processes of their own."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import Protocol, Self, TypeVar
@@ -16,16 +15,8 @@ from daq.service.documents.course import ComparisonDocument, PredictionDocument
 from daq.service.documents.live import predicted_document
 from daq.service.documents.summary import speed_row_document
 from daq.service.documents.units import degrees, finite, rpm
-from daq.service.problems import (
-    BUSY,
-    MODEL_NOT_READY,
-    NO_RECORDING,
-    NO_SUCH_MOMENT,
-    NOT_ACCEPTABLE,
-    TOO_MUCH,
-    Kind,
-    ProblemError,
-)
+from daq.service.kinds import Kind
+from daq.service.problems import ProblemError
 from daq.service.questions import SampleFormat, SamplesQuery
 from daq.service.reading_process import ReadingProcesses, ReadingStoppedError
 from daq.service.records import NoSuchMomentError
@@ -48,18 +39,12 @@ class Models(Protocol):
         ...
 
 
-@dataclass(frozen=True, slots=True)
-class _Failure:
-    error: type[Exception]
-    kind: Kind
-
-
-FAILURES = (
-    _Failure(NoSuchMomentError, NO_SUCH_MOMENT),
-    _Failure(TooMuchError, TOO_MUCH),
-    _Failure(NoArrowError, NOT_ACCEPTABLE),
-    _Failure(ReadingStoppedError, BUSY),
-)
+FAILURES: dict[type[Exception], Kind] = {
+    NoSuchMomentError: Kind.NO_SUCH_MOMENT,
+    TooMuchError: Kind.TOO_MUCH,
+    NoArrowError: Kind.NOT_ACCEPTABLE,
+    ReadingStoppedError: Kind.BUSY,
+}
 
 
 class Readings:
@@ -94,7 +79,7 @@ class Readings:
         try:
             self._run(require_whole, draft)
         except (DamagedError, UnknownFormatError) as error:
-            raise ProblemError(NO_RECORDING, str(error).replace(str(draft), "what was sent")) from error
+            raise ProblemError(Kind.NO_RECORDING, str(error).replace(str(draft), "what was sent")) from error
 
     def prediction(self, run: RunEntry, speed: float) -> PredictionDocument:
         """Return what the model says of a run's rig at a speed, rad/s."""
@@ -105,7 +90,7 @@ class Readings:
         rows = self.summary(run.path).rows
         row = min(rows, key=lambda row: abs(row.speed - speed), default=None)
         if row is None or abs(row.speed - speed) > NEAR_SPEED:
-            raise ProblemError(NO_SUCH_MOMENT, f"nothing was measured near {rpm(speed):,.0f} r/min")
+            raise ProblemError(Kind.NO_SUCH_MOMENT, f"nothing was measured near {rpm(speed):,.0f} r/min")
         prediction = self._predicted(run, row.speed)
         measured, predicted = row.vectors[0], prediction.vectors[0]
         seen = np.abs(predicted) > 0.0
@@ -123,21 +108,20 @@ class Readings:
 
     def _predicted(self, run: RunEntry, speed: float) -> Prediction:
         if run.header is None:
-            raise ProblemError(MODEL_NOT_READY, f"run {run.id}: its rig is not known: {run.fault}")
+            raise ProblemError(Kind.MODEL_NOT_READY, f"run {run.id}: its rig is not known: {run.fault}")
         try:
             prediction = self._models.prediction_for(run.header, speed)
         except (ValueError, RigError) as error:  # outside the model's speeds, or a rig that has no model
-            raise ProblemError(NO_SUCH_MOMENT, str(error)) from error
+            raise ProblemError(Kind.NO_SUCH_MOMENT, str(error)) from error
         if prediction is None:
-            raise ProblemError(MODEL_NOT_READY, "the model's map of this rig is being computed")
+            raise ProblemError(Kind.MODEL_NOT_READY, "the model's map of this rig is being computed")
         return prediction
 
     def _run(self, work: Callable[..., T], *arguments: object) -> T:
         try:
             return self._processes.run(work, *arguments)
-        except tuple(failure.error for failure in FAILURES) as error:
-            kind = next(failure.kind for failure in FAILURES if isinstance(error, failure.error))
-            raise ProblemError(kind, str(error)) from error
+        except tuple(FAILURES) as error:
+            raise ProblemError(FAILURES[type(error)], str(error)) from error
 
     def close(self) -> None:
         """End the processes."""

@@ -5,7 +5,7 @@ import json
 from collections.abc import Iterator, Mapping
 from typing import Any, TypeAlias
 
-from daq.service.problems import KINDS
+from daq.service.kinds import Kind
 
 Schema: TypeAlias = Mapping[str, Any]
 
@@ -92,9 +92,9 @@ def _answers(responses: Schema) -> Iterator[str]:
 
 def _problems() -> str:
     rows = (
-        f'<tr id="{kind.name}"><td><code>{kind.name}</code></td><td>{kind.status}</td>'
+        f'<tr id="{kind.slug}"><td><code>{kind.slug}</code></td><td>{kind.status}</td>'
         f"<td>{_text(kind.title)}. {_prose(kind.explanation)}</td></tr>"
-        for kind in KINDS
+        for kind in Kind
     )
     return _table("Name", "Status", "Meaning", rows=rows)
 

@@ -1,11 +1,11 @@
 """The addresses under /api/v1: what they answer and how they can fail."""
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import partial
-from typing import Annotated, Any, Protocol
+from typing import Annotated, Protocol
 
-from fastapi import APIRouter, Path, Query
+from fastapi import Query
 from pydantic import BaseModel, ConfigDict, Field
 
 from daq.service.documents import (
@@ -21,28 +21,15 @@ from daq.service.documents import (
     run_document,
     run_list_document,
 )
-from daq.service.problems import (
-    BAD_PARAMETER,
-    BUSY,
-    HOST,
-    INTERNAL,
-    NO_LIVE_RUN,
-    RUN_DAMAGED,
-    RUN_FORMAT,
-    RUN_NOT_FOUND,
-    RUN_UNDER_WAY,
-    STORAGE,
-    TOKEN,
-    Kind,
-    ProblemError,
-    openapi_responses,
-)
+from daq.service.kinds import Kind
+from daq.service.live_run import Live, require_ended
+from daq.service.problems import ProblemError
+from daq.service.questions import RunId
+from daq.service.routing import Routing
 from daq.service.workers import Workers
 from daq.session.frame import LiveFrame
 from recordings.catalogue import RunEntry
 from recordings.errors import RecordingError
-
-PREFIX = "/api/v1"
 
 
 class Catalogue(Protocol):
@@ -54,14 +41,6 @@ class Catalogue(Protocol):
 
     def run(self, run_id: str) -> RunEntry:
         """Return one run; NotFoundError where there is none, whatever its id looks like."""
-        ...
-
-
-class Live(Protocol):
-    """The run that is under way."""
-
-    def latest(self) -> LiveFrame | None:
-        """Return its latest moment at once; None where there is no run."""
         ...
 
 
@@ -84,11 +63,6 @@ class RunQuery(BaseModel):
     ] = None
     limit: Annotated[int, Field(description="At most so many runs", ge=1, le=200, examples=[20])] = 20
     offset: Annotated[int, Field(description="So many of the newest runs are passed over", ge=0, examples=[0])] = 0
-
-
-RunId = Annotated[
-    str, Path(description="Id of the run, as /api/v1/runs lists it", examples=["2026-11-24T09-12-07-gj90c"])
-]
 
 
 class Routes:
@@ -115,36 +89,20 @@ class Routes:
         self._lookups = Workers(threads=4, waiting=32)
         self._readings = Workers(threads=2, waiting=16)
 
-    def router(self, *, with_token: bool) -> APIRouter:
-        """Return the routes for an application; ``with_token`` tells clients of the token in the schema."""
-        router = APIRouter(prefix=PREFIX)
-        always = (HOST, INTERNAL, *((TOKEN,) if with_token else ()))
-        add = partial(self._add, router, always)
-        add("/runs", self.runs, "list_runs", "runs", "List the runs, newest first", BAD_PARAMETER, STORAGE, BUSY)
-        add("/runs/{run}", self.run, "get_run", "runs", "One run", RUN_NOT_FOUND, BAD_PARAMETER, STORAGE, BUSY)
-        add(
+    def add_to(self, routing: Routing) -> None:
+        """Make the addresses known."""
+        listing = (Kind.BAD_PARAMETER, Kind.STORAGE_UNAVAILABLE, Kind.BUSY)
+        routing.add("/runs", self.runs, "list_runs", "runs", "List the runs, newest first", *listing)
+        routing.add("/runs/{run}", self.run, "get_run", "runs", "One run", Kind.RUN_NOT_FOUND, *listing)
+        routing.add(
             "/runs/{run}/summary", self.summary, "get_run_summary", "runs", "What a run was",
-            RUN_NOT_FOUND, BAD_PARAMETER, RUN_UNDER_WAY, RUN_DAMAGED, RUN_FORMAT, STORAGE, BUSY,
+            Kind.RUN_NOT_FOUND, *listing, Kind.RUN_UNDER_WAY, Kind.RUN_DAMAGED, Kind.RUN_FORMAT_UNKNOWN,
         )  # fmt: skip
-        add("/live", self.live, "get_live", "live", "The run under way, at this moment", NO_LIVE_RUN)
-        add("/live/picture", self.picture, "get_live_picture", "live", "Orbit and order spectrum now", NO_LIVE_RUN)
-        add("/health", self.health, "get_health", "service", "Whether the service is well", BUSY)
-        return router
-
-    @staticmethod
-    def _add(
-        router: APIRouter, always: tuple[Kind, ...], path: str, endpoint: Callable[..., Any], name: str, tag: str,
-        summary: str, *kinds: Kind,
-    ) -> None:  # fmt: skip
-        router.add_api_route(
-            path,
-            endpoint,
-            operation_id=name,
-            tags=[tag],
-            summary=summary,
-            response_description=summary,
-            responses=openapi_responses(*kinds, *always),
+        routing.add("/live", self.live, "get_live", "live", "The run under way, at this moment", Kind.NO_LIVE_RUN)
+        routing.add(
+            "/live/picture", self.picture, "get_live_picture", "live", "Orbit and order spectrum now", Kind.NO_LIVE_RUN
         )
+        routing.add("/health", self.health, "get_health", "service", "Whether the service is well", Kind.BUSY)
 
     async def runs(self, query: Annotated[RunQuery, Query()]) -> RunListDocument:
         """List the data folder: runs under way or cut short too, with `is_complete` false."""
@@ -161,9 +119,7 @@ class Routes:
 
         A summary that was not made when the run ended is made now from the whole recording, which takes a while.
         """
-        frame = self._live.latest()
-        if frame is not None and frame.header.run == run and frame.status.state.is_under_way:
-            raise ProblemError(RUN_UNDER_WAY, f"run {run} is still {frame.status.state.value}")
+        require_ended(self._live, run)
         return await self._readings.run(partial(self._summaries.summary, run))
 
     async def live(self) -> LiveDocument:
@@ -180,7 +136,7 @@ class Routes:
     def _frame(self) -> LiveFrame:
         frame = self._live.latest()
         if frame is None:
-            raise ProblemError(NO_LIVE_RUN, "nothing is recorded or replayed now")
+            raise ProblemError(Kind.NO_LIVE_RUN, "nothing is recorded or replayed now")
         return frame
 
     async def health(self) -> HealthDocument:

@@ -5,11 +5,14 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from fastapi import APIRouter, Request, Response
+from fastapi.datastructures import Default
 from fastapi.responses import JSONResponse
 from fastapi.routing import APIRoute
 
-from daq.service.problems import MEDIA, Kind, ProblemError, openapi_responses
+from daq.service.kinds import Kind
+from daq.service.problems import ProblemError, openapi_responses
 
+PREFIX: Final = "/api/v1"
 WITH_JSON: Final = frozenset({"POST", "PATCH"})
 
 
@@ -23,7 +26,7 @@ class JsonRoute(APIRoute):
         async def checked(request: Request) -> Response:
             sent = request.headers.get("content-type", "")
             if sent.partition(";")[0].strip().lower() != "application/json":
-                raise ProblemError(MEDIA, f"{sent or 'no type'!r}, expected application/json")
+                raise ProblemError(Kind.MEDIA_TYPE, f"{sent or 'no type'!r}, expected application/json")
             return await handle(request)
 
         return checked
@@ -89,7 +92,7 @@ class Routing:
             summary=summary,
             response_description=summary,
             response_class=Response if is_raw else JSONResponse,
-            response_model=model,
+            response_model=Default(None) if model is None else model,  # without one, what the endpoint says it returns
             openapi_extra=None if content is None else {"requestBody": content},
             responses={**openapi_responses(*kinds, *self.always), **(answers or {})},
         )

@@ -5,7 +5,7 @@ from functools import partial
 from typing import Annotated, Protocol
 
 import numpy as np
-from fastapi import Path, Query, Request, Response
+from fastapi import Query, Request, Response
 from fastapi.responses import StreamingResponse
 
 from daq.service.acceptance import accepts_gzip, best_type
@@ -20,29 +20,15 @@ from daq.service.documents.course import (
 )
 from daq.service.documents.document import Document
 from daq.service.documents.moment import FullSpectrumDocument, OrbitDocument, OrderSpectrumDocument
-from daq.service.problems import (
-    BAD_PARAMETER,
-    BUSY,
-    MODEL_NOT_READY,
-    NO_SUCH_MOMENT,
-    NOT_ACCEPTABLE,
-    RANGE,
-    RUN_DAMAGED,
-    RUN_FORMAT,
-    RUN_NOT_FOUND,
-    RUN_UNDER_WAY,
-    STORAGE,
-    TOO_MUCH,
-    ProblemError,
-    problem_response,
-)
-from daq.service.questions import At, CascadeQuery, SampleFormat, SamplesQuery, Speed, TrendQuery
+from daq.service.kinds import Kind
+from daq.service.live_run import Live, require_ended
+from daq.service.problems import ProblemError, problem_response
+from daq.service.questions import At, CascadeQuery, RunId, SampleFormat, SamplesQuery, Speed, TrendQuery
 from daq.service.ranges import NoSuchRangeError, byte_range, portions
 from daq.service.readings import Readings
 from daq.service.routing import Routing
 from daq.service.tags import NOT_MODIFIED, entity_tag, file_tag, is_known
 from daq.service.workers import Workers
-from daq.session.frame import LiveFrame
 from recordings.catalogue import RunEntry
 
 MCAP = "application/octet-stream"
@@ -50,13 +36,17 @@ SVG = "image/svg+xml"
 NPZ = "application/x-npz"
 ARROW = "application/vnd.apache.arrow.stream"
 SAMPLE_TYPES = {"application/json": SampleFormat.JSON, NPZ: SampleFormat.NPZ, ARROW: SampleFormat.ARROW}
-READING = (RUN_NOT_FOUND, BAD_PARAMETER, RUN_UNDER_WAY, RUN_DAMAGED, RUN_FORMAT, STORAGE, BUSY)
+READING = (
+    Kind.RUN_NOT_FOUND,
+    Kind.BAD_PARAMETER,
+    Kind.RUN_UNDER_WAY,
+    Kind.RUN_DAMAGED,
+    Kind.RUN_FORMAT_UNKNOWN,
+    Kind.STORAGE_UNAVAILABLE,
+    Kind.BUSY,
+)
 BINARY = {"schema": {"type": "string", "format": "binary"}}
 RPM = np.pi / 30.0
-
-RunId = Annotated[
-    str, Path(description="Id of the run, as /api/v1/runs lists it", examples=["2026-11-24T09-12-07-gj90c"])
-]
 
 
 class Catalogue(Protocol):
@@ -64,14 +54,6 @@ class Catalogue(Protocol):
 
     def run(self, run_id: str) -> RunEntry:
         """Return one run; NotFoundError where there is none."""
-        ...
-
-
-class Live(Protocol):
-    """The run that is under way."""
-
-    def latest(self) -> LiveFrame | None:
-        """Return its latest moment at once; None where there is no run."""
         ...
 
 
@@ -112,7 +94,9 @@ class RunRoutes:
         for what, endpoint, meaning, model in results:
             name = f"get_run_{what.replace('-', '_')}"
             kinds = (
-                READING if endpoint in {self.order_vectors, self.findings, self.trend} else (*READING, NO_SUCH_MOMENT)
+                READING
+                if endpoint in {self.order_vectors, self.findings, self.trend}
+                else (*READING, Kind.NO_SUCH_MOMENT)
             )
             routing.add(
                 f"/runs/{{run}}/{what}", endpoint, name, "results", meaning, *kinds, model=model, answers=NOT_MODIFIED
@@ -126,10 +110,10 @@ class RunRoutes:
         ):
             name = f"draw_run_{what.replace('-', '_')}"
             routing.add(
-                f"/runs/{{run}}/plots/{what}.svg", plotter, name, "results", meaning, *READING, NO_SUCH_MOMENT,
+                f"/runs/{{run}}/plots/{what}.svg", plotter, name, "results", meaning, *READING, Kind.NO_SUCH_MOMENT,
                 answers={200: {"content": {SVG: {"schema": {"type": "string"}}}}, **NOT_MODIFIED},
             )  # fmt: skip
-        predicted = (*READING, NO_SUCH_MOMENT, MODEL_NOT_READY)
+        predicted = (*READING, Kind.NO_SUCH_MOMENT, Kind.MODEL_NOT_READY)
         routing.add(
             "/runs/{run}/prediction", self.prediction, "get_run_prediction", "results",
             "What the model says at a speed", *predicted,
@@ -140,12 +124,13 @@ class RunRoutes:
         )  # fmt: skip
         routing.add(
             "/runs/{run}/samples", self.samples, "get_run_samples", "results", "Samples of a stretch of time",
-            *READING, NO_SUCH_MOMENT, TOO_MUCH, NOT_ACCEPTABLE, model=SamplesDocument,
+            *READING, Kind.NO_SUCH_MOMENT, Kind.TOO_MUCH, Kind.NOT_ACCEPTABLE, model=SamplesDocument,
             answers={200: {"content": {NPZ: BINARY, ARROW: BINARY}}, **NOT_MODIFIED},
         )  # fmt: skip
         routing.add(
             "/runs/{run}/file", self.file, "get_run_file", "runs", "The recording's file",
-            RUN_NOT_FOUND, BAD_PARAMETER, RUN_UNDER_WAY, STORAGE, BUSY, RANGE,
+            Kind.RUN_NOT_FOUND, Kind.BAD_PARAMETER, Kind.RUN_UNDER_WAY, Kind.STORAGE_UNAVAILABLE,
+            Kind.BUSY, Kind.RANGE_NOT_SATISFIABLE,
             answers={
                 200: {"description": "The whole file, MCAP", "content": {MCAP: BINARY}},
                 206: {"description": "The stretch that `Range` asks for", "content": {MCAP: BINARY}},
@@ -218,7 +203,7 @@ class RunRoutes:
         """
         form = query.format or best_type(request.headers.get("accept"), SAMPLE_TYPES)
         if form is None:
-            raise ProblemError(NOT_ACCEPTABLE, f"expected one of {', '.join(SAMPLE_TYPES)}")
+            raise ProblemError(Kind.NOT_ACCEPTABLE, f"expected one of {', '.join(SAMPLE_TYPES)}")
         form = SampleFormat(form)
         media_type = next(name for name, each in SAMPLE_TYPES.items() if each is form)
         packed = form is SampleFormat.JSON and accepts_gzip(request.headers.get("accept-encoding"))
@@ -247,7 +232,10 @@ class RunRoutes:
             stretch = byte_range(wanted, entry.size)
         except NoSuchRangeError as error:
             return problem_response(
-                RANGE, str(error), request.url.path, headers={"Content-Range": f"bytes */{entry.size}"}
+                Kind.RANGE_NOT_SATISFIABLE,
+                str(error),
+                request.url.path,
+                headers={"Content-Range": f"bytes */{entry.size}"},
             )
         begin, end = stretch or (0, entry.size)
         headers["Content-Length"] = str(end - begin)
@@ -269,9 +257,7 @@ class RunRoutes:
 
     async def _entry(self, run: str) -> RunEntry:
         """Return a run that has ended."""
-        frame = self._live.latest()
-        if frame is not None and frame.header.run == run and frame.status.state.is_under_way:
-            raise ProblemError(RUN_UNDER_WAY, f"run {run} is still {frame.status.state.value}")
+        require_ended(self._live, run)
         return await self._lookups.run(partial(self._catalogue.run, run))
 
 

@@ -5,7 +5,8 @@ from typing import TypeVar
 
 from anyio import CapacityLimiter, to_thread
 
-from daq.service.problems import BUSY, ProblemError
+from daq.service.kinds import Kind
+from daq.service.problems import ProblemError
 
 T = TypeVar("T")
 
@@ -29,7 +30,7 @@ class Workers:
     async def run(self, work: Callable[[], T]) -> T:
         """Return what ``work`` returns, done in a thread; ProblemError (busy) where too many are waiting already."""
         if self._inside >= self._room:
-            raise ProblemError(BUSY, f"{self._inside} requests for files are under way or waiting already")
+            raise ProblemError(Kind.BUSY, f"{self._inside} requests for files are under way or waiting already")
         self._inside += 1  # here and not in the limiter, which counts only when the event loop comes round
         try:
             return await to_thread.run_sync(work, limiter=self._limiter)

@@ -6,8 +6,8 @@ from html.parser import HTMLParser
 
 import pytest
 
+from daq.service.kinds import Kind
 from daq.service.pages import ASSETS, origin
-from daq.service.problems import KINDS
 from tests.daq.service_bench import Bench, open_bench
 
 VIEWER = "http://127.0.0.1:9090/?url=rerun%2Bhttp%3A%2F%2F127.0.0.1%3A9876%2Fproxy&theme=dark"
@@ -115,7 +115,7 @@ def test_reference_explains_every_problem_field_and_address(bench: Bench) -> Non
     text = bench.client.get("/docs").text
     ids = read(text).ids
     schema = bench.client.get("/openapi.json").json()
-    assert {kind.name for kind in KINDS} <= set(ids)
+    assert {kind.slug for kind in Kind} <= set(ids)
     assert len(ids) == len(set(ids))
     for path, methods in schema["paths"].items():
         assert path in text

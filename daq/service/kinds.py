@@ -1,0 +1,138 @@
+"""Every kind of problem that a request can meet."""
+
+from enum import Enum
+
+
+class Kind(Enum):
+    """A kind of problem: its HTTP status, its title, and when it is met and what to do."""
+
+    BAD_PARAMETER = (
+        422,
+        "A parameter is wrong",
+        "Unknown, malformed or out of range; `faults` names every one of them.",
+    )
+    RUN_NOT_FOUND = (
+        404,
+        "There is no such run",
+        "No recording in the data folder has this id. Ids are listed by /api/v1/runs.",
+    )
+    NO_LIVE_RUN = (
+        404,
+        "No run is under way",
+        "The service is well, but nothing is recorded or replayed now. Ask again later.",
+    )
+    NOT_FOUND = (
+        404,
+        "There is nothing at this address",
+        "The addresses that exist are listed on /docs.",
+    )
+    METHOD_NOT_ALLOWED = (
+        405,
+        "This cannot be done here",
+        "`Allow` names the methods that this address knows.",
+    )
+    NO_SUCH_MOMENT = (
+        404,
+        "The run holds nothing there",
+        "No frame, sample or prediction lies at or near this time or speed; `detail` tells what there is.",
+    )
+    TOO_MUCH = (
+        413,
+        "More than one answer may hold",
+        "Ask for a shorter stretch at a time.",
+    )
+    NOT_ACCEPTABLE = (
+        406,
+        "No form that is accepted can be sent",
+        "`Accept` must allow one of the types of the answer.",
+    )
+    CROSS_SITE = (
+        403,
+        "Another site may not ask for this",
+        "A page that is not the service's own asks.",
+    )
+    MEDIA_TYPE = (
+        415,
+        "The content's type is not the one expected",
+        "Send `Content-Type: application/json`.",
+    )
+    RUN_NOT_POSSIBLE = (
+        409,
+        "No run can be started now",
+        "Another is under way, or device or disk stand against it.",
+    )
+    RUN_EXISTS = (
+        409,
+        "There is such a run already",
+        "Nothing is ever written over a recording: choose another id.",
+    )
+    NO_RECORDING = (
+        422,
+        "What was sent is no whole recording",
+        "It was looked through and not kept; see `detail`.",
+    )
+    TOO_LARGE = (
+        413,
+        "The file is too large",
+        "It passes the limit, or what room the disk has left.",
+    )
+    RANGE_NOT_SATISFIABLE = (
+        416,
+        "The range lies outside the file",
+        "`Content-Range` gives the file's size.",
+    )
+    MODEL_NOT_READY = (
+        503,
+        "The model has no answer yet",
+        "Its map is being computed; ask again later.",
+    )
+    RUN_UNDER_WAY = (
+        409,
+        "The run has not ended",
+        "A summary is given when it has; /api/v1/live tells how it stands now.",
+    )
+    RUN_DAMAGED = (
+        409,
+        "The recording is not whole",
+        "The file is cut short, empty or no recording. The run is listed, but no summary can be given as it stands.",
+    )
+    RUN_FORMAT_UNKNOWN = (
+        409,
+        "The recording's format is not known here",
+        "Another version of the program wrote the file. The run is listed, but this version cannot read it.",
+    )
+    TOKEN_NEEDED = (
+        401,
+        "A token is needed",
+        "Other machines can reach the service, so every request to /api carries `Authorization: Bearer <token>`.",
+    )
+    HOST_NOT_ALLOWED = (
+        421,
+        "This name does not belong to the service",
+        "A service of this machine alone answers to localhost, 127.0.0.1 and [::1]; another name may be a trick.",
+    )
+    BUSY = (
+        503,
+        "Too many requests are waiting",
+        "Ask again after the seconds that `Retry-After` gives.",
+    )
+    STORAGE_UNAVAILABLE = (
+        503,
+        "The data folder cannot be read",
+        "It is missing, unreadable or was taken away; see `detail`.",
+    )
+    INTERNAL = (
+        500,
+        "The service failed",
+        "A fault of the program; its log tells more.",
+    )
+
+    def __init__(self, status: int, title: str, explanation: str) -> None:
+        self.status = status
+        self.title = title
+        self.explanation = explanation
+
+    @property
+    def slug(self) -> str:
+        """The last part of the problem's ``type``."""
+        return self.name.lower().replace("_", "-")
