@@ -38,6 +38,8 @@ class AngularRecord:
         Directions of the probes.
     angle_jitter : float
         Scatter of the tacho's pulses about the smooth angle, s.
+    time_sigma : ndarray of float64, shape (n_revolutions + 1,)
+        Standard deviation of ``times``, s; NaN where no tacho told.
     measured : bool
         Whether a tacho told the angle.
     pulses : PulseRecord or None
@@ -52,6 +54,7 @@ class AngularRecord:
     times: FloatArray
     pair: ProbePair
     angle_jitter: float
+    time_sigma: FloatArray
     measured: bool = True
     pulses: PulseRecord | None = None
     clipped: tuple[int, int] = (0, 0)
@@ -91,6 +94,7 @@ class AngularRecord:
             waveform=self.waveform[:, begin:end],
             first_turn=self.first_turn + begin,
             times=self.times[begin : end + 1],
+            time_sigma=self.time_sigma[begin : end + 1],
         )
 
 
@@ -138,16 +142,14 @@ def angular_record(
         )
     if not np.isfinite(displacement).all():
         raise ValueError("displacement: holds values that are not finite, expected metres")
-    most_per_turn = 2.0 * (1.0 - PASSED) * points  # samples of the level that is read
     first, last = int(np.ceil(angle.first)), int(np.floor(angle.last))
     if last <= first:
         raise RecordTooShortError("the record holds no whole revolution")
     times = np.asarray(angle.time(np.arange(first, last + 1)), dtype=np.float64)
-    wanted = np.ceil(np.log2(rate * np.diff(times) / most_per_turn))
-    levels = np.maximum(wanted, 0).astype(np.int64)
+    most_per_turn = 2.0 * (1.0 - PASSED) * points  # samples of the level that is read
+    levels = np.maximum(np.ceil(np.log2(rate * np.diff(times) / most_per_turn)), 0).astype(np.int64)
     pyramid = Pyramid(2, int(levels.max()) + 1, displacement.shape[1], 0)
     pyramid.push(displacement)
-
     skew = np.array(skews)[:, None]
     inside = _held(pyramid, times, skew, rate, levels)
     if not inside.any():
@@ -155,19 +157,31 @@ def angular_record(
     begin = int(np.argmax(inside))
     end = inside.size - int(np.argmax(inside[::-1]))
     waveform = np.empty((2, end - begin, points))
-    grid = np.arange(points) / points
     breaks = np.flatnonzero(np.diff(levels[begin:end])) + begin + 1
     for start, stop in zip([begin, *breaks], [*breaks, end], strict=True):
         samples, origin = pyramid.level(int(levels[start]))
         scale = rate / 2 ** int(levels[start])
         step = max(CHUNK_POINTS // points, 1)
         for low in range(int(start), int(stop), step):
-            high = min(low + step, int(stop))
-            cubic = angle.cubics(first + np.arange(low, high))[..., None]
-            instants = ((cubic[3] * grid + cubic[2]) * grid + cubic[1]) * grid + cubic[0]
-            positions = (instants.ravel() - skew) * scale - origin
-            waveform[:, low - begin : high - begin] = interpolate(samples, positions).reshape(2, -1, points)
-    return AngularRecord(waveform, first + begin, times[begin : end + 1], pair, angle.jitter, angle.measured)
+            turns = np.arange(low, min(low + step, int(stop)))
+            positions = (_instants(angle, first + turns, points) - skew) * scale - origin
+            waveform[:, turns - begin] = interpolate(samples, positions).reshape(2, -1, points)
+    return AngularRecord(
+        waveform=waveform,
+        first_turn=first + begin,
+        times=times[begin : end + 1],
+        pair=pair,
+        angle_jitter=angle.jitter,
+        time_sigma=angle.time_sigma(np.arange(first + begin, first + end + 1, dtype=np.float64)),
+        measured=angle.measured,
+    )
+
+
+def _instants(angle: ShaftAngle, turns: NDArray[np.int64], points: int) -> FloatArray:
+    """Return the times of an even grid over whole revolutions, s, one after the other."""
+    part = np.arange(points) / points
+    cubic = angle.cubics(turns)[..., None]
+    return np.asarray((((cubic[3] * part + cubic[2]) * part + cubic[1]) * part + cubic[0]).ravel())
 
 
 def _held(

@@ -9,14 +9,12 @@ from numpy.typing import NDArray
 from scipy.signal.windows import flattop
 
 from analysis.angular_record import AngularRecord
-from analysis.errors import RecordTooShortError
+from analysis.frames import CHUNK_FRAMES, Frames
 from analysis.orbit import ProbePair
 from analysis.orders import hann
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
-
-CHUNK_FRAMES = 128
 
 
 class Window(StrEnum):
@@ -74,6 +72,8 @@ class OrderMap:
         In a frame.
     window : Window
         Weighting.
+    speed_sigma : ndarray of float64, shape (n_frames,)
+        Standard deviation of the speeds, rad/s; NaN where no tacho told.
     angle_sigma : ndarray of float64, shape (n_frames,)
         Standard deviation of the angle as a frame feels it, from the tacho's jitter, rad.
     pair : ProbePair
@@ -89,6 +89,7 @@ class OrderMap:
     turns: NDArray[np.int64]
     revolutions: int
     window: Window
+    speed_sigma: FloatArray
     angle_sigma: FloatArray
     pair: ProbePair
 
@@ -132,42 +133,28 @@ def order_map(
     X = 2 / sum(w) sum(w x exp(-i order theta)) (A. Brandt, Noise and Vibration Analysis, 2011, ch. 9 and 12). The
     mean of each frame is taken off first.
     """
-    if revolutions < 1 or not 0.0 <= overlap < 1.0 or not 0.0 < highest_order <= record.highest_order:
-        raise ValueError(
-            f"revolutions {revolutions}, overlap {overlap}, highest order {highest_order}: expected at least 1, "
-            f"0 to below 1, above 0 to {record.highest_order}"
-        )
-    if record.revolutions < revolutions:
-        raise RecordTooShortError(f"{record.revolutions} revolutions in the record, expected at least {revolutions}")
-    step = max(round(revolutions * (1.0 - overlap)), 1)
-    starts = np.arange(0, record.revolutions - revolutions + 1, step)
-    points = revolutions * record.points
-    weights = window.weights(points)
+    if not 0.0 < highest_order <= record.highest_order:
+        raise ValueError(f"highest order {highest_order}: expected above 0 to {record.highest_order}")
+    frames = Frames(record, revolutions, overlap)
+    weights = window.weights(revolutions * record.points)
     lines = int(highest_order * revolutions + 1e-9) + 1
-    spectrum = np.empty((2, starts.size, lines), dtype=np.complex128)
-    rows = record.waveform.reshape(2, -1)
-    frames = np.lib.stride_tricks.sliding_window_view(rows, points, axis=1)[:, starts * record.points]
-    for begin in range(0, starts.size, CHUNK_FRAMES):
-        chunk = frames[:, begin : begin + CHUNK_FRAMES]
-        level = chunk.mean(axis=2, keepdims=True)
-        spectrum[:, begin : begin + CHUNK_FRAMES] = 2.0 * np.fft.rfft((chunk - level) * weights)[..., :lines]
+    spectrum = np.empty((2, len(frames), lines), dtype=np.complex128)
+    for where, waveforms in frames.chunks():
+        level = waveforms.mean(axis=2, keepdims=True)
+        spectrum[:, where] = 2.0 * np.fft.rfft((waveforms - level) * weights)[..., :lines]
     spectrum[..., 0] *= 0.5
-    begin_time, end_time = record.times[starts], record.times[starts + revolutions]
-    middle = 0.5 * (record.times[starts + revolutions // 2] + record.times[starts + (revolutions + 1) // 2])
-    speeds = 2.0 * np.pi * revolutions / (end_time - begin_time)
-    half = np.pi * revolutions
-    slope = (half / (end_time - middle) - half / (middle - begin_time)) / (0.5 * (end_time - begin_time))
     return OrderMap(
         orders=np.arange(lines) / revolutions,
         spectrum=spectrum,
         noise=_floors(spectrum, revolutions),
-        speeds=speeds,
-        accelerations=slope,
-        times=middle,
-        turns=record.first_turn + starts,
+        speeds=frames.speeds,
+        accelerations=frames.accelerations,
+        times=frames.times,
+        turns=frames.turns,
         revolutions=revolutions,
         window=window,
-        angle_sigma=speeds * record.angle_jitter * np.sqrt(1.5 / revolutions),
+        speed_sigma=frames.speed_sigma,
+        angle_sigma=frames.angle_sigma,
         pair=record.pair,
     )
 

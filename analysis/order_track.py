@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.angular_record import AngularRecord
-from analysis.errors import RecordTooShortError
+from analysis.frames import Frames
 from analysis.orders import hann
 from analysis.uncertainty import phase_sigma, sigma_of_floor
 
@@ -14,7 +14,6 @@ FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 FLOOR_LINES = 6  # lines at either side of the order, from the third on, that tell the noise
-CHUNK_FRAMES = 128
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -31,9 +30,12 @@ class OrderTrack:
     sigma : ndarray of float64, shape (2, n)
         Standard deviation of each amplitude, m peak.
     phase_sigma : ndarray of float64, shape (2, n)
-        Standard deviation of each phase, rad: noise and the tacho's jitter.
+        Standard deviation of each phase, rad: noise and the tacho's jitter; that of an unknown phase, pi / sqrt(3),
+        where no tacho told.
     speeds : ndarray of float64, shape (n,)
         Mean speed of each frame, rad/s.
+    speed_sigma : ndarray of float64, shape (n,)
+        Standard deviation of the speeds, rad/s; NaN where no tacho told.
     times : ndarray of float64, shape (n,)
         Middle of each frame, s.
     """
@@ -43,6 +45,7 @@ class OrderTrack:
     sigma: FloatArray
     phase_sigma: FloatArray
     speeds: FloatArray
+    speed_sigma: FloatArray
     times: FloatArray
 
     def minus(self, vectors: ComplexArray, sigma: FloatArray) -> "OrderTrack":
@@ -82,40 +85,41 @@ def track_order(record: AngularRecord, order: float, *, revolutions: int = 16, o
     X = 2 sum(w x exp(-i order theta)) with a Hann window w of sum 1; amplitude uncertainty from the median of the
     lines beside the order, free of the orders' own skirts (see `analysis.uncertainty`).
     """
-    if not 0.0 < order <= record.highest_order or revolutions < 4 or not 0.0 <= overlap < 1.0:
+    if not 0.0 < order <= record.highest_order or revolutions < 4:
         raise ValueError(
-            f"order {order}, revolutions {revolutions}, overlap {overlap}: expected above 0 to {record.highest_order}, "
-            "at least 4, 0 to below 1"
+            f"order {order}, revolutions {revolutions}: expected above 0 to {record.highest_order}, at least 4"
         )
-    if record.revolutions < revolutions:
-        raise RecordTooShortError(f"{record.revolutions} revolutions in the record, expected at least {revolutions}")
-    step = max(round(revolutions * (1.0 - overlap)), 1)
-    starts = np.arange(0, record.revolutions - revolutions + 1, step)
-    points = revolutions * record.points
-    away = np.arange(3, 3 + FLOOR_LINES) / revolutions
-    lines = np.concatenate([[order], order - away, order + away])
-    lines = lines[(lines > 1.5 / revolutions) | (np.arange(lines.size) == 0)]
-    theta = 2.0 * np.pi * np.arange(points) / record.points
-    kernel = 2.0 * hann(points)[:, None] * np.exp(-1j * theta[:, None] * lines)
-    kernel[:, :] -= hann(points)[:, None] * kernel.sum(axis=0)  # a constant leaves nothing
-    frames = np.lib.stride_tricks.sliding_window_view(record.waveform.reshape(2, -1), points, axis=1)
-    frames = frames[:, starts * record.points]
-    found = np.empty((2, starts.size, lines.size), dtype=np.complex128)
-    for begin in range(0, starts.size, CHUNK_FRAMES):
-        chunk = frames[:, begin : begin + CHUNK_FRAMES]
-        found[:, begin : begin + CHUNK_FRAMES] = chunk @ kernel
+    frames = Frames(record, revolutions, overlap)
+    lines = _lines(order, revolutions)
+    kernel = _kernel(lines, revolutions * record.points, record.points)
+    found = np.empty((2, len(frames), lines.size), dtype=np.complex128)
+    for where, waveforms in frames.chunks():
+        found[:, where] = waveforms @ kernel
     beside = np.abs(lines[1:] - np.round(lines[1:])) * revolutions > 1.99  # clear of the whole orders' skirts
-    floor = np.median(np.abs(found[:, :, 1:][:, :, beside]), axis=(0, 2)) if beside.any() else np.zeros(starts.size)
+    floor = np.median(np.abs(found[:, :, 1:][:, :, beside]), axis=(0, 2)) if beside.any() else np.zeros(len(frames))
     sigma = np.tile(sigma_of_floor(floor), (2, 1))
-    count = record.first_turn + starts
-    vectors = found[:, :, 0] * np.exp(-2j * np.pi * order * count)
-    speeds = 2.0 * np.pi * revolutions / (record.times[starts + revolutions] - record.times[starts])
-    angle_sigma = speeds * record.angle_jitter * np.sqrt(1.5 / revolutions)
+    vectors = found[:, :, 0] * np.exp(-2j * np.pi * order * frames.turns)
+    angle_sigma = frames.angle_sigma if record.measured else np.full(len(frames), np.inf)
     return OrderTrack(
         order=order,
         vectors=vectors,
         sigma=sigma,
         phase_sigma=phase_sigma(np.abs(vectors), sigma, angle_sigma, order),
-        speeds=speeds,
-        times=0.5 * (record.times[starts] + record.times[starts + revolutions]),
+        speeds=frames.speeds,
+        speed_sigma=frames.speed_sigma,
+        times=frames.times,
     )
+
+
+def _lines(order: float, revolutions: int) -> FloatArray:
+    """Return the order and those beside it whose lines tell the noise."""
+    away = np.arange(3, 3 + FLOOR_LINES) / revolutions
+    beside = np.concatenate([order - away, order + away])
+    return np.concatenate([[order], beside[beside > 1.5 / revolutions]])
+
+
+def _kernel(lines: FloatArray, points: int, points_per_turn: int) -> ComplexArray:
+    """Return what a frame is multiplied with to give its lines, shape (points, n_lines)."""
+    theta = 2.0 * np.pi * np.arange(points) / points_per_turn
+    kernel = 2.0 * hann(points)[:, None] * np.exp(-1j * theta[:, None] * lines)
+    return np.asarray(kernel - hann(points)[:, None] * kernel.sum(axis=0))  # a constant leaves nothing

@@ -57,6 +57,25 @@ def phase_sigma(amplitude: FloatArray, sigma: FloatArray, angle_sigma: FloatArra
     return np.asarray(np.minimum(np.hypot(ratio, order * angle_sigma), np.pi / np.sqrt(3.0)), dtype=np.float64)
 
 
+def mean_angle_sigma(speeds: FloatArray, jitter: float, revolutions: int) -> FloatArray:
+    """Return the standard deviation of the shaft's angle, rad, as a Hann window over many revolutions feels it.
+
+    Parameters
+    ----------
+    speeds : ndarray of float64
+        Of the frames, rad/s.
+    jitter : float
+        Scatter of the pulses, independent of one another, s.
+    revolutions : int
+        In a frame, one pulse in each.
+
+    Notes
+    -----
+    Independent errors average out under the window as noise does: jitter sqrt(1.5 / revolutions).
+    """
+    return np.asarray(speeds * jitter * np.sqrt(1.5 / revolutions), dtype=np.float64)
+
+
 def order_sigma(peak: FloatArray, neighbour: FloatArray, sigma: FloatArray, revolutions: int) -> FloatArray:
     """Return the standard deviation of an order interpolated between two lines of a Hann window.
 

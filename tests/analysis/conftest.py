@@ -199,6 +199,6 @@ def make_angular() -> Callable[..., AngularRecord]:
         motion += noise * np.random.default_rng(seed).standard_normal(motion.shape)
         motion += np.array(mean)[:, None, None]
         times = np.arange(revolutions + 1) / turn_rate
-        return AngularRecord(motion, 0, times, ProbePair(0.0, np.pi / 2), angle_jitter=0.0)
+        return AngularRecord(motion, 0, times, ProbePair(0.0, np.pi / 2), 0.0, np.zeros(times.size))
 
     return make

@@ -1,6 +1,7 @@
 """Forward and backward circles, and what unequal probes make of them."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -36,7 +37,7 @@ def test_forward_and_backward_do_not_leak_into_one_another(make_angular: Maker) 
 def test_circles_do_not_depend_on_where_the_probes_sit(make_angular: Maker, angles: tuple[float, float]) -> None:
     plain = make_angular((20.0, 1.0, 0.4), (5.0, -2.0, 0.1))
     pair = ProbePair(*angles)
-    turned = AngularRecord(np.asarray(pair.to_probes(plain.waveform)), 0, plain.times, pair, 0.0)
+    turned = replace(plain, waveform=pair.to_probes(plain.waveform), pair=pair)
     frames = order_map(turned)
     spectrum = full_spectrum(frames.orders, frames.spectrum, pair)
     np.testing.assert_allclose(spectrum.forward[:, 16], 20.0 * np.exp(0.4j), atol=1e-9)
@@ -75,7 +76,7 @@ def test_a_mismatch_of_the_probes_is_told_and_not_shown_as_backward_whirl(
 def test_a_mirrored_pair_tells_the_same_gain(make_angular: Maker) -> None:
     plain = make_angular(*FORWARD, revolutions=200, noise=0.1 * MICRO)
     pair = ProbePair(np.pi / 2, 0.0)
-    turned = AngularRecord(np.asarray(pair.to_probes(plain.waveform)), 0, plain.times, pair, 0.0)
+    turned = replace(plain, waveform=pair.to_probes(plain.waveform), pair=pair)
     mismatch = probe_mismatch(order_map(seen(turned, 0.01, 0.005)))
     assert mismatch.gain == pytest.approx(0.01, abs=0.001)
     assert mismatch.skew == pytest.approx(0.005, abs=0.001)
@@ -101,7 +102,7 @@ def test_a_full_cascade_holds_the_largest_circles_of_each_speed(make_angular: Ma
     slow, fast = make_angular((5.0, 1.0, 0.0)), make_angular((9.0, 1.0, 0.0), (2.0, -1.0, 0.0))
     waveform = np.concatenate([slow.waveform, fast.waveform], axis=1)
     times = np.concatenate([slow.times, slow.times[-1] + fast.times[1:] / 3.0])  # 100, then 300 turns a second
-    record = AngularRecord(waveform, 0, times, slow.pair, 0.0)
+    record = replace(slow, waveform=waveform, times=times, time_sigma=np.zeros(times.size))
     speeds, cascade = full_cascade(order_map(record, overlap=0.0), 2 * np.pi * 10.0)
     np.testing.assert_allclose(speeds, 2 * np.pi * np.array([100.0, 300.0]))
     np.testing.assert_allclose(np.abs(cascade.forward[:, 16]), [5.0, 9.0])

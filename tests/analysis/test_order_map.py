@@ -1,6 +1,7 @@
 """Order maps and tracks of any order on records that are known."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -46,7 +47,7 @@ def test_speed_acceleration_time_and_mark_of_frames(make_angular: Maker) -> None
     record = make_angular((1.0, 1.0, 0.0), revolutions=200)
     turns = np.arange(201)
     times = (np.sqrt(100.0**2 + 40.0 * turns) - 100.0) / 20.0  # 20 revolutions a second squared
-    frames = order_map(AngularRecord(record.waveform, 7, times, record.pair, 0.0))
+    frames = order_map(replace(record, first_turn=7, times=times))
     assert frames.turns[0] == 7
     assert frames.turns[1] == 11
     np.testing.assert_allclose(frames.accelerations, 2 * np.pi * 20.0, rtol=0.01)
@@ -87,7 +88,7 @@ def test_one_x_beside_a_whirl_is_kept_within_two_parts_in_a_thousand(make_angula
 
 def test_jitter_of_the_tacho_shows_in_the_phase_of_high_orders(make_angular: Maker) -> None:
     record = make_angular((20.0, 1.0, 0.0), (20.0, 4.0, 0.0))
-    shaky = AngularRecord(record.waveform, 0, record.times, record.pair, angle_jitter=1e-4)
+    shaky = replace(record, angle_jitter=1e-4)
     first, fourth = track_order(shaky, 1.0).phase_sigma[0, 0], track_order(shaky, 4.0).phase_sigma[0, 0]
     assert fourth == pytest.approx(4 * first, rel=0.01)
     assert first == pytest.approx(2 * np.pi * 100 * 1e-4 * np.sqrt(1.5 / 16), rel=0.01)

@@ -23,9 +23,8 @@ def track_of(speeds: FloatArray, damping: float = 0.05, noise: float = 0.0) -> O
     shaken = noise * (random.standard_normal((2, speeds.size)) + 1j * random.standard_normal((2, speeds.size)))
     vectors = response * np.array([[1.0], [-1.0j]]) + shaken
     sigma = np.full((2, speeds.size), max(noise, 1e-12))
-    return OrderTrack(
-        1.0, vectors, sigma, sigma / np.abs(vectors), speeds, 0.1 * np.arange(speeds.size, dtype=np.float64)
-    )
+    times = 0.1 * np.arange(speeds.size, dtype=np.float64)
+    return OrderTrack(1.0, vectors, sigma, sigma / np.abs(vectors), speeds, np.zeros(speeds.size), times)
 
 
 def test_a_resonance_is_found_with_amplification_and_phase() -> None:

@@ -28,7 +28,7 @@ def run_up(make_angular: Maker, frequency: Callable[[FloatArray], FloatArray], o
     z = 20 * MICRO * np.exp(2j * np.pi * turns) + 8 * MICRO * (speed >= onset) * np.exp(2j * np.pi * phase)
     motion = np.stack([z.real, z.imag])[:, :-1].reshape(2, revolutions, POINTS)
     motion += 0.1 * MICRO * np.random.default_rng(0).standard_normal(motion.shape)
-    return AngularRecord(motion, 0, time[::POINTS], make_angular().pair, 0.0)
+    return AngularRecord(motion, 0, time[::POINTS], make_angular().pair, 0.0, np.zeros(revolutions + 1))
 
 
 def strongest(record: AngularRecord) -> SubsynchronousTrack:
@@ -83,7 +83,7 @@ def test_components_that_come_and_go_are_told_apart(make_angular: Maker) -> None
     one = make_angular((20 * MICRO, 1.0, 0.0), (5 * MICRO, 0.4, 0.0), revolutions=160, noise=0.1 * MICRO)
     quiet = make_angular((20 * MICRO, 1.0, 0.0), revolutions=160, noise=0.1 * MICRO)
     waveform = np.concatenate([one.waveform, quiet.waveform, one.waveform], axis=1)
-    record = AngularRecord(waveform, 0, np.arange(481) / 100.0, one.pair, 0.0)
+    record = AngularRecord(waveform, 0, np.arange(481) / 100.0, one.pair, 0.0, np.zeros(481))
     tracks = subsynchronous_tracks(order_map(record))
     assert len(tracks) == 2
     assert all(a.times[-1] < b.times[0] for a, b in pairwise(tracks))
