@@ -6,12 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.angle import smooth_angle
-from analysis.edges import EdgeDetector
 from analysis.order_frame import SPARE_TURNS, FrameBuilder
 from analysis.run import CODE_MAX, CODE_MIN, Acquisition, AnalysisSettings, Channel, Role
 from analysis.samples import SampleBlock, SegmentEnd
 from analysis.snapshot import OrderFrame, Snapshot, TachoReport, TachoState, Trace
 from analysis.tacho import SILENCE, PulseTrain
+from analysis.tacho_input import TachoInput
 
 FloatArray = NDArray[np.float64]
 
@@ -46,8 +46,7 @@ class Analyser:
         self._n_channels = len(acquisition.channels)
         self._rows = (acquisition.row(Role.PROBE_X), acquisition.row(Role.PROBE_Y))
         self._tacho_row = acquisition.row(Role.TACHO)
-        self._tacho_shift = self._tacho_row / acquisition.convert_rate - acquisition.tacho.delay
-        self._tacho = acquisition.tacho
+        self._tacho = TachoInput(acquisition)
         probes = [acquisition.channels[row] for row in self._rows]
         self._gap_windows = np.array([(probe.gap_low, probe.gap_high) for probe in probes])
         self._calibrated = np.array([_calibrated_span(probe) for probe in probes])
@@ -70,7 +69,7 @@ class Analyser:
         self._segment = segment
         self._position = first  # index one past the last sample taken
         self._filled = 0  # samples waiting for their hop
-        self._edges = EdgeDetector(self._tacho)
+        self._tacho.restart(first)
         self._train.restart()
         self._pyramid = self._frames.new_pyramid(first)
         self._extremes.clear()
@@ -87,6 +86,7 @@ class Analyser:
             raise ValueError(f"block of {block.codes.shape[0]} channels, expected {self._n_channels}")
         if block.segment != self._segment or block.first_sample != self._position:
             self._restart(block.segment, block.first_sample)
+        self._tacho.block(block)
         snapshots = []
         taken = 0
         while taken < block.n_samples:
@@ -121,8 +121,8 @@ class Analyser:
         self._beyond += np.count_nonzero((volts < low) | (volts > high), axis=1)
         tacho = self._tacho_volts[unsigned[self._tacho_row]]
 
-        edges = self._edges.edges(tacho, first) / self._rate + self._tacho_shift
-        self._train.advance(edges, now, codes.shape[1] / self._rate, self._rate)
+        stretch = self._tacho.stretch(tacho, first)
+        self._train.advance(stretch.edges, stretch.known, stretch.elapsed, self._rate)
         self._pyramid.push(displacement)
         speed, report, frame = self._shaft(now)
         return Snapshot(
@@ -138,6 +138,7 @@ class Analyser:
             frame=frame,
             trace=self._trace(first, displacement, tacho),
             beyond_calibration=self._beyond.copy(),
+            counter=self._tacho.report(self._position),
         )
 
     def _shaft(self, now: float) -> tuple[float, TachoReport, OrderFrame | None]:

@@ -109,8 +109,36 @@ class Edge(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
+class TachoCounter:
+    """A counter of the card that stamps the tacho's edges, beside its waveform.
+
+    Parameters
+    ----------
+    counter : str
+        The card's counter, as "ctr0".
+    terminal : str
+        The card's line that the tacho is wired to as well, as "PFI0".
+    edge : Edge
+        Edge at that line that is stamped.
+    timebase : float
+        Rate of its ticks, Hz; they come from the oscillator that the samples come from.
+    is_reference : bool
+        Whether speed and phase are taken from its stamps; else from the waveform.
+    agreement : float
+        How far a stamp may lie from the edge in the waveform, s.
+    """
+
+    counter: str
+    terminal: str
+    edge: Edge
+    timebase: float
+    is_reference: bool
+    agreement: float
+
+
+@dataclass(frozen=True, slots=True)
 class Tacho:
-    """How the tacho's waveform is read.
+    """How the tacho is read.
 
     Parameters
     ----------
@@ -128,6 +156,8 @@ class Tacho:
         Slowest response of the sensor, s: both light and dark must last longer.
     delay : float
         From the mark's passing to the edge in the signal, s; taken off every edge.
+    counter : TachoCounter or None
+        The counter that stamps its edges as well; None where only its waveform is sampled.
     """
 
     threshold: float
@@ -137,6 +167,12 @@ class Tacho:
     mark_fraction: float = 0.5
     response_time: float = 1e-3
     delay: float = 0.0
+    counter: TachoCounter | None = None
+
+    @property
+    def reference(self) -> str:
+        """What speed and phase are taken from: "counter" or "samples"."""
+        return "counter" if self.counter is not None and self.counter.is_reference else "samples"
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,6 +209,11 @@ class Acquisition:
     convert_rate: float
     channels: tuple[Channel, ...]
     tacho: Tacho
+
+    @property
+    def ticks_per_sample(self) -> float:
+        """Ticks of the tacho's counter from one sample to the next; 0 where there is no counter."""
+        return 0.0 if self.tacho.counter is None else self.tacho.counter.timebase / self.rate
 
     def row(self, role: Role) -> int:
         """Return the row of a block that holds the channel of this role; ValueError where there is none."""

@@ -4,7 +4,7 @@ Index conventions, written once: a *segment* is a stretch of samples without a g
 A sample's time is its index over the rate. Channels come first, samples last.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
@@ -27,6 +27,10 @@ class SampleBlock:
         Wall clock of the host when the block had been read, ns since 1970 (evidence, never used to compute).
     backlog : int
         Samples per channel that the device still held after this block was read.
+    ticks : ndarray of int64, shape (n_pulses,), or None
+        When the tacho's edges came, as a counter stamped them: ticks of its timebase since the segment's first sample,
+        rising from block to block. Those known when this block had been read and not given before, up to its last
+        sample; one that came late lies before its first. None where no counter stamps, or none does any more.
     """
 
     codes: NDArray[np.int16]
@@ -34,6 +38,7 @@ class SampleBlock:
     first_sample: int
     host_time_ns: int
     backlog: int = 0
+    ticks: NDArray[np.int64] | None = None
 
     def __post_init__(self) -> None:
         if self.codes.ndim != 2 or self.codes.dtype != np.int16:
@@ -50,6 +55,22 @@ class SampleBlock:
     def end(self) -> int:
         """Index one past the last sample."""
         return self.first_sample + self.n_samples
+
+    def moved(self, segment: int, first_sample: int, ticks_per_sample: float) -> "SampleBlock":
+        """Return the block at another place of its run; what a counter stamped before the new segment is left out.
+
+        Parameters
+        ----------
+        segment, first_sample : int
+            Its new place.
+        ticks_per_sample : float
+            Of the acquisition's counter.
+        """
+        ticks = self.ticks
+        if ticks is not None and first_sample != self.first_sample:
+            ticks = ticks - round((self.first_sample - first_sample) * ticks_per_sample)
+            ticks = ticks[ticks >= 0]
+        return replace(self, segment=segment, first_sample=first_sample, ticks=ticks)
 
 
 class EndReason(StrEnum):

@@ -49,6 +49,55 @@ class TachoReport:
     jitter: float
 
 
+class CounterState(StrEnum):
+    """How the tacho's counter and its waveform stand to one another."""
+
+    AGREES = "agrees"
+    COUNT_DIFFERS = "count differs"  # edges that only one of them has
+    TIMES_DIFFER = "times differ"  # by more than the rig says they may
+    FAILED = "failed"  # the counter gives no more stamps in this segment
+
+
+@dataclass(frozen=True, slots=True)
+class CounterReport:
+    """The tacho's counter against its waveform since the run began; edges are compared a little later than they come.
+
+    Parameters
+    ----------
+    is_working : bool
+        Whether it still gives stamps.
+    compared : int
+        Edges that both have.
+    missing : int
+        Edges of the waveform that the counter has not stamped.
+    extra : int
+        Stamps where the waveform has no edge.
+    apart : int
+        Edges of both that lie further apart than the rig says they may.
+    mean : float
+        How much later the counter has them, in the mean, s; NaN where none were compared.
+    largest : float
+        Largest distance of the two, s; NaN where none were compared.
+    """
+
+    is_working: bool
+    compared: int
+    missing: int
+    extra: int
+    apart: int
+    mean: float
+    largest: float
+
+    @property
+    def state(self) -> CounterState:
+        """The verdict."""
+        if not self.is_working:
+            return CounterState.FAILED
+        if self.missing or self.extra:
+            return CounterState.COUNT_DIFFERS
+        return CounterState.TIMES_DIFFER if self.apart else CounterState.AGREES
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Whirl:
     """The strongest component below 1X.
@@ -168,6 +217,8 @@ class Snapshot:
     beyond_calibration : ndarray of int64, shape (2,)
         Samples of each probe since the run began whose voltage lies outside the span that was calibrated: their
         displacement is extrapolated.
+    counter : CounterReport or None
+        The tacho's counter against its waveform; None where no counter stamps its edges.
     """
 
     segment: int
@@ -182,3 +233,4 @@ class Snapshot:
     frame: OrderFrame | None
     trace: Trace
     beyond_calibration: NDArray[np.int64] = field(default_factory=lambda: np.zeros(2, dtype=np.int64))
+    counter: CounterReport | None = None
