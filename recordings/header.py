@@ -16,6 +16,7 @@ from analysis.run import (
     Role,
     RunHeader,
     Tacho,
+    TachoCounter,
 )
 from recordings.errors import DamagedError
 
@@ -128,7 +129,19 @@ def _acquisition_document(acquisition: Acquisition) -> Document:
             "mark_fraction": tacho.mark_fraction,
             "response_time_s": tacho.response_time,
             "delay_s": tacho.delay,
-        },
+        }
+        | ({} if tacho.counter is None else {"counter": _counter_document(tacho.counter)}),
+    }
+
+
+def _counter_document(counter: TachoCounter) -> Document:
+    return {
+        "counter": counter.counter,
+        "terminal": counter.terminal,
+        "edge": counter.edge.value,
+        "timebase_hz": counter.timebase,
+        "is_reference": counter.is_reference,
+        "agreement_s": counter.agreement,
     }
 
 
@@ -168,7 +181,19 @@ def _acquisition(section: "_Section") -> Acquisition:
             mark_fraction=tacho.number("mark_fraction"),
             response_time=tacho.number("response_time_s"),
             delay=tacho.number("delay_s"),
+            counter=_counter(tacho.section("counter")) if tacho.has("counter") else None,
         ),
+    )
+
+
+def _counter(section: "_Section") -> TachoCounter:
+    return TachoCounter(
+        counter=section.text("counter"),
+        terminal=section.text("terminal"),
+        edge=section.choice("edge", Edge),
+        timebase=section.number("timebase_hz"),
+        is_reference=section.flag("is_reference"),
+        agreement=section.number("agreement_s"),
     )
 
 

@@ -24,7 +24,7 @@ IMPORTED_RECORD = "rig.imported"
 CONFIG_ATTACHMENT = "rig.toml"
 
 SAMPLES, SEGMENT_END, FEATURES, ORDER_FRAME = "/samples", "/segment_end", "/features", "/order_frame"
-MARK = "/mark"
+MARK, PULSES = "/mark", "/pulses"
 
 TOPICS = {
     SAMPLES: "SampleBlock",
@@ -32,6 +32,7 @@ TOPICS = {
     FEATURES: "Features",
     ORDER_FRAME: "OrderFrame",
     MARK: "Mark",
+    PULSES: "Pulses",
 }
 """Topics and their messages. The MCAP channel of each has its number in this order, from 1."""
 

@@ -10,7 +10,13 @@ from recordings import rig_pb2
 from recordings.codec import pack, unpack
 
 Message = TypeVar(
-    "Message", rig_pb2.SampleBlock, rig_pb2.SegmentEnd, rig_pb2.Features, rig_pb2.OrderFrame, rig_pb2.Mark
+    "Message",
+    rig_pb2.SampleBlock,
+    rig_pb2.SegmentEnd,
+    rig_pb2.Features,
+    rig_pb2.OrderFrame,
+    rig_pb2.Mark,
+    rig_pb2.Pulses,
 )
 
 

@@ -9,7 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.run import RunHeader
-from analysis.snapshot import ComplexArray, OrderFrame, Snapshot, TachoReport, TachoState, Trace, Whirl
+from analysis.snapshot import (
+    ComplexArray,
+    CounterReport,
+    OrderFrame,
+    Snapshot,
+    TachoReport,
+    TachoState,
+    Trace,
+    Whirl,
+)
 from recordings import rig_pb2
 from recordings.layout import FEATURES, NANOSECONDS, ORDER_FRAME
 
@@ -92,6 +101,7 @@ def decode_snapshot(features: rig_pb2.Features, frame: rig_pb2.OrderFrame | None
         frame=None if frame is None else _decoded_frame(frame),
         trace=Trace(time=np.empty(0), displacement=np.empty((2, 0)), tacho=np.empty(0)),
         beyond_calibration=np.array(features.beyond_calibration or (0, 0), dtype=np.int64),  # older files have none
+        counter=_decoded_check(features.counter) if features.HasField("counter") else None,
     )
 
 
@@ -119,10 +129,35 @@ def _features(snapshot: Snapshot) -> rig_pb2.Features:
         clipped=snapshot.clipped.tolist(),
         beyond_calibration=snapshot.beyond_calibration.tolist(),
         has_order_frame=snapshot.frame is not None,
+        counter=None if snapshot.counter is None else _check(snapshot.counter),
     )
     if snapshot.frame is not None:
         _add_orders(message, snapshot.frame)
     return message
+
+
+def _check(counter: CounterReport) -> rig_pb2.CounterCheck:
+    return rig_pb2.CounterCheck(
+        is_working=counter.is_working,
+        compared=counter.compared,
+        missing=counter.missing,
+        extra=counter.extra,
+        apart=counter.apart,
+        mean_s=counter.mean,
+        largest_s=counter.largest,
+    )
+
+
+def _decoded_check(message: rig_pb2.CounterCheck) -> CounterReport:
+    return CounterReport(
+        is_working=message.is_working,
+        compared=message.compared,
+        missing=message.missing,
+        extra=message.extra,
+        apart=message.apart,
+        mean=message.mean_s,
+        largest=message.largest_s,
+    )
 
 
 def _add_orders(message: rig_pb2.Features, frame: OrderFrame) -> None:

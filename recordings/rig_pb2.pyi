@@ -53,7 +53,7 @@ class SegmentEnd(_message.Message):
     def __init__(self, segment: _Optional[int] = ..., samples: _Optional[int] = ..., reason: _Optional[str] = ..., lost: _Optional[int] = ..., lost_is_exact: _Optional[bool] = ..., detail: _Optional[str] = ...) -> None: ...
 
 class Features(_message.Message):
-    __slots__ = ("segment", "sample", "time_s", "speed_rpm", "speed_rad_per_s", "tacho_state", "tacho_pulses", "tacho_filled", "tacho_rejected", "tacho_jitter_s", "gap_x_v", "gap_y_v", "gap_x_ok", "gap_y_ok", "peak_to_peak_x_um", "peak_to_peak_y_um", "peak_to_peak_x_m", "peak_to_peak_y_m", "clipped", "has_order_frame", "x_1x_um", "x_1x_lag_deg", "y_1x_um", "y_1x_lag_deg", "x_2x_um", "x_2x_lag_deg", "y_2x_um", "y_2x_lag_deg", "whirl_order", "whirl_um", "whirl_is_forward", "noise_um", "beyond_calibration")
+    __slots__ = ("segment", "sample", "time_s", "speed_rpm", "speed_rad_per_s", "tacho_state", "tacho_pulses", "tacho_filled", "tacho_rejected", "tacho_jitter_s", "gap_x_v", "gap_y_v", "gap_x_ok", "gap_y_ok", "peak_to_peak_x_um", "peak_to_peak_y_um", "peak_to_peak_x_m", "peak_to_peak_y_m", "clipped", "has_order_frame", "x_1x_um", "x_1x_lag_deg", "y_1x_um", "y_1x_lag_deg", "x_2x_um", "x_2x_lag_deg", "y_2x_um", "y_2x_lag_deg", "whirl_order", "whirl_um", "whirl_is_forward", "noise_um", "beyond_calibration", "counter")
     SEGMENT_FIELD_NUMBER: _ClassVar[int]
     SAMPLE_FIELD_NUMBER: _ClassVar[int]
     TIME_S_FIELD_NUMBER: _ClassVar[int]
@@ -87,6 +87,7 @@ class Features(_message.Message):
     WHIRL_IS_FORWARD_FIELD_NUMBER: _ClassVar[int]
     NOISE_UM_FIELD_NUMBER: _ClassVar[int]
     BEYOND_CALIBRATION_FIELD_NUMBER: _ClassVar[int]
+    COUNTER_FIELD_NUMBER: _ClassVar[int]
     segment: int
     sample: int
     time_s: float
@@ -120,7 +121,26 @@ class Features(_message.Message):
     whirl_is_forward: bool
     noise_um: float
     beyond_calibration: _containers.RepeatedScalarFieldContainer[int]
-    def __init__(self, segment: _Optional[int] = ..., sample: _Optional[int] = ..., time_s: _Optional[float] = ..., speed_rpm: _Optional[float] = ..., speed_rad_per_s: _Optional[float] = ..., tacho_state: _Optional[str] = ..., tacho_pulses: _Optional[int] = ..., tacho_filled: _Optional[int] = ..., tacho_rejected: _Optional[int] = ..., tacho_jitter_s: _Optional[float] = ..., gap_x_v: _Optional[float] = ..., gap_y_v: _Optional[float] = ..., gap_x_ok: _Optional[bool] = ..., gap_y_ok: _Optional[bool] = ..., peak_to_peak_x_um: _Optional[float] = ..., peak_to_peak_y_um: _Optional[float] = ..., peak_to_peak_x_m: _Optional[float] = ..., peak_to_peak_y_m: _Optional[float] = ..., clipped: _Optional[_Iterable[int]] = ..., has_order_frame: _Optional[bool] = ..., x_1x_um: _Optional[float] = ..., x_1x_lag_deg: _Optional[float] = ..., y_1x_um: _Optional[float] = ..., y_1x_lag_deg: _Optional[float] = ..., x_2x_um: _Optional[float] = ..., x_2x_lag_deg: _Optional[float] = ..., y_2x_um: _Optional[float] = ..., y_2x_lag_deg: _Optional[float] = ..., whirl_order: _Optional[float] = ..., whirl_um: _Optional[float] = ..., whirl_is_forward: _Optional[bool] = ..., noise_um: _Optional[float] = ..., beyond_calibration: _Optional[_Iterable[int]] = ...) -> None: ...
+    counter: CounterCheck
+    def __init__(self, segment: _Optional[int] = ..., sample: _Optional[int] = ..., time_s: _Optional[float] = ..., speed_rpm: _Optional[float] = ..., speed_rad_per_s: _Optional[float] = ..., tacho_state: _Optional[str] = ..., tacho_pulses: _Optional[int] = ..., tacho_filled: _Optional[int] = ..., tacho_rejected: _Optional[int] = ..., tacho_jitter_s: _Optional[float] = ..., gap_x_v: _Optional[float] = ..., gap_y_v: _Optional[float] = ..., gap_x_ok: _Optional[bool] = ..., gap_y_ok: _Optional[bool] = ..., peak_to_peak_x_um: _Optional[float] = ..., peak_to_peak_y_um: _Optional[float] = ..., peak_to_peak_x_m: _Optional[float] = ..., peak_to_peak_y_m: _Optional[float] = ..., clipped: _Optional[_Iterable[int]] = ..., has_order_frame: _Optional[bool] = ..., x_1x_um: _Optional[float] = ..., x_1x_lag_deg: _Optional[float] = ..., y_1x_um: _Optional[float] = ..., y_1x_lag_deg: _Optional[float] = ..., x_2x_um: _Optional[float] = ..., x_2x_lag_deg: _Optional[float] = ..., y_2x_um: _Optional[float] = ..., y_2x_lag_deg: _Optional[float] = ..., whirl_order: _Optional[float] = ..., whirl_um: _Optional[float] = ..., whirl_is_forward: _Optional[bool] = ..., noise_um: _Optional[float] = ..., beyond_calibration: _Optional[_Iterable[int]] = ..., counter: _Optional[_Union[CounterCheck, _Mapping]] = ...) -> None: ...
+
+class CounterCheck(_message.Message):
+    __slots__ = ("is_working", "compared", "missing", "extra", "apart", "mean_s", "largest_s")
+    IS_WORKING_FIELD_NUMBER: _ClassVar[int]
+    COMPARED_FIELD_NUMBER: _ClassVar[int]
+    MISSING_FIELD_NUMBER: _ClassVar[int]
+    EXTRA_FIELD_NUMBER: _ClassVar[int]
+    APART_FIELD_NUMBER: _ClassVar[int]
+    MEAN_S_FIELD_NUMBER: _ClassVar[int]
+    LARGEST_S_FIELD_NUMBER: _ClassVar[int]
+    is_working: bool
+    compared: int
+    missing: int
+    extra: int
+    apart: int
+    mean_s: float
+    largest_s: float
+    def __init__(self, is_working: _Optional[bool] = ..., compared: _Optional[int] = ..., missing: _Optional[int] = ..., extra: _Optional[int] = ..., apart: _Optional[int] = ..., mean_s: _Optional[float] = ..., largest_s: _Optional[float] = ...) -> None: ...
 
 class Vector(_message.Message):
     __slots__ = ("real_m", "imag_m")
@@ -199,3 +219,17 @@ class Mark(_message.Message):
     host_time_ns: int
     kind: str
     def __init__(self, segment: _Optional[int] = ..., sample: _Optional[int] = ..., time_s: _Optional[float] = ..., text: _Optional[str] = ..., host_time_ns: _Optional[int] = ..., kind: _Optional[str] = ...) -> None: ...
+
+class Pulses(_message.Message):
+    __slots__ = ("segment", "first_sample", "first_pulse", "ticks", "has_failed")
+    SEGMENT_FIELD_NUMBER: _ClassVar[int]
+    FIRST_SAMPLE_FIELD_NUMBER: _ClassVar[int]
+    FIRST_PULSE_FIELD_NUMBER: _ClassVar[int]
+    TICKS_FIELD_NUMBER: _ClassVar[int]
+    HAS_FAILED_FIELD_NUMBER: _ClassVar[int]
+    segment: int
+    first_sample: int
+    first_pulse: int
+    ticks: _containers.RepeatedScalarFieldContainer[int]
+    has_failed: bool
+    def __init__(self, segment: _Optional[int] = ..., first_sample: _Optional[int] = ..., first_pulse: _Optional[int] = ..., ticks: _Optional[_Iterable[int]] = ..., has_failed: _Optional[bool] = ...) -> None: ...

@@ -22,6 +22,7 @@ from recordings.layout import (
     CONFIG_ATTACHMENT,
     END_RECORD,
     PROFILE,
+    PULSES,
     RUN_RECORD,
     SAMPLES,
     SEGMENT_END,
@@ -30,6 +31,7 @@ from recordings.layout import (
     sealed,
 )
 from recordings.messages import definitions, encode_block, encode_segment_end
+from recordings.pulses import PulseTeller
 from recordings.results import EncodedResult
 
 CHUNK_BYTES = 1 << 20
@@ -64,10 +66,12 @@ class RunWriter:
         self._results: deque[EncodedResult] = deque()
         self._ends: list[SegmentEnd] = []
         self._clock = ClockFit(self._rate)
+        self._pulses = PulseTeller(header.acquisition)
         self._starts_ns = {0: header.started_ns}
         self._segment = 0
         self._next_sample = 0
         self._kept_samples = 0  # of the open segment, in the file
+        self._kept_pulses = 0  # of the run, in the file
         self._since_flush = 0
         self._since_results = 0
         self._sequence = 0
@@ -106,6 +110,9 @@ class RunWriter:
             raise StorageError(self._failure)
         self._check(block)
         log_time = self._starts_ns[self._segment] + sample_time_ns(block.first_sample, self._rate)
+        pulses = self._pulses.message(block)
+        if pulses is not None:
+            self._add(Message(CHANNEL_IDS[PULSES], log_time, pulses, block.host_time_ns, 0))
         self._add(Message(CHANNEL_IDS[SAMPLES], log_time, encode_block(block), block.host_time_ns, self._sequence))
         self._sequence += 1
         self._next_sample = block.end
@@ -216,11 +223,13 @@ class RunWriter:
         )
         self._mcap.add_attachment(CONFIG_ATTACHMENT, "application/toml", header.started_ns, header.config_toml.encode())
         data, names = definitions(), ",".join(channel.name for channel in channels)
+        about = {SAMPLES: {"rate_hz": repr(self._rate), "channels": names}}
+        if header.acquisition.tacho.counter is not None:
+            about[PULSES] = {"timebase_hz": repr(header.acquisition.tacho.counter.timebase)}
         for topic, message in TOPICS.items():
             number = CHANNEL_IDS[topic]
-            about = {"rate_hz": repr(self._rate), "channels": names} if topic == SAMPLES else {}
             self._mcap.add_channel(
-                Channel(number, topic, MessageEncoding.Protobuf, about, number),
+                Channel(number, topic, MessageEncoding.Protobuf, about.get(topic, {}), number),
                 Schema(number, data, SchemaEncoding.Protobuf, f"rig.{message}"),
             )
         self._mcap.add_metadata(RUN_RECORD, sealed(header_document(header)))  # again: without it nothing can be read
@@ -243,7 +252,7 @@ class RunWriter:
     def _flush(self) -> None:
         """Hand the samples that have been gathered to the operating system."""
         self._mcap.add_chunk(self._chunk)
-        self._kept_samples = self._next_sample
+        self._kept_samples, self._kept_pulses = self._next_sample, self._pulses.told
         self._file.settle()
         self._chunk = []
         self._chunk_bytes = 0
@@ -269,6 +278,7 @@ class RunWriter:
             "gap_free": len(self._ends) == 1 and self._ends[0].is_gap_free,
             "samples": sum(end.samples for end in self._ends) + self._next_sample,
             "skipped_samples": skipped_samples,
+            "pulses": self._kept_pulses,
             "clock_error_ppm": None if clock is None else clock.error / PPM,
             "clock_uncertainty_ppm": None if clock is None else clock.uncertainty / PPM,
             "segments": [
