@@ -22,39 +22,14 @@ from mcap.opcode import Opcode
 from mcap.records import Chunk, Metadata
 from mcap.writer import MCAP0_MAGIC
 
+from recordings.chunk_table import ChunkPlace, ChunkTable
 from recordings.errors import DamagedError, NotFoundError, StorageError
 
 RECORD = struct.Struct("<BQ")  # opcode, length of the content
 FOOTER = struct.Struct("<BQQQI")  # opcode, length, start of the summary, start of its offsets, CRC
-CHUNK_INDEX = struct.Struct("<QQQQI")  # first and last time, offset, length, bytes of message index offsets
-CHANNEL_OFFSET = struct.Struct("<HQ")
 MESSAGE = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
 LARGEST_CHUNK = 256 << 20
 LARGEST_METADATA = 16 << 20
-
-
-@dataclass(frozen=True, slots=True)
-class ChunkPlace:
-    """Where a chunk lies and what it holds.
-
-    Parameters
-    ----------
-    offset, length : int
-        Place of its record's content in the file, bytes.
-    start_ns : int
-        Log time of its earliest message, ns.
-    channels : frozenset of int or None
-        Channels of its messages; None where that is not known without reading it.
-    """
-
-    offset: int
-    length: int
-    start_ns: int
-    channels: frozenset[int] | None
-
-    def may_hold(self, channels: frozenset[int]) -> bool:
-        """Whether any message of these channels may be in it."""
-        return self.channels is None or not self.channels.isdisjoint(channels)
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,9 +124,9 @@ class Container:
         return [record.metadata for record in self._metadata_records if record.name == name]
 
     @cached_property
-    def chunks(self) -> list[ChunkPlace]:
+    def chunks(self) -> ChunkTable:
         """All chunks in the order of the file."""
-        return list(self._indexed_chunks()) if self.is_finished else self._walk[1]
+        return ChunkTable.from_index(list(self.summary(Opcode.CHUNK_INDEX))) if self.is_finished else self._walk[1]
 
     def messages(self, place: ChunkPlace) -> Iterator[StoredMessage]:
         """Yield the messages of a chunk in the order of writing.
@@ -233,7 +208,7 @@ class Container:
                 yield record.offset, record.length
 
     @cached_property
-    def _walk(self) -> tuple[list[tuple[int, int]], list[ChunkPlace]]:
+    def _walk(self) -> tuple[list[tuple[int, int]], ChunkTable]:
         """Places of metadata, and chunks, found by walking the records."""
         metadata, chunks, channels = [], list[Record](), list[set[int]]()
         for record in self.records():
@@ -246,12 +221,10 @@ class Container:
                 channels[-1].add(int.from_bytes(record.peek[:2], "little"))
         if channels:
             channels[-1].clear()  # what the last chunk holds is not known: its index may be cut
-        known: dict[frozenset[int], frozenset[int]] = {}
-        places = []
-        for chunk, indexed in zip(chunks, map(frozenset, channels), strict=True):
-            start_ns = int.from_bytes(chunk.peek, "little")
-            places.append(ChunkPlace(chunk.offset, chunk.length, start_ns, known.setdefault(indexed, indexed) or None))
-        return metadata, places
+        return metadata, ChunkTable.of(
+            ChunkPlace(chunk.offset, chunk.length, int.from_bytes(chunk.peek, "little"), frozenset(indexed) or None)
+            for chunk, indexed in zip(chunks, channels, strict=True)
+        )
 
     def _metadata_in_summary(self) -> Iterator[tuple[int, int]]:
         for content in self.summary(Opcode.METADATA_INDEX):
@@ -278,14 +251,6 @@ class Container:
         except (McapError, struct.error, UnicodeDecodeError):
             return None
         return record
-
-    def _indexed_chunks(self) -> Iterator[ChunkPlace]:
-        known: dict[frozenset[int], frozenset[int]] = {}
-        for content in self.summary(Opcode.CHUNK_INDEX):
-            start_ns, _, offset, length, index_bytes = CHUNK_INDEX.unpack_from(content)
-            index = content[CHUNK_INDEX.size : CHUNK_INDEX.size + index_bytes]
-            channels = frozenset(channel for channel, _ in CHANNEL_OFFSET.iter_unpack(index))
-            yield ChunkPlace(offset + RECORD.size, length - RECORD.size, start_ns, known.setdefault(channels, channels))
 
     def _chunk_data(self, place: ChunkPlace) -> bytes:
         """Return the uncompressed records of a chunk."""

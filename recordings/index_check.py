@@ -6,7 +6,8 @@ from collections.abc import Iterator, Mapping
 
 from mcap.opcode import Opcode
 
-from recordings.container import RECORD, ChunkPlace, Container, StoredMessage
+from recordings.chunk_table import ChunkPlace
+from recordings.container import RECORD, Container, StoredMessage
 from recordings.findings import Check, Finding
 
 STATISTICS = struct.Struct(

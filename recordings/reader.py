@@ -1,9 +1,7 @@
 """Reading a run's file, finished or cut short."""
 
-from bisect import bisect_right
 from collections.abc import Iterator
 from contextlib import suppress
-from functools import cached_property
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -16,7 +14,8 @@ from analysis.run import RunHeader
 from analysis.samples import EndReason, SampleBlock, SegmentEnd, SourceItem
 from analysis.snapshot import Snapshot
 from recordings import rig_pb2
-from recordings.container import ChunkPlace, Container, StoredMessage
+from recordings.chunk_table import ChunkPlace
+from recordings.container import Container, StoredMessage
 from recordings.errors import DamagedError
 from recordings.front import read_header
 from recordings.layout import (
@@ -38,8 +37,8 @@ from recordings.sequence import Sequence, cut_end
 
 SAMPLE_CHANNEL = frozenset({CHANNEL_IDS[SAMPLES]})
 END_CHANNEL = frozenset({CHANNEL_IDS[SEGMENT_END]})
-RESULTS_LAG_NS = 2 * NANOSECONDS  # by which chunks may lie out of order, results being written after their samples
 MARK_CHANNEL = frozenset({CHANNEL_IDS[MARK]})
+MARKS_LEAD_NS = 2 * NANOSECONDS  # by which a mark may be earlier than the results that share its chunk
 RESULT_CHANNELS = frozenset({CHANNEL_IDS[FEATURES], CHANNEL_IDS[ORDER_FRAME]})
 
 
@@ -216,7 +215,7 @@ class RunReader:
         if segment not in self._starts_ns:
             return None
         time_ns = self._starts_ns[segment] + sample_time_ns(sample, self.header.acquisition.rate)
-        first = max(bisect_right([chunk.start_ns for chunk in self._container.chunks], time_ns - RESULTS_LAG_NS) - 1, 0)
+        first = self._container.chunks.last_before(RESULT_CHANNELS, time_ns - MARKS_LEAD_NS)
         for snapshot in self._snapshots(first):
             if (snapshot.segment, snapshot.sample) == (segment, sample):
                 return snapshot
@@ -285,23 +284,15 @@ class RunReader:
 
     def _messages(self, channels: frozenset[int], first_place: int = 0) -> Iterator[StoredMessage]:
         """Yield the messages of the chunks that may hold some of these channels; damaged chunks are left out."""
-        for place in self._container.chunks[first_place:]:
+        for place in self._container.chunks.starting_at(first_place):
             if place.may_hold(channels):
                 with suppress(DamagedError):  # whoever looks for what was in it finds it missing
                     yield from self._container.messages(place)
 
-    @cached_property
-    def _sample_places(self) -> tuple[list[int], list[int]]:
-        """Start times of the chunks known to hold samples, ns, and their numbers."""
-        chunks = self._container.chunks
-        numbers = [k for k, chunk in enumerate(chunks) if chunk.channels and chunk.may_hold(SAMPLE_CHANNEL)]
-        return [chunks[k].start_ns for k in numbers], numbers
-
     def _blocks_from(self, segment: int, sample: int) -> Iterator[SampleBlock]:
         """Yield the blocks of a segment from the one on that holds this sample."""
         time_ns = self._starts_ns[segment] + sample_time_ns(sample, self.header.acquisition.rate)
-        starts_ns, places = self._sample_places
-        first_place = places[max(bisect_right(starts_ns, time_ns) - 1, 0)] if places else 0
+        first_place = self._container.chunks.last_before(SAMPLE_CHANNEL, time_ns)
         for message in self._messages(SAMPLE_CHANNEL, first_place):
             if message.channel in SAMPLE_CHANNEL:
                 with suppress(ValueError):

@@ -7,7 +7,8 @@ from pathlib import Path
 from analysis.run import RunHeader
 from analysis.samples import EndReason, SampleBlock, SegmentEnd, SourceItem
 from recordings.analysed import write_analysed
-from recordings.container import ChunkPlace, Container
+from recordings.chunk_table import ChunkPlace
+from recordings.container import Container
 from recordings.errors import DamagedError, RecordingError
 from recordings.front import read_header
 from recordings.layout import CHANNEL_IDS, END_RECORD, MARK, RECOVERED_RECORD, SAMPLES, SEGMENT_END, unsealed

@@ -5,7 +5,8 @@ from collections.abc import Iterator, Mapping
 
 from mcap.opcode import Opcode
 
-from recordings.container import RECORD, ChunkPlace, Container
+from recordings.chunk_table import ChunkPlace
+from recordings.container import RECORD, Container
 
 WINDOW = 16 << 20
 COMPRESSION = struct.pack("<I", 4) + b"zstd"

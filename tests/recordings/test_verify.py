@@ -172,7 +172,7 @@ def test_a_long_list_of_faults_ends(tmp_path: Path, header: RunHeader, make_bloc
         writer.block(make_block(0, 6000 * k, 6000))
     writer.close()
     container = Container(path)
-    places = container.chunks
+    places = list(container.chunks)
     container.close()
     data = bytearray(path.read_bytes())
     for place in places[::2]:
