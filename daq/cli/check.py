@@ -38,8 +38,15 @@ def _line(rig: Rig, rate: float, convert_rate: float) -> str:
     if device.backend is Backend.NIDAQMX:
         card += f" serial number {device.serial}" if device.serial else f" as {device.name}"
     inputs = ", ".join(f"{channel.name} on {channel.physical}" for channel in rig.config.channel)
+    counter = rig.tacho.counter
+    stamped = ""
+    if counter is not None:
+        stamped = (
+            f"edges of the tacho stamped by {counter.counter} on {counter.terminal} to {1e9 / counter.timebase:g} ns, "
+            f"speed and phase from the {rig.tacho.reference}, "
+        )
     return (
         f"{rig.path}: good: {rig.config.rig} on {card}, {inputs}, {rate / 1e3:g} kS/s each, "
-        f"convert clock {convert_rate / 1e3:.4g} kHz ({1e6 / convert_rate:.2f} µs between channels), "
+        f"convert clock {convert_rate / 1e3:.4g} kHz ({1e6 / convert_rate:.2f} µs between channels), {stamped}"
         f"at most {disk_rate(rig, rate) * 3600 / 1e9:.2g} GB an hour"
     )

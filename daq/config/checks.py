@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 from analysis.run import Role
 from daq.config.condition import SPEED, TIME, read_condition
+from daq.config.counter import counter_faults
 from daq.config.faults import Fault
 from daq.config.rotor import configured_rotor
 from daq.config.schema import Backend, ChannelSection, RigConfig, TachoSection
@@ -30,6 +31,7 @@ def cross_faults(config: RigConfig) -> Iterator[Fault]:
         yield from _channel(channel, f"channel[{number}]")
     yield from _timing(config)
     yield from _tacho(config)
+    yield from counter_faults(config)
     yield from _limits(config)
     yield from _model(config)
     yield from trigger_faults(config)
@@ -189,6 +191,10 @@ def trigger_faults(config: RigConfig) -> Iterator[Fault]:
         condition = read_condition(text)
         if condition is not None and condition.quantity not in names:
             yield _fault(key, f'"{text}"', f"a condition on one of {', '.join(names)}", "channel.name")
+    trigger = config.trigger
+    if trigger.events != 1 and not (trigger.start.strip() and trigger.stop.strip()):
+        expected = "1 where not both start and stop are given: what ends an event, and what begins the next?"
+        yield _fault("trigger.events", f"{trigger.events}", expected, "trigger.start", "trigger.stop")
 
 
 def _model(config: RigConfig) -> Iterator[Fault]:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from datetime import date, datetime, time
 from enum import Enum
 from pathlib import Path
+from types import UnionType
 from typing import get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
@@ -175,8 +176,8 @@ def _annotation(location: tuple[int | str, ...], schema: type[BaseModel]) -> obj
 
 
 def _table_of(annotation: object) -> type[BaseModel] | None:
-    """Return the table that an annotation holds, itself or in a tuple."""
-    if get_origin(annotation) is tuple:
+    """Return the table that an annotation holds, itself, in a tuple, or where it may be left out."""
+    if get_origin(annotation) in {tuple, UnionType}:
         return _table_of(get_args(annotation)[0])
     return annotation if isinstance(annotation, type) and issubclass(annotation, BaseModel) else None
 

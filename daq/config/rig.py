@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from analysis.run import AnalysisSettings, Calibration, Limits, Tacho
+from analysis.run import AnalysisSettings, Calibration, Limits, Tacho, TachoCounter
 from daq.config.schema import RigConfig
 
 MICRO = 1e-6
@@ -45,6 +45,21 @@ class Rig:
             mark_fraction=section.mark_fraction,
             response_time=section.response_time_s,
             delay=section.delay_s,
+            counter=self._counter,
+        )
+
+    @property
+    def _counter(self) -> TachoCounter | None:
+        section = self.config.tacho.counter
+        if section is None:
+            return None
+        return TachoCounter(
+            counter=section.counter,
+            terminal=section.terminal,
+            edge=section.edge or self.config.tacho.edge,
+            timebase=section.timebase_hz,
+            is_reference=section.reference == "counter",
+            agreement=section.agreement_us * MICRO,
         )
 
     @property

@@ -79,6 +79,17 @@ class ChannelSection(Section):
     gap_window_v: tuple[float, float] = (1.0, 9.0)
 
 
+class CounterSection(Section):
+    """`[tacho.counter]`: a counter of the card that stamps the tacho's edges, beside the channel that samples it."""
+
+    counter: Annotated[str, Field(pattern=r"^ctr[0-9]$", description='a counter of the card, as "ctr0"')] = "ctr0"
+    terminal: Annotated[str, Field(pattern=r"^PFI[0-9]{1,2}$", description='a line of the card, as "PFI0"')] = "PFI0"
+    edge: Edge | None = None  # at that line; left out: as tacho.edge
+    timebase_hz: Positive = 80e6
+    reference: Literal["samples", "counter"] = "samples"  # what speed and phase are taken from
+    agreement_us: Positive = 50.0  # how far apart the two may have an edge before it is told
+
+
 class TachoSection(Section):
     """`[tacho]`: how the mark is read."""
 
@@ -89,6 +100,7 @@ class TachoSection(Section):
     mark_fraction: Annotated[float, Field(gt=0, lt=1)] = 0.5
     response_time_s: NotNegative = 1e-3
     delay_s: NotNegative = 0.0
+    counter: CounterSection | None = None
 
 
 class LimitsSection(Section):
@@ -137,6 +149,8 @@ class TriggerSection(Section):
     stop: ConditionText = ""  # likewise; empty: until it is stopped
     pre_s: Annotated[float, Field(ge=0, le=30)] = 2.0  # of samples from before the start that are recorded too
     hold_s: Annotated[float, Field(ge=0, le=60)] = 0.5  # how long a condition must hold
+    events: Annotated[int, Field(ge=0, le=100_000)] = 1  # recordings, each a file of its own; 0: until it is stopped
+    hold_off_s: Annotated[float, Field(ge=0, le=86_400)] = 0.0  # after a stop, before a start is looked for again
 
 
 class SessionSection(Section):

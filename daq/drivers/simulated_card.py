@@ -111,6 +111,27 @@ class SimulatedCard:
         self._taken += wanted
         return np.concatenate(taken, axis=1)
 
+    def ticks(self, first: int, stop: int, begin: int = 0) -> NDArray[np.int64]:
+        """Return what the counter stamps from a sample of the run on and before another.
+
+        Parameters
+        ----------
+        first, stop : int
+            The samples, from the beginning of the run.
+        begin : int
+            Sample at which the counter began to count.
+
+        Returns
+        -------
+        ndarray of int64, shape (n_pulses,)
+            Whole ticks of its timebase between its beginning and the edges; none without a counter.
+        """
+        counter, rate = self._acquisition.tacho.counter, self._acquisition.rate
+        if counter is None or stop <= first or not self._wiring.reaches_counter:
+            return np.empty(0, np.int64)
+        moments = self._tacho.stamps(first / rate, stop / rate, counter.edge)
+        return np.floor((moments - begin / rate) * counter.timebase).astype(np.int64)
+
     def _make(self) -> NDArray[np.int16]:
         """Make the next portion of the run."""
         acquisition, portion = self._acquisition, self._portion

@@ -4,6 +4,9 @@ import threading
 import time
 from collections.abc import Generator, Iterator
 
+import numpy as np
+from numpy.typing import NDArray
+
 from analysis.run import Acquisition
 from analysis.samples import EndReason, SampleBlock, SegmentEnd, SourceItem
 from daq.drivers.restarts import Restarts
@@ -92,8 +95,15 @@ class SimulatedSource:
                 break
             first, self._read = self._read, self._read + codes.shape[1]
             backlog = max(self._acquired() - self._card.taken, 0)
-            yield SampleBlock(codes, segment, first_sample=first, host_time_ns=time.time_ns(), backlog=backlog)
+            ticks = self._ticks(before, first)
+            yield SampleBlock(codes, segment, first, host_time_ns=time.time_ns(), backlog=backlog, ticks=ticks)
         return SegmentEnd(segment, self._read, EndReason.STOPPED)
+
+    def _ticks(self, before: int, first: int) -> NDArray[np.int64] | None:
+        """Return what the card's counter stamped since a sample of the segment, which began at a sample of the run."""
+        if self.acquisition.tacho.counter is None:
+            return None
+        return self._card.ticks(before + first, self._card.taken, before)
 
     def _wait_for(self, sample: int) -> bool:
         """Wait until the card has digitised a sample; return whether nobody asked for the end meanwhile."""

@@ -71,6 +71,12 @@ class SimulatedTacho:
         ends = np.stack([self.signal.high + self.signal.low - levels, levels], axis=1).ravel()
         return np.asarray(np.interp(time, np.maximum.accumulate(corners), ends), dtype=np.float64)
 
+    def stamps(self, first: float, last: float, edge: Edge) -> FloatArray:
+        """Return the moments, s, of the edges of one kind from a time on and before another, s, rising."""
+        numbers, moments = self._edges(first, last)
+        stamped = (numbers % 2 == 0) == (self.tacho.edge is edge)
+        return np.sort(moments[stamped & (moments >= first) & (moments < last)])
+
     def _edges(self, first: float, last: float) -> tuple[NDArray[np.int64], FloatArray]:
         """Return numbers and moments, s, of the edges that matter between two times; even numbers are timed."""
         span = np.array([first, last]) - self.tacho.delay

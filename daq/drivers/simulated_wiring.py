@@ -20,6 +20,7 @@ WEAK = (0.15, 0.35)  # of the tacho's voltage: a wrong divider
 HUM = (0.1, 0.5)  # V peak: 10 to 50 µm
 HUM_THIRD = 0.3  # of its amplitude, three times as fast
 
+NO_EDGES = {Miswiring.TACHO_SILENT, Miswiring.TACHO_REVERSED, Miswiring.TACHO_WEAK}  # at the counter's line
 OPENED = {Miswiring.X_OPEN: 0, Miswiring.Y_OPEN: 1, Miswiring.TACHO_SILENT: 2}  # number in x, y, tacho
 REVERSED = {Miswiring.X_REVERSED: 0, Miswiring.TACHO_REVERSED: 2}
 EXCHANGED = {Miswiring.PROBES_EXCHANGED: (0, 1), Miswiring.TACHO_EXCHANGED: (0, 2)}
@@ -42,6 +43,11 @@ class SimulatedWiring:
     miswiring: Miswiring
     rows: tuple[int, int, int]
     seed: int
+
+    @property
+    def reaches_counter(self) -> bool:
+        """Whether the tacho's edges pass the levels of the line that a counter listens to."""
+        return self.miswiring not in NO_EDGES
 
     def carry(self, portion: int, time: FloatArray, volts: FloatArray) -> FloatArray:
         """Return the voltages at the inputs, V, for those of the sensors.

@@ -30,6 +30,10 @@ class RigCheckDocument(Document):
     channels: tuple[CheckedChannelDocument, ...] = Field(description="In the order in which they are sampled")
     sample_rate_hz: float | None = Field(description="Samples per channel and second that the card will do, Hz")
     convert_rate_hz: float | None = Field(description="Clock of the multiplexer to be expected, Hz")
+    tacho_reference: str | None = Field(
+        description='What speed and phase are taken from: "samples" of the tacho, or a "counter" that stamps its edges'
+    )
+    counter_resolution_ns: float | None = Field(description="Of the stamps, ns; null where no counter stamps")
     disk_bytes_per_hour: Annotated[int, Field(ge=0)] | None = Field(
         description="What a run takes at most, bytes an hour"
     )
@@ -45,6 +49,8 @@ def faulty_document(error: ConfigError) -> RigCheckDocument:
         channels=(),
         sample_rate_hz=None,
         convert_rate_hz=None,
+        tacho_reference=None,
+        counter_resolution_ns=None,
         disk_bytes_per_hour=None,
     )
 
@@ -64,5 +70,7 @@ def good_document(rig: Rig, *, rate: float, convert_rate: float, disk_rate: floa
         ),
         sample_rate_hz=finite(rate),
         convert_rate_hz=finite(convert_rate),
+        tacho_reference=rig.tacho.reference,
+        counter_resolution_ns=None if rig.tacho.counter is None else finite(1e9 / rig.tacho.counter.timebase),
         disk_bytes_per_hour=round(disk_rate * 3600),
     )
