@@ -7,11 +7,18 @@ from numpy.typing import NDArray
 
 from analysis.angular_record import AngularRecord
 from analysis.errors import RecordTooShortError
-from analysis.uncertainty import mean_angle_sigma
+from analysis.orders import hann
+from analysis.uncertainty import independent_frames, mean_angle_sigma
 
 FloatArray = NDArray[np.float64]
 
 CHUNK_FRAMES = 128
+HANN_POINTS = 8  # a revolution: tell how alike the noise of two frames is
+
+
+def independent_hann_frames(revolutions: int, step: int, count: int) -> float:
+    """Return as how many independent ones so many Hann frames count, a step of whole revolutions apart."""
+    return independent_frames(hann(HANN_POINTS * revolutions), HANN_POINTS * step, count)
 
 
 class Frames:
@@ -43,7 +50,8 @@ class Frames:
             )
         self.revolutions = revolutions
         self._record = record
-        self._starts = np.arange(0, record.revolutions - revolutions + 1, max(round(revolutions * (1.0 - overlap)), 1))
+        self.step = max(round(revolutions * (1.0 - overlap)), 1)
+        self._starts = np.arange(0, record.revolutions - revolutions + 1, self.step)
         self._begin, self._end = record.times[self._starts], record.times[self._starts + revolutions]
 
     def __len__(self) -> int:

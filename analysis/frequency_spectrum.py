@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from analysis.errors import RecordTooShortError
 from analysis.order_map import Window
+from analysis.uncertainty import independent_frames
 
 FloatArray = NDArray[np.float64]
 
@@ -26,7 +27,7 @@ class FrequencySpectrum:
     frames : int
         Averaged.
     relative_sigma : float
-        Standard deviation over value where the line is noise: about 1 / (2 sqrt(independent frames)).
+        Standard deviation over value where the line is noise: 1 / (2 sqrt(independent frames)), for many of them.
     """
 
     frequencies: FloatArray
@@ -91,7 +92,7 @@ def frequency_spectrum(
     amplitudes[..., 0] *= 0.5
     if n % 2 == 0:
         amplitudes[..., -1] *= 0.5
-    independent = max((waveform.shape[-1] // n), 1)
+    independent = independent_frames(weights, step, len(starts), of_power=True)
     return FrequencySpectrum(
         frequencies=np.arange(n // 2 + 1) * rate / n,
         amplitudes=amplitudes,

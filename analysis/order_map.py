@@ -68,8 +68,8 @@ class OrderMap:
         Middle of each frame, s.
     turns : ndarray of int64, shape (n_frames,)
         Number of each frame's first revolution.
-    revolutions : int
-        In a frame.
+    revolutions, step : int
+        In a frame, and from one frame to the next.
     window : Window
         Weighting.
     speed_sigma : ndarray of float64, shape (n_frames,)
@@ -88,6 +88,7 @@ class OrderMap:
     times: FloatArray
     turns: NDArray[np.int64]
     revolutions: int
+    step: int
     window: Window
     speed_sigma: FloatArray
     angle_sigma: FloatArray
@@ -152,6 +153,7 @@ def order_map(
         times=frames.times,
         turns=frames.turns,
         revolutions=revolutions,
+        step=frames.step,
         window=window,
         speed_sigma=frames.speed_sigma,
         angle_sigma=frames.angle_sigma,

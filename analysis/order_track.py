@@ -38,6 +38,8 @@ class OrderTrack:
         Standard deviation of the speeds, rad/s; NaN where no tacho told.
     times : ndarray of float64, shape (n,)
         Middle of each frame, s.
+    revolutions, step : int
+        In a frame, and from one frame to the next.
     """
 
     order: float
@@ -47,6 +49,8 @@ class OrderTrack:
     speeds: FloatArray
     speed_sigma: FloatArray
     times: FloatArray
+    revolutions: int
+    step: int
 
     def minus(self, vectors: ComplexArray, sigma: FloatArray) -> "OrderTrack":
         """Return the track less a vector for each probe, shape (2,), as for run-out; uncertainties add in square."""
@@ -108,6 +112,8 @@ def track_order(record: AngularRecord, order: float, *, revolutions: int = 16, o
         speeds=frames.speeds,
         speed_sigma=frames.speed_sigma,
         times=frames.times,
+        revolutions=revolutions,
+        step=frames.step,
     )
 
 

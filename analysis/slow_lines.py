@@ -6,6 +6,8 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.uncertainty import sigma_of_floor
+
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 Number = TypeVar("Number", np.float64, np.complex128)
@@ -16,6 +18,7 @@ MAINS = (50.0, 60.0)  # Hz
 MAINS_DRIFT = 0.6  # Hz about a mains frequency in which its line must be the highest, a resolution of about 1 s
 NEIGHBOURS = 5.0  # Hz about it
 STEP = 0.1  # Hz
+SKIRT = 2.5  # lines of the window's resolution about the mains' that its own skirt reaches
 BASE_RATE = 100.0  # Hz, of the signal shifted down by a mains frequency: the neighbours lie well below
 ORDERS = (1, 2, 3, 4)  # of the shaft that are taken out
 SEPARABLE = 0.5  # part of a mains line's energy that the shaft's orders must leave of it
@@ -33,12 +36,15 @@ class MainsLine:
         50 or 60, Hz.
     amplitude : float
         Peak, in the signal's unit; 0 where no line stands out there. With the shaft's part where both lie together.
+    sigma : float
+        Standard deviation of the amplitude, from what lies beside the line; not in it: the shaft's part.
     is_separable : bool
         Whether it can be told from the shaft's own orders.
     """
 
     frequency: float
     amplitude: float
+    sigma: float
     is_separable: bool
 
 
@@ -113,10 +119,11 @@ class SlowSignal:
         phases = np.exp(-1j * TAU * np.outer(offsets, time))
         heights = np.abs(phases @ base) * 2.0 * step / np.sum(self._window)
         highest = int(np.argmax(heights))
-        if abs(offsets[highest]) > MAINS_DRIFT:
-            return MainsLine(mains, 0.0, is_separable=is_separable)
-        height = float(heights[highest])
-        return MainsLine(mains, height / left if is_separable else height, is_separable=is_separable)
+        scale = 1.0 / left if is_separable else 1.0
+        beside = heights[np.abs(offsets) > SKIRT * self._rate / self._window.size]
+        sigma = scale * float(sigma_of_floor(np.median(beside))) if beside.size else np.nan
+        is_highest = abs(offsets[highest]) <= MAINS_DRIFT
+        return MainsLine(mains, scale * float(heights[highest]) if is_highest else 0.0, sigma, is_separable)
 
     def _left_of(self, mains: float) -> float:
         """Return the part of a mains line's energy that is left when the shaft's orders are taken out."""

@@ -7,6 +7,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.frames import independent_hann_frames
 from analysis.order_track import OrderTrack
 
 FloatArray = NDArray[np.float64]
@@ -100,7 +101,7 @@ class SpeedCurve:
         return tuple(found)
 
 
-def speed_curves(track: OrderTrack, width: float, samples_shared: float = 0.75) -> tuple[SpeedCurve, ...]:
+def speed_curves(track: OrderTrack, width: float) -> tuple[SpeedCurve, ...]:
     """Return an order against speed, one curve for each direction in which the speed went.
 
     Parameters
@@ -109,8 +110,6 @@ def speed_curves(track: OrderTrack, width: float, samples_shared: float = 0.75) 
         From `track_order`.
     width : float
         Of a bin of speed, rad/s.
-    samples_shared : float
-        Part of a frame that the next one shares: frames that share samples say less together.
 
     Notes
     -----
@@ -124,13 +123,11 @@ def speed_curves(track: OrderTrack, width: float, samples_shared: float = 0.75) 
     curves = []
     for direction, chosen in ((Direction.UP, going_up), (Direction.DOWN, ~going_up)):
         if chosen.any():
-            curves.append(_curve(track, chosen, direction, width, samples_shared))
+            curves.append(_curve(track, chosen, direction, width))
     return tuple(curves)
 
 
-def _curve(
-    track: OrderTrack, chosen: NDArray[np.bool_], direction: Direction, width: float, shared: float
-) -> SpeedCurve:
+def _curve(track: OrderTrack, chosen: NDArray[np.bool_], direction: Direction, width: float) -> SpeedCurve:
     number = np.round(track.speeds / width).astype(np.int64)
     bins = np.unique(number[chosen])
     speeds = np.empty(bins.size)
@@ -139,7 +136,7 @@ def _curve(
     frames = np.empty(bins.size, dtype=np.int64)
     for column, one in enumerate(bins):
         here = np.flatnonzero(chosen & (number == one))
-        independent = max(1.0 + (here.size - 1) * (1.0 - shared), 1.0)
+        independent = independent_hann_frames(track.revolutions, track.step, here.size)
         of_bin = track.vectors[:, here]
         mean = of_bin.mean(axis=1)
         scatter = np.sqrt(0.5 * np.mean(np.abs(of_bin - mean[:, None]) ** 2, axis=1))

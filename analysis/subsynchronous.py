@@ -6,6 +6,7 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.frames import independent_hann_frames
 from analysis.order_map import OrderMap, Window
 from analysis.uncertainty import order_sigma, sigma_of_floor
 from analysis.whirl import ABOVE_NOISE, HIGHEST, LOWEST, OF_SCATTER, OF_SYNCHRONOUS
@@ -229,7 +230,8 @@ def _track(order_map: OrderMap, found: list[_Component], links: list[tuple[int, 
     orders = np.array([found[index].order[frame] for frame, index in links])
     sigma = np.array([found[index].order_sigma[frame] for frame, index in links])
     speeds = order_map.speeds[frames]
-    behaviour, exponent, exponent_sigma, lock = _behaviour(speeds, orders)
+    part = independent_hann_frames(order_map.revolutions, order_map.step, frames.size) / frames.size
+    behaviour, exponent, exponent_sigma, lock = _behaviour(speeds, orders, part)
     return SubsynchronousTrack(
         times=order_map.times[frames],
         speeds=speeds,
@@ -245,16 +247,19 @@ def _track(order_map: OrderMap, found: list[_Component], links: list[tuple[int, 
     )
 
 
-def _behaviour(speeds: FloatArray, orders: FloatArray) -> tuple[Behaviour, float, float, float]:
-    """Return behaviour, exponent, its standard deviation, and the speed of locking, rad/s."""
+def _behaviour(speeds: FloatArray, orders: FloatArray, independent: float) -> tuple[Behaviour, float, float, float]:
+    """Return behaviour, exponent, its standard deviation, and the speed of locking, rad/s.
+
+    Of the frames the part ``independent`` counts, as the others share its samples.
+    """
     if float(speeds.max() / speeds.min()) < TELLING_RANGE:
         return Behaviour.UNKNOWN, np.nan, np.nan, np.nan
     log_speed, log_frequency = np.log(speeds), np.log(orders * speeds)
     away = log_speed - log_speed.mean()
     exponent = float(away @ log_frequency / (away @ away))
     residual = log_frequency - log_frequency.mean() - exponent * away
-    variance = float(residual @ residual) / max(speeds.size // 4 - 2, 1)  # frames share three quarters of their samples
-    sigma = float(np.sqrt(variance / (away @ away)) / 2.0)
+    variance = float(residual @ residual) / max(speeds.size * independent - 2.0, 1.0)
+    sigma = float(np.sqrt(variance / (away @ away)))
     lock_speed, lock_residual = _best_lock(log_speed, log_frequency)
     straight = float(residual @ residual)
     inside = log_speed.min() + 0.02 < np.log(lock_speed) < log_speed.max() - 0.02

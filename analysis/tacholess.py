@@ -13,6 +13,7 @@ from analysis.angle import DEGREE
 from analysis.errors import RecordTooShortError, TachoRefusedError
 from analysis.orders import hann
 from analysis.shaft_angle import ShaftAngle
+from analysis.uncertainty import order_sigma
 
 FloatArray = NDArray[np.float64]
 
@@ -20,6 +21,8 @@ FRAME_TURNS = 16.0  # at the lowest speed searched
 STEP_PART = 0.25  # of a frame
 SLOPE_COST = 0.5  # of log amplitude for a change of a line from frame to frame
 MOST_LINES = 12  # by which the ridge may move from frame to frame
+LEAST_SIGMA = 1e-4  # lines: what a speed that changes within a frame leaves
+TWO_PROBES_MEDIAN = 1.832  # of the root of two probes' squared noise over the standard deviation of one part of one
 SURE = 3.0  # ratio of the ridge to the strongest line beside it at confidence 0.5
 
 
@@ -150,6 +153,6 @@ def _read(
     return RidgeSpeed(
         times=np.asarray((starts + 0.5 * n) / rate, dtype=np.float64),
         speeds=(first + at + delta) * line_width,
-        sigma=line_width * np.maximum(1.5 * floor / peak, 1e-4),
+        sigma=line_width * np.maximum(order_sigma(peak, beside, floor / TWO_PROBES_MEDIAN, 1), LEAST_SIGMA),
         confidence=np.where(np.isfinite(ratio), ratio**2 / (ratio**2 + SURE**2), 1.0),
     )

@@ -57,6 +57,33 @@ def phase_sigma(amplitude: FloatArray, sigma: FloatArray, angle_sigma: FloatArra
     return np.asarray(np.minimum(np.hypot(ratio, order * angle_sigma), np.pi / np.sqrt(3.0)), dtype=np.float64)
 
 
+def independent_frames(weights: FloatArray, step: int, frames: int, *, of_power: bool = False) -> float:
+    """Return as how many independent frames so many overlapping ones count in their mean.
+
+    Parameters
+    ----------
+    weights : ndarray of float64, shape (n,)
+        The window.
+    step : int
+        From one frame to the next, in points of the window.
+    frames : int
+        That are averaged, at least 1.
+    of_power : bool
+        Whether powers are averaged; else vectors.
+
+    Notes
+    -----
+    The noise of frames k steps apart is correlated by the window's own correlation rho_k, their powers by its square;
+    the mean of n has 1 / n + 2 / n² sum (n - k) rho_k of one frame's variance (P. Welch, IEEE Trans. Audio
+    Electroacoust. 15, 1967).
+    """
+    lags = np.arange(1, min(-(-weights.size // step), frames))
+    energy = float(weights @ weights)
+    alike = np.array([float(weights[: weights.size - lag] @ weights[lag:]) / energy for lag in (lags * step).tolist()])
+    alike = alike**2 if of_power else alike
+    return float(frames / (1.0 + 2.0 * np.sum((1.0 - lags / frames) * alike)))
+
+
 def mean_angle_sigma(speeds: FloatArray, jitter: float, revolutions: int) -> FloatArray:
     """Return the standard deviation of the shaft's angle, rad, as a Hann window over many revolutions feels it.
 

@@ -15,7 +15,7 @@ CRITICAL = 2 * np.pi * 200.0
 WIDTH = 2 * np.pi * 2.0
 
 
-def track_of(speeds: FloatArray, damping: float = 0.05, noise: float = 0.0) -> OrderTrack:
+def track_of(speeds: FloatArray, damping: float = 0.05, noise: float = 0.0, step: int = 16) -> OrderTrack:
     """Return 1X of a rotor with one resonance: unbalance's response at each speed."""
     ratio = speeds / CRITICAL
     response = 2 * MICRO * ratio**2 / (1 - ratio**2 + 2j * damping * ratio)
@@ -24,7 +24,7 @@ def track_of(speeds: FloatArray, damping: float = 0.05, noise: float = 0.0) -> O
     vectors = response * np.array([[1.0], [-1.0j]]) + shaken
     sigma = np.full((2, speeds.size), max(noise, 1e-12))
     times = 0.1 * np.arange(speeds.size, dtype=np.float64)
-    return OrderTrack(1.0, vectors, sigma, sigma / np.abs(vectors), speeds, np.zeros(speeds.size), times)
+    return OrderTrack(1.0, vectors, sigma, sigma / np.abs(vectors), speeds, np.zeros(speeds.size), times, 16, step)
 
 
 def test_a_resonance_is_found_with_amplification_and_phase() -> None:
@@ -58,10 +58,10 @@ def test_a_held_speed_is_one_curve() -> None:
 
 def test_the_uncertainty_of_a_mean_falls_with_the_frames_but_not_with_those_that_share_samples() -> None:
     steady = np.full(400, CRITICAL)
-    (curve,) = speed_curves(track_of(steady, noise=0.1 * MICRO), WIDTH, samples_shared=0.0)
+    (curve,) = speed_curves(track_of(steady, noise=0.1 * MICRO), WIDTH)
     assert curve.sigma[0, 0] == pytest.approx(0.1 * MICRO / 20, rel=0.1)
-    (shared,) = speed_curves(track_of(steady, noise=0.1 * MICRO), WIDTH, samples_shared=0.75)
-    assert shared.sigma[0, 0] == pytest.approx(2 * curve.sigma[0, 0], rel=0.01)
+    (shared,) = speed_curves(track_of(steady, noise=0.1 * MICRO, step=4), WIDTH)
+    assert shared.sigma[0, 0] == pytest.approx(np.sqrt(8 / 3) * curve.sigma[0, 0], rel=0.01)
     assert curve.phase_sigma[0, 0] == pytest.approx(curve.sigma[0, 0] / (20 * MICRO), rel=0.2)
 
 
