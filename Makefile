@@ -29,7 +29,7 @@ check: $(READY)
 	$(BIN)/lint-imports --no-cache
 	$(BIN)/mypy
 
-bench: $(READY)
+bench: $(VENV)/ready-bench
 	$(BIN)/pytest tests/benchmarks -m benchmark -s
 
 campaign: $(READY)
@@ -56,6 +56,10 @@ $(READY): pyproject.toml constraints.txt
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable ".[card,view,formats,dev]"
 	@touch $(READY)
+
+$(VENV)/ready-bench: $(READY)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable ".[bench]"
+	@touch $@
 
 clean:
 	rm -rf $(VENV) .venv-oracle build *.egg-info .mypy_cache .ruff_cache .pytest_cache .coverage .coverage.*
