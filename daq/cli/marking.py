@@ -1,4 +1,4 @@
-"""Naming moments at the terminal: a word and Enter while the run is recorded."""
+"""Naming moments and acknowledging alarms at the terminal: a word and Enter while the run is recorded."""
 
 import os
 import signal
@@ -7,11 +7,15 @@ import threading
 from contextlib import suppress
 
 from daq.cli.console import Console
+from daq.session.alarms import alarm_text
 from daq.session.run import Marked
+
+ACKNOWLEDGE = "ack"
+"""Typed alone, this names no moment but takes note of the alarms."""
 
 
 def take_marks(run: Marked, console: Console) -> bool:
-    """Let every line that is typed name a moment of the run; return whether there is a terminal to type at.
+    """Let every line that is typed name a moment, or acknowledge; return whether there is a terminal to type at.
 
     The lines are read until the run has ended or the terminal is closed, past Python's own buffer: a thread that waits
     in it would hold up the end of the program.
@@ -27,7 +31,12 @@ def take_marks(run: Marked, console: Console) -> bool:
 def _take(terminal: int, run: Marked, console: Console) -> None:
     with suppress(OSError):  # the terminal is gone, or somebody else's
         while typed := os.read(terminal, 1024):
-            mark = run.mark(typed.decode(errors="replace"))
+            text = typed.decode(errors="replace").strip()
+            if text == ACKNOWLEDGE:
+                noted = run.acknowledge()
+                console.line("\n".join(f"acknowledged {alarm_text(alarm)}" for alarm in noted) or "no new alarm")
+                continue
+            mark = run.mark(text)
             if mark is None:
                 return
             console.line(f"marked “{mark.text}”")

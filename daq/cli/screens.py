@@ -9,6 +9,7 @@ from daq.cli.console import Console
 from daq.errors import ServiceError, UsageError
 from daq.service.abilities import Abilities
 from daq.service.app import create_app
+from daq.service.documents.alarm import AcknowledgedDocument, alarm_document
 from daq.service.documents.mark import MarkDocument, mark_document
 from daq.service.guard import is_loopback
 from daq.service.readings import Readings
@@ -126,6 +127,13 @@ class Screens:
         run = self._shown
         mark = run.mark(text) if run is not None and isinstance(run, Marked) else None
         return None if run is None or mark is None else mark_document(mark, run.header.acquisition.rate)
+
+    def acknowledge(self) -> AcknowledgedDocument | None:
+        """Take note of the alarms of the run that is shown; None where none is."""
+        run = self._shown
+        if run is None:
+            return None
+        return AcknowledgedDocument(run=run.header.run, alarms=tuple(alarm_document(a) for a in run.acknowledge()))
 
     @property
     def _shown(self) -> Run | None:

@@ -6,7 +6,9 @@ from collections.abc import Iterator
 from analysis.run import Severity
 from daq.service.documents import Document, SummaryDocument
 from daq.service.documents.agreement import AgreementDocument
+from daq.service.documents.alarm import AlarmDocument
 from daq.service.documents.summary import SpeedRowDocument
+from recordings.marks import MarkKind
 
 
 def print_json(document: Document | list[Document]) -> None:
@@ -34,7 +36,11 @@ def summary_lines(summary: SummaryDocument) -> Iterator[str]:
     if summary.clock_error_ppm is not None:
         uncertainty = _number(summary.clock_uncertainty_ppm, 1)
         yield f"clock            the card's {summary.clock_error_ppm:+,.1f} ± {uncertainty} ppm against this computer's"
+    for alarm in summary.alarms:
+        yield f"alarm            {_alarm(alarm)}"
     for mark in summary.marks:
+        if mark.kind is MarkKind.ALARM:  # told above
+            continue
         where = f"segment {mark.segment}, " if len(summary.segments) > 1 else ""
         yield f"mark             {where}{_number(mark.time_s, 1)} s  “{mark.text}”"
     for fault in _oddities(summary):
@@ -52,6 +58,15 @@ def summary_lines(summary: SummaryDocument) -> Iterator[str]:
     else:
         for k, line in enumerate(_model(summary.agreement)):
             yield f"{'model' if k == 0 else '':15}  {line}"
+
+
+def _alarm(alarm: AlarmDocument) -> str:
+    """Say which limit was passed where, when, by how much and until when."""
+    speed = "" if alarm.begin.speed_rpm is None else f", {_number(alarm.begin.speed_rpm)} r/min"
+    end = "to the end" if alarm.end is None else f"until {_number(alarm.end.time_s, 1)} s"
+    most, limit = _number(alarm.largest_peak_to_peak_um), _number(alarm.limit_peak_to_peak_um)
+    begin = f"{_number(alarm.begin.time_s, 1)} s{speed}"
+    return f"{alarm.severity.value.upper()} at {alarm.probe} from {begin} {end}, up to {most} µm pp (limit {limit})"
 
 
 def _model(agreement: AgreementDocument) -> Iterator[str]:

@@ -54,7 +54,7 @@ export function drawIdle() {
   for (const node of document.querySelectorAll(".gauge i")) node.style.setProperty("--fill", "0%");
   for (const node of document.querySelectorAll("#status div")) node.classList.remove("bad", "poor");
   delete element("overall").dataset.severity;
-  banner("alarm", "");
+  element("alarms").hidden = true;
   banner("trouble", "");
 }
 
@@ -136,11 +136,24 @@ function drawStatus({ measured, status }) {
   write("model", status.model);
 }
 
-function drawBanners({ status, limits, measured }) {
-  const word = status.latched_severity;
-  const limit = word === "danger" ? limits.peak_to_peak_danger_um : limits.peak_to_peak_alarm_um;
-  const now = status.severity === word ? "and still is" : `now ${status.severity}, latched until the run ends`;
-  banner("alarm", word === "normal" ? "" : `▲ ${word.toUpperCase()}: the limit of ${micrometres(limit)} µm peak-to-peak was passed, ${now}.`, word === "danger");
+const WORST_FIRST = { danger: 0, alarm: 1 };
+
+function drawAlarms({ alarms, acknowledged_alarm: acknowledged }) {
+  const told = [...alarms].sort((a, b) => WORST_FIRST[a.severity] - WORST_FIRST[b.severity] || a.number - b.number).map((alarm) => {
+    const at = known(alarm.begin.speed_rpm) ? ` at ${whole(alarm.begin.speed_rpm)} r/min` : "";
+    const now = alarm.end ? "over" : "still so";
+    const size = `${micrometres(alarm.largest_peak_to_peak_um)} µm pp, limit ${micrometres(alarm.limit_peak_to_peak_um)}`;
+    return `${alarm.severity.toUpperCase()} ${alarm.probe}: ${size}, since ${clock(alarm.begin.time_s)}${at}, ${now}.`;
+  });
+  const more = told.length > 2 ? ` And ${told.length - 2} more.` : "";
+  write("alarm", told.length ? `▲ ${told.slice(0, 2).join(" ")}${more}` : "");
+  mark("alarms", "danger", alarms.some((alarm) => alarm.severity === "danger"));
+  element("alarms").hidden = !told.length;
+  element("acknowledge").hidden = alarms.every((alarm) => alarm.number <= acknowledged);
+}
+
+function drawBanners({ status, measured }) {
+  drawAlarms(status);
   const closed = ["x", "y"].filter((probe) => measured && !measured[`probe_${probe}`].gap_ok);
   const gaps = closed.map((probe) => `Probe ${probe} reads ${decimals(measured[`probe_${probe}`].gap_v, 2)} V: outside its gap window.`);
   const tacho = { irregular: "Tacho irregular: speed and phase are not known.", "too fast": "Tacho too fast for its sensor: speed may read too low." };

@@ -12,6 +12,7 @@ from fastapi.responses import StreamingResponse
 from analysis.run import RunHeader
 from daq.errors import RigError
 from daq.service.documents import OrderDocument, StartedDocument, StopDocument, StoppingDocument
+from daq.service.documents.alarm import AcknowledgedDocument, AcknowledgeDocument
 from daq.service.documents.mark import MarkDocument, MarkOrder
 from daq.service.documents.units import moment
 from daq.service.hub import Hub
@@ -33,6 +34,10 @@ class Steering(Protocol):
 
     def mark(self, text: str) -> MarkDocument | None:
         """Name the present moment of the run that is recorded; None where none is."""
+        ...
+
+    def acknowledge(self) -> AcknowledgedDocument | None:
+        """Take note of the alarms of the run that is shown; None where none is."""
         ...
 
 
@@ -83,6 +88,10 @@ class LiveRoutes:
             routing.add(
                 "POST /live/marks", self.mark, "mark_live", "live", "Name this moment of the run under way",
                 Kind.NO_LIVE_RUN, Kind.BAD_PARAMETER, Kind.CROSS_SITE, Kind.MEDIA_TYPE, status=201,
+            )  # fmt: skip
+            routing.add(
+                "POST /live/acknowledge", self.acknowledge, "acknowledge_live", "live", "Take note of the alarms",
+                Kind.NO_LIVE_RUN, Kind.BAD_PARAMETER, Kind.CROSS_SITE, Kind.MEDIA_TYPE,
             )  # fmt: skip
 
         if self._desk is not None:
@@ -169,3 +178,13 @@ class LiveRoutes:
         if made is None:
             raise ProblemError(Kind.NO_LIVE_RUN, "no run is being recorded")
         return made
+
+    async def acknowledge(self, _order: AcknowledgeDocument) -> AcknowledgedDocument:
+        """Take note of the alarms in sight: those that are over go, those that last stay until they are over.
+
+        It is kept in the recording and told among the summary's marks; a replay forgets it. What is sent is `{}`.
+        """
+        noted = None if self._steering is None else self._steering.acknowledge()
+        if noted is None:
+            raise ProblemError(Kind.NO_LIVE_RUN, "there is no run whose alarms could be acknowledged")
+        return noted

@@ -4,7 +4,7 @@ import { clock } from "./figures.js";
 import { drawIdle, drawLive } from "./live.js";
 import { followPicture } from "./picture.js";
 import { drawRuns } from "./runs.js";
-import { ask, keepToken, takeTokenFromAddress } from "./service_client.js";
+import { ask, keepToken, send, takeTokenFromAddress } from "./service_client.js";
 
 const LIVE_INTERVAL = 200; // ms
 const IDLE_INTERVAL = 1000;
@@ -107,6 +107,25 @@ element("token").addEventListener("submit", (event) => {
   event.preventDefault();
   keepToken(element("token-value").value);
   drawRuns();
+});
+
+async function acknowledge() {
+  const button = element("acknowledge");
+  button.disabled = true;
+  try {
+    await send("/api/v1/live/acknowledge");
+    button.textContent = "Acknowledge";
+  } catch (error) {
+    button.textContent = `Not acknowledged: ${error.message}`;
+  } finally {
+    button.disabled = false;
+  }
+}
+
+element("acknowledge").addEventListener("click", acknowledge);
+document.addEventListener("keydown", (event) => {
+  const typing = event.target.matches("input, textarea") || event.ctrlKey || event.metaKey || event.altKey;
+  if (event.key === "a" && !typing && !element("alarms").hidden && !element("acknowledge").hidden) acknowledge();
 });
 
 takeTokenFromAddress();

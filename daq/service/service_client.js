@@ -23,13 +23,18 @@ export function takeTokenFromAddress() {
   }
 }
 
-export async function ask(path, patience = 2000) {
+export function ask(path, patience = 2000) {
+  return answer(path, { cache: "no-store" }, patience);
+}
+
+export function send(path, content = {}, patience = 2000) {
+  return answer(path, { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(content) }, patience);
+}
+
+async function answer(path, request, patience) {
   const token = sessionStorage.getItem(KEY);
-  const response = await fetch(path, {
-    cache: "no-store",
-    headers: token ? { Authorization: `Bearer ${token}` } : {},
-    signal: AbortSignal.timeout(patience),
-  });
+  const headers = { ...request.headers, ...(token ? { Authorization: `Bearer ${token}` } : {}) };
+  const response = await fetch(path, { ...request, headers, signal: AbortSignal.timeout(patience) });
   if (response.ok) return response.json();
   if (response.headers.get("content-type")?.startsWith("application/problem+json")) {
     throw new Problem(await response.json());

@@ -87,8 +87,12 @@ class Run(Protocol):
 
 @runtime_checkable
 class Marked(Protocol):
-    """A run in which moments can be named: one that is recorded."""
+    """A run in which moments can be named and alarms be acknowledged for good: one that is recorded."""
 
     def mark(self, text: str) -> Mark | None:
         """Name the present moment; return None where the run has ended."""
+        ...
+
+    def acknowledge(self) -> tuple[Alarm, ...]:
+        """Take note of the alarms so far; return those that were new."""
         ...

@@ -57,12 +57,14 @@ def _severity(drawing: Drawing, frame: LiveFrame) -> None:
     now, paper, ink = _BLOCKS[status.severity]
     drawing.block(1150.0, 54.0, 270.0, 62.0, paper)
     drawing.text(now, (1285.0, 102.0), 35.0, ink, Anchor.CENTRE)
-    worst, paper, ink = _BLOCKS[status.latched]
-    if status.latched is Severity.NORMAL:
-        drawing.text("no limit passed yet", (1285.0, 38.0), 17.0, QUIET, Anchor.CENTRE)
+    if not status.alarms:
+        drawing.text("no alarm", (1285.0, 38.0), 17.0, QUIET, Anchor.CENTRE)
     else:
+        word, paper, ink = _BLOCKS[status.latched]
+        worst = max(status.alarms, key=lambda alarm: (alarm.severity.rank, alarm.largest))
+        text = f"{word} {worst.probe} {worst.largest * 1e6:.0f} µm"
         drawing.block(1150.0, 10.0, 270.0, 38.0, paper)
-        drawing.text(f"{worst} passed", (1285.0, 38.0), 20.0, ink, Anchor.CENTRE)
+        drawing.text(text, (1285.0, 38.0), min(20.0, 250.0 / text_width(text)), ink, Anchor.CENTRE)
     if not status.detail:
         drawing.text(frame.header.rig[:16], (1285.0, 160.0), 22.0, QUIET, Anchor.CENTRE)
 

@@ -2,10 +2,13 @@
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.alarm import Alarm, AlarmWatch, shown_alarms, worst
+from analysis.findings import Moment
 from analysis.run import (
     Acquisition,
     AnalysisSettings,
@@ -172,25 +175,23 @@ def run_up(count: int, run: str = "2026-11-24T09-12-07-gj90c") -> Iterator[LiveF
     """``count`` frames, one every 0.1 s, from 1,000 to 15,600 r/min: 1X, 2X, then 0.49X, then 0.17X."""
     header = make_header(run)
     noise = np.random.default_rng(7)
-    latched = Severity.NORMAL
-    ranks = list(Severity)
+    watch = AlarmWatch(header.limits, ("x", "y"))
     for index in range(count):
         time = 0.1 * (index + 1)
         speed = LOW + (HIGH - LOW) * index / max(1, count - 1)
         snapshot = make_snapshot(time, speed, header.settings, noise)
-        swing = float(snapshot.peak_to_peak.max())
-        limits = header.limits
-        now = ranks[(swing > limits.peak_to_peak_alarm) + (swing > limits.peak_to_peak_danger)]
-        latched = max(latched, now, key=ranks.index)
+        watch.snapshot(snapshot)
+        alarms = shown_alarms(watch.alarms, 0, latch=True)
         status = Status(
             state=RunState.RECORDING,
             elapsed=time,
             samples=round(time * RATE),
             backlog=0.08,
             disk_left=41.0 * 3600.0,
-            severity=now,
-            latched=latched,
+            severity=worst([alarm for alarm in alarms if alarm.lasts]),
+            latched=worst(alarms),
             model="ready",
+            alarms=alarms,
         )
         yield LiveFrame(header, status, snapshot, make_prediction(speed, header.settings))
 
@@ -198,3 +199,12 @@ def run_up(count: int, run: str = "2026-11-24T09-12-07-gj90c") -> Iterator[LiveF
 def make_frames(count: int) -> list[LiveFrame]:
     """``run_up`` as a list."""
     return list(run_up(count))
+
+
+def with_alarm(frame: LiveFrame, severity: Severity) -> LiveFrame:
+    """Return a frame with a latched alarm that is over."""
+    limits, place = frame.header.limits, Moment(0, 10.0, 12_000.0 * RPM)
+    limit = limits.peak_to_peak_danger if severity is Severity.DANGER else limits.peak_to_peak_alarm
+    alarm = Alarm(1, "x", severity, limit, place, 1.02 * limit, place, Moment(0, 12.0, 12_500.0 * RPM))
+    status = replace(frame.status, severity=Severity.NORMAL, latched=severity, alarms=(alarm,))
+    return replace(frame, status=status)

@@ -12,6 +12,7 @@ from daq.config.rig import Rig
 from daq.drivers.opening import open_source
 from daq.service.abilities import Abilities
 from daq.service.app import create_app
+from daq.service.documents.alarm import AcknowledgedDocument, alarm_document
 from daq.service.documents.mark import MarkDocument
 from daq.service.documents.units import moment
 from daq.service.live_routes import Desk
@@ -24,6 +25,7 @@ from daq.session.recorder import run_header
 from model.prediction import Prediction
 from recordings.analysed import write_analysed
 from recordings.catalogue import Catalogue
+from recordings.marks import MarkKind
 from tests.daq.frames import make_prediction
 from tests.daq.service_fakes import FakeLive
 
@@ -57,7 +59,14 @@ class Steered:
     def mark(self, text: str) -> MarkDocument | None:
         if self.live.frame is None:
             return None
-        return MarkDocument(text=text, segment=0, time_s=1.0, at=moment(1_795_511_527_250_000_000))
+        return MarkDocument(kind=MarkKind.WORD, text=text, segment=0, time_s=1.0, at=moment(1_795_511_527_250_000_000))
+
+    def acknowledge(self) -> AcknowledgedDocument | None:
+        frame = self.live.frame
+        if frame is None:
+            return None
+        alarms = tuple(alarm_document(alarm) for alarm in frame.status.alarms)
+        return AcknowledgedDocument(run=frame.header.run, alarms=alarms)
 
 
 class KnownModels:

@@ -61,7 +61,9 @@ def test_marks_come_by_rest_and_by_the_terminal_and_are_told_in_the_summary(rig_
     assert httpx.post(url, json={"text": "by REST"}).status_code == 201
     assert httpx.post(url, content=b'{"text": "a form"}', headers={"Content-Type": "text/plain"}).status_code == 415
     assert httpx.post(url, json={"text": "x", "who": "y"}).status_code == 422
-    os.write(terminal, b"by hand\n")
+    acknowledged = httpx.post(url.replace("marks", "acknowledge"), json={})
+    assert (acknowledged.status_code, acknowledged.json()["alarms"]) == (200, [])
+    os.write(terminal, b"ack\nby hand\n")
     try:
         while True:
             seen += os.read(terminal, 4096)
@@ -69,6 +71,7 @@ def test_marks_come_by_rest_and_by_the_terminal_and_are_told_in_the_summary(rig_
         pass
     os.waitpid(process, 0)
     told = seen.decode(errors="replace")
+    assert "no new alarm" in told
     assert "marked “by hand”" in told
     assert re.search(r"mark +\d\.\d s  “by REST”", told)
     assert re.search(r"mark +\d\.\d s  “by hand”", told)

@@ -18,7 +18,7 @@ from daq.view.blueprint import timeline
 from daq.view.colour_map import COLUMNS, HIGHEST_ORDER, ROWS
 from daq.view.palette import ALARM, DANGER, MEASURED_X, MEASURED_Y, MODEL, TACHO, Color
 from daq.view.presenter import Presenter
-from tests.daq.frames import make_frames, make_header
+from tests.daq.frames import make_frames, make_header, with_alarm
 
 RUN = timeline(make_header())
 DRAWN = {
@@ -177,8 +177,7 @@ def test_sequence_without_snapshot_or_model_or_speed_is_drawn(tmp_path: Path) ->
 def test_alarm_stays_on_the_banner_when_it_is_over(tmp_path: Path) -> None:
     frame = make_frames(1)[0]
     quiet = Logged([frame], tmp_path / "quiet.rrd")
-    passed = replace(frame, status=replace(frame.status, severity=Severity.NORMAL, latched=Severity.ALARM))
-    latched = Logged([passed], tmp_path / "latched.rrd")
+    latched = Logged([with_alarm(frame, Severity.ALARM)], tmp_path / "latched.rrd")
     assert not quiet.strips("/banner", ALARM)
     assert latched.strips("/banner", ALARM)
 

@@ -11,7 +11,7 @@ import pytest
 
 from analysis.run import Severity
 from daq.session.frame import LiveFrame, RunState
-from tests.daq.frames import make_frames
+from tests.daq.frames import make_frames, with_alarm
 from tests.daq.service_bench import Bench, open_bench
 from tests.daq.service_fakes import NEWEST
 
@@ -63,11 +63,12 @@ def test_page_shows_the_live_run_with_the_model_beside_it(bench: Bench, tmp_path
 
 
 def test_page_keeps_a_passed_limit_in_sight(bench: Bench, tmp_path: Path) -> None:
-    status = replace(FRAME.status, severity=Severity.NORMAL, latched=Severity.DANGER, lost=2000, lost_is_exact=False)
-    bench.live.frame = replace(FRAME, status=status)
+    frame = with_alarm(FRAME, Severity.DANGER)
+    bench.live.frame = replace(frame, status=replace(frame.status, lost=2000, lost_is_exact=False))
     page = seen(bench.server.url, tmp_path)
     assert text_of(page, "verdict") == "DANGER LATCHED"
-    assert "limit of 90 µm peak-to-peak was passed" in text_of(page, "alarm")
+    assert text_of(page, "alarm") == "▲ DANGER x: 92 µm pp, limit 90, since 00:10 at 12,000 r/min, over."
+    assert re.search(r'<button id="acknowledge"[^>]*(?<!hidden="")>Acknowledge', page)
     assert text_of(page, "lost") == "≥ 2,000"
     assert re.search(r'id="lost-cell" class="bad"', page)
 

@@ -11,6 +11,7 @@ from pathlib import Path
 import httpx
 import pytest
 
+from analysis.alarm import Alarm
 from analysis.run import RunHeader
 from daq.config.rig import Rig
 from daq.errors import DeviceError, DeviceFault
@@ -35,6 +36,9 @@ class FakeRun:
 
     def latest(self) -> LiveFrame:
         return self.frame
+
+    def acknowledge(self) -> tuple[Alarm, ...]:
+        return ()
 
     def stop(self) -> None:
         self.ended.set()

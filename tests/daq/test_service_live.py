@@ -12,9 +12,10 @@ from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 from websockets.typing import Origin, Subprotocol
 
+from analysis.run import Severity
 from daq.service.documents import LiveDocument
 from daq.service.hub import MOST_CLIENTS, MOST_WAITING
-from tests.daq.frames import make_frames
+from tests.daq.frames import make_frames, with_alarm
 from tests.daq.recorded_bench import API, RecordedBench, open_recorded_bench
 
 WORD = "correct-horse"
@@ -107,6 +108,17 @@ def test_run_under_way_is_ended_once_asked(bench: RecordedBench) -> None:
     response = bench.client.post(f"{API}/live/stop", json={})
     assert (response.status_code, response.json()) == (202, {"run": FRAMES[0].header.run})
     assert bench.steered.stopped == [FRAMES[0].header.run]
+
+
+def test_alarms_in_sight_are_told_and_acknowledged(bench: RecordedBench) -> None:
+    assert bench.client.post(f"{API}/live/acknowledge", json={}).status_code == 404
+    bench.live.frame = with_alarm(FRAMES[0], Severity.DANGER)
+    (told,) = bench.client.get(f"{API}/live").json()["status"]["alarms"]
+    assert (told["probe"], told["severity"], told["limit_peak_to_peak_um"]) == ("x", "danger", 90.0)
+    assert (told["begin"]["time_s"], told["end"]["time_s"]) == (10.0, 12.0)
+    response = bench.client.post(f"{API}/live/acknowledge", json={})
+    assert (response.status_code, response.json()["alarms"]) == (200, [told])
+    assert bench.client.post(f"{API}/live/acknowledge", json={"who": "me"}).status_code == 422
 
 
 @pytest.mark.parametrize(

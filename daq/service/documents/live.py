@@ -8,6 +8,7 @@ from pydantic import Field
 
 from analysis.run import Role, RunHeader, Severity
 from analysis.snapshot import OrderFrame, Snapshot, TachoState, Whirl
+from daq.service.documents.alarm import AlarmDocument, alarm_document
 from daq.service.documents.document import Document
 from daq.service.documents.header import DeviceDocument, LimitsDocument, device_document, limits_document
 from daq.service.documents.units import finite, micrometres, moment, rpm
@@ -35,8 +36,14 @@ class StatusDocument(Document):
         description="Samples per channel that the live analysis had to skip; they are recorded", examples=[0]
     )
     dropped_frames: Count = Field(description="Pictures that the view could not draw in time", examples=[0])
-    severity: Severity = Field(description="Overall peak-to-peak against its limits, now", examples=["normal"])
-    latched_severity: Severity = Field(description="The worst since the run began", examples=["normal"])
+    severity: Severity = Field(description="The worst of the alarms that last", examples=["normal"])
+    latched_severity: Severity = Field(description="The worst of the alarms in sight", examples=["normal"])
+    alarms: tuple[AlarmDocument, ...] = Field(
+        description="Alarms in sight: they last, or nobody has acknowledged them (where the rig latches alarms)"
+    )
+    acknowledged_alarm: Count = Field(
+        description="Number of the last alarm that somebody has acknowledged; 0 for none", examples=[0]
+    )
     model: str = Field(description='"ready", "computing 34 %", or why there is no prediction', examples=["ready"])
     detail: str = Field(description="What went wrong; empty where all is well", examples=[""])
 
@@ -166,6 +173,8 @@ def _status(status: Status) -> StatusDocument:
         dropped_frames=status.dropped_frames,
         severity=status.severity,
         latched_severity=status.latched,
+        alarms=tuple(alarm_document(alarm) for alarm in status.alarms),
+        acknowledged_alarm=status.acknowledged,
         model=status.model,
         detail=status.detail,
     )

@@ -1,4 +1,4 @@
-"""Moments that somebody named while a run was recorded."""
+"""Moments that were marked while a run was recorded."""
 
 from datetime import datetime
 from typing import Annotated
@@ -7,12 +7,15 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from daq.service.documents.document import Document
 from daq.service.documents.units import finite, moment
-from recordings.marks import MOST_LETTERS, Mark
+from recordings.marks import MOST_LETTERS, Mark, MarkKind
 
 
 class MarkDocument(Document):
     """A moment and its name."""
 
+    kind: MarkKind = Field(
+        description="A word of somebody, an alarm that came, or the acknowledgement of alarms", examples=["word"]
+    )
     text: str = Field(description="Its name", examples=["knocking begins"])
     segment: int = Field(description="The segment in which it lies", examples=[0], ge=0)
     time_s: float | None = Field(
@@ -32,5 +35,9 @@ class MarkOrder(BaseModel):
 def mark_document(mark: Mark, rate: float) -> MarkDocument:
     """Return a mark as a document, for the run's sample rate, Hz."""
     return MarkDocument(
-        text=mark.text, segment=mark.segment, time_s=finite(mark.sample / rate), at=moment(mark.host_time_ns)
+        kind=mark.kind,
+        text=mark.text,
+        segment=mark.segment,
+        time_s=finite(mark.sample / rate),
+        at=moment(mark.host_time_ns),
     )

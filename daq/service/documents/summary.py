@@ -6,28 +6,22 @@ from typing import Annotated
 from pydantic import Field
 
 from analysis.clock import PPM, ClockError
-from analysis.findings import Moment, WhirlFinding
+from analysis.findings import WhirlFinding
 from analysis.run import Severity
 from analysis.samples import EndReason, SegmentEnd
 from analysis.snapshot import TachoState
 from analysis.speed_table import SpeedRow
 from analysis.summary import ProbeSummary, RunSummary
 from daq.service.documents.agreement import AgreementDocument, agreement_document
+from daq.service.documents.alarm import AlarmDocument, alarm_document
 from daq.service.documents.document import Document
 from daq.service.documents.mark import MarkDocument
+from daq.service.documents.place import MomentDocument, place_document
 from daq.service.documents.units import finite, micrometres, moment, rpm
 from daq.service.documents.vibration import Direction, ProbesDocument, direction, probes_document
 from model.compare import Agreement
 
 Count = Annotated[int, Field(ge=0)]
-
-
-class MomentDocument(Document):
-    """A place in a run."""
-
-    segment: Count = Field(description="Gap-free stretch of the run, from 0", examples=[0])
-    time_s: float = Field(description="Sample time in that segment, s", examples=[98.4])
-    speed_rpm: float | None = Field(description="Shaft speed there, r/min; null where unknown", examples=[10_980.0])
 
 
 class SegmentDocument(Document):
@@ -137,7 +131,7 @@ class SummaryDocument(Document):
     )
     segments: tuple[SegmentDocument, ...] = Field(description="The run's gap-free stretches")
     marks: tuple[MarkDocument, ...] = Field(
-        description="Moments that somebody named while the run was recorded, in order"
+        description="Moments that were marked while the run was recorded, in order: words, alarms, acknowledgements"
     )
     clock_error_ppm: float | None = Field(
         description="The card's clock against the computer's over the run, positive where the card is fast; null where "
@@ -156,7 +150,10 @@ class SummaryDocument(Document):
     largest_peak_to_peak_um: float | None = Field(
         description="Largest overall vibration of either probe, µm peak-to-peak", examples=[96.1]
     )
-    severity: Severity = Field(description="That against the limits", examples=["danger"])
+    severity: Severity = Field(description="That against the limits, held or not", examples=["danger"])
+    alarms: tuple[AlarmDocument, ...] = Field(
+        description="Limits that were passed for long enough, in the order in which their alarms came"
+    )
     probes: tuple[ProbeSummaryDocument, ...] = Field(description="The probes x and y")
     tacho: TachoSummaryDocument | None = Field(description="The tacho; null where nothing was measured")
     snapshots: Count = Field(description="Number of results", examples=[3000])
@@ -211,6 +208,7 @@ def summary_document(
         highest_speed_rpm=rpm(summary.highest_speed),
         largest_peak_to_peak_um=micrometres(summary.largest_peak_to_peak),
         severity=summary.severity,
+        alarms=tuple(alarm_document(alarm) for alarm in summary.alarms),
         probes=tuple(_probe(probe) for probe in summary.probes),
         tacho=None
         if tacho is None
@@ -227,10 +225,6 @@ def summary_document(
         sub_synchronous=tuple(sub_synchronous_document(finding) for finding in summary.whirls),
         agreement=None if agreement is None else agreement_document(agreement),
     )
-
-
-def _moment(place: Moment) -> MomentDocument:
-    return MomentDocument(segment=place.segment, time_s=finite(place.time) or 0.0, speed_rpm=rpm(place.speed))
 
 
 def _segment(end: SegmentEnd) -> SegmentDocument:
@@ -252,7 +246,7 @@ def _probe(probe: ProbeSummary) -> ProbeSummaryDocument:
         gap_most_v=finite(probe.gap_most),
         gap_ok=probe.gap_ok,
         largest_peak_to_peak_um=micrometres(probe.largest_peak_to_peak),
-        largest_at=None if probe.largest is None else _moment(probe.largest),
+        largest_at=None if probe.largest is None else place_document(probe.largest),
         severity=probe.severity,
         samples_beyond_calibration=probe.beyond_calibration,
     )
@@ -283,10 +277,10 @@ def sub_synchronous_document(finding: WhirlFinding) -> SubSynchronousDocument:
     return SubSynchronousDocument(
         order=finite(finding.order),
         order_at_begin=finite(finding.order_at_begin),
-        begin=_moment(finding.begin),
-        end=_moment(finding.end),
+        begin=place_document(finding.begin),
+        end=place_document(finding.end),
         largest_peak_um=micrometres(finding.amplitude),
-        largest_at=_moment(finding.largest),
+        largest_at=place_document(finding.largest),
         direction=direction(is_forward=finding.is_forward),
         frames=finding.frames,
     )
