@@ -20,13 +20,14 @@ def runs(chosen: argparse.Namespace) -> int:
         print_json([*documents])
     elif documents:
         for document in documents:
-            print(_row(document))
+            print(run_line(document))
     else:
         print(f"no runs in {catalogue.folder}")
     return 0
 
 
-def _row(run: RunDocument) -> str:
+def run_line(run: RunDocument) -> str:
+    """Return what there is to say of a run in a line of a list."""
     state = "complete" if run.is_complete else "cut short"
     if run.is_complete and not run.is_gap_free:
         state = "samples lost"

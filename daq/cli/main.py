@@ -58,6 +58,15 @@ def _add_recording(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--start", metavar="CONDITION", help='record from here on, as "speed > 2000" (r/min)')
     group.add_argument("--stop", metavar="CONDITION", help='and up to here, as "speed < 1500", "x > 4.5" (V)')
     group.add_argument("--pre", type=duration, metavar="TIME", help="from before the start, recorded too: 2s …")
+    group.add_argument(
+        "--events",
+        type=int,
+        metavar="N",
+        help="wait for the start again after a stop, for N recordings in all, each a file (0: until Ctrl-C)",
+    )
+    group.add_argument(
+        "--hold-off", type=duration, metavar="TIME", help="after a stop, before a start is looked for: 10s …"
+    )
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from daq.cli.console import Console
 from daq.cli.following import follow
+from daq.cli.listing import run_line
 from daq.cli.marking import take_marks
 from daq.cli.screens import Screens
 from daq.cli.stopping import stop_requested
@@ -15,13 +16,16 @@ from daq.cli.telling import print_json, tell
 from daq.config.load import load_rig
 from daq.config.rig import Rig
 from daq.config.trigger import with_trigger
+from daq.service.documents import run_document
 from daq.service.readings import Readings
 from daq.service.summaries import Summaries
 from daq.session.messages import Order
 from daq.session.predictors import Predictors
 from daq.session.recorded import RecordedRun
 from recordings.catalogue import Catalogue, data_folder
-from recordings.parts import part_names
+from recordings.parts import file_names
+
+FEW = 3  # files of a run that are each summed up at its end
 
 
 def order_for(catalogue: Catalogue, rig: Rig, note: str, duration: float | None) -> Order:
@@ -42,7 +46,14 @@ def order_for(catalogue: Catalogue, rig: Rig, note: str, duration: float | None)
 def run(chosen: argparse.Namespace) -> int:
     """Record a run; return the exit code."""
     console = Console()
-    rig = with_trigger(load_rig(Path(chosen.config)), chosen.start, chosen.stop, chosen.pre)
+    rig = with_trigger(
+        load_rig(Path(chosen.config)),
+        start=chosen.start,
+        stop=chosen.stop,
+        pre_s=chosen.pre,
+        events=chosen.events,
+        hold_off_s=chosen.hold_off,
+    )
     catalogue = Catalogue(data_folder(rig.config.storage.folder), rig.config.storage.catalogue)
     with Predictors() as predictors, Readings(predictors) as readings, stop_requested() as stop:
         summaries = Summaries(catalogue, predictors, readings.summary)
@@ -62,7 +73,13 @@ def run(chosen: argparse.Namespace) -> int:
                 outcome = follow(recorded, stop, console)
         if outcome.message:
             console.line(f"rig: {outcome.message}")
-        documents = [summaries.patiently(part, console.progress) for part in part_names(order.path)]
+        names = list(file_names(order.path))
+        if len(names) > FEW and not chosen.json:
+            for name in names:
+                print(run_line(run_document(catalogue.run(name))))
+            print(f"{len(names)} recordings; rig summary RUN tells more of each")
+            return outcome.exit_code
+        documents = [summaries.patiently(name, console.progress) for name in names]
         console.done()
     if chosen.json and len(documents) > 1:
         print_json(list(documents))

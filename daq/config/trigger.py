@@ -11,29 +11,26 @@ from daq.config.write import to_toml
 from daq.errors import ConfigError
 
 
-def with_trigger(rig: Rig, start: str | None, stop: str | None, before: float | None) -> Rig:
-    """Return the rig with another trigger; what is None stays as it is.
+def with_trigger(rig: Rig, **asked: str | float | None) -> Rig:
+    """Return the rig with another trigger.
 
     Parameters
     ----------
     rig : Rig
         The rig.
-    start, stop : str or None
-        Conditions, as in `[trigger]`.
-    before : float or None
-        Samples from so long before the start are recorded too, s.
+    **asked : str, float or None
+        Keys of `[trigger]`; what is None stays as it is.
 
     Raises
     ------
     ConfigError
-        A condition is none or on what does not exist, or the time is too long.
+        A condition is none or on what does not exist, or a time or number is out of its range.
     """
-    given = {"start": start, "stop": stop, "pre_s": before}
-    if start is None and stop is None and before is None:
+    given = {key: value for key, value in asked.items() if value is not None}
+    if not given:
         return rig
-    changed = rig.config.trigger.model_dump() | {key: value for key, value in given.items() if value is not None}
     try:
-        trigger = TriggerSection.model_validate(changed)
+        trigger = TriggerSection.model_validate(rig.config.trigger.model_dump() | given)
     except ValidationError as error:
         told = [f"trigger.{each['loc'][0]} = {each['input']}: {each['msg']}" for each in error.errors()]
         raise ConfigError("the trigger that was asked for", told) from error

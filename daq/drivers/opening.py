@@ -1,14 +1,14 @@
-"""Which source a rig asks for."""
+"""Which source a rig asks for, and what of it is recorded."""
 
 from daq.config.condition import read_condition
 from daq.config.rig import Rig
-from daq.config.schema import Backend
+from daq.config.schema import Backend, TriggerSection
 from daq.drivers.reconnecting import Reconnecting
 from daq.drivers.restarts import Restarts
 from daq.drivers.simulated_card import SimulatedCard
 from daq.drivers.simulated_source import SimulatedSource
 from daq.drivers.source import Source
-from daq.drivers.triggered import Triggered, Waiting
+from daq.drivers.triggered import Trigger, Triggered, TriggerWatch
 from daq.drivers.usb6251 import open_usb6251
 from daq.errors import DeviceError, DeviceFault
 from model.errors import ModelError
@@ -47,24 +47,20 @@ def open_source(rig: Rig) -> Source:
     )
 
 
-def open_triggered(rig: Rig, waiting: Waiting) -> Source:
-    """Return the rig's source, with the conditions from and up to which it is recorded.
+def triggered(source: Source, section: TriggerSection, watch: TriggerWatch) -> Source:
+    """Return an opened source with the conditions from and up to which it is recorded, if there are any.
 
     Parameters
     ----------
-    rig : Rig
-        A validated rig.
-    waiting : callable
-        Told the present speed, r/min, as long as the start is waited for.
-
-    Raises
-    ------
-    DeviceError
-        As `open_source`.
+    source : Source
+        What is acquired.
+    section : TriggerSection
+        The conditions, which have been found good.
+    watch : TriggerWatch
+        Who is told what the trigger does.
     """
-    source = open_source(rig)
-    trigger = rig.config.trigger
-    start, stop = read_condition(trigger.start), read_condition(trigger.stop)
+    start, stop = read_condition(section.start), read_condition(section.stop)
     if start is None and stop is None:
         return source
-    return Triggered(source, start, stop, before=trigger.pre_s, hold=trigger.hold_s, waiting=waiting)
+    trigger = Trigger(start, stop, section.pre_s, section.hold_s, section.hold_off_s, section.events)
+    return Triggered(source, trigger, watch)

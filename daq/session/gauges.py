@@ -32,10 +32,10 @@ class Gauges:
         """Note that blocks are expected from now on."""
         self._words[_BLOCK_AT] = time.monotonic_ns()
 
-    def wait(self, speed: float) -> None:
-        """Note that the start is waited for, at this speed, r/min."""
+    def wait(self, event: int, speed: float) -> None:
+        """Note that the start of an event is waited for, at this speed, r/min."""
         with self._words.get_lock():
-            self._words[_ARMED] = 1
+            self._words[_ARMED] = event
             self._words[_RPM] = round(speed)
             self._words[_BLOCK_AT] = time.monotonic_ns()
 
@@ -90,9 +90,9 @@ class Gauges:
         return int(self._words[_BACKLOG])
 
     @property
-    def is_armed(self) -> bool:
-        """Whether samples come and the start is waited for."""
-        return bool(self._words[_ARMED])
+    def armed_for(self) -> int:
+        """Number of the event, from 1, whose start is waited for; 0 while samples are recorded."""
+        return int(self._words[_ARMED])
 
     @property
     def speed_rpm(self) -> int:

@@ -16,13 +16,15 @@ from multiprocessing.sharedctypes import SynchronizedArray
 
 from analysis.run import RunHeader
 from analysis.samples import EndReason, SampleBlock, SegmentEnd
-from daq.drivers.opening import open_triggered
+from daq.drivers.opening import open_source, triggered
 from daq.drivers.source import Source
+from daq.drivers.triggered import Begun
 from daq.errors import RigError, UsageError
 from daq.session.gauges import Gauges
 from daq.session.messages import Acquired, Closed, Done, Opened, Order, Refused, Stop
 from daq.session.ring import BlockRing
 from recordings.errors import RecordingError
+from recordings.marks import Mark, encode_mark
 from recordings.parts import PartLimits, PartWriter
 from recordings.results import EncodedResult
 
@@ -37,7 +39,7 @@ def record(order: Order, ring_name: str, gauge_words: "SynchronizedArray[int]", 
     with closing(ring), ExitStack() as stack:
         try:
             _require_room(order)
-            source = stack.enter_context(closing(open_triggered(order.rig, gauges.wait)))
+            source = stack.enter_context(closing(open_source(order.rig)))
             header = run_header(order, source)
             writer = PartWriter(order.path, header, _part_limits(order, header))
         except RigError as error:
@@ -45,7 +47,7 @@ def record(order: Order, ring_name: str, gauge_words: "SynchronizedArray[int]", 
         except RecordingError as error:
             pipe.send(Refused(str(error), UsageError.exit_code))
         else:
-            _Recorder(order, source, writer, ring, gauges, pipe).run(header)
+            _Recorder(order, source, writer, ring, gauges, pipe).run()
 
 
 def _leave_to_the_watching_process(*names: str) -> None:
@@ -59,7 +61,7 @@ def _part_limits(order: Order, header: RunHeader) -> PartLimits:
     """Return when a run goes on in a further file, as the rig says."""
     storage = order.rig.config.storage
     samples = round(60 * storage.split_min * header.acquisition.rate) or None
-    return PartLimits(samples, round(1e9 * storage.split_gb) or None)
+    return PartLimits(samples, round(1e9 * storage.split_gb) or None, order.rig.config.trigger.events != 1)
 
 
 def _require_room(order: Order) -> None:
@@ -103,7 +105,9 @@ class _Recorder:
         self, order: Order, source: Source, writer: PartWriter, ring: BlockRing, gauges: Gauges, pipe: Connection
     ) -> None:
         self._order = order
-        self._source = source
+        self._header = run_header(order, source)
+        self._source = triggered(source, order.rig.config.trigger, self)
+        self._passed = 0  # samples per channel that a trigger let pass since the last that was given
         self._writer = writer
         self._ring = ring
         self._gauges = gauges
@@ -117,11 +121,11 @@ class _Recorder:
         self._rate = rate
         self._limit = None if order.duration is None else max(1, round(order.duration * rate))
 
-    def run(self, header: RunHeader) -> None:
+    def run(self) -> None:
         signal.signal(signal.SIGTERM, lambda *_: self._source.stop())
         listener = threading.Thread(target=self._listen, name="recorder-listener", daemon=True)
         try:
-            self._pipe.send(Opened(header))
+            self._pipe.send(Opened(self._header))
             listener.start()
             self._gauges.begin()
             self._pump()
@@ -162,6 +166,22 @@ class _Recorder:
             if self._limit is not None and self._gauges.samples >= self._limit:
                 self._source.stop()
         self._ring.put(item)
+
+    def waiting(self, event: int, speed: float) -> None:
+        """Show that the start of an event is waited for; as a `TriggerWatch`."""
+        self._gauges.wait(event, speed)
+
+    def passed(self, samples: int) -> None:
+        """Count what a trigger lets pass; as a `TriggerWatch`."""
+        self._writer.pass_over(samples)
+        self._passed += samples
+
+    def begun(self, begun: Begun) -> None:
+        """Mark the moment at which an event began; as a `TriggerWatch`."""
+        text = f"start: {begun.start}, after {self._passed:,} samples ({self._passed / self._rate:,.1f} s) let pass"
+        self._passed = 0
+        mark = Mark(begun.segment, begun.sample, text, time.time_ns())
+        self._writer.result(encode_mark(mark, self._header))
 
     def _give_up(self, item: SampleBlock | SegmentEnd, message: str) -> None:
         """Stop when the file takes no more; what came after the last good block is counted as lost."""

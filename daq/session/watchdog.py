@@ -24,8 +24,9 @@ def alertness(gauges: Gauges, rate: float, timing: TimingSection) -> tuple[RunSt
     """
     if gauges.silence > timing.block_s + SILENCE:
         return RunState.INTERRUPTED, f"no samples for {gauges.silence:.0f} s"
-    if gauges.is_armed:
-        return RunState.ARMED, f"armed: the start is waited for, {gauges.speed_rpm:,} r/min now"
+    if event := gauges.armed_for:
+        again = f" again, {event - 1} recorded" if event > 1 else ""
+        return RunState.ARMED, f"armed{again}: the start is waited for, {gauges.speed_rpm:,} r/min now"
     backlog = gauges.backlog / rate
     if backlog > FULL * timing.buffer_s:
         return RunState.DEGRADED, (

@@ -30,7 +30,7 @@ from daq.session.recorded import RecordedRun
 from daq.session.recorder import _Recorder, run_header
 from daq.session.ring import BlockRing
 from model.prediction import Prediction
-from recordings.parts import PartLimits, PartWriter, part_names
+from recordings.parts import PartLimits, PartWriter, file_names
 from recordings.reader import RunReader
 
 RigFactory = Callable[..., Rig]
@@ -233,7 +233,7 @@ def test_run_that_is_split_loses_no_sample_between_its_files(rig: RigFactory, tm
     run = recorded(small, tmp_path)
     assert run.wait(60)
     assert run.close().exit_code == 0
-    files = [tmp_path / f"{name}.mcap" for name in part_names(run.path)]
+    files = [tmp_path / f"{name}.mcap" for name in file_names(run.path)]
     assert len(files) == 4  # of 0.6 s at least, in blocks of 0.1 s
     np.testing.assert_array_equal(np.hstack([codes_of(file) for file in files]), codes_of_card(small))
     with RunReader(files[1]) as reader:
@@ -251,7 +251,7 @@ def test_disk_that_fills_up_ends_the_recording_cleanly(rig: RigFactory, tmp_path
         header = run_header(full, source)
         threading.Timer(1.0, here.send, [Done(0)]).start()
         writer = PartWriter(full.path, header, PartLimits())
-        _Recorder(full, source, writer, ring, Gauges(Gauges.shared()), there).run(header)
+        _Recorder(full, source, writer, ring, Gauges(Gauges.shared()), there).run()
     signal.signal(signal.SIGTERM, before)
     with RunReader(full.path) as reader:
         assert reader.is_complete

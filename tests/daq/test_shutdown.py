@@ -150,7 +150,7 @@ def test_fault_of_the_program_in_the_recorder_finishes_the_file_and_releases_the
         )
         threading.Timer(0.5, here.send, ["not an order"]).start()
         threading.Timer(1.0, here.close).start()
-        recorder.run(header)
+        recorder.run()
     assert source.closed
     with RunReader(made.path) as reader:
         assert reader.n_samples == 3 * 2000
@@ -178,7 +178,7 @@ def test_fault_of_the_program_in_the_recorder_is_told(rig: RigFactory, tmp_path:
         recorder = _Recorder(
             made, source, PartWriter(made.path, header, PartLimits()), ring, Gauges(Gauges.shared()), there
         )
-        recorder.run(header)
+        recorder.run()
     watching.join(5)
     assert [type(message) for message in told] == [Opened, Acquired]
     assert "stopped by a fault of the program: ZeroDivisionError: in the midst of a run" in recorder._message

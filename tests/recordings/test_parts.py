@@ -10,7 +10,7 @@ from analysis.run import Acquisition, AnalysisSettings, Calibration, Channel, De
 from analysis.samples import EndReason, SampleBlock, SegmentEnd
 from recordings.catalogue import Catalogue
 from recordings.marks import Mark, encode_mark
-from recordings.parts import PartLimits, PartWriter
+from recordings.parts import PartLimits, PartWriter, file_names
 from recordings.reader import RunReader
 from recordings.verify import verify
 from recordings.writer import RunWriter
@@ -54,7 +54,7 @@ def written(folder: Path, header: RunHeader, limits: PartLimits, *, blocks: int 
 
 def test_parts_hold_every_sample_of_the_run_once(tmp_path: Path, header: RunHeader) -> None:
     writer = written(tmp_path, header, PartLimits(samples=300))
-    assert writer.parts == 4
+    assert writer.files == 4
     runs = sorted(Catalogue(tmp_path).runs(), key=lambda entry: entry.started_ns)
     assert [entry.id for entry in runs] == ["run", "run-part2", "run-part3", "run-part4"]
     got = []
@@ -111,11 +111,89 @@ def test_size_limits_a_part_too(tmp_path: Path, header: RunHeader) -> None:
     with closing_writer(tmp_path, header) as empty:
         begun = empty.size
     writer = written(tmp_path, header, PartLimits(size=begun + 500), blocks=120)
-    assert 1 < writer.parts < 120
+    assert 1 < writer.files < 120
 
 
 def test_run_without_limits_is_one_file_as_ever(tmp_path: Path, header: RunHeader) -> None:
-    assert written(tmp_path, header, PartLimits()).parts == 1
+    assert written(tmp_path, header, PartLimits()).files == 1
     with RunReader(tmp_path / "run.mcap") as reader:
         assert reader.skipped_samples == 0
         assert reader.marks() == (Mark(1, 200, "here", 5),)
+
+
+def event(
+    writer: PartWriter, segment: int, blocks: int, *, reason: EndReason = EndReason.FINISHED, first: int = 0
+) -> None:
+    """Write an event of numbered samples, the first of which has this number."""
+    for k in range(blocks):
+        writer.block(SampleBlock(codes(first + k * BLOCK), segment, k * BLOCK, 0))
+    writer.segment_end(SegmentEnd(segment, blocks * BLOCK, reason))
+
+
+def test_each_event_is_a_file_of_its_own_that_is_whole_before_the_next(tmp_path: Path, header: RunHeader) -> None:
+    writer = PartWriter(tmp_path / "run.mcap", header, PartLimits(is_rearmed=True))
+    writer.pass_over(250)
+    event(writer, 0, 3)
+    with RunReader(tmp_path / "run.mcap") as reader:
+        assert reader.is_complete
+        assert reader.skipped_samples == reader.n_samples == 300
+    assert not (tmp_path / "run-event2.mcap").exists()
+    writer.pass_over(1234)
+    event(writer, 1, 2, first=5000, reason=EndReason.STOPPED)
+    writer.close()
+    assert [*file_names(tmp_path / "run.mcap")] == ["run", "run-event2"]
+    assert writer.files == 2
+    with RunReader(tmp_path / "run-event2.mcap") as reader:
+        assert reader.segment_ends == (SegmentEnd(0, 200, EndReason.STOPPED),)
+        assert reader.header.started_ns - header.started_ns == (250 + 300 + 1234) * NS // 1000
+        assert reader.header.note == "a word (event 2 of run)"
+        (got, other, _end) = reader.items()
+        assert isinstance(got, SampleBlock)
+        assert isinstance(other, SampleBlock)
+        np.testing.assert_array_equal(np.hstack([got.codes, other.codes]), codes(5000, 200))
+        assert not [finding for finding in verify(reader.path).findings if finding.is_fault]
+
+
+def test_long_event_goes_on_in_parts_of_its_own(tmp_path: Path, header: RunHeader) -> None:
+    writer = PartWriter(tmp_path / "run.mcap", header, PartLimits(samples=200, is_rearmed=True))
+    event(writer, 0, 3)
+    event(writer, 1, 5)
+    writer.close()
+    names = ["run", "run-part2", "run-event2", "run-event2-part2", "run-event2-part3"]
+    assert [*file_names(tmp_path / "run.mcap")] == names
+    lengths = []
+    for name in names:
+        with RunReader(tmp_path / f"{name}.mcap") as reader:
+            assert reader.header.run == name
+            lengths.append(reader.n_samples)
+    assert lengths == [200, 100, 200, 200, 100]
+
+
+def test_loss_between_two_events_is_told_in_the_next(tmp_path: Path, header: RunHeader) -> None:
+    writer = PartWriter(tmp_path / "run.mcap", header, PartLimits(is_rearmed=True))
+    event(writer, 0, 1)
+    writer.segment_end(SegmentEnd(1, 0, EndReason.OVERRUN, 70))
+    event(writer, 2, 1)
+    writer.close()
+    with RunReader(tmp_path / "run-event2.mcap") as reader:
+        assert reader.segment_ends == (
+            SegmentEnd(0, 0, EndReason.OVERRUN, 70),
+            SegmentEnd(1, 100, EndReason.FINISHED),
+        )
+        assert not reader.is_gap_free
+
+
+@pytest.mark.parametrize("comes", [True, False])
+def test_mark_between_two_events_lies_at_the_beginning_of_the_next(
+    tmp_path: Path, header: RunHeader, *, comes: bool
+) -> None:
+    writer = PartWriter(tmp_path / "run.mcap", header, PartLimits(is_rearmed=True))
+    event(writer, 0, 1)
+    writer.result(encode_mark(Mark(1, 0, "between", 5), header))
+    if comes:
+        event(writer, 1, 1)
+    writer.close()
+    with RunReader(tmp_path / "run-event2.mcap") as reader:
+        assert reader.is_complete
+        assert reader.n_samples == (100 if comes else 0)
+        assert reader.marks() == (Mark(0, 0, "between", 5),)
