@@ -63,11 +63,10 @@ class PulseJoin:
         self._waiting: dict[tuple[int, int], rig_pb2.Pulses] = {}
         self._failed_in = -1
 
-    def pulses(self, data: bytes) -> rig_pb2.Pulses:
-        """Take a message of stamps and return it; ValueError where the bytes are none."""
+    def pulses(self, data: bytes) -> None:
+        """Take a message of stamps; ValueError where the bytes are none."""
         message = parsed(rig_pb2.Pulses(), data)
         self._waiting[message.segment, message.first_sample] = message
-        return message
 
     def block(self, block: SampleBlock) -> SampleBlock:
         """Return a block with what was stamped of it, whose message has come before it."""

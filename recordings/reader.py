@@ -25,6 +25,7 @@ from recordings.layout import (
     MARK,
     NANOSECONDS,
     ORDER_FRAME,
+    PULSES,
     SAMPLES,
     SEGMENT_END,
     sample_time_ns,
@@ -32,11 +33,14 @@ from recordings.layout import (
 )
 from recordings.marks import Mark, decode_mark
 from recordings.messages import block_span, decode_block, decode_segment_end, parsed
+from recordings.pulses import PulseJoin
 from recordings.results import decode_snapshot
 from recordings.sequence import Sequence, cut_end
 
 SAMPLE_CHANNEL = frozenset({CHANNEL_IDS[SAMPLES]})
 END_CHANNEL = frozenset({CHANNEL_IDS[SEGMENT_END]})
+PULSE_CHANNEL = frozenset({CHANNEL_IDS[PULSES]})
+LATEST = 1.0  # s by which a stamp may come later than the sample that it belongs to
 MARK_CHANNEL = frozenset({CHANNEL_IDS[MARK]})
 MARKS_LEAD_NS = 2 * NANOSECONDS  # by which a mark may be earlier than the results that share its chunk
 RESULT_CHANNELS = frozenset({CHANNEL_IDS[FEATURES], CHANNEL_IDS[ORDER_FRAME]})
@@ -130,10 +134,14 @@ class RunReader:
         Where the file is damaged inside a segment, the rest of that segment is left out, and its end says so.
         """
         sequence = Sequence({end.segment: end for end in self._ends})
+        join = PulseJoin(self.header.acquisition)
         for message in self._messages(SAMPLE_CHANNEL | END_CHANNEL):
             if message.channel in SAMPLE_CHANNEL:
                 with suppress(ValueError):  # a message that does not say what it should is as good as lost
-                    yield from sequence.block(self._block(message.data))
+                    yield from sequence.block(join.block(self._block(message.data)))
+            elif message.channel in PULSE_CHANNEL:
+                with suppress(ValueError):
+                    join.pulses(message.data)
             elif message.channel in END_CHANNEL:
                 with suppress(ValueError):
                     yield from sequence.segment_end(decode_segment_end(message.data))
@@ -179,6 +187,37 @@ class RunReader:
         if filled < stop:
             raise DamagedError(f"{self.path}: segment {segment} is damaged after sample {filled}")
         return codes
+
+    def ticks(self, segment: int, first: int, stop: int) -> NDArray[np.int64]:
+        """Return when the tacho's edges came in a stretch of a segment, as a counter stamped them.
+
+        Parameters
+        ----------
+        segment, first, stop : int
+            As in `samples`.
+
+        Returns
+        -------
+        ndarray of int64, shape (n_pulses,)
+            Ticks of the counter's timebase since the segment's first sample, rising; those in damaged places are left
+            out.
+        """
+        acquisition = self.header.acquisition
+        parts = [np.empty(0, np.int64)]
+        if segment in self._starts_ns:
+            time_ns = self._starts_ns[segment] + sample_time_ns(first, acquisition.rate)
+            first_place = self._container.chunks.last_before(PULSE_CHANNEL, time_ns)
+            for message in self._messages(PULSE_CHANNEL, first_place):
+                if message.channel in PULSE_CHANNEL:
+                    with suppress(ValueError):
+                        found = parsed(rig_pb2.Pulses(), message.data)
+                        if (found.segment, found.first_sample) >= (segment, stop + LATEST * acquisition.rate):
+                            break
+                        if found.segment == segment:
+                            parts.append(np.array(found.ticks, dtype=np.int64))
+        ticks = np.concatenate(parts)
+        low, high = first * acquisition.ticks_per_sample, stop * acquisition.ticks_per_sample
+        return ticks[(ticks >= low) & (ticks < high)]
 
     def marks(self) -> tuple[Mark, ...]:
         """Return the moments that were named while the run was recorded; those in damaged places are left out."""

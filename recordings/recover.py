@@ -11,9 +11,10 @@ from recordings.chunk_table import ChunkPlace
 from recordings.container import Container
 from recordings.errors import DamagedError, RecordingError
 from recordings.front import read_header
-from recordings.layout import CHANNEL_IDS, END_RECORD, MARK, RECOVERED_RECORD, SAMPLES, SEGMENT_END, unsealed
+from recordings.layout import CHANNEL_IDS, END_RECORD, MARK, PULSES, RECOVERED_RECORD, SAMPLES, SEGMENT_END, unsealed
 from recordings.marks import Mark, decode_mark
 from recordings.messages import decode_block, decode_segment_end
+from recordings.pulses import PulseJoin
 from recordings.reader import end_from_document
 from recordings.salvage import search_chunks
 
@@ -146,6 +147,8 @@ class _Salvage:
         self._places = [found[offset] for offset in sorted(found)]
         self._named = {place.offset for place in container.chunks}
         self._known_ends = self._ends()
+        self._acquisition = header.acquisition
+        self._join = PulseJoin(header.acquisition)
         self.damaged = 0
         self.stretches: list[Stretch] = []
         self.missing: list[Missing] = []
@@ -158,6 +161,7 @@ class _Salvage:
         """Yield all blocks and ends of segments that can be read, in the order of the file."""
         self.damaged = 0
         self._marks = []
+        self._join = PulseJoin(self._acquisition)
         for place in self._places:
             yield from self._chunk(place)
 
@@ -202,7 +206,7 @@ class _Salvage:
             self._first = self._next_sample = block.first_sample
         first = self._next_sample - self._first
         self._next_sample = block.end
-        yield SampleBlock(block.codes, self._segment, first, block.host_time_ns, block.backlog)
+        yield block.moved(self._segment, first, self._acquisition.ticks_per_sample)
 
     def _go_to(self, segment: int) -> Iterator[SourceItem]:
         """End the segments before this one."""
@@ -243,7 +247,9 @@ class _Salvage:
         for message in messages:
             try:
                 if message.channel == CHANNEL_IDS[SAMPLES]:
-                    yield decode_block(message.data)
+                    yield self._join.block(decode_block(message.data))
+                elif message.channel == CHANNEL_IDS[PULSES]:
+                    self._join.pulses(message.data)
                 elif message.channel == CHANNEL_IDS[SEGMENT_END]:
                     yield decode_segment_end(message.data)
                 elif message.channel == CHANNEL_IDS[MARK]:

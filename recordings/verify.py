@@ -20,11 +20,12 @@ from recordings.index_check import IndexCheck
 from recordings.layout import CONFIG_ATTACHMENT, END_RECORD, RUN_RECORD, TOPICS, unsealed
 from recordings.marks import decode_mark
 from recordings.messages import decode_block, decode_segment_end, parsed
+from recordings.pulse_check import PulseCheck
 from recordings.reader import end_from_document
 from recordings.rig_pb2 import Features, OrderFrame
 
 WINDOW = 4 << 20
-SAMPLES_ID, END_ID, FEATURES_ID, FRAME_ID, MARK_ID = range(1, 6)
+SAMPLES_ID, END_ID, FEATURES_ID, FRAME_ID, MARK_ID, PULSES_ID = range(1, 7)
 MOST_FINDINGS = 100
 
 
@@ -51,6 +52,8 @@ class Verification:
         Chunks that are intact.
     segments, samples : int
         Segments that have their end, and samples per channel, that are there.
+    pulses : int
+        Edges of the tacho that a counter stamped.
     findings : tuple of Finding
         Faults and what is worth knowing, in the order of looking.
     """
@@ -61,6 +64,7 @@ class Verification:
     chunks: int
     segments: int
     samples: int
+    pulses: int
     findings: tuple[Finding, ...]
 
     @property
@@ -108,6 +112,7 @@ class _Inspection:
         self._file = container
         self._header = header
         self._continuity = Continuity(header.acquisition)
+        self._pulses = PulseCheck(header.acquisition)
         self._index = IndexCheck(container)
         self._places = {place.offset: place for place in container.chunks}
         self._chunks = 0
@@ -129,6 +134,7 @@ class _Inspection:
             chunks=self._chunks,
             segments=len(self._continuity.ends),
             samples=self._continuity.samples,
+            pulses=self._pulses.stamps,
             findings=tuple(findings),
         )
 
@@ -198,7 +204,9 @@ class _Inspection:
 
     def _message(self, message: StoredMessage, where: str) -> Iterator[Finding]:
         if message.channel == SAMPLES_ID:
-            yield from self._continuity.block(decode_block(message.data), where)
+            block = decode_block(message.data)
+            yield from self._continuity.block(block, where)
+            yield from self._pulses.block(block, where)
         elif message.channel == END_ID:
             yield from self._continuity.segment_end(decode_segment_end(message.data), where)
         elif message.channel == FEATURES_ID:
@@ -207,6 +215,8 @@ class _Inspection:
             parsed(OrderFrame(), message.data)
         elif message.channel == MARK_ID:
             decode_mark(message.data)
+        elif message.channel == PULSES_ID:
+            yield from self._pulses.pulses(message.data, where)
         else:
             what = f"a message of channel {message.channel}, expected 1 to {len(TOPICS)}"
             yield Finding(Check.INDEX, where, what, is_fault=False)
@@ -253,6 +263,9 @@ class _Inspection:
         ends = tuple(end_from_document(end) for end in document["segments"])
         if document["samples"] != self._continuity.samples:
             what = f"{self._continuity.samples} samples per channel, expected {document['samples']}"
+            yield Finding(Check.COUNTS, "whole file", what)
+        if document.get("pulses", 0) != self._pulses.stamps:  # older files have none
+            what = f"{self._pulses.stamps} stamps of the tacho's counter, expected {document.get('pulses', 0)}"
             yield Finding(Check.COUNTS, "whole file", what)
         if ends != self._continuity.ends:
             what = f"{len(self._continuity.ends)} ends of segments are not the {len(ends)} of {END_RECORD}"

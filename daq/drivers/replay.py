@@ -108,7 +108,7 @@ class Replay:
         if self._block is None:
             yield from self._recorded()
             return
-        chopper = _Chopper(self._block)
+        chopper = _Chopper(self._block, self.acquisition.ticks_per_sample)
         for item in self._recorded():
             if isinstance(item, SegmentEnd):
                 yield from chopper.rest()
@@ -130,15 +130,29 @@ class Replay:
 class _Chopper:
     """Cuts the blocks of a segment anew; each new block knows what the recorded block of its last sample knew."""
 
-    def __init__(self, size: int) -> None:
+    def __init__(self, size: int, ticks_per_sample: float) -> None:
         self._size = size
+        self._ticks_per_sample = ticks_per_sample
+        self._ticks: NDArray[np.int64] | None = None  # not given yet
         self._held: list[NDArray[np.int16]] = []
         self._n_held = 0
         self._last: SampleBlock | None = None
 
     def chop(self, block: SampleBlock) -> Iterator[SampleBlock]:
-        """Take a recorded block and yield the new ones that are full."""
+        """Take a recorded block and yield the new ones that are full.
+
+        A stamp counts from the beginning of the block that it came with, where it does not lie later anyway: where one
+        came late, or where stamps end, the recorded block begins a new one.
+        """
+        before = block.first_sample * self._ticks_per_sample
+        came_late = block.ticks is not None and block.ticks.size > 0 and block.ticks[0] < before
+        if came_late or (self._held and (block.ticks is None) != (self._ticks is None)):
+            yield from self.rest()
         self._last = block
+        if block.ticks is None or self._ticks is None:
+            self._ticks = block.ticks
+        else:
+            self._ticks = np.concatenate([self._ticks, block.ticks])
         used = 0
         while block.n_samples - used >= self._size - self._n_held:
             stop = used + self._size - self._n_held
@@ -157,4 +171,7 @@ class _Chopper:
     def _joined(self, known: SampleBlock, end: int) -> SampleBlock:
         codes = np.ascontiguousarray(np.concatenate(self._held, axis=1))
         self._held, self._n_held = [], 0
-        return SampleBlock(codes, known.segment, end - codes.shape[1], known.host_time_ns, known.backlog)
+        ticks = self._ticks
+        if ticks is not None:
+            ticks, self._ticks = np.split(ticks, [np.searchsorted(ticks, end * self._ticks_per_sample)])
+        return SampleBlock(codes, known.segment, end - codes.shape[1], known.host_time_ns, known.backlog, ticks)

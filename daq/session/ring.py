@@ -15,12 +15,14 @@ from numpy.typing import NDArray
 from analysis.samples import EndReason, SampleBlock, SegmentEnd, SourceItem
 
 _HEADER = 6  # int64 words at the front: published, closed, channels, slot capacity, slots, samples put
-_META = (
-    9  # int64 words before a slot's data: kind, segment, first, samples, host time, backlog, bytes, put before, ticket
-)
-_TICKET = 8  # written last: the index of the item that lies here, -1 while it changes
+# int64 words before a slot's data: kind, segment, first, samples, host time, backlog, bytes, ticks, put before, ticket
+_META = 10
+_BEFORE = 8  # samples put before this item
+_TICKET = 9  # written last: the index of the item that lies here, -1 while it changes
 _BLOCK, _END = 0, 1
 _END_BYTES = 4096  # a slot always holds the text of a segment end
+_TICKS = 512  # and so many of a counter's stamps, in front of its codes
+_NO_COUNTER = -1  # for their number, where no counter stamps
 
 
 _Words = NDArray[np.int64]
@@ -28,7 +30,7 @@ _Words = NDArray[np.int64]
 
 def _slot_bytes(n_channels: int, capacity: int) -> int:
     data = max(n_channels * capacity * 2, _END_BYTES)
-    return _META * 8 + (data + 7) // 8 * 8
+    return (_META + _TICKS) * 8 + (data + 7) // 8 * 8
 
 
 class BlockRing:
@@ -91,19 +93,31 @@ class BlockRing:
         return np.ndarray((_META,), dtype=np.int64, buffer=self._memory.buf, offset=offset), offset + _META * 8
 
     def put(self, item: SourceItem) -> None:
-        """Publish an item; blocks longer than a slot are published in pieces."""
+        """Publish an item; blocks longer than a slot, or of more stamps than it holds, are published in pieces."""
         if isinstance(item, SegmentEnd):
             self._put_end(item)
             return
         capacity = int(self._words[3])
         if item.codes.shape[0] != self._words[2]:
             raise ValueError(f"block of {item.codes.shape[0]} channels: the ring holds {self._words[2]}")
+        ticks = item.ticks
+        while ticks is not None and ticks.size > _TICKS:  # the surplus goes ahead: samples wait for no stamps
+            self._put_codes(item, 0, item.codes[:, :0], ticks[:_TICKS])
+            ticks = ticks[_TICKS:]
         for start in range(0, item.n_samples, capacity):
-            codes = item.codes[:, start : start + capacity]
-            meta, data = self._begin()
-            np.ndarray(codes.shape, dtype=np.int16, buffer=self._memory.buf, offset=data)[:] = codes
-            first = item.first_sample + start
-            self._publish(meta, _BLOCK, item.segment, first, codes.shape[1], item.host_time_ns, item.backlog, 0)
+            self._put_codes(item, start, item.codes[:, start : start + capacity], ticks)
+            ticks = None if ticks is None else ticks[:0]
+
+    def _put_codes(
+        self, item: SampleBlock, start: int, codes: NDArray[np.int16], ticks: NDArray[np.int64] | None
+    ) -> None:
+        meta, data = self._begin()
+        n_ticks = _NO_COUNTER if ticks is None else ticks.size
+        if ticks is not None:
+            np.ndarray(n_ticks, dtype=np.int64, buffer=self._memory.buf, offset=data)[:] = ticks
+        np.ndarray(codes.shape, dtype=np.int16, buffer=self._memory.buf, offset=data + _TICKS * 8)[:] = codes
+        first = item.first_sample + start
+        self._publish(meta, _BLOCK, item.segment, first, codes.shape[1], item.host_time_ns, item.backlog, 0, n_ticks)
 
     def _put_end(self, end: SegmentEnd) -> None:
         document = asdict(end)
@@ -111,7 +125,7 @@ class BlockRing:
         text = json.dumps(document).encode()
         meta, data = self._begin()
         self._bytes[data : data + len(text)] = np.frombuffer(text, dtype=np.uint8)
-        self._publish(meta, _END, end.segment, end.samples, 0, 0, 0, len(text))
+        self._publish(meta, _END, end.segment, end.samples, 0, 0, 0, len(text), _NO_COUNTER)
 
     def _begin(self) -> tuple[_Words, int]:
         meta, data = self._place(self.published)
@@ -119,8 +133,8 @@ class BlockRing:
         return meta, data
 
     def _publish(self, meta: _Words, *words: int) -> None:
-        meta[:7] = words
-        meta[7] = self._words[5]
+        meta[:_BEFORE] = words
+        meta[_BEFORE] = self._words[5]
         meta[_TICKET] = self._words[0]
         self._words[5] += words[3]
         self._words[0] += 1
@@ -132,18 +146,22 @@ class BlockRing:
     def read(self, index: int) -> tuple[SourceItem, int] | None:
         """Return a copy of item `index` and the samples put before it, or None where it has been overwritten."""
         meta, data = self._place(index)
-        kind, segment, first, n_samples, host_time, backlog, length, before, ticket = (int(word) for word in meta)
+        kind, segment, first, n_samples, host_time, backlog, length, n_ticks, before, ticket = map(int, meta)
         if ticket != index:
             return None
         shape = (int(self._words[2]), n_samples)
-        codes = np.ndarray(shape, dtype=np.int16, buffer=self._memory.buf, offset=data).copy()
+        codes = np.ndarray(shape, dtype=np.int16, buffer=self._memory.buf, offset=data + _TICKS * 8).copy()
+        ticks = None if n_ticks == _NO_COUNTER else self._ticks(data, n_ticks)
         text = self._bytes[data : data + length].tobytes()
         if int(meta[_TICKET]) != index:  # it changed while it was copied
             return None
         if kind == _BLOCK:
-            return SampleBlock(codes, segment, first, host_time, backlog), before
+            return SampleBlock(codes, segment, first, host_time, backlog, ticks), before
         document = json.loads(text)
         return SegmentEnd(**{**document, "reason": EndReason(document["reason"])}), before
+
+    def _ticks(self, data: int, n: int) -> NDArray[np.int64]:
+        return np.ndarray(n, dtype=np.int64, buffer=self._memory.buf, offset=data).copy()
 
     def reader(self) -> "RingReader":
         """Return a reader placed at the oldest item still there."""
