@@ -13,6 +13,7 @@ from analysis.uncertainty import phase_sigma, sigma_of_floor
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
+NO_NOISE = 3.0  # times the median: one line of noise in 500 is larger
 FLOOR_LINES = 6  # lines at either side of the order, from the third on, that tell the noise
 
 
@@ -100,8 +101,7 @@ def track_order(record: AngularRecord, order: float, *, revolutions: int = 16, o
     for where, waveforms in frames.chunks():
         found[:, where] = waveforms @ kernel
     beside = np.abs(lines[1:] - np.round(lines[1:])) * revolutions > 1.99  # clear of the whole orders' skirts
-    floor = np.median(np.abs(found[:, :, 1:][:, :, beside]), axis=(0, 2)) if beside.any() else np.zeros(len(frames))
-    sigma = np.tile(sigma_of_floor(floor), (2, 1))
+    sigma = np.tile(sigma_of_floor(_floor(np.abs(found[:, :, 1:][:, :, beside]))), (2, 1))
     vectors = found[:, :, 0] * np.exp(-2j * np.pi * order * frames.turns)
     angle_sigma = frames.angle_sigma if record.measured else np.full(len(frames), np.inf)
     return OrderTrack(
@@ -122,6 +122,14 @@ def _lines(order: float, revolutions: int) -> FloatArray:
     away = np.arange(3, 3 + FLOOR_LINES) / revolutions
     beside = np.concatenate([order - away, order + away])
     return np.concatenate([[order], beside[beside > 1.5 / revolutions]])
+
+
+def _floor(sizes: FloatArray) -> FloatArray:
+    """Return the median of the lines of each frame, shape (2, n, n_lines), but for those that no noise made."""
+    if not sizes.shape[2]:
+        return np.zeros(sizes.shape[1])
+    median = np.median(sizes, axis=(0, 2), keepdims=True)
+    return np.asarray(np.nanmedian(np.where(sizes <= NO_NOISE * median, sizes, np.nan), axis=(0, 2)))
 
 
 def _kernel(lines: FloatArray, points: int, points_per_turn: int) -> ComplexArray:
