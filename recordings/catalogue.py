@@ -64,6 +64,7 @@ class Catalogue:
 
     def __init__(self, folder: Path, url: str = "") -> None:
         self.folder = folder
+        self.url = url
         self._shelf = Shelf(folder, Database(folder, url))
         self._lock = threading.Lock()
         self._known: dict[str, _Known] = {}
@@ -160,6 +161,10 @@ class Catalogue:
                 told(f"verifying {run_id}")
                 self._shelf.judge(run_id, verdict_of(kept.entry.path))
         return report
+
+    def judge(self, run_id: str, verdict: str) -> None:
+        """Keep what a verification of a run came to (a `Verdict`). NotFoundError, StorageError."""
+        self._shelf.judge(self.run(run_id).id, verdict)
 
     def path(self, run_id: str) -> Path:
         """Return the file of a run.

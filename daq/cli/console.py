@@ -34,8 +34,10 @@ class Console:
         self._clear()
         self._print(text)
 
-    def progress(self, text: str) -> None:
-        """Show where things stand; on a terminal it replaces what was there."""
+    def progress(self, text: str, part: float | None = None) -> None:
+        """Show where things stand, with the part that is done, 0 to 1; on a terminal it replaces what was there."""
+        if part is not None:
+            text = f"{text}: {100 * part:.0f} %"
         now = time.monotonic()
         if self._rewrites:
             self._print("\r" + text.ljust(self._width), end="")

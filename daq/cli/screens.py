@@ -12,6 +12,7 @@ from daq.service.app import create_app
 from daq.service.documents.alarm import AcknowledgedDocument, alarm_document
 from daq.service.documents.mark import MarkDocument, mark_document
 from daq.service.guard import is_loopback
+from daq.service.jobs import DataPlace, Jobs
 from daq.service.readings import Readings
 from daq.service.server import ServiceServer
 from daq.service.summaries import Summaries
@@ -66,6 +67,7 @@ class Screens:
         self._desk = desk
         self._view = None if chosen.no_view else self._picture(console)
         self._server: ServiceServer | None = None
+        self._jobs = Jobs(DataPlace(catalogue.folder, catalogue.url))
         if getattr(chosen, "no_serve", False):
             return
         app = create_app(
@@ -73,7 +75,7 @@ class Screens:
             self,
             summaries,
             self._view.url if self._view is not None and is_loopback(chosen.host) else None,
-            abilities=Abilities(readings, self, desk, catalogue, tuple(chosen.cors)),
+            abilities=Abilities(readings, self, desk, catalogue, self._jobs, tuple(chosen.cors)),
             host=chosen.host,
             token=chosen.token or None,
         )
@@ -162,5 +164,6 @@ class Screens:
         """End both."""
         if self._server is not None:
             self._server.close()
+        self._jobs.close()
         if self._view is not None:
             self._view.close()

@@ -92,12 +92,29 @@ def load_calibration(path: Path) -> Calibration:
     ConfigError
         The file is missing or wrong; names every fault.
     """
-    record = load_record(path)
+    return calibration_of(load_record(path), str(path))
+
+
+def calibration_of(record: CalibrationRecord, file: str) -> Calibration:
+    """Return the calibration that a record says.
+
+    Parameters
+    ----------
+    record : CalibrationRecord
+        The record.
+    file : str
+        Where it is from, for the error.
+
+    Raises
+    ------
+    ConfigError
+        It makes no curve; names every fault.
+    """
     table = record.calibration
     faults: list[str] = []
     curve = _curve(record, faults)
     if curve is None or (faults := faults + _cross_faults(curve, record)):
-        raise ConfigError(str(path), faults)
+        raise ConfigError(file, faults)
     return Calibration(
         coefficients=tuple(coefficient * MICRO for coefficient in curve.coefficients_um),
         volts_low=curve.volts_low,

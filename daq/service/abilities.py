@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from daq.service.change_routes import ChangingCatalogue
+from daq.service.jobs import Jobs
 from daq.service.live_routes import Desk, Steering
 from daq.service.readings import Readings
 
@@ -22,6 +23,8 @@ class Abilities:
         Starts runs.
     folder : ChangingCatalogue or None
         Takes words on runs, puts runs away, takes runs in; only beside `readings`.
+    jobs : Jobs or None
+        Does what takes too long to wait for.
     origins : tuple of str
         Other sites whose pages may ask (CORS), as ``http://notebook.lab:8888``.
     """
@@ -30,6 +33,7 @@ class Abilities:
     steering: Steering | None = None
     desk: Desk | None = None
     folder: ChangingCatalogue | None = None
+    jobs: Jobs | None = None
     origins: tuple[str, ...] = ()
 
 

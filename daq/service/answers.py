@@ -2,7 +2,7 @@
 
 import gzip
 from collections.abc import Callable
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +21,7 @@ from daq.service.documents.summary import speed_row_document, sub_synchronous_do
 from daq.service.documents.units import finite, micrometres, rpm
 from daq.service.plots import plot
 from daq.service.questions import At, CascadeQuery, TrendQuery
-from daq.service.records import NoSuchMomentError, records, snapshot_at, status_of
+from daq.service.records import NoSuchMomentError, Records, records, snapshot_at, status_of
 from daq.service.trend import trend_document
 from daq.session.offline import results
 from recordings.reader import RunReader
@@ -32,33 +32,30 @@ DRAWN = "plots/"  # before the name of an answer that is wanted as SVG
 LEVEL = 4  # of gzip: beyond it nothing is gained but time spent
 
 
-def order_vectors(path: Path) -> Document:
+def order_vectors(_path: Path, found: Records) -> Document:
     """Return 1X and 2X over speed."""
-    found = records(path)
     return OrderVectorsDocument(
         run=found.header.run, by_speed=tuple(speed_row_document(row) for row in found.summary.rows)
     )
 
 
-def findings(path: Path) -> Document:
+def findings(_path: Path, found: Records) -> Document:
     """Return what was found below 1X."""
-    found = records(path)
     return FindingsDocument(
         run=found.header.run,
         sub_synchronous=tuple(sub_synchronous_document(finding) for finding in found.summary.whirls),
     )
 
 
-def trend(path: Path, query: TrendQuery) -> Document:
+def trend(_path: Path, found: Records, query: TrendQuery) -> Document:
     """Return values over time."""
     begin = query.from_s
     end = np.inf if query.duration_s is None else begin + query.duration_s
-    return trend_document(records(path), query.segment, begin, end, query.entries)
+    return trend_document(found, query.segment, begin, end, query.entries)
 
 
-def moment(path: Path, what: str, at: At) -> Document:
+def moment(path: Path, found: Records, at: At, *, what: str) -> Document:
     """Return order spectrum, full spectrum or orbit of the frame nearest to a moment."""
-    found = records(path)
     index = found.nearest(at.segment, at.time_s, None if at.speed_rpm is None else at.speed_rpm * RPM)
     snapshot, frame = snapshot_at(path, found, index)
     if what == "order-spectrum":
@@ -68,9 +65,8 @@ def moment(path: Path, what: str, at: At) -> Document:
     return orbit_document(found.header, snapshot, frame)
 
 
-def cascade(path: Path, query: CascadeQuery) -> Document:
+def cascade(path: Path, found: Records, query: CascadeQuery) -> Document:
     """Return spectra over speed."""
-    found = records(path)
     speeds = found.frame_speed[np.isfinite(found.frame_speed)]
     if not speeds.size:
         raise NoSuchMomentError("no order spectrum in the run")
@@ -100,10 +96,16 @@ ANSWERS: dict[str, Callable[..., Document]] = {
     "findings": findings,
     "trend": trend,
     "cascade": cascade,
-    "order-spectrum": lambda path, at: moment(path, "order-spectrum", at),
-    "full-spectrum": lambda path, at: moment(path, "full-spectrum", at),
-    "orbit": lambda path, at: moment(path, "orbit", at),
+    "order-spectrum": partial(moment, what="order-spectrum"),
+    "full-spectrum": partial(moment, what="full-spectrum"),
+    "orbit": partial(moment, what="orbit"),
 }
+
+
+def document_of(path: Path, what: str, query: object, found: Records | None = None) -> Document:
+    """Return the document of an address; of records that were read already where they are given."""
+    asked = () if query is None else (query,)
+    return ANSWERS[what](path, records(path) if found is None else found, *asked)
 
 
 def answer_of(path: Path, what: str, query: object, packed: bool) -> bytes:  # noqa: FBT001 - sent through a pipe
@@ -116,6 +118,6 @@ def answer_of(path: Path, what: str, query: object, packed: bool) -> bytes:  # n
 def _answer(path: Path, _size: int, _changed_ns: int, what: str, query: object, packed: bool) -> bytes:  # noqa: FBT001 - a key of the cache
     is_drawn = what.startswith(DRAWN)
     what = what.removeprefix(DRAWN)
-    document = ANSWERS[what](path) if query is None else ANSWERS[what](path, query)
+    document = document_of(path, what, query)
     body = (plot(document) if is_drawn else document.model_dump_json()).encode()
     return gzip.compress(body, LEVEL, mtime=0) if packed else body

@@ -1,5 +1,6 @@
 """The service: REST under /api/v1, the operator's page at /, the reference at /docs."""
 
+from collections.abc import Callable
 from importlib.metadata import version
 from typing import Any
 
@@ -13,6 +14,7 @@ from daq.service.documents import ProblemDocument
 from daq.service.guard import Guard, is_loopback
 from daq.service.head import HeadAsGet
 from daq.service.hub import Hub
+from daq.service.job_routes import JobRoutes
 from daq.service.kinds import Kind
 from daq.service.last_resort import LastResort
 from daq.service.live_routes import LiveRoutes
@@ -35,6 +37,7 @@ DESCRIPTION = (
 TAGS = [
     {"name": "runs", "description": "What was recorded"},
     {"name": "results", "description": "What was measured in a run, and what the model says of it"},
+    {"name": "jobs", "description": "What takes too long to wait for"},
     {"name": "live", "description": "What is recorded or replayed now"},
     {"name": "service", "description": "The service itself"},
 ]
@@ -84,7 +87,8 @@ def create_app(
             f"the service at {host} can be reached from other machines: give it a token, or bind it to 127.0.0.1"
         )
     hub = Hub(live)
-    app = Service(hub, with_token=token is not None)
+    app = Service(with_token=token is not None)
+    app.ending.append(hub.end)
     install(app)
     always = (Kind.HOST_NOT_ALLOWED, Kind.INTERNAL, *((Kind.TOKEN_NEEDED,) if token is not None else ()))
     routing = Routing(APIRouter(prefix=PREFIX), always)
@@ -94,6 +98,10 @@ def create_app(
         RunRoutes(catalogue, live, abilities.readings, app.version).add_to(routing)
         if abilities.folder is not None:
             ChangeRoutes(abilities.folder, live, abilities.readings).add_to(routing)
+    if abilities.jobs is not None:
+        job_routes = JobRoutes(catalogue, live, abilities.jobs)
+        job_routes.add_to(routing)
+        app.ending.append(job_routes.end)
     app.include_router(routing.router)
     app.include_router(Pages(viewer_url, reference_page(app.openapi())).router())
     app.add_middleware(LastResort)
@@ -114,7 +122,7 @@ def create_app(
 class Service(FastAPI):
     """The application with a schema that tells of problem documents and of the token."""
 
-    def __init__(self, hub: Hub, *, with_token: bool) -> None:
+    def __init__(self, *, with_token: bool) -> None:
         super().__init__(
             title="Rig service",
             version=version(DISTRIBUTION),
@@ -125,12 +133,13 @@ class Service(FastAPI):
             redoc_url=None,
             redirect_slashes=False,
         )
-        self._hub = hub
+        self.ending: list[Callable[[], None]] = []
         self._with_token = with_token
 
     def end(self) -> None:
-        """Let all who follow the live run go, so that the server need not wait for them."""
-        self._hub.end()
+        """Let all go whose answers have no end of their own, so that the server need not wait for them."""
+        for end in self.ending:
+            end()
 
     def openapi(self) -> dict[str, Any]:
         """Return the OpenAPI document."""

@@ -10,12 +10,12 @@ from fastapi import Request, Response
 from daq.service.documents import RunDocument, run_document
 from daq.service.documents.catalogue import FoundRunDocument, found_run_document
 from daq.service.documents.change import PutAwayDocument, WordsDocument
+from daq.service.file_answers import OCTETS
 from daq.service.kinds import Kind
 from daq.service.live_run import Live, require_ended
 from daq.service.problems import ProblemError
-from daq.service.questions import RunId
 from daq.service.readings import Readings
-from daq.service.routing import Routing
+from daq.service.routing import Routing, RunId
 from daq.service.workers import Workers
 from recordings.arrival import Arrival, RunExistsError
 from recordings.catalogue import RunEntry
@@ -23,8 +23,7 @@ from recordings.catalogue import RunEntry
 MOST_BYTES: Final = 64 * 1024**3
 RESERVE: Final = 1024**3  # bytes that stay free on the disk
 AT_ONCE: Final = 2
-MCAP: Final = "application/octet-stream"
-BINARY = {"content": {MCAP: {"schema": {"type": "string", "format": "binary"}}}, "required": True}
+BINARY = {"content": {OCTETS: {"schema": {"type": "string", "format": "binary"}}}, "required": True}
 
 
 class ChangingCatalogue(Protocol):

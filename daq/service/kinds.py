@@ -121,6 +121,21 @@ class Kind(Enum):
         "The data folder cannot be read",
         "It is missing, unreadable or was taken away; see `detail`.",
     )
+    TAKES_TOO_LONG = (
+        503,
+        "This takes longer than an answer may",
+        "A job does it without that limit: send what `job` says to /api/v1/jobs with POST.",
+    )
+    JOB_NOT_FOUND = (
+        404,
+        "There is no such job",
+        "It was never begun, was deleted, or ended so long ago that it is forgotten.",
+    )
+    NO_RESULT = (
+        409,
+        "The job has no result",
+        "It has not ended yet, or it failed; see `detail`.",
+    )
     INTERNAL = (
         500,
         "The service failed",

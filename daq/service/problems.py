@@ -1,7 +1,7 @@
 """How a request that fails is answered: with a problem document (RFC 9457)."""
 
 from collections.abc import Mapping
-from typing import Any, Final
+from typing import Any, Final, TypeAlias
 
 from fastapi import FastAPI, Request, Response
 from fastapi.exceptions import RequestValidationError
@@ -20,6 +20,9 @@ PASSING: Final = frozenset({Kind.BUSY, Kind.STORAGE_UNAVAILABLE, Kind.MODEL_NOT_
 """Problems that may be over in a moment: `Retry-After` says when to ask again."""
 
 
+JobHint: TypeAlias = dict[str, Any]
+
+
 class ProblemError(Exception):
     """A request that cannot be answered.
 
@@ -29,11 +32,14 @@ class ProblemError(Exception):
         What kind of problem it is.
     detail : str
         This case.
+    job : dict or None
+        The order for a job that does it; None where none does.
     """
 
-    def __init__(self, kind: Kind, detail: str) -> None:
+    def __init__(self, kind: Kind, detail: str, job: JobHint | None = None) -> None:
         self.kind = kind
         self.detail = detail
+        self.job = job
         super().__init__(detail)
 
 
@@ -44,6 +50,7 @@ def problem_response(
     *,
     faults: tuple[Fault, ...] = (),
     status: int | None = None,
+    job: JobHint | None = None,
     headers: Mapping[str, str] | None = None,
 ) -> Response:
     """Return the answer that tells of a problem.
@@ -58,10 +65,12 @@ def problem_response(
         Parameters that are wrong.
     status : int or None
         HTTP status where it is not the kind's own.
+    job : dict or None
+        The order for a job that does it.
     headers : mapping of str to str or None
         Further headers.
     """
-    document = _document(kind, detail, instance, faults, status)
+    document = _document(kind, detail, instance, faults, status, job)
     extra = {"Cache-Control": "no-store", **(headers or {})}
     if kind is Kind.TOKEN_NEEDED:
         extra["WWW-Authenticate"] = 'Bearer realm="rig"'
@@ -99,7 +108,12 @@ def _no_examples() -> dict[str, Any]:
 
 
 def _document(
-    kind: Kind, detail: str, instance: str, faults: tuple[Fault, ...] = (), status: int | None = None
+    kind: Kind,
+    detail: str,
+    instance: str,
+    faults: tuple[Fault, ...] = (),
+    status: int | None = None,
+    job: JobHint | None = None,
 ) -> ProblemDocument:
     return ProblemDocument(
         type=REFERENCE + kind.slug,
@@ -108,6 +122,7 @@ def _document(
         detail=detail,
         instance=instance,
         faults=faults,
+        job=job,
     )
 
 
@@ -120,7 +135,7 @@ def install(app: FastAPI) -> None:
 
 
 async def _of_problem(request: Request, error: ProblemError) -> Response:
-    return problem_response(error.kind, error.detail, request.url.path)
+    return problem_response(error.kind, error.detail, request.url.path, job=error.job)
 
 
 async def _of_recording(request: Request, error: RecordingError) -> Response:

@@ -3,12 +3,8 @@
 from enum import StrEnum
 from typing import Annotated
 
-from fastapi import Path
 from pydantic import BaseModel, ConfigDict, Field
 
-RunId = Annotated[
-    str, Path(description="Id of the run, as /api/v1/runs lists it", examples=["2026-11-24T09-12-07-gj90c"])
-]
 Segment = Annotated[
     int | None, Field(description="Only in this gap-free stretch of the run, from 0", ge=0, le=1_000_000, examples=[0])
 ]

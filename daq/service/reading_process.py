@@ -4,18 +4,20 @@ import multiprocessing
 import queue
 import signal
 import threading
+import time
 from collections.abc import Callable
 from contextlib import suppress
+from enum import Enum
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from types import TracebackType
-from typing import Self, TypeVar
+from typing import Any, Self, TypeVar
 
 from daq.errors import ServiceError
 from daq.session.priority import give_way
 
 T = TypeVar("T")
-DEADLINE = 300.0  # s that one piece of work may take
+DEADLINE = 30.0  # s that one piece of work may take
 STEPS = 15  # of priority below the acquisition and the live view
 LOOK = 0.2  # s between two looks at whether the process is to end
 JOIN_TIME = 2.0  # s
@@ -23,6 +25,18 @@ JOIN_TIME = 2.0  # s
 
 class ReadingStoppedError(ServiceError):
     """The work was not finished: it took too long, its process went away, or the service ends."""
+
+
+class OverdueError(ReadingStoppedError):
+    """The work took too long."""
+
+
+class _Word(Enum):
+    """What a message from the process is."""
+
+    TOLD = "told"
+    DONE = "done"
+    FAILED = "failed"
 
 
 class ReadingProcess:
@@ -33,30 +47,47 @@ class ReadingProcess:
         self._process: BaseProcess | None = None
         self._ending = threading.Event()
 
-    def run(self, work: Callable[..., T], arguments: tuple[object, ...], deadline: float) -> T:
-        """Return what ``work`` returns there, within ``deadline`` s; what it raises is raised here."""
+    def run(
+        self,
+        work: Callable[..., T],
+        arguments: tuple[object, ...],
+        deadline: float,
+        told: Callable[[Any], None] | None = None,
+    ) -> T:
+        """Return what ``work`` returns there, within ``deadline`` s; what it raises is raised here.
+
+        With ``told``, its first argument there is a callable that takes words on how it goes; they are told here.
+        """
         pipe = self._started()
+        until = time.monotonic() + deadline
         try:
-            pipe.send((work, arguments))
-            self._await(pipe, deadline)
-            is_well, result = pipe.recv()
+            pipe.send((work, arguments, told is not None))
+            while True:
+                self._await(pipe, until, deadline)
+                word, content = pipe.recv()
+                if word is not _Word.TOLD:
+                    break
+                if told is not None:
+                    told(content)
         except (OSError, EOFError) as error:
             self._kill()
             raise ReadingStoppedError(f"the reading process went away: {error}") from error
-        if not is_well:
-            raise result
-        done: T = result
+        if word is _Word.FAILED:
+            raise content
+        done: T = content
         return done
 
-    def _await(self, pipe: Connection, deadline: float) -> None:
-        waited = 0.0
-        while not pipe.poll(LOOK):
-            waited += LOOK
-            if self._ending.is_set() or waited > deadline:
+    def _await(self, pipe: Connection, until: float, deadline: float) -> None:
+        """Return when there is a message."""
+        is_there = False
+        while not is_there:
+            is_there = pipe.poll(LOOK)
+            if self._ending.is_set():
                 self._kill()
-                raise ReadingStoppedError(
-                    "the service ends" if self._ending.is_set() else f"not done after {deadline:g} s"
-                )
+                raise ReadingStoppedError("the service ends")
+            if time.monotonic() > until:
+                self._kill()
+                raise OverdueError(f"not done after {deadline:g} s")
 
     def end(self) -> None:
         """Give up what is under way; nothing is begun any more."""
@@ -105,8 +136,15 @@ class ReadingProcesses:
         for process in self._all:
             self._free.put(process)
 
-    def run(self, work: Callable[..., T], *arguments: object) -> T:
+    def run(self, work: Callable[..., T], *arguments: object, deadline: float | None = None) -> T:
         """Return what ``work``, a function of a module, returns for ``arguments``, done in one of the processes.
+
+        Parameters
+        ----------
+        work, *arguments : callable, object
+            What is to be done.
+        deadline : float or None
+            How long it may take, s, where that is another time.
 
         Raises
         ------
@@ -115,7 +153,7 @@ class ReadingProcesses:
         """
         process = self._free.get()
         try:
-            return process.run(work, arguments, self._deadline)
+            return process.run(work, arguments, self._deadline if deadline is None else deadline)
         finally:
             self._free.put(process)
 
@@ -146,15 +184,19 @@ def _serve(pipe: Connection) -> None:
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), signal.SIG_IGN)
     give_way(STEPS)
+
+    def tell(words: object) -> None:
+        pipe.send((_Word.TOLD, words))
+
     while True:
         try:
-            work, arguments = pipe.recv()
+            work, arguments, tells = pipe.recv()
         except (EOFError, OSError):
             return
         try:
-            answer = (True, work(*arguments))
+            answer = (_Word.DONE, work(*((tell,) if tells else ()), *arguments))
         except Exception as error:  # noqa: BLE001 - whatever it is, it is raised where it was asked for
-            answer = (False, error)
+            answer = (_Word.FAILED, error)
         try:
             pipe.send(answer)
         except (EOFError, OSError):

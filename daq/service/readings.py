@@ -6,6 +6,7 @@ from types import TracebackType
 from typing import Protocol, Self, TypeVar
 
 import numpy as np
+from pydantic import BaseModel
 
 from analysis.run import RunHeader
 from analysis.summary import RunSummary
@@ -16,9 +17,9 @@ from daq.service.documents.live import predicted_document
 from daq.service.documents.summary import speed_row_document
 from daq.service.documents.units import degrees, finite, rpm
 from daq.service.kinds import Kind
-from daq.service.problems import ProblemError
+from daq.service.problems import JobHint, ProblemError
 from daq.service.questions import SampleFormat, SamplesQuery
-from daq.service.reading_process import ReadingProcesses, ReadingStoppedError
+from daq.service.reading_process import OverdueError, ReadingProcesses, ReadingStoppedError
 from daq.service.records import NoSuchMomentError
 from daq.service.sample_answers import NoArrowError, TooMuchError
 from model.prediction import Prediction
@@ -44,7 +45,15 @@ FAILURES: dict[type[Exception], Kind] = {
     TooMuchError: Kind.TOO_MUCH,
     NoArrowError: Kind.NOT_ACCEPTABLE,
     ReadingStoppedError: Kind.BUSY,
+    OverdueError: Kind.TAKES_TOO_LONG,
 }
+ARRIVAL_LIMIT = 3600.0  # s that looking through a recording that was sent in may take
+
+
+def answer_job(run: str, address: str, query: BaseModel | None) -> JobHint:
+    """Return the order for a job that makes the answer of an address."""
+    parameters = {} if query is None else query.model_dump(mode="json", exclude_defaults=True)
+    return {"kind": "answer", "run": run, "address": address, "parameters": parameters}
 
 
 class Readings:
@@ -62,9 +71,10 @@ class Readings:
         self._models = models
         self._processes = ReadingProcesses(processes)
 
-    def answer(self, run: RunEntry, what: str, query: object, *, packed: bool) -> bytes:
+    def answer(self, run: RunEntry, what: str, query: BaseModel | None, *, packed: bool) -> bytes:
         """Return the answer of this name (see `daq.service.answers`) as JSON, gzipped where it is `packed`."""
-        return self._run(answers.answer_of, run.path, what, query, packed)
+        job = answer_job(run.id, what.removeprefix(answers.DRAWN), query)
+        return self._run(answers.answer_of, run.path, what, query, packed, job=job)
 
     def samples(self, run: RunEntry, query: SamplesQuery, form: SampleFormat, *, packed: bool) -> bytes:
         """Return a stretch of samples."""
@@ -72,12 +82,12 @@ class Readings:
 
     def summary(self, path: Path) -> RunSummary:
         """Return what the run of a file was."""
-        return self._run(answers.summary, path)
+        return self._run(answers.summary, path, job=answer_job(path.stem, "summary", None))
 
     def require_whole(self, draft: Path) -> None:
         """Raise ProblemError where a file that was sent in is no whole recording."""
         try:
-            self._run(require_whole, draft)
+            self._run(require_whole, draft, deadline=ARRIVAL_LIMIT)
         except (DamagedError, UnknownFormatError) as error:
             raise ProblemError(Kind.NO_RECORDING, str(error).replace(str(draft), "what was sent")) from error
 
@@ -117,11 +127,15 @@ class Readings:
             raise ProblemError(Kind.MODEL_NOT_READY, "the model's map of this rig is being computed")
         return prediction
 
-    def _run(self, work: Callable[..., T], *arguments: object) -> T:
+    def _run(
+        self, work: Callable[..., T], *arguments: object, deadline: float | None = None, job: JobHint | None = None
+    ) -> T:
         try:
-            return self._processes.run(work, *arguments)
+            return self._processes.run(work, *arguments, deadline=deadline)
         except tuple(FAILURES) as error:
-            raise ProblemError(FAILURES[type(error)], str(error)) from error
+            is_overdue = isinstance(error, OverdueError)
+            detail = f"{error}; POST `job` to /api/v1/jobs" if is_overdue and job else str(error)
+            raise ProblemError(FAILURES[type(error)], detail, job=job if is_overdue else None) from error
 
     def close(self) -> None:
         """End the processes."""

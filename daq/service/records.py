@@ -13,7 +13,7 @@ from analysis.run import RunHeader
 from analysis.samples import SegmentEnd
 from analysis.snapshot import OrderFrame, Snapshot
 from analysis.summary import RunSummary, SummaryBuilder
-from daq.session.offline import results
+from daq.session.offline import Progress, results
 from recordings.errors import NotFoundError
 from recordings.reader import RunReader
 
@@ -133,12 +133,17 @@ def records(path: Path) -> Records:
 
 @lru_cache(maxsize=RUNS_KEPT)
 def _read(path: Path, _size: int, _changed_ns: int) -> Records:
+    return read_records(path)
+
+
+def read_records(path: Path, on_progress: Progress | None = None) -> Records:
+    """Return the records of a run's file, read now; `on_progress` is told the part that is done, 0 to 1."""
     rows: list[tuple[float, ...]] = []
     vectors: list[ComplexArray] = []
     none = np.full(2, complex(np.nan, np.nan))
     with RunReader(path) as reader:
         builder = SummaryBuilder(reader.header)
-        for item in results(reader):
+        for item in results(reader, on_progress):
             if isinstance(item, SegmentEnd):
                 builder.segment_end(item)
                 continue

@@ -24,8 +24,7 @@ from daq.service.documents import (
 from daq.service.kinds import Kind
 from daq.service.live_run import Live, require_ended
 from daq.service.problems import ProblemError
-from daq.service.questions import RunId
-from daq.service.routing import Routing
+from daq.service.routing import Routing, RunId
 from daq.service.workers import Workers
 from daq.session.frame import LiveFrame
 from recordings.catalogue import RunEntry
@@ -97,6 +96,7 @@ class Routes:
         routing.add(
             "/runs/{run}/summary", self.summary, "get_run_summary", "runs", "What a run was",
             Kind.RUN_NOT_FOUND, *listing, Kind.RUN_UNDER_WAY, Kind.RUN_DAMAGED, Kind.RUN_FORMAT_UNKNOWN,
+            Kind.TAKES_TOO_LONG,
         )  # fmt: skip
         routing.add("/live", self.live, "get_live", "live", "The run under way, at this moment", Kind.NO_LIVE_RUN)
         routing.add(

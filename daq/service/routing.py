@@ -2,9 +2,9 @@
 
 from collections.abc import Callable, Coroutine, Mapping
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Annotated, Any, Final
 
-from fastapi import APIRouter, Request, Response
+from fastapi import APIRouter, Path, Request, Response
 from fastapi.datastructures import Default
 from fastapi.responses import JSONResponse
 from fastapi.routing import APIRoute
@@ -13,6 +13,9 @@ from daq.service.kinds import Kind
 from daq.service.problems import ProblemError, openapi_responses
 
 PREFIX: Final = "/api/v1"
+RunId = Annotated[
+    str, Path(description="Id of the run, as /api/v1/runs lists it", examples=["2026-11-24T09-12-07-gj90c"])
+]
 WITH_JSON: Final = frozenset({"POST", "PATCH"})
 
 

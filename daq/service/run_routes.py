@@ -6,7 +6,6 @@ from typing import Annotated, Protocol
 
 import numpy as np
 from fastapi import Query, Request, Response
-from fastapi.responses import StreamingResponse
 
 from daq.service.acceptance import accepts_gzip, best_type
 from daq.service.documents.course import (
@@ -20,18 +19,17 @@ from daq.service.documents.course import (
 )
 from daq.service.documents.document import Document
 from daq.service.documents.moment import FullSpectrumDocument, OrbitDocument, OrderSpectrumDocument
+from daq.service.file_answers import OCTETS, file_answer
 from daq.service.kinds import Kind
 from daq.service.live_run import Live, require_ended
-from daq.service.problems import ProblemError, problem_response
-from daq.service.questions import At, CascadeQuery, RunId, SampleFormat, SamplesQuery, Speed, TrendQuery
-from daq.service.ranges import NoSuchRangeError, byte_range, portions
+from daq.service.problems import ProblemError
+from daq.service.questions import At, CascadeQuery, Question, SampleFormat, SamplesQuery, Speed, TrendQuery
 from daq.service.readings import Readings
-from daq.service.routing import Routing
+from daq.service.routing import Routing, RunId
 from daq.service.tags import NOT_MODIFIED, entity_tag, file_tag, is_known
 from daq.service.workers import Workers
 from recordings.catalogue import RunEntry
 
-MCAP = "application/octet-stream"
 SVG = "image/svg+xml"
 NPZ = "application/x-npz"
 ARROW = "application/vnd.apache.arrow.stream"
@@ -42,6 +40,7 @@ READING = (
     Kind.RUN_UNDER_WAY,
     Kind.RUN_DAMAGED,
     Kind.RUN_FORMAT_UNKNOWN,
+    Kind.TAKES_TOO_LONG,
     Kind.STORAGE_UNAVAILABLE,
     Kind.BUSY,
 )
@@ -132,8 +131,8 @@ class RunRoutes:
             Kind.RUN_NOT_FOUND, Kind.BAD_PARAMETER, Kind.RUN_UNDER_WAY, Kind.STORAGE_UNAVAILABLE,
             Kind.BUSY, Kind.RANGE_NOT_SATISFIABLE,
             answers={
-                200: {"description": "The whole file, MCAP", "content": {MCAP: BINARY}},
-                206: {"description": "The stretch that `Range` asks for", "content": {MCAP: BINARY}},
+                200: {"description": "The whole file, MCAP", "content": {OCTETS: BINARY}},
+                206: {"description": "The stretch that `Range` asks for", "content": {OCTETS: BINARY}},
                 **NOT_MODIFIED,
             },
         )  # fmt: skip
@@ -218,34 +217,9 @@ class RunRoutes:
     async def file(self, request: Request, run: RunId) -> Response:
         """Send the recording, or with `Range` a stretch of it; `If-Range` makes sure that it is of the same file."""
         entry = await self._entry(run)
-        tag = file_tag(entry)
-        headers = {
-            "ETag": tag,
-            "Cache-Control": "private, no-cache",
-            "Accept-Ranges": "bytes",
-            "Content-Disposition": f'attachment; filename="{entry.path.name}"',
-        }
-        if is_known(request.headers.get("if-none-match"), tag):
-            return Response(status_code=304, headers=headers)
-        wanted = request.headers.get("range") if request.headers.get("if-range", tag) == tag else None
-        try:
-            stretch = byte_range(wanted, entry.size)
-        except NoSuchRangeError as error:
-            return problem_response(
-                Kind.RANGE_NOT_SATISFIABLE,
-                str(error),
-                request.url.path,
-                headers={"Content-Range": f"bytes */{entry.size}"},
-            )
-        begin, end = stretch or (0, entry.size)
-        headers["Content-Length"] = str(end - begin)
-        if stretch is not None:
-            headers["Content-Range"] = f"bytes {begin}-{end - 1}/{entry.size}"
-        return StreamingResponse(
-            portions(entry.path, begin, end), 200 if stretch is None else 206, headers=headers, media_type=MCAP
-        )
+        return file_answer(request, entry.path, entry.size, file_tag(entry))
 
-    async def _answer(self, request: Request, run: str, what: str, query: object = None) -> Response:
+    async def _answer(self, request: Request, run: str, what: str, query: Question | None = None) -> Response:
         packed = accepts_gzip(request.headers.get("accept-encoding"))
         entry = await self._entry(run)
         tag = entity_tag(entry, self._version, what, str(packed))

@@ -1,7 +1,9 @@
 """What runs were, as documents: read once, then kept beside the recordings."""
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
+from typing import Protocol
 
 from pydantic import ValidationError
 
@@ -11,16 +13,39 @@ from analysis.summary import RunSummary
 from daq.service.documents import SummaryDocument, summary_document
 from daq.service.documents.mark import mark_document
 from daq.session.offline import summarise
-from daq.session.predictors import PATIENCE, Predictors
+from daq.session.predictors import PATIENCE
 from daq.session.reevaluation import corrected_header, reevaluate
 from model.compare import compare
+from model.prediction_map import PredictionMap
 from recordings.catalogue import Catalogue
 from recordings.marks import Mark
 from recordings.reader import RunReader
 
 KEPT_AS = "summary"
 
-Waiting = Callable[[str], None]
+Waiting = Callable[[str, float | None], None]
+"""Told what goes on, and the part of it that is done, 0 to 1, where that is known."""
+
+
+class Mapped(Protocol):
+    """The model's map of one rig."""
+
+    @property
+    def map(self) -> PredictionMap | None:
+        """The map; None as long as there is none."""
+        ...
+
+    def wait(self, patience: float, on_progress: Callable[[str], None]) -> PredictionMap | None:
+        """Return the map when it is there, or None."""
+        ...
+
+
+class Maps(Protocol):
+    """The model's maps."""
+
+    def of(self, header: RunHeader) -> Mapped:
+        """Return the map of the rig of a run."""
+        ...
 
 
 class Summaries:
@@ -30,17 +55,15 @@ class Summaries:
     ----------
     catalogue : Catalogue
         The data folder.
-    predictors : Predictors
-        The model's predictions.
+    maps : Maps
+        The model's.
     read : callable or None
         Sums up the run of a file for whoever asks over REST; None does it here.
     """
 
-    def __init__(
-        self, catalogue: Catalogue, predictors: Predictors, read: Callable[[Path], RunSummary] | None = None
-    ) -> None:
+    def __init__(self, catalogue: Catalogue, maps: Maps, read: Callable[[Path], RunSummary] | None = None) -> None:
         self._catalogue = catalogue
-        self._predictors = predictors
+        self._maps = maps
         self._read = read
 
     def summary(self, run_id: str) -> SummaryDocument:
@@ -70,16 +93,16 @@ class Summaries:
         with RunReader(self._catalogue.path(run_id)) as reader:
             header, clock = corrected_header(reader.header, calibrations), reader.clock_error
             marks = reader.marks()
-            predictor = self._predictors.of(header)
-            summary = reevaluate(reader, header, lambda part: waiting(f"analysing {run_id} anew: {100 * part:.0f} %"))
-        predictor.wait(PATIENCE, lambda state: waiting(f"model {state}"))
+            predictor = self._maps.of(header)
+            summary = reevaluate(reader, header, partial(waiting, f"analysing {run_id} anew"))
+        predictor.wait(PATIENCE, lambda state: waiting(f"model {state}", None))
         return self.document(summary, header, clock, marks)
 
     def document(
         self, summary: RunSummary, header: RunHeader, clock: ClockError | None, marks: tuple[Mark, ...] = ()
     ) -> SummaryDocument:
         """Return a summary with how it agrees with the model of the run's rig, null where its map is not ready."""
-        prediction_map = self._predictors.of(header).map
+        prediction_map = self._maps.of(header).map
         agreement = None if prediction_map is None else compare(summary, prediction_map)
         rate = header.acquisition.rate
         return summary_document(summary, agreement, clock, tuple(mark_document(mark, rate) for mark in marks))
@@ -97,11 +120,11 @@ class Summaries:
         with RunReader(self._catalogue.path(run_id)) as reader:
             header, is_complete, clock = reader.header, reader.is_complete, reader.clock_error
             marks = reader.marks()
-            told = None if waiting is None else lambda part: waiting(f"reading {run_id}: {100 * part:.0f} %")
-            predictor = self._predictors.of(header)
+            told = None if waiting is None else partial(waiting, f"reading {run_id}")
+            predictor = self._maps.of(header)
             summary = self._read(reader.path) if self._read is not None and waiting is None else summarise(reader, told)
         if waiting is not None:
-            predictor.wait(PATIENCE, lambda state: waiting(f"model {state}"))
+            predictor.wait(PATIENCE, lambda state: waiting(f"model {state}", None))
         document = self.document(summary, header, clock, marks)
         if is_complete and predictor.map is not None:
             self._catalogue.store_document(run_id, KEPT_AS, document.model_dump(mode="json"))

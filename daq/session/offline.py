@@ -24,30 +24,34 @@ def summarise(reader: RunReader, on_progress: Progress | None = None) -> RunSumm
     on_progress : callable or None
         Told the part that is done, 0 to 1.
     """
-    told = on_progress or (lambda _part: None)
     builder = SummaryBuilder(reader.header)
-    duration = max(reader.duration, 1e-9)
-    done = 0.0
-    for item in results(reader):
+    for item in results(reader, on_progress):
         if isinstance(item, SegmentEnd):
             builder.segment_end(item)
-            done += item.samples / reader.header.acquisition.rate
         else:
             builder.snapshot(item)
-            told(min(1.0, (done + item.time) / duration))
     return builder.summary()
 
 
-def results(reader: RunReader) -> Iterator[Snapshot | SegmentEnd]:
+def results(reader: RunReader, on_progress: Progress | None = None) -> Iterator[Snapshot | SegmentEnd]:
     """Yield the results of a recording and the ends of its segments, as recorded or analysed again as `summarise` does.
 
     Parameters
     ----------
     reader : RunReader
         The recording.
+    on_progress : callable or None
+        Told the part that is done, 0 to 1.
     """
     is_whole = reader.is_complete and reader.skipped_samples == 0
-    return _kept(reader) if is_whole else _analysed(reader)
+    duration = max(reader.duration, 1e-9)
+    before = 0.0  # s of the segments before
+    for item in _kept(reader) if is_whole else _analysed(reader):
+        yield item
+        if isinstance(item, SegmentEnd):
+            before += item.samples / reader.header.acquisition.rate
+        elif on_progress is not None:
+            on_progress(min(1.0, (before + item.time) / duration))
 
 
 def _kept(reader: RunReader) -> Iterator[Snapshot | SegmentEnd]:

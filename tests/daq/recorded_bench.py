@@ -15,6 +15,7 @@ from daq.service.app import create_app
 from daq.service.documents.alarm import AcknowledgedDocument, alarm_document
 from daq.service.documents.mark import MarkDocument
 from daq.service.documents.units import moment
+from daq.service.jobs import DataPlace, Jobs
 from daq.service.live_routes import Desk
 from daq.service.readings import Readings
 from daq.service.server import ServiceServer
@@ -105,7 +106,8 @@ def open_recorded_bench(
     catalogue, live, predictors = Catalogue(folder), FakeLive(), Predictors()
     readings = Readings(KnownModels())
     steered = Steered(live)
-    abilities = Abilities(readings, steered, desk, catalogue, origins)
+    jobs = Jobs(DataPlace(folder))
+    abilities = Abilities(readings, steered, desk, catalogue, jobs, origins)
     summaries = Summaries(catalogue, predictors, readings.summary)
     app = create_app(catalogue, live, summaries, None, abilities=abilities, host=host, token=token)
     server = ServiceServer(app)
@@ -115,6 +117,7 @@ def open_recorded_bench(
     def close() -> None:
         client.close()
         server.close()
+        jobs.close()
         readings.close()
         predictors.close()
 

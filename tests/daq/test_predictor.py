@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from analysis.run import AnalysisSettings
-from daq.session.predictor import Predictor, cache_folder
+from daq.session.kept_maps import cache_folder
+from daq.session.predictor import Predictor
 from model.gj90c import gj90c
 from model.prediction_map import compute_prediction_map
 

@@ -1,5 +1,7 @@
 """What goes wrong, told as RFC 9457 tells it."""
 
+from typing import Any
+
 from pydantic import Field
 
 from daq.service.documents.document import Document
@@ -28,4 +30,8 @@ class ProblemDocument(Document):
     instance: str = Field(description="What was asked for", examples=["/api/v1/runs/2026-11-24T09-12-07-gj90c"])
     faults: tuple[Fault, ...] = Field(
         description="Every parameter that is wrong; empty where it is not about parameters", examples=[[]]
+    )
+    job: dict[str, Any] | None = Field(
+        description="What to POST to /api/v1/jobs for the same without a time limit; null where no job does it",
+        examples=[None],
     )
