@@ -1,6 +1,7 @@
 """The NI USB-6251, by the driver on this machine or by a gRPC device server elsewhere.
 
-`driver` is the one file that knows nidaqmx and gRPC, `faults` says what its codes mean at the bench, `source` reads.
+`connection`, `driver`, `counter` and `system` know nidaqmx and gRPC, `faults` says what its codes mean at the bench,
+`source` and `stamps` read.
 """
 
 from daq.drivers.usb6251.devices import FoundDevice, connected_devices, self_test

@@ -44,7 +44,7 @@ def connected_devices(section: DeviceSection) -> list[FoundDevice]:
         Package or driver not installed, server out of reach.
     """
     with card_extra():
-        from daq.drivers.usb6251.driver import NiSystem  # noqa: PLC0415 - an optional extra, and slow to import
+        from daq.drivers.usb6251.system import NiSystem  # noqa: PLC0415 - an optional extra, and slow to import
     with closing(NiSystem(section)) as system:
         return system.devices()
 
@@ -58,6 +58,6 @@ def self_test(section: DeviceSection) -> None:
         Package or driver not installed, server out of reach, card missing, busy or failed.
     """
     with card_extra():
-        from daq.drivers.usb6251.driver import NiSystem  # noqa: PLC0415 - an optional extra, and slow to import
+        from daq.drivers.usb6251.system import NiSystem  # noqa: PLC0415 - an optional extra, and slow to import
     with closing(NiSystem(section)) as system:
         system.self_test()

@@ -1,32 +1,26 @@
-"""The card as NI-DAQmx offers it: the one file that knows nidaqmx and gRPC, where their errors become `DeviceError`."""
+"""The card as NI-DAQmx offers it: its acquisition, reserved, started, read and released."""
 
 import math
 import threading
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
-from dataclasses import dataclass
-from typing import Any
 
-import grpc
 import numpy as np
 from nidaqmx.constants import AcquisitionType, TaskMode, TerminalConfiguration
-from nidaqmx.error_codes import DAQmxErrors
-from nidaqmx.errors import DaqError, DaqNotFoundError, DaqReadError, Error, RpcError
-from nidaqmx.grpc_session_options import GrpcSessionOptions, SessionInitializationBehavior
+from nidaqmx.errors import DaqReadError, Error
 from nidaqmx.stream_readers import AnalogUnscaledReader
 from nidaqmx.system.device import Device
-from nidaqmx.system.system import System
 from nidaqmx.task import Task
 from nidaqmx.task.channels import AIChannel
 from numpy.typing import NDArray
 
-from analysis.run import Acquisition, Channel, Role
+from analysis.run import Acquisition, Channel, Role, TachoCounter
 from analysis.run import Device as DeviceRecord
 from daq.config.rig import Rig
-from daq.config.schema import ChannelSection, DeviceSection
-from daq.drivers.usb6251.devices import FoundDevice
-from daq.drivers.usb6251.faults import ABSENT_CODES, BUSY_CODES, NOT_YET_AVAILABLE, bench_words, device_fault
+from daq.config.schema import ChannelSection
+from daq.drivers.usb6251.connection import Connection
+from daq.drivers.usb6251.counter import NiCounter
+from daq.drivers.usb6251.faults import ABSENT_CODES, NOT_YET_AVAILABLE
 from daq.errors import DeviceError, DeviceFault
 
 PATIENCE = 1.0  # s that a block may come late before the device is asked what is wrong
@@ -37,109 +31,6 @@ TERMINALS = {
     "rse": TerminalConfiguration.RSE,
     "nrse": TerminalConfiguration.NRSE,
 }
-CHANNEL_OPTIONS = (
-    ("grpc.max_receive_message_length", -1),  # a second of samples is more than the 4 MiB that gRPC would take
-    ("grpc.use_local_subchannel_pool", 1),  # a new opening tries anew, it does not inherit the last one's back-off
-    ("grpc.enable_http_proxy", 0),  # the server stands on the bench's own network
-)
-
-
-@dataclass(frozen=True, slots=True)
-class _CallDetails(grpc.ClientCallDetails):
-    method: str
-    timeout: float
-    metadata: Any
-    credentials: Any
-    wait_for_ready: Any
-    compression: Any
-
-
-class Deadline(grpc.UnaryUnaryClientInterceptor):
-    """Give every call a deadline: nidaqmx sets none, and a frozen server would hold its client for ever.
-
-    Parameters
-    ----------
-    base : float
-        Time that a call may take, s, beyond the time-out that it asks the driver for.
-    """
-
-    def __init__(self, base: float) -> None:
-        self._base = base
-
-    def intercept_unary_unary(
-        self, continuation: Callable[[Any, Any], Any], client_call_details: Any, request: object
-    ) -> Any:
-        """Pass the call on, with its deadline."""
-        asked = max(0.0, float(getattr(request, "timeout", 0.0)))
-        details = _CallDetails(
-            client_call_details.method,
-            self._base + asked,
-            client_call_details.metadata,
-            client_call_details.credentials,
-            client_call_details.wait_for_ready,
-            client_call_details.compression,
-        )
-        return continuation(details, request)
-
-
-class NiSystem:
-    """The driver, here or at a device server, without an acquisition: what is connected and how it is.
-
-    Parameters
-    ----------
-    section : DeviceSection
-        Where the driver is, and which card is meant.
-
-    Raises
-    ------
-    DeviceError
-        From every method but `close`.
-    """
-
-    def __init__(self, section: DeviceSection) -> None:
-        self._section = section
-        self._channel = _channel(section) if section.target else None
-
-    def devices(self) -> list[FoundDevice]:
-        """Return what is connected."""
-        with _translated(self._section):
-            system = self._system()
-            version = "NI-DAQmx " + ".".join(str(part) for part in system.driver_version) + _where(self._section)
-            return [
-                FoundDevice(
-                    name=str(device.name),
-                    product=str(device.product_type),
-                    serial=f"{device.serial_num:X}",
-                    simulated=bool(device.is_simulated),
-                    busy=self._is_busy(device),
-                    driver=version,
-                )
-                for device in system.devices
-            ]
-
-    def self_test(self) -> None:
-        """Let the card that is meant test itself; it must be idle."""
-        with _translated(self._section):
-            _find(self._system(), self._section).self_test_device()
-
-    def close(self) -> None:
-        """Close the connection to the server; harmless when closed."""
-        if self._channel is not None:
-            self._channel.close()
-
-    def _system(self) -> System:
-        return System(None if self._channel is None else _session(self._channel, ""))
-
-    def _is_busy(self, device: Device) -> bool | None:
-        """Return whether another acquisition holds the device; None where it has no analog input to ask for."""
-        options = None if self._channel is None else _session(self._channel, "")
-        with Task(grpc_options=options) as task:
-            try:
-                task.ai_channels.add_ai_voltage_chan(f"{device.name}/ai0")
-                task.control(TaskMode.TASK_COMMIT)
-            except DaqError as error:
-                return True if error.error_code in BUSY_CODES else None
-        return False
 
 
 class NiCard:
@@ -158,20 +49,21 @@ class NiCard:
     """
 
     def __init__(self, rig: Rig) -> None:
-        self._section = rig.config.device
+        self._connection = Connection(rig.config.device)
         self._task: Task | None = None
+        self._counter: NiCounter | None = None
         self._lock = threading.Lock()
         self._closed = False
-        self._channel = _channel(self._section) if self._section.target else None
         with ExitStack() as undo:
             undo.callback(self.close)
-            with _translated(self._section):
-                remote = _session(self._channel, "") if self._channel is not None else None
-                self._system = System(remote)
-                device = _find(self._system, self._section)
+            with self._connection.translated():
+                self._system = self._connection.system()
+                device = self._connection.device(self._system)
                 self._name = str(device.name)
-                self._task = self._new_task()
+                self._task = self._connection.lasting_task(self._name, abandoned_after=ABANDONED_AFTER)
                 self.acquisition = self._configure(self._task, rig, device)
+                if rig.tacho.counter is not None:
+                    self._counter = self._open_counter(rig, rig.tacho.counter)
             undo.pop_all()
 
     def start(self) -> None:
@@ -211,10 +103,25 @@ class NiCard:
         with self._use() as task:
             return int(task.in_stream.total_samp_per_chan_acquired)
 
+    def start_counter(self) -> None:
+        """Start the counter, or start it again; it waits for `start`."""
+        with self._use_counter() as counter:
+            counter.task.start()
+
+    def stop_counter(self) -> None:
+        """Stop the counter; it stays reserved."""
+        with self._use_counter() as counter:
+            counter.task.stop()
+
+    def counts(self) -> tuple[NDArray[np.uint32], bool]:
+        """Return the counts that the tacho's edges have latched since the last call, and whether that was all."""
+        with self._use_counter() as counter:
+            return counter.read()
+
     def is_present(self) -> bool:
         """Ask the driver whether the card is still there; only after `release`, for a card at work cannot be tested."""
         try:
-            with self._lock, _translated(self._section):
+            with self._lock, self._connection.translated():
                 if self._closed:
                     raise _closed()
                 if self._name not in self._system.devices.device_names:
@@ -227,45 +134,28 @@ class NiCard:
     def release(self) -> None:
         """Give the card free for others; harmless when it is, waits for a read in progress."""
         with self._lock:
+            counter, self._counter = self._counter, None
             task, self._task = self._task, None
-            if task is not None:
-                with suppress(Error):  # a card that is gone, or its server, cannot be told
-                    task.close()
+            for held in (None if counter is None else counter.task, task):
+                if held is not None:
+                    with suppress(Error):  # a card that is gone, or its server, cannot be told
+                        held.close()
 
     def close(self) -> None:
         """Release the card and the connection to it; harmless when closed."""
         self.release()
         with self._lock:
             self._closed = True
-            if self._channel is not None:
-                self._channel.close()
+            self._connection.close()
 
-    def _new_task(self) -> Task:
-        if self._channel is None:
-            return Task()
-        name = f"rig-{self._name}"  # a fixed name, so that what a client that died has left can be found and cleared
-        self._clear_leftover(self._channel, name)
-        fresh = _session(self._channel, name, SessionInitializationBehavior.INITIALIZE_SERVER_SESSION)
+    def _open_counter(self, rig: Rig, counter: TachoCounter) -> NiCounter:
+        task = self._connection.lasting_task(self._name, "-counter", abandoned_after=0.0)  # whose the inputs are
         try:
-            return Task(name, grpc_options=fresh)
+            return NiCounter(task, self._name, counter, rig.config)
         except Error:
-            self._clear_leftover(self._channel, name)
+            with suppress(Error):
+                task.close()
             raise
-
-    def _clear_leftover(self, channel: grpc.Channel, name: str) -> None:
-        """Clear the acquisition that a client which died has left on the server; one that is read is another's."""
-        try:
-            attach = _session(channel, name, SessionInitializationBehavior.ATTACH_TO_SERVER_SESSION)
-            leftover = Task(name, grpc_options=attach)
-        except Error:
-            return  # there is none, or what is wrong with the server will be said when the task is made
-        position = _position(leftover)
-        time.sleep(ABANDONED_AFTER)
-        if _position(leftover) != position:
-            raise DeviceError(
-                DeviceFault.BUSY, f"another recording is reading {self._name}{_where(self._section)}: stop it there"
-            )
-        leftover.close()
 
     def _configure(self, task: Task, rig: Rig, device: Device) -> Acquisition:
         timing = rig.config.timing
@@ -287,7 +177,7 @@ class NiCard:
                 backend="nidaqmx",
                 product=str(device.product_type),
                 serial=f"{device.serial_num:X}",
-                driver="NI-DAQmx " + ".".join(str(part) for part in version) + _where(self._section),
+                driver="NI-DAQmx " + ".".join(str(part) for part in version) + self._connection.where,
                 simulated=bool(device.is_simulated),
             ),
             rate=rate,
@@ -308,92 +198,21 @@ class NiCard:
 
     @contextmanager
     def _use(self) -> Iterator[Task]:
-        with self._lock, _translated(self._section):
+        with self._lock, self._connection.translated():
             if self._task is None:
                 raise _closed()
             yield self._task
 
-
-def _find(system: System, section: DeviceSection) -> Device:
-    devices: list[Device] = list(system.devices)
-    for device in devices:
-        if section.serial:
-            bound = f"{device.serial_num:X}" == section.serial.upper().removeprefix("0X").lstrip("0")
-        else:
-            bound = device.name.casefold() == section.name.casefold()
-        if bound and device.product_type.startswith(section.product):
-            return device
-    binding = f"serial number {section.serial}" if section.serial else f"name {section.name}"
-    there = ", ".join(f"{d.name}: {d.product_type}, serial number {d.serial_num:X}" for d in devices) or "no device"
-    raise DeviceError(
-        DeviceFault.MISSING,
-        f"no {section.product} of {binding} is connected{_where(section)}; there is {there}. "
-        "Check its supply (it is not listed without) and its USB cable",
-    )
-
-
-def _where(section: DeviceSection) -> str:
-    return f" at device server {section.target}" if section.target else ""
-
-
-@contextmanager
-def _translated(section: DeviceSection) -> Iterator[None]:
-    try:
-        yield
-    except DaqError as error:
-        code = int(error.error_code)
-        fault = device_fault(code, known=error.error_type is not DAQmxErrors.UNKNOWN)
-        raise DeviceError(fault, f"{section.product}: {bench_words(code, str(error))}", code) from error
-    except RpcError as error:
-        raise _server_error(section, error) from error
-    except DaqNotFoundError as error:
-        raise DeviceError(
-            DeviceFault.DRIVER,
-            "the NI-DAQmx driver is not installed on this machine: install NI-DAQmx from ni.com/downloads, or set "
-            "device.target to the host:port of a device server",
-        ) from error
-    except (Error, OSError) as error:  # not for this platform, too old for a function, or not loadable
-        raise DeviceError(DeviceFault.DRIVER, f"NI-DAQmx: {' '.join(str(error).split())}") from error
-
-
-def _server_error(section: DeviceSection, error: RpcError) -> DeviceError:
-    server = f"device server {section.target}"
-    deadline = f"{section.deadline_s:g} s"
-    if error.rpc_code == grpc.StatusCode.DEADLINE_EXCEEDED:
-        return DeviceError(DeviceFault.TIMEOUT, f"{server} did not answer within its deadline of {deadline}")
-    if error.rpc_code == grpc.StatusCode.UNAVAILABLE:
-        return DeviceError(
-            DeviceFault.MISSING,
-            f"{server} cannot be reached (deadline {deadline}): is it running, is the network up?",
-        )
-    if error.rpc_code == grpc.StatusCode.UNIMPLEMENTED:
-        return DeviceError(DeviceFault.DRIVER, f"{server} is too old: {error.description}")
-    return DeviceError(DeviceFault.OTHER, f"{server}: {error}")
+    @contextmanager
+    def _use_counter(self) -> Iterator[NiCounter]:
+        with self._lock, self._connection.translated():
+            if self._counter is None:
+                raise _closed()
+            yield self._counter
 
 
 def _closed() -> DeviceError:
     return DeviceError(DeviceFault.OTHER, "the card has been closed")
-
-
-def _channel(section: DeviceSection) -> grpc.Channel:
-    plain = grpc.insecure_channel(section.target, options=CHANNEL_OPTIONS)
-    timed: grpc.Channel = grpc.intercept_channel(plain, Deadline(section.deadline_s))
-    return timed
-
-
-def _position(task: Task) -> int | None:
-    try:
-        return int(task.in_stream.curr_read_pos)
-    except DaqError:
-        return None  # it does not run
-
-
-def _session(
-    channel: grpc.Channel,
-    name: str,
-    behavior: SessionInitializationBehavior = SessionInitializationBehavior.AUTO,
-) -> GrpcSessionOptions:
-    return GrpcSessionOptions(channel, name, initialization_behavior=behavior)
 
 
 def _channel_record(rig: Rig, section: ChannelSection, channel: AIChannel) -> Channel:

@@ -10,6 +10,7 @@ from daq.config.rig import Rig
 from daq.drivers.restarts import Restarts
 from daq.drivers.usb6251.extra import card_extra
 from daq.drivers.usb6251.faults import ABSENT_CODES, OVERRUN_CODES
+from daq.drivers.usb6251.stamps import Stamps
 from daq.errors import DeviceError
 
 if TYPE_CHECKING:
@@ -58,6 +59,7 @@ class Usb6251:
     def __init__(self, card: "NiCard", restarts: Restarts) -> None:
         self._card = card
         self._restarts = restarts
+        self._stamps = Stamps(card)
         self._stopping = False  # a plain flag, which a signal handler may set at any instant
         self._iterated = False
 
@@ -99,7 +101,7 @@ class Usb6251:
                 except DeviceError as error:
                     yield self._fault(segment, 0, error)
                     return
-                end = yield from self._segment(segment)
+                end = self._stamps.told((yield from self._segment(segment)))
                 goes_on = end.reason is EndReason.OVERRUN and not self._stopping
                 if goes_on and not self._restarts.take():
                     goes_on, end = False, self._restarts.last(end)
@@ -117,6 +119,7 @@ class Usb6251:
             except DeviceError as error:
                 if error.code not in OVERRUN_CODES:  # stopping says once more what ended the acquisition
                     raise
+        self._stamps.start(again=again)
         self._card.start()
 
     def _segment(self, segment: int) -> Generator[SourceItem, None, SegmentEnd]:
@@ -128,8 +131,11 @@ class Usb6251:
                 return self._fault(segment, count, error)
             host_time_ns = time.time_ns()
             backlog, fault = self._backlog()
-            yield SampleBlock(codes, segment, count, host_time_ns, backlog)
-            count += codes.shape[1]
+            first, count = count, count + codes.shape[1]
+            if fault is not None:
+                self._stamps.fail(count, fault)
+            ticks = self._stamps.upto(count, backlog)
+            yield SampleBlock(codes, segment, first, host_time_ns, backlog, ticks)
             if fault is not None:
                 return self._fault(segment, count, fault)
         return self._stopped(segment, count)
