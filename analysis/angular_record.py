@@ -59,6 +59,16 @@ class AngularRecord:
     pulses: PulseRecord | None = None
     clipped: tuple[int, int] = (0, 0)
 
+    def __post_init__(self) -> None:
+        shape, marks = self.waveform.shape, (self.waveform.shape[1] + 1,) if self.waveform.ndim == 3 else None
+        if marks is None or shape[0] != 2 or self.times.shape != marks or self.time_sigma.shape != marks:
+            raise ValueError(
+                f"waveform {shape}, times {self.times.shape}, time_sigma {self.time_sigma.shape}: expected "
+                "(2, n, points) and twice (n + 1,)"
+            )
+        if not np.isfinite(self.waveform).all() or not (np.diff(self.times) > 0.0).all():
+            raise ValueError("waveform, times: expected finite metres and seconds that rise")
+
     @property
     def revolutions(self) -> int:
         """Number of whole revolutions."""
@@ -240,8 +250,9 @@ def record_of_codes(
     ValueError
         Shapes that do not fit.
     """
-    if codes.ndim != 2 or codes.shape[0] != len(acquisition.channels) or codes.shape[1] == 0:
-        raise ValueError(f"codes: shape {codes.shape}, expected ({len(acquisition.channels)}, n) with n > 0")
+    channels = len(acquisition.channels)
+    if codes.ndim != 2 or codes.shape[0] != channels or codes.shape[1] == 0 or codes.dtype != np.int16:
+        raise ValueError(f"codes: {codes.dtype} of shape {codes.shape}, expected int16 ({channels}, n) with n > 0")
     rows = (acquisition.row(Role.PROBE_X), acquisition.row(Role.PROBE_Y))
     for row in rows:
         is_stuck = bool((codes[row] == codes[row, 0]).all())

@@ -12,6 +12,7 @@ from analysis.slow_lines import MainsLine, SlowSignal
 FloatArray = NDArray[np.float64]
 
 BLOCKS = 20  # of the record, of which the means are compared
+SHORTEST_HUM = 0.4  # s
 CLEAR = 4.0  # standard deviations of the slope
 
 
@@ -78,10 +79,22 @@ def mains_hum(values: FloatArray, rate: float, record: AngularRecord | None = No
         Sample rate, Hz.
     record : AngularRecord or None
         Of the same samples, for the shaft's angle; the speed should not change by more than a few per cent.
+
+    Raises
+    ------
+    RecordTooShortError
+        With less than 0.4 s, too little to tell 50 Hz from 60 Hz.
     """
-    if record is None:
-        return SlowSignal(values, rate).mains()
+    if values.ndim != 1 or not rate > 0.0:
+        raise ValueError(f"values: shape {values.shape} at {rate} Hz, expected (n,) at a rate above 0")
     time = np.arange(values.size) / rate
-    inside = (time >= record.times[0]) & (time <= record.times[-1])
-    turns = np.interp(time[inside], record.times, np.arange(record.times.size, dtype=np.float64))
-    return SlowSignal(values[inside], rate, 2.0 * np.pi * turns).mains()
+    begin, end = (record.times[0], record.times[-1]) if record is not None else (-np.inf, np.inf)
+    inside = (time >= begin) & (time <= end)
+    seconds = float(np.count_nonzero(inside) / rate)
+    if seconds < SHORTEST_HUM:
+        raise RecordTooShortError(f"{seconds:.3f} s of samples, expected at least {SHORTEST_HUM} s to tell the mains")
+    angle = None
+    if record is not None:
+        turns = np.arange(record.times.size, dtype=np.float64)
+        angle = 2.0 * np.pi * np.interp(time[inside], record.times, turns)
+    return SlowSignal(values[inside], rate, angle).mains()

@@ -46,7 +46,14 @@ class EdgeDetector:
         -------
         ndarray of float64, shape (n_edges,)
             Positions on the axis of ``first``, in samples, rising.
+
+        Raises
+        ------
+        ValueError
+            Where the samples are not finite.
         """
+        if not np.isfinite(volts).all():
+            raise ValueError("volts: holds values that are not finite")
         wave = np.concatenate([self._last, self._sign * volts])
         if wave.size == 0:
             return np.empty(0)

@@ -76,6 +76,8 @@ def frequency_spectrum(
             f"waveform {waveform.shape}, overlap {overlap}, resolution {resolution} Hz: expected samples, 0 to "
             f"below 1, above 0 to {0.25 * rate} Hz"
         )
+    if not np.isfinite(waveform).all():
+        raise ValueError("waveform: holds values that are not finite")
     n = round(rate / resolution)
     if waveform.shape[-1] < n:
         raise RecordTooShortError(

@@ -71,7 +71,11 @@ def find_glitches(displacement: FloatArray, rate: float, angle: ShaftAngle, thre
     where fewer turns can be compared, are judged by those there are.
     """
     if displacement.ndim != 2 or displacement.shape[0] != 2 or not threshold > 0.0 or not rate > 0.0:
-        raise ValueError(f"displacement {displacement.shape}, threshold {threshold}: expected (2, n), above 0")
+        raise ValueError(
+            f"displacement {displacement.shape}, threshold {threshold}, {rate} Hz: expected (2, n), both above 0"
+        )
+    if not np.isfinite(displacement).all():
+        raise ValueError("displacement: holds values that are not finite, expected metres")
     n = displacement.shape[1]
     first, last = max(int(np.ceil(angle.time(angle.first) * rate)), 0), min(int(angle.time(angle.last) * rate), n - 1)
     off, scatter = np.zeros((2, n)), np.full((2, n), np.inf)

@@ -43,7 +43,7 @@ def order_spectrum(waveform: FloatArray, revolutions: int) -> tuple[FloatArray, 
     Raises
     ------
     ValueError
-        Where the samples are too few for the revolutions.
+        Where the samples are too few for the revolutions, or not finite.
 
     Notes
     -----
@@ -55,6 +55,8 @@ def order_spectrum(waveform: FloatArray, revolutions: int) -> tuple[FloatArray, 
             f"waveform of shape {waveform.shape} over {revolutions} revolutions: expected at least 1 revolution and "
             "2 samples a revolution on the last axis"
         )
+    if not np.isfinite(waveform).all():
+        raise ValueError("waveform: holds values that are not finite")
     n = waveform.shape[-1]
     spectrum = 2.0 * np.fft.rfft(waveform * hann(n), axis=-1)
     spectrum[..., 0] *= 0.5

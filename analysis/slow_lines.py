@@ -65,6 +65,8 @@ class SlowSignal:
         if values.ndim != 1 or (angle is not None and angle.shape != values.shape):
             shape = None if angle is None else angle.shape
             raise ValueError(f"values: shape {values.shape} with angle {shape}, expected both (n,)")
+        if values.size == 0 or not np.isfinite(values).all():
+            raise ValueError(f"values: {values.size} samples, expected some, all finite")
         step = max(int(rate / SLOW_RATE), 1)
         thinned = _thinned(values, step)
         self._rate = rate / step

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solveh_banded
+from scipy.linalg import LinAlgError, solveh_banded
 
 from analysis.errors import RecordTooShortError
 
@@ -79,7 +79,7 @@ def order_envelopes(
     Raises
     ------
     RecordTooShortError
-        With fewer than 8 samples.
+        With fewer than 8 samples, or too few to tell the orders apart at this bandwidth.
     ValueError
         Shapes, orders above 0.45 of the rate, or a bandwidth that is out of reach at this rate.
 
@@ -93,8 +93,6 @@ def order_envelopes(
     """
     waveform, angle = np.asarray(waveform, dtype=np.float64), np.asarray(angle, dtype=np.float64)
     _check(waveform, angle, orders)
-    if (bandwidth is None) == (bandwidth_percent is None):
-        raise ValueError("bandwidth, bandwidth_percent: expected one of the two, Hz or per cent of the order")
     n, count = waveform.size, len(orders)
     turn_rate = np.gradient(angle) * rate / (2.0 * np.pi)
     if max(orders) * float(turn_rate.max()) > 0.45 * rate:
@@ -102,16 +100,11 @@ def order_envelopes(
             f"order {max(orders)} reaches {max(orders) * float(turn_rate.max()):.0f} Hz, expected at most 0.45 of the "
             f"rate, {0.45 * rate:.0f} Hz"
         )
-    widths = np.empty((count, n))
-    for index, order in enumerate(orders):
-        widths[index] = bandwidth if bandwidth is not None else 0.01 * (bandwidth_percent or 0.0) * order * turn_rate
+    widths = _widths(np.array(orders)[:, None] * turn_rate, bandwidth, bandwidth_percent)
     weights = _weights(widths, rate)
     turning = np.exp(1j * np.array(orders)[:, None] * angle)
     rows = np.stack([turning.real, -turning.imag], axis=1).reshape(2 * count, n)  # x = rows · (Re, Im)
-    solution = solveh_banded(
-        _equations(rows, np.repeat(weights, 2, axis=0)), (rows * waveform).T.ravel(), lower=True, check_finite=False
-    )
-    parts = solution.reshape(n, count, 2)
+    parts = _solution(rows, weights, waveform).reshape(n, count, 2)
     envelopes = np.ascontiguousarray((parts[..., 0] + 1j * parts[..., 1]).T)
     rest = waveform - (envelopes * turning).real.sum(axis=0)
     # sigma_A = sigma_x sqrt(2 * noise bandwidth / rate); that of a filter 1 / (1 + u^4) is 3 pi / (8 sqrt 2) of its
@@ -119,6 +112,28 @@ def order_envelopes(
     noise_width = widths * 3.0 * np.pi / (8.0 * np.sqrt(2.0)) * HALF_POWER**-0.25
     sigma = float(np.std(rest)) * np.sqrt(2.0 * noise_width / rate)
     return OrderEnvelopes(tuple(orders), envelopes, sigma, angle, rest)
+
+
+def _widths(frequencies: FloatArray, bandwidth: float | None, bandwidth_percent: float | None) -> FloatArray:
+    """Return the bandwidth of each order at each sample, Hz, of orders at these frequencies, Hz."""
+    if bandwidth is not None and bandwidth_percent is None:
+        return np.full(frequencies.shape, bandwidth)
+    if bandwidth is None and bandwidth_percent is not None:
+        return 0.01 * bandwidth_percent * frequencies
+    raise ValueError("bandwidth, bandwidth_percent: expected one of the two, Hz or per cent of the order")
+
+
+def _solution(rows: FloatArray, weights: FloatArray, waveform: FloatArray) -> FloatArray:
+    """Return the envelopes' parts, one sample after the other."""
+    equations = _equations(rows, np.repeat(weights, 2, axis=0))
+    try:
+        solution = solveh_banded(equations, (rows * waveform).T.ravel(), lower=True, check_finite=False)
+    except LinAlgError:
+        raise RecordTooShortError(
+            f"{waveform.size} samples do not tell these orders apart at this bandwidth: expected a longer record, or "
+            "a wider band"
+        ) from None
+    return np.asarray(solution, dtype=np.float64)
 
 
 def _check(waveform: FloatArray, angle: FloatArray, orders: tuple[float, ...]) -> None:

@@ -1,6 +1,7 @@
-"""Shafts and signals as they should not be: a result, or one clear refusal, never a warning."""
+"""Shafts and signals as they should not be, through every tool: a result, or one clear refusal, never a warning."""
 
 from collections.abc import Callable
+from functools import cache
 
 import numpy as np
 import pytest
@@ -8,86 +9,202 @@ from numpy.typing import NDArray
 
 from analysis.angular_record import AngularRecord, angular_record
 from analysis.centreline import centreline
-from analysis.errors import TachoRefusedError
-from analysis.filtered_orbit import filtered_orbit
+from analysis.disturbances import drift, mains_hum
+from analysis.edges import EdgeDetector
+from analysis.errors import AnalysisError, TachoRefusedError
+from analysis.filtered_orbit import direct_orbit, filtered_orbit, orbit_without
+from analysis.frequency_spectrum import frequency_spectrum
 from analysis.full_spectrum import full_cascade, probe_mismatch
 from analysis.glitches import find_glitches
 from analysis.orbit import ProbePair
-from analysis.order_map import order_map
-from analysis.order_track import track_order
+from analysis.order_map import OrderMap, Window, order_map
+from analysis.order_track import OrderTrack, track_order
+from analysis.orders import order_spectrum
 from analysis.poincare import bifurcation, poincare_section
 from analysis.pulse_record import pulse_record
 from analysis.run import Tacho
-from analysis.runout import slow_roll
+from analysis.runout import SlowRoll, slow_roll
 from analysis.shaft_angle import ShaftAngle, shaft_angle
 from analysis.speed_curve import speed_curves
 from analysis.subsynchronous import subsynchronous_tracks
-from analysis.synchronous_average import synchronous_rest
+from analysis.synchronous_average import synchronous_average, synchronous_rest
+from analysis.tacholess import speed_from_ridge
+from analysis.vold_kalman import order_envelopes
 
 FloatArray = NDArray[np.float64]
 Speed = Callable[[FloatArray], FloatArray]
+Results = list[FloatArray] | list[float]
 
-RATE, SAMPLES = 20_000.0, 60_000
+RATE, SAMPLES = 4_000.0, 12_000
 TIME = np.arange(SAMPLES) / RATE
 TACHO = Tacho(threshold=2.0, hysteresis=1.0, response_time=1e-5)
+PAIR = ProbePair(0.0, np.pi / 2)
+STEADY = "steady"
 SHAFTS: dict[str, Speed] = {
+    STEADY: lambda time: np.full_like(time, 100.0),
     "stops": lambda time: np.maximum(100.0 * (1.0 - 0.5 * time), 1e-9),
     "nearly stops": lambda time: np.maximum(100.0 * (1.0 - time / 3.0), 2.0),
     "turns back": lambda time: 160.0 - 40.0 * np.abs(time - 1.5),
     "wobbles": lambda time: 100.0 * (1.0 + 0.1 * np.sin(6.0 * np.pi * time)),
 }
+WAVE = 1e-5 * np.stack([np.cos(200 * np.pi * TIME), np.sin(200 * np.pi * TIME)])
+
+
+def spoiled(value: float) -> FloatArray:
+    wave = WAVE.copy()
+    wave[0, 5000] = value
+    return wave
+
+
 SIGNALS: dict[str, FloatArray] = {
-    "wave": 1e-5 * np.stack([np.cos(200 * np.pi * TIME), np.sin(200 * np.pi * TIME)]),
+    "wave": WAVE,
     "zero": np.zeros((2, SAMPLES)),
     "constant": np.full((2, SAMPLES), 1e-4),
-    "one dead": 1e-5 * np.stack([np.cos(200 * np.pi * TIME), np.zeros(SAMPLES)]),
+    "one dead": WAVE * np.array([[1.0], [0.0]]),
     "noise": 1e-6 * np.random.default_rng(0).standard_normal((2, SAMPLES)),
+    "clipped": np.clip(WAVE, -4e-6, 4e-6),
+    "step": WAVE + 1e-4 * (TIME > 1.5),
+    "spike": spoiled(1.0),
+    "tiny": 1e-300 * WAVE,
+    "one NaN": spoiled(np.nan),
+    "all NaN": np.nan * WAVE,
+    "infinite": spoiled(-np.inf),
+    "half a turn": WAVE[:, :20],
+    "two turns": WAVE[:, :100],
+    "one sample": WAVE[:, :1],
+    "empty": WAVE[:, :0],
+    "three channels": np.zeros((3, SAMPLES)),
 }
 
 
-def angle_of(speed: Speed) -> ShaftAngle:
+@cache
+def angle_of(shaft: str) -> ShaftAngle:
     grid = np.linspace(0.0, 3.0, 300_001)
-    rates = speed(grid)
+    rates = SHAFTS[shaft](grid)
     turns = np.concatenate([[0.0], np.cumsum(0.5 * (rates[1:] + rates[:-1]) * np.diff(grid))])
     pulses = np.interp(np.arange(0.0, np.floor(turns[-1] - 1e-6) + 1.0), turns, grid)
     return shaft_angle(pulse_record(pulses, TACHO))
 
 
-def everything(record: AngularRecord, displacement: FloatArray, angle: ShaftAngle) -> list[FloatArray]:
-    """Return amplitudes and uncertainties of all that can be asked of a record."""
-    frames = order_map(record)
-    track = track_order(record, 1.0)
-    curves = speed_curves(track, 20.0)
-    for curve in curves:
-        curve.resonances(0)
-    subsynchronous_tracks(frames)
-    poincare_section(record)
-    return [
-        frames.amplitudes(),
-        frames.noise,
-        np.abs(track.vectors),
-        track.sigma,
-        track.phase_sigma,
-        *(curve.sigma for curve in curves),
-        full_cascade(frames, 50.0, probe_mismatch(frames))[1].amplitudes,
-        bifurcation(record, averaged=8)[1],
-        slow_roll(record, 0.0, 1e4).waveform,
-        synchronous_rest(record).waveform,
-        filtered_orbit(record, (1.0,)).motion,
-        centreline(record, np.zeros(2), 1e-4).positions,
-        find_glitches(displacement, RATE, angle).displacement,
-    ]
+@cache
+def record_of(shaft: str, signal: str) -> AngularRecord:
+    return angular_record(SIGNALS[signal], RATE, angle_of(shaft), PAIR)
+
+
+def lines(frames: OrderMap) -> Results:
+    return [frames.amplitudes(), frames.noise, frames.speeds, frames.speed_sigma, frames.accelerations]
+
+
+def vectors(track: OrderTrack) -> Results:
+    return [np.abs(track.vectors), track.sigma, track.phase_sigma, track.speeds]
+
+
+def curves(record: AngularRecord) -> Results:
+    found = speed_curves(track_order(record, 1.0), 20.0)
+    peaks = [[peak.amplitude for peak in curve.resonances(0)] for curve in found]
+    return [np.concatenate([curve.sigma[0], curve.lags[1], peak]) for curve, peak in zip(found, peaks, strict=True)]
+
+
+def runout(roll: SlowRoll) -> Results:
+    return [np.append(roll.waveform, roll.wandering), roll.vector_sigma]
+
+
+def ridge(displacement: FloatArray) -> Results:
+    found = speed_from_ridge(displacement, RATE, 400.0, 900.0)
+    return [found.speeds, found.sigma, found.confidence]
+
+
+def envelopes(displacement: FloatArray) -> Results:
+    angle = np.asarray(200 * np.pi * np.arange(displacement.shape[1]) / RATE, dtype=np.float64)
+    found = order_envelopes(displacement[0], angle, RATE, (1.0, 2.0), bandwidth=20.0)
+    return [np.abs(found.envelopes), found.sigma, found.rest]
+
+
+OF_RECORDS: dict[str, Callable[[AngularRecord], Results]] = {
+    "order map": lambda record: lines(order_map(record)),
+    "order map, flat top": lambda record: lines(order_map(record, window=Window.FLAT_TOP)),
+    "order map of single turns": lambda record: lines(order_map(record, revolutions=1)),
+    "order track": lambda record: vectors(track_order(record, 1.0)),
+    "order track less a vector": lambda record: vectors(
+        track_order(record, 2.0).minus(np.ones(2, dtype=np.complex128), np.ones(2))
+    ),
+    "components below 1X": lambda record: [track.orders for track in subsynchronous_tracks(order_map(record))],
+    "full cascade": lambda record: [
+        full_cascade(order_map(record), 50.0, probe_mismatch(order_map(record)))[1].amplitudes
+    ],
+    "average": lambda record: [synchronous_average(record).waveform, synchronous_average(record).sigma],
+    "rest": lambda record: [synchronous_rest(record).waveform],
+    "direct orbit": lambda record: [direct_orbit(record).motion],
+    "1X orbit": lambda record: [filtered_orbit(record, (1.0,)).motion],
+    "1X tilt": lambda record: [filtered_orbit(record, (1.0,)).ellipses[0].tilt],
+    "not-1X orbit": lambda record: [orbit_without(record).motion],
+    "centreline": lambda record: [centreline(record, np.zeros(2), 1e-4).eccentricity],
+    "slow roll": lambda record: runout(slow_roll(record, 0.0, 1e4)),
+    "Poincaré section": lambda record: [poincare_section(record).points],
+    "bifurcation": lambda record: [bifurcation(record, averaged=8)[1]],
+    "speed curves": curves,
+    "hum beside the shaft": lambda record: [mains_hum(TIME * 0.0, RATE, record).amplitude],
+}
+OF_SAMPLES: dict[str, Callable[[FloatArray], Results]] = {
+    "angular record": lambda wave: [angular_record(wave, RATE, angle_of(STEADY), PAIR).waveform],
+    "glitches": lambda wave: [find_glitches(wave, RATE, angle_of(STEADY)).displacement],
+    "frequency spectrum": lambda wave: [frequency_spectrum(wave, RATE, resolution=5.0).amplitudes],
+    "order spectrum": lambda wave: [np.abs(order_spectrum(wave, 16)[1])],
+    "drift": lambda wave: [drift(wave[0], RATE).slope, drift(wave[0], RATE).sigma],
+    "hum": lambda wave: [mains_hum(wave[0], RATE).amplitude, mains_hum(wave[0], RATE).sigma],
+    "ridge": ridge,
+    "Vold-Kalman": envelopes,
+    "edges": lambda wave: [EdgeDetector(TACHO).edges(3e5 * wave[0], 0)],
+}
+
+
+def assert_finite_or_refused(tool: Callable[[], Results]) -> None:
+    try:
+        results = tool()
+    except (AnalysisError, ValueError) as error:
+        assert type(error) is ValueError or isinstance(error, AnalysisError)  # noqa: PT017  # either outcome is right
+        assert any(word in str(error) for word in ("expected", "hold"))  # noqa: PT017  # what is wrong, or is missing
+        return
+    assert all(np.isfinite(result).all() for result in results)
+
+
+@pytest.mark.parametrize("signal", SIGNALS)
+@pytest.mark.parametrize("tool", OF_SAMPLES)
+def test_samples_give_a_finite_result_or_one_clear_error(tool: str, signal: str) -> None:
+    assert_finite_or_refused(lambda: OF_SAMPLES[tool](SIGNALS[signal]))
+
+
+@pytest.mark.parametrize("signal", SIGNALS)
+@pytest.mark.parametrize("tool", OF_RECORDS)
+def test_records_give_a_finite_result_or_one_clear_error(tool: str, signal: str) -> None:
+    assert_finite_or_refused(lambda: OF_RECORDS[tool](record_of(STEADY, signal)))
 
 
 @pytest.mark.parametrize("shaft", SHAFTS)
-@pytest.mark.parametrize("signal", SIGNALS)
-def test_unusual_shafts_and_signals_give_finite_results_and_no_warning(shaft: str, signal: str) -> None:
-    angle = angle_of(SHAFTS[shaft])
-    record = angular_record(SIGNALS[signal], RATE, angle, ProbePair(0.0, np.pi / 2))
-    assert all(np.isfinite(result).all() for result in everything(record, SIGNALS[signal], angle))
+@pytest.mark.parametrize("tool", OF_RECORDS)
+def test_unusual_shafts_give_finite_results(tool: str, shaft: str) -> None:
+    assert all(np.isfinite(result).all() for result in OF_RECORDS[tool](record_of(shaft, "wave")))
+
+
+@pytest.mark.parametrize("signal", ["one NaN", "all NaN", "infinite"])
+@pytest.mark.parametrize("tool", OF_SAMPLES)
+def test_samples_that_are_no_numbers_are_refused(tool: str, signal: str) -> None:
+    with pytest.raises(ValueError, match="finite"):
+        OF_SAMPLES[tool](SIGNALS[signal])
 
 
 @pytest.mark.parametrize("jump", [0.85, 1.18, 1.6])
 def test_a_speed_that_jumps_is_refused(jump: float) -> None:
+    SHAFTS[f"jumps to {jump}"] = lambda time: np.where(time < 1.5, 100.0, 100.0 * jump)
     with pytest.raises(TachoRefusedError, match="analyse the record in parts"):
-        angle_of(lambda time: np.where(time < 1.5, 100.0, 100.0 * jump))
+        angle_of(f"jumps to {jump}")
+
+
+def test_records_that_do_not_fit_together_are_refused() -> None:
+    good = record_of(STEADY, "wave")
+    with pytest.raises(ValueError, match="finite"):
+        good.with_waveform(np.nan * good.waveform)
+    with pytest.raises(ValueError, match="expected"):
+        AngularRecord(good.waveform, 0, good.times[1:], PAIR, 0.0, good.time_sigma)
+    with pytest.raises(ValueError, match="rise"):
+        AngularRecord(good.waveform, 0, good.times[::-1], PAIR, 0.0, good.time_sigma)
