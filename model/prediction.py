@@ -33,6 +33,8 @@ class Prediction:
         Motion in X and Y over a few whole revolutions from theta = 0, mean removed, m.
     growth_rate : float
         Of the synchronous motion's least stable whirl, 1/s; positive where the film lets go.
+    is_exact : bool
+        Whether it is integrated at this very speed; else it lies between two speeds of a map.
     """
 
     speed: float
@@ -44,3 +46,4 @@ class Prediction:
     peak_to_peak: FloatArray
     orbit: FloatArray
     growth_rate: float
+    is_exact: bool = False

@@ -159,7 +159,7 @@ def model_key(parameters: ModelParameters, speeds: FloatArray, settings: Analysi
     inputs = {
         "version": MODEL_VERSION,
         "parameters": asdict(parameters),
-        "settings": asdict(settings),
+        "settings": {name: value for name, value in asdict(settings).items() if name != "runout"},
         "speeds": [float(speed) for speed in speeds],
     }
     return hashlib.sha256(json.dumps(inputs, sort_keys=True).encode()).hexdigest()
@@ -287,6 +287,7 @@ def look_at(
         peak_to_peak=np.ptp(waveform, axis=1),
         orbit=np.ascontiguousarray(orbit - orbit.mean(axis=1, keepdims=True)),
         growth_rate=growth_rate,
+        is_exact=True,
     )
 
 

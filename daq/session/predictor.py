@@ -1,19 +1,14 @@
-"""The prediction beside a run: read from the cache, or computed in a process of its own; nobody ever waits for it."""
+"""The prediction beside a run: a map, read or computed beside, and the exact speed; nobody ever waits for it."""
 
 import multiprocessing
-import os
 import signal
-import sys
 import threading
 import time
-import zipfile
-import zlib
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from pathlib import Path
-from tempfile import NamedTemporaryFile
 from types import TracebackType
 from typing import Self
 
@@ -21,7 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.run import AnalysisSettings
+from daq.session.kept_maps import cache_folder, map_file, read_map, write_map
 from daq.session.priority import give_way
+from daq.session.refiner import Refiner
 from model.errors import ModelError
 from model.parameters import ModelParameters
 from model.prediction import Prediction
@@ -64,7 +61,8 @@ class Predictor:
     Notes
     -----
     A map that is not in the cache is computed in another process at low priority, which keeps it there as well. A file
-    that cannot be read is computed anew and replaced. Close it, or use it in a with-statement.
+    that cannot be read is computed anew and replaced. Where a speed is asked for that stays, the prediction at exactly
+    that speed is computed beside (`Refiner`). Close it, or use it in a with-statement.
     """
 
     def __init__(
@@ -75,13 +73,17 @@ class Predictor:
         folder: Path | None = None,
     ) -> None:
         folder = cache_folder() if folder is None else folder
-        self._file = folder / f"prediction-{model_key(parameters, speeds, settings)}.npz"
+        self._parameters, self._settings = parameters, settings
+        self._refiner: Refiner | None = None
+        self._starting = threading.Lock()  # it, once
+        self._file = map_file(folder, model_key(parameters, speeds, settings))
         self._percent = 0
         self._off = ""
         self._finished = False
+        self._is_closed = False
         self._listening = threading.Lock()  # view, service and session may all ask
         self._process: multiprocessing.process.BaseProcess | None = None
-        self._map, self._remark = _read(self._file)
+        self._map, self._remark = read_map(self._file)
         if self._map is None:
             context = multiprocessing.get_context("spawn")
             self._reports, theirs = context.Pipe(duplex=False)
@@ -93,10 +95,11 @@ class Predictor:
 
     @property
     def state(self) -> str:
-        """Whether there is a prediction: "ready", "computing 34 %", or "off: " and why."""
+        """Whether there is a prediction: "ready", "ready, not exact: " or "off: " and why, or "computing 34 %"."""
         self._listen(0.0)
         if self._map is not None:
-            return "ready"
+            why = self._refiner.remark if self._refiner is not None else ""
+            return f"ready, not exact: {why}" if why else "ready"
         return f"off: {self._off}" if self._off else f"computing {self._percent} %"
 
     @property
@@ -111,11 +114,18 @@ class Predictor:
         return self._map
 
     def at(self, speed: float) -> Prediction | None:
-        """Return the prediction at a speed, rad/s, at once; None where the map is not ready or ends before it."""
+        """Return the prediction at a speed, rad/s, at once: exact where that is known, else from the map.
+
+        None where the map is not ready or ends before the speed.
+        """
         prediction_map = self.map
         if prediction_map is None or not prediction_map.speeds[0] <= speed <= prediction_map.speeds[-1]:
             return None
-        return prediction_map.at(speed)
+        with self._starting:
+            if self._refiner is None and not self._is_closed:
+                self._refiner = Refiner(self._parameters, self._settings, prediction_map)
+        exact = None if self._refiner is None else self._refiner.at(speed)
+        return prediction_map.at(speed) if exact is None else exact
 
     def wait(self, timeout: float, on_progress: Callable[[str], None] | None = None) -> PredictionMap | None:
         """Wait for the map.
@@ -146,7 +156,11 @@ class Predictor:
             self._listen(min(PORTION, timeout))
 
     def close(self) -> None:
-        """End the computation, if it still runs, and join it."""
+        """End the computations, if they still run, and join them."""
+        with self._starting:
+            self._is_closed = True
+        if self._refiner is not None:
+            self._refiner.close()
         with self._listening:
             process, self._process = self._process, None
             if process is None:
@@ -195,43 +209,6 @@ class Predictor:
         self._finished = True
 
 
-def cache_folder() -> Path:
-    """Return where maps are kept: `$RIG_CACHE`, else a folder in the user's cache, as the platform has it."""
-    chosen = os.environ.get("RIG_CACHE", "")
-    if chosen:
-        return Path(chosen)
-    if sys.platform == "win32":
-        return Path(os.environ.get("LOCALAPPDATA", Path.home() / "AppData" / "Local")) / "rig" / "cache"
-    if sys.platform == "darwin":
-        return Path.home() / "Library" / "Caches" / "rig"
-    return Path(os.environ.get("XDG_CACHE_HOME", "") or Path.home() / ".cache") / "rig"
-
-
-def _read(file: Path) -> tuple[PredictionMap | None, str]:
-    """Return the map in a file, or None, and what is wrong with the file if it is there."""
-    try:
-        with file.open("rb") as content, np.load(content, allow_pickle=False) as arrays:
-            return PredictionMap.from_arrays(dict(arrays)), ""
-    except FileNotFoundError:
-        return None, ""
-    except (OSError, EOFError, ValueError, TypeError, NotImplementedError, zipfile.BadZipFile, zlib.error) as error:
-        return None, f"{file}: no readable prediction ({error}); it is computed anew"
-
-
-def _write(file: Path, prediction_map: PredictionMap) -> None:
-    """Keep a map: whole or not at all."""
-    file.parent.mkdir(parents=True, exist_ok=True)
-    with NamedTemporaryFile(dir=file.parent, suffix=".part", delete=False) as part:
-        try:
-            np.savez(part, **prediction_map.to_arrays())  # type: ignore[arg-type]  # the stub takes names for an option
-            part.close()
-            Path(part.name).replace(file)
-        except OSError:
-            part.close()
-            Path(part.name).unlink(missing_ok=True)
-            raise
-
-
 def _compute(
     reports: Connection, parameters: ModelParameters, speeds: FloatArray, settings: AnalysisSettings, file: Path
 ) -> None:
@@ -247,5 +224,5 @@ def _compute(
             reports.send(_Failure(str(error)))
             return
         with suppress(OSError):  # a full or read-only disk: the map is sent all the same, and computed again next time
-            _write(file, prediction_map)
+            write_map(file, prediction_map)
         reports.send(prediction_map.to_arrays())

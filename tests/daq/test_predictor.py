@@ -130,6 +130,36 @@ def test_folder_that_cannot_be_written_costs_only_the_cache(tmp_path: Path) -> N
     assert blocked.read_text() == "no folder"
 
 
+def test_speed_that_stays_is_refined_and_the_map_answers_meanwhile(filled: Path) -> None:
+    with predictor(filled) as ready:
+        prediction_map = ready.map
+        assert prediction_map is not None
+        first = ready.at(530.0)
+        assert first is not None
+        assert not first.is_exact
+        assert np.array_equal(first.vectors, prediction_map.at(530.0).vectors)
+        end = time.monotonic() + PATIENCE
+        while not (now := ready.at(530.0)) or not now.is_exact:
+            assert time.monotonic() < end
+            time.sleep(0.01)
+        assert now.speed == 530.0
+        assert ready.state == "ready"
+        beside = ready.at(540.0)
+        assert beside is not None
+        assert not beside.is_exact
+    assert ready.at(530.0) is not None
+
+
+def test_refinement_that_ends_leaves_the_map_and_says_so(filled: Path) -> None:
+    with predictor(filled) as ready:
+        ready.at(530.0)
+        refiner = ready._refiner
+        assert refiner is not None
+        refiner._remark = "the process that computes it went away (EOFError)"
+        assert ready.state == "ready, not exact: the process that computes it went away (EOFError)"
+        assert ready.at(530.0) is not None
+
+
 def test_several_may_ask_while_one_waits(tmp_path: Path) -> None:
     with predictor(tmp_path) as computing:
         waiting = threading.Thread(target=computing.wait, args=(PATIENCE,))

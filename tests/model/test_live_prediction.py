@@ -2,10 +2,11 @@ import numpy as np
 import pytest
 
 from analysis.run import AnalysisSettings
+from model.compare import instability_onset
 from model.gj90c import gj90c
-from model.live_prediction import predict
+from model.live_prediction import predict, refine
 from model.motion import ShaftMotion
-from model.prediction_map import PredictionMap, compute_prediction_map
+from model.prediction_map import PredictionMap, compute_prediction_map, look_at
 
 SETTINGS = AnalysisSettings()
 
@@ -39,3 +40,33 @@ def test_motion_goes_on_from_a_state_as_if_it_had_not_stopped() -> None:
     assert later.turns(2) == pytest.approx(whole.turns(2), abs=1e-12)
     with pytest.raises(ValueError, match=r"state: shape \(3, 4\), expected \(3, 8\)"):
         later.resume(np.zeros((3, 4), np.complex128), 900.0)
+
+
+def test_looks_come_nearer_to_where_a_calm_motion_ends(coarse: PredictionMap) -> None:
+    first, *_, last = refine(gj90c(), 613.0, coarse, SETTINGS)
+    settled = ShaftMotion(gj90c(), 613.0, 600).turns(1)
+    expected = np.ptp(settled, axis=1)
+    ends = np.abs(last.peak_to_peak - expected) / expected
+    assert ends.max() < 1e-3
+    assert (np.abs(first.peak_to_peak - expected) / expected).max() < 0.01
+    assert last.is_exact
+    assert not coarse.at(613.0).is_exact
+
+
+def test_whirl_settles_where_a_long_motion_shows_it(coarse: PredictionMap) -> None:
+    *_, last = refine(gj90c(), 1052.0, coarse, SETTINGS)
+    motion = ShaftMotion(gj90c(), 1052.0, 0)
+    motion.resume(coarse.states[2], 1040.0)
+    motion.turns(3000)
+    long = look_at(motion, gj90c(), SETTINGS, 0.0)
+    assert last.whirl_order == pytest.approx(long.whirl_order, abs=2e-3)
+    assert last.whirl_amplitude == pytest.approx(long.whirl_amplitude, rel=0.01)
+    assert last.peak_to_peak == pytest.approx(long.peak_to_peak, rel=0.01)
+
+
+def test_motion_is_begun_on_the_side_of_the_onset_on_which_the_speed_lies(coarse: PredictionMap) -> None:
+    onset = instability_onset(coarse)
+    assert 626.0 < onset < 1040.0
+    calm, whirling = (predict(gj90c(), speed, coarse, SETTINGS) for speed in (onset - 5.0, onset + 5.0))
+    assert calm.whirl_amplitude < 0.5e-6  # what is left of beginning more than 200 rad/s below
+    assert whirling.whirl_amplitude > 10e-6

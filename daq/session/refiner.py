@@ -1,0 +1,163 @@
+"""The prediction at exactly the speed at which the shaft stays, computed beside by a process that gives way."""
+
+import multiprocessing
+import signal
+import threading
+from collections.abc import Iterator
+from multiprocessing.connection import Connection
+from multiprocessing.process import BaseProcess
+
+from analysis.run import AnalysisSettings
+from daq.session.priority import give_way
+from model.errors import ModelError
+from model.live_prediction import refine
+from model.parameters import ModelParameters
+from model.prediction import Prediction
+from model.prediction_map import PredictionMap
+
+SAME = 1e-3  # of the speed: nearer than this, two speeds are one to the operator
+STEPS = 15  # of priority below the acquisition and the live view
+JOIN_TIME = 2.0  # s
+
+_Answer = Prediction | str | None  # a look, why there is none, or that the last one was settled
+
+
+class Refiner:
+    """Computes one prediction after the other at the speed that was asked for last; nobody waits for it.
+
+    Parameters
+    ----------
+    parameters : ModelParameters
+        The rotor.
+    settings : AnalysisSettings
+        The measurement's.
+    prediction_map : PredictionMap
+        From whose motions it begins.
+
+    Notes
+    -----
+    The process is started when a speed has first stayed, and asked for one look at a time, so that a new speed never
+    waits longer than for a look. Close it.
+    """
+
+    def __init__(self, parameters: ModelParameters, settings: AnalysisSettings, prediction_map: PredictionMap) -> None:
+        self._model = (parameters, settings, prediction_map)
+        self._changed = threading.Condition()
+        self._asked = 0.0  # rad/s, at the last call
+        self._wanted: float | None = None  # rad/s, where more can be said
+        self._hopeless = 0.0  # rad/s, where there is none
+        self._exact: Prediction | None = None
+        self._remark = ""
+        self._is_closing = False
+        self._process: BaseProcess | None = None
+        self._thread = threading.Thread(target=self._work, name="refiner", daemon=True)
+        self._thread.start()
+
+    @property
+    def remark(self) -> str:
+        """Why there is no prediction at the exact speed; empty where there is or may be one."""
+        return self._remark
+
+    def at(self, speed: float) -> Prediction | None:
+        """Return the prediction at a speed, rad/s, at once; None where there is none yet, and where the speed changes.
+
+        A speed at which this is called twice running is one that stays, and is computed.
+        """
+        with self._changed:
+            stays, self._asked = _is_same(speed, self._asked), speed
+            if self._exact is not None and _is_same(speed, self._exact.speed):
+                return self._exact
+            is_new = self._wanted is None or not _is_same(speed, self._wanted)
+            if stays and is_new and not _is_same(speed, self._hopeless):
+                self._wanted = speed
+                self._changed.notify()
+            return None
+
+    def close(self) -> None:
+        """End the computation and join thread and process."""
+        with self._changed:
+            self._is_closing = True
+            self._changed.notify()
+            if self._process is not None:
+                self._process.terminate()
+        self._thread.join(JOIN_TIME)
+        with self._changed:
+            if self._process is not None:
+                self._process.kill()
+        self._thread.join()
+
+    def _work(self) -> None:
+        """Wait for a speed, then have the process compute as long as there is one; the body of the thread."""
+        if self._next() is None:
+            return
+        context = multiprocessing.get_context("spawn")  # the same on every platform, and safe beside threads
+        pipe, theirs = context.Pipe()
+        process = context.Process(target=_answer, args=(theirs,), name="rig-refiner", daemon=True)
+        with pipe:
+            try:
+                with theirs:
+                    process.start()
+                self._watch(process)
+                pipe.send(self._model)
+                while (speed := self._next()) is not None:
+                    pipe.send(speed)
+                    self._take(speed, pipe.recv())
+            except (EOFError, OSError) as error:
+                self._remark = f"the process that computes it went away ({type(error).__name__})"
+        if process.pid is not None:
+            process.terminate()
+            process.join()
+        with self._changed:
+            self._process = None
+            process.close()
+
+    def _watch(self, process: BaseProcess) -> None:
+        """Let `close` end this process."""
+        with self._changed:
+            self._process = process
+            if self._is_closing:
+                process.terminate()
+
+    def _next(self) -> float | None:
+        with self._changed:
+            self._changed.wait_for(lambda: self._is_closing or self._wanted is not None)
+            return None if self._is_closing else self._wanted
+
+    def _take(self, speed: float, answer: _Answer) -> None:
+        with self._changed:
+            if isinstance(answer, Prediction):
+                self._exact, self._remark = answer, ""
+                return
+            if isinstance(answer, str):
+                self._hopeless, self._remark = speed, answer
+            if self._wanted == speed:
+                self._wanted = None
+
+
+def _is_same(speed: float, other: float) -> bool:
+    return abs(speed - other) <= SAME * speed
+
+
+def _answer(pipe: Connection) -> None:
+    """Answer speeds with looks until nobody asks any more; the body of the process."""
+    for name in ("SIGINT", "SIGHUP", "SIGBREAK"):  # the asking process decides; SIGHUP: POSIX only, SIGBREAK: Windows
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), signal.SIG_IGN)
+    give_way(STEPS)
+    try:
+        parameters, settings, prediction_map = pipe.recv()
+        speed: float | None = None
+        while True:
+            asked: float = pipe.recv()
+            if asked != speed:
+                speed, looks = asked, refine(parameters, asked, prediction_map, settings)
+            pipe.send(_look(looks))
+    except (EOFError, OSError):
+        return
+
+
+def _look(looks: Iterator[Prediction]) -> _Answer:
+    try:
+        return next(looks, None)
+    except (ModelError, ValueError) as error:
+        return str(error)
