@@ -48,10 +48,17 @@ class Looped:
 
     n_samples = 1 << 60
 
-    def __init__(self, codes: NDArray[np.int16], acquisition: Acquisition) -> None:
+    def __init__(self, codes: NDArray[np.int16], ticks: NDArray[np.int64], acquisition: Acquisition) -> None:
         self.acquisition = acquisition
         self._codes = codes
+        self._ticks = ticks
         self._place = 0
+
+    def ticks(self, first: int, stop: int) -> NDArray[np.int64]:
+        rounds, per_sample = self._codes.shape[1], self.acquisition.ticks_per_sample
+        again = round(rounds * per_sample) * np.arange(first // rounds, stop // rounds + 1, dtype=np.int64)
+        ticks: NDArray[np.int64] = (again[:, np.newaxis] + self._ticks).ravel()
+        return ticks[(ticks >= first * per_sample) & (ticks < stop * per_sample)]
 
     def next_codes(self, n: int) -> NDArray[np.int16]:
         index = (self._place + np.arange(n)) % self._codes.shape[1]
@@ -69,7 +76,8 @@ def full_rate_rig(target: str = "") -> Rig:
 def serve(pipe: Connection) -> None:
     card = SimulatedCard(full_rate_rig())
     codes = card.next_codes(round(card.acquisition.rate))
-    with serving(NiDriver(lambda: Looped(codes, card.acquisition), real_time=True)) as server:
+    ticks = card.ticks(0, codes.shape[1])
+    with serving(NiDriver(lambda: Looped(codes, ticks, card.acquisition), real_time=True)) as server:
         pipe.send(server.target)
         pipe.recv()
         pipe.send(server.tasks)

@@ -19,11 +19,14 @@ from nidaqmx._stubs import nidaqmx_pb2 as pb
 from nidaqmx._stubs.nidaqmx_pb2_grpc import NiDAQmxServicer, add_NiDAQmxServicer_to_server
 from session_pb2 import Session
 
-from tests.daq.ni_driver import DriverError, NiChannel, NiDriver, NiTask
+from tests.daq.ni_counter import NiCounter
+from tests.daq.ni_driver import NiChannel, NiDriver, NiTask
+from tests.daq.ni_errors import DriverError
 
 ATTACH, NEW = 2, 1  # of initialization_behavior
 COMMIT = 3  # of TaskMode
 CONTINUOUS = 10123  # of AcquisitionType
+COUNT_UP = 10128  # of CountDirection
 
 
 class Rpcs:
@@ -39,6 +42,12 @@ class Rpcs:
             return self.tasks[request.task.name]
         except KeyError:
             raise DriverError(-200088) from None
+
+    def counter(self, request: Any) -> NiCounter:
+        counter = self.task(request).counter
+        if counter is None:
+            raise DriverError(-200077)
+        return counter
 
     def others(self, task: NiTask) -> list[NiTask]:
         return [other for other in self.tasks.values() if other is not task]
@@ -99,8 +108,39 @@ class Rpcs:
         )
         return pb.CreateAIVoltageChanResponse()
 
+    def CreateCICountEdgesChan(self, request: Any, _: object) -> Any:
+        if request.counter.partition("/")[0] not in self.driver.devices:
+            raise DriverError(-200220)
+        assert request.count_direction_raw == COUNT_UP
+        self.task(request).counter = NiCounter(request.counter, request.edge_raw, request.initial_count)
+        return pb.CreateCICountEdgesChanResponse()
+
+    def SetChanAttributeString(self, request: Any, _: object) -> Any:
+        assert request.attribute_raw == 0x18C7
+        self.counter(request).clock = request.value
+        return pb.SetChanAttributeStringResponse()
+
+    def SetTrigAttributeInt32(self, request: Any, _: object) -> Any:
+        self.counter(request).arm[request.attribute_raw] = request.value_raw
+        return pb.SetTrigAttributeInt32Response()
+
+    def SetTrigAttributeString(self, request: Any, _: object) -> Any:
+        self.counter(request).arm[request.attribute_raw] = request.value
+        return pb.SetTrigAttributeStringResponse()
+
+    def ReadCounterU32Ex(self, request: Any, context: grpc.ServicerContext) -> Any:
+        task, counter = self.task(request), self.counter(request)
+        counts, status = self.driver.read_counter(task, request.num_samps_per_chan, self.others(task))
+        if context.is_active():
+            counter.replied += counts.size
+        padded = np.zeros(request.array_size_in_samps, np.uint32)
+        padded[: counts.size] = counts
+        return pb.ReadCounterU32ExResponse(status=status, read_array=padded, samps_per_chan_read=counts.size)
+
     def CfgSampClkTiming(self, request: Any, _: object) -> Any:
         task = self.task(request)
+        if task.counter is not None:
+            task.counter.line, task.counter.line_edge = request.source, request.active_edge_raw
         task.rate, task.continuous = request.rate, request.sample_mode_raw == CONTINUOUS
         return pb.CfgSampClkTimingResponse()
 

@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.run import Acquisition
+from tests.daq.ni_counter import Counts, NiCounter
+from tests.daq.ni_errors import DriverError
 
 Codes = NDArray[np.int16]
 
@@ -26,11 +28,7 @@ class PlayedCard(Protocol):
 
     def next_codes(self, n: int) -> Codes: ...
 
-
-class DriverError(Exception):
-    def __init__(self, code: int) -> None:
-        super().__init__(f"the driver's text of {code},\nover two lines")
-        self.code = code
+    def ticks(self, first: int, stop: int) -> NDArray[np.int64]: ...
 
 
 @dataclass
@@ -52,6 +50,7 @@ class NiStart:
 
 @dataclass
 class NiTask:
+    counter: NiCounter | None = None  # in place of analog inputs
     channels: list[NiChannel] = field(default_factory=list)
     rate: float = 0.0
     continuous: bool = False
@@ -60,6 +59,7 @@ class NiTask:
     card: PlayedCard | None = None  # while it runs
     started: float = 0.0
     count: NiStart = field(default_factory=NiStart)
+    armed: list[NiCounter] = field(default_factory=list)  # counters that its start has begun
 
 
 class NiDriver:
@@ -83,6 +83,7 @@ class NiDriver:
         self.answers_tests = True
         self.driver_version = (24, 5, 1)
         self.held_elsewhere = False  # by another program on the machine
+        self.counter_held_elsewhere = False
         self.ahead = 0  # samples that the card is ahead of what its clock says
         self.late: deque[int] = deque()  # samples that do come within the time-outs of the next reads
         self.miscount = 0  # by which the driver's position is off
@@ -90,9 +91,16 @@ class NiDriver:
         self.lock = threading.RLock()
 
     def commit(self, task: NiTask, others: list[NiTask]) -> None:
+        if task.counter is not None:
+            task.counter.check()
+            names = [other.counter.name for other in others if other.counter is not None and other.committed]
+            if self.counter_held_elsewhere or task.counter.name in names:
+                raise DriverError(-50103)
+            task.committed = True
+            return
         if task.rate * len(task.channels) > 1e6:
             raise DriverError(-200077)
-        if self.held_elsewhere or any(other.committed for other in others):
+        if self.held_elsewhere or any(other.committed and other.counter is None for other in others):
             raise DriverError(-50103)
         task.committed = True
 
@@ -111,6 +119,10 @@ class NiDriver:
     def start(self, task: NiTask, others: list[NiTask]) -> None:
         if not task.committed:
             self.commit(task, others)
+        if task.counter is not None:
+            task.counter.start()
+            return
+        task.armed = [other.counter for other in others if other.counter is not None and other.counter.is_started]
         task.card, self._next = self._next or self.make_card(), None
         task.started = time.monotonic()
         self.ahead = 0
@@ -118,6 +130,9 @@ class NiDriver:
         self.starts.append(task.count)
 
     def stop(self, task: NiTask) -> None:
+        if task.counter is not None:
+            task.counter.is_started = False
+            return
         overrun = task.card is not None and task.count.acquired - task.count.position > task.buffer
         task.card = None
         if overrun:
@@ -141,12 +156,24 @@ class NiDriver:
         task.count.position += got
         return codes, 0 if got == n else -200284
 
+    def read_counter(self, task: NiTask, n: int, others: list[NiTask]) -> tuple[Counts, int]:
+        """Return what could be read of so many counts and the status, without waiting."""
+        if task.counter is None:
+            raise DriverError(-200077)
+        for other in others:
+            if task.counter in other.armed and other.card is not None:
+                self.count(other)
+        return task.counter.take(n, task.buffer)
+
     def count(self, task: NiTask, wanted: int = 0) -> int:
         """Let the card take samples up to now, and return how many it has taken."""
         if task.card is None:
             raise DriverError(-200983)
         clock = (time.monotonic() - task.started) * self.acquisition.rate if self.real_time else wanted
-        task.count.acquired = max(task.count.acquired, min(int(clock) + self.ahead, task.card.n_samples))
+        before = task.count.acquired
+        task.count.acquired = max(before, min(int(clock) + self.ahead, task.card.n_samples))
+        for counter in task.armed if task.count.acquired > before else ():
+            counter.latched += task.card.ticks(before, task.count.acquired).tolist()
         return task.count.acquired
 
     def self_test(self, device: str) -> None:

@@ -13,10 +13,12 @@ from daq.config.rig import Rig
 from daq.config.schema import (
     Backend,
     ChannelSection,
+    CounterSection,
     DeviceSection,
     ProfilePoint,
     RigConfig,
     SimulationSection,
+    TachoSection,
     TimingSection,
 )
 from daq.drivers.usb6251 import Usb6251, open_usb6251
@@ -26,7 +28,15 @@ RATE = 30_000.0  # coerced to 29,985 by the card's 20 MHz
 CALIBRATION = Calibration((0.0, 1e-4), 0.0, 10.0)
 
 
-def bench(target: str = "", *, rate: float = RATE, tacho_input: str = "ai2", **device: Any) -> Rig:
+def bench(
+    target: str = "",
+    *,
+    rate: float = RATE,
+    tacho_input: str = "ai2",
+    counter: CounterSection | None = None,
+    profile: tuple[tuple[float, float], ...] = ((0, 3000), (8, 6000)),
+    **device: Any,
+) -> Rig:
     config = RigConfig(
         device=DeviceSection.model_validate({"backend": Backend.NIDAQMX, "target": target, "deadline_s": 1.2} | device),
         timing=TimingSection(rate_hz=rate, block_s=0.05, buffer_s=4),
@@ -35,9 +45,8 @@ def bench(target: str = "", *, rate: float = RATE, tacho_input: str = "ai2", **d
             ChannelSection(name="y", role=Role.PROBE_Y, physical="ai1", range_v=10.0, angle_deg=90),
             ChannelSection(name="tacho", role=Role.TACHO, physical=tacho_input, range_v=5.0, terminal="rse"),
         ),
-        simulation=SimulationSection(
-            profile=(ProfilePoint(time_s=0, speed_rpm=3000), ProfilePoint(time_s=8, speed_rpm=6000)),
-        ),
+        tacho=TachoSection(counter=counter),
+        simulation=SimulationSection(profile=tuple(ProfilePoint(time_s=time, speed_rpm=rpm) for time, rpm in profile)),
     )
     return Rig(Path("rig.toml"), config, {"x": CALIBRATION, "y": CALIBRATION}, "")
 
