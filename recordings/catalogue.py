@@ -3,37 +3,35 @@
 import os
 import re
 import shutil
-import stat
 import threading
 import time
 from collections.abc import Callable, Iterable
 from contextlib import suppress
-from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from itertools import count
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 from recordings import annotations, trash
-from recordings.container import is_ended
 from recordings.database import Database
-from recordings.entry import RunEntry, read_entry
+from recordings.entry import RunEntry
 from recordings.errors import NotFoundError, RecordingError, StorageError
 from recordings.indexing import IndexReport, Summarise, compare, verdict_of
+from recordings.known_run import KnownRun, holds
 from recordings.layout import NANOSECONDS
 from recordings.reader import RunReader
+from recordings.run_file import RunFile
 from recordings.search import Search
-from recordings.shelf import Kept, Shelf
+from recordings.shelf import Shelf
+from recordings.summed_up import SummedUp
 
 __all__ = ["Catalogue", "RunEntry", "data_folder"]
 
 SUFFIX = ".mcap"
 RUN_ID = re.compile(r"[A-Za-z0-9](?:[A-Za-z0-9_(). -]{0,98}[A-Za-z0-9_)-])?")
 """What the id of a run, the name of its file without suffix, may look like: nothing that leads out of the folder."""
-GROWING = 10.0
-"""Seconds since its last change in which an unfinished file may still be being written."""
-READING_SHARE = 20
-"""A file that is being written is read again after so many times as long as that took."""
+WRITING_INTERVAL = 1.0
+"""Seconds for which summaries are gathered before they are written: a transaction for each costs more than they do."""
 DATA_VARIABLE = "RIG_DATA"
 DEFAULT_FOLDER = "data"
 
@@ -67,7 +65,7 @@ class Catalogue:
         self.url = url
         self._shelf = Shelf(folder, Database(folder, url))
         self._lock = threading.Lock()
-        self._known: dict[str, _Known] = {}
+        self._known: dict[str, KnownRun] = {}
 
     def runs(self) -> list[RunEntry]:
         """Return all runs, newest first; a file that cannot be read is listed with what is wrong with it.
@@ -86,7 +84,7 @@ class Catalogue:
     def run(self, run_id: str) -> RunEntry:
         """Return one run; NotFoundError where there is none."""
         path = self.path(run_id)
-        file = _seen(path)
+        file = RunFile.seen(path)
         entries = [] if file is None else self._looked_up({run_id: file}, run_id)
         if not entries:
             raise NotFoundError(f"run {run_id!r}: there is no such run in {self.folder}")
@@ -153,13 +151,12 @@ class Catalogue:
         present = {entry.id: entry for entry in self.runs()}
         report = compare(before, present)
         self._shelf.forget(list(report.vanished))
-        for run_id, kept in self._shelf.entries().items():
-            if run_id in present and not kept.is_summarised and kept.entry.header is not None:
-                told(f"reading {run_id}")
-                self._sum_up(run_id, summarise)
-            if run_id in present and verifying and not kept.entry.verdict:
+        kept = {run_id: each for run_id, each in self._shelf.entries().items() if run_id in present}
+        self._sum_up([each.entry for each in kept.values() if not each.is_summarised], summarise, told)
+        for run_id, each in kept.items():
+            if verifying and not each.entry.verdict:
                 told(f"verifying {run_id}")
-                self._shelf.judge(run_id, verdict_of(kept.entry.path))
+                self._shelf.judge(run_id, verdict_of(each.entry.path))
         return report
 
     def judge(self, run_id: str, verdict: str) -> None:
@@ -244,19 +241,19 @@ class Catalogue:
 
     def load_document(self, run_id: str, name: str) -> dict[str, Any] | None:
         """Return a document kept for a run, or None where there is none for its file as it is now."""
-        file = _seen(self.path(run_id))
+        file = RunFile.seen(self.path(run_id))
         with suppress(StorageError):  # nothing depends on it: it is computed again
             return None if file is None else self._shelf.load_document(run_id, name, file.size, file.changed_ns)
         return None
 
     def store_document(self, run_id: str, name: str, document: dict[str, Any]) -> None:
         """Keep a document for a run as long as its file does not change."""
-        file = _seen(self.path(run_id))
+        file = RunFile.seen(self.path(run_id))
         with suppress(StorageError):
             if file is not None:
                 self._shelf.store_document(run_id, name, file.size, file.changed_ns, document)
 
-    def _files(self) -> dict[str, "_File"]:
+    def _files(self) -> dict[str, RunFile]:
         """Return the files of runs by id."""
         try:
             names = os.listdir(self.folder)  # noqa: PTH208 - ten thousand paths would cost as much as the rest
@@ -267,10 +264,10 @@ class Catalogue:
         stems = (name.removesuffix(SUFFIX) for name in names if name.endswith(SUFFIX))
         annotated = {name.removesuffix(annotations.SUFFIX) for name in names if name.endswith(annotations.SUFFIX)}
         paths = (self.folder / f"{stem}{SUFFIX}" for stem in stems if RUN_ID.fullmatch(stem))
-        files = ((path.stem, _seen(path, may_have_words=path.stem in annotated)) for path in paths)
+        files = ((path.stem, RunFile.seen(path, may_have_words=path.stem in annotated)) for path in paths)
         return {stem: file for stem, file in files if file is not None}
 
-    def _looked_up(self, files: dict[str, "_File"], only: str | None) -> list[RunEntry]:
+    def _looked_up(self, files: dict[str, RunFile], only: str | None) -> list[RunEntry]:
         """Return the entries of files: from memory, else from the database, else from the files themselves."""
         revision = self._shelf.revision()
         with self._lock:
@@ -282,10 +279,8 @@ class Catalogue:
         }
         if len(served) < len(files):
             kept = self._shelf.entries(run_id=only or "")
-            unread = [
-                run_id for run_id in files if run_id not in served and not _holds(kept.get(run_id), files[run_id])
-            ]
-            fresh = {run_id: _Known.read(files[run_id]) for run_id in unread}
+            unread = [run_id for run_id in files if run_id not in served and not holds(kept.get(run_id), files[run_id])]
+            fresh = {run_id: KnownRun.read(files[run_id]) for run_id in unread}
             settled = [run_id for run_id in unread if not fresh[run_id].is_growing]
             self._shelf.put([fresh[run_id].entry for run_id in settled])
             words = [
@@ -298,85 +293,26 @@ class Catalogue:
                 self._shelf.annotate(run_id, annotations.load(files[run_id].path), files[run_id].remarked_ns)
             if settled or words:
                 kept = self._shelf.entries(run_id=only or "")
-            found = {run_id: _Known.of(kept[run_id]) for run_id in files if run_id in kept and run_id not in served}
+            found = {run_id: KnownRun.of(kept[run_id]) for run_id in files if run_id in kept and run_id not in served}
             found |= {run_id: fresh[run_id] for run_id in unread if run_id not in found or fresh[run_id].is_growing}
             with self._lock:
                 self._known |= found
             served |= {run_id: each.entry for run_id, each in found.items()}
         return list(served.values())
 
-    def _sum_up(self, run_id: str, summarise: Summarise) -> None:
-        """Keep what a search needs of a run's summary; a run that cannot be read has none."""
-        with suppress(RecordingError), RunReader(self.path(run_id)) as reader:
-            self._shelf.summarise(run_id, summarise(reader), reader.marks())
-
-
-@dataclass(frozen=True, slots=True)
-class _File:
-    """A file as the folder shows it."""
-
-    path: Path
-    size: int
-    changed_ns: int
-    remarked_ns: int
-
-
-@dataclass(frozen=True, slots=True)
-class _Known:
-    """An entry in memory, and how long it is worth not looking again."""
-
-    entry: RunEntry
-    remarked_ns: int
-    revision: int
-    again_at: float = 0.0
-
-    @classmethod
-    def of(cls, kept: Kept) -> Self:
-        return cls(kept.entry, kept.remarked_ns, kept.revision)
-
-    @classmethod
-    def read(cls, file: _File) -> Self:
-        begun = time.monotonic()
-        entry = read_entry(file.path, file.size, file.changed_ns)
-        words = annotations.load(file.path) if file.remarked_ns else annotations.Annotations()
-        ended = time.monotonic()
-        again_at = ended + READING_SHARE * (ended - begun)
-        return cls(replace(entry, remark=words.remark, tags=words.tags), file.remarked_ns, -1, again_at)
-
-    @property
-    def is_growing(self) -> bool:
-        """Whether it may be of a run that is being recorded: such an entry is not worth keeping."""
-        entry = self.entry
-        return self.revision < 0 and not entry.is_complete and time.time_ns() - entry.changed_ns < GROWING * NANOSECONDS
-
-    def serves(self, file: _File, revision: int) -> bool:
-        """Whether the entry still tells of the file, or nearly so where it is being written and long to read."""
-        entry = self.entry
-        if self.remarked_ns != file.remarked_ns or self.revision not in (-1, revision):
-            return False
-        if (entry.size, entry.changed_ns) == (file.size, file.changed_ns):
-            return self.revision >= 0 or self.is_growing
-        is_growing = not entry.is_complete and entry.header is not None and file.size >= entry.size
-        return is_growing and time.monotonic() < self.again_at and not is_ended(file.path)
-
-
-def _holds(kept: Kept | None, file: _File) -> bool:
-    """Whether what is kept tells of the file as it is."""
-    if kept is None or (kept.entry.size, kept.entry.changed_ns) != (file.size, file.changed_ns):
-        return False
-    return kept.entry.header is not None or kept.entry.fault != ""
-
-
-def _seen(path: Path, *, may_have_words: bool = True) -> _File | None:
-    """Return a file as the folder shows it; None where it is gone or no file."""
-    try:
-        status = path.stat()
-    except OSError:
-        return None
-    if not stat.S_ISREG(status.st_mode):
-        return None
-    remarked_ns = 0
-    if may_have_words:
-        with suppress(OSError):
-            remarked_ns = annotations.place_of(path).stat().st_mtime_ns
-    return _File(path, status.st_size, status.st_mtime_ns, remarked_ns)
+    def _sum_up(self, entries: Iterable[RunEntry], summarise: Summarise, told: Callable[[str], object]) -> None:
+        """Keep what a search needs of runs' summaries; a run that cannot be read has none."""
+        found: list[SummedUp] = []
+        written_at = time.monotonic()
+        try:
+            for entry in entries:
+                if entry.header is None:
+                    continue
+                told(f"reading {entry.id}")
+                with suppress(RecordingError), RunReader(entry.path) as reader:
+                    found.append(SummedUp(entry, summarise(reader), reader.marks()))
+                if time.monotonic() > written_at + WRITING_INTERVAL:
+                    self._shelf.summarise(found)
+                    found, written_at = [], time.monotonic()
+        finally:
+            self._shelf.summarise(found)

@@ -2,7 +2,6 @@
 
 import hashlib
 import json
-import math
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -11,18 +10,16 @@ from typing import Any
 
 from sqlalchemy import ColumnElement, Connection, RowMapping, and_, delete, select, update
 
-from analysis.run import Acquisition, RunHeader
-from analysis.summary import RunSummary
+from analysis.run import RunHeader
 from recordings.annotations import Annotations
 from recordings.database import Database
 from recordings.entry import RunEntry
 from recordings.errors import DamagedError
-from recordings.header import calibration_document, header_document, header_from_document
-from recordings.marks import Mark
-from recordings.search import RPM, Search, condition
+from recordings.header import header_document, header_from_document
+from recordings.search import Search, condition
+from recordings.summed_up import SummedUp
 from recordings.tables import DOCUMENT, FINDING, MARK, REVISION, RUN, SETUP, TAG
 
-MICRO = 1e-6
 OWN_KEYS = {"run": "", "started_ns": 0, "note": ""}
 """What of a header is a single run's own; the rest is kept once for all runs that share it."""
 
@@ -128,46 +125,16 @@ class Shelf:
         with self._writing() as connection:
             connection.execute(update(RUN).where(self._is(RUN, run_id)).values(verdict=verdict))
 
-    def summarise(self, run_id: str, summary: RunSummary, marks: Iterable[Mark]) -> None:
-        """Keep what a search needs of a summary, and the marks."""
-        values = {
-            "is_summarised": True,
-            "lowest_speed_rpm": _finite(summary.lowest_speed / RPM),
-            "highest_speed_rpm": _finite(summary.highest_speed / RPM),
-            "largest_peak_to_peak_um": _finite(summary.largest_peak_to_peak / MICRO),
-            "severity": summary.severity.value,
-        }
-        findings = [
-            {
-                "folder": self._name,
-                "id": run_id,
-                "number": number,
-                "order": whirl.order,
-                "is_forward": whirl.is_forward,
-                "onset_rpm": whirl.begin.speed / RPM,
-                "end_rpm": whirl.end.speed / RPM,
-                "largest_peak_um": whirl.amplitude / MICRO,
-            }
-            for number, whirl in enumerate(summary.whirls)
-            if math.isfinite(whirl.begin.speed) and math.isfinite(whirl.end.speed)
-        ]
-        named = [
-            {
-                "folder": self._name,
-                "id": run_id,
-                "number": number,
-                "segment": mark.segment,
-                "sample": mark.sample,
-                "text": mark.text,
-            }
-            for number, mark in enumerate(marks)
-        ]
+    def summarise(self, found: Iterable[SummedUp]) -> None:
+        """Keep what was found in runs whose files have not changed since."""
         with self._writing() as connection:
-            if connection.execute(update(RUN).where(self._is(RUN, run_id)).values(values)).rowcount:
-                connection.execute(delete(FINDING).where(self._is(FINDING, run_id)))
-                self._database.put(connection, FINDING, findings)
-                connection.execute(delete(MARK).where(self._is(MARK, run_id)))
-                self._database.put(connection, MARK, named)
+            for one in found:
+                entry, key = one.entry, {"folder": self._name, "id": one.entry.id}
+                same = and_(self._is(RUN, entry.id), RUN.c.size == entry.size, RUN.c.changed_ns == entry.changed_ns)
+                if connection.execute(update(RUN).where(same).values(one.columns())).rowcount:
+                    for table, rows in ((FINDING, one.finding_rows()), (MARK, one.mark_rows())):
+                        connection.execute(delete(table).where(self._is(table, entry.id)))
+                        self._database.put(connection, table, [key | row for row in rows])
 
     def forget(self, run_ids: list[str]) -> None:
         """Drop what is kept of runs that are gone."""
@@ -220,7 +187,7 @@ class Shelf:
             "rig": "" if header is None else header.rig,
             "note": "" if header is None else header.note,
             "serial": "" if header is None else header.acquisition.device.serial,
-            "calibration": "" if header is None else calibration_identity(header.acquisition),
+            "calibration": entry.calibration,
             "duration_s": entry.duration,
             "samples": entry.samples,
             "is_complete": entry.is_complete,
@@ -247,6 +214,7 @@ class Shelf:
             remark=row["remark"],
             tags=tags,
             verdict=row["verdict"],
+            calibration=row["calibration"],
         )
 
     def _load_setups(self, connection: Connection, wanted: set[str]) -> None:
@@ -266,17 +234,3 @@ class Shelf:
         for of_run, tag in connection.execute(select(TAG.c.id, TAG.c.tag).where(wanted).order_by(TAG.c.tag)):
             tags[of_run] = (*tags.get(of_run, ()), tag)
         return tags
-
-
-def calibration_identity(acquisition: Acquisition) -> str:
-    """Return what is equal for equal calibrations of the probes, and only then: hexadecimal digits."""
-    documents = {
-        channel.name: calibration_document(channel.calibration)
-        for channel in acquisition.channels
-        if channel.calibration is not None
-    }
-    return hashlib.sha256(json.dumps(documents, sort_keys=True).encode()).hexdigest()[:16]
-
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None

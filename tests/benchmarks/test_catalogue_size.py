@@ -1,0 +1,92 @@
+"""How long ten thousand runs take to be listed, searched and indexed, on SQLite and on a server."""
+
+import math
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from analysis.findings import Moment, WhirlFinding
+from analysis.summary import RunSummary, SummaryBuilder
+from recordings.catalogue import Catalogue
+from recordings.reader import RunReader
+from recordings.search import Search
+from tests.benchmarks.recorded_samples import bench_blocks, write_run
+from tests.recordings.postgresql import new_schema, server
+
+N_RUNS = 10_000
+RPM = 2 * math.pi / 60
+
+pytestmark = pytest.mark.benchmark
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder of ten thousand files of one run of 1 s, the samples of all but the first made unreadable."""
+    folder = tmp_path_factory.mktemp("data")
+    first = folder / "run-00000.mcap"
+    write_run(first, bench_blocks(1))
+    data = bytearray(first.read_bytes())
+    with RunReader(first) as reader:
+        for place in reader._container.chunks:
+            data[place.offset + 60 : place.offset + place.length] = bytes(place.length - 60)
+        kept = sum(place.length for place in reader._container.chunks)
+    assert kept > 0.9 * len(data)
+    with first.open("rb+") as file:
+        file.truncate(0)
+    for number in range(N_RUNS):
+        (folder / f"run-{number:05}.mcap").write_bytes(data)
+    return folder
+
+
+def summarise(reader: RunReader) -> RunSummary:
+    """Return a summary whose onset follows from the number of the run."""
+    speed = float(reader.path.stem.removeprefix("run-")) * RPM
+    begin = Moment(0, 1.0, speed)
+    whirl = WhirlFinding(0.48, 0.49, begin, begin, 14e-6, begin, is_forward=True, frames=5)
+    summary = SummaryBuilder(reader.header).summary()
+    return replace(summary, lowest_speed=speed, highest_speed=2 * speed, whirls=(whirl,))
+
+
+@contextmanager
+def address_of(kind: str, folder: Path) -> Iterator[str]:
+    """Give the address of an empty database."""
+    if kind == "sqlite":
+        yield f"sqlite:///{folder.parent / 'catalogue.sqlite'}"
+    else:
+        with server() as running:
+            yield new_schema(running, "benchmark")
+
+
+@pytest.mark.parametrize("kind", ["sqlite", "postgresql"])
+def test_ten_thousand_runs_are_listed_and_searched_at_once(folder: Path, kind: str) -> None:
+    def timed(what: str, do: Callable[[], object]) -> float:
+        begun = time.perf_counter()
+        do()
+        elapsed = time.perf_counter() - begun
+        print(f"  {what:44} {1e3 * elapsed:9.1f} ms")
+        return elapsed
+
+    with address_of(kind, folder) as url:
+        print(f"{N_RUNS} runs on {kind}:")
+        catalogue = Catalogue(folder, url)
+        timed("first listing, every file opened", catalogue.runs)
+        timed("first index, every run summed up", lambda: catalogue.index(summarise))
+        listing = timed("listing again", catalogue.runs)
+        fresh = timed("listing by a new process", Catalogue(folder, url).runs)
+        one = timed("one run by a new process", lambda: Catalogue(folder, url).run("run-04711"))
+        search = Search(onset_below=101 * RPM, speed_low=50 * RPM)
+        searching = timed("search for an onset and a speed", lambda: catalogue.search(search))
+        words = timed("search for a word", lambda: catalogue.search(Search(text="00042")))
+        unchanged = timed("index of unchanged files", lambda: catalogue.index(summarise))
+        assert [entry.id for entry in catalogue.search(search)] == [f"run-{k:05}" for k in range(100, 24, -1)]
+        entries = catalogue.runs()
+        assert len(entries) == N_RUNS
+        assert all(entry.is_complete and entry.duration == 1.0 for entry in entries)
+    assert max(listing, searching, words) < 1.0
+    assert fresh < 2.0
+    assert one < 0.2
+    assert unchanged < 3.0
