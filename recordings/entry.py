@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from analysis.run import RunHeader
+from recordings.calibration_identity import calibration_identity
 from recordings.errors import RecordingError
 from recordings.reader import RunReader
 
@@ -42,6 +43,8 @@ class RunEntry:
         Tags given afterwards.
     verdict : str
         What the last verification of the file as it is came to (a `Verdict`); empty where there was none.
+    calibration : str
+        Identity of the probes' calibrations (`recordings.calibration_identity`).
     """
 
     id: str
@@ -57,6 +60,7 @@ class RunEntry:
     remark: str = ""
     tags: tuple[str, ...] = ()
     verdict: str = ""
+    calibration: str = ""
 
     @property
     def started_ns(self) -> int:
@@ -79,6 +83,7 @@ def read_entry(path: Path, size: int, changed_ns: int) -> RunEntry:
                 is_complete=reader.is_complete,
                 is_gap_free=reader.is_gap_free,
                 fault="" if reader.is_complete else NOT_FINISHED,
+                calibration=calibration_identity(reader.header.acquisition),
             )
     except RecordingError as error:
         return RunEntry(path.stem, path, size, changed_ns, fault=str(error))

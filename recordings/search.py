@@ -30,6 +30,12 @@ class Search:
         A sub-synchronous component began below this speed, rad/s.
     is_complete : bool or None
         Whether the run was finished properly.
+    rig : str
+        Name of the rig.
+    serial : str
+        Serial number of the device.
+    calibration : str
+        Identity of the probes' calibrations (`recordings.calibration_identity`), or its first digits.
     """
 
     started_from_ns: int | None = None
@@ -40,6 +46,9 @@ class Search:
     tags: tuple[str, ...] = ()
     onset_below: float | None = None
     is_complete: bool | None = None
+    rig: str = ""
+    serial: str = ""
+    calibration: str = ""
 
 
 def condition(search: Search) -> ColumnElement[bool]:
@@ -55,6 +64,9 @@ def condition(search: Search) -> ColumnElement[bool]:
         terms.append(RUN.c.lowest_speed_rpm <= search.speed_high / RPM)
     if search.is_complete is not None:
         terms.append(RUN.c.is_complete == search.is_complete)
+    terms += [column == name for column, name in ((RUN.c.rig, search.rig), (RUN.c.serial, search.serial)) if name]
+    if search.calibration:
+        terms.append(RUN.c.calibration.startswith(search.calibration, autoescape=True))
     searched = (RUN.c.id, RUN.c.rig, RUN.c.note, RUN.c.remark)
     for word in search.text.split():
         named = exists().where(

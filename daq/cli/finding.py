@@ -1,4 +1,4 @@
-"""`rig index`, `rig find` and `rig annotate`: what is known of the recorded runs, and what people say of them."""
+"""`rig runs`, `rig index` and `rig annotate`: what is known of the recorded runs, and what people say of them."""
 
 import argparse
 from collections.abc import Callable
@@ -6,10 +6,12 @@ from datetime import UTC, datetime
 
 from daq.cli.arguments import speed
 from daq.cli.console import RPM, Console
+from daq.cli.listing import run_line, said_of
 from daq.cli.replay import found
 from daq.cli.telling import print_json
 from daq.errors import UsageError
-from daq.service.documents.catalogue import found_run_document, index_document
+from daq.service.documents import run_document
+from daq.service.documents.catalogue import index_document
 from daq.session.offline import summarise
 from recordings.catalogue import Catalogue, data_folder
 from recordings.search import Search
@@ -28,9 +30,13 @@ def add_commands(add: Add) -> None:
     command.add_argument("--verify", action="store_true", help="verify the files that have not been as they are")
     _add_place(command)
 
-    command = add("find", find, "Find runs by time, speed, words, tags and findings; newest first.")
+    command = add("runs", runs, "List the recorded runs, newest first: all, or those that are asked for.")
     command.add_argument("--since", type=_moment, metavar="TIME", help="begun at or after, such as 2026-11-24T09:00")
     command.add_argument("--before", type=_moment, metavar="TIME", help="begun before")
+    command.add_argument("--rig", default="", help="of the rig of this name")
+    command.add_argument("--device", default="", metavar="SERIAL", help="of the device of this serial number")
+    text = "with probes calibrated so: the calibration of a run as --json tells it, or its first digits"
+    command.add_argument("--calibration", default="", metavar="IDENTITY", help=text)
     command.add_argument("--speed", type=_range, metavar="LOW-HIGH", help="went through these speeds, r/min")
     command.add_argument("--text", default="", help="words in id, rig, note, remark or marks")
     command.add_argument("--tag", action="append", default=[], help="a tag that it has; may be given again")
@@ -73,8 +79,8 @@ def index(chosen: argparse.Namespace) -> int:
     return NOT_WHOLE if unsound else 0
 
 
-def find(chosen: argparse.Namespace) -> int:
-    """Find runs; return the exit code."""
+def runs(chosen: argparse.Namespace) -> int:
+    """List runs; return the exit code."""
     low, high = chosen.speed or (None, None)
     search = Search(
         started_from_ns=chosen.since,
@@ -84,16 +90,19 @@ def find(chosen: argparse.Namespace) -> int:
         text=chosen.text,
         tags=tuple(chosen.tag),
         onset_below=None if chosen.onset_below is None else chosen.onset_below * RPM,
+        rig=chosen.rig,
+        serial=chosen.device,
+        calibration=chosen.calibration,
     )
-    entries = Catalogue(data_folder(chosen.folder)).search(search)
+    catalogue = Catalogue(data_folder(chosen.folder))
+    entries = catalogue.search(search) if search != Search() else catalogue.runs()
     if chosen.json:
-        print_json([found_run_document(entry) for entry in entries])
-    else:
+        print_json([run_document(entry) for entry in entries])
+    elif entries:
         for entry in entries:
-            words = [f"#{tag}" for tag in entry.tags] + [
-                f"“{text}”" for text in _words(entry.header.note if entry.header else "", entry.remark)
-            ]
-            print("  ".join((entry.id, f"{entry.duration:8.1f} s", *words)))
+            print(run_line(run_document(entry)))
+    else:
+        print(f"no {'such ' if search != Search() else ''}runs in {catalogue.folder}")
     return 0
 
 
@@ -109,14 +118,10 @@ def annotate(chosen: argparse.Namespace) -> int:
     except ValueError as error:
         raise UsageError(str(error)) from error
     if chosen.json:
-        print_json(found_run_document(entry))
+        print_json(run_document(entry))
     else:
-        print("  ".join((entry.id, *(f"#{tag}" for tag in entry.tags), *_words(entry.remark))))
+        print("  ".join((entry.id, *said_of(run_document(entry)))))
     return 0
-
-
-def _words(*texts: str) -> list[str]:
-    return [" ".join(text.split()) for text in texts if text.strip()]
 
 
 def _moment(text: str) -> int:

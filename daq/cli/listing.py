@@ -1,29 +1,14 @@
-"""`rig runs` and `rig summary`: what was recorded."""
+"""A run in a line of a list, and `rig summary`: what it was."""
 
 import argparse
 
 from daq.cli.console import Console
 from daq.cli.replay import found
-from daq.cli.telling import print_json, tell
+from daq.cli.telling import tell
 from daq.config.calibration import load_calibration
-from daq.service.documents import RunDocument, run_document
+from daq.service.documents import RunDocument
 from daq.service.summaries import Summaries
 from daq.session.predictors import Predictors
-from recordings.catalogue import Catalogue, data_folder
-
-
-def runs(chosen: argparse.Namespace) -> int:
-    """List the runs of a data folder; return the exit code."""
-    catalogue = Catalogue(data_folder(chosen.folder))
-    documents = [run_document(entry) for entry in catalogue.runs()]
-    if chosen.json:
-        print_json([*documents])
-    elif documents:
-        for document in documents:
-            print(run_line(document))
-    else:
-        print(f"no runs in {catalogue.folder}")
-    return 0
 
 
 def run_line(run: RunDocument) -> str:
@@ -31,11 +16,14 @@ def run_line(run: RunDocument) -> str:
     state = "complete" if run.is_complete else "cut short"
     if run.is_complete and not run.is_gap_free:
         state = "samples lost"
-    if run.fault:
-        state = run.fault
-    return f"{run.run}  {run.duration_s or 0.0:8.1f} s  {run.size_bytes / 1e6:9.1f} MB  {state}" + (
-        f"  “{run.note}”" if run.note else ""
-    )
+    size = f"{run.size_bytes / 1e6:9.1f} MB"
+    return "  ".join((run.run, f"{run.duration_s or 0.0:8.1f} s", size, run.fault or state, *said_of(run)))
+
+
+def said_of(run: RunDocument) -> list[str]:
+    """Return what people say of a run: tags, note, remark."""
+    words = [" ".join(text.split()) for text in (run.note or "", run.remark)]
+    return [*(f"#{tag}" for tag in run.tags), *(f"“{text}”" for text in words if text)]
 
 
 def summary(chosen: argparse.Namespace) -> int:

@@ -106,10 +106,6 @@ def _parser() -> argparse.ArgumentParser:
     command.add_argument("--folder", default="", help="where runs are kept")
     _add_screens(command, 8501)
 
-    command = add("runs", listing.runs, "List the recorded runs, newest first.")
-    command.add_argument("--folder", default="", help="where runs are kept")
-    command.add_argument("--json", action="store_true", help="as JSON")
-
     command = add("summary", listing.summary, "Say what a run was: speeds, amplitudes, whirl, losses, agreement.")
     command.add_argument("recording", metavar="RUN", help="a run's id, or a file")
     command.add_argument("--folder", default="", help="where runs are kept")

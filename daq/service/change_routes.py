@@ -8,7 +8,6 @@ from anyio import CapacityLimiter, to_thread
 from fastapi import Request, Response
 
 from daq.service.documents import RunDocument, run_document
-from daq.service.documents.catalogue import FoundRunDocument, found_run_document
 from daq.service.documents.change import PutAwayDocument, WordsDocument
 from daq.service.file_answers import OCTETS
 from daq.service.kinds import Kind
@@ -87,7 +86,7 @@ class ChangeRoutes:
             *changing, Kind.RUN_EXISTS, Kind.NO_RECORDING, Kind.TOO_LARGE, status=201, content=BINARY,
         )  # fmt: skip
 
-    async def annotate(self, run: RunId, words: WordsDocument) -> FoundRunDocument:
+    async def annotate(self, run: RunId, words: WordsDocument) -> RunDocument:
         """Change what is said of the run; it is kept in a file beside the recording, which never changes."""
         try:
             entry = await self._changes.run(
@@ -95,7 +94,7 @@ class ChangeRoutes:
             )
         except ValueError as error:
             raise ProblemError(Kind.BAD_PARAMETER, str(error)) from error
-        return found_run_document(entry)
+        return run_document(entry)
 
     async def put_away(self, run: RunId) -> PutAwayDocument:
         """Move the recording into the folder `trash` of the data folder; nothing is deleted."""

@@ -6,7 +6,6 @@ from functools import partial
 from typing import Annotated, Protocol
 
 from fastapi import Query
-from pydantic import BaseModel, ConfigDict, Field
 
 from daq.service.documents import (
     HealthDocument,
@@ -25,10 +24,12 @@ from daq.service.kinds import Kind
 from daq.service.live_run import Live, require_ended
 from daq.service.problems import ProblemError
 from daq.service.routing import Routing, RunId
+from daq.service.run_query import RunQuery
 from daq.service.workers import Workers
 from daq.session.frame import LiveFrame
 from recordings.catalogue import RunEntry
 from recordings.errors import RecordingError
+from recordings.search import Search
 
 
 class Catalogue(Protocol):
@@ -36,6 +37,10 @@ class Catalogue(Protocol):
 
     def runs(self) -> Sequence[RunEntry]:
         """Return all runs, newest first."""
+        ...
+
+    def search(self, search: Search) -> Sequence[RunEntry]:
+        """Return the runs that a search asks for, newest first."""
         ...
 
     def run(self, run_id: str) -> RunEntry:
@@ -49,19 +54,6 @@ class Summaries(Protocol):
     def summary(self, run_id: str) -> SummaryDocument:
         """Return a run's summary; it may read the whole recording. RecordingError where it cannot be read."""
         ...
-
-
-class RunQuery(BaseModel):
-    """Which runs are asked for."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    rig: Annotated[str | None, Field(description="Only runs of the rig of this name", examples=["gj90c"])] = None
-    complete: Annotated[
-        bool | None, Field(description="Only runs whose recording is whole (true) or is not (false)", examples=[True])
-    ] = None
-    limit: Annotated[int, Field(description="At most so many runs", ge=1, le=200, examples=[20])] = 20
-    offset: Annotated[int, Field(description="So many of the newest runs are passed over", ge=0, examples=[0])] = 0
 
 
 class Routes:
@@ -91,7 +83,7 @@ class Routes:
     def add_to(self, routing: Routing) -> None:
         """Make the addresses known."""
         listing = (Kind.BAD_PARAMETER, Kind.STORAGE_UNAVAILABLE, Kind.BUSY)
-        routing.add("/runs", self.runs, "list_runs", "runs", "List the runs, newest first", *listing)
+        routing.add("/runs", self.runs, "list_runs", "runs", "List the runs", *listing)
         routing.add("/runs/{run}", self.run, "get_run", "runs", "One run", Kind.RUN_NOT_FOUND, *listing)
         routing.add(
             "/runs/{run}/summary", self.summary, "get_run_summary", "runs", "What a run was",
@@ -105,9 +97,13 @@ class Routes:
         routing.add("/health", self.health, "get_health", "service", "Whether the service is well", Kind.BUSY)
 
     async def runs(self, query: Annotated[RunQuery, Query()]) -> RunListDocument:
-        """List the data folder: runs under way or cut short too, with `is_complete` false."""
-        entries = await self._lookups.run(self._catalogue.runs)
-        chosen = [entry for entry in entries if _is_asked_for(entry, query)]
+        """List the data folder; runs under way or cut short too, with `is_complete` false.
+
+        What was measured (speed, onset) is known of runs that the job `index` or `rig index` has summed up.
+        """
+        search = query.search()
+        found = partial(self._catalogue.search, search) if search != Search() else self._catalogue.runs
+        chosen = query.chosen(await self._lookups.run(found))
         return run_list_document(chosen[query.offset :][: query.limit], len(chosen), query.limit, query.offset)
 
     async def run(self, run: RunId) -> RunDocument:
@@ -147,8 +143,3 @@ class Routes:
         except RecordingError as error:
             trouble = str(error)
         return health_document(self._version, time.monotonic() - self._made, runs, self._live.latest(), trouble)
-
-
-def _is_asked_for(entry: RunEntry, query: RunQuery) -> bool:
-    rig = None if entry.header is None else entry.header.rig
-    return query.rig in (None, rig) and query.complete in (None, entry.is_complete)

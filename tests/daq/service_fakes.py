@@ -17,6 +17,7 @@ from daq.session.frame import LiveFrame
 from model.compare import Agreement, PredictedWhirl, SynchronousAgreement, WhirlAgreement
 from recordings.catalogue import RunEntry
 from recordings.errors import NotFoundError
+from recordings.search import Search
 from tests.daq.frames import RPM, make_header
 
 NEWEST = "2026-11-24T09-12-07-gj90c"
@@ -141,6 +142,9 @@ class FakeCatalogue:
         if self.trouble is not None:
             raise self.trouble
         return self.entries
+
+    def search(self, search: Search) -> list[RunEntry]:
+        return [entry for entry in self.runs() if search.text in entry.id]
 
     def run(self, run_id: str) -> RunEntry:
         for entry in self.runs():

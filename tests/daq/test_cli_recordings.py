@@ -1,4 +1,4 @@
-"""`rig verify`, `recover`, `index`, `find`, `annotate`: exit codes and words."""
+"""`rig verify`, `recover`, `index`, `runs`, `annotate`: exit codes and words."""
 
 import json
 import os
@@ -111,9 +111,9 @@ def test_what_is_no_recording_ends_with_two(folder: Path, capsys: Captured) -> N
 def test_index_tells_what_is_new_damaged_and_gone(run: Path, folder: Path, capsys: Captured) -> None:
     assert main(["index", "--verify"]) == 0
     assert capsys.readouterr().out == f"new       {RUN}\n{folder}: 1 runs, 0 unchanged\n"
-    assert main(["find", "--json"]) == 0
+    assert main(["runs", "--json"]) == 0
     (found,) = json.loads(capsys.readouterr().out)
-    assert (found["run"]["run"], found["verdict"]) == (RUN, "sound")
+    assert (found["run"], found["verdict"]) == (RUN, "sound")
     run.unlink()
     (folder / "text.mcap").write_text("no recording")
     assert main(["index"]) == 5
@@ -124,21 +124,27 @@ def test_index_tells_what_is_new_damaged_and_gone(run: Path, folder: Path, capsy
     assert json.loads(capsys.readouterr().out)["damaged"] == ["text"]
 
 
-def test_find_asks_for_time_speed_words_and_tags(run: Path, capsys: Captured) -> None:
+def test_runs_are_asked_for_by_time_rig_calibration_speed_words_and_tags(run: Path, capsys: Captured) -> None:
     assert run.exists()
     assert main(["index"]) == 0
     assert main(["annotate", RUN, "--tag", "good", "--tag", "odd", "--remark", "bearing\nnew"]) == 0
     assert main(["annotate", RUN, "--untag", "odd"]) == 0
-    assert capsys.readouterr().out.splitlines()[-1] == f"{RUN}  #good  bearing new"
+    assert capsys.readouterr().out.splitlines()[-1] == f"{RUN}  #good  “cold oil”  “bearing new”"
     yes = [["--since", "2026-11-01"], ["--speed", "5900-6100"], ["--text", "COLD bearing"], ["--tag", "good"]]
     no = [["--before", "2026-11-01"], ["--speed", "7000-8000"], ["--text", "warm"], ["--tag", "odd"]]
     no.append(["--onset-below", "9000"])
+    assert main(["runs", "--json"]) == 0
+    (listed,) = json.loads(capsys.readouterr().out)
+    yes += [["--rig", listed["rig"]], ["--calibration", listed["calibration"][:6]]]
+    no += [["--rig", "none"], ["--calibration", "none"], ["--device", "none"]]
     for question in yes:
-        assert main(["find", *question]) == 0
-        assert capsys.readouterr().out.startswith(f"{RUN}       2.0 s  #good  “cold oil”  “bearing new”")
+        assert main(["runs", *question]) == 0
+        assert re.fullmatch(
+            rf"{RUN} +2\.0 s .* MB  complete  #good  “cold oil”  “bearing new”\n", capsys.readouterr().out
+        )
     for question in no:
-        assert main(["find", *question]) == 0
-        assert capsys.readouterr().out == ""
+        assert main(["runs", *question]) == 0
+        assert capsys.readouterr().out.startswith("no such runs in ")
 
 
 @pytest.mark.parametrize(
@@ -146,7 +152,7 @@ def test_find_asks_for_time_speed_words_and_tags(run: Path, capsys: Captured) ->
 )
 def test_a_question_that_is_none_is_refused(arguments: list[str], capsys: Captured) -> None:
     with pytest.raises(SystemExit) as caught:
-        main(["find", *arguments])
+        main(["runs", *arguments])
     assert caught.value.code == 2
     assert "expected a" in capsys.readouterr().err
 

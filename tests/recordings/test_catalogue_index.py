@@ -13,12 +13,12 @@ from analysis.findings import Moment, WhirlFinding
 from analysis.run import RunHeader
 from analysis.samples import EndReason, SampleBlock, SegmentEnd
 from analysis.summary import RunSummary, SummaryBuilder
+from recordings.calibration_identity import calibration_identity
 from recordings.catalogue import Catalogue
 from recordings.errors import NotFoundError, StorageError
 from recordings.marks import Mark, encode_mark
 from recordings.reader import RunReader
 from recordings.search import Search
-from recordings.shelf import calibration_identity
 from recordings.writer import RunWriter
 
 MakeBlock = Callable[..., SampleBlock]

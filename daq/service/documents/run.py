@@ -32,15 +32,25 @@ class RunDocument(Document):
     is_gap_free: bool = Field(description="Whether it is one stretch of which no sample was lost", examples=[True])
     size_bytes: Count = Field(description="Size of the file, bytes", examples=[154_000_000])
     fault: str = Field(description="What is wrong with the file; empty where nothing is", examples=[""])
+    calibration: str | None = Field(
+        description="Identity of the probes' calibrations: equal where they are equal, hexadecimal",
+        examples=["5d41402abc4b2a76"],
+    )
+    remark: str = Field(description="Words added afterwards", examples=["bearing changed after this run"])
+    tags: tuple[str, ...] = Field(description="Tags given afterwards", examples=[["reference"]])
+    verdict: str = Field(
+        description="What the last verification of the file came to: sound, not whole, unreadable; empty without one",
+        examples=["sound"],
+    )
 
 
 class RunListDocument(Document):
     """A page of the list of runs."""
 
-    runs: tuple[RunDocument, ...] = Field(description="Newest first")
+    runs: tuple[RunDocument, ...] = Field(description="In the order asked for")
     total: Count = Field(description="Runs that fit the question, on all pages", examples=[12])
     limit: Count = Field(description="At most so many on a page", examples=[20])
-    offset: Count = Field(description="So many of the newest were passed over", examples=[0])
+    offset: Count = Field(description="So many of the first were passed over", examples=[0])
 
 
 def run_document(entry: RunEntry) -> RunDocument:
@@ -59,6 +69,10 @@ def run_document(entry: RunEntry) -> RunDocument:
         is_gap_free=entry.is_gap_free,
         size_bytes=entry.size,
         fault=entry.fault,
+        calibration=None if header is None else entry.calibration,
+        remark=entry.remark,
+        tags=entry.tags,
+        verdict=entry.verdict,
     )
 
 
