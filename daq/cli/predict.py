@@ -9,9 +9,13 @@ import numpy as np
 from daq.cli.console import RPM, Console
 from daq.cli.telling import print_json
 from daq.config.load import load_rig
+from daq.config.rig import Rig
+from daq.config.rotor import rotor_parameters
 from daq.errors import RigError, UsageError
 from daq.service.documents.live import predicted_document
 from daq.session.predictors import PATIENCE, Predictors
+from model.errors import ModelError
+from model.live_prediction import refine
 from model.prediction import Prediction
 from model.prediction_map import PredictionMap
 
@@ -31,7 +35,7 @@ def run(chosen: argparse.Namespace) -> int:
             raise RigError(f"there is no prediction: {predictor.state}")
     if chosen.quiet:
         return 0
-    predictions = _chosen(found, chosen.speed_rpm)
+    predictions = _over_speed(found) if chosen.speed_rpm is None else [_exactly(rig, found, chosen.speed_rpm * RPM)]
     if chosen.json:
         print_json([predicted_document(prediction) for prediction in predictions])
     else:
@@ -41,17 +45,25 @@ def run(chosen: argparse.Namespace) -> int:
     return 0
 
 
-def _chosen(found: PredictionMap, speed_rpm: float | None) -> list[Prediction]:
+def _over_speed(found: PredictionMap) -> list[Prediction]:
     lowest, highest = float(found.speeds[0]), float(found.speeds[-1])
-    if speed_rpm is None:
-        first = math.ceil(lowest / _STEP - 1e-9) * _STEP
-        return [found.at(min(speed, highest)) for speed in np.arange(first, highest * (1 + 1e-9), _STEP)]
-    speed = speed_rpm * RPM
+    first = math.ceil(lowest / _STEP - 1e-9) * _STEP
+    return [found.at(min(speed, highest)) for speed in np.arange(first, highest * (1 + 1e-9), _STEP)]
+
+
+def _exactly(rig: Rig, found: PredictionMap, speed: float) -> Prediction:
+    """Return the settled motion at a speed, rad/s."""
+    lowest, highest = float(found.speeds[0]), float(found.speeds[-1])
     if not lowest <= speed <= highest:
         raise UsageError(
-            f"--speed {speed_rpm:g}: expected {lowest / RPM:,.0f} to {highest / RPM:,.0f} r/min, up to limits.speed_rpm"
+            f"--speed {speed / RPM:g}: expected {lowest / RPM:,.0f} to {highest / RPM:,.0f} r/min, "
+            "up to limits.speed_rpm"
         )
-    return [found.at(speed)]
+    try:
+        *_, settled = refine(rotor_parameters(rig), speed, found, rig.settings)
+    except ModelError as error:
+        raise RigError(f"there is no prediction at {speed / RPM:g} r/min: {error}") from error
+    return settled
 
 
 _HEAD = "   r/min   1X x µm pk  lag x °   1X y µm pk  lag y °   below 1X      overall µm pp   growth 1/s"

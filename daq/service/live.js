@@ -113,7 +113,7 @@ function drawWhirl({ measured, predicted }) {
   write("whirl-model-note", known(growth) ? `film ${growth > 0 ? "lets go" : "holds"} · ${growth > 0 ? "+" : ""}${decimals(growth, 0)} 1/s` : "");
 }
 
-function drawStatus({ measured, status }) {
+function drawStatus({ measured, predicted, status }) {
   write("samples", count(status.samples));
   write("lost", `${status.lost_is_exact ? "" : "≥ "}${whole(status.lost_samples)}`);
   mark("lost-cell", "bad", status.lost_samples > 0 || !status.lost_is_exact);
@@ -133,7 +133,8 @@ function drawStatus({ measured, status }) {
   write("skipped", count(status.skipped_samples));
   mark("skipped-cell", "poor", status.skipped_samples > 0);
   write("dropped", count(status.dropped_frames));
-  write("model", status.model);
+  const basis = predicted && (predicted.is_exact ? `exact at ${whole(predicted.speed_rpm)} r/min` : "interpolated");
+  write("model", basis ? `${status.model}, ${basis}` : status.model);
 }
 
 const WORST_FIRST = { danger: 0, alarm: 1 };

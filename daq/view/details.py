@@ -4,7 +4,7 @@ import math
 
 from analysis.snapshot import Snapshot, TachoState
 from daq.session.frame import LiveFrame
-from daq.view.wording import hours, legible, micrometres, rpm, vector
+from daq.view.wording import basis, hours, legible, micrometres, rpm, vector
 from model.prediction import Prediction
 
 
@@ -68,7 +68,7 @@ def _system(frame: LiveFrame) -> list[str]:
     )
     if frame.snapshot is not None:
         lines += _signals(frame, frame.snapshot)
-    lines.append(f"- model: {status.model}{_stability(frame.prediction)}")
+    lines.append(f"- model: {status.model}{_model(frame.prediction)}")
     return lines
 
 
@@ -87,7 +87,10 @@ def _signals(frame: LiveFrame, snapshot: Snapshot) -> list[str]:
     return lines
 
 
-def _stability(prediction: Prediction | None) -> str:
-    if prediction is None or not math.isfinite(prediction.growth_rate):
+def _model(prediction: Prediction | None) -> str:
+    if prediction is None:
         return ""
-    return "; film lets go at this speed" if prediction.growth_rate > 0.0 else "; film stable at this speed"
+    said = f"; {basis(prediction)}"
+    if math.isfinite(prediction.growth_rate):
+        said += "; film lets go at this speed" if prediction.growth_rate > 0.0 else "; film stable at this speed"
+    return said

@@ -77,6 +77,8 @@ class OrbitPlot:
         if prediction is not None and prediction.orbit.size:
             orbit = prediction.orbit * _MICRO
             self._turns(drawing, orbit, MODEL, 1.6)
+            basis = "exact" if prediction.is_exact else "interpolated"
+            drawing.text(basis, (-70.0, -80.0), 0.9 * _LETTERS, MODEL)
             starts = self._plot().place(orbit[0, ::points], orbit[1, ::points])
             for at in starts:
                 drawing.circle((float(at[0]), float(at[1])), 3.4, MODEL, 1.2)

@@ -5,6 +5,7 @@ import math
 import numpy as np
 
 from daq.view.bode import phase_lag
+from model.prediction import Prediction
 
 
 def rpm(speed: float) -> str:
@@ -31,6 +32,11 @@ def hours(left: float) -> str:
 def micrometres(length: float) -> str:
     """Return a length, m, in µm with as many digits as can be trusted at a glance."""
     return f"{length * 1e6:.0f} µm" if abs(length) >= 9.95e-6 else f"{length * 1e6:.1f} µm"
+
+
+def basis(prediction: Prediction) -> str:
+    """Return what a prediction is in a word: integrated at exactly its speed, or interpolated between others."""
+    return f"exact at {rpm(prediction.speed)} r/min" if prediction.is_exact else "interpolated"
 
 
 def vector(value: complex) -> str:

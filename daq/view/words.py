@@ -6,7 +6,7 @@ from analysis.snapshot import Snapshot, TachoState
 from daq.session.frame import LiveFrame
 from daq.view.drawing import Anchor, Drawing
 from daq.view.palette import ALARM, FRAME, GOOD, MEASURED_X, MEASURED_Y, MODEL, QUIET, TEXT, Color
-from daq.view.wording import micrometres, vector
+from daq.view.wording import basis, micrometres, vector
 from model.prediction import Prediction
 
 BOUNDS = ((0.0, 300.0), (0.0, 200.0))
@@ -33,7 +33,8 @@ def words(frame: LiveFrame) -> Drawing:
     status = frame.status
     missed = f"not analysed live {status.skipped:,}   not drawn {status.dropped_frames:,}"
     _line(drawing, at, missed, ALARM if status.skipped else QUIET)
-    _line(drawing, at + 14.0, f"model {status.model}", MODEL)
+    basis_said = "" if frame.prediction is None else f", {basis(frame.prediction)}"
+    _line(drawing, at + 14.0, f"model {status.model}{basis_said}", MODEL)
     return drawing
 
 

@@ -163,6 +163,7 @@ def test_predict_shows_what_the_model_expects(rig_file: RigFiles, capsys: pytest
     assert main(["predict", path, "--speed", "3000", "--json"]) == 0
     (prediction,) = json.loads(capsys.readouterr().out)
     assert prediction["speed_rpm"] == 3000.0
+    assert prediction["is_exact"]
     assert main(["predict", path]) == 0
     rows = capsys.readouterr().out.splitlines()
     assert [row.split()[0] for row in rows[1:]] == ["1,000", "2,000", "3,000", "4,000"]

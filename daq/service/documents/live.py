@@ -117,6 +117,10 @@ class PredictedDocument(Document):
     """What the model says the probes should see at the measured speed."""
 
     speed_rpm: Speed
+    is_exact: bool = Field(
+        description="Whether the motion is integrated at exactly this speed; else it is interpolated between others",
+        examples=[True],
+    )
     peak_to_peak_x_um: float | None = Field(description="Overall at probe x, µm peak-to-peak", examples=[52.0])
     peak_to_peak_y_um: float | None = Field(description="Overall at probe y, µm peak-to-peak", examples=[53.1])
     order_1x: ProbesDocument = Field(description="At running speed")
@@ -241,6 +245,7 @@ def predicted_document(prediction: Prediction) -> PredictedDocument:
         )
     return PredictedDocument(
         speed_rpm=rpm(prediction.speed),
+        is_exact=prediction.is_exact,
         peak_to_peak_x_um=micrometres(prediction.peak_to_peak[0]),
         peak_to_peak_y_um=micrometres(prediction.peak_to_peak[1]),
         order_1x=probes_document(prediction.vectors[0]),
