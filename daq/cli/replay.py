@@ -49,7 +49,7 @@ def run(chosen: argparse.Namespace) -> int:
         model = predictors.of(header)
         with Screens(chosen, catalogue, summaries, console, readings) as screens:
             source = open_replay(path, chosen.pace)
-            replayed = ReplayedRun(header, source, model, screens.sinks)
+            replayed = ReplayedRun(header, source, model, screens.sinks, marks)
             screens.show(replayed)
             pace = "as fast as it goes" if chosen.pace is None else f"at {chosen.pace:g} × its own pace"
             console.line(f"replay of {run_id} {pace}")

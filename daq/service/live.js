@@ -25,6 +25,7 @@ export function drawLive(live) {
   const passed = live.status.latched_severity === "normal" ? "" : `▲ ${live.status.latched_severity.toUpperCase()} · `;
   document.title = `${passed}${live.status.state} · ${live.rig}`;
   document.body.dataset.run = ["finished", "failed"].includes(live.status.state) ? "" : live.run;
+  element("marking").hidden = !["recording", "degraded", "interrupted", "armed"].includes(live.status.state);
   write("state", live.status.state);
   write("clock", clock(live.status.elapsed_s));
   write("run", live.run);
@@ -43,6 +44,7 @@ export function drawIdle() {
   document.body.dataset.state = "idle";
   document.body.dataset.run = "";
   document.title = "Rig · no run";
+  element("marking").hidden = true;
   write("state", "no run");
   write("clock", "–:––");
   write("run", "No run is under way");

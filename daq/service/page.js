@@ -5,6 +5,7 @@ import { drawIdle, drawLive } from "./live.js";
 import { followPicture } from "./picture.js";
 import { drawRuns } from "./runs.js";
 import { ask, keepToken, send, takeTokenFromAddress } from "./service_client.js";
+import { addToTrend } from "./trend.js";
 
 const LIVE_INTERVAL = 200; // ms
 const IDLE_INTERVAL = 1000;
@@ -54,6 +55,7 @@ async function step() {
     state = live.status.state;
     element("token").hidden = true;
     drawLive(live);
+    addToTrend(live);
     if (ended && !isUnderWay(state)) drawRuns(live.run);
     return LIVE_INTERVAL;
   } catch (error) {
@@ -126,6 +128,27 @@ element("acknowledge").addEventListener("click", acknowledge);
 document.addEventListener("keydown", (event) => {
   const typing = event.target.matches("input, textarea") || event.ctrlKey || event.metaKey || event.altKey;
   if (event.key === "a" && !typing && !element("alarms").hidden && !element("acknowledge").hidden) acknowledge();
+});
+
+async function markMoment(event) {
+  event.preventDefault();
+  const word = element("mark-text");
+  try {
+    const made = await send("/api/v1/live/marks", { text: word.value.trim() || "mark" });
+    word.value = "";
+    word.placeholder = `marked “${made.text}”`;
+  } catch (error) {
+    word.placeholder = `not marked: ${error.message}`;
+  }
+  word.blur();
+}
+
+element("marking").addEventListener("submit", markMoment);
+document.addEventListener("keydown", (event) => {
+  const typing = event.target.matches("input, textarea") || event.ctrlKey || event.metaKey || event.altKey;
+  if (event.key !== "m" || typing || element("marking").hidden) return;
+  event.preventDefault();
+  element("mark-text").focus();
 });
 
 takeTokenFromAddress();

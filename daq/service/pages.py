@@ -20,6 +20,7 @@ ASSETS: Final = (
     "live.js",
     "runs.js",
     "picture.js",
+    "trend.js",
     "figures.js",
     "service_client.js",
     "reference.css",

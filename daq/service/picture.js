@@ -1,12 +1,13 @@
 // Draws the orbit in its clearance circle and the order spectrum, measured and predicted, where there is no viewer.
 
 import { ask } from "./service_client.js";
+import { drawTrend } from "./trend.js";
 
 const SVG = "http://www.w3.org/2000/svg";
 const [WIDTH, HEIGHT] = [800, 640]; // of the spectrum's plane
 const INTERVAL = 250; // ms
 
-function draw(parent, tag, attributes, text = "") {
+export function draw(parent, tag, attributes, text = "") {
   const node = document.createElementNS(SVG, tag);
   for (const [name, value] of Object.entries(attributes)) node.setAttribute(name, value);
   node.textContent = text;
@@ -14,7 +15,7 @@ function draw(parent, tag, attributes, text = "") {
   return node;
 }
 
-function plane(parent, box, label) {
+export function plane(parent, box, label) {
   const svg = draw(parent, "svg", { viewBox: box, role: "img", "aria-label": label });
   return svg;
 }
@@ -30,7 +31,7 @@ function largest(curves, names) {
 }
 
 // A scale that grows at once and shrinks only when a third of it would do.
-function follow(scale, needed) {
+export function follow(scale, needed) {
   const wanted = rounded(Math.max(needed * 1.1, 1));
   return wanted > scale || needed < scale / 3 ? wanted : scale;
 }
@@ -111,6 +112,7 @@ export async function followPicture(parent, empty) {
       drawn.className = "picture";
       drawOrbit(drawn, picture);
       drawSpectrum(drawn, picture);
+      drawTrend(drawn);
       legend(drawn);
       parent.replaceChildren(drawn);
     } catch (error) {

@@ -8,6 +8,7 @@ from analysis.alarm import Alarm
 from analysis.run import RunHeader, Severity
 from analysis.snapshot import Snapshot
 from model.prediction import Prediction
+from recordings.marks import Mark
 
 
 class RunState(StrEnum):
@@ -26,6 +27,25 @@ class RunState(StrEnum):
     def is_under_way(self) -> bool:
         """Whether the run has not ended."""
         return self not in {RunState.FINISHED, RunState.FAILED}
+
+
+@dataclass(frozen=True, slots=True)
+class PlacedMark:
+    """A mark, and when in the run it lies.
+
+    Parameters
+    ----------
+    mark : Mark
+        The mark.
+    time : float
+        Sample time in its segment, s.
+    elapsed : float
+        Sample time since the run began, s.
+    """
+
+    mark: Mark
+    time: float
+    elapsed: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,6 +76,8 @@ class Status:
         The worst of the alarms that last.
     latched : Severity
         The worst of the alarms in sight.
+    marks : tuple of PlacedMark
+        The last moments that were marked, in their order.
     model : str
         "ready", "computing 34 %", or why there is no prediction.
     detail : str
@@ -81,6 +103,7 @@ class Status:
     detail: str = ""
     alarms: tuple[Alarm, ...] = ()
     acknowledged: int = 0
+    marks: tuple[PlacedMark, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,6 +1,7 @@
 """The live analysis: items in, frames out, the same for a run that is recorded and one that is replayed."""
 
 import threading
+from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
@@ -10,8 +11,10 @@ from analysis.run import RunHeader
 from analysis.samples import SegmentEnd, SourceItem
 from analysis.snapshot import Snapshot
 from analysis.summary import RunSummary, SummaryBuilder
-from daq.session.frame import FrameSink, LiveFrame, Status
+from daq.session.frame import FrameSink, LiveFrame, PlacedMark, Status
 from model.prediction import Prediction
+
+MOST_MARKS = 20  # shown live, the last ones
 
 Predict = Callable[[float], Prediction | None]
 
@@ -52,6 +55,7 @@ class LiveAnalysis:
         self._snapshot: Snapshot | None = None
         self._prediction: Prediction | None = None
         self._alarms: tuple[Alarm, ...] = ()
+        self._marks: deque[PlacedMark] = deque(maxlen=MOST_MARKS)
         self._acknowledged = 0  # number of the last alarm that somebody has acknowledged
 
     def take(self, item: SourceItem, status: Status) -> None:
@@ -79,6 +83,11 @@ class LiveAnalysis:
     def _shown(self) -> tuple[Alarm, ...]:
         return shown_alarms(self._alarms, self._acknowledged, latch=self._header.limits.latch)
 
+    def mark(self, mark: PlacedMark) -> None:
+        """Show a mark with the frames from now on, with as many of those before it as are shown."""
+        with self._lock:
+            self._marks.append(mark)
+
     def acknowledge(self) -> tuple[Alarm, ...]:
         """Take note of the alarms so far, and return those that were in sight and new; what lasts stays in sight."""
         with self._lock:
@@ -92,7 +101,12 @@ class LiveAnalysis:
             shown, acknowledged = self._shown(), self._acknowledged
             lasting = [alarm for alarm in shown if alarm.lasts]
             status = replace(
-                status, severity=worst(lasting), latched=worst(shown), alarms=shown, acknowledged=acknowledged
+                status,
+                severity=worst(lasting),
+                latched=worst(shown),
+                alarms=shown,
+                acknowledged=acknowledged,
+                marks=tuple(self._marks),
             )
             return LiveFrame(self._header, status, self._snapshot, self._prediction)
 

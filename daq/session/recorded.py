@@ -18,7 +18,7 @@ from analysis.summary import RunSummary
 from daq.config.rig import Rig
 from daq.errors import DeviceError, DeviceFault, RigError
 from daq.session.alarms import acknowledgement, alarm_mark
-from daq.session.frame import FrameSink, LiveFrame, RunState, Status
+from daq.session.frame import FrameSink, LiveFrame, PlacedMark, RunState, Status
 from daq.session.gauges import Gauges
 from daq.session.live import LiveAnalysis
 from daq.session.messages import Acquired, Closed, Done, Opened, Order, Refused, Stop
@@ -130,7 +130,14 @@ class RecordedRun:
 
     def _keep_alarm(self, alarm: Alarm) -> None:
         """Send an alarm that has come to be written beside the samples."""
-        self._send(encode_mark(alarm_mark(alarm, self._rate, time.time_ns()), self._header))
+        self._note_mark(alarm_mark(alarm, self._rate, time.time_ns()))
+
+    def _note_mark(self, mark: Mark) -> None:
+        """Show a mark, and send it to be written beside the samples."""
+        (segment, sample), samples = self._gauges.place, self._gauges.samples
+        since = mark.sample if mark.segment == segment else 0  # of a segment that is over: where the present one began
+        self._shown.mark(PlacedMark(mark, mark.sample / self._rate, (samples - sample + since) / self._rate))
+        self._send(encode_mark(mark, self._header))
 
     def _send(self, message: object) -> None:
         with self._sending, suppress(OSError):  # a recorder that is gone is noticed by the watch
@@ -247,7 +254,7 @@ class RecordedRun:
             return None
         segment, sample = self._gauges.place
         mark = Mark(segment, sample, " ".join(text.split())[:MOST_LETTERS] or "mark", time.time_ns())
-        self._send(encode_mark(mark, self._header))
+        self._note_mark(mark)
         return mark
 
     def acknowledge(self) -> tuple[Alarm, ...]:
@@ -255,7 +262,7 @@ class RecordedRun:
         noted = self._shown.acknowledge()
         if noted and self._thread.is_alive():
             segment, sample = self._gauges.place
-            self._send(encode_mark(acknowledgement(noted, segment, sample, time.time_ns()), self._header))
+            self._note_mark(acknowledgement(noted, segment, sample, time.time_ns()))
         return noted
 
     def wait(self, timeout: float) -> bool:

@@ -5,12 +5,13 @@ from collections.abc import Sequence
 
 from analysis.alarm import Alarm
 from analysis.run import RunHeader
-from analysis.samples import SampleBlock, SegmentEnd
+from analysis.samples import SampleBlock, SegmentEnd, SourceItem
 from analysis.summary import RunSummary
 from daq.drivers.source import Source
-from daq.session.frame import FrameSink, LiveFrame, RunState, Status
+from daq.session.frame import FrameSink, LiveFrame, PlacedMark, RunState, Status
 from daq.session.live import LiveAnalysis
 from daq.session.run import Model, Outcome
+from recordings.marks import Mark
 
 
 class ReplayedRun:
@@ -26,15 +27,25 @@ class ReplayedRun:
         Whose prediction is laid over it.
     sinks : sequence of FrameSink
         Who shows it.
+    marks : sequence of Mark
+        What was marked in it; each is shown when the replay comes to it.
     """
 
-    def __init__(self, header: RunHeader, source: Source, model: Model, sinks: Sequence[FrameSink] = ()) -> None:
+    def __init__(
+        self,
+        header: RunHeader,
+        source: Source,
+        model: Model,
+        sinks: Sequence[FrameSink] = (),
+        marks: Sequence[Mark] = (),
+    ) -> None:
         self._header = header
         self._source = source
         self._model = model
         self._analysis = LiveAnalysis(header, model.at, sinks)
         self._ends: list[SegmentEnd] = []
         self._samples = 0
+        self._marks = sorted(marks, key=lambda mark: (mark.segment, mark.sample), reverse=True)  # the next one last
         self._state = RunState.REPLAYING
         self._by_hand = False
         self._fault: BaseException | None = None
@@ -64,12 +75,21 @@ class ReplayedRun:
                     self._samples += item.n_samples
                 else:
                     self._ends.append(item)
+                self._pass_marks(item)
                 self._analysis.take(item, self.status())
             self._state = RunState.FINISHED
         except Exception as error:  # noqa: BLE001 - carried to whoever closes the run
             self._fault = error
             self._state = RunState.FAILED
         self._analysis.offer(self.status())
+
+    def _pass_marks(self, item: SourceItem) -> None:
+        """Show the marks up to the end of an item."""
+        end = item.end if isinstance(item, SampleBlock) else item.samples
+        rate = self._header.acquisition.rate
+        while self._marks and (self._marks[-1].segment, self._marks[-1].sample) <= (item.segment, end):
+            mark = self._marks.pop()
+            self._analysis.mark(PlacedMark(mark, mark.sample / rate, (self._samples - end + mark.sample) / rate))
 
     def latest(self) -> LiveFrame:
         """Return the present frame."""

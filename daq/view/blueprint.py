@@ -3,7 +3,7 @@
 import rerun.blueprint as rrb
 
 from analysis.run import RunHeader
-from daq.view import banner, bode, colour_map, orbit, spectrum, traces, words
+from daq.view import banner, bode, colour_map, orbit, spectrum, traces, trend, words
 from daq.view.palette import PAPER
 
 _Bounds = tuple[tuple[float, float], tuple[float, float]]
@@ -33,8 +33,7 @@ def operator_blueprint(header: RunHeader) -> rrb.Blueprint:
                 _drawn("bode", "1X and 2X against speed (µm peak, ° lag)", bode.BOUNDS),
                 rrb.Tabs(
                     _drawn("traces", "Traces (µm and V over ms)", traces.BOUNDS),
-                    _trend("trend/overall", "Overall (µm peak-to-peak)"),
-                    _trend("trend/speed", "Speed (r/min)"),
+                    _drawn("trend", "Trend (µm peak-to-peak and r/min over time)", trend.BOUNDS),
                     active_tab=0,
                 ),
                 rrb.Tabs(
@@ -64,7 +63,3 @@ def _drawn(origin: str, name: str, bounds: _Bounds, *, titlebar: bool = True) ->
         background=PAPER,
         visual_bounds=rrb.VisualBounds2D(x_range=across, y_range=down),
     )
-
-
-def _trend(origin: str, name: str) -> rrb.TimeSeriesView:
-    return rrb.TimeSeriesView(origin=f"/{origin}", name=name, plot_legend=rrb.PlotLegend(rrb.Corner2D.LeftTop))

@@ -16,6 +16,7 @@ QUIET: Color = (158, 170, 184, 255)  # labels and units
 GRID: Color = (50, 57, 67, 255)
 FRAME: Color = (110, 120, 134, 255)
 CLEARANCE: Color = (214, 218, 224, 255)
+MARK: Color = (255, 122, 190, 255)  # a moment that somebody named
 GOOD: Color = (46, 160, 67, 255)
 ALARM: Color = (255, 235, 59, 255)
 DANGER: Color = (229, 28, 35, 255)

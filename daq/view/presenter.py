@@ -1,6 +1,5 @@
 """Turns frames of a run into what the viewer draws; the same live and in replay."""
 
-import math
 from collections.abc import Callable, Hashable
 
 import rerun as rr
@@ -14,9 +13,9 @@ from daq.view.cascade import CascadePlot
 from daq.view.details import details
 from daq.view.drawing import Drawing
 from daq.view.orbit import OrbitPlot
-from daq.view.palette import MEASURED_X, MEASURED_Y, MODEL, TEXT
 from daq.view.spectrum import SpectrumPlot
 from daq.view.traces import TracePlot
+from daq.view.trend import TrendPlot
 from daq.view.waterfall import WaterfallPlot
 from daq.view.words import words
 
@@ -54,8 +53,8 @@ class Presenter:
         self._waterfall = WaterfallPlot(header)
         self._bode = BodePlot(header)
         self._traces = TracePlot()
+        self._trend = TrendPlot()
         self._model_points = header.settings.points_per_revolution
-        self._style()
 
     def show(self, frame: LiveFrame) -> None:
         """Log what is due of a frame, at its time in the run."""
@@ -65,6 +64,7 @@ class Presenter:
             self._cascade.add(snapshot, frame.prediction)
             self._waterfall.add(snapshot, frame.prediction, frame.status.elapsed)
             self._bode.add(snapshot.frame, frame.prediction)
+            self._trend.add(snapshot, frame.prediction, frame.status.elapsed)
         if self._count % _FAST == 0:
             banner(frame).log(self._stream, "banner")
             self._show_orbit(frame)
@@ -94,8 +94,7 @@ class Presenter:
 
     def _show_traces(self, frame: LiveFrame) -> None:
         self._axes("traces/axes", self._traces.follow(frame.snapshot), self._traces.axes)
-        trace = frame.snapshot.trace if frame.snapshot is not None else None
-        self._traces.lines(trace).log(self._stream, "traces/lines", draw_order=_OVER)
+        self._traces.lines(frame.snapshot, frame.status.marks).log(self._stream, "traces/lines", draw_order=_OVER)
 
     def _show_by_speed(self, frame: LiveFrame) -> None:
         order_frame = frame.snapshot.frame if frame.snapshot is not None else None
@@ -109,16 +108,13 @@ class Presenter:
     def _show_waterfall(self, frame: LiveFrame) -> None:
         self._axes("waterfall/axes", 0, self._waterfall.axes)
         self._stream.log("waterfall/measured", self._waterfall.picture())
-        self._waterfall.lines(frame.status.elapsed).log(self._stream, "waterfall/model", draw_order=_TOP)
+        lines = self._waterfall.lines(frame.status.elapsed, frame.status.marks)
+        lines.log(self._stream, "waterfall/model", draw_order=_TOP)
 
     def _show_trend(self, frame: LiveFrame) -> None:
-        snapshot = frame.snapshot
-        if snapshot is None:
-            return
-        model = float("nan") if frame.prediction is None else float(frame.prediction.peak_to_peak.max()) * 1e6
-        overall = [*(float(value) * 1e6 for value in snapshot.peak_to_peak), model]
-        self._stream.log("trend/overall", rr.Scalars(overall))
-        self._stream.log("trend/speed", rr.Scalars(snapshot.speed * 30.0 / math.pi))
+        elapsed = frame.status.elapsed
+        self._axes("trend/axes", self._trend.follow(elapsed), lambda: self._trend.axes(elapsed))
+        self._trend.lines(elapsed, frame.status.marks).log(self._stream, "trend/lines", draw_order=_OVER)
 
     def _axes(self, path: str, state: Hashable, draw: Callable[[], Drawing]) -> None:
         """Log a plot's frame where its scale has changed, and now and then."""
@@ -126,10 +122,3 @@ class Presenter:
         if state != state_before or self._count - count >= _REPEAT:
             draw().log(self._stream, path, draw_order=_UNDER)
             self._shown[path] = (state, self._count)
-
-    def _style(self) -> None:
-        overall = rr.SeriesLines(
-            names=["x", "y", "model, larger of both"], colors=[MEASURED_X, MEASURED_Y, MODEL], widths=[2.0, 2.0, 2.0]
-        )
-        self._stream.log("trend/overall", overall, static=True)
-        self._stream.log("trend/speed", rr.SeriesLines(names=["speed"], colors=[TEXT], widths=[2.0]), static=True)

@@ -1,13 +1,16 @@
 """The last revolutions as a scope shows them: both probes and the tacho against time."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.snapshot import Snapshot, Trace
+from analysis.snapshot import Snapshot
+from daq.session.frame import PlacedMark
 from daq.view.axes import Axis, Plot, Reach
 from daq.view.drawing import Anchor, Drawing
+from daq.view.flags import draw_upright
 from daq.view.palette import MEASURED_X, MEASURED_Y, TACHO
 
 FloatArray = NDArray[np.float64]
@@ -61,11 +64,12 @@ class TracePlot:
             right -= drawing.text(name, (right, -0.8 * _LETTERS), _LETTERS, color, Anchor.RIGHT) + 8.0
         return drawing
 
-    def lines(self, trace: Trace | None) -> Drawing:
-        """Return the three lines."""
+    def lines(self, snapshot: Snapshot | None, marks: Sequence[PlacedMark] = ()) -> Drawing:
+        """Return the three lines, and the marks that lie in what they show."""
         drawing = Drawing()
-        if trace is None or trace.time.size < 2:
+        if snapshot is None or snapshot.trace.time.size < 2:
             return drawing
+        trace = snapshot.trace
         upper, lower = self._plots()
         since = trace.time - trace.time[-1]
         shown = since >= -self._span
@@ -75,6 +79,11 @@ class TracePlot:
             drawing.line(upper.place(milliseconds[index], values), color, 1.5)
         index, values = thinned(trace.tacho[shown], _POINTS)
         drawing.line(lower.place(milliseconds[index], values), TACHO, 1.3)
+        for mark in marks:
+            at = mark.time - float(trace.time[-1])
+            if mark.mark.segment == snapshot.segment and -self._span <= at <= 0.0:
+                for plot in (upper, lower):
+                    draw_upright(drawing, plot, at * 1e3, mark)
         return drawing
 
     def _plots(self) -> tuple[Plot, Plot]:

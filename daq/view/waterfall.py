@@ -2,6 +2,7 @@
 
 import math
 from collections import deque
+from collections.abc import Sequence
 
 import numpy as np
 import rerun as rr
@@ -9,9 +10,11 @@ import rerun as rr
 from analysis.run import RunHeader
 from analysis.snapshot import Snapshot
 from analysis.waterfall import Waterfall
+from daq.session.frame import PlacedMark
 from daq.view.axes import Axis
 from daq.view.colour_map import LETTERS, ROWS, map_axes, map_picture, map_plot
 from daq.view.drawing import Drawing
+from daq.view.flags import draw_level
 from daq.view.palette import MODEL
 from model.prediction import Prediction
 
@@ -46,8 +49,8 @@ class WaterfallPlot:
         """Return the colours."""
         return map_picture(self._waterfall.orders, self._waterfall.amplitudes)
 
-    def lines(self, elapsed: float) -> Drawing:
-        """Return the predicted whirl of the last minute."""
+    def lines(self, elapsed: float, marks: Sequence[PlacedMark] = ()) -> Drawing:
+        """Return the predicted whirl of the last minute, and its marks."""
         drawing = Drawing()
         recent = np.array([(order, time - elapsed) for time, order in self._predicted if time >= elapsed - _SPAN])
         if recent.size:
@@ -55,4 +58,7 @@ class WaterfallPlot:
             if math.isfinite(recent[-1, 0]):
                 at = self._plot.place(recent[-1:, 0], recent[-1:, 1])[0]
                 drawing.text("model", (float(at[0]) + 2.0, float(at[1]) + 1.5 * LETTERS), LETTERS, MODEL)
+        for mark in marks:
+            if elapsed - _SPAN <= mark.elapsed <= elapsed:
+                draw_level(drawing, self._plot, mark.elapsed - elapsed, mark)
         return drawing

@@ -5,19 +5,24 @@ import re
 import sys
 import time
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 
 import httpx
 import pytest
 
 from daq.config.rig import Rig
+from daq.drivers.replay import open_replay
+from daq.session.frame import PlacedMark
+from daq.session.replayed import ReplayedRun
 from recordings.reader import RunReader
 from recordings.verify import verify
-from tests.daq.test_recorded import REAL_TIME, recorded
+from tests.daq.test_recorded import REAL_TIME, NoModel, Screen, recorded
 from tests.daq.test_shutdown import POSIX, SLOW, command
 
 RigFiles = Callable[..., Path]
 RigFactory = Callable[..., Rig]
+RATE = 20_000.0
 JSON = {"Content-Type": "application/json"}
 
 
@@ -41,6 +46,28 @@ def test_marks_are_in_the_file_at_the_moment_they_were_made(rig: RigFactory, tmp
     assert second.sample - first.sample == pytest.approx(0.3 * 20_000, abs=2 * 2000)
     assert second.host_time_ns > first.host_time_ns
     assert verify(run.path).findings == ()
+
+
+def test_mark_is_shown_live_from_its_moment_on_and_again_in_a_replay(rig: RigFactory, tmp_path: Path) -> None:
+    run = recorded(rig(simulation=REAL_TIME), tmp_path)
+    assert run.latest().status.marks == ()
+    time.sleep(0.7)
+    made = run.mark("knocking")
+    assert made is not None
+    (shown,) = run.latest().status.marks
+    assert shown == PlacedMark(made, made.sample / RATE, made.sample / RATE)
+    assert run.wait(60)
+    run.close()
+    screen = Screen()
+    with RunReader(run.path) as reader:
+        marks = reader.marks()
+    with closing(open_replay(run.path, None)) as source:
+        replayed = ReplayedRun(run.header, source, NoModel(), [screen], marks)
+        assert replayed.wait(60)
+        replayed.close()
+    for frame in screen.frames:
+        assert frame.status.marks == ((shown,) if frame.status.samples >= made.sample else ())
+    assert {frame.status.marks for frame in screen.frames} == {(), (shown,)}
 
 
 @POSIX

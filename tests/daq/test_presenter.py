@@ -13,20 +13,23 @@ from numpy.typing import NDArray
 from rerun.chunk import RrdReader
 
 from analysis.run import Severity
-from daq.session.frame import LiveFrame, RunState, Status
+from daq.session.frame import LiveFrame, PlacedMark, RunState, Status
 from daq.view.blueprint import timeline
 from daq.view.colour_map import COLUMNS, HIGHEST_ORDER, ROWS
-from daq.view.palette import ALARM, DANGER, MEASURED_X, MEASURED_Y, MODEL, TACHO, Color
+from daq.view.drawing import Drawing
+from daq.view.palette import ALARM, DANGER, MARK, MEASURED_X, MEASURED_Y, MODEL, TACHO, Color
 from daq.view.presenter import Presenter
-from tests.daq.frames import make_frames, make_header, with_alarm
+from daq.view.trend import TrendPlot
+from recordings.marks import Mark, MarkKind
+from tests.daq.frames import RATE, make_frames, make_header, with_alarm
 
 RUN = timeline(make_header())
 DRAWN = {
     "/banner",
     "/words",
     "/details",
-    "/trend/overall",
-    "/trend/speed",
+    "/trend/axes",
+    "/trend/lines",
     *(
         f"/{plot}/{part}"
         for plot in ("orbit", "spectrum", "cascade", "waterfall", "bode")
@@ -180,6 +183,60 @@ def test_alarm_stays_on_the_banner_when_it_is_over(tmp_path: Path) -> None:
     latched = Logged([with_alarm(frame, Severity.ALARM)], tmp_path / "latched.rrd")
     assert not quiet.strips("/banner", ALARM)
     assert latched.strips("/banner", ALARM)
+
+
+def marked(frames: list[LiveFrame], *marks: PlacedMark) -> list[LiveFrame]:
+    return [replace(frame, status=replace(frame.status, marks=marks)) for frame in frames]
+
+
+def test_mark_is_a_line_with_its_word_in_trend_and_waterfall_at_its_time(tmp_path: Path) -> None:
+    frames = make_frames(120)[:97]  # trend and waterfall are drawn with every 24th, so with the last
+    elapsed = frames[-1].status.elapsed
+    word = PlacedMark(Mark(0, round((elapsed - 3.0) * RATE), "knocking", 0), elapsed - 3.0, elapsed - 3.0)
+    came = PlacedMark(Mark(0, 0, "alarm at x", 0, MarkKind.ALARM), elapsed - 5.0, elapsed - 5.0)
+    logged = Logged(marked(frames, word, came), tmp_path / "marked.rrd")
+    unmarked = Logged(frames, tmp_path / "unmarked.rrd")
+    for color, before in ((MARK, 3.0), (ALARM, 5.0)):
+        upright = [line for line in logged.strips("/trend/lines", color) if len(line) == 2 and np.ptp(line[:, 0]) == 0]
+        across = 300.0 * (1.0 - before / 60.0)  # of the plot's width, which shows the last minute
+        long = [line for line in upright if np.ptp(line[:, 1]) > 50.0]
+        assert [line[0, 0] for line in long] == pytest.approx([across, across], abs=1e-3)
+        level = [line for line in logged.strips("/waterfall/model", color) if np.ptp(line[:, 0]) > 100.0]
+        assert [line[0, 1] for line in level] == pytest.approx([ROWS * before / 60.0], abs=1e-3)
+        assert len(logged.strips("/trend/lines", color)) > 8  # the strokes of its word
+        assert not unmarked.strips("/trend/lines", color)
+
+
+def test_mark_is_drawn_over_the_traces_where_they_show_its_moment(tmp_path: Path) -> None:
+    frame = make_frames(1)[0]
+    assert frame.snapshot is not None
+    trace = frame.snapshot.trace
+    at = float(trace.time[-1]) - 0.01
+    mark = PlacedMark(Mark(frame.snapshot.segment, round(at * RATE), "now", 0), at, frame.status.elapsed - 0.01)
+    other = PlacedMark(Mark(frame.snapshot.segment + 1, round(at * RATE), "elsewhere", 0), at, frame.status.elapsed)
+    here = Logged(marked([frame], mark), tmp_path / "here.rrd")
+    assert len([line for line in here.strips("/traces/lines", MARK) if np.ptp(line[:, 1]) > 30.0]) == 2
+    assert not Logged(marked([frame], other), tmp_path / "there.rrd").strips("/traces/lines", MARK)
+
+
+def test_trend_keeps_the_largest_between_its_points_and_goes_on_in_minutes() -> None:
+    plot = TrendPlot()
+    frame = make_frames(1)[0]
+    assert frame.snapshot is not None
+    for k in range(1200):
+        spike = 90e-6 if k == 1003 else 10e-6
+        plot.add(replace(frame.snapshot, peak_to_peak=np.array([spike, 5e-6])), None, 0.1 * k)
+    assert plot.follow(119.9)[0] == 300.0
+    highest = min(strip[:, 1].min() for strip in _strips(plot.lines(119.9, ())))
+    assert highest == pytest.approx(90.0 * (1.0 - 90.0 / plot.follow(119.9)[1]), abs=0.5)
+    assert plot.follow(12.0)[0] == 60.0
+    assert plot.follow(1e5)[0] == 1800.0
+
+
+def _strips(drawing: Drawing) -> list[NDArray[np.float64]]:
+    strips = drawing.archetype().strips
+    assert strips is not None
+    return [np.array(strip) for strip in strips.as_arrow_array().to_pylist()]
 
 
 def test_details_say_in_words_what_is_below_1x_and_what_the_model_says(run_up: Logged) -> None:

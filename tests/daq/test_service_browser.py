@@ -10,7 +10,8 @@ from pathlib import Path
 import pytest
 
 from analysis.run import Severity
-from daq.session.frame import LiveFrame, RunState
+from daq.session.frame import LiveFrame, PlacedMark, RunState
+from recordings.marks import Mark
 from tests.daq.frames import make_frames, with_alarm
 from tests.daq.service_bench import Bench, open_bench
 from tests.daq.service_fakes import NEWEST
@@ -59,7 +60,20 @@ def test_page_shows_the_live_run_with_the_model_beside_it(bench: Bench, tmp_path
     assert text_of(page, "clock") == "00:15"
     assert text_of(page, "disk") == "41 h"
     assert text_of(page, "gap-x") == "5.10 V"
-    assert page.count("<polyline") == 5  # two orbits; spectra of x, y and the model
+    assert page.count("<polyline") == 8  # two orbits; spectra of x, y and the model; overall x, y and speed over time
+
+
+def test_page_draws_a_mark_in_the_trend_and_takes_new_ones_while_a_run_is_recorded(
+    bench: Bench, tmp_path: Path
+) -> None:
+    placed = PlacedMark(Mark(0, 100_000, "knocking begins", 0), 1.0, FRAME.status.elapsed - 1.0)
+    bench.live.frame = replace(FRAME, status=replace(FRAME.status, marks=(placed,)))
+    page = seen(bench.server.url, tmp_path)
+    assert re.search(r'class="flag word"', page)
+    assert ">knocking begins</text>" in page
+    assert re.search(r'<form class="marking" id="marking">', page)
+    bench.live.frame = replace(FRAME, status=replace(FRAME.status, state=RunState.REPLAYING))
+    assert re.search(r'id="marking" hidden=""', seen(bench.server.url, tmp_path))
 
 
 def test_page_keeps_a_passed_limit_in_sight(bench: Bench, tmp_path: Path) -> None:

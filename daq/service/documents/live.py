@@ -11,6 +11,7 @@ from analysis.snapshot import OrderFrame, Snapshot, TachoState, Whirl
 from daq.service.documents.alarm import AlarmDocument, alarm_document
 from daq.service.documents.document import Document
 from daq.service.documents.header import DeviceDocument, LimitsDocument, device_document, limits_document
+from daq.service.documents.mark import LiveMarkDocument, live_mark_document
 from daq.service.documents.units import finite, micrometres, moment, rpm
 from daq.service.documents.vibration import Direction, ProbesDocument, direction, probes_document
 from daq.session.frame import LiveFrame, RunState, Status
@@ -44,6 +45,7 @@ class StatusDocument(Document):
     acknowledged_alarm: Count = Field(
         description="Number of the last alarm that somebody has acknowledged; 0 for none", examples=[0]
     )
+    marks: tuple[LiveMarkDocument, ...] = Field(description="The last moments that were marked, in their order")
     model: str = Field(description='"ready", "computing 34 %", or why there is no prediction', examples=["ready"])
     detail: str = Field(description="What went wrong; empty where all is well", examples=[""])
 
@@ -179,6 +181,7 @@ def _status(status: Status) -> StatusDocument:
         latched_severity=status.latched,
         alarms=tuple(alarm_document(alarm) for alarm in status.alarms),
         acknowledged_alarm=status.acknowledged,
+        marks=tuple(live_mark_document(mark) for mark in status.marks),
         model=status.model,
         detail=status.detail,
     )

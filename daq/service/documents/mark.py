@@ -7,6 +7,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from daq.service.documents.document import Document
 from daq.service.documents.units import finite, moment
+from daq.session.frame import PlacedMark
 from recordings.marks import MOST_LETTERS, Mark, MarkKind
 
 
@@ -22,6 +23,12 @@ class MarkDocument(Document):
         description="Sample time in the segment, s, right within a block and the card's backlog", examples=[12.3]
     )
     at: datetime = Field(description="Wall clock of the host, UTC", examples=["2026-11-24T09:12:19.550000Z"])
+
+
+class LiveMarkDocument(MarkDocument):
+    """A moment of the run under way."""
+
+    elapsed_s: float | None = Field(description="Sample time since the run began, s", examples=[12.3])
 
 
 class MarkOrder(BaseModel):
@@ -40,4 +47,16 @@ def mark_document(mark: Mark, rate: float) -> MarkDocument:
         segment=mark.segment,
         time_s=finite(mark.sample / rate),
         at=moment(mark.host_time_ns),
+    )
+
+
+def live_mark_document(placed: PlacedMark) -> LiveMarkDocument:
+    """Return a mark of the run under way as a document."""
+    return LiveMarkDocument(
+        kind=placed.mark.kind,
+        text=placed.mark.text,
+        segment=placed.mark.segment,
+        time_s=finite(placed.time),
+        at=moment(placed.mark.host_time_ns),
+        elapsed_s=finite(placed.elapsed),
     )

@@ -1,0 +1,64 @@
+// Draws overall vibration and speed over the last minutes, and what was marked, where there is no viewer.
+
+import { decimals, known } from "./figures.js";
+import { draw, follow, plane } from "./picture.js";
+
+const [WIDTH, HEIGHT] = [1600, 260];
+const SPANS = [60, 300, 1800]; // s: the shortest that holds the run, or the longest
+const INTERVAL = 0.5; // s between two points
+const LETTERS = 30; // of a mark's word, at most
+
+let run = null;
+let points = [];
+let marks = [];
+let now = 0;
+let level = 10;
+let pace = 1000;
+
+export function addToTrend({ run: id, status, measured }) {
+  if (id !== run || status.elapsed_s < now) points = [];
+  run = id;
+  now = status.elapsed_s;
+  marks = status.marks;
+  if (!measured) return;
+  const [x, y, speed] = [measured.peak_to_peak_x_um, measured.peak_to_peak_y_um, measured.speed_rpm];
+  const last = points.at(-1);
+  if (last && now < last.at + INTERVAL) Object.assign(last, { x: Math.max(last.x, x), y: Math.max(last.y, y), speed });
+  else points.push({ at: now, x, y, speed });
+  if (points.length > SPANS.at(-1) / INTERVAL) points.shift();
+}
+
+export function drawTrend(parent) {
+  const span = SPANS.find((one) => now <= one) ?? SPANS.at(-1);
+  const shown = points.filter((point) => point.at >= now - span);
+  const across = (at) => (WIDTH * (at - now + span)) / span;
+  level = follow(level, Math.max(0, ...shown.map((point) => Math.max(point.x ?? 0, point.y ?? 0))));
+  pace = follow(pace, Math.max(0, ...shown.map((point) => point.speed ?? 0)));
+  const svg = plane(parent, `-80 -30 ${WIDTH + 190} ${HEIGHT + 84}`, "Overall vibration, µm peak-to-peak, and speed, r/min, over the last minutes");
+  svg.classList.add("trend");
+  for (let part = 0; part <= 1; part += 0.25) {
+    const y = HEIGHT * (1 - part);
+    draw(svg, "path", { d: `M0 ${y}H${WIDTH}`, class: "grid" });
+    draw(svg, "text", { x: -10, y: y + 7, class: "label end" }, `${level * part}`);
+    draw(svg, "text", { x: WIDTH + 10, y: y + 7, class: "label" }, decimals(pace * part, 0));
+  }
+  for (let part = 0; part <= 1; part += 1 / 6) {
+    const value = (-span * (1 - part)) / (span > 60 ? 60 : 1);
+    draw(svg, "path", { d: `M${WIDTH * part} 0V${HEIGHT}`, class: "grid" });
+    draw(svg, "text", { x: WIDTH * part, y: HEIGHT + 30, class: "label middle" }, decimals(value, 0));
+  }
+  draw(svg, "text", { x: 0, y: -8, class: "label" }, "overall · µm peak-to-peak");
+  draw(svg, "text", { x: WIDTH, y: -8, class: "label end" }, "speed · r/min (white)");
+  draw(svg, "text", { x: WIDTH / 2, y: HEIGHT + 52, class: "label middle" }, `${span > 60 ? "min" : "s"} before now`);
+  for (const [name, full] of [["speed", pace], ["y", level], ["x", level]]) {
+    const curve = shown.filter((point) => known(point[name]));
+    const path = curve.map((point) => `${across(point.at).toFixed(1)},${(HEIGHT * (1 - point[name] / full)).toFixed(1)}`);
+    draw(svg, "polyline", { points: path.join(" "), class: `curve ${name}` });
+  }
+  for (const mark of marks.filter((one) => known(one.elapsed_s) && one.elapsed_s >= now - span)) {
+    const x = across(mark.elapsed_s);
+    const word = mark.text.length > LETTERS ? `${mark.text.slice(0, LETTERS - 1)}…` : mark.text;
+    draw(svg, "path", { d: `M${x} 0V${HEIGHT}`, class: `flag ${mark.kind}` });
+    draw(svg, "text", { x: x - 6, y: 22, class: `label end ${mark.kind}` }, word);
+  }
+}

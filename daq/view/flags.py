@@ -1,0 +1,33 @@
+"""Marks of a run, drawn at their moment: a line and its word."""
+
+from daq.session.frame import PlacedMark
+from daq.view.axes import Plot
+from daq.view.drawing import Anchor, Drawing
+from daq.view.palette import ALARM, MARK, QUIET, Color
+from recordings.marks import MarkKind
+
+_COLORS = {MarkKind.WORD: MARK, MarkKind.ALARM: ALARM, MarkKind.ACKNOWLEDGED: QUIET}
+_LETTERS = 26  # of a word, at most
+
+
+def draw_upright(drawing: Drawing, plot: Plot, at: float, mark: PlacedMark) -> None:
+    """Draw a mark across a plot, upright, at ``at`` of its x axis, its word beside the line."""
+    color, word = _look(mark)
+    line = plot.place([at, at], [plot.y.low, plot.y.high])
+    drawing.line(line, color, 0.12 * plot.letters)
+    x, top = float(line[1, 0]), float(line[1, 1])
+    drawing.text(word, (x - 0.4 * plot.letters, top + plot.letters), 0.85 * plot.letters, color, Anchor.RIGHT)
+
+
+def draw_level(drawing: Drawing, plot: Plot, at: float, mark: PlacedMark) -> None:
+    """Draw a mark across a plot, level, at ``at`` of its y axis, its word above the line."""
+    color, word = _look(mark)
+    line = plot.place([plot.x.low, plot.x.high], [at, at])
+    drawing.line(line, color, 0.12 * plot.letters)
+    place = (float(line[1, 0]) - plot.letters, float(line[1, 1]) - 0.4 * plot.letters)
+    drawing.text(word, place, 0.85 * plot.letters, color, Anchor.RIGHT)
+
+
+def _look(mark: PlacedMark) -> tuple[Color, str]:
+    text = mark.mark.text
+    return _COLORS[mark.mark.kind], text if len(text) <= _LETTERS else f"{text[: _LETTERS - 3]}..."
