@@ -1,0 +1,285 @@
+"""A run whose tacho is stamped by a counter, from the card through ring and file to what is told of it."""
+
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from analysis.analyser import Analyser
+from analysis.angular_record import record_of_codes
+from analysis.run import RunHeader
+from analysis.samples import SampleBlock, SegmentEnd, SourceItem
+from analysis.snapshot import CounterState, Snapshot, TachoState
+from daq.config.rig import Rig
+from daq.drivers.opening import open_source
+from daq.drivers.replay import open_replay
+from daq.session.recorder import run_header
+from daq.session.ring import BlockRing
+from recordings.analysed import write_analysed
+from recordings.reader import RunReader
+from recordings.recover import recover
+from recordings.results import encode_snapshot
+from recordings.verify import verify
+from tests.daq.test_recorded import order
+
+RigFactory = Callable[..., Rig]
+RPM = 2 * math.pi / 60
+STEADY = {
+    "profile": [{"time_s": 0.0, "speed_rpm": 6000.0}, {"time_s": 4.0, "speed_rpm": 6000.0}],
+    "speed_fluctuation": 0.0,
+    "tacho_jitter_us": 0.0,
+}
+RISING = {"profile": [{"time_s": 0.0, "speed_rpm": 3000.0}, {"time_s": 4.0, "speed_rpm": 9000.0}]}
+
+
+@pytest.fixture
+def counted(rig: RigFactory) -> RigFactory:
+    """Loads a rig whose tacho is stamped by a counter too, which is the reference unless said."""
+
+    def load(reference: str = "counter", **sections: object) -> Rig:
+        tacho = {"delay_s": 4e-4, "counter": {"reference": reference}}
+        return rig(**({"simulation": RISING} | sections | {"tacho": tacho}))
+
+    return load
+
+
+def items_of(rig: Rig) -> list[SourceItem]:
+    source = open_source(rig)
+    items = list(source.blocks())
+    source.close()
+    return items
+
+
+def header_of(rig: Rig, folder: Path) -> RunHeader:
+    source = open_source(rig)
+    source.close()
+    return run_header(order(rig, folder), source)
+
+
+def recorded(rig: Rig, folder: Path, items: Iterable[SourceItem] | None = None) -> Path:
+    header = header_of(rig, folder)
+    path = folder / f"{header.run}.mcap"
+    write_analysed(path, header, items_of(rig) if items is None else items, {})
+    return path
+
+
+def analysed(header: RunHeader, items: Iterable[SourceItem]) -> list[Snapshot]:
+    analyser = Analyser(header.acquisition, header.settings)
+    snapshots: list[Snapshot] = []
+    for item in items:
+        snapshots += analyser.segment_end(item) if isinstance(item, SegmentEnd) else analyser.block(item)
+    return snapshots
+
+
+def kept(header: RunHeader, snapshots: Iterable[Snapshot]) -> list[bytes]:
+    """Return snapshots to the last bit, as a file keeps them."""
+    return [message.data for snapshot in snapshots for message in encode_snapshot(snapshot, header)]
+
+
+def ticks_of(items: Iterable[SourceItem]) -> NDArray[np.int64]:
+    parts = [item.ticks for item in items if isinstance(item, SampleBlock) and item.ticks is not None]
+    return np.concatenate([np.empty(0, np.int64), *parts])
+
+
+def late(items: Iterable[SourceItem]) -> list[SourceItem]:
+    """Give every stamp with the block after its own, as a card whose counter is slow."""
+    changed: list[SourceItem] = []
+    waiting = np.empty(0, np.int64)
+    for item in items:
+        if isinstance(item, SampleBlock) and item.ticks is not None:
+            changed.append(replace(item, ticks=waiting))
+            waiting = item.ticks
+        else:
+            changed.append(item)
+    return changed
+
+
+def failing(items: list[SourceItem], block: int) -> list[SourceItem]:
+    """Let the counter fail before a block."""
+    return [
+        replace(item, ticks=None) if k >= block and isinstance(item, SampleBlock) else item
+        for k, item in enumerate(items)
+    ]
+
+
+def test_speed_of_a_steady_run_is_right_to_a_millionth(counted: RigFactory, tmp_path: Path) -> None:
+    path = recorded(counted(simulation=STEADY), tmp_path)
+    with RunReader(path) as reader:
+        speeds = np.array([snapshot.speed for snapshot in reader.snapshots()])
+        settled = speeds[np.isfinite(speeds)]
+        assert settled.size > 30
+        np.testing.assert_allclose(settled, 6000 * RPM, rtol=1e-6)
+        acquisition = reader.header.acquisition
+        assert acquisition.tacho.counter is not None
+        stamped = reader.ticks(0, 0, reader.n_samples) / acquisition.tacho.counter.timebase
+        record = record_of_codes(acquisition, reader.samples(0, 0, reader.n_samples), pulse_times=stamped)
+    np.testing.assert_allclose(record.speeds, 6000 * RPM, rtol=1e-6)
+
+
+def test_phase_from_the_counter_is_that_from_the_samples(counted: RigFactory, tmp_path: Path) -> None:
+    last = {}
+    for reference in ("counter", "samples"):
+        rig = counted(reference)
+        last[reference] = [s for s in analysed(header_of(rig, tmp_path), items_of(rig)) if s.frame is not None][-1]
+    one, other = last["counter"].frame, last["samples"].frame
+    assert one is not None
+    assert other is not None
+    np.testing.assert_allclose(one.vectors[0], other.vectors[0], rtol=2e-3)
+    assert abs(last["counter"].speed / last["samples"].speed - 1) < 1e-4
+
+
+def test_counter_and_samples_agree(counted: RigFactory, tmp_path: Path) -> None:
+    rig = counted()
+    snapshot = analysed(header_of(rig, tmp_path), items_of(rig))[-1]
+    assert snapshot.counter is not None
+    assert snapshot.counter.state is CounterState.AGREES
+    assert snapshot.counter.compared > 300
+    assert abs(snapshot.counter.mean) < 1e-6
+    assert snapshot.counter.largest < 0.25 / 20_000  # what the samples leave open between two of them
+
+
+@pytest.mark.parametrize("reference", ["counter", "samples"])
+def test_stamps_come_back_from_the_file_bit_for_bit(counted: RigFactory, tmp_path: Path, reference: str) -> None:
+    rig = counted(reference)
+    items = items_of(rig)
+    path = recorded(rig, tmp_path, items)
+    source = open_replay(path, None)
+    again = list(source.blocks())
+    source.close()
+    assert source.acquisition.tacho.counter == rig.tacho.counter
+    assert source.acquisition.tacho.reference == reference
+    for one, other in zip(items, again, strict=True):
+        if isinstance(one, SampleBlock):
+            assert isinstance(other, SampleBlock)
+            assert one.ticks is not None
+            np.testing.assert_array_equal(one.ticks, other.ticks)
+    checked = verify(path)
+    assert (checked.findings, checked.pulses) == ((), ticks_of(items).size)
+
+
+@pytest.mark.parametrize("block", [1, 777, 2_000, 5_001])
+def test_results_do_not_depend_on_the_size_of_the_blocks(counted: RigFactory, tmp_path: Path, block: int) -> None:
+    path = recorded(counted(simulation={"profile": RISING["profile"], "sensor_noise_um": 0.5}), tmp_path)
+    with RunReader(path) as reader:
+        header, live = reader.header, kept(reader.header, reader.snapshots())
+    source = open_replay(path, None, block=block)
+    assert kept(header, analysed(header, source.blocks())) == live
+    source.close()
+
+
+@pytest.mark.parametrize("block", [None, 500, 1_777, 2_500])
+def test_results_with_a_late_counter_do_not_depend_on_the_blocks_either(
+    counted: RigFactory, tmp_path: Path, block: int | None
+) -> None:
+    rig = counted()
+    path = recorded(rig, tmp_path, late(items_of(rig)))
+    with RunReader(path) as reader:
+        header, live = reader.header, kept(reader.header, reader.snapshots())
+        states = [snapshot.tacho.state for snapshot in reader.snapshots()]
+    assert set(states[10:]) == {TachoState.GOOD}
+    source = open_replay(path, None, block=block)
+    assert kept(header, analysed(header, source.blocks())) == live
+    source.close()
+
+
+@pytest.mark.parametrize("block", [None, 1_777])
+def test_counter_that_fails_leaves_speed_to_the_samples(counted: RigFactory, tmp_path: Path, block: int | None) -> None:
+    rig = counted()
+    path = recorded(rig, tmp_path, failing(items_of(rig), 20))
+    with RunReader(path) as reader:
+        header, snapshots = reader.header, list(reader.snapshots())
+    assert all(snapshot.tacho.state is TachoState.GOOD for snapshot in snapshots[10:])
+    states = [snapshot.counter.state for snapshot in snapshots if snapshot.counter is not None]
+    assert states == [CounterState.AGREES] * 20 + [CounterState.FAILED] * 20
+    (finding,) = verify(path).findings
+    assert "the tacho's counter failed" in finding.what
+    assert not finding.is_fault
+    source = open_replay(path, None, block=block)
+    assert kept(header, analysed(header, source.blocks())) == kept(header, snapshots)
+    source.close()
+
+
+def test_ring_carries_stamps_however_many() -> None:
+    ring = BlockRing.create(3, 1_000, 16)
+    codes = np.arange(9_000, dtype=np.int16).reshape(3, 3_000)
+    many = np.arange(1_300, dtype=np.int64) * 50 + 7
+    sent = [
+        SampleBlock(codes, 0, 0, 1, 0, many),
+        SampleBlock(codes, 0, 3_000, 2, 0, many[:0] + 1),
+        SampleBlock(codes, 0, 6_000, 3, 0, None),
+    ]
+    reader = ring.reader()
+    for block in sent:
+        ring.put(block)
+    got = list(reader.available())
+    ring.close()
+    np.testing.assert_array_equal(ticks_of(got), many)
+    blocks = [item for item in got if isinstance(item, SampleBlock)]
+    np.testing.assert_array_equal(np.concatenate([block.codes for block in blocks], axis=1), np.tile(codes, 3))
+    assert all((block.ticks is None) == (block.first_sample >= 6_000) for block in blocks)
+    assert all(block.first_sample == 0 for block in blocks if block.ticks is not None and block.ticks.size)
+
+
+def test_copy_of_a_damaged_run_has_the_stamps_of_its_samples(counted: RigFactory, tmp_path: Path) -> None:
+    rig = counted()
+    path = recorded(rig, tmp_path)
+    whole = path.read_bytes()
+    path.write_bytes(whole[: len(whole) // 2])
+    copy = tmp_path / "copy.mcap"
+    recovered = recover(path, copy)
+    assert verify(copy).is_sound
+    with RunReader(copy) as reader:
+        assert 0 < reader.n_samples == recovered.samples < 80_000
+        ticks = reader.ticks(0, 0, reader.n_samples)
+        np.testing.assert_array_equal(ticks, ticks_of(reader.items()))
+        limit = reader.n_samples * reader.header.acquisition.ticks_per_sample
+    truth = ticks_of(items_of(rig))
+    np.testing.assert_array_equal(ticks, truth[truth < limit])
+
+
+def test_hole_in_a_run_divides_the_stamps_as_it_divides_the_samples(counted: RigFactory, tmp_path: Path) -> None:
+    rig = counted()
+    path = recorded(rig, tmp_path)
+    data = bytearray(path.read_bytes())
+    data[len(data) // 2 : len(data) // 2 + 8] = bytes(8)
+    path.write_bytes(data)
+    assert not verify(path).is_sound
+    copy = tmp_path / "copy.mcap"
+    first, second = recover(path, copy).stretches
+    assert verify(copy).is_sound
+    truth = ticks_of(items_of(rig))
+    with RunReader(copy) as reader:
+        per_sample = reader.header.acquisition.ticks_per_sample
+        for stretch in (first, second):
+            low, high = stretch.first * per_sample, stretch.stop * per_sample
+            expected = truth[(truth >= low) & (truth < high)] - round(low)
+            np.testing.assert_array_equal(reader.ticks(stretch.segment, 0, stretch.stop - stretch.first), expected)
+
+
+def test_stamps_of_a_stretch_are_those_in_its_time(counted: RigFactory, tmp_path: Path) -> None:
+    rig = counted()
+    path = recorded(rig, tmp_path)
+    truth = ticks_of(items_of(rig))
+    with RunReader(path) as reader:
+        per_sample = reader.header.acquisition.ticks_per_sample
+        for first, stop in ((0, 80_000), (12_345, 12_999), (50_000, 70_001), (60_000, 60_000)):
+            expected = truth[(truth >= first * per_sample) & (truth < stop * per_sample)]
+            np.testing.assert_array_equal(reader.ticks(0, first, stop), expected)
+
+
+def test_counter_that_stamps_the_other_edge_is_told(rig: RigFactory, tmp_path: Path) -> None:
+    wrong = rig(tacho={"counter": {"edge": "falling"}}, simulation=RISING)
+    snapshot = analysed(header_of(wrong, tmp_path), items_of(wrong))[-1]
+    assert snapshot.counter is not None
+    assert snapshot.counter.state is not CounterState.AGREES
+    assert snapshot.counter.largest > 1e-3
+
+
+@pytest.mark.parametrize("miswiring", ["tacho silent", "tacho reversed", "tacho weak"])
+def test_counter_is_as_silent_as_the_tacho_at_its_line(counted: RigFactory, miswiring: str) -> None:
+    rig = counted(simulation={**RISING, "miswiring": miswiring})
+    assert ticks_of(items_of(rig)).size == 0
