@@ -8,15 +8,14 @@ from numpy.typing import NDArray
 from analysis.run import CODE_MAX, CODE_MIN, Calibration, Channel
 from analysis.slow_lines import SlowSignal
 from analysis.verdict import Check, Finding
+from analysis.wiring_limits import MICRO, WiringLimits
 
 FloatArray = NDArray[np.float64]
-MICRO = 1e-6
 
 DEAD = 0.5  # codes rms: even the card by itself is noisier
 QUIET = 1.5  # codes rms: the card's own noise; a conditioner's is larger
 ZERO_VOLTS = 0.3  # about zero: an input that nothing drives, held down by its bias resistor
 CLIPPED = 1e-3  # part of the samples at a rail: more is no spark but a voltage out of range
-HUM_WARN, HUM_FAIL = 1.0, 5.0  # µm peak
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -126,7 +125,7 @@ def calibrated_check(probe: ProbeSignal) -> Check:
     return Check.warned(name, Finding.BEYOND_CALIBRATION, value, limit, advice)
 
 
-def hum_check(probe: ProbeSignal, slow: SlowSignal, turning: float) -> Check:
+def hum_check(probe: ProbeSignal, slow: SlowSignal, turning: float, limits: WiringLimits) -> Check:
     """Return whether the mains are to be seen.
 
     Parameters
@@ -137,13 +136,14 @@ def hum_check(probe: ProbeSignal, slow: SlowSignal, turning: float) -> Check:
         Its displacement, m.
     turning : float
         Frequency of the shaft, Hz: whirl may lie anywhere below it. 0 at rest, infinite where it turns untold.
+    limits : WiringLimits
+        How much is told, and how much stands against a run.
     """
     name = f"{probe.name} mains hum"
-    limit = f"{HUM_WARN:g} µm peak at 50 or 60 Hz"
+    limit = f"{limits.hum_warn / MICRO:g} µm peak at 50 or 60 Hz"
     line = slow.mains()
-    height = line.amplitude / MICRO
-    value = f"{height:.2f} µm at {line.frequency:.0f} Hz"
-    if height <= HUM_WARN:
+    value = f"{line.amplitude / MICRO:.2f} µm at {line.frequency:.0f} Hz"
+    if line.amplitude <= limits.hum_warn:
         return Check.passed(name, value, limit)
     if not line.is_separable:
         advice = "the shaft turns with the mains' frequency, or a part of it: look again at rest or at another speed"
@@ -157,7 +157,7 @@ def hum_check(probe: ProbeSignal, slow: SlowSignal, turning: float) -> Check:
         f"{probe.name} hums with the mains: earth its shield at one end only, look for a loop through the "
         "conditioner's supply, keep the cable away from the inverter's"
     )
-    make = Check.failed if height > HUM_FAIL else Check.warned
+    make = Check.failed if line.amplitude > limits.hum_fail else Check.warned
     return make(name, Finding.HUM, value, limit, advice)
 
 

@@ -9,15 +9,14 @@ from analysis.edges import EdgeDetector
 from analysis.levels import Levels, two_levels
 from analysis.run import Channel, Edge, Tacho
 from analysis.verdict import Check, Finding
+from analysis.wiring_limits import WiringLimits
 
 FloatArray = NDArray[np.float64]
 RPM = 2.0 * np.pi / 60.0
 
 FEWEST_EDGES = 3  # to speak of a speed
 NOISE_ROOM = 6.0  # times the scatter must fit between a level and its switching level
-MOST_SCATTER = 0.05  # of the period
 NEAR_LIMIT = 0.9  # of the speed limit: from here on it is said
-DUTY_TOLERANCE = 0.15  # of the turn: response and sensitivity shift light against dark
 RANGE_ROOM = 0.98  # of the card's range that a level may take
 
 
@@ -86,13 +85,15 @@ class TachoSignal:
         return float(1.4826 * np.median(np.abs(bends)) / np.sqrt(6.0) / np.median(periods))
 
 
-def tacho_checks(signal: TachoSignal, *, motion: bool) -> list[Check]:
+def tacho_checks(signal: TachoSignal, limits: WiringLimits, *, motion: bool) -> list[Check]:
     """Return what is to be said of the tacho.
 
     Parameters
     ----------
     signal : TachoSignal
         A second of it.
+    limits : WiringLimits
+        What is still good.
     motion : bool
         Whether both probes see the shaft move.
     """
@@ -101,7 +102,11 @@ def tacho_checks(signal: TachoSignal, *, motion: bool) -> list[Check]:
         return [_one_level_check(signal, motion=motion)]
     checks = [_levels_check(signal, levels)]
     if checks[0].finding is None:
-        checks += [_noise_check(signal, levels), _pulses_check(signal), _mark_check(signal, levels)]
+        checks += [
+            _noise_check(signal, levels),
+            _pulses_check(signal, limits.tacho_scatter),
+            _mark_check(signal, levels, limits.mark_tolerance),
+        ]
     return checks
 
 
@@ -183,8 +188,8 @@ def _noise_check(signal: TachoSignal, levels: Levels) -> Check:
     return Check.warned(name, Finding.NOISE, value, limit, advice)
 
 
-def _pulses_check(signal: TachoSignal) -> Check:
-    name, limit = "tacho pulses", f"scatter below {100 * MOST_SCATTER:g} % of the period"
+def _pulses_check(signal: TachoSignal, most: float) -> Check:
+    name, limit = "tacho pulses", f"scatter below {100 * most:g} % of the period"
     if signal.edges.size < FEWEST_EDGES:
         advice = "too few marks passed for a speed: let it turn faster and look again"
         return Check.warned(name, Finding.STILL, f"{signal.edges.size} marks", f"at least {FEWEST_EDGES}", advice)
@@ -192,7 +197,7 @@ def _pulses_check(signal: TachoSignal) -> Check:
     if np.isnan(scatter):
         return Check.passed(name, f"{speed:,.0f} r/min", limit)
     value = f"{speed:,.0f} r/min, scatter {100 * scatter:.2f} %"
-    if scatter <= MOST_SCATTER:
+    if scatter <= most:
         return Check.passed(name, value, limit)
     advice = (
         "the marks come unevenly: more marks than pulses_per_revolution says, a dirty mark, or the sensor too far away"
@@ -200,14 +205,14 @@ def _pulses_check(signal: TachoSignal) -> Check:
     return Check.warned(name, Finding.SCATTER, value, limit, advice)
 
 
-def _mark_check(signal: TachoSignal, levels: Levels) -> Check:
+def _mark_check(signal: TachoSignal, levels: Levels, tolerance: float) -> Check:
     configured, seen = signal.tacho.mark_fraction, levels.high_fraction
     name, value = "tacho mark", f"light for {100 * seen:.0f} % of the time"
-    limit = f"{100 * configured:.0f} ± {100 * DUTY_TOLERANCE:.0f} %"
-    whole_turns = signal.edges.size > 1 / DUTY_TOLERANCE  # else a part of a turn counts too much
-    if abs(seen - configured) <= DUTY_TOLERANCE or not whole_turns:
+    limit = f"{100 * configured:.0f} ± {100 * tolerance:.0f} %"
+    whole_turns = signal.edges.size > 1 / tolerance  # else a part of a turn counts too much
+    if abs(seen - configured) <= tolerance or not whole_turns:
         return Check.passed(name, value, limit)
-    if abs(1.0 - seen - configured) <= DUTY_TOLERANCE:
+    if abs(1.0 - seen - configured) <= tolerance:
         other = Edge.FALLING if signal.tacho.edge is Edge.RISING else Edge.RISING
         advice = (
             f"light and dark are exchanged (NPN for PNP, dark-on for light-on): edge = {other.value!r} may be meant"

@@ -4,11 +4,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.levels import two_levels
-from analysis.probe_checks import MICRO, ProbeSignal, calibrated_check, clipping_check, gap_check, hum_check
+from analysis.probe_checks import ProbeSignal, calibrated_check, clipping_check, gap_check, hum_check
 from analysis.run import Acquisition, Channel, Role
 from analysis.slow_lines import SlowSignal
 from analysis.tacho_checks import TachoSignal, tacho_checks
 from analysis.verdict import Check, Finding, Verdict
+from analysis.wiring_limits import MICRO, WiringLimits
 
 FloatArray = NDArray[np.float64]
 
@@ -21,7 +22,9 @@ LEAST_CIRCLE = 0.05 * MICRO  # m peak: less says nothing of a direction
 ROLES = (Role.PROBE_X, Role.PROBE_Y)
 
 
-def wiring_checks(acquisition: Acquisition, codes: NDArray[np.int16]) -> tuple[Check, ...]:
+def wiring_checks(
+    acquisition: Acquisition, codes: NDArray[np.int16], limits: WiringLimits | None = None
+) -> tuple[Check, ...]:
     """Return what is to be said of the wiring, one check a line.
 
     What one fault explains is said once: a probe that is unplugged is not said to be silent as well.
@@ -32,6 +35,8 @@ def wiring_checks(acquisition: Acquisition, codes: NDArray[np.int16]) -> tuple[C
         What the samples mean.
     codes : ndarray of int16, shape (n_channels, n)
         A second or so of consecutive samples, with the shaft at rest or turning.
+    limits : WiringLimits or None
+        What is still good; None for the usual.
 
     Raises
     ------
@@ -40,6 +45,7 @@ def wiring_checks(acquisition: Acquisition, codes: NDArray[np.int16]) -> tuple[C
     """
     if codes.ndim != 2 or codes.shape[0] != len(acquisition.channels) or codes.shape[1] == 0:
         raise ValueError(f"codes: shape {codes.shape}, expected ({len(acquisition.channels)}, n) with n > 0")
+    limits = limits or WiringLimits()
     rows = {role: acquisition.row(role) for role in Role}
     probes = [ProbeSignal.of(acquisition.channels[rows[role]], codes[rows[role]]) for role in ROLES]
     channel, tacho_codes = acquisition.channels[rows[Role.TACHO]], codes[rows[Role.TACHO]]
@@ -57,13 +63,13 @@ def wiring_checks(acquisition: Acquisition, codes: NDArray[np.int16]) -> tuple[C
     untold = np.inf if motion else 0.0
     turning = untold if angle is None else tacho.speed / (2.0 * np.pi)
     for probe, signal in zip(sound, slow, strict=True):
-        checks += [clipping_check(probe), calibrated_check(probe), hum_check(probe, signal, turning)]
+        checks += [clipping_check(probe), calibrated_check(probe), hum_check(probe, signal, turning, limits)]
     if len(sound) == len(ROLES):
         checks.append(_apart_check(*sound))
         if angle is not None and checks[-1].verdict is Verdict.GOOD:
             checks.append(_direction_check(sound, slow))
     if not told:
-        checks += tacho_checks(tacho, motion=motion)
+        checks += tacho_checks(tacho, limits, motion=motion)
     return tuple(checks)
 
 

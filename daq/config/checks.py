@@ -35,6 +35,9 @@ def cross_faults(config: RigConfig) -> Iterator[Fault]:
     yield from _limits(config)
     yield from _model(config)
     yield from trigger_faults(config)
+    warn, fail = config.preflight.hum_warn_um, config.preflight.hum_fail_um
+    if warn > fail:
+        yield _fault("preflight.hum_warn_um", warn, f"at most hum_fail_um = {fail:g}", "preflight.hum_fail_um")
     if config.device.backend is Backend.SIMULATED:
         yield from _simulation(config)
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from analysis.run import AnalysisSettings, Calibration, Limits, Tacho, TachoCounter
+from analysis.wiring_limits import WiringLimits
 from daq.config.schema import RigConfig
 
 MICRO = 1e-6
@@ -74,6 +75,17 @@ class Rig:
             hysteresis=section.hysteresis_fraction,
             hold=section.hold_s,
             latch=section.latch,
+        )
+
+    @property
+    def wiring_limits(self) -> WiringLimits:
+        """What a preflight takes for good of the wiring."""
+        section = self.config.preflight
+        return WiringLimits(
+            hum_warn=section.hum_warn_um * MICRO,
+            hum_fail=section.hum_fail_um * MICRO,
+            tacho_scatter=section.tacho_scatter_fraction,
+            mark_tolerance=section.mark_tolerance_fraction,
         )
 
     @property

@@ -153,6 +153,18 @@ class TriggerSection(Section):
     hold_off_s: Annotated[float, Field(ge=0, le=86_400)] = 0.0  # after a stop, before a start is looked for again
 
 
+class PreflightSection(Section):
+    """`[preflight]`: what `rig preflight` still takes for good, where that is a matter of the rig."""
+
+    hum_warn_um: NotNegative = 1.0  # mains hum of a probe, peak: above it is said,
+    hum_fail_um: NotNegative = 5.0  # and above this it stands against a run
+    calibration_days: Annotated[int, Field(ge=1, le=36_500)] = 365  # how old a probe's calibration may be
+    residual_fraction: Annotated[float, Field(gt=0, le=0.5)] = 0.01  # of the calibrated gap, a fit's worst point
+    tacho_scatter_fraction: Annotated[float, Field(gt=0, le=1)] = 0.05  # of the period
+    mark_tolerance_fraction: Annotated[float, Field(gt=0, lt=1)] = 0.15  # of the turn, light against mark_fraction
+    disk_h: NotNegative = 1.0  # that should fit on the disk where no duration is planned
+
+
 class SessionSection(Section):
     """`[session]`: how a recording goes on after a fault, in a new segment."""
 
@@ -259,6 +271,7 @@ class RigConfig(Section):
     storage: StorageSection = StorageSection()
     session: SessionSection = SessionSection()
     trigger: TriggerSection = TriggerSection()
+    preflight: PreflightSection = PreflightSection()
     model: ModelSection = ModelSection()
     rotor: dict[str, object] = {}  # content of the rotor file, put here when rig.toml is read
     simulation: SimulationSection = SimulationSection()

@@ -134,7 +134,7 @@ def preflight(rig: Rig, plan: Plan, today: dt.date, told: Progress) -> Preflight
         seen = look(source, wanted)
     checks = [*device_checks(rig, acquisition), *checks, *sample_checks(seen.blocks, seen.end, wanted, rig)]
     if seen.codes.size:
-        checks += wiring_checks(acquisition, seen.codes)
+        checks += wiring_checks(acquisition, seen.codes, rig.wiring_limits)
     speed = rig.limits.speed if plan.speed is None else plan.speed
     checks += [planned_speed_check(rig, speed), speed_limit_check(rig.tacho, speed)]
     checks += calibration_checks(rig, today)

@@ -11,10 +11,7 @@ from analysis.verdict import Check, Finding
 from daq.config.rig import MICRO, RPM, Rig
 from daq.config.schema import Backend
 
-OLDEST = 365  # days since the calibration of a probe
-WORST_RESIDUAL = 0.01  # of the calibrated span of gap
-RATE_TOLERANCE = 1e-3  # relative, between the rate that was asked for and the card's
-SHORT_RUN = 3600.0  # s that should fit on the disk where no duration is planned
+RATE_TOLERANCE = 1e-3  # relative, between the rate that was asked for and the card's: more is a wrong frequency axis
 BYTES = 2  # of a sample
 
 
@@ -85,8 +82,8 @@ def sample_checks(blocks: Sequence[SampleBlock], end: SegmentEnd | None, wanted:
 def calibration_checks(rig: Rig, today: dt.date) -> Iterator[Check]:
     """Yield what is to be said of the calibrations that the rig names."""
     for name, calibration in rig.calibrations.items():
-        yield _age_check(name, calibration, today)
-        yield _residual_check(name, calibration)
+        yield _age_check(name, calibration, today, rig.config.preflight.calibration_days)
+        yield _residual_check(name, calibration, rig.config.preflight.residual_fraction)
     yield _serials_check(rig)
 
 
@@ -106,7 +103,7 @@ def disk_check(free: int, rig: Rig, rate: float, duration: float | None) -> Chec
     """
     room = free - rig.config.storage.reserve_gb * 1e9
     lasts = max(room, 0.0) / disk_rate(rig, rate)
-    needed = SHORT_RUN if duration is None else duration
+    needed = 3600.0 * rig.config.preflight.disk_h if duration is None else duration
     value, limit = f"{lasts / 3600:,.1f} h", f"{needed / 3600:.2g} h"
     if lasts >= needed:
         return Check.passed("disk", value, limit)
@@ -131,25 +128,28 @@ def planned_speed_check(rig: Rig, speed: float) -> Check:
     return Check.failed("planned speed", Finding.SPEED, value, limit, advice)
 
 
-def _age_check(name: str, calibration: Calibration, today: dt.date) -> Check:
+def _age_check(name: str, calibration: Calibration, today: dt.date, oldest: int) -> Check:
     age = (today - dt.date.fromisoformat(calibration.date)).days
-    label, limit = f"probe {name} calibration", f"{OLDEST} days"
+    label, limit = f"probe {name} calibration", f"{oldest} days"
     value = f"{calibration.date}, {age} days old"
     if age < 0:
         advice = "the calibration is from the future: the computer's date or the record's is wrong"
         return Check.warned(label, Finding.CALIBRATION, f"{calibration.date}, today is {today}", limit, advice)
-    if age <= OLDEST:
+    if age <= oldest:
         return Check.passed(label, value, limit)
     advice = f"calibrate the probe anew: rig calibrate gap RIG.TOML {name}"
     return Check.warned(label, Finding.CALIBRATION, value, limit, advice)
 
 
-def _residual_check(name: str, calibration: Calibration) -> Check:
+def _residual_check(name: str, calibration: Calibration, fraction: float) -> Check:
     ends = np.array([calibration.volts_low, calibration.volts_high])
     low, high = np.polynomial.polynomial.polyval(ends, calibration.coefficients)
-    allowed = WORST_RESIDUAL * float(high - low)
+    allowed = fraction * float(high - low)
     label = f"probe {name} fit"
-    value, limit = f"{calibration.residual / MICRO:.2f} µm off at most", f"{allowed / MICRO:.1f} µm, 1 % of the span"
+    value, limit = (
+        f"{calibration.residual / MICRO:.2f} µm off at most",
+        f"{allowed / MICRO:.1f} µm, {100 * fraction:g} % of the span",
+    )
     if 0.0 < calibration.residual <= allowed:
         return Check.passed(label, value, limit)
     if calibration.residual == 0.0:

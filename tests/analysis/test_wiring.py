@@ -11,6 +11,7 @@ from analysis.run import Acquisition, Calibration, Channel, Device, Edge, Role, 
 from analysis.tacho_checks import TachoSignal, speed_limit_check, tacho_checks
 from analysis.verdict import Check, Finding, Verdict, worst
 from analysis.wiring import wiring_checks
+from analysis.wiring_limits import WiringLimits
 
 FloatArray = NDArray[np.float64]
 
@@ -157,7 +158,7 @@ def test_floating_tacho_lies_between_its_switching_levels() -> None:
 def tacho_findings(volts: FloatArray, tacho: Tacho = TACHO, full_range: float = 10.0) -> dict[str, Finding]:
     high = replace(ACQUISITION.channels[2], range_low=-full_range, range_high=full_range)
     signal = TachoSignal.of(high, tacho, np.rint(volts / STEP).astype(np.int16), RATE)
-    return found(tacho_checks(signal, motion=True))
+    return found(tacho_checks(signal, WiringLimits(), motion=True))
 
 
 def test_tacho_signals_are_told_apart() -> None:

@@ -14,6 +14,7 @@ from analysis.verdict import Check, Finding, Verdict
 from daq.cli.main import main
 from daq.config.rig import RPM, Rig
 from daq.config.schema import Miswiring
+from daq.errors import ConfigError
 from daq.service.documents.preflight import PreflightDocument
 from daq.session.preflight import Plan, Preflight, preflight
 from daq.session.rig_checks import calibration_checks, disk_check, planned_speed_check, sample_checks
@@ -154,6 +155,38 @@ def test_old_future_and_loose_calibrations_are_warned_of(rig: RigFactory) -> Non
     assert "enter them" in named(checks, SERIALS_ALIKE).advice
     early = tuple(calibration_checks(bench, dt.date(2025, 11, 19)))
     assert "from the future" in named(early, "probe y calibration").advice
+
+
+def test_limits_of_the_rig_file_decide_what_is_still_good(rig: RigFactory, tmp_path: Path) -> None:
+    humming = steady(1800.0, miswiring=Miswiring.HUM.value)
+    hum = {"probe x mains hum", "probe y mains hum"}
+    told = rig(simulation=humming, preflight={"hum_fail_um": 500.0})
+    assert failures(looked_at(told, tmp_path)) == set()
+    assert hum <= warnings(looked_at(told, tmp_path))
+    deaf = looked_at(rig(simulation=humming, preflight={"hum_warn_um": 400.0, "hum_fail_um": 500.0}), tmp_path)
+    assert not hum & warnings(deaf)
+    assert named(deaf.checks, "probe x mains hum").limit == "400 µm peak at 50 or 60 Hz"
+    jittery = steady(6000.0, tacho_jitter_us=300.0, tacho_rise_us=1.0)
+    strict, lenient = ({"tacho_scatter_fraction": part} for part in (0.005, 0.2))
+    assert "tacho pulses" in warnings(looked_at(rig(simulation=jittery, preflight=strict), tmp_path))
+    assert "tacho pulses" not in warnings(looked_at(rig(simulation=jittery, preflight=lenient), tmp_path))
+    other_mark = {"mark_fraction": 0.4}
+    bench = rig(simulation=steady(6000.0), tacho=other_mark, preflight={"mark_tolerance_fraction": 0.02})
+    assert named(looked_at(bench, tmp_path).checks, "tacho mark").limit == "40 ± 2 %"
+    old = rig(
+        calibration={"date": "2025-11-20", "residual_um": 15.0},
+        preflight={"calibration_days": 400, "residual_fraction": 0.5},
+    )
+    checks = tuple(calibration_checks(old, TODAY))
+    assert named(checks, "probe x calibration").verdict is Verdict.GOOD
+    assert named(checks, "probe x fit").verdict is Verdict.GOOD
+    room = int(old.config.storage.reserve_gb * 1e9) + 60 * 3 * 2 * 20_000
+    assert disk_check(room, rig(preflight={"disk_h": 0.01}), 20_000.0, None).verdict is Verdict.GOOD
+
+
+def test_hum_that_stands_against_a_run_before_it_is_told_is_refused(rig: RigFactory) -> None:
+    with pytest.raises(ConfigError, match=r"preflight\.hum_warn_um = 6: expected at most hum_fail_um = 5"):
+        rig(preflight={"hum_warn_um": 6.0})
 
 
 def test_two_probes_with_one_record_are_warned_of_and_with_their_own_are_not(rig: RigFactory) -> None:
