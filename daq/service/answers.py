@@ -1,34 +1,33 @@
 """The answers that are made of a recording's file by a reading process, ready to be sent."""
 
 import gzip
+import re
 from collections.abc import Callable
 from functools import lru_cache, partial
 from pathlib import Path
 
 import numpy as np
 
-from analysis.samples import SegmentEnd
 from analysis.summary import RunSummary
-from analysis.waterfall import Cascade
 from daq.service.documents.course import (
-    CascadeDocument,
     FindingsDocument,
     OrderVectorsDocument,
 )
 from daq.service.documents.document import Document
 from daq.service.documents.moment import full_spectrum_document, orbit_document, order_spectrum_document
 from daq.service.documents.summary import speed_row_document, sub_synchronous_document
-from daq.service.documents.units import finite, micrometres, rpm
-from daq.service.plots import plot
-from daq.service.questions import At, CascadeQuery, TrendQuery
-from daq.service.records import NoSuchMomentError, Records, records, snapshot_at, status_of
+from daq.service.drawing import drawing
+from daq.service.plots import panels_of
+from daq.service.questions import At, TrendQuery
+from daq.service.rastering import picture
+from daq.service.records import Records, records, snapshot_at, status_of
+from daq.service.spectra import cascade, waterfall
 from daq.service.trend import trend_document
-from daq.session.offline import results
-from recordings.reader import RunReader
 
 RPM = np.pi / 30.0
 ANSWERS_KEPT = 128
-DRAWN = "plots/"  # before the name of an answer that is wanted as SVG
+PLOTS = re.compile(r"plots/([a-z-]+)\.(svg|png)")
+PLOTTED = {"bode": "order-vectors", "polar": "order-vectors"}  # of what plots are that have a name of their own
 LEVEL = 4  # of gzip: beyond it nothing is gained but time spent
 
 
@@ -65,27 +64,6 @@ def moment(path: Path, found: Records, at: At, *, what: str) -> Document:
     return orbit_document(found.header, snapshot, frame)
 
 
-def cascade(path: Path, found: Records, query: CascadeQuery) -> Document:
-    """Return spectra over speed."""
-    speeds = found.frame_speed[np.isfinite(found.frame_speed)]
-    if not speeds.size:
-        raise NoSuchMomentError("no order spectrum in the run")
-    rows = Cascade(found.header.settings, float(speeds.max()) * (1.0 + 1e-9), query.rows)
-    with RunReader(path) as reader:
-        for item in results(reader):
-            if not isinstance(item, SegmentEnd):
-                rows.snapshot(item)
-    filled, orders = rows.filled, rows.orders
-    starts = np.arange(0, orders.size, -(-orders.size // query.columns))
-    amplitudes = np.maximum.reduceat(rows.amplitudes[filled], starts, axis=1)
-    return CascadeDocument(
-        run=found.header.run,
-        speeds_rpm=tuple(rpm(speed) for speed in rows.speeds[filled].tolist()),
-        orders=tuple(finite(order) for order in orders[starts].tolist()),
-        amplitude_peak_um=tuple(tuple(micrometres(value) for value in row) for row in amplitudes.tolist()),
-    )
-
-
 def summary(path: Path) -> RunSummary:
     """Return what the run was."""
     return records(path).summary
@@ -96,6 +74,7 @@ ANSWERS: dict[str, Callable[..., Document]] = {
     "findings": findings,
     "trend": trend,
     "cascade": cascade,
+    "waterfall": waterfall,
     "order-spectrum": partial(moment, what="order-spectrum"),
     "full-spectrum": partial(moment, what="full-spectrum"),
     "orbit": partial(moment, what="orbit"),
@@ -108,6 +87,12 @@ def document_of(path: Path, what: str, query: object, found: Records | None = No
     return ANSWERS[what](path, records(path) if found is None else found, *asked)
 
 
+def address_of(what: str) -> str:
+    """Return the address of the numbers of an answer, which may be a plot of them."""
+    drawn = PLOTS.fullmatch(what)
+    return what if drawn is None else PLOTTED.get(drawn[1], drawn[1])
+
+
 def answer_of(path: Path, what: str, query: object, packed: bool) -> bytes:  # noqa: FBT001 - sent through a pipe
     """Return an answer as JSON, gzipped where that is wanted; made once as long as the file does not change."""
     status = status_of(path)
@@ -116,8 +101,11 @@ def answer_of(path: Path, what: str, query: object, packed: bool) -> bytes:  # n
 
 @lru_cache(maxsize=ANSWERS_KEPT)
 def _answer(path: Path, _size: int, _changed_ns: int, what: str, query: object, packed: bool) -> bytes:  # noqa: FBT001 - a key of the cache
-    is_drawn = what.startswith(DRAWN)
-    what = what.removeprefix(DRAWN)
-    document = document_of(path, what, query)
-    body = (plot(document) if is_drawn else document.model_dump_json()).encode()
+    drawn = PLOTS.fullmatch(what)
+    if drawn is None:
+        body = document_of(path, what, query).model_dump_json().encode()
+    else:
+        name, form = drawn.groups()
+        panels = panels_of(document_of(path, address_of(what), query), name)
+        body = drawing(panels).encode() if form == "svg" else picture(panels)
     return gzip.compress(body, LEVEL, mtime=0) if packed else body

@@ -10,7 +10,7 @@ LEFT, RIGHT, TOP, BOTTOM = 64, 16, 32, 48  # px round it
 COLOURS = ("#4cc2ff", "#ffb454")
 STYLE = (
     "text{font:12px sans-serif;fill:#d8dee9}.grid{stroke:#39414d;stroke-width:1}.frame{fill:none;stroke:#6b7687}"
-    "polyline{fill:none;stroke-width:1.4}"
+    "polyline{fill:none;stroke-width:1.4}.note{fill:#9aa5b5;font-size:10px}"
 )
 
 Values = Sequence[float | None]
@@ -30,6 +30,8 @@ class Panel:
         Whether both axes have one scale and their zero in the middle.
     y_from_zero : bool
         Whether the ordinates begin at 0.
+    notes : tuple
+        Words, and abscissa and ordinate where they stand.
     """
 
     title: str
@@ -38,6 +40,7 @@ class Panel:
     curves: tuple[tuple[str, Values, Values], ...]
     is_square: bool = False
     y_from_zero: bool = True
+    notes: tuple[tuple[str, float, float], ...] = ()
 
 
 def drawing(panels: Sequence[Panel]) -> str:
@@ -94,6 +97,9 @@ def _panel(panel: Panel) -> str:
         if name:
             place = f'x="{right - 8 - 40 * k}" y="20" text-anchor="end" style="fill:{colour}"'
             parts.append(f"<text {place}>{html.escape(name)}</text>")
+    for words, x, y in panel.notes:
+        parts.append(f'<circle cx="{across(x):.1f}" cy="{up(y):.1f}" r="2" class="note"/>')
+        parts.append(f'<text class="note" x="{across(x) + 5:.1f}" y="{up(y) - 4:.1f}">{html.escape(words)}</text>')
     return "".join(parts)
 
 

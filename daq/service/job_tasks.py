@@ -25,13 +25,14 @@ from daq.service.documents.job import (
 from daq.service.jobs import DataPlace, Task
 from daq.service.kinds import Kind
 from daq.service.problems import ProblemError
-from daq.service.questions import At, CascadeQuery, Question, TrendQuery
+from daq.service.questions import At, CascadeQuery, Question, TrendQuery, WaterfallQuery
 from daq.session.reevaluation import corrected_header
 from recordings.catalogue import RunEntry
 
 QUESTIONS: Final[Mapping[Address, type[Question]]] = {
     Address.TREND: TrendQuery,
     Address.CASCADE: CascadeQuery,
+    Address.WATERFALL: WaterfallQuery,
     Address.ORDER_SPECTRUM: At,
     Address.FULL_SPECTRUM: At,
     Address.ORBIT: At,

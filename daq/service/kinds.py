@@ -151,3 +151,16 @@ class Kind(Enum):
     def slug(self) -> str:
         """The last part of the problem's ``type``."""
         return self.name.lower().replace("_", "-")
+
+
+READING = (
+    Kind.RUN_NOT_FOUND,
+    Kind.BAD_PARAMETER,
+    Kind.RUN_UNDER_WAY,
+    Kind.RUN_DAMAGED,
+    Kind.RUN_FORMAT_UNKNOWN,
+    Kind.TAKES_TOO_LONG,
+    Kind.STORAGE_UNAVAILABLE,
+    Kind.BUSY,
+)
+"""How every question about a recorded run can fail."""

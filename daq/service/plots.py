@@ -1,32 +1,46 @@
 """What can be drawn of a run: the same documents that REST gives as numbers."""
 
-from daq.service.documents.course import CascadeDocument, OrderVectorsDocument
+import math
+
+from daq.service.documents.course import CascadeDocument, OrderVectorsDocument, WaterfallDocument
 from daq.service.documents.document import Document
 from daq.service.documents.moment import FullSpectrumDocument, OrbitDocument, OrderSpectrumDocument
-from daq.service.drawing import Panel, Values, drawing
+from daq.service.drawing import Panel, Values
 
-CASCADE_HEIGHT = 0.08  # of the speed axis, that the largest line of a cascade takes
+BOTH_WAYS = "order (negative: against the rotation)"
+NOTES = 12  # speeds that are written at a polar plot
+LINE_HEIGHT = 0.12  # of the axis that the feet stand at, that the largest line of a cascade takes
 
 
-def plot(document: Document) -> str:
-    """Return a document as a drawing, SVG; ValueError where it is none that can be drawn."""
-    if isinstance(document, OrderSpectrumDocument):
-        curves = (
-            ("x", document.orders, document.amplitude_peak_x_um),
-            ("y", document.orders, document.amplitude_peak_y_um),
-        )
-        return drawing([Panel(_title(document), "order", "µm zero-to-peak", curves)])
-    if isinstance(document, FullSpectrumDocument):
-        full = (("", document.orders, document.amplitude_peak_um),)
-        return drawing([Panel(_title(document), "order (negative: against the rotation)", "µm", full)])
-    if isinstance(document, OrbitDocument):
-        path = (("", document.orbit_x_um, document.orbit_y_um),)
-        return drawing([Panel(_title(document), "X, µm", "Y, µm", path, is_square=True)])
-    if isinstance(document, OrderVectorsDocument):
-        return drawing(_bode(document))
-    if isinstance(document, CascadeDocument):
-        return drawing([_cascade(document)])
-    raise ValueError(f"document: {type(document).__name__}, expected one that can be drawn")
+def panels_of(document: Document, what: str) -> list[Panel]:
+    """Return a document as panels of a drawing; ValueError where it is none that can be drawn.
+
+    Parameters
+    ----------
+    document : Document
+        What an address answers.
+    what : str
+        Name of the plot, which tells how vectors over speed are shown: "bode" or "polar".
+    """
+    match document:
+        case OrderSpectrumDocument():
+            x, y = document.amplitude_peak_x_um, document.amplitude_peak_y_um
+            curves = (("x", document.orders, x), ("y", document.orders, y))
+            return [Panel(_title(document), "order", "µm zero-to-peak", curves)]
+        case FullSpectrumDocument():
+            full = (("", document.orders, document.amplitude_peak_um),)
+            return [Panel(_title(document), BOTH_WAYS, "µm", full)]
+        case OrbitDocument():
+            path = (("", document.orbit_x_um, document.orbit_y_um),)
+            return [Panel(_title(document), "X, µm", "Y, µm", path, is_square=True)]
+        case OrderVectorsDocument():
+            return _polar(document) if what == "polar" else _bode(document)
+        case CascadeDocument():
+            return [_stacked(document, "cascade", document.speeds_rpm, "r/min")]
+        case WaterfallDocument():
+            return [_stacked(document, "waterfall", document.times_s, "s")]
+        case _:
+            raise ValueError(f"document: {type(document).__name__}, expected one that can be drawn")
 
 
 def _title(document: OrderSpectrumDocument | FullSpectrumDocument | OrbitDocument) -> str:
@@ -51,14 +65,41 @@ def _bode(document: OrderVectorsDocument) -> list[Panel]:
     ]
 
 
-def _cascade(document: CascadeDocument) -> Panel:
-    """Return spectra one above the other: each line's foot stands at its speed."""
+def _polar(document: OrderVectorsDocument) -> list[Panel]:
+    """Return the vectors of 1X in the plane, for each probe: the lag goes clockwise from the right."""
+    panels = []
+    for probe in ("x", "y"):
+        points = [
+            (
+                row.speed_rpm,
+                getattr(row.order_1x, f"amplitude_peak_{probe}_um"),
+                getattr(row.order_1x, f"lag_{probe}_deg"),
+            )
+            for row in document.by_speed
+        ]
+        known = [
+            (speed, radius * math.cos(math.radians(angle)), -radius * math.sin(math.radians(angle)))
+            for speed, radius, angle in points
+            if None not in (speed, radius, angle)
+        ]
+        step = max(len(known) // NOTES, 1)
+        notes = tuple((f"{speed:,.0f}", across, up) for speed, across, up in known[::step])
+        curve = (("", [across for _, across, _ in known], [up for _, _, up in known]),)
+        title = f"{document.run} · 1X at probe {probe} by r/min"
+        label = "µm zero-to-peak; lag 0° to the right, clockwise"
+        panels.append(Panel(title, label, "µm", curve, is_square=True, notes=notes))
+    return panels
+
+
+def _stacked(document: CascadeDocument | WaterfallDocument, name: str, feet: Values, label: str) -> Panel:
+    """Return spectra one above the other: each line's foot stands at its speed or time."""
     largest = max((value or 0.0 for row in document.amplitude_peak_um for value in row), default=0.0) or 1.0
-    span = max((speed or 0.0 for speed in document.speeds_rpm), default=1.0)
-    scale = CASCADE_HEIGHT * span / largest
+    known = [foot for foot in feet if foot is not None]
+    scale = LINE_HEIGHT * ((max(known) - min(known)) or max(known) or 1.0) / largest
     curves: list[tuple[str, Values, Values]] = [
-        ("", document.orders, [(speed or 0.0) + scale * (value or 0.0) for value in row])
-        for speed, row in zip(document.speeds_rpm, document.amplitude_peak_um, strict=True)
+        ("", document.orders, [(foot or 0.0) + scale * (value or 0.0) for value in row])
+        for foot, row in zip(feet, document.amplitude_peak_um, strict=True)
     ]
-    title = f"{document.run} · cascade, largest line {largest:.1f} µm zero-to-peak"
-    return Panel(title, "order", "r/min", tuple(curves))
+    title = f"{document.run} · {name}, largest line {largest:.1f} µm zero-to-peak"
+    is_full = any((order or 0.0) < 0.0 for order in document.orders)
+    return Panel(title, BOTH_WAYS if is_full else "order", label, tuple(curves), y_from_zero=False)

@@ -59,11 +59,32 @@ class TrendQuery(Question):
     ] = 600
 
 
-class CascadeQuery(Question):
-    """The size of a picture."""
+class PictureSize(Question):
+    """The size of a picture of many spectra."""
 
-    rows: Annotated[int, Field(description="Bins of speed, from 0 to the highest", ge=1, le=400, examples=[100])] = 100
+    rows: Annotated[int, Field(description="Bins of speed or time, at most", ge=1, le=400, examples=[100])] = 100
     columns: Annotated[int, Field(description="Orders, at most", ge=1, le=1024, examples=[256])] = 256
+    full: Annotated[
+        bool,
+        Field(
+            description="Full spectra: circles with (positive orders) and against (negative) the rotation",
+            examples=[False],
+        ),
+    ] = False
+
+
+class CascadeQuery(PictureSize):
+    """Spectra over speed."""
+
+
+class WaterfallQuery(PictureSize):
+    """Spectra over a stretch of time."""
+
+    segment: Annotated[int, Field(description="Gap-free stretch of the run", ge=0, le=1_000_000, examples=[0])] = 0
+    from_s: Annotated[float, Field(description="Sample time in the segment, s", ge=0, le=LONGEST, examples=[0.0])] = 0.0
+    duration_s: Annotated[
+        float | None, Field(description="How much of it, s; all where left out", gt=0, le=LONGEST, examples=[60.0])
+    ] = None
 
 
 class SampleUnit(StrEnum):

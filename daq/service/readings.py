@@ -19,6 +19,7 @@ from daq.service.documents.units import degrees, finite, rpm
 from daq.service.kinds import Kind
 from daq.service.problems import JobHint, ProblemError
 from daq.service.questions import SampleFormat, SamplesQuery
+from daq.service.rastering import NoPngError
 from daq.service.reading_process import OverdueError, ReadingProcesses, ReadingStoppedError
 from daq.service.records import NoSuchMomentError
 from daq.service.sample_answers import NoArrowError, TooMuchError
@@ -44,6 +45,7 @@ FAILURES: dict[type[Exception], Kind] = {
     NoSuchMomentError: Kind.NO_SUCH_MOMENT,
     TooMuchError: Kind.TOO_MUCH,
     NoArrowError: Kind.NOT_ACCEPTABLE,
+    NoPngError: Kind.NOT_ACCEPTABLE,
     ReadingStoppedError: Kind.BUSY,
     OverdueError: Kind.TAKES_TOO_LONG,
 }
@@ -73,7 +75,7 @@ class Readings:
 
     def answer(self, run: RunEntry, what: str, query: BaseModel | None, *, packed: bool) -> bytes:
         """Return the answer of this name (see `daq.service.answers`) as JSON, gzipped where it is `packed`."""
-        job = answer_job(run.id, what.removeprefix(answers.DRAWN), query)
+        job = answer_job(run.id, answers.address_of(what), query)
         return self._run(answers.answer_of, run.path, what, query, packed, job=job)
 
     def samples(self, run: RunEntry, query: SamplesQuery, form: SampleFormat, *, packed: bool) -> bytes:

@@ -15,6 +15,7 @@ from recordings.search import Search
 RPM = math.pi / 30.0
 SECOND = 1_000_000_000
 MOST_LETTERS = 200
+LATEST = 2**62  # ns
 
 
 class Sorting(StrEnum):
@@ -43,7 +44,12 @@ def _named(value: object) -> object:
     return value
 
 
-Text = Annotated[str, Field(max_length=MOST_LETTERS)]
+def _nanoseconds(moment: datetime | None) -> int | None:
+    """Return ns since 1970, as near as a database can hold them."""
+    return None if moment is None else max(min(round(moment.timestamp() * SECOND), LATEST), -LATEST)
+
+
+Text = Annotated[str, Field(max_length=MOST_LETTERS, pattern=r"^[^\x00]*$")]
 Speed = Annotated[float, Field(ge=0, le=FASTEST)]
 Moment = Annotated[datetime, BeforeValidator(_named)]
 
@@ -98,8 +104,8 @@ class RunQuery(Question):
     def search(self) -> Search:
         """Return what the catalogue is asked."""
         return Search(
-            started_from_ns=None if self.since is None else round(self.since.timestamp()) * SECOND,
-            started_before_ns=None if self.before is None else round(self.before.timestamp()) * SECOND,
+            started_from_ns=_nanoseconds(self.since),
+            started_before_ns=_nanoseconds(self.before),
             speed_low=None if self.speed_from_rpm is None else self.speed_from_rpm * RPM,
             speed_high=None if self.speed_to_rpm is None else self.speed_to_rpm * RPM,
             text=self.text,

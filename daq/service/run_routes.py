@@ -1,6 +1,6 @@
 """The addresses that tell of a recorded run: its results, its samples, its file."""
 
-from collections.abc import Awaitable, Callable
+from collections.abc import Callable
 from functools import partial
 from typing import Annotated, Protocol
 
@@ -16,34 +16,34 @@ from daq.service.documents.course import (
     PredictionDocument,
     SamplesDocument,
     TrendDocument,
+    WaterfallDocument,
 )
 from daq.service.documents.document import Document
 from daq.service.documents.moment import FullSpectrumDocument, OrbitDocument, OrderSpectrumDocument
 from daq.service.file_answers import OCTETS, file_answer
-from daq.service.kinds import Kind
+from daq.service.kinds import READING, Kind
 from daq.service.live_run import Live, require_ended
+from daq.service.plot_routes import PLOT_TYPES, add_plots
 from daq.service.problems import ProblemError
-from daq.service.questions import At, CascadeQuery, Question, SampleFormat, SamplesQuery, Speed, TrendQuery
+from daq.service.questions import (
+    At,
+    CascadeQuery,
+    Question,
+    SampleFormat,
+    SamplesQuery,
+    Speed,
+    TrendQuery,
+    WaterfallQuery,
+)
 from daq.service.readings import Readings
 from daq.service.routing import Routing, RunId
 from daq.service.tags import NOT_MODIFIED, entity_tag, file_tag, is_known
 from daq.service.workers import Workers
 from recordings.catalogue import RunEntry
 
-SVG = "image/svg+xml"
 NPZ = "application/x-npz"
 ARROW = "application/vnd.apache.arrow.stream"
 SAMPLE_TYPES = {"application/json": SampleFormat.JSON, NPZ: SampleFormat.NPZ, ARROW: SampleFormat.ARROW}
-READING = (
-    Kind.RUN_NOT_FOUND,
-    Kind.BAD_PARAMETER,
-    Kind.RUN_UNDER_WAY,
-    Kind.RUN_DAMAGED,
-    Kind.RUN_FORMAT_UNKNOWN,
-    Kind.TAKES_TOO_LONG,
-    Kind.STORAGE_UNAVAILABLE,
-    Kind.BUSY,
-)
 BINARY = {"schema": {"type": "string", "format": "binary"}}
 RPM = np.pi / 30.0
 
@@ -86,6 +86,7 @@ class RunRoutes:
             ("findings", self.findings, "What was found below 1X", FindingsDocument),
             ("trend", self.trend, "Speed and vibration over time", TrendDocument),
             ("cascade", self.cascade, "Order spectra over speed", CascadeDocument),
+            ("waterfall", self.waterfall, "Order spectra over time", WaterfallDocument),
             ("order-spectrum", self.order_spectrum, "The order spectrum of a moment", OrderSpectrumDocument),
             ("full-spectrum", self.full_spectrum, "Forward and backward circles of a moment", FullSpectrumDocument),
             ("orbit", self.orbit, "The orbit of a moment", OrbitDocument),
@@ -100,18 +101,7 @@ class RunRoutes:
             routing.add(
                 f"/runs/{{run}}/{what}", endpoint, name, "results", meaning, *kinds, model=model, answers=NOT_MODIFIED
             )
-        for what, plotter, meaning in (
-            ("order-spectrum", self.plot_of_moment("order-spectrum"), "The order spectrum of a moment, drawn"),
-            ("full-spectrum", self.plot_of_moment("full-spectrum"), "The full spectrum of a moment, drawn"),
-            ("orbit", self.plot_of_moment("orbit"), "The orbit of a moment, drawn"),
-            ("bode", self.bode, "Amplitude and phase of 1X over speed, drawn"),
-            ("cascade", self.drawn_cascade, "Order spectra over speed, drawn"),
-        ):
-            name = f"draw_run_{what.replace('-', '_')}"
-            routing.add(
-                f"/runs/{{run}}/plots/{what}.svg", plotter, name, "results", meaning, *READING, Kind.NO_SUCH_MOMENT,
-                answers={200: {"content": {SVG: {"schema": {"type": "string"}}}}, **NOT_MODIFIED},
-            )  # fmt: skip
+        add_plots(routing, self._answer)
         predicted = (*READING, Kind.NO_SUCH_MOMENT, Kind.MODEL_NOT_READY)
         routing.add(
             "/runs/{run}/prediction", self.prediction, "get_run_prediction", "results",
@@ -156,6 +146,10 @@ class RunRoutes:
         """Give the largest amplitude of every cell of speed and order, as many as a screen shows."""
         return await self._answer(request, run, "cascade", query)
 
+    async def waterfall(self, request: Request, run: RunId, query: Annotated[WaterfallQuery, Query()]) -> Response:
+        """Give the largest amplitude of every cell of time and order, as many as a screen shows."""
+        return await self._answer(request, run, "waterfall", query)
+
     async def order_spectrum(self, request: Request, run: RunId, at: Annotated[At, Query()]) -> Response:
         """Give amplitude and phase by order at the recorded frame that is nearest."""
         return await self._answer(request, run, "order-spectrum", at)
@@ -167,23 +161,6 @@ class RunRoutes:
     async def orbit(self, request: Request, run: RunId, at: Annotated[At, Query()]) -> Response:
         """Give the path of the last whole revolutions of the recorded frame that is nearest."""
         return await self._answer(request, run, "orbit", at)
-
-    def plot_of_moment(self, what: str) -> Callable[..., Awaitable[Response]]:
-        """Return the endpoint that draws order spectrum, full spectrum or orbit."""
-
-        async def draw(request: Request, run: RunId, at: Annotated[At, Query()]) -> Response:
-            """Draw the recorded frame that is nearest, with the same numbers as the address without `plots`."""
-            return await self._answer(request, run, f"plots/{what}", at)
-
-        return draw
-
-    async def bode(self, request: Request, run: RunId) -> Response:
-        """Draw 1X at both probes over speed."""
-        return await self._answer(request, run, "plots/order-vectors")
-
-    async def drawn_cascade(self, request: Request, run: RunId, query: Annotated[CascadeQuery, Query()]) -> Response:
-        """Draw the spectra one above the other, each with its foot at its speed."""
-        return await self._answer(request, run, "plots/cascade", query)
 
     async def prediction(self, run: RunId, at: Annotated[Speed, Query()]) -> PredictionDocument:
         """Give what the model expects of the run's rig, as its configuration was then."""
@@ -220,14 +197,15 @@ class RunRoutes:
         return file_answer(request, entry.path, entry.size, file_tag(entry))
 
     async def _answer(self, request: Request, run: str, what: str, query: Question | None = None) -> Response:
-        packed = accepts_gzip(request.headers.get("accept-encoding"))
+        media_type = PLOT_TYPES.get(what.rpartition(".")[2], "application/json")
+        packed = media_type != PLOT_TYPES["png"] and accepts_gzip(request.headers.get("accept-encoding"))
         entry = await self._entry(run)
         tag = entity_tag(entry, self._version, what, str(packed))
         headers = _headers(tag, packed=packed)
         if is_known(request.headers.get("if-none-match"), tag):
             return Response(status_code=304, headers=headers)
         body = await self._makings.run(partial(self._readings.answer, entry, what, query, packed=packed))
-        return Response(body, headers=headers, media_type=SVG if what.startswith("plots/") else "application/json")
+        return Response(body, headers=headers, media_type=media_type)
 
     async def _entry(self, run: str) -> RunEntry:
         """Return a run that has ended."""

@@ -143,6 +143,28 @@ def test_cascade_is_no_larger_than_the_screen_and_keeps_the_largest_line(
     assert max(map(max, document["amplitude_peak_um"])) == micrometres(largest)
 
 
+def test_waterfall_stands_at_its_times_and_keeps_the_largest_line(
+    bench: RecordedBench, snapshots: list[Snapshot]
+) -> None:
+    document = told(bench, "/waterfall", from_s=1.0, duration_s=2.0, rows=10, columns=64)
+    assert document["times_s"] == sorted(document["times_s"])
+    assert document["speeds_rpm"] == sorted(document["speeds_rpm"]), "the shaft runs up"
+    assert 1.0 < document["times_s"][0] < document["times_s"][-1] < 3.0
+    frames = [s.frame for s in snapshots if s.frame is not None and 1.0 <= s.time <= 3.0]
+    largest = max(np.abs(frame.spectrum).max() for frame in frames)
+    assert max(map(max, document["amplitude_peak_um"])) == micrometres(largest)
+
+
+@pytest.mark.parametrize("what", ["cascade", "waterfall"])
+def test_full_spectra_over_speed_and_time_show_the_way_that_the_shaft_goes(bench: RecordedBench, what: str) -> None:
+    document = told(bench, f"/{what}", full=True, rows=5, columns=512)
+    orders = document["orders"]
+    assert min(orders) == -max(orders)
+    row = document["amplitude_peak_um"][-1]
+    assert row[orders.index(1.0)] == max(row)
+    assert row[orders.index(-1.0)] < row[orders.index(1.0)]
+
+
 def test_samples_are_those_of_the_file_in_every_form_and_unit(bench: RecordedBench, path: Path) -> None:
     with RunReader(path) as reader:
         codes, channels = reader.samples(0, 20_000, 20_200), reader.header.acquisition.channels
@@ -170,6 +192,7 @@ def test_samples_are_those_of_the_file_in_every_form_and_unit(bench: RecordedBen
         ("/orbit", {"time": 1.0}, (422, "bad-parameter")),
         ("/orbit", {"time_s": "nan"}, (422, "bad-parameter")),
         ("/cascade", {"rows": 401}, (422, "bad-parameter")),
+        ("/waterfall", {"segment": 1}, (404, "no-such-moment")),
         ("/samples", {"from_s": 4.0}, (404, "no-such-moment")),
         ("/samples", {"duration_s": 4.0}, (413, "too-much")),
         ("/prediction", {}, (422, "bad-parameter")),
@@ -243,7 +266,7 @@ def test_gzipped_answer_is_what_it_says(bench: RecordedBench) -> None:
         assert gzip.decompress(b"".join(response.iter_raw())).startswith(b'{"run":')
 
 
-@pytest.mark.parametrize("what", ["order-spectrum", "full-spectrum", "orbit", "bode", "cascade"])
+@pytest.mark.parametrize("what", ["order-spectrum", "full-spectrum", "orbit", "bode", "cascade", "waterfall", "polar"])
 def test_plot_is_an_svg_of_curves_that_lie_inside_it(bench: RecordedBench, what: str) -> None:
     response = bench.get(f"/plots/{what}.svg")
     assert response.headers["content-type"] == "image/svg+xml"
@@ -256,3 +279,6 @@ def test_plot_is_an_svg_of_curves_that_lie_inside_it(bench: RecordedBench, what:
         assert points[:, 0].max() <= 640.0
         assert points[:, 1].max() <= 400.0
     assert RUN in response.text
+    drawn = bench.get(f"/plots/{what}.png")
+    assert drawn.headers["content-type"] == "image/png"
+    assert drawn.content.startswith(b"\x89PNG")

@@ -60,6 +60,16 @@ class TrendDocument(Document):
     )
 
 
+Orders = Annotated[
+    Values,
+    Field(
+        description="Lowest order of each column; a column ends where the next begins. Negative ones, of full spectra "
+        "alone, go against the rotation",
+        examples=[[0.0, 0.0625]],
+    ),
+]
+
+
 class CascadeDocument(Document):
     """Order spectra over speed, thinned to what a screen shows: of every cell the largest amplitude."""
 
@@ -67,11 +77,26 @@ class CascadeDocument(Document):
     speeds_rpm: Values = Field(
         description="Middle of the bin of speed of each row that a frame has reached, r/min", examples=[[6050.0]]
     )
-    orders: Values = Field(
-        description="Lowest order of each column; a column ends where the next begins", examples=[[0.0, 0.0625]]
-    )
+    orders: Orders
     amplitude_peak_um: tuple[Values, ...] = Field(
-        description="By speed and order, the larger of the two probes, µm zero-to-peak", examples=[[[0.05, 0.04]]]
+        description="By speed and order, the larger of the two probes, or of full spectra the circle, µm zero-to-peak",
+        examples=[[[0.05, 0.04]]],
+    )
+
+
+class WaterfallDocument(Document):
+    """Order spectra over time, thinned to what a screen shows: of every cell the largest amplitude."""
+
+    run: str = Field(description="Id of the run", examples=["2026-11-24T09-12-07-gj90c"])
+    segment: Count = Field(description="Gap-free stretch of the run, from 0", examples=[0])
+    times_s: Values = Field(
+        description="Sample time in the segment at the middle of each row that has a frame, s", examples=[[0.5]]
+    )
+    speeds_rpm: Values = Field(description="Mean shaft speed of each row, r/min", examples=[[6050.0]])
+    orders: Orders
+    amplitude_peak_um: tuple[Values, ...] = Field(
+        description="By time and order, the larger of the two probes, or of full spectra the circle, µm zero-to-peak",
+        examples=[[[0.05, 0.04]]],
     )
 
 

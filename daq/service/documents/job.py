@@ -27,6 +27,7 @@ class Address(StrEnum):
     FINDINGS = "findings"
     TREND = "trend"
     CASCADE = "cascade"
+    WATERFALL = "waterfall"
     ORDER_SPECTRUM = "order-spectrum"
     FULL_SPECTRUM = "full-spectrum"
     ORBIT = "orbit"
