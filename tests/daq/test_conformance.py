@@ -36,9 +36,11 @@ from tests.daq.usb6251.test_library import SOURCE, TOOLS, build
 
 RigFactory = Callable[..., Rig]
 Codes = NDArray[np.int16]
+Ticks = NDArray[np.int64]
 
 FAULTLESS = "NIDAQMX_DOUBLE_FAULTLESS"
 OVER_C = os.environ.get("RIG_TEST_NIDAQMX_DOUBLE") == "1"
+COUNTED = {"threshold_v": 2.15, "hysteresis_v": 1.0, "counter": {"reference": "counter"}}
 STEADY = {"profile": [{"time_s": 0, "speed_rpm": 6000}, {"time_s": 4, "speed_rpm": 6000}]}
 
 
@@ -55,14 +57,20 @@ class Backend(Protocol):
         """Return the first codes of every run."""
         ...
 
+    def stamps(self, segment: int, n: int) -> Ticks:
+        """Return what the counter stamped of the first samples of a segment."""
+        ...
+
     def is_released(self) -> bool: ...
 
 
 class Simulated:
     def __init__(self, rig: RigFactory) -> None:
-        self._rig = rig(simulation=STEADY)
+        self._rig = rig(simulation=STEADY, tacho=COUNTED)
         self._paced = rig(
-            timing={"rate_hz": 20_000, "block_s": 0.05, "buffer_s": 0.5}, simulation={**STEADY, "pace": "real time"}
+            timing={"rate_hz": 20_000, "block_s": 0.05, "buffer_s": 0.5},
+            simulation={**STEADY, "pace": "real time"},
+            tacho=COUNTED,
         )
 
     def open(self) -> Source:
@@ -73,6 +81,12 @@ class Simulated:
 
     def truth(self, n: int) -> Codes:
         return SimulatedCard(self._rig).next_codes(n)
+
+    def stamps(self, segment: int, n: int) -> Ticks:
+        return self.stamps_since(0, n)  # what its second segment misses is different each time
+
+    def stamps_since(self, begin: int, n: int) -> Ticks:
+        return SimulatedCard(self._rig).ticks(begin, begin + n, begin)
 
     def is_released(self) -> bool:
         return True  # it holds nothing
@@ -106,7 +120,7 @@ class Replayed:
         segment = first = 0
         for item in source.blocks():
             if isinstance(item, SampleBlock):
-                writer.block(SampleBlock(item.codes, segment, item.first_sample - first, item.host_time_ns))
+                writer.block(item.moved(segment, item.first_sample - first, source.acquisition.ticks_per_sample))
                 if overrun and item.end == 6000:
                     writer.segment_end(SegmentEnd(0, 6000, EndReason.OVERRUN, 100, detail="the reader was late"))
                     segment, first = 1, 6000
@@ -125,6 +139,9 @@ class Replayed:
     def truth(self, n: int) -> Codes:
         return self._simulated.truth(n)
 
+    def stamps(self, segment: int, n: int) -> Ticks:
+        return self._simulated.stamps_since(6000 * segment, n)
+
     def is_released(self) -> bool:
         if sys.platform == "win32":
             return True
@@ -134,10 +151,10 @@ class Replayed:
 
 class OverWire:
     def __init__(self, rig: RigFactory, stack: ExitStack) -> None:
-        simulated = rig(simulation=STEADY)
+        simulated = rig(simulation=STEADY, tacho=COUNTED)
         self._card: Callable[[], SimulatedCard] = lambda: SimulatedCard(simulated)
         self._server = stack.enter_context(serving(NiDriver(self._card)))
-        self._rig = rig(device={"backend": "nidaqmx", "target": self._server.target, "deadline_s": 1.0})
+        self._rig = rig(device={"backend": "nidaqmx", "target": self._server.target, "deadline_s": 1.0}, tacho=COUNTED)
 
     def open(self) -> Source:
         return open_source(self._rig)
@@ -149,13 +166,16 @@ class OverWire:
     def truth(self, n: int) -> Codes:
         return self._card().next_codes(n)
 
+    def stamps(self, segment: int, n: int) -> Ticks:
+        return self._card().ticks(0, n)  # the bench begins anew with every start
+
     def is_released(self) -> bool:
         return not self._server.tasks
 
 
 class OverC:
     def __init__(self, rig: RigFactory) -> None:
-        self._rig = rig(device={"backend": "nidaqmx", "serial": "1A2B32"})
+        self._rig = rig(device={"backend": "nidaqmx", "serial": "1A2B32"}, tacho=COUNTED)
         os.environ[FAULTLESS] = "1"
 
     def open(self) -> Source:
@@ -167,6 +187,9 @@ class OverC:
 
     def truth(self, n: int) -> Codes:
         return (7 * np.arange(n) + 1000 * np.arange(3)[:, np.newaxis]).astype(np.int16)
+
+    def stamps(self, segment: int, n: int) -> Ticks:
+        return np.floor(np.arange(250.0, n, 250.0) * (80e6 / 20_000.25)).astype(np.int64)
 
     def is_released(self) -> bool:
         return ctypes.c_int.in_dll(ctypes.CDLL("libnidaqmx.so.1"), "alive").value == 0
@@ -199,6 +222,10 @@ def taken(source: Source, blocks: int) -> tuple[list[SampleBlock], list[SegmentE
     return got, ends
 
 
+def stamps_of(blocks: list[SampleBlock]) -> Ticks:
+    return np.concatenate([np.empty(0, np.int64), *(block.ticks for block in blocks if block.ticks is not None)])
+
+
 def test_acquisition_says_what_the_rows_of_a_block_are(backend: Backend) -> None:
     source = backend.open()
     acquisition = source.acquisition
@@ -224,6 +251,21 @@ def test_codes_are_those_of_the_card_bit_for_bit_and_stay_so(backend: Backend) -
     codes = np.concatenate([block.codes for block in blocks], axis=1)
     np.testing.assert_array_equal(codes, backend.truth(codes.shape[1]))
     assert all(block.codes.dtype == np.int16 and block.codes.flags.c_contiguous for block in blocks)
+
+
+def test_stamps_are_those_of_the_counter_and_come_with_their_samples(backend: Backend) -> None:
+    source = backend.open()
+    per_sample = source.acquisition.ticks_per_sample
+    assert per_sample == 80e6 / source.acquisition.rate
+    blocks, ends = taken(source, 4)
+    stamps = stamps_of(blocks)
+    assert stamps.size > 20
+    np.testing.assert_array_equal(stamps, backend.stamps(0, ends[0].samples))
+    for block in blocks:
+        assert block.ticks is not None
+        assert block.ticks.dtype == np.int64
+        assert (block.ticks > block.first_sample * per_sample - 1).all()
+        assert (block.ticks < block.end * per_sample).all()
 
 
 def test_host_times_do_not_run_back_and_backlogs_are_counts(backend: Backend) -> None:
@@ -303,6 +345,8 @@ def test_overrun_ends_the_segment_with_its_loss_and_the_next_begins_at_zero(back
         assert mine[0].first_sample == 0
         assert all(a.end == b.first_sample for a, b in pairwise(mine))
         assert mine[-1].end == end.samples
+        if not isinstance(backend, Simulated) or end.segment == 0:
+            np.testing.assert_array_equal(stamps_of(mine), backend.stamps(end.segment, end.samples))
     assert backend.is_released()
 
 
@@ -315,4 +359,4 @@ def test_card_over_the_c_interface_does_all_of_the_above(tmp_path: Path) -> None
     command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", __file__]
     done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=120, check=False)
     assert done.returncode == 0, done.stdout
-    assert "10 passed, 1 skipped" in done.stdout
+    assert "11 passed, 1 skipped" in done.stdout

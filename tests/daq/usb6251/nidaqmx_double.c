@@ -1,7 +1,8 @@
 /* A double of NI's C library: one card whose code number i of channel c is 7 i + 1000 c, wrapped to 16 bits. Of the reads
  * of a task the third is late (half its samples, then the time-out) and the fifth finds its samples overwritten; a task
  * that was started again reads on without either, as does every task where NIDAQMX_DOUBLE_FAULTLESS is in the
- * environment. What is kept in `alive` counts tasks that nobody has cleared. */
+ * environment. An edge comes every 250 samples; a counter that was started before the samples, to begin with them, has
+ * latched the ticks since then, in 32 bits. What is kept in `alive` counts tasks that nobody has cleared. */
 #include <stdarg.h>
 #include <stdint.h>
 #include <stdlib.h>
@@ -11,9 +12,12 @@ typedef struct {
     int channels, started, reads;
     uint64_t position;
     double rate;
+    int counts, armed; /* of a counter: how much of what it needs is set, and whether it waits for the samples */
 } Task;
 
-static Task task;
+enum { EDGE_EVERY = 250 };
+static Task task, counter;
+static Task *made; /* the task whose channels decide what it is */
 int alive;
 static const double scaling[4] = {6e-4, 3.2e-4, 1.4e-13, -7.1e-18};
 
@@ -43,7 +47,13 @@ int DAQmxGetDeviceAttribute(const char *device, int32_t attribute, ...) {
                    else *va_arg(arguments, uint32_t *) = attribute == 0x632 ? 0x1A2B30u + (device[3] - '0') : 0);
 }
 int DAQmxSelfTestDevice(const char *device) { return 0; }
-int DAQmxCreateTask(const char *name, void **handle) { memset(&task, 0, sizeof task); alive++; *handle = &task; return 0; }
+int DAQmxCreateTask(const char *name, void **handle) {
+    made = alive ? &counter : &task; /* the inputs come first */
+    memset(made, 0, sizeof *made);
+    alive++;
+    *handle = made;
+    return 0;
+}
 int DAQmxClearTask(void *handle) { alive--; return 0; }
 int DAQmxGetTaskAttribute(void *handle, int32_t attribute, ...) {
     WITH_ARGUMENTS(attribute, status = text(arguments, "_unnamedTask<0>"));
@@ -53,7 +63,24 @@ int DAQmxCreateAIVoltageChan(void *handle, const char *physical, const char *nam
     task.channels++;
     return strncmp(physical, "Dev2/ai", 7) || terminal != 10106 || low != -10 || high != 10 ? -200077 : 0;
 }
+int DAQmxCreateCICountEdgesChan(void *handle, const char *physical, const char *name, int edge, uint32_t initial, int up) {
+    return handle != &counter || strcmp(physical, "Dev2/ctr0") || edge != 10280 || initial || up != 10128 ? -200077 : 0;
+}
+int DAQmxSetChanAttribute(void *handle, const char *channel, int32_t attribute, ...) {
+    WITH_ARGUMENTS(attribute, const char *term = va_arg(arguments, const char *);
+                   if (attribute != 0x18C7 || strcmp(term, "/Dev2/80MHzTimebase")) status = -89136; else counter.counts++);
+}
+int DAQmxSetTrigAttribute(void *handle, int32_t attribute, ...) {
+    WITH_ARGUMENTS(attribute, if (attribute == 0x1417) {
+        if (strcmp(va_arg(arguments, const char *), "/Dev2/ai/StartTrigger")) status = -89120;
+    } else if (va_arg(arguments, int32_t) != (attribute == 0x1414 ? 10150 : 10280)) status = -200077;
+    counter.counts += status == 0);
+}
 int DAQmxCfgSampClkTiming(void *handle, const char *source, double rate, int edge, int mode, uint64_t samples) {
+    if (handle == &counter) {
+        counter.counts++;
+        return mode != 10123 || edge != 10280 ? -200077 : strcmp(source, "/Dev2/PFI0") ? -89120 : 0;
+    }
     task.rate = rate;
     return mode == 10123 ? 0 : -200077;
 }
@@ -66,8 +93,22 @@ int DAQmxGetChanAttribute(void *handle, const char *channel, int32_t attribute, 
     WITH_ARGUMENTS(attribute, double *out = va_arg(arguments, double *); if (attribute != 0x1930) *out = attribute == 0x1815 ? 10 : -10;
                    else if (va_arg(arguments, uint32_t) == 0) status = 4; else memcpy(out, scaling, sizeof scaling));
 }
-int DAQmxStartTask(void *handle) { task.started++; task.reads = 0; task.position = 0; return 0; }
-int DAQmxStopTask(void *handle) { return task.reads == 5 && !getenv("NIDAQMX_DOUBLE_FAULTLESS") ? -200279 : 0; }
+int DAQmxStartTask(void *handle) {
+    if (handle == &counter) {
+        counter.armed = counter.counts == 5; /* clock, line, and what begins it */
+        counter.started = 0;
+        counter.position = 0;
+        return 0;
+    }
+    counter.started = counter.armed;
+    task.started++;
+    task.reads = 0;
+    task.position = 0;
+    return 0;
+}
+int DAQmxStopTask(void *handle) {
+    return handle == &task && task.reads == 5 && !getenv("NIDAQMX_DOUBLE_FAULTLESS") ? -200279 : 0;
+}
 int DAQmxReadBinaryI16(void *handle, int n, double timeout, int fill, int16_t *out, uint32_t size, int *read, void *none) {
     *read = 0;
     task.reads++;
@@ -77,6 +118,14 @@ int DAQmxReadBinaryI16(void *handle, int n, double timeout, int fill, int16_t *o
     for (int c = 0; c < task.channels; c++)
         for (int i = 0; i < *read; i++) out[c * *read + i] = (int16_t)(7 * (task.position + i) + 1000 * c);
     task.position += *read;
+    return *read < n ? -200284 : 0;
+}
+int DAQmxReadCounterU32Ex(void *handle, int n, double timeout, int fill, uint32_t *out, uint32_t size, int *read, void *none) {
+    double ticks = 80e6 / (task.rate + 0.25) * EDGE_EVERY;
+    *read = 0;
+    if (handle != &counter || timeout != 0) return -200077;
+    for (; counter.started && *read < n && (counter.position + 1) * EDGE_EVERY < task.position; counter.position++)
+        out[(*read)++] = (uint32_t)((uint64_t)((counter.position + 1) * ticks));
     return *read < n ? -200284 : 0;
 }
 int DAQmxGetReadAttribute(void *handle, int32_t attribute, ...) {

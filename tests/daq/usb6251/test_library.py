@@ -28,6 +28,7 @@ inputs = [("x", "probe_x"), ("y", "probe_y"), ("tacho", "tacho")]
 config = RigConfig.model_validate({
     "device": {"backend": "nidaqmx", "serial": "1A2B32"},
     "timing": {"rate_hz": 20_000, "block_s": 0.05},
+    "tacho": {"counter": {}},
     "channel": [{"name": n, "role": r, "physical": f"ai{k}"} for k, (n, r) in enumerate(inputs)],
 })
 calibration = Calibration((0.0, 1e-4), 0.0, 10.0)
@@ -44,6 +45,7 @@ json.dump({
     "driver": acquisition.device.driver, "scaling": acquisition.channels[0].scaling,
     "alive": ctypes.c_int.in_dll(ctypes.CDLL("libnidaqmx.so.1"), "alive").value,
     "blocks": [[i.segment, i.first_sample, i.backlog, i.codes.tolist()] for i in items if isinstance(i, SampleBlock)],
+    "ticks": [[i.segment, i.ticks.tolist()] for i in items if isinstance(i, SampleBlock)],
     "ends": [[i.segment, i.samples, i.reason, i.lost, i.detail] for i in items if not isinstance(i, SampleBlock)],
 }, sys.stdout)
 """
@@ -92,6 +94,13 @@ def test_late_block_is_kept_and_the_next_follows_without_a_gap(recorded: dict[st
     assert [block[:2] for block in recorded["blocks"]] == [[0, 0], [0, 1000], [0, 2000], [0, 2500], [1, 0], [1, 1000]]
     assert [len(block[3][0]) for block in recorded["blocks"]] == [1000, 1000, 500, 1000, 1000, 1000]
     assert {block[2] for block in recorded["blocks"]} == {42}
+
+
+def test_stamps_come_through_the_c_interface_with_the_samples_they_belong_to(recorded: dict[str, Any]) -> None:
+    ticks = 80e6 / recorded["rate"] * 250 * np.arange(1, 20)
+    expected = [np.floor(ticks[:3]), np.floor(ticks[3:7]), np.floor(ticks[7:9]), np.floor(ticks[9:13])]
+    assert [stamps for segment, stamps in recorded["ticks"] if segment == 0] == [part.tolist() for part in expected]
+    assert [stamps for segment, stamps in recorded["ticks"] if segment == 1] == [part.tolist() for part in expected[:2]]
 
 
 def test_overrun_is_told_with_the_librarys_code_and_text(recorded: dict[str, Any]) -> None:
