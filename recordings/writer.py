@@ -112,8 +112,8 @@ class RunWriter:
         log_time = self._starts_ns[self._segment] + sample_time_ns(block.first_sample, self._rate)
         pulses = self._pulses.message(block)
         if pulses is not None:
-            self._add(Message(CHANNEL_IDS[PULSES], log_time, pulses, block.host_time_ns, 0))
-        self._add(Message(CHANNEL_IDS[SAMPLES], log_time, encode_block(block), block.host_time_ns, self._sequence))
+            self._add(_message(PULSES, log_time, pulses))
+        self._add(_message(SAMPLES, log_time, encode_block(block), self._sequence))
         self._sequence += 1
         self._next_sample = block.end
         self._clock.block(block)
@@ -146,7 +146,7 @@ class RunWriter:
             )
         start_ns = self._starts_ns[end.segment]
         log_time = start_ns + sample_time_ns(end.samples, self._rate)
-        self._add(Message(CHANNEL_IDS[SEGMENT_END], log_time, encode_segment_end(end), log_time, end.segment))
+        self._add(_message(SEGMENT_END, log_time, encode_segment_end(end), end.segment))
         try:
             self._flush()
             self._ends.append(end)
@@ -269,7 +269,7 @@ class RunWriter:
             result = self._results.popleft()
             start_ns = self._starts_ns.get(result.segment, self._starts_ns[self._segment])
             log_time = result.log_time_ns + start_ns - self._starts_ns[0]
-            yield Message(CHANNEL_IDS[result.topic], log_time, result.data, log_time, 0)
+            yield _message(result.topic, log_time, result.data)
 
     def _end_document(self, skipped_samples: int) -> dict[str, object]:
         clock = self._clock.error()
@@ -318,10 +318,15 @@ class RunWriter:
                 self._segment, self._kept_samples, EndReason.RECORDER, lost, lost_is_exact=False, detail=self._failure
             )
             log_time = self._starts_ns[self._segment] + sample_time_ns(end.samples, self._rate)
-            message = Message(CHANNEL_IDS[SEGMENT_END], log_time, encode_segment_end(end), log_time, end.segment)
+            message = _message(SEGMENT_END, log_time, encode_segment_end(end), end.segment)
             self._mcap.add_chunk([message], is_tail=True)
             self._ends.append(end)
         self._next_sample = self._kept_samples = 0
         if not self._ends:
             raise OSError(self._failure)  # nothing was recorded
         self._finish(sum(end.samples for end in self._ends))
+
+
+def _message(topic: str, log_time: int, data: bytes, sequence: int = 0) -> Message:
+    """Return a message published when it was logged: by the run's own time, not by the host's clock."""
+    return Message(CHANNEL_IDS[topic], log_time, data, log_time, sequence)
