@@ -118,8 +118,8 @@ class WhirlTracker:
 
     A whirl belongs to the component whose order it continues within 0.05 (half a line of the spectrum, if that is
     more). A component is found when three frames showed it, of which two share no samples, and has ended when no
-    frame has shown it for half a second or a frame's length, whichever is longer. Two components that take turns as
-    the strongest are followed side by side; one that replaces another is a finding of its own.
+    frame has shown it for half a second or a frame's length, whichever is longer. Components that are there together
+    are followed side by side; one that replaces another is a finding of its own.
     """
 
     def __init__(self) -> None:
@@ -136,21 +136,22 @@ class WhirlTracker:
         time : float
             Time of the frame's end in it, s.
         frame : OrderFrame
-            With its whirl, if it has one.
+            With its whirls.
         """
         resolution = float(frame.orders[1])
         frame_time = 2.0 * math.pi / (frame.speed * resolution)
         moment = Moment(segment, time - 0.5 * frame_time, frame.speed)
         self._close(moment.time - max(LONGEST_BREAK, frame_time))
-        if frame.whirl is None:
-            return
         near = max(SAME_ORDER, 0.5 * resolution)
-        order = frame.whirl.order
-        track = min(self._open, key=lambda track: abs(track.recent_order - order), default=None)
-        if track is None or abs(track.recent_order - order) > near:
-            track = _Track(order, moment, moment, moment)
-            self._open.append(track)
-        track.add(frame.whirl, moment, frame_time)
+        free = list(self._open)
+        for whirl in frame.whirls:
+            track = min(free, key=lambda track: abs(track.recent_order - whirl.order), default=None)
+            if track is None or abs(track.recent_order - whirl.order) > near:
+                track = _Track(whirl.order, moment, moment, moment)
+                self._open.append(track)
+            else:
+                free.remove(track)
+            track.add(whirl, moment, frame_time)
 
     def segment_end(self) -> None:
         """End all components: time does not run on into the next segment."""

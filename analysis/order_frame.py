@@ -9,12 +9,16 @@ from analysis.orders import order_spectrum, order_vectors
 from analysis.pyramid import Pyramid
 from analysis.resampling import HALF, interpolate
 from analysis.run import Acquisition, AnalysisSettings, Role
-from analysis.snapshot import OrderFrame
-from analysis.whirl import find_whirl, noise_floor
+from analysis.slow_roll import RunOutWatch
+from analysis.snapshot import OrderFrame, RunOut
+from analysis.uncertainty import sigma_of_floor
+from analysis.whirl import find_whirls, noise_floor, quantile
 
 FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
 
 LOWEST_RATE = 1.0  # revolutions a second: below 60 r/min there is no frame
+FLOOR_LINES = 6  # at either side of an order, from the third on, that tell its noise, as in `analysis.order_track`
 SPARE_TURNS = 4  # that the pyramid remembers beside a frame
 _HIGHEST_PART = 0.2  # of the angular sampling: orders above it are not wanted
 
@@ -50,6 +54,7 @@ class FrameBuilder:
         while settings.highest_order > _HIGHEST_PART * settings.points_per_revolution * self._stride:
             self._stride *= 2
         self._points = settings.points_per_revolution * self._stride
+        self._runout = RunOutWatch(settings.runout)
         self._most_per_turn = 2.0 * (self._points - settings.highest_order)  # samples of the level that is read
 
     def new_pyramid(self, first: int) -> Pyramid:
@@ -109,14 +114,50 @@ class FrameBuilder:
         halves = np.diff(edges)
         speeds = np.pi * revolutions / halves  # mean of each half
         orbit = waveform[:, -min(settings.orbit_revolutions, revolutions) * self._points :: self._stride]
+        orbit = orbit - orbit.mean(axis=1, keepdims=True)
         speed = float(2.0 * np.pi * revolutions / halves.sum())
+        floors = [_floor_beside(spectrum, revolutions, order, noise) for order in (1, 2)]
+        sigma = sigma_of_floor(np.array(floors))
+        multiples = order_vectors(spectrum, revolutions, int(settings.highest_order))
+        runout = self._runout.frame(speed, multiples, sigma)
         return OrderFrame(
             speed=speed,
             acceleration=float((speeds[1] - speeds[0]) / (0.5 * halves.sum())),
             orders=orders,
             spectrum=spectrum,
-            vectors=order_vectors(spectrum, revolutions, 2),
+            vectors=multiples[:2],
             noise=noise,
-            whirl=find_whirl(spectrum, revolutions, noise, self._pair, jitter * speed),
-            orbit=self._pair.to_bench(orbit - orbit.mean(axis=1, keepdims=True)),
+            whirls=find_whirls(spectrum, revolutions, noise, self._pair, jitter * speed),
+            orbit=self._pair.to_bench(orbit),
+            sigma=sigma,
+            angle_sigma=jitter * speed * float(np.sqrt(1.5 / revolutions)),
+            runout=runout,
+            compensated_orbit=self._without(orbit, runout),
         )
+
+    def _without(self, orbit: FloatArray, runout: RunOut | None) -> FloatArray | None:
+        """Return the orbit, from the probes, less the run-out in the bench's directions, where that is asked for."""
+        if runout is None or not self._settings.runout.from_orbit:
+            return None
+        points = self._settings.points_per_revolution
+        turns = orbit.shape[1] // points
+        return self._pair.to_bench(orbit - np.tile(runout.waveform(points), (1, turns)))
+
+
+def _floor_beside(spectrum: ComplexArray, revolutions: int, order: int, noise: float) -> float:
+    """Return the median amplitude of the lines beside a whole order that are clear of every skirt, m peak.
+
+    Parameters
+    ----------
+    spectrum : ndarray of complex128, shape (2, n_orders)
+        Of a frame.
+    revolutions, order : int
+        Of the frame; which order.
+    noise : float
+        Median over all orders, m peak, for a frame of so few revolutions that no such line is left.
+    """
+    away = np.arange(3, 3 + FLOOR_LINES)
+    lines = order * revolutions + np.concatenate([-away, away])
+    clear = np.abs((lines + revolutions // 2) % revolutions - revolutions // 2) > 1
+    lines = lines[clear & (lines > 1) & (lines < spectrum.shape[1])]
+    return quantile(np.abs(spectrum[:, lines]), 0.5) if lines.size else noise

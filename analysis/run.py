@@ -224,6 +224,36 @@ class Acquisition:
 
 
 @dataclass(frozen=True, slots=True)
+class RunOutSettings:
+    """What is taken off 1X, 2X and the orbit while a run goes, beside what was measured; by default nothing is.
+
+    Parameters
+    ----------
+    slow_roll_speed : float
+        Frames of the run up to this speed tell its run-out, rad/s; 0: none does.
+    vectors : tuple of (int, complex, complex)
+        Whole order, and the run-out at the probes x and y that was known before, m peak; empty: not known before.
+    sigma : tuple of float
+        Standard deviation of the amplitudes of 1X and 2X among them, m peak; 0 where nobody knows.
+    source : str
+        Where the vectors come from, for people.
+    from_orbit : bool
+        Whether it is taken off the orbit too.
+    """
+
+    slow_roll_speed: float = 0.0
+    vectors: tuple[tuple[int, complex, complex], ...] = ()
+    sigma: tuple[float, float] = (0.0, 0.0)
+    source: str = ""
+    from_orbit: bool = False
+
+    @property
+    def is_asked(self) -> bool:
+        """Whether any run-out is to be taken off."""
+        return bool(self.vectors) or self.slow_roll_speed > 0.0
+
+
+@dataclass(frozen=True, slots=True)
 class AnalysisSettings:
     """How a run is analysed live and afterwards, alike.
 
@@ -239,6 +269,8 @@ class AnalysisSettings:
         Order up to which spectra are given.
     orbit_revolutions : int
         Revolutions drawn as orbit.
+    runout : RunOutSettings
+        What is taken off as run-out.
     """
 
     update_interval: float = 0.1
@@ -246,6 +278,7 @@ class AnalysisSettings:
     points_per_revolution: int = 64
     highest_order: float = 8.0
     orbit_revolutions: int = 4
+    runout: RunOutSettings = RunOutSettings()
 
 
 class Severity(StrEnum):

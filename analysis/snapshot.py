@@ -5,11 +5,14 @@ Where operators read a phase it is the *lag*, -arg(X), in degrees. Amplitudes ar
 otherwise.
 """
 
+import math
 from dataclasses import dataclass, field
 from enum import StrEnum
 
 import numpy as np
 from numpy.typing import NDArray
+
+from analysis.uncertainty import phase_sigma
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -100,7 +103,7 @@ class CounterReport:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Whirl:
-    """The strongest component below 1X.
+    """A component below 1X.
 
     Parameters
     ----------
@@ -110,12 +113,18 @@ class Whirl:
         Amplitudes of its forward and backward circles, m peak; the ellipse's half axes are their sum and difference.
     vectors : ndarray of complex128, shape (2,)
         Peak amplitude and phase at the probes x and y, m (phase only meaningful relative to each other).
+    order_sigma : float
+        Standard deviation of the order from the floor; NaN in older files.
+    sigma : float
+        Standard deviation of the amplitude from the floor, m peak; NaN in older files.
     """
 
     order: float
     forward: float
     backward: float
     vectors: ComplexArray
+    order_sigma: float = math.nan
+    sigma: float = math.nan
 
     @property
     def amplitude(self) -> float:
@@ -126,6 +135,28 @@ class Whirl:
     def is_forward(self) -> bool:
         """Whether it goes round with the shaft."""
         return self.forward >= self.backward
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RunOut:
+    """What the probes see of the surface, to be taken off what they see of the motion.
+
+    Parameters
+    ----------
+    vectors : ndarray of complex128, shape (n_orders, 2)
+        ``vectors[k - 1, probe]``: of the whole order k, at least 1 and 2, m peak; NaN where unknown.
+    sigma : ndarray of float64, shape (2,)
+        Standard deviation of the amplitudes of 1X and 2X, m peak; 0 where nobody knows.
+    """
+
+    vectors: ComplexArray
+    sigma: FloatArray
+
+    def waveform(self, points: int) -> FloatArray:
+        """Return it from the mark on over a turn, shape (2, points), m; orders that are not known leave nothing."""
+        orders = np.arange(1, len(self.vectors) + 1)
+        turn = np.exp(2j * np.pi * np.outer(orders, np.arange(points) / points))
+        return np.asarray((np.nan_to_num(self.vectors).T @ turn).real, dtype=np.float64)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -146,11 +177,20 @@ class OrderFrame:
         ``vectors[k - 1, probe]``: the kX vector, k = 1, 2, at x and y, m peak.
     noise : float
         Floor of the order spectrum between the lines, m peak (median over orders and probes).
-    whirl : Whirl or None
-        Strongest sub-synchronous component that stands above the floor.
+    whirls : tuple of Whirl
+        Sub-synchronous components that stand above the floor, the strongest first; older files hold one at most.
     orbit : ndarray of float64, shape (2, n_points)
         Displacement in the bench's directions X and Y over the last ``orbit_revolutions`` whole revolutions, mean
         removed, m; every ``points_per_revolution``-th point from the first on lies on the mark.
+    sigma : ndarray of float64, shape (2,)
+        Standard deviation of the amplitudes of 1X and of 2X at either probe, from the lines beside them, m peak; NaN
+        in older files.
+    angle_sigma : float
+        Standard deviation of the shaft's angle as the frame feels it, from the tacho's jitter, rad; NaN likewise.
+    runout : RunOut or None
+        What is known of the run-out; None where nothing is, or where it is not to be taken off.
+    compensated_orbit : ndarray of float64, shape (2, n_points), or None
+        The orbit less the run-out; None where that was not asked for or is not known.
     """
 
     speed: float
@@ -159,8 +199,42 @@ class OrderFrame:
     spectrum: ComplexArray
     vectors: ComplexArray
     noise: float
-    whirl: Whirl | None
+    whirls: tuple[Whirl, ...]
     orbit: FloatArray
+    sigma: FloatArray = field(default_factory=lambda: np.full(2, np.nan))
+    angle_sigma: float = math.nan
+    runout: RunOut | None = None
+    compensated_orbit: FloatArray | None = None
+
+    @property
+    def compensated(self) -> ComplexArray | None:
+        """``vectors`` less the run-out, NaN for an order whose run-out is not known; None where none is."""
+        return None if self.runout is None else self.vectors - self.runout.vectors[:2]
+
+    @property
+    def compensated_sigma(self) -> FloatArray:
+        """Standard deviation of the amplitudes of ``compensated``, shape (2,), m peak: both added in square."""
+        return self.sigma if self.runout is None else np.hypot(self.sigma, self.runout.sigma)
+
+    @property
+    def motion(self) -> ComplexArray:
+        """The vectors of the motion as well as they are known: compensated where the run-out is known."""
+        compensated = self.compensated
+        return self.vectors if compensated is None else np.where(np.isnan(compensated), self.vectors, compensated)
+
+    @property
+    def whirl(self) -> Whirl | None:
+        """The strongest component below 1X."""
+        return self.whirls[0] if self.whirls else None
+
+    @property
+    def phase_sigma(self) -> FloatArray:
+        """Standard deviation of the phases of ``vectors``, shape (2, 2), rad; NaN in older files."""
+        sigmas = [
+            phase_sigma(np.abs(vectors), np.full(2, sigma), np.full(2, self.angle_sigma), order)
+            for order, vectors, sigma in zip((1.0, 2.0), self.vectors, self.sigma, strict=True)
+        ]
+        return np.stack(sigmas)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

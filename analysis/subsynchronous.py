@@ -8,17 +8,13 @@ from numpy.typing import NDArray
 
 from analysis.frames import independent_hann_frames
 from analysis.order_map import OrderMap, Window
-from analysis.uncertainty import order_sigma, sigma_of_floor
-from analysis.whirl import ABOVE_NOISE, HIGHEST, LOWEST, OF_SCATTER, OF_SYNCHRONOUS
+from analysis.uncertainty import sigma_of_floor
+from analysis.whirl import Components, Search
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 IntArray = NDArray[np.int64]
 
-MOST_COMPONENTS = 4  # in one frame
-OF_STRONGEST = 0.05  # below it a component may be what the stronger one left
-BESIDE_SYNCHRONOUS = 0.02  # of 1X within that many lines of it: what a 1X that swells leaves beside it
-OF_NEIGHBOUR, NEIGHBOUR_LINES = 0.25, 4.0  # the same for one as near as this
 SAME_ORDER = 0.05  # orders by which a component may move on from frame to frame
 LONGEST_BREAK = 4  # frames' lengths without it before it has ended
 FEWEST_FRAMES = 4
@@ -100,16 +96,6 @@ class SubsynchronousTrack:
         return float(self.speeds[-1])
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Component:
-    """What one round of the search found in every frame; order NaN where nothing."""
-
-    order: FloatArray
-    order_sigma: FloatArray
-    forward: FloatArray
-    backward: FloatArray
-
-
 def subsynchronous_tracks(order_map: OrderMap) -> tuple[SubsynchronousTrack, ...]:
     """Return all components below 1X, in the order in which they began.
 
@@ -131,70 +117,14 @@ def subsynchronous_tracks(order_map: OrderMap) -> tuple[SubsynchronousTrack, ...
         raise ValueError(
             f"order_map: {order_map.window} over {order_map.revolutions} revolutions, expected hann over 8"
         )
-    rest = _without_multiples(order_map)
-    found: list[_Component] = []
-    for _ in range(MOST_COMPONENTS):
-        component = _strongest(order_map, rest, found)
-        if not np.isfinite(component.order).any():
-            break
-        found.append(component)
+    scatter = order_map.angle_sigma * np.sqrt(order_map.revolutions / 1.5)
+    noise = order_map.noise
+    search = Search(order_map.spectrum, order_map.revolutions, noise, noise, scatter, order_map.pair)
+    found = search.components()
     return tuple(_track(order_map, found, links) for links in _linked(order_map, found))
 
 
-def _without_multiples(order_map: OrderMap) -> ComplexArray:
-    n = order_map.revolutions
-    rest = order_map.spectrum[:, :, : n + 3].copy()
-    for whole in range(n, rest.shape[2] - 1, n):
-        line = order_map.spectrum[:, :, whole]
-        rest[:, :, whole] = 0.0
-        rest[:, :, whole - 1] += 0.5 * line
-        rest[:, :, whole + 1] += 0.5 * line
-    return rest
-
-
-def _strongest(order_map: OrderMap, rest: ComplexArray, before: list[_Component]) -> _Component:
-    """Return the strongest component of each frame and take it out of ``rest``."""
-    n = order_map.revolutions
-    size = np.sqrt(np.sum(np.abs(rest) ** 2, axis=0))
-    first, last = max(int(np.ceil(LOWEST * n)), 2), int(HIGHEST * n)
-    searched = size[:, first : last + 1]
-    is_peak = (searched >= size[:, first - 1 : last]) & (searched > size[:, first + 1 : last + 2])
-    line = first + np.argmax(np.where(is_peak, searched, -1.0), axis=1)
-    frame = np.arange(size.shape[0])
-    up = size[frame, line + 1] > size[frame, line - 1]
-    neighbour = np.where(up, line + 1, line - 1)
-    peak, beside = size[frame, line], size[frame, neighbour]
-    total = np.maximum(peak + beside, 1e-300)
-    delta = np.clip(np.where(up, 1.0, -1.0) * (2.0 * beside - peak) / total, -0.5, 0.5)
-    gain = np.sinc(delta) / (1.0 - delta**2)
-    vectors = rest[:, frame, line] / gain * np.exp(-1j * np.pi * delta)
-    X, Y = order_map.pair.vectors_to_bench(vectors)
-    forward, backward = 0.5 * np.abs(X + 1j * Y), 0.5 * np.abs(X - 1j * Y)
-    order = (line + delta) / n
-    synchronous = np.abs(order_map.spectrum[:, :, n]).max(axis=0)
-    beside_1x = np.abs(order - 1.0) * n < NEIGHBOUR_LINES
-    bar = (
-        np.where(beside_1x, BESIDE_SYNCHRONOUS, OF_SYNCHRONOUS) + OF_SCATTER * order_map.angle_sigma * np.sqrt(n / 1.5)
-    ) * synchronous
-    bar = np.maximum(bar, ABOVE_NOISE * order_map.noise)
-    for stronger in before:
-        held = np.where(np.isfinite(stronger.order), stronger.forward + stronger.backward, 0.0)
-        near = np.abs(order - stronger.order) * n < NEIGHBOUR_LINES
-        bar = np.maximum(bar, np.where(near, OF_NEIGHBOUR, OF_STRONGEST) * held)
-    good = is_peak.any(axis=1) & (forward + backward > bar)
-    away = (line + delta)[:, None] - np.arange(rest.shape[2])
-    skirt = np.sinc(away) + 0.5 * (np.sinc(away - 1.0) + np.sinc(away + 1.0))
-    rest -= np.where(good, vectors, 0.0)[:, :, None] * (skirt * np.exp(1j * np.pi * away))
-    sigma = sigma_of_floor(order_map.noise) * np.sqrt(2.0)  # two probes' lines: size adds their noise
-    return _Component(
-        order=np.where(good, order, np.nan),
-        order_sigma=order_sigma(np.maximum(peak, 1e-300), beside, sigma / np.sqrt(2.0), n),
-        forward=forward,
-        backward=backward,
-    )
-
-
-def _linked(order_map: OrderMap, found: list[_Component]) -> list[list[tuple[int, int]]]:
+def _linked(order_map: OrderMap, found: list[Components]) -> list[list[tuple[int, int]]]:
     """Return lists of (frame, index of component) that belong together, those that lasted."""
     if not found:
         return []
@@ -225,7 +155,7 @@ def _linked(order_map: OrderMap, found: list[_Component]) -> list[list[tuple[int
     return sorted(lasted)
 
 
-def _track(order_map: OrderMap, found: list[_Component], links: list[tuple[int, int]]) -> SubsynchronousTrack:
+def _track(order_map: OrderMap, found: list[Components], links: list[tuple[int, int]]) -> SubsynchronousTrack:
     frames = np.array([frame for frame, _ in links])
     orders = np.array([found[index].order[frame] for frame, index in links])
     sigma = np.array([found[index].order_sigma[frame] for frame, index in links])

@@ -15,6 +15,7 @@ from analysis.run import (
     Limits,
     Role,
     RunHeader,
+    RunOutSettings,
     Tacho,
     TachoCounter,
 )
@@ -39,6 +40,7 @@ def header_document(header: RunHeader) -> Document:
             "points_per_revolution": header.settings.points_per_revolution,
             "highest_order": header.settings.highest_order,
             "orbit_revolutions": header.settings.orbit_revolutions,
+            "runout": _runout_document(header.settings.runout),
         },
         "limits": {
             "peak_to_peak_alarm_m": header.limits.peak_to_peak_alarm,
@@ -83,11 +85,43 @@ def header_from_document(document: Mapping[str, Any]) -> RunHeader:
             points_per_revolution=analysis.whole("points_per_revolution"),
             highest_order=analysis.number("highest_order"),
             orbit_revolutions=analysis.whole("orbit_revolutions"),
+            runout=_runout(analysis.section("runout")) if analysis.has("runout") else RunOutSettings(),
         ),
         limits=_limits(limits),
         config_toml=top.text("config_toml"),
         program=top.text("program"),
         note=top.text("note"),
+    )
+
+
+def _runout_document(runout: RunOutSettings) -> Document:
+    return {
+        "slow_roll_speed_rad_per_s": runout.slow_roll_speed,
+        "vectors": [
+            {"order": order, "x_real_m": x.real, "x_imag_m": x.imag, "y_real_m": y.real, "y_imag_m": y.imag}
+            for order, x, y in runout.vectors
+        ],
+        "sigma_m": list(runout.sigma),
+        "source": runout.source,
+        "from_orbit": runout.from_orbit,
+    }
+
+
+def _runout(section: "_Section") -> RunOutSettings:
+    sigma_1x, sigma_2x = section.numbers("sigma_m")
+    return RunOutSettings(
+        slow_roll_speed=section.number("slow_roll_speed_rad_per_s"),
+        vectors=tuple(
+            (
+                vector.whole("order"),
+                complex(vector.number("x_real_m"), vector.number("x_imag_m")),
+                complex(vector.number("y_real_m"), vector.number("y_imag_m")),
+            )
+            for vector in section.sections("vectors")
+        ),
+        sigma=(sigma_1x, sigma_2x),
+        source=section.text("source"),
+        from_orbit=section.flag("from_orbit"),
     )
 
 

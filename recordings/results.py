@@ -13,6 +13,7 @@ from analysis.snapshot import (
     ComplexArray,
     CounterReport,
     OrderFrame,
+    RunOut,
     Snapshot,
     TachoReport,
     TachoState,
@@ -167,10 +168,18 @@ def _add_orders(message: rig_pb2.Features, frame: OrderFrame) -> None:
     message.x_2x_um, message.x_2x_lag_deg = abs(x_2x) / MICRO, _lag(x_2x)
     message.y_2x_um, message.y_2x_lag_deg = abs(y_2x) / MICRO, _lag(y_2x)
     message.noise_um = frame.noise / MICRO
+    message.sigma_1x_um, message.sigma_2x_um = (frame.sigma / MICRO).tolist()
+    message.x_1x_lag_sigma_deg, message.y_1x_lag_sigma_deg = np.degrees(frame.phase_sigma[0]).tolist()
+    message.whirls = len(frame.whirls)
     if frame.whirl is not None:
         message.whirl_order = frame.whirl.order
         message.whirl_um = frame.whirl.amplitude / MICRO
         message.whirl_is_forward = frame.whirl.is_forward
+        message.whirl_sigma_um = frame.whirl.sigma / MICRO
+    if frame.compensated is not None and np.isfinite(frame.compensated[0]).all():
+        x, y = frame.compensated[0].tolist()
+        message.x_1x_compensated_um, message.x_1x_compensated_lag_deg = abs(x) / MICRO, _lag(x)
+        message.y_1x_compensated_um, message.y_1x_compensated_lag_deg = abs(y) / MICRO, _lag(y)
 
 
 def _lag(vector: complex) -> float:
@@ -180,7 +189,7 @@ def _lag(vector: complex) -> float:
 
 def _order_frame(snapshot: Snapshot, frame: OrderFrame) -> rig_pb2.OrderFrame:
     (x_1x, y_1x), (x_2x, y_2x) = frame.vectors.tolist()
-    return rig_pb2.OrderFrame(
+    message = rig_pb2.OrderFrame(
         segment=snapshot.segment,
         sample=snapshot.sample,
         time_s=snapshot.time,
@@ -199,13 +208,33 @@ def _order_frame(snapshot: Snapshot, frame: OrderFrame) -> rig_pb2.OrderFrame:
         whirl=None if frame.whirl is None else _whirl(frame.whirl),
         orbit_x_m=frame.orbit[0].tolist(),
         orbit_y_m=frame.orbit[1].tolist(),
+        weaker_whirls=[_whirl(whirl) for whirl in frame.whirls[1:]],
+        sigma_1x_m=frame.sigma[0],
+        sigma_2x_m=frame.sigma[1],
+        angle_sigma_rad=frame.angle_sigma,
+        runout=None if frame.runout is None else _runout(frame.runout),
     )
+    if frame.compensated_orbit is not None:
+        message.compensated_orbit_x_m.extend(frame.compensated_orbit[0].tolist())
+        message.compensated_orbit_y_m.extend(frame.compensated_orbit[1].tolist())
+    return message
+
+
+def _runout(runout: RunOut) -> rig_pb2.RunOut:
+    x, y = ([_vector(value) for value in of_probe] for of_probe in runout.vectors.T.tolist())
+    return rig_pb2.RunOut(x=x, y=y, sigma_1x_m=runout.sigma[0], sigma_2x_m=runout.sigma[1])
 
 
 def _whirl(whirl: Whirl) -> rig_pb2.Whirl:
     x, y = whirl.vectors.tolist()
     return rig_pb2.Whirl(
-        order=whirl.order, forward_m=whirl.forward, backward_m=whirl.backward, x=_vector(x), y=_vector(y)
+        order=whirl.order,
+        forward_m=whirl.forward,
+        backward_m=whirl.backward,
+        x=_vector(x),
+        y=_vector(y),
+        order_sigma=whirl.order_sigma,
+        sigma_m=whirl.sigma,
     )
 
 
@@ -214,14 +243,9 @@ def _vector(value: complex) -> rig_pb2.Vector:
 
 
 def _decoded_frame(message: rig_pb2.OrderFrame) -> OrderFrame:
-    whirl = None
-    if message.HasField("whirl"):
-        whirl = Whirl(
-            order=message.whirl.order,
-            forward=message.whirl.forward_m,
-            backward=message.whirl.backward_m,
-            vectors=_vectors([message.whirl.x, message.whirl.y]),
-        )
+    whirls = [*([message.whirl] if message.HasField("whirl") else []), *message.weaker_whirls]
+    has_sigma = message.HasField("sigma_1x_m")  # older files tell none
+    has_orbit = len(message.compensated_orbit_x_m) > 0
     return OrderFrame(
         speed=message.speed_rad_per_s,
         acceleration=message.acceleration_rad_per_s2,
@@ -234,9 +258,32 @@ def _decoded_frame(message: rig_pb2.OrderFrame) -> OrderFrame:
         ),
         vectors=_vectors([message.x_1x, message.y_1x, message.x_2x, message.y_2x]).reshape(2, 2),
         noise=message.noise_m,
-        whirl=whirl,
-        orbit=np.stack([_floats(message.orbit_x_m), _floats(message.orbit_y_m)]),
+        whirls=tuple(_decoded_whirl(whirl) for whirl in whirls),
+        orbit=_rows(message.orbit_x_m, message.orbit_y_m),
+        sigma=_floats([message.sigma_1x_m, message.sigma_2x_m]) if has_sigma else np.full(2, np.nan),
+        angle_sigma=message.angle_sigma_rad if has_sigma else math.nan,
+        runout=_decoded_runout(message.runout) if message.HasField("runout") else None,
+        compensated_orbit=_rows(message.compensated_orbit_x_m, message.compensated_orbit_y_m) if has_orbit else None,
     )
+
+
+def _decoded_whirl(message: rig_pb2.Whirl) -> Whirl:
+    has_sigma = message.HasField("sigma_m")
+    return Whirl(
+        order=message.order,
+        forward=message.forward_m,
+        backward=message.backward_m,
+        vectors=_vectors([message.x, message.y]),
+        order_sigma=message.order_sigma if has_sigma else math.nan,
+        sigma=message.sigma_m if has_sigma else math.nan,
+    )
+
+
+def _decoded_runout(message: rig_pb2.RunOut) -> RunOut:
+    vectors = np.stack([_vectors(message.x), _vectors(message.y)], axis=1)
+    if len(vectors) < 2:
+        raise ValueError(f"run-out of {len(vectors)} orders, expected at least 2")
+    return RunOut(vectors, _floats([message.sigma_1x_m, message.sigma_2x_m]))
 
 
 def _vectors(messages: Sequence[rig_pb2.Vector]) -> ComplexArray:
@@ -247,6 +294,10 @@ def _complex(real: Sequence[float], imag: Sequence[float]) -> ComplexArray:
     values = np.empty(len(real), dtype=np.complex128)  # built by parts: a sum would lose the sign of a zero
     values.real, values.imag = real, imag
     return values
+
+
+def _rows(x: Sequence[float], y: Sequence[float]) -> NDArray[np.float64]:
+    return np.stack([_floats(x), _floats(y)])
 
 
 def _floats(values: Sequence[float]) -> NDArray[np.float64]:

@@ -53,7 +53,7 @@ class SegmentEnd(_message.Message):
     def __init__(self, segment: _Optional[int] = ..., samples: _Optional[int] = ..., reason: _Optional[str] = ..., lost: _Optional[int] = ..., lost_is_exact: _Optional[bool] = ..., detail: _Optional[str] = ...) -> None: ...
 
 class Features(_message.Message):
-    __slots__ = ("segment", "sample", "time_s", "speed_rpm", "speed_rad_per_s", "tacho_state", "tacho_pulses", "tacho_filled", "tacho_rejected", "tacho_jitter_s", "gap_x_v", "gap_y_v", "gap_x_ok", "gap_y_ok", "peak_to_peak_x_um", "peak_to_peak_y_um", "peak_to_peak_x_m", "peak_to_peak_y_m", "clipped", "has_order_frame", "x_1x_um", "x_1x_lag_deg", "y_1x_um", "y_1x_lag_deg", "x_2x_um", "x_2x_lag_deg", "y_2x_um", "y_2x_lag_deg", "whirl_order", "whirl_um", "whirl_is_forward", "noise_um", "beyond_calibration", "counter")
+    __slots__ = ("segment", "sample", "time_s", "speed_rpm", "speed_rad_per_s", "tacho_state", "tacho_pulses", "tacho_filled", "tacho_rejected", "tacho_jitter_s", "gap_x_v", "gap_y_v", "gap_x_ok", "gap_y_ok", "peak_to_peak_x_um", "peak_to_peak_y_um", "peak_to_peak_x_m", "peak_to_peak_y_m", "clipped", "has_order_frame", "x_1x_um", "x_1x_lag_deg", "y_1x_um", "y_1x_lag_deg", "x_2x_um", "x_2x_lag_deg", "y_2x_um", "y_2x_lag_deg", "whirl_order", "whirl_um", "whirl_is_forward", "noise_um", "beyond_calibration", "sigma_1x_um", "sigma_2x_um", "x_1x_lag_sigma_deg", "y_1x_lag_sigma_deg", "whirl_sigma_um", "whirls", "x_1x_compensated_um", "x_1x_compensated_lag_deg", "y_1x_compensated_um", "y_1x_compensated_lag_deg", "counter")
     SEGMENT_FIELD_NUMBER: _ClassVar[int]
     SAMPLE_FIELD_NUMBER: _ClassVar[int]
     TIME_S_FIELD_NUMBER: _ClassVar[int]
@@ -87,6 +87,16 @@ class Features(_message.Message):
     WHIRL_IS_FORWARD_FIELD_NUMBER: _ClassVar[int]
     NOISE_UM_FIELD_NUMBER: _ClassVar[int]
     BEYOND_CALIBRATION_FIELD_NUMBER: _ClassVar[int]
+    SIGMA_1X_UM_FIELD_NUMBER: _ClassVar[int]
+    SIGMA_2X_UM_FIELD_NUMBER: _ClassVar[int]
+    X_1X_LAG_SIGMA_DEG_FIELD_NUMBER: _ClassVar[int]
+    Y_1X_LAG_SIGMA_DEG_FIELD_NUMBER: _ClassVar[int]
+    WHIRL_SIGMA_UM_FIELD_NUMBER: _ClassVar[int]
+    WHIRLS_FIELD_NUMBER: _ClassVar[int]
+    X_1X_COMPENSATED_UM_FIELD_NUMBER: _ClassVar[int]
+    X_1X_COMPENSATED_LAG_DEG_FIELD_NUMBER: _ClassVar[int]
+    Y_1X_COMPENSATED_UM_FIELD_NUMBER: _ClassVar[int]
+    Y_1X_COMPENSATED_LAG_DEG_FIELD_NUMBER: _ClassVar[int]
     COUNTER_FIELD_NUMBER: _ClassVar[int]
     segment: int
     sample: int
@@ -121,8 +131,18 @@ class Features(_message.Message):
     whirl_is_forward: bool
     noise_um: float
     beyond_calibration: _containers.RepeatedScalarFieldContainer[int]
+    sigma_1x_um: float
+    sigma_2x_um: float
+    x_1x_lag_sigma_deg: float
+    y_1x_lag_sigma_deg: float
+    whirl_sigma_um: float
+    whirls: int
+    x_1x_compensated_um: float
+    x_1x_compensated_lag_deg: float
+    y_1x_compensated_um: float
+    y_1x_compensated_lag_deg: float
     counter: CounterCheck
-    def __init__(self, segment: _Optional[int] = ..., sample: _Optional[int] = ..., time_s: _Optional[float] = ..., speed_rpm: _Optional[float] = ..., speed_rad_per_s: _Optional[float] = ..., tacho_state: _Optional[str] = ..., tacho_pulses: _Optional[int] = ..., tacho_filled: _Optional[int] = ..., tacho_rejected: _Optional[int] = ..., tacho_jitter_s: _Optional[float] = ..., gap_x_v: _Optional[float] = ..., gap_y_v: _Optional[float] = ..., gap_x_ok: _Optional[bool] = ..., gap_y_ok: _Optional[bool] = ..., peak_to_peak_x_um: _Optional[float] = ..., peak_to_peak_y_um: _Optional[float] = ..., peak_to_peak_x_m: _Optional[float] = ..., peak_to_peak_y_m: _Optional[float] = ..., clipped: _Optional[_Iterable[int]] = ..., has_order_frame: _Optional[bool] = ..., x_1x_um: _Optional[float] = ..., x_1x_lag_deg: _Optional[float] = ..., y_1x_um: _Optional[float] = ..., y_1x_lag_deg: _Optional[float] = ..., x_2x_um: _Optional[float] = ..., x_2x_lag_deg: _Optional[float] = ..., y_2x_um: _Optional[float] = ..., y_2x_lag_deg: _Optional[float] = ..., whirl_order: _Optional[float] = ..., whirl_um: _Optional[float] = ..., whirl_is_forward: _Optional[bool] = ..., noise_um: _Optional[float] = ..., beyond_calibration: _Optional[_Iterable[int]] = ..., counter: _Optional[_Union[CounterCheck, _Mapping]] = ...) -> None: ...
+    def __init__(self, segment: _Optional[int] = ..., sample: _Optional[int] = ..., time_s: _Optional[float] = ..., speed_rpm: _Optional[float] = ..., speed_rad_per_s: _Optional[float] = ..., tacho_state: _Optional[str] = ..., tacho_pulses: _Optional[int] = ..., tacho_filled: _Optional[int] = ..., tacho_rejected: _Optional[int] = ..., tacho_jitter_s: _Optional[float] = ..., gap_x_v: _Optional[float] = ..., gap_y_v: _Optional[float] = ..., gap_x_ok: _Optional[bool] = ..., gap_y_ok: _Optional[bool] = ..., peak_to_peak_x_um: _Optional[float] = ..., peak_to_peak_y_um: _Optional[float] = ..., peak_to_peak_x_m: _Optional[float] = ..., peak_to_peak_y_m: _Optional[float] = ..., clipped: _Optional[_Iterable[int]] = ..., has_order_frame: _Optional[bool] = ..., x_1x_um: _Optional[float] = ..., x_1x_lag_deg: _Optional[float] = ..., y_1x_um: _Optional[float] = ..., y_1x_lag_deg: _Optional[float] = ..., x_2x_um: _Optional[float] = ..., x_2x_lag_deg: _Optional[float] = ..., y_2x_um: _Optional[float] = ..., y_2x_lag_deg: _Optional[float] = ..., whirl_order: _Optional[float] = ..., whirl_um: _Optional[float] = ..., whirl_is_forward: _Optional[bool] = ..., noise_um: _Optional[float] = ..., beyond_calibration: _Optional[_Iterable[int]] = ..., sigma_1x_um: _Optional[float] = ..., sigma_2x_um: _Optional[float] = ..., x_1x_lag_sigma_deg: _Optional[float] = ..., y_1x_lag_sigma_deg: _Optional[float] = ..., whirl_sigma_um: _Optional[float] = ..., whirls: _Optional[int] = ..., x_1x_compensated_um: _Optional[float] = ..., x_1x_compensated_lag_deg: _Optional[float] = ..., y_1x_compensated_um: _Optional[float] = ..., y_1x_compensated_lag_deg: _Optional[float] = ..., counter: _Optional[_Union[CounterCheck, _Mapping]] = ...) -> None: ...
 
 class CounterCheck(_message.Message):
     __slots__ = ("is_working", "compared", "missing", "extra", "apart", "mean_s", "largest_s")
@@ -151,21 +171,37 @@ class Vector(_message.Message):
     def __init__(self, real_m: _Optional[float] = ..., imag_m: _Optional[float] = ...) -> None: ...
 
 class Whirl(_message.Message):
-    __slots__ = ("order", "forward_m", "backward_m", "x", "y")
+    __slots__ = ("order", "forward_m", "backward_m", "x", "y", "order_sigma", "sigma_m")
     ORDER_FIELD_NUMBER: _ClassVar[int]
     FORWARD_M_FIELD_NUMBER: _ClassVar[int]
     BACKWARD_M_FIELD_NUMBER: _ClassVar[int]
     X_FIELD_NUMBER: _ClassVar[int]
     Y_FIELD_NUMBER: _ClassVar[int]
+    ORDER_SIGMA_FIELD_NUMBER: _ClassVar[int]
+    SIGMA_M_FIELD_NUMBER: _ClassVar[int]
     order: float
     forward_m: float
     backward_m: float
     x: Vector
     y: Vector
-    def __init__(self, order: _Optional[float] = ..., forward_m: _Optional[float] = ..., backward_m: _Optional[float] = ..., x: _Optional[_Union[Vector, _Mapping]] = ..., y: _Optional[_Union[Vector, _Mapping]] = ...) -> None: ...
+    order_sigma: float
+    sigma_m: float
+    def __init__(self, order: _Optional[float] = ..., forward_m: _Optional[float] = ..., backward_m: _Optional[float] = ..., x: _Optional[_Union[Vector, _Mapping]] = ..., y: _Optional[_Union[Vector, _Mapping]] = ..., order_sigma: _Optional[float] = ..., sigma_m: _Optional[float] = ...) -> None: ...
+
+class RunOut(_message.Message):
+    __slots__ = ("x", "y", "sigma_1x_m", "sigma_2x_m")
+    X_FIELD_NUMBER: _ClassVar[int]
+    Y_FIELD_NUMBER: _ClassVar[int]
+    SIGMA_1X_M_FIELD_NUMBER: _ClassVar[int]
+    SIGMA_2X_M_FIELD_NUMBER: _ClassVar[int]
+    x: _containers.RepeatedCompositeFieldContainer[Vector]
+    y: _containers.RepeatedCompositeFieldContainer[Vector]
+    sigma_1x_m: float
+    sigma_2x_m: float
+    def __init__(self, x: _Optional[_Iterable[_Union[Vector, _Mapping]]] = ..., y: _Optional[_Iterable[_Union[Vector, _Mapping]]] = ..., sigma_1x_m: _Optional[float] = ..., sigma_2x_m: _Optional[float] = ...) -> None: ...
 
 class OrderFrame(_message.Message):
-    __slots__ = ("segment", "sample", "time_s", "speed_rad_per_s", "acceleration_rad_per_s2", "orders", "spectrum_x_real_m", "spectrum_x_imag_m", "spectrum_y_real_m", "spectrum_y_imag_m", "x_1x", "y_1x", "x_2x", "y_2x", "noise_m", "whirl", "orbit_x_m", "orbit_y_m")
+    __slots__ = ("segment", "sample", "time_s", "speed_rad_per_s", "acceleration_rad_per_s2", "orders", "spectrum_x_real_m", "spectrum_x_imag_m", "spectrum_y_real_m", "spectrum_y_imag_m", "x_1x", "y_1x", "x_2x", "y_2x", "noise_m", "whirl", "orbit_x_m", "orbit_y_m", "weaker_whirls", "sigma_1x_m", "sigma_2x_m", "angle_sigma_rad", "runout", "compensated_orbit_x_m", "compensated_orbit_y_m")
     SEGMENT_FIELD_NUMBER: _ClassVar[int]
     SAMPLE_FIELD_NUMBER: _ClassVar[int]
     TIME_S_FIELD_NUMBER: _ClassVar[int]
@@ -184,6 +220,13 @@ class OrderFrame(_message.Message):
     WHIRL_FIELD_NUMBER: _ClassVar[int]
     ORBIT_X_M_FIELD_NUMBER: _ClassVar[int]
     ORBIT_Y_M_FIELD_NUMBER: _ClassVar[int]
+    WEAKER_WHIRLS_FIELD_NUMBER: _ClassVar[int]
+    SIGMA_1X_M_FIELD_NUMBER: _ClassVar[int]
+    SIGMA_2X_M_FIELD_NUMBER: _ClassVar[int]
+    ANGLE_SIGMA_RAD_FIELD_NUMBER: _ClassVar[int]
+    RUNOUT_FIELD_NUMBER: _ClassVar[int]
+    COMPENSATED_ORBIT_X_M_FIELD_NUMBER: _ClassVar[int]
+    COMPENSATED_ORBIT_Y_M_FIELD_NUMBER: _ClassVar[int]
     segment: int
     sample: int
     time_s: float
@@ -202,7 +245,14 @@ class OrderFrame(_message.Message):
     whirl: Whirl
     orbit_x_m: _containers.RepeatedScalarFieldContainer[float]
     orbit_y_m: _containers.RepeatedScalarFieldContainer[float]
-    def __init__(self, segment: _Optional[int] = ..., sample: _Optional[int] = ..., time_s: _Optional[float] = ..., speed_rad_per_s: _Optional[float] = ..., acceleration_rad_per_s2: _Optional[float] = ..., orders: _Optional[_Iterable[float]] = ..., spectrum_x_real_m: _Optional[_Iterable[float]] = ..., spectrum_x_imag_m: _Optional[_Iterable[float]] = ..., spectrum_y_real_m: _Optional[_Iterable[float]] = ..., spectrum_y_imag_m: _Optional[_Iterable[float]] = ..., x_1x: _Optional[_Union[Vector, _Mapping]] = ..., y_1x: _Optional[_Union[Vector, _Mapping]] = ..., x_2x: _Optional[_Union[Vector, _Mapping]] = ..., y_2x: _Optional[_Union[Vector, _Mapping]] = ..., noise_m: _Optional[float] = ..., whirl: _Optional[_Union[Whirl, _Mapping]] = ..., orbit_x_m: _Optional[_Iterable[float]] = ..., orbit_y_m: _Optional[_Iterable[float]] = ...) -> None: ...
+    weaker_whirls: _containers.RepeatedCompositeFieldContainer[Whirl]
+    sigma_1x_m: float
+    sigma_2x_m: float
+    angle_sigma_rad: float
+    runout: RunOut
+    compensated_orbit_x_m: _containers.RepeatedScalarFieldContainer[float]
+    compensated_orbit_y_m: _containers.RepeatedScalarFieldContainer[float]
+    def __init__(self, segment: _Optional[int] = ..., sample: _Optional[int] = ..., time_s: _Optional[float] = ..., speed_rad_per_s: _Optional[float] = ..., acceleration_rad_per_s2: _Optional[float] = ..., orders: _Optional[_Iterable[float]] = ..., spectrum_x_real_m: _Optional[_Iterable[float]] = ..., spectrum_x_imag_m: _Optional[_Iterable[float]] = ..., spectrum_y_real_m: _Optional[_Iterable[float]] = ..., spectrum_y_imag_m: _Optional[_Iterable[float]] = ..., x_1x: _Optional[_Union[Vector, _Mapping]] = ..., y_1x: _Optional[_Union[Vector, _Mapping]] = ..., x_2x: _Optional[_Union[Vector, _Mapping]] = ..., y_2x: _Optional[_Union[Vector, _Mapping]] = ..., noise_m: _Optional[float] = ..., whirl: _Optional[_Union[Whirl, _Mapping]] = ..., orbit_x_m: _Optional[_Iterable[float]] = ..., orbit_y_m: _Optional[_Iterable[float]] = ..., weaker_whirls: _Optional[_Iterable[_Union[Whirl, _Mapping]]] = ..., sigma_1x_m: _Optional[float] = ..., sigma_2x_m: _Optional[float] = ..., angle_sigma_rad: _Optional[float] = ..., runout: _Optional[_Union[RunOut, _Mapping]] = ..., compensated_orbit_x_m: _Optional[_Iterable[float]] = ..., compensated_orbit_y_m: _Optional[_Iterable[float]] = ...) -> None: ...
 
 class Mark(_message.Message):
     __slots__ = ("segment", "sample", "time_s", "text", "host_time_ns", "kind")

@@ -11,21 +11,18 @@ from analysis.snapshot import OrderFrame, Whirl
 HOP = 0.1
 
 
-def frame(speed: float, order: float | None, amplitude: float = 5e-6, *, forward: bool = True) -> OrderFrame:
-    """Return a frame of 16 revolutions at a speed, rad/s, with a whirl of an order."""
-    whirl = None
-    if order is not None:
-        circles = (amplitude, 0.0) if forward else (0.0, amplitude)
-        whirl = Whirl(order, *circles, np.zeros(2, dtype=np.complex128))
-    orders = np.arange(129) / 16
+def frame(speed: float, *orders: float | None, amplitude: float = 5e-6, forward: bool = True) -> OrderFrame:
+    """Return a frame of 16 revolutions at a speed, rad/s, with whirls of some orders."""
+    circles = (amplitude, 0.0) if forward else (0.0, amplitude)
+    whirls = tuple(Whirl(each, *circles, np.zeros(2, dtype=np.complex128)) for each in orders if each is not None)
     return OrderFrame(
         speed=speed,
         acceleration=0.0,
-        orders=orders,
+        orders=np.arange(129) / 16,
         spectrum=np.zeros((2, 129), dtype=np.complex128),
         vectors=np.zeros((2, 2), dtype=np.complex128),
         noise=1e-9,
-        whirl=whirl,
+        whirls=whirls,
         orbit=np.zeros((2, 256)),
     )
 
@@ -73,7 +70,7 @@ def test_a_short_break_does_not_split_a_finding_and_a_long_one_does() -> None:
 def test_a_component_still_there_is_found_and_a_segment_ends_it() -> None:
     tracker = WhirlTracker()
     for number in range(10):
-        tracker.frame(0, HOP * (number + 1), frame(1000.0, 0.49, 1e-6 * (number + 1), forward=False))
+        tracker.frame(0, HOP * (number + 1), frame(1000.0, 0.49, amplitude=1e-6 * (number + 1), forward=False))
     assert tracker.findings()[0].frames == 10
     assert tracker.findings()[0].amplitude == pytest.approx(10e-6)
     assert not tracker.findings()[0].is_forward
@@ -87,7 +84,7 @@ def test_the_number_of_findings_is_bounded() -> None:
     tracker = WhirlTracker()
     for segment in range(MOST_FINDINGS + 20):
         for number in range(4):
-            tracker.frame(segment, HOP * (number + 1), frame(1000.0, 0.49, 1e-6 * (segment + 1)))
+            tracker.frame(segment, HOP * (number + 1), frame(1000.0, 0.49, amplitude=1e-6 * (segment + 1)))
         tracker.segment_end()
     findings = tracker.findings()
     assert len(findings) == MOST_FINDINGS

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from analysis.orbit import ProbePair
 from analysis.orders import order_spectrum
 from analysis.snapshot import Whirl
-from analysis.whirl import find_whirl, noise_floor, without_synchronous
+from analysis.whirl import find_whirl, find_whirls, noise_floor, without_synchronous
 
 FloatArray = NDArray[np.float64]
 PAIR = ProbePair(0.0, np.pi / 2)
@@ -77,10 +77,24 @@ def test_removing_1x_leaves_nothing_of_it() -> None:
 
 
 def test_what_scattering_marks_make_of_1x_is_not_believed() -> None:
-    waveform = np.stack([20 * np.cos(THETA) + 0.3 * np.cos(0.9 * THETA), 20 * np.sin(THETA)])
+    waveform = np.stack([20 * np.cos(THETA) + 0.3 * np.cos(0.7 * THETA), 20 * np.sin(THETA)])
     _, spectrum = order_spectrum(waveform, 16)
-    assert find_whirl(spectrum[:, :129], 16, 0.0, PAIR) is not None
-    assert find_whirl(spectrum[:, :129], 16, 0.0, PAIR, scatter=0.05) is None
+    assert find_whirls(spectrum[:, :129], 16, 0.0, PAIR) != ()
+    assert find_whirls(spectrum[:, :129], 16, 0.0, PAIR, scatter=0.05) == ()
+
+
+def test_all_components_are_found_the_strongest_first_with_their_uncertainty() -> None:
+    told = [(0.17, 12.0), (0.49, 8.0), (-0.75, 2.0)]
+    z = 20 * np.exp(1j * THETA) + sum(size * np.exp(1j * order * THETA) for order, size in told)
+    noise = np.random.default_rng(3).standard_normal((2, THETA.size))
+    _, spectrum = order_spectrum(np.stack([z.real, z.imag]) + 0.1 * noise, 16)
+    whirls = find_whirls(spectrum[:, :129], 16, noise_floor(spectrum[:, :129], 16), PAIR)
+    assert [whirl.order for whirl in whirls] == pytest.approx([abs(order) for order, _ in told], abs=0.002)
+    assert [whirl.amplitude for whirl in whirls] == pytest.approx([size for _, size in told], rel=0.02)
+    assert [whirl.is_forward for whirl in whirls] == [True, True, False]
+    sigma = 0.1 * np.sqrt(2 * 1.5 / THETA.size)
+    assert [whirl.sigma for whirl in whirls] == pytest.approx([sigma] * 3, rel=0.25)
+    assert all(0.0 < whirl.order_sigma < 0.002 for whirl in whirls)
 
 
 def test_a_line_without_neighbours_is_taken_as_it_stands() -> None:

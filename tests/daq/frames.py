@@ -160,7 +160,7 @@ def make_snapshot(time: float, speed: float, settings: AnalysisSettings, noise: 
             spectrum=spectrum,
             vectors=vectors,
             noise=floor,
-            whirl=whirl,
+            whirls=() if whirl is None else (whirl,),
             orbit=orbit,
         ),
         trace=Trace(

@@ -76,7 +76,7 @@ def test_live_document_tells_a_whirls_frequency_size_and_direction() -> None:
     assert snapshot.frame is not None
     backward = Whirl(0.5, 1e-6, 3e-6, np.zeros(2, dtype=np.complex128))
     frame = replace(
-        FRAME, snapshot=replace(snapshot, frame=replace(snapshot.frame, whirl=backward, speed=6000.0 * RPM))
+        FRAME, snapshot=replace(snapshot, frame=replace(snapshot.frame, whirls=(backward,), speed=6000.0 * RPM))
     )
     measured = live_document(frame).measured
     assert measured is not None
@@ -109,7 +109,7 @@ def test_live_document_is_json_whatever_the_numbers_are(speed: float, level: flo
             speed=speed,
             gap_volts=np.array([level, real]),
             peak_to_peak=np.array([real, level]),
-            frame=replace(snapshot.frame, speed=speed, vectors=vectors, whirl=whirl, noise=level),
+            frame=replace(snapshot.frame, speed=speed, vectors=vectors, whirls=(whirl,), noise=level),
         ),
         replace(prediction, speed=speed, vectors=vectors, whirl_order=order, whirl_amplitude=level, growth_rate=real),
     )

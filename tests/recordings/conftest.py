@@ -22,7 +22,7 @@ from analysis.run import (
     Tacho,
 )
 from analysis.samples import SampleBlock
-from analysis.snapshot import OrderFrame, Snapshot, TachoReport, TachoState, Trace, Whirl
+from analysis.snapshot import OrderFrame, RunOut, Snapshot, TachoReport, TachoState, Trace, Whirl
 from tests.recordings.postgresql import new_schema, server
 
 RATE = 20_000.0
@@ -96,7 +96,10 @@ def make_snapshot() -> Callable[..., Snapshot]:
 
     def make(segment: int, sample: int, *, with_frame: bool = True, with_whirl: bool = True) -> Snapshot:
         random = np.random.default_rng(sample)
-        whirl = Whirl(0.4987654321, 1e-5 / 3, 1e-6 / 7, np.array([3e-6 + 1e-6j, -1e-6j / 3])) if with_whirl else None
+        vectors = np.array([3e-6 + 1e-6j, -1e-6j / 3])
+        whirl = Whirl(0.4987654321, 1e-5 / 3, 1e-6 / 7, vectors, 1e-4 / 3, 1e-8 / 7)
+        weaker = Whirl(0.1711111111, 1e-6 / 3, 1e-6 / 9, vectors, 1e-3 / 3, 1e-8 / 7)
+        runout = RunOut(random.standard_normal((8, 4)).view(np.complex128) * 1e-6, np.array([1e-8 / 3, 1e-8 / 9]))
         frame = OrderFrame(
             speed=1234.5 / 7,
             acceleration=-0.0,
@@ -104,8 +107,12 @@ def make_snapshot() -> Callable[..., Snapshot]:
             spectrum=random.standard_normal((2, 258)).view(np.complex128) * 1e-5,
             vectors=np.array([[1e-5 / 3 - 1e-6j, -1e-5 + 0j], [complex(-0.0, 0.0), 3e-7j]]),
             noise=1e-8 / 3,
-            whirl=whirl,
+            whirls=(whirl, weaker) if with_whirl else (),
             orbit=random.standard_normal((2, 256)) * 1e-5,
+            sigma=np.array([1e-8 / 3, 1e-8 / 7]),
+            angle_sigma=1e-3 / 7,
+            runout=runout if with_whirl else None,
+            compensated_orbit=random.standard_normal((2, 256)) * 1e-5 if with_whirl else None,
         )
         return Snapshot(
             segment=segment,

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from analysis.run import RunHeader
+from analysis.run import RunHeader, RunOutSettings
 from recordings.errors import DamagedError
 from recordings.header import header_document, header_from_document
 
@@ -44,7 +44,7 @@ def test_numbers_in_the_document_have_their_unit_in_the_name(header: RunHeader) 
         for key, value in part.items():
             if isinstance(value, dict):
                 check(value)
-            elif isinstance(value, list) and value and isinstance(value[0], dict):
+            elif isinstance(value, list) and (not value or isinstance(value[0], dict)):
                 for entry in value:
                     check(entry)
             elif isinstance(value, int | float | list) and not isinstance(value, bool):
@@ -86,3 +86,20 @@ def test_a_missing_value_is_named(header: RunHeader) -> None:
 def test_a_header_with_another_note_is_another_header(header: RunHeader) -> None:
     other = replace(header, note="warm")
     assert header_from_document(header_document(other)) == other != header
+
+
+def test_run_out_that_was_known_before_comes_back_bit_for_bit(header: RunHeader) -> None:
+    vectors = ((1, 1e-6 / 3 + 1e-7j, -1e-6j / 7), (3, 1e-7 + 0j, complex(-0.0, 1e-8 / 3)))
+    runout = RunOutSettings(60.0, vectors, (1e-8 / 3, 0.0), "run 2026-11-20T08-00-00-gj90c", from_orbit=True)
+    told = replace(header, settings=replace(header.settings, runout=runout))
+    assert header_from_document(json.loads(json.dumps(header_document(told)))) == told
+
+
+def test_header_of_before_there_was_run_out_has_none_and_alarms_by_default(header: RunHeader) -> None:
+    document = header_document(replace(header, limits=replace(header.limits, hold=3.0)))
+    del document["analysis"]["runout"]
+    for key in ("hysteresis_fraction", "hold_s", "latch"):
+        del document["limits"][key]
+    read = header_from_document(document)
+    assert not read.settings.runout.is_asked
+    assert (read.limits.hysteresis, read.limits.hold, read.limits.latch) == (0.05, 1.0, True)

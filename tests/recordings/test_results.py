@@ -20,6 +20,8 @@ def bits(value: object) -> object:
         return (value.dtype.str, value.shape, value.tobytes())
     if isinstance(value, float):
         return np.float64(value).tobytes()
+    if isinstance(value, tuple):
+        return tuple(map(bits, value))
     slots = getattr(type(value), "__dataclass_fields__", None)
     if slots is not None:
         return {name: bits(getattr(value, name)) for name in slots if name != "trace"}
@@ -70,6 +72,11 @@ def test_features_hold_what_an_operator_reads(header: RunHeader, make_snapshot: 
     assert features.peak_to_peak_y_um == pytest.approx(snapshot.peak_to_peak[1] * 1e6)
     assert features.whirl_um == pytest.approx(snapshot.frame.whirl.amplitude * 1e6)
     assert features.whirl_order == snapshot.frame.whirl.order
+    assert features.whirls == 2
+    assert snapshot.frame.compensated is not None
+    assert features.x_1x_compensated_um == pytest.approx(abs(snapshot.frame.compensated[0, 0]) * 1e6)
+    assert features.sigma_1x_um == pytest.approx(1e-2 / 3)
+    assert features.x_1x_lag_sigma_deg == pytest.approx(np.degrees(snapshot.frame.phase_sigma[0, 0]))
 
 
 def test_features_without_a_frame_lack_the_orders(header: RunHeader, make_snapshot: MakeSnapshot) -> None:
