@@ -17,7 +17,9 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 FEWEST_PULSES = 8
-ALIKE = 1.2  # ratio of successive intervals throughout a train in which nothing is missing or double
+FEWEST_GAPS = 3
+ALIKE = 1.2  # ratio of a mark's successive intervals throughout a train in which nothing is missing or double
+REGULAR = 0.5  # part of the places at one distance from one another where pulses are missing: no chance made these
 COUNTED = 0.9  # part of the pulses that one train must hold: less is a shaft that stood still between
 
 
@@ -60,7 +62,9 @@ class PulseRecord:
 def pulse_record(times: FloatArray, tacho: Tacho) -> PulseRecord:
     """Return the longest train of pulses in a record, each numbered.
 
-    The predictive gate of `PulseTrain` runs over the pulses forward and, with time reversed, backward: a pulse counts
+    Where every interval is like that of the same mark a revolution before, the marks may lie anywhere on the shaft.
+    Else something is missing or double, and the marks must be about evenly spaced for that to be told: the
+    predictive gate of `PulseTrain` runs over the pulses forward and, with time reversed, backward: a pulse counts
     where both accept it. Where the two come to different counts between two pulses, a repair would be guessing.
 
     Parameters
@@ -82,8 +86,7 @@ def pulse_record(times: FloatArray, tacho: Tacho) -> PulseRecord:
         raise ValueError(f"times: shape {times.shape}, expected (n,) finite and rising, s")
     if times.size < FEWEST_PULSES:
         raise TachoRefusedError(f"{times.size} tacho pulses in the record, expected at least {FEWEST_PULSES}")
-    ratios = np.diff(times)[1:] / np.diff(times)[:-1]
-    if ratios.max() < ALIKE and ratios.min() > 1.0 / ALIKE:
+    if _is_clean(np.diff(times), tacho.pulses_per_revolution):
         return _record(np.arange(times.size), times, times.size, tacho)
     single = replace(tacho, pulses_per_revolution=1)
     forward = max(_trains(times, single), key=lambda train: train[0].size, default=None)
@@ -99,8 +102,17 @@ def pulse_record(times: FloatArray, tacho: Tacho) -> PulseRecord:
             f"the longest regular train holds {seen} of {times.size} tacho edges, from {kept[0]:.3f} to "
             f"{kept[-1]:.3f} s: analyse the record in parts between the breaks"
         )
-    _refuse_patchwork(numbers, kept, times[begin : end + 1])
-    return _record(numbers - numbers[0], kept, seen, tacho)
+    numbers = numbers - numbers[0]
+    _refuse_patchwork(numbers, kept, times[begin : end + 1], tacho.pulses_per_revolution)
+    return _record(numbers, kept, seen, tacho)
+
+
+def _is_clean(intervals: FloatArray, marks: int) -> bool:
+    """Return whether nothing is missing or double: each interval is like that of the same mark a revolution before."""
+    if intervals.size < 2 * marks + 1:
+        return False
+    ratios = intervals[marks:] / intervals[:-marks]
+    return bool(ratios.max() < ALIKE and ratios.min() > 1.0 / ALIKE)
 
 
 def _record(numbers: IntArray, times: FloatArray, seen: int, tacho: Tacho) -> PulseRecord:
@@ -135,10 +147,11 @@ def _agreed(forward: tuple[IntArray, FloatArray], backward: tuple[IntArray, Floa
         )
     offset = forward[0][in_forward] - backward[0][in_backward]
     if (offset != offset[0]).any():
-        at = float(common[int(np.argmax(offset != offset[0]))])
+        slips = np.flatnonzero(np.diff(offset))
         raise TachoRefusedError(
-            f"tacho: the revolutions counted forward and backward differ at {at:.4f} s: too many pulses are missing or "
-            "double there to know the angle"
+            f"tacho: the pulses counted forward and backward differ by {abs(int(offset[-1] - offset[0]))}, in "
+            f"{slips.size} places from {float(common[slips[0] + 1]):.4f} s on: too many are missing or double there to "
+            "know the angle"
         )
     before = backward[1] < forward[1][0]
     after = forward[1] > backward[1][-1]
@@ -147,11 +160,20 @@ def _agreed(forward: tuple[IntArray, FloatArray], backward: tuple[IntArray, Floa
     return numbers, times
 
 
-def _refuse_patchwork(numbers: IntArray, times: FloatArray, edges: FloatArray) -> None:
-    """Raise where more than the live tracker would bear needed a repair, on average over the record."""
+def _refuse_patchwork(numbers: IntArray, times: FloatArray, edges: FloatArray, marks: int) -> None:
+    """Raise where more than the live tracker would bear needed a repair, or the same did again and again."""
     repaired = int(numbers[-1] - numbers[0]) + 1 - numbers.size + edges.size - times.size
     allowed = MOST_REPAIRED / HISTORY * numbers.size
     if repaired > allowed:
         raise TachoRefusedError(
             f"tacho: {repaired} of {numbers.size} pulses are missing or double, expected at most {int(allowed)}"
         )
+    is_gap = np.zeros(int(numbers[-1]), dtype=np.bool_)
+    is_gap[numbers[:-1][np.diff(numbers) > 1]] = True
+    for distance in range(2, min(2 * marks, is_gap.size // FEWEST_GAPS) + 1):
+        again = np.count_nonzero(is_gap[distance:] & is_gap[:-distance])
+        if distance % marks and again > max(REGULAR * is_gap.size / distance, FEWEST_GAPS):
+            raise TachoRefusedError(
+                f"tacho: a pulse is missing every {distance}: expected a pattern that repeats with the {marks} marks "
+                "of a revolution"
+            )

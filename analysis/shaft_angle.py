@@ -143,10 +143,13 @@ def _mark_offsets(record: PulseRecord) -> FloatArray:
     offsets = np.zeros(marks)
     if marks > 1:
         time = _fit(turns[mark == 0], record.times[mark == 0]).time
-        inside = (turns >= turns[mark == 0][0]) & (turns <= turns[mark == 0][-1])
-        off = (record.times[inside] - time(turns[inside])) / time(turns[inside], nu=1)
-        for other in range(1, marks):
-            offsets[other] = float(np.median(off[mark[inside] == other]))
+        lowest, highest = turns[mark == 0][[0, -1]]
+        inside = (turns > lowest) & (turns < highest)
+        for _ in range(2):  # Newton, from the even places
+            there = np.clip(turns[inside] + offsets[mark[inside]], lowest, highest)
+            off = (record.times[inside] - time(there)) / time(there, nu=1)
+            for other in range(1, marks):
+                offsets[other] += float(np.median(off[mark[inside] == other]))
     return offsets
 
 

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from analysis.errors import TachoRefusedError
+from analysis.errors import AnalysisError, TachoRefusedError
 from analysis.pulse_record import pulse_record
 from analysis.run import Tacho
+from analysis.shaft_angle import shaft_angle
 
 FloatArray = NDArray[np.float64]
 
@@ -64,6 +65,80 @@ def test_five_per_cent_missing_and_double_are_counted_right_or_refused(seed: int
         assert "tacho" in str(error)  # noqa: PT017  # either outcome is right
         return
     assert wrong_turns(record.times, record.numbers, marks) == 0
+
+
+WHEELS: dict[str, tuple[float, ...]] = {
+    "one mark": (0.0,),
+    "two": (0.0, 0.5),
+    "two, uneven": (0.0, 0.3),
+    "four, about even": (0.0, 0.26, 0.49, 0.75),
+    "three, uneven": (0.0, 0.1, 0.4),
+    "twelve": tuple(np.arange(12) / 12),
+    "sixty less two": tuple(np.arange(58) / 60),
+}
+
+
+def turned(wheel: tuple[float, ...], turns: int = 300) -> FloatArray:
+    """Return the times of a wheel's marks on the run-up."""
+    at = (np.arange(turns)[:, None] + np.array(wheel)).ravel()
+    return np.asarray((np.sqrt(100.0**2 + 60.0 * at) - 100.0) / 30.0, dtype=np.float64)
+
+
+def assert_right_or_refused(wheel: tuple[float, ...], pulses: FloatArray, marks: FloatArray) -> None:
+    try:
+        record = pulse_record(pulses, replace(TACHO, pulses_per_revolution=len(wheel)))
+        angle = shaft_angle(record)
+    except AnalysisError as error:
+        assert any(word in str(error) for word in ("tacho", "pulses"))  # noqa: PT017  # either outcome is right
+        return
+    assert wrong_turns(record.times, record.numbers, marks) == 0
+    begin = np.flatnonzero(marks == record.times[np.isin(record.times, marks)][0])[0]
+    turns, first = np.divmod(begin - record.numbers[np.isin(record.times, marks)][0], len(wheel))
+    counted = np.linspace(angle.first + 3.0, angle.last - 3.0, 200)
+    truth = (np.sqrt(100.0**2 + 60.0 * (counted + turns + wheel[first])) - 100.0) / 30.0
+    assert np.abs((angle.time(counted) - truth) * angle.speed(counted)).max() < np.radians(1.0)
+
+
+@pytest.mark.parametrize("wheel", WHEELS)
+def test_clean_marks_may_lie_anywhere_on_the_shaft(wheel: str) -> None:
+    places = WHEELS[wheel]
+    record = pulse_record(turned(places), replace(TACHO, pulses_per_revolution=len(places)))
+    assert (record.filled, record.rejected, record.numbers.size) == (0, 0, 300 * len(places))
+    angle = shaft_angle(record)
+    np.testing.assert_allclose(angle.mark_angles, 2 * np.pi * np.array(places), atol=1e-3)
+    assert_right_or_refused(places, turned(places), turned(places))
+
+
+@pytest.mark.parametrize("wheel", WHEELS)
+@pytest.mark.parametrize("part", [0.02, 0.05])
+@pytest.mark.parametrize("gap", [0, 2, 7])
+def test_spoiled_marks_of_every_wheel_are_counted_right_or_refused(wheel: str, part: float, gap: int) -> None:
+    marks = turned(WHEELS[wheel], 1 + 1500 // len(WHEELS[wheel]))
+    pulses = spoiled(marks, part, part, seed=gap)
+    pulses = np.delete(pulses, slice(400, 400 + gap))
+    assert_right_or_refused(WHEELS[wheel], pulses, marks)
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize("wheel", WHEELS)
+@pytest.mark.parametrize("missing", [0.01, 0.05, 0.08])
+@pytest.mark.parametrize("double", [0.01, 0.05, 0.08])
+def test_hundreds_of_spoiled_trains_are_counted_right_or_refused(wheel: str, missing: float, double: float) -> None:
+    marks = turned(WHEELS[wheel], 60 + 2000 // len(WHEELS[wheel]))
+    for seed in range(60):
+        pulses = spoiled(marks, missing, double, seed)
+        assert_right_or_refused(WHEELS[wheel], np.delete(pulses, slice(500, 500 + seed % 4)), marks)
+
+
+def test_a_wheel_that_lacks_marks_nobody_told_of_is_refused() -> None:
+    wheel = WHEELS["sixty less two"]
+    marks = np.delete(turned(wheel), 5000)  # so that not every interval is like the one a turn before
+    with pytest.raises(TachoRefusedError, match="repeats with the 58 marks"):
+        pulse_record(marks, replace(TACHO, pulses_per_revolution=58))
+    told = pulse_record(marks, replace(TACHO, pulses_per_revolution=60))
+    assert told.filled == 599  # two a turn between the first and the last tooth, and the one taken out
+    places = (np.arange(300)[:, None] * 60 + np.arange(58)).ravel()
+    np.testing.assert_array_equal(told.numbers, np.delete(places, 5000))
 
 
 @pytest.mark.parametrize(
