@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from analysis.run import Acquisition
 from analysis.samples import EndReason, SampleBlock, SegmentEnd
 from daq.config.rig import Rig
-from daq.config.schema import SessionSection
+from daq.config.schema import CounterSection, SessionSection
 from daq.drivers.opening import open_source
 from daq.drivers.simulated_card import SimulatedCard
 from daq.session.recorder import run_header
@@ -31,20 +31,31 @@ from tests.daq.usb6251.bench import bench
 
 DEADLINE = 10.0  # s for a run: what is slower hangs
 BLOCKS = 40  # after which a run is stopped
-CALLS = 80  # within which trouble comes; two make a block
+CALLS = 160  # within which trouble comes; four make a block
 BUFFER = 120_000  # samples of the card
 OVERRUNS = (-200279, -200222, -200361, -200010, -200019, -200714)
 ABSENT = (-88710, -88709, -201003, -200220, -50405)
-ANY_CALL = ("StartTask", "StopTask", "GetReadAttributeUInt32", "GetReadAttributeUInt64", "TaskControl", "CreateTask")
+ANY_CALL = (
+    "StartTask", "StopTask", "GetReadAttributeUInt32", "GetReadAttributeUInt64", "TaskControl", "CreateTask",
+    "CreateCICountEdgesChan", "SetTrigAttributeString",
+)  # fmt: skip
 ANY_CODE = (-200545, -50103, -200077, -299_999, -200088)
 
-ACQUISITION: Acquisition = SimulatedCard(bench()).acquisition
+EDGE_EVERY = 700  # samples
+COUNTER = CounterSection(reference="counter")
+ACQUISITION: Acquisition = SimulatedCard(bench(counter=COUNTER)).acquisition
 
 
 def codes_of(generation: int, first: int, n: int) -> NDArray[np.int16]:
     """Return codes that tell in which start of the card, in which channel and when they were taken."""
     index = np.arange(first, first + n)
     return (257 * generation + 7 * index + 1000 * np.arange(3)[:, np.newaxis]).astype(np.int16)
+
+
+def ticks_of(generation: int, first: int, stop: int) -> NDArray[np.int64]:
+    """Return stamps that tell in which start of the card they were made, of edges from a sample on and before another."""
+    edges = np.arange(-(-first // EDGE_EVERY), -(-stop // EDGE_EVERY)) * EDGE_EVERY
+    return np.asarray(edges * round(ACQUISITION.ticks_per_sample) + generation, dtype=np.int64)
 
 
 class CountingCard:
@@ -63,7 +74,7 @@ class CountingCard:
         return codes
 
     def ticks(self, first: int, stop: int) -> NDArray[np.int64]:
-        return np.empty(0, np.int64)
+        return ticks_of(self._generation, first, stop)
 
 
 @dataclass
@@ -140,6 +151,9 @@ class Bench:
     def partial_reads(self) -> None:
         self.driver.late.extend(self.random.randrange(1, 1499) for _ in range(self.random.randrange(1, 4)))
 
+    def fail_counter(self) -> None:
+        self.server.faults["ReadCounterU32Ex"].append(self.random.choice((-200279, -200141, -200545)))
+
     def silence(self) -> None:
         self.driver.late.append(0)
 
@@ -152,7 +166,7 @@ class Bench:
         """Draw what goes wrong when."""
         kinds = (
             self.overrun, self.stall, self.unplug, self.power_cycle, self.abort, self.seize, self.fail_test,
-            self.freeze, self.restart, self.partial_reads, self.silence, self.any_call,
+            self.freeze, self.restart, self.partial_reads, self.silence, self.any_call, self.fail_counter,
         )  # fmt: skip
         begun = len(self.server.log)
         for _ in range(self.random.randrange(1, 4)):
@@ -162,7 +176,7 @@ class Bench:
 
 
 def rig_at(target: str) -> Rig:
-    rig = bench(target, deadline_s=0.3)
+    rig = bench(target, counter=COUNTER, deadline_s=0.3)
     session = SessionSection(restarts_per_minute=5, reconnect_s=2.0, retry_s=0.2)
     return replace(rig, config=rig.config.model_copy(update={"session": session}))
 
@@ -197,8 +211,14 @@ def record(bench: Bench, path: Path) -> float:
     return took
 
 
-def segments(reader: RunReader) -> Iterator[tuple[SegmentEnd, NDArray[np.int16]]]:
-    """Yield each segment's end and its codes, having seen to it that its blocks follow one another."""
+Segment = tuple[SegmentEnd, NDArray[np.int16], NDArray[np.int64], int]
+
+
+def segments(reader: RunReader) -> Iterator[Segment]:
+    """Yield each segment's end, its codes, its stamps and up to which sample they are told to be all.
+
+    Its blocks follow one another.
+    """
     blocks: list[SampleBlock] = []
     for item in reader.items():
         if isinstance(item, SampleBlock):
@@ -207,7 +227,11 @@ def segments(reader: RunReader) -> Iterator[tuple[SegmentEnd, NDArray[np.int16]]
         assert [block.first_sample for block in blocks[:1]] in ([], [0])
         assert all(a.end == b.first_sample for a, b in pairwise(blocks))
         assert all(block.segment == item.segment for block in blocks)
-        yield item, np.concatenate([np.empty((3, 0), np.int16), *(block.codes for block in blocks)], axis=1)
+        codes = np.concatenate([np.empty((3, 0), np.int16), *(block.codes for block in blocks)], axis=1)
+        stamped = [block for block in blocks if block.ticks is not None]
+        assert [block.end for block in stamped] == [block.end for block in blocks[: len(stamped)]]
+        ticks = np.concatenate([np.empty(0, np.int64), *(block.ticks for block in stamped if block.ticks is not None)])
+        yield item, codes, ticks, stamped[-1].end if stamped else 0
         blocks = []
 
 
@@ -219,11 +243,13 @@ def check(bench: Bench, path: Path) -> int:
         ends = reader.segment_ends
         assert [end.segment for end in ends] == list(range(len(ends)))
         assert reader.is_gap_free == (len(ends) == 1 and ends[0].is_gap_free)
-        for end, codes in segments(reader):
+        for end, codes, ticks, stamped in segments(reader):
             assert codes.shape[1] == end.samples
+            assert ("gave no stamps" in end.detail) == (stamped < end.samples), end
             if end.samples:
                 generation = (int(codes[0, 0]) % 65536) // 257
                 np.testing.assert_array_equal(codes, codes_of(generation, 0, end.samples))
+                np.testing.assert_array_equal(ticks, ticks_of(generation, 0, stamped))
                 start = starts.pop(generation)
                 way_failed = "device server" in end.detail
                 missed = start.replied - end.samples
