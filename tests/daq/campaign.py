@@ -53,7 +53,7 @@ def codes_of(generation: int, first: int, n: int) -> NDArray[np.int16]:
 
 
 def ticks_of(generation: int, first: int, stop: int) -> NDArray[np.int64]:
-    """Return stamps that tell in which start of the card they were made, of edges from a sample on and before another."""
+    """Return stamps that tell in which start of the card they were made, of the edges from a sample up to another."""
     edges = np.arange(-(-first // EDGE_EVERY), -(-stop // EDGE_EVERY)) * EDGE_EVERY
     return np.asarray(edges * round(ACQUISITION.ticks_per_sample) + generation, dtype=np.int64)
 
