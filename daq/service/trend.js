@@ -43,9 +43,9 @@ export function drawTrend(parent) {
     draw(svg, "text", { x: WIDTH + 10, y: y + 7, class: "label" }, decimals(pace * part, 0));
   }
   for (let part = 0; part <= 1; part += 1 / 6) {
-    const value = (-span * (1 - part)) / (span > 60 ? 60 : 1);
+    const value = (span * (part - 1)) / (span > 60 ? 60 : 1);
     draw(svg, "path", { d: `M${WIDTH * part} 0V${HEIGHT}`, class: "grid" });
-    draw(svg, "text", { x: WIDTH * part, y: HEIGHT + 30, class: "label middle" }, decimals(value, 0));
+    draw(svg, "text", { x: WIDTH * part, y: HEIGHT + 30, class: "label middle" }, decimals(Math.round(value), 0));
   }
   draw(svg, "text", { x: 0, y: -8, class: "label" }, "overall · µm peak-to-peak");
   draw(svg, "text", { x: WIDTH, y: -8, class: "label end" }, "speed · r/min (white)");
@@ -59,6 +59,7 @@ export function drawTrend(parent) {
     const x = across(mark.elapsed_s);
     const word = mark.text.length > LETTERS ? `${mark.text.slice(0, LETTERS - 1)}…` : mark.text;
     draw(svg, "path", { d: `M${x} 0V${HEIGHT}`, class: `flag ${mark.kind}` });
-    draw(svg, "text", { x: x - 6, y: 22, class: `label end ${mark.kind}` }, word);
+    const isFarLeft = x < WIDTH / 4; // the word would run out of the picture
+    draw(svg, "text", { x: isFarLeft ? x + 6 : x - 6, y: 22, class: `label ${isFarLeft ? "" : "end"} ${mark.kind}` }, word);
   }
 }

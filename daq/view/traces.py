@@ -82,8 +82,7 @@ class TracePlot:
         for mark in marks:
             at = mark.time - float(trace.time[-1])
             if mark.mark.segment == snapshot.segment and -self._span <= at <= 0.0:
-                for plot in (upper, lower):
-                    draw_upright(drawing, plot, at * 1e3, mark)
+                draw_upright(drawing, (upper, lower), at * 1e3, mark)
         return drawing
 
     def _plots(self) -> tuple[Plot, Plot]:

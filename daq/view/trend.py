@@ -18,7 +18,7 @@ from model.prediction import Prediction
 
 FloatArray = NDArray[np.float64]
 
-BOUNDS = ((-34.0, 316.0), (-15.0, 192.0))
+BOUNDS = ((-46.0, 316.0), (-15.0, 192.0))
 _LETTERS = 7.0
 _MICRO = 1e6
 _TO_RPM = 30.0 / math.pi
@@ -83,8 +83,7 @@ class TrendPlot:
             drawing.line(plot.place(since[index], values), color, 1.5)
         for mark in marks:
             if elapsed - span <= mark.elapsed <= elapsed:
-                for plot in (upper, lower):
-                    draw_upright(drawing, plot, (mark.elapsed - elapsed) / unit, mark)
+                draw_upright(drawing, (upper, lower), (mark.elapsed - elapsed) / unit, mark)
         return drawing
 
     def _shown(self, elapsed: float) -> FloatArray:
