@@ -69,7 +69,9 @@ def run(chosen: argparse.Namespace) -> int:
                 )
                 console.line(screens.addresses())
                 if take_marks(recorded, console):
-                    console.line("type a word and Enter to mark a moment; Ctrl-C ends the run")
+                    console.line(
+                        "type a word and Enter to mark a moment, ack to acknowledge alarms; Ctrl-C ends the run"
+                    )
                 outcome = follow(recorded, stop, console)
         if outcome.message:
             console.line(f"rig: {outcome.message}")
