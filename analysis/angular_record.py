@@ -156,26 +156,9 @@ def angular_record(
     if last <= first:
         raise RecordTooShortError("the record holds no whole revolution")
     times = np.asarray(angle.time(np.arange(first, last + 1)), dtype=np.float64)
-    most_per_turn = 2.0 * (1.0 - PASSED) * points  # samples of the level that is read
-    levels = np.maximum(np.ceil(np.log2(rate * np.diff(times) / most_per_turn)), 0).astype(np.int64)
-    pyramid = Pyramid(2, int(levels.max()) + 1, displacement.shape[1], 0)
-    pyramid.push(displacement)
-    skew = np.array(skews)[:, None]
-    inside = _held(pyramid, times, skew, rate, levels)
-    if not inside.any():
-        raise RecordTooShortError("the samples hold no whole revolution")
-    begin = int(np.argmax(inside))
-    end = inside.size - int(np.argmax(inside[::-1]))
-    waveform = np.empty((2, end - begin, points))
-    breaks = np.flatnonzero(np.diff(levels[begin:end])) + begin + 1
-    for start, stop in zip([begin, *breaks], [*breaks, end], strict=True):
-        samples, origin = pyramid.level(int(levels[start]))
-        scale = rate / 2 ** int(levels[start])
-        step = max(CHUNK_POINTS // points, 1)
-        for low in range(int(start), int(stop), step):
-            turns = np.arange(low, min(low + step, int(stop)))
-            positions = (_instants(angle, first + turns, points) - skew) * scale - origin
-            waveform[:, turns - begin] = interpolate(samples, positions).reshape(2, -1, points)
+    reader = _LevelReader(displacement, rate, np.array(skews)[:, None], times, points)
+    begin, end = reader.held(times)
+    waveform = reader.waveform(angle, first, begin, end)
     return AngularRecord(
         waveform=waveform,
         first_turn=first + begin,
@@ -187,26 +170,59 @@ def angular_record(
     )
 
 
-def _instants(angle: ShaftAngle, turns: NDArray[np.int64], points: int) -> FloatArray:
-    """Return the times of an even grid over whole revolutions, s, one after the other."""
-    part = np.arange(points) / points
-    cubic = angle.cubics(turns)[..., None]
-    return np.asarray((((cubic[3] * part + cubic[2]) * part + cubic[1]) * part + cubic[0]).ravel())
+class _LevelReader:
+    """Reads every revolution from the level of a pyramid that suits its speed.
 
+    Parameters
+    ----------
+    displacement : ndarray of float64, shape (2, n)
+        Towards the probes, m.
+    rate : float
+        Sample rate, Hz.
+    skew : ndarray of float64, shape (2, 1)
+        Time by which each probe is sampled later, s.
+    times : ndarray of float64, shape (n_revolutions + 1,)
+        When the mark passed, s.
+    points : int
+        Angular samples a revolution.
+    """
 
-def _held(
-    pyramid: Pyramid, times: FloatArray, skew: FloatArray, rate: float, levels: NDArray[np.int64]
-) -> NDArray[np.bool_]:
-    """Return which revolutions lie within the samples of their level, with the interpolator's reach."""
-    held = np.zeros(levels.size, dtype=np.bool_)
-    for level in np.unique(levels):
-        samples, origin = pyramid.level(int(level))
-        scale = rate / 2 ** int(level)
-        low = (times[:-1] - skew.max()) * scale - origin
-        high = (times[1:] - skew.min()) * scale - origin
-        fits = (low >= HALF) & (high < samples.shape[1] - 1 - HALF)
-        held |= (levels == level) & fits
-    return held
+    def __init__(self, displacement: FloatArray, rate: float, skew: FloatArray, times: FloatArray, points: int) -> None:
+        most_per_turn = 2.0 * (1.0 - PASSED) * points  # samples of the level that is read
+        self._levels = np.maximum(np.ceil(np.log2(rate * np.diff(times) / most_per_turn)), 0).astype(np.int64)
+        self._pyramid = Pyramid(2, int(self._levels.max()) + 1, displacement.shape[1], 0)
+        self._pyramid.push(displacement)
+        self._rate, self._skew, self._points = rate, skew, points
+
+    def held(self, times: FloatArray) -> tuple[int, int]:
+        """Return the revolutions, the last one excluded, that the samples hold with the interpolator's reach."""
+        inside = np.zeros(self._levels.size, dtype=np.bool_)
+        for level in np.unique(self._levels):
+            samples, origin = self._pyramid.level(int(level))
+            scale = self._rate / 2 ** int(level)
+            low = (times[:-1] - self._skew.max()) * scale - origin
+            high = (times[1:] - self._skew.min()) * scale - origin
+            inside |= (self._levels == level) & (low >= HALF) & (high < samples.shape[1] - 1 - HALF)
+        if not inside.any():
+            raise RecordTooShortError("the samples hold no whole revolution")
+        return int(np.argmax(inside)), inside.size - int(np.argmax(inside[::-1]))
+
+    def waveform(self, angle: ShaftAngle, first: int, begin: int, end: int) -> FloatArray:
+        """Return the revolutions from ``begin`` to before ``end``, counted from ``first``, shape (2, n, points), m."""
+        waveform = np.empty((2, end - begin, self._points))
+        part = np.arange(self._points) / self._points
+        step = max(CHUNK_POINTS // self._points, 1)
+        breaks = np.flatnonzero(np.diff(self._levels[begin:end])) + begin + 1
+        for start, stop in zip([begin, *breaks], [*breaks, end], strict=True):
+            level = int(self._levels[start])
+            samples, origin = self._pyramid.level(level)
+            for low in range(int(start), int(stop), step):
+                turns = np.arange(low, min(low + step, int(stop)))
+                cubic = angle.cubics(first + turns)[..., None]
+                instants = (((cubic[3] * part + cubic[2]) * part + cubic[1]) * part + cubic[0]).ravel()
+                positions = (instants - self._skew) * (self._rate / 2**level) - origin
+                waveform[:, turns - begin] = interpolate(samples, positions).reshape(2, -1, self._points)
+        return waveform
 
 
 def tacho_edges(acquisition: Acquisition, codes: NDArray[np.int16]) -> FloatArray:
