@@ -30,6 +30,8 @@ class Panel:
         Whether both axes have one scale and their zero in the middle.
     y_from_zero : bool
         Whether the ordinates begin at 0.
+    is_stacked : bool
+        Whether the curves stand one behind the other, the first in front.
     notes : tuple
         Words, and abscissa and ordinate where they stand.
     """
@@ -40,6 +42,7 @@ class Panel:
     curves: tuple[tuple[str, Values, Values], ...]
     is_square: bool = False
     y_from_zero: bool = True
+    is_stacked: bool = False
     notes: tuple[tuple[str, float, float], ...] = ()
 
 
@@ -83,17 +86,18 @@ def _panel(panel: Panel) -> str:
         parts.append(f'<line class="grid" x1="{LEFT}" x2="{right}" y1="{up(y):.1f}" y2="{up(y):.1f}"/>')
         parts.append(f'<text x="{LEFT - 6}" y="{up(y) + 4:.1f}" text-anchor="end">{y:g}</text>')
     parts.append(f'<rect class="frame" x="{LEFT}" y="{TOP}" width="{inner_width}" height="{inner_height}"/>')
+    hiding = ' style="fill:#12161c"' if panel.is_stacked else ""  # what stands behind
     middle = (LEFT + right) / 2
     parts.append(f'<text x="{middle:.0f}" y="{bottom + 36}" text-anchor="middle">{html.escape(panel.x_label)}</text>')
     parts.append(
         f'<text transform="translate(16,{(TOP + bottom) / 2:.0f}) rotate(-90)" text-anchor="middle">'
         f"{html.escape(panel.y_label)}</text>"
     )
-    for k, (name, xs, ys) in enumerate(panel.curves):
-        colour = COLOURS[k % len(COLOURS)]
+    for k, (name, xs, ys) in reversed(list(enumerate(panel.curves))):
+        colour = COLOURS[0 if panel.is_stacked else k % len(COLOURS)]
         for points in _runs(xs, ys):
             line = " ".join(f"{across(x):.1f},{up(y):.1f}" for x, y in points)
-            parts.append(f'<polyline stroke="{colour}" points="{line}"/>')
+            parts.append(f'<polyline{hiding} stroke="{colour}" points="{line}"/>')
         if name:
             place = f'x="{right - 8 - 40 * k}" y="20" text-anchor="end" style="fill:{colour}"'
             parts.append(f"<text {place}>{html.escape(name)}</text>")

@@ -8,7 +8,8 @@ from daq.service.documents.moment import FullSpectrumDocument, OrbitDocument, Or
 from daq.service.drawing import Panel, Values
 
 BOTH_WAYS = "order (negative: against the rotation)"
-NOTES = 12  # speeds that are written at a polar plot
+NOTES_APART = 0.15  # of the largest vector: from one speed to the next that is written at a polar plot
+LINES = 40  # of a cascade, at most
 LINE_HEIGHT = 0.12  # of the axis that the feet stand at, that the largest line of a cascade takes
 
 
@@ -82,24 +83,30 @@ def _polar(document: OrderVectorsDocument) -> list[Panel]:
             for speed, radius, angle in points
             if None not in (speed, radius, angle)
         ]
-        step = max(len(known) // NOTES, 1)
-        notes = tuple((f"{speed:,.0f}", across, up) for speed, across, up in known[::step])
+        reach = max((math.hypot(across, up) for _, across, up in known), default=0.0)
+        notes: list[tuple[str, float, float]] = []
+        for speed, across, up in known:
+            if not notes or math.hypot(across - notes[-1][1], up - notes[-1][2]) > NOTES_APART * reach:
+                notes.append((f"{speed:,.0f}", across, up))
         curve = (("", [across for _, across, _ in known], [up for _, _, up in known]),)
         title = f"{document.run} · 1X at probe {probe} by r/min"
         label = "µm zero-to-peak; lag 0° to the right, clockwise"
-        panels.append(Panel(title, label, "µm", curve, is_square=True, notes=notes))
+        panels.append(Panel(title, label, "µm", curve, is_square=True, notes=tuple(notes)))
     return panels
 
 
 def _stacked(document: CascadeDocument | WaterfallDocument, name: str, feet: Values, label: str) -> Panel:
     """Return spectra one above the other: each line's foot stands at its speed or time."""
-    largest = max((value or 0.0 for row in document.amplitude_peak_um for value in row), default=0.0) or 1.0
-    known = [foot for foot in feet if foot is not None]
-    scale = LINE_HEIGHT * ((max(known) - min(known)) or max(known) or 1.0) / largest
+    together = -(-len(feet) // LINES)  # rows of which a line shows the largest
+    rows = [document.amplitude_peak_um[k : k + together] for k in range(0, len(feet), together)]
+    lines = [tuple(max(value or 0.0 for value in cell) for cell in zip(*group, strict=True)) for group in rows]
+    stands = [foot or 0.0 for foot in feet[::together]]
+    largest = max(map(max, lines), default=0.0) or 1.0
+    scale = LINE_HEIGHT * ((max(stands) - min(stands)) or max(stands) or 1.0) / largest
     curves: list[tuple[str, Values, Values]] = [
-        ("", document.orders, [(foot or 0.0) + scale * (value or 0.0) for value in row])
-        for foot, row in zip(feet, document.amplitude_peak_um, strict=True)
+        ("", document.orders, [foot + scale * value for value in line])
+        for foot, line in zip(stands, lines, strict=True)
     ]
     title = f"{document.run} · {name}, largest line {largest:.1f} µm zero-to-peak"
     is_full = any((order or 0.0) < 0.0 for order in document.orders)
-    return Panel(title, BOTH_WAYS if is_full else "order", label, tuple(curves), y_from_zero=False)
+    return Panel(title, BOTH_WAYS if is_full else "order", label, tuple(curves), y_from_zero=False, is_stacked=True)

@@ -64,6 +64,7 @@ class PictureSize(Question):
 
     rows: Annotated[int, Field(description="Bins of speed or time, at most", ge=1, le=400, examples=[100])] = 100
     columns: Annotated[int, Field(description="Orders, at most", ge=1, le=1024, examples=[256])] = 256
+    highest_order: Annotated[float | None, Field(description="Orders up to it", ge=0, le=1000, examples=[4.0])] = None
     full: Annotated[
         bool,
         Field(

@@ -45,7 +45,11 @@ def _draw(axes: Any, panel: Panel) -> None:
     ):
         write(words, color=INK)
     for k, (name, xs, ys) in enumerate(panel.curves):
-        axes.plot(_numbers(xs), _numbers(ys), color=COLOURS[k % len(COLOURS)], label=name, linewidth=1.2)
+        colour = COLOURS[0 if panel.is_stacked else k % len(COLOURS)]
+        across, up, depth = _numbers(xs), _numbers(ys), 2.0 - k / len(panel.curves)
+        if panel.is_stacked:
+            axes.fill_between(across, min(up), up, color=GROUND, zorder=depth, linewidth=0.0)
+        axes.plot(across, up, color=colour, label=name, linewidth=1.2, zorder=depth)
     if any(name for name, _, _ in panel.curves):
         axes.legend(facecolor=GROUND, labelcolor=INK)
     for words, x, y in panel.notes:

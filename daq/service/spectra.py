@@ -89,6 +89,8 @@ def _largest(
             if row >= 0 and snapshot.frame is not None:
                 np.maximum(cells[row], amplitude(snapshot.frame), out=cells[row])
     rows = np.unique(row_of[row_of >= 0])
+    shown = np.abs(orders) <= (np.inf if query.highest_order is None else query.highest_order)
+    orders, cells = orders[shown], cells[:, shown]
     starts = np.arange(0, orders.size, -(-orders.size // query.columns))
     thinned = np.maximum.reduceat(cells[rows], starts, axis=1)
     table = tuple(tuple(micrometres(value) for value in row) for row in thinned.tolist())
