@@ -19,6 +19,7 @@ from daq.config.trigger import with_trigger
 from daq.service.documents import run_document
 from daq.service.readings import Readings
 from daq.service.summaries import Summaries
+from daq.session.known_runout import with_known_runout
 from daq.session.messages import Order
 from daq.session.predictors import Predictors
 from daq.session.recorded import RecordedRun
@@ -33,7 +34,7 @@ def order_for(catalogue: Catalogue, rig: Rig, note: str, duration: float | None)
     started_ns = time.time_ns()
     run_id, path = catalogue.new_run(rig.config.rig, started_ns)
     return Order(
-        rig=rig,
+        rig=with_known_runout(rig, catalogue.folder),
         run=run_id,
         started_ns=started_ns,
         note=note,

@@ -9,6 +9,7 @@ from daq.config.condition import SPEED, TIME, read_condition
 from daq.config.counter import counter_faults
 from daq.config.faults import Fault
 from daq.config.rotor import configured_rotor
+from daq.config.runout import runout_faults
 from daq.config.schema import Backend, ChannelSection, RigConfig, TachoSection
 from model.document import DocumentError
 
@@ -33,6 +34,7 @@ def cross_faults(config: RigConfig) -> Iterator[Fault]:
     yield from _tacho(config)
     yield from counter_faults(config)
     yield from _limits(config)
+    yield from runout_faults(config)
     yield from _model(config)
     yield from trigger_faults(config)
     warn, fail = config.preflight.hum_warn_um, config.preflight.hum_fail_um

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from analysis.run import AnalysisSettings, Calibration, Limits, Tacho, TachoCounter
 from analysis.wiring_limits import WiringLimits
+from daq.config.runout import runout_settings
 from daq.config.schema import RigConfig
 
 MICRO = 1e-6
@@ -97,4 +98,5 @@ class Rig:
             revolutions=section.revolutions,
             points_per_revolution=section.points_per_revolution,
             highest_order=section.highest_order,
+            runout=runout_settings(self.config),
         )

@@ -124,6 +124,27 @@ class AnalysisSection(Section):
     highest_order: Annotated[float, Field(ge=2, le=64)] = 8.0
 
 
+class RunOutVector(Section):
+    """`[[runout.vector]]`: what the probes see of the surface at one whole order."""
+
+    order: Annotated[int, Field(ge=1, le=64)] = 1
+    x_um: NotNegative  # peak, at probe x
+    x_lag_deg: float  # after the tacho's mark
+    y_um: NotNegative
+    y_lag_deg: float
+    sigma_um: NotNegative = 0.0  # standard deviation of either amplitude; 0 where nobody knows
+
+
+class RunOutSection(Section):
+    """`[runout]`: what is taken off 1X and 2X as run-out, beside the values as measured."""
+
+    slow_roll_rpm: NotNegative = 0.0  # frames of a run up to this speed tell its run-out; 0: none does
+    from_run: str = ""  # its id or file; empty: of the present run
+    orbit: bool = False  # take it off the orbit too
+    vector: tuple[RunOutVector, ...] = ()  # given instead
+    source: str = ""  # where the vectors come from, for people
+
+
 class StorageSection(Section):
     """`[storage]`: where runs go and how much room must stay."""
 
@@ -268,6 +289,7 @@ class RigConfig(Section):
     tacho: TachoSection = TachoSection()
     limits: LimitsSection = LimitsSection()
     analysis: AnalysisSection = AnalysisSection()
+    runout: RunOutSection = RunOutSection()
     storage: StorageSection = StorageSection()
     session: SessionSection = SessionSection()
     trigger: TriggerSection = TriggerSection()

@@ -12,6 +12,7 @@ from daq.config.mapping import load_mapping
 from daq.config.rig import Rig
 from daq.config.schema import ChannelSection
 from daq.errors import ConfigError
+from daq.session.known_runout import with_known_runout
 from recordings.analysed import write_analysed
 from recordings.catalogue import Catalogue
 from recordings.formats import read_table
@@ -34,7 +35,7 @@ def import_run(file: Path, mapping_file: Path, catalogue: Catalogue) -> tuple[st
         Where the file cannot be read or the run cannot be written.
     """
     mapping, text = load_mapping(mapping_file)
-    rig = load_rig(mapping_file.parent / mapping.rig)
+    rig = with_known_runout(load_rig(mapping_file.parent / mapping.rig), catalogue.folder)
     missing = [section.name for section in rig.config.channel if section.name not in mapping.channel]
     unknown = mapping.channel.keys() - {section.name for section in rig.config.channel}
     faults = [f"channel.{name}: is missing, expected the column of the rig's channel" for name in missing]
