@@ -1,14 +1,15 @@
-// Follows the live run five times a second, and says so when it cannot.
+// Follows the live run over a WebSocket, asks for it where nothing is told, and says so when neither answers.
 
 import { clock } from "./figures.js";
 import { drawIdle, drawLive } from "./live.js";
+import { followLive } from "./live_socket.js";
 import { followPicture } from "./picture.js";
 import { drawRuns } from "./runs.js";
 import { ask, keepToken, send, takeTokenFromAddress } from "./service_client.js";
 import { addToTrend } from "./trend.js";
 
 const LIVE_INTERVAL = 200; // ms
-const IDLE_INTERVAL = 1000;
+const IDLE_INTERVAL = 1000; // also without a word over the socket before the page asks itself
 const RUNS_INTERVAL = 10000;
 const PATIENCE = 1500; // ms without an answer, or without new samples, before that is said
 
@@ -45,25 +46,30 @@ function watch() {
   }
 }
 
+function take(live) {
+  answered = performance.now();
+  element("token").hidden = true;
+  if (!live) {
+    state = null;
+    drawIdle();
+    return;
+  }
+  const ended = state && state !== live.status.state;
+  if (live.status.elapsed_s !== elapsed) moved = answered;
+  elapsed = live.status.elapsed_s;
+  state = live.status.state;
+  drawLive(live);
+  addToTrend(live);
+  if (ended && !isUnderWay(state)) drawRuns(live.run);
+}
+
 async function step() {
   try {
-    const live = await ask("/api/v1/live");
-    const ended = state && state !== live.status.state;
-    answered = performance.now();
-    if (live.status.elapsed_s !== elapsed) moved = answered;
-    elapsed = live.status.elapsed_s;
-    state = live.status.state;
-    element("token").hidden = true;
-    drawLive(live);
-    addToTrend(live);
-    if (ended && !isUnderWay(state)) drawRuns(live.run);
+    take(await ask("/api/v1/live"));
     return LIVE_INTERVAL;
   } catch (error) {
     if (error.name === "no-live-run") {
-      answered = performance.now();
-      state = null;
-      drawIdle();
-      element("token").hidden = true;
+      take(null);
       return IDLE_INTERVAL;
     }
     if (error.name === "token-needed") {
@@ -75,8 +81,14 @@ async function step() {
   }
 }
 
+let told = -Infinity; // when the socket last had a word
+
 async function follow() {
-  for (;;) await later(await step());
+  followLive((live) => {
+    told = performance.now();
+    take(live);
+  });
+  for (;;) await later(performance.now() - told < IDLE_INTERVAL ? LIVE_INTERVAL : await step());
 }
 
 async function listRuns() {

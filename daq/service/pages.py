@@ -18,6 +18,8 @@ ASSETS: Final = (
     "page.css",
     "page.js",
     "live.js",
+    "live_socket.js",
+    "jobs.js",
     "runs.js",
     "picture.js",
     "trend.js",

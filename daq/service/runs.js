@@ -1,6 +1,7 @@
 // The last runs; a run that is opened shows its summary.
 
 import { clock, count, decimals, known, lag, micrometres, moment, order, whole } from "./figures.js";
+import { doJob } from "./jobs.js";
 import { ask } from "./service_client.js";
 
 const SHOWN = 12;
@@ -63,10 +64,22 @@ async function fillIn(body, run) {
   if (body.childElementCount) return;
   body.replaceChildren(make("p", "Reading the summary …", "note"));
   try {
-    body.replaceChildren(...summary(await ask(`/api/v1/runs/${encodeURIComponent(run.run)}/summary`, SUMMARY_PATIENCE)));
+    body.replaceChildren(...summary(await summaryOf(run.run, body.firstChild)));
   } catch (error) {
     body.replaceChildren();
     body.append(make("p", run.fault || error.message));
+  }
+}
+
+// Returns a run's summary; where that takes too long to wait for, a job makes it, and `line` tells how it goes.
+async function summaryOf(id, line) {
+  try {
+    return await ask(`/api/v1/runs/${encodeURIComponent(id)}/summary`, SUMMARY_PATIENCE);
+  } catch (error) {
+    if (!error.job) throw error;
+    return doJob(error.job, (words) => {
+      line.textContent = words;
+    });
   }
 }
 

@@ -7,11 +7,16 @@ export class Problem extends Error {
     super(problem.detail || problem.title);
     this.name = problem.type.split("#").pop();
     this.status = problem.status;
+    this.job = problem.job;
   }
 }
 
 export function keepToken(token) {
   sessionStorage.setItem(KEY, token);
+}
+
+export function heldToken() {
+  return sessionStorage.getItem(KEY);
 }
 
 // A token may come with the page's address, behind the # that browsers do not send.
@@ -32,7 +37,7 @@ export function send(path, content = {}, patience = 2000) {
 }
 
 async function answer(path, request, patience) {
-  const token = sessionStorage.getItem(KEY);
+  const token = heldToken();
   const headers = { ...request.headers, ...(token ? { Authorization: `Bearer ${token}` } : {}) };
   const response = await fetch(path, { ...request, headers, signal: AbortSignal.timeout(patience) });
   if (response.ok) return response.json();
