@@ -119,7 +119,7 @@ def shaft_angle(record: PulseRecord) -> ShaftAngle:
     turns = record.numbers / marks + offsets[record.numbers % marks]
     fit = _fit(turns, record.times)
     period = np.gradient(record.times, turns)
-    good = np.abs(fit.residual) <= np.maximum(OUTLIER * fit.scatter, OUTLIER_PART * period)
+    good = np.abs(fit.residual) <= np.maximum(OUTLIER * fit.scatter, OUTLIER_PART * period / marks)
     good[[0, -1]] = True
     _refuse_jumps(good, record.times)
     if not good.all():
