@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.edges import EdgeDetector
-from analysis.errors import RecordTooShortError, TachoRefusedError
+from analysis.errors import AnalysisError, RecordTooShortError
 from analysis.orbit import ProbePair
 from analysis.pulse_record import PulseRecord, pulse_record
 from analysis.pyramid import Pyramid
@@ -239,12 +239,36 @@ def tacho_edges(acquisition: Acquisition, codes: NDArray[np.int16]) -> FloatArra
     return np.asarray(found / acquisition.rate + row / acquisition.convert_rate, dtype=np.float64)
 
 
+def probe_displacement(acquisition: Acquisition, codes: NDArray[np.int16]) -> FloatArray:
+    """Return the displacement towards the probes x and y in a record of codes, shape (2, n), m.
+
+    Raises
+    ------
+    AnalysisError
+        Where a probe is at the converter's rail throughout.
+    ValueError
+        Codes that do not fit the acquisition.
+    """
+    channels = len(acquisition.channels)
+    if codes.ndim != 2 or codes.shape[0] != channels or codes.shape[1] == 0 or codes.dtype != np.int16:
+        raise ValueError(f"codes: {codes.dtype} of shape {codes.shape}, expected int16 ({channels}, n) with n > 0")
+    displacement = np.empty((2, codes.shape[1]))
+    for probe, row in enumerate((acquisition.row(Role.PROBE_X), acquisition.row(Role.PROBE_Y))):
+        channel = acquisition.channels[row]
+        if codes[row, 0] in {CODE_MIN, CODE_MAX} and bool((codes[row] == codes[row, 0]).all()):
+            raise AnalysisError(f"probe {channel.name!r} is at the converter's rail throughout")
+        table = channel.displacement(_CODES)
+        np.take(table, np.ascontiguousarray(codes[row]).view(np.uint16), out=displacement[probe], mode="clip")
+    return displacement
+
+
 def record_of_codes(
     acquisition: Acquisition,
     codes: NDArray[np.int16],
     *,
     points: int = 64,
     pulse_times: FloatArray | None = None,
+    angle: ShaftAngle | None = None,
 ) -> AngularRecord:
     """Return the angular record of one gap-free segment of converter codes.
 
@@ -258,31 +282,27 @@ def record_of_codes(
         Angular samples a revolution.
     pulse_times : ndarray of float64, shape (n_pulses,), or None
         Times of the tacho's pulses from a counter, s from the first sample, in place of the tacho's channel.
+    angle : ShaftAngle or None
+        Angle of the shaft where it is known otherwise (`analysis.tacholess`): the tacho is not asked.
 
     Raises
     ------
     TachoRefusedError, RecordTooShortError
         Where pulses or samples do not suffice.
+    AnalysisError
+        Where a probe is at the converter's rail throughout.
     ValueError
-        Shapes that do not fit.
+        Codes that do not fit the acquisition.
     """
-    channels = len(acquisition.channels)
-    if codes.ndim != 2 or codes.shape[0] != channels or codes.shape[1] == 0 or codes.dtype != np.int16:
-        raise ValueError(f"codes: {codes.dtype} of shape {codes.shape}, expected int16 ({channels}, n) with n > 0")
+    displacement = probe_displacement(acquisition, codes)
+    pulses = None
+    if angle is None:
+        edges = tacho_edges(acquisition, codes) if pulse_times is None else pulse_times
+        pulses = pulse_record(edges, acquisition.tacho)
+        angle = shaft_angle(pulses)
     rows = (acquisition.row(Role.PROBE_X), acquisition.row(Role.PROBE_Y))
-    for row in rows:
-        is_stuck = bool((codes[row] == codes[row, 0]).all())
-        if is_stuck and codes[row, 0] in {CODE_MIN, CODE_MAX}:
-            raise TachoRefusedError(f"probe {acquisition.channels[row].name!r} is at the converter's rail throughout")
-    edges = tacho_edges(acquisition, codes) if pulse_times is None else pulse_times
-    pulses = pulse_record(edges, acquisition.tacho)
-    angle = shaft_angle(pulses)
-    clipped = [int(np.count_nonzero((codes[row] == CODE_MIN) | (codes[row] == CODE_MAX))) for row in rows]
-    displacement = np.empty((2, codes.shape[1]))
-    for probe, row in enumerate(rows):
-        table = acquisition.channels[row].displacement(_CODES)
-        np.take(table, np.ascontiguousarray(codes[row]).view(np.uint16), out=displacement[probe], mode="clip")
     pair = ProbePair(acquisition.channels[rows[0]].angle, acquisition.channels[rows[1]].angle)
     skews = (rows[0] / acquisition.convert_rate, rows[1] / acquisition.convert_rate)
+    clipped = [int(np.count_nonzero((codes[row] == CODE_MIN) | (codes[row] == CODE_MAX))) for row in rows]
     record = angular_record(displacement, acquisition.rate, angle, pair, points=points, skews=skews)
     return replace(record, pulses=pulses, clipped=(clipped[0], clipped[1]))

@@ -3,20 +3,24 @@
 A ridge gives speed, not angle: amplitudes of orders can be read by it, phases cannot.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator, make_interp_spline
 
 from analysis.angle import DEGREE
+from analysis.angular_record import AngularRecord, probe_displacement, record_of_codes
 from analysis.errors import RecordTooShortError, TachoRefusedError
 from analysis.orders import hann
+from analysis.pyramid import Pyramid
+from analysis.run import Acquisition
 from analysis.shaft_angle import ShaftAngle
 from analysis.uncertainty import order_sigma
 
 FloatArray = NDArray[np.float64]
 
+RATE_ROOM = 5.0  # samples a turn at the highest speed searched: the ridge needs no more
 FRAME_TURNS = 16.0  # at the lowest speed searched
 STEP_PART = 0.25  # of a frame
 SLOPE_COST = 0.5  # of log amplitude for a change of a line from frame to frame
@@ -115,6 +119,44 @@ def speed_from_ridge(displacement: FloatArray, rate: float, lowest: float, highe
         size[row] = np.sqrt(np.sum(np.abs(lines[:, 1:-1]) ** 2, axis=0))
     path = _ridge(np.log(np.maximum(size, 1e-300)))
     return _read(size, path, first, starts, n, rate)
+
+
+def record_without_tacho(
+    acquisition: Acquisition, codes: NDArray[np.int16], lowest: float, highest: float, *, points: int = 64
+) -> tuple[AngularRecord, RidgeSpeed]:
+    """Return the angular record of a segment whose tacho failed, by the ridge of 1X, and that ridge.
+
+    The record is marked as not measured: its amplitudes hold, its phases mean nothing.
+
+    Parameters
+    ----------
+    acquisition : Acquisition
+        What the codes mean.
+    codes : ndarray of int16, shape (n_channels, n)
+        Consecutive samples.
+    lowest, highest : float
+        Speeds searched, rad/s, as for `speed_from_ridge`.
+    points : int
+        Angular samples a revolution.
+
+    Raises
+    ------
+    TachoRefusedError
+        Where the ridge is not sure either.
+    RecordTooShortError, AnalysisError, ValueError
+        As for `speed_from_ridge` and `record_of_codes`.
+    """
+    if not highest > 0.0:
+        raise ValueError(f"highest: {highest} rad/s, expected more than 0")
+    needed = RATE_ROOM * highest / (2.0 * np.pi)
+    level = max(int(np.floor(np.log2(acquisition.rate / needed))), 0)
+    pyramid = Pyramid(2, level + 1, codes.shape[-1], 0)
+    pyramid.push(probe_displacement(acquisition, codes))
+    samples, origin = pyramid.level(level)
+    rate = acquisition.rate / 2**level
+    ridge = speed_from_ridge(samples, rate, lowest, highest)
+    ridge = replace(ridge, times=ridge.times + origin / rate)
+    return record_of_codes(acquisition, codes, points=points, angle=ridge.angle()), ridge
 
 
 def _ridge(gain: FloatArray) -> NDArray[np.int64]:

@@ -1,14 +1,22 @@
 """Speed from the vibration itself."""
 
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from analysis.angular_record import angular_record
+from analysis.angular_record import angular_record, record_of_codes
 from analysis.errors import RecordTooShortError, TachoRefusedError
 from analysis.orbit import ProbePair
 from analysis.order_map import order_map
-from analysis.tacholess import speed_from_ridge
+from analysis.order_track import track_order
+from analysis.subsynchronous import subsynchronous_tracks
+from analysis.tacholess import record_without_tacho, speed_from_ridge
+
+if TYPE_CHECKING:
+    from tests.analysis.conftest import Bench
 
 FloatArray = NDArray[np.float64]
 MICRO = 1e-6
@@ -40,6 +48,27 @@ def test_orders_can_be_read_by_it_and_are_marked() -> None:
     amplitudes = np.abs(order_map(record, highest_order=3.0).spectrum[0, :, 16])
     assert not record.measured
     assert np.median(amplitudes) == pytest.approx(20 * MICRO, rel=0.02)
+
+
+def test_a_run_whose_tacho_is_silent_keeps_its_amplitudes_and_has_no_phases(make_bench: Callable[..., "Bench"]) -> None:
+    bench = make_bench()
+    codes = bench.codes(
+        bench.ramp(90.0, 150.0, 5.0), bench.circles((20 * MICRO, 1.0, 0.4), (6 * MICRO, 0.47, 0.0)), 5.0
+    )
+    codes[2] = 0
+    with pytest.raises(TachoRefusedError, match="0 tacho pulses"):
+        record_of_codes(bench.acquisition, codes)
+    record, ridge = record_without_tacho(bench.acquisition, codes, 2 * np.pi * 75.0, 2 * np.pi * 200.0)
+    assert not record.measured
+    assert record.pulses is None
+    truth = 2 * np.pi * (90.0 + 12.0 * ridge.times)
+    assert np.abs(ridge.speeds / truth - 1.0).max() < 0.003
+    track = track_order(record, 1.0)
+    assert np.median(np.abs(track.vectors)) == pytest.approx(20 * MICRO, rel=0.02)
+    np.testing.assert_allclose(track.phase_sigma, np.pi / np.sqrt(3.0))  # that of a phase nobody knows
+    assert np.isnan(track.speed_sigma).all()  # the ridge's own tells
+    whirl = subsynchronous_tracks(order_map(record))[0]
+    assert whirl.order == pytest.approx(0.47, abs=0.003)
 
 
 def test_noise_has_no_confidence_and_gives_no_angle() -> None:
