@@ -35,8 +35,12 @@ from recordings.pulses import PulseTeller
 from recordings.results import EncodedResult
 
 CHUNK_BYTES = 1 << 20
-FLUSH_INTERVAL = 0.25
-"""At most so many seconds of samples are lost when the writing process is killed."""
+FLUSH_INTERVAL = 0.2
+"""Seconds of samples that may be in the writer's hands, the block that is under way from the device among them.
+
+A killed process loses these and what came while it was waiting for the processor: a quarter second at most, or a block
+where blocks are longer.
+"""
 RESULT_INTERVAL = 2.0
 """Results are gathered for so many seconds of samples into chunks of their own: they are read without the samples."""
 

@@ -1,13 +1,21 @@
 """A live recording that is killed at any moment loses a quarter second at most, and what is left can be recovered."""
 
+import json
 import multiprocessing
+import os
 import random
+import re
+import subprocess
+import sys
 import time
+import urllib.request
 from collections.abc import Callable
 from ctypes import c_int64
 from multiprocessing.sharedctypes import Synchronized
 from pathlib import Path
 
+import numpy as np
+import psutil
 import pytest
 
 from analysis.samples import EndReason, SampleBlock
@@ -21,6 +29,7 @@ from recordings.verify import Verdict, verify
 from recordings.writer import RunWriter
 
 RATE = 50_000.0
+BLOCK = 0.05
 
 
 def record_for_ever(rig_toml: Path, path: Path, taken: "Synchronized[int]") -> None:
@@ -71,4 +80,76 @@ def test_a_killed_recording_loses_a_quarter_second_at_most(
         path.unlink()
     print(f"{n_kills} kills: worst loss {max(losses):.3f} s, mean {sum(losses) / n_kills:.3f} s")
     assert min(losses) >= 0
+    assert max(losses) <= 0.25
+
+
+def recorded_samples(address: str) -> int:
+    """Return the samples per channel that the page tells as recorded; 0 before the run has begun."""
+    with urllib.request.urlopen(f"{address}/api/v1/live", timeout=10) as answer:  # noqa: S310 - loopback
+        status = json.load(answer)["status"]
+    return int(status["samples"])
+
+
+def taken_before_kill(processes: list[psutil.Process]) -> int:
+    """Kill processes and return the samples per channel that had gone through the ring between them.
+
+    Their shared memory is removed: nobody is left who would.
+    """
+    shared = {
+        Path(region.path)
+        for process in processes
+        for region in process.memory_maps()
+        if Path(region.path).name.startswith("psm_")
+    }
+    (ring,) = shared
+    for process in processes:
+        process.suspend()  # all at one moment, so that none sees another die
+    for process in processes:
+        process.kill()
+    _, alive = psutil.wait_procs(processes, timeout=30)
+    assert not alive
+    taken = int(np.fromfile(ring, dtype=np.int64, count=6)[-1])  # the last word of its heading
+    ring.unlink()
+    return taken
+
+
+@pytest.mark.skipif(
+    sys.platform != "linux", reason="SIGKILL is POSIX, and shared memory is cleaned up as Linux keeps it"
+)
+@pytest.mark.parametrize("n_kills", [1, pytest.param(100, marks=pytest.mark.campaign)], ids=["one", "full"])
+def test_a_command_killed_with_all_its_processes_loses_a_quarter_second_at_most(
+    rig_file: Callable[..., Path], tmp_path: Path, tmp_path_factory: pytest.TempPathFactory, n_kills: int
+) -> None:
+    profile = [{"time_s": 0.0, "speed_rpm": 3000.0}, {"time_s": 600.0, "speed_rpm": 3000.0}]
+    rig_toml = rig_file(timing={"block_s": BLOCK}, simulation={"pace": "real time", "profile": profile})
+    rate = load_rig(rig_toml).config.timing.rate_hz
+    cache = str(tmp_path_factory.getbasetemp() / "cache")
+    environment = os.environ | {"RIG_DATA": str(tmp_path / "data"), "RIG_CACHE": cache}
+    command = [sys.executable, "-m", "daq.cli.main", "record", str(rig_toml), "--no-view", "--port", "0"]
+    chance = random.Random(18)  # noqa: S311 - moments, not secrets
+    losses = []
+    for _ in range(n_kills):
+        with subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True) as started:
+            assert started.stderr is not None
+            address = next(
+                found[1] for line in started.stderr if (found := re.search(r"page (http://[\d.:]+)", line)) is not None
+            )
+            leader = psutil.Process(started.pid)
+            stop_at = time.monotonic() + chance.uniform(1.0, 2.0)
+            while recorded_samples(address) < rate or time.monotonic() < stop_at:
+                time.sleep(0.01)
+            taken = taken_before_kill([leader, *leader.children(recursive=True)])
+        (path,) = (tmp_path / "data").glob("*.mcap")
+        with RunReader(path) as reader:
+            losses.append((taken - reader.n_samples) / rate)
+            assert not reader.is_complete
+            assert reader.segment_ends[-1].reason is EndReason.CUT
+            kept = reader.n_samples
+        recovery = recover(path, tmp_path / "copy.mcap")
+        assert recovery.samples == kept
+        assert verify(recovery.target).verdict is Verdict.SOUND
+        recovery.target.unlink()
+        path.unlink()
+    print(f"{n_kills} kills of all processes: worst loss {max(losses):.3f} s, mean {sum(losses) / n_kills:.3f} s")
+    assert min(losses) >= -BLOCK  # a block is in the file before it is in the ring
     assert max(losses) <= 0.25
