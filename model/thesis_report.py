@@ -102,6 +102,10 @@ class Figure:
         Of the axes, with their units.
     curves : tuple of Curve
         Lines.
+    empty : str
+        Why there is none, where no curve has a point.
+    y_limits : tuple of float, length 2, optional
+        Ends of the axis.
     """
 
     number: str
@@ -109,6 +113,8 @@ class Figure:
     x_label: str
     y_label: str
     curves: tuple[Curve, ...]
+    empty: str = "nothing to draw"
+    y_limits: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True, slots=True)

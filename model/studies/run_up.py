@@ -20,6 +20,7 @@ INNER = (0.40, 0.85)  # orders at which the inner films whirl
 OUTER = (0.10, 0.40)
 VISIBLE = 0.1  # of 1X: a component above it counts
 LEAST = 0.2e-6  # m peak: a component below it does not count
+ORBIT_TURNS = 12  # that are kept of the motion
 FLOOR = 1e-2  # µm peak, lower end of the colours
 
 
@@ -39,6 +40,8 @@ class RunUp:
         X and Y once a turn at theta = 0, m: Poincaré's points.
     peak_to_peak : ndarray of float64, shape (n,)
         In X, m.
+    orbit : ndarray of float64, shape (n, 2, n_points)
+        X and Y over the last few turns, m.
 
     At speeds where the motion reached a wall all of it is NaN.
     """
@@ -48,6 +51,7 @@ class RunUp:
     spectrum: FloatArray
     stroboscopic: FloatArray
     peak_to_peak: FloatArray
+    orbit: FloatArray
 
     def component(self, band: tuple[float, float]) -> FloatArray:
         """Return the largest amplitude within a band of orders at each speed, m peak; NaN at the wall."""
@@ -92,6 +96,7 @@ def run_up(parameters: ModelParameters, speeds: FloatArray, settle: int = 40, tu
     spectrum = np.full((speeds.size, highest), np.nan)
     stroboscopic = np.full((speeds.size, 2, turns), np.nan)
     peak_to_peak = np.full(speeds.size, np.nan)
+    orbit = np.full((speeds.size, 2, min(turns, ORBIT_TURNS) * STEPS), np.nan)
     motion: ShaftMotion | None = None
     for number, speed in enumerate(speeds):
         try:
@@ -107,7 +112,8 @@ def run_up(parameters: ModelParameters, speeds: FloatArray, settle: int = 40, tu
         spectrum[number] = np.abs(order_spectrum(moved[0] - moved[0].mean(), turns)[1][:highest])
         stroboscopic[number] = moved[:, ::STEPS]
         peak_to_peak[number] = np.ptp(moved[0])
-    return RunUp(speeds, empty[:highest], spectrum, stroboscopic, peak_to_peak)
+        orbit[number] = moved[:, -orbit.shape[2] :]
+    return RunUp(speeds, empty[:highest], spectrum, stroboscopic, peak_to_peak, orbit)
 
 
 def waterfall_study(found: RunUp, name: str) -> Study:

@@ -16,6 +16,7 @@ class Style(Enum):
 
     LINE = "line"
     DASHED = "dashed"
+    DOTTED = "dotted"
     POINTS = "points"
     MARKS = "marks"
     REFERENCE = "reference"
@@ -57,6 +58,10 @@ class Plot:
         Logarithmic axes.
     x_limits, y_limits : tuple of float, length 2, optional
         Ends of the axes.
+    is_square : bool
+        Whether both axes have the same scale.
+    empty : str
+        What is to be said where there is nothing to draw.
     """
 
     title: str
@@ -67,6 +72,8 @@ class Plot:
     y_log: bool = False
     x_limits: tuple[float, float] | None = None
     y_limits: tuple[float, float] | None = None
+    is_square: bool = False
+    empty: str = "nothing to draw"
 
 
 @dataclass(frozen=True, slots=True)

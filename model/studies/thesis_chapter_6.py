@@ -1,4 +1,4 @@
-"""Chapter 6 of the thesis computed again: run-ups with eleven sets of parameters, onsets and trends.
+"""Chapter 6 of the thesis computed again: run-ups with eleven sets of parameters, onsets, looks and trends.
 
 The printed imbalances (1, 2.5 and 5e-5 kg m) cannot be borne: two are larger than the rotor's mass times the bearing's
 clearance, and the smallest pins the journals near the wall. All cases are therefore computed at 0.05 of them, and the
@@ -17,6 +17,7 @@ from model.parameters import ModelParameters
 from model.studies.run_up import INNER, OUTER, RunUp, bifurcation_plot, run_up, waterfall_surface
 from model.studies.study import Plot, Surface
 from model.studies.synchronous import Stability, stability
+from model.studies.thesis_chapter_6_looks import HARMONIC, Look
 from model.thesis_report import Comparison
 
 FloatArray = NDArray[np.float64]
@@ -24,7 +25,8 @@ FloatArray = NDArray[np.float64]
 SHARE = 0.05  # of the printed imbalances
 SPEEDS = np.arange(200.0, 8001.0, 100.0)  # rad/s
 SPEEDS.flags.writeable = False
-UNDAMPED = "; above 6,000 rad/s the undamped resonance at 7,526 rad/s: sizes without meaning"
+RESONANT = 6000.0  # rad/s: above it the printed imbalance meets an undamped resonance
+UNDAMPED = "; above 6,000 rad/s the undamped resonance at 7,526 rad/s: sizes without meaning, off the scale"
 ONSET_TOLERANCE = 100.0  # rad/s, the step of the run-ups
 BY_CHANCE = "near the stated one, which proves little: most others are far off"
 PINNED = "at this imbalance the journals are pinned near the wall"
@@ -56,6 +58,8 @@ class Case:
         Stated, rad/s.
     share : float
         Of the printed imbalance that is computed.
+    looks : tuple of Look
+        Spectra and trajectories that are shown of it.
     """
 
     name: str
@@ -68,6 +72,7 @@ class Case:
     inner_onset: float = math.nan
     outer_onset: float = math.nan
     share: float = SHARE
+    looks: tuple[Look, ...] = ()
 
     def parameters(self) -> ModelParameters:
         """Return the case with the imbalance that can be borne."""
@@ -81,19 +86,52 @@ class Case:
 
 
 CASES = (
-    Case("imbalance 1e-5 kg m", "Fig. 6.1", imbalance=1e-5, inner_onset=2600, outer_onset=6700),
-    Case("imbalance 2.5e-5 kg m, the base case", "Fig. 6.2", inner_onset=3500, outer_onset=6000),
-    Case("imbalance 5e-5 kg m", "Fig. 6.3", imbalance=5e-5, inner_onset=4100, outer_onset=5000),
-    Case("viscosity 5 mPa s", "Section 6.2", viscosity=0.005, inner_onset=1700, outer_onset=4500),
-    Case("viscosity 35 mPa s", "Section 6.2", viscosity=0.035, inner_onset=2900, outer_onset=6700),
-    Case("inner clearance 15 µm", "Figs 6.12, 6.13", inner_clearance=15e-6, inner_onset=2800, outer_onset=5000),
-    Case("inner clearance 25 µm", "Figs 6.12, 6.13", inner_clearance=25e-6, inner_onset=4000, outer_onset=5900),
-    Case("outer clearance 70 µm", "Figs 6.14, 6.15", outer_clearance=70e-6, inner_onset=800, outer_onset=6000),
-    Case("outer clearance 90 µm", "Figs 6.16, 6.17", outer_clearance=90e-6, inner_onset=2500, outer_onset=4900),
-    Case("static load 2 N", "Chapter 6", static_load=2.0, inner_onset=3000, outer_onset=5300),
-    Case("static load 5 N", "Chapter 6", static_load=5.0, inner_onset=2500, outer_onset=5000),
+    Case(
+        "imbalance 1e-5 kg m", "Fig. 6.1", imbalance=1e-5, inner_onset=2600, outer_onset=6700,
+        looks=(Look("Fig. 6.4a", 3000, (INNER,)), Look("Fig. 6.5a", 6000, (OUTER, INNER))),
+    ),
+    Case(
+        "imbalance 2.5e-5 kg m, the base case", "Fig. 6.2", inner_onset=3500, outer_onset=6000,
+        looks=(Look("Fig. 6.4b", 3000, ()), Look("Fig. 6.5b", 6000, (OUTER,))),
+    ),
+    Case(
+        "imbalance 5e-5 kg m", "Fig. 6.3", imbalance=5e-5, inner_onset=4100, outer_onset=5000,
+        looks=(Look("Fig. 6.4c", 3000, ()), Look("Fig. 6.5c", 6000, (OUTER,))),
+    ),
+    Case(
+        "viscosity 5 mPa s", "Fig. 6.6", viscosity=0.005, inner_onset=1700, outer_onset=4500,
+        looks=(Look("Fig. 6.8a", 2000, (INNER,)), Look("Fig. 6.9a", 6000, (OUTER,))),
+    ),
+    Case(
+        "viscosity 35 mPa s", "Fig. 6.7", viscosity=0.035, inner_onset=2900, outer_onset=6700,
+        looks=(Look("Fig. 6.8b", 2000, ()), Look("Fig. 6.9b", 6000, (OUTER, INNER))),
+    ),
+    Case(
+        "inner clearance 15 µm", "Fig. 6.10", inner_clearance=15e-6, inner_onset=2800, outer_onset=5000,
+        looks=(Look("Fig. 6.12a", 3000, ()), Look("Fig. 6.13a", 6000, (OUTER,))),
+    ),
+    Case(
+        "inner clearance 25 µm", "Fig. 6.11", inner_clearance=25e-6, inner_onset=4000, outer_onset=5900,
+        looks=(Look("Fig. 6.12b", 3000, ()), Look("Fig. 6.13b", 6000, (OUTER,))),
+    ),
+    Case(
+        "outer clearance 70 µm", "Fig. 6.14", outer_clearance=70e-6, inner_onset=800, outer_onset=6000,
+        looks=(Look("Fig. 6.16a", 3000, (HARMONIC,)), Look("Fig. 6.17a", 6000, (OUTER,))),
+    ),
+    Case(
+        "outer clearance 90 µm", "Fig. 6.15", outer_clearance=90e-6, inner_onset=2500, outer_onset=4900,
+        looks=(Look("Fig. 6.16b", 3000, ()), Look("Fig. 6.17b", 6000, (OUTER,))),
+    ),
+    Case(
+        "static load 2 N", "Fig. 6.18", static_load=2.0, inner_onset=3000, outer_onset=5300,
+        looks=(Look("Fig. 6.20a", 3000, ()), Look("Fig. 6.21a", 6000, (OUTER,))),
+    ),
+    Case(
+        "static load 5 N", "Fig. 6.19", static_load=5.0, inner_onset=2500, outer_onset=5000,
+        looks=(Look("Fig. 6.20b", 3000, (INNER,)), Look("Fig. 6.21b", 6000, (OUTER,))),
+    ),
     Case("1e-5 kg m as printed", "Fig. 6.1", imbalance=1e-5, inner_onset=2600, outer_onset=6700, share=1.0),
-)
+)  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -230,19 +268,22 @@ def trends(found: tuple[Outcome, ...]) -> list[Trend]:
         trend("static load lowers the inner film's onset", load, INNER, -1),
         trend("static load lowers the outer film's onset", load, OUTER, -1),
         Trend("amplitude rises with the outer film's whirl", grows, f"to {float(np.nanmax(overall)):,.0f} µm pp"),
+        *(Trend(look.text, *look.judged(run)) for case, run in runs for look in case.looks),
     ]
 
 
 def chapter_6_figures(found: tuple[Outcome, ...]) -> list[tuple[str, tuple[Plot | Surface, ...]]]:
-    """Return a waterfall and a bifurcation diagram of each case, with captions."""
-    return [
-        (
-            f"{case.figures}: {case.name} (computed at {case.share:g} of the printed imbalance)"
-            + (UNDAMPED if case.share == 1 else ""),
-            (
-                waterfall_surface(one.run, f"Waterfall, {case.name}"),
-                bifurcation_plot(one.run, f"Bifurcation, {case.name}"),
-            ),
-        )
-        for case, one in zip(CASES, found, strict=True)
-    ]
+    """Return a waterfall and a bifurcation diagram of each case, its spectra and trajectories, with captions."""
+    figures: list[tuple[str, tuple[Plot | Surface, ...]]] = []
+    for case, one in zip(CASES, found, strict=True):
+        at = f"{case.name} (computed at {case.share:g} of the printed imbalance)"
+        waterfall = waterfall_surface(one.run, f"Waterfall, {case.name}")
+        bifurcation = bifurcation_plot(one.run, f"Bifurcation, {case.name}")
+        if case.share == 1:  # scales that show what is below the resonance
+            below = float(np.nanmax(one.run.peak_to_peak[one.run.speeds <= RESONANT])) * 1e6
+            waterfall = replace(waterfall, z_limits=(waterfall.z_limits[0], below))
+            bifurcation = replace(bifurcation, y_limits=(-below, below))
+            at += UNDAMPED
+        figures.append((f"{case.figures}: {at}", (waterfall, bifurcation)))
+        figures += [(f"{look.figure}: {at}", look.plots(one.run, case.name)) for look in case.looks]
+    return figures

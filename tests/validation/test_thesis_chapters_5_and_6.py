@@ -1,15 +1,16 @@
 """The report on chapters 5 and 6: what it reproduces and what it does not, so that neither changes unnoticed."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from daq.cli.model.report import Part, counts, page
 from model.studies.run_up import INNER, OUTER, run_up
-from model.studies.study import Surface
+from model.studies.study import Plot, Surface
 from model.studies.synchronous import stability
-from model.studies.thesis_chapter_5 import chapter_5_comparisons
+from model.studies.thesis_chapter_5 import chapter_5_comparisons, chapter_5_figures
 from model.studies.thesis_chapter_6 import (
     CASES,
     Outcome,
@@ -17,6 +18,7 @@ from model.studies.thesis_chapter_6 import (
     chapter_6_figures,
     trends,
 )
+from model.studies.thesis_chapter_6_looks import HARMONIC, Look
 
 
 @pytest.fixture(scope="module")
@@ -75,7 +77,8 @@ def _with_onsets(onsets: list[float]) -> tuple[Outcome, ...]:
         spectrum[:, int(np.argmin(np.abs(orders - 1)))] = 2e-6
         if math.isfinite(onset):
             spectrum[speeds >= onset, int(np.argmin(np.abs(orders - 0.7)))] = 1e-6
-        whole = type(run)(speeds, orders, spectrum, np.zeros((speeds.size, 2, 8)), np.full(speeds.size, 4e-6))
+        still = np.zeros((speeds.size, 2, 8))
+        whole = type(run)(speeds, orders, spectrum, still, np.full(speeds.size, 4e-6), still)
         assert whole.onset(INNER) == onset or math.isnan(onset)
         assert math.isnan(whole.onset(OUTER))
         found.append(Outcome(whole, stability(CASES[0].parameters(), np.array([300.0, 400.0]))))
@@ -96,3 +99,52 @@ def test_page_holds_verdicts_reasons_and_pictures_and_fetches_nothing(outcomes: 
     assert total == len(comparisons) + len(part.trends)
     assert 0 < good < total
     assert f"{good} of {total}" in text
+
+
+def test_every_figure_of_both_chapters_is_there(outcomes: tuple[Outcome, ...]) -> None:
+    drawn = [caption.split(":")[0] for caption, _ in (*chapter_5_figures(), *chapter_6_figures(outcomes))]
+    numbers = {caption.removeprefix("Fig. ").rstrip("abc") for caption in drawn if caption.startswith("Fig. ")}
+    assert numbers == {*(f"5.{n}" for n in range(2, 9)), *(f"6.{n}" for n in range(1, 22))}
+
+
+def test_mode_shapes_are_drawn_forward_and_reverse_as_large_as_one() -> None:
+    shapes = [
+        plots for caption, plots in chapter_5_figures() if caption.startswith(("Fig. 5.4", "Fig. 5.6", "Fig. 5.8"))
+    ]
+    assert len(shapes) == 3
+    for forward, reverse in shapes:
+        for plot in (forward, reverse):
+            assert isinstance(plot, Plot)
+            assert [float(np.max(np.abs(series.y))) for series in plot.series] == pytest.approx([1.0] * 4)
+    (softest, _) = shapes[2]
+    assert isinstance(softest, Plot)
+    assert [series.label for series in softest.series][:2] == ["52.2 Hz", "143.5 Hz"]  # Table 5.3 at 8,000 rad/s
+
+
+@pytest.mark.parametrize(
+    ("stated", "there", "is_right"),
+    [
+        ((), {}, True),
+        ((), {0.2: 1e-6}, False),
+        ((OUTER,), {0.2: 1e-6}, True),
+        ((OUTER,), {0.2: 0.15e-6}, False),
+        ((OUTER,), {0.2: 1e-6, 0.6: 1e-6}, False),
+        ((OUTER, INNER), {0.2: 1e-6, 0.6: 1e-6}, True),
+        ((HARMONIC,), {1.3: 1e-6}, True),
+    ],
+)
+def test_look_is_right_where_it_shows_what_is_stated_and_no_more(
+    outcomes: tuple[Outcome, ...], stated: tuple[tuple[float, float], ...], there: dict[float, float], *, is_right: bool
+) -> None:
+    run = outcomes[0].run
+    spectrum = np.zeros_like(run.spectrum)
+    for order, size in {1.0: 2e-6, **there}.items():
+        spectrum[:, int(np.argmin(np.abs(run.orders - order)))] = size
+    look = Look("Fig. 6.0", 1200.0, stated)
+    good, seen = look.judged(replace(run, spectrum=spectrum))
+    assert good == is_right
+    assert seen.startswith("1X 2 µm")
+    spectrum_plot, trajectory = look.plots(run, "name")
+    assert np.array_equal(spectrum_plot.series[0].y, run.spectrum[1] * 1e6)
+    assert np.array_equal(trajectory.series[0].x, run.orbit[1, 0] * 1e6)
+    assert trajectory.is_square

@@ -19,6 +19,7 @@ FORMATS = (".svg", ".png")
 _MARKS: dict[Style, dict[str, Any]] = {
     Style.LINE: {"linestyle": "-", "linewidth": 1.4},
     Style.DASHED: {"linestyle": "--", "linewidth": 1.2},
+    Style.DOTTED: {"linestyle": (0, (1, 1.3)), "linewidth": 2.0},
     Style.POINTS: {"linestyle": "", "marker": ".", "markersize": 1.6, "rasterized": True},
     Style.MARKS: {"linestyle": "", "marker": "o", "markersize": 5.5, "color": "black", "zorder": 5},
     Style.REFERENCE: {"linestyle": (0, (5, 2)), "linewidth": 1.0, "color": "0.4"},
@@ -75,6 +76,20 @@ def draw(plots: Sequence[Plot | Surface]) -> "Figure":
 def _plot(axes: "Axes", plot: Plot) -> None:
     for series in plot.series:
         _series(axes, series)
+    _scales(axes, plot)
+    axes.grid(visible=True, which="both" if plot.x_log or plot.y_log else "major", color="0.9", linewidth=0.6)
+    axes.set_axisbelow(True)
+    _plain_numbers(axes, is_log=(plot.x_log, plot.y_log))
+    named = len(axes.get_legend_handles_labels()[1])
+    if not axes.lines:
+        axes.set_xticks([])
+        axes.set_yticks([])
+        axes.text(0.5, 0.5, plot.empty, transform=axes.transAxes, ha="center", color="0.4")
+    elif named > 1 or (named == 1 and len(plot.series) > 1):  # beside the lines, where it hides none
+        axes.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False)
+
+
+def _scales(axes: "Axes", plot: Plot) -> None:
     if plot.x_log:
         axes.set_xscale("log")
     if plot.y_log:
@@ -87,20 +102,8 @@ def _plot(axes: "Axes", plot: Plot) -> None:
         axes.set_ylim(*plot.y_limits)
         if plot.y_limits == (0.0, 360.0):
             axes.set_yticks(range(0, 361, 90))
-    axes.grid(visible=True, which="both" if plot.x_log or plot.y_log else "major", color="0.9", linewidth=0.6)
-    axes.set_axisbelow(True)
-    _thousands(axes, plot)
-    _legend(axes, len(plot.series))
-
-
-def _legend(axes: "Axes", series: int) -> None:
-    named = len(axes.get_legend_handles_labels()[1])
-    if not axes.lines:
-        axes.text(0.5, 0.5, "nothing to draw", transform=axes.transAxes, ha="center", color="0.4")
-    elif named > 5:
-        axes.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False)
-    elif named > 1 or (named == 1 and series > 1):
-        axes.legend(fontsize=8, framealpha=0.75)
+    if plot.is_square:
+        axes.set_aspect("equal", adjustable="datalim")
 
 
 def _series(axes: "Axes", series: Series) -> None:
@@ -112,13 +115,18 @@ def _series(axes: "Axes", series: Series) -> None:
     axes.plot(series.x, series.y, label=series.label or None, **look)
 
 
-def _thousands(axes: "Axes", plot: Plot) -> None:
-    from matplotlib.ticker import FuncFormatter  # noqa: PLC0415  # an extra, slow to import
+def _plain_numbers(axes: "Axes", *, is_log: tuple[bool, bool]) -> None:
+    """Write whole numbers on linear axes: thousands with commas, and no constant to be added in a corner."""
+    from matplotlib.ticker import FuncFormatter, ScalarFormatter  # noqa: PLC0415  # an extra, slow to import
 
-    for axis, is_log in ((axes.xaxis, plot.x_log), (axes.yaxis, plot.y_log)):
+    for axis, logarithmic in zip((axes.xaxis, axes.yaxis), is_log, strict=True):
         low, high = sorted(axis.get_view_interval())
-        if not is_log and 2000 <= max(abs(low), abs(high)) < 1e6:
+        if logarithmic:
+            continue
+        if 2000 <= max(abs(low), abs(high)) < 1e6:
             axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:,.0f}"))
+        else:
+            axis.set_major_formatter(ScalarFormatter(useOffset=False))
 
 
 def _surface(figure: "Figure", axes: "Axes", plot: Surface) -> None:
@@ -138,4 +146,5 @@ def _surface(figure: "Figure", axes: "Axes", plot: Surface) -> None:
     for series in plot.guides:
         axes.plot(series.x, series.y, color="white", linewidth=0.8, linestyle="--")
     axes.set_xlim(plot.x[0], plot.x[-1])
+    _plain_numbers(axes, is_log=(False, False))
     figure.colorbar(shown, ax=axes, label=plot.z_label)

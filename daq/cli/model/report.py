@@ -4,14 +4,16 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from html import escape
+from itertools import cycle
 
 from daq.cli.model.drawing import render
-from model.studies.study import Plot, Series, Surface
+from model.studies.study import Plot, Series, Style, Surface
 from model.studies.thesis_chapter_6 import Trend
 from model.thesis_report import Comparison, Figure
 
 Captioned = tuple[str, tuple[Plot | Surface, ...]]
 
+_STYLES = (Style.LINE, Style.DASHED, Style.DOTTED)  # so that equal curves can be told apart
 _STYLE = """\
 body{font:15px/1.45 system-ui,sans-serif;max-width:72rem;margin:2rem auto;padding:0 1rem;color:#222}
 table{border-collapse:collapse;font-size:13px;margin:1rem 0}th,td{padding:.2rem .6rem;border-bottom:1px solid #ddd;
@@ -53,8 +55,12 @@ class Part:
 
 def captioned(figure: Figure) -> Captioned:
     """Return a figure of curves as one to be drawn."""
-    series = tuple(Series(curve.label, curve.x, curve.y) for curve in figure.curves)
-    return f"Fig. {figure.number}: {figure.title}", (Plot(figure.title, figure.x_label, figure.y_label, series),)
+    series = tuple(
+        Series(curve.label, curve.x, curve.y, style)
+        for curve, style in zip(figure.curves, cycle(_STYLES), strict=False)
+    )
+    plot = Plot(figure.title, figure.x_label, figure.y_label, series, y_limits=figure.y_limits, empty=figure.empty)
+    return f"Fig. {figure.number}: {figure.title}", (plot,)
 
 
 def page(parts: Sequence[Part]) -> str:

@@ -33,7 +33,8 @@ _CHAPTER_6 = (
     "successive speeds. Two of the printed imbalances exceed what the clearances can bear, the smallest pins the "
     "journals: the cases are computed at 0.05 of them. Components are told apart by their order alone, below and above "
     "0.40X, so that 1X less the inner whirl (0.3X) and 1X less twice the outer one (0.6X) count as well; the "
-    "eigenvalues beside each onset tell which film lets go. Grey: the motion reached a wall."
+    "eigenvalues beside each onset tell which film lets go. Spectra and trajectories are those of the run-ups at that "
+    "speed; they miss what the onsets miss. Grey: the motion reached a wall."
 )
 
 
