@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.angular_record import AngularRecord
 from analysis.orbit import ProbePair
 from analysis.order_map import OrderMap
 
@@ -49,6 +50,13 @@ class ProbeMismatch:
         right = vectors.copy()
         right[1] = (vectors[1] - self.skew * vectors[0]) / (1.0 + self.gain)
         return right
+
+    def off_record(self, record: AngularRecord) -> AngularRecord:
+        """Return a record with probe y brought to probe x, before orbits and sections are made of both."""
+        if not self.is_told:
+            return record
+        x, y = record.waveform
+        return record.with_waveform(np.stack([x, (y - self.skew * x) / (1.0 + self.gain)]))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -2,14 +2,21 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 
-from analysis.angular_record import AngularRecord
+from analysis.angular_record import AngularRecord, angular_record, tacho_edges
+from analysis.filtered_orbit import filtered_orbit
 from analysis.full_spectrum import full_cascade, full_spectrum, probe_mismatch
 from analysis.orbit import ProbePair
 from analysis.order_map import order_map
+from analysis.pulse_record import pulse_record
+from analysis.shaft_angle import shaft_angle
+
+if TYPE_CHECKING:
+    from tests.analysis.conftest import Bench
 
 Maker = Callable[..., AngularRecord]
 MICRO = 1e-6
@@ -71,6 +78,32 @@ def test_a_mismatch_of_the_probes_is_told_and_not_shown_as_backward_whirl(
     assert np.abs(told.backward[:, 16].mean()) / (20 * MICRO) < 3e-4
     assert untold.uncertain[:, 16].all()
     assert told.uncertain[:, 16].all()
+
+
+def test_a_mismatch_is_taken_off_the_record_before_orbits_are_drawn(make_angular: Maker) -> None:
+    true = make_angular(*FORWARD, revolutions=200, noise=0.05 * MICRO)
+    record = seen(true, 0.02, 0.01)
+    mismatch = probe_mismatch(order_map(record))
+    ellipse = filtered_orbit(mismatch.off_record(record), (1.0,)).ellipses[0]
+    assert abs(ellipse.backward) < 0.001 * 20 * MICRO
+    assert abs(filtered_orbit(record, (1.0,)).ellipses[0].backward) > 0.01 * 20 * MICRO
+    alone = make_angular((20 * MICRO, 1.0, 0.0), noise=0.1 * MICRO)
+    assert probe_mismatch(order_map(alone)).off_record(alone) is alone
+
+
+def test_circles_through_card_and_tacho_do_not_leak_into_one_another(make_bench: Callable[..., "Bench"]) -> None:
+    bench = make_bench(noise=0.0, tacho={"response_time": 1e-5}, angles=(np.pi / 4, 3 * np.pi / 4))
+    ramp, motion = bench.ramp(100.0, 1000.0, 4.0), bench.circles((20 * MICRO, 1.0, 0.4), (5 * MICRO, -2.0, 0.1))
+    edges = tacho_edges(bench.acquisition, bench.codes(ramp, motion, 4.0))
+    skews = (0.0, 1.0 / bench.acquisition.convert_rate)  # y is sampled later; here without the converter's steps
+    seconds = np.arange(400_000) / 1e5 + np.array(skews)[:, None]
+    pair = ProbePair(np.pi / 4, 3 * np.pi / 4)
+    displacement = np.stack([pair.to_probes(np.stack(motion(ramp(seconds[row]))))[row] for row in (0, 1)])
+    angle = shaft_angle(pulse_record(edges, bench.acquisition.tacho))
+    frames = order_map(angular_record(displacement, 1e5, angle, pair, skews=skews))
+    found = full_spectrum(frames.orders, frames.spectrum, pair)
+    assert np.abs(found.backward[:, 16]).max() < 1e-4 * 20 * MICRO
+    assert np.abs(found.forward[:, 32]).max() < 1e-4 * 5 * MICRO
 
 
 def test_a_mirrored_pair_tells_the_same_gain(make_angular: Maker) -> None:
