@@ -17,12 +17,11 @@ from daq.service.jobs import Job, JobNotFoundError, Jobs, JobsFullError
 from daq.service.kinds import Kind
 from daq.service.live_run import Live, require_ended
 from daq.service.problems import ProblemError
-from daq.service.routing import PREFIX, Routing
+from daq.service.routing import EVENTS, PREFIX, Routing, event_stream
 from daq.service.tags import NOT_MODIFIED
 from daq.service.workers import Workers
 from recordings.catalogue import RunEntry
 
-EVENTS: Final = "text/event-stream"
 LOOK: Final = 0.2  # s between two looks at a job that is followed
 SILENCE: Final = 15.0  # s without news before a client is told that the service is still there
 MOST_FOLLOWERS: Final = 16
@@ -77,7 +76,7 @@ class JobRoutes:
         )  # fmt: skip
         routing.add(
             "/jobs/{job}/events", self.events, "follow_job", "jobs", "A job, whenever it changes", *known,
-            answers={200: {"content": {EVENTS: {"schema": {"type": "string"}}}}},
+            answers=event_stream("job"),
         )  # fmt: skip
         routing.add(
             "/jobs/{job}/result", self.result, "get_job_result", "jobs", "What came of a job",

@@ -18,10 +18,9 @@ from daq.service.documents.units import moment
 from daq.service.hub import Hub
 from daq.service.kinds import Kind
 from daq.service.problems import ProblemError, problem_response
-from daq.service.routing import Routing
+from daq.service.routing import EVENTS, Routing, event_stream
 from daq.service.workers import Workers
 
-EVENTS: Final = "text/event-stream"
 PROTOCOL: Final = "rig.live"
 
 
@@ -77,7 +76,7 @@ class LiveRoutes:
         """Make the addresses known."""
         routing.add(
             "/live/events", self.events, "follow_live", "live", "The run under way, whenever it changes", Kind.BUSY,
-            answers={200: {"content": {EVENTS: {"schema": {"type": "string"}}}}},
+            answers=event_stream("live"),
         )  # fmt: skip
         routing.router.add_api_websocket_route("/live/socket", self.socket, name="follow_live_socket")
         if self._steering is not None:

@@ -16,7 +16,16 @@ PREFIX: Final = "/api/v1"
 RunId = Annotated[
     str, Path(description="Id of the run, as /api/v1/runs lists it", examples=["2026-11-24T09-12-07-gj90c"])
 ]
+EVENTS: Final = "text/event-stream"
 WITH_JSON: Final = frozenset({"POST", "PATCH"})
+
+
+def event_stream(name: str) -> dict[int | str, dict[str, Any]]:
+    """Return how OpenAPI tells of server-sent events of a name; the schema is that of each event."""
+    data = {"type": "string", "contentMediaType": "application/json"}
+    properties = {"event": {"type": "string", "const": name}, "data": data}
+    event = {"type": "object", "properties": properties, "required": ["event", "data"]}
+    return {200: {"content": {EVENTS: {"schema": event}}}}
 
 
 class JsonRoute(APIRoute):

@@ -101,12 +101,13 @@ def open_recorded_bench(
     token: str | None = None,
     origins: tuple[str, ...] = (),
     desk: Desk | None = None,
+    job_limit: float = 60.0,
 ) -> RecordedBench:
     """Serve the runs of a folder at a free port of this machine, as if bound to ``host``."""
     catalogue, live, predictors = Catalogue(folder), FakeLive(), Predictors()
     readings = Readings(KnownModels())
     steered = Steered(live)
-    jobs = Jobs(DataPlace(folder))
+    jobs = Jobs(DataPlace(folder), limit=job_limit)
     abilities = Abilities(readings, steered, desk, catalogue, jobs, origins)
     summaries = Summaries(catalogue, predictors, readings.summary)
     app = create_app(catalogue, live, summaries, None, abilities=abilities, host=host, token=token)

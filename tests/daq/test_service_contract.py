@@ -24,7 +24,7 @@ def bench(tmp_path: Path, rig: RigFactory) -> Iterator[RecordedBench]:
     folder = tmp_path / "data"
     folder.mkdir()
     record_run(rig(simulation=SHORT), folder, KNOWN)
-    served = open_recorded_bench(folder)
+    served = open_recorded_bench(folder, job_limit=2.0)  # what jobs come to is not tried here
     served.live.frame = list(run_up(3, "under-way"))[2]
     yield served
     served.close()
@@ -40,6 +40,7 @@ def cases(bench: RecordedBench, *options: str, timeout: float) -> int:
             str(bench.client.base_url.join("/openapi.json")),
             "--checks=all",
             "--exclude-path=/api/v1/live/events",  # has no end
+            "--request-timeout=60",  # a process that reads for the first time has a hundred modules to load
             "--no-color",
             *options,
         ],
