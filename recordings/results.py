@@ -213,6 +213,10 @@ def _order_frame(snapshot: Snapshot, frame: OrderFrame) -> rig_pb2.OrderFrame:
         sigma_2x_m=frame.sigma[1],
         angle_sigma_rad=frame.angle_sigma,
         runout=None if frame.runout is None else _runout(frame.runout),
+        spectrum_x_um=(np.abs(frame.spectrum[0]) / MICRO).tolist(),
+        spectrum_y_um=(np.abs(frame.spectrum[1]) / MICRO).tolist(),
+        orbit_x_um=(frame.orbit[0] / MICRO).tolist(),
+        orbit_y_um=(frame.orbit[1] / MICRO).tolist(),
     )
     if frame.compensated_orbit is not None:
         message.compensated_orbit_x_m.extend(frame.compensated_orbit[0].tolist())

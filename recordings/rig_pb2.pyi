@@ -201,7 +201,7 @@ class RunOut(_message.Message):
     def __init__(self, x: _Optional[_Iterable[_Union[Vector, _Mapping]]] = ..., y: _Optional[_Iterable[_Union[Vector, _Mapping]]] = ..., sigma_1x_m: _Optional[float] = ..., sigma_2x_m: _Optional[float] = ...) -> None: ...
 
 class OrderFrame(_message.Message):
-    __slots__ = ("segment", "sample", "time_s", "speed_rad_per_s", "acceleration_rad_per_s2", "orders", "spectrum_x_real_m", "spectrum_x_imag_m", "spectrum_y_real_m", "spectrum_y_imag_m", "x_1x", "y_1x", "x_2x", "y_2x", "noise_m", "whirl", "orbit_x_m", "orbit_y_m", "weaker_whirls", "sigma_1x_m", "sigma_2x_m", "angle_sigma_rad", "runout", "compensated_orbit_x_m", "compensated_orbit_y_m")
+    __slots__ = ("segment", "sample", "time_s", "speed_rad_per_s", "acceleration_rad_per_s2", "orders", "spectrum_x_real_m", "spectrum_x_imag_m", "spectrum_y_real_m", "spectrum_y_imag_m", "x_1x", "y_1x", "x_2x", "y_2x", "noise_m", "whirl", "orbit_x_m", "orbit_y_m", "weaker_whirls", "sigma_1x_m", "sigma_2x_m", "angle_sigma_rad", "runout", "compensated_orbit_x_m", "compensated_orbit_y_m", "spectrum_x_um", "spectrum_y_um", "orbit_x_um", "orbit_y_um")
     SEGMENT_FIELD_NUMBER: _ClassVar[int]
     SAMPLE_FIELD_NUMBER: _ClassVar[int]
     TIME_S_FIELD_NUMBER: _ClassVar[int]
@@ -227,6 +227,10 @@ class OrderFrame(_message.Message):
     RUNOUT_FIELD_NUMBER: _ClassVar[int]
     COMPENSATED_ORBIT_X_M_FIELD_NUMBER: _ClassVar[int]
     COMPENSATED_ORBIT_Y_M_FIELD_NUMBER: _ClassVar[int]
+    SPECTRUM_X_UM_FIELD_NUMBER: _ClassVar[int]
+    SPECTRUM_Y_UM_FIELD_NUMBER: _ClassVar[int]
+    ORBIT_X_UM_FIELD_NUMBER: _ClassVar[int]
+    ORBIT_Y_UM_FIELD_NUMBER: _ClassVar[int]
     segment: int
     sample: int
     time_s: float
@@ -252,7 +256,11 @@ class OrderFrame(_message.Message):
     runout: RunOut
     compensated_orbit_x_m: _containers.RepeatedScalarFieldContainer[float]
     compensated_orbit_y_m: _containers.RepeatedScalarFieldContainer[float]
-    def __init__(self, segment: _Optional[int] = ..., sample: _Optional[int] = ..., time_s: _Optional[float] = ..., speed_rad_per_s: _Optional[float] = ..., acceleration_rad_per_s2: _Optional[float] = ..., orders: _Optional[_Iterable[float]] = ..., spectrum_x_real_m: _Optional[_Iterable[float]] = ..., spectrum_x_imag_m: _Optional[_Iterable[float]] = ..., spectrum_y_real_m: _Optional[_Iterable[float]] = ..., spectrum_y_imag_m: _Optional[_Iterable[float]] = ..., x_1x: _Optional[_Union[Vector, _Mapping]] = ..., y_1x: _Optional[_Union[Vector, _Mapping]] = ..., x_2x: _Optional[_Union[Vector, _Mapping]] = ..., y_2x: _Optional[_Union[Vector, _Mapping]] = ..., noise_m: _Optional[float] = ..., whirl: _Optional[_Union[Whirl, _Mapping]] = ..., orbit_x_m: _Optional[_Iterable[float]] = ..., orbit_y_m: _Optional[_Iterable[float]] = ..., weaker_whirls: _Optional[_Iterable[_Union[Whirl, _Mapping]]] = ..., sigma_1x_m: _Optional[float] = ..., sigma_2x_m: _Optional[float] = ..., angle_sigma_rad: _Optional[float] = ..., runout: _Optional[_Union[RunOut, _Mapping]] = ..., compensated_orbit_x_m: _Optional[_Iterable[float]] = ..., compensated_orbit_y_m: _Optional[_Iterable[float]] = ...) -> None: ...
+    spectrum_x_um: _containers.RepeatedScalarFieldContainer[float]
+    spectrum_y_um: _containers.RepeatedScalarFieldContainer[float]
+    orbit_x_um: _containers.RepeatedScalarFieldContainer[float]
+    orbit_y_um: _containers.RepeatedScalarFieldContainer[float]
+    def __init__(self, segment: _Optional[int] = ..., sample: _Optional[int] = ..., time_s: _Optional[float] = ..., speed_rad_per_s: _Optional[float] = ..., acceleration_rad_per_s2: _Optional[float] = ..., orders: _Optional[_Iterable[float]] = ..., spectrum_x_real_m: _Optional[_Iterable[float]] = ..., spectrum_x_imag_m: _Optional[_Iterable[float]] = ..., spectrum_y_real_m: _Optional[_Iterable[float]] = ..., spectrum_y_imag_m: _Optional[_Iterable[float]] = ..., x_1x: _Optional[_Union[Vector, _Mapping]] = ..., y_1x: _Optional[_Union[Vector, _Mapping]] = ..., x_2x: _Optional[_Union[Vector, _Mapping]] = ..., y_2x: _Optional[_Union[Vector, _Mapping]] = ..., noise_m: _Optional[float] = ..., whirl: _Optional[_Union[Whirl, _Mapping]] = ..., orbit_x_m: _Optional[_Iterable[float]] = ..., orbit_y_m: _Optional[_Iterable[float]] = ..., weaker_whirls: _Optional[_Iterable[_Union[Whirl, _Mapping]]] = ..., sigma_1x_m: _Optional[float] = ..., sigma_2x_m: _Optional[float] = ..., angle_sigma_rad: _Optional[float] = ..., runout: _Optional[_Union[RunOut, _Mapping]] = ..., compensated_orbit_x_m: _Optional[_Iterable[float]] = ..., compensated_orbit_y_m: _Optional[_Iterable[float]] = ..., spectrum_x_um: _Optional[_Iterable[float]] = ..., spectrum_y_um: _Optional[_Iterable[float]] = ..., orbit_x_um: _Optional[_Iterable[float]] = ..., orbit_y_um: _Optional[_Iterable[float]] = ...) -> None: ...
 
 class Mark(_message.Message):
     __slots__ = ("segment", "sample", "time_s", "text", "host_time_ns", "kind")
