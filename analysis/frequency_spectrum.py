@@ -71,6 +71,31 @@ def frequency_spectrum(
     Analysis, 2011, ch. 9.
     """
     waveform = np.asarray(waveform, dtype=np.float64)
+    n, starts = framing(waveform, rate, resolution, overlap)
+    weights = window.weights(n)
+    power = np.zeros((*waveform.shape[:-1], n // 2 + 1))
+    for start in starts:
+        power += line_amplitudes(waveform[..., start : start + n], weights) ** 2
+    independent = independent_frames(weights, starts.step, len(starts), of_power=True)
+    return FrequencySpectrum(
+        frequencies=np.arange(n // 2 + 1) * rate / n,
+        amplitudes=np.sqrt(power / len(starts)),
+        noise_bandwidth=window.noise_bandwidth * rate / n,
+        frames=len(starts),
+        relative_sigma=0.5 / float(np.sqrt(independent)),
+    )
+
+
+def framing(waveform: FloatArray, rate: float, resolution: float, overlap: float) -> tuple[int, range]:
+    """Return the samples of a frame and the begins of all frames of a waveform, shape (..., n).
+
+    Raises
+    ------
+    RecordTooShortError
+        Where the waveform is shorter than a frame.
+    ValueError
+        Settings out of range, or samples that are not finite.
+    """
     if waveform.ndim == 0 or not 0.0 <= overlap < 1.0 or not 0.0 < resolution <= 0.25 * rate:
         raise ValueError(
             f"waveform {waveform.shape}, overlap {overlap}, resolution {resolution} Hz: expected samples, 0 to "
@@ -83,22 +108,13 @@ def frequency_spectrum(
         raise RecordTooShortError(
             f"{waveform.shape[-1]} samples, expected at least {n} for a resolution of {resolution} Hz"
         )
-    step = max(round(n * (1.0 - overlap)), 1)
-    starts = range(0, waveform.shape[-1] - n + 1, step)
-    weights = window.weights(n)
-    power = np.zeros((*waveform.shape[:-1], n // 2 + 1))
-    for start in starts:
-        frame = waveform[..., start : start + n]
-        power += np.abs(2.0 * np.fft.rfft((frame - frame.mean(axis=-1, keepdims=True)) * weights)) ** 2
-    amplitudes = np.sqrt(power / len(starts))
+    return n, range(0, waveform.shape[-1] - n + 1, max(round(n * (1.0 - overlap)), 1))
+
+
+def line_amplitudes(frame: FloatArray, weights: FloatArray) -> FloatArray:
+    """Return the amplitudes of a frame's lines, its mean taken off, peak of a single line, shape (..., n // 2 + 1)."""
+    amplitudes = 2.0 * np.abs(np.fft.rfft((frame - frame.mean(axis=-1, keepdims=True)) * weights))
     amplitudes[..., 0] *= 0.5
-    if n % 2 == 0:
+    if frame.shape[-1] % 2 == 0:
         amplitudes[..., -1] *= 0.5
-    independent = independent_frames(weights, step, len(starts), of_power=True)
-    return FrequencySpectrum(
-        frequencies=np.arange(n // 2 + 1) * rate / n,
-        amplitudes=amplitudes,
-        noise_bandwidth=window.noise_bandwidth * rate / n,
-        frames=len(starts),
-        relative_sigma=0.5 / float(np.sqrt(independent)),
-    )
+    return np.asarray(amplitudes, dtype=np.float64)

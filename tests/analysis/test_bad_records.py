@@ -13,6 +13,7 @@ from analysis.disturbances import drift, mains_hum
 from analysis.edges import EdgeDetector
 from analysis.errors import AnalysisError, TachoRefusedError
 from analysis.filtered_orbit import direct_orbit, filtered_orbit, orbit_without
+from analysis.frequency_map import frequency_map
 from analysis.frequency_spectrum import frequency_spectrum
 from analysis.full_spectrum import full_cascade, probe_mismatch
 from analysis.glitches import find_glitches
@@ -149,6 +150,7 @@ OF_SAMPLES: dict[str, Callable[[FloatArray], Results]] = {
     "angular record": lambda wave: [angular_record(wave, RATE, angle_of(STEADY), PAIR).waveform],
     "glitches": lambda wave: [find_glitches(wave, RATE, angle_of(STEADY)).displacement],
     "frequency spectrum": lambda wave: [frequency_spectrum(wave, RATE, resolution=5.0).amplitudes],
+    "frequency map": lambda wave: [frequency_map(wave, RATE, angle_of(STEADY), resolution=5.0).amplitudes],
     "order spectrum": lambda wave: [np.abs(order_spectrum(wave, 16)[1])],
     "drift": lambda wave: [drift(wave[0], RATE).slope, drift(wave[0], RATE).sigma],
     "hum": lambda wave: [mains_hum(wave[0], RATE).amplitude, mains_hum(wave[0], RATE).sigma],

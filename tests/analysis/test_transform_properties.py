@@ -12,6 +12,7 @@ from analysis.angular_record import AngularRecord, angular_record
 from analysis.centreline import centreline
 from analysis.disturbances import drift, mains_hum
 from analysis.filtered_orbit import direct_orbit, filtered_orbit, orbit_without
+from analysis.frequency_map import frequency_map
 from analysis.frequency_spectrum import frequency_spectrum
 from analysis.full_spectrum import full_spectrum
 from analysis.glitches import find_glitches
@@ -108,6 +109,7 @@ SCALING: dict[str, Callable[[AngularRecord], Values]] = {
     "frequency spectrum": lambda record: (
         frequency_spectrum(record.waveform.reshape(2, -1), RATE, resolution=4.0).amplitudes
     ),
+    "frequency map": lambda record: frequency_map(record.waveform.reshape(2, -1), RATE, resolution=4.0).amplitudes,
     "hum": lambda record: np.array([mains_hum(record.waveform[0].ravel(), RATE).amplitude]),
     "bridged samples": lambda record: find_glitches(record.waveform.reshape(2, -1)[:, :1900], RATE, ANGLE).displacement,
 }
