@@ -100,6 +100,23 @@ class CounterReport:
             return CounterState.COUNT_DIFFERS
         return CounterState.TIMES_DIFFER if self.apart else CounterState.AGREES
 
+    @property
+    def told(self) -> str:
+        """What an operator should know; empty where they agree."""
+        odds = {
+            CounterState.FAILED: ["the counter gives no more stamps: speed and phase are taken from the samples"],
+            CounterState.COUNT_DIFFERS: [
+                f"{count:,} {what}"
+                for count, what in (
+                    (self.missing, "edges of the waveform that the counter has not stamped"),
+                    (self.extra, "stamps where the waveform has no edge"),
+                )
+                if count
+            ],
+            CounterState.TIMES_DIFFER: [f"{self.apart:,} edges up to {self.largest * 1e6:,.1f} µs apart"],
+        }
+        return " and ".join(odds.get(self.state, []))
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Whirl:

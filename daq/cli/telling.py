@@ -36,6 +36,9 @@ def summary_lines(summary: SummaryDocument) -> Iterator[str]:
     if summary.clock_error_ppm is not None:
         uncertainty = _number(summary.clock_uncertainty_ppm, 1)
         yield f"clock            the card's {summary.clock_error_ppm:+,.1f} ± {uncertainty} ppm against this computer's"
+    if summary.tacho is not None and summary.tacho.counter is not None:
+        compared = f"{summary.tacho.counter.compared:,} edges by counter and samples are compared"
+        yield f"tacho            speed and phase from the {summary.tacho.reference}; {compared}"
     for alarm in summary.alarms:
         yield f"alarm            {_alarm(alarm)}"
     for mark in summary.marks:
@@ -158,6 +161,8 @@ def _oddities(summary: SummaryDocument) -> Iterator[str]:
         if tacho.filled or tacho.rejected:
             repaired = f"{tacho.filled:,} filled in, {tacho.rejected:,} edges rejected"
             yield f"tacho: {tacho.pulses:,} pulses, {repaired}"
+        if tacho.counter is not None and tacho.counter.told:
+            yield f"tacho: {tacho.counter.told}"
 
 
 def _picked(rows: list[SpeedRowDocument]) -> list[SpeedRowDocument]:

@@ -43,6 +43,7 @@ def run(chosen: argparse.Namespace) -> int:
         print(
             f"{verification.path}: {verification.verdict.value}  {verification.samples:,} samples a channel, "
             f"{verification.segments} {'segment' if verification.segments == 1 else 'segments'}, "
+            f"{f'{verification.pulses:,} stamps of a counter, ' if verification.pulses else ''}"
             f"{verification.chunks} intact chunks, {verification.size / 1e6:.1f} MB"
         )
         for finding in verification.findings:

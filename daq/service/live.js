@@ -73,7 +73,8 @@ function drawSpeed({ measured, limits }) {
   write("trend", !known(speed) || steady ? "" : change > 0 ? "▲" : "▼");
   fill("speed-gauge", speed, limits.speed_rpm);
   const tacho = measured?.tacho.state ?? "no result yet";
-  write("tacho", `tacho ${tacho} · limit ${whole(limits.speed_rpm)} r/min`);
+  const source = measured?.tacho.counter ? ` by ${measured.tacho.reference}` : "";
+  write("tacho", `tacho ${tacho}${source} · limit ${whole(limits.speed_rpm)} r/min`);
 }
 
 function drawOverall({ measured, predicted, limits, status }) {
@@ -160,6 +161,7 @@ function drawBanners({ status, measured }) {
   const closed = ["x", "y"].filter((probe) => measured && !measured[`probe_${probe}`].gap_ok);
   const gaps = closed.map((probe) => `Probe ${probe} reads ${decimals(measured[`probe_${probe}`].gap_v, 2)} V: outside its gap window.`);
   const tacho = { irregular: "Tacho irregular: speed and phase are not known.", "too fast": "Tacho too fast for its sensor: speed may read too low." };
-  const told = [status.detail, ...gaps, tacho[measured?.tacho.state] ?? ""].filter(Boolean);
+  const counter = measured?.tacho.counter?.told;
+  const told = [status.detail, ...gaps, tacho[measured?.tacho.state] ?? "", counter ? `Tacho: ${counter}.` : ""].filter(Boolean);
   banner("trouble", told.join(" "), status.state === "failed");
 }

@@ -81,6 +81,10 @@ def _signals(frame: LiveFrame, snapshot: Snapshot) -> list[str]:
     state = tacho.state.value if tacho.state is TachoState.GOOD else f"**{tacho.state.value.upper()}**"
     speed = f"{rpm(snapshot.speed)} r/min" if math.isfinite(snapshot.speed) else "no speed"
     lines = [f"- tacho {state}, {speed}, {tacho.pulses:,} pulses, {tacho.filled} filled in, {tacho.rejected} rejected"]
+    if snapshot.counter is not None:
+        told = snapshot.counter.told
+        compared = f"**{told}**" if told else "counter and samples agree"
+        lines.append(f"- speed and phase from the {frame.header.acquisition.tacho.reference}; {compared}")
     channels = frame.header.acquisition.channels
     clipped = [f"{channel.name} {count:,}" for channel, count in zip(channels, snapshot.clipped, strict=True) if count]
     lines.append(f"- **CLIPPED** {', '.join(clipped)} samples" if clipped else "- clipping none")

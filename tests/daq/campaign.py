@@ -175,8 +175,8 @@ class Bench:
             self.server.at_call[begun + self.random.randrange(1, CALLS)] = trouble
 
 
-def rig_at(target: str) -> Rig:
-    rig = bench(target, counter=COUNTER, deadline_s=0.3)
+def rig_at(target: str, deadline: float = 0.3) -> Rig:
+    rig = bench(target, counter=COUNTER, deadline_s=deadline)
     session = SessionSection(restarts_per_minute=5, reconnect_s=2.0, retry_s=0.2)
     return replace(rig, config=rig.config.model_copy(update={"session": session}))
 
@@ -283,7 +283,7 @@ def opens_again(harmed: Bench) -> bool:
     """
     harmed.server.faults.clear()
     harmed.driver.devices["Dev1"] = ("USB-6251", 0x1A2B3C)
-    open_source(rig_at(harmed.server.target)).close()
+    open_source(rig_at(harmed.server.target, deadline=3.0)).close()
     return not harmed.server.tasks
 
 

@@ -9,6 +9,7 @@ from pydantic import Field
 from analysis.run import Role, RunHeader, Severity
 from analysis.snapshot import OrderFrame, Snapshot, TachoState, Whirl
 from daq.service.documents.alarm import AlarmDocument, alarm_document
+from daq.service.documents.counter import CounterDocument, counter_document
 from daq.service.documents.document import Document
 from daq.service.documents.header import DeviceDocument, LimitsDocument, device_document, limits_document
 from daq.service.documents.mark import LiveMarkDocument, live_mark_document
@@ -59,6 +60,13 @@ class TachoDocument(Document):
     rejected: Count = Field(description="Edges rejected as doubles or noise", examples=[0])
     jitter_us: float | None = Field(
         description="Robust scatter (median absolute deviation) of the edges about the smooth angle, µs", examples=[4.8]
+    )
+    reference: str = Field(
+        description='What speed and phase are taken from: "samples" of the tacho, or a "counter" that stamps its edges',
+        examples=["samples"],
+    )
+    counter: CounterDocument | None = Field(
+        description="How the counter and the samples compare; null where no counter stamps"
     )
 
 
@@ -202,6 +210,8 @@ def _measured(snapshot: Snapshot, header: RunHeader) -> MeasuredDocument:
             filled=tacho.filled,
             rejected=tacho.rejected,
             jitter_us=finite(tacho.jitter * 1e6),
+            reference=header.acquisition.tacho.reference,
+            counter=counter_document(snapshot.counter),
         ),
         probe_x=_probe(snapshot, header, 0),
         probe_y=_probe(snapshot, header, 1),

@@ -14,6 +14,7 @@ from analysis.speed_table import SpeedRow
 from analysis.summary import ProbeSummary, RunSummary
 from daq.service.documents.agreement import AgreementDocument, agreement_document
 from daq.service.documents.alarm import AlarmDocument, alarm_document
+from daq.service.documents.counter import CounterDocument, counter_document
 from daq.service.documents.document import Document
 from daq.service.documents.mark import MarkDocument
 from daq.service.documents.place import MomentDocument, place_document
@@ -66,6 +67,13 @@ class TachoSummaryDocument(Document):
     snapshots_by_state: dict[TachoState, Count] = Field(
         description="Number of results in each state of the tacho; states that did not occur are left out",
         examples=[{"good": 2980, "no pulses": 20}],
+    )
+    reference: str = Field(
+        description='What speed and phase are taken from: "samples" of the tacho, or a "counter" that stamps its edges',
+        examples=["samples"],
+    )
+    counter: CounterDocument | None = Field(
+        description="How the counter and the samples compare; null where no counter stamps"
     )
 
 
@@ -218,6 +226,8 @@ def summary_document(
             rejected=tacho.rejected,
             jitter_us=finite(tacho.jitter * 1e6),
             snapshots_by_state={TachoState(state): count for state, count in summary.tacho_states.items()},
+            reference=summary.tacho_reference,
+            counter=counter_document(summary.counter),
         ),
         snapshots=summary.snapshots,
         frames=summary.frames,

@@ -25,6 +25,7 @@ class VerificationDocument(Document):
     chunks: int
     segments: int
     samples: int
+    pulses: int
     findings: list[FindingDocument]
 
 
@@ -67,6 +68,7 @@ def verification_document(verification: Verification) -> VerificationDocument:
         chunks=verification.chunks,
         segments=verification.segments,
         samples=verification.samples,
+        pulses=verification.pulses,
         findings=[_finding(finding) for finding in verification.findings],
     )
 
