@@ -1,8 +1,10 @@
 """Sub-synchronous findings: the whirls of successive frames merged into components with a beginning and an end."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
+from analysis.direction import Direction
 from analysis.snapshot import OrderFrame, Whirl
 
 SAME_ORDER = 0.05  # orders: nearer whirls are one component
@@ -51,6 +53,8 @@ class WhirlFinding:
         Whether it went round with the shaft, by the sum of its amplitudes.
     frames : int
         Number of frames that showed it.
+    begin_direction, end_direction : Direction
+        Whether the shaft was running up or down when it began, and when it ended.
     """
 
     order: float
@@ -61,6 +65,46 @@ class WhirlFinding:
     largest: Moment
     is_forward: bool
     frames: int
+    begin_direction: Direction = Direction.UP
+    end_direction: Direction = Direction.UP
+
+
+@dataclass(frozen=True, slots=True)
+class WhirlHysteresis:
+    """How much longer a component stays on the run-down than the run-up took to bring it.
+
+    Parameters
+    ----------
+    order : float
+        Of the component when it came.
+    onset : float
+        Lowest speed at which it came on a run-up, rad/s.
+    end : float
+        Lowest speed at which it went on a run-down, rad/s.
+    """
+
+    order: float
+    onset: float
+    end: float
+
+    @property
+    def width(self) -> float:
+        """By how much lower it went than it came, rad/s; negative where it went sooner."""
+        return self.onset - self.end
+
+
+def whirl_hysteresis(findings: Sequence[WhirlFinding]) -> tuple[WhirlHysteresis, ...]:
+    """Return onset on the run-up and end on the run-down of every component that a run showed in both directions."""
+    told = []
+    came = [one for one in findings if one.begin_direction is Direction.UP and math.isfinite(one.begin.speed)]
+    went = [one for one in findings if one.end_direction is Direction.DOWN and math.isfinite(one.end.speed)]
+    orders: list[float] = []
+    for first in sorted(came, key=lambda one: one.begin.speed):
+        ends = [one.end.speed for one in went if abs(one.order - first.order) <= 2.0 * SAME_ORDER]
+        if ends and all(abs(first.order - order) > 2.0 * SAME_ORDER for order in orders):
+            orders.append(first.order)
+            told.append(WhirlHysteresis(first.order_at_begin, first.begin.speed, min(ends)))
+    return tuple(told)
 
 
 @dataclass(slots=True)
@@ -79,11 +123,15 @@ class _Track:
     backward: float = 0.0
     frames: int = 0
     frame_time: float = 0.0
+    begin_direction: Direction = Direction.UP
+    end_direction: Direction = Direction.UP
 
-    def add(self, whirl: Whirl, moment: Moment, frame_time: float) -> None:
+    def add(self, whirl: Whirl, moment: Moment, frame_time: float, direction: Direction) -> None:
         amplitude = whirl.amplitude
         self.recent_order += _FOLLOW * (whirl.order - self.recent_order)
-        self.end = moment
+        self.end, self.end_direction = moment, direction
+        if self.frames == 0:
+            self.begin_direction = direction
         if amplitude > self.amplitude:
             self.amplitude, self.largest = amplitude, moment
         self.weight += amplitude
@@ -110,6 +158,8 @@ class _Track:
             largest=self.largest,
             is_forward=self.forward >= self.backward,
             frames=self.frames,
+            begin_direction=self.begin_direction,
+            end_direction=self.end_direction,
         )
 
 
@@ -126,7 +176,7 @@ class WhirlTracker:
         self._open: list[_Track] = []
         self._closed: list[_Track] = []
 
-    def frame(self, segment: int, time: float, frame: OrderFrame) -> None:
+    def frame(self, segment: int, time: float, frame: OrderFrame, direction: Direction = Direction.UP) -> None:
         """Take a frame.
 
         Parameters
@@ -137,6 +187,8 @@ class WhirlTracker:
             Time of the frame's end in it, s.
         frame : OrderFrame
             With its whirls.
+        direction : Direction
+            Whether the shaft runs up or down.
         """
         resolution = float(frame.orders[1])
         frame_time = 2.0 * math.pi / (frame.speed * resolution)
@@ -151,7 +203,7 @@ class WhirlTracker:
                 self._open.append(track)
             else:
                 free.remove(track)
-            track.add(whirl, moment, frame_time)
+            track.add(whirl, moment, frame_time, direction)
 
     def segment_end(self) -> None:
         """End all components: time does not run on into the next segment."""

@@ -1,12 +1,12 @@
 """Amplitude and phase of an order against speed, run-up and run-down apart: what Bode and polar plots draw."""
 
 from dataclasses import dataclass
-from enum import StrEnum
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.direction import Direction
 from analysis.frames import independent_hann_frames
 from analysis.order_track import OrderTrack
 
@@ -16,13 +16,6 @@ ComplexArray = NDArray[np.complex128]
 TURNING = 0.02  # of the span of speeds: smaller ups and downs do not end a run-up
 RIPPLE = 0.005  # of the speed: the same
 PROMINENT = 1.1  # a peak's amplitude over the larger of the lowest points at its sides
-
-
-class Direction(StrEnum):
-    """Which way the speed goes."""
-
-    UP = "run-up"
-    DOWN = "run-down"
 
 
 @dataclass(frozen=True, slots=True)

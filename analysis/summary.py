@@ -10,7 +10,7 @@ from analysis.alarm import Alarm, AlarmWatch
 from analysis.findings import Moment, WhirlFinding, WhirlTracker
 from analysis.run import Role, RunHeader, Severity
 from analysis.samples import SegmentEnd
-from analysis.snapshot import Snapshot, TachoReport
+from analysis.snapshot import CounterReport, RunOut, Snapshot, TachoReport
 from analysis.speed_table import SpeedRow, SpeedTable
 
 FloatArray = NDArray[np.float64]
@@ -82,11 +82,17 @@ class RunSummary:
     tacho_states : dict of str to int
         Number of snapshots in each state of the tacho (`TachoState` values; those that occurred).
     rows : tuple of SpeedRow
-        Amplitude, phase and peak-to-peak against speed, in rising order of speed.
+        Amplitude, phase and peak-to-peak against speed, run-up and run-down apart, in rising order of speed.
     whirls : tuple of WhirlFinding
         Sub-synchronous components in the order in which they began.
     alarms : tuple of Alarm
         Limits that were passed for long enough, in the order in which their alarms came.
+    runout : RunOut or None
+        What was taken off as run-out; None where it was not asked for or never known.
+    tacho_reference : str
+        What speed and phase were taken from: "samples" or "counter".
+    counter : CounterReport or None
+        How the tacho's counter and its waveform compared; None where no counter stamped.
     """
 
     run: str
@@ -109,6 +115,9 @@ class RunSummary:
     rows: tuple[SpeedRow, ...]
     whirls: tuple[WhirlFinding, ...]
     alarms: tuple[Alarm, ...] = ()
+    runout: RunOut | None = None
+    tacho_reference: str = "samples"
+    counter: CounterReport | None = None
 
     @property
     def is_gap_free(self) -> bool:
@@ -169,10 +178,12 @@ class SummaryBuilder:
         self._table = SpeedTable()
         self._whirls = WhirlTracker()
         self._alarms = AlarmWatch(header.limits, self._names)
+        self._runout: RunOut | None = None
         self._ends: list[SegmentEnd] = []
         self._clipped: tuple[int, ...] = (0,) * len(acquisition.channels)
         self._states: Counter[str] = Counter()
         self._tacho: TachoReport | None = None
+        self._counter: CounterReport | None = None
         self._snapshots = self._frames = 0
         self._lowest, self._highest = np.inf, -np.inf
         self._open_segment, self._open_samples = -1, 0  # what has been seen of a segment that has not ended
@@ -184,7 +195,7 @@ class SummaryBuilder:
         self._open_segment, self._open_samples = snapshot.segment, snapshot.sample
         self._snapshots += 1
         self._states[snapshot.tacho.state.value] += 1
-        self._tacho = snapshot.tacho
+        self._tacho, self._counter = snapshot.tacho, snapshot.counter
         self._clipped = tuple(snapshot.clipped.tolist())
         for row, probe in enumerate(self._probes):
             probe.add(snapshot, row)
@@ -193,7 +204,9 @@ class SummaryBuilder:
         self._table.snapshot(snapshot)
         if snapshot.frame is not None:
             self._frames += 1
-            self._whirls.frame(snapshot.segment, snapshot.time, snapshot.frame)
+            self._whirls.frame(snapshot.segment, snapshot.time, snapshot.frame, self._table.direction)
+            if snapshot.frame.runout is not None:
+                self._runout = snapshot.frame.runout
         return self._alarms.snapshot(snapshot)
 
     @property
@@ -230,9 +243,12 @@ class SummaryBuilder:
             frames=self._frames,
             tacho=self._tacho,
             tacho_states=dict(self._states),
+            tacho_reference=header.acquisition.tacho.reference,
+            counter=self._counter,
             rows=self._table.rows(),
             whirls=self._whirls.findings(),
             alarms=self._alarms.alarms,
+            runout=self._runout,
         )
 
     def _probe(self, name: str, probe: _Probe) -> ProbeSummary:

@@ -184,7 +184,7 @@ def _synchronous(summary: RunSummary, prediction_map: PredictionMap) -> Synchron
     for row in sorted(summary.rows, key=lambda row: row.speed):
         if not lowest <= row.speed <= highest:
             continue
-        measured, predicted = row.vectors[0], prediction_map.at(row.speed).vectors[0]
+        measured, predicted = row.motion[0], prediction_map.at(row.speed).vectors[0]
         if min(np.abs(measured).min(), np.abs(predicted).min()) >= SMALLEST:
             speeds.append(row.speed)
             ratios.append(measured / predicted)

@@ -5,7 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from analysis.findings import MOST_FINDINGS, WhirlFinding, WhirlTracker
+from analysis.direction import Direction
+from analysis.findings import MOST_FINDINGS, WhirlFinding, WhirlTracker, whirl_hysteresis
 from analysis.snapshot import OrderFrame, Whirl
 
 HOP = 0.1
@@ -89,3 +90,29 @@ def test_the_number_of_findings_is_bounded() -> None:
     findings = tracker.findings()
     assert len(findings) == MOST_FINDINGS
     assert findings[0].begin.segment == 20
+
+
+def test_components_that_are_there_together_are_followed_side_by_side() -> None:
+    tracker = WhirlTracker()
+    for number in range(30):
+        orders = (0.17, 0.49) if number % 2 else (0.49 + 0.001 * number, 0.17)
+        tracker.frame(0, HOP * (number + 1), frame(1000.0 + number, *orders))
+    assert sorted(finding.order for finding in tracker.findings()) == pytest.approx([0.17, 0.497], abs=0.01)
+    assert [finding.frames for finding in tracker.findings()] == [30, 30]
+
+
+def test_onset_on_the_run_up_and_end_on_the_run_down_are_told_together() -> None:
+    tracker = WhirlTracker()
+    up, down = np.arange(900.0, 1500.0, 10.0), np.arange(1500.0, 800.0, -10.0)
+    course = [(speed, Direction.UP, 1100.0 <= speed < 1400.0) for speed in up.tolist()]
+    course += [(speed, Direction.DOWN, 1000.0 < speed <= 1390.0) for speed in down.tolist()]
+    for number, (speed, direction, there) in enumerate(course):
+        tracker.frame(0, HOP * (number + 1), frame(speed, 0.48 if there else None), direction)
+    first, second = tracker.findings()
+    assert (first.begin_direction, first.end_direction) == (Direction.UP, Direction.UP)
+    assert (second.begin_direction, second.end_direction) == (Direction.DOWN, Direction.DOWN)
+    (told,) = whirl_hysteresis(tracker.findings())
+    assert told.order == pytest.approx(0.48)
+    assert (told.onset, told.end) == (1100.0, 1010.0)
+    assert told.width == pytest.approx(90.0)
+    assert whirl_hysteresis((first,)) == ()

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from analysis.direction import Direction
 from analysis.order_track import OrderTrack
-from analysis.speed_curve import Direction, speed_curves
+from analysis.speed_curve import speed_curves
 
 FloatArray = NDArray[np.float64]
 MICRO = 1e-6

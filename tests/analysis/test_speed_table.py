@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
+from analysis.direction import Direction
+from analysis.run import RunOutSettings
 from analysis.speed_table import BIN_WIDTH, SpeedTable
 
 if TYPE_CHECKING:
@@ -60,3 +62,49 @@ def test_snapshots_without_speed_or_frame_make_no_row(make_bench: Callable[..., 
     assert table.rows() == ()
     with pytest.raises(ValueError, match="width"):
         SpeedTable(0.0)
+
+
+def test_run_up_and_run_down_are_apart_to_the_frame(make_bench: Callable[..., "Bench"]) -> None:
+    bench = make_bench(rate=20_000.0)
+    motion = bench.circles((20 * MICRO, 1.0, 0.4))
+    course = [*bench.snapshots(bench.codes(bench.ramp(60.0, 120.0, 3.0), motion, 3.0))]
+    course += bench.snapshots(bench.codes(bench.ramp(120.0, 60.0, 3.0), motion, 3.0))
+    frames = [snapshot.frame for snapshot in course if snapshot.frame is not None]
+    turn = max(range(len(frames)), key=lambda k: frames[k].speed)
+    table = SpeedTable()
+    for snapshot in course:
+        table.snapshot(snapshot)
+    rows = {direction: [row for row in table.rows() if row.direction is direction] for direction in Direction}
+    assert all(len(of_direction) > 12 for of_direction in rows.values())
+    assert sum(row.frames for row in rows[Direction.UP]) == pytest.approx(turn + 1, abs=2)
+    assert sum(row.frames for row in table.rows()) == len(frames)
+    speeds = [(round(row.speed / BIN_WIDTH), row.direction is Direction.DOWN) for row in table.rows()]
+    assert speeds == sorted(speeds)
+
+
+def test_asking_for_rows_in_between_changes_nothing(make_bench: Callable[..., "Bench"]) -> None:
+    bench = make_bench(rate=20_000.0)
+    motion = bench.circles((20 * MICRO, 1.0, 0.4))
+    course = bench.snapshots(bench.codes(bench.ramp(120.0, 60.0, 3.0), motion, 3.0))
+    asked, left = SpeedTable(), SpeedTable()
+    for snapshot in course:
+        asked.snapshot(snapshot)
+        left.snapshot(snapshot)
+        asked.rows()
+    assert {row.direction for row in left.rows()} == {Direction.DOWN}
+    for one, other in zip(asked.rows(), left.rows(), strict=True):
+        assert one.vectors.tobytes() == other.vectors.tobytes()
+        assert (one.direction, one.frames) == (other.direction, other.frames)
+
+
+def test_rows_hold_the_mean_of_what_run_out_left(make_bench: Callable[..., "Bench"]) -> None:
+    runout = RunOutSettings(vectors=((1, 2 * MICRO + 0j, 1j * MICRO),))
+    bench = make_bench(rate=20_000.0, runout=runout)
+    table = SpeedTable()
+    for snapshot in bench.snapshots(bench.codes(bench.steady(100.0), bench.circles((20 * MICRO, 1.0, 0.0)), 1.0)):
+        table.snapshot(snapshot)
+    (row,) = table.rows()
+    np.testing.assert_allclose(row.vectors[0] - row.compensated[0], [2 * MICRO, 1j * MICRO], rtol=1e-9)
+    assert np.isnan(row.compensated[1]).all()
+    np.testing.assert_array_equal(row.motion[0], row.compensated[0])
+    np.testing.assert_array_equal(row.motion[1], row.vectors[1])

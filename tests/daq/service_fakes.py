@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from analysis.direction import Direction
 from analysis.findings import Moment, WhirlFinding
 from analysis.run import Severity
 from analysis.samples import EndReason, SegmentEnd
@@ -75,7 +76,9 @@ def make_summary() -> RunSummary:
     def row(speed_rpm: float, order: float, amplitude: float) -> SpeedRow:
         vectors = np.array([[10e-6 * np.exp(-0.5j), 11e-6 * np.exp(1j)], [1e-6, complex(math.nan, 0.0)]])
         two = np.array([30e-6, 31e-6])
-        return SpeedRow(speed_rpm * RPM, 24, vectors, np.full((2, 2), 4e-7), two, 1.1 * two, 5e-8, amplitude, order)
+        scatter, compensated = np.full((2, 2), 4e-7), np.full((2, 2), complex(math.nan))
+        sizes = (two, 1.1 * two, 5e-8, amplitude, order)
+        return SpeedRow(Direction.UP, speed_rpm * RPM, 24, vectors, scatter, *sizes, compensated)
 
     return RunSummary(
         run=NEWEST,

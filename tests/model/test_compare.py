@@ -4,6 +4,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from analysis.direction import Direction
 from analysis.findings import Moment, WhirlFinding
 from analysis.speed_table import SpeedRow
 from analysis.summary import RunSummary
@@ -41,6 +42,7 @@ def row(model: PredictionMap, speed: float, factor: complex = 1.0) -> SpeedRow:
     """What a run shows whose 1X is ``factor`` times the predicted."""
     predicted = model.at(speed).vectors if 200 <= speed <= 2000 else np.full((2, 2), 1e-6 + 0j)
     return SpeedRow(
+        direction=Direction.UP,
         speed=speed,
         frames=3,
         vectors=predicted * factor,
@@ -50,6 +52,7 @@ def row(model: PredictionMap, speed: float, factor: complex = 1.0) -> SpeedRow:
         noise=1e-8,
         whirl_amplitude=0.0,
         whirl_order=math.nan,
+        compensated=np.full((2, 2), complex(math.nan)),
     )
 
 
