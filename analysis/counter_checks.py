@@ -52,24 +52,25 @@ def _compared(counter: TachoCounter, report: CounterReport, period: float) -> Ch
     if report.state is CounterState.AGREES:
         value = f"{report.compared:,} edges, {report.largest * 1e6:.2f} µs at most"
         return Check.passed("tacho counter", value, _limit(counter))
+    value = f"{report.compared:,} alike, {report.missing:,} not stamped, {report.extra:,} too many"
     if report.compared == 0 and not report.extra:
         advice = (
             f"the tacho's channel sees edges and {counter.terminal} none: not wired to it, or its levels do not pass "
             "0.8 and 2.2 V there"
         )
-        return _bad(counter, Finding.SILENT, report.told, advice)
+        return _bad(counter, Finding.SILENT, value, advice)
     most_are_apart = 2 * report.apart > report.compared and report.largest > OTHER_EDGE * period
     if report.compared == 0 or most_are_apart:
         advice = (
             f"the counter stamps other edges than the samples show: look at tacho.counter.edge and {counter.terminal}"
         )
-        return _bad(counter, Finding.REVERSED, report.told, advice)
+        return _bad(counter, Finding.REVERSED, value, advice)
     if report.state is CounterState.COUNT_DIFFERS:
         advice = (
             f"edges are missed or doubled at {counter.terminal}: its line has no hysteresis to choose; look at the "
             "divider and the shield"
         )
-        return _bad(counter, Finding.COUNT, report.told, advice)
+        return _bad(counter, Finding.COUNT, value, advice)
     advice = "slow edges pass the line's levels at another time than threshold_v: raise agreement_us, or mend the edges"
     return Check.warned("tacho counter", Finding.SCATTER, report.told, _limit(counter), advice)
 
