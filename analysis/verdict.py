@@ -34,6 +34,8 @@ class Finding(StrEnum):
     SCATTER = "scatter"
     SPEED = "speed limit"
     MISSING = "device missing"
+    DRIVER = "driver missing or too old"
+    REFUSED = "settings refused"
     BUSY = "device busy"
     SELF_TEST = "self-test"
     SIMULATED = "simulated"

@@ -34,6 +34,8 @@ def run(chosen: argparse.Namespace) -> int:
         print_json(preflight_document(rig.config.rig, found))
     else:
         print("\n".join(table(found)))
+    if found.trouble is not None:
+        return found.trouble.exit_code
     return NOT_READY if found.verdict is Verdict.FAIL else 0
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.counter_checks import counter_check
 from analysis.run import Acquisition
 from analysis.samples import SampleBlock, SegmentEnd
 from analysis.tacho_checks import speed_limit_check
@@ -20,7 +21,15 @@ from daq.config.schema import Backend
 from daq.drivers.opening import open_source
 from daq.drivers.source import Source
 from daq.drivers.usb6251 import self_test
-from daq.session.rig_checks import calibration_checks, device_checks, disk_check, planned_speed_check, sample_checks
+from daq.errors import DeviceError
+from daq.session.rig_checks import (
+    calibration_checks,
+    device_checks,
+    disk_check,
+    planned_speed_check,
+    sample_checks,
+    trouble_check,
+)
 
 LOOK = 1.0  # s of samples
 
@@ -52,14 +61,17 @@ class Preflight:
 
     Parameters
     ----------
-    acquisition : Acquisition
-        As the opened device reports it.
+    acquisition : Acquisition or None
+        As the opened device reports it; None where it could not be opened.
     checks : tuple of Check
         In the order in which an operator would look.
+    trouble : DeviceError or None
+        Why there are no samples; what needs none is judged all the same.
     """
 
-    acquisition: Acquisition
+    acquisition: Acquisition | None
     checks: tuple[Check, ...]
+    trouble: DeviceError | None = None
 
     @property
     def verdict(self) -> Verdict:
@@ -89,6 +101,12 @@ class Look:
             return np.empty((0, 0), dtype=np.int16)
         return np.concatenate([block.codes for block in self.blocks], axis=1)
 
+    @property
+    def ticks(self) -> NDArray[np.int64] | None:
+        """What a counter stamped of the tacho's edges; None where none did throughout."""
+        stamped = [block.ticks for block in self.blocks if block.ticks is not None]
+        return np.concatenate(stamped) if stamped and len(stamped) == len(self.blocks) else None
+
 
 def look(source: Source, samples: int) -> Look:
     """Take at least so many samples per channel from a source, and stop it; it is left to be closed."""
@@ -105,6 +123,8 @@ def look(source: Source, samples: int) -> Look:
 def preflight(rig: Rig, plan: Plan, today: dt.date, told: Progress) -> Preflight:
     """Open the rig's device, look at a second of samples, and judge.
 
+    A device that is missing, busy or fails its own test is a check like any other, and what needs no samples is judged.
+
     Parameters
     ----------
     rig : Rig
@@ -115,31 +135,41 @@ def preflight(rig: Rig, plan: Plan, today: dt.date, told: Progress) -> Preflight
         Against which calibrations age.
     told : callable
         Told what is being done.
-
-    Raises
-    ------
-    DeviceError
-        The device is missing, busy, or fails its own test.
     """
+    acquisition, trouble = None, None
     checks: list[Check] = []
-    if rig.config.device.backend is Backend.NIDAQMX:
-        told("the card tests itself")
-        self_test(rig.config.device)  # before the acquisition: a card at work cannot
-        checks.append(Check.passed("self-test", "passed", "the card's own test"))
-    told("opening the device")
-    with closing(open_source(rig)) as source:
-        acquisition = source.acquisition
-        told(f"looking at {LOOK:g} s of samples")
-        wanted = round(LOOK * acquisition.rate)
-        seen = look(source, wanted)
-    checks = [*device_checks(rig, acquisition), *checks, *sample_checks(seen.blocks, seen.end, wanted, rig)]
-    if seen.codes.size:
-        checks += wiring_checks(acquisition, seen.codes, rig.wiring_limits)
+    in_self_test = rig.config.device.backend is Backend.NIDAQMX
+    try:
+        if in_self_test:
+            told("the card tests itself")
+            self_test(rig.config.device)  # before the acquisition: a card at work cannot
+            checks.append(Check.passed("self-test", "passed", "the card's own test"))
+            in_self_test = False
+        acquisition, seen = _look_at(rig, told)
+    except DeviceError as error:
+        trouble = error
+        checks.append(trouble_check(rig, error, in_self_test=in_self_test))
+    else:
+        checks = [*device_checks(rig, acquisition), *checks]
+        checks += sample_checks(seen.blocks, seen.end, round(LOOK * acquisition.rate), rig)
+        if seen.codes.size:
+            checks += wiring_checks(acquisition, seen.codes, rig.wiring_limits)
+            if rig.tacho.counter is not None:
+                checks.append(counter_check(acquisition, seen.codes, seen.ticks))
     speed = rig.limits.speed if plan.speed is None else plan.speed
     checks += [planned_speed_check(rig, speed), speed_limit_check(rig.tacho, speed)]
     checks += calibration_checks(rig, today)
-    checks.append(disk_check(_free(plan.folder), rig, acquisition.rate, plan.duration))
-    return Preflight(acquisition, tuple(checks))
+    rate = rig.config.timing.rate_hz if acquisition is None else acquisition.rate
+    checks.append(disk_check(_free(plan.folder), rig, rate, plan.duration))
+    return Preflight(acquisition, tuple(checks), trouble)
+
+
+def _look_at(rig: Rig, told: Progress) -> tuple[Acquisition, Look]:
+    """Return a second of the rig's samples; DeviceError where there is no device to give them."""
+    told("opening the device")
+    with closing(open_source(rig)) as source:
+        told(f"looking at {LOOK:g} s of samples")
+        return source.acquisition, look(source, round(LOOK * source.acquisition.rate))
 
 
 def _free(folder: Path) -> int:

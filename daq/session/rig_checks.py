@@ -10,9 +10,16 @@ from analysis.samples import SampleBlock, SegmentEnd
 from analysis.verdict import Check, Finding
 from daq.config.rig import MICRO, RPM, Rig
 from daq.config.schema import Backend
+from daq.errors import DeviceError, DeviceFault
 
 RATE_TOLERANCE = 1e-3  # relative, between the rate that was asked for and the card's: more is a wrong frequency axis
 BYTES = 2  # of a sample
+_FINDINGS = {
+    DeviceFault.MISSING: Finding.MISSING,
+    DeviceFault.TIMEOUT: Finding.MISSING,
+    DeviceFault.BUSY: Finding.BUSY,
+    DeviceFault.DRIVER: Finding.DRIVER,
+}
 
 
 def device_checks(rig: Rig, acquisition: Acquisition) -> Iterator[Check]:
@@ -41,6 +48,17 @@ def device_checks(rig: Rig, acquisition: Acquisition) -> Iterator[Check]:
     else:
         advice = f"the card's clock divides by whole numbers only: rate_hz = {got:.6g} says what it does"
         yield Check.warned("sample rate", Finding.RATE, value, limit, advice)
+
+
+def trouble_check(rig: Rig, error: DeviceError, *, in_self_test: bool) -> Check:
+    """Return what is to be said of a card that gives no samples, or fails its own test."""
+    section = rig.config.device
+    finding = _FINDINGS.get(error.fault)
+    if finding is None and in_self_test:
+        return Check.failed("self-test", Finding.SELF_TEST, "failed", "the card's own test", str(error))
+    finding = finding or Finding.REFUSED
+    which = f"serial number {section.serial}" if section.serial else section.name
+    return Check.failed("device", finding, finding.value, f"{section.product}, {which}", str(error))
 
 
 def sample_checks(blocks: Sequence[SampleBlock], end: SegmentEnd | None, wanted: int, rig: Rig) -> Iterator[Check]:

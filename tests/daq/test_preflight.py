@@ -242,6 +242,7 @@ def test_command_gives_programs_the_same(rig_file: RigFiles, capsys: pytest.Capt
     assert main(["preflight", str(path), "--for", "1min", "--speed", "12000", "--json"]) == 4
     document = PreflightDocument.model_validate_json(capsys.readouterr().out)
     assert document.verdict is Verdict.FAIL
+    assert document.device is not None
     assert document.device.simulated
     assert {check.finding for check in document.checks if check.verdict is Verdict.FAIL} == {Finding.HUM}
 

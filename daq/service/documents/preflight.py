@@ -24,20 +24,21 @@ class PreflightDocument(Document):
 
     rig: str = Field(description="Name of the rig", examples=["gj90c"])
     verdict: Verdict = Field(description="The worst of all checks; FAIL stands against a run")
-    device: DeviceDocument = Field(description="What delivered the samples")
-    sample_rate_hz: float = Field(description="Samples per channel and second as the card does it, Hz")
-    convert_rate_hz: float = Field(description="Clock of the multiplexer between channels, Hz")
+    device: DeviceDocument | None = Field(description="What delivered the samples; null where nothing did")
+    sample_rate_hz: float | None = Field(description="Samples per channel and second as the card does it, Hz")
+    convert_rate_hz: float | None = Field(description="Clock of the multiplexer between channels, Hz")
     checks: tuple[CheckDocument, ...] = Field(description="In the order in which an operator would look")
 
 
 def preflight_document(rig: str, found: Preflight) -> PreflightDocument:
     """Return what was found as a document."""
+    acquisition = found.acquisition
     return PreflightDocument(
         rig=rig,
         verdict=found.verdict,
-        device=device_document(found.acquisition.device),
-        sample_rate_hz=found.acquisition.rate,
-        convert_rate_hz=found.acquisition.convert_rate,
+        device=None if acquisition is None else device_document(acquisition.device),
+        sample_rate_hz=None if acquisition is None else acquisition.rate,
+        convert_rate_hz=None if acquisition is None else acquisition.convert_rate,
         checks=tuple(_check_document(check) for check in found.checks),
     )
 

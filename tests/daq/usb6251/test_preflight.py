@@ -12,7 +12,7 @@ from analysis.run import Calibration
 from analysis.verdict import Finding, Verdict
 from daq.cli.main import main
 from daq.config.rig import Rig
-from daq.errors import DeviceError, DeviceFault
+from daq.service.documents.preflight import preflight_document
 from daq.session.preflight import Plan, Preflight, preflight
 from tests.daq.device_server import DeviceServer
 from tests.daq.usb6251.bench import bench
@@ -57,19 +57,36 @@ def test_samples_lost_in_the_look_fail(server: DeviceServer, tmp_path: Path) -> 
     assert server.tasks == []
 
 
-@pytest.mark.parametrize("held", [False, True])
-def test_card_that_fails_its_test_or_is_busy_ends_the_preflight(
-    server: DeviceServer,
-    tmp_path: Path,
-    held: bool,  # noqa: FBT001 - a test's parameter
+@pytest.mark.parametrize(
+    ("harm", "finding", "advice"),
+    [
+        ({"answers_tests": False}, Finding.MISSING, "check its supply and its USB cable"),
+        ({"held_elsewhere": True}, Finding.BUSY, "another program holds the card"),
+        ({"devices": {}}, Finding.MISSING, "no USB-6251 of name Dev1 is connected"),
+    ],
+)
+def test_card_that_gives_no_samples_is_a_failed_check_and_the_rest_is_judged(
+    server: DeviceServer, tmp_path: Path, harm: dict[str, object], finding: Finding, advice: str
 ) -> None:
-    server.driver.answers_tests = held
-    server.driver.held_elsewhere = held
-    with pytest.raises(DeviceError) as caught:
-        looked_at(ready(server), tmp_path)
-    assert caught.value.fault is (DeviceFault.BUSY if held else DeviceFault.MISSING)
-    assert caught.value.exit_code == 3
+    for name, value in harm.items():
+        setattr(server.driver, name, value)
+    found = looked_at(ready(server), tmp_path)
+    (check,) = (check for check in found.checks if check.verdict is Verdict.FAIL)
+    assert (check.name, check.finding) == ("device", finding)
+    assert advice in check.advice
+    assert found.trouble is not None
+    assert found.trouble.exit_code == 3
+    assert {"planned speed", "probe x calibration", "disk"} <= {check.name for check in found.checks}
+    assert preflight_document("gj90c", found).device is None
     assert server.tasks == []
+
+
+def test_self_test_that_fails_is_named_as_one(server: DeviceServer, tmp_path: Path) -> None:
+    server.faults["SelfTestDevice"].append(-200545)
+    found = looked_at(ready(server), tmp_path)
+    (check,) = (check for check in found.checks if check.verdict is Verdict.FAIL)
+    assert (check.name, check.value) == ("self-test", "failed")
+    assert "-200545" in check.advice
 
 
 def test_devices_are_listed_at_the_command_line(server: DeviceServer, capsys: pytest.CaptureFixture[str]) -> None:
