@@ -118,7 +118,7 @@ def _timing(config: RigConfig) -> Iterator[Fault]:
     timing, channels = config.timing, len(config.channel)
     aggregate = AGGREGATE_RATE.get(config.device.product)
     if aggregate is not None and timing.rate_hz * channels > aggregate:
-        expected = f"at most {aggregate / channels:.0f}: the {config.device.product} shares {aggregate:g} Hz among "
+        expected = f"at most {aggregate / channels:.0f}: the {config.device.product} shares {aggregate:,.0f} Hz among "
         yield _fault("timing.rate_hz", timing.rate_hz, f"{expected}{channels} channels", "channel", "device.product")
     needed = 2 * config.analysis.highest_order * config.limits.speed_rpm / 60
     if timing.rate_hz <= needed:

@@ -7,9 +7,10 @@ from daq.errors import DeviceFault
 
 NOT_YET_AVAILABLE = -200284  # a read's time-out; the samples that did come are delivered with it
 
+_SLOW = "close other programs, lower timing.rate_hz or raise timing.buffer_s"
 OVERRUN_CODES = {
-    -200279: "the samples were not fetched fast enough and the buffer was overwritten",
-    -200222: "the samples were not fetched fast enough and the buffer is full",
+    -200279: f"the samples were not fetched fast enough and the buffer was overwritten: {_SLOW}",
+    -200222: f"the samples were not fetched fast enough and the buffer is full: {_SLOW}",
     -200361: "the card's own memory overflowed: USB is too slow, give the card a port of its own without a hub",
     -200010: "the card's own memory overflowed: USB is too slow, give the card a port of its own without a hub",
     -200019: "the converter was asked for the next sample before it was done: lower the rate",
@@ -26,9 +27,9 @@ BUSY_CODES = {
     -89137: "another program holds a line of the card: close it there (NI MAX, LabVIEW, a second recording)",
 }
 OTHER_CODES = {
-    NOT_YET_AVAILABLE: "no samples arrived in time",
-    -88710: "the acquisition was broken off",
-    -88709: "the acquisition was broken off",
+    NOT_YET_AVAILABLE: "no samples arrived in time: look at the card's supply and its USB cable, or plug it in anew",
+    -88710: "the acquisition was broken off, by another program or a reset of the card",
+    -88709: "the acquisition was broken off, by another program or a reset of the card",
 }
 SETTINGS_CODES = range(-209_999, -199_999)  # where NI-DAQmx numbers its complaints about a task's settings
 

@@ -16,6 +16,8 @@ from daq.errors import DeviceError
 if TYPE_CHECKING:
     from daq.drivers.usb6251.driver import NiCard
 
+COMPARED_EVERY = 1.0  # s of samples, after which our count is compared with the driver's
+
 
 def open_usb6251(rig: Rig, restarts: Restarts | None = None) -> "Usb6251":
     """Open the card that a rig names, reserve it and read back what it was really set to.
@@ -123,7 +125,7 @@ class Usb6251:
         self._card.start()
 
     def _segment(self, segment: int) -> Generator[SourceItem, None, SegmentEnd]:
-        count = 0
+        count = compared = 0
         while not self._stopping:
             try:
                 codes = self._card.read()
@@ -138,6 +140,14 @@ class Usb6251:
             yield SampleBlock(codes, segment, first, host_time_ns, backlog, ticks)
             if fault is not None:
                 return self._fault(segment, count, fault)
+            if count - compared >= COMPARED_EVERY * self.acquisition.rate:
+                compared = count
+                try:
+                    end = self._miscounted(segment, count)
+                except DeviceError as error:
+                    return self._fault(segment, count, error)
+                if end is not None:
+                    return end
         return self._stopped(segment, count)
 
     def _backlog(self) -> tuple[int, DeviceError | None]:
@@ -149,13 +159,16 @@ class Usb6251:
     def _stopped(self, segment: int, count: int) -> SegmentEnd:
         """End what was stopped, if the driver counted as many samples as we did."""
         try:
-            position = self._card.position()
+            return self._miscounted(segment, count) or SegmentEnd(segment, count, EndReason.STOPPED)
         except DeviceError as error:
-            return SegmentEnd(
-                segment, count, EndReason.STOPPED, detail=f"the driver's own count could not be asked: {error}"
-            )
+            detail = f"the driver's own count could not be asked: {error}"
+            return SegmentEnd(segment, count, EndReason.STOPPED, detail=detail)
+
+    def _miscounted(self, segment: int, count: int) -> SegmentEnd | None:
+        """Return the end of a segment of which the driver has counted other than we have; None where it agrees."""
+        position = self._card.position()
         if position == count:
-            return SegmentEnd(segment, count, EndReason.STOPPED)
+            return None
         detail = f"the driver counts {position} samples delivered, {count} were taken"
         if position > count:
             return SegmentEnd(segment, count, EndReason.OVERRUN, lost=position - count, detail=detail)

@@ -192,6 +192,24 @@ def test_count_that_differs_from_the_drivers_is_never_passed_over(card: Usb6251,
     assert "the driver counts 3015 samples delivered, 2998 were taken" in end.detail
 
 
+def test_counts_are_compared_every_second_and_a_difference_ends_the_segment(
+    card: Usb6251, server: DeviceServer
+) -> None:
+    items: list[SourceItem] = []
+    for item in card.blocks():
+        items.append(item)
+        if len(items) == 25:  # of 0.05 s: the first comparison has been
+            server.driver.miscount = 17
+        if isinstance(item, SegmentEnd):
+            server.driver.miscount = 0
+        if len(items) == 60:
+            card.stop()
+    lost, stopped = ends_of(items)
+    assert (lost.reason, lost.samples, lost.lost) == (EndReason.OVERRUN, 42 * 1499, 17)
+    assert "the driver counts" in lost.detail
+    assert (stopped.segment, stopped.reason, stopped.samples) == (1, EndReason.STOPPED, 17 * 1499)
+
+
 def test_count_below_ours_is_an_error_of_the_device(card: Usb6251, server: DeviceServer) -> None:
     server.driver.miscount = -17
     (end,) = ends_of(take(card, 2))
