@@ -234,6 +234,14 @@ class OrderFrame:
         return self.sigma if self.runout is None else np.hypot(self.sigma, self.runout.sigma)
 
     @property
+    def compensated_phase_sigma(self) -> FloatArray:
+        """Standard deviation of the phases of ``compensated``, shape (2, 2), rad: the angle's error turns all of it."""
+        rest = self.vectors if self.compensated is None else self.compensated
+        turned = self.angle_sigma * np.array([[1.0], [2.0]]) * np.abs(self.vectors)
+        spread = np.hypot(self.compensated_sigma[:, None], turned)
+        return phase_sigma(np.abs(rest), spread, np.zeros(()), 1.0)
+
+    @property
     def motion(self) -> ComplexArray:
         """The vectors of the motion as well as they are known: compensated where the run-out is known."""
         compensated = self.compensated

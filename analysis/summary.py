@@ -1,14 +1,14 @@
 """What a run was: the answer to the operator's last question, built from snapshots as they come."""
 
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from analysis.alarm import Alarm, AlarmWatch
 from analysis.findings import Moment, WhirlFinding, WhirlTracker
-from analysis.run import Role, RunHeader, Severity
+from analysis.run import Role, RunHeader, RunOutSettings, Severity
 from analysis.samples import SegmentEnd
 from analysis.snapshot import CounterReport, RunOut, Snapshot, TachoReport
 from analysis.speed_table import SpeedRow, SpeedTable
@@ -89,6 +89,8 @@ class RunSummary:
         Limits that were passed for long enough, in the order in which their alarms came.
     runout : RunOut or None
         What was taken off as run-out; None where it was not asked for or never known.
+    runout_settings : RunOutSettings
+        What was asked to be taken off.
     tacho_reference : str
         What speed and phase were taken from: "samples" or "counter".
     counter : CounterReport or None
@@ -116,6 +118,7 @@ class RunSummary:
     whirls: tuple[WhirlFinding, ...]
     alarms: tuple[Alarm, ...] = ()
     runout: RunOut | None = None
+    runout_settings: RunOutSettings = field(default_factory=RunOutSettings)
     tacho_reference: str = "samples"
     counter: CounterReport | None = None
 
@@ -214,6 +217,11 @@ class SummaryBuilder:
         """The alarms so far."""
         return self._alarms.alarms
 
+    @property
+    def runout(self) -> RunOut | None:
+        """What is known of the run-out so far."""
+        return self._runout
+
     def segment_end(self, end: SegmentEnd) -> None:
         """Take the end of a segment."""
         self._ends.append(end)
@@ -249,6 +257,7 @@ class SummaryBuilder:
             whirls=self._whirls.findings(),
             alarms=self._alarms.alarms,
             runout=self._runout,
+            runout_settings=header.settings.runout,
         )
 
     def _probe(self, name: str, probe: _Probe) -> ProbeSummary:

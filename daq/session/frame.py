@@ -6,7 +6,7 @@ from typing import Protocol
 
 from analysis.alarm import Alarm
 from analysis.run import RunHeader, Severity
-from analysis.snapshot import Snapshot
+from analysis.snapshot import RunOut, Snapshot
 from model.prediction import Prediction
 from recordings.marks import Mark
 
@@ -80,6 +80,8 @@ class Status:
         The last moments that were marked, in their order.
     model : str
         "ready", "computing 34 %", or why there is no prediction.
+    last_loss : str
+        What became of the last segment with which something went wrong; empty where there was none.
     detail : str
         What went wrong, for the operator; empty where all is well.
     alarms : tuple of Alarm
@@ -100,6 +102,7 @@ class Status:
     severity: Severity = Severity.NORMAL
     latched: Severity = Severity.NORMAL
     model: str = "off"
+    last_loss: str = ""
     detail: str = ""
     alarms: tuple[Alarm, ...] = ()
     acknowledged: int = 0
@@ -120,12 +123,15 @@ class LiveFrame:
         The shaft; None before the first.
     prediction : Prediction or None
         The model at the measured speed; None where the speed or the model is not known.
+    runout : RunOut or None
+        What is taken off as run-out; None where it is not asked for or not known yet.
     """
 
     header: RunHeader
     status: Status
     snapshot: Snapshot | None = None
     prediction: Prediction | None = None
+    runout: RunOut | None = None
 
 
 class FrameSink(Protocol):

@@ -9,7 +9,7 @@ from analysis.alarm import Alarm, shown_alarms, worst
 from analysis.analyser import Analyser
 from analysis.run import RunHeader
 from analysis.samples import SegmentEnd, SourceItem
-from analysis.snapshot import Snapshot
+from analysis.snapshot import RunOut, Snapshot
 from analysis.summary import RunSummary, SummaryBuilder
 from daq.session.frame import FrameSink, LiveFrame, PlacedMark, Status
 from model.prediction import Prediction
@@ -54,6 +54,7 @@ class LiveAnalysis:
         self._lock = threading.Lock()
         self._snapshot: Snapshot | None = None
         self._prediction: Prediction | None = None
+        self._runout: RunOut | None = None
         self._alarms: tuple[Alarm, ...] = ()
         self._marks: deque[PlacedMark] = deque(maxlen=MOST_MARKS)
         self._acknowledged = 0  # number of the last alarm that somebody has acknowledged
@@ -78,7 +79,7 @@ class LiveAnalysis:
         prediction = self._predict(snapshot.speed)
         with self._lock:
             self._snapshot, self._prediction = snapshot, prediction
-            self._alarms = self._summary.alarms
+            self._alarms, self._runout = self._summary.alarms, self._summary.runout
 
     def _shown(self) -> tuple[Alarm, ...]:
         return shown_alarms(self._alarms, self._acknowledged, latch=self._header.limits.latch)
@@ -108,7 +109,7 @@ class LiveAnalysis:
                 acknowledged=acknowledged,
                 marks=tuple(self._marks),
             )
-            return LiveFrame(self._header, status, self._snapshot, self._prediction)
+            return LiveFrame(self._header, status, self._snapshot, self._prediction, self._runout)
 
     def offer(self, status: Status) -> None:
         """Offer the latest frame to everybody who shows one."""

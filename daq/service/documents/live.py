@@ -13,8 +13,16 @@ from daq.service.documents.counter import CounterDocument, counter_document
 from daq.service.documents.document import Document
 from daq.service.documents.header import DeviceDocument, LimitsDocument, device_document, limits_document
 from daq.service.documents.mark import LiveMarkDocument, live_mark_document
+from daq.service.documents.runout import RunOutDocument, runout_document
 from daq.service.documents.units import finite, micrometres, moment, rpm
-from daq.service.documents.vibration import Direction, ProbesDocument, direction, probes_document
+from daq.service.documents.vibration import (
+    Direction,
+    MeasuredProbesDocument,
+    ProbesDocument,
+    direction,
+    measured_probes_document,
+    probes_document,
+)
 from daq.session.frame import LiveFrame, RunState, Status
 from model.prediction import Prediction
 
@@ -71,12 +79,16 @@ class TachoDocument(Document):
 
 
 class WhirlDocument(Document):
-    """The strongest component below 1X."""
+    """A component below 1X."""
 
     order: float = Field(description="Its frequency over the shaft's", examples=[0.49])
+    order_sigma: float | None = Field(description="Standard deviation of the order", examples=[0.0004])
     frequency_hz: float | None = Field(description="Its frequency, Hz", examples=[90.2])
     amplitude_peak_um: float | None = Field(
         description="Half the major axis of its ellipse, µm zero-to-peak", examples=[12.1]
+    )
+    amplitude_sigma_um: float | None = Field(
+        description="Standard deviation of that, from the noise between the lines, µm", examples=[0.05]
     )
     direction: Direction = Field(description="Whether it goes round with the shaft", examples=["forward"])
 
@@ -115,12 +127,23 @@ class MeasuredDocument(Document):
     probe_y: ProbeDocument
     peak_to_peak_x_um: float | None = Field(description="Overall at probe x, µm peak-to-peak", examples=[38.4])
     peak_to_peak_y_um: float | None = Field(description="Overall at probe y, µm peak-to-peak", examples=[41.0])
-    order_1x: ProbesDocument | None = Field(description="At running speed; null until there are enough revolutions")
-    order_2x: ProbesDocument | None = Field(description="At twice running speed; null likewise")
+    order_1x: MeasuredProbesDocument | None = Field(
+        description="At running speed, as measured; null until there are enough revolutions"
+    )
+    order_2x: MeasuredProbesDocument | None = Field(description="At twice running speed, as measured; null likewise")
+    order_1x_compensated: MeasuredProbesDocument | None = Field(
+        description="At running speed less run-out; null where no run-out is known"
+    )
+    order_2x_compensated: MeasuredProbesDocument | None = Field(
+        description="At twice running speed less run-out; null where no run-out is known"
+    )
     noise_peak_um: float | None = Field(
         description="Floor of the order spectrum between its lines, µm zero-to-peak", examples=[0.05]
     )
     whirl: WhirlDocument | None = Field(description="Strongest component below 1X; null where none stands out")
+    whirls: tuple[WhirlDocument, ...] = Field(
+        description="All components below 1X that stand out, at most four, the strongest first"
+    )
 
 
 class PredictedDocument(Document):
@@ -152,6 +175,7 @@ class LiveDocument(Document):
     started_at: datetime = Field(description="Wall clock at the start, UTC", examples=["2026-11-24T09:12:07.250000Z"])
     device: DeviceDocument
     limits: LimitsDocument
+    runout: RunOutDocument | None = Field(description="What is taken off as run-out; null where nothing is to be")
     status: StatusDocument
     measured: MeasuredDocument | None = Field(description="The shaft; null before the first result")
     predicted: PredictedDocument | None = Field(
@@ -168,6 +192,7 @@ def live_document(frame: LiveFrame) -> LiveDocument:
         started_at=moment(header.started_ns),
         device=device_document(header.acquisition.device),
         limits=limits_document(header.limits),
+        runout=runout_document(header.settings.runout, frame.runout),
         status=_status(frame.status),
         measured=None if snapshot is None else _measured(snapshot, header),
         predicted=None if prediction is None else predicted_document(prediction),
@@ -217,11 +242,31 @@ def _measured(snapshot: Snapshot, header: RunHeader) -> MeasuredDocument:
         probe_y=_probe(snapshot, header, 1),
         peak_to_peak_x_um=micrometres(snapshot.peak_to_peak[0]),
         peak_to_peak_y_um=micrometres(snapshot.peak_to_peak[1]),
-        order_1x=None if frame is None else probes_document(frame.vectors[0]),
-        order_2x=None if frame is None else probes_document(frame.vectors[1]),
+        order_1x=None if frame is None else _line(frame, 1),
+        order_2x=None if frame is None else _line(frame, 2),
+        order_1x_compensated=None if frame is None else _compensated_line(frame, 1),
+        order_2x_compensated=None if frame is None else _compensated_line(frame, 2),
         noise_peak_um=None if frame is None else micrometres(frame.noise),
         whirl=None if frame is None or frame.whirl is None else _whirl(frame.whirl, frame),
+        whirls=() if frame is None else _whirls(frame),
     )
+
+
+def _line(frame: OrderFrame, order: int) -> MeasuredProbesDocument:
+    which = order - 1
+    return measured_probes_document(frame.vectors[which], frame.sigma[which], frame.phase_sigma[which])
+
+
+def _compensated_line(frame: OrderFrame, order: int) -> MeasuredProbesDocument | None:
+    which, compensated = order - 1, frame.compensated
+    if compensated is None or np.isnan(compensated[which]).any():
+        return None
+    sigma, phase = frame.compensated_sigma[which], frame.compensated_phase_sigma[which]
+    return measured_probes_document(compensated[which], sigma, phase)
+
+
+def _whirls(frame: OrderFrame) -> tuple[WhirlDocument, ...]:
+    return tuple(told for whirl in frame.whirls if (told := _whirl(whirl, frame)) is not None)
 
 
 def _probe(snapshot: Snapshot, header: RunHeader, probe: int) -> ProbeDocument:
@@ -240,8 +285,10 @@ def _whirl(whirl: Whirl, frame: OrderFrame) -> WhirlDocument | None:
         return None
     return WhirlDocument(
         order=order,
+        order_sigma=finite(whirl.order_sigma),
         frequency_hz=_frequency(whirl.order, frame.speed),
         amplitude_peak_um=micrometres(whirl.amplitude),
+        amplitude_sigma_um=micrometres(whirl.sigma),
         direction=direction(is_forward=whirl.is_forward),
     )
 

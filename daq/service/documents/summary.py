@@ -3,10 +3,12 @@
 from datetime import datetime
 from typing import Annotated
 
+import numpy as np
 from pydantic import Field
 
 from analysis.clock import PPM, ClockError
-from analysis.findings import WhirlFinding
+from analysis.direction import Direction as SpeedDirection
+from analysis.findings import WhirlFinding, WhirlHysteresis, whirl_hysteresis
 from analysis.run import Severity
 from analysis.samples import EndReason, SegmentEnd
 from analysis.snapshot import TachoState
@@ -18,6 +20,7 @@ from daq.service.documents.counter import CounterDocument, counter_document
 from daq.service.documents.document import Document
 from daq.service.documents.mark import MarkDocument
 from daq.service.documents.place import MomentDocument, place_document
+from daq.service.documents.runout import RunOutDocument, runout_document
 from daq.service.documents.units import finite, micrometres, moment, rpm
 from daq.service.documents.vibration import Direction, ProbesDocument, direction, probes_document
 from model.compare import Agreement
@@ -78,12 +81,19 @@ class TachoSummaryDocument(Document):
 
 
 class SpeedRowDocument(Document):
-    """What the results in one bin of speed said."""
+    """What the results in one bin of speed said, of a run-up or of a run-down."""
 
+    course: SpeedDirection = Field(description="Whether the shaft was running up or down", examples=["run-up"])
     speed_rpm: float | None = Field(description="Mean shaft speed, r/min", examples=[11_025.0])
     frames: Count = Field(description="Number of order spectra in the bin", examples=[24])
-    order_1x: ProbesDocument = Field(description="At running speed, mean of the vectors")
-    order_2x: ProbesDocument = Field(description="At twice running speed, mean of the vectors")
+    order_1x: ProbesDocument = Field(description="At running speed, mean of the vectors as measured")
+    order_2x: ProbesDocument = Field(description="At twice running speed, mean of the vectors as measured")
+    order_1x_compensated: ProbesDocument | None = Field(
+        description="The mean of 1X less run-out; null where no run-out was known"
+    )
+    order_2x_compensated: ProbesDocument | None = Field(
+        description="The mean of 2X less run-out; null where no run-out was known"
+    )
     scatter_1x_peak_x_um: float | None = Field(
         description="Standard deviation of the 1X vectors at x about their mean, µm zero-to-peak", examples=[0.4]
     )
@@ -113,13 +123,30 @@ class SubSynchronousDocument(Document):
     )
     order_at_begin: float | None = Field(description="The same over its first results", examples=[0.492])
     begin: MomentDocument = Field(description="The first result that showed it")
+    begin_course: SpeedDirection = Field(
+        description="Whether the shaft was running up or down then", examples=["run-up"]
+    )
     end: MomentDocument = Field(description="The last result that showed it")
+    end_course: SpeedDirection = Field(
+        description="Whether the shaft was running up or down then", examples=["run-down"]
+    )
     largest_peak_um: float | None = Field(
         description="Its largest size, half the major axis of its ellipse, µm zero-to-peak", examples=[14.2]
     )
     largest_at: MomentDocument = Field(description="Where that was")
     direction: Direction = Field(description="Whether it went round with the shaft", examples=["forward"])
     frames: Count = Field(description="Number of order spectra that showed it", examples=[212])
+
+
+class HysteresisDocument(Document):
+    """How much longer a component below 1X stays on the run-down than the run-up took to bring it."""
+
+    order: float | None = Field(description="Its frequency over the shaft's when it came", examples=[0.492])
+    onset_rpm: float | None = Field(description="Lowest speed at which it came on a run-up, r/min", examples=[11020.0])
+    end_rpm: float | None = Field(description="Lowest speed at which it went on a run-down, r/min", examples=[10310.0])
+    width_rpm: float | None = Field(
+        description="By how much lower it went than it came, r/min; negative where it went sooner", examples=[710.0]
+    )
 
 
 class SummaryDocument(Document):
@@ -167,10 +194,14 @@ class SummaryDocument(Document):
     snapshots: Count = Field(description="Number of results", examples=[3000])
     frames: Count = Field(description="Number of results with an order spectrum", examples=[2950])
     by_speed: tuple[SpeedRowDocument, ...] = Field(
-        description="Amplitude, phase and peak-to-peak by speed, in rising order of speed"
+        description="Amplitude, phase and peak-to-peak by speed, run-up and run-down apart, in rising order of speed"
     )
+    runout: RunOutDocument | None = Field(description="What was taken off as run-out; null where nothing was to be")
     sub_synchronous: tuple[SubSynchronousDocument, ...] = Field(
         description="Components below 1X in the order in which they began"
+    )
+    hysteresis: tuple[HysteresisDocument, ...] = Field(
+        description="Of the components that came on a run-up and went on a run-down"
     )
     agreement: AgreementDocument | None = Field(
         description="How far the model agrees; null where it is off or its prediction is still being computed"
@@ -232,7 +263,9 @@ def summary_document(
         snapshots=summary.snapshots,
         frames=summary.frames,
         by_speed=tuple(speed_row_document(row) for row in summary.rows),
+        runout=runout_document(summary.runout_settings, summary.runout),
         sub_synchronous=tuple(sub_synchronous_document(finding) for finding in summary.whirls),
+        hysteresis=tuple(_hysteresis(each) for each in whirl_hysteresis(summary.whirls)),
         agreement=None if agreement is None else agreement_document(agreement),
     )
 
@@ -262,14 +295,31 @@ def _probe(probe: ProbeSummary) -> ProbeSummaryDocument:
     )
 
 
+def _hysteresis(hysteresis: WhirlHysteresis) -> HysteresisDocument:
+    return HysteresisDocument(
+        order=finite(hysteresis.order),
+        onset_rpm=rpm(hysteresis.onset),
+        end_rpm=rpm(hysteresis.end),
+        width_rpm=rpm(hysteresis.width),
+    )
+
+
+def _compensated(row: SpeedRow, order: int) -> ProbesDocument | None:
+    vectors = row.compensated[order - 1]
+    return None if np.isnan(vectors).any() else probes_document(vectors.tolist())
+
+
 def speed_row_document(row: SpeedRow) -> SpeedRowDocument:
     """Return what one bin of speed said as a document."""
     order = finite(row.whirl_order)
     return SpeedRowDocument(
+        course=row.direction,
         speed_rpm=rpm(row.speed),
         frames=row.frames,
         order_1x=probes_document(row.vectors[0]),
         order_2x=probes_document(row.vectors[1]),
+        order_1x_compensated=_compensated(row, 1),
+        order_2x_compensated=_compensated(row, 2),
         scatter_1x_peak_x_um=micrometres(row.scatter[0, 0]),
         scatter_1x_peak_y_um=micrometres(row.scatter[0, 1]),
         mean_peak_to_peak_x_um=micrometres(row.peak_to_peak[0]),
@@ -288,7 +338,9 @@ def sub_synchronous_document(finding: WhirlFinding) -> SubSynchronousDocument:
         order=finite(finding.order),
         order_at_begin=finite(finding.order_at_begin),
         begin=place_document(finding.begin),
+        begin_course=finding.begin_direction,
         end=place_document(finding.end),
+        end_course=finding.end_direction,
         largest_peak_um=micrometres(finding.amplitude),
         largest_at=place_document(finding.largest),
         direction=direction(is_forward=finding.is_forward),

@@ -7,7 +7,7 @@ from enum import StrEnum
 from pydantic import Field
 
 from daq.service.documents.document import Document
-from daq.service.documents.units import lag_degrees, micrometres
+from daq.service.documents.units import degrees, lag_degrees, micrometres
 
 
 class Direction(StrEnum):
@@ -43,4 +43,29 @@ def probes_document(vectors: Sequence[complex]) -> ProbesDocument:
         lag_x_deg=lag_degrees(x),
         amplitude_peak_y_um=micrometres(math.hypot(y.real, y.imag)),
         lag_y_deg=lag_degrees(y),
+    )
+
+
+class MeasuredProbesDocument(ProbesDocument):
+    """One line of the measured order spectrum at the two probes, and how sure it is."""
+
+    amplitude_sigma_um: float | None = Field(
+        description="Standard deviation of either amplitude, from the noise beside the line, µm", examples=[0.05]
+    )
+    lag_sigma_x_deg: float | None = Field(
+        description="Standard deviation of the lag at probe x, from noise and the tacho's jitter, degrees",
+        examples=[0.3],
+    )
+    lag_sigma_y_deg: float | None = Field(description="The same at probe y, degrees", examples=[0.3])
+
+
+def measured_probes_document(
+    vectors: Sequence[complex], sigma: float, phase_sigma: Sequence[float]
+) -> MeasuredProbesDocument:
+    """Return a line with the standard deviations of its amplitudes, m, and of its phases at x and y, rad."""
+    return MeasuredProbesDocument(
+        **probes_document(vectors).model_dump(),
+        amplitude_sigma_um=micrometres(sigma),
+        lag_sigma_x_deg=degrees(phase_sigma[0]),
+        lag_sigma_y_deg=degrees(phase_sigma[1]),
     )
