@@ -17,6 +17,7 @@ DIMENSIONS: Final[dict[str, dict[str, float]]] = {
     "viscosity": {"pa_s": 1.0, "mpa_s": 1e-3, "cp": 1e-3},
     "stiffness": {"n_m": 1.0, "n_mm": 1e3, "n_um": 1e6},
     "damping": {"n_s_m": 1.0, "n_s_mm": 1e3},
+    "contact damping": {"s_m": 1.0},
     "imbalance": {"kg_m": 1.0, "g_mm": 1e-6},
     "angle": {"deg": math.pi / 180, "rad": 1.0},
     "force": {"n": 1.0, "kn": 1e3},
@@ -27,7 +28,7 @@ SHOWN: Final[dict[str, str]] = {
     "um": "µm", "kg_m2": "kg m²", "kg_mm2": "kg mm²", "g_mm2": "g mm²", "gpa": "GPa", "mpa": "MPa", "pa": "Pa",
     "kg_m3": "kg/m³", "g_cm3": "g/cm³", "pa_s": "Pa s", "mpa_s": "mPa s", "cp": "cP", "n_m": "N/m", "n_mm": "N/mm",
     "n_um": "N/µm", "n_s_m": "N s/m", "n_s_mm": "N s/mm", "kg_m": "kg m", "g_mm": "g mm", "deg": "°", "n": "N",
-    "kn": "kN", "m_s2": "m/s²",
+    "kn": "kN", "m_s2": "m/s²", "s_m": "s/m",
 }  # fmt: skip
 Limit = str  # "positive", "not negative" or "any"
 

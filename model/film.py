@@ -4,7 +4,7 @@ import cmath
 import math
 from dataclasses import dataclass
 
-from model.kernel import WALL, capone_force
+from model.forces import WALL, capone_force
 from model.parameters import FloatingRing
 from model.rotor import require_positive
 from model.short_film import Capone, capone

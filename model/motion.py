@@ -1,7 +1,7 @@
-"""Motion of the shaft in time: modes, gyroscopic moments, oil films, imbalance and weight, integrated implicitly.
+"""Motion of the shaft in time: modes, gyroscopic moments, films, supports, walls, imbalance and weight.
 
 Newmark's method (beta = 1/4, gamma = 1/2: second order, no numerical damping) in complex modal coordinates; each step
-is condensed to the two journals and the two rings, where Newton's method finds the films' forces.
+is condensed to where films, supports and walls act on shaft and rings, and Newton's method finds their forces.
 """
 
 import math
@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from model.errors import WallContactError
 from model.kernel import LARGEST_TURN, NO_FAILURE, march
 from model.parameters import ModelParameters
-from model.system import NO_LEVEL, ModalSystem, stand
+from model.state import NO_LEVEL
+from model.system import ModalSystem
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -71,20 +72,24 @@ class ShaftMotion:
     @property
     def displacement(self) -> FloatArray:
         """Displacement at the probes' station now, (2,), in X and Y, m."""
-        now = complex(self._system.shaft.probe @ self._state.modal[0])
+        now = complex(self._system.shaft.probe @ self._modal)
         return np.array([now.real, now.imag])
 
     @property
     def state(self) -> ComplexArray:
-        """Where the motion is: (3, n_modes + 2) displacements, velocities, accelerations of modes and rings."""
-        return np.concatenate((self._state.modal, self._state.rings), axis=1)
+        """Where the motion is: (3, n_modes + n_rings) displacements, velocities, accelerations of modes and rings."""
+        return self._state.motion.copy()
+
+    @property
+    def _modal(self) -> ComplexArray:
+        """Displacements of the modes now."""
+        return self._state.motion[0, : self._system.shaft.squares.size]
 
     def resume(self, state: ComplexArray, speed: float) -> None:
         """Go on at the present angle and speed from a `state` that the same rotor had at another speed, rad/s."""
-        modes = self._state.modal.shape[1]
-        if state.shape != (3, modes + 2):
-            raise ValueError(f"state: shape {state.shape}, expected {(3, modes + 2)}")
-        self._state.modal[:], self._state.rings[:] = state[:, :modes], state[:, modes:]
+        if state.shape != self._state.motion.shape:
+            raise ValueError(f"state: shape {state.shape}, expected {self._state.motion.shape}")
+        self._state.motion[:] = state
         self._state.level[0] = NO_LEVEL
         present, self._state.speed[0] = self.speed, speed
         self.change_speed(present)
@@ -93,14 +98,17 @@ class ShaftMotion:
         """Go on at another speed, rad/s, above 0, at once: velocities grow with the speed, places stay."""
         _require_speed(speed)
         ratio = speed / max(self.speed, SLOWEST)
-        for motion in (self._state.modal, self._state.rings):
-            motion[1] *= ratio
-            motion[2] *= ratio**2
+        self._state.motion[1] *= ratio
+        self._state.motion[2] *= ratio**2
         self._state.speed[0] = speed
 
     def stand(self, standing: FloatArray) -> None:
         """Put the motion where a `model.stability.SynchronousOrbit` stands; exact from the next step on."""
-        stand(self._state, standing)
+        self._state.stand(standing)
+
+    def disturb(self, disturbance: FloatArray) -> None:
+        """Move the motion by a part of a `model.stability.SynchronousOrbit`'s disturbance."""
+        self._state.disturb(disturbance)
 
     def turns(self, count: int, points_per_turn: int = STEPS_PER_TURN) -> FloatArray:
         """Follow the shaft through whole turns at its present speed, which must not be 0.
@@ -115,15 +123,24 @@ class ShaftMotion:
         Returns
         -------
         ndarray of float64, shape (2, count * points_per_turn)
-            Displacement in X and Y, m, from the present angle on (the end of the last turn is not in it).
+            Displacement at the probes' station in X and Y, m, from the present angle on (the end of the last turn is
+            not in it).
         """
+        return np.asarray(self._turns(self._system.shaft.probe[None, :], count, points_per_turn)[0])
+
+    def turns_of_all(self, count: int, points_per_turn: int = STEPS_PER_TURN) -> FloatArray:
+        """Follow the shaft as `turns` does and return what every station does, (n_stations, 2, n), m."""
+        return self._turns(self._system.stations, count, points_per_turn)
+
+    def _turns(self, seen: FloatArray, count: int, points_per_turn: int) -> FloatArray:
         if self.speed == 0:
             raise ValueError("speed: 0 rad/s, expected a turning shaft")
         turn = 2 * math.pi / points_per_turn
         angle = self._state.angle[0] + turn * np.arange(1, count * points_per_turn + 1)
-        now = self.displacement
-        later = self.advance(angle, np.full(angle.size, self.speed), turn / self.speed)
-        return np.concatenate((now[:, None], later[:, :-1]), axis=1)
+        now = np.array([row @ self._modal for row in seen])
+        later = self._advance(angle, np.full(angle.size, self.speed), turn / self.speed, seen)
+        first = np.stack((now.real, now.imag), axis=-1)[..., None]
+        return np.concatenate((first, later[..., :-1]), axis=-1)
 
     def advance(self, angle: FloatArray, speed: FloatArray, step: float) -> FloatArray:
         """Follow the shaft through further time steps.
@@ -135,7 +152,7 @@ class ShaftMotion:
         speed : ndarray of float64, shape (n,)
             Of the shaft there, rad/s, 0 or more.
         step : float
-            Time step, s. Steps in which the shaft makes more than 1/48 turn are divided inside.
+            Time step, s. Steps in which the shaft makes more than 1/48 turn, or touches a wall, are divided inside.
 
         Returns
         -------
@@ -147,8 +164,11 @@ class ShaftMotion:
         ValueError
             Where shapes, speeds or the step make no sense.
         WallContactError
-            Where the motion reaches a wall; it cannot be continued then.
+            Where the motion reaches a bearing's wall; it cannot be continued then.
         """
+        return np.asarray(self._advance(angle, speed, step, self._system.shaft.probe[None, :])[0])
+
+    def _advance(self, angle: FloatArray, speed: FloatArray, step: float, seen: FloatArray) -> FloatArray:
         angle, speed = np.ascontiguousarray(angle, np.float64), np.ascontiguousarray(speed, np.float64)
         if angle.ndim != 1 or angle.shape != speed.shape:
             raise ValueError(f"angle, speed: shapes {angle.shape} and {speed.shape}, expected (n,) twice")
@@ -167,21 +187,18 @@ class ShaftMotion:
                 )
         if step != self._levels.steps[0]:
             self._levels = self._system.levels(step)
-        displacement = np.empty(angle.size, np.complex128)
+        path = np.empty((seen.shape[0], angle.size), np.complex128)
         system = self._system
-        failed = march(system.shaft, system.films, self._levels, self._state, angle, speed, displacement)
+        failed = march(system.parts, system.constraints, self._levels, self._state, angle, speed, seen, path)
         if failed != NO_FAILURE:
             raise WallContactError(self._contact(float(speed[failed])))
-        return np.stack((displacement.real, displacement.imag))
+        return np.stack((path.real, path.imag), axis=1)
 
     def _contact(self, speed: float) -> str:
-        films, state = self._system.films, self._state
-        journals = self._system.shaft.journals @ state.modal[0]
-        places = [
-            ("inner", "journal", abs(j - r), films.inner_clearance)
-            for j, r in zip(journals, state.rings[0], strict=True)
-        ]
-        places += [("outer", "ring", abs(r), films.outer_clearance) for r in state.rings[0]]
+        films, modes = self._system.films, self._modal.size
+        journals, rings = self._system.shaft.journals @ self._modal, self._state.motion[0, modes : modes + 2]
+        places = [("inner", "journal", abs(j - r), films.inner_clearance) for j, r in zip(journals, rings, strict=True)]
+        places += [("outer", "ring", abs(r), films.outer_clearance) for r in rings]
         film, body, distance, clearance = max(places, key=lambda place: place[2] / place[3])
         return (
             f"eccentricity: the {body} came to {distance * 1e6:.2f} µm of the {film} film's clearance of "

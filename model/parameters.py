@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass
 
 from model.rotor import Rotor, require_positive
+from model.rub import Rub
 from model.supports import StaticLoad, Support
 
 GRAVITY = 9.80665  # m/s²
@@ -132,8 +133,9 @@ class ModelParameters:
     loads : tuple of StaticLoad
         What presses on the shaft besides its weight.
     supports : tuple of Support
-        Linear supports in place of the floating rings, for modes, critical speeds and linear response; the motion
-        on the films does not have them.
+        Linear supports: beside the floating rings in the motion, alone for modes, critical speeds and linear response.
+    rubs : tuple of Rub
+        Walls that the shaft may touch in the motion.
 
     Raises
     ------
@@ -150,6 +152,7 @@ class ModelParameters:
     probe_angles: tuple[float, float] = (0.0, math.pi / 2)
     loads: tuple[StaticLoad, ...] = ()
     supports: tuple[Support, ...] = ()
+    rubs: tuple[Rub, ...] = ()
 
     def __post_init__(self) -> None:
         last = self.rotor.stations
@@ -160,10 +163,11 @@ class ModelParameters:
         for angle in self.probe_angles:
             if not math.isfinite(angle):
                 raise ValueError(f"probe_angles: {angle} rad, expected finite angles")
-        placed: tuple[tuple[str, tuple[Imbalance | StaticLoad | Support, ...]], ...] = (
+        placed: tuple[tuple[str, tuple[Imbalance | StaticLoad | Support | Rub, ...]], ...] = (
             ("imbalance", self.imbalances),
             ("load", self.loads),
             ("support", self.supports),
+            ("rub", self.rubs),
         )
         for name, things in placed:
             for thing in things:

@@ -22,7 +22,7 @@ from model.stability import SynchronousOrbit, synchronous_orbit
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
-MODEL_VERSION = 3  # to be raised with every change of the model's results
+MODEL_VERSION = 4  # to be raised with every change of the model's results
 NUMERICAL_FLOOR = 5e-9  # m peak: what rounding and the end of settling leave between the lines
 FIRST_TURNS = 200  # to settle at the lowest speed
 PORTION = 32  # turns between two looks at whether the motion has settled

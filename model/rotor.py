@@ -227,6 +227,12 @@ class Rotor:
             raise ValueError(f"station: {station}, expected 1 to {self.stations}")
         return 2 * (station - 1)
 
+    def radius(self, station: int) -> float:
+        """Return the shaft's radius at a station (counted from 1), the larger of its two segments', m."""
+        if not 1 <= station <= self.stations:
+            raise ValueError(f"station: {station}, expected 1 to {self.stations}")
+        return max(segment.radius for segment in self.segments[max(station - 2, 0) : station])
+
     def mass_matrix(self) -> FloatArray:
         """Return M, (2 n, 2 n): masses, kg, and diametral inertias, kg m², of discs (5.13) and shaft."""
         mass = np.zeros((2 * self.stations, 2 * self.stations))

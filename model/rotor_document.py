@@ -9,6 +9,7 @@ from typing import TypeVar
 from model.document import DocumentError, Table
 from model.parameters import GRAVITY, FloatingRing, Imbalance, ModelParameters
 from model.rotor import Beam, Disc, Rotor, Segment, ShaftMass
+from model.rub import Rub
 from model.supports import Coefficients, StaticLoad, Support
 
 T = TypeVar("T")
@@ -32,14 +33,14 @@ def rotor_from(document: Mapping[str, object]) -> ModelParameters:
     Returns
     -------
     ModelParameters
-        Rotor, floating rings, linear supports, imbalances, loads and the station of the probes.
+        Rotor, floating rings, linear supports, walls, imbalances, loads and the station of the probes.
 
     Raises
     ------
     DocumentError
         A ValueError with every fault: unknown keys (the nearest is named) and units, missing quantities, sizes that
-        are not above 0, stations out of order, supports, discs or imbalances at no station, an imbalance beyond the
-        clearance.
+        are not above 0, stations out of order, supports, walls, discs or imbalances at no station, an imbalance
+        beyond the clearance.
     """
     faults: list[str] = []
     whole = Table(document, "", faults)
@@ -51,6 +52,7 @@ def rotor_from(document: Mapping[str, object]) -> ModelParameters:
     imbalances = [_imbalance(table, last) for table in whole.tables("imbalance")]
     loads = [_load(table, last, faults) for table in whole.tables("load")]
     supports = [_support(table, last, faults) for table in whole.tables("support")]
+    rubs = [_rub(table, rotor, last, faults) for table in whole.tables("rub")]
     probe_station, probe_angles = 1, (0.0, math.pi / 2)
     probes = whole.table("probes", required=False)
     if probes is not None:
@@ -70,6 +72,7 @@ def rotor_from(document: Mapping[str, object]) -> ModelParameters:
             probe_angles=probe_angles,
             loads=tuple(one for one in loads if one is not None),
             supports=tuple(one for one in supports if one is not None),
+            rubs=tuple(one for one in rubs if one is not None),
         )
     except ValueError as error:
         raise DocumentError([str(error)]) from error
@@ -248,3 +251,13 @@ def _support(table: Table, last: int, faults: list[str]) -> Support | None:
             table.matrix("outer_damping", "damping", required=False),
         )
     return _built(table, faults, lambda: Support(station, inner, outer, ring_mass))
+
+
+def _rub(table: Table, rotor: Rotor | None, last: int, faults: list[str]) -> Rub | None:
+    station = _station(table, last)
+    shaft = rotor.radius(station) if rotor is not None and 1 <= station <= last else 1.0
+    clearance, stiffness = table.number("clearance", "length"), table.number("stiffness", "stiffness")
+    radius = table.number("radius", "length", shaft)
+    friction = table.number("friction", "number", 0.0, "not negative")
+    damping = table.number("damping", "contact damping", 0.0, "not negative")
+    return _built(table, faults, lambda: Rub(station, clearance, stiffness, radius, friction, damping))

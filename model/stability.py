@@ -17,7 +17,7 @@ from model.kernel import NO_FAILURE, march
 from model.motion import STEPS_PER_TURN
 from model.parameters import ModelParameters
 from model.rotor import require_positive
-from model.system import ModalSystem, stand
+from model.system import ModalSystem
 
 FloatArray = NDArray[np.float64]
 
@@ -35,9 +35,9 @@ class SynchronousOrbit:
     ----------
     speed : float
         rad/s.
-    standing : ndarray of float64, shape (4 (n_modes + 2),)
+    standing : ndarray of float64, shape (4 (n_modes + n_rings),)
         Where it stands at theta = 0, in the coordinates above, to begin from at a neighbouring speed.
-    disturbance : ndarray of float64, shape (4 (n_modes + 2),)
+    disturbance : ndarray of float64, shape (4 (n_modes + n_rings),)
         What grows fastest or decays slowest, at one moment, in the same coordinates: it moves a journal or ring by 1 m.
     growth_rate : float
         Of the disturbance that grows fastest or decays slowest, 1/s; positive where the motion is unstable.
@@ -53,7 +53,7 @@ class SynchronousOrbit:
 
 
 def synchronous_orbit(
-    parameters: ModelParameters, speed: float, start: SynchronousOrbit | None = None
+    parameters: ModelParameters, speed: float, start: SynchronousOrbit | None = None, *, steps: int = STEPS_PER_TURN
 ) -> SynchronousOrbit:
     """Return the synchronous motion under imbalance and weight, and how its disturbances grow.
 
@@ -65,6 +65,8 @@ def synchronous_orbit(
         rad/s, above 0.
     start : SynchronousOrbit, optional
         At a neighbouring speed; without it the motion is begun from rest.
+    steps : int
+        Of the integration in a turn.
 
     Returns
     -------
@@ -77,7 +79,7 @@ def synchronous_orbit(
         Where none is found within the clearances.
     """
     require_positive("speed", speed, "rad/s")
-    turn = _Turn(ModalSystem.of(parameters), speed)
+    turn = _Turn(ModalSystem.of(parameters), speed, steps)
     standing = turn.after(np.zeros(turn.size), FIRST_TURNS) if start is None else start.standing
     jacobian, following = turn.differentiate(standing)
     begun_at, last = standing, math.inf
@@ -114,25 +116,27 @@ def synchronous_orbit(
 class _Turn:
     """The map of where the motion stands at theta = 0 to where it stands a turn later."""
 
-    def __init__(self, system: ModalSystem, speed: float) -> None:
+    def __init__(self, system: ModalSystem, speed: float, steps: int) -> None:
         self._system, self._speed = system, speed
         self._modes = system.shaft.squares.size
-        self._step = 2 * math.pi / (STEPS_PER_TURN * speed)
+        self._steps = steps
+        self._step = 2 * math.pi / (steps * speed)
         self._levels = system.levels(self._step)
-        self.size = 4 * (self._modes + 2)
+        self._rings = system.rings.mass.size
+        self.size = 4 * (self._modes + self._rings)
         self.unit = system.films.inner_clearance / float(np.abs(system.shaft.journals[:, 0]).max())
 
     def after(self, standing: FloatArray, turns: int) -> FloatArray:
         """Return where the motion stands after whole turns; ModelError where it reaches a wall."""
         state = self._system.at_rest(angle=0.0, speed=self._speed)
-        stand(state, standing)
-        angles = 2 * math.pi / STEPS_PER_TURN * np.arange(1, turns * STEPS_PER_TURN + 1, dtype=np.float64)
+        state.stand(standing)
+        angles = 2 * math.pi / self._steps * np.arange(1, turns * self._steps + 1, dtype=np.float64)
         speeds = np.full(angles.size, self._speed)
         system = self._system
-        path = np.empty(angles.size, np.complex128)
-        if march(system.shaft, system.films, self._levels, state, angles, speeds, path) != NO_FAILURE:
+        nowhere = np.empty((0, self._modes)), np.empty((0, angles.size), np.complex128)
+        if march(system.parts, system.constraints, self._levels, state, angles, speeds, *nowhere) != NO_FAILURE:
             raise ModelError(f"synchronous motion at {self._speed:.1f} rad/s: none found within the clearances")
-        q, v, a = np.concatenate((state.modal, state.rings), axis=1)
+        q, v, a = state.motion
         h = self._step
         seen = 2 / h * q + v
         rate = h / 2 * (4 / h**2 * q + 4 / h * v + a) - seen
@@ -140,7 +144,7 @@ class _Turn:
 
     def scaled(self, disturbance: FloatArray) -> FloatArray:
         """Return the disturbance of that shape in which the journal or ring that moves most moves by 1 m."""
-        place = np.ascontiguousarray(disturbance).view(np.complex128)[: self._modes + 2]
+        place = np.ascontiguousarray(disturbance).view(np.complex128)[: self._modes + self._rings]
         journals = self._system.shaft.journals @ place[: self._modes]
         return disturbance / max(float(np.abs(journals).max()), float(np.abs(place[self._modes :]).max()))
 

@@ -1,28 +1,32 @@
 """The motion that goes round with the imbalance, and whether it is stable.
 
-Without weight the synchronous motion stands still in a frame that turns with the shaft: four complex unknowns (two
-journals, two rings) instead of an integration in time, and its stability is an eigenvalue problem. Weight moves the
-centre of the motion and makes it elliptic; it is left out here, so that a lightly shaken shaft at low speed looks less
-stable than it is.
+Without weight the synchronous motion stands still in a frame that turns with the shaft: a few complex unknowns (two
+journals, two rings, other points that are held or touch a wall) instead of an integration in time, and its stability is
+an eigenvalue problem. Weight moves the centre of the motion and makes it elliptic; it is left out here, so that a
+lightly shaken shaft at low speed looks less stable than it is. Supports that differ by direction make the motion
+elliptic too: then it is the one that repeats itself every turn (`model.stability`).
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from model.condensed import forces_on, slopes_on
 from model.errors import ModelError
-from model.kernel import capone_force, film_stiffness
+from model.motion import ShaftMotion
 from model.parameters import ModelParameters
 from model.rotor import require_positive
-from model.system import MODES, Films, ModalSystem
+from model.stability import SynchronousOrbit, synchronous_orbit
+from model.system import ModalSystem
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 ITERATIONS = 60
 WALL = 0.9999  # largest eccentricity ratio
+ELLIPTIC_STEPS = 256  # a turn, of a motion that is integrated: 1X within 0.02 %
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -36,38 +40,49 @@ class SynchronousResponse:
     vectors : ndarray of complex128, shape (2,)
         1X at the probes x and y, m peak, x(t) = Re[X exp(i theta)].
     circle : complex
-        Displacement at the probes' station at theta = 0, X + i Y, m: the motion is this circle.
-    journals, rings : ndarray of complex128, shape (2,)
-        The same of journals and rings, m.
+        Displacement at the probes' station at theta = 0, X + i Y, m: the motion is this circle; of an ellipse, its
+        part that goes round with the shaft.
+    stations : ndarray of complex128, shape (2, n_stations)
+        1X at every station in X and Y, m peak.
+    bodies : ndarray of complex128, shape (n_bodies,)
+        Circles of the two journals, of other points where forces act, of the rings, m; empty for an ellipse.
     growth_rate : float
         Of the least stable whirl about this motion, 1/s; positive where it grows.
     whirl_order : float
         Frequency of that whirl over the shaft's; negative where it goes against the shaft.
+    orbit : SynchronousOrbit, optional
+        The motion as integrated, where it is an ellipse.
     """
 
     speed: float
     vectors: ComplexArray
     circle: complex
-    journals: ComplexArray
-    rings: ComplexArray
+    stations: ComplexArray
+    bodies: ComplexArray
     growth_rate: float
     whirl_order: float
+    orbit: SynchronousOrbit | None = None
+
+    @property
+    def journals(self) -> ComplexArray:
+        """Circles of the two journals, (2,), m."""
+        return self.bodies[:2]
 
 
 def synchronous_response(
-    parameters: ModelParameters, speed: float, start: SynchronousResponse | None = None, *, modes: int = MODES
+    parameters: ModelParameters, speed: float, start: SynchronousResponse | None = None, *, modes: int | None = None
 ) -> SynchronousResponse:
     """Return the synchronous motion at a speed and the growth of its least stable whirl.
 
     Parameters
     ----------
     parameters : ModelParameters
-        The rotor; its gravity is not used.
+        The rotor; its weight and other loads at rest are not used.
     speed : float
         rad/s, above 0.
     start : SynchronousResponse, optional
         Motion at a neighbouring speed, to follow one branch where there are several.
-    modes : int
+    modes : int, optional
         Free modes of the rotor that are kept.
 
     Returns
@@ -83,9 +98,11 @@ def synchronous_response(
     """
     require_positive("speed", speed, "rad/s")
     system = ModalSystem.of(parameters, modes)
+    if not system.is_round:
+        return _elliptic(parameters, speed, None if start is None else start.orbit)
     frame = _TurningFrame(system, speed)
-    rest = np.zeros(4, np.complex128)
-    found = frame.solve(rest if start is None else np.concatenate((start.journals, start.rings)), 1.0)
+    rest = np.zeros(frame.bodies, np.complex128)
+    found = frame.solve(rest if start is None else start.bodies, 1.0)
     if found is None:
         found = _follow(rest, ((frame, float(part)) for part in np.linspace(0.05, 1.0, 20)))
     if found is None:
@@ -93,17 +110,48 @@ def synchronous_response(
         found = _follow(rest, ((_TurningFrame(system, float(lower)), 1.0) for lower in speeds))
     if found is None:
         raise ModelError(f"synchronous motion at {speed:.1f} rad/s: none found within the clearances")
-    circle = frame.probe(found)
+    modal = frame.modal(found)
+    circles = system.stations @ modal
+    circle = complex(system.shaft.probe @ modal)
     growth_rate, whirl_order = frame.least_stable(found)
-    angles = np.asarray(parameters.probe_angles)
     return SynchronousResponse(
         speed=speed,
-        vectors=circle * np.exp(-1j * angles),  # Re[z exp(-i alpha)] is the displacement along a probe at alpha
+        vectors=_towards_probes(parameters, circle, 0j),
         circle=circle,
-        journals=found[:2],
-        rings=found[2:],
+        stations=np.stack((circles, -1j * circles)),
+        bodies=found,
         growth_rate=growth_rate,
         whirl_order=whirl_order,
+    )
+
+
+def _towards_probes(parameters: ModelParameters, forward: complex, reverse: complex) -> ComplexArray:
+    """Return 1X at the probes of ``forward exp(i theta) + reverse exp(-i theta)``, (2,)."""
+    towards = np.exp(-1j * np.asarray(parameters.probe_angles))  # Re[z exp(-i alpha)] is along a probe at alpha
+    return np.asarray(forward * towards + np.conj(reverse * towards))
+
+
+def _elliptic(parameters: ModelParameters, speed: float, start: SynchronousOrbit | None) -> SynchronousResponse:
+    """Return the synchronous motion from the orbit that repeats itself every turn, without weight."""
+    bearing = replace(parameters.bearing, static_load=0.0)
+    unloaded = replace(parameters, bearing=bearing, gravity=0.0, loads=())
+    orbit = synchronous_orbit(unloaded, speed, start, steps=ELLIPTIC_STEPS)
+    motion = ShaftMotion(unloaded, speed, 0)
+    motion.stand(orbit.standing)
+    turn = motion.turns_of_all(1, ELLIPTIC_STEPS)
+    back = np.exp(-2j * np.pi * np.arange(ELLIPTIC_STEPS) / ELLIPTIC_STEPS)
+    path = turn[:, 0] + 1j * turn[:, 1]
+    forward, reverse = (path * back).mean(axis=1), (path * back.conj()).mean(axis=1)
+    of_probes = parameters.probe_station - 1
+    return SynchronousResponse(
+        speed=speed,
+        vectors=_towards_probes(parameters, complex(forward[of_probes]), complex(reverse[of_probes])),
+        circle=complex(forward[of_probes]),
+        stations=2 * (turn * back).mean(axis=2).T,
+        bodies=np.empty(0, np.complex128),
+        growth_rate=orbit.growth_rate,
+        whirl_order=orbit.whirl_order,
+        orbit=orbit,
     )
 
 
@@ -118,69 +166,55 @@ def _follow(found: ComplexArray, steps: "Iterable[tuple[_TurningFrame, float]]")
 
 
 class _TurningFrame:
-    """The equations of motion in the frame that turns with the shaft."""
+    """The equations of motion in the frame that turns with the shaft; bodies are points of the shaft, then rings."""
 
     def __init__(self, system: ModalSystem, speed: float) -> None:
-        self._shaft, self._films, self._speed = system.shaft, system.films, speed
-        shaft = system.shaft
+        self._system, self._speed = system, speed
+        shaft, mass = system.shaft, system.rings.mass
+        self._points, self.bodies = shaft.points.shape[0], shaft.points.shape[0] + mass.size
         # w² - Omega² + Omega² G, from M z'' - i Omega J z' + K z with z = Z exp(i Omega t)
         dynamic = np.diag(shaft.squares - speed**2) + speed**2 * shaft.gyroscopic
         self._compliance = np.linalg.inv(dynamic)
-        self._receptance = shaft.journals @ self._compliance @ shaft.journals.T
-        self._unloaded = shaft.journals @ self._compliance @ (speed**2 * shaft.imbalance)
+        n = self._points
+        self._receptance = np.zeros((self.bodies, self.bodies))
+        self._receptance[:n, :n] = shaft.points @ self._compliance @ shaft.points.T
+        self._receptance[n:, n:] = np.diag(-1 / (mass * speed**2))
+        self._unloaded = np.zeros(self.bodies, np.complex128)
+        self._unloaded[:n] = shaft.points @ self._compliance @ (speed**2 * shaft.imbalance)
 
-    def _bearings(self, unknowns: ComplexArray) -> list[tuple[complex, complex]]:
-        return [(complex(unknowns[b] - unknowns[2 + b]), complex(unknowns[2 + b])) for b in range(2)]
+    def _moving(self, places: ComplexArray) -> ComplexArray:
+        return np.stack((places, 1j * self._speed * places))
 
-    def _forces(self, unknowns: ComplexArray) -> ComplexArray:
-        films, spin = self._films, 1j * self._speed
-        forces = np.empty((2, 2), np.complex128)
-        for b, (inner, outer) in enumerate(self._bearings(unknowns)):
-            forces[0, b] = capone_force(inner, spin * inner, *_inner(films, self._speed))
-            forces[1, b] = capone_force(outer, spin * outer, *_outer(films, self._speed))
-        return forces
+    def _forces(self, places: ComplexArray) -> ComplexArray:
+        system = self._system
+        return forces_on(system.films, system.constraints, self._speed, self._moving(places))
 
-    def _slopes(self, unknowns: ComplexArray, drag: complex) -> tuple[list[FloatArray], list[FloatArray]]:
-        films, spin = self._films, 1j * self._speed
-        inner_slopes, outer_slopes = [], []
-        for inner, outer in self._bearings(unknowns):
-            inner_slopes.append(_matrix(film_stiffness(inner, spin * inner, drag, *_inner(films, self._speed))))
-            outer_slopes.append(_matrix(film_stiffness(outer, spin * outer, drag, *_outer(films, self._speed))))
-        return inner_slopes, outer_slopes
+    def _slopes(self, places: ComplexArray, drag: complex) -> FloatArray:
+        """Return changes of the forces with the places, (2 bodies, 2 bodies), X and Y alternately."""
+        system, size = self._system, self.bodies
+        slopes = slopes_on(system.films, system.constraints, self._speed, drag, self._moving(places))
+        pairs = np.stack((slopes.real, slopes.imag), axis=1)  # body, its X or Y, other body, its X or Y
+        return np.asarray(pairs.reshape(2 * size, 2 * size))
 
-    def _residual(self, unknowns: ComplexArray, part: float) -> ComplexArray:
-        forces = self._forces(unknowns)
-        ring_factor = -1 / (self._films.ring_mass * self._speed**2)
-        of_journals = unknowns[:2] - part * self._unloaded - self._receptance @ forces[0]
-        of_rings = unknowns[2:] - ring_factor * (forces[1] - forces[0])
-        return np.concatenate((of_journals, of_rings))
+    def _residual(self, places: ComplexArray, part: float) -> ComplexArray:
+        return np.asarray(places - part * self._unloaded - self._receptance @ self._forces(places))
 
-    def _jacobian(self, unknowns: ComplexArray) -> FloatArray:
-        inner, outer = self._slopes(unknowns, 1j * self._speed)
-        ring_factor = -1 / (self._films.ring_mass * self._speed**2)
-        matrix = np.eye(8)
-        for c in range(2):
-            own, ring = slice(2 * c, 2 * c + 2), slice(4 + 2 * c, 6 + 2 * c)
-            for b in range(2):
-                through = _turn(complex(self._receptance[b, c])) @ inner[c]
-                matrix[2 * b : 2 * b + 2, own] -= through
-                matrix[2 * b : 2 * b + 2, ring] += through
-            matrix[ring, own] += ring_factor * inner[c]
-            matrix[ring, ring] -= ring_factor * (inner[c] + outer[c])
-        return matrix
+    def _jacobian(self, places: ComplexArray) -> FloatArray:
+        through = _kron(self._receptance, np.eye(2)) @ self._slopes(places, 1j * self._speed)
+        return np.asarray(np.eye(2 * self.bodies) - through)
 
-    def solve(self, unknowns: ComplexArray, part: float) -> ComplexArray | None:
-        """Return journals and rings, (4,), for a part of the imbalance; None where Newton's method fails."""
-        if self._eccentricity(unknowns) >= WALL:
-            unknowns = np.zeros(4, np.complex128)
-        residual = self._residual(unknowns, part)
+    def solve(self, places: ComplexArray, part: float) -> ComplexArray | None:
+        """Return where the bodies are, (n_bodies,), for a part of the imbalance; None where Newton's method fails."""
+        if self._eccentricity(places) >= WALL:
+            places = np.zeros(self.bodies, np.complex128)
+        residual = self._residual(places, part)
         for _ in range(ITERATIONS):
-            if np.max(np.abs(residual)) < 1e-10 * self._films.inner_clearance:
-                return unknowns
-            change = np.linalg.solve(self._jacobian(unknowns), -_real(residual)).view(np.complex128)
+            if np.max(np.abs(residual)) < 1e-10 * self._system.films.inner_clearance:
+                return places
+            change = np.linalg.solve(self._jacobian(places), -_real(residual)).view(np.complex128)
             fraction = 1.0
             while fraction > 1e-6:
-                trial = unknowns + fraction * change
+                trial = places + fraction * change
                 if self._eccentricity(trial) < WALL:
                     following = self._residual(trial, part)
                     if np.linalg.norm(following) < np.linalg.norm(residual):
@@ -188,75 +222,49 @@ class _TurningFrame:
                 fraction /= 2
             else:
                 return None
-            unknowns, residual = trial, following
+            places, residual = trial, following
         return None
 
-    def _eccentricity(self, unknowns: ComplexArray) -> float:
-        films = self._films
-        return max(
-            max(abs(inner) / films.inner_clearance, abs(outer) / films.outer_clearance)
-            for inner, outer in self._bearings(unknowns)
-        )
+    def _eccentricity(self, places: ComplexArray) -> float:
+        films, journals, rings = self._system.films, places[:2], places[self._points : self._points + 2]
+        inner, outer = np.abs(journals - rings) / films.inner_clearance, np.abs(rings) / films.outer_clearance
+        return float(max(inner.max(), outer.max()))
 
-    def probe(self, unknowns: ComplexArray) -> complex:
-        """Return the displacement at the probes' station, m."""
-        shaft = self._shaft
-        pushed = self._speed**2 * shaft.imbalance + shaft.journals.T @ self._forces(unknowns)[0]
-        return complex(shaft.probe @ self._compliance @ pushed)
+    def modal(self, places: ComplexArray) -> ComplexArray:
+        """Return the displacements of the modes, (m,)."""
+        shaft, forces = self._system.shaft, self._forces(places)[: self._points]
+        return np.asarray(self._compliance @ (self._speed**2 * shaft.imbalance + shaft.points.T @ forces))
 
-    def least_stable(self, unknowns: ComplexArray) -> tuple[float, float]:
+    def least_stable(self, places: ComplexArray) -> tuple[float, float]:
         """Return growth rate, 1/s, and order of the whirl about this motion that grows fastest."""
-        shaft, films, speed = self._shaft, self._films, self._speed
-        modes = shaft.squares.size
-        size = modes + 2  # complex coordinates: modes, rings
-        inner_k, outer_k = self._slopes(unknowns, 1j * speed)
-        inner_v, outer_v = self._slopes(unknowns, (1 + 1j) * speed)
-        inner_c = [(v - k) / speed for v, k in zip(inner_v, inner_k, strict=True)]
-        outer_c = [(v - k) / speed for v, k in zip(outer_v, outer_k, strict=True)]
+        shaft, mass, speed = self._system.shaft, self._system.rings.mass, self._speed
+        modes, n = shaft.squares.size, self._points
+        size = modes + mass.size  # complex coordinates: modes, rings
         # q'' + i Omega (2 - G) q' + (w² - Omega² + Omega² G) q = forces ; rings: 1/m
-        damping = np.zeros((size, size), np.complex128)
-        stiffness = np.zeros((size, size), np.complex128)
-        damping[:modes, :modes] = 1j * speed * (2 * np.eye(modes) - shaft.gyroscopic)
-        stiffness[:modes, :modes] = np.diag(shaft.squares - speed**2) + speed**2 * shaft.gyroscopic
-        for b in range(2):
-            damping[modes + b, modes + b] = 2j * speed
-            stiffness[modes + b, modes + b] = -(speed**2)
-        damping_real, stiffness_real = _expand(damping), _expand(stiffness)
-        for b in range(2):
-            seen = np.zeros(size)  # journal minus ring
-            seen[:modes], seen[modes + b] = shaft.journals[b], -1
-            pushed = np.zeros(size)
-            pushed[:modes], pushed[modes + b] = shaft.journals[b], -1 / films.ring_mass
-            ring = np.zeros(size)
-            ring[modes + b] = 1
-            through_inner, through_outer = np.outer(pushed, seen), np.outer(ring, ring) / films.ring_mass
-            stiffness_real -= _kron(through_inner, inner_k[b]) + _kron(through_outer, outer_k[b])
-            damping_real -= _kron(through_inner, inner_c[b]) + _kron(through_outer, outer_c[b])
+        damping = 2j * speed * np.eye(size, dtype=np.complex128)
+        damping[:modes, :modes] -= 1j * speed * shaft.gyroscopic
+        stiffness = -(speed**2) * np.eye(size, dtype=np.complex128)
+        stiffness[:modes, :modes] += np.diag(shaft.squares) + speed**2 * shaft.gyroscopic
+        seen, pushed = np.zeros((self.bodies, size)), np.zeros((size, self.bodies))
+        seen[:n, :modes], seen[n:, modes:] = shaft.points, np.eye(mass.size)
+        pushed[:modes, :n], pushed[modes:, n:] = shaft.points.T, np.diag(1 / mass)
+        seen, pushed = _kron(seen, np.eye(2)), _kron(pushed, np.eye(2))
+        still, moving = self._slopes(places, 1j * speed), self._slopes(places, (1 + 1j) * speed)
+        stiffness_real = _expand(stiffness) - pushed @ still @ seen
+        damping_real = _expand(damping) - pushed @ ((moving - still) / speed) @ seen
         n = 2 * size
         first_order = np.block([[np.zeros((n, n)), np.eye(n)], [-stiffness_real, -damping_real]])
         values, vectors = np.linalg.eig(first_order)
         worst = int(np.argmax(values.real))
-        places = vectors[:n, worst].reshape(size, 2)
-        forward = np.linalg.norm(places[:, 0] + 1j * places[:, 1])  # part that turns with +Im
-        backward = np.linalg.norm(places[:, 0] - 1j * places[:, 1])
+        shape = vectors[:n, worst].reshape(size, 2)
+        forward = np.linalg.norm(shape[:, 0] + 1j * shape[:, 1])  # part that turns with +Im
+        backward = np.linalg.norm(shape[:, 0] - 1j * shape[:, 1])
         turning = values[worst].imag if forward >= backward else -values[worst].imag
         return float(values[worst].real), float(1 + turning / speed)
 
 
-def _inner(films: Films, speed: float) -> tuple[float, float, float]:
-    return films.inner_clearance, films.inner_speed * speed, films.inner_factor
-
-
-def _outer(films: Films, speed: float) -> tuple[float, float, float]:
-    return films.outer_clearance, films.outer_speed * speed, films.outer_factor
-
-
 def _real(vector: ComplexArray) -> FloatArray:
     return np.ascontiguousarray(vector).view(np.float64)
-
-
-def _turn(factor: complex) -> FloatArray:
-    return np.array([[factor.real, -factor.imag], [factor.imag, factor.real]])
 
 
 def _expand(matrix: ComplexArray) -> FloatArray:
@@ -267,10 +275,5 @@ def _expand(matrix: ComplexArray) -> FloatArray:
 
 def _kron(matrix: FloatArray, pair: FloatArray) -> FloatArray:
     """Return Kronecker's product with a 2 by 2 matrix, much faster than NumPy's for any two."""
-    size = matrix.shape[0]
-    return np.asarray((matrix[:, None, :, None] * pair[None, :, None, :]).reshape(2 * size, 2 * size), np.float64)
-
-
-def _matrix(slopes: tuple[complex, complex]) -> FloatArray:
-    of_x, of_y = slopes
-    return np.array([[of_x.real, of_y.real], [of_x.imag, of_y.imag]])
+    rows, columns = matrix.shape
+    return np.asarray((matrix[:, None, :, None] * pair[None, :, None, :]).reshape(2 * rows, 2 * columns), np.float64)

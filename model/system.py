@@ -1,5 +1,6 @@
-"""What the integration in time needs of the parameters: modes of the shaft, films, matrices of the time step."""
+"""What the integration in time needs of the parameters: modes of the shaft, films, supports, walls, its time steps."""
 
+import math
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import NamedTuple
@@ -8,14 +9,50 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.modes import free_modes
-from model.parameters import ModelParameters
+from model.parameters import FloatingRing, ModelParameters
+from model.state import NO_LEVEL, Levels, State
+from model.supports import Coefficients
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
+IntArray = NDArray[np.int64]
 
 MODES = 6  # two rigid, four bending: within 0.05 % of all twelve
+HELD_MODES = 16  # where supports or walls act too: stiff ones bend the shaft between its lowest modes
 N_LEVELS = 6  # how often a time step may be divided by four
-NO_LEVEL = -1
+CONTACT_TURN = 0.2  # rad: by how much a shaft that bounces on a wall may swing on in one step
+
+
+class Shaft(NamedTuple):
+    """The shaft's modes as the march needs them.
+
+    Parameters
+    ----------
+    squares : ndarray of float64, shape (m,)
+        Squared natural frequencies, rad²/s².
+    gyroscopic : ndarray of float64, shape (m, m)
+        Modal polar inertia.
+    points : ndarray of float64, shape (n_points, m)
+        Mode shapes where forces act, kg^-1/2: at the journals, then at other stations that are held or may rub.
+    probe : ndarray of float64, shape (m,)
+        Mode shapes at the probes' station.
+    imbalance : ndarray of complex128, shape (m,)
+        Modal imbalance at theta = 0, kg m times shape.
+    weight : ndarray of complex128, shape (m,)
+        Modal weight and other loads at rest.
+    """
+
+    squares: FloatArray
+    gyroscopic: FloatArray
+    points: FloatArray
+    probe: FloatArray
+    imbalance: ComplexArray
+    weight: ComplexArray
+
+    @property
+    def journals(self) -> FloatArray:
+        """Mode shapes at the journals, (2, m)."""
+        return self.points[:2]
 
 
 class Films(NamedTuple):
@@ -29,10 +66,6 @@ class Films(NamedTuple):
         Radial clearances, m.
     inner_speed, outer_speed : float
         Sum of the speeds of a film's two surfaces over the shaft's speed.
-    ring_mass : float
-        kg.
-    gravity : float
-        Force on a ring towards -Y over its mass, of its weight and the oil feed, m/s².
     """
 
     inner_factor: float
@@ -41,118 +74,56 @@ class Films(NamedTuple):
     outer_clearance: float
     inner_speed: float
     outer_speed: float
-    ring_mass: float
-    gravity: float
 
 
-class Shaft(NamedTuple):
-    """The shaft's modes as the march needs them.
+class Rings(NamedTuple):
+    """The rings: the two floating ones, then those of linear supports.
 
     Parameters
     ----------
-    squares : ndarray of float64, shape (m,)
-        Squared natural frequencies, rad²/s².
-    gyroscopic : ndarray of float64, shape (m, m)
-        Modal polar inertia.
-    journals : ndarray of float64, shape (2, m)
-        Mode shapes at the journals, kg^-1/2.
-    probe : ndarray of float64, shape (m,)
-        Mode shapes at the probes' station.
-    imbalance : ndarray of complex128, shape (m,)
-        Modal imbalance at theta = 0, kg m times shape.
-    weight : ndarray of complex128, shape (m,)
-        Modal weight and other loads at rest.
+    mass : ndarray of float64, shape (n_rings,)
+        kg.
+    gravity : ndarray of float64, shape (n_rings,)
+        Force towards -Y over its mass, of its weight and the oil feed, m/s².
     """
 
-    squares: FloatArray
-    gyroscopic: FloatArray
-    journals: FloatArray
-    probe: FloatArray
-    imbalance: ComplexArray
-    weight: ComplexArray
+    mass: FloatArray
+    gravity: FloatArray
 
 
-class Levels(NamedTuple):
-    """Newmark's matrix for a time step and its fourths: ``T diag(1 / (1 - i Omega g)) T^T`` is its inverse.
+class Parts(NamedTuple):
+    """What every motion has: shaft, films and rings."""
+
+    shaft: Shaft
+    films: Films
+    rings: Rings
+
+
+class Constraints(NamedTuple):
+    """Linear supports of the shaft and walls that it may touch. Bodies are its points, then the rings.
 
     Parameters
     ----------
-    steps : ndarray of float64, shape (n_levels,)
-        Time steps, s, each a fourth of the one before.
-    transforms : ndarray of float64, shape (n_levels, m, m)
-        T.
-    gyroscopic : ndarray of float64, shape (n_levels, m)
-        g, s.
-    journals : ndarray of float64, shape (n_levels, 2, m)
-        The journals' mode shapes times T.
+    points : int
+        Of the shaft.
+    held : ndarray of int64, shape (n_supports, 2)
+        Bodies: the point that each support holds, and the ring through which, -1 for none.
+    coefficients : ndarray of complex128, shape (n_supports, 8)
+        Between shaft and ring, or housing, then between ring and housing: see `model.forces.support_force`.
+    touching : ndarray of int64, shape (n_walls,)
+        The point that may touch each wall.
+    walls : ndarray of float64, shape (n_walls, 5)
+        See `model.forces.wall_force`.
+    longest_steps : ndarray of float64, shape (n_walls,)
+        Time steps that follow a bounce on each wall, s.
     """
 
-    steps: FloatArray
-    transforms: FloatArray
-    gyroscopic: FloatArray
-    journals: FloatArray
-
-
-class State(NamedTuple):
-    """All that the motion carries from step to step; changed in place.
-
-    Parameters
-    ----------
-    modal : ndarray of complex128, shape (3, m)
-        Modal displacements, velocities and accelerations.
-    rings : ndarray of complex128, shape (3, 2)
-        The rings' displacements, velocities and accelerations, m, m/s, m/s².
-    augmented : ndarray of float64, shape (8, 16)
-        The inverse of Newton's matrix in the right half, kept as long as it serves.
-    level : ndarray of int64, shape (1,)
-        Level that it belongs to; ``NO_LEVEL`` for none.
-    angle, speed : ndarray of float64, shape (1,)
-        Of the shaft, rad and rad/s.
-    """
-
-    modal: ComplexArray
-    rings: ComplexArray
-    augmented: FloatArray
-    level: NDArray[np.int64]
-    angle: FloatArray
-    speed: FloatArray
-
-
-class Work(NamedTuple):
-    """Room for the unknowns of a step, made once a march.
-
-    Parameters
-    ----------
-    journals, rings : ndarray of complex128, shape (2, 2)
-        Positions, m, and velocities, m/s, by bearing, as Newton's method moves them.
-    start_journals, start_rings : ndarray of complex128, shape (2, 2)
-        The same where the step starts.
-    free : ndarray of complex128, shape (2, 2)
-        Where journals and rings would come to without film forces, m.
-    receptance : ndarray of complex128, shape (2, 2)
-        Displacement of journal b for a force on journal c, m/N.
-    forces : ndarray of complex128, shape (2, 2)
-        Of the inner and the outer films by bearing, N.
-    residual, change : ndarray of float64, shape (8,)
-        What the equations miss and Newton's answer, m: journals, then rings, X and Y alternately.
-    modal : ndarray of complex128, shape (3, m)
-        Forces, diagonal coordinates, compliances.
-    kept_modal, kept_rings : ndarray of complex128, shapes (3, m) and (3, 2)
-        The state at the start of the step.
-    """
-
-    journals: ComplexArray
-    rings: ComplexArray
-    start_journals: ComplexArray
-    start_rings: ComplexArray
-    free: ComplexArray
-    receptance: ComplexArray
-    forces: ComplexArray
-    residual: FloatArray
-    change: FloatArray
-    modal: ComplexArray
-    kept_modal: ComplexArray
-    kept_rings: ComplexArray
+    points: int
+    held: IntArray
+    coefficients: ComplexArray
+    touching: IntArray
+    walls: FloatArray
+    longest_steps: FloatArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -164,22 +135,35 @@ class ModalSystem:
     shaft : Shaft
         Modes.
     films : Films
-        Bearings.
+        Of each of the two bearings.
+    rings : Rings
+        Floating ones and others.
+    constraints : Constraints, optional
+        Supports and walls, where there are any.
+    stations : ndarray of float64, shape (n_stations, m)
+        Mode shapes at all stations, kg^-1/2.
     """
 
     shaft: Shaft
     films: Films
+    rings: Rings
+    constraints: Constraints | None
+    stations: FloatArray
 
     @classmethod
-    def of(cls, parameters: ModelParameters, modes: int = MODES) -> "ModalSystem":
-        """Reduce the parameters to the lowest ``modes`` free modes; the last few are kept for those that ask again."""
-        return _reduced(parameters, modes)
+    def of(cls, parameters: ModelParameters, modes: int | None = None) -> "ModalSystem":
+        """Reduce the parameters to the lowest free modes; the last few are kept for those that ask again.
+
+        Where no number of ``modes`` is given, it is what the forces need that act on the shaft.
+        """
+        if modes is None:
+            modes = HELD_MODES if parameters.supports or parameters.rubs else MODES
+        return _reduced(parameters, min(modes, 2 * parameters.rotor.stations))
 
     @classmethod
     def reduced(cls, parameters: ModelParameters, modes: int) -> "ModalSystem":
         """Reduce the parameters anew."""
-        rotor, bearing = parameters.rotor, parameters.bearing
-        modes = min(modes, 2 * rotor.stations)
+        rotor = parameters.rotor
         free = free_modes(rotor, modes)
         shapes = free.shapes
         imbalance = np.zeros(modes, np.complex128)
@@ -188,37 +172,45 @@ class ModalSystem:
         weight = np.asarray(-1j * parameters.gravity * (rotor.translation @ rotor.mass_matrix() @ shapes))
         for load in parameters.loads:
             weight += complex(load.x, load.y) * shapes[rotor.displacement(load.station)]
+        held = {one.station for one in parameters.supports} | {one.station for one in parameters.rubs}
+        points = [*rotor.bearing_stations, *sorted(held.difference(rotor.bearing_stations))]
+        places = np.ascontiguousarray(shapes[[rotor.displacement(station) for station in points]])
         shaft = Shaft(
             squares=free.frequencies**2,
             gyroscopic=np.ascontiguousarray(shapes.T @ rotor.gyroscopic_matrix() @ shapes),
-            journals=np.ascontiguousarray(shapes[list(rotor.journals)]),
+            points=places,
             probe=np.ascontiguousarray(shapes[rotor.displacement(parameters.probe_station)]),
             imbalance=imbalance,
             weight=weight,
         )
-        ring, size = bearing.ring_speed_ratio, bearing.viscosity * bearing.length**3 / 4
-        films = Films(
-            inner_factor=size * bearing.journal_radius / bearing.inner_clearance**2,
-            outer_factor=size * bearing.ring_outer_radius / bearing.outer_clearance**2,
-            inner_clearance=bearing.inner_clearance,
-            outer_clearance=bearing.outer_clearance,
-            inner_speed=1 + ring * bearing.ring_inner_radius / bearing.journal_radius,  # surfaces of ring and journal
-            outer_speed=ring,
-            ring_mass=bearing.ring_mass,
-            gravity=parameters.gravity + bearing.static_load / bearing.ring_mass,
+        return cls(
+            shaft=shaft,
+            films=_films(parameters.bearing),
+            rings=_rings(parameters),
+            constraints=_constraints(parameters, points, places) if held else None,
+            stations=np.ascontiguousarray(shapes[::2]),
         )
-        return cls(shaft, films)
+
+    @property
+    def parts(self) -> Parts:
+        """Shaft, films and rings."""
+        return Parts(self.shaft, self.films, self.rings)
+
+    @property
+    def is_round(self) -> bool:
+        """Whether no support differs by direction, so that the motion that goes round with the shaft is a circle."""
+        return self.constraints is None or not self.constraints.coefficients[:, 1::2].any()
 
     def at_rest(self, *, angle: float, speed: float) -> State:
         """Return a motion at rest in the bearings' centre, the shaft at this angle, rad, and speed, rad/s."""
-        shaft = self.shaft
-        modal, rings = np.zeros((3, shaft.squares.size), np.complex128), np.zeros((3, 2), np.complex128)
-        modal[2] = speed**2 * np.exp(1j * angle) * shaft.imbalance + shaft.weight  # no film force there yet
-        rings[2] = -1j * self.films.gravity
+        shaft, modes = self.shaft, self.shaft.squares.size
+        motion = np.zeros((3, modes + self.rings.mass.size), np.complex128)
+        motion[2, :modes] = speed**2 * np.exp(1j * angle) * shaft.imbalance + shaft.weight  # no film force there yet
+        motion[2, modes:] = -1j * self.rings.gravity
+        n = 2 * (shaft.points.shape[0] + self.rings.mass.size)
         return State(
-            modal=modal,
-            rings=rings,
-            augmented=np.zeros((8, 16)),
+            motion=motion,
+            augmented=np.zeros((n, 2 * n)),
             level=np.array([NO_LEVEL], np.int64),
             angle=np.array([angle]),
             speed=np.array([float(speed)]),
@@ -235,8 +227,7 @@ class ModalSystem:
             transforms.append(scale[:, None] * V)
             gyroscopic.append(g)
         stacked = np.stack(transforms)
-        journals = np.ascontiguousarray(self.shaft.journals @ stacked)
-        return Levels(steps, stacked, np.stack(gyroscopic), journals)
+        return Levels(steps, stacked, np.stack(gyroscopic), np.ascontiguousarray(self.shaft.points @ stacked))
 
 
 @lru_cache(maxsize=8)
@@ -244,10 +235,52 @@ def _reduced(parameters: ModelParameters, modes: int) -> ModalSystem:
     return ModalSystem.reduced(parameters, modes)
 
 
-def stand(state: State, standing: FloatArray) -> None:
-    """Put a motion where ``standing`` says, (4 (m + 2),): see `model.stability`."""
-    modes = state.modal.shape[1]
-    place, rate = standing.view(np.complex128).reshape(2, -1)
-    for kept, part in ((state.modal, slice(0, modes)), (state.rings, slice(modes, None))):
-        kept[0], kept[1], kept[2] = place[part], state.speed[0] * rate[part], 0.0
-    state.level[0] = NO_LEVEL
+def _films(bearing: FloatingRing) -> Films:
+    ring, size = bearing.ring_speed_ratio, bearing.viscosity * bearing.length**3 / 4
+    return Films(
+        inner_factor=size * bearing.journal_radius / bearing.inner_clearance**2,
+        outer_factor=size * bearing.ring_outer_radius / bearing.outer_clearance**2,
+        inner_clearance=bearing.inner_clearance,
+        outer_clearance=bearing.outer_clearance,
+        inner_speed=1 + ring * bearing.ring_inner_radius / bearing.journal_radius,  # surfaces of ring and journal
+        outer_speed=ring,
+    )
+
+
+def _rings(parameters: ModelParameters) -> Rings:
+    bearing, gravity = parameters.bearing, parameters.gravity
+    others = [support.ring_mass for support in parameters.supports if support.outer is not None]
+    pressed = gravity + bearing.static_load / bearing.ring_mass
+    return Rings(
+        mass=np.array([bearing.ring_mass, bearing.ring_mass, *others]),
+        gravity=np.array([pressed, pressed, *[gravity] * len(others)]),
+    )
+
+
+def _constraints(parameters: ModelParameters, points: list[int], shapes: FloatArray) -> Constraints:
+    held, ring = [], len(points) + 1  # the last of the two floating rings
+    for support in parameters.supports:
+        ring += support.outer is not None
+        held.append((points.index(support.station), -1 if support.outer is None else ring))
+    coefficients = [_in_complex(one.inner) + _in_complex(one.outer) for one in parameters.supports]
+    rubs = parameters.rubs
+    touching = [points.index(rub.station) for rub in rubs]
+    bounces = [math.sqrt(rub.stiffness * float(shapes[p] @ shapes[p])) for rub, p in zip(rubs, touching, strict=True)]
+    return Constraints(
+        points=len(points),
+        held=np.array(held, np.int64).reshape(-1, 2),
+        coefficients=np.array(coefficients, np.complex128).reshape(-1, 8),
+        touching=np.array(touching, np.int64),
+        walls=np.array([rub.sizes for rub in rubs], np.float64).reshape(-1, 5),
+        longest_steps=np.array([CONTACT_TURN / bounce for bounce in bounces]),
+    )
+
+
+def _in_complex(coefficients: Coefficients | None) -> list[complex]:
+    """Return a, b, c, d of ``a z + b conj z + c z' + d conj z'``."""
+    if coefficients is None:
+        return [0j] * 4
+    found = []
+    for (xx, xy), (yx, yy) in (coefficients.stiffness, coefficients.damping):
+        found += [complex(xx + yy, yx - xy) / 2, complex(xx - yy, yx + xy) / 2]
+    return found

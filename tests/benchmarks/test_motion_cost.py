@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from analysis.run import AnalysisSettings
+from model.forces import capone_force
 from model.gj90c import gj90c
-from model.kernel import capone_force
 from model.motion import STEPS_PER_TURN, ShaftMotion
 from model.prediction_map import compute_prediction_map, default_speeds
 from model.system import ModalSystem
@@ -21,7 +21,7 @@ TURNS = 10
 
 def lsoda(system: ModalSystem, turns: int) -> float:
     """Processor time of SciPy's LSODA with NumPy's matrices and the compiled film force, s."""
-    shaft, films = system.shaft, system.films
+    shaft, films, rings = system.shaft, system.films, system.rings
     modes = shaft.squares.size
 
     def rates(time_now: float, flat: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -35,7 +35,7 @@ def lsoda(system: ModalSystem, turns: int) -> float:
             forces[1, b] = capone_force(*outer, films.outer_factor)
         pushed = SPEED**2 * np.exp(1j * SPEED * time_now) * shaft.imbalance + shaft.weight
         bend = pushed + shaft.journals.T @ forces[0] + 1j * SPEED * shaft.gyroscopic @ v - shaft.squares * q
-        ring = (forces[1] - forces[0]) / films.ring_mass - 1j * films.gravity
+        ring = (forces[1] - forces[0]) / rings.mass - 1j * rings.gravity
         return np.concatenate((v, u, bend, ring)).view(np.float64)
 
     begin = time.process_time()

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.parameters import ModelParameters
-from model.system import Films, ModalSystem, Shaft
+from model.system import Films, ModalSystem, Rings, Shaft
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -34,30 +34,30 @@ def _film(z: complex, v: complex, clearance: float, spin: float, factor: float) 
 
 
 @numba.njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator, unused-ignore]  # numba has no types
-def _rates(time: float, state: ComplexArray, speed: float, shaft: Shaft, films: Films) -> ComplexArray:
+def _rates(time: float, state: ComplexArray, speed: float, shaft: Shaft, films: Films, rings: Rings) -> ComplexArray:
     squares, gyroscopic, journals, _, imbalance, weight = shaft
-    m = squares.size
-    inner_factor, outer_factor, inner_c, outer_c, inner_spin, outer_spin, mass, gravity = films
+    m, n = squares.size, state.size // 2  # modes, and they with the rings
+    inner_factor, outer_factor, inner_c, outer_c, inner_spin, outer_spin = films
     out = np.empty(state.size, np.complex128)
     turning = speed * speed * complex(math.cos(speed * time), math.sin(speed * time))
     for k in range(m):
-        out[k] = state[m + 2 + k]
+        out[k] = state[n + k]
         force = turning * imbalance[k] + weight[k] - squares[k] * state[k]
         for j in range(m):
-            force += 1j * speed * gyroscopic[k, j] * state[m + 2 + j]
-        out[m + 2 + k] = force
+            force += 1j * speed * gyroscopic[k, j] * state[n + j]
+        out[n + k] = force
     for b in range(2):
         z, v = 0j, 0j
         for k in range(m):
             z += journals[b, k] * state[k]
-            v += journals[b, k] * state[m + 2 + k]
-        ring, rate = state[m + b], state[2 * m + 2 + b]
+            v += journals[b, k] * state[n + k]
+        ring, rate = state[m + b], state[n + m + b]
         inner = _film(z - ring, v - rate, inner_c, inner_spin * speed, inner_factor)
         outer = _film(ring, rate, outer_c, outer_spin * speed, outer_factor)
         for k in range(m):
-            out[m + 2 + k] += journals[b, k] * inner
+            out[n + k] += journals[b, k] * inner
         out[m + b] = rate
-        out[2 * m + 2 + b] = (outer - inner) / mass - 1j * gravity
+        out[n + m + b] = (outer - inner) / rings.mass[b] - 1j * rings.gravity[b]
     return out
 
 
@@ -66,7 +66,85 @@ def compiled_rates(parameters: ModelParameters, speed: float, modes: int = 6) ->
     system = ModalSystem.of(parameters, modes)
 
     def rates(time: float, flat: FloatArray) -> FloatArray:
-        found: ComplexArray = _rates(time, flat.view(np.complex128), speed, system.shaft, system.films)
+        found: ComplexArray = _rates(time, flat.view(np.complex128), speed, system.shaft, system.films, system.rings)
+        return found.view(np.float64)
+
+    return rates
+
+
+@numba.njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator, unused-ignore]  # numba has no types
+def _hold(
+    out: ComplexArray, state: ComplexArray, m: int, shapes: FloatArray, matrices: FloatArray, rings: FloatArray
+) -> None:
+    # linear supports; rings: number, mass, gravity of each one's, the number below 0 for none
+    n = state.size // 2
+    for s in range(shapes.shape[0]):
+        z, v = 0j, 0j
+        for k in range(m):
+            z += shapes[s, k] * state[k]
+            v += shapes[s, k] * state[n + k]
+        r = m + int(rings[s, 0])
+        if rings[s, 0] >= 0:
+            z, v = z - state[r], v - state[n + r]
+        x, y, xr, yr = z.real, z.imag, v.real, v.imag
+        K, C = matrices[s, 0], matrices[s, 1]
+        pull_x = -(K[0, 0] * x + K[0, 1] * y + C[0, 0] * xr + C[0, 1] * yr)
+        pull_y = -(K[1, 0] * x + K[1, 1] * y + C[1, 0] * xr + C[1, 1] * yr)
+        for k in range(m):
+            out[n + k] += shapes[s, k] * complex(pull_x, pull_y)
+        if rings[s, 0] >= 0:
+            x, y, xr, yr = state[r].real, state[r].imag, state[n + r].real, state[n + r].imag
+            K, C = matrices[s, 2], matrices[s, 3]
+            pull_x = -(K[0, 0] * x + K[0, 1] * y + C[0, 0] * xr + C[0, 1] * yr) - pull_x
+            pull_y = -(K[1, 0] * x + K[1, 1] * y + C[1, 0] * xr + C[1, 1] * yr) - pull_y
+            out[r] = state[n + r]
+            out[n + r] = complex(pull_x, pull_y) / rings[s, 1] - 1j * rings[s, 2]
+
+
+@numba.njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator, unused-ignore]  # numba has no types
+def _rub(out: ComplexArray, state: ComplexArray, m: int, speed: float, shapes: FloatArray, walls: FloatArray) -> None:
+    # walls: clearance, stiffness, radius, friction, damping of each
+    n = state.size // 2
+    for w in range(shapes.shape[0]):
+        z, v = 0j, 0j
+        for k in range(m):
+            z += shapes[w, k] * state[k]
+            v += shapes[w, k] * state[n + k]
+        clearance, stiffness, radius, friction, damping = walls[w]
+        depth = math.hypot(z.real, z.imag) - clearance
+        if depth > 0:
+            angle = math.atan2(z.imag, z.real)
+            inwards = v.real * math.cos(angle) + v.imag * math.sin(angle)
+            along = v.imag * math.cos(angle) - v.real * math.sin(angle) + speed * radius
+            press = max(stiffness * depth * (1 + damping * inwards), 0.0)
+            drag = friction * press * along / math.hypot(along, 1e-3)
+            pull_x = -press * math.cos(angle) + drag * math.sin(angle)
+            pull_y = -press * math.sin(angle) - drag * math.cos(angle)
+            for k in range(m):
+                out[n + k] += shapes[w, k] * complex(pull_x, pull_y)
+
+
+def constrained_rates(parameters: ModelParameters, speed: float, modes: int) -> Rates:
+    """Return the same with linear supports and walls; the rings of supports follow the floating ones."""
+    system = ModalSystem.of(parameters, modes)
+    supports, rubs = parameters.supports, parameters.rubs
+    held = system.stations[[one.station - 1 for one in supports]]
+    matrices = np.zeros((len(supports), 4, 2, 2))
+    rings, last = np.full((len(supports), 3), -1.0), 1
+    for s, one in enumerate(supports):
+        matrices[s, :2] = one.inner.stiffness, one.inner.damping
+        if one.outer is not None:
+            last += 1
+            matrices[s, 2:] = one.outer.stiffness, one.outer.damping
+            rings[s] = last, one.ring_mass, parameters.gravity
+    touched = system.stations[[one.station - 1 for one in rubs]]
+    walls = np.array([(w.clearance, w.stiffness, w.radius, w.friction, w.damping) for w in rubs]).reshape(-1, 5)
+
+    def rates(time: float, flat: FloatArray) -> FloatArray:
+        state = flat.view(np.complex128)
+        found: ComplexArray = _rates(time, state, speed, system.shaft, system.films, system.rings)
+        _hold(found, state, modes, held, matrices, rings)
+        _rub(found, state, modes, speed, touched, walls)
         return found.view(np.float64)
 
     return rates
@@ -99,13 +177,12 @@ def numpy_rates(parameters: ModelParameters, speed: float, modes: int = 6) -> Ra
         outer = film(rings, ring_rates, films.outer_clearance, films.outer_speed * speed, films.outer_factor)
         pushed = speed**2 * np.exp(1j * speed * time) * shaft.imbalance + shaft.weight + shaft.journals.T @ inner
         bend = pushed + 1j * speed * shaft.gyroscopic @ v - shaft.squares * q
-        return np.concatenate((v, ring_rates, bend, (outer - inner) / films.ring_mass - 1j * films.gravity)).view(
-            np.float64
-        )
+        ring_pull = (outer - inner) / system.rings.mass - 1j * system.rings.gravity
+        return np.concatenate((v, ring_rates, bend, ring_pull)).view(np.float64)
 
     return rates
 
 
-def at_rest(modes: int = 6) -> FloatArray:
+def at_rest(modes: int = 6, rings: int = 2) -> FloatArray:
     """Return the state of a rotor at rest in the bearings' centre."""
-    return np.zeros(4 * (modes + 2))
+    return np.zeros(4 * (modes + rings))

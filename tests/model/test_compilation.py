@@ -15,12 +15,19 @@ with event.install_recorder("numba:compile") as compiled:
     {act}
 print(len(compiled.buffer))
 """
-ONE_FORCE = "from model.kernel import capone_force; capone_force(1e-6, 0j, 20e-6, 100.0, 1.0)"
-WHOLE_START = (
-    "from model.gj90c import gj90c; from model.motion import ShaftMotion; "
-    "from model.synchronous import synchronous_response; "
-    "synchronous_response(gj90c(), 1000.0); ShaftMotion(gj90c(), 1000.0, 1).turns(1)"
-)
+ONE_FORCE = "from model.forces import capone_force; capone_force(1e-6, 0j, 20e-6, 100.0, 1.0)"
+WHOLE_START = """
+    import numpy as np
+    from analysis.run import AnalysisSettings
+    from model.gj90c import gj90c
+    from model.live_prediction import refine
+    from model.prediction_map import compute_prediction_map
+    from model.synchronous import synchronous_response
+    synchronous_response(gj90c(), 1000.0)
+    settings = AnalysisSettings(revolutions=4)
+    known = compute_prediction_map(gj90c(), np.array([500.0, 520.0]), settings, lambda _done, _total: None)
+    assert len(list(refine(gj90c(), 511.0, known, settings))) > 1
+"""
 
 
 @pytest.fixture

@@ -6,8 +6,8 @@ import pytest
 from numpy.typing import NDArray
 
 from model.film import Film, films_of
+from model.forces import capone_force, film_stiffness
 from model.gj90c import gj90c
-from model.kernel import capone_force, film_stiffness
 
 UNIT = Film(radius=1.0, length=1.0, clearance=1.0, viscosity=1.0)
 

@@ -9,7 +9,10 @@ from model.document import DocumentError
 from model.gj90c import gj90c
 from model.rotor import Beam, ShaftMass
 from model.rotor_document import rotor_from
+from model.rub import Rub
 from model.supports import Coefficients, StaticLoad, Support
+
+RUB = {"station": 2, "clearance_um": 50, "stiffness_n_m": 1e7}
 
 
 @pytest.fixture
@@ -37,6 +40,21 @@ def test_any_unit_of_a_quantity_says_the_same(document: dict[str, Any]) -> None:
     del other["bearing"]["viscosity_pa_s"]
     other["imbalance"][0] = {"station": 5, "magnitude_g_mm": 0.5}
     assert rotor_from(other) == rotor_from(document)
+
+
+def test_walls_come_through_and_rub_at_the_shafts_radius_where_none_is_given(document: dict[str, Any]) -> None:
+    document["rub"] = [
+        {"station": 4, "clearance_um": 60, "stiffness_n_um": 20},
+        {
+            "station": 2,
+            "clearance_mm": 0.05,
+            "stiffness_n_m": 1e7,
+            "radius_mm": 22,
+            "friction": 0.1,
+            "damping_s_m": 0.5,
+        },
+    ]
+    assert rotor_from(document).rubs == (Rub(4, 60e-6, 2e7, 7e-3), Rub(2, 50e-6, 1e7, 22e-3, 0.1, 0.5))
 
 
 def test_supports_loads_and_the_shafts_own_mass_come_through(document: dict[str, Any]) -> None:
@@ -115,6 +133,16 @@ def test_supports_loads_and_the_shafts_own_mass_come_through(document: dict[str,
             "support[0].stiffness_n_m = [1, 2]: expected a nu",
         ),
         ((), {"support": [{"station": 3}]}, "support[0].stiffness_n_m: missing, expected a stiffness"),
+        ((), {"rub": [RUB | {"station": 9}]}, "rub[0].station = 9: no such station, expected 1 to 6"),
+        ((), {"rub": [{"station": 2}]}, "rub[0].clearance_mm: missing, expected a length"),
+        ((), {"rub": [RUB | {"clearance_um": 0}]}, "rub[0].clearance_um = 0 µm: expected a finite value above 0"),
+        ((), {"rub": [RUB | {"stiffness_n_m": -1}]}, "rub[0].stiffness_n_m = -1 N/m: expected a finite value above 0"),
+        ((), {"rub": [RUB | {"radius_mm": 0}]}, "rub[0].radius_mm = 0 mm: expected a finite value above 0"),
+        ((), {"rub": [RUB | {"friction": -0.1}]}, "rub[0].friction = -0.1 : expected a finite value 0 or more"),
+        ((), {"rub": [RUB | {"damping_s_m": -1}]}, "rub[0].damping_s_m = -1 s/m: expected a finite value 0 or more"),
+        ((), {"rub": [RUB | {"damping_n_s_m": 1}]}, "rub[0].damping_n_s_m = 1: unknown unit n_s_m, expected damping_"),
+        ((), {"rub": [RUB | {"gap_um": 1}]}, "rub[0].gap_um = 1: unknown key"),
+        ((), {"rub": 3}, "rub = 3: expected tables [[rub]]"),
         ((), {"bearing": 3}, "bearing: 3, expected a table [bearing]"),
         ((), {"disc": 3}, "disc = 3: expected tables [[disc]]"),
         ((), {"journal": []}, "journal: 0, expected two tables [[journal]]"),

@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from model.film import Film
-from model.kernel import capone_force
+from model.forces import capone_force
 from model.short_film import Capone, capone, fixed_half_film, moving_half_film, short_film_pressure
 
 ComplexArray = NDArray[np.complex128]
