@@ -101,6 +101,32 @@ def results_table(reader: RunReader, start: float = 0.0, stop: float = math.inf,
     return Table(columns, None, reader.header.started_ns, about)
 
 
+def pulses_table(reader: RunReader, start: float = 0.0, stop: float = math.inf, segment: int | None = None) -> Table:
+    """Return when the tacho's edges came, as a counter stamped them, one row for each; the tacho's delay is still in.
+
+    Raises
+    ------
+    ForeignFormatError
+        Where there are none.
+    """
+    acquisition = reader.header.acquisition
+    counter, found = acquisition.tacho.counter, []
+    for end in reader.segment_ends if counter is not None else ():
+        if segment in {None, end.segment}:
+            first, last = (min(end.samples, math.ceil(min(time, 1e9) * acquisition.rate)) for time in (start, stop))
+            found += [(end.segment, tick) for tick in reader.ticks(end.segment, first, last).tolist()]
+    if counter is None or not found:
+        raise ForeignFormatError(f"{reader.path}: holds no stamps of a counter from {start:g} s to {stop:g} s")
+    segments, ticks = np.array(found, dtype=np.float64).T
+    about = _properties(reader) | {"timebase_hz": repr(counter.timebase), "delay_s": repr(acquisition.tacho.delay)}
+    columns = (
+        Column("segment", "", segments),
+        Column("ticks", "", ticks),
+        Column("time_s", "s", ticks / counter.timebase),
+    )
+    return Table(columns, None, reader.header.started_ns, about)
+
+
 def _chosen(reader: RunReader, segment: int | None) -> SegmentEnd:
     ends = {end.segment: end for end in reader.segment_ends}
     if segment is None and len(ends) == 1:

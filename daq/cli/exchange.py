@@ -8,7 +8,7 @@ from pathlib import Path
 from daq.cli.replay import found
 from daq.session.imported import import_run
 from recordings.catalogue import Catalogue, data_folder
-from recordings.export import results_table, samples_table
+from recordings.export import pulses_table, results_table, samples_table
 from recordings.formats import EXPORTS, IMPORTS, write_table
 from recordings.reader import RunReader
 
@@ -31,7 +31,10 @@ def add_commands(add: Add) -> None:
     command.add_argument("--from", dest="start", type=_time, default=0.0, metavar="TIME", help="such as 10s, 1.5min")
     command.add_argument("--until", dest="stop", type=_time, default=math.inf, metavar="TIME", help="such as 20s")
     command.add_argument("--segment", type=int, help="which stretch of samples, where there are several")
-    command.add_argument("--results", action="store_true", help="speeds, amplitudes and lags instead of the samples")
+    instead = command.add_mutually_exclusive_group()
+    instead.add_argument("--results", action="store_true", help="speeds, amplitudes and lags instead of the samples")
+    text = "the edges of the tacho as a counter stamped them, instead of the samples"
+    instead.add_argument("--pulses", action="store_true", help=text)
     command.add_argument("--folder", default="", help="where runs are kept")
 
 
@@ -51,7 +54,7 @@ def run_export(chosen: argparse.Namespace) -> int:
     catalogue, run_id = found(chosen.recording, chosen.folder)
     target = Path(chosen.to)
     with RunReader(catalogue.path(run_id)) as reader:
-        made = results_table if chosen.results else samples_table
+        made = results_table if chosen.results else pulses_table if chosen.pulses else samples_table
         table = made(reader, chosen.start, chosen.stop, chosen.segment)
     write_table(target, table)
     names = ", ".join(column.name for column in table.columns)

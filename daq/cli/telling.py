@@ -3,6 +3,7 @@
 import json
 from collections.abc import Iterator
 
+from analysis.direction import Direction as SpeedDirection
 from analysis.run import Severity
 from daq.service.documents import Document, SummaryDocument
 from daq.service.documents.agreement import AgreementDocument
@@ -33,34 +34,56 @@ def summary_lines(summary: SummaryDocument) -> Iterator[str]:
         f"  “{summary.note}”" if summary.note else ""
     )
     yield "  ".join((_verdict(summary), _speeds(summary), _largest(summary)))
+    yield from _segments(summary)
     if summary.clock_error_ppm is not None:
         uncertainty = _number(summary.clock_uncertainty_ppm, 1)
         yield f"clock            the card's {summary.clock_error_ppm:+,.1f} ± {uncertainty} ppm against this computer's"
-    if summary.tacho is not None and summary.tacho.counter is not None:
-        compared = f"{summary.tacho.counter.compared:,} edges by counter and samples are compared"
-        yield f"tacho            speed and phase from the {summary.tacho.reference}; {compared}"
+    yield from _tacho(summary)
     for alarm in summary.alarms:
         yield f"alarm            {_alarm(alarm)}"
-    for mark in summary.marks:
-        if mark.kind is MarkKind.ALARM:  # told above
-            continue
-        where = f"segment {mark.segment}, " if len(summary.segments) > 1 else ""
-        yield f"mark             {where}{_number(mark.time_s, 1)} s  “{mark.text}”"
+    yield from _marks(summary)
     for fault in _oddities(summary):
         yield f"unusual          {fault}"
+    yield from _runout(summary)
     yield from _table(summary)
     if not summary.sub_synchronous:
         yield "sub-synchronous  none"
     for k, whirl in enumerate(summary.sub_synchronous):
         label = "sub-synchronous" if k == 0 else ""
-        begin, end = _number(whirl.begin.speed_rpm), _number(whirl.end.speed_rpm)
+        begin, end = _speed(whirl.begin.speed_rpm, whirl.begin_course), _speed(whirl.end.speed_rpm, whirl.end_course)
         order, size, way = _number(whirl.order, 2), _number(whirl.largest_peak_um, 1), whirl.direction.value
         yield f"{label:15}  {order}X from {begin} to {end} r/min, {way}, up to {size} µm"
+    for each in summary.hysteresis:
+        came, went, width = _number(each.onset_rpm), _number(each.end_rpm), _number(each.width_rpm)
+        order = _number(each.order, 2)
+        yield f"hysteresis       {order}X came at {came} running up, went at {went} running down: {width} r/min"
     if summary.agreement is None:
         yield "model            not compared: its prediction was not ready"
     else:
         for k, line in enumerate(_model(summary.agreement)):
             yield f"{'model' if k == 0 else '':15}  {line}"
+
+
+def _tacho(summary: SummaryDocument) -> Iterator[str]:
+    """Yield what speed and phase rest on, where there is a choice."""
+    if summary.tacho is not None and summary.tacho.counter is not None:
+        compared = f"{summary.tacho.counter.compared:,} edges by counter and samples are compared"
+        yield f"tacho            speed and phase from the {summary.tacho.reference}; {compared}"
+
+
+def _runout(summary: SummaryDocument) -> Iterator[str]:
+    """Yield what was taken off as run-out, or why nothing was."""
+    runout = summary.runout
+    if runout is None:
+        return
+    below = "" if runout.slow_roll_rpm is None else f" up to {_number(runout.slow_roll_rpm)} r/min"
+    if runout.order_1x is None:
+        yield f"run-out          not known: no {runout.source}{below}; 1X and 2X are as measured"
+        return
+    one = runout.order_1x
+    x = f"x {_number(one.amplitude_peak_x_um, 1)} µm ∠{_number(one.lag_x_deg)}°"
+    y = f"y {_number(one.amplitude_peak_y_um, 1)} µm ∠{_number(one.lag_y_deg)}°"
+    yield f"run-out          at 1X {x}, {y}, from {runout.source}{below}; taken off where it says compensated"
 
 
 def _alarm(alarm: AlarmDocument) -> str:
@@ -99,16 +122,26 @@ def _model(agreement: AgreementDocument) -> Iterator[str]:
 
 def _table(summary: SummaryDocument) -> Iterator[str]:
     """Yield a few rows of amplitude and phase by speed; the whole table is in the document."""
-    rows = [row for row in summary.by_speed if row.frames]
+    up = [row for row in summary.by_speed if row.frames and row.course is SpeedDirection.UP]
+    down = [row for row in reversed(summary.by_speed) if row.frames and row.course is SpeedDirection.DOWN]
+    rows = _picked(up, 5) + _picked(down, 5) if up and down else _picked(up + down, 8)
+    compensated = any(row.order_1x_compensated for row in rows)
     if rows:
-        yield "   r/min   1X x µm∠lag   1X y µm∠lag   2X x, y µm   overall x, y µm pp"
-    for row in _picked(rows):
-        one, two = row.order_1x, row.order_2x
+        note = "   compensated: less run-out" if compensated else ""
+        yield f"   r/min     1X x µm∠lag   1X y µm∠lag   2X x, y µm   overall x, y µm pp{note}"
+    for row in rows:
+        one, two = row.order_1x_compensated or row.order_1x, row.order_2x_compensated or row.order_2x
         x = f"{_number(one.amplitude_peak_x_um, 1)}∠{_number(one.lag_x_deg)}°"
         y = f"{_number(one.amplitude_peak_y_um, 1)}∠{_number(one.lag_y_deg)}°"
         second = f"{_number(two.amplitude_peak_x_um, 1)}, {_number(two.amplitude_peak_y_um, 1)}"
         overall = f"{_number(row.largest_peak_to_peak_x_um)}, {_number(row.largest_peak_to_peak_y_um)}"
-        yield f"{_number(row.speed_rpm):>8}   {x:>11}   {y:>11}   {second:>10}   {overall:>18}"
+        which = "   compensated" if row.order_1x_compensated else "   as measured" if compensated else ""
+        yield f"{_speed(row.speed_rpm, row.course):>10}   {x:>11}   {y:>11}   {second:>10}   {overall:>18}{which}"
+
+
+def _speed(speed_rpm: float | None, course: SpeedDirection) -> str:
+    """Say a speed, and which way it went."""
+    return f"{_number(speed_rpm)} {'▲' if course is SpeedDirection.UP else '▼'}"
 
 
 def _verdict(summary: SummaryDocument) -> str:
@@ -117,12 +150,24 @@ def _verdict(summary: SummaryDocument) -> str:
     if not summary.segments:
         return "NO END: the recording breaks off"
     bound = "" if summary.lost_is_exact else "at least "
-    ends = "; ".join(
-        f"segment {segment.segment} of {segment.samples:,} samples: {segment.end_reason.value}"
-        + (f" ({segment.detail})" if segment.detail else "")
-        for segment in summary.segments
-    )
-    return f"NOT GAP-FREE: {bound}{summary.lost_samples:,} samples lost; {ends}"
+    return f"NOT GAP-FREE: {bound}{summary.lost_samples:,} samples lost"
+
+
+def _segments(summary: SummaryDocument) -> Iterator[str]:
+    """Yield the segments of a run that is not gap-free, and why each ended."""
+    for segment in () if summary.is_gap_free else summary.segments:
+        bound = "" if segment.lost_is_exact else "at least "
+        lost = f", {bound}{segment.lost_samples:,} lost" if segment.lost_samples or bound else ""
+        detail = f": {segment.detail}" if segment.detail else ""
+        yield f"segment {segment.segment:<8} {segment.samples:,} samples, then {segment.end_reason.value}{lost}{detail}"
+
+
+def _marks(summary: SummaryDocument) -> Iterator[str]:
+    for mark in summary.marks:
+        if mark.kind is MarkKind.ALARM:  # told as an alarm
+            continue
+        where = f"segment {mark.segment}, " if len(summary.segments) > 1 else ""
+        yield f"mark             {where}{_number(mark.time_s, 1)} s  “{mark.text}”"
 
 
 def _speeds(summary: SummaryDocument) -> str:
@@ -165,11 +210,11 @@ def _oddities(summary: SummaryDocument) -> Iterator[str]:
             yield f"tacho: {tacho.counter.told}"
 
 
-def _picked(rows: list[SpeedRowDocument]) -> list[SpeedRowDocument]:
-    """Return at most eight rows, evenly spread, the last among them."""
-    if len(rows) <= 8:
+def _picked(rows: list[SpeedRowDocument], most: int) -> list[SpeedRowDocument]:
+    """Return at most so many rows, evenly spread, the last among them."""
+    if len(rows) <= most:
         return rows
-    return [rows[round(k * (len(rows) - 1) / 7)] for k in range(8)]
+    return [rows[round(k * (len(rows) - 1) / (most - 1))] for k in range(most)]
 
 
 def _number(value: float | None, decimals: int = 0) -> str:

@@ -76,7 +76,8 @@ def _signals(drawing: Drawing, frame: LiveFrame, snapshot: Snapshot, at: float) 
         text = f"{volts:.2f} V {'ok' if ok else 'OUT'}"
         drawing.text(text, (right, at), _SIZE, GOOD if ok else ALARM, Anchor.RIGHT)
     good = snapshot.tacho.state is TachoState.GOOD
-    _line(drawing, at + 14.0, f"tacho {snapshot.tacho.state.value}", GOOD if good else ALARM)
+    source = "" if snapshot.counter is None else f" by {frame.header.acquisition.tacho.reference}"
+    _line(drawing, at + 14.0, f"tacho {snapshot.tacho.state.value}{source}", GOOD if good else ALARM)
     clipped = [
         f"{channel.name} {count:,}"
         for channel, count in zip(frame.header.acquisition.channels, snapshot.clipped, strict=True)
