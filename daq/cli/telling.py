@@ -54,9 +54,10 @@ def summary_lines(summary: SummaryDocument) -> Iterator[str]:
         order, size, way = _number(whirl.order, 2), _number(whirl.largest_peak_um, 1), whirl.direction.value
         yield f"{label:15}  {order}X from {begin} to {end} r/min, {way}, up to {size} µm"
     for each in summary.hysteresis:
-        came, went, width = _number(each.onset_rpm), _number(each.end_rpm), _number(each.width_rpm)
+        came, went, width = _number(each.onset_rpm), _number(each.end_rpm), each.width_rpm or 0.0
+        apart = f"{_number(abs(width))} r/min {'lower' if width >= 0.0 else 'higher'}"
         order = _number(each.order, 2)
-        yield f"hysteresis       {order}X came at {came} running up, went at {went} running down: {width} r/min"
+        yield f"hysteresis       {order}X came at {came} running up, went at {went} running down: {apart}"
     if summary.agreement is None:
         yield "model            not compared: its prediction was not ready"
     else:

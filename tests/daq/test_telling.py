@@ -1,0 +1,66 @@
+"""A summary in the words of the bench: run-up and run-down, run-out, alarms and whirl of one run there and back."""
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from daq.cli.telling import summary_lines
+from daq.config.rig import Rig
+from daq.service.documents import SummaryDocument, summary_document
+from daq.session.offline import summarise
+from recordings.reader import RunReader
+from tests.daq.recorded_bench import record_run
+
+RigFactory = Callable[..., Rig]
+
+COURSE = [(0.0, 600.0), (3.0, 600.0), (7.0, 9000.0), (8.0, 9000.0), (12.0, 1500.0)]
+BENCH = {
+    "profile": [{"time_s": time_s, "speed_rpm": speed_rpm} for time_s, speed_rpm in COURSE],
+    "whirl": [{"order": 0.48, "onset_rpm": 5000.0, "end_rpm": 19_000.0, "amplitude_um": 14.0}],
+    "run_out_um": 2.0,
+    "glitches_per_s": 0.0,
+}
+
+
+def told(rig: Rig, folder: Path) -> tuple[SummaryDocument, list[str]]:
+    with RunReader(record_run(rig, folder)) as reader:
+        document = summary_document(summarise(reader))
+    return document, list(summary_lines(document))
+
+
+def test_a_run_there_and_back_is_told_apart_with_what_run_out_and_whirl_were(rig: RigFactory, tmp_path: Path) -> None:
+    limits = {"peak_to_peak_alarm_um": 20.0, "hold_s": 0.2}
+    document, lines = told(rig(simulation=BENCH, runout={"slow_roll_rpm": 700.0}, limits=limits), tmp_path)
+    assert any(
+        re.match(r"run-out +at 1X x 1\.\d µm .* from slow roll of this run up to 700 r/min", line) for line in lines
+    )
+    rows = [line for line in lines if re.search(r"\d [▲▼] ", line) and "∠" in line]
+    assert sum("▲" in line for line in rows) == 5
+    assert sum("▼" in line for line in rows) == 5
+    assert rows[0].endswith("as measured")  # the slow roll itself
+    assert all(line.endswith("compensated") for line in rows[1:])
+    assert any(
+        re.match(r"sub-synchronous  0\.48X from [45],\d+ ▲ to [45],\d+ ▼ r/min, forward", line) for line in lines
+    )
+    assert any(
+        re.match(r"hysteresis +0\.48X came at [45],\d+ running up, went at [45],\d+ running down", line)
+        for line in lines
+    )
+    assert any(
+        re.match(r"alarm +ALARM at x from \d\.\d s, \d,\d+ r/min until \d+\.\d s, up to \d+ µm pp", line)
+        for line in lines
+    )
+    (hysteresis,) = document.hysteresis
+    assert hysteresis.width_rpm == pytest.approx(0.0, abs=300.0)  # the simulated film has none
+    assert {row.course for row in document.by_speed} == {"run-up", "run-down"}
+
+
+def test_a_slow_roll_that_did_not_come_is_told(rig: RigFactory, tmp_path: Path) -> None:
+    held = {"profile": [{"time_s": 0.0, "speed_rpm": 3000.0}, {"time_s": 2.0, "speed_rpm": 3000.0}]}
+    document, lines = told(rig(simulation=held, runout={"slow_roll_rpm": 700.0}), tmp_path)
+    assert document.runout is not None
+    assert not document.runout.is_known
+    wanted = "run-out          not known: no slow roll of this run up to 700 r/min; 1X and 2X are as measured"
+    assert wanted in lines
