@@ -1,13 +1,9 @@
 """Draws every kind of plot that the analysis has data for, from one simulated run, into one picture.
 
-    python tests/gallery/draw.py docs/gallery.png
-
-The run goes from 700 to 18,000 r/min and back: a critical speed at 8,000 r/min, run-out, a whirl at 0.47X from
-11,000 r/min on that locks to 115 Hz, a shaft that rises in its clearance, a few glitches.
+python -m tests.gallery.draw docs/gallery.png
 """
 
 import sys
-from dataclasses import dataclass
 from pathlib import Path
 
 import matplotlib as mpl
@@ -17,106 +13,36 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from PIL import Image
 
+from analysis.acceptance import figures
 from analysis.alarm import LimitWatch
-from analysis.angular_record import AngularRecord, angular_record
 from analysis.centreline import centreline
 from analysis.filtered_orbit import FilteredOrbit, direct_orbit, filtered_orbit, orbit_without
 from analysis.findings import Moment
+from analysis.frequency_map import frequency_map
 from analysis.frequency_spectrum import frequency_spectrum
-from analysis.full_spectrum import ProbeMismatch, full_cascade, full_spectrum, probe_mismatch
+from analysis.full_spectrum import full_cascade, full_spectrum
 from analysis.glitches import find_glitches
-from analysis.orbit import ProbePair
-from analysis.order_map import OrderMap, order_map
+from analysis.order_map import order_map
 from analysis.order_track import track_order
+from analysis.overall import overall
 from analysis.poincare import bifurcation, poincare_section
-from analysis.pulse_record import pulse_record
-from analysis.run import Limits, Tacho
-from analysis.runout import SlowRoll, slow_roll
-from analysis.shaft_angle import ShaftAngle, shaft_angle
+from analysis.run import Limits
 from analysis.speed_curve import speed_curves
 from analysis.subsynchronous import subsynchronous_tracks
+from analysis.synchronous_average import synchronous_average, synchronous_rest
+from analysis.tacholess import speed_from_ridge
 from analysis.uncertainty import sigma_of_floor
-from analysis.vold_kalman import order_envelopes
+from analysis.vold_kalman import OrderEnvelopes, order_envelopes
+from tests.gallery.simulated_run import CRITICAL, MICRO, RATE, RPM, Run, simulated
 
 FloatArray = NDArray[np.float64]
 
-MICRO = 1e-6
-RPM = 60.0 / (2.0 * np.pi)
-RATE, DURATION = 40_000.0, 30.0
-SLOWEST, FASTEST, CRITICAL, ONSET, LOCK = 700.0, 18_000.0, 8_000.0, 11_000.0, 115.0  # r/min; Hz
 LIMITS = Limits(50 * MICRO, 80 * MICRO, 100 * MICRO, 2_000.0)
 X, Y, WHIRL, GREY = "#0072b2", "#d55e00", "#cc2277", "0.55"
 
 
-@dataclass(frozen=True)
-class Run:
-    """The simulated run and what several plots share."""
-
-    time: FloatArray
-    displacement: FloatArray
-    tacho: FloatArray
-    angle: ShaftAngle
-    raw: AngularRecord
-    record: AngularRecord  # run-out taken off
-    roll: SlowRoll
-    frames: OrderMap
-    mismatch: ProbeMismatch
-    parked: FloatArray
-
-    def at(self, rpm: float, revolutions: int = 128) -> AngularRecord:
-        """Return the revolutions of the run-up about a speed."""
-        middle = int(np.argmax(self.record.speeds * RPM >= rpm))
-        return self.record.part(middle - revolutions // 2, middle + revolutions // 2)
-
-
-def simulated() -> Run:
-    """Return the run."""
-    random = np.random.default_rng(7)
-    time = np.arange(int(RATE * DURATION)) / RATE
-    hold = 1.5
-    ramp = np.interp(time, [0, hold, 16, 18, DURATION], [SLOWEST, SLOWEST, FASTEST, FASTEST, SLOWEST])
-    turn_rate = ramp / 60.0
-    turns = np.concatenate([[0.0], np.cumsum(0.5 * (turn_rate[1:] + turn_rate[:-1]) / RATE)]) + 0.3
-    theta = 2 * np.pi * turns
-    ratio = ramp / CRITICAL
-    response = ratio**2 / (1 - ratio**2 + 2j * 0.12 * ratio)
-    frequency = np.minimum(0.47 * turn_rate, LOCK)
-    phase = 2 * np.pi * np.concatenate([[0.0], np.cumsum(0.5 * (frequency[1:] + frequency[:-1]) / RATE)])
-    strength = 12 * MICRO * np.clip((ramp - ONSET) / 1_500.0, 0.0, 1.0)
-    z = 5 * MICRO * response * np.exp(1j * (theta + 0.5)) + 0.8 * MICRO * np.conj(response) * np.exp(-1j * theta)
-    z += 2 * MICRO * ratio / (1 + ratio) * np.exp(1j * (2 * theta + 1.0)) + strength * np.exp(1j * phase)
-    lift = ramp / FASTEST
-    z += 35 * MICRO * lift**0.5 * np.exp(1j * (0.5 * np.pi - 1.1 * (1 - lift)))
-    surface = 3 * MICRO * np.cos(theta - 2.0) - 5 * MICRO * np.exp(-0.5 * ((turns % 1.0 - 0.62) / 0.02) ** 2)
-    displacement = np.stack([z.real, z.imag]) + surface + 0.15 * MICRO * random.standard_normal((2, time.size))
-    for place in random.integers(0, time.size, 12):
-        displacement[place % 2, place] += 90 * MICRO
-    pulses = np.interp(np.arange(1.0, np.floor(turns[-1])), turns, time) + 1e-6 * random.standard_normal(
-        int(turns[-1]) - 1
-    )
-    tacho = Tacho(threshold=2.0, hysteresis=1.0, response_time=1e-4)
-    angle = shaft_angle(pulse_record(pulses, tacho))
-    clean = find_glitches(displacement, RATE, angle)
-    raw = angular_record(clean.displacement, RATE, angle, ProbePair(0.0, np.pi / 2))
-    roll = slow_roll(raw, 0.9 * SLOWEST / RPM, 1.1 * SLOWEST / RPM)
-    record = roll.off_waveform(raw)
-    frames = order_map(record)
-    return Run(
-        time=time,
-        displacement=displacement,
-        tacho=np.where(turns % 1.0 < 0.5, 4.0, 0.0),
-        angle=angle,
-        raw=raw,
-        record=record,
-        roll=roll,
-        frames=frames,
-        mismatch=probe_mismatch(frames),
-        parked=np.zeros(2),
-    )
-
-
 def timebase(axes: Axes, run: Run) -> None:
-    window = slice(int(13.0 * RATE), int(13.03 * RATE))
+    window = run.samples(14_000, 0.03)
     shown = 1e3 * (run.time[window] - run.time[window.start])
     for row, (name, colour) in enumerate((("x", X), ("y", Y))):
         wave = run.displacement[row, window]
@@ -137,18 +63,55 @@ def orbit(axes: Axes, found: FilteredOrbit, title: str) -> None:
     axes.set(title=title, xlabel="X, µm", ylabel="Y, µm", aspect="equal")
 
 
-def one_x_orbit(axes: Axes, run: Run) -> None:
-    found = filtered_orbit(run.at(14_000), (1.0,))
-    orbit(axes, found, "1X orbit, ellipse and mark")
+def ellipse_orbit(axes: Axes, run: Run, order: float) -> None:
+    found = filtered_orbit(run.at(14_000), (order,))
+    orbit(axes, found, f"{order:g}X orbit, ellipse and mark")
     ellipse = found.ellipses[0]
     along = np.exp(1j * ellipse.tilt) / MICRO
     for end in (ellipse.major * along, 1j * ellipse.minor * along):
         axes.plot([-end.real, end.real], [-end.imag, end.imag], GREY, lw=0.8, ls="--")
     sense = "forward" if ellipse.minor > 0 else "backward"
-    text = (
-        f"{ellipse.major / MICRO:.2f} x {abs(ellipse.minor) / MICRO:.2f} ± {found.sigma / MICRO:.3f} µm peak\n{sense}"
+    size = f"{ellipse.major / MICRO:.2f} x {abs(ellipse.minor) / MICRO:.2f} ± {found.sigma / MICRO:.3f} µm peak"
+    axes.set(title=f"{order:g}X orbit, {sense}\n{size}")
+
+
+def orbit_timebase(axes: Axes, run: Run) -> None:
+    found = orbit_without(run.at(14_000), (1.0,), revolutions=6)
+    times = 1e3 * (found.times.ravel() - found.times[0, 0])
+    for row, (name, colour) in enumerate((("X", X), ("Y", Y))):
+        axes.plot(times, found.motion[row].ravel() / MICRO, colour, lw=0.9, label=name)
+        axes.plot(times[:: found.times.shape[1]], found.marks[row] / MICRO, "o", color=colour, ms=3)
+    axes.set(title="Time base of the not-1X orbit", xlabel="time, ms", ylabel="displacement, µm", ylim=(-16, 21))
+    axes.legend(ncols=2, loc="upper left")
+
+
+def average(axes: Axes, run: Run) -> None:
+    part = run.at(14_000)
+    mean, rest = synchronous_average(part), synchronous_rest(part)
+    degrees = np.arange(part.points) * 360.0 / part.points
+    for turn in rest.waveform[0, 40:72]:
+        axes.plot(degrees, turn / MICRO, GREY, lw=0.4, alpha=0.5, label="_")
+    axes.plot([], [], GREY, lw=0.6, label="rest of 32 turns")
+    axes.plot(degrees, (mean.waveform[0] - mean.waveform[0].mean()) / MICRO, X, lw=1.4, label="average")
+    title = f"Average revolution, x, {mean.revolutions} turns, ± {mean.sigma[0] / MICRO:.1f} µm"
+    axes.set(title=title, xlabel="angle from the mark, degrees", ylabel="µm", ylim=(-19, 26))
+    axes.legend(ncols=2, loc="upper left")
+
+
+def speeds(axes: Axes, run: Run) -> None:
+    axes.plot(run.frames.times, run.frames.speeds * RPM / 1e3, X, lw=1.2, label="tacho")
+    step, rate = 32, RATE / 32
+    thin = run.displacement[:, : run.time.size // step * step].reshape(2, -1, step).mean(axis=2)
+    window = slice(int(4.0 * rate), int(16.0 * rate))
+    ridge = speed_from_ridge(thin[:, window], rate, 3_000.0 / RPM, 20_000.0 / RPM)
+    dots = axes.scatter(
+        ridge.times + 4.0, ridge.speeds * RPM / 1e3, c=ridge.confidence, s=9, cmap="plasma", vmin=0, vmax=1, zorder=3
     )
-    axes.text(0.5, 0.52, text, transform=axes.transAxes, ha="center", fontsize=7)
+    axes.figure.colorbar(dots, ax=axes, label="confidence of the ridge of 1X")
+    told = f"jitter {1e6 * run.angle.jitter:.1f} µs"
+    axes.set(title=f"Speed: tacho ({told}) and ridge", xlabel="time, s", ylabel="speed, 1000 r/min")
+    axes.text(4.0, 0.3, "where the whirl outgrows 1X the ridge is not sure", fontsize=6.5)
+    axes.legend(loc="upper left")
 
 
 def centre(axes: Axes, run: Run) -> None:
@@ -182,7 +145,7 @@ def full_lines(axes: Axes, run: Run) -> None:
 
 
 def frequency_lines(axes: Axes, run: Run) -> None:
-    window = slice(int(16 * RATE), int(18 * RATE))
+    window = slice(int(16 * RATE), int(18 * RATE))  # steady
     found = frequency_spectrum(run.displacement[:, window], RATE, resolution=2.0)
     for row, colour in enumerate((X, Y)):
         axes.semilogy(found.frequencies, found.amplitudes[row] / MICRO, colour, lw=0.9, label="xy"[row])
@@ -213,15 +176,17 @@ def waterfall(axes: Axes, run: Run) -> None:
 
 
 def speed_frequency(axes: Axes, run: Run) -> None:
-    up = (run.frames.times > 2.0) & (run.frames.times < 16.0)
-    speeds, orders = run.frames.speeds[up] * RPM / 1e3, run.frames.orders
-    frequency = np.linspace(0, 700, 300)
-    at = frequency[None] / (speeds[:, None] * 1e3 / 60)
-    size = run.frames.amplitudes()[0][up]
-    rows = np.array([np.interp(row, orders, line, right=0.0) for row, line in zip(at, size, strict=True)])
-    step = max(rows.shape[0] // 300, 1)
-    colours(axes, speeds[::step], frequency, rows[::step].T)
-    axes.set(title="Speed-frequency map, run-up, x", xlabel="speed, 1000 r/min", ylabel="frequency, Hz")
+    up = slice(0, int(16 * RATE))
+    found = frequency_map(run.displacement[:, up], RATE, run.angle, resolution=4.0, highest=700.0)
+    speeds, rows = found.cascade(100.0 / RPM)
+    colours(axes, speeds * RPM / 1e3, found.frequencies, rows[0].T)
+    axes.set(title="Frequency cascade, run-up, x", xlabel="speed, 1000 r/min", ylabel="frequency, Hz")
+
+
+def frequency_waterfall(axes: Axes, run: Run) -> None:
+    found = frequency_map(run.displacement, RATE, resolution=4.0, highest=700.0)
+    colours(axes, found.frequencies, found.times, found.amplitudes[0])
+    axes.set(title="Frequency waterfall (against time), x", xlabel="frequency, Hz", ylabel="time, s")
 
 
 def bode(amplitudes: Axes, phases: Axes, run: Run) -> None:
@@ -288,23 +253,25 @@ def below_one_x(axes: Axes, run: Run) -> None:
     axes.legend(loc="lower right")
 
 
-def overall(axes: Axes, run: Run) -> None:
-    watch, size = LimitWatch(LIMITS.peak_to_peak_alarm, LIMITS.hysteresis, hold=0.2), int(0.1 * RATE)
-    blocks = run.displacement[:, : run.time.size // size * size].reshape(2, -1, size)
-    peak_to_peak = (np.quantile(blocks, 0.999, axis=2) - np.quantile(blocks, 0.001, axis=2)).max(axis=0)
-    times = (np.arange(peak_to_peak.size) + 0.5) * size / RATE
-    states = [watch.update(value, Moment(0, time, np.nan)) for value, time in zip(peak_to_peak, times, strict=True)]
-    axes.plot(times, peak_to_peak / MICRO, X, lw=1.0, label="larger of x and y")
+def overall_vibration(axes: Axes, run: Run) -> None:
+    watch = LimitWatch(LIMITS.peak_to_peak_alarm, LIMITS.hysteresis, hold=0.2)
+    found = overall(run.displacement, RATE, LIMITS.clearance)
+    larger = found.peak_to_peak.max(axis=0)
+    states = [watch.update(value, Moment(0, time, np.nan)) for value, time in zip(larger, found.times, strict=True)]
+    axes.plot(found.times, larger / MICRO, X, lw=1.0, label="larger of x and y")
     for limit, colour, name in ((50, "#e69f00", "alarm"), (80, "#cc0000", "danger")):
         axes.axhline(limit, color=colour, lw=0.9, label=name)
     latched = np.maximum.accumulate(states)
-    since = times[np.argmax(latched)]
-    axes.fill_between(times, 0, 100, where=latched.tolist(), color="#e69f00", alpha=0.12, lw=0, label="latched")
-    axes.set(title=f"Overall, alarm since {since:.1f} s", xlabel="time, s", ylabel="µm peak-to-peak", ylim=(0, 95))
+    since = found.times[np.argmax(latched)]
+    axes.fill_between(found.times, 0, 100, where=latched.tolist(), color="#e69f00", alpha=0.12, lw=0, label="latched")
+    part = f"{100 * found.clearance_part.max():.0f} % of the clearance"
+    axes.set(title=f"Overall, at most {part}; alarm since {since:.1f} s", xlabel="time, s")
+    axes.set(ylabel="µm peak-to-peak", ylim=(0, 95))
     axes.legend(ncols=2)
 
 
-def envelopes(axes: Axes, run: Run) -> None:
+def followed(run: Run) -> tuple[FloatArray, OrderEnvelopes]:
+    """Return times, s, and envelopes of the run-up at probe x."""
     step, end = 16, int(16 * RATE)
     thin = run.displacement[0, : end // step * step].reshape(-1, step).mean(axis=1)
     times = (np.arange(thin.size) + 0.5) * step / RATE
@@ -312,12 +279,27 @@ def envelopes(axes: Axes, run: Run) -> None:
     good = np.isfinite(turns)
     slow = np.convolve(thin, np.ones(500) / 500, mode="same")
     found = order_envelopes((thin - slow)[good], 2 * np.pi * turns[good], RATE / step, (0.47, 1.0, 2.0), bandwidth=6.0)
+    return times[good], found
+
+
+def envelopes(axes: Axes, times: FloatArray, found: OrderEnvelopes) -> None:
     for index, colour in enumerate((WHIRL, X, Y)):
-        axes.plot(
-            times[good], np.abs(found.envelopes[index]) / MICRO, colour, lw=0.9, label=f"{found.orders[index]:g}X"
-        )
-    axes.set(title="Vold-Kalman envelopes, 6 Hz, x", xlabel="time, s", ylabel="amplitude, µm peak", ylim=(0, 30))
+        size = np.abs(found.envelopes[index])
+        axes.plot(times, size / MICRO, colour, lw=0.9, label=f"{found.orders[index]:g}X")
+        low, high = size - 2 * found.sigma[index], size + 2 * found.sigma[index]
+        axes.fill_between(times, low / MICRO, high / MICRO, color=colour, alpha=0.2, lw=0)
+    axes.set(title="Vold-Kalman envelopes, 6 Hz, x, ± 2 σ", xlabel="time, s", ylabel="amplitude, µm peak")
+    axes.set(ylim=(0, 30))
     axes.legend()
+
+
+def order_waves(axes: Axes, times: FloatArray, found: OrderEnvelopes) -> None:
+    window = (times > 12.63) & (times < 12.66)
+    for index, colour in enumerate((WHIRL, X, Y)):
+        wave = found.waveform(index)[window] / MICRO
+        axes.plot(1e3 * (times[window] - 12.63), wave, colour, lw=1.0, label=f"{found.orders[index]:g}X")
+    axes.set(title="Waveforms of single orders, 14,000 r/min", xlabel="time, ms", ylabel="µm", ylim=(-15, 20))
+    axes.legend(ncols=3, loc="upper left")
 
 
 def run_out(axes: Axes, run: Run) -> None:
@@ -330,37 +312,75 @@ def run_out(axes: Axes, run: Run) -> None:
     axes.legend()
 
 
+def glitches(axes: Axes, run: Run) -> None:
+    found = find_glitches(run.displacement, RATE, run.angle)
+    place = int(np.flatnonzero(found.repaired[0])[3])
+    window = slice(place - 200, place + 200)
+    shown = 1e3 * (run.time[window] - run.time[place])
+    axes.plot(shown, run.displacement[0, window] / MICRO, GREY, lw=0.8, label="as sampled")
+    axes.plot(shown, found.displacement[0, window] / MICRO, X, lw=1.1, label="bridged")
+    told = f"{found.count[0]} at x, {found.count[1]} at y, {sum(found.left)} left"
+    axes.set(title=f"Glitches: {told}", xlabel="time about one, ms", ylabel="displacement, µm")
+    axes.legend()
+
+
+def standards(axes: Axes, run: Run) -> None:
+    rpm = np.linspace(1_000, 60_000, 200)
+    rows = [figures(float(speed) / RPM) for speed in rpm]
+    for column, style in enumerate(("-", "--", "-.", ":", (0, (1, 3)))):
+        figure = rows[0][column]
+        limits = np.array([row[column].limit for row in rows])
+        axes.plot(rpm / 1e3, limits / MICRO, GREY, ls=style, lw=1.0, label=f"{figure.standard}, {figure.name}")
+    found = overall(run.displacement, RATE, LIMITS.clearance)
+    at = np.interp(found.times, run.frames.times, run.frames.speeds) * RPM / 1e3
+    axes.plot(at, found.peak_to_peak.max(axis=0) / MICRO, X, lw=1.0, label="this run")
+    axes.set(title="Standards, for information: none is for a turbocharger", xlabel="speed, 1000 r/min")
+    axes.set(ylabel="µm peak-to-peak", ylim=(0, 125))
+    axes.legend()
+
+
 def draw(path: Path) -> None:
     """Draw the gallery."""
     mpl.rcParams.update(
         {"font.size": 8, "axes.titlesize": 8.5, "legend.fontsize": 6.5, "axes.grid": True, "grid.alpha": 0.25}
     )
     run = simulated()
-    figure = Figure(figsize=(19, 14.5), layout="constrained", dpi=100)
-    axes = figure.subplots(4, 5).ravel()
+    figure = Figure(figsize=(15.5, 24), layout="constrained", dpi=100)
+    axes = iter(figure.subplots(7, 4).ravel())
     whirling = run.at(14_000)
-    timebase(axes[0], run)
-    orbit(axes[1], direct_orbit(whirling, 8), "Direct orbit, 14,000 r/min")
-    one_x_orbit(axes[2], run)
-    orbit(axes[3], orbit_without(whirling, (1.0,), revolutions=8), "Not-1X orbit")
-    centre(axes[4], run)
-    order_lines(axes[5], run)
-    full_lines(axes[6], run)
-    frequency_lines(axes[7], run)
-    cascade(axes[8], run)
-    waterfall(axes[9], run)
-    bode(axes[10], axes[11], run)
-    polar(axes[12], run)
-    speed_frequency(axes[13], run)
-    below_one_x(axes[14], run)
-    poincare(axes[15], run)
-    bifurcations(axes[16], run)
-    envelopes(axes[17], run)
-    overall(axes[18], run)
-    run_out(axes[19], run)
+    times, orders = followed(run)
+    timebase(next(axes), run)
+    speeds(next(axes), run)
+    overall_vibration(next(axes), run)
+    standards(next(axes), run)
+    orbit(next(axes), direct_orbit(whirling, 8), "Direct orbit, 14,000 r/min")
+    ellipse_orbit(next(axes), run, 1.0)
+    ellipse_orbit(next(axes), run, 2.0)
+    orbit(next(axes), orbit_without(whirling, (1.0,), revolutions=8), "Not-1X orbit")
+    orbit_timebase(next(axes), run)
+    average(next(axes), run)
+    poincare(next(axes), run)
+    centre(next(axes), run)
+    order_lines(next(axes), run)
+    full_lines(next(axes), run)
+    waterfall(next(axes), run)
+    cascade(next(axes), run)
+    frequency_lines(next(axes), run)
+    frequency_waterfall(next(axes), run)
+    speed_frequency(next(axes), run)
+    below_one_x(next(axes), run)
+    bode(next(axes), next(axes), run)
+    polar(next(axes), run)
+    bifurcations(next(axes), run)
+    envelopes(next(axes), times, orders)
+    order_waves(next(axes), times, orders)
+    run_out(next(axes), run)
+    glitches(next(axes), run)
     figure.savefig(path)
     with Image.open(path) as picture:
-        picture.convert("RGB").quantize(256, dither=Image.Dither.NONE).save(path, optimize=True)
+        picture.convert("RGB").quantize(256, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE).save(
+            path, optimize=True
+        )
 
 
 if __name__ == "__main__":

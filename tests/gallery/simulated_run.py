@@ -1,0 +1,99 @@
+"""The run that the gallery draws.
+
+It goes from 700 to 18,000 r/min and back: a critical speed at 8,000 r/min, run-out, a whirl at 0.47X from 11,000 r/min
+on that locks to 115 Hz, a shaft that rises in its clearance, a few glitches.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.angular_record import AngularRecord, angular_record
+from analysis.full_spectrum import ProbeMismatch, probe_mismatch
+from analysis.glitches import find_glitches
+from analysis.orbit import ProbePair
+from analysis.order_map import OrderMap, order_map
+from analysis.pulse_record import pulse_record
+from analysis.run import Tacho
+from analysis.runout import SlowRoll, slow_roll
+from analysis.shaft_angle import ShaftAngle, shaft_angle
+
+FloatArray = NDArray[np.float64]
+
+MICRO = 1e-6
+RPM = 60.0 / (2.0 * np.pi)
+RATE, DURATION = 40_000.0, 30.0
+SLOWEST, FASTEST, CRITICAL, ONSET, LOCK = 700.0, 18_000.0, 8_000.0, 11_000.0, 115.0  # r/min; Hz
+
+
+@dataclass(frozen=True)
+class Run:
+    """The simulated run and what several plots share."""
+
+    time: FloatArray
+    displacement: FloatArray
+    tacho: FloatArray
+    angle: ShaftAngle
+    raw: AngularRecord
+    record: AngularRecord  # run-out taken off
+    roll: SlowRoll
+    frames: OrderMap
+    mismatch: ProbeMismatch
+    parked: FloatArray
+
+    def at(self, rpm: float, revolutions: int = 128) -> AngularRecord:
+        """Return the revolutions of the run-up about a speed."""
+        middle = int(np.argmax(self.record.speeds * RPM >= rpm))
+        return self.record.part(middle - revolutions // 2, middle + revolutions // 2)
+
+    def samples(self, rpm: float, duration: float) -> slice:
+        """Return the samples of the run-up from a speed on."""
+        begin = float(self.record.times[np.argmax(self.record.speeds * RPM >= rpm)])
+        return slice(int(begin * RATE), int((begin + duration) * RATE))
+
+
+def simulated() -> Run:
+    """Return the run."""
+    random = np.random.default_rng(7)
+    time = np.arange(int(RATE * DURATION)) / RATE
+    hold = 1.5
+    ramp = np.interp(time, [0, hold, 16, 18, DURATION], [SLOWEST, SLOWEST, FASTEST, FASTEST, SLOWEST])
+    turn_rate = ramp / 60.0
+    turns = np.concatenate([[0.0], np.cumsum(0.5 * (turn_rate[1:] + turn_rate[:-1]) / RATE)]) + 0.3
+    theta = 2 * np.pi * turns
+    ratio = ramp / CRITICAL
+    response = ratio**2 / (1 - ratio**2 + 2j * 0.12 * ratio)
+    frequency = np.minimum(0.47 * turn_rate, LOCK)
+    phase = 2 * np.pi * np.concatenate([[0.0], np.cumsum(0.5 * (frequency[1:] + frequency[:-1]) / RATE)])
+    strength = 12 * MICRO * np.clip((ramp - ONSET) / 1_500.0, 0.0, 1.0)
+    z = 5 * MICRO * response * np.exp(1j * (theta + 0.5)) + 0.8 * MICRO * np.conj(response) * np.exp(-1j * theta)
+    z += 2 * MICRO * ratio / (1 + ratio) * np.exp(1j * (2 * theta + 1.0)) + strength * np.exp(1j * phase)
+    lift = ramp / FASTEST
+    z += 35 * MICRO * lift**0.5 * np.exp(1j * (0.5 * np.pi - 1.1 * (1 - lift)))
+    surface = 3 * MICRO * np.cos(theta - 2.0) - 5 * MICRO * np.exp(-0.5 * ((turns % 1.0 - 0.62) / 0.02) ** 2)
+    displacement = np.stack([z.real, z.imag]) + surface + 0.15 * MICRO * random.standard_normal((2, time.size))
+    for place in random.integers(0, time.size, 12):
+        displacement[place % 2, place] += 90 * MICRO
+    pulses = np.interp(np.arange(1.0, np.floor(turns[-1])), turns, time) + 1e-6 * random.standard_normal(
+        int(turns[-1]) - 1
+    )
+    tacho = Tacho(threshold=2.0, hysteresis=1.0, response_time=1e-4)
+    angle = shaft_angle(pulse_record(pulses, tacho))
+    clean = find_glitches(displacement, RATE, angle)
+    raw = angular_record(clean.displacement, RATE, angle, ProbePair(0.0, np.pi / 2))
+    roll = slow_roll(raw, 0.9 * SLOWEST / RPM, 1.1 * SLOWEST / RPM)
+    record = roll.off_waveform(raw)
+    frames = order_map(record)
+    return Run(
+        time=time,
+        displacement=displacement,
+        tacho=np.where(turns % 1.0 < 0.5, 4.0, 0.0),
+        angle=angle,
+        raw=raw,
+        record=record,
+        roll=roll,
+        frames=frames,
+        mismatch=probe_mismatch(frames),
+        parked=np.zeros(2),
+    )
