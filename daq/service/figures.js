@@ -9,6 +9,8 @@ export const decimals = (value, digits) => (known(value) ? value.toFixed(digits)
 
 // Amplitudes: a tenth of a µm below ten, whole µm from there.
 export const micrometres = (value) => (known(value) ? value.toFixed(Math.abs(value) < 9.95 ? 1 : 0) : DASH);
+// A standard deviation: one digit that counts.
+export const sigma = (value) => (!known(value) ? DASH : value < 0.001 ? "<0.001" : String(Number(value.toPrecision(1))));
 export const lag = (value) => (known(value) ? `${Math.round(value) % 360}°` : "");
 export const order = (value) => (known(value) ? `${value.toFixed(2)}X` : DASH);
 

@@ -1,6 +1,6 @@
 // Draws one moment of a run into the page.
 
-import { clock, count, decimals, known, lag, micrometres, order, span, whole } from "./figures.js";
+import { clock, count, decimals, known, lag, micrometres, order, sigma, span, whole } from "./figures.js";
 
 const element = (id) => document.getElementById(id);
 
@@ -50,7 +50,7 @@ export function drawIdle() {
   write("run", "No run is under way");
   write("device", "rig record RIG.TOML starts one and says where to watch it; recorded runs are below");
   for (const node of document.querySelectorAll("#values b, #status dd")) node.textContent = "–";
-  for (const node of document.querySelectorAll("#values .size, #values td span, #values .trend, #values .note, #verdict")) {
+  for (const node of document.querySelectorAll("#values .size, #values td span, #values .trend, #values .note, #values .verdict")) {
     if (node.id) node.textContent = "";
   }
   for (const node of document.querySelectorAll(".gauge i")) node.style.setProperty("--fill", "0%");
@@ -95,20 +95,31 @@ function drawOverall({ measured, predicted, limits, status }) {
   write("pp-model", model ?? "");
 }
 
-function drawRunningSpeed({ measured, predicted }) {
+function drawRunningSpeed({ measured, predicted, runout }) {
+  const raw = measured?.order_1x;
+  const compensated = measured?.order_1x_compensated;
+  const shown = compensated ?? raw;
   for (const probe of ["x", "y"]) {
-    for (const [source, suffix] of [[measured, ""], [predicted, "-model"]]) {
-      write(`one-${probe}${suffix}`, micrometres(source?.order_1x?.[`amplitude_peak_${probe}_um`]));
-      write(`one-${probe}${suffix}-lag`, lag(source?.order_1x?.[`lag_${probe}_deg`]));
+    for (const [source, suffix] of [[shown, ""], [predicted?.order_1x, "-model"]]) {
+      write(`one-${probe}${suffix}`, micrometres(source?.[`amplitude_peak_${probe}_um`]));
+      write(`one-${probe}${suffix}-lag`, lag(source?.[`lag_${probe}_deg`]));
     }
   }
+  write("one-compensated", compensated ? "COMPENSATED" : runout && !runout.is_known ? "run-out not known" : "");
+  const sure = known(shown?.amplitude_sigma_um) ? `± ${sigma(shown.amplitude_sigma_um)} µm, ± ${sigma(shown.lag_sigma_x_deg)}°` : "";
+  const measuredToo = ["x", "y"].map((probe) => `${probe} ${micrometres(raw?.[`amplitude_peak_${probe}_um`])} ${lag(raw?.[`lag_${probe}_deg`])}`);
+  write("one-note", compensated ? `as measured ${measuredToo.join(" ")} · ${sure}` : sure);
 }
 
 function drawWhirl({ measured, predicted }) {
   const whirl = measured?.whirl;
   write("whirl", whirl ? order(whirl.order) : measured?.order_1x ? "none" : "–");
   write("whirl-size", whirl ? `${micrometres(whirl.amplitude_peak_um)} µm` : "");
-  write("whirl-note", whirl ? `${whirl.direction} · ${decimals(whirl.frequency_hz, 0)} Hz` : "");
+  const others = (measured?.whirls ?? []).slice(1).map((each) => `${order(each.order)} ${micrometres(each.amplitude_peak_um)} µm ${each.direction}`);
+  write("whirls", others.length ? `also ${others.join(", ")}` : "");
+  element("whirls").hidden = !others.length;
+  const sure = known(whirl?.amplitude_sigma_um) ? ` · ± ${sigma(whirl.amplitude_sigma_um)} µm` : "";
+  write("whirl-note", whirl ? `${whirl.direction} · ${decimals(whirl.frequency_hz, 0)} Hz${sure}` : "");
   const expected = predicted?.whirl;
   write("whirl-model", expected ? order(expected.order) : predicted ? "none" : "–");
   write("whirl-model-size", expected ? `${micrometres(expected.amplitude_peak_um)} µm` : "");
@@ -147,7 +158,7 @@ function drawAlarms({ alarms, acknowledged_alarm: acknowledged }) {
     const at = known(alarm.begin.speed_rpm) ? ` at ${whole(alarm.begin.speed_rpm)} r/min` : "";
     const now = alarm.end ? "over" : "still so";
     const size = `${micrometres(alarm.largest_peak_to_peak_um)} µm pp, limit ${micrometres(alarm.limit_peak_to_peak_um)}`;
-    return `${alarm.severity.toUpperCase()} ${alarm.probe}: ${size}, since ${clock(alarm.begin.time_s)}${at}, ${now}.`;
+    return `${alarm.severity.toUpperCase()} ${alarm.probe}: ${size}, came ${clock(alarm.begin.time_s)}${at}, ${now}.`;
   });
   const more = told.length > 2 ? ` And ${told.length - 2} more.` : "";
   write("alarm", told.length ? `▲ ${told.slice(0, 2).join(" ")}${more}` : "");

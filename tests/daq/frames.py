@@ -18,10 +18,11 @@ from analysis.run import (
     Limits,
     Role,
     RunHeader,
+    RunOutSettings,
     Severity,
     Tacho,
 )
-from analysis.snapshot import OrderFrame, Snapshot, TachoReport, TachoState, Trace, Whirl
+from analysis.snapshot import OrderFrame, RunOut, Snapshot, TachoReport, TachoState, Trace, Whirl
 from daq.session.frame import LiveFrame, RunState, Status
 from model.prediction import Prediction
 
@@ -135,7 +136,9 @@ def make_snapshot(time: float, speed: float, settings: AnalysisSettings, noise: 
     whirl = None
     if amplitude > 0.0:
         spectrum += amplitude * _hann_line(orders, order, settings.revolutions)
-        whirl = Whirl(order, amplitude, 0.05 * amplitude, amplitude * np.array([1.0, -1.0j], dtype=np.complex128))
+        whirl = Whirl(
+            order, amplitude, 0.05 * amplitude, amplitude * np.array([1.0, -1.0j], dtype=np.complex128), 0.0004, 0.07e-6
+        )
     start = 2.0 * np.pi * noise.random() / max(order, 1.0) if amplitude > 0.0 else 0.0
     theta = 2.0 * np.pi * np.arange(settings.orbit_revolutions * settings.points_per_revolution)
     theta = theta / settings.points_per_revolution
@@ -162,6 +165,8 @@ def make_snapshot(time: float, speed: float, settings: AnalysisSettings, noise: 
             noise=floor,
             whirls=() if whirl is None else (whirl,),
             orbit=orbit,
+            sigma=np.full(2, 0.07e-6),
+            angle_sigma=0.002,
         ),
         trace=Trace(
             time=time - clock[-1] + clock,
@@ -208,3 +213,27 @@ def with_alarm(frame: LiveFrame, severity: Severity) -> LiveFrame:
     alarm = Alarm(1, "x", severity, limit, place, 1.02 * limit, place, Moment(0, 12.0, 12_500.0 * RPM))
     status = replace(frame.status, severity=Severity.NORMAL, latched=severity, alarms=(alarm,))
     return replace(frame, status=status)
+
+
+def with_runout(frame: LiveFrame) -> LiveFrame:
+    """Return a frame from which a run-out of 2 µm at 1X, known from a slow roll, was taken off, the orbit's too."""
+    assert frame.snapshot is not None
+    assert frame.snapshot.frame is not None
+    vectors = np.array([[2e-6, 2e-6j], [0.1e-6, 0.0]], dtype=np.complex128)
+    runout = RunOut(vectors, np.full(2, 0.03e-6))
+    shown = frame.snapshot.frame
+    points = frame.header.settings.points_per_revolution
+    compensated = shown.orbit - np.tile(runout.waveform(points), (1, shown.orbit.shape[1] // points))
+    order_frame = replace(shown, runout=runout, compensated_orbit=compensated)
+    settings = RunOutSettings(slow_roll_speed=600.0 * RPM, from_orbit=True)
+    header = replace(frame.header, settings=replace(frame.header.settings, runout=settings))
+    return replace(frame, header=header, snapshot=replace(frame.snapshot, frame=order_frame), runout=runout)
+
+
+def with_second_whirl(frame: LiveFrame) -> LiveFrame:
+    """Return a frame with a weaker backward component at 0.31X beside what it shows."""
+    assert frame.snapshot is not None
+    assert frame.snapshot.frame is not None
+    weaker = Whirl(0.31, 0.2e-6, 3e-6, 3e-6 * np.array([1.0, 1.0j], dtype=np.complex128), 0.002, 0.07e-6)
+    order_frame = replace(frame.snapshot.frame, whirls=(*frame.snapshot.frame.whirls, weaker))
+    return replace(frame, snapshot=replace(frame.snapshot, frame=order_frame))

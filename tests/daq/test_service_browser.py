@@ -15,7 +15,7 @@ from daq.service.app import create_app
 from daq.service.server import ServiceServer
 from daq.session.frame import LiveFrame, PlacedMark, RunState
 from recordings.marks import Mark
-from tests.daq.frames import make_frames, with_alarm
+from tests.daq.frames import make_frames, with_alarm, with_runout, with_second_whirl
 from tests.daq.service_bench import Bench, open_bench
 from tests.daq.service_fakes import NEWEST, FakeCatalogue, FakeLive, FakeSummaries
 
@@ -84,10 +84,24 @@ def test_page_keeps_a_passed_limit_in_sight(bench: Bench, tmp_path: Path) -> Non
     bench.live.frame = replace(frame, status=replace(frame.status, lost=2000, lost_is_exact=False))
     page = seen(bench.server.url, tmp_path)
     assert text_of(page, "verdict") == "DANGER LATCHED"
-    assert text_of(page, "alarm") == "▲ DANGER x: 92 µm pp, limit 90, since 00:10 at 12,000 r/min, over."
+    assert text_of(page, "alarm") == "▲ DANGER x: 92 µm pp, limit 90, came 00:10 at 12,000 r/min, over."
     assert re.search(r'<button id="acknowledge"[^>]*(?<!hidden="")>Acknowledge', page)
     assert text_of(page, "lost") == "≥ 2,000"
     assert re.search(r'id="lost-cell" class="bad"', page)
+
+
+def test_page_shows_what_was_compensated_beside_what_was_measured(bench: Bench, tmp_path: Path) -> None:
+    bench.live.frame = with_second_whirl(with_runout(FRAME))
+    page = seen(bench.server.url, tmp_path)
+    assert text_of(page, "one-compensated") == "COMPENSATED"
+    note = text_of(page, "one-note")
+    measured = FRAME.snapshot.frame.vectors[0] if FRAME.snapshot and FRAME.snapshot.frame else None
+    assert measured is not None
+    assert f"as measured x {abs(measured[0]) * 1e6:.1f} " in note
+    assert "± 0.08 µm" in note
+    assert text_of(page, "one-x") == f"{abs(measured[0] - 2e-6) * 1e6:.0f}"
+    assert text_of(page, "whirls") == "also 0.31X 3.2 µm backward"
+    assert text_of(page, "whirl-note").endswith("± 0.07 µm")
 
 
 def test_page_says_that_nothing_is_under_way_and_lists_the_runs(bench: Bench, tmp_path: Path) -> None:
