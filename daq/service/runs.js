@@ -110,6 +110,12 @@ function table(caption, heads, rows) {
   return node;
 }
 
+function counted(tacho) {
+  if (!tacho?.counter) return [];
+  const compared = tacho.counter.told || `${count(tacho.counter.compared)} edges by counter and samples agree`;
+  return [["Tacho", `speed and phase from the ${tacho.reference} · ${compared}`]];
+}
+
 function summary(run) {
   const lost = `${run.lost_is_exact ? "" : "at least "}${whole(run.lost_samples)}`;
   const parts = [
@@ -117,6 +123,7 @@ function summary(run) {
       ["Recording", run.is_gap_free ? "gap-free" : `${run.segments.length} parts, ${lost} lost`],
       ["Length", `${clock(run.duration_s)} · ${count(run.samples)} samples`],
       ["Speed", `${whole(run.lowest_speed_rpm)} to ${whole(run.highest_speed_rpm)} r/min`],
+      ...counted(run.tacho),
       ["Largest overall", `${micrometres(run.largest_peak_to_peak_um)} µm peak-to-peak · ${run.severity}`],
       ...run.probes.map((probe) => [`Gap ${probe.name}`, `${decimals(probe.gap_least_v, 2)} to ${decimals(probe.gap_most_v, 2)} V${probe.gap_ok ? "" : " · outside its window"}`]),
     ]),

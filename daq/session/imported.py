@@ -81,7 +81,7 @@ def _header(rig: Rig, run_id: str, started_ns: int, rate: float, channels: list[
         rate=rate,
         convert_rate=AT_ONCE,
         channels=tuple(each.channel for each in channels),
-        tacho=rig.tacho,
+        tacho=replace(rig.tacho, counter=None),  # its stamps are in no foreign file
     )
     return RunHeader(
         run=run_id,

@@ -18,21 +18,26 @@ from analysis.snapshot import CounterState, Snapshot, TachoState
 from analysis.verdict import Verdict
 from daq.cli.telling import summary_lines
 from daq.config.rig import Rig
-from daq.drivers.opening import open_source
+from daq.config.schema import TriggerSection
+from daq.drivers.opening import open_source, triggered
 from daq.drivers.replay import open_replay
+from daq.drivers.simulated_card import SimulatedCard
+from daq.drivers.triggered import Begun
 from daq.service.documents.summary import summary_document
 from daq.session.offline import summarise
 from daq.session.preflight import Plan, preflight
+from daq.session.recorded import RecordedRun
 from daq.session.recorder import run_header
 from daq.session.ring import BlockRing
 from recordings.analysed import write_analysed
 from recordings.errors import ForeignFormatError
 from recordings.export import pulses_table
+from recordings.parts import PartLimits, PartWriter, file_names
 from recordings.reader import RunReader
 from recordings.recover import recover
 from recordings.results import encode_snapshot
 from recordings.verify import verify
-from tests.daq.test_recorded import order
+from tests.daq.test_recorded import NoModel, order
 
 RigFactory = Callable[..., Rig]
 RPM = 2 * math.pi / 60
@@ -169,7 +174,7 @@ def test_stamps_come_back_from_the_file_bit_for_bit(counted: RigFactory, tmp_pat
     assert (checked.findings, checked.pulses) == ((), ticks_of(items).size)
 
 
-@pytest.mark.parametrize("block", [1, 777, 2_000, 5_001])
+@pytest.mark.parametrize("block", [11, 777, 2_000, 5_001])
 def test_results_do_not_depend_on_the_size_of_the_blocks(counted: RigFactory, tmp_path: Path, block: int) -> None:
     path = recorded(counted(simulation={"profile": RISING["profile"], "sensor_noise_um": 0.5}), tmp_path)
     with RunReader(path) as reader:
@@ -230,6 +235,70 @@ def test_ring_carries_stamps_however_many() -> None:
     np.testing.assert_array_equal(np.concatenate([block.codes for block in blocks], axis=1), np.tile(codes, 3))
     assert all((block.ticks is None) == (block.first_sample >= 6_000) for block in blocks)
     assert all(block.first_sample == 0 for block in blocks if block.ticks is not None and block.ticks.size)
+
+
+def test_run_recorded_by_its_own_process_is_the_run_replayed(counted: RigFactory, tmp_path: Path) -> None:
+    rig = counted()
+    run = RecordedRun(order(rig, tmp_path), NoModel())
+    assert run.wait(60.0)
+    assert run.close().ends[0].is_gap_free
+    truth = ticks_of(items_of(rig))
+    with RunReader(run.path) as reader:
+        assert reader.skipped_samples == 0
+        np.testing.assert_array_equal(ticks_of(reader.items()), truth)
+        live = kept(reader.header, reader.snapshots())
+        assert kept(reader.header, analysed(reader.header, reader.items())) == live
+    assert verify(run.path).pulses == truth.size
+
+
+class Counting:
+    """Counts the samples that a trigger lets pass."""
+
+    def __init__(self) -> None:
+        self.samples = 0
+
+    def waiting(self, event: int, speed: float) -> None: ...
+
+    def passed(self, samples: int) -> None:
+        self.samples += samples
+
+    def begun(self, begun: Begun) -> None: ...
+
+
+def test_run_that_is_started_by_speed_counts_from_its_first_sample(counted: RigFactory) -> None:
+    rig, watch = counted(), Counting()
+    section = TriggerSection(start="speed > 5000", stop="speed > 7000", pre_s=0.3, hold_s=0.1)
+    source = triggered(open_source(rig), section, watch)
+    items = []
+    for item in source.blocks():
+        items.append(item)
+        if len(items) == 1:
+            begin = watch.samples
+    source.close()
+    samples = sum(item.n_samples for item in items if isinstance(item, SampleBlock))
+    assert begin > 10_000
+    np.testing.assert_array_equal(ticks_of(items), SimulatedCard(rig).ticks(begin, begin + samples, begin))
+
+
+def test_part_of_a_run_counts_from_its_own_first_sample(counted: RigFactory, tmp_path: Path) -> None:
+    rig = counted()
+    header = header_of(rig, tmp_path)
+    path = tmp_path / f"{header.run}.mcap"
+    writer = PartWriter(path, header, PartLimits(samples=30_000))
+    for item in items_of(rig):
+        if isinstance(item, SampleBlock):
+            writer.block(item)
+        else:
+            writer.segment_end(item)
+    writer.close()
+    card, begin = SimulatedCard(rig), 0
+    for name in file_names(path):
+        part = path.with_name(f"{name}.mcap")
+        assert verify(part).is_sound
+        with RunReader(part) as reader:
+            np.testing.assert_array_equal(ticks_of(reader.items()), card.ticks(begin, begin + reader.n_samples, begin))
+            begin += reader.n_samples
+    assert begin == card.n_samples
 
 
 def test_copy_of_a_damaged_run_has_the_stamps_of_its_samples(counted: RigFactory, tmp_path: Path) -> None:
