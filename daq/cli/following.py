@@ -10,10 +10,14 @@ _LOOK = 0.2  # s
 
 def follow(run: Run, stop: Event, console: Console) -> Outcome:
     """Show the run's progress until its end; a set `stop` ends it by hand."""
-    asked = False
+    asked, told = False, ""
     try:
         while not run.wait(_LOOK):
-            console.progress(frame_line(run.latest()))
+            frame = run.latest()
+            if frame.status.last_loss != told:
+                told = frame.status.last_loss
+                console.line(told)
+            console.progress(frame_line(frame))
             if stop.is_set() and not asked:
                 asked = True
                 run.stop()

@@ -7,7 +7,7 @@ import sys
 from collections.abc import Callable, Sequence
 from importlib.metadata import version
 
-from daq.cli import exchange, finding, listing, predict, record, replay, serve, verify
+from daq.cli import exchange, finding, listing, mark, predict, record, replay, serve, verify
 from daq.cli.arguments import calibration, duration, pace, port
 from daq.cli.bench import add_bench_commands
 from daq.cli.model.commands import add_kinds
@@ -27,20 +27,24 @@ Runs are kept in the folder that storage.folder of the rig file names, else in $
 """
 
 
-def _add_screens(parser: argparse.ArgumentParser, default_port: int) -> None:
-    group = parser.add_argument_group("screens")
-    group.add_argument("--host", default="127.0.0.1", help="address to serve at (default: this machine only)")
-    group.add_argument(
+def _add_address(parser: argparse.ArgumentParser | argparse._ArgumentGroup, default_port: int) -> None:
+    parser.add_argument("--host", default="127.0.0.1", help="address of page and REST (default: this machine only)")
+    parser.add_argument(
         "--port",
         type=port,
         default=default_port,
         help=f"port of page and REST (default {default_port}; 0: any free one)",
     )
-    group.add_argument(
+    parser.add_argument(
         "--token",
         default=os.environ.get("RIG_TOKEN", ""),
         help="bearer token that requests must carry, needed with another --host; better given as $RIG_TOKEN",
     )
+
+
+def _add_screens(parser: argparse.ArgumentParser, default_port: int) -> None:
+    group = parser.add_argument_group("screens")
+    _add_address(group, default_port)
     group.add_argument(
         "--cors",
         action="append",
@@ -92,6 +96,11 @@ def _parser() -> argparse.ArgumentParser:
     command.add_argument("--json", action="store_true", help="print the summary as JSON on standard output")
     command.add_argument("--no-serve", action="store_true", help="without page and REST")
     _add_screens(command, 8501)
+
+    command = add("mark", mark.run, "Name the present moment of the run that is recorded, from another terminal.")
+    command.add_argument("word", metavar="WORD", nargs="*", help="what it is called (default: mark)")
+    command.add_argument("--json", action="store_true", help="as JSON")
+    _add_address(command, 8501)
 
     command = add("replay", replay.run, "Replay a recording through the same analysis and picture.")
     command.add_argument("recording", metavar="RUN", help="a run's id, or a file")

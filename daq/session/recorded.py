@@ -16,6 +16,7 @@ from analysis.samples import SegmentEnd
 from analysis.snapshot import Snapshot
 from analysis.summary import RunSummary
 from daq.config.rig import Rig
+from daq.drivers.reconnecting import BROKEN
 from daq.errors import DeviceError, DeviceFault, RigError
 from daq.session.alarms import acknowledgement, alarm_mark
 from daq.session.frame import FrameSink, LiveFrame, PlacedMark, RunState, Status
@@ -25,7 +26,7 @@ from daq.session.messages import Acquired, Closed, Done, Opened, Order, Refused,
 from daq.session.recorder import RESULTS_DEADLINE, record
 from daq.session.ring import BlockRing
 from daq.session.run import Model, Outcome
-from daq.session.watchdog import alertness
+from daq.session.watchdog import alertness, loss
 from recordings.marks import MOST_LETTERS, Mark, encode_mark
 from recordings.results import encode_snapshot
 
@@ -69,6 +70,7 @@ class RecordedRun:
         self._sending = threading.Lock()
         self._ends: tuple[SegmentEnd, ...] = ()
         self._last_end: SegmentEnd | None = None
+        self._last_loss = ""
         self._message = ""
         self._note = ""
         self._fault = ""
@@ -150,7 +152,7 @@ class RecordedRun:
         if state is RunState.RECORDING and not self._ring.is_closed:
             state, alert = alertness(gauges, self._header.acquisition.rate, self._order.rig.config.timing)
             if state is RunState.INTERRUPTED and self._last_end is not None and not gauges.segment_samples:
-                alert = f"{alert}: {self._last_end.detail}"
+                alert = f"{alert}: {self._last_end.detail}{self._patience(self._last_end)}"
         bytes_per_second = rate * len(self._header.acquisition.channels) * 2
         left = gauges.disk_bytes / bytes_per_second if gauges.disk_bytes >= 0 else math.inf
         return Status(
@@ -163,8 +165,15 @@ class RecordedRun:
             disk_left=left,
             skipped=self._reader.skipped,
             model=self._model.state,
+            last_loss=self._last_loss,
             detail=self._message or alert or self._note,
         )
+
+    def _patience(self, end: SegmentEnd) -> str:
+        """Return that a device that went away is waited for, where it is."""
+        patience = self._order.rig.config.session.reconnect_s
+        is_awaited = end.reason in BROKEN and patience > 0
+        return f"; it is waited for, {patience:g} s at most (session.reconnect_s)" if is_awaited else ""
 
     def _watch(self) -> None:
         """Follow the recorder to its end, whatever happens here."""
@@ -208,7 +217,7 @@ class RecordedRun:
         for item in self._reader.available():
             seen = True
             if isinstance(item, SegmentEnd):
-                self._last_end = item
+                self._last_end, self._last_loss = item, loss(item) or self._last_loss
             if self._analysis is None:
                 continue
             try:

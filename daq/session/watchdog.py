@@ -1,6 +1,8 @@
 """What is to be said of how the samples come, before any are lost."""
 
+from analysis.samples import SegmentEnd
 from daq.config.schema import TimingSection
+from daq.drivers.reconnecting import BROKEN
 from daq.session.frame import RunState
 from daq.session.gauges import Gauges
 
@@ -8,6 +10,14 @@ SILENCE = 1.0
 """So much later, s, than a block is due its absence is told."""
 FULL = 0.5
 """From this part of the card's buffer on the backlog is told."""
+
+
+def loss(end: SegmentEnd) -> str:
+    """Return what is to be said of the end of a segment with which something went wrong; nothing where all is well."""
+    if end.is_gap_free and end.reason not in BROKEN:
+        return ""
+    lost = f"{'' if end.lost_is_exact else 'at least '}{end.lost:,} samples lost"
+    return f"segment {end.segment} ended after {end.samples:,} samples: {end.reason.value}, {lost}; {end.detail}"
 
 
 def alertness(gauges: Gauges, rate: float, timing: TimingSection) -> tuple[RunState, str]:

@@ -2,6 +2,7 @@
 
 import os
 import re
+import socket
 import sys
 import time
 from collections.abc import Callable
@@ -11,12 +12,14 @@ from pathlib import Path
 import httpx
 import pytest
 
+from daq.cli.main import main
 from daq.config.rig import Rig
 from daq.drivers.replay import open_replay
 from daq.session.frame import PlacedMark
 from daq.session.replayed import ReplayedRun
 from recordings.reader import RunReader
 from recordings.verify import verify
+from tests.daq.service_bench import open_bench
 from tests.daq.test_recorded import REAL_TIME, NoModel, Screen, recorded
 from tests.daq.test_shutdown import POSIX, SLOW, command
 
@@ -71,7 +74,9 @@ def test_mark_is_shown_live_from_its_moment_on_and_again_in_a_replay(rig: RigFac
 
 
 @POSIX
-def test_marks_come_by_rest_and_by_the_terminal_and_are_told_in_the_summary(rig_file: RigFiles, tmp_path: Path) -> None:
+def test_marks_come_by_rest_by_command_and_by_the_terminal_and_are_told_in_the_summary(
+    rig_file: RigFiles, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     import pty  # noqa: PLC0415 - POSIX only
 
     environment = os.environ | {"RIG_DATA": str(tmp_path / "data"), "RIG_CACHE": str(tmp_path / "cache")}
@@ -90,6 +95,9 @@ def test_marks_come_by_rest_and_by_the_terminal_and_are_told_in_the_summary(rig_
     assert httpx.post(url, json={"text": "x", "who": "y"}).status_code == 422
     acknowledged = httpx.post(url.replace("marks", "acknowledge"), json={})
     assert (acknowledged.status_code, acknowledged.json()["alarms"]) == (200, [])
+    port = ["--port", url.split(":")[2].split("/")[0]]
+    assert main(["mark", "by", "command", *port]) == 0
+    assert re.fullmatch(r"marked “by command” at \d+\.\d s of segment 0\n", capsys.readouterr().out)
     os.write(terminal, b"ack\nby hand\n")
     try:
         while True:
@@ -104,4 +112,18 @@ def test_marks_come_by_rest_and_by_the_terminal_and_are_told_in_the_summary(rig_
     assert re.search(r"mark +\d\.\d s  “by hand”", told)
     (path,) = (tmp_path / "data").glob("*.mcap")
     with RunReader(path) as reader:
-        assert [mark.text for mark in reader.marks()] == ["by REST", "by hand"]
+        assert [mark.text for mark in reader.marks()] == ["by REST", "by command", "by hand"]
+
+
+def test_mark_without_a_recording_says_what_is_missing(capsys: pytest.CaptureFixture[str]) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as nobody:
+        port = str(nobody.getsockname()[1])
+    assert main(["mark", "--port", port]) == 2
+    assert re.search(rf"127\.0\.0\.1:{port} does not answer \(.+\): is rig record running", capsys.readouterr().err)
+    bench = open_bench()
+    try:
+        port = bench.server.url.rpartition(":")[2]
+        assert main(["mark", "--port", port]) == 2
+    finally:
+        bench.close()
+    assert f"127.0.0.1:{port}: there is nothing at" in capsys.readouterr().err  # it serves recorded runs alone

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from analysis.samples import SampleBlock
+from analysis.samples import EndReason, SampleBlock, SegmentEnd
 from daq.cli.console import frame_line
 from daq.config.rig import Rig
 from daq.config.schema import TimingSection
@@ -15,7 +15,7 @@ from daq.drivers.simulated_card import SimulatedCard
 from daq.session.frame import RunState, Status
 from daq.session.gauges import Gauges
 from daq.session.recorded import RecordedRun
-from daq.session.watchdog import alertness
+from daq.session.watchdog import alertness, loss
 from recordings.reader import RunReader
 from tests.daq.device_server import serving
 from tests.daq.ni_driver import NiDriver
@@ -40,6 +40,14 @@ def test_backlog_is_told_from_half_the_buffer_on() -> None:
     state, told = alertness(gauges_after(2001), RATE, TIMING)
     assert state is RunState.DEGRADED
     assert told.startswith("2.0 s wait in the card's buffer of 4 s: samples are about to be lost")
+
+
+def test_loss_is_told_with_its_segment_and_a_good_end_is_not() -> None:
+    assert loss(SegmentEnd(0, 1000, EndReason.STOPPED)) == ""
+    assert loss(SegmentEnd(0, 1000, EndReason.FINISHED, detail="stopped by speed < 2000 r/min")) == ""
+    told = loss(SegmentEnd(2, 12_000, EndReason.OVERRUN, 345, lost_is_exact=False, detail="too late"))
+    assert told == "segment 2 ended after 12,000 samples: overrun, at least 345 samples lost; too late"
+    assert "unplugged, 0 samples lost" in loss(SegmentEnd(0, 5, EndReason.UNPLUGGED))
 
 
 def test_nothing_is_told_before_blocks_are_expected() -> None:
@@ -77,9 +85,11 @@ def test_operator_sees_buffer_silence_and_recovery_of_a_run_over_the_wire(rig: R
         assert silent.detail.startswith("no samples for ")
         time.sleep(0.8)
         assert "did not answer within its deadline" in run.latest().status.detail
+        assert "it is waited for, 60 s at most" in run.latest().status.detail
         server.thaw()
         seen_within(run, 20, RunState.RECORDING)
         time.sleep(0.3)
+        assert run.latest().status.last_loss.startswith("segment 0 ended after ")
         run.stop()
         assert run.wait(20)
         outcome = run.close()
