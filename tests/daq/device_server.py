@@ -219,7 +219,7 @@ class DeviceServer:
         self.at_call: dict[int, Callable[[], None]] = {}
         self._thawed = threading.Event()
         self._thawed.set()
-        self._pool = ThreadPoolExecutor(max_workers=4)
+        self._pool = ThreadPoolExecutor(max_workers=16)  # more calls than a client leaves behind while it is frozen
         self._server = grpc.server(self._pool)
         calls = {
             name: staticmethod(self._call(name, method))
