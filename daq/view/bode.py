@@ -42,17 +42,20 @@ class BodePlot:
         self._measured: ComplexArray = np.full((_BINS, 2, 2), np.nan, dtype=np.complex128)
         self._predicted: ComplexArray = np.full((_BINS, 2, 2), np.nan, dtype=np.complex128)
         self._reach = Reach(smallest=2.0)
+        self._compensated = False  # whether run-out is taken off, from some speed on
 
     def add(self, frame: OrderFrame | None, prediction: Prediction | None) -> None:
         """Take what a moment has to say of its speed."""
         for one, into in ((frame, self._measured), (prediction, self._predicted)):
             if one is not None and math.isfinite(one.speed) and 0.0 <= one.speed * _TO_RPM < self._top:
-                into[int(one.speed * _TO_RPM / self._top * _BINS)] = one.vectors * _MICRO
-                self._reach.follow(float(np.abs(one.vectors).max()) * _MICRO)
+                vectors = (one.motion if isinstance(one, OrderFrame) else one.vectors) * _MICRO
+                into[int(one.speed * _TO_RPM / self._top * _BINS)] = vectors
+                self._reach.follow(float(np.abs(vectors).max()))
+        self._compensated = self._compensated or (frame is not None and frame.runout is not None)
 
-    def follow(self) -> float:
-        """Return the end of the amplitude's scale, µm, by which a changed frame is known."""
-        return self._reach.end
+    def follow(self) -> tuple[float, bool]:
+        """Return the end of the amplitude's scale, µm, and what the legend says, by which a changed frame is known."""
+        return self._reach.end, self._compensated
 
     def axes(self) -> Drawing:
         """Return both frames, numbers and legend."""
@@ -61,7 +64,8 @@ class BodePlot:
         amplitude.draw_frame(drawing, numbers=False)
         lag.draw_frame(drawing)
         right = 296.0
-        for name, color in (("model", MODEL), ("y", MEASURED_Y), ("x", MEASURED_X), ("1X bright, 2X dim", TEXT)):
+        which = "compensated: 1X bright, 2X dim" if self._compensated else "1X bright, 2X dim"
+        for name, color in (("model", MODEL), ("y", MEASURED_Y), ("x", MEASURED_X), (which, TEXT)):
             right -= drawing.text(name, (right, -0.8 * _LETTERS), _LETTERS, color, Anchor.RIGHT) + 8.0
         return drawing
 

@@ -1,5 +1,6 @@
 """The page of text beside the plots: everything that is known, in words."""
 
+import cmath
 import math
 
 from analysis.snapshot import Snapshot, TachoState
@@ -25,6 +26,8 @@ def _below_synchronous(frame: LiveFrame) -> str:
     if whirl is not None:
         way = "forward" if whirl.is_forward else "backward"
         said = f"{whirl.order:.2f}X {micrometres(whirl.amplitude)} {way}"
+    for other in () if order_frame is None else order_frame.whirls[1:]:
+        said += f", {other.order:.2f}X {micrometres(other.amplitude)} {'forward' if other.is_forward else 'backward'}"
     prediction = frame.prediction
     if prediction is None:
         return said
@@ -43,6 +46,9 @@ def _shaft(frame: LiveFrame, snapshot: Snapshot) -> list[str]:
             rows.append(
                 _row(f"**{order}X** peak, lag", [vector(complex(v)) for v in snapshot.frame.vectors[order - 1]])
             )
+            if snapshot.frame.compensated is not None:
+                compensated = [complex(v) for v in snapshot.frame.compensated[order - 1]]
+                rows.append(_row("compensated", ["unknown" if cmath.isnan(v) else vector(v) for v in compensated]))
             if prediction is not None:
                 rows.append(_row("model", [vector(complex(v)) for v in prediction.vectors[order - 1]]))
     gaps = [

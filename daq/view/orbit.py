@@ -7,7 +7,7 @@ from analysis.run import RunHeader
 from analysis.snapshot import OrderFrame
 from daq.view.axes import Axis, Plot, Reach
 from daq.view.drawing import Anchor, Drawing
-from daq.view.palette import CLEARANCE, MEASURED_X, MODEL, PAPER, TACHO, dimmed
+from daq.view.palette import CLEARANCE, MEASURED_X, MODEL, PAPER, QUIET, TACHO, dimmed
 from model.prediction import Prediction
 
 FloatArray = NDArray[np.float64]
@@ -61,10 +61,18 @@ class OrbitPlot:
         return drawing
 
     def measured(self, frame: OrderFrame | None) -> Drawing:
-        """Return the measured orbit: the last revolution bright, those before dimmed, a dot where the mark passes."""
+        """Return the measured orbit: the last revolution bright, those before dimmed, a dot where the mark passes.
+
+        Where run-out is taken off, that orbit is drawn so, and the last revolution as measured dimly beneath it.
+        """
         drawing = Drawing()
         if frame is not None and frame.orbit.size:
             orbit = frame.orbit * _MICRO
+            if frame.compensated_orbit is not None:
+                self._turns(drawing, orbit[:, -self._points - 1 :], dimmed(QUIET, 0.6), 1.3)
+                drawing.text("compensated", (-97.0, -60.0), 0.9 * _LETTERS, MEASURED_X)
+                drawing.text("as measured", (-97.0, -50.0), 0.9 * _LETTERS, dimmed(QUIET, 0.6))
+                orbit = frame.compensated_orbit * _MICRO
             last = orbit.shape[1] - self._points
             self._turns(drawing, orbit[:, : last + 1], dimmed(MEASURED_X, 0.5), 1.3)
             self._turns(drawing, orbit[:, last:], MEASURED_X, 2.4)

@@ -50,8 +50,7 @@ class SpectrumPlot:
             size = float(np.abs(vector).max()) * _MICRO
             if size > 0.02 * self._reach.end:
                 self._name(drawing, float(order), size, f"{order}X {size:.3g} µm")
-        whirl = frame.whirl
-        if whirl is not None:
+        for whirl in frame.whirls:
             size = float(np.abs(whirl.vectors).max()) * _MICRO
             self._name(drawing, whirl.order, size, f"{whirl.order:.2f}X {size:.3g} µm")
         return drawing

@@ -39,6 +39,11 @@ def basis(prediction: Prediction) -> str:
     return f"exact at {rpm(prediction.speed)} r/min" if prediction.is_exact else "interpolated"
 
 
+def sigma(value: float) -> str:
+    """Return a standard deviation, any unit, with the one digit that counts."""
+    return f"{float(f'{max(value, 0.001):.1g}'):g}"
+
+
 def vector(value: complex) -> str:
     """Return a vector, m peak, as amplitude and phase lag."""
     return f"{micrometres(abs(value))}, {float(phase_lag(np.asarray(value))):.0f}°"

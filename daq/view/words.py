@@ -2,11 +2,12 @@
 
 import math
 
-from analysis.snapshot import Snapshot, TachoState
+from analysis.snapshot import ComplexArray, OrderFrame, Snapshot, TachoState
 from daq.session.frame import LiveFrame
 from daq.view.drawing import Anchor, Drawing
+from daq.view.lettering import text_width
 from daq.view.palette import ALARM, FRAME, GOOD, MEASURED_X, MEASURED_Y, MODEL, QUIET, TEXT, Color
-from daq.view.wording import basis, micrometres, vector
+from daq.view.wording import basis, micrometres, sigma, vector
 from model.prediction import Prediction
 
 BOUNDS = ((0.0, 300.0), (0.0, 200.0))
@@ -24,6 +25,10 @@ def words(frame: LiveFrame) -> Drawing:
         way = "forward" if whirl.is_forward else "backward"
         said, color = f"{whirl.order:.2f}X {micrometres(whirl.amplitude)} {way}", TEXT
     drawing.text(said, (_LEFT, 22.0), 13.0, color)
+    if order_frame is not None and len(order_frame.whirls) > 1:
+        others = ", ".join(f"{one.order:.2f}X {micrometres(one.amplitude)}" for one in order_frame.whirls[1:])
+        text = f"also {others}"
+        drawing.text(text, (_Y, 22.0), min(_SIZE, 128.0 / text_width(text)), TEXT, Anchor.RIGHT)
     drawing.text(_expected(frame.prediction), (_LEFT, 39.0), _SIZE, MODEL)
     drawing.line([(_LEFT, 46.0), (_Y, 46.0)], FRAME, 0.7)
     at = _vectors(drawing, frame, 59.0)
@@ -51,22 +56,35 @@ def _expected(prediction: Prediction | None) -> str:
 
 def _vectors(drawing: Drawing, frame: LiveFrame, at: float) -> float:
     """Write the vectors' table from line ``at`` on; return the line after it."""
-    drawing.text("peak, lag", (_LEFT, at), _SIZE, QUIET)
+    order_frame = frame.snapshot.frame if frame.snapshot is not None else None
+    drawing.text(f"peak, lag{_sure(order_frame)}", (_LEFT, at), _SIZE, QUIET)
     drawing.text("x", (_X, at), _SIZE, MEASURED_X, Anchor.RIGHT)
     drawing.text("y", (_Y, at), _SIZE, MEASURED_Y, Anchor.RIGHT)
-    order_frame = frame.snapshot.frame if frame.snapshot is not None else None
+    known = order_frame is not None and order_frame.runout is not None
+    rows: list[tuple[str, Color, ComplexArray | None, tuple[Color, Color]]] = []
     for order in (1, 2):
-        for name, ink, one, colors in (
-            (f"{order}X", TEXT, order_frame, (MEASURED_X, MEASURED_Y)),
-            (f"{order}X model", MODEL, frame.prediction, (MODEL, MODEL)),
-        ):
-            at += 14.0
-            drawing.text(name, (_LEFT, at), _SIZE, ink)
-            if one is None:
-                continue
-            for probe, (right, color) in enumerate(zip((_X, _Y), colors, strict=True)):
-                drawing.text(vector(complex(one.vectors[order - 1, probe])), (right, at), _SIZE, color, Anchor.RIGHT)
+        name = f"{order}X compensated" if known else f"{order}X"
+        motion = None if order_frame is None else order_frame.motion[order - 1]
+        rows.append((name, TEXT, motion, (MEASURED_X, MEASURED_Y)))
+        if known and order == 1 and order_frame is not None:
+            rows.append(("1X as measured", QUIET, order_frame.vectors[0], (QUIET, QUIET)))
+        predicted = None if frame.prediction is None else frame.prediction.vectors[order - 1]
+        rows.append((f"{order}X model", MODEL, predicted, (MODEL, MODEL)))
+    for name, ink, vectors, colors in rows:
+        at += 14.0
+        drawing.text(name, (_LEFT, at), _SIZE, ink)
+        if vectors is not None:
+            for value, right, color in zip(vectors.tolist(), (_X, _Y), colors, strict=True):
+                drawing.text(vector(value), (right, at), _SIZE, color, Anchor.RIGHT)
     return at + 14.0
+
+
+def _sure(order_frame: OrderFrame | None) -> str:
+    """Say how sure 1X is, in standard deviations."""
+    if order_frame is None or not math.isfinite(float(order_frame.compensated_sigma[0])):
+        return ""
+    amplitude, lag = order_frame.compensated_sigma[0] * 1e6, order_frame.compensated_phase_sigma[0].max()
+    return f"  ± {sigma(float(amplitude))} µm  ± {sigma(math.degrees(float(lag)))}°"
 
 
 def _signals(drawing: Drawing, frame: LiveFrame, snapshot: Snapshot, at: float) -> float:

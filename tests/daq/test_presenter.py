@@ -21,7 +21,7 @@ from daq.view.palette import ALARM, DANGER, MARK, MEASURED_X, MEASURED_Y, MODEL,
 from daq.view.presenter import Presenter
 from daq.view.trend import TrendPlot
 from recordings.marks import Mark, MarkKind
-from tests.daq.frames import RATE, make_frames, make_header, with_alarm
+from tests.daq.frames import RATE, make_frames, make_header, with_alarm, with_runout, with_second_whirl
 
 RUN = timeline(make_header())
 DRAWN = {
@@ -237,6 +237,20 @@ def _strips(drawing: Drawing) -> list[NDArray[np.float64]]:
     strips = drawing.archetype().strips
     assert strips is not None
     return [np.array(strip) for strip in strips.as_arrow_array().to_pylist()]
+
+
+def test_orbit_and_words_show_what_is_compensated_beside_what_was_measured(tmp_path: Path) -> None:
+    frame = make_frames(1)[0]
+    plain = Logged([frame], tmp_path / "plain.rrd")
+    taken_off = Logged([with_second_whirl(with_runout(frame))], tmp_path / "compensated.rrd")
+    raw = plain.strips("/orbit/measured", MEASURED_X)
+    compensated = taken_off.strips("/orbit/measured", MEASURED_X)
+    assert len(compensated) > len(raw)  # the word in the orbit's colour
+    assert not np.allclose(max(raw, key=len)[:50], max(compensated, key=len)[:50])
+    text = str(taken_off.rows("/details")[-1]["TextDocument:text"][0])
+    assert "| compensated |" in text
+    assert "0.31X 3.2 µm backward" in text
+    assert "compensated" not in str(plain.rows("/details")[-1]["TextDocument:text"][0])
 
 
 def test_details_say_in_words_what_is_below_1x_and_what_the_model_says(run_up: Logged) -> None:
