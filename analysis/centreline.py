@@ -85,6 +85,10 @@ def centreline(
     ------
     RecordTooShortError
         Where the record holds fewer revolutions than are averaged.
+
+    Notes
+    -----
+    D. Bently and C. Hatch, Fundamentals of Rotating Machinery Diagnostics, 2002, ch. 6.
     """
     if not clearance > 0.0 or parked.shape != (2,) or revolutions < 2:
         raise ValueError(

@@ -41,7 +41,7 @@ class Drift:
 
 
 def drift(values: FloatArray, rate: float) -> Drift:
-    """Return the drift of a signal at about one speed.
+    """Return the drift of a signal at about one speed: least squares through the means of twenty blocks.
 
     Parameters
     ----------

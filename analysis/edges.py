@@ -19,6 +19,11 @@ class EdgeDetector:
     ----------
     tacho : Tacho
         Threshold, hysteresis and edge.
+
+    Notes
+    -----
+    O. Schmitt, A thermionic trigger, J. Sci. Instrum. 15, 1938; of the edge's time between samples: A. Brandt, Noise
+    and Vibration Analysis, 2011, ch. 12.
     """
 
     def __init__(self, tacho: Tacho) -> None:

@@ -1,4 +1,7 @@
-"""Orbits of chosen orders alone, or of all but chosen ones, with the mark on them."""
+"""Orbits of chosen orders alone, or of all but chosen ones, with the mark on them.
+
+D. Bently and C. Hatch, Fundamentals of Rotating Machinery Diagnostics, 2002, ch. 5.
+"""
 
 from dataclasses import dataclass
 

@@ -87,7 +87,8 @@ def track_order(record: AngularRecord, order: float, *, revolutions: int = 16, o
 
     Notes
     -----
-    X = 2 sum(w x exp(-i order theta)) with a Hann window w of sum 1; amplitude uncertainty from the median of the
+    X = 2 sum(w x exp(-i order theta)) with a Hann window w of sum 1 (A. Brandt, Noise and Vibration Analysis, 2011, ch.
+    12); amplitude uncertainty from the median of the
     lines beside the order, free of the orders' own skirts (see `analysis.uncertainty`).
     """
     if not 0.0 < order <= record.highest_order or revolutions < 4:

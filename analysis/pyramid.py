@@ -36,6 +36,11 @@ class Pyramid:
         Samples that each level remembers.
     first : int
         Index of the first sample to come.
+
+    Notes
+    -----
+    F. Mintzer, On half-band, third-band, and Nth-band FIR filters and their design, IEEE Trans. Acoust. Speech Signal
+    Process. 30, 1982; Kaiser's window.
     """
 
     def __init__(self, n_channels: int, levels: int, keep: int, first: int) -> None:

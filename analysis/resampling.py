@@ -43,6 +43,11 @@ def interpolate(samples: FloatArray, positions: FloatArray) -> FloatArray:
     ------
     ValueError
         Where positions lie too near the ends.
+
+    Notes
+    -----
+    R. Schafer and L. Rabiner, A digital signal processing approach to interpolation, Proc. IEEE 61, 1973; Kaiser's
+    window, weights interpolated linearly between 512 phases.
     """
     whole = np.floor(positions).astype(np.int64)
     if positions.size and (whole.min() < HALF - 1 or whole.max() + HALF > samples.shape[-1] - 1):

@@ -15,29 +15,12 @@ NEIGHBOURS = 2.0 / 3.0  # correlation of the noise of two lines side by side, Ha
 SMALLEST = 1e-100  # amplitude, in any unit: below it there is no line
 
 
-def amplitude_sigma(noise_rms: float, samples: int, noise_bandwidth: float = 1.5) -> float:
-    """Return the standard deviation of a line's amplitude, peak, in white noise.
-
-    Parameters
-    ----------
-    noise_rms : float
-        Of the samples, any unit.
-    samples : int
-        In the frame, independent of one another.
-    noise_bandwidth : float
-        Of the window, bins; 1.5 is Hann's.
-
-    Notes
-    -----
-    sigma_A = sigma_x sqrt(2 * 1.5 / N) (A. Brandt, Noise and Vibration Analysis, 2011, ch. 9).
-    """
-    if not noise_rms >= 0.0 or samples < 1:
-        raise ValueError(f"noise_rms, samples: {noise_rms} and {samples}, expected 0 or more and at least 1")
-    return float(noise_rms * np.sqrt(2.0 * noise_bandwidth / samples))
-
-
 def sigma_of_floor(floor: FloatArray) -> FloatArray:
-    """Return the standard deviation of a line's amplitude where the median of the lines beside it is ``floor``."""
+    """Return the standard deviation of a line's amplitude where the median of the lines beside it is ``floor``.
+
+    In white noise of rms sigma_x that is sigma_x sqrt(2 B / N) with N samples in the frame and a noise bandwidth of B
+    lines, 1.5 for Hann's window (A. Brandt, Noise and Vibration Analysis, 2011, ch. 9).
+    """
     return np.asarray(floor / RAYLEIGH_MEDIAN, dtype=np.float64)
 
 
