@@ -16,7 +16,7 @@ from model.prediction import Prediction
 from model.prediction_map import PredictionMap
 
 SAME = 1e-3  # of the speed: nearer than this, two speeds are one to the operator
-STEPS = 15  # of priority below the acquisition and the live view
+STEPS = 10  # of priority below the acquisition and the live view
 JOIN_TIME = 2.0  # s
 
 _Answer = Prediction | str | None  # a look, why there is none, or that the last one was settled
