@@ -75,8 +75,7 @@ def frame_line(frame: LiveFrame) -> str:
         alarm = {Severity.NORMAL: "", Severity.ALARM: "  ALARM", Severity.DANGER: "  DANGER"}[status.latched]
         parts.append(f"x {x:.0f} µm  y {y:.0f} µm pp{alarm}")
         parts.append(_whirl(frame))
-        if snapshot.clipped.any():
-            parts.append(f"clipped {int(snapshot.clipped.sum())}")
+    parts += [f"{each.channel} CLIPPED {each.samples:,} in {each.blocks:,} blocks" for each in status.clipped]
     lost = f"lost {status.lost}" if status.lost_is_exact else f"lost ≥ {status.lost}"
     parts.append(lost)
     if status.skipped:

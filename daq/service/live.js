@@ -141,8 +141,11 @@ function drawStatus({ measured, predicted, status }) {
     write(`gap-${probe}`, known(state?.gap_v) ? `${decimals(state.gap_v, 2)} V` : "–");
     mark(`gap-${probe}-cell`, "bad", state && !state.gap_ok);
   }
-  const clipped = measured ? measured.probe_x.clipped_samples + measured.probe_y.clipped_samples : null;
+  const seen = measured ? measured.probe_x.clipped_samples + measured.probe_y.clipped_samples : null;
+  const clipped = status.clipped.length ? status.clipped.reduce((sum, one) => sum + one.samples, 0) : seen;
   write("clipped", whole(clipped));
+  element("clipped").title = status.clipped.map((one) => `${one.channel}: ${whole(one.samples)} samples in ${whole(one.blocks)} blocks, last at ${clock(one.last_s)}`).join("; ");
+  element("lost").title = status.last_loss;
   mark("clipped-cell", "poor", clipped > 0);
   write("skipped", count(status.skipped_samples));
   mark("skipped-cell", "poor", status.skipped_samples > 0);

@@ -49,6 +49,28 @@ class PlacedMark:
 
 
 @dataclass(frozen=True, slots=True)
+class Clipping:
+    """What a channel lost at the ends of the converter's range since the run began.
+
+    Parameters
+    ----------
+    channel : str
+        Its name.
+    samples : int
+        Samples there.
+    blocks : int
+        Blocks with any.
+    last : float
+        Sample time, since the run began, of the end of the last such block, s.
+    """
+
+    channel: str
+    samples: int
+    blocks: int
+    last: float
+
+
+@dataclass(frozen=True, slots=True)
 class Status:
     """The state of the recording, for somebody two metres away.
 
@@ -80,6 +102,8 @@ class Status:
         The last moments that were marked, in their order.
     model : str
         "ready", "computing 34 %", or why there is no prediction.
+    clipped : tuple of Clipping
+        Of the channels that have been clipped, whether the live analysis has seen it or had to skip.
     last_loss : str
         What became of the last segment with which something went wrong; empty where there was none.
     detail : str
@@ -102,6 +126,7 @@ class Status:
     severity: Severity = Severity.NORMAL
     latched: Severity = Severity.NORMAL
     model: str = "off"
+    clipped: tuple[Clipping, ...] = ()
     last_loss: str = ""
     detail: str = ""
     alarms: tuple[Alarm, ...] = ()

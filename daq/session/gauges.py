@@ -4,9 +4,15 @@ import time
 from multiprocessing import get_context
 from multiprocessing.sharedctypes import SynchronizedArray
 
+import numpy as np
+
+from analysis.run import CODE_MAX, CODE_MIN
 from analysis.samples import SampleBlock, SegmentEnd
 
+MOST_CHANNELS = 16  # of a card
 _SAMPLES, _SEGMENT, _LOST, _AT_LEAST, _BACKLOG, _DISK, _BLOCK_AT, _ARMED, _RPM, _NUMBER = range(10)
+_CLIPPED = 10  # from here on for each channel: samples at the converter's rails, blocks with any, the last one's end
+_EACH = 3
 
 
 class Gauges:
@@ -24,7 +30,7 @@ class Gauges:
     @staticmethod
     def shared() -> "SynchronizedArray[int]":
         """Return fresh shared memory for a set of gauges."""
-        words = get_context("spawn").Array("q", 10)
+        words = get_context("spawn").Array("q", _CLIPPED + _EACH * MOST_CHANNELS)
         words[_DISK] = -1
         return words
 
@@ -41,6 +47,7 @@ class Gauges:
 
     def add_block(self, block: SampleBlock) -> None:
         """Count a recorded block."""
+        rails = np.count_nonzero((block.codes == CODE_MIN) | (block.codes == CODE_MAX), axis=1)
         with self._words.get_lock():
             self._words[_SAMPLES] += block.n_samples
             self._words[_SEGMENT] = block.end
@@ -48,6 +55,11 @@ class Gauges:
             self._words[_BACKLOG] = block.backlog
             self._words[_ARMED] = 0
             self._words[_BLOCK_AT] = time.monotonic_ns()
+            for row in np.flatnonzero(rails):
+                at = _CLIPPED + _EACH * int(row)
+                self._words[at] += int(rails[row])
+                self._words[at + 1] += 1
+                self._words[at + 2] = self._words[_SAMPLES]
 
     def add_end(self, end: SegmentEnd) -> None:
         """Count what was lost at the end of a segment."""
@@ -83,6 +95,12 @@ class Gauges:
     def lost_is_exact(self) -> bool:
         """Whether no more than that can have been lost."""
         return not self._words[_AT_LEAST]
+
+    def clipped(self, row: int) -> tuple[int, int, int]:
+        """Return a channel's samples at the converter's rails, the blocks with any, and the samples up to the last."""
+        at = _CLIPPED + _EACH * row
+        with self._words.get_lock():
+            return int(self._words[at]), int(self._words[at + 1]), int(self._words[at + 2])
 
     @property
     def backlog(self) -> int:

@@ -19,7 +19,7 @@ from daq.config.rig import Rig
 from daq.drivers.reconnecting import BROKEN
 from daq.errors import DeviceError, DeviceFault, RigError
 from daq.session.alarms import acknowledgement, alarm_mark
-from daq.session.frame import FrameSink, LiveFrame, PlacedMark, RunState, Status
+from daq.session.frame import Clipping, FrameSink, LiveFrame, PlacedMark, RunState, Status
 from daq.session.gauges import Gauges
 from daq.session.live import LiveAnalysis
 from daq.session.messages import Acquired, Closed, Done, Opened, Order, Refused, Stop
@@ -165,8 +165,17 @@ class RecordedRun:
             disk_left=left,
             skipped=self._reader.skipped,
             model=self._model.state,
+            clipped=self._clipped(),
             last_loss=self._last_loss,
             detail=self._message or alert or self._note,
+        )
+
+    def _clipped(self) -> tuple[Clipping, ...]:
+        """Return which channels have been clipped, as the recorder counts it."""
+        names = [channel.name for channel in self._header.acquisition.channels]
+        counts = [(name, *self._gauges.clipped(row)) for row, name in enumerate(names)]
+        return tuple(
+            Clipping(name, samples, blocks, end / self._rate) for name, samples, blocks, end in counts if samples
         )
 
     def _patience(self, end: SegmentEnd) -> str:

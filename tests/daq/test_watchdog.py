@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from analysis.samples import EndReason, SampleBlock, SegmentEnd
 from daq.cli.console import frame_line
@@ -48,6 +49,29 @@ def test_loss_is_told_with_its_segment_and_a_good_end_is_not() -> None:
     told = loss(SegmentEnd(2, 12_000, EndReason.OVERRUN, 345, lost_is_exact=False, detail="too late"))
     assert told == "segment 2 ended after 12,000 samples: overrun, at least 345 samples lost; too late"
     assert "unplugged, 0 samples lost" in loss(SegmentEnd(0, 5, EndReason.UNPLUGGED))
+
+
+def test_clipping_is_counted_by_channel_and_block_and_stays_told() -> None:
+    gauges = Gauges(Gauges.shared())
+    quiet = np.zeros((3, 100), np.int16)
+    clipped = quiet.copy()
+    clipped[0, 5:8], clipped[2, 9] = 32767, -32768
+    for k, codes in enumerate((quiet, clipped, clipped, quiet)):
+        gauges.add_block(SampleBlock(codes, 0, 100 * k, 0))
+    assert [gauges.clipped(row) for row in range(3)] == [(6, 2, 300), (0, 0, 0), (2, 2, 300)]
+
+
+def test_operator_sees_which_channel_was_clipped_and_where(rig: RigFactory, tmp_path: Path) -> None:
+    run = recorded(rig(simulation={"miswiring": "probe y out of reach"}), tmp_path)
+    assert run.wait(60)
+    run.close()
+    (clipped,) = run.latest().status.clipped
+    with RunReader(run.path) as reader:
+        blocks = [item.codes[1] for item in reader.items() if isinstance(item, SampleBlock)]
+    rails = [np.count_nonzero((codes == 32767) | (codes == -32768)) for codes in blocks]
+    assert (clipped.channel, clipped.samples, clipped.blocks) == ("y", sum(rails), np.count_nonzero(rails))
+    assert clipped.last == pytest.approx(2000 * (1 + max(np.flatnonzero(rails))) / 20_000)
+    assert f"y CLIPPED {sum(rails):,} in {np.count_nonzero(rails):,} blocks" in frame_line(run.latest())
 
 
 def test_nothing_is_told_before_blocks_are_expected() -> None:

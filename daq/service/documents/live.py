@@ -30,6 +30,17 @@ Count = Annotated[int, Field(ge=0)]
 Speed = Annotated[float | None, Field(description="Shaft speed, r/min", examples=[11042.1])]
 
 
+class ClippingDocument(Document):
+    """What a channel lost at the ends of the converter's range since the run began."""
+
+    channel: str = Field(description="Its name", examples=["x"])
+    samples: Count = Field(description="Samples there", examples=[12])
+    blocks: Count = Field(description="Blocks with any", examples=[2])
+    last_s: float | None = Field(
+        description="Sample time since the run began of the end of the last such block, s", examples=[131.2]
+    )
+
+
 class StatusDocument(Document):
     """The state of the recording."""
 
@@ -56,6 +67,13 @@ class StatusDocument(Document):
     )
     marks: tuple[LiveMarkDocument, ...] = Field(description="The last moments that were marked, in their order")
     model: str = Field(description='"ready", "computing 34 %", or why there is no prediction', examples=["ready"])
+    clipped: tuple[ClippingDocument, ...] = Field(
+        description="The channels that have been clipped, counted as they are recorded; empty in a replay"
+    )
+    last_loss: str = Field(
+        description="What became of the last segment with which something went wrong; empty where there was none",
+        examples=["segment 0 ended after 20,000 samples: overrun, at least 451,609 samples lost; …"],
+    )
     detail: str = Field(description="What went wrong; empty where all is well", examples=[""])
 
 
@@ -216,6 +234,11 @@ def _status(status: Status) -> StatusDocument:
         acknowledged_alarm=status.acknowledged,
         marks=tuple(live_mark_document(mark) for mark in status.marks),
         model=status.model,
+        clipped=tuple(
+            ClippingDocument(channel=each.channel, samples=each.samples, blocks=each.blocks, last_s=finite(each.last))
+            for each in status.clipped
+        ),
+        last_loss=status.last_loss,
         detail=status.detail,
     )
 
