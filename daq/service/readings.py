@@ -20,7 +20,7 @@ from daq.service.kinds import Kind
 from daq.service.problems import JobHint, ProblemError
 from daq.service.questions import SampleFormat, SamplesQuery
 from daq.service.rastering import NoPngError
-from daq.service.reading_process import OverdueError, ReadingProcesses, ReadingStoppedError
+from daq.service.reading_process import DEADLINE, OverdueError, ReadingProcesses, ReadingStoppedError
 from daq.service.records import NoSuchMomentError
 from daq.service.sample_answers import NoArrowError, TooMuchError
 from model.prediction import Prediction
@@ -67,11 +67,13 @@ class Readings:
         The model's predictions.
     processes : int
         How many answers are made at once.
+    deadline : float
+        How long one may take, s; longer work is a job.
     """
 
-    def __init__(self, models: Models, processes: int = 1) -> None:
+    def __init__(self, models: Models, processes: int = 1, deadline: float = DEADLINE) -> None:
         self._models = models
-        self._processes = ReadingProcesses(processes)
+        self._processes = ReadingProcesses(processes, deadline)
 
     def answer(self, run: RunEntry, what: str, query: BaseModel | None, *, packed: bool) -> bytes:
         """Return the answer of this name (see `daq.service.answers`) as JSON, gzipped where it is `packed`."""

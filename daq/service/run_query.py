@@ -120,7 +120,8 @@ class RunQuery(Question):
         chosen = [entry for entry in entries if self._is_asked_for(entry)]
         if self.sort is Sorting.NEWEST:  # as the catalogue gives them
             return chosen
-        return sorted(chosen, key=KEYS[self.sort.removeprefix("-")], reverse=self.sort.startswith("-"))
+        key = KEYS[self.sort.removeprefix("-")]
+        return sorted(chosen, key=lambda entry: (key(entry), entry.id), reverse=self.sort.startswith("-"))
 
     def _is_asked_for(self, entry: RunEntry) -> bool:
         rig = None if entry.header is None else entry.header.rig

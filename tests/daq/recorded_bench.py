@@ -102,10 +102,11 @@ def open_recorded_bench(
     origins: tuple[str, ...] = (),
     desk: Desk | None = None,
     job_limit: float = 60.0,
+    answer_limit: float = 60.0,
 ) -> RecordedBench:
     """Serve the runs of a folder at a free port of this machine, as if bound to ``host``."""
     catalogue, live, predictors = Catalogue(folder), FakeLive(), Predictors()
-    readings = Readings(KnownModels())
+    readings = Readings(KnownModels(), deadline=answer_limit)
     steered = Steered(live)
     jobs = Jobs(DataPlace(folder), limit=job_limit)
     abilities = Abilities(readings, steered, desk, catalogue, jobs, origins)

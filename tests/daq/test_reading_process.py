@@ -4,11 +4,11 @@ import os
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import pytest
 
-from daq.service.reading_process import ReadingProcesses, ReadingStoppedError
+from daq.service.reading_process import OverdueError, ReadingProcess, ReadingProcesses, ReadingStoppedError
 from recordings.errors import DamagedError
 
 
@@ -48,8 +48,35 @@ def test_work_that_takes_too_long_is_given_up() -> None:
     with ReadingProcesses(1, deadline=20.0) as processes:
         processes.run(len, "")  # begun, so that the deadline below is the work's alone
         processes._deadline = 0.5
-        with pytest.raises(ReadingStoppedError, match=r"0\.5 s"):
+        with pytest.raises(OverdueError, match=r"0\.5 s"):
             processes.run(time.sleep, 60.0)
+        assert processes.run(time.sleep, 0.6, deadline=10.0) is None
+
+
+def count(tell: Callable[[int], None], numbers: int) -> str:
+    for number in range(numbers):
+        tell(number)
+    return "done"
+
+
+def test_work_tells_how_it_goes() -> None:
+    process, told = ReadingProcess(), list[int]()
+    assert process.run(count, (3,), 20.0, told.append) == "done"
+    assert told == [0, 1, 2]
+    process.join()
+
+
+def chatter(tell: Callable[[int], None]) -> None:
+    while True:
+        tell(0)
+        time.sleep(0.01)
+
+
+def test_work_that_talks_and_talks_is_given_up_in_time() -> None:
+    process = ReadingProcess()
+    process.run(count, (1,), 20.0, lambda _: None)
+    with pytest.raises(OverdueError):
+        process.run(chatter, (), 0.5, lambda _: None)
 
 
 def test_closing_gives_up_what_is_under_way() -> None:

@@ -22,7 +22,7 @@ from tests.daq.frames import make_frames
 from tests.daq.recorded_bench import API, RUN, RecordedBench, open_recorded_bench, record_run
 
 LINEAR = {"calibration": {"coefficients_um": [0.0, 250.0], "volts_low": 0.5, "volts_high": 9.0, "date": "2026-11-24"}}
-SHORT = {"profile": [{"time_s": 0.0, "speed_rpm": 9000.0}, {"time_s": 2.0, "speed_rpm": 11_000.0}]}
+LONG = "2026-11-24T10-00-00-test-rig"  # of a rig that turns so fast that its model takes long
 
 
 @pytest.fixture(scope="module")
@@ -30,8 +30,11 @@ def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RecordedBench]:
     folder = tmp_path_factory.mktemp("jobs")
     for name in ("probe-x.toml", "probe-y.toml"):
         (folder / name).write_text(to_toml({"calibration": CALIBRATION}), encoding="utf-8")
-    (folder / "rig.toml").write_text(to_toml(merged(TABLES, {"simulation": SHORT})), encoding="utf-8")
-    record_run(load_rig(folder / "rig.toml"), folder)
+    for run, seconds, limit in ((RUN, 2.0, 5000.0), (LONG, 0.2, 20_000.0)):
+        profile = [{"time_s": 0.0, "speed_rpm": 3000.0}, {"time_s": seconds, "speed_rpm": 4500.0}]
+        tables = merged(TABLES, {"simulation": {"profile": profile}, "limits": {"speed_rpm": limit}})
+        (folder / "rig.toml").write_text(to_toml(tables), encoding="utf-8")
+        record_run(load_rig(folder / "rig.toml"), folder, run)
     opened = open_recorded_bench(folder)
     yield opened
     opened.close()
@@ -56,7 +59,7 @@ def begun(bench: RecordedBench, **order: object) -> str:
 
 def ended(bench: RecordedBench, place: str) -> JobDocument:
     """Wait for a job."""
-    until = time.monotonic() + 60.0
+    until = time.monotonic() + 120.0
     while time.monotonic() < until:
         job = JobDocument.model_validate_json(bench.client.get(place).content)
         if job.state.is_final:
@@ -90,6 +93,12 @@ def test_job_makes_the_very_answer_of_an_address(bench: RecordedBench) -> None:
     assert made.json() == bench.get("/cascade", rows=20).json()
 
 
+def test_job_sums_a_run_up_as_its_address_does(bench: RecordedBench) -> None:
+    made = result(bench, kind="answer", run=RUN, address="summary").json()
+    assert made["agreement"] is not None, "a job has time for the model"
+    assert bench.get("/summary").json() == made
+
+
 def test_job_analyses_samples_anew_and_finds_what_was_found_live(bench: RecordedBench) -> None:
     with RunReader(bench.folder / f"{RUN}.mcap") as reader:
         expected = summary_document(summarise(reader)).model_dump(mode="json")
@@ -105,6 +114,16 @@ def test_job_analyses_with_a_corrected_calibration(bench: RecordedBench) -> None
     made = result(bench, kind="analysis", run=RUN, calibrations={"x": doubled}).json()["by_speed"][0]["order_1x"]
     assert made["amplitude_peak_x_um"] != plain["amplitude_peak_x_um"]
     assert made["amplitude_peak_y_um"] == pytest.approx(plain["amplitude_peak_y_um"], rel=0.05)
+
+
+def test_job_computes_the_model_over_speed_with_other_parameters(bench: RecordedBench) -> None:
+    plain, thick = (
+        result(bench, kind="prediction", run=RUN, **changes).json() for changes in ({}, {"viscosity_pa_s": 0.05})
+    )
+    speeds = [row["speed_rpm"] for row in plain["by_speed"]]
+    assert (speeds[0], speeds[-1]) == (500.0, 5000.0)
+    assert speeds == [row["speed_rpm"] for row in thick["by_speed"]]
+    assert plain["by_speed"][-1]["order_1x"] != thick["by_speed"][-1]["order_1x"]
 
 
 def test_export_is_sent_whole_and_by_ranges(bench: RecordedBench) -> None:
@@ -153,9 +172,9 @@ def test_events_tell_of_the_job_until_it_ends(bench: RecordedBench) -> None:
 
 
 def test_deleted_job_is_cancelled_and_forgotten_and_makes_room_for_the_next(bench: RecordedBench) -> None:
-    slow = begun(bench, kind="prediction", run=RUN, viscosity_pa_s=0.0123)
+    slow = begun(bench, kind="prediction", run=LONG, viscosity_pa_s=0.0123)
     behind = begun(bench, kind="answer", run=RUN, address="findings")
-    until = time.monotonic() + 30.0
+    until = time.monotonic() + 60.0
     while bench.client.get(slow).json()["state"] != "running" and time.monotonic() < until:
         time.sleep(0.05)
     with bench.client.stream("GET", f"{slow}/events") as response:
@@ -198,6 +217,19 @@ def test_order_that_cannot_be_followed_is_refused(
     assert problem(bench.client.post(f"{API}/jobs", json=order)) == expected
 
 
+def test_answer_that_takes_too_long_names_the_job_that_makes_it(served: RecordedBench, tmp_path: Path) -> None:
+    (tmp_path / f"{RUN}.mcap").write_bytes((served.folder / f"{RUN}.mcap").read_bytes())
+    hasty = open_recorded_bench(tmp_path, answer_limit=0.0)
+    try:
+        refused = hasty.get("/plots/cascade.svg", rows=20)
+        assert problem(refused) == (503, "takes-too-long")
+        order = refused.json()["job"]
+        assert order == {"kind": "answer", "run": RUN, "address": "cascade", "parameters": {"rows": 20}}
+        assert result(hasty, **order).json() == served.get("/cascade", rows=20).json()
+    finally:
+        hasty.close()
+
+
 def test_job_about_the_run_under_way_is_refused(bench: RecordedBench) -> None:
     bench.live.frame = make_frames(2)[1]
     order = {"kind": "verification", "run": bench.live.frame.header.run}
@@ -206,7 +238,7 @@ def test_job_about_the_run_under_way_is_refused(bench: RecordedBench) -> None:
 
 def test_too_many_jobs_are_turned_away(bench: RecordedBench) -> None:
     statuses = [
-        bench.client.post(f"{API}/jobs", json={"kind": "prediction", "run": RUN, "viscosity_pa_s": 0.01 + k / 1e4})
+        bench.client.post(f"{API}/jobs", json={"kind": "prediction", "run": LONG, "viscosity_pa_s": 0.01 + k / 1e4})
         for k in range(9)
     ]
     assert [answer.status_code for answer in statuses] == [202] * 8 + [503]
@@ -214,10 +246,10 @@ def test_too_many_jobs_are_turned_away(bench: RecordedBench) -> None:
 
 
 def test_service_ends_at_once_beside_a_job_that_goes_on_and_is_followed(served: RecordedBench, tmp_path: Path) -> None:
-    (tmp_path / f"{RUN}.mcap").write_bytes((served.folder / f"{RUN}.mcap").read_bytes())
+    (tmp_path / f"{LONG}.mcap").write_bytes((served.folder / f"{LONG}.mcap").read_bytes())
     bench = open_recorded_bench(tmp_path)
-    place = begun(bench, kind="prediction", run=RUN, viscosity_pa_s=0.0125)
-    until = time.monotonic() + 30.0
+    place = begun(bench, kind="prediction", run=LONG, viscosity_pa_s=0.0125)
+    until = time.monotonic() + 60.0
     while bench.client.get(place).json()["state"] != "running" and time.monotonic() < until:
         time.sleep(0.05)
     with bench.client.stream("GET", f"{place}/events") as response:
