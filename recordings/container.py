@@ -8,7 +8,8 @@ import os
 import struct
 import threading
 import zlib
-from collections.abc import Iterator, Mapping
+from collections import deque
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from io import BytesIO
@@ -187,21 +188,47 @@ class Container:
         return (start, stop) if zlib.crc32(self.read(start, stop - start + FOOTER.size - 4)) == crc else nothing
 
     def records(self) -> Iterator[Record]:
-        """Yield the records one by one, up to the end of the data or where the file breaks off."""
+        """Yield the records up to the end of the data; where they break off, on from the next that the index names."""
+        return self._records(self._named)
+
+    def _records(self, named: Sequence[int]) -> Iterator[Record]:
+        """Yield records from the start on; `named` are places where one is known to begin, in order."""
+        ahead = deque(named)
         offset = len(MCAP0_MAGIC)
         while True:
-            head = self.read(offset, RECORD.size + Record.PEEK)
-            if len(head) < RECORD.size:
+            while ahead and ahead[0] <= offset:
+                ahead.popleft()
+            record = self._record_at(offset, ahead[0] if ahead else self.size)
+            if record is not None:
+                yield record
+                offset = record.offset + record.length
+            elif ahead:
+                offset = ahead[0]
+            else:
                 return
-            opcode, length = RECORD.unpack_from(head)
-            offset += RECORD.size
-            if opcode in (0, Opcode.DATA_END) or offset + length > self.size:  # 0: a file system's filling, no record
-                return
-            yield Record(opcode, offset, length, head[RECORD.size :])
-            offset += length
+
+    def _record_at(self, offset: int, stop: int) -> Record | None:
+        """Return the record of the data that begins here, None where there is none that ends before `stop`."""
+        head = self.read(offset, RECORD.size + Record.PEEK)
+        if len(head) < RECORD.size:
+            return None
+        opcode, length = RECORD.unpack_from(head)
+        if opcode in (0, Opcode.DATA_END) or offset + RECORD.size + length > stop:  # 0: a file system's filling
+            return None
+        return Record(opcode, offset + RECORD.size, length, head[RECORD.size :])
+
+    @cached_property
+    def _named(self) -> list[int]:
+        """Where the records begin that the index names."""
+        if not self.is_finished:
+            return []
+        places = [place.offset - RECORD.size for place in self.chunks]
+        for kind in (Opcode.METADATA_INDEX, Opcode.ATTACHMENT_INDEX):
+            places += [int.from_bytes(content[:8], "little") for content in self.summary(kind)]
+        return sorted(places)
 
     def _metadata_at_start(self) -> Iterator[tuple[int, int]]:
-        for record in self.records():
+        for record in self._records([]):
             if record.opcode == Opcode.CHUNK:
                 return
             if record.opcode == Opcode.METADATA:

@@ -46,6 +46,10 @@ class IndexCheck:
         if earliest != place.start_ns:
             yield Finding(Check.INDEX, where, f"a chunk that begins at {earliest} ns, expected {place.start_ns} ns")
 
+    def pass_over(self) -> None:
+        """Take a damaged chunk; nothing can be said of the message indexes that follow it."""
+        self._times = {}
+
     def message_index(self, content: bytes, where: str) -> Iterator[Finding]:
         """Take a message index."""
         if len(content) < 6:
@@ -68,11 +72,11 @@ class IndexCheck:
         places = {(record.opcode, record.offset) for record in self._file.records()}
         for place in self._file.chunks:
             if (Opcode.CHUNK, place.offset) not in places:
-                yield Finding(Check.INDEX, f"byte {place.offset - RECORD.size}", "the index names a chunk that is none")
+                yield Finding(Check.INDEX, f"byte {place.offset - RECORD.size}", "the index names a chunk that is not there")
         for content in self._file.summary(Opcode.METADATA_INDEX):
             offset = int.from_bytes(content[:8], "little")
             if (Opcode.METADATA, offset + RECORD.size) not in places:
-                yield Finding(Check.INDEX, f"byte {offset}", "the index names a metadata record that is none")
+                yield Finding(Check.INDEX, f"byte {offset}", "the index names a metadata record that is not there")
         for content in self._file.summary(Opcode.STATISTICS):
             total, *counts = STATISTICS.unpack_from(content)[:6]
             if total != sum(messages.values()):

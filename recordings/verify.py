@@ -155,8 +155,11 @@ class _Inspection:
         """Walk the records of the data section."""
         stop = 8
         for record in self._file.records():
-            where = f"byte {record.offset - RECORD.size}"
-            stop = record.offset + record.length
+            start = record.offset - RECORD.size
+            if start > stop:
+                what = f"the records break off; the index leads on after {start - stop} bytes, at byte {start}"
+                yield Finding(Check.FILE, f"byte {stop}", what)
+            where, stop = f"byte {start}", record.offset + record.length
             if record.opcode == Opcode.CHUNK:
                 yield from self._chunk(record.offset, record.length, where)
             elif record.opcode == Opcode.MESSAGE_INDEX:
@@ -192,6 +195,7 @@ class _Inspection:
             messages = list(self._file.messages(place))
         except DamagedError:
             yield Finding(Check.CRC, where, f"a chunk of {length} bytes does not match its checksum")
+            self._index.pass_over()
             return
         self._chunks += 1
         yield from self._index.chunk(place, messages, where)

@@ -114,13 +114,21 @@ def test_a_flipped_bit_anywhere_never_gives_wrong_samples(
     assert np.mean(np.array(read) > 0) > 0.9
 
 
+def cut_in_the_last_samples(path: Path) -> bytes:
+    """Return what is left of a file that breaks off in its last chunk of samples."""
+    container = Container(path)
+    place = [place for place in container.chunks if place.may_hold(frozenset({1}))][-1]
+    container.close()
+    return path.read_bytes()[: place.offset + place.length // 2]
+
+
 def test_a_flipped_bit_in_a_cut_file_never_gives_wrong_samples(
     run: Path, tmp_path: Path, check: Callable[[Path], int]
 ) -> None:
-    data = bytearray(run.read_bytes())
-    data = data[: len(data) * 2 // 3]
+    data = bytearray(cut_in_the_last_samples(run))
     random = np.random.default_rng(43)
     flipped = tmp_path / "flipped.mcap"
+    unread = 0
     for place in random.choice(len(data), 200, replace=False):
         kept = data[place]
         data[place] = int(random.integers(256))
@@ -129,8 +137,12 @@ def test_a_flipped_bit_in_a_cut_file_never_gives_wrong_samples(
         if place < len(MCAP0_MAGIC):
             with pytest.raises(DamagedError, match=r"flipped\.mcap: is not an MCAP file"):
                 check(flipped)
-        else:
+            continue
+        try:
             assert check(flipped) < ALL
+        except DamagedError:  # the records in front of the first samples do not lead to them any more
+            unread += 1
+    assert unread < 10
 
 
 def damage_chunk(path: Path, number: int) -> None:
@@ -174,8 +186,7 @@ def test_a_cut_run_says_that_it_is_cut_and_not_gap_free(run: Path) -> None:
 
 
 def test_samples_of_a_cut_run_can_be_read_to_its_end(run: Path, codes_of: CodesOf) -> None:
-    data = run.read_bytes()
-    run.write_bytes(data[: len(data) * 2 // 3])
+    run.write_bytes(cut_in_the_last_samples(run))
     with RunReader(run) as reader:
         end = reader.segment_ends[-1]
         first = end.samples // 2

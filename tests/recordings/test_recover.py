@@ -27,12 +27,11 @@ MakeBlock = Callable[..., SampleBlock]
 CodesOf = Callable[..., NDArray[np.int16]]
 BLOCK, N_BLOCKS = 1000, 20
 N = BLOCK * N_BLOCKS
-PER_CHUNK = 5  # a quarter second
 
 
 @pytest.fixture
 def run(tmp_path: Path, header: RunHeader, make_block: MakeBlock) -> Path:
-    """Return the file of a run of three segments of four chunks of samples each, 77 samples lost after the first."""
+    """Return the file of a run of three segments of five chunks of samples each, 77 samples lost after the first."""
     writer = RunWriter(tmp_path / "run.mcap", header)
     for segment, (reason, lost) in enumerate(
         [(EndReason.OVERRUN, 77), (EndReason.UNPLUGGED, 0), (EndReason.STOPPED, 0)]
@@ -49,11 +48,9 @@ def spoil(path: Path, *samples: tuple[int, int]) -> None:
     container = Container(path)
     data = bytearray(path.read_bytes())
     for place in container.chunks:
-        for message in container.messages(place):
-            if message.channel == 1:
-                block = decode_block(message.data)
-                if any(block.segment == segment and block.first_sample <= k < block.end for segment, k in samples):
-                    data[place.offset + place.length // 2] ^= 1
+        blocks = [decode_block(message.data) for message in container.messages(place) if message.channel == 1]
+        if any(block.segment == of and block.first_sample <= k < block.end for block in blocks for of, k in samples):
+            data[place.offset + place.length // 2] ^= 1
     container.close()
     path.write_bytes(data)
 

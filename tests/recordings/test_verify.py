@@ -87,6 +87,25 @@ def test_a_file_that_is_cut_is_not_whole(run: Path) -> None:
     assert any(check is Check.CONTINUITY and "has no end: the recording breaks off" in what for check, what in found)
 
 
+def test_a_hole_is_told_and_what_the_index_names_behind_it_is_looked_at(run: Path) -> None:
+    container = Container(run)
+    samples = [place for place in container.chunks if place.may_hold(frozenset({1}))]
+    container.close()
+    whole = verify(run)
+    first, after = samples[1].offset - 9, samples[2].offset - 9
+    data = bytearray(run.read_bytes())
+    data[first : after - 5] = bytes(after - 5 - first)
+    run.write_bytes(data)
+    verification = verify(run)
+    told = {(finding.check, finding.where): finding.what for finding in verification.faults}
+    told_on = f"the records break off; the index leads on after {after - first} bytes, at byte {after}"
+    assert told[Check.FILE, f"byte {first}"] == told_on
+    assert told[Check.INDEX, f"byte {first}"] == "the index names a chunk that is not there"
+    assert verification.chunks == whole.chunks - 1
+    assert sum(check is Check.INDEX for check, _ in told) == 1
+    assert 0 < verification.samples < whole.samples
+
+
 def test_a_header_of_which_one_copy_is_spoilt_still_serves_and_is_told(run: Path, header: RunHeader) -> None:
     data = run.read_bytes()
     first = data.index(b"2UM-117")
