@@ -39,6 +39,12 @@ export function follow(scale, needed) {
 let reach = 5;
 let level = 5;
 
+const placed = (across, up, unit) => across.map((x, k) => [x * unit, -up[k] * unit]);
+
+function drawPath(svg, points, kind) {
+  draw(svg, "polyline", { points: points.map((point) => point.map((one) => one.toFixed(2)).join()).join(" "), class: kind });
+}
+
 function drawOrbit(parent, picture) {
   reach = follow(reach, largest([picture.measured, picture.predicted], ["orbit_x_um", "orbit_y_um"]));
   const svg = plane(parent, "-118 -118 236 250", "Orbit seen from the compressor end, measured and predicted, µm");
@@ -49,12 +55,14 @@ function drawOrbit(parent, picture) {
     draw(svg, "text", { x: 100 * part, y: 112, class: "tick middle" }, `${part * reach}`);
   }
   draw(svg, "text", { x: 0, y: 112, class: "tick middle" }, "µm");
-  draw(svg, "text", { x: 0, y: 128, class: "caption middle" }, `orbit · clearance ${picture.clearance_um} µm`);
+  draw(svg, "text", { x: 0, y: 128, class: "caption middle" }, `orbit${picture.measured?.compensated_orbit_x_um ? ", compensated (thin: as measured)" : ""} · clearance ${picture.clearance_um} µm`);
   if (picture.clearance_um <= reach) draw(svg, "circle", { r: picture.clearance_um * unit, class: "clearance" });
   for (const [source, kind] of [[picture.predicted, "model"], [picture.measured, "measured"]]) {
     if (!source) continue;
-    const points = source.orbit_x_um.map((x, k) => [x * unit, -source.orbit_y_um[k] * unit]);
-    draw(svg, "polyline", { points: points.map((point) => point.map((one) => one.toFixed(2)).join()).join(" "), class: `curve ${kind}` });
+    const compensated = source.compensated_orbit_x_um;
+    if (compensated) drawPath(svg, placed(source.orbit_x_um, source.orbit_y_um, unit), "curve raw");
+    const points = placed(compensated ?? source.orbit_x_um, source.compensated_orbit_y_um ?? source.orbit_y_um, unit);
+    drawPath(svg, points, `curve ${kind}`);
     for (let k = 0; k < points.length; k += picture.points_per_revolution) {
       draw(svg, "circle", { cx: points[k][0], cy: points[k][1], r: 3, class: `mark ${kind}` });
     }

@@ -64,7 +64,7 @@ class BodePlot:
         amplitude.draw_frame(drawing, numbers=False)
         lag.draw_frame(drawing)
         right = 296.0
-        which = "compensated: 1X bright, 2X dim" if self._compensated else "1X bright, 2X dim"
+        which = "compensated, 2X dim" if self._compensated else "1X bright, 2X dim"
         for name, color in (("model", MODEL), ("y", MEASURED_Y), ("x", MEASURED_X), (which, TEXT)):
             right -= drawing.text(name, (right, -0.8 * _LETTERS), _LETTERS, color, Anchor.RIGHT) + 8.0
         return drawing

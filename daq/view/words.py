@@ -28,7 +28,7 @@ def words(frame: LiveFrame) -> Drawing:
     if order_frame is not None and len(order_frame.whirls) > 1:
         others = ", ".join(f"{one.order:.2f}X {micrometres(one.amplitude)}" for one in order_frame.whirls[1:])
         text = f"also {others}"
-        drawing.text(text, (_Y, 22.0), min(_SIZE, 128.0 / text_width(text)), TEXT, Anchor.RIGHT)
+        drawing.text(text, (_Y, 39.0), min(_SIZE, 124.0 / text_width(text)), TEXT, Anchor.RIGHT)
     drawing.text(_expected(frame.prediction), (_LEFT, 39.0), _SIZE, MODEL)
     drawing.line([(_LEFT, 46.0), (_Y, 46.0)], FRAME, 0.7)
     at = _vectors(drawing, frame, 59.0)

@@ -76,6 +76,10 @@ class OrbitDocument(Document):
     orbit_y_um: Values = Field(
         description="Displacement in the bench's Y (up) at the same points, µm", examples=[[0.1, 1.6, 3.1]]
     )
+    compensated_orbit_x_um: Values | None = Field(
+        None, description="The same in X less run-out, µm; null where that was not asked for or not known"
+    )
+    compensated_orbit_y_um: Values | None = Field(None, description="The same in Y less run-out, µm; null likewise")
     clearance_um: float | None = Field(
         description="Radius of the circle that the shaft can move in, µm", examples=[100.0]
     )
@@ -125,11 +129,15 @@ def full_spectrum_document(header: RunHeader, snapshot: Snapshot, frame: OrderFr
 
 def orbit_document(header: RunHeader, snapshot: Snapshot, frame: OrderFrame) -> OrbitDocument:
     """Return the orbit of a frame as a document."""
+    compensated = frame.compensated_orbit
+    rows = (None, None) if compensated is None else tuple(tuple(map(micrometres, row)) for row in compensated.tolist())
     return OrbitDocument(
         run=header.run,
         frame=frame_document(snapshot, frame),
         points_per_revolution=header.settings.points_per_revolution,
         orbit_x_um=tuple(micrometres(value) for value in frame.orbit[0].tolist()),
         orbit_y_um=tuple(micrometres(value) for value in frame.orbit[1].tolist()),
+        compensated_orbit_x_um=rows[0],
+        compensated_orbit_y_um=rows[1],
         clearance_um=micrometres(header.limits.clearance),
     )

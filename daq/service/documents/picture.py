@@ -23,6 +23,10 @@ class CurvesDocument(Document):
     orbit_y_um: Values = Field(
         description="Displacement in the bench's Y (up) at the same points, µm", examples=[[0.1, 1.6, 3.1]]
     )
+    compensated_orbit_x_um: Values | None = Field(
+        None, description="The same in X less run-out, µm; null where that is not asked for or not known"
+    )
+    compensated_orbit_y_um: Values | None = Field(None, description="The same in Y less run-out, µm; null likewise")
     orders: Values = Field(
         description="Axis of the spectrum: frequency over the shaft's", examples=[[0.0, 0.0625, 0.125]]
     )
@@ -63,9 +67,12 @@ def picture_document(frame: LiveFrame) -> PictureDocument:
 
 
 def _curves(source: OrderFrame | Prediction) -> CurvesDocument:
+    compensated = source.compensated_orbit if isinstance(source, OrderFrame) else None
     return CurvesDocument(
         orbit_x_um=_micrometres(source.orbit[0]),
         orbit_y_um=_micrometres(source.orbit[1]),
+        compensated_orbit_x_um=None if compensated is None else _micrometres(compensated[0]),
+        compensated_orbit_y_um=None if compensated is None else _micrometres(compensated[1]),
         orders=tuple(finite(order) for order in source.orders.tolist()),
         spectrum_peak_x_um=_micrometres(np.abs(source.spectrum[0])),
         spectrum_peak_y_um=_micrometres(np.abs(source.spectrum[1])),
