@@ -163,18 +163,25 @@ def onset_study(parameters: ModelParameters, speeds: FloatArray) -> Study:
     )
 
 
-def response_study(parameters: ModelParameters, speeds: FloatArray, stiffness: float | None = None) -> Study:
-    """Return the 1X motion at the probes' station over speed: on the films, upwards and downwards, or on springs.
+def response_study(
+    parameters: ModelParameters, speeds: FloatArray, stiffness: float | None = None, station: int | None = None
+) -> Study:
+    """Return the 1X motion at a station over speed: on films and supports, upwards and downwards, or on springs.
 
     Parameters
     ----------
     parameters : ModelParameters
-        The rotor. On the films its weight is left out: the motion is a circle.
+        The rotor. On the films its weight is left out: the motion is a circle, or an ellipse where supports differ by
+        direction.
     speeds : ndarray of float64, shape (n,)
         Rising, rad/s.
     stiffness : float, optional
         Of a spring at each journal instead of the films, N/m.
+    station : int, optional
+        That is looked at; the probes' where none is given.
     """
+    if station is not None:
+        parameters = replace(parameters, probe_station=station)
     columns: dict[str, FloatArray | tuple[str, ...]] = {"speed_rad_s": speeds}
     if stiffness is not None:
         moved = imbalance_response(supported(parameters, stiffness), parameters.imbalances, speeds)
@@ -193,7 +200,7 @@ def response_study(parameters: ModelParameters, speeds: FloatArray, stiffness: f
         style = Style.DASHED if name == "down_" else Style.LINE
         amplitude.append(Series(label, speeds, peak, style))
         phase.append(Series(label, speeds, _unbroken(lag), style))
-    title = f"1X at station {parameters.probe_station}"
+    title = f"1X in X at station {parameters.probe_station}"
     return Study(
         title,
         columns,
@@ -216,7 +223,7 @@ def _circles(parameters: ModelParameters, speeds: FloatArray) -> NDArray[np.comp
     for speed in speeds:
         try:
             last = synchronous_response(weightless, float(speed), last)
-            found.append(last.circle)
+            found.append(complex(last.stations[0, parameters.probe_station - 1]))
         except ModelError:
             last = None
             found.append(complex(math.nan, math.nan))

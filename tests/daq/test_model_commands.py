@@ -21,6 +21,7 @@ STUDIES = {
     "onset": ["--speeds", "600:1000:3"],
     "waterfall": ["--speeds", "1000:1100:2", "--settle", "8", "--turns", "8"],
     "bifurcation": ["--speeds", "1000:1100:2", "--settle", "8", "--turns", "8"],
+    "motion": ["--speed", "1100", "--station", "4", "--settle", "8", "--turns", "8", "--seed-um", "0"],
     "lubrication": ["--speeds", "1000:3000:3"],
     "film": ["--eccentricity", "0.2,0.3"],
 }
@@ -82,6 +83,10 @@ def test_onset_of_the_default_rotor_is_found_by_bisection(capsys: Capture) -> No
         (["sweep", "--vary", "viscosity_pa_s=0.01,0.02", "-o", "x.csv"], "expected a name that ends with .parquet"),
         (["waterfall", "--turns", "2"], "--turns 2: expected 8 or more"),
         (["modes", "nowhere.toml"], "nowhere.toml"),
+        (["response", "--station", "7"], "probe_station: 7, expected 1 to 6"),
+        (["waterfall", "--station", "7"], "probe_station: 7, expected 1 to 6"),
+        (["motion", "--station", "7"], "probe_station: 7, expected 1 to 6"),
+        (["motion", "--turns", "2"], "--turns 2: expected 8 or more"),
     ],
 )
 def test_what_cannot_be_is_said_in_one_message(arguments: list[str], message: str, capsys: Capture) -> None:

@@ -1,4 +1,4 @@
-"""The studies: `rig model modes`, `campbell`, `critical`, `response`, `onset`, `waterfall`, `bifurcation` and films."""
+"""The studies: `rig model modes`, `campbell`, `critical`, `response`, `onset`, `motion` and films."""
 
 import argparse
 from collections.abc import Callable
@@ -14,7 +14,9 @@ from model.lubrication import Lubrication, nominal, thesis_like
 from model.parameters import ModelParameters
 from model.studies.films import film_study, lubrication_study
 from model.studies.linear import campbell_study, critical_study, modes_study
-from model.studies.run_up import bifurcation_study, run_up, waterfall_study
+from model.studies.motion import Shown, motion_study
+from model.studies.run_up import RunUp, bifurcation_study, run_up, waterfall_study
+from model.studies.stepping import SEED
 from model.studies.study import Study
 from model.studies.synchronous import onset_study, response_study
 
@@ -74,6 +76,7 @@ def _add_linear(study: Add) -> None:
     command = study("response", _response, "1X over speed, run-up and run-down on the films, or linear on springs.")
     _add_stiffness(command, "on the films")
     _add_speeds(command, "100:4000:79", "rad/s")
+    _add_station(command)
 
 
 def _add_films_in_motion(study: Add) -> None:
@@ -85,8 +88,35 @@ def _add_films_in_motion(study: Add) -> None:
     ):
         command = study(name, compute, text)
         _add_speeds(command, "100:2500:97", "rad/s")
-        command.add_argument("--settle", type=counting, default=100, help="turns at a speed first (default: 100)")
-        command.add_argument("--turns", type=counting, default=64, help="turns looked at (default: 64)")
+        _add_looking(command, 100)
+
+    command = study(
+        "motion", _motion, "The motion at one speed: all stations; orbit, spectrum, Poincaré's points at one."
+    )
+    command.add_argument("--speed", type=positive, default=1000.0, metavar="RAD_S", help="of the shaft (default: 1000)")
+    _add_looking(command, 300)
+    command.add_argument(
+        "--show",
+        choices=[one.value for one in Shown],
+        default=Shown.STATIONS.value,
+        help="what the table lists (default: stations)",
+    )
+
+
+def _add_looking(command: argparse.ArgumentParser, settle: int) -> None:
+    _add_station(command)
+    command.add_argument("--settle", type=counting, default=settle, help=f"turns at a speed first (default: {settle})")
+    command.add_argument("--turns", type=counting, default=64, help="turns looked at (default: 64)")
+    command.add_argument(
+        "--seed-um",
+        type=not_negative,
+        default=SEED * 1e6,
+        help="how far an unstable motion is moved along its least stable whirl (default: %(default)g; 0: not at all)",
+    )
+
+
+def _add_station(command: argparse.ArgumentParser) -> None:
+    command.add_argument("--station", type=counting, metavar="N", help="that is looked at (default: the probes')")
 
 
 def _add_films_at_rest(study: Add) -> None:
@@ -137,7 +167,7 @@ def _critical(parameters: ModelParameters, chosen: argparse.Namespace) -> Study:
 
 
 def _response(parameters: ModelParameters, chosen: argparse.Namespace) -> Study:
-    return response_study(parameters, chosen.speeds, chosen.stiffness_n_m)
+    return response_study(parameters, chosen.speeds, chosen.stiffness_n_m, chosen.station)
 
 
 def _onset(parameters: ModelParameters, chosen: argparse.Namespace) -> Study:
@@ -145,11 +175,25 @@ def _onset(parameters: ModelParameters, chosen: argparse.Namespace) -> Study:
 
 
 def _waterfall(parameters: ModelParameters, chosen: argparse.Namespace) -> Study:
-    return waterfall_study(run_up(parameters, chosen.speeds, chosen.settle, _turns(chosen)), "run-up")
+    return waterfall_study(_run_up(parameters, chosen), f"station {_station(parameters, chosen)}")
 
 
 def _bifurcation(parameters: ModelParameters, chosen: argparse.Namespace) -> Study:
-    return bifurcation_study(run_up(parameters, chosen.speeds, chosen.settle, _turns(chosen)), "run-up")
+    return bifurcation_study(_run_up(parameters, chosen), f"station {_station(parameters, chosen)}")
+
+
+def _run_up(parameters: ModelParameters, chosen: argparse.Namespace) -> RunUp:
+    seed, station = chosen.seed_um * 1e-6, chosen.station
+    return run_up(parameters, chosen.speeds, chosen.settle, _turns(chosen), station=station, seed=seed)
+
+
+def _station(parameters: ModelParameters, chosen: argparse.Namespace) -> int:
+    return parameters.probe_station if chosen.station is None else int(chosen.station)
+
+
+def _motion(parameters: ModelParameters, chosen: argparse.Namespace) -> Study:
+    seed, shown = chosen.seed_um * 1e-6, Shown(chosen.show)
+    return motion_study(parameters, chosen.speed, chosen.station, chosen.settle, _turns(chosen), seed=seed, shown=shown)
 
 
 def _turns(chosen: argparse.Namespace) -> int:
