@@ -24,7 +24,7 @@ from daq.session.maps_here import MapHere, MapsHere
 from daq.session.offline import summarise
 from recordings.arrival import Arrival, RunExistsError
 from recordings.errors import ForeignFormatError, StorageError
-from recordings.export import results_table, samples_table
+from recordings.export import pulses_table, results_table, samples_table
 from recordings.formats import write_table
 from recordings.formats.table import Table
 from recordings.reader import RunReader
@@ -118,7 +118,7 @@ def part_of(start: float, stop: float | None, segment: int | None) -> dict[str, 
     return {"start": start, "stop": math.inf if stop is None else stop, "segment": segment}
 
 
-TABLES = {"samples": samples_table, "results": results_table}
+TABLES = {"samples": samples_table, "results": results_table, "pulses": pulses_table}
 
 
 def _write(target: Path, document: Document) -> None:

@@ -1,5 +1,6 @@
 """Jobs over REST: begun, followed, cancelled, their results fetched, over a real loopback socket."""
 
+import contextlib
 import io
 import json
 import time
@@ -7,6 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import httpx
 import numpy as np
 import pytest
 
@@ -236,6 +238,15 @@ def test_job_about_the_run_under_way_is_refused(bench: RecordedBench) -> None:
     assert problem(bench.client.post(f"{API}/jobs", json=order)) == (409, "run-under-way")
 
 
+def test_order_that_is_too_large_or_hides_its_size_is_refused_unread(bench: RecordedBench) -> None:
+    json_type = {"Content-Type": "application/json"}
+    endless = (b" " for _ in iter(int, 1))
+    assert problem(bench.client.post(f"{API}/jobs", content=b" " * 2**21, headers=json_type)) == (413, "too-large")
+    with contextlib.suppress(httpx.WriteError):  # the service hangs up where it is told that nothing more is read
+        assert problem(bench.client.post(f"{API}/jobs", content=endless, headers=json_type)) == (413, "too-large")
+    assert bench.client.get(f"{API}/jobs").status_code == 200
+
+
 def test_too_many_jobs_are_turned_away(bench: RecordedBench) -> None:
     statuses = [
         bench.client.post(f"{API}/jobs", json={"kind": "prediction", "run": LONG, "viscosity_pa_s": 0.01 + k / 1e4})
@@ -266,3 +277,9 @@ def test_numbers_of_an_exported_table_are_those_of_the_samples(bench: RecordedBe
     table = parquet.read_table(io.BytesIO(answer.content))
     shown = np.load(io.BytesIO(bench.get("/samples", from_s=0.0, duration_s=0.02, format="npz").content))
     assert np.allclose(table.column("x_um").to_numpy(), shown["channel:x"])
+
+
+def test_stamps_of_a_run_that_has_none_cannot_be_exported(bench: RecordedBench) -> None:
+    failed = ended(bench, begun(bench, kind="export", run=RUN, format="csv", content="pulses"))
+    assert failed.state == "failed"
+    assert "holds no stamps of a counter" in failed.detail

@@ -49,6 +49,7 @@ class ExportContent(StrEnum):
 
     SAMPLES = "samples"
     RESULTS = "results"
+    PULSES = "pulses"
 
 
 class AnswerOrder(Document):
@@ -100,7 +101,9 @@ class ExportOrder(Document):
     run: RunId
     format: ExportFormat = Field(description="Form of the file", examples=["csv"])
     content: ExportContent = Field(
-        ExportContent.SAMPLES, description="Samples in µm and V, or results over time", examples=["results"]
+        ExportContent.SAMPLES,
+        description="Samples in µm and V, results over time, or the tacho's edges as a counter stamped them",
+        examples=["results"],
     )
     segment: Annotated[int, Field(ge=0, le=1_000_000)] | None = Field(
         None, description="Which gap-free stretch, where there are several", examples=[0]
