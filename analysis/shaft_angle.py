@@ -16,6 +16,7 @@ FloatArray = NDArray[np.float64]
 MISSED = 3e-6  # revolutions that the spline may miss a steady rise of speed by: 0.001 degrees
 FEWEST_TURNS = 4
 MOST_OFF = 3  # pulses in a row that may be false
+MOST_FITS = 3  # after the first: a false pulse bends what it lies in, and false ones hide behind worse
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -117,17 +118,20 @@ def shaft_angle(record: PulseRecord) -> ShaftAngle:
         raise RecordTooShortError(f"the tacho's pulses span {whole} revolutions, expected at least {FEWEST_TURNS}")
     offsets = _mark_offsets(record)
     turns = record.numbers / marks + offsets[record.numbers % marks]
-    fit = _fit(turns, record.times)
-    period = np.gradient(record.times, turns)
-    good = np.abs(fit.residual) <= np.maximum(OUTLIER * fit.scatter, OUTLIER_PART * period / marks)
-    good[[0, -1]] = True
-    _refuse_jumps(good, record.times)
-    if not good.all():
-        fit = _fit(turns[good], record.times[good])
+    allowed = OUTLIER_PART * np.gradient(record.times, turns) / marks
+    good, fit = np.ones(turns.size, dtype=np.bool_), _fit(turns, record.times)
+    for _ in range(MOST_FITS):
+        within = (turns >= turns[good][0]) & (turns <= turns[good][-1])
+        off = np.abs(record.times - fit.time(turns))
+        near = within & (off <= np.maximum(OUTLIER * fit.scatter, allowed))
+        if (near == good).all():
+            break
+        _refuse_jumps(near, record.times)
+        good, fit = near, _fit(turns[near], record.times[near])
     return ShaftAngle(
         time=fit.time,
-        first=float(turns[0]),
-        last=float(turns[-1]),
+        first=float(turns[good][0]),
+        last=float(turns[good][-1]),
         jitter=fit.scatter,
         outliers=int(np.count_nonzero(~good)),
         mark_angles=2.0 * np.pi * (np.arange(marks) / marks + offsets),
