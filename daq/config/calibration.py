@@ -217,7 +217,7 @@ def fitted_record(fit: CalibrationFit, gaps: FloatArray, volts: FloatArray, pape
         coefficients_um=tuple(float(f"{coefficient / MICRO:.9g}") for coefficient in fit.coefficients),
         volts_low=round(fit.volts_low, 6),
         volts_high=round(fit.volts_high, 6),
-        residual_um=round(fit.residual / MICRO, 4),
+        residual_um=float(f"{fit.residual / MICRO:.4g}"),
         sensor=papers.sensor,
         conditioner=papers.conditioner,
         date=papers.date,

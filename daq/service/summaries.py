@@ -14,7 +14,7 @@ from daq.service.documents import SummaryDocument, summary_document
 from daq.service.documents.mark import mark_document
 from daq.session.offline import summarise
 from daq.session.predictors import PATIENCE
-from daq.session.reevaluation import corrected_header, reevaluate
+from daq.session.reevaluation import corrected_header
 from model.compare import compare
 from model.prediction_map import PredictionMap
 from recordings.catalogue import Catalogue
@@ -94,7 +94,7 @@ class Summaries:
             header, clock = corrected_header(reader.header, calibrations), reader.clock_error
             marks = reader.marks()
             predictor = self._maps.of(header)
-            summary = reevaluate(reader, header, partial(waiting, f"analysing {run_id} anew"))
+            summary = summarise(reader, partial(waiting, f"analysing {run_id} anew"), header)
         predictor.wait(PATIENCE, lambda state: waiting(f"model {state}", None))
         return self.document(summary, header, clock, marks)
 

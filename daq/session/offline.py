@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator
 
 from analysis.analyser import Analyser
+from analysis.run import RunHeader
 from analysis.samples import SampleBlock, SegmentEnd
 from analysis.snapshot import Snapshot
 from analysis.summary import RunSummary, SummaryBuilder
@@ -11,7 +12,7 @@ from recordings.reader import RunReader
 Progress = Callable[[float], None]
 
 
-def summarise(reader: RunReader, on_progress: Progress | None = None) -> RunSummary:
+def summarise(reader: RunReader, on_progress: Progress | None = None, header: RunHeader | None = None) -> RunSummary:
     """Return the summary of a recording.
 
     The live analysis wrote its results beside the samples. Where it kept up they are the whole story; where it had to
@@ -20,12 +21,14 @@ def summarise(reader: RunReader, on_progress: Progress | None = None) -> RunSumm
     Parameters
     ----------
     reader : RunReader
-        The recording.
+        The recording; it stays as it is.
     on_progress : callable or None
         Told the part that is done, 0 to 1.
+    header : RunHeader or None
+        What its samples are taken to mean, of `corrected_header`; they are analysed again then. None for its own.
     """
-    builder = SummaryBuilder(reader.header)
-    for item in results(reader, on_progress):
+    builder = SummaryBuilder(header or reader.header)
+    for item in results(reader, on_progress, header):
         if isinstance(item, SegmentEnd):
             builder.segment_end(item)
         else:
@@ -33,7 +36,9 @@ def summarise(reader: RunReader, on_progress: Progress | None = None) -> RunSumm
     return builder.summary()
 
 
-def results(reader: RunReader, on_progress: Progress | None = None) -> Iterator[Snapshot | SegmentEnd]:
+def results(
+    reader: RunReader, on_progress: Progress | None = None, header: RunHeader | None = None
+) -> Iterator[Snapshot | SegmentEnd]:
     """Yield the results of a recording and the ends of its segments, as recorded or analysed again as `summarise` does.
 
     Parameters
@@ -42,11 +47,13 @@ def results(reader: RunReader, on_progress: Progress | None = None) -> Iterator[
         The recording.
     on_progress : callable or None
         Told the part that is done, 0 to 1.
+    header : RunHeader or None
+        As for `summarise`.
     """
     is_whole = reader.is_complete and reader.skipped_samples == 0
     duration = max(reader.duration, 1e-9)
     before = 0.0  # s of the segments before
-    for item in _kept(reader) if is_whole else _analysed(reader):
+    for item in _kept(reader) if is_whole and header is None else _analysed(reader, header or reader.header):
         yield item
         if isinstance(item, SegmentEnd):
             before += item.samples / reader.header.acquisition.rate
@@ -63,8 +70,8 @@ def _kept(reader: RunReader) -> Iterator[Snapshot | SegmentEnd]:
     yield from ends
 
 
-def _analysed(reader: RunReader) -> Iterator[Snapshot | SegmentEnd]:
-    analyser = Analyser(reader.header.acquisition, reader.header.settings)
+def _analysed(reader: RunReader, header: RunHeader) -> Iterator[Snapshot | SegmentEnd]:
+    analyser = Analyser(header.acquisition, header.settings)
     for item in reader.items():
         if isinstance(item, SampleBlock):
             yield from analyser.block(item)

@@ -40,6 +40,14 @@ def points_file(folder: Path, text: str = POINTS) -> str:
     return str(path)
 
 
+def test_fit_that_is_next_to_exact_still_says_how_well_it_fits(rig_file: RigFiles, tmp_path: Path) -> None:
+    rig = rig_file()
+    exact = "".join(f"{gap},{gap / 100 + 1e-7 * (gap % 200)}\n" for gap in range(100, 1000, 100))
+    assert main(["calibrate", "gap", str(rig), "x", "--points", points_file(tmp_path, exact)]) == 0
+    (record,) = written(rig.parent)
+    assert 0.0 < load_calibration(record).residual < 1e-9
+
+
 def test_steps_at_the_micrometer_give_back_the_probes_curve(
     rig_file: RigFiles, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -14,7 +14,7 @@ from daq.config.rig import Rig
 from daq.drivers.opening import open_source
 from daq.errors import UsageError
 from daq.session.offline import summarise
-from daq.session.reevaluation import corrected_header, reevaluate
+from daq.session.reevaluation import corrected_header
 from recordings.reader import RunReader
 from recordings.writer import RunWriter
 
@@ -53,7 +53,7 @@ def twice(calibration: Calibration) -> Calibration:
 
 def test_run_with_its_own_calibrations_is_what_it_was(run: Path) -> None:
     with RunReader(run) as reader:
-        anew, before = reevaluate(reader, corrected_header(reader.header, {})), summarise(reader)
+        anew, before = summarise(reader, None, corrected_header(reader.header, {})), summarise(reader)
     assert (anew.probes, anew.segments, anew.samples) == (before.probes, before.segments, before.samples)
     for row, other in zip(anew.rows, before.rows, strict=True):
         np.testing.assert_array_equal(row.vectors, other.vectors)
@@ -66,7 +66,7 @@ def test_corrected_probe_changes_and_the_other_does_not(run: Path) -> None:
         calibration = reader.header.acquisition.channels[0].calibration
         assert calibration is not None
         header = corrected_header(reader.header, {"x": twice(calibration)})
-        after = reevaluate(reader, header, told.append)
+        after = summarise(reader, told.append, header)
     (x_before, y_before), (x_after, y_after) = before.probes, after.probes
     assert x_after.largest_peak_to_peak == pytest.approx(2 * x_before.largest_peak_to_peak)
     assert x_after.gap_mean == x_before.gap_mean

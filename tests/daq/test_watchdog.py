@@ -68,8 +68,8 @@ def test_operator_sees_which_channel_was_clipped_and_where(rig: RigFactory, tmp_
     (clipped,) = run.latest().status.clipped
     with RunReader(run.path) as reader:
         blocks = [item.codes[1] for item in reader.items() if isinstance(item, SampleBlock)]
-    rails = [np.count_nonzero((codes == 32767) | (codes == -32768)) for codes in blocks]
-    assert (clipped.channel, clipped.samples, clipped.blocks) == ("y", sum(rails), np.count_nonzero(rails))
+    rails = [int(np.count_nonzero((codes == 32767) | (codes == -32768))) for codes in blocks]
+    assert (clipped.channel, clipped.samples, clipped.blocks) == ("y", sum(rails), int(np.count_nonzero(rails)))
     assert clipped.last == pytest.approx(2000 * (1 + max(np.flatnonzero(rails))) / 20_000)
     assert f"y CLIPPED {sum(rails):,} in {np.count_nonzero(rails):,} blocks" in frame_line(run.latest())
 
