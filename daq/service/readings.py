@@ -106,7 +106,7 @@ class Readings:
         if row is None or abs(row.speed - speed) > NEAR_SPEED:
             raise ProblemError(Kind.NO_SUCH_MOMENT, f"nothing was measured near {rpm(speed):,.0f} r/min")
         prediction = self._predicted(run, row.speed)
-        measured, predicted = row.vectors[0], prediction.vectors[0]
+        measured, predicted = row.motion[0], prediction.vectors[0]
         seen = np.abs(predicted) > 0.0
         ratio = np.where(seen, np.abs(measured) / np.where(seen, np.abs(predicted), 1.0), np.nan)
         later = np.where(seen, -np.angle(measured * np.conj(predicted)), np.nan)

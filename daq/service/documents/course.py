@@ -133,10 +133,12 @@ class ComparisonDocument(Document):
     measured: SpeedRowDocument = Field(description="The bin of speed that is nearest")
     predicted: PredictedDocument = Field(description="The model at that bin's mean speed")
     amplitude_ratio_x: float | None = Field(
-        description="Measured over predicted 1X at probe x; null where nothing is predicted", examples=[0.97]
+        description="Measured (less run-out where known) over predicted 1X at probe x; null where nothing is predicted",
+        examples=[0.97],
     )
     amplitude_ratio_y: float | None = Field(
-        description="Measured over predicted 1X at probe y; null where nothing is predicted", examples=[1.02]
+        description="Measured (less run-out where known) over predicted 1X at probe y; null where nothing is predicted",
+        examples=[1.02],
     )
     lag_difference_x_deg: float | None = Field(
         description="Measured minus predicted lag of 1X at probe x, -180 to 180 degrees", examples=[3.2]

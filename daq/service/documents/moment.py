@@ -77,9 +77,12 @@ class OrbitDocument(Document):
         description="Displacement in the bench's Y (up) at the same points, µm", examples=[[0.1, 1.6, 3.1]]
     )
     compensated_orbit_x_um: Values | None = Field(
-        None, description="The same in X less run-out, µm; null where that was not asked for or not known"
+        description="The same in X less run-out, µm; null where that was not asked for or not known",
+        examples=[[14.2, 14.1, 13.9]],
     )
-    compensated_orbit_y_um: Values | None = Field(None, description="The same in Y less run-out, µm; null likewise")
+    compensated_orbit_y_um: Values | None = Field(
+        description="The same in Y less run-out, µm; null likewise", examples=[[0.2, 1.5, 3.0]]
+    )
     clearance_um: float | None = Field(
         description="Radius of the circle that the shaft can move in, µm", examples=[100.0]
     )

@@ -24,9 +24,12 @@ class CurvesDocument(Document):
         description="Displacement in the bench's Y (up) at the same points, µm", examples=[[0.1, 1.6, 3.1]]
     )
     compensated_orbit_x_um: Values | None = Field(
-        None, description="The same in X less run-out, µm; null where that is not asked for or not known"
+        description="The same in X less run-out, µm; null where that is not asked for or not known",
+        examples=[[14.2, 14.1, 13.9]],
     )
-    compensated_orbit_y_um: Values | None = Field(None, description="The same in Y less run-out, µm; null likewise")
+    compensated_orbit_y_um: Values | None = Field(
+        description="The same in Y less run-out, µm; null likewise", examples=[[0.2, 1.5, 3.0]]
+    )
     orders: Values = Field(
         description="Axis of the spectrum: frequency over the shaft's", examples=[[0.0, 0.0625, 0.125]]
     )
