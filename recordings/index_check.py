@@ -72,7 +72,8 @@ class IndexCheck:
         places = {(record.opcode, record.offset) for record in self._file.records()}
         for place in self._file.chunks:
             if (Opcode.CHUNK, place.offset) not in places:
-                yield Finding(Check.INDEX, f"byte {place.offset - RECORD.size}", "the index names a chunk that is not there")
+                where = f"byte {place.offset - RECORD.size}"
+                yield Finding(Check.INDEX, where, "the index names a chunk that is not there")
         for content in self._file.summary(Opcode.METADATA_INDEX):
             offset = int.from_bytes(content[:8], "little")
             if (Opcode.METADATA, offset + RECORD.size) not in places:
