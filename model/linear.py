@@ -50,6 +50,11 @@ class LinearSystem:
         n = self.coordinates
         return self.mass[:n, :n], self.gyroscopic[:n, n:], self.stiffness[:n, :n]
 
+    @property
+    def is_held(self) -> bool:
+        """Whether the supports leave no part free to move."""
+        return bool(np.linalg.matrix_rank(self.stiffness) == 2 * self.coordinates)
+
     def displacements(self, vectors: NDArray[np.generic]) -> NDArray[np.generic]:
         """Return displacements in X and Y, (..., 2, n), of coordinates, (..., 2 N)."""
         n, last = self.coordinates, 2 * self.stations

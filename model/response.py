@@ -87,7 +87,7 @@ def static_deflection(system: LinearSystem, loads: Sequence[StaticLoad] = (), gr
         place = _place(system, load.station, "load")
         force[place] += load.x
         force[n + place] += load.y
-    if np.linalg.matrix_rank(system.stiffness, hermitian=False) < 2 * n:
+    if not system.is_held:
         raise ValueError("supports: they leave the rotor free to move, expected a stiffness that holds it")
     return np.asarray(system.displacements(np.linalg.solve(system.stiffness, force)), np.float64)
 

@@ -26,9 +26,9 @@ def on_springs(rotor: Rotor, stiffness: float) -> tuple[Support, ...]:
 
 
 def supported(parameters: ModelParameters, stiffness: float | None) -> LinearSystem:
-    """Return the rotor on springs of this stiffness, N/m; on its own supports, or free, where it is not given."""
-    supports = parameters.supports if stiffness is None else on_springs(parameters.rotor, stiffness)
-    return linear_system(parameters.rotor, supports)
+    """Return the rotor on its own supports and, where a stiffness is given, N/m, on springs in the films' place."""
+    springs = () if stiffness is None else on_springs(parameters.rotor, stiffness)
+    return linear_system(parameters.rotor, (*parameters.supports, *springs))
 
 
 def modes_study(parameters: ModelParameters, stiffness: float | None, speed: float, count: int = 10) -> Study:
@@ -37,9 +37,9 @@ def modes_study(parameters: ModelParameters, stiffness: float | None, speed: flo
     Parameters
     ----------
     parameters : ModelParameters
-        Rotor and, where no stiffness is given, supports; free without either.
+        Rotor and supports.
     stiffness : float, optional
-        Of a spring at each journal, N/m.
+        Of a spring at each journal besides, in the film's place, N/m.
     speed : float
         Of the shaft, rad/s.
     count : int
@@ -89,9 +89,9 @@ def campbell_study(
     Parameters
     ----------
     parameters : ModelParameters
-        Rotor and, where no stiffness is given, supports.
+        Rotor and supports.
     stiffness : float, optional
-        Of a spring at each journal, N/m.
+        Of a spring at each journal besides, in the film's place, N/m.
     speeds : ndarray of float64, shape (n,)
         Rising, rad/s.
     count : int

@@ -11,6 +11,7 @@ import pytest
 from daq.cli.main import main
 
 Capture = pytest.CaptureFixture[str]
+ROTOR = Path(__file__).parents[2].joinpath("docs", "model.md").read_text(encoding="utf-8")
 
 SWEEP = ["sweep", "--vary", "viscosity_pa_s=0.01,0.02", "-o", "x.parquet"]
 STUDIES = {
@@ -25,6 +26,9 @@ STUDIES = {
     "lubrication": ["--speeds", "1000:3000:3"],
     "film": ["--eccentricity", "0.2,0.3"],
 }
+
+
+OTHER = ROTOR.split("```toml\n")[1].split("```")[0]
 
 
 def document(capsys: Capture, *arguments: str) -> dict[str, list[dict[str, float]]]:
@@ -42,6 +46,47 @@ def test_study_prints_a_table_and_draws_labelled_axes(name: str, tmp_path: Path,
     texts = [element.text or "" for element in ET.parse(picture).iter("{http://www.w3.org/2000/svg}text")]  # noqa: S314  # our own
     assert sum("[" in text and "]" in text for text in texts) >= 1, texts
     assert "nan" not in " ".join(lines + texts).lower().split()
+
+
+@pytest.mark.parametrize("name", STUDIES)
+def test_study_of_another_rotor_is_another_study(name: str, tmp_path: Path, capsys: Capture) -> None:
+    rotor = tmp_path / "rotor.toml"
+    rotor.write_text(OTHER, encoding="utf-8")
+    rows = document(capsys, name, str(rotor), *STUDIES[name])["rows"]
+    assert rows
+    assert rows != document(capsys, name, *STUDIES[name])["rows"]
+
+
+def test_sweep_of_another_rotor_computes_every_quantity(tmp_path: Path, capsys: Capture) -> None:
+    rotor = tmp_path / "rotor.toml"
+    rotor.write_text(OTHER, encoding="utf-8")
+    short = {
+        "onset": ("speeds", 2),
+        "whirl": ("turns", 8),
+        "response": ("speed_rad_s", 900),
+        "critical": ("stiffness_n_m", 1e6),
+    }
+    for quantity, (option, value) in short.items():
+        few = ["--vary", "lowest_speed_rad_s=900", "--vary", "highest_speed_rad_s=950", "--vary", "settle_turns=8"]
+        few += ["--vary", "speeds=2"] if option == "turns" else []
+        arguments = [
+            *(few if quantity == "whirl" else few[:4] if quantity == "onset" else []),
+            "--vary",
+            f"{option}={value}",
+        ]
+        file = tmp_path / f"{quantity}.parquet"
+        arguments = ["sweep", str(rotor), "--quantity", quantity, *arguments, "-o", str(file), "--processes", "1"]
+        (row,) = document(capsys, *arguments)["rows"]
+        assert "fault" not in row
+
+
+def test_fault_of_a_rotors_own_file_is_told_with_the_file(tmp_path: Path, capsys: Capture) -> None:
+    rotor = tmp_path / "rotor.toml"
+    rotor.write_text(OTHER.replace("clearance_um = 60,", "clearance_um = -60,"), encoding="utf-8")
+    assert main(["model", "modes", str(rotor)]) == 2
+    told = capsys.readouterr().err
+    assert "rub[0].clearance_um = -60 µm: expected a finite value above 0" in told
+    assert "rotor.toml" in told
 
 
 def test_same_study_gives_the_same_picture(tmp_path: Path, capsys: Capture) -> None:

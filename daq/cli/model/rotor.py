@@ -6,15 +6,32 @@ from pathlib import Path
 
 from daq.config.load import load_rig
 from daq.config.rotor import rotor_parameters
-from daq.errors import RigError, UsageError
+from daq.config.rotor_file import read_rotor, rotor_of
+from daq.errors import ConfigError, RigError, UsageError
+from model.document import DocumentError
 from model.errors import ModelError
 from model.gj90c import gj90c
 from model.parameters import ModelParameters
 
 
 def parameters_of(config: str | None) -> ModelParameters:
-    """Return the parameters that a rig file asks for; the thesis's rotor without one."""
-    return gj90c() if config is None else rotor_parameters(load_rig(Path(config)))
+    """Return the parameters that a rig file asks for, or a rotor's own file; the thesis's rotor without one.
+
+    Raises
+    ------
+    ConfigError
+        Where the file cannot be read or is wrong.
+    """
+    if config is None:
+        return gj90c()
+    file = Path(config)
+    tables = read_rotor(file)
+    if "station" not in tables:  # no rig has stations, no rotor is without
+        return rotor_parameters(load_rig(file))
+    try:
+        return rotor_of(tables)
+    except DocumentError as error:
+        raise ConfigError(config, list(error.faults)) from error
 
 
 @contextmanager

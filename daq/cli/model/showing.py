@@ -12,7 +12,10 @@ from model.studies.study import Cell, Study
 def add_output(command: argparse.ArgumentParser) -> None:
     """Give a command the rig file and the ways in which a study is shown."""
     command.add_argument(
-        "config", metavar="RIG.TOML", nargs="?", help="the rig, for its [model] (default: the thesis's GJ90C)"
+        "config",
+        metavar="RIG.TOML",
+        nargs="?",
+        help="the rig, for its [model], or a rotor's own file (default: the thesis's GJ90C)",
     )
     command.add_argument("--json", action="store_true", help="the table as JSON on standard output")
     command.add_argument("-o", "--output", type=Path, metavar="FILE.svg|.png", help="draw it")

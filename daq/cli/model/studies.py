@@ -13,7 +13,7 @@ from model.film_grid import Grid
 from model.lubrication import Lubrication, nominal, thesis_like
 from model.parameters import ModelParameters
 from model.studies.films import film_study, lubrication_study
-from model.studies.linear import campbell_study, critical_study, modes_study
+from model.studies.linear import campbell_study, critical_study, modes_study, supported
 from model.studies.motion import Shown, motion_study
 from model.studies.run_up import RunUp, bifurcation_study, run_up, waterfall_study
 from model.studies.stepping import SEED
@@ -59,7 +59,7 @@ def _add_linear(study: Add) -> None:
     command.add_argument("--count", type=counting, default=10, help="how many modes (default: 10)")
 
     command = study("campbell", _campbell, "Natural frequencies over speed, each mode followed, and critical speeds.")
-    _add_stiffness(command, f"the rotor's own supports, else {_STIFFNESS:g}")
+    _add_stiffness(command, f"none, on supports that hold the rotor, else {_STIFFNESS:g}")
     _add_speeds(command, "0:8000:81", "rad/s", kind=values)
     command.add_argument("--count", type=counting, default=10, help="how many branches, both senses (default: 10)")
 
@@ -157,7 +157,7 @@ def _modes(parameters: ModelParameters, chosen: argparse.Namespace) -> Study:
 
 def _campbell(parameters: ModelParameters, chosen: argparse.Namespace) -> Study:
     stiffness = chosen.stiffness_n_m
-    if stiffness is None and not parameters.supports:
+    if stiffness is None and not supported(parameters, None).is_held:
         stiffness = _STIFFNESS
     return campbell_study(parameters, stiffness, chosen.speeds, chosen.count)
 

@@ -32,7 +32,9 @@ def add_sweep(add: Callable[[str, str], argparse.ArgumentParser]) -> None:
             for name, one in QUANTITIES.items()
         ]
     )
-    command.add_argument("config", metavar="RIG.TOML", nargs="?", help="the rig (default: the thesis's GJ90C)")
+    command.add_argument(
+        "config", metavar="RIG.TOML", nargs="?", help="the rig, or a rotor's own file (default: the thesis's GJ90C)"
+    )
     command.add_argument(
         "--vary",
         type=_vary,
