@@ -33,6 +33,11 @@ def summary_lines(summary: SummaryDocument) -> Iterator[str]:
     yield f"run {summary.run}  {summary.duration_s:.1f} s  {summary.samples:,} samples a channel" + (
         f"  “{summary.note}”" if summary.note else ""
     )
+    if not summary.samples:
+        yield f"{_verdict(summary)}  nothing was recorded"
+        yield from _segments(summary)
+        yield from _marks(summary)
+        return
     yield "  ".join((_verdict(summary), _speeds(summary), _largest(summary)))
     yield from _segments(summary)
     if summary.clock_error_ppm is not None:
@@ -155,8 +160,11 @@ def _verdict(summary: SummaryDocument) -> str:
 
 
 def _segments(summary: SummaryDocument) -> Iterator[str]:
-    """Yield the segments of a run that is not gap-free, and why each ended."""
-    for segment in () if summary.is_gap_free else summary.segments:
+    """Yield what ended a run, and the segments of one that is not gap-free with why each ended."""
+    if summary.is_gap_free:
+        yield from (f"{'end':15}  {segment.detail}" for segment in summary.segments if segment.detail)
+        return
+    for segment in summary.segments:
         bound = "" if segment.lost_is_exact else "at least "
         lost = f", {bound}{segment.lost_samples:,} lost" if segment.lost_samples or bound else ""
         detail = f": {segment.detail}" if segment.detail else ""

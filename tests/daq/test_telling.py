@@ -4,14 +4,20 @@ import re
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from analysis.samples import EndReason, SampleBlock, SegmentEnd
 from daq.cli.telling import summary_lines
 from daq.config.rig import Rig
+from daq.drivers.opening import open_source
 from daq.service.documents import SummaryDocument, summary_document
 from daq.session.offline import summarise
+from daq.session.recorder import run_header
 from recordings.reader import RunReader
+from recordings.writer import RunWriter
 from tests.daq.recorded_bench import record_run
+from tests.daq.test_recorded import order
 
 RigFactory = Callable[..., Rig]
 
@@ -64,3 +70,36 @@ def test_a_slow_roll_that_did_not_come_is_told(rig: RigFactory, tmp_path: Path) 
     assert not document.runout.is_known
     wanted = "run-out          not known: no slow roll of this run up to 700 r/min; 1X and 2X are as measured"
     assert wanted in lines
+
+
+def ended(rig: Rig, path: Path, *ends: SegmentEnd) -> list[str]:
+    """Return what is told of a run of such segments."""
+    source = open_source(rig)
+    writer = RunWriter(path, run_header(order(rig, path.parent), source))
+    for end in ends:
+        if end.samples:
+            writer.block(SampleBlock(np.zeros((3, end.samples), np.int16), end.segment, 0, 0))
+        writer.segment_end(end)
+    writer.close()
+    source.close()
+    with RunReader(path) as reader:
+        return list(summary_lines(summary_document(summarise(reader))))
+
+
+def test_what_ended_a_run_is_told_segment_by_segment(rig: RigFactory, tmp_path: Path) -> None:
+    overrun = SegmentEnd(0, 1000, EndReason.OVERRUN, 500, lost_is_exact=False, detail="too late")
+    gone = SegmentEnd(1, 2000, EndReason.UNPLUGGED, detail="the card is gone")
+    lines = ended(rig(), tmp_path / "gaps.mcap", overrun, gone)
+    assert lines[1].startswith("NOT GAP-FREE: at least 500 samples lost")
+    assert lines[2:4] == [
+        "segment 0        1,000 samples, then overrun, at least 500 lost: too late",
+        "segment 1        2,000 samples, then unplugged: the card is gone",
+    ]
+    stopped = SegmentEnd(0, 1000, EndReason.FINISHED, detail="stopped by speed < 1500 r/min")
+    assert "end              stopped by speed < 1500 r/min" in ended(rig(), tmp_path / "stopped.mcap", stopped)
+
+
+def test_run_whose_start_never_came_says_so_and_nothing_more(rig: RigFactory, tmp_path: Path) -> None:
+    end = SegmentEnd(0, 0, EndReason.STOPPED, detail="speed > 9000 r/min was not reached")
+    lines = ended(rig(), tmp_path / "never.mcap", end)
+    assert lines[1:] == ["gap-free  nothing was recorded", "end              speed > 9000 r/min was not reached"]
