@@ -11,6 +11,7 @@ from analysis.resampling import HALF, interpolate
 from analysis.run import Acquisition, AnalysisSettings, Role
 from analysis.slow_roll import RunOutWatch
 from analysis.snapshot import OrderFrame, RunOut
+from analysis.tacho_input import LATE
 from analysis.uncertainty import sigma_of_floor
 from analysis.whirl import find_whirls, noise_floor, quantile
 
@@ -47,6 +48,7 @@ class FrameBuilder:
             )
         self._settings = settings
         self._rate = acquisition.rate
+        self._late = round(LATE * acquisition.rate) if acquisition.tacho.reference == "counter" else 0
         rows = (acquisition.row(Role.PROBE_X), acquisition.row(Role.PROBE_Y))
         self._pair = ProbePair(acquisition.channels[rows[0]].angle, acquisition.channels[rows[1]].angle)
         self._skews = np.array(rows)[:, None] / acquisition.convert_rate
@@ -60,7 +62,8 @@ class FrameBuilder:
     def new_pyramid(self, first: int) -> Pyramid:
         """Return an empty pyramid that serves every speed, for samples from index ``first`` on."""
         turns = self._settings.revolutions + SPARE_TURNS
-        return Pyramid(2, self._level(LOWEST_RATE) + 1, int(turns * self._most_per_turn) + 8 * HALF, first)
+        keep = int(turns * self._most_per_turn) + 8 * HALF
+        return Pyramid(2, self._level(LOWEST_RATE) + 1, keep, first, self._late)
 
     def _level(self, turn_rate: float) -> int:
         return max(int(np.ceil(np.log2(self._rate / (self._most_per_turn * turn_rate)))), 0)

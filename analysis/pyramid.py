@@ -36,6 +36,8 @@ class Pyramid:
         Samples that each level remembers.
     first : int
         Index of the first sample to come.
+    late : int
+        Samples of the original beyond those; each level remembers as many more as come in their time.
 
     Notes
     -----
@@ -43,8 +45,8 @@ class Pyramid:
     Process. 30, 1982; Kaiser's window.
     """
 
-    def __init__(self, n_channels: int, levels: int, keep: int, first: int) -> None:
-        self._keep = max(keep, 4 * REACH)
+    def __init__(self, n_channels: int, levels: int, keep: int, first: int, late: int = 0) -> None:
+        self._keep = [max(keep, 4 * REACH) + (late >> level) for level in range(levels)]
         self._samples = [np.empty((n_channels, 0)) for _ in range(levels)]
         self._first = [first]
         self._next = [first]  # index, in its level, of the first sample not yet made; that of level 0 is its end
@@ -81,7 +83,7 @@ class Pyramid:
 
     def _trim(self) -> None:
         for level, samples in enumerate(self._samples):
-            surplus = samples.shape[1] - self._keep
+            surplus = samples.shape[1] - self._keep[level]
             if surplus > 0:
                 self._samples[level] = samples[:, surplus:].copy()
                 self._first[level] += surplus

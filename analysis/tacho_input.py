@@ -14,7 +14,7 @@ from analysis.tacho_comparison import TachoComparison
 
 FloatArray = NDArray[np.float64]
 
-LATE = 0.25  # s that a stamp may come late before its absence is taken for the shaft's
+LATE = 0.5  # s that a stamp may come late before its absence is taken for the shaft's
 
 
 @dataclass(frozen=True, slots=True, eq=False)
