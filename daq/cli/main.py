@@ -7,7 +7,7 @@ import sys
 from collections.abc import Callable, Sequence
 from importlib.metadata import version
 
-from daq.cli import exchange, finding, listing, mark, predict, record, replay, serve, verify
+from daq.cli import acknowledge, exchange, finding, listing, mark, predict, record, replay, serve, verify
 from daq.cli.arguments import calibration, duration, pace, port
 from daq.cli.bench import add_bench_commands
 from daq.cli.model.commands import add_kinds
@@ -99,6 +99,10 @@ def _parser() -> argparse.ArgumentParser:
 
     command = add("mark", mark.run, "Name the present moment of the run that is recorded, from another terminal.")
     command.add_argument("word", metavar="WORD", nargs="*", help="what it is called (default: mark)")
+    command.add_argument("--json", action="store_true", help="as JSON")
+    _add_address(command, 8501)
+
+    command = add("acknowledge", acknowledge.run, "Take note of the alarms of the run that goes on; what is over goes.")
     command.add_argument("--json", action="store_true", help="as JSON")
     _add_address(command, 8501)
 

@@ -1,5 +1,6 @@
 """Alarms of a run: while it is recorded, in its file, in its summary, and in its replay."""
 
+import json
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -7,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from analysis.run import Severity
+from daq.cli.main import main
 from daq.config.rig import Rig
 from daq.drivers.replay import open_replay
 from daq.session.offline import summarise
@@ -14,6 +16,8 @@ from daq.session.replayed import ReplayedRun
 from recordings.marks import MarkKind
 from recordings.reader import RunReader
 from recordings.verify import verify
+from tests.daq.frames import make_frames, with_alarm
+from tests.daq.recorded_bench import open_recorded_bench
 from tests.daq.test_recorded import REAL_TIME, NoModel, Screen, recorded
 
 RigFactory = Callable[..., Rig]
@@ -93,3 +97,14 @@ def test_an_alarm_that_is_over_stays_in_sight_where_the_rig_says_so(
     assert (status.severity, status.latched) == (Severity.NORMAL, latched)
     assert [alarm.lasts for alarm in run.summary().alarms] == [False] * len(run.summary().alarms)
     assert run.summary().alarms
+
+
+def test_alarms_are_acknowledged_by_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    bench = open_recorded_bench(tmp_path)
+    bench.live.frame = with_alarm(make_frames(1)[0], Severity.DANGER)
+    port = ["--port", str(bench.client.base_url.port)]
+    assert main(["acknowledge", *port]) == 0
+    assert capsys.readouterr().out == "acknowledged danger at x: 92 µm peak-to-peak, limit 90\n"
+    assert main(["acknowledge", "--json", *port]) == 0
+    assert json.loads(capsys.readouterr().out)["alarms"][0]["probe"] == "x"
+    bench.close()

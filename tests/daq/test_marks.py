@@ -98,6 +98,8 @@ def test_marks_come_by_rest_by_command_and_by_the_terminal_and_are_told_in_the_s
     port = ["--port", url.split(":")[2].split("/")[0]]
     assert main(["mark", "by", "command", *port]) == 0
     assert re.fullmatch(r"marked “by command” at \d+\.\d s of segment 0\n", capsys.readouterr().out)
+    assert main(["acknowledge", *port]) == 0
+    assert capsys.readouterr().out == "no new alarm\n"
     os.write(terminal, b"ack\nby hand\n")
     try:
         while True:
