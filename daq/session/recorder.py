@@ -98,6 +98,10 @@ def run_header(order: Order, source: Source) -> RunHeader:
     )
 
 
+def _fault(error: Exception) -> str:
+    return f"recording stopped by a fault of the program: {type(error).__name__}: {error}"
+
+
 class _Recorder:
     """Source → file and ring, until the end; results on the side."""
 
@@ -130,7 +134,7 @@ class _Recorder:
             self._gauges.begin()
             self._pump()
         except Exception as error:  # noqa: BLE001 - whatever it is, the file is finished and the operator is told
-            self._message = f"recording stopped by a fault of the program: {type(error).__name__}: {error}"
+            self._message = _fault(error)
             self._source.stop()
         finally:
             self._ring.finish()
@@ -221,6 +225,8 @@ class _Recorder:
                     return
         except (EOFError, OSError):
             pass  # the watching process is gone
+        except Exception as error:  # noqa: BLE001 - whatever it is, the file is finished and the operator is told
+            self._message = _fault(error)
         finally:
             self._source.stop()
             self._done.set()

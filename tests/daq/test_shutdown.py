@@ -23,12 +23,13 @@ from daq.drivers.opening import open_source
 from daq.drivers.source import Source
 from daq.session.frame import LiveFrame
 from daq.session.gauges import Gauges
-from daq.session.messages import Acquired, Opened
+from daq.session.messages import Acquired, Closed, Opened
 from daq.session.recorder import _Recorder, run_header
 from daq.session.ring import BlockRing
 from daq.session.run import Outcome
 from recordings.parts import PartLimits, PartWriter
 from recordings.reader import RunReader
+from recordings.results import EncodedResult
 from tests.daq.test_recorded import Screen, order, recorded
 
 RigFiles = Callable[..., Path]
@@ -182,6 +183,37 @@ def test_fault_of_the_program_in_the_recorder_is_told(rig: RigFactory, tmp_path:
     watching.join(5)
     assert [type(message) for message in told] == [Opened, Acquired]
     assert "stopped by a fault of the program: ZeroDivisionError: in the midst of a run" in recorder._message
+
+
+@pytest.mark.usefixtures("own_handlers")
+def test_fault_of_the_program_in_the_recorders_listener_finishes_the_file_and_is_told(
+    rig: RigFactory, tmp_path: Path
+) -> None:
+    made = order(rig(simulation=SLOW, limits={"speed_rpm": 4000.0}), tmp_path)
+    source = open_source(made.rig)
+    here, there = Pipe()
+    ring = BlockRing.create(3, 2001, 16)
+    told: list[object] = []
+
+    def watch() -> None:
+        told.append(here.recv())
+        here.send(EncodedResult("/nonsense", 0, b"", 0))
+        while not isinstance(told[-1], Closed):
+            told.append(here.recv())
+
+    watching = threading.Thread(target=watch)
+    watching.start()
+    with closing(ring), closing(here):
+        header = run_header(made, source)
+        writer = PartWriter(made.path, header, PartLimits())
+        _Recorder(made, source, writer, ring, Gauges(Gauges.shared()), there).run()
+        watching.join(10)
+    closed = told[-1]
+    assert isinstance(closed, Closed)
+    assert closed.message.startswith("recording stopped by a fault of the program: ValueError: topic: '/nonsense'")
+    with RunReader(made.path) as reader:
+        assert reader.is_complete
+        assert [end.reason for end in reader.segment_ends] == [EndReason.STOPPED]
 
 
 def test_screen_that_fails_at_every_frame_does_not_stop_the_recording(rig: RigFactory, tmp_path: Path) -> None:
