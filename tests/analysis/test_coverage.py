@@ -116,7 +116,7 @@ def in_time(random: np.random.Generator) -> list[float]:
     found = order_envelopes(wave, angle, rate, (1.0, 2.0), bandwidth=8.0)
     slope = drift(0.1 * time + random.standard_normal(n), rate)
     hum = mains_hum(2.0 * np.sin(2 * np.pi * 50.0 * time + random.uniform(0.0, 6.0)) + random.standard_normal(n), rate)
-    noise = frequency_spectrum(random.standard_normal(4_000), rate, resolution=20.0)
+    noise = frequency_spectrum(random.standard_normal(2_000), rate, resolution=10.0)
     truth = np.sqrt(2 * noise.noise_bandwidth * 2.0 / rate)
     return [
         (abs(found.envelopes[0, 400]) - 20.0) / found.sigma[0, 400],

@@ -43,7 +43,7 @@ TURNING: FloatArray = np.asarray(100 * np.pi * np.arange(2_000) / RATE, dtype=np
 FACTORS = st.floats(-100.0, 100.0)
 SIZES = st.floats(1e-6, 1e6)
 SEEDS = st.integers(0, 2**32 - 1)
-FEW = settings(max_examples=12, deadline=None)
+FEW = settings(max_examples=8, deadline=None)
 
 
 def record_of(waveform: FloatArray) -> AngularRecord:
