@@ -20,12 +20,8 @@ def perturbed_coefficients(
 
     Parameters
     ----------
-    film : Film
-        Its sizes and viscosity.
-    position : complex
-        Of the inner body from the outer one, X + i Y, m.
-    surface_speed : float
-        w, rad/s.
+    film, position, surface_speed : Film, complex and float
+        As for `model.film_coefficients.differentiated_coefficients`.
     grid : Grid
         Division of the film.
     flow : Flow, optional
@@ -74,12 +70,8 @@ def finite_film_equilibrium(
 
     Parameters
     ----------
-    film : Film
-        Its sizes and viscosity.
-    load : float
-        Downwards, N.
-    surface_speed : float
-        w, rad/s.
+    film, load, surface_speed : Film, float and float
+        As for `model.film_coefficients.short_film_coefficients`.
     grid : Grid
         Division of the film.
     most_steps : int

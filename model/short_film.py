@@ -30,6 +30,15 @@ class Capone(Enum):
     """F = q / (1 - x² - y²) as the thesis prints it: the same to first order in the velocity, wrong beyond."""
 
 
+class Half(Enum):
+    """Which half of the film carries."""
+
+    FIXED = "fixed"
+    """The one that narrows towards the thinnest place, whatever the motion: (2.4)."""
+    MOVING = "moving"
+    """The one whose pressure is above zero, which moves with the velocity: (2.9)."""
+
+
 def capone_components(
     x: Numbers, y: Numbers, x_rate: Numbers, y_rate: Numbers, surface_speed: float, form: Capone
 ) -> tuple[Numbers, Numbers]:
@@ -133,10 +142,10 @@ def short_film_pressure(
     return np.asarray(np.maximum(-3 * squeeze / h**3 * (z**2 - 0.25), 0.0))  # Eq. (2.6)
 
 
-def fixed_half_film(
-    eccentricity: ArrayLike, eccentricity_rate: ArrayLike, whirl_speed: ArrayLike, surface_speed: float
+def half_film(
+    eccentricity: ArrayLike, eccentricity_rate: ArrayLike, whirl_speed: ArrayLike, surface_speed: float, half: Half
 ) -> ComplexArray:
-    """Return the force of the infinitely short bearing whose half behind the thinnest place never carries.
+    """Return the force of the infinitely short bearing of which one half carries.
 
     Parameters
     ----------
@@ -148,6 +157,8 @@ def fixed_half_film(
         Angular speed of the line of centres, rad/s.
     surface_speed : float
         w, rad/s.
+    half : Half
+        Which half.
 
     Returns
     -------
@@ -159,42 +170,29 @@ def fixed_half_film(
     ValueError
         Where an eccentricity lies outside its range or something is not finite.
     """
-    eps, rate, sweep = _polar(eccentricity, eccentricity_rate, whirl_speed, surface_speed)
+    eps, rate, whirl = np.broadcast_arrays(
+        np.asarray(eccentricity, dtype=np.float64),
+        np.asarray(eccentricity_rate, dtype=np.float64),
+        np.asarray(whirl_speed, dtype=np.float64),
+    )
+    _require_inside(eps)
+    _require_finite("eccentricity_rate", rate, "1/s")
+    _require_finite("whirl_speed", whirl, "rad/s")
+    _require_finite("surface_speed", surface_speed, "rad/s")
+    sweep = np.asarray(eps * (surface_speed - 2 * whirl))  # of the oil past the line of centres, times eccentricity
+    return np.asarray(4 * (_fixed_half(eps, rate, sweep) if half is Half.FIXED else _moving_half(eps, rate, sweep)))
+
+
+def _fixed_half(eps: FloatArray, rate: FloatArray, sweep: FloatArray) -> ComplexArray:
     s = 1 - eps**2
     outwards = -(
         eps * sweep / s**2 + np.pi * (1 + 2 * eps**2) * rate / (2 * s**2.5)
     )  # Eq. (2.4a), force on the journal
     forwards = np.pi * sweep / (4 * s**1.5) + 2 * eps * rate / s**2  # Eq. (2.4b)
-    return np.asarray(4 * (outwards + 1j * forwards))
+    return np.asarray(outwards + 1j * forwards)
 
 
-def moving_half_film(
-    eccentricity: ArrayLike, eccentricity_rate: ArrayLike, whirl_speed: ArrayLike, surface_speed: float
-) -> ComplexArray:
-    """Return the force of the infinitely short bearing whose carrying half moves with the velocity: (2.9).
-
-    Parameters
-    ----------
-    eccentricity : array_like
-        Ratio, 0 to below 1.
-    eccentricity_rate : array_like
-        Its change, 1/s.
-    whirl_speed : array_like
-        Angular speed of the line of centres, rad/s.
-    surface_speed : float
-        w, rad/s.
-
-    Returns
-    -------
-    ndarray
-        Outwards + i forwards on the inner body, rad/s; times `Film.factor` in N.
-
-    Raises
-    ------
-    ValueError
-        Where an eccentricity lies outside its range or something is not finite.
-    """
-    eps, rate, sweep = _polar(eccentricity, eccentricity_rate, whirl_speed, surface_speed)
+def _moving_half(eps: FloatArray, rate: FloatArray, sweep: FloatArray) -> ComplexArray:
     s = 1 - eps**2
     start = np.arctan2(rate, sweep / 2)  # the film runs half a turn from here, from the thickest place on
     beta = eps / (1 + np.sqrt(s))
@@ -206,7 +204,7 @@ def moving_half_film(
     Jss = (_sin_squared(last) - _sin_squared(first)) / s**1.5
     outwards = -Jcc * rate + Jsc * sweep / 2
     forwards = -Jsc * rate + Jss * sweep / 2  # Eq. (2.9)
-    return np.asarray(4 * (outwards + 1j * forwards))
+    return np.asarray(outwards + 1j * forwards)
 
 
 def _cos_squared(phi: FloatArray, eps: FloatArray) -> FloatArray:
@@ -221,22 +219,6 @@ def _sin_cos(phi: FloatArray, eps: FloatArray) -> FloatArray:
 
 def _sin_squared(phi: FloatArray) -> FloatArray:
     return phi / 2 - np.sin(2 * phi) / 4
-
-
-def _polar(
-    eccentricity: ArrayLike, eccentricity_rate: ArrayLike, whirl_speed: ArrayLike, surface_speed: float
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    # eccentricity, its rate, and eccentricity times the speed at which oil is swept past the line of centres
-    eps, rate, whirl = np.broadcast_arrays(
-        np.asarray(eccentricity, dtype=np.float64),
-        np.asarray(eccentricity_rate, dtype=np.float64),
-        np.asarray(whirl_speed, dtype=np.float64),
-    )
-    _require_inside(eps)
-    _require_finite("eccentricity_rate", rate, "1/s")
-    _require_finite("whirl_speed", whirl, "rad/s")
-    _require_finite("surface_speed", surface_speed, "rad/s")
-    return eps, rate, np.asarray(eps * (surface_speed - 2 * whirl))
 
 
 def _require_inside(eccentricity: FloatArray) -> None:

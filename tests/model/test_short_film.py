@@ -1,7 +1,6 @@
 """The short film's force laws against quadrature of its pressure and against each other."""
 
 import math
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -10,7 +9,7 @@ from numpy.typing import NDArray
 
 from model.film import Film
 from model.forces import capone_force
-from model.short_film import Capone, capone, fixed_half_film, moving_half_film, short_film_pressure
+from model.short_film import Capone, Half, capone, half_film, short_film_pressure
 
 ComplexArray = NDArray[np.complex128]
 FILM = Film(radius=5e-3, length=10e-3, clearance=20e-6, viscosity=0.015)
@@ -103,7 +102,7 @@ def test_force_is_none_where_nothing_moves_and_finite_where_the_surfaces_stand(f
 def test_moving_half_film_in_polar_coordinates_is_capones_force() -> None:
     z, v = random_states(500, largest=0.95)
     turned = v * np.exp(-1j * np.angle(z))
-    polar = moving_half_film(np.abs(z), turned.real, turned.imag / np.abs(z), SPEED)
+    polar = half_film(np.abs(z), turned.real, turned.imag / np.abs(z), SPEED, Half.MOVING)
     assert polar * np.exp(1j * np.angle(z)) == pytest.approx(capone(z, v, SPEED), rel=1e-11)
 
 
@@ -121,7 +120,8 @@ def test_extent_of_the_moving_half_film_is_the_thesis_delta() -> None:
 
 def test_fixed_and_moving_half_films_agree_without_squeeze() -> None:
     eps = np.linspace(0, 0.95, 40)
-    assert fixed_half_film(eps, 0.0, 120.0, SPEED) == pytest.approx(moving_half_film(eps, 0.0, 120.0, SPEED), rel=1e-10)
+    fixed, moving = (half_film(eps, 0.0, 120.0, SPEED, half) for half in Half)
+    assert fixed == pytest.approx(moving, rel=1e-10)
 
 
 def test_fixed_half_film_equals_quadrature_over_its_half() -> None:
@@ -134,16 +134,14 @@ def test_fixed_half_film_equals_quadrature_over_its_half() -> None:
             1 + eps * np.cos(theta)
         ) ** 3
         expected = 4 * math.pi / 2 * np.sum(weight * pressure * (np.cos(theta) + 1j * np.sin(theta)))
-        assert complex(fixed_half_film(eps, rate, whirl, SPEED)) == pytest.approx(complex(expected), rel=1e-9)
+        assert complex(half_film(eps, rate, whirl, SPEED, Half.FIXED)) == pytest.approx(complex(expected), rel=1e-9)
 
 
-@pytest.mark.parametrize("model", [fixed_half_film, moving_half_film])
+@pytest.mark.parametrize("half", list(Half))
 @pytest.mark.parametrize("eccentricity", [1.0, 1.5, -0.1, math.nan])
-def test_polar_films_name_an_eccentricity_that_reaches_the_wall(
-    model: Callable[[float, float, float, float], ComplexArray], eccentricity: float
-) -> None:
+def test_polar_films_name_an_eccentricity_that_reaches_the_wall(half: Half, eccentricity: float) -> None:
     with pytest.raises(ValueError, match=r"eccentricity: .* of the clearance, expected 0 or more and below 1"):
-        model(eccentricity, 0.0, 0.0, SPEED)
+        half_film(eccentricity, 0.0, 0.0, SPEED, half)
 
 
 def test_capone_names_the_state_of_many_that_reaches_the_wall() -> None:
@@ -158,7 +156,7 @@ def test_forces_name_a_velocity_or_speed_that_is_not_finite(form: Capone) -> Non
     with pytest.raises(ValueError, match="surface_speed: inf rad/s"):
         capone(0.5, 0j, math.inf, form)
     with pytest.raises(ValueError, match="eccentricity_rate: nan 1/s"):
-        moving_half_film(0.5, math.nan, 0.0, SPEED)
+        half_film(0.5, math.nan, 0.0, SPEED, Half.MOVING)
     with pytest.raises(ValueError, match=r"velocity, surface_speed: .*expected finite values"):
         FILM.force(0j, complex(0, math.inf), SPEED, form)
 
