@@ -12,7 +12,8 @@ from analysis.samples import EndReason, SampleBlock, SegmentEnd, SourceItem
 from recordings.errors import ForeignFormatError
 from recordings.formats.table import Column
 
-STEPS = 65_534
+STEPS = 65_532
+"""From -32766 to 32766: none of an imported value is at the converter's rails, where it would count as clipped."""
 BLOCK = 0.1
 VOLTS = {"V": 1.0, "mV": 1e-3}
 METRES = {"um": 1e-6, "mm": 1e-3, "m": 1.0}
@@ -30,7 +31,7 @@ class ImportedChannel:
 def imported_channel(column: Column, channel: Channel, unit: str, factor: float) -> ImportedChannel:
     """Return a column's values as codes.
 
-    Values of 16 bits stay as they are. Others are divided into 65,534 steps from the smallest to the largest: they come
+    Values of 16 bits stay as they are. Others are divided into 65,532 steps from the smallest to the largest: they come
     back within half a step. Where they are a displacement, one volt of the recording stands for one micrometre of it.
 
     Parameters
