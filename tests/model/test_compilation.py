@@ -16,6 +16,13 @@ with event.install_recorder("numba:compile") as compiled:
 print(len(compiled.buffer))
 """
 ONE_FORCE = "from model.forces import capone_force; capone_force(1e-6, 0j, 20e-6, 100.0, 1.0)"
+FORCES = """
+    import numpy as np
+    from model.condensed import forces_on
+    from model.gj90c import gj90c
+    from model.system import ModalSystem
+    forces_on(ModalSystem.of(gj90c()).films, None, 1000.0, np.full((2, 4), 1e-6 + 0j))
+"""
 WHOLE_START = """
     import numpy as np
     from analysis.run import AnalysisSettings
@@ -57,6 +64,17 @@ def test_second_start_of_an_installed_program_compiles_nothing(site: Path, tmp_p
     assert compilations(WHOLE_START, site, home, tmp_path) > 0
     assert any(home.rglob("*.nbi"))
     assert compilations(WHOLE_START, site, home, tmp_path) == 0
+
+
+def test_code_that_is_built_on_a_changed_file_is_compiled_anew(site: Path, tmp_path: Path) -> None:
+    home = tmp_path / "home"
+    home.mkdir()
+    assert compilations(FORCES, site, home, tmp_path) > 0
+    assert compilations(FORCES, site, home, tmp_path) == 0
+    changed = site / "model" / "forces.py"
+    text = changed.read_text(encoding="utf-8")
+    changed.write_text(text.replace("scale = -factor * s / u", "scale = -2 * factor * s / u"), encoding="utf-8")
+    assert compilations(FORCES, site, home, tmp_path) > 0
 
 
 def test_where_nothing_can_be_kept_the_program_runs_all_the_same(site: Path, tmp_path: Path) -> None:
