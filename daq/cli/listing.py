@@ -9,6 +9,7 @@ from daq.config.calibration import load_calibration
 from daq.service.documents import RunDocument
 from daq.service.summaries import Summaries
 from daq.session.predictors import Predictors
+from recordings.verify import Verdict
 
 
 def run_line(run: RunDocument) -> str:
@@ -16,6 +17,8 @@ def run_line(run: RunDocument) -> str:
     state = "complete" if run.is_complete else "cut short"
     if run.is_complete and not run.is_gap_free:
         state = "samples lost"
+    if run.verdict not in ("", Verdict.SOUND):
+        state = run.verdict
     size = f"{run.size_bytes / 1e6:9.1f} MB"
     return "  ".join((run.run, f"{run.duration_s or 0.0:8.1f} s", size, run.fault or state, *said_of(run)))
 

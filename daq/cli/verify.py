@@ -64,7 +64,7 @@ def run_recover(chosen: argparse.Namespace) -> int:
         print(
             f"{recovery.target}: {recovery.samples:,} samples a channel in {len(recovery.stretches)} "
             f"{'segment' if len(recovery.stretches) == 1 else 'segments'}, "
-            f"{recovery.damaged_chunks} damaged chunks left out"
+            f"{recovery.damaged_chunks} damaged {'chunk' if recovery.damaged_chunks == 1 else 'chunks'} left out"
         )
         for missing in recovery.missing:
             print(_told(missing))

@@ -187,6 +187,8 @@ def _wanted(location: tuple[int | str, ...], schema: type[BaseModel]) -> str:
     annotation = _annotation(location, schema)
     if _table_of(annotation) is not None:
         return f"a table: [{dotted(location)}]" if isinstance(annotation, type) else f"tables: [[{dotted(location)}]]"
+    if get_origin(annotation) is dict:
+        return f"tables: [{dotted(location)}.NAME]"
     if isinstance(annotation, type) and issubclass(annotation, Enum):
         return " or ".join(f"'{member.value}'" for member in annotation)
     if annotation is str:

@@ -85,13 +85,16 @@ def test_a_hole_is_told_by_its_samples(run: Path, folder: Path, capsys: Captured
     data = bytearray(run.read_bytes())
     data[place.offset + place.length // 2] ^= 1
     run.write_bytes(data)
+    assert main(["index", "--verify"]) == 5
+    assert main(["runs"]) == 0
+    assert re.search(rf"^{RUN} .* MB  not whole", capsys.readouterr().out, re.MULTILINE)
     assert main(["recover", RUN, "-o", str(folder / "copy.mcap")]) == 5
     told = capsys.readouterr().out
     missing = re.search(r"^missing  segment 0: samples (\d+) to (\d+) \((\d+) a channel\)$", told, re.MULTILINE)
     assert missing is not None
     first, last, samples = map(int, missing.groups())
     assert samples == last - first + 1
-    assert f"{40_000 - samples:,} samples a channel in 2 segments, 1 damaged chunks left out" in told
+    assert f"{40_000 - samples:,} samples a channel in 2 segments, 1 damaged chunk left out" in told
 
 
 def test_a_whole_run_is_copied_with_nothing_missing(run: Path, folder: Path, capsys: Captured) -> None:

@@ -236,7 +236,9 @@ def test_a_mapping_that_does_not_fit_tells_every_fault(
     assert "no column 'd'; there are 'a', 'b', 'c'" in capsys.readouterr().err
     made.write_text('rig = "rig.toml"\nrate_hz = -1\nstarted = "soon"\n')
     assert main(["import", str(tmp_path / "log.csv"), "--mapping", str(made)]) == 2
-    assert "mapping.toml: 3 faults" in capsys.readouterr().err
+    told = capsys.readouterr().err
+    assert "mapping.toml: 3 faults" in told
+    assert "channel: missing, expected tables: [channel.NAME]" in told
     assert list(folder.glob("*.mcap")) == []
 
 
