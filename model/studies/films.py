@@ -97,7 +97,7 @@ def _coefficients(quantity: str, letter: str, unit: str, e: FloatArray, values: 
 
 
 def lubrication_study(lubrication: Lubrication, load: float, inlet_pressure: float, speeds: FloatArray) -> Study:
-    """Return where journal and ring run at rest over speed, their cavities, and the pressures at the middle speed.
+    """Return where journal and ring run at rest over speed, their cavities, and the pressures at the last speed.
 
     Parameters
     ----------
@@ -116,13 +116,15 @@ def lubrication_study(lubrication: Lubrication, load: float, inlet_pressure: flo
         Where no film carries the load at any speed.
     """
     rests: list[RingEquilibrium | None] = []
+    missing: EquilibriumError | None = None
     for speed in speeds:
         try:
             rests.append(lubrication.equilibrium(load, float(speed), inlet_pressure))
-        except EquilibriumError:
-            if speed == speeds[-1] and not rests:
-                raise
+        except EquilibriumError as error:
             rests.append(None)
+            missing = error
+    if missing is not None and not any(rests):
+        raise missing
     films = {
         "inner": [None if rest is None else rest.inner for rest in rests],
         "outer": [None if rest is None else rest.outer for rest in rests],
@@ -137,7 +139,9 @@ def lubrication_study(lubrication: Lubrication, load: float, inlet_pressure: flo
         columns[f"{name}_rupture_deg"] = np.array([math.nan if r is None else math.degrees(r) for r in ruptures])
     columns["scaled_flow_kg_s"] = np.array([math.nan if rest is None else rest.mean_flow() for rest in rests])
     title = f"Journal and ring at rest, {load:g} N, {inlet_pressure / 1e5:g} bar"
-    last = next(rest for rest in reversed(rests) if rest is not None)
+    last_speed, last = next(
+        (speed, rest) for speed, rest in zip(reversed(speeds), reversed(rests), strict=True) if rest is not None
+    )
     psi = np.arange(0.0, 360.0)
     numbers = {name: column for name, column in columns.items() if not isinstance(column, tuple)}
 
@@ -156,7 +160,7 @@ def lubrication_study(lubrication: Lubrication, load: float, inlet_pressure: flo
             over_speed("eccentricity", "Eccentricity ratio [–]"),
             over_speed("attitude_deg", "Attitude [°]", (0.0, 100.0)),
             Plot(
-                f"Pressure at {speeds[-1]:,.0f} rad/s",
+                f"Pressure at {last_speed:,.0f} rad/s",
                 "Place from the top in the direction of rotation [°]",
                 "Pressure [bar]",
                 pressures,
@@ -165,5 +169,6 @@ def lubrication_study(lubrication: Lubrication, load: float, inlet_pressure: flo
         (
             "infinitely long films, their cavities from the named angle on (none: complete film)",
             "flow is known up to a factor that the thesis does not give: compare, do not use it as kg/s",
+            *(() if missing is None else (f"{rests.count(None)} of {speeds.size} speeds are left out: {missing}",)),
         ),
     )

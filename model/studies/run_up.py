@@ -159,7 +159,13 @@ def waterfall_study(found: RunUp, name: str) -> Study:
         At rising speeds.
     name : str
         Of the case.
+
+    Raises
+    ------
+    WallContactError
+        Where the motion reached a wall at all of them.
     """
+    at_the_wall = _wall_remarks(found)
     inner, outer = found.component(INNER) * 1e6, found.component(OUTER) * 1e6
     return Study(
         f"Waterfall, {name}",
@@ -178,9 +184,21 @@ def waterfall_study(found: RunUp, name: str) -> Study:
                 for film, onset in (("inner", found.onset(INNER)), ("outer", found.onset(OUTER)))
             ),
             "told apart by order alone: the inner film's whirl at 0.7X comes with its difference to 1X at 0.3X",
+            *at_the_wall,
             *_seeding_remarks(found),
         ),
     )
+
+
+def _wall_remarks(found: RunUp) -> tuple[str, ...]:
+    """Say at how many speeds nothing is known; WallContactError where at none."""
+    touched = int(np.count_nonzero(np.isnan(found.peak_to_peak)))
+    if touched == found.speeds.size:
+        raise WallContactError(
+            f"eccentricity: the motion reached a wall at each of the {touched} speeds "
+            f"from {found.speeds.min():,.0f} to {found.speeds.max():,.0f} rad/s, expected less than the clearance"
+        )
+    return (f"the motion reached a wall at {touched} of {found.speeds.size} speeds: left out",) if touched else ()
 
 
 def _seeding_columns(seeding: Seeding | None) -> dict[str, FloatArray]:
@@ -235,6 +253,7 @@ def bifurcation_study(found: RunUp, name: str) -> Study:
     name : str
         Of the case.
     """
+    at_the_wall = _wall_remarks(found)
     width = np.ptp(found.stroboscopic, axis=2) * 1e6
     return Study(
         f"Bifurcation diagram, {name}",
@@ -248,6 +267,7 @@ def bifurcation_study(found: RunUp, name: str) -> Study:
         (bifurcation_plot(found, f"Bifurcation diagram, {name}"),),
         (
             "spread: of the positions at theta = 0 over the turns; about 0 where the motion is synchronous",
+            *at_the_wall,
             *_seeding_remarks(found),
         ),
     )

@@ -127,12 +127,22 @@ def _bisect(growth: _Growth, low: float, high: float, precision: float) -> float
 
 
 def onset_study(parameters: ModelParameters, speeds: FloatArray) -> Study:
-    """Return growth rate over speed and the bands in which the synchronous motion is unstable."""
+    """Return growth rate over speed and the bands in which the synchronous motion is unstable.
+
+    ModelError where no synchronous motion is found at any of the speeds.
+    """
     found = stability(parameters, speeds)
+    missing = int(np.count_nonzero(np.isnan(found.growth_rates)))
+    extent = f"from {speeds[0]:,.0f} to {speeds[-1]:,.0f} rad/s"
+    if missing == speeds.size:
+        raise ModelError(f"synchronous motion: none found within the clearances at any of {missing} speeds {extent}")
     title = "Stability of the synchronous motion"
     remarks = tuple(
         f"unstable from {band.start:,.0f} to {band.stop:,.0f} rad/s, whirl at {band.whirl_order:.2f}X"
         for band in found.bands
+    )
+    left_out = (
+        (f"left out: {missing} of {speeds.size} speeds, without motion within the clearances",) if missing else ()
     )
     zero = Series("", speeds, np.zeros(speeds.size), Style.REFERENCE)
     onsets = np.array([edge for band in found.bands for edge in (band.start, band.stop) if edge < speeds[-1]])
@@ -159,7 +169,7 @@ def onset_study(parameters: ModelParameters, speeds: FloatArray) -> Study:
                 (Series("", speeds, found.whirl_orders, Style.POINTS),),
             ),
         ),
-        remarks or (f"stable from {speeds[0]:,.0f} to {speeds[-1]:,.0f} rad/s",),
+        (*(remarks or (f"stable {extent}",)), *left_out),
     )
 
 
