@@ -1,13 +1,15 @@
 """Shafts and signals as they should not be, through every tool: a result, or one clear refusal, never a warning."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from analysis.angular_record import AngularRecord, angular_record
+from analysis.angular_record import AngularRecord, angular_record, record_of_codes
 from analysis.centreline import centreline
 from analysis.disturbances import drift, mains_hum
 from analysis.edges import EdgeDetector
@@ -29,10 +31,14 @@ from analysis.shaft_angle import ShaftAngle, shaft_angle
 from analysis.speed_curve import speed_curves
 from analysis.subsynchronous import subsynchronous_tracks
 from analysis.synchronous_average import synchronous_average, synchronous_rest
-from analysis.tacholess import speed_from_ridge
+from analysis.tacholess import record_without_tacho, speed_from_ridge
 from analysis.vold_kalman import order_envelopes
 
+if TYPE_CHECKING:
+    from tests.analysis.conftest import Bench
+
 FloatArray = NDArray[np.float64]
+Codes = NDArray[np.int16]
 Speed = Callable[[FloatArray], FloatArray]
 Results = list[FloatArray] | list[float]
 
@@ -200,6 +206,72 @@ def test_a_speed_that_jumps_is_refused(jump: float) -> None:
     SHAFTS[f"jumps to {jump}"] = lambda time: np.where(time < 1.5, 100.0, 100.0 * jump)
     with pytest.raises(TachoRefusedError, match="analyse the record in parts"):
         angle_of(f"jumps to {jump}")
+
+
+def random_pulses(random: np.random.Generator) -> FloatArray:
+    """Return the edges of some shaft or none: noise, jitter, wandering, halved, broken or stopping speeds, bursts."""
+    n = int(random.integers(1, 400))
+    times = [
+        np.cumsum(random.exponential(0.01, n)),
+        np.arange(n) * 0.01 + random.normal(0.0, random.choice([1e-6, 1e-4, 2e-3]), n),
+        np.cumsum(0.01 * np.exp(np.cumsum(random.normal(0.0, random.choice([0.001, 0.05]), n)))),
+        np.cumsum(np.where(random.random(n) < 0.5, 0.01, 0.02)),
+        np.concatenate([np.arange(n) * 0.01, 5.0 + np.arange(n, n + int(random.integers(1, 50))) * 0.013]),
+        np.cumsum(np.linspace(0.01, random.choice([0.001, 0.1, 1.0]), n)),
+        np.cumsum(random.choice([1e-9, 1e-3, 0.01, 0.1], n)),
+    ][int(random.integers(0, 7))]
+    return np.unique(times[random.random(times.size) > random.choice([0.0, 0.01, 0.1])])
+
+
+def test_any_pulses_give_an_angle_that_rises_or_one_refusal() -> None:
+    random = np.random.default_rng(0)
+    refused = 0
+    for _ in range(400):
+        tacho = replace(TACHO, pulses_per_revolution=int(random.choice([1, 2, 5])))
+        try:
+            angle = shaft_angle(pulse_record(random_pulses(random), tacho))
+        except AnalysisError:
+            refused += 1
+            continue
+        turns = np.arange(np.ceil(angle.first), np.floor(angle.last) + 1.0)
+        assert (np.diff(angle.time(turns)) > 0.0).all()
+        assert np.isfinite(angle.time_sigma(turns)).all()
+    assert 50 < refused < 350
+
+
+def spoilt(row: Codes, random: np.random.Generator) -> Codes:
+    """Return a channel as noise, stuck, clipped, stuck from somewhere on, or as it is."""
+    kind, stuck = int(random.integers(0, 8)), int(random.integers(0, row.size))
+    if kind == 0:
+        return random.integers(-32768, 32768, row.size).astype(np.int16)
+    if kind == 1:
+        return np.full(row.size, random.choice([-32768, 32767, 0]), dtype=np.int16)
+    if kind == 2:
+        return np.clip(row, -2_000, 14_000)
+    return np.where(np.arange(row.size) < stuck, row, row[stuck]) if kind == 3 else row
+
+
+def test_any_codes_give_finite_results_or_one_refusal(make_bench: Callable[..., "Bench"]) -> None:
+    bench = replace(make_bench(rate=5_000.0, tacho={"response_time": 1e-5}), tacho_rise=2e-4)
+    good = bench.codes(bench.steady(50.0), bench.circles((2e-5, 1.0, 0.0), (8e-6, 0.47, 1.0)), 1.5)
+    random = np.random.default_rng(0)
+    told = 0
+    for _ in range(60):
+        codes = np.stack([spoilt(row, random) for row in good[:, : int(random.integers(1, good.shape[1]))]])
+        for by_tacho in (True, False):
+            try:
+                record = (
+                    record_of_codes(bench.acquisition, codes)
+                    if by_tacho
+                    else record_without_tacho(bench.acquisition, codes, 200.0, 600.0)[0]
+                )
+                frames = order_map(record)
+            except AnalysisError:
+                continue
+            assert np.isfinite(frames.amplitudes()).all()
+            assert np.isfinite(track_order(record, 1.0).sigma).all()
+            told += 1
+    assert told > 10
 
 
 def test_records_that_do_not_fit_together_are_refused() -> None:
