@@ -16,6 +16,7 @@ RPM = 2.0 * np.pi / 60.0
 
 FEWEST_EDGES = 3  # to speak of a speed
 NOISE_ROOM = 6.0  # times the scatter must fit between a level and its switching level
+HYSTERESIS = (0.1, 0.5)  # of the swing: below, slow edges with noise count twice; above, a weaker pulse is missed
 NEAR_LIMIT = 0.9  # of the speed limit: from here on it is said
 RANGE_ROOM = 0.98  # of the card's range that a level may take
 
@@ -103,6 +104,7 @@ def tacho_checks(signal: TachoSignal, limits: WiringLimits, *, motion: bool) -> 
     checks = [_levels_check(signal, levels)]
     if checks[0].finding is None:
         checks += [
+            _hysteresis_check(signal, levels),
             _noise_check(signal, levels),
             _pulses_check(signal, limits.tacho_scatter),
             _mark_check(signal, levels, limits.mark_tolerance),
@@ -171,6 +173,18 @@ def _levels_check(signal: TachoSignal, levels: Levels) -> Check:
         f"[tacho] should be {proposal} (rig calibrate tacho)"
     )
     return Check.failed(name, Finding.LEVELS, value, limit, advice)
+
+
+def _hysteresis_check(signal: TachoSignal, levels: Levels) -> Check:
+    least, most = HYSTERESIS
+    share = signal.tacho.hysteresis / levels.separation
+    name, value = "tacho hysteresis", f"{signal.tacho.hysteresis:g} V, {100 * share:.0f} % of the swing"
+    limit = f"{100 * least:.0f} to {100 * most:.0f} % of {levels.separation:.2f} V"
+    if least <= share <= most:
+        return Check.passed(name, value, limit)
+    trouble = "noise on a slow edge counts twice" if share < least else "a pulse that is a little weaker is missed"
+    advice = f"{trouble}: hysteresis_v = {levels.hysteresis:.2g} would suit the tacho's levels (rig calibrate tacho)"
+    return Check.warned(name, Finding.LEVELS, value, limit, advice)
 
 
 def _noise_check(signal: TachoSignal, levels: Levels) -> Check:

@@ -171,6 +171,12 @@ def test_tacho_signals_are_told_apart() -> None:
     assert "tacho noise" in tacho_findings(volts + noise(0.3, 8))
 
 
+@pytest.mark.parametrize(("hysteresis", "is_told"), [(0.3, True), (0.5, False), (2.0, False), (2.2, True)])
+def test_hysteresis_that_does_not_suit_the_swing_is_warned_of(hysteresis: float, *, is_told: bool) -> None:
+    told = tacho_findings(turning()["tacho"], Tacho(threshold=2.15, hysteresis=hysteresis))
+    assert told == ({"tacho hysteresis": Finding.LEVELS} if is_told else {})
+
+
 def test_mark_that_is_not_as_configured_is_warned_of() -> None:
     thin = np.where(30.0 * TIME % 1.0 < 0.2, 4.2, 0.1) + noise(0.01, 9)
     assert tacho_findings(thin, replace(TACHO, mark_fraction=0.2)) == {}
