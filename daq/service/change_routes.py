@@ -75,7 +75,7 @@ class ChangeRoutes:
         changing = (Kind.RUN_NOT_FOUND, Kind.BAD_PARAMETER, Kind.CROSS_SITE, Kind.STORAGE_UNAVAILABLE, Kind.BUSY)
         routing.add(
             "PATCH /runs/{run}", self.annotate, "annotate_run", "runs", "Change words and tags of a run",
-            *changing, Kind.MEDIA_TYPE,
+            *changing,
         )  # fmt: skip
         routing.add(
             "DELETE /runs/{run}", self.put_away, "put_run_away", "runs", "Move a run into the trash",

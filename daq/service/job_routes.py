@@ -64,8 +64,7 @@ class JobRoutes:
         """Make the addresses known."""
         routing.add(
             "POST /jobs", self.begin, "begin_job", "jobs", "Begin a job",
-            Kind.BAD_PARAMETER, Kind.CROSS_SITE, Kind.MEDIA_TYPE, Kind.RUN_NOT_FOUND, Kind.RUN_UNDER_WAY,
-            Kind.RUN_DAMAGED, Kind.BUSY, Kind.STORAGE_UNAVAILABLE, status=202,
+            Kind.RUN_NOT_FOUND, Kind.RUN_UNDER_WAY, Kind.RUN_DAMAGED, Kind.BUSY, Kind.STORAGE_UNAVAILABLE, status=202,
         )  # fmt: skip
         routing.add("/jobs", self.all, "list_jobs", "jobs", "List the jobs, the one asked for last first", Kind.BUSY)
         known = (Kind.JOB_NOT_FOUND, Kind.BAD_PARAMETER, Kind.BUSY)

@@ -73,8 +73,8 @@ class Kind(Enum):
     )
     TOO_LARGE = (
         413,
-        "The file is too large",
-        "It passes the limit, or what room the disk has left.",
+        "What was sent is too large",
+        "It passes the limit, or what room the disk has left, or does not tell its size.",
     )
     RANGE_NOT_SATISFIABLE = (
         416,

@@ -82,22 +82,21 @@ class LiveRoutes:
         if self._steering is not None:
             routing.add(
                 "POST /live/stop", self.stop, "stop_live", "live", "End the run under way",
-                Kind.NO_LIVE_RUN, Kind.BAD_PARAMETER, Kind.CROSS_SITE, Kind.MEDIA_TYPE, status=202,
+                Kind.NO_LIVE_RUN, status=202,
             )  # fmt: skip
             routing.add(
                 "POST /live/marks", self.mark, "mark_live", "live", "Name this moment of the run under way",
-                Kind.NO_LIVE_RUN, Kind.BAD_PARAMETER, Kind.CROSS_SITE, Kind.MEDIA_TYPE, status=201,
+                Kind.NO_LIVE_RUN, status=201,
             )  # fmt: skip
             routing.add(
                 "POST /live/acknowledge", self.acknowledge, "acknowledge_live", "live", "Take note of the alarms",
-                Kind.NO_LIVE_RUN, Kind.BAD_PARAMETER, Kind.CROSS_SITE, Kind.MEDIA_TYPE,
+                Kind.NO_LIVE_RUN,
             )  # fmt: skip
 
         if self._desk is not None:
             routing.add(
                 "POST /runs", self.start, "start_run", "runs", "Start a run",
-                Kind.BAD_PARAMETER, Kind.RUN_NOT_POSSIBLE, Kind.CROSS_SITE, Kind.MEDIA_TYPE, Kind.BUSY,
-                Kind.STORAGE_UNAVAILABLE, status=201,
+                Kind.RUN_NOT_POSSIBLE, Kind.BUSY, Kind.STORAGE_UNAVAILABLE, status=201,
             )  # fmt: skip
 
     async def start(self, order: OrderDocument, response: Response) -> StartedDocument:

@@ -18,6 +18,8 @@ RunId = Annotated[
 ]
 EVENTS: Final = "text/event-stream"
 WITH_JSON: Final = frozenset({"POST", "PATCH"})
+JSON_PROBLEMS: Final = (Kind.BAD_PARAMETER, Kind.CROSS_SITE, Kind.MEDIA_TYPE, Kind.TOO_LARGE)
+MOST_JSON: Final = 1024**2  # bytes
 
 
 def event_stream(name: str) -> dict[int | str, dict[str, Any]]:
@@ -29,7 +31,7 @@ def event_stream(name: str) -> dict[int | str, dict[str, Any]]:
 
 
 class JsonRoute(APIRoute):
-    """A route that takes JSON and says so: no form of another site's page can send that."""
+    """A route that takes JSON, not too much, and says so: no form of another site's page can send that."""
 
     def get_route_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
         """Return the handler, with a look at the content's type before it."""
@@ -39,6 +41,9 @@ class JsonRoute(APIRoute):
             sent = request.headers.get("content-type", "")
             if sent.partition(";")[0].strip().lower() != "application/json":
                 raise ProblemError(Kind.MEDIA_TYPE, f"{sent or 'no type'!r}, expected application/json")
+            size = request.headers.get("content-length", "")
+            if not size.isdecimal() or int(size) > MOST_JSON:
+                raise ProblemError(Kind.TOO_LARGE, f"{size or 'unknown'} bytes, expected at most {MOST_JSON:,}")
             return await handle(request)
 
         return checked
@@ -92,6 +97,8 @@ class Routing:
             Further answers by status, as OpenAPI writes them.
         """
         method, _, path = address.rpartition(" ")
+        if method in WITH_JSON:
+            kinds = tuple(dict.fromkeys((*kinds, *JSON_PROBLEMS)))
         is_raw = model is None and answers is not None and status in answers
         self.router.add_api_route(
             path,

@@ -1,6 +1,5 @@
 """Jobs over REST: begun, followed, cancelled, their results fetched, over a real loopback socket."""
 
-import contextlib
 import io
 import json
 import time
@@ -8,7 +7,6 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import httpx
 import numpy as np
 import pytest
 
@@ -240,10 +238,9 @@ def test_job_about_the_run_under_way_is_refused(bench: RecordedBench) -> None:
 
 def test_order_that_is_too_large_or_hides_its_size_is_refused_unread(bench: RecordedBench) -> None:
     json_type = {"Content-Type": "application/json"}
-    endless = (b" " for _ in iter(int, 1))
+    portions = (b" " for _ in range(3))
     assert problem(bench.client.post(f"{API}/jobs", content=b" " * 2**21, headers=json_type)) == (413, "too-large")
-    with contextlib.suppress(httpx.WriteError):  # the service hangs up where it is told that nothing more is read
-        assert problem(bench.client.post(f"{API}/jobs", content=endless, headers=json_type)) == (413, "too-large")
+    assert problem(bench.client.post(f"{API}/jobs", content=portions, headers=json_type)) == (413, "too-large")
     assert bench.client.get(f"{API}/jobs").status_code == 200
 
 
