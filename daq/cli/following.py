@@ -3,20 +3,20 @@
 from threading import Event
 
 from daq.cli.console import Console, frame_line
+from daq.session.frame import RunState, Status
 from daq.session.run import Outcome, Run
 
 _LOOK = 0.2  # s
+_TROUBLE = frozenset({RunState.DEGRADED, RunState.INTERRUPTED})
 
 
 def follow(run: Run, stop: Event, console: Console) -> Outcome:
     """Show the run's progress until its end; a set `stop` ends it by hand."""
-    asked, told = False, ""
+    asked, telling = False, _Telling(console)
     try:
         while not run.wait(_LOOK):
             frame = run.latest()
-            if frame.status.last_loss != told:
-                told = frame.status.last_loss
-                console.line(told)
+            telling.take(frame.status)
             console.progress(frame_line(frame))
             if stop.is_set() and not asked:
                 asked = True
@@ -28,3 +28,22 @@ def follow(run: Run, stop: Event, console: Console) -> Outcome:
     finally:  # whatever happens here, the recorder is not left alone with an open file
         outcome = run.close()
     return outcome
+
+
+class _Telling:
+    """Keeps on the terminal what went wrong, when the line of progress has long gone on."""
+
+    def __init__(self, console: Console) -> None:
+        self._console = console
+        self._state = RunState.STARTING
+        self._loss = ""
+
+    def take(self, status: Status) -> None:
+        """Print a line where trouble begins, and where a segment was lost."""
+        if status.last_loss != self._loss:
+            self._loss = status.last_loss
+            self._console.line(self._loss)
+        if status.state is not self._state:
+            self._state = status.state
+            if status.state in _TROUBLE:
+                self._console.line(status.detail)
