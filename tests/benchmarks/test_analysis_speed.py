@@ -10,17 +10,16 @@ from analysis.analyser import Analyser
 from analysis.run import Acquisition, AnalysisSettings, Calibration, Channel, Device, Role, Tacho
 from analysis.samples import SampleBlock
 
-RATE = 200_000.0
 DURATION = 10.0
 VOLTS_PER_CODE = 10.0 / 32768
 
 
-def acquisition() -> Acquisition:
+def acquisition(rate: float) -> Acquisition:
     calibration = Calibration((50e-6, 1e-4), volts_low=0.5, volts_high=9.5)
     scaling = (0.0, VOLTS_PER_CODE)
     return Acquisition(
         device=Device("simulated", "benchmark", "0", "none", simulated=True),
-        rate=RATE,
+        rate=rate,
         convert_rate=1e6,
         channels=(
             Channel("x", Role.PROBE_X, "ai0", -10.0, 10.0, scaling, calibration),
@@ -31,9 +30,9 @@ def acquisition() -> Acquisition:
     )
 
 
-def run_up() -> NDArray[np.int16]:
+def run_up(rate: float) -> NDArray[np.int16]:
     """Return the codes of a run-up from 1,000 to 20,000 r/min with 1X, 2X and whirl."""
-    seconds = np.arange(int(RATE * DURATION)) / RATE
+    seconds = np.arange(int(rate * DURATION)) / rate
     theta = 2 * np.pi * (16.7 * seconds + 0.5 * 316.6 / DURATION * seconds**2)
     z = 20e-6 * np.exp(1j * theta) + 8e-6 * np.exp(0.47j * theta) + 3e-6 * np.exp(2j * theta)
     noise = 0.1e-6 * np.random.default_rng(1).standard_normal((2, seconds.size))
@@ -43,14 +42,15 @@ def run_up() -> NDArray[np.int16]:
 
 
 @pytest.mark.benchmark
-def test_analysis_is_twenty_times_as_fast_as_the_card() -> None:
-    codes = run_up()
-    size = int(RATE / 10)
+@pytest.mark.parametrize(("rate", "bar"), [(200_000.0, 20), (333_333.0, 15)])  # the second is all the card can do
+def test_analysis_is_many_times_as_fast_as_the_card(rate: float, bar: int) -> None:
+    codes = run_up(rate)
+    size = int(rate / 10)
     blocks = [
         SampleBlock(np.ascontiguousarray(codes[:, begin : begin + size]), 0, begin, 0)
         for begin in range(0, codes.shape[1], size)
     ]
-    analyser = Analyser(acquisition(), AnalysisSettings())
+    analyser = Analyser(acquisition(rate), AnalysisSettings())
     used = []
     snapshots = []
     for block in blocks:
@@ -59,8 +59,8 @@ def test_analysis_is_twenty_times_as_fast_as_the_card() -> None:
         used.append(time.process_time() - begin)
     ratio = DURATION / sum(used)
     print(
-        f"\nanalysis of 3 × {RATE / 1000:.0f} kS/s: {1e3 * np.median(used):.2f} ms for each 0.1 s "
+        f"\nanalysis of 3 × {rate / 1000:.0f} kS/s: {1e3 * np.median(used):.2f} ms for each 0.1 s "
         f"(99 % within {1e3 * np.quantile(used, 0.99):.2f} ms), {ratio:.0f} times as fast as the card"
     )
     assert sum(snapshot.frame is not None for snapshot in snapshots) > 90
-    assert ratio > 20
+    assert ratio > bar
