@@ -20,6 +20,7 @@ ComplexArray = NDArray[np.complex128]
 
 STEPS_PER_TURN = 64
 SLOWEST = 50.0  # rad/s: below it a turn's time is no measure for settling or for the step
+NEAR = 0.99  # of a film's clearance: the wall is what stops a motion there
 LARGEST_STEP = 64 * LARGEST_TURN  # what three divisions by four make small enough, rad
 
 
@@ -45,7 +46,7 @@ class ShaftMotion:
     ValueError
         Where speed or turns are negative.
     WallContactError
-        Where the motion reaches a wall while it settles.
+        Where the motion reaches a wall while it settles, or friction at one drives it without end.
     """
 
     def __init__(
@@ -56,7 +57,7 @@ class ShaftMotion:
         if not math.isfinite(angle):
             raise ValueError(f"angle: {angle} rad, expected a finite value")
         _require_speed(speed)
-        self._system = ModalSystem.of(parameters)
+        self._system, self._rubs = ModalSystem.of(parameters), parameters.rubs
         turning = max(speed, SLOWEST)
         step = 2 * math.pi / (STEPS_PER_TURN * turning)
         elapsed = step * np.arange(1 - turns_to_settle * STEPS_PER_TURN, 1, dtype=np.float64)
@@ -164,7 +165,8 @@ class ShaftMotion:
         ValueError
             Where shapes, speeds or the step make no sense.
         WallContactError
-            Where the motion reaches a bearing's wall; it cannot be continued then.
+            Where the motion reaches a bearing's wall, or friction at a wall drives it without end; it cannot be
+            continued then.
         """
         return np.asarray(self._advance(angle, speed, step, self._system.shaft.probe[None, :])[0])
 
@@ -200,6 +202,14 @@ class ShaftMotion:
         places = [("inner", "journal", abs(j - r), films.inner_clearance) for j, r in zip(journals, rings, strict=True)]
         places += [("outer", "ring", abs(r), films.outer_clearance) for r in rings]
         film, body, distance, clearance = max(places, key=lambda place: place[2] / place[3])
+        if self._rubs and distance < NEAR * clearance:
+            rates = np.abs(self._system.stations @ self._state.motion[1, :modes])
+            rub = max(self._rubs, key=lambda rub: float(rates[rub.station - 1]))
+            return (
+                f"rub: the shaft bounces at {rates[rub.station - 1]:.3g} m/s on the wall of station {rub.station} at "
+                f"{speed:.1f} rad/s, faster than any step follows, expected less friction than {rub.friction:g} or more "
+                "damping"
+            )
         return (
             f"eccentricity: the {body} came to {distance * 1e6:.2f} µm of the {film} film's clearance of "
             f"{clearance * 1e6:g} µm at {speed:.1f} rad/s, expected less than the clearance: the shaft touches the wall"

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
+from model.errors import WallContactError
 from model.gj90c import gj90c
 from model.linear import linear_system
 from model.motion import ShaftMotion
@@ -203,6 +204,15 @@ def test_damped_wall_throws_the_shaft_back_as_hunt_and_crossley_say() -> None:
     expected = brentq(lambda v: left(-v) - left(speed), 0.0, 0.999 / damping)
     assert 0.3 * speed < expected < 0.9 * speed
     assert rebound == pytest.approx(expected, rel=0.01)
+
+
+def test_friction_that_drives_the_shaft_without_end_is_told() -> None:
+    parameters = replace(gj90c(imbalance=2e-7), rubs=(Rub(6, 1e-6, 7e8, 25e-3, 0.45),))
+    with pytest.raises(
+        WallContactError, match=r"rub: the shaft bounces at .* m/s on the wall of station 6 at 1834\.0 rad"
+    ):
+        ShaftMotion(parameters, 1834.0, 100)
+    ShaftMotion(replace(parameters, rubs=(Rub(6, 1e-6, 7e8, 25e-3, 0.1),)), 1834.0, 100)
 
 
 def test_default_rotor_has_no_constraints_and_keeps_its_six_modes() -> None:
