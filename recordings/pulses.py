@@ -72,8 +72,9 @@ class PulseJoin:
         """Return a block with what was stamped of it, whose message has come before it."""
         if not self._has_counter:
             return block
-        message = self._waiting.pop((block.segment, block.first_sample), None)
-        self._waiting.clear()  # whose block did not come: it is damaged
+        place = (block.segment, block.first_sample)
+        message = self._waiting.get(place)
+        self._waiting = {key: told for key, told in self._waiting.items() if key > place}  # the rest was damaged
         if message is not None and message.has_failed:
             self._failed_in = block.segment
         if block.segment == self._failed_in:

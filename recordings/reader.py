@@ -135,7 +135,7 @@ class RunReader:
         """
         sequence = Sequence({end.segment: end for end in self._ends})
         join = PulseJoin(self.header.acquisition)
-        for message in self._messages(SAMPLE_CHANNEL | END_CHANNEL):
+        for message in self._messages(SAMPLE_CHANNEL | END_CHANNEL | PULSE_CHANNEL):
             if message.channel in SAMPLE_CHANNEL:
                 with suppress(ValueError):  # a message that does not say what it should is as good as lost
                     yield from sequence.block(join.block(self._block(message.data)))
