@@ -126,6 +126,9 @@ class Usb6251:
 
     def _segment(self, segment: int) -> Generator[SourceItem, None, SegmentEnd]:
         count = compared = 0
+        apart: int | None = (
+            None  # by how much the driver's count and ours differ; what it counts from is its own matter
+        )
         while not self._stopping:
             try:
                 codes = self._card.read()
@@ -143,11 +146,12 @@ class Usb6251:
             if count - compared >= COMPARED_EVERY * self.acquisition.rate:
                 compared = count
                 try:
-                    end = self._miscounted(segment, count)
+                    position = self._card.position()
                 except DeviceError as error:
                     return self._fault(segment, count, error)
-                if end is not None:
-                    return end
+                apart = position - count if apart is None else apart
+                if position - count != apart:
+                    return _miscounted(segment, count, position - apart)
         return self._stopped(segment, count)
 
     def _backlog(self) -> tuple[int, DeviceError | None]:
@@ -159,20 +163,13 @@ class Usb6251:
     def _stopped(self, segment: int, count: int) -> SegmentEnd:
         """End what was stopped, if the driver counted as many samples as we did."""
         try:
-            return self._miscounted(segment, count) or SegmentEnd(segment, count, EndReason.STOPPED)
+            position = self._card.position()
         except DeviceError as error:
             detail = f"the driver's own count could not be asked: {error}"
             return SegmentEnd(segment, count, EndReason.STOPPED, detail=detail)
-
-    def _miscounted(self, segment: int, count: int) -> SegmentEnd | None:
-        """Return the end of a segment of which the driver has counted other than we have; None where it agrees."""
-        position = self._card.position()
         if position == count:
-            return None
-        detail = f"the driver counts {position} samples delivered, {count} were taken"
-        if position > count:
-            return SegmentEnd(segment, count, EndReason.OVERRUN, lost=position - count, detail=detail)
-        return SegmentEnd(segment, count, EndReason.DEVICE_ERROR, lost_is_exact=False, detail=detail)
+            return SegmentEnd(segment, count, EndReason.STOPPED)
+        return _miscounted(segment, count, position)
 
     def _fault(self, segment: int, count: int, error: DeviceError) -> SegmentEnd:
         if error.code == 0:  # the way to the driver failed: there is nobody to ask
@@ -191,3 +188,11 @@ class Usb6251:
             else:
                 reason = EndReason.DEVICE_ERROR
         return SegmentEnd(segment, count, reason, lost, lost_is_exact=False, detail=detail)
+
+
+def _miscounted(segment: int, count: int, position: int) -> SegmentEnd:
+    """Return the end of a segment of which the driver has counted other than we have."""
+    detail = f"the driver counts {position} samples delivered, {count} were taken"
+    if position > count:
+        return SegmentEnd(segment, count, EndReason.OVERRUN, lost=position - count, detail=detail)
+    return SegmentEnd(segment, count, EndReason.DEVICE_ERROR, lost_is_exact=False, detail=detail)

@@ -210,6 +210,14 @@ def test_counts_are_compared_every_second_and_a_difference_ends_the_segment(
     assert (stopped.segment, stopped.reason, stopped.samples) == (1, EndReason.STOPPED, 17 * 1499)
 
 
+def test_count_that_differs_from_the_first_comparison_on_is_told_at_the_stop_alone(
+    card: Usb6251, server: DeviceServer
+) -> None:
+    server.driver.miscount = 17
+    (end,) = ends_of(take(card, 80))
+    assert (end.reason, end.samples, end.lost) == (EndReason.OVERRUN, 80 * 1499, 17)
+
+
 def test_count_below_ours_is_an_error_of_the_device(card: Usb6251, server: DeviceServer) -> None:
     server.driver.miscount = -17
     (end,) = ends_of(take(card, 2))
