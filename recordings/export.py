@@ -39,6 +39,15 @@ RESULT_UNITS = {
     "whirl_order": "",
     "whirl_um": "µm",
     "noise_um": "µm",
+    "x_1x_compensated_um": "µm",
+    "x_1x_compensated_lag_deg": "deg",
+    "y_1x_compensated_um": "µm",
+    "y_1x_compensated_lag_deg": "deg",
+    "sigma_1x_um": "µm",
+    "sigma_2x_um": "µm",
+    "whirl_sigma_um": "µm",
+    "second_whirl_order": "",
+    "second_whirl_um": "µm",
 }
 
 
@@ -161,10 +170,18 @@ def _row(snapshot: Snapshot) -> Iterator[float]:
     yield from snapshot.peak_to_peak / MICRO
     frame = snapshot.frame
     if frame is None:
-        yield from [math.nan] * 11
+        yield from [math.nan] * 20
         return
     for vector in frame.vectors.ravel().tolist():
-        yield from (abs(vector) / MICRO, -math.degrees(cmath.phase(vector)) % 360.0)
-    whirl = frame.whirl
-    yield from (math.nan, math.nan) if whirl is None else (whirl.order, whirl.amplitude / MICRO)
-    yield frame.noise / MICRO
+        yield from _polar(vector)
+    whirls = [(whirl.order, whirl.amplitude / MICRO, whirl.sigma / MICRO) for whirl in frame.whirls[:2]]
+    (order, amplitude, sigma), second = [*whirls, *[(math.nan,) * 3] * 2][:2]
+    yield from (order, amplitude, frame.noise / MICRO)
+    for vector in [complex(math.nan)] * 2 if frame.compensated is None else frame.compensated[0].tolist():
+        yield from _polar(vector)
+    yield from (*(frame.sigma / MICRO).tolist(), sigma, *second[:2])
+
+
+def _polar(vector: complex) -> tuple[float, float]:
+    """Return amplitude, um peak, and phase lag, degrees from 0 to 360."""
+    return abs(vector) / MICRO, -math.degrees(cmath.phase(vector)) % 360.0

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 WIDTH, HEIGHT = 640, 400  # px of one panel
 LEFT, RIGHT, TOP, BOTTOM = 64, 16, 32, 48  # px round it
-COLOURS = ("#4cc2ff", "#ffb454")
+COLOURS = ("#4cc2ff", "#ffb454", "#2a7fad", "#a8732e")  # probes x and y, and both again, darker, for a run-down
 STYLE = (
     "text{font:12px sans-serif;fill:#d8dee9}.grid{stroke:#39414d;stroke-width:1}.frame{fill:none;stroke:#6b7687}"
     "polyline{fill:none;stroke-width:1.4}.note{fill:#9aa5b5;font-size:10px}"

@@ -2,9 +2,11 @@
 
 import math
 
+from analysis.direction import Direction as SpeedDirection
 from daq.service.documents.course import CascadeDocument, OrderVectorsDocument, WaterfallDocument
 from daq.service.documents.document import Document
 from daq.service.documents.moment import FullSpectrumDocument, OrbitDocument, OrderSpectrumDocument
+from daq.service.documents.vibration import ProbesDocument
 from daq.service.drawing import Panel, Values
 
 BOTH_WAYS = "order (negative: against the rotation)"
@@ -32,8 +34,11 @@ def panels_of(document: Document, what: str) -> list[Panel]:
             full = (("", document.orders, document.amplitude_peak_um),)
             return [Panel(_title(document), BOTH_WAYS, "µm", full)]
         case OrbitDocument():
-            path = (("", document.orbit_x_um, document.orbit_y_um),)
-            return [Panel(_title(document), "X, µm", "Y, µm", path, is_square=True)]
+            paths: tuple[tuple[str, Values, Values], ...] = (("", document.orbit_x_um, document.orbit_y_um),)
+            across, up = document.compensated_orbit_x_um, document.compensated_orbit_y_um
+            if across is not None and up is not None:
+                paths = (("compensated", across, up), ("", document.orbit_x_um, document.orbit_y_um))
+            return [Panel(_title(document), "X, µm", "Y, µm", paths, is_square=True)]
         case OrderVectorsDocument():
             return _polar(document) if what == "polar" else _bode(document)
         case CascadeDocument():
@@ -49,50 +54,67 @@ def _title(document: OrderSpectrumDocument | FullSpectrumDocument | OrbitDocumen
     return f"{document.run} · {frame.speed_rpm or 0.0:,.0f} r/min at {frame.time_s:.1f} s"
 
 
+def _courses(document: OrderVectorsDocument) -> tuple[str, list[tuple[str, list[tuple[float | None, ProbesDocument]]]]]:
+    """Return what is drawn of 1X, and its vectors by speed, run-up and run-down apart, each with its arrow.
+
+    Where run-out was known, what it left is drawn, and nothing of the speeds before it was.
+    """
+    compensated = any(row.order_1x_compensated is not None for row in document.by_speed)
+    courses = []
+    for course, arrow in ((SpeedDirection.UP, "▲"), (SpeedDirection.DOWN, "▼")):
+        rows = [row for row in document.by_speed if row.course is course]
+        points = [(row.speed_rpm, row.order_1x_compensated if compensated else row.order_1x) for row in rows]
+        known = [(speed, line) for speed, line in points if line is not None]
+        if known:
+            courses.append((arrow, known))
+    return "1X compensated" if compensated else "1X", courses
+
+
 def _bode(document: OrderVectorsDocument) -> list[Panel]:
-    rows = document.by_speed
-    speeds = [row.speed_rpm for row in rows]
-    size = (
-        ("x", speeds, [row.order_1x.amplitude_peak_x_um for row in rows]),
-        ("y", speeds, [row.order_1x.amplitude_peak_y_um for row in rows]),
-    )
-    lag = (
-        ("x", speeds, [row.order_1x.lag_x_deg for row in rows]),
-        ("y", speeds, [row.order_1x.lag_y_deg for row in rows]),
-    )
+    what, courses = _courses(document)
+    size: list[tuple[str, Values, Values]] = []
+    lag: list[tuple[str, Values, Values]] = []
+    for arrow, points in courses:
+        speeds = [speed for speed, _ in points]
+        for probe in ("x", "y"):
+            name = f"{probe} {arrow}" if len(courses) > 1 else probe
+            size.append((name, speeds, [getattr(line, f"amplitude_peak_{probe}_um") for _, line in points]))
+            lag.append((name, speeds, [getattr(line, f"lag_{probe}_deg") for _, line in points]))
     return [
-        Panel(f"{document.run} · 1X", "r/min", "µm zero-to-peak", size),
-        Panel("phase lag of 1X", "r/min", "degrees", lag),
+        Panel(f"{document.run} · {what}", "r/min", "µm zero-to-peak", tuple(size)),
+        Panel(f"phase lag of {what}", "r/min", "degrees", tuple(lag)),
     ]
 
 
 def _polar(document: OrderVectorsDocument) -> list[Panel]:
     """Return the vectors of 1X in the plane, for each probe: the lag goes clockwise from the right."""
+    what, courses = _courses(document)
     panels = []
     for probe in ("x", "y"):
-        points = [
-            (
-                row.speed_rpm,
-                getattr(row.order_1x, f"amplitude_peak_{probe}_um"),
-                getattr(row.order_1x, f"lag_{probe}_deg"),
-            )
-            for row in document.by_speed
-        ]
-        known = [
-            (speed, radius * math.cos(math.radians(angle)), -radius * math.sin(math.radians(angle)))
-            for speed, radius, angle in points
-            if None not in (speed, radius, angle)
-        ]
-        reach = max((math.hypot(across, up) for _, across, up in known), default=0.0)
+        curves: list[tuple[str, Values, Values]] = []
         notes: list[tuple[str, float, float]] = []
-        for speed, across, up in known:
-            if not notes or math.hypot(across - notes[-1][1], up - notes[-1][2]) > NOTES_APART * reach:
-                notes.append((f"{speed:,.0f}", across, up))
-        curve = (("", [across for _, across, _ in known], [up for _, _, up in known]),)
-        title = f"{document.run} · 1X at probe {probe} by r/min"
+        for arrow, points in courses:
+            known = [place for speed, line in points if (place := _place(speed, line, probe)) is not None]
+            reach = max((math.hypot(across, up) for _, across, up in known), default=0.0)
+            written: list[tuple[str, float, float]] = []
+            for speed, across, up in known:
+                if not written or math.hypot(across - written[-1][1], up - written[-1][2]) > NOTES_APART * reach:
+                    written.append((f"{speed:,.0f}", across, up))
+            notes += written
+            name = arrow if len(courses) > 1 else ""
+            curves.append((name, [across for _, across, _ in known], [up for _, _, up in known]))
+        title = f"{document.run} · {what} at probe {probe} by r/min"
         label = "µm zero-to-peak; lag 0° to the right, clockwise"
-        panels.append(Panel(title, label, "µm", curve, is_square=True, notes=tuple(notes)))
+        panels.append(Panel(title, label, "µm", tuple(curves), is_square=True, notes=tuple(notes)))
     return panels
+
+
+def _place(speed: float | None, line: ProbesDocument, probe: str) -> tuple[float, float, float] | None:
+    """Return a speed and where the vector of a probe then points; None where something is not known."""
+    radius, angle = getattr(line, f"amplitude_peak_{probe}_um"), getattr(line, f"lag_{probe}_deg")
+    if speed is None or radius is None or angle is None:
+        return None
+    return speed, radius * math.cos(math.radians(angle)), -radius * math.sin(math.radians(angle))
 
 
 def _stacked(document: CascadeDocument | WaterfallDocument, name: str, feet: Values, label: str) -> Panel:

@@ -129,19 +129,44 @@ function summary(run) {
     ]),
   ];
   for (const end of run.segments) if (end.detail) parts.push(make("p", `Part ${end.segment + 1} ended (${end.end_reason}): ${end.detail}`));
-  parts.push(subSynchronous(run.sub_synchronous));
+  parts.push(...alarms(run), subSynchronous(run.sub_synchronous), ...hysteresis(run), ...runOut(run));
   if (run.agreement) parts.push(model(run.agreement));
   if (run.by_speed.length) parts.push(bySpeed(run.by_speed));
   return parts;
 }
 
+const arrow = (course) => (course === "run-up" ? "▲" : "▼");
+
+function alarms(run) {
+  return run.alarms.map((alarm) => {
+    const until = alarm.end ? `until ${clock(alarm.end.time_s)}` : "to the end";
+    const size = `up to ${micrometres(alarm.largest_peak_to_peak_um)} µm peak-to-peak, limit ${micrometres(alarm.limit_peak_to_peak_um)}`;
+    return make("p", `▲ ${alarm.severity.toUpperCase()} at ${alarm.probe} from ${clock(alarm.begin.time_s)}, ${whole(alarm.begin.speed_rpm)} r/min, ${until}: ${size}.`);
+  });
+}
+
+function runOut({ runout }) {
+  if (!runout) return [];
+  const below = known(runout.slow_roll_rpm) ? ` up to ${whole(runout.slow_roll_rpm)} r/min` : "";
+  if (!runout.order_1x) return [make("p", `Run-out not known: no ${runout.source}${below}. 1X and 2X are as measured.`)];
+  const at = ["x", "y"].map((probe) => `${probe} ${micrometres(runout.order_1x[`amplitude_peak_${probe}_um`])} µm ∠ ${lag(runout.order_1x[`lag_${probe}_deg`])}`);
+  return [make("p", `Run-out at 1X, from ${runout.source}${below}: ${at.join(", ")}. It is taken off where it says compensated.`)];
+}
+
+function hysteresis(run) {
+  return run.hysteresis.map((one) => {
+    const apart = `${whole(Math.abs(one.width_rpm))} r/min ${one.width_rpm < 0 ? "higher" : "lower"}`;
+    return make("p", `${order(one.order)} came at ${whole(one.onset_rpm)} r/min on the run-up and went at ${whole(one.end_rpm)} on the run-down: ${apart}.`);
+  });
+}
+
 function subSynchronous(found) {
   if (!found.length) return make("p", "No component below 1X stood out.");
-  const at = (place) => `${whole(place.speed_rpm)} r/min`;
+  const at = (place, course) => `${whole(place.speed_rpm)} r/min ${course ? arrow(course) : ""}`.trim();
   return table(
     "Below 1X",
     ["order", "from", "to", "direction", "largest, µm peak", "there at"],
-    found.map((one) => [order(one.order), at(one.begin), at(one.end), one.direction, micrometres(one.largest_peak_um), at(one.largest_at)]),
+    found.map((one) => [order(one.order), at(one.begin, one.begin_course), at(one.end, one.end_course), one.direction, micrometres(one.largest_peak_um), at(one.largest_at)]),
   );
 }
 
@@ -182,12 +207,12 @@ function bySpeed(rows) {
   const step = Math.ceil(rows.length / 16);
   const polar = (line, probe) => `${micrometres(line[`amplitude_peak_${probe}_um`])} ∠ ${lag(line[`lag_${probe}_deg`])}`;
   return table(
-    step > 1 ? `By speed, every ${step}th of ${rows.length} rows` : "By speed",
+    `By speed${step > 1 ? `, every ${step}th of ${rows.length} rows` : ""}${rows.some((row) => row.order_1x_compensated) ? "; compensated where run-out was known" : ""}`,
     ["r/min", "1X x, µm peak ∠ lag", "1X y", "2X x", "2X y", "overall x, µm p-p", "overall y"],
     rows
       .filter((_, index) => index % step === 0 && known(rows[index].speed_rpm))
       .map((row) => [
-        whole(row.speed_rpm), polar(row.order_1x, "x"), polar(row.order_1x, "y"), polar(row.order_2x, "x"), polar(row.order_2x, "y"),
+        `${whole(row.speed_rpm)} ${arrow(row.course)}`, ...["order_1x", "order_2x"].flatMap((name) => ["x", "y"].map((probe) => polar(row[`${name}_compensated`] ?? row[name], probe))),
         micrometres(row.mean_peak_to_peak_x_um), micrometres(row.mean_peak_to_peak_y_um),
       ]),
   );

@@ -143,6 +143,9 @@ def test_results_are_exported_to_every_format(run: Path, tmp_path: Path, capsys:
         assert table.column("x_1x_um")[-1].as_py() == pytest.approx(abs(frame.vectors[0, 0]) * 1e6)
         assert table.column("y_2x_um")[-1].as_py() == pytest.approx(abs(frame.vectors[1, 1]) * 1e6)
         assert table.schema.field("x_1x_lag_deg").metadata[b"unit"] == b"deg"
+        assert table.column("sigma_1x_um")[-1].as_py() == pytest.approx(frame.sigma[0] * 1e6)
+        assert np.isnan(table.column("x_1x_compensated_um").to_numpy()).all()  # no run-out was asked for
+        assert np.isnan(table.column("second_whirl_order").to_numpy()).all()
 
 
 LVM = """LabVIEW Measurement

@@ -1,0 +1,49 @@
+"""Bode and polar plots of a run there and back: run-up and run-down apart, compensated where run-out was known."""
+
+import math
+
+import numpy as np
+import pytest
+
+from analysis.direction import Direction
+from analysis.speed_table import SpeedRow
+from daq.service.documents.course import OrderVectorsDocument
+from daq.service.documents.summary import speed_row_document
+from daq.service.plots import panels_of
+
+RPM = math.pi / 30
+UNKNOWN = np.full((2, 2), complex(math.nan))
+
+
+def row(direction: Direction, speed_rpm: float, compensated: complex | None) -> SpeedRow:
+    vectors = np.full((2, 2), 10e-6 + 0j)
+    less = UNKNOWN if compensated is None else np.full((2, 2), compensated)
+    two = np.array([30e-6, 31e-6])
+    return SpeedRow(
+        direction, speed_rpm * RPM, 3, vectors, np.zeros((2, 2)), two, two, 5e-8, 0.0, math.nan, compensated=less
+    )
+
+
+def document(*rows: SpeedRow) -> OrderVectorsDocument:
+    return OrderVectorsDocument(run="there-and-back", by_speed=tuple(speed_row_document(each) for each in rows))
+
+
+def test_run_up_and_run_down_are_curves_of_their_own() -> None:
+    both = [(way, speed) for way in Direction for speed in (1000.0, 2000.0)]
+    size, lag = panels_of(document(*(row(way, speed, None) for way, speed in both)), "bode")
+    assert [name for name, _, _ in size.curves] == ["x ▲", "y ▲", "x ▼", "y ▼"]
+    assert [name for name, _, _ in lag.curves] == ["x ▲", "y ▲", "x ▼", "y ▼"]
+    assert all(len(speeds) == 2 for _, speeds, _ in size.curves)
+    assert [name for name, _, _ in panels_of(document(row(Direction.UP, 1000.0, None)), "bode")[0].curves] == ["x", "y"]
+    polar = panels_of(document(*(row(way, speed, None) for way, speed in both)), "polar")
+    assert [[name for name, _, _ in panel.curves] for panel in polar] == [["▲", "▼"]] * 2
+
+
+def test_what_run_out_left_is_drawn_and_called_compensated() -> None:
+    rows = [row(Direction.UP, 500.0, None), row(Direction.UP, 2000.0, 4e-6j)]
+    size, lag = panels_of(document(*rows), "bode")
+    assert size.title == "there-and-back · 1X compensated"
+    (_, speeds, amplitudes), _ = size.curves
+    assert list(speeds) == [pytest.approx(2000.0)]
+    assert list(amplitudes) == [pytest.approx(4.0)]
+    assert list(lag.curves[0][2]) == [pytest.approx(270.0)]
