@@ -207,8 +207,7 @@ class ShaftMotion:
             rub = max(self._rubs, key=lambda rub: float(rates[rub.station - 1]))
             return (
                 f"rub: the shaft bounces at {rates[rub.station - 1]:.3g} m/s on the wall of station {rub.station} at "
-                f"{speed:.1f} rad/s, faster than any step follows, expected less friction than {rub.friction:g} or more "
-                "damping"
+                f"{speed:.1f} rad/s, faster than any step follows, expected less friction than {rub.friction:g}"
             )
         return (
             f"eccentricity: the {body} came to {distance * 1e6:.2f} µm of the {film} film's clearance of "
