@@ -15,7 +15,9 @@ from model.parameters import ModelParameters
 from model.prediction import Prediction
 from model.prediction_map import PredictionMap
 
-SAME = 1e-3  # of the speed: nearer than this, two speeds are one to the operator
+STAYS = 2e-3  # of the speed: what it may change from call to call where it stays; cold air is steady to 0.2 % rms
+RENEWED = 1e-3  # of the speed: further off than this, another prediction is computed
+SHOWN = 5e-3  # of the speed: up to here the last one is the best there is
 STEPS = 10  # of priority below the acquisition and the live view
 JOIN_TIME = 2.0  # s
 
@@ -59,19 +61,18 @@ class Refiner:
         return self._remark
 
     def at(self, speed: float) -> Prediction | None:
-        """Return the prediction at a speed, rad/s, at once; None where there is none yet, and where the speed changes.
+        """Return the prediction at a speed, rad/s, or very near to it, at once; None where there is none yet.
 
         A speed at which this is called twice running is one that stays, and is computed.
         """
         with self._changed:
-            stays, self._asked = _is_same(speed, self._asked), speed
-            if self._exact is not None and _is_same(speed, self._exact.speed):
-                return self._exact
-            is_new = self._wanted is None or not _is_same(speed, self._wanted)
-            if stays and is_new and not _is_same(speed, self._hopeless):
+            stays, self._asked = _is_within(STAYS, speed, self._asked), speed
+            exact = self._exact
+            known = (self._hopeless, self._wanted or 0.0, 0.0 if exact is None else exact.speed)
+            if stays and not any(_is_within(RENEWED, speed, other) for other in known):
                 self._wanted = speed
                 self._changed.notify()
-            return None
+            return exact if exact is not None and _is_within(SHOWN, speed, exact.speed) else None
 
     def close(self) -> None:
         """End the computation and join thread and process."""
@@ -134,8 +135,8 @@ class Refiner:
                 self._wanted = None
 
 
-def _is_same(speed: float, other: float) -> bool:
-    return abs(speed - other) <= SAME * speed
+def _is_within(part: float, speed: float, other: float) -> bool:
+    return abs(speed - other) <= part * speed
 
 
 def _answer(pipe: Connection) -> None:

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from analysis.run import AnalysisSettings
-from daq.session.refiner import SAME, Refiner
+from daq.session.refiner import RENEWED, SHOWN, Refiner
 from model.errors import ModelError
 from model.gj90c import gj90c
 from model.live_prediction import predict, refine
@@ -59,9 +59,20 @@ def test_speed_that_stays_is_computed_exactly(refiner: Refiner, known: Predictio
     assert np.array_equal(exact.orbit, expected.orbit)
     assert np.array_equal(exact.vectors, expected.vectors)
     assert not np.array_equal(exact.vectors, known.at(511.0).vectors)
-    assert refiner.at(511.0 * (1 + 0.9 * SAME)) is exact
-    assert refiner.at(511.0 * (1 + 1.1 * SAME)) is None
+    assert refiner.at(511.0 * (1 + 0.9 * SHOWN)) is exact
+    assert refiner.at(511.0 * (1 + 1.1 * SHOWN)) is None
     assert refiner.remark == ""
+
+
+def test_speed_that_wanders_is_followed_and_the_last_prediction_stands_meanwhile(refiner: Refiner) -> None:
+    first = settled(refiner, 511.0)
+    slightly = 511.0 * (1 + 0.5 * RENEWED)
+    assert refiner.at(slightly) is first
+    assert not refiner._wanted
+    further = 511.0 * (1 + 2 * RENEWED)
+    assert refiner.at(further) is first
+    assert refiner._wanted == further
+    assert settled(refiner, further).speed == further
 
 
 def test_speed_that_changes_is_not_computed(refiner: Refiner) -> None:
