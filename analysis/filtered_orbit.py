@@ -100,8 +100,8 @@ def _last(record: AngularRecord, revolutions: int) -> FloatArray:
 def _components(
     record: AngularRecord, orders: tuple[float, ...], revolutions: int, averaged: int
 ) -> tuple[FloatArray, tuple[Ellipse, ...], float]:
-    if not orders:
-        raise ValueError("orders: none given, expected at least one")
+    if not orders or revolutions < 1:
+        raise ValueError(f"orders {orders}, revolutions {revolutions}: expected at least one of each")
     if record.revolutions < max(averaged, revolutions):
         raise RecordTooShortError(
             f"{record.revolutions} revolutions in the record, expected at least {max(averaged, revolutions)}"

@@ -69,6 +69,8 @@ def poincare_section(record: AngularRecord, noise: float = 0.0) -> PoincareSecti
     k clusters are a 1/k subharmonic, a closed curve is a quasi-periodic whirl (D. Bently and C. Hatch, Fundamentals of
     Rotating Machinery Diagnostics, 2002; F. Ehrich, Handbook of Rotordynamics, 1992).
     """
+    if not noise >= 0.0:
+        raise ValueError(f"noise: {noise} m, expected 0 or more")
     points = record.pair.to_bench(record.waveform[:, :, 0])
     points = points - points.mean(axis=1, keepdims=True)
     extent = float(np.sqrt(np.mean(np.sum(points**2, axis=0))))

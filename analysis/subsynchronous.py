@@ -106,7 +106,7 @@ def subsynchronous_tracks(order_map: OrderMap) -> tuple[SubsynchronousTrack, ...
     Parameters
     ----------
     order_map : OrderMap
-        With a Hann window and at least 8 revolutions a frame.
+        With a Hann window and at least 8 revolutions a frame, to 1X and two lines beyond.
 
     Notes
     -----
@@ -117,6 +117,8 @@ def subsynchronous_tracks(order_map: OrderMap) -> tuple[SubsynchronousTrack, ...
         raise ValueError(
             f"order_map: {order_map.window} over {order_map.revolutions} revolutions, expected hann over 8"
         )
+    if order_map.orders.size < order_map.revolutions + 3:
+        raise ValueError(f"order_map: to order {order_map.orders[-1]:g}, expected to 1X and two lines beyond")
     scatter = order_map.angle_sigma * np.sqrt(order_map.revolutions / 1.5)
     noise = order_map.noise
     search = Search(order_map.spectrum, order_map.revolutions, noise, noise, scatter, order_map.pair)

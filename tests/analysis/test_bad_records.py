@@ -201,6 +201,33 @@ def test_samples_that_are_no_numbers_are_refused(tool: str, signal: str) -> None
         OF_SAMPLES[tool](SIGNALS[signal])
 
 
+WRONG: dict[str, tuple[str, Callable[[AngularRecord], object]]] = {
+    "no revolution in a map": ("revolutions", lambda record: order_map(record, revolutions=0)),
+    "frames that never go on": ("overlap", lambda record: order_map(record, overlap=1.0)),
+    "a map beyond the record": ("highest order", lambda record: order_map(record, highest_order=99.0)),
+    "a map that ends below 1X": ("1X", lambda record: subsynchronous_tracks(order_map(record, highest_order=0.9))),
+    "order 0": ("order", lambda record: track_order(record, 0.0)),
+    "an order beyond the record": ("order", lambda record: track_order(record, 99.0)),
+    "too short a window": ("revolutions", lambda record: track_order(record, 1.0, revolutions=2)),
+    "an orbit of no order": ("orders", lambda record: filtered_orbit(record, ())),
+    "an orbit of no turn": ("revolutions", lambda record: filtered_orbit(record, (1.0,), revolutions=0)),
+    "a direct orbit of no turn": ("revolutions", lambda record: direct_orbit(record, 0)),
+    "the rest of one turn": ("revolutions", lambda record: synchronous_rest(record, 1)),
+    "a clearance of nothing": ("clearance", lambda record: centreline(record, np.zeros(2), 0.0)),
+    "a noise below nothing": ("noise", lambda record: poincare_section(record, -1.0)),
+    "a noise that is no number": ("noise", lambda record: poincare_section(record, np.nan)),
+    "a bin of no width": ("width", lambda record: full_cascade(order_map(record), 0.0)),
+    "a curve of no width": ("width", lambda record: speed_curves(track_order(record, 1.0), np.nan)),
+}
+
+
+@pytest.mark.parametrize("wrong", WRONG)
+def test_settings_that_make_no_sense_are_refused_by_name(wrong: str) -> None:
+    name, ask = WRONG[wrong]
+    with pytest.raises(ValueError, match=name):
+        ask(record_of(STEADY, "wave"))
+
+
 @pytest.mark.parametrize("jump", [0.85, 1.18, 1.6])
 def test_a_speed_that_jumps_is_refused(jump: float) -> None:
     SHAFTS[f"jumps to {jump}"] = lambda time: np.where(time < 1.5, 100.0, 100.0 * jump)
