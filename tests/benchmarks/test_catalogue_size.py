@@ -3,7 +3,7 @@
 import math
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,6 +12,7 @@ import pytest
 from analysis.findings import Moment, WhirlFinding
 from analysis.summary import RunSummary, SummaryBuilder
 from recordings.catalogue import Catalogue
+from recordings.container import Container
 from recordings.reader import RunReader
 from recordings.search import Search
 from tests.benchmarks.recorded_samples import bench_blocks, write_run
@@ -25,20 +26,19 @@ pytestmark = pytest.mark.benchmark
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a folder of ten thousand files of one run of 1 s, the samples of all but the first made unreadable."""
+    """Return a folder with ten thousand names of one file: a run of 1 s whose samples and results are wiped out."""
     folder = tmp_path_factory.mktemp("data")
     first = folder / "run-00000.mcap"
     write_run(first, bench_blocks(1))
     data = bytearray(first.read_bytes())
-    with RunReader(first) as reader:
-        for place in reader._container.chunks:
-            data[place.offset + 60 : place.offset + place.length] = bytes(place.length - 60)
-        kept = sum(place.length for place in reader._container.chunks)
-    assert kept > 0.9 * len(data)
-    with first.open("rb+") as file:
-        file.truncate(0)
-    for number in range(N_RUNS):
-        (folder / f"run-{number:05}.mcap").write_bytes(data)
+    with closing(Container(first)) as container:
+        places = list(container.chunks)
+    for place in places:
+        data[place.offset : place.offset + place.length] = bytes(place.length)
+    assert sum(place.length for place in places) > 0.8 * len(data)
+    first.write_bytes(data)
+    for number in range(1, N_RUNS):
+        (folder / f"run-{number:05}.mcap").hardlink_to(first)
     return folder
 
 
@@ -64,11 +64,11 @@ def address_of(kind: str, folder: Path) -> Iterator[str]:
 @pytest.mark.parametrize("kind", ["sqlite", "postgresql"])
 def test_ten_thousand_runs_are_listed_and_searched_at_once(folder: Path, kind: str) -> None:
     def timed(what: str, do: Callable[[], object]) -> float:
-        begun = time.perf_counter()
+        begun, cpu_begun = time.perf_counter(), time.process_time()
         do()
-        elapsed = time.perf_counter() - begun
-        print(f"  {what:44} {1e3 * elapsed:9.1f} ms")
-        return elapsed
+        elapsed, cpu = time.perf_counter() - begun, time.process_time() - cpu_begun
+        print(f"  {what:36} {1e3 * elapsed:9.1f} ms, {1e3 * cpu:9.1f} ms of CPU time")
+        return cpu
 
     with address_of(kind, folder) as url:
         print(f"{N_RUNS} runs on {kind}:")
