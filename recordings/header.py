@@ -2,8 +2,8 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from typing import Any, TypeVar
+from dataclasses import replace
+from typing import Any
 
 from analysis.run import (
     Acquisition,
@@ -19,10 +19,9 @@ from analysis.run import (
     Tacho,
     TachoCounter,
 )
-from recordings.errors import DamagedError
+from recordings.section import Section
 
 Document = dict[str, Any]
-Choice = TypeVar("Choice", Edge, Role)
 
 
 def header_document(header: RunHeader) -> Document:
@@ -72,7 +71,7 @@ def calibration_document(calibration: Calibration) -> Document:
 
 def header_from_document(document: Mapping[str, Any]) -> RunHeader:
     """Return the header that a document holds; DamagedError names the key that is missing or wrong."""
-    top = _Section("header", document)
+    top = Section("header", document)
     analysis, limits = top.section("analysis"), top.section("limits")
     return RunHeader(
         run=top.text("run"),
@@ -107,7 +106,7 @@ def _runout_document(runout: RunOutSettings) -> Document:
     }
 
 
-def _runout(section: "_Section") -> RunOutSettings:
+def _runout(section: Section) -> RunOutSettings:
     sigma_1x, sigma_2x = section.numbers("sigma_m")
     return RunOutSettings(
         slow_roll_speed=section.number("slow_roll_speed_rad_per_s"),
@@ -125,7 +124,7 @@ def _runout(section: "_Section") -> RunOutSettings:
     )
 
 
-def _limits(section: "_Section") -> Limits:
+def _limits(section: Section) -> Limits:
     known = Limits(
         peak_to_peak_alarm=section.number("peak_to_peak_alarm_m"),
         peak_to_peak_danger=section.number("peak_to_peak_danger_m"),
@@ -194,7 +193,7 @@ def _channel_document(channel: Channel) -> Document:
     }
 
 
-def _acquisition(section: "_Section") -> Acquisition:
+def _acquisition(section: Section) -> Acquisition:
     device, tacho = section.section("device"), section.section("tacho")
     return Acquisition(
         device=Device(
@@ -220,7 +219,7 @@ def _acquisition(section: "_Section") -> Acquisition:
     )
 
 
-def _counter(section: "_Section") -> TachoCounter:
+def _counter(section: Section) -> TachoCounter:
     return TachoCounter(
         counter=section.text("counter"),
         terminal=section.text("terminal"),
@@ -231,7 +230,7 @@ def _counter(section: "_Section") -> TachoCounter:
     )
 
 
-def _channel(section: "_Section") -> Channel:
+def _channel(section: Section) -> Channel:
     calibration = None if section.is_null("calibration") else _calibration(section.section("calibration"))
     return Channel(
         name=section.text("name"),
@@ -247,7 +246,7 @@ def _channel(section: "_Section") -> Channel:
     )
 
 
-def _calibration(section: "_Section") -> Calibration:
+def _calibration(section: Section) -> Calibration:
     return Calibration(
         coefficients=section.numbers("gap_m_per_v_to_k"),
         volts_low=section.number("volts_low_v"),
@@ -264,77 +263,3 @@ def _calibration(section: "_Section") -> Calibration:
 def _finite(value: float) -> float | None:
     """Return the value, or None for an open end: JSON has no infinity."""
     return value if math.isfinite(value) else None
-
-
-@dataclass(frozen=True, slots=True)
-class _Section:
-    """A part of a document and where it stands, so that a fault can be named."""
-
-    where: str
-    values: Any
-
-    def __post_init__(self) -> None:
-        if not isinstance(self.values, Mapping):
-            raise DamagedError(f"{self.where}: {self.values!r}, expected a group of values")
-
-    def has(self, key: str) -> bool:
-        return key in self.values
-
-    def is_null(self, key: str) -> bool:
-        return self._get(key) is None
-
-    def section(self, key: str) -> "_Section":
-        return _Section(f"{self.where}.{key}", self._get(key))
-
-    def sections(self, key: str) -> list["_Section"]:
-        return [_Section(f"{self.where}.{key}[{k}]", value) for k, value in enumerate(self._list(key))]
-
-    def text(self, key: str) -> str:
-        value = self._get(key)
-        if not isinstance(value, str):
-            raise self._wrong(key, value, "a text")
-        return value
-
-    def flag(self, key: str) -> bool:
-        value = self._get(key)
-        if not isinstance(value, bool):
-            raise self._wrong(key, value, "true or false")
-        return value
-
-    def whole(self, key: str) -> int:
-        value = self._get(key)
-        if not isinstance(value, int) or isinstance(value, bool):
-            raise self._wrong(key, value, "a whole number")
-        return value
-
-    def number(self, key: str) -> float:
-        return self._number(key, self._get(key))
-
-    def numbers(self, key: str) -> tuple[float, ...]:
-        return tuple(self._number(key, value) for value in self._list(key))
-
-    def choice(self, key: str, kind: type[Choice]) -> Choice:
-        value = self.text(key)
-        try:
-            return kind(value)
-        except ValueError:
-            raise self._wrong(key, value, "one of " + ", ".join(kind)) from None
-
-    def _get(self, key: str) -> Any:
-        if key not in self.values:
-            raise DamagedError(f"{self.where}: {key} is missing")
-        return self.values[key]
-
-    def _list(self, key: str) -> list[Any]:
-        value = self._get(key)
-        if not isinstance(value, list):
-            raise self._wrong(key, value, "a list")
-        return value
-
-    def _number(self, key: str, value: Any) -> float:
-        if not isinstance(value, int | float) or isinstance(value, bool):
-            raise self._wrong(key, value, "a number")
-        return float(value)
-
-    def _wrong(self, key: str, value: Any, expected: str) -> DamagedError:
-        return DamagedError(f"{self.where}.{key}: {value!r}, expected {expected}")
