@@ -6,6 +6,8 @@ from dataclasses import replace
 from typing import Final
 
 from model.parameters import FloatingRing, Imbalance, ModelParameters
+from model.rub import Rub
+from model.supports import Coefficients
 
 MICRO = 1e-6
 MILLI = 1e-3
@@ -37,6 +39,25 @@ def _phase(parameters: ModelParameters, value: float) -> ModelParameters:
     return replace(parameters, imbalances=(replace(first, phase=math.radians(value)), *others))
 
 
+def _rub(changed: Callable[[Rub, float], Rub]) -> Callable[[ModelParameters, float], ModelParameters]:
+    def change(parameters: ModelParameters, value: float) -> ModelParameters:
+        if not parameters.rubs:
+            raise ValueError(f"rub: none, expected a rotor with a wall that can be changed to {value:g}")
+        first, *others = parameters.rubs
+        return replace(parameters, rubs=(changed(first, value), *others))
+
+    return change
+
+
+def _support(parameters: ModelParameters, value: float) -> ModelParameters:
+    """Give the first support the same stiffness in all directions; its damping stays."""
+    if not parameters.supports:
+        raise ValueError(f"support: none, expected a rotor with a support whose stiffness can be {value:g} N/m")
+    first, *others = parameters.supports
+    inner = replace(Coefficients.isotropic(value), damping=first.inner.damping)
+    return replace(parameters, supports=(replace(first, inner=inner), *others))
+
+
 def _station(parameters: ModelParameters, value: float) -> ModelParameters:
     if value != int(value):
         raise ValueError(f"imbalance_station: {value:g}, expected a whole number")
@@ -55,6 +76,11 @@ CHANGES: Final[dict[str, Callable[[ModelParameters, float], ModelParameters]]] =
     "ring_mass_kg": _bearing("ring_mass", 1.0),
     "film_length_mm": _bearing("length", MILLI),
     "static_load_n": _bearing("static_load", 1.0),
+    "support_stiffness_n_m": _support,
+    "rub_clearance_um": _rub(lambda rub, value: replace(rub, clearance=value * MICRO)),
+    "rub_stiffness_n_m": _rub(lambda rub, value: replace(rub, stiffness=value)),
+    "rub_friction": _rub(lambda rub, value: replace(rub, friction=value)),
+    "rub_damping_s_m": _rub(lambda rub, value: replace(rub, damping=value)),
     "gravity_m_s2": lambda parameters, value: replace(parameters, gravity=value),
     "ring_speed_ratio": _ring_ratio,  # after the clearances that it goes by
 }
@@ -68,7 +94,8 @@ def varied(parameters: ModelParameters, values: Mapping[str, float]) -> ModelPar
     parameters : ModelParameters
         What stays.
     values : mapping of str to float
-        By the names of `CHANGES`; an imbalance is the first one. In the order of `CHANGES`, whatever theirs.
+        By the names of `CHANGES`; an imbalance, support or rub is the first one. In the order of `CHANGES`, whatever
+        theirs.
 
     Raises
     ------

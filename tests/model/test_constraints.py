@@ -18,6 +18,7 @@ from model.parameters import Imbalance, ModelParameters
 from model.response import imbalance_response, static_deflection
 from model.rotor import Disc, Rotor, Segment
 from model.rub import Rub
+from model.studies.vary import varied
 from model.supports import Coefficients, StaticLoad, Support
 from model.synchronous import synchronous_response
 from model.system import ModalSystem
@@ -44,6 +45,9 @@ SOFT = (
         0.05,
     ),
 )
+
+
+WALL = Rub(4, 12e-6, 3e5, 20e-3, 0.05, 0.2)  # soft: the shaft stays on it
 
 
 def rotor(masses: tuple[float, ...] = (0.07, 0.015, 0.02, 0.08)) -> Rotor:
@@ -100,6 +104,17 @@ def test_beside_films_the_synchronous_response_is_the_motion(supports: tuple[Sup
     assert abs(free.circle - response.circle) > 0.2 * abs(free.circle)
 
 
+def test_on_a_wall_all_the_way_round_the_synchronous_response_is_the_motion() -> None:
+    parameters = shaken(gravity=0.0, rubs=(WALL,))
+    response = synchronous_response(parameters, 1500.0)
+    assert response.growth_rate < 0
+    assert abs(response.stations[0, 3]) > 1.5 * WALL.clearance
+    motion = ShaftMotion(parameters, 1500.0, 150)
+    motion.turns(60, 256)
+    found = first_order(motion.turns_of_all(4, 256), 256).T
+    assert np.abs(found - response.stations).max() < 1e-3 * np.abs(found).max()
+
+
 @pytest.mark.parametrize(
     ("supports", "rubs"),
     [
@@ -128,13 +143,13 @@ def test_motion_is_that_of_a_tight_explicit_integration(supports: tuple[Support,
 
 def test_error_falls_with_the_square_of_the_step_while_the_shaft_stays_on_the_wall() -> None:
     # all the way round, and steps short enough that none is divided
-    parameters = shaken(gravity=0.0, rubs=(Rub(4, 12e-6, 3e5, 20e-3, 0.05, 0.2),))
+    parameters = shaken(gravity=0.0, rubs=(WALL,))
 
     def after_two_turns(steps: int) -> FloatArray:
         motion = ShaftMotion(parameters, 1500.0, 100)
         return motion.turns_of_all(3, steps)[:, :, ::steps]
 
-    assert np.linalg.norm(after_two_turns(128)[3], axis=0).min() > 12e-6
+    assert np.linalg.norm(after_two_turns(128)[3], axis=0).min() > WALL.clearance
     paths = [after_two_turns(steps) for steps in (128, 256, 512, 1024)]
     errors = [float(np.abs(a - b).max()) for a, b in itertools.pairwise(paths)]
     orders = np.log2(np.array(errors[:-1]) / np.array(errors[1:]))
@@ -213,6 +228,21 @@ def test_friction_that_drives_the_shaft_without_end_is_told() -> None:
     ):
         ShaftMotion(parameters, 1834.0, 100)
     ShaftMotion(replace(parameters, rubs=(Rub(6, 1e-6, 7e8, 25e-3, 0.1),)), 1834.0, 100)
+
+
+def test_sweep_changes_the_first_wall_and_support() -> None:
+    found = varied(
+        shaken(supports=SOFT, rubs=(WALL,)),
+        {"rub_clearance_um": 30.0, "rub_friction": 0.2, "rub_stiffness_n_m": 1e6, "support_stiffness_n_m": 4e5},
+    )
+    (rub,) = found.rubs
+    assert rub.clearance == pytest.approx(30e-6)
+    assert replace(rub, clearance=1.0) == Rub(4, 1.0, 1e6, 20e-3, 0.2, WALL.damping)
+    assert found.supports[0].inner == Coefficients(((4e5, 0.0), (0.0, 4e5)), SOFT[0].inner.damping)
+    assert found.supports[1] == SOFT[1]
+    for name in ("rub_damping_s_m", "support_stiffness_n_m"):
+        with pytest.raises(ValueError, match=r"(rub|support): none, expected a rotor with a"):
+            varied(gj90c(), {name: 1.0})
 
 
 def test_default_rotor_has_no_constraints_and_keeps_its_six_modes() -> None:
