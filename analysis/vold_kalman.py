@@ -7,10 +7,14 @@ from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, solveh_banded
 
 from analysis.errors import RecordTooShortError
+from analysis.pyramid import Pyramid
+from analysis.shaft_angle import ShaftAngle
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
+PASSED = 0.2  # of the thinned rate: the highest order lies below it
+SLOW_TURNS = 16.0  # over which the shaft's mean position is taken and taken off
 POLES = 2  # differences of the envelope that are held small
 WORST_WEIGHT = 1e13  # of the structural equation: beyond it the solution has lost its digits
 HALF_POWER = np.sqrt(2.0) - 1.0
@@ -112,6 +116,81 @@ def order_envelopes(
     noise_width = widths * 3.0 * np.pi / (8.0 * np.sqrt(2.0)) * HALF_POWER**-0.25
     sigma = float(np.std(rest)) * np.sqrt(2.0 * noise_width / rate)
     return OrderEnvelopes(tuple(orders), envelopes, sigma, angle, rest)
+
+
+def probe_envelopes(
+    displacement: FloatArray,
+    rate: float,
+    angle: ShaftAngle,
+    orders: tuple[float, ...],
+    *,
+    bandwidth: float | None = None,
+    bandwidth_percent: float | None = None,
+) -> tuple[FloatArray, tuple[OrderEnvelopes, OrderEnvelopes]]:
+    """Return the envelopes of several orders at both probes of a record, thinned as far as the orders allow.
+
+    Parameters
+    ----------
+    displacement : ndarray of float64, shape (2, n)
+        Towards the probes x and y, uniformly in time, m; the mean over 16 turns is taken off.
+    rate : float
+        Sample rate, Hz.
+    angle : ShaftAngle
+        Time against revolutions, where time 0 is the first sample.
+    orders : tuple of float
+        Above 0, all different.
+    bandwidth, bandwidth_percent : float or None
+        As for `order_envelopes`.
+
+    Returns
+    -------
+    times : ndarray of float64, shape (m,)
+        Of the envelopes, s.
+    envelopes : tuple of OrderEnvelopes
+        At the probes x and y, m peak.
+
+    Raises
+    ------
+    RecordTooShortError, ValueError
+        As for `order_envelopes`.
+    """
+    if displacement.ndim != 2 or displacement.shape[0] != 2 or not orders or not np.isfinite(displacement).all():
+        raise ValueError(
+            f"displacement {displacement.shape}, orders {orders}: expected (2, n), finite, and some orders"
+        )
+    fastest = float(angle.speed(np.linspace(angle.first, angle.last, 1_000)).max()) / (2.0 * np.pi)
+    level = max(int(np.floor(np.log2(PASSED * rate / (max(orders) * fastest)))), 0)
+    pyramid = Pyramid(2, level + 1, displacement.shape[1], 0)
+    pyramid.push(displacement)
+    samples, origin = pyramid.level(level)
+    thinned = rate / 2**level
+    times = (origin + np.arange(samples.shape[1])) / thinned
+    turns = angle.turns(times)
+    known = np.isfinite(turns)
+    times, turns, samples = times[known], turns[known], samples[:, known]
+    x, y = (
+        order_envelopes(
+            row - _slow(_slow(row, turns), turns),  # twice: a part order leaves little in the mean of a mean
+            2.0 * np.pi * turns,
+            thinned,
+            orders,
+            bandwidth=bandwidth,
+            bandwidth_percent=bandwidth_percent,
+        )
+        for row in samples
+    )
+    return times, (x, y)
+
+
+def _slow(values: FloatArray, turns: FloatArray) -> FloatArray:
+    """Return the mean over the turns about each sample, of those there are at the ends."""
+    if turns.size < 2:
+        return np.zeros(values.size)
+    sums = np.concatenate([[0.0], np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(turns))])
+    half = 0.5 * SLOW_TURNS
+    middle = np.clip(turns, turns[0] + half, max(turns[-1] - half, turns[0] + half))
+    low, high = np.maximum(middle - half, turns[0]), np.minimum(middle + half, turns[-1])
+    return np.asarray((np.interp(high, turns, sums) - np.interp(low, turns, sums)) / (high - low), dtype=np.float64)
 
 
 def _widths(frequencies: FloatArray, bandwidth: float | None, bandwidth_percent: float | None) -> FloatArray:

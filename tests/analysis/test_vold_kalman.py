@@ -5,7 +5,10 @@ import pytest
 from numpy.typing import NDArray
 
 from analysis.errors import RecordTooShortError
-from analysis.vold_kalman import order_envelopes
+from analysis.pulse_record import pulse_record
+from analysis.run import Tacho
+from analysis.shaft_angle import shaft_angle
+from analysis.vold_kalman import order_envelopes, probe_envelopes
 
 FloatArray = NDArray[np.float64]
 
@@ -35,6 +38,28 @@ def test_orders_far_apart_do_not_disturb_one_another() -> None:
     found = order_envelopes(waveform, ANGLE, RATE, (1.0, 3.0), bandwidth=3.0)
     assert np.abs(np.abs(found.envelopes[0]) - 20)[INNER].max() < 0.05
     assert np.abs(np.abs(found.envelopes[1]) - 3)[INNER].max() < 0.05
+
+
+def test_a_record_as_sampled_gives_the_envelopes_of_both_probes() -> None:
+    rate = 40_000.0
+    time = np.arange(160_000) / rate
+    turns = 60.0 * time + 15.0 * time**2
+    z = (20 + 3 * np.sin(2 * np.pi * 0.4 * time)) * np.exp(2j * np.pi * turns + 0.3j) + 8 * np.exp(
+        0.94j * np.pi * turns
+    )
+    path = 35.0 * np.sqrt(0.2 + time)  # of the shaft in its clearance
+    displacement = np.stack([z.real + path, z.imag - path])
+    pulses = (np.sqrt(3_600.0 + 60.0 * np.arange(0, 480)) - 60.0) / 30.0
+    angle = shaft_angle(pulse_record(pulses, Tacho(2.0, 1.0, response_time=1e-5)))
+    times, (x, y) = probe_envelopes(displacement, rate, angle, (1.0, 0.47), bandwidth=4.0)
+    assert 1_000.0 < 1.0 / np.diff(times).mean() < 2_500.0
+    inner = (times > 0.5) & (times < 3.5)
+    truth = 20 + 3 * np.sin(2 * np.pi * 0.4 * times)
+    assert np.abs(np.abs(x.envelopes[0]) - truth)[inner].max() < 0.1
+    assert np.abs(np.abs(y.envelopes[1]) - 8)[inner].max() < 0.1
+    assert np.abs(np.angle(x.envelopes[0] * np.exp(-0.3j)))[inner].max() < 0.02  # theta is that of the tacho
+    with pytest.raises(ValueError, match="displacement"):
+        probe_envelopes(displacement[0], rate, angle, (1.0,), bandwidth=4.0)
 
 
 @pytest.mark.parametrize("bandwidth", [4.0, 10.0])

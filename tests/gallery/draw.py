@@ -32,7 +32,7 @@ from analysis.subsynchronous import subsynchronous_tracks
 from analysis.synchronous_average import synchronous_average, synchronous_rest
 from analysis.tacholess import speed_from_ridge
 from analysis.uncertainty import sigma_of_floor
-from analysis.vold_kalman import OrderEnvelopes, order_envelopes
+from analysis.vold_kalman import OrderEnvelopes, probe_envelopes
 from tests.gallery.simulated_run import CRITICAL, MICRO, RATE, RPM, Run, simulated
 
 FloatArray = NDArray[np.float64]
@@ -110,7 +110,7 @@ def speeds(axes: Axes, run: Run) -> None:
     axes.figure.colorbar(dots, ax=axes, label="confidence of the ridge of 1X")
     told = f"jitter {1e6 * run.angle.jitter:.1f} µs"
     axes.set(title=f"Speed: tacho ({told}) and ridge", xlabel="time, s", ylabel="speed, 1000 r/min")
-    axes.text(4.0, 0.3, "where the whirl outgrows 1X the ridge is not sure", fontsize=6.5)
+    axes.text(4.0, 0.3, "ridge unsure where whirl outgrows 1X", fontsize=6.5)
     axes.legend(loc="upper left")
 
 
@@ -272,14 +272,9 @@ def overall_vibration(axes: Axes, run: Run) -> None:
 
 def followed(run: Run) -> tuple[FloatArray, OrderEnvelopes]:
     """Return times, s, and envelopes of the run-up at probe x."""
-    step, end = 16, int(16 * RATE)
-    thin = run.displacement[0, : end // step * step].reshape(-1, step).mean(axis=1)
-    times = (np.arange(thin.size) + 0.5) * step / RATE
-    turns = run.angle.turns(times)
-    good = np.isfinite(turns)
-    slow = np.convolve(thin, np.ones(500) / 500, mode="same")
-    found = order_envelopes((thin - slow)[good], 2 * np.pi * turns[good], RATE / step, (0.47, 1.0, 2.0), bandwidth=6.0)
-    return times[good], found
+    up = run.displacement[:, : int(16 * RATE)]
+    times, (found, _) = probe_envelopes(up, RATE, run.angle, (0.47, 1.0, 2.0), bandwidth=6.0)
+    return times, found
 
 
 def envelopes(axes: Axes, times: FloatArray, found: OrderEnvelopes) -> None:
