@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.angle import smooth_angle
+from analysis.extremes import trimmed_extremes
 from analysis.order_frame import SPARE_TURNS, FrameBuilder
 from analysis.run import CODE_MAX, CODE_MIN, Acquisition, AnalysisSettings, Channel, Role
 from analysis.samples import SampleBlock, SegmentEnd
@@ -112,10 +113,11 @@ class Analyser:
         first, now = self._position - codes.shape[1], self._position / self._rate
         unsigned = codes.view(np.uint16)
         self._clipped += np.count_nonzero((codes == CODE_MIN) | (codes == CODE_MAX), axis=1)
-        displacement = np.stack(
-            [table[unsigned[row]] for table, row in zip(self._probe_displacement, self._rows, strict=True)]
-        )
-        volts = np.stack([table[unsigned[row]] for table, row in zip(self._probe_volts, self._rows, strict=True)])
+        displacement, volts = np.empty((2, codes.shape[1])), np.empty((2, codes.shape[1]))
+        for probe, row in enumerate(self._rows):
+            places = unsigned[row].astype(np.intp)
+            np.take(self._probe_displacement[probe], places, out=displacement[probe], mode="clip")
+            np.take(self._probe_volts[probe], places, out=volts[probe], mode="clip")
         gap = volts.mean(axis=1)
         low, high = self._calibrated[:, :1], self._calibrated[:, 1:]
         self._beyond += np.count_nonzero((volts < low) | (volts > high), axis=1)
@@ -156,8 +158,7 @@ class Analyser:
     def _peak_to_peak(self, displacement: FloatArray, speed: float) -> FloatArray:
         n = displacement.shape[1]
         spare = min(round(GLITCH_TIME * self._rate), n // 50)
-        ranked = np.partition(displacement, (spare, n - 1 - spare), axis=1)
-        self._extremes.append((n, ranked[:, spare].copy(), ranked[:, n - 1 - spare].copy()))
+        self._extremes.append((n, *trimmed_extremes(displacement, spare)))
         turn = 0.0 if np.isnan(speed) else 2.0 * np.pi / speed * self._rate
         needed = max(self._hop, turn)
         covered, low, high = 0, np.full(2, np.inf), np.full(2, -np.inf)
