@@ -130,6 +130,7 @@ def test_mode_shapes_are_drawn_forward_and_reverse_as_large_as_one() -> None:
         ((OUTER,), {0.2: 0.15e-6}, False),
         ((OUTER,), {0.2: 1e-6, 0.6: 1e-6}, False),
         ((OUTER, INNER), {0.2: 1e-6, 0.6: 1e-6}, True),
+        ((OUTER,), {0.2: 130e-6, 0.6: 3e-6}, True),
         ((HARMONIC,), {1.3: 1e-6}, True),
     ],
 )
