@@ -11,8 +11,8 @@ from model.gj90c import gj90c
 from model.motion import ShaftMotion
 from model.parameters import ModelParameters
 from model.studies.motion import Shown, motion_study
-from model.studies.run_up import INNER, bifurcation_study, run_up, waterfall_study
-from model.studies.stepping import SEED, STEPS, SteppedMotion
+from model.studies.run_up import INNER, OUTER, bifurcation_study, run_up, waterfall_study
+from model.studies.stepping import MOST_TURNS, SEED, STEPS, SteppedMotion
 from model.studies.synchronous import response_study, stability
 
 SPEEDS = np.arange(780.0, 881.0, 20.0)
@@ -31,6 +31,31 @@ def test_seeded_run_up_shows_the_whirl_where_the_eigenvalues_say(default: ModelP
     remarks = " ".join(waterfall_study(seeded, "").remarks)
     assert "seeded with 0.02 µm" in remarks
     assert f"first unstable at {first:,.0f} rad/s" in remarks
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"viscosity": 0.005},
+        {"viscosity": 0.035},
+        {"inner_clearance": 15e-6},
+        {"inner_clearance": 25e-6},
+        {"imbalance": 2.5e-7},
+        {"imbalance": 1e-6},
+    ],
+    ids=str,
+)
+def test_onset_of_a_seeded_run_up_is_the_eigenvalues_of_any_rotor(changes: dict[str, float]) -> None:
+    parameters = gj90c(**changes)
+    band = stability(parameters, np.arange(300.0, 2101.0, 50.0)).bands[0]
+    speeds = 25 * np.floor(band.start / 25) + 25 * np.arange(-2.0, 5.0)
+    found = run_up(parameters, speeds, 60, 64, seed=SEED)
+    assert found.seeding is not None
+    e_folds = found.seeding.growth_rates * MOST_TURNS * 2 * math.pi / speeds
+    onset = found.onset(INNER if band.whirl_order > 0.4 else OUTER)
+    # not before the eigenvalues' onset, nor later than where the seed has the time to grow to what counts, and a bit
+    assert band.start <= onset <= speeds[int(np.argmax(e_folds > 3))]
 
 
 def test_unseeded_run_up_is_the_motion_left_to_itself(default: ModelParameters) -> None:
