@@ -14,6 +14,7 @@ from model.studies.motion import Shown, motion_study
 from model.studies.run_up import INNER, OUTER, bifurcation_study, run_up, waterfall_study
 from model.studies.stepping import MOST_TURNS, SEED, STEPS, SteppedMotion
 from model.studies.synchronous import response_study, stability
+from model.studies.vary import varied
 
 SPEEDS = np.arange(780.0, 881.0, 20.0)
 
@@ -37,17 +38,17 @@ def test_seeded_run_up_shows_the_whirl_where_the_eigenvalues_say(default: ModelP
 @pytest.mark.parametrize(
     "changes",
     [
-        {"viscosity": 0.005},
-        {"viscosity": 0.035},
-        {"inner_clearance": 15e-6},
-        {"inner_clearance": 25e-6},
-        {"imbalance": 2.5e-7},
-        {"imbalance": 1e-6},
+        {"viscosity_pa_s": 0.005},
+        {"viscosity_pa_s": 0.035},
+        {"inner_clearance_um": 15.0},
+        {"inner_clearance_um": 25.0},
+        {"imbalance_kg_m": 2.5e-7},
+        {"imbalance_kg_m": 1e-6},
     ],
     ids=str,
 )
 def test_onset_of_a_seeded_run_up_is_the_eigenvalues_of_any_rotor(changes: dict[str, float]) -> None:
-    parameters = gj90c(**changes)
+    parameters = varied(gj90c(), changes)
     band = stability(parameters, np.arange(300.0, 2101.0, 50.0)).bands[0]
     speeds = 25 * np.floor(band.start / 25) + 25 * np.arange(-2.0, 5.0)
     found = run_up(parameters, speeds, 60, 64, seed=SEED)
