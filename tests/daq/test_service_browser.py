@@ -60,10 +60,17 @@ def test_page_shows_the_live_run_with_the_model_beside_it(bench: Bench, tmp_path
     assert text_of(page, "speed") == "12,005"
     assert text_of(page, "whirl") == "0.49X"
     assert text_of(page, "whirl-model") == "0.70X"
+    assert text_of(page, "model") == "ready, interpolated"
     assert text_of(page, "clock") == "00:15"
     assert text_of(page, "disk") == "41 h"
     assert text_of(page, "gap-x") == "5.10 V"
     assert page.count("<polyline") == 8  # two orbits; spectra of x, y and the model; overall x, y and speed over time
+
+
+def test_page_says_at_which_speed_the_overlay_is_exact(bench: Bench, tmp_path: Path) -> None:
+    assert FRAME.prediction is not None
+    bench.live.frame = replace(FRAME, prediction=replace(FRAME.prediction, is_exact=True))
+    assert text_of(seen(bench.server.url, tmp_path), "model") == "ready, exact at 12,005 r/min"
 
 
 def test_page_draws_a_mark_in_the_trend_and_takes_new_ones_while_a_run_is_recorded(
