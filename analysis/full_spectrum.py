@@ -13,7 +13,7 @@ FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 STRONG = 10.0  # times the floor: lines that tell of the probes
-PROBE_TOLERANCE = 0.05  # of a proximity probe's sensitivity, as API 670 allows: a mismatch nobody may exclude
+PROBE_TOLERANCE = 0.05  # of a probe's sensitivity, what API 670 is quoted to allow: a mismatch nobody may exclude
 CONSISTENT = 4.0  # mean square of what one mismatch leaves of the lines, over their variance
 CALIBRATED = 5e-4  # of a line: what leakage and a probe's curve leave uncertain beside the noise
 
