@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from analysis.analyser import GLITCH_TIME
 from analysis.errors import RecordTooShortError
+from analysis.extremes import trimmed_extremes
 
 FloatArray = NDArray[np.float64]
 
@@ -77,9 +78,9 @@ def overall(displacement: FloatArray, rate: float, clearance: float, *, interval
         raise RecordTooShortError(f"{displacement.shape[1]} samples, expected at least {size} for an interval")
     intervals = displacement[:, : count * size].reshape(2, count, size)
     left_out = min(round(GLITCH_TIME * rate), size // GLITCH_PART)
-    ranked = np.partition(intervals, (left_out, size - 1 - left_out), axis=2)
+    low, high = trimmed_extremes(intervals.reshape(-1, size), left_out)
     return Overall(
-        peak_to_peak=ranked[:, :, size - 1 - left_out] - ranked[:, :, left_out],
+        peak_to_peak=(high - low).reshape(2, count),
         times=(np.arange(count) + 0.5) * size / rate,
         left_out=left_out,
         clearance=clearance,
