@@ -41,8 +41,9 @@ from tests.daq.test_recorded import NoModel, order
 
 RigFactory = Callable[..., Rig]
 RPM = 2 * math.pi / 60
+SPEED = 6123.4567  # r/min: no whole ticks in a turn
 STEADY = {
-    "profile": [{"time_s": 0.0, "speed_rpm": 6000.0}, {"time_s": 4.0, "speed_rpm": 6000.0}],
+    "profile": [{"time_s": 0.0, "speed_rpm": SPEED}, {"time_s": 4.0, "speed_rpm": SPEED}],
     "speed_fluctuation": 0.0,
     "tacho_jitter_us": 0.0,
 }
@@ -125,12 +126,12 @@ def test_speed_of_a_steady_run_is_right_to_a_millionth(counted: RigFactory, tmp_
         speeds = np.array([snapshot.speed for snapshot in reader.snapshots()])
         settled = speeds[np.isfinite(speeds)]
         assert settled.size > 30
-        np.testing.assert_allclose(settled, 6000 * RPM, rtol=1e-6)
+        np.testing.assert_allclose(settled, SPEED * RPM, rtol=1e-6)
         acquisition = reader.header.acquisition
         assert acquisition.tacho.counter is not None
         stamped = reader.ticks(0, 0, reader.n_samples) / acquisition.tacho.counter.timebase
         record = record_of_codes(acquisition, reader.samples(0, 0, reader.n_samples), pulse_times=stamped)
-    np.testing.assert_allclose(record.speeds, 6000 * RPM, rtol=1e-6)
+    np.testing.assert_allclose(record.speeds, SPEED * RPM, rtol=1e-6)
 
 
 def test_phase_from_the_counter_is_that_from_the_samples(counted: RigFactory, tmp_path: Path) -> None:
