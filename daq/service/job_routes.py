@@ -64,7 +64,8 @@ class JobRoutes:
         """Make the addresses known."""
         routing.add(
             "POST /jobs", self.begin, "begin_job", "jobs", "Begin a job",
-            Kind.RUN_NOT_FOUND, Kind.RUN_UNDER_WAY, Kind.RUN_DAMAGED, Kind.BUSY, Kind.STORAGE_UNAVAILABLE, status=202,
+            Kind.RUN_NOT_FOUND, Kind.RUN_UNDER_WAY, Kind.RUN_DAMAGED, Kind.TOO_MANY_JOBS, Kind.BUSY,
+            Kind.STORAGE_UNAVAILABLE, status=202,
         )  # fmt: skip
         routing.add("/jobs", self.all, "list_jobs", "jobs", "List the jobs, the one asked for last first", Kind.BUSY)
         known = (Kind.JOB_NOT_FOUND, Kind.BAD_PARAMETER, Kind.BUSY)
@@ -106,7 +107,7 @@ class JobRoutes:
         try:
             job = await self._lookups.run(partial(self._jobs.begin, task))
         except JobsFullError as error:
-            raise ProblemError(Kind.BUSY, str(error)) from error
+            raise ProblemError(Kind.TOO_MANY_JOBS, str(error)) from error
         response.headers["Location"] = f"{PREFIX}/jobs/{job.id}"
         return job_document(job)
 

@@ -126,6 +126,11 @@ class Kind(Enum):
         "This takes longer than an answer may",
         "A job does it without that limit: send what `job` says to /api/v1/jobs with POST.",
     )
+    TOO_MANY_JOBS = (
+        429,
+        "Too many jobs are waiting",
+        "Wait for one to end, or delete one that nobody needs; `Retry-After` says when to ask again at the earliest.",
+    )
     JOB_NOT_FOUND = (
         404,
         "There is no such job",

@@ -16,7 +16,7 @@ PROBLEM_TYPE: Final = "application/problem+json"
 UNREADABLE: Final = 400
 METHODS: Final = ("DELETE", "GET", "PATCH", "POST", "PUT")
 REFERENCE: Final = "/docs#"
-PASSING: Final = frozenset({Kind.BUSY, Kind.STORAGE_UNAVAILABLE, Kind.MODEL_NOT_READY})
+PASSING: Final = frozenset({Kind.BUSY, Kind.STORAGE_UNAVAILABLE, Kind.MODEL_NOT_READY, Kind.TOO_MANY_JOBS})
 """Problems that may be over in a moment: `Retry-After` says when to ask again."""
 
 

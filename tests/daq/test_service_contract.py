@@ -17,6 +17,8 @@ CONFIG = Path(__file__).with_name("schemathesis.toml")
 SHORT = {"profile": [{"time_s": 0.0, "speed_rpm": 10_000.0}, {"time_s": 1.0, "speed_rpm": 12_000.0}]}
 KNOWN = "2026-11-24T09-12-07-gj90c"  # what the schema's examples name
 LEAST_CAMPAIGN = 20_000
+PUTTING_AWAY = "put_run_away"  # comes last: it takes away what is asked about
+PNG = r"\.png$"  # drawn in half a second each, of the same questions and answers as SVG
 
 
 @pytest.fixture
@@ -58,13 +60,18 @@ def cases(bench: RecordedBench, *options: str, timeout: float) -> int:
 
 
 def test_service_keeps_to_its_schema_in_a_quick_look(bench: RecordedBench) -> None:
-    assert cases(bench, "--phases=examples,fuzzing", "--max-examples=6", "--seed=1", timeout=120.0) > 120
+    quick = ("--phases=examples,fuzzing", "--max-examples=6", "--seed=1")
+    assert cases(bench, *quick, f"--exclude-operation-id={PUTTING_AWAY}", timeout=120.0) > 120
+    assert cases(bench, *quick, f"--include-operation-id={PUTTING_AWAY}", timeout=60.0) > 0
 
 
 @pytest.mark.campaign
 def test_service_keeps_to_its_schema_in_twenty_thousand_cases(bench: RecordedBench) -> None:
-    total = cases(
-        bench, "--phases=examples,coverage,fuzzing,stateful", "--max-examples=1500", "--workers=2", timeout=7200.0
-    )
+    phases = "--phases=examples,coverage,fuzzing,stateful"
+    kept = (f"--exclude-path-regex={PNG}", f"--exclude-operation-id={PUTTING_AWAY}")
+    total = cases(bench, phases, "--max-examples=500", *kept, "--workers=2", timeout=7200.0)
+    total += cases(bench, phases, "--max-examples=20", f"--include-path-regex={PNG}", timeout=3600.0)
+    assert bench.client.get(f"/api/v1/runs/{KNOWN}/cascade").status_code == 200, "what is asked about is still there"
+    total += cases(bench, phases, "--max-examples=500", f"--include-operation-id={PUTTING_AWAY}", timeout=3600.0)
     print(f"{total:,} cases")
     assert total >= LEAST_CAMPAIGN

@@ -249,8 +249,8 @@ def test_too_many_jobs_are_turned_away(bench: RecordedBench) -> None:
         bench.client.post(f"{API}/jobs", json={"kind": "prediction", "run": LONG, "viscosity_pa_s": 0.01 + k / 1e4})
         for k in range(9)
     ]
-    assert [answer.status_code for answer in statuses] == [202] * 8 + [503]
-    assert problem(statuses[-1]) == (503, "busy")
+    assert [answer.status_code for answer in statuses] == [202] * 8 + [429]
+    assert problem(statuses[-1]) == (429, "too-many-jobs")
 
 
 def test_service_ends_at_once_beside_a_job_that_goes_on_and_is_followed(served: RecordedBench, tmp_path: Path) -> None:

@@ -1,13 +1,14 @@
 """Jobs: what is to be done, and how it stands."""
 
+import json
 from datetime import UTC, datetime
 from enum import StrEnum
 from typing import Annotated, Literal, TypeAlias
 
-from pydantic import Field
+from pydantic import BeforeValidator, Field, ValidationError
+from pydantic_core import ErrorDetails
 
 from daq.config.calibration import CalibrationRecord
-from daq.config.schema import Positive
 from daq.service.documents.document import Document
 from daq.service.documents.live import PredictedDocument
 from daq.service.jobs import Job, JobState
@@ -52,6 +53,18 @@ class ExportContent(StrEnum):
     PULSES = "pulses"
 
 
+def _as_a_file(value: object) -> object:
+    """Take a calibration as strictly as a file is read: a text is no number."""
+    try:
+        return CalibrationRecord.model_validate_json(json.dumps(value), strict=True)
+    except ValidationError as error:
+        raise ValueError("; ".join(map(_said, error.errors()))) from error
+
+
+def _said(fault: ErrorDetails) -> str:
+    return f"{'.'.join(map(str, fault['loc']))}: {fault['msg'].removeprefix('Value error, ')}"
+
+
 class AnswerOrder(Document):
     """Make the answer of a run's address, without the time limit that it has."""
 
@@ -68,7 +81,7 @@ class AnalysisOrder(Document):
 
     kind: Literal["analysis"]
     run: RunId
-    calibrations: dict[str, CalibrationRecord] = Field(
+    calibrations: dict[str, Annotated[CalibrationRecord, BeforeValidator(_as_a_file)]] = Field(
         default_factory=dict,
         description="By the name of the probe's channel, each in the form of a calibration file",
         examples=[{}],
@@ -80,16 +93,16 @@ class PredictionOrder(Document):
 
     kind: Literal["prediction"]
     run: RunId
-    imbalance_kg_m: Annotated[float, Field(ge=0, le=1)] | None = Field(
+    imbalance_kg_m: Annotated[float, Field(strict=True, ge=0, le=1)] | None = Field(
         None, description="Of the first imbalance, kg m", examples=[5e-7]
     )
-    viscosity_pa_s: Annotated[float, Field(gt=0, le=10)] | None = Field(
+    viscosity_pa_s: Annotated[float, Field(strict=True, gt=0, le=10)] | None = Field(
         None, description="Dynamic viscosity of the oil in both films, Pa s", examples=[0.012]
     )
-    inner_clearance_um: Annotated[Positive, Field(le=1000)] | None = Field(
+    inner_clearance_um: Annotated[float, Field(strict=True, gt=0, le=1000)] | None = Field(
         None, description="Radial clearance of the inner film, µm", examples=[30.0]
     )
-    outer_clearance_um: Annotated[Positive, Field(le=1000)] | None = Field(
+    outer_clearance_um: Annotated[float, Field(strict=True, gt=0, le=1000)] | None = Field(
         None, description="Radial clearance of the outer film, µm", examples=[70.0]
     )
 
@@ -105,11 +118,13 @@ class ExportOrder(Document):
         description="Samples in µm and V, results over time, or the tacho's edges as a counter stamped them",
         examples=["results"],
     )
-    segment: Annotated[int, Field(ge=0, le=1_000_000)] | None = Field(
+    segment: Annotated[int, Field(strict=True, ge=0, le=1_000_000)] | None = Field(
         None, description="Which gap-free stretch, where there are several", examples=[0]
     )
-    from_s: Annotated[float, Field(ge=0, le=LONGEST)] = Field(0.0, description="Time in it, s", examples=[0.0])
-    until_s: Annotated[float, Field(gt=0, le=LONGEST)] | None = Field(
+    from_s: Annotated[float, Field(strict=True, ge=0, le=LONGEST)] = Field(
+        0.0, description="Time in it, s", examples=[0.0]
+    )
+    until_s: Annotated[float, Field(strict=True, gt=0, le=LONGEST)] | None = Field(
         None, description="Time in it, s; null: to its end", examples=[0.5]
     )
 
@@ -132,7 +147,9 @@ class IndexOrder(Document):
     """Bring the catalogue up to date with the files, and sum up the runs that have not been."""
 
     kind: Literal["index"]
-    verify: bool = Field(False, description="Whether files are verified too that have not been", examples=[False])
+    verify: bool = Field(
+        False, strict=True, description="Whether files are verified too that have not been", examples=[False]
+    )
 
 
 RunOrder: TypeAlias = AnswerOrder | AnalysisOrder | PredictionOrder | ExportOrder | VerificationOrder | RecoveryOrder

@@ -20,7 +20,7 @@ class OrderDocument(Document):
     note: str = Field("", description="The operator's words", max_length=2000, examples=["after the oil change"])
     duration_s: float | None = Field(
         None, description="Sample time after which the run ends by itself, s; null: when it is stopped",
-        gt=0, le=1e6, examples=[300.0],
+        strict=True, gt=0, le=1e6, examples=[300.0],
     )  # fmt: skip
 
 
