@@ -73,18 +73,26 @@ PICTURES = (
 )
 
 
+STATES = {"mark": "/mark.text", "tacho": "/features.tacho_state"}
+
+
 def foxglove_layout() -> dict[str, Any]:
-    """Return the layout: trends on the left, what is plotted against something else than time on the right."""
-    panels = {f"Plot!{number}": plot for number, plot in enumerate((*TRENDS, *PICTURES))}
+    """Return the layout: trends and states on the left, what is plotted against something else on the right."""
+    panels = {f"Plot!{number}": _panel(plot) for number, plot in enumerate((*TRENDS, *PICTURES))}
     names = list(panels)
+    states = {
+        "foxglovePanelTitle": "Marks",
+        "paths": [{"value": path, "label": label, "timestampMethod": "receiveTime"} for label, path in STATES.items()],
+        "isSynced": True,
+    }
     return {
-        "configById": {name: _panel(plot) for name, plot in panels.items()},
+        "configById": panels | {"StateTransitions!0": states},
         "globalVariables": {},
         "userNodes": {},
         "playbackConfig": {"speed": 1},
         "layout": {
             "direction": "row",
-            "first": _column(names[: len(TRENDS)]),
+            "first": _column([*names[: len(TRENDS)], "StateTransitions!0"]),
             "second": _column(names[len(TRENDS) :]),
             "splitPercentage": 60,
         },

@@ -83,10 +83,19 @@ def panels(node: Any) -> Iterator[str]:
         yield from panels(node["second"])
 
 
+def field_of(path: str) -> FieldDescriptor:
+    """Return the field that a message path names."""
+    topic, _, name = path.removesuffix("[:]").partition(".")
+    field: FieldDescriptor = getattr(rig_pb2, TOPICS[topic]).DESCRIPTOR.fields_by_name[name]
+    return field
+
+
 def test_the_layout_for_foxglove_plots_numbers_that_are_in_every_run() -> None:
     layout = json.loads((DOCS / "viewers" / "foxglove.json").read_text(encoding="utf-8"))
     configs = layout["configById"]
     assert sorted(panels(layout["layout"])) == sorted(configs)
+    states = configs.pop("StateTransitions!0")
+    assert [field_of(line["value"]).cpp_type for line in states["paths"]] == [FieldDescriptor.CPPTYPE_STRING] * 2
     for name, config in configs.items():
         assert name.startswith("Plot!")
         assert config["paths"]
@@ -98,10 +107,8 @@ def test_the_layout_for_foxglove_plots_numbers_that_are_in_every_run() -> None:
         assert len({path.endswith("[:]") for path in paths}) == 1, "arrays are plotted over arrays"
         assert paths[0].endswith("[:]") == (config["xAxisVal"] == "currentCustom")
         for path in paths:
-            topic, _, field = path.removesuffix("[:]").partition(".")
-            descriptor = getattr(rig_pb2, TOPICS[topic]).DESCRIPTOR.fields_by_name[field]
-            assert descriptor.cpp_type in NUMBERS
-            assert descriptor.is_repeated == path.endswith("[:]")
+            assert field_of(path).cpp_type in NUMBERS
+            assert field_of(path).is_repeated == path.endswith("[:]")
 
 
 def test_amplitudes_and_orbits_for_viewers_are_those_of_the_exact_fields(
