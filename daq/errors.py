@@ -4,7 +4,8 @@
     ├── ConfigError         rig.toml or a file it names is wrong: every fault in one go          exit 2
     ├── UsageError          the command was asked for something that does not exist              exit 2
     ├── DeviceError         the device is missing, busy, too old, or failed                      exit 3
-    └── ServiceError        an address is taken, the page cannot be served                       exit 2
+    ├── ServiceError        an address is taken, the page cannot be served                       exit 2
+    └── StoppedError        somebody stopped it before anything was recorded                     exit 130
 
 Samples lost in a run are no exception but a fact of the run: `SegmentEnd` (exit 5, file kept).
 """
@@ -48,6 +49,12 @@ class ServiceError(RigError):
     """The service cannot be offered."""
 
     exit_code = 2
+
+
+class StoppedError(RigError):
+    """Somebody asked for the end before the device was open."""
+
+    exit_code = 130
 
 
 class DeviceFault(StrEnum):

@@ -60,7 +60,7 @@ def run(chosen: argparse.Namespace) -> int:
         summaries = Summaries(catalogue, predictors, readings.summary)
         with Screens(chosen, catalogue, summaries, console, readings) as screens:
             order = order_for(catalogue, rig, chosen.note, chosen.duration)
-            with closing(RecordedRun(order, predictors.for_rig(rig), screens.sinks)) as recorded:
+            with closing(RecordedRun(order, predictors.for_rig(rig), screens.sinks, stop.is_set)) as recorded:
                 screens.show(recorded)
                 device, rate = recorded.header.acquisition.device, recorded.header.acquisition.rate
                 which = "simulated" if device.simulated else f"serial {device.serial}"

@@ -4,7 +4,7 @@ import math
 import multiprocessing
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
@@ -17,7 +17,7 @@ from analysis.snapshot import Snapshot
 from analysis.summary import RunSummary
 from daq.config.rig import Rig
 from daq.drivers.reconnecting import BROKEN
-from daq.errors import DeviceError, DeviceFault, RigError
+from daq.errors import DeviceError, DeviceFault, RigError, StoppedError
 from daq.session.alarms import acknowledgement, alarm_mark
 from daq.session.frame import Clipping, FrameSink, LiveFrame, PlacedMark, RunState, Status
 from daq.session.gauges import Gauges
@@ -31,6 +31,7 @@ from recordings.marks import MOST_LETTERS, Mark, encode_mark
 from recordings.results import encode_snapshot
 
 OPEN_DEADLINE = 120.0  # s: the simulated rig compiles its model the first time
+OPENING_LOOK = 0.1  # s between two looks at whether the end was asked for meanwhile
 RING_SECONDS = 8.0  # of samples that the live analysis may fall behind before it skips
 POLL = 0.02  # s between two looks into the ring
 STATUS_INTERVAL = 0.5  # s between frames when no snapshot comes
@@ -47,14 +48,24 @@ class RecordedRun:
         Whose prediction is laid over it.
     sinks : sequence of FrameSink
         Who shows it.
+    is_stopping : callable
+        Asked, while the device is being opened, whether the end has been asked for.
 
     Raises
     ------
+    StoppedError
+        The end was asked for before the device was open; nothing is left behind.
     RigError
         Where the device or the file cannot be opened; nothing is left behind.
     """
 
-    def __init__(self, order: Order, model: Model, sinks: Sequence[FrameSink] = ()) -> None:
+    def __init__(
+        self,
+        order: Order,
+        model: Model,
+        sinks: Sequence[FrameSink] = (),
+        is_stopping: Callable[[], bool] = lambda: False,
+    ) -> None:
         self._order = order
         self._model = model
         rig: Rig = order.rig
@@ -77,7 +88,7 @@ class RecordedRun:
         self._state = RunState.STARTING
         self._by_hand = False
         try:
-            self._header = self._opened()
+            self._header = self._opened(is_stopping)
         except BaseException:
             self._release()
             raise
@@ -108,13 +119,20 @@ class RecordedRun:
         there.close()
         return here, process
 
-    def _opened(self) -> RunHeader:
-        if not self._pipe.poll(OPEN_DEADLINE):
-            raise DeviceError(DeviceFault.TIMEOUT, f"the device was not open after {OPEN_DEADLINE:g} s")
+    def _opened(self, is_stopping: Callable[[], bool]) -> RunHeader:
+        deadline = time.monotonic() + OPEN_DEADLINE
+        while not self._pipe.poll(OPENING_LOOK):
+            if is_stopping():
+                self._send(Stop())
+                raise _stopped()
+            if time.monotonic() > deadline:
+                raise DeviceError(DeviceFault.TIMEOUT, f"the device was not open after {OPEN_DEADLINE:g} s")
         try:
             message = self._pipe.recv()
         except EOFError:
             self._process.join(5.0)
+            if is_stopping():  # the recorder was told as well
+                raise _stopped() from None
             raise DeviceError(
                 DeviceFault.OTHER, f"the recorder ended before it began (exit code {self._process.exitcode})"
             ) from None
@@ -303,3 +321,7 @@ class RecordedRun:
             self._process.terminate()
             self._process.join(5.0)
         self._ring.close()
+
+
+def _stopped() -> StoppedError:
+    return StoppedError("stopped before the device was open: nothing was recorded")

@@ -19,7 +19,7 @@ from analysis.samples import EndReason, SampleBlock, SegmentEnd
 from daq.drivers.opening import open_source, triggered
 from daq.drivers.source import Source
 from daq.drivers.triggered import Begun
-from daq.errors import RigError, UsageError
+from daq.errors import RigError, StoppedError, UsageError
 from daq.session.gauges import Gauges
 from daq.session.messages import Acquired, Closed, Done, Opened, Order, Refused, Stop
 from daq.session.ring import BlockRing
@@ -40,10 +40,13 @@ def record(order: Order, ring_name: str, gauge_words: "SynchronizedArray[int]", 
         try:
             _require_room(order)
             source = stack.enter_context(closing(open_source(order.rig)))
+            if pipe.poll():  # nobody says anything before it is told of the device, but to stop
+                raise StoppedError("stopped before the device was open")
             header = run_header(order, source)
             writer = PartWriter(order.path, header, _part_limits(order, header))
         except RigError as error:
-            pipe.send(Refused(str(error), error.exit_code))
+            with suppress(OSError):  # who has stopped it does not wait
+                pipe.send(Refused(str(error), error.exit_code))
         except RecordingError as error:
             pipe.send(Refused(str(error), UsageError.exit_code))
         else:

@@ -5,14 +5,17 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from analysis.samples import EndReason
 from daq.config.rig import Rig
 from daq.drivers.simulated_card import SimulatedCard
+from daq.errors import StoppedError
+from daq.session.recorded import RecordedRun
 from recordings.reader import RunReader
 from tests.daq.device_server import serving
 from tests.daq.ni_driver import NiDriver
-from tests.daq.test_recorded import codes_of, recorded
+from tests.daq.test_recorded import NoModel, codes_of, order, recorded
 
 RigFactory = Callable[..., Rig]
 
@@ -37,6 +40,23 @@ def test_run_over_the_wire_holds_the_codes_of_the_run_of_the_simulator(rig: RigF
         assert over_wire.header.acquisition.device.backend == "nidaqmx"
         same_device = replace(over_wire.header.acquisition, device=by_hand.header.acquisition.device)
         assert same_device == by_hand.header.acquisition
+
+
+@pytest.mark.parametrize("is_frozen", [True, False])
+def test_end_asked_for_while_the_device_is_opened_leaves_nothing_behind(
+    rig: RigFactory, tmp_path: Path, *, is_frozen: bool
+) -> None:
+    simulated = rig()
+    with serving(NiDriver(lambda: SimulatedCard(simulated))) as server:
+        wired = rig(device={"backend": "nidaqmx", "target": server.target, "deadline_s": 2.0})
+        if is_frozen:
+            server.freeze()
+        with pytest.raises(StoppedError, match="nothing was recorded") as caught:
+            RecordedRun(order(wired, tmp_path), NoModel(), (), lambda: True)
+        server.thaw()
+        assert not server.tasks
+    assert caught.value.exit_code == 130
+    assert not list(tmp_path.glob("*.mcap"))
 
 
 def folder(tmp_path: Path, name: str) -> Path:
