@@ -7,6 +7,7 @@ from contextlib import suppress
 from typing import TextIO
 
 from analysis.run import Severity
+from analysis.snapshot import Snapshot
 from daq.session.frame import LiveFrame
 
 RPM = 2 * math.pi / 60
@@ -75,6 +76,7 @@ def frame_line(frame: LiveFrame) -> str:
         alarm = {Severity.NORMAL: "", Severity.ALARM: "  ALARM", Severity.DANGER: "  DANGER"}[status.latched]
         parts.append(f"x {x:.0f} µm  y {y:.0f} µm pp{alarm}")
         parts.append(_whirl(frame))
+        parts.append(_counter(snapshot))
     parts += [f"{each.channel} CLIPPED {each.samples:,} in {each.blocks:,} blocks" for each in status.clipped]
     lost = f"lost {status.lost}" if status.lost_is_exact else f"lost ≥ {status.lost}"
     parts.append(lost)
@@ -88,6 +90,12 @@ def frame_line(frame: LiveFrame) -> str:
     if status.detail:
         parts.append(status.detail)
     return "  ".join(part for part in parts if part)
+
+
+def _counter(snapshot: Snapshot) -> str:
+    """Return that the tacho's counter differs from its samples, where it does."""
+    counter = snapshot.counter
+    return "" if counter is None or not counter.told else f"tacho counter: {counter.state.value}"
 
 
 def _speed(frame: LiveFrame) -> str:
