@@ -114,6 +114,35 @@ def test_what_was_known_of_a_file_is_forgotten_when_it_changes(tmp_path: Path, r
     assert catalogue.run("run").verdict == "unreadable"
 
 
+def test_a_summary_of_a_file_that_changed_meanwhile_is_not_kept(tmp_path: Path, record: Record) -> None:
+    path = record("run", 1000)
+
+    def summarise_slowly(reader: RunReader) -> RunSummary:
+        os.utime(path, (7000, 7000))
+        assert ids([*Catalogue(tmp_path).runs()]) == ["run"], "another process looks at the file as it is now"
+        return summarise(reader)
+
+    catalogue = Catalogue(tmp_path)
+    catalogue.index(summarise_slowly)
+    assert catalogue.search(Search(onset_below=10_001 * RPM)) == []
+    catalogue.index(summarise)
+    assert ids([*catalogue.search(Search(onset_below=10_001 * RPM))]) == ["run"]
+
+
+def test_an_index_that_is_stopped_keeps_what_it_has_summed_up(tmp_path: Path, record: Record) -> None:
+    for name, started_s in (("late", 2000), ("early", 1000)):
+        record(name, started_s)
+
+    def summarise_once(reader: RunReader) -> RunSummary:
+        if reader.path.stem == "early":
+            raise KeyboardInterrupt
+        return summarise(reader)
+
+    with pytest.raises(KeyboardInterrupt):
+        Catalogue(tmp_path).index(summarise_once)
+    assert ids([*Catalogue(tmp_path).search(Search(onset_below=30_000 * RPM))]) == ["late"]
+
+
 def test_searches_find_what_they_ask_for(tmp_path: Path, record: Record) -> None:
     catalogue = Catalogue(tmp_path)
     for name, started_s, note in (
