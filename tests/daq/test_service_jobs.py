@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from daq.cli.main import main
 from daq.config.load import load_rig
 from daq.config.write import to_toml
 from daq.service.documents import summary_document
@@ -93,10 +94,12 @@ def test_job_makes_the_very_answer_of_an_address(bench: RecordedBench) -> None:
     assert made.json() == bench.get("/cascade", rows=20).json()
 
 
-def test_job_sums_a_run_up_as_its_address_does(bench: RecordedBench) -> None:
+def test_job_sums_a_run_up_as_address_and_command_do(bench: RecordedBench, capsys: pytest.CaptureFixture[str]) -> None:
     made = result(bench, kind="answer", run=RUN, address="summary").json()
     assert made["agreement"] is not None, "a job has time for the model"
     assert bench.get("/summary").json() == made
+    assert main(["summary", RUN, "--folder", str(bench.folder), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out) == made
 
 
 def test_job_analyses_samples_anew_and_finds_what_was_found_live(bench: RecordedBench) -> None:
