@@ -16,6 +16,7 @@ from analysis.run import RunHeader
 from analysis.samples import SampleBlock, SegmentEnd, SourceItem
 from analysis.snapshot import CounterState, Snapshot, TachoState
 from analysis.verdict import Verdict
+from daq.cli.console import frame_line
 from daq.cli.telling import summary_lines
 from daq.config.rig import Rig
 from daq.config.schema import TriggerSection
@@ -24,6 +25,7 @@ from daq.drivers.replay import open_replay
 from daq.drivers.simulated_card import SimulatedCard
 from daq.drivers.triggered import Begun
 from daq.service.documents.summary import summary_document
+from daq.session.frame import LiveFrame, RunState, Status
 from daq.session.offline import summarise
 from daq.session.preflight import Plan, preflight
 from daq.session.recorded import RecordedRun
@@ -403,3 +405,11 @@ def test_summary_says_what_speed_comes_from(counted: RigFactory, tmp_path: Path)
     assert document.tacho.counter is not None
     assert (document.tacho.counter.state, document.tacho.counter.told) == (CounterState.AGREES, "")
     assert any("speed and phase from the counter" in line for line in summary_lines(document))
+
+
+def test_running_line_names_a_counter_that_differs(rig: RigFactory, tmp_path: Path) -> None:
+    for edge, is_named in (("rising", False), ("falling", True)):
+        chosen = rig(tacho={"counter": {"edge": edge}}, simulation=RISING)
+        header = header_of(chosen, tmp_path)
+        frame = LiveFrame(header, Status(RunState.RECORDING), analysed(header, items_of(chosen))[-1])
+        assert ("tacho counter: count differs" in frame_line(frame)) is is_named
