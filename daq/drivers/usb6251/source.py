@@ -137,7 +137,7 @@ class Usb6251:
             host_time_ns = time.time_ns()
             backlog, fault = self._backlog()
             first, count = count, count + codes.shape[1]
-            if fault is not None:
+            if fault is not None and fault.code == 0:  # the way to the driver failed: the counter need not be asked
                 self._stamps.fail(count, fault)
             ticks = self._stamps.upto(count, backlog)
             yield SampleBlock(codes, segment, first, host_time_ns, backlog, ticks)

@@ -137,6 +137,17 @@ def test_counter_that_failed_works_again_in_the_next_segment(card: Usb6251, serv
     assert ticks_of(items, 1).size > 0
 
 
+def test_last_block_has_its_stamps_though_the_question_for_the_backlog_fails(
+    card: Usb6251, server: DeviceServer
+) -> None:
+    server.faults["GetReadAttributeUInt32"].extend([0, 0, -200545])
+    items = list(card.blocks())
+    (end,) = ends_of(items)
+    assert end.samples == 3 * 1499
+    assert "gave no stamps" not in end.detail
+    np.testing.assert_array_equal(ticks_of(items), SimulatedCard(bench(counter=COUNTER)).ticks(0, end.samples))
+
+
 def test_counter_that_does_not_start_costs_no_sample(card: Usb6251, server: DeviceServer) -> None:
     server.faults["StartTask"].append(-200545)
     items = take(card, 3)
