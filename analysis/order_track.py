@@ -88,8 +88,8 @@ def track_order(record: AngularRecord, order: float, *, revolutions: int = 16, o
     Notes
     -----
     X = 2 sum(w x exp(-i order theta)) with a Hann window w of sum 1 (A. Brandt, Noise and Vibration Analysis, 2011, ch.
-    12); amplitude uncertainty from the median of the
-    lines beside the order, free of the orders' own skirts (see `analysis.uncertainty`).
+    12); amplitude uncertainty from the median of the lines beside the order, clear of the whole orders' skirts (see
+    `analysis.uncertainty`).
     """
     if not 0.0 < order <= record.highest_order or revolutions < 4:
         raise ValueError(
@@ -101,8 +101,7 @@ def track_order(record: AngularRecord, order: float, *, revolutions: int = 16, o
     found = np.empty((2, len(frames), lines.size), dtype=np.complex128)
     for where, waveforms in frames.chunks():
         found[:, where] = waveforms @ kernel
-    beside = np.abs(lines[1:] - np.round(lines[1:])) * revolutions > 1.99  # clear of the whole orders' skirts
-    sigma = np.tile(sigma_of_floor(_floor(np.abs(found[:, :, 1:][:, :, beside]))), (2, 1))
+    sigma = np.tile(sigma_of_floor(_floor(np.abs(found[:, :, 1:]))), (2, 1))
     vectors = found[:, :, 0] * np.exp(-2j * np.pi * order * frames.turns)
     angle_sigma = frames.angle_sigma if record.measured else np.full(len(frames), np.inf)
     return OrderTrack(
@@ -119,16 +118,16 @@ def track_order(record: AngularRecord, order: float, *, revolutions: int = 16, o
 
 
 def _lines(order: float, revolutions: int) -> FloatArray:
-    """Return the order and those beside it whose lines tell the noise."""
+    """Return the order and those beside it that tell the noise, clear of the whole orders' skirts if any are."""
     away = np.arange(3, 3 + FLOOR_LINES) / revolutions
     beside = np.concatenate([order - away, order + away])
-    return np.concatenate([[order], beside[beside > 1.5 / revolutions]])
+    beside = beside[beside > 1.5 / revolutions]
+    clear = np.abs(beside - np.round(beside)) * revolutions > 1.99
+    return np.concatenate([[order], beside[clear] if clear.any() else beside])
 
 
 def _floor(sizes: FloatArray) -> FloatArray:
     """Return the median of the lines of each frame, shape (2, n, n_lines), but for those that no noise made."""
-    if not sizes.shape[2]:
-        return np.zeros(sizes.shape[1])
     median = np.median(sizes, axis=(0, 2), keepdims=True)
     return np.asarray(np.nanmedian(np.where(sizes <= NO_NOISE * median, sizes, np.nan), axis=(0, 2)))
 

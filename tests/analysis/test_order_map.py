@@ -86,6 +86,13 @@ def test_one_x_beside_a_whirl_is_kept_within_two_parts_in_a_thousand(make_angula
     assert np.abs(np.abs(track.vectors) / (20 * MICRO) - 1.0).max() < 0.002
 
 
+@pytest.mark.parametrize("order", [0.3, 0.5, 1.0, 1.31])
+def test_the_shortest_window_still_states_an_uncertainty(make_angular: Maker, order: float) -> None:
+    quiet = track_order(make_angular(noise=0.1), order, revolutions=4)
+    assert np.median(quiet.sigma) == pytest.approx(0.1 * np.sqrt(2 * 1.5 / 256), rel=0.25)
+    assert (quiet.sigma > 0.0).all()
+
+
 def test_jitter_of_the_tacho_shows_in_the_phase_of_high_orders(make_angular: Maker) -> None:
     record = make_angular((20.0, 1.0, 0.0), (20.0, 4.0, 0.0))
     shaky = replace(record, angle_jitter=1e-4)

@@ -108,6 +108,12 @@ def test_what_cannot_be_solved_is_refused(how: dict[str, object], says: str) -> 
         order_envelopes(np.cos(ANGLE), ANGLE, RATE, **how)  # type: ignore[arg-type]  # what a caller may get wrong
 
 
+def test_a_record_too_short_to_tell_two_orders_apart_is_refused() -> None:
+    angle = np.asarray(2 * np.pi * 100.0 * np.arange(30) / 10_000.0)
+    with pytest.raises(RecordTooShortError, match="apart"):
+        order_envelopes(np.cos(angle), angle, 10_000.0, (1.0, 2.0), bandwidth=20.0)
+
+
 def test_waveforms_that_do_not_fit_are_refused() -> None:
     with pytest.raises(RecordTooShortError):
         order_envelopes(np.zeros(5), np.arange(5.0), RATE, (1.0,), bandwidth=4.0)
