@@ -101,7 +101,7 @@ class Status:
     marks : tuple of PlacedMark
         The last moments that were marked, in their order.
     model : str
-        "ready", "computing 34 %", or why there is no prediction.
+        "ready", "ready, not exact: " and why, "computing 34 %", or why there is no prediction.
     clipped : tuple of Clipping
         Of the channels that have been clipped, whether the live analysis has seen it or had to skip.
     last_loss : str

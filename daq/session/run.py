@@ -48,7 +48,7 @@ class Model(Protocol):
 
     @property
     def state(self) -> str:
-        """Whether it is "ready", "computing 34 %", or why there is none."""
+        """Whether it is "ready", "ready, not exact: " and why, "computing 34 %", or why there is none."""
         ...
 
     def at(self, speed: float) -> Prediction | None:

@@ -66,7 +66,10 @@ class StatusDocument(Document):
         description="Number of the last alarm that somebody has acknowledged; 0 for none", examples=[0]
     )
     marks: tuple[LiveMarkDocument, ...] = Field(description="The last moments that were marked, in their order")
-    model: str = Field(description='"ready", "computing 34 %", or why there is no prediction', examples=["ready"])
+    model: str = Field(
+        description='"ready", "ready, not exact: " and why, "computing 34 %", or why there is no prediction',
+        examples=["ready"],
+    )
     clipped: tuple[ClippingDocument, ...] = Field(
         description="The channels that have been clipped, counted as they are recorded; empty in a replay"
     )
