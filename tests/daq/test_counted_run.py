@@ -1,47 +1,31 @@
-"""A run whose tacho is stamped by a counter, from the card through ring and file to what is told of it."""
+"""A run whose tacho is stamped by a counter: through ring, file, trigger and parts, bit for bit."""
 
-import datetime as dt
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
-from analysis.analyser import Analyser
 from analysis.angular_record import record_of_codes
-from analysis.run import RunHeader
-from analysis.samples import SampleBlock, SegmentEnd, SourceItem
-from analysis.snapshot import CounterState, Snapshot, TachoState
-from analysis.verdict import Verdict
-from daq.cli.console import frame_line
-from daq.cli.telling import summary_lines
-from daq.config.rig import Rig
+from analysis.samples import SampleBlock, SourceItem
+from analysis.snapshot import CounterState, TachoState
 from daq.config.schema import TriggerSection
 from daq.drivers.opening import open_source, triggered
 from daq.drivers.replay import open_replay
 from daq.drivers.simulated_card import SimulatedCard
 from daq.drivers.triggered import Begun
-from daq.service.documents.summary import summary_document
-from daq.session.frame import LiveFrame, RunState, Status
-from daq.session.offline import summarise
-from daq.session.preflight import Plan, preflight
 from daq.session.recorded import RecordedRun
-from daq.session.recorder import run_header
 from daq.session.ring import BlockRing
-from recordings.analysed import write_analysed
-from recordings.errors import ForeignFormatError
-from recordings.export import pulses_table
 from recordings.parts import PartLimits, PartWriter, file_names
 from recordings.reader import RunReader
 from recordings.recover import recover
-from recordings.results import encode_snapshot
 from recordings.verify import verify
+from tests.daq.counted_bench import RISING, RigFactory, analysed, counted, header_of, items_of, kept, recorded, ticks_of
 from tests.daq.test_recorded import NoModel, order
 
-RigFactory = Callable[..., Rig]
 RPM = 2 * math.pi / 60
 SPEED = 6123.4567  # r/min: no whole ticks in a turn
 STEADY = {
@@ -49,56 +33,11 @@ STEADY = {
     "speed_fluctuation": 0.0,
     "tacho_jitter_us": 0.0,
 }
-RISING = {"profile": [{"time_s": 0.0, "speed_rpm": 3000.0}, {"time_s": 4.0, "speed_rpm": 9000.0}]}
 
 
-@pytest.fixture
-def counted(rig: RigFactory) -> RigFactory:
-    """Loads a rig whose tacho is stamped by a counter too, which is the reference unless said."""
-
-    def load(reference: str = "counter", **sections: object) -> Rig:
-        tacho = {"delay_s": 4e-4, "counter": {"reference": reference}}
-        return rig(**({"simulation": RISING} | sections | {"tacho": tacho}))
-
-    return load
-
-
-def items_of(rig: Rig) -> list[SourceItem]:
-    source = open_source(rig)
-    items = list(source.blocks())
-    source.close()
-    return items
-
-
-def header_of(rig: Rig, folder: Path) -> RunHeader:
-    source = open_source(rig)
-    source.close()
-    return run_header(order(rig, folder), source)
-
-
-def recorded(rig: Rig, folder: Path, items: Iterable[SourceItem] | None = None) -> Path:
-    header = header_of(rig, folder)
-    path = folder / f"{header.run}.mcap"
-    write_analysed(path, header, items_of(rig) if items is None else items, {})
-    return path
-
-
-def analysed(header: RunHeader, items: Iterable[SourceItem]) -> list[Snapshot]:
-    analyser = Analyser(header.acquisition, header.settings)
-    snapshots: list[Snapshot] = []
-    for item in items:
-        snapshots += analyser.segment_end(item) if isinstance(item, SegmentEnd) else analyser.block(item)
-    return snapshots
-
-
-def kept(header: RunHeader, snapshots: Iterable[Snapshot]) -> list[bytes]:
-    """Return snapshots to the last bit, as a file keeps them."""
-    return [message.data for snapshot in snapshots for message in encode_snapshot(snapshot, header)]
-
-
-def ticks_of(items: Iterable[SourceItem]) -> NDArray[np.int64]:
-    parts = [item.ticks for item in items if isinstance(item, SampleBlock) and item.ticks is not None]
-    return np.concatenate([np.empty(0, np.int64), *parts])
+@pytest.fixture(name="counted")
+def counted_rigs(rig: RigFactory) -> RigFactory:
+    return partial(counted, rig)
 
 
 def late(items: Iterable[SourceItem]) -> list[SourceItem]:
@@ -349,67 +288,3 @@ def test_stamps_of_a_stretch_are_those_in_its_time(counted: RigFactory, tmp_path
         for first, stop in ((0, 80_000), (12_345, 12_999), (50_000, 70_001), (60_000, 60_000)):
             expected = truth[(truth >= first * per_sample) & (truth < stop * per_sample)]
             np.testing.assert_array_equal(reader.ticks(0, first, stop), expected)
-
-
-def test_counter_that_stamps_the_other_edge_is_told(rig: RigFactory, tmp_path: Path) -> None:
-    wrong = rig(tacho={"counter": {"edge": "falling"}}, simulation=RISING)
-    snapshot = analysed(header_of(wrong, tmp_path), items_of(wrong))[-1]
-    assert snapshot.counter is not None
-    assert snapshot.counter.state is not CounterState.AGREES
-    assert snapshot.counter.largest > 1e-3
-
-
-@pytest.mark.parametrize("miswiring", ["tacho silent", "tacho reversed", "tacho weak"])
-def test_counter_is_as_silent_as_the_tacho_at_its_line(counted: RigFactory, miswiring: str) -> None:
-    rig = counted(simulation={**RISING, "miswiring": miswiring})
-    assert ticks_of(items_of(rig)).size == 0
-
-
-def test_stamps_are_exported_with_their_times(counted: RigFactory, tmp_path: Path) -> None:
-    rig = counted()
-    path = recorded(rig, tmp_path)
-    truth = ticks_of(items_of(rig))
-    with RunReader(path) as reader:
-        whole, part = pulses_table(reader), pulses_table(reader, 1.0, 2.0)
-        np.testing.assert_array_equal(whole.column("ticks").values, truth)
-        np.testing.assert_array_equal(whole.column("time_s").values, truth / 80e6)
-        times = part.column("time_s").values
-        assert 0 < times.size < truth.size
-        assert ((times >= 1.0) & (times < 2.0)).all()
-        with pytest.raises(ForeignFormatError, match="no stamps of a counter"):
-            pulses_table(reader, 100.0, 200.0)
-
-
-def test_run_without_a_counter_has_no_stamps_to_export(rig: RigFactory, tmp_path: Path) -> None:
-    with (
-        RunReader(recorded(rig(), tmp_path)) as reader,
-        pytest.raises(ForeignFormatError, match="no stamps of a counter"),
-    ):
-        pulses_table(reader)
-
-
-def test_preflight_looks_at_the_counter(counted: RigFactory, tmp_path: Path) -> None:
-    good = preflight(counted(), Plan(tmp_path), dt.date(2026, 11, 22), lambda _: None)
-    (check,) = (check for check in good.checks if check.name == "tacho counter")
-    assert check.verdict is Verdict.GOOD
-    silent = counted(simulation={**RISING, "miswiring": "tacho silent"})
-    bad = preflight(silent, Plan(tmp_path), dt.date(2026, 11, 22), lambda _: None)
-    assert [check.verdict for check in bad.checks if check.name == "tacho counter"] == [Verdict.WARN]
-
-
-def test_summary_says_what_speed_comes_from(counted: RigFactory, tmp_path: Path) -> None:
-    with RunReader(recorded(counted(), tmp_path)) as reader:
-        document = summary_document(summarise(reader), None)
-    assert document.tacho is not None
-    assert document.tacho.reference == "counter"
-    assert document.tacho.counter is not None
-    assert (document.tacho.counter.state, document.tacho.counter.told) == (CounterState.AGREES, "")
-    assert any("speed and phase from the counter" in line for line in summary_lines(document))
-
-
-def test_running_line_names_a_counter_that_differs(rig: RigFactory, tmp_path: Path) -> None:
-    for edge, is_named in (("rising", False), ("falling", True)):
-        chosen = rig(tacho={"counter": {"edge": edge}}, simulation=RISING)
-        header = header_of(chosen, tmp_path)
-        frame = LiveFrame(header, Status(RunState.RECORDING), analysed(header, items_of(chosen))[-1])
-        assert ("tacho counter: count differs" in frame_line(frame)) is is_named
