@@ -114,7 +114,7 @@ def open_recorded_bench(
     app = create_app(catalogue, live, summaries, None, abilities=abilities, host=host, token=token)
     server = ServiceServer(app)
     server.start()
-    client = httpx.Client(base_url=server.url, timeout=30.0)
+    client = httpx.Client(base_url=server.url, timeout=120.0)
 
     def close() -> None:
         client.close()
