@@ -67,7 +67,8 @@ def hammer(url: str, seconds: float, pipe: Connection) -> None:
     paths = [
         "/live", "/live", "/live", "/live/picture", "/runs", "/health", f"/runs/{BEFORE}", f"/runs/{BEFORE}/summary",
         f"/runs/{BEFORE}/order-vectors", f"/runs/{BEFORE}/trend", f"/runs/{BEFORE}/findings",
-        f"/runs/{BEFORE}/cascade?rows={{}}", f"/runs/{BEFORE}/waterfall?rows={{}}", f"/runs/{BEFORE}/orbit?time_s={{}}", f"/runs/{BEFORE}/order-spectrum",
+        f"/runs/{BEFORE}/cascade?rows={{}}", f"/runs/{BEFORE}/waterfall?rows={{}}",
+        f"/runs/{BEFORE}/orbit?time_s={{}}", f"/runs/{BEFORE}/order-spectrum",
         f"/runs/{BEFORE}/full-spectrum?time_s={{}}", f"/runs/{BEFORE}/samples?from_s={{}}&duration_s=0.05",
         f"/runs/{BEFORE}/samples?from_s={{}}&duration_s=1&format=npz", f"/runs/{BEFORE}/comparison?speed_rpm=1500",
     ]  # fmt: skip
