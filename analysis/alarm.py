@@ -62,7 +62,7 @@ class LimitWatch:
     hysteresis : float
         Part of the limit by which the vibration must fall below it before the alarm ends, 0 to below 1.
     hold : float
-        Time that the limit must be passed without a break before the alarm comes, s (API 670 asks for 1 s to 3 s).
+        Time that the limit must be passed without a break before the alarm comes, s (1 s to 3 s in API 670 as quoted).
     """
 
     def __init__(self, limit: float, hysteresis: float, hold: float) -> None:

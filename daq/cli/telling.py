@@ -46,6 +46,7 @@ def summary_lines(summary: SummaryDocument) -> Iterator[str]:
     yield from _tacho(summary)
     for alarm in summary.alarms:
         yield f"alarm            {_alarm(alarm)}"
+    yield from _standards(summary)
     yield from _marks(summary)
     for fault in _oddities(summary):
         yield f"unusual          {fault}"
@@ -75,6 +76,17 @@ def _tacho(summary: SummaryDocument) -> Iterator[str]:
     if summary.tacho is not None and summary.tacho.counter is not None:
         compared = f"{summary.tacho.counter.compared:,} edges by counter and samples are compared"
         yield f"tacho            speed and phase from the {summary.tacho.reference}; {compared}"
+
+
+def _standards(summary: SummaryDocument) -> Iterator[str]:
+    """Yield the standards' figures at the speed of the largest vibration; scope and source are in the document."""
+    told = [
+        f"{each.standard} {each.name} {_number(each.limit_peak_to_peak_um)}"
+        for each in summary.standards
+        if each.limit_peak_to_peak_um is not None
+    ]
+    if told:
+        yield f"for information  {', '.join(told)} µm pp at that speed; none is written for floating rings"
 
 
 def _runout(summary: SummaryDocument) -> Iterator[str]:

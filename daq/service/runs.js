@@ -132,6 +132,7 @@ function summary(run) {
   parts.push(...alarms(run), subSynchronous(run.sub_synchronous), ...hysteresis(run), ...runOut(run));
   if (run.agreement) parts.push(model(run.agreement));
   if (run.by_speed.length) parts.push(bySpeed(run.by_speed));
+  if (run.standards.length) parts.push(standards(run.standards));
   return parts;
 }
 
@@ -143,6 +144,14 @@ function alarms(run) {
     const size = `up to ${micrometres(alarm.largest_peak_to_peak_um)} µm peak-to-peak, limit ${micrometres(alarm.limit_peak_to_peak_um)}`;
     return make("p", `▲ ${alarm.severity.toUpperCase()} at ${alarm.probe} from ${clock(alarm.begin.time_s)}, ${whole(alarm.begin.speed_rpm)} r/min, ${until}: ${size}.`);
   });
+}
+
+function standards(figures) {
+  return table(
+    "Standards, for information: none is written for floating rings",
+    ["figure", "µm peak-to-peak", "largest of it", "meant for", "read in"],
+    figures.map((one) => [`${one.standard} ${one.name}`, micrometres(one.limit_peak_to_peak_um), known(one.of_limit) ? percent(one.of_limit) : "", one.scope, one.source]),
+  );
 }
 
 function runOut({ runout }) {

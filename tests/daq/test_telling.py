@@ -58,6 +58,18 @@ def test_a_run_there_and_back_is_told_apart_with_what_run_out_and_whirl_were(rig
         re.match(r"alarm +ALARM at x from \d\.\d s, \d,\d+ r/min until \d+\.\d s, up to \d+ µm pp", line)
         for line in lines
     )
+    vibration = document.largest_peak_to_peak_um
+    assert vibration is not None
+    at = max((probe for probe in document.probes), key=lambda probe: probe.largest_peak_to_peak_um or 0.0).largest_at
+    assert at is not None
+    assert at.speed_rpm is not None
+    zone = document.standards[0]
+    assert zone.limit_peak_to_peak_um is not None
+    assert zone.limit_peak_to_peak_um == pytest.approx(4800.0 / at.speed_rpm**0.5, rel=1e-4)
+    assert zone.of_limit == pytest.approx(vibration / zone.limit_peak_to_peak_um, rel=1e-3)
+    assert any(
+        re.match(r"for information  ISO 20816-3 zone boundary A/B \d+, .* floating rings", each) for each in lines
+    )
     (hysteresis,) = document.hysteresis
     assert hysteresis.width_rpm == pytest.approx(0.0, abs=300.0)  # the simulated film has none
     assert {row.course for row in document.by_speed} == {"run-up", "run-down"}

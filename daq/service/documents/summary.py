@@ -21,6 +21,7 @@ from daq.service.documents.document import Document
 from daq.service.documents.mark import MarkDocument
 from daq.service.documents.place import MomentDocument, place_document
 from daq.service.documents.runout import RunOutDocument, runout_document
+from daq.service.documents.standard import StandardDocument, standard_documents
 from daq.service.documents.units import finite, micrometres, moment, rpm
 from daq.service.documents.vibration import Direction, ProbesDocument, direction, probes_document
 from model.compare import Agreement
@@ -189,6 +190,9 @@ class SummaryDocument(Document):
     alarms: tuple[AlarmDocument, ...] = Field(
         description="Limits that were passed for long enough, in the order in which their alarms came"
     )
+    standards: tuple[StandardDocument, ...] = Field(
+        description="What standards say of the largest vibration, for information; empty where its speed is unknown"
+    )
     probes: tuple[ProbeSummaryDocument, ...] = Field(description="The probes x and y")
     tacho: TachoSummaryDocument | None = Field(description="The tacho; null where nothing was measured")
     snapshots: Count = Field(description="Number of results", examples=[3000])
@@ -248,6 +252,7 @@ def summary_document(
         largest_peak_to_peak_um=micrometres(summary.largest_peak_to_peak),
         severity=summary.severity,
         alarms=tuple(alarm_document(alarm) for alarm in summary.alarms),
+        standards=standard_documents(summary.probes),
         probes=tuple(_probe(probe) for probe in summary.probes),
         tacho=None
         if tacho is None
