@@ -6,6 +6,7 @@ import os
 import sys
 from collections.abc import Callable, Sequence
 from importlib.metadata import version
+from typing import TextIO
 
 from daq.cli import acknowledge, exchange, finding, listing, mark, predict, record, replay, serve, verify
 from daq.cli.arguments import calibration, duration, pace, port
@@ -160,7 +161,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     chosen = _parser().parse_args(arguments)
     try:
         run: Callable[[argparse.Namespace], int] = chosen.run
-        return run(chosen)
+        code = run(chosen)
+        sys.stdout.flush()
     except RigError as error:
         print(f"rig: {error}", file=sys.stderr)
         return error.exit_code
@@ -169,6 +171,21 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return UsageError.exit_code
     except KeyboardInterrupt:
         return 130
+    except BrokenPipeError:
+        if not _is_cut_off(sys.stdout):
+            raise
+        return 130
+    return code
+
+
+def _is_cut_off(stream: TextIO) -> bool:
+    """Say whether nobody reads any more what is printed (`| head`); what is left of it then goes nowhere."""
+    try:
+        print(file=stream, flush=True)
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+        return True
+    return False
 
 
 if __name__ == "__main__":

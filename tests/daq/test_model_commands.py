@@ -171,3 +171,13 @@ def test_sweep_prints_its_points_and_is_taken_up_again(tmp_path: Path, capsys: C
     assert [row["first_forward_rad_s"] for row in first] == pytest.approx([135.8, 4034.8], abs=0.06)
     assert picture.exists()
     assert document(capsys, *arguments)["rows"] == first
+
+
+def test_output_that_nobody_reads_to_its_end_is_no_fault() -> None:
+    command = [sys.executable, "-m", "daq.cli.main", "model", "campbell", "--json"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as program:
+        assert program.stdout is not None
+        assert program.stderr is not None
+        program.stdout.close()
+        assert program.stderr.read() == ""
+        assert program.wait(60.0) == 130
