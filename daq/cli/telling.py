@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Iterator
+from itertools import groupby
 
 from analysis.direction import Direction as SpeedDirection
 from analysis.run import Severity
@@ -80,13 +81,13 @@ def _tacho(summary: SummaryDocument) -> Iterator[str]:
 
 def _standards(summary: SummaryDocument) -> Iterator[str]:
     """Yield the standards' figures at the speed of the largest vibration; scope and source are in the document."""
-    told = [
-        f"{each.standard} {each.name} {_number(each.limit_peak_to_peak_um)}"
-        for each in summary.standards
-        if each.limit_peak_to_peak_um is not None
-    ]
-    if told:
-        yield f"for information  {', '.join(told)} µm pp at that speed; none is written for floating rings"
+    known = [each for each in summary.standards if each.limit_peak_to_peak_um is not None]
+    if known:
+        told = "; ".join(
+            f"{standard} {', '.join(f'{each.name} {_number(each.limit_peak_to_peak_um)}' for each in figures)}"
+            for standard, figures in groupby(known, key=lambda each: each.standard)
+        ).replace("zone boundary ", "")
+        yield f"for information  {told} µm pp at that speed; none is written for floating rings"
 
 
 def _runout(summary: SummaryDocument) -> Iterator[str]:

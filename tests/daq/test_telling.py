@@ -68,7 +68,8 @@ def test_a_run_there_and_back_is_told_apart_with_what_run_out_and_whirl_were(rig
     assert zone.limit_peak_to_peak_um == pytest.approx(4800.0 / at.speed_rpm**0.5, rel=1e-4)
     assert zone.of_limit == pytest.approx(vibration / zone.limit_peak_to_peak_um, rel=1e-3)
     assert any(
-        re.match(r"for information  ISO 20816-3 zone boundary A/B \d+, .* floating rings", each) for each in lines
+        re.match(r"for information  ISO 20816-3 A/B \d+, B/C \d+, C/D \d+; API 617 .* floating rings", each)
+        for each in lines
     )
     (hysteresis,) = document.hysteresis
     assert hysteresis.width_rpm == pytest.approx(0.0, abs=300.0)  # the simulated film has none
