@@ -78,14 +78,7 @@ def create_app(
     ServiceError
         Others can reach ``host`` and there is no token, or the token cannot be sent in a header.
     """
-    if token is not None and not (token.isascii() and token.isprintable() and token.strip() == token and token):
-        raise ServiceError(
-            "the service's token: expected one or more printable ASCII characters without spaces at its ends"
-        )
-    if token is None and not is_loopback(host):
-        raise ServiceError(
-            f"the service at {host} can be reached from other machines: give it a token, or bind it to 127.0.0.1"
-        )
+    _check_access(host, token)
     hub = Hub(live)
     app = Service(with_token=token is not None)
     app.ending.append(hub.end)
@@ -117,6 +110,17 @@ def create_app(
     app.add_middleware(HeadAsGet)
     app.add_middleware(SafeHeaders)
     return app
+
+
+def _check_access(host: str, token: str | None) -> None:
+    if token is not None and not (token.isascii() and token.isprintable() and token.strip() == token and token):
+        raise ServiceError(
+            "the service's token: expected one or more printable ASCII characters without spaces at its ends"
+        )
+    if token is None and not is_loopback(host):
+        raise ServiceError(
+            f"the service at {host} can be reached from other machines: give it a token, or bind it to 127.0.0.1"
+        )
 
 
 class Service(FastAPI):

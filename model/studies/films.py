@@ -115,16 +115,7 @@ def lubrication_study(lubrication: Lubrication, load: float, inlet_pressure: flo
     EquilibriumError
         Where no film carries the load at any speed.
     """
-    rests: list[RingEquilibrium | None] = []
-    missing: EquilibriumError | None = None
-    for speed in speeds:
-        try:
-            rests.append(lubrication.equilibrium(load, float(speed), inlet_pressure))
-        except EquilibriumError as error:
-            rests.append(None)
-            missing = error
-    if missing is not None and not any(rests):
-        raise missing
+    rests, missing = _rests(lubrication, load, inlet_pressure, speeds)
     films = {
         "inner": [None if rest is None else rest.inner for rest in rests],
         "outer": [None if rest is None else rest.outer for rest in rests],
@@ -172,3 +163,20 @@ def lubrication_study(lubrication: Lubrication, load: float, inlet_pressure: flo
             *(() if missing is None else (f"{rests.count(None)} of {speeds.size} speeds are left out: {missing}",)),
         ),
     )
+
+
+def _rests(
+    lubrication: Lubrication, load: float, inlet_pressure: float, speeds: FloatArray
+) -> tuple[list[RingEquilibrium | None], EquilibriumError | None]:
+    """Return the equilibrium at each speed, None where there is none, and why the last of these has none."""
+    rests: list[RingEquilibrium | None] = []
+    missing: EquilibriumError | None = None
+    for speed in speeds:
+        try:
+            rests.append(lubrication.equilibrium(load, float(speed), inlet_pressure))
+        except EquilibriumError as error:
+            rests.append(None)
+            missing = error
+    if missing is not None and not any(rests):
+        raise missing
+    return rests, missing
