@@ -1,0 +1,13 @@
+"""A hang is told with the stacks of all threads (pyproject.toml); what takes long on purpose is none."""
+
+import faulthandler
+
+import pytest
+
+LONG = ("benchmark", "campaign", "oracle")
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    if any(item.get_closest_marker(name) for name in LONG):
+        faulthandler.cancel_dump_traceback_later()
