@@ -5,6 +5,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.direction import Course, Direction, Step
 from analysis.run import RunHeader
 from analysis.snapshot import OrderFrame
 from daq.view.axes import Axis, Plot, Reach
@@ -15,9 +16,10 @@ from model.prediction import Prediction
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
-BOUNDS = ((-34.0, 316.0), (-15.0, 192.0))
+BOUNDS = ((-34.0, 320.0), (-15.0, 192.0))
 _BINS = 250
 _LETTERS = 7.0
+_DASH = 4.0  # of a run-down's lines
 _MICRO = 1e6
 _TO_RPM = 30.0 / math.pi
 
@@ -28,7 +30,10 @@ def phase_lag(vector: ComplexArray) -> FloatArray:
 
 
 class BodePlot:
-    """Collects the 1X and 2X vectors by speed, the last at a speed staying, and draws them.
+    """Collects the 1X and 2X vectors by speed and draws them, run-up in whole lines and run-down in dashes.
+
+    In either direction the last at a speed stays. That the speed has turned is known a little later; what came since
+    then belongs to the new direction.
 
     Parameters
     ----------
@@ -39,23 +44,42 @@ class BodePlot:
     def __init__(self, header: RunHeader) -> None:
         self._top = header.limits.speed * _TO_RPM
         self._speeds = (np.arange(_BINS) + 0.5) * self._top / _BINS
-        self._measured: ComplexArray = np.full((_BINS, 2, 2), np.nan, dtype=np.complex128)
-        self._predicted: ComplexArray = np.full((_BINS, 2, 2), np.nan, dtype=np.complex128)
-        self._reach = Reach(smallest=2.0)
+        self._course = Course()
+        self._measured = {direction: _no_vectors() for direction in Direction}
+        self._since = _no_vectors()  # the furthest speed
+        self._predicted = _no_vectors()
+        self._reach = Reach(smallest=2.0, patience=3)
         self._compensated = False  # whether run-out is taken off, from some speed on
 
     def add(self, frame: OrderFrame | None, prediction: Prediction | None) -> None:
         """Take what a moment has to say of its speed."""
-        for one, into in ((frame, self._measured), (prediction, self._predicted)):
-            if one is not None and math.isfinite(one.speed) and 0.0 <= one.speed * _TO_RPM < self._top:
-                vectors = (one.motion if isinstance(one, OrderFrame) else one.vectors) * _MICRO
-                into[int(one.speed * _TO_RPM / self._top * _BINS)] = vectors
-                self._reach.follow(float(np.abs(vectors).max()))
-        self._compensated = self._compensated or (frame is not None and frame.runout is not None)
+        if frame is not None and math.isfinite(frame.speed):
+            if self._course.update(frame.speed) is not Step.BACK:
+                self._measured[self._course.direction] = self._in_direction(self._course.direction)
+                self._since = _no_vectors()
+            self._keep(frame.speed, frame.motion, self._since)
+            self._compensated = self._compensated or frame.runout is not None
+        if prediction is not None and math.isfinite(prediction.speed):
+            self._keep(prediction.speed, prediction.vectors, self._predicted)
 
-    def follow(self) -> tuple[float, bool]:
-        """Return the end of the amplitude's scale, µm, and what the legend says, by which a changed frame is known."""
-        return self._reach.end, self._compensated
+    def _keep(self, speed: float, vectors: ComplexArray, into: ComplexArray) -> None:
+        if 0.0 <= speed * _TO_RPM < self._top and np.isfinite(vectors).all():
+            into[int(speed * _TO_RPM / self._top * _BINS)] = vectors * _MICRO
+
+    def _in_direction(self, direction: Direction) -> ComplexArray:
+        """Return what was measured on the way up or down, by speed."""
+        settled = self._measured[direction]
+        return settled if direction is not self._course.direction else _over(self._since, settled)
+
+    def follow(self) -> tuple[float, bool, bool]:
+        """Return the end of the amplitude's scale, µm, and what the legends say, by which a changed frame is known."""
+        drawn = np.stack([*self._measured.values(), self._since, self._predicted])
+        self._reach.follow(float(np.nan_to_num(np.abs(drawn)).max()))
+        return self._reach.end, self._compensated, self._ran_down
+
+    @property
+    def _ran_down(self) -> bool:
+        return bool(np.isfinite(self._in_direction(Direction.DOWN)).any())
 
     def axes(self) -> Drawing:
         """Return both frames, numbers and legend."""
@@ -67,18 +91,27 @@ class BodePlot:
         which = "compensated, 2X dim" if self._compensated else "1X bright, 2X dim"
         for name, color in (("model", MODEL), ("y", MEASURED_Y), ("x", MEASURED_X), (which, TEXT)):
             right -= drawing.text(name, (right, -0.8 * _LETTERS), _LETTERS, color, Anchor.RIGHT) + 8.0
+        if self._ran_down:
+            which = "run-up whole, run-down dashed"
+            drawing.text(which, (296.0, lag.top - 0.8 * _LETTERS), _LETTERS, TEXT, Anchor.RIGHT)
         return drawing
 
     def model(self) -> Drawing:
         """Return the predicted lines."""
-        return self._lines(self._predicted, (MODEL, dimmed(MODEL, 0.75)), 2.4)
+        drawing = Drawing()
+        self._lines(drawing, self._predicted, (MODEL, dimmed(MODEL, 0.75)), 2.4)
+        return drawing
 
     def measured(self) -> Drawing:
         """Return the measured lines."""
-        return self._lines(self._measured, (MEASURED_X, MEASURED_Y), 1.7)
-
-    def _lines(self, vectors: ComplexArray, colors: tuple[Color, Color], width: float) -> Drawing:
         drawing = Drawing()
+        for direction, dash in ((Direction.DOWN, _DASH), (Direction.UP, 0.0)):
+            self._lines(drawing, self._in_direction(direction), (MEASURED_X, MEASURED_Y), 1.7, dash)
+        return drawing
+
+    def _lines(
+        self, drawing: Drawing, vectors: ComplexArray, colors: tuple[Color, Color], width: float, dash: float = 0.0
+    ) -> None:
         amplitude, lag = self._plots()
         known = np.flatnonzero(np.isfinite(vectors[:, 0, 0].real))
         gaps = np.flatnonzero(np.diff(known) > 8) + 1  # within a run-up the bins between are simply joined
@@ -87,11 +120,14 @@ class BodePlot:
                 for probe, color in enumerate(colors):
                     vector = vectors[stretch, order, probe]
                     speeds = self._speeds[stretch]
-                    shade = dimmed(color, share)
-                    drawing.line(amplitude.place(speeds, np.abs(vector)), shade, width)
+                    lines = [amplitude.place(speeds, np.abs(vector))]
                     if order == 0:
-                        drawing.line(lag.place(*_unfolded(speeds, phase_lag(vector))), shade, width)
-        return drawing
+                        lines.append(lag.place(*_unfolded(speeds, phase_lag(vector))))
+                    for line in lines:
+                        if dash:
+                            drawing.dashes(line, dimmed(color, share), width, dash)
+                        else:
+                            drawing.line(line, dimmed(color, share), width)
 
     def _plots(self) -> tuple[Plot, Plot]:
         speed = Axis(0.0, self._top, "speed, r/min", ticks=8)
@@ -100,6 +136,14 @@ class BodePlot:
         )
         lower = Plot(0.0, 98.0, 300.0, 64.0, speed, Axis(0.0, 360.0, "1X phase lag, °", step=90.0), letters=_LETTERS)
         return upper, lower
+
+
+def _no_vectors() -> ComplexArray:
+    return np.full((_BINS, 2, 2), np.nan, dtype=np.complex128)
+
+
+def _over(younger: ComplexArray, older: ComplexArray) -> ComplexArray:
+    return np.where(np.isfinite(younger), younger, older)
 
 
 def _unfolded(speeds: FloatArray, lag: FloatArray) -> tuple[FloatArray, FloatArray]:
