@@ -7,24 +7,30 @@ from pathlib import Path
 from typing import TextIO
 
 import numpy as np
+from numpy.typing import NDArray
 
 from recordings.errors import ForeignFormatError
+from recordings.formats.ending import require_ended
 from recordings.formats.table import Column, Table, rate_of
 
 TIME = "time_s"
+PORTION = 20_000  # rows that are held as Python's numbers, which take four times the room
 NAME_WITH_UNIT = re.compile(r"(?P<name>.+?)\s*[\[(](?P<unit>[^\])]*)[\])]\s*$")
 
 
 def read(path: Path) -> Table:
     """Read a file separated by comma, or by semicolon or tab: then decimals may have a comma."""
     with path.open(encoding="utf-8-sig", errors="replace", newline="") as file:
-        properties, heading = _properties(file)
+        properties, heading, above = _properties(file)
         separator = max("\t;,", key=heading.count)
         names = [name.strip() for name in next(csv.reader([heading], delimiter=separator))]
-        comma = separator != ","
-        values = np.array([_row(row, len(names), comma=comma) for row in csv.reader(file, delimiter=separator) if row])
-    if values.size == 0:
+        rows = csv.reader(file, delimiter=separator)
+        numbered = ((above + rows.line_num, row) for row in rows if row)
+        portions = list(_portions(numbered, len(names), comma=separator != ","))
+        require_ended(path, above + rows.line_num)
+    if not portions:
         raise ForeignFormatError("holds no rows of numbers")
+    values = np.concatenate(portions)
     columns = []
     for name, column in zip(names, values.T, strict=True):
         found = NAME_WITH_UNIT.match(name)
@@ -57,27 +63,36 @@ def _quoted(name: str, unit: str) -> str:
     return f'"{text}"' if "," in text else text
 
 
-def _properties(file: TextIO) -> tuple[dict[str, str], str]:
-    """Return what the lines in front tell, and the line of names."""
+def _properties(file: TextIO) -> tuple[dict[str, str], str, int]:
+    """Return what the lines in front tell, the line of names, and its number."""
     properties = {}
-    for line in file:
+    for number, line in enumerate(file, 1):
         if line.startswith("#"):
             name, _, value = line[1:].partition(":")
             properties[name.strip()] = value.strip()
         elif line.strip():
-            return properties, line.rstrip("\r\n")
+            return properties, line.rstrip("\r\n"), number
     raise ForeignFormatError("holds no line of names")
 
 
-def _row(row: list[str], n_columns: int, *, comma: bool) -> list[float]:
-    if len(row) != n_columns:
-        raise ForeignFormatError(f"a row of {len(row)} values, expected {n_columns}: {row[:4]}")
-    return list(_numbers(row, comma=comma))
+def _portions(
+    numbered: Iterator[tuple[int, list[str]]], n_columns: int, *, comma: bool
+) -> Iterator[NDArray[np.float64]]:
+    """Yield the numbers of rows, many rows at a time."""
+    portion: list[list[float]] = []
+    for line, row in numbered:
+        if len(row) != n_columns:
+            raise ForeignFormatError(f"line {line}: a row of {len(row)} values, expected {n_columns}: {row[:4]}")
+        portion.append([_number(text, line, comma=comma) for text in row])
+        if len(portion) == PORTION:
+            yield np.array(portion)
+            portion = []
+    if portion:
+        yield np.array(portion)
 
 
-def _numbers(row: list[str], *, comma: bool) -> Iterator[float]:
-    for text in row:
-        try:
-            yield float(text.replace(",", ".") if comma else text)
-        except ValueError:
-            raise ForeignFormatError(f"{text!r}, expected a number") from None
+def _number(text: str, line: int, *, comma: bool) -> float:
+    try:
+        return float(text.replace(",", ".") if comma else text)
+    except ValueError:
+        raise ForeignFormatError(f"line {line}: {text!r}, expected a number") from None

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from recordings.errors import ForeignFormatError
+from recordings.formats.ending import require_ended
 from recordings.formats.table import Column, Table
 
 END = "***End_of_Header***"
@@ -17,7 +18,8 @@ SEPARATORS = {"Tab": "\t", "Comma": ",", "Semicolon": ";"}
 def read(path: Path) -> Table:
     """Read a file; stretches of rows of the same channels are put one after another."""
     text = path.read_bytes().decode("utf-8-sig", errors="replace")
-    lines = iter(text.splitlines())
+    all_lines = text.splitlines()
+    lines = iter(all_lines)
     if not next(lines, "").startswith(FIRST_LINE):
         raise ForeignFormatError(f"does not begin with {FIRST_LINE!r}")
     about = _heading(lines, None)
@@ -34,6 +36,7 @@ def read(path: Path) -> Table:
         found = [titles[place] if place < len(titles) else f"{place}" for place in places]
         if names and found != names:
             raise ForeignFormatError(f"stretches of different channels: {names} and {found}")
+        _require_all(channel_about.get("Samples", []), len(stretch))
         names = found
         units = [*channel_about.get("Y_Unit_Label", []), *[""] * n_channels][:n_channels]
         steps += [_number(step, comma=comma) for step in channel_about.get("Delta_X", [])[:n_channels]]
@@ -45,6 +48,7 @@ def read(path: Path) -> Table:
     values = np.array(rows)
     if np.isnan(values).any():
         raise ForeignFormatError("channels of different lengths")
+    require_ended(path, len(all_lines))
     columns = zip(names, units, values.T, strict=True)
     return Table(
         tuple(Column(name, unit, np.ascontiguousarray(column)) for name, unit, column in columns),
@@ -102,6 +106,13 @@ def _stretches(
             rows.append([_number(word, comma=comma) if word.strip() else np.nan for word in words])
             place += 1
         yield about, titles, rows
+
+
+def _require_all(told: list[str], n_rows: int) -> None:
+    """Raise ForeignFormatError where a stretch has fewer rows than its heading tells of samples."""
+    expected = max((int(count) for count in told if count.isdecimal()), default=0)
+    if n_rows < expected:
+        raise ForeignFormatError(f"a stretch of {n_rows:,} rows, its heading tells of {expected:,}: it is cut short")
 
 
 def _number(text: str, *, comma: bool) -> float:

@@ -14,6 +14,7 @@ GROUP = "run"
 def read(path: Path) -> Table:
     """Read a file; channels that hold no numbers are left out."""
     file = TdmsFile.read(path)
+    _require_whole(file)
     columns, steps, starts = [], set(), set()
     for group in file.groups():
         for channel in group.channels():
@@ -34,6 +35,14 @@ def read(path: Path) -> Table:
     properties = {name: str(value) for name, value in file.properties.items()}
     rate = float(properties["rate_hz"]) if "rate_hz" in properties else (1 / steps.pop() if steps else None)
     return Table(tuple(columns), rate, min(starts, default=None), properties)
+
+
+def _require_whole(file: TdmsFile) -> None:
+    """Raise ForeignFormatError where the last segment lacks values that it tells of."""
+    for path, status in (file.file_status.channel_statuses or {}).items():
+        if status.read_length < status.expected_length:
+            read, expected = status.read_length, status.expected_length
+            raise ForeignFormatError(f"is cut short: {read:,} of {expected:,} values in the last segment of {path}")
 
 
 def write(path: Path, table: Table) -> None:

@@ -1,16 +1,23 @@
 """WAV: channels named "1", "2" …; values of 16 bits are codes, others lie between -1 and 1."""
 
+import warnings
 from pathlib import Path
 
 import numpy as np
 from scipy.io import wavfile
 
+from recordings.errors import ForeignFormatError
 from recordings.formats.table import Column, Table
 
 
 def read(path: Path) -> Table:
     """Read a file."""
-    rate, values = wavfile.read(path)
+    with warnings.catch_warnings():
+        warnings.filterwarnings("error", "Reached EOF", wavfile.WavFileWarning)
+        try:
+            rate, values = wavfile.read(path)
+        except wavfile.WavFileWarning as error:
+            raise ForeignFormatError(f"is cut short: {error}") from error
     if values.ndim == 1:
         values = values[:, np.newaxis]
     if values.dtype != np.int16:

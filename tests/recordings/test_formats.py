@@ -195,3 +195,53 @@ def test_text_of_a_german_spreadsheet_is_read(tmp_path: Path) -> None:
 def test_columns_of_different_lengths_are_refused() -> None:
     with pytest.raises(ForeignFormatError, match="columns of different lengths"):
         Table((Column("a", "", np.zeros(2)), Column("b", "", np.zeros(3))))
+
+
+def cut(path: Path, size: int) -> Path:
+    """Leave the first bytes of a file."""
+    path.write_bytes(path.read_bytes()[:size])
+    return path
+
+
+@pytest.mark.parametrize("lost", [1, 2, 9])
+def test_a_csv_file_cut_inside_its_last_number_is_said_with_its_line(tmp_path: Path, table: Table, lost: int) -> None:
+    path = tmp_path / "run.csv"
+    write_table(path, table)
+    lines = len(path.read_text(encoding="utf-8").splitlines())
+    with pytest.raises(ForeignFormatError, match=rf"run\.csv: line {lines}, the last, has no end"):
+        read_table(cut(path, path.stat().st_size - lost))
+    path.write_bytes(path.read_bytes() + b"\n")
+    assert read_table(path).n_rows == table.n_rows, "whoever ends the line says that it is whole"
+
+
+def test_a_row_of_csv_that_is_cut_or_no_number_is_said_with_its_line(tmp_path: Path) -> None:
+    path = tmp_path / "run.csv"
+    path.write_text("# note: cold\n\nx [V],y [V]\n1,2\n3\n", encoding="utf-8")
+    with pytest.raises(ForeignFormatError, match="line 5: a row of 1 values, expected 2"):
+        read_table(path)
+    path.write_text("x [V],y [V]\n1,2\n3,-\n", encoding="utf-8")
+    with pytest.raises(ForeignFormatError, match="line 3: '-', expected a number"):
+        read_table(path)
+
+
+def test_a_measurement_of_labview_that_is_cut_is_said(tmp_path: Path) -> None:
+    path = tmp_path / "run.lvm"
+    whole = (
+        LVM.format(decimal=".", columns="No", titles="X_Value\tV_0\tV_1") + "\t1.5\t-2.25\n\t0.5\t3.25\n\t4.5\t5.75\n"
+    )
+    path.write_text(whole, encoding="utf-8")
+    assert read_table(path).n_rows == 3
+    with pytest.raises(ForeignFormatError, match=rf"line {len(whole.splitlines())}, the last, has no end"):
+        read_table(cut(path, path.stat().st_size - 2))
+    path.write_text(whole.removesuffix("\t4.5\t5.75\n"), encoding="utf-8")
+    with pytest.raises(ForeignFormatError, match="a stretch of 2 rows, its heading tells of 3: it is cut short"):
+        read_table(path)
+
+
+def test_sound_and_tdms_files_that_are_cut_are_said(tmp_path: Path, table: Table) -> None:
+    write_table(tmp_path / "run.tdms", table)
+    with pytest.raises(ForeignFormatError, match="is cut short: 499 of 500 values in the last segment"):
+        read_table(cut(tmp_path / "run.tdms", (tmp_path / "run.tdms").stat().st_size - 8))
+    wavfile.write(tmp_path / "run.wav", 1000, np.zeros((100, 2), np.int16))
+    with pytest.raises(ForeignFormatError, match="is cut short"):
+        read_table(cut(tmp_path / "run.wav", (tmp_path / "run.wav").stat().st_size - 4))
