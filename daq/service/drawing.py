@@ -1,130 +1,152 @@
-"""A small drawing of curves over two axes, SVG: enough for a spectrum, an orbit, a Bode plot and a cascade."""
+"""A small drawing of curves over two axes, SVG: enough for spectra, orbits, Bode and polar plots and cascades."""
 
 import html
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
 
-WIDTH, HEIGHT = 640, 400  # px of one panel
-LEFT, RIGHT, TOP, BOTTOM = 64, 16, 32, 48  # px round it
-COLOURS = ("#4cc2ff", "#ffb454", "#2a7fad", "#a8732e")  # probes x and y, and both again, darker, for a run-down
+from daq.service.panel import Curve, Panel, Style, label, ticks
+
+WIDTH = 640  # px of one panel
+HEIGHT, SQUARE_HEIGHT = 400, 640  # px; the latter with axes of one scale
+LEFT, RIGHT, TOP, BOTTOM, LINE = 68, 20, 30, 48, 17  # px round it, and of a line of words above it
+LETTER = 6.6  # px that a letter takes, about
+COLOURS = ("#4cc2ff", "#ffb454", "#2a7fad", "#a8732e", "#7ee787", "#ff7b9c")  # probes x, y; both, darker; others
+GUIDE, MARK, GROUND, INK, GRID, FRAME, NOTE = (
+    "#7d8899", "#ffffff", "#12161c", "#d8dee9", "#2c333d", "#6b7687", "#9aa5b5",
+)  # fmt: skip
+SPOKE = 30  # degrees between two of a polar plot
 STYLE = (
-    "text{font:12px sans-serif;fill:#d8dee9}.grid{stroke:#39414d;stroke-width:1}.frame{fill:none;stroke:#6b7687}"
-    "polyline{fill:none;stroke-width:1.4}.note{fill:#9aa5b5;font-size:10px}"
+    f"text{{font:12px sans-serif;fill:{INK}}}.grid{{stroke:{GRID};stroke-width:1;fill:none}}"
+    f".frame{{fill:none;stroke:{FRAME}}}polyline{{fill:none;stroke-width:1.4}}"
+    f".guide{{stroke:{GUIDE};stroke-width:1;stroke-dasharray:5 4}}.note{{fill:{NOTE};font-size:10px}}"
 )
-
-Values = Sequence[float | None]
-
-
-@dataclass(frozen=True, slots=True)
-class Panel:
-    """Curves over two axes.
-
-    Parameters
-    ----------
-    title, x_label, y_label : str
-        What is written at it; labels carry the unit.
-    curves : tuple
-        Name, abscissas and ordinates of each; a None breaks the curve.
-    is_square : bool
-        Whether both axes have one scale and their zero in the middle.
-    y_from_zero : bool
-        Whether the ordinates begin at 0.
-    is_stacked : bool
-        Whether the curves stand one behind the other, the first in front.
-    notes : tuple
-        Words, and abscissa and ordinate where they stand.
-    """
-
-    title: str
-    x_label: str
-    y_label: str
-    curves: tuple[tuple[str, Values, Values], ...]
-    is_square: bool = False
-    y_from_zero: bool = True
-    is_stacked: bool = False
-    notes: tuple[tuple[str, float, float], ...] = ()
 
 
 def drawing(panels: Sequence[Panel]) -> str:
     """Return panels one below the other as an SVG document."""
-    bodies = [f'<g transform="translate(0,{k * HEIGHT})">{_panel(panel)}</g>' for k, panel in enumerate(panels)]
-    height = HEIGHT * len(panels)
+    bodies, height = [], 0
+    for panel in panels:
+        bodies.append(f'<g transform="translate(0,{height})">{"".join(_Drawn(panel).parts())}</g>')
+        height += height_of(panel)
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" width="{WIDTH}" height="{height}" viewBox="0 0 {WIDTH} {height}">'
-        f'<style>{STYLE}</style><rect width="100%" height="100%" fill="#12161c"/>{"".join(bodies)}</svg>'
+        f'<style>{STYLE}</style><rect width="100%" height="100%" fill="{GROUND}"/>{"".join(bodies)}</svg>'
     )
 
 
-def ticks(low: float, high: float, wanted: int = 6) -> list[float]:
-    """Return round numbers from ``low`` to ``high``, about so many."""
-    step = (high - low) / wanted
-    power = 10.0 ** math.floor(math.log10(step))
-    step = next((factor * power for factor in (1, 2, 5) if factor * power >= step), 10 * power)
-    first = math.ceil(low / step - 1e-9)
-    return [k * step for k in range(first, math.floor(high / step + 1e-9) + 1)]
+def height_of(panel: Panel) -> int:
+    """Return the height of a panel, px."""
+    return SQUARE_HEIGHT if panel.is_square else HEIGHT
 
 
-def _panel(panel: Panel) -> str:
-    (x_low, x_high), (y_low, y_high) = _ranges(panel)
-    inner_width, inner_height = WIDTH - LEFT - RIGHT, HEIGHT - TOP - BOTTOM
-    if panel.is_square:
-        inner_width = inner_height
-
-    def across(x: float) -> float:
-        return LEFT + inner_width * (x - x_low) / (x_high - x_low)
-
-    def up(y: float) -> float:
-        return TOP + inner_height * (y_high - y) / (y_high - y_low)
-
-    right, bottom = LEFT + inner_width, TOP + inner_height
-    parts = [f'<text x="{LEFT}" y="20">{html.escape(panel.title)}</text>']
-    for x in ticks(x_low, x_high):
-        parts.append(f'<line class="grid" x1="{across(x):.1f}" x2="{across(x):.1f}" y1="{TOP}" y2="{bottom}"/>')
-        parts.append(f'<text x="{across(x):.1f}" y="{bottom + 16}" text-anchor="middle">{x:g}</text>')
-    for y in ticks(y_low, y_high, 5):
-        parts.append(f'<line class="grid" x1="{LEFT}" x2="{right}" y1="{up(y):.1f}" y2="{up(y):.1f}"/>')
-        parts.append(f'<text x="{LEFT - 6}" y="{up(y) + 4:.1f}" text-anchor="end">{y:g}</text>')
-    parts.append(f'<rect class="frame" x="{LEFT}" y="{TOP}" width="{inner_width}" height="{inner_height}"/>')
-    hiding = ' style="fill:#12161c"' if panel.is_stacked else ""  # what stands behind
-    middle = (LEFT + right) / 2
-    parts.append(f'<text x="{middle:.0f}" y="{bottom + 36}" text-anchor="middle">{html.escape(panel.x_label)}</text>')
-    parts.append(
-        f'<text transform="translate(16,{(TOP + bottom) / 2:.0f}) rotate(-90)" text-anchor="middle">'
-        f"{html.escape(panel.y_label)}</text>"
-    )
-    for k, (name, xs, ys) in reversed(list(enumerate(panel.curves))):
-        colour = COLOURS[0 if panel.is_stacked else k % len(COLOURS)]
-        for points in _runs(xs, ys):
-            line = " ".join(f"{across(x):.1f},{up(y):.1f}" for x, y in points)
-            parts.append(f'<polyline{hiding} stroke="{colour}" points="{line}"/>')
-        if name:
-            place = f'x="{right - 8 - 40 * k}" y="20" text-anchor="end" style="fill:{colour}"'
-            parts.append(f"<text {place}>{html.escape(name)}</text>")
-    for words, x, y in panel.notes:
-        parts.append(f'<circle cx="{across(x):.1f}" cy="{up(y):.1f}" r="2" class="note"/>')
-        parts.append(f'<text class="note" x="{across(x) + 5:.1f}" y="{up(y) - 4:.1f}">{html.escape(words)}</text>')
-    return "".join(parts)
+def colour_of(panel: Panel, place: int) -> str:
+    """Return the colour of a panel's curve."""
+    curve = panel.curves[place]
+    if curve.style in {Style.GUIDE, Style.MARKS}:
+        return GUIDE if curve.style is Style.GUIDE else MARK
+    number = (0 if panel.is_stacked else place) if curve.colour is None else curve.colour
+    return COLOURS[number % len(COLOURS)]
 
 
-def _runs(xs: Values, ys: Values) -> list[list[tuple[float, float]]]:
-    """Return the unbroken stretches of a curve."""
-    runs: list[list[tuple[float, float]]] = [[]]
-    for x, y in zip(xs, ys, strict=True):
-        if x is None or y is None:
-            runs.append([])
-        else:
-            runs[-1].append((x, y))
-    return [run for run in runs if run]
+def spokes(zero: float, reach: float) -> Iterator[tuple[str, float, float]]:
+    """Yield the spokes of a polar plot: lag, which grows against the rotation, and where it ends."""
+    for lag in range(0, 360, SPOKE):
+        angle = zero - math.radians(lag)
+        yield f"{lag}°", reach * math.cos(angle), reach * math.sin(angle)
 
 
-def _ranges(panel: Panel) -> tuple[tuple[float, float], tuple[float, float]]:
-    xs = [x for _, values, _ in panel.curves for x in values if x is not None] or [0.0]
-    ys = [y for _, _, values in panel.curves for y in values if y is not None] or [0.0]
-    if panel.is_square:
-        most = 1.1 * max(*map(abs, xs), *map(abs, ys)) or 1.0
-        return (-most, most), (-most, most)
-    y_low, y_high = (0.0 if panel.y_from_zero else min(ys)), max(ys)
-    room = 0.05 * (y_high - y_low) or 1.0
-    x_low, x_high = min(xs), max(xs)
-    return (x_low, x_high if x_high > x_low else x_low + 1.0), (y_low, y_high + room)
+class _Drawn:
+    """One panel as elements of SVG."""
+
+    def __init__(self, panel: Panel) -> None:
+        self._panel = panel
+        (self._x_low, self._x_high), (self._y_low, self._y_high) = panel.ranges()
+        named = any(curve.name for curve in panel.curves)
+        self._top = TOP + LINE * (bool(panel.caption) + named)
+        self._width, self._height = WIDTH - LEFT - RIGHT, height_of(panel) - self._top - BOTTOM
+        if panel.is_square:
+            self._width = self._height = min(self._width, self._height)
+        self._right, self._bottom = LEFT + self._width, self._top + self._height
+
+    def parts(self) -> Iterator[str]:
+        """Yield everything."""
+        panel = self._panel
+        yield _text(LEFT, 20, panel.title)
+        if panel.caption:
+            yield _text(LEFT, 20 + LINE, panel.caption, kind="note")
+        yield from self._legend(self._top - 9)
+        yield from self._axes() if panel.polar_zero is None else self._circles(panel.polar_zero)
+        middle = (LEFT + self._right) / 2
+        yield _text(middle, self._bottom + 36, panel.x_label, "middle")
+        if panel.polar_zero is None:
+            centre = (self._top + self._bottom) / 2
+            yield (
+                f'<text transform="translate(16,{centre:.0f}) rotate(-90)" text-anchor="middle">'
+                f"{html.escape(panel.y_label)}</text>"
+            )
+        order = reversed(range(len(panel.curves)))
+        for place in sorted(order, key=lambda k: panel.curves[k].style is not Style.LINE):  # guides and marks on top
+            yield from self._curve(panel.curves[place], colour_of(panel, place))
+        for words, x, y in panel.notes:
+            yield f'<circle cx="{self._across(x):.1f}" cy="{self._up(y):.1f}" r="2" class="note"/>'
+            yield _text(self._across(x) + 5, self._up(y) - 4, words, kind="note")
+
+    def _across(self, x: float) -> float:
+        return LEFT + self._width * (x - self._x_low) / (self._x_high - self._x_low)
+
+    def _up(self, y: float) -> float:
+        part = (y - self._y_low) / (self._y_high - self._y_low)
+        return self._top + self._height * (part if self._panel.y_is_down else 1.0 - part)
+
+    def _axes(self) -> Iterator[str]:
+        top, bottom, right = self._top, self._bottom, self._right
+        for x in ticks(self._x_low, self._x_high):
+            at = self._across(x)
+            yield f'<line class="grid" x1="{at:.1f}" x2="{at:.1f}" y1="{top}" y2="{bottom}"/>'
+            yield _text(at, bottom + 16, label(x), "middle")
+        for y in ticks(self._y_low, self._y_high, 6 if self._panel.is_square else 5):
+            at = self._up(y)
+            yield f'<line class="grid" x1="{LEFT}" x2="{right}" y1="{at:.1f}" y2="{at:.1f}"/>'
+            yield _text(LEFT - 6, at + 4, label(y), "end")
+        yield f'<rect class="frame" x="{LEFT}" y="{top}" width="{self._width}" height="{self._height}"/>'
+
+    def _circles(self, zero: float) -> Iterator[str]:
+        reach = self._x_high
+        across, up = self._across(0.0), self._up(0.0)
+        for lag, x, y in spokes(zero, 0.94 * reach):
+            end = f'x2="{self._across(x):.1f}" y2="{self._up(y):.1f}"'
+            yield f'<line class="grid" x1="{across:.1f}" y1="{up:.1f}" {end}/>'
+            yield _text(self._across(1.05 * x), self._up(1.05 * y) + 4, lag, "middle")
+        for radius in ticks(0.0, 0.94 * reach, 4)[1:]:
+            size = self._across(radius) - across
+            yield f'<circle class="grid" cx="{across:.1f}" cy="{up:.1f}" r="{size:.1f}"/>'
+            yield _text(across + 3, up - size - 3, label(radius), kind="note")
+
+    def _legend(self, line: float) -> Iterator[str]:
+        at = float(LEFT)
+        for place, curve in enumerate(self._panel.curves):
+            if curve.name:
+                colour = colour_of(self._panel, place)
+                yield f'<text x="{at:.0f}" y="{line}" style="fill:{colour}">{html.escape(curve.name)}</text>'
+                at += LETTER * len(curve.name) + 18
+
+    def _curve(self, curve: Curve, colour: str) -> Iterator[str]:
+        for stretch in curve.stretches():
+            points = [(self._across(x), self._up(y)) for x, y in stretch]
+            if curve.style in {Style.DOTS, Style.MARKS}:
+                radius = 1.1 if curve.style is Style.DOTS else 3.5
+                yield (
+                    f'<g fill="{colour}">'
+                    + "".join(f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{radius}"/>' for x, y in points)
+                    + "</g>"
+                )
+                continue
+            line = " ".join(f"{x:.1f},{y:.1f}" for x, y in points)
+            look = ' class="guide"' if curve.style is Style.GUIDE else f' stroke="{colour}"'
+            hiding = f' style="fill:{GROUND}"' if self._panel.is_stacked and curve.style is Style.LINE else ""
+            yield f'<polyline{hiding}{look} points="{line}"/>'
+
+
+def _text(x: float, y: float, words: str, anchor: str = "", kind: str = "") -> str:
+    looks = (f' text-anchor="{anchor}"' if anchor else "") + (f' class="{kind}"' if kind else "")
+    return f'<text x="{x:.1f}" y="{y:.1f}"{looks}>{html.escape(words)}</text>'

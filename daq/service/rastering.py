@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from importlib import import_module
 from typing import Any
 
-from daq.service.drawing import COLOURS, HEIGHT, WIDTH, Panel, Values
+from daq.service.drawing import FRAME, GRID, GROUND, INK, NOTE, WIDTH, colour_of, height_of, spokes
+from daq.service.panel import Curve, Panel, Style, label, ticks
 
 DOTS = 100  # an inch
-GROUND, INK = "#12161c", "#d8dee9"
 SCALE = 1.5  # points of the picture to one of the drawing
 
 
@@ -19,46 +19,97 @@ class NoPngError(ValueError):
 
 def picture(panels: Sequence[Panel]) -> bytes:
     """Return panels one below the other as PNG; NoPngError where matplotlib is missing."""
-    try:
-        figure_module: Any = import_module("matplotlib.figure")  # optional
-    except ImportError as error:
-        raise NoPngError("PNG needs matplotlib, which is not installed here; SVG does not") from error
-    size = (SCALE * WIDTH / DOTS, SCALE * HEIGHT * len(panels) / DOTS)
+    require_png()
+    figure_module: Any = import_module("matplotlib.figure")  # optional
+    heights = [height_of(panel) for panel in panels]
+    size = (SCALE * WIDTH / DOTS, SCALE * sum(heights) / DOTS)
     figure = figure_module.Figure(figsize=size, dpi=DOTS, layout="constrained", facecolor=GROUND)
-    for place, panel in enumerate(panels, 1):
-        _draw(figure.add_subplot(len(panels), 1, place), panel)
+    grid = figure.add_gridspec(len(panels), 1, height_ratios=heights)
+    for place, panel in enumerate(panels):
+        _draw(figure.add_subplot(grid[place]), panel)
     file = io.BytesIO()
     figure.savefig(file, format="png")
     return file.getvalue()
 
 
+def require_png() -> None:
+    """Raise NoPngError where matplotlib is missing."""
+    try:
+        import_module("matplotlib.figure")
+    except ImportError as error:
+        raise NoPngError("PNG needs matplotlib, which is not installed here; SVG does not") from error
+
+
 def _draw(axes: Any, panel: Panel) -> None:
+    (x_low, x_high), (y_low, y_high) = panel.ranges()
+    _write(axes, panel)
+    for place, curve in enumerate(panel.curves):
+        depth = 2.0 - place / len(panel.curves) if curve.style is Style.LINE else 3.0
+        _plot(axes, curve, colour_of(panel, place), depth, hiding=panel.is_stacked and curve.style is Style.LINE)
+    for words, x, y in panel.notes:
+        axes.plot([x], [y], ".", color=NOTE, markersize=4)
+        axes.annotate(words, (x, y), (4, 4), textcoords="offset points", color=NOTE, fontsize=8)
+    axes.set_xlim(x_low, x_high)
+    axes.set_ylim(*((y_high, y_low) if panel.y_is_down else (y_low, y_high)))
+    if panel.is_square:
+        axes.set_aspect("equal", adjustable="box")
+    if panel.polar_zero is not None:
+        _circles(axes, panel.polar_zero, x_high)
+        return
+    axes.set_yticks(ticks(y_low, y_high, 6 if panel.is_square else 5))
+    axes.set_xticks(ticks(x_low, x_high))
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_formatter(lambda value, _place: label(value))
+
+
+def _write(axes: Any, panel: Panel) -> None:
+    """Write what stands round the axes."""
     axes.set_facecolor(GROUND)
     axes.tick_params(colors=INK)
-    axes.grid(color="#39414d")
+    axes.grid(color=GRID, visible=panel.polar_zero is None)
+    axes.set_axisbelow(True)
     for spine in axes.spines.values():
-        spine.set_color("#6b7687")
-    for write, words in (
-        (axes.set_title, panel.title),
-        (axes.set_xlabel, panel.x_label),
-        (axes.set_ylabel, panel.y_label),
-    ):
-        write(words, color=INK)
-    for k, (name, xs, ys) in enumerate(panel.curves):
-        colour = COLOURS[0 if panel.is_stacked else k % len(COLOURS)]
-        across, up, depth = _numbers(xs), _numbers(ys), 2.0 - k / len(panel.curves)
-        if panel.is_stacked:
+        spine.set_color(FRAME)
+    axes.set_xlabel(panel.x_label, color=INK)
+    axes.set_ylabel("" if panel.polar_zero is not None else panel.y_label, color=INK)
+    named = [(place, curve.name) for place, curve in enumerate(panel.curves) if curve.name]
+    lines = [(panel.title, INK, 11)] + ([(panel.caption, NOTE, 9)] if panel.caption else [])
+    room = 6.0 + 15.0 * bool(named)
+    for words, colour, size in reversed(lines):
+        axes.annotate(words, (0, 1), (0, room), "axes fraction", "offset points", color=colour, fontsize=size)
+        room += 15.0
+    at = 0.0
+    for place, name in named:
+        colour = colour_of(panel, place)
+        axes.annotate(name, (0, 1), (at, 6), "axes fraction", "offset points", color=colour, fontsize=9)
+        at += 5.4 * len(name) + 14.0
+
+
+def _plot(axes: Any, curve: Curve, colour: str, depth: float, *, hiding: bool) -> None:
+    looks = {
+        Style.LINE: {"linewidth": 1.2},
+        Style.GUIDE: {"linewidth": 0.9, "linestyle": "--"},
+        Style.DOTS: {"linestyle": "", "marker": ".", "markersize": 2.6, "markeredgewidth": 0.0},
+        Style.MARKS: {"linestyle": "", "marker": "o", "markersize": 6.0},
+    }
+    for stretch in curve.stretches():
+        across, up = [x for x, _ in stretch], [y for _, y in stretch]
+        if hiding:
             axes.fill_between(across, min(up), up, color=GROUND, zorder=depth, linewidth=0.0)
-        axes.plot(across, up, color=colour, label=name, linewidth=1.2, zorder=depth)
-    if any(name for name, _, _ in panel.curves):
-        axes.legend(facecolor=GROUND, labelcolor=INK)
-    for words, x, y in panel.notes:
-        axes.annotate(words, (x, y), color="#9aa5b5", fontsize=8)
-    if panel.is_square:
-        axes.set_aspect("equal", adjustable="datalim")
-    elif panel.y_from_zero:
-        axes.set_ylim(bottom=0.0)
+        axes.plot(across, up, color=colour, zorder=depth, **looks[curve.style])
 
 
-def _numbers(values: Values) -> list[float]:
-    return [math.nan if value is None else value for value in values]
+def _circles(axes: Any, zero: float, reach: float) -> None:
+    """Draw the grid of a polar plot."""
+    axes.set_xticks([])
+    axes.set_yticks([])
+    for spine in axes.spines.values():
+        spine.set_visible(False)
+    for lag, x, y in spokes(zero, 0.94 * reach):
+        axes.plot([0.0, x], [0.0, y], color=GRID, linewidth=0.8, zorder=0.5)
+        axes.text(1.05 * x, 1.05 * y, lag, color=INK, fontsize=9, ha="center", va="center")
+    turn = [math.radians(degree) for degree in range(0, 361, 2)]
+    for radius in ticks(0.0, 0.94 * reach, 4)[1:]:
+        circle = [radius * math.cos(angle) for angle in turn], [radius * math.sin(angle) for angle in turn]
+        axes.plot(*circle, color=GRID, linewidth=0.8, zorder=0.5)
+        axes.annotate(label(radius), (0.0, radius), (3, 2), textcoords="offset points", color=NOTE, fontsize=8)

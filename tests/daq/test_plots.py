@@ -30,20 +30,32 @@ def document(*rows: SpeedRow) -> OrderVectorsDocument:
 
 def test_run_up_and_run_down_are_curves_of_their_own() -> None:
     both = [(way, speed) for way in Direction for speed in (1000.0, 2000.0)]
-    size, lag = panels_of(document(*(row(way, speed, None) for way, speed in both)), "bode")
-    assert [name for name, _, _ in size.curves] == ["x ▲", "y ▲", "x ▼", "y ▼"]
-    assert [name for name, _, _ in lag.curves] == ["x ▲", "y ▲", "x ▼", "y ▼"]
-    assert all(len(speeds) == 2 for _, speeds, _ in size.curves)
-    assert [name for name, _, _ in panels_of(document(row(Direction.UP, 1000.0, None)), "bode")[0].curves] == ["x", "y"]
+    lag, size = panels_of(document(*(row(way, speed, None) for way, speed in both)), "bode")
+    assert [curve.name for curve in size.curves] == ["x ▲", "y ▲", "x ▼", "y ▼"]
+    assert [curve.name for curve in lag.curves] == ["x ▲", "y ▲", "x ▼", "y ▼"]
+    assert all(len(curve.x) == 2 for curve in size.curves)
+    alone = panels_of(document(row(Direction.UP, 1000.0, None)), "bode")[0]
+    assert [curve.name for curve in alone.curves] == ["x", "y"]
     polar = panels_of(document(*(row(way, speed, None) for way, speed in both)), "polar")
-    assert [[name for name, _, _ in panel.curves] for panel in polar] == [["▲", "▼"]] * 2
+    assert [[curve.name for curve in panel.curves] for panel in polar] == [["▲", "▼"]] * 2
+
+
+def test_lag_grows_downwards_and_breaks_where_a_turn_is_full() -> None:
+    turned = (2e-6 * np.exp(-1j * np.radians(lag)) for lag in (350.0, 10.0))
+    rows = [row(Direction.UP, 1000.0 * k, vector) for k, vector in enumerate(turned, 1)]
+    lag, _ = panels_of(document(*rows), "bode")
+    assert lag.y_is_down
+    assert lag.ranges()[1] == (0.0, 360.0)
+    assert [len(stretch) for stretch in lag.curves[0].stretches()] == [1, 1]
+    assert [y for y in lag.curves[0].y if y is not None] == pytest.approx([350.0, 10.0])
 
 
 def test_what_run_out_left_is_drawn_and_called_compensated() -> None:
     rows = [row(Direction.UP, 500.0, None), row(Direction.UP, 2000.0, 4e-6j)]
-    size, lag = panels_of(document(*rows), "bode")
-    assert size.title == "there-and-back · 1X compensated"
-    (_, speeds, amplitudes), _ = size.curves
-    assert list(speeds) == [pytest.approx(2000.0)]
-    assert list(amplitudes) == [pytest.approx(4.0)]
-    assert list(lag.curves[0][2]) == [pytest.approx(270.0)]
+    lag, size = panels_of(document(*rows), "bode")
+    assert lag.title == "there-and-back"
+    assert size.title == "amplitude of 1X compensated"
+    at_x, _ = size.curves
+    assert list(at_x.x) == [pytest.approx(2000.0)]
+    assert list(at_x.y) == [pytest.approx(4.0)]
+    assert list(lag.curves[0].y) == [pytest.approx(270.0)]

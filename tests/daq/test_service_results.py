@@ -277,7 +277,7 @@ def test_plot_is_an_svg_of_curves_that_lie_inside_it(bench: RecordedBench, what:
         points = np.array([point.split(",") for point in line.attrib["points"].split()], dtype=np.float64)
         assert points.min() >= 0.0
         assert points[:, 0].max() <= 640.0
-        assert points[:, 1].max() <= 400.0
+        assert points[:, 1].max() <= 640.0
     assert RUN in response.text
     drawn = bench.get(f"/plots/{what}.png")
     assert drawn.headers["content-type"] == "image/png"

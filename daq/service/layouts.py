@@ -1,0 +1,141 @@
+"""How each sort of plot is laid out, in the conventions that operators of rotors know: lags grow, speed is in r/min."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+from daq.service.panel import FULL_TURN, Curve, Panel, Style, Values
+
+BOTH_WAYS = "order (negative: against the rotation)"
+NOTES_APART = 0.15  # of the largest vector: from one speed to the next that is written at a polar plot
+LINES = 40  # of a cascade, at most
+LINE_HEIGHT = 0.12  # of the axis that the feet stand at, that the largest line of a cascade takes
+BLANK = 0.05  # of a turn before the mark that an orbit is blank: it goes from blank to bright
+PROBES = ("x", "y")
+
+
+@dataclass(frozen=True, slots=True)
+class Course:
+    """Vectors of one order over speed, in one direction of the speed.
+
+    Parameters
+    ----------
+    arrow : str
+        Which way the speed went; empty where there is one way alone.
+    speeds : sequence
+        r/min.
+    amplitudes, lags : pair of sequences
+        At the probes x and y, µm and degrees; None where not known.
+    """
+
+    arrow: str
+    speeds: Values
+    amplitudes: tuple[Values, Values]
+    lags: tuple[Values, Values]
+
+
+def bode(title: str, what: str, unit: str, courses: Sequence[Course], caption: str = "") -> list[Panel]:
+    """Return phase lag, growing downwards, above amplitude, both over speed."""
+    lag: list[Curve] = []
+    size: list[Curve] = []
+    for row, course in enumerate(courses):
+        for probe, name in enumerate(PROBES):
+            named, colour = f"{name} {course.arrow}".strip(), 2 * row + probe
+            lag.append(Curve(named, *_wrapped(course.speeds, course.lags[probe]), colour=colour))
+            size.append(Curve(named, course.speeds, course.amplitudes[probe], colour=colour))
+    return [
+        Panel(title, "r/min", f"phase lag of {what}, degrees", tuple(lag), caption, y_range=FULL_TURN, y_is_down=True),
+        Panel(f"amplitude of {what}", "r/min", unit, tuple(size)),
+    ]
+
+
+def polar(
+    title: str, what: str, unit: str, courses: Sequence[Course], zeros: tuple[float, float], caption: str = ""
+) -> list[Panel]:
+    """Return the vectors in the plane, for each probe; a lag of 0 lies at ``zeros``, rad, and lags grow clockwise."""
+    panels = []
+    for probe, name in enumerate(PROBES):
+        curves: list[Curve] = []
+        notes: list[tuple[str, float, float]] = []
+        for row, course in enumerate(courses):
+            places = _places(course, probe, zeros[probe])
+            notes += _spaced(places)
+            path = [x for _, x, _ in places], [y for _, _, y in places]
+            curves.append(Curve(course.arrow, *path, colour=2 * row + probe))
+        label = f"{unit}; lag clockwise, against the rotation; r/min along the path"
+        panels.append(
+            Panel(
+                f"{title} · {what} at probe {name}", label, "µm", tuple(curves), caption, is_square=True,
+                polar_zero=zeros[probe], notes=tuple(notes),
+            )
+        )  # fmt: skip
+    return panels
+
+
+def stacked(
+    title: str,
+    x_label: str,
+    y_label: str,
+    across: Values,
+    feet: Values,
+    rows: Sequence[Values],
+    caption: str = "",
+    guides: tuple[Curve, ...] = (),
+) -> Panel:
+    """Return spectra one above the other: each line's foot stands at its speed or time."""
+    together = -(-len(feet) // LINES)  # rows of which a line shows the largest
+    groups = [rows[k : k + together] for k in range(0, len(feet), together)]
+    lines = [tuple(max(value or 0.0 for value in cell) for cell in zip(*group, strict=True)) for group in groups]
+    stands = [foot or 0.0 for foot in feet[::together]]
+    largest = max(map(max, lines), default=0.0) or 1.0
+    scale = LINE_HEIGHT * ((max(stands) - min(stands)) or max(stands) or 1.0) / largest
+    curves = tuple(
+        Curve("", across, [foot + scale * value for value in line]) for foot, line in zip(stands, lines, strict=True)
+    )
+    heading = f"{title}, largest line {largest:.3g} µm"
+    return Panel(heading, x_label, y_label, curves + guides, caption, y_from_zero=False, is_stacked=True)
+
+
+def orbit(title: str, turns: Sequence[tuple[Values, Values]], caption: str = "", name: str = "") -> Panel:
+    """Return the path of successive turns that begin at the mark: blank just before it, and bright at it."""
+    across: list[float | None] = []
+    up: list[float | None] = []
+    for xs, ys in turns:
+        seen = len(xs) - max(round(BLANK * len(xs)), 1)
+        across += [*xs[:seen], None]
+        up += [*ys[:seen], None]
+    marks = Curve("mark", [xs[0] for xs, _ in turns], [ys[0] for _, ys in turns], Style.MARKS)
+    label = "X to the right, µm; the shaft turns anticlockwise"
+    return Panel(title, label, "Y up, µm", (Curve(name, across, up), marks), caption, is_square=True)
+
+
+def _places(course: Course, probe: int, zero: float) -> list[tuple[float, float, float]]:
+    """Return the speeds at which the vector of a probe is known, and where it points then."""
+    places = []
+    for speed, radius, lag in zip(course.speeds, course.amplitudes[probe], course.lags[probe], strict=True):
+        if speed is not None and radius is not None and lag is not None:
+            angle = zero - math.radians(lag)
+            places.append((speed, radius * math.cos(angle), radius * math.sin(angle)))
+    return places
+
+
+def _wrapped(speeds: Values, lags: Values) -> tuple[Values, Values]:
+    """Return a lag that is broken where it passes from 360 to 0 degrees."""
+    points = list(zip(speeds, lags, strict=True))
+    found = points[:1]
+    for (_, before), (speed, lag) in pairwise(points):
+        if before is not None and lag is not None and abs(lag - before) > FULL_TURN[1] / 2:
+            found.append((None, None))
+        found.append((speed, lag))
+    return [speed for speed, _ in found], [lag for _, lag in found]
+
+
+def _spaced(places: Sequence[tuple[float, float, float]]) -> list[tuple[str, float, float]]:
+    """Return the speeds that are written at a polar plot: not too near to each other."""
+    reach = max((math.hypot(x, y) for _, x, y in places), default=0.0)
+    written: list[tuple[str, float, float]] = []
+    for speed, x, y in places:
+        if all(math.hypot(x - other[1], y - other[2]) > NOTES_APART * reach for other in written):
+            written.append((f"{speed:,.0f}", x, y))
+    return written
