@@ -202,6 +202,8 @@ class Acquisition:
         In the order of the rows of a block.
     tacho : Tacho
         How the tacho channel is read.
+    buffer : int
+        Samples per channel that the device holds for a late reader; 0 where there is no device or nobody knows.
     """
 
     device: Device
@@ -209,6 +211,12 @@ class Acquisition:
     convert_rate: float
     channels: tuple[Channel, ...]
     tacho: Tacho
+    buffer: int = 0
+
+    @property
+    def buffer_time(self) -> float | None:
+        """How long the device holds samples for a late reader, s; None where there is no device or nobody knows."""
+        return self.buffer / self.rate if self.buffer else None
 
     @property
     def ticks_per_sample(self) -> float:

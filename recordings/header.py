@@ -153,6 +153,7 @@ def _acquisition_document(acquisition: Acquisition) -> Document:
         },
         "rate_hz": acquisition.rate,
         "convert_rate_hz": acquisition.convert_rate,
+        "buffer_samples": acquisition.buffer,
         "channels": [_channel_document(channel) for channel in acquisition.channels],
         "tacho": {
             "threshold_v": tacho.threshold,
@@ -216,6 +217,7 @@ def _acquisition(section: Section) -> Acquisition:
             delay=tacho.number("delay_s"),
             counter=_counter(tacho.section("counter")) if tacho.has("counter") else None,
         ),
+        buffer=section.whole("buffer_samples") if section.has("buffer_samples") else 0,  # older files do not tell
     )
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.clock import PPM, ClockError
+from analysis.delivery import Delivery
 from analysis.run import RunHeader
 from analysis.samples import EndReason, SampleBlock, SegmentEnd, SourceItem
 from analysis.snapshot import Snapshot
@@ -118,9 +119,9 @@ class RunReader:
         return self._skipped_samples
 
     @property
-    def clock_error(self) -> ClockError | None:
-        """The card's clock against the host's; None where the run could not tell, or was not finished."""
-        return self._clock_error
+    def delivery(self) -> Delivery:
+        """How the samples came from the device; nothing is known of that where the run was not finished."""
+        return self._delivery
 
     def segment_started_ns(self, segment: int) -> int:
         """Return when a segment began by sample time, ns since 1970; ValueError where there is none of this number."""
@@ -273,7 +274,9 @@ class RunReader:
         document = self._end_document()
         self._is_complete = bool(document.get("complete", False))
         self._skipped_samples = int(document.get("skipped_samples", 0))
-        self._clock_error = _clock_error(document)
+        self._delivery = Delivery(
+            _clock_error(document), document.get("largest_backlog_s"), self.header.acquisition.buffer_time
+        )
         if self._is_complete:
             self._ends = tuple(end_from_document(end) for end in document["segments"])
         else:

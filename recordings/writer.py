@@ -9,7 +9,8 @@ from typing import Any
 from mcap.records import Channel, Message, Schema
 from mcap.well_known import MessageEncoding, SchemaEncoding
 
-from analysis.clock import PPM, ClockFit
+from analysis.clock import PPM
+from analysis.delivery import DeliveryWatch
 from analysis.run import RunHeader
 from analysis.samples import EndReason, SampleBlock, SegmentEnd
 from recordings.appended import AppendedFile
@@ -69,7 +70,7 @@ class RunWriter:
         self._rate = header.acquisition.rate
         self._results: deque[EncodedResult] = deque()
         self._ends: list[SegmentEnd] = []
-        self._clock = ClockFit(self._rate)
+        self._delivery = DeliveryWatch(header.acquisition)
         self._pulses = PulseTeller(header.acquisition)
         self._starts_ns = {0: header.started_ns}
         self._segment = 0
@@ -120,7 +121,7 @@ class RunWriter:
         self._add(_message(SAMPLES, log_time, encode_block(block), self._sequence))
         self._sequence += 1
         self._next_sample = block.end
-        self._clock.block(block)
+        self._delivery.block(block)
         self._since_flush += block.n_samples
         self._since_results += block.n_samples
         try:
@@ -276,7 +277,8 @@ class RunWriter:
             yield _message(result.topic, log_time, result.data)
 
     def _end_document(self, skipped_samples: int) -> dict[str, object]:
-        clock = self._clock.error()
+        delivery = self._delivery.delivery()
+        clock = delivery.clock
         return {
             "complete": self._next_sample == 0,  # no segment left open
             "gap_free": len(self._ends) == 1 and self._ends[0].is_gap_free,
@@ -285,6 +287,7 @@ class RunWriter:
             "pulses": self._kept_pulses,
             "clock_error_ppm": None if clock is None else clock.error / PPM,
             "clock_uncertainty_ppm": None if clock is None else clock.uncertainty / PPM,
+            "largest_backlog_s": delivery.backlog,
             "segments": [
                 {
                     "segment": end.segment,

@@ -43,7 +43,7 @@ def run(chosen: argparse.Namespace) -> int:
     catalogue, run_id = found(chosen.recording, chosen.folder)
     path = catalogue.path(run_id)
     with RunReader(path) as reader:
-        header, clock, marks = reader.header, reader.clock_error, reader.marks()
+        header, delivery, marks = reader.header, reader.delivery, reader.marks()
     with stop_requested() as stop, Predictors() as predictors, Readings(predictors) as readings:
         summaries = Summaries(catalogue, predictors, readings.summary)
         model = predictors.of(header)
@@ -57,6 +57,6 @@ def run(chosen: argparse.Namespace) -> int:
             outcome = follow(replayed, stop, console)
         model.wait(PATIENCE, lambda state: console.progress(f"model {state}"))
         console.done()
-        document = summaries.document(replayed.summary(), header, clock, marks)
+        document = summaries.document(replayed.summary(), header, delivery, marks)
     tell(document, as_json=chosen.json)
     return outcome.exit_code

@@ -10,6 +10,7 @@ from daq.service.documents import Document, SummaryDocument
 from daq.service.documents.agreement import AgreementDocument
 from daq.service.documents.alarm import AlarmDocument
 from daq.service.documents.summary import SpeedRowDocument
+from daq.session.watchdog import FULL
 from recordings.marks import MarkKind
 
 
@@ -44,6 +45,7 @@ def summary_lines(summary: SummaryDocument) -> Iterator[str]:
     if summary.clock_error_ppm is not None:
         uncertainty = _number(summary.clock_uncertainty_ppm, 1)
         yield f"clock            the card's {summary.clock_error_ppm:+,.1f} ± {uncertainty} ppm against this computer's"
+    yield from _backlog(summary)
     yield from _tacho(summary)
     for alarm in summary.alarms:
         yield f"alarm            {_alarm(alarm)}"
@@ -70,6 +72,15 @@ def summary_lines(summary: SummaryDocument) -> Iterator[str]:
     else:
         for k, line in enumerate(_model(summary.agreement)):
             yield f"{'model' if k == 0 else '':15}  {line}"
+
+
+def _backlog(summary: SummaryDocument) -> Iterator[str]:
+    """Yield how near the card's buffer came to losing samples."""
+    most, holds = summary.largest_backlog_s, summary.buffer_s
+    if most is not None and holds:
+        part = most / holds
+        near = "; close other programs or lower timing.rate_hz" if part > FULL else ""
+        yield f"backlog          at most {most:.2f} s in the card's buffer of {holds:.3g} s, {100 * part:.0f} %{near}"
 
 
 def _tacho(summary: SummaryDocument) -> Iterator[str]:

@@ -178,6 +178,7 @@ def _acquisition(rig: Rig) -> Acquisition:
         convert_rate=converter.convert_rate(rate, len(config.channel)),
         channels=tuple(_channel(rig, section) for section in config.channel),
         tacho=rig.tacho,
+        buffer=round(config.timing.buffer_s * rate),
     )
 
 

@@ -110,6 +110,11 @@ function table(caption, heads, rows) {
   return node;
 }
 
+function waited(run) {
+  if (run.largest_backlog_s === null || !run.buffer_s) return [];
+  return [["Backlog", `at most ${decimals(run.largest_backlog_s, 2)} s of the ${decimals(run.buffer_s, 1)} s that the card holds`]];
+}
+
 function counted(tacho) {
   if (!tacho?.counter) return [];
   const compared = tacho.counter.told || `${count(tacho.counter.compared)} edges by counter and samples agree`;
@@ -122,6 +127,7 @@ function summary(run) {
     facts([
       ["Recording", run.is_gap_free ? "gap-free" : `${run.segments.length} parts, ${lost} lost`],
       ["Length", `${clock(run.duration_s)} · ${count(run.samples)} samples`],
+      ...waited(run),
       ["Speed", `${whole(run.lowest_speed_rpm)} to ${whole(run.highest_speed_rpm)} r/min`],
       ...counted(run.tacho),
       ["Largest overall", `${micrometres(run.largest_peak_to_peak_um)} µm peak-to-peak · ${run.severity}`],
@@ -141,8 +147,8 @@ const arrow = (course) => (course === "run-up" ? "▲" : "▼");
 function alarms(run) {
   return run.alarms.map((alarm) => {
     const until = alarm.end ? `until ${clock(alarm.end.time_s)}` : "to the end";
-    const size = `up to ${micrometres(alarm.largest_peak_to_peak_um)} µm peak-to-peak, limit ${micrometres(alarm.limit_peak_to_peak_um)}`;
-    return make("p", `▲ ${alarm.severity.toUpperCase()} at ${alarm.probe} from ${clock(alarm.begin.time_s)}, ${whole(alarm.begin.speed_rpm)} r/min, ${until}: ${size}.`);
+    const name = alarm.name.replace(alarm.severity, alarm.severity.toUpperCase());
+    return make("p", `▲ ${name} from ${clock(alarm.begin.time_s)}, ${whole(alarm.begin.speed_rpm)} r/min, ${until}: up to ${alarm.told}.`);
   });
 }
 

@@ -7,7 +7,7 @@ from typing import Protocol
 
 from pydantic import ValidationError
 
-from analysis.clock import ClockError
+from analysis.delivery import Delivery
 from analysis.run import Calibration, RunHeader
 from analysis.summary import RunSummary
 from daq.service.documents import SummaryDocument, summary_document
@@ -91,21 +91,21 @@ class Summaries:
             There is no such run, or its file cannot be read.
         """
         with RunReader(self._catalogue.path(run_id)) as reader:
-            header, clock = corrected_header(reader.header, calibrations), reader.clock_error
+            header, delivery = corrected_header(reader.header, calibrations), reader.delivery
             marks = reader.marks()
             predictor = self._maps.of(header)
             summary = summarise(reader, partial(waiting, f"analysing {run_id} anew"), header)
         predictor.wait(PATIENCE, lambda state: waiting(f"model {state}", None))
-        return self.document(summary, header, clock, marks)
+        return self.document(summary, header, delivery, marks)
 
     def document(
-        self, summary: RunSummary, header: RunHeader, clock: ClockError | None, marks: tuple[Mark, ...] = ()
+        self, summary: RunSummary, header: RunHeader, delivery: Delivery, marks: tuple[Mark, ...] = ()
     ) -> SummaryDocument:
         """Return a summary with how it agrees with the model of the run's rig, null where its map is not ready."""
         prediction_map = self._maps.of(header).map
         agreement = None if prediction_map is None else compare(summary, prediction_map)
         rate = header.acquisition.rate
-        return summary_document(summary, agreement, clock, tuple(mark_document(mark, rate) for mark in marks))
+        return summary_document(summary, agreement, delivery, tuple(mark_document(mark, rate) for mark in marks))
 
     def _kept(self, run_id: str) -> SummaryDocument | None:
         document = self._catalogue.load_document(run_id, KEPT_AS)
@@ -118,14 +118,14 @@ class Summaries:
 
     def _made(self, run_id: str, waiting: Waiting | None) -> SummaryDocument:
         with RunReader(self._catalogue.path(run_id)) as reader:
-            header, is_complete, clock = reader.header, reader.is_complete, reader.clock_error
+            header, is_complete, delivery = reader.header, reader.is_complete, reader.delivery
             marks = reader.marks()
             told = None if waiting is None else partial(waiting, f"reading {run_id}")
             predictor = self._maps.of(header)
             summary = self._read(reader.path) if self._read is not None and waiting is None else summarise(reader, told)
         if waiting is not None:
             predictor.wait(PATIENCE, lambda state: waiting(f"model {state}", None))
-        document = self.document(summary, header, clock, marks)
+        document = self.document(summary, header, delivery, marks)
         if is_complete and predictor.map is not None:
             self._catalogue.store_document(run_id, KEPT_AS, document.model_dump(mode="json"))
         return document

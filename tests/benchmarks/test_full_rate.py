@@ -120,7 +120,7 @@ def test_full_rate_over_the_wire_is_gap_free_for_ten_minutes(tmp_path: Path) -> 
     seconds = until - begun
     (end,) = outcome.ends
     with RunReader(path) as reader:
-        clock, complete, recorded = reader.clock_error, reader.is_gap_free, reader.n_samples
+        clock, complete, recorded = reader.delivery.clock, reader.is_gap_free, reader.n_samples
     size, rate = path.stat().st_size / 1e6, run.header.acquisition.rate
     print(f"\n3 × {rate / 1e3:g} kS/s over the wire for {recorded / rate:.0f} s: {recorded:,} samples a channel,")
     print(f"  lost {end.lost}, the driver's count is ours: {not end.detail}; part of one core:")

@@ -149,6 +149,9 @@ class Rpcs:
         self.task(request).buffer = request.value
         return pb.SetBufferAttributeUInt32Response()
 
+    def GetBufferAttributeUInt32(self, request: Any, _: object) -> Any:
+        return pb.GetBufferAttributeUInt32Response(value={0x186C: self.task(request).buffer}[request.attribute_raw])
+
     def TaskControl(self, request: Any, _: object) -> Any:
         assert request.action_raw == COMMIT
         task = self.task(request)

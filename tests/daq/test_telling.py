@@ -85,18 +85,18 @@ def test_a_slow_roll_that_did_not_come_is_told(rig: RigFactory, tmp_path: Path) 
     assert wanted in lines
 
 
-def ended(rig: Rig, path: Path, *ends: SegmentEnd) -> list[str]:
-    """Return what is told of a run of such segments."""
+def ended(rig: Rig, path: Path, *ends: SegmentEnd, backlog: int = 0) -> list[str]:
+    """Return what is told of a run of such segments, each of one block that was read with a backlog."""
     source = open_source(rig)
     writer = RunWriter(path, run_header(order(rig, path.parent), source))
     for end in ends:
         if end.samples:
-            writer.block(SampleBlock(np.zeros((3, end.samples), np.int16), end.segment, 0, 0))
+            writer.block(SampleBlock(np.zeros((3, end.samples), np.int16), end.segment, 0, 0, backlog))
         writer.segment_end(end)
     writer.close()
     source.close()
     with RunReader(path) as reader:
-        return list(summary_lines(summary_document(summarise(reader))))
+        return list(summary_lines(summary_document(summarise(reader), delivery=reader.delivery)))
 
 
 def test_what_ended_a_run_is_told_segment_by_segment(rig: RigFactory, tmp_path: Path) -> None:
@@ -110,6 +110,20 @@ def test_what_ended_a_run_is_told_segment_by_segment(rig: RigFactory, tmp_path: 
     ]
     stopped = SegmentEnd(0, 1000, EndReason.FINISHED, detail="stopped by speed < 1500 r/min")
     assert "end              stopped by speed < 1500 r/min" in ended(rig(), tmp_path / "stopped.mcap", stopped)
+
+
+@pytest.mark.parametrize(
+    ("part", "told"),
+    [(0.25, "25 %"), (0.75, "75 %; close other programs or lower timing.rate_hz")],
+)
+def test_largest_backlog_is_told_with_the_buffer_that_it_stood_in(
+    rig: RigFactory, tmp_path: Path, part: float, told: str
+) -> None:
+    chosen = rig(timing={"buffer_s": 4.0})
+    rate = run_header(order(chosen, tmp_path), open_source(chosen)).acquisition.rate
+    end = SegmentEnd(0, 1000, EndReason.STOPPED)
+    lines = ended(chosen, tmp_path / "late.mcap", end, backlog=round(4.0 * part * rate))
+    assert f"backlog          at most {4.0 * part:.2f} s in the card's buffer of 4 s, {told}" in lines
 
 
 def test_run_whose_start_never_came_says_so_and_nothing_more(rig: RigFactory, tmp_path: Path) -> None:

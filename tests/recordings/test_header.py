@@ -38,7 +38,7 @@ def test_numbers_in_the_document_have_their_unit_in_the_name(header: RunHeader) 
     units = ("_s", "_m", "_v", "_hz", "_rad", "_ns", "_rad_per_s", "_to_k")
     fractions = {"mark_fraction", "hysteresis_fraction"}
     plain = {"revolutions", "points_per_revolution", "highest_order", "orbit_revolutions"} | fractions
-    counts = {"pulses_per_revolution"}
+    counts = {"pulses_per_revolution", "buffer_samples"}
 
     def check(part: Any) -> None:
         for key, value in part.items():

@@ -9,6 +9,7 @@ import textwrap
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -118,6 +119,21 @@ def test_closing_twice_is_harmless(tmp_path: Path, header: RunHeader, make_block
     assert writer.path.stat().st_size == size
     with RunReader(writer.path) as reader:
         assert reader.skipped_samples == 7
+
+
+def test_file_tells_the_largest_backlog_and_the_buffer_that_it_stood_in(
+    tmp_path: Path, header: RunHeader, make_block: MakeBlock
+) -> None:
+    card = replace(header, acquisition=replace(header.acquisition, buffer=160_000))
+    writer = RunWriter(tmp_path / "run.mcap", card)
+    for first, backlog in ((0, 40), (100, 3000), (200, 0)):
+        writer.block(replace(make_block(0, first, 100), backlog=backlog))
+    writer.segment_end(SegmentEnd(0, 300, EndReason.STOPPED))
+    writer.close()
+    with RunReader(writer.path) as reader:
+        assert reader.header == card
+        assert reader.delivery.backlog == 3000 / card.acquisition.rate
+        assert reader.delivery.buffer == 160_000 / card.acquisition.rate
 
 
 def test_closing_within_a_segment_leaves_the_run_incomplete(

@@ -184,6 +184,7 @@ class NiCard:
             convert_rate=float(task.timing.ai_conv_rate),
             channels=tuple(_channel_record(rig, *pair) for pair in zip(sections, inputs, strict=True)),
             tacho=rig.tacho,
+            buffer=int(task.in_stream.input_buf_size),
         )
 
     def _add(self, task: Task, section: ChannelSection) -> AIChannel:

@@ -6,7 +6,8 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from analysis.clock import PPM, ClockError
+from analysis.clock import PPM
+from analysis.delivery import Delivery
 from analysis.direction import Direction as SpeedDirection
 from analysis.findings import WhirlFinding, WhirlHysteresis, whirl_hysteresis
 from analysis.run import Severity
@@ -177,6 +178,15 @@ class SummaryDocument(Document):
     clock_uncertainty_ppm: float | None = Field(
         description="How far off that may be on either side, 95 %; null likewise", examples=[0.4]
     )
+    largest_backlog_s: float | None = Field(
+        description="The longest that samples waited in the card's buffer, s; null where there is no card, or the run "
+        "was not finished",
+        examples=[0.12],
+    )
+    buffer_s: float | None = Field(
+        description="What the card's buffer holds, s: a larger backlog loses samples; null where there is no card",
+        examples=[8.0],
+    )
     lowest_speed_rpm: float | None = Field(
         description="Lowest shaft speed, r/min; null where the tacho never told", examples=[1004.0]
     )
@@ -215,7 +225,7 @@ class SummaryDocument(Document):
 def summary_document(
     summary: RunSummary,
     agreement: Agreement | None = None,
-    clock: ClockError | None = None,
+    delivery: Delivery | None = None,
     marks: tuple[MarkDocument, ...] = (),
 ) -> SummaryDocument:
     """Return what a run was as a document.
@@ -226,12 +236,13 @@ def summary_document(
         What was measured.
     agreement : Agreement or None
         How far the model agrees; None where there is no prediction for it.
-    clock : ClockError or None
-        The card's clock against the computer's; None where the run cannot tell.
+    delivery : Delivery or None
+        How the samples came from the device; None where nobody knows.
     marks : tuple of MarkDocument
         Moments that somebody named.
     """
-    tacho = summary.tacho
+    tacho, delivery = summary.tacho, delivery or Delivery()
+    clock = delivery.clock
     return SummaryDocument(
         run=summary.run,
         rig=summary.rig,
@@ -247,6 +258,8 @@ def summary_document(
         marks=marks,
         clock_error_ppm=None if clock is None else finite(clock.error / PPM),
         clock_uncertainty_ppm=None if clock is None else finite(clock.uncertainty / PPM),
+        largest_backlog_s=None if delivery.backlog is None else finite(delivery.backlog),
+        buffer_s=None if delivery.buffer is None else finite(delivery.buffer),
         lowest_speed_rpm=rpm(summary.lowest_speed),
         highest_speed_rpm=rpm(summary.highest_speed),
         largest_peak_to_peak_um=micrometres(summary.largest_peak_to_peak),

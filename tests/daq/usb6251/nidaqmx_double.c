@@ -11,6 +11,7 @@
 typedef struct {
     int channels, started, reads;
     uint64_t position;
+    uint32_t buffer;
     double rate;
     int counts, armed; /* of a counter: how much of what it needs is set, and whether it waits for the samples */
 } Task;
@@ -84,7 +85,13 @@ int DAQmxCfgSampClkTiming(void *handle, const char *source, double rate, int edg
     task.rate = rate;
     return mode == 10123 ? 0 : -200077;
 }
-int DAQmxSetBufferAttribute(void *handle, int32_t attribute, uint32_t value) { return attribute == 0x186C ? 0 : -200077; }
+int DAQmxSetBufferAttribute(void *handle, int32_t attribute, uint32_t value) {
+    if (handle == &task) task.buffer = value;
+    return attribute == 0x186C ? 0 : -200077;
+}
+int DAQmxGetBufferAttribute(void *handle, int32_t attribute, ...) {
+    WITH_ARGUMENTS(attribute, *va_arg(arguments, uint32_t *) = attribute == 0x186C ? task.buffer : 0);
+}
 int DAQmxTaskControl(void *handle, int action) { return 0; }
 int DAQmxGetTimingAttribute(void *handle, int32_t attribute, ...) {
     WITH_ARGUMENTS(attribute, *va_arg(arguments, double *) = attribute == 0x1344 ? task.rate + 0.25 : 90000.0);

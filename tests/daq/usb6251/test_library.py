@@ -41,7 +41,8 @@ for item in source.blocks():
 source.close()
 acquisition = source.acquisition
 json.dump({
-    "rate": acquisition.rate, "convert_rate": acquisition.convert_rate, "serial": acquisition.device.serial,
+    "rate": acquisition.rate, "convert_rate": acquisition.convert_rate, "buffer": acquisition.buffer,
+    "serial": acquisition.device.serial,
     "driver": acquisition.device.driver, "scaling": acquisition.channels[0].scaling,
     "alive": ctypes.c_int.in_dll(ctypes.CDLL("libnidaqmx.so.1"), "alive").value,
     "blocks": [[i.segment, i.first_sample, i.backlog, i.codes.tolist()] for i in items if isinstance(i, SampleBlock)],
@@ -113,6 +114,7 @@ def test_overrun_is_told_with_the_librarys_code_and_text(recorded: dict[str, Any
 def test_acquisition_is_read_back_from_the_library(recorded: dict[str, Any]) -> None:
     assert recorded["rate"] == 20_000.25
     assert recorded["convert_rate"] == 90_000.0
+    assert recorded["buffer"] == 8 * 20_000
     assert recorded["scaling"] == [6e-4, 3.2e-4, 1.4e-13, -7.1e-18]
     assert (recorded["serial"], recorded["driver"]) == ("1A2B32", "NI-DAQmx 24.0.0")
 

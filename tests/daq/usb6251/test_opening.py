@@ -86,6 +86,7 @@ def test_code_that_nobody_knows_keeps_its_number_and_text(server: DeviceServer) 
         "CfgSampClkTiming",
         "SetBufferAttributeUInt32",
         "TaskControl",
+        "GetBufferAttributeUInt32",
         "GetTimingAttributeDouble",
         "GetDeviceAttributeBool",
         "GetChanAttributeDouble",

@@ -48,6 +48,7 @@ def test_acquisition_is_read_back_from_the_device_as_it_was_coerced(card: Usb625
     got, played = card.acquisition, server.driver.acquisition
     assert got.rate == played.rate != RATE
     assert got.convert_rate == played.convert_rate
+    assert got.buffer == 4 * RATE
     assert [channel.scaling for channel in got.channels] == [channel.scaling for channel in played.channels]
     assert [(c.range_low, c.range_high) for c in got.channels] == [(-10, 10), (-10, 10), (-5, 5)]
     assert [(c.name, c.role, c.physical) for c in got.channels] == [
