@@ -11,13 +11,15 @@ from fastapi import Body, Path, Request, Response
 from fastapi.responses import StreamingResponse
 
 from daq.service.documents.job import IndexOrder, JobDocument, JobListDocument, Order, job_document
+from daq.service.documents.study import RotorOrder
 from daq.service.file_answers import OCTETS, file_answer
-from daq.service.job_tasks import index_task, run_task
-from daq.service.jobs import Job, JobNotFoundError, Jobs, JobsFullError
+from daq.service.job_tasks import header_of, index_task, run_task
+from daq.service.jobs import Job, JobNotFoundError, Jobs, JobsFullError, Task
 from daq.service.kinds import Kind
 from daq.service.live_run import Live, require_ended
 from daq.service.problems import ProblemError
 from daq.service.routing import EVENTS, PREFIX, Routing, event_stream
+from daq.service.studies import study_task
 from daq.service.tags import NOT_MODIFIED
 from daq.service.workers import Workers
 from recordings.catalogue import RunEntry
@@ -98,18 +100,28 @@ class JobRoutes:
         One job is done at a time, in a process of its own at low priority, so that a run that is recorded is not
         disturbed; at most 8 wait. Job and result are kept for an hour after its end, of the last 32.
         """
-        if isinstance(order, IndexOrder):
-            task = index_task(order, self._jobs.place)
-        else:
-            require_ended(self._live, order.run)
-            entry = await self._lookups.run(partial(self._catalogue.run, order.run))
-            task = run_task(order, entry, self._jobs.place)
+        task = await self._task(order)
         try:
             job = await self._lookups.run(partial(self._jobs.begin, task))
         except JobsFullError as error:
             raise ProblemError(Kind.TOO_MANY_JOBS, str(error)) from error
         response.headers["Location"] = f"{PREFIX}/jobs/{job.id}"
         return job_document(job)
+
+    async def _task(self, order: Order) -> Task:
+        """Return what is to be done."""
+        match order:
+            case IndexOrder():
+                return index_task(order, self._jobs.place)
+            case RotorOrder():
+                return study_task(order, None if order.run is None else header_of(await self._run(order.run)))
+            case _:
+                return run_task(order, await self._run(order.run), self._jobs.place)
+
+    async def _run(self, run: str) -> RunEntry:
+        """Return a run that is not under way."""
+        require_ended(self._live, run)
+        return await self._lookups.run(partial(self._catalogue.run, run))
 
     async def all(self) -> JobListDocument:
         """List the jobs that wait, go on, or ended not long ago."""

@@ -68,7 +68,7 @@ def run_task(order: RunOrder, entry: RunEntry, place: DataPlace) -> Task:
         case PredictionOrder():
             changes = order.model_dump(exclude={"kind", "run"}, exclude_none=True)
             words = "".join(f", {name} {value:g}" for name, value in changes.items())
-            wanted = (_header(entry), changes)
+            wanted = (header_of(entry), changes)
             return task(f"model of {run}{words}", work=job_work.predict, arguments=wanted, file="prediction.json")
         case ExportOrder(format=form):
             part = job_work.part_of(order.from_s, order.until_s, order.segment)
@@ -98,13 +98,14 @@ def _calibrations(order: AnalysisOrder, entry: RunEntry) -> dict[str, Calibratio
     """Return the calibrations of an order; ProblemError where they are none for this run."""
     try:
         given = {name: calibration_of(record, f"calibrations.{name}") for name, record in order.calibrations.items()}
-        corrected_header(_header(entry), given)
+        corrected_header(header_of(entry), given)
     except (ConfigError, UsageError) as error:
         raise ProblemError(Kind.BAD_PARAMETER, str(error)) from error
     return given
 
 
-def _header(entry: RunEntry) -> RunHeader:
+def header_of(entry: RunEntry) -> RunHeader:
+    """Return a run's header; ProblemError where it cannot be read."""
     if entry.header is None:
         raise ProblemError(Kind.RUN_DAMAGED, f"run {entry.id}: {entry.fault}")
     return entry.header

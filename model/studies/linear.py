@@ -16,6 +16,7 @@ from model.supports import Coefficients, Support
 FloatArray = NDArray[np.float64]
 
 SPEED_LABEL = "Speed of the shaft [rad/s]"
+SOFT = 1e4  # N/m, of Table 5.3
 RIGID = 1e-6  # of the highest frequency: below it a mode is a free motion, its frequency rounding
 FREQUENCY_LABEL = "Natural frequency [Hz]"
 
@@ -29,6 +30,11 @@ def supported(parameters: ModelParameters, stiffness: float | None) -> LinearSys
     """Return the rotor on its own supports and, where a stiffness is given, N/m, on springs in the films' place."""
     springs = () if stiffness is None else on_springs(parameters.rotor, stiffness)
     return linear_system(parameters.rotor, (*parameters.supports, *springs))
+
+
+def campbell_stiffness(parameters: ModelParameters) -> float | None:
+    """Return the springs that a Campbell diagram needs, N/m: none on supports that hold the rotor."""
+    return None if supported(parameters, None).is_held else SOFT
 
 
 def modes_study(parameters: ModelParameters, stiffness: float | None, speed: float, count: int = 10) -> Study:

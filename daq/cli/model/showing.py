@@ -1,11 +1,12 @@
 """Showing a study: its table for people, JSON for programs, its plots in a file."""
 
 import argparse
-import json
 import math
 from pathlib import Path
 
 from daq.cli.model.drawing import require_drawing, save
+from daq.cli.telling import print_json
+from daq.service.documents.study import study_document
 from model.studies.study import Cell, Study
 
 
@@ -32,16 +33,10 @@ def show(study: Study, chosen: argparse.Namespace) -> int:
     if chosen.output is not None:
         save(study.plots, chosen.output)
     if chosen.json:
-        print(json.dumps(document(study), ensure_ascii=False, indent=2))
+        print_json(study_document(study))
     else:
         print("\n".join(table_lines(study)))
     return 0
-
-
-def document(study: Study) -> dict[str, object]:
-    """Return a study as JSON has it: null where there is no number."""
-    rows = [{name: _plain(cell) for name, cell in row.items()} for row in study.rows()]
-    return {"title": study.title, "rows": rows, "remarks": list(study.remarks)}
 
 
 def table_lines(study: Study) -> list[str]:
@@ -52,10 +47,6 @@ def table_lines(study: Study) -> list[str]:
     lines = [study.title, "  ".join(name.rjust(width) for name, width in zip(names, widths, strict=True))]
     lines += ["  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True)) for row in rows]
     return lines + list(study.remarks)
-
-
-def _plain(cell: Cell) -> Cell | None:
-    return cell if isinstance(cell, str) or math.isfinite(cell) else None
 
 
 def _text(cell: Cell) -> str:

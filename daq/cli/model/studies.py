@@ -13,7 +13,7 @@ from model.film_grid import Grid
 from model.lubrication import Lubrication, nominal, thesis_like
 from model.parameters import ModelParameters
 from model.studies.films import film_study, lubrication_study
-from model.studies.linear import campbell_study, critical_study, modes_study, supported
+from model.studies.linear import SOFT, campbell_stiffness, campbell_study, critical_study, modes_study
 from model.studies.motion import Shown, motion_study
 from model.studies.run_up import RunUp, bifurcation_study, run_up, waterfall_study
 from model.studies.stepping import SEED
@@ -22,8 +22,6 @@ from model.studies.synchronous import onset_study, response_study
 
 AddKind = Callable[[str, str], argparse.ArgumentParser]
 Compute = Callable[[ModelParameters, argparse.Namespace], Study]
-
-_STIFFNESS = 1e4  # N/m, of Table 5.3
 
 
 def add_studies(add: AddKind) -> None:
@@ -59,7 +57,7 @@ def _add_linear(study: Add) -> None:
     command.add_argument("--count", type=counting, default=10, help="how many modes (default: 10)")
 
     command = study("campbell", _campbell, "Natural frequencies over speed, each mode followed, and critical speeds.")
-    _add_stiffness(command, f"none, on supports that hold the rotor, else {_STIFFNESS:g}")
+    _add_stiffness(command, f"none, on supports that hold the rotor, else {SOFT:g}")
     _add_speeds(command, "0:8000:81", "rad/s", kind=values)
     command.add_argument("--count", type=counting, default=10, help="how many branches, both senses (default: 10)")
 
@@ -156,9 +154,7 @@ def _modes(parameters: ModelParameters, chosen: argparse.Namespace) -> Study:
 
 
 def _campbell(parameters: ModelParameters, chosen: argparse.Namespace) -> Study:
-    stiffness = chosen.stiffness_n_m
-    if stiffness is None and not supported(parameters, None).is_held:
-        stiffness = _STIFFNESS
+    stiffness = campbell_stiffness(parameters) if chosen.stiffness_n_m is None else chosen.stiffness_n_m
     return campbell_study(parameters, stiffness, chosen.speeds, chosen.count)
 
 

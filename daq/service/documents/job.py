@@ -11,12 +11,13 @@ from pydantic_core import ErrorDetails
 from daq.config.calibration import CalibrationRecord
 from daq.service.documents.document import Document
 from daq.service.documents.live import PredictedDocument
+from daq.service.documents.run import RunId
+from daq.service.documents.study import StudyOrder
 from daq.service.jobs import Job, JobState
 from daq.service.questions import LONGEST
 
 JOBS = "/api/v1/jobs"
 
-RunId = Annotated[str, Field(description="Id of the run", max_length=200, examples=["2026-11-24T09-12-07-gj90c"])]
 Parameter: TypeAlias = str | float | bool | None
 
 
@@ -153,7 +154,7 @@ class IndexOrder(Document):
 
 
 RunOrder: TypeAlias = AnswerOrder | AnalysisOrder | PredictionOrder | ExportOrder | VerificationOrder | RecoveryOrder
-Order: TypeAlias = Annotated[RunOrder | IndexOrder, Field(discriminator="kind")]
+Order: TypeAlias = Annotated[RunOrder | IndexOrder | StudyOrder, Field(discriminator="kind")]
 
 
 class JobDocument(Document):

@@ -12,6 +12,7 @@ from daq.service.documents.units import finite, moment
 from recordings.catalogue import RunEntry
 
 Count = Annotated[int, Field(ge=0)]
+RunId = Annotated[str, Field(description="Id of the run", max_length=200, examples=["2026-11-24T09-12-07-gj90c"])]
 
 
 class RunDocument(Document):

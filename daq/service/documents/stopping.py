@@ -1,13 +1,11 @@
 """Starting and ending a run over REST."""
 
 from datetime import datetime
-from typing import Annotated
 
 from pydantic import Field
 
 from daq.service.documents.document import Document
-
-RunId = Annotated[str, Field(description="Id of the run", examples=["2026-11-24T09-12-07-gj90c"])]
+from daq.service.documents.run import RunId
 
 
 class OrderDocument(Document):
