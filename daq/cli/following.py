@@ -1,16 +1,15 @@
 """Watching a run from the terminal until it ends or is stopped."""
 
-from threading import Event
-
 from daq.cli.console import Console, frame_line
 from daq.session.frame import RunState, Status
 from daq.session.run import Outcome, Run
+from daq.stopping import StopFlag
 
 _LOOK = 0.2  # s
 _TROUBLE = frozenset({RunState.DEGRADED, RunState.INTERRUPTED})
 
 
-def follow(run: Run, stop: Event, console: Console) -> Outcome:
+def follow(run: Run, stop: StopFlag, console: Console) -> Outcome:
     """Show the run's progress until its end; a set `stop` ends it by hand."""
     asked, telling = False, _Telling(console)
     try:

@@ -11,7 +11,7 @@ from daq.cli.following import follow
 from daq.cli.listing import run_line
 from daq.cli.marking import take_marks
 from daq.cli.screens import Screens
-from daq.cli.stopping import stop_requested
+from daq.cli.signals import stop_requested
 from daq.cli.telling import print_json, tell
 from daq.config.load import load_rig
 from daq.config.rig import Rig

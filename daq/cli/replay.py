@@ -6,7 +6,7 @@ from pathlib import Path
 from daq.cli.console import Console
 from daq.cli.following import follow
 from daq.cli.screens import Screens
-from daq.cli.stopping import stop_requested
+from daq.cli.signals import stop_requested
 from daq.cli.telling import tell
 from daq.drivers.replay import open_replay
 from daq.service.readings import Readings

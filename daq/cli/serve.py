@@ -7,7 +7,7 @@ from pathlib import Path
 from daq.cli.console import Console
 from daq.cli.record import order_for
 from daq.cli.screens import Screens
-from daq.cli.stopping import stop_requested
+from daq.cli.signals import stop_requested
 from daq.config.load import load_rig
 from daq.config.rig import Rig
 from daq.config.schema import StorageSection

@@ -9,10 +9,10 @@ from analysis.samples import EndReason, SampleBlock, SegmentEnd, SourceItem
 from daq.drivers.restarts import Restarts
 from daq.drivers.source import Source
 from daq.errors import DeviceError, DeviceFault
+from daq.stopping import StopFlag
 
 BROKEN = frozenset({EndReason.UNPLUGGED, EndReason.DEVICE_ERROR})
 FINAL = frozenset({DeviceFault.BUSY, DeviceFault.REJECTED, DeviceFault.DRIVER})  # waiting does not help
-NAP = 0.05  # s between two looks at whether the end was asked for
 
 
 class Reconnecting:
@@ -45,7 +45,7 @@ class Reconnecting:
         self._restarts = restarts
         self._retry = retry
         self._patience = patience
-        self._stopping = False  # a plain flag, which a signal handler may set at any instant
+        self._stopping = StopFlag()
         self._device = open_device()
         self._acquisition = self._device.acquisition
 
@@ -68,39 +68,39 @@ class Reconnecting:
                 first = numbered.segment + 1
                 yield numbered
             self._device.close()
-            if not goes_on or self._is_stopping():
+            if not goes_on or self._stopping.is_set():
                 return
             error = self._reconnect()
             if error is not None:
                 reason = EndReason.UNPLUGGED if error.fault is DeviceFault.MISSING else EndReason.DEVICE_ERROR
                 yield SegmentEnd(first, 0, reason, detail=str(error))
                 return
-            if self._is_stopping():
+            if self._stopping.is_set():
                 self._device.close()
                 return
 
     def stop(self) -> None:
         """Ask for the end, from any thread."""
-        self._stopping = True
+        self._stopping.set()
         self._device.stop()
 
     def close(self) -> None:
         """Release the device; harmless when closed, from any thread."""
-        self._stopping = True
+        self._stopping.set()
         self._device.close()
 
     def _judged(self, end: SegmentEnd) -> tuple[bool, SegmentEnd]:
         """Return whether the device is to be opened anew after this end, and the end with what is to be said."""
-        if end.reason not in BROKEN or self._is_stopping() or self._patience == 0:
+        if end.reason not in BROKEN or self._stopping.is_set() or self._patience == 0:
             return False, end
         return (True, end) if self._restarts.take() else (False, self._restarts.last(end))
 
     def _reconnect(self) -> DeviceError | None:
         """Open the device again until it is there or the end was asked for; return why it stays away."""
         deadline = time.monotonic() + self._patience
-        while not self._is_stopping():
-            self._wait()
-            if self._is_stopping():
+        while not self._stopping.is_set():
+            self._stopping.wait(self._retry)
+            if self._stopping.is_set():
                 return None
             try:
                 device = self._open()
@@ -117,15 +117,6 @@ class Reconnecting:
             self._device = device
             return None
         return None
-
-    def _is_stopping(self) -> bool:
-        """Whether the end was asked for, which may become true at any instant."""
-        return self._stopping
-
-    def _wait(self) -> None:
-        due = time.monotonic() + self._retry
-        while not self._is_stopping() and (left := due - time.monotonic()) > 0:
-            time.sleep(min(left, NAP))
 
 
 def _another(new: Acquisition, old: Acquisition) -> str:

@@ -1,6 +1,5 @@
 """A recorded run as a source: the same blocks again, at the pace wanted."""
 
-import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -10,6 +9,7 @@ from numpy.typing import NDArray
 
 from analysis.run import Acquisition, RunHeader
 from analysis.samples import EndReason, SampleBlock, SegmentEnd, SourceItem
+from daq.stopping import StopFlag
 from recordings.errors import RecordingError
 from recordings.reader import RunReader
 
@@ -63,7 +63,7 @@ class Replay:
         self._reader = reader
         self._pace = pace
         self._block = block
-        self._stopped = threading.Event()
+        self._stopped = StopFlag()
 
     @property
     def acquisition(self) -> Acquisition:
@@ -98,11 +98,8 @@ class Replay:
 
     def _wait_until(self, begun: float, due: float) -> bool:
         """Wait until a moment of the run, s, is due; return False where the replay was stopped."""
-        if self._pace is not None:
-            wait = begun + due / self._pace - time.monotonic()
-            if wait > 0:
-                self._stopped.wait(wait)
-        return not self._stopped.is_set()
+        wait = 0.0 if self._pace is None else begun + due / self._pace - time.monotonic()
+        return not self._stopped.wait(wait)
 
     def _chopped(self) -> Iterator[SourceItem]:
         if self._block is None:

@@ -1,6 +1,5 @@
 """The simulated card as a source: at the pace of a real one, with its buffer, or as fast as it goes."""
 
-import threading
 import time
 from collections.abc import Generator, Iterator
 
@@ -11,6 +10,7 @@ from analysis.run import Acquisition
 from analysis.samples import EndReason, SampleBlock, SegmentEnd, SourceItem
 from daq.drivers.restarts import Restarts
 from daq.drivers.simulated_card import SimulatedCard
+from daq.stopping import StopFlag
 from model.errors import WallContactError
 
 
@@ -40,7 +40,7 @@ class SimulatedSource:
         self._buffer = buffer
         self._real_time = real_time
         self._restarts = restarts
-        self._stopping = threading.Event()
+        self._stopping = StopFlag()
         self._started = 0.0
         self._read = 0  # samples per channel given in this segment
 

@@ -1,18 +1,25 @@
-"""The numbers that the recorder keeps for whoever asks how the recording goes, in shared memory."""
+"""The numbers that the recorder keeps for whoever asks how the recording goes, in shared memory.
+
+No lock is shared with the processes that ask: one that is frozen or killed while it asks must not hold the recorder up.
+What belongs together is read again where it changed meanwhile.
+"""
 
 import time
-from multiprocessing import get_context
-from multiprocessing.sharedctypes import SynchronizedArray
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 import numpy as np
 
 from analysis.run import CODE_MAX, CODE_MIN
 from analysis.samples import SampleBlock, SegmentEnd
+from daq.session.shared_memory import SharedBytes, bytes_of, shared_bytes
 
 MOST_CHANNELS = 16  # of a card
-_SAMPLES, _SEGMENT, _LOST, _AT_LEAST, _BACKLOG, _DISK, _BLOCK_AT, _ARMED, _RPM, _NUMBER = range(10)
-_CLIPPED = 10  # from here on for each channel: samples at the converter's rails, blocks with any, the last one's end
+# the first is odd while those that belong together change, and goes up by two each time
+_CHANGES, _SAMPLES, _SEGMENT, _LOST, _AT_LEAST, _BACKLOG, _DISK, _BLOCK_AT, _ARMED, _RPM, _NUMBER = range(11)
+_CLIPPED = 11  # from here on for each channel: samples at the converter's rails, blocks with any, the last one's end
 _EACH = 3
+_LOOKS = 1000  # at words that keep changing: their writer may have ended in the midst of it
 
 
 class Gauges:
@@ -20,19 +27,38 @@ class Gauges:
 
     Parameters
     ----------
-    words : SynchronizedArray
+    memory : SharedBytes
         Shared memory from `shared`.
     """
 
-    def __init__(self, words: "SynchronizedArray[int]") -> None:
-        self._words = words
+    def __init__(self, memory: SharedBytes) -> None:
+        self._words = bytes_of(memory).view(np.int64)
 
     @staticmethod
-    def shared() -> "SynchronizedArray[int]":
+    def shared() -> SharedBytes:
         """Return fresh shared memory for a set of gauges."""
-        words = get_context("spawn").Array("q", _CLIPPED + _EACH * MOST_CHANNELS)
-        words[_DISK] = -1
-        return words
+        memory = shared_bytes(8 * (_CLIPPED + _EACH * MOST_CHANNELS))
+        bytes_of(memory).view(np.int64)[_DISK] = -1
+        return memory
+
+    @contextmanager
+    def _changing(self) -> Iterator[None]:
+        """Change words that belong together."""
+        self._words[_CHANGES] += 1
+        try:
+            yield
+        finally:
+            self._words[_CHANGES] += 1
+
+    def _together(self, *at: int) -> tuple[int, ...]:
+        """Return words that belong together."""
+        found: tuple[int, ...] = ()
+        for _ in range(_LOOKS):
+            before = int(self._words[_CHANGES])
+            found = tuple(int(self._words[word]) for word in at)
+            if before % 2 == 0 and before == self._words[_CHANGES]:
+                break
+        return found
 
     def begin(self) -> None:
         """Note that blocks are expected from now on."""
@@ -40,7 +66,7 @@ class Gauges:
 
     def wait(self, event: int, speed: float) -> None:
         """Note that the start of an event is waited for, at this speed, r/min."""
-        with self._words.get_lock():
+        with self._changing():
             self._words[_ARMED] = event
             self._words[_RPM] = round(speed)
             self._words[_BLOCK_AT] = time.monotonic_ns()
@@ -48,7 +74,7 @@ class Gauges:
     def add_block(self, block: SampleBlock) -> None:
         """Count a recorded block."""
         rails = np.count_nonzero((block.codes == CODE_MIN) | (block.codes == CODE_MAX), axis=1)
-        with self._words.get_lock():
+        with self._changing():
             self._words[_SAMPLES] += block.n_samples
             self._words[_SEGMENT] = block.end
             self._words[_NUMBER] = block.segment
@@ -63,7 +89,7 @@ class Gauges:
 
     def add_end(self, end: SegmentEnd) -> None:
         """Count what was lost at the end of a segment."""
-        with self._words.get_lock():
+        with self._changing():
             self._words[_LOST] += end.lost
             self._words[_AT_LEAST] |= int(not end.lost_is_exact)
             self._words[_SEGMENT] = 0
@@ -83,8 +109,8 @@ class Gauges:
     @property
     def place(self) -> tuple[int, int]:
         """The present segment, and samples per channel recorded of it."""
-        with self._words.get_lock():
-            return int(self._words[_NUMBER]), int(self._words[_SEGMENT])
+        segment, samples = self._together(_NUMBER, _SEGMENT)
+        return segment, samples
 
     @property
     def lost(self) -> int:
@@ -99,8 +125,8 @@ class Gauges:
     def clipped(self, row: int) -> tuple[int, int, int]:
         """Return a channel's samples at the converter's rails, the blocks with any, and the samples up to the last."""
         at = _CLIPPED + _EACH * row
-        with self._words.get_lock():
-            return int(self._words[at]), int(self._words[at + 1]), int(self._words[at + 2])
+        samples, blocks, last = self._together(at, at + 1, at + 2)
+        return samples, blocks, last
 
     @property
     def backlog(self) -> int:

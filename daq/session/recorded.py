@@ -5,7 +5,6 @@ import multiprocessing
 import threading
 import time
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from pathlib import Path
@@ -23,6 +22,7 @@ from daq.session.frame import Clipping, FrameSink, LiveFrame, PlacedMark, RunSta
 from daq.session.gauges import Gauges
 from daq.session.live import LiveAnalysis
 from daq.session.messages import Acquired, Closed, Done, Opened, Order, Refused, Stop
+from daq.session.outbox import Outbox
 from daq.session.recorder import RESULTS_DEADLINE, record
 from daq.session.ring import BlockRing
 from daq.session.run import Model, Outcome
@@ -35,6 +35,8 @@ OPENING_LOOK = 0.1  # s between two looks at whether the end was asked for meanw
 RING_SECONDS = 8.0  # of samples that the live analysis may fall behind before it skips
 POLL = 0.02  # s between two looks into the ring
 STATUS_INTERVAL = 0.5  # s between frames when no snapshot comes
+KILL_DEADLINE = 5.0  # s for the system to take a process away
+STOP_DEADLINE = 30.0  # s that a recorder is given to end its acquisition before it is ended
 
 
 class RecordedRun:
@@ -50,6 +52,8 @@ class RecordedRun:
         Who shows it.
     is_stopping : callable
         Asked, while the device is being opened, whether the end has been asked for.
+    stop_deadline : float
+        Time after which a recorder that was told to stop is ended, s. Its file holds all that was flushed.
 
     Raises
     ------
@@ -65,6 +69,7 @@ class RecordedRun:
         model: Model,
         sinks: Sequence[FrameSink] = (),
         is_stopping: Callable[[], bool] = lambda: False,
+        stop_deadline: float = STOP_DEADLINE,
     ) -> None:
         self._order = order
         self._model = model
@@ -78,7 +83,9 @@ class RecordedRun:
         )
         self._reader = self._ring.reader()
         self._pipe, self._process = self._spawn()
-        self._sending = threading.Lock()
+        self._outbox = Outbox(self._pipe)
+        self._stop_deadline = stop_deadline
+        self._end_at = math.inf  # on the monotonic clock
         self._ends: tuple[SegmentEnd, ...] = ()
         self._last_end: SegmentEnd | None = None
         self._last_loss = ""
@@ -113,7 +120,7 @@ class RecordedRun:
         context = multiprocessing.get_context("spawn")  # the same on every platform, and safe beside threads
         here, there = context.Pipe()
         process = context.Process(
-            target=record, args=(self._order, self._ring.name, self._gauges_memory, there), name="rig-recorder"
+            target=record, args=(self._order, self._ring.memory, self._gauges_memory, there), name="rig-recorder"
         )
         process.start()
         there.close()
@@ -123,7 +130,7 @@ class RecordedRun:
         deadline = time.monotonic() + OPEN_DEADLINE
         while not self._pipe.poll(OPENING_LOOK):
             if is_stopping():
-                self._send(Stop())
+                self._outbox.send(Stop())
                 raise _stopped()
             if time.monotonic() > deadline:
                 raise DeviceError(DeviceFault.TIMEOUT, f"the device was not open after {OPEN_DEADLINE:g} s")
@@ -146,7 +153,7 @@ class RecordedRun:
     def _keep(self, snapshot: Snapshot) -> None:
         """Send a snapshot to be written beside the samples."""
         for result in encode_snapshot(snapshot, self._header):
-            self._send(result)
+            self._outbox.send(result)
 
     def _keep_alarm(self, alarm: Alarm) -> None:
         """Send an alarm that has come to be written beside the samples."""
@@ -157,11 +164,12 @@ class RecordedRun:
         (segment, sample), samples = self._gauges.place, self._gauges.samples
         since = mark.sample if mark.segment == segment else 0  # of a segment that is over: where the present one began
         self._shown.mark(PlacedMark(mark, mark.sample / self._rate, (samples - sample + since) / self._rate))
-        self._send(encode_mark(mark, self._header))
+        self._outbox.send(encode_mark(mark, self._header))
 
-    def _send(self, message: object) -> None:
-        with self._sending, suppress(OSError):  # a recorder that is gone is noticed by the watch
-            self._pipe.send(message)
+    def _tell_to_stop(self) -> None:
+        """Stop the recorder; from now on its time is limited."""
+        self._end_at = min(self._end_at, time.monotonic() + self._stop_deadline)
+        self._outbox.send(Stop())
 
     def status(self) -> Status:
         """Return the state of the recording."""
@@ -208,8 +216,8 @@ class RecordedRun:
             self._follow()
         except Exception as error:  # noqa: BLE001 - whatever it is, the recorder is stopped and finishes its file
             self._fault = f"the run was stopped by a fault of the program: {type(error).__name__}: {error}"
-            self._send(Stop())
-        self._send(Done(self._reader.skipped))
+            self._tell_to_stop()
+        self._outbox.send(Done(self._reader.skipped))
         self._farewell()
         self._message = self._message or self._fault
         self._state = RunState.FAILED if self._outcome().exit_code in {3, 5} else RunState.FINISHED
@@ -226,7 +234,7 @@ class RecordedRun:
         """Analyse what the recorder publishes until it ends."""
         offered = time.monotonic()
         while True:
-            alive = self._process.is_alive() and not self._ring.is_closed
+            alive = self._is_recording()
             seen = self._analyse()
             now = time.monotonic()
             if seen:
@@ -238,6 +246,15 @@ class RecordedRun:
                     self._offer()
                     offered = now
                 time.sleep(POLL)
+
+    def _is_recording(self) -> bool:
+        """Return whether samples may still come; a recorder that was told to stop and does not is ended."""
+        if time.monotonic() > self._end_at and not self._ring.is_closed and self._process.is_alive():
+            late = f"the recorder did not stop within {self._stop_deadline:g} s and was ended"
+            self._message = f"{late}; its file holds all that was flushed"
+            self._process.kill()
+            self._process.join(KILL_DEADLINE)
+        return self._process.is_alive() and not self._ring.is_closed
 
     def _analyse(self) -> bool:
         seen = False
@@ -282,7 +299,7 @@ class RecordedRun:
     def stop(self) -> None:
         """Ask for the end, by hand."""
         self._by_hand = True
-        self._send(Stop())
+        self._tell_to_stop()
 
     def mark(self, text: str) -> Mark | None:
         """Name the present moment; return the mark, which is in the file soon, or None where the run has ended."""
@@ -309,18 +326,20 @@ class RecordedRun:
     def close(self) -> Outcome:
         """End the run, join its thread and process, and say how it ended."""
         if self._thread.is_alive():
-            self._send(Stop())
-            self._thread.join(4 * RESULTS_DEADLINE)
+            self._tell_to_stop()
+            self._thread.join(self._stop_deadline + 2 * RESULTS_DEADLINE)
         self._release()
         return self._outcome()
 
     def _release(self) -> None:
+        if not self._outbox.close(RESULTS_DEADLINE):  # nobody listens any more
+            self._process.kill()
+            self._outbox.close(KILL_DEADLINE)
         self._pipe.close()  # a recorder that still runs finishes its file now
         self._process.join(RESULTS_DEADLINE)
         if self._process.is_alive():
-            self._process.terminate()
-            self._process.join(5.0)
-        self._ring.close()
+            self._process.kill()
+            self._process.join(KILL_DEADLINE)
 
 
 def _stopped() -> StoppedError:

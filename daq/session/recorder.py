@@ -12,7 +12,6 @@ import time
 from contextlib import ExitStack, closing, suppress
 from dataclasses import replace
 from multiprocessing.connection import Connection
-from multiprocessing.sharedctypes import SynchronizedArray
 
 from analysis.run import RunHeader
 from analysis.samples import EndReason, SampleBlock, SegmentEnd
@@ -23,6 +22,7 @@ from daq.errors import RigError, StoppedError, UsageError
 from daq.session.gauges import Gauges
 from daq.session.messages import Acquired, Closed, Done, Opened, Order, Refused, Stop
 from daq.session.ring import BlockRing
+from daq.session.shared_memory import SharedBytes
 from recordings.errors import RecordingError
 from recordings.marks import Mark, encode_mark
 from recordings.parts import PartLimits, PartWriter
@@ -31,12 +31,11 @@ from recordings.results import EncodedResult
 RESULTS_DEADLINE = 15.0  # s that the finished acquisition waits for the last results before the file is closed without
 
 
-def record(order: Order, ring_name: str, gauge_words: "SynchronizedArray[int]", pipe: Connection) -> None:
+def record(order: Order, ring_memory: SharedBytes, gauge_memory: SharedBytes, pipe: Connection) -> None:
     """Run the recorder; the entry point of its process."""
     _leave_to_the_watching_process("SIGINT", "SIGHUP", "SIGBREAK")
-    ring = BlockRing.attach(ring_name)
-    gauges = Gauges(gauge_words)
-    with closing(ring), ExitStack() as stack:
+    ring, gauges = BlockRing(ring_memory), Gauges(gauge_memory)
+    with ExitStack() as stack:
         try:
             _require_room(order)
             source = stack.enter_context(closing(open_source(order.rig)))

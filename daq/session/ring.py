@@ -7,12 +7,12 @@ behind finds its place overwritten, moves on to the oldest block still there and
 import json
 from collections.abc import Iterator
 from dataclasses import asdict
-from multiprocessing.shared_memory import SharedMemory
 
 import numpy as np
 from numpy.typing import NDArray
 
 from analysis.samples import EndReason, SampleBlock, SegmentEnd, SourceItem
+from daq.session.shared_memory import SharedBytes, bytes_of, shared_bytes
 
 _HEADER = 6  # int64 words at the front: published, closed, channels, slot capacity, slots, samples put
 # int64 words before a slot's data: kind, segment, first, samples, host time, backlog, bytes, ticks, put before, ticket
@@ -38,40 +38,29 @@ class BlockRing:
 
     Parameters
     ----------
-    memory : SharedMemory
-        The memory; use `create` or `attach`.
-    owner : bool
-        Whether `close` also removes it.
+    memory : SharedBytes
+        The memory; another process makes a ring of it to share it.
+
+    Attributes
+    ----------
+    memory : SharedBytes
+        The memory.
     """
 
-    def __init__(self, memory: SharedMemory, *, owner: bool) -> None:
-        self._memory = memory
-        self._owner = owner
-        self._bytes = np.ndarray((memory.size,), dtype=np.uint8, buffer=memory.buf)
-        self._words = np.ndarray((_HEADER,), dtype=np.int64, buffer=memory.buf)
-        self._slot = _slot_bytes(int(self._words[2]), int(self._words[3])) if self._words[4] else 0
+    def __init__(self, memory: SharedBytes) -> None:
+        self.memory = memory
+        self._bytes = bytes_of(memory)
+        self._words: _Words = self._bytes[: _HEADER * 8].view(np.int64)
+        self._slot = _slot_bytes(int(self._words[2]), int(self._words[3]))
 
     @classmethod
     def create(cls, n_channels: int, capacity: int, n_slots: int) -> "BlockRing":
         """Make a ring of `n_slots` blocks of up to `capacity` samples per channel."""
         if min(n_channels, capacity, n_slots) < 1:
             raise ValueError(f"ring of {n_slots} slots × {n_channels} channels × {capacity} samples: expected ≥ 1 each")
-        size = _HEADER * 8 + n_slots * _slot_bytes(n_channels, capacity)
-        memory = SharedMemory(create=True, size=size)
-        words = np.ndarray((_HEADER,), dtype=np.int64, buffer=memory.buf)
-        words[:] = (0, 0, n_channels, capacity, n_slots, 0)
-        del words
-        return cls(memory, owner=True)
-
-    @classmethod
-    def attach(cls, name: str) -> "BlockRing":
-        """Open the ring of this name, made by another process."""
-        return cls(SharedMemory(name=name), owner=False)
-
-    @property
-    def name(self) -> str:
-        """Name by which another process attaches."""
-        return self._memory.name
+        memory = shared_bytes(_HEADER * 8 + n_slots * _slot_bytes(n_channels, capacity))
+        bytes_of(memory)[: _HEADER * 8].view(np.int64)[:] = (0, 0, n_channels, capacity, n_slots, 0)
+        return cls(memory)
 
     @property
     def published(self) -> int:
@@ -90,7 +79,7 @@ class BlockRing:
 
     def _place(self, index: int) -> tuple[_Words, int]:
         offset = _HEADER * 8 + (index % int(self._words[4])) * self._slot
-        return np.ndarray((_META,), dtype=np.int64, buffer=self._memory.buf, offset=offset), offset + _META * 8
+        return np.ndarray((_META,), dtype=np.int64, buffer=self._bytes, offset=offset), offset + _META * 8
 
     def put(self, item: SourceItem) -> None:
         """Publish an item; blocks longer than a slot, or of more stamps than it holds, are published in pieces."""
@@ -114,8 +103,8 @@ class BlockRing:
         meta, data = self._begin()
         n_ticks = _NO_COUNTER if ticks is None else ticks.size
         if ticks is not None:
-            np.ndarray(n_ticks, dtype=np.int64, buffer=self._memory.buf, offset=data)[:] = ticks
-        np.ndarray(codes.shape, dtype=np.int16, buffer=self._memory.buf, offset=data + _TICKS * 8)[:] = codes
+            np.ndarray(n_ticks, dtype=np.int64, buffer=self._bytes, offset=data)[:] = ticks
+        np.ndarray(codes.shape, dtype=np.int16, buffer=self._bytes, offset=data + _TICKS * 8)[:] = codes
         first = item.first_sample + start
         self._publish(meta, _BLOCK, item.segment, first, codes.shape[1], item.host_time_ns, item.backlog, 0, n_ticks)
 
@@ -150,7 +139,7 @@ class BlockRing:
         if ticket != index:
             return None
         shape = (int(self._words[2]), n_samples)
-        codes = np.ndarray(shape, dtype=np.int16, buffer=self._memory.buf, offset=data + _TICKS * 8).copy()
+        codes = np.ndarray(shape, dtype=np.int16, buffer=self._bytes, offset=data + _TICKS * 8).copy()
         ticks = None if n_ticks == _NO_COUNTER else self._ticks(data, n_ticks)
         text = self._bytes[data : data + length].tobytes()
         if int(meta[_TICKET]) != index:  # it changed while it was copied
@@ -161,20 +150,11 @@ class BlockRing:
         return SegmentEnd(**{**document, "reason": EndReason(document["reason"])}), before
 
     def _ticks(self, data: int, n: int) -> NDArray[np.int64]:
-        return np.ndarray(n, dtype=np.int64, buffer=self._memory.buf, offset=data).copy()
+        return np.ndarray(n, dtype=np.int64, buffer=self._bytes, offset=data).copy()
 
     def reader(self) -> "RingReader":
         """Return a reader placed at the oldest item still there."""
         return RingReader(self)
-
-    def close(self) -> None:
-        """Let go of the memory; the owner removes it."""
-        self._words = np.zeros(_HEADER, dtype=np.int64)
-        self._bytes = np.zeros(0, dtype=np.uint8)
-        self._memory.close()
-        if self._owner:
-            self._owner = False
-            self._memory.unlink()
 
 
 class RingReader:

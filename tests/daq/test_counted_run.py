@@ -171,7 +171,6 @@ def test_ring_carries_stamps_however_many() -> None:
     for block in sent:
         ring.put(block)
     got = list(reader.available())
-    ring.close()
     np.testing.assert_array_equal(ticks_of(got), many)
     blocks = [item for item in got if isinstance(item, SampleBlock)]
     np.testing.assert_array_equal(np.concatenate([block.codes for block in blocks], axis=1), np.tile(codes, 3))

@@ -1,13 +1,13 @@
 """What stays on the terminal of a run that is followed."""
 
 import io
-import threading
 from dataclasses import replace
 
 from daq.cli.console import Console
 from daq.cli.following import follow
 from daq.session.frame import LiveFrame, RunState, Status
 from daq.session.run import Outcome
+from daq.stopping import StopFlag
 from tests.daq.frames import make_frames
 
 FRAME = make_frames(1)[0]
@@ -35,7 +35,7 @@ class Played:
 
 def followed(*statuses: Status) -> list[str]:
     stream = io.StringIO()
-    follow(Played(*statuses), threading.Event(), Console(stream))  # type: ignore[arg-type] # all that is used of a run
+    follow(Played(*statuses), StopFlag(), Console(stream))  # type: ignore[arg-type] # all that is used of a run
     return [line for line in stream.getvalue().splitlines() if not line[:2].isdigit()]  # but for the progress
 
 
@@ -54,7 +54,7 @@ def test_each_trouble_and_loss_is_a_line_that_stays() -> None:
 
 def test_stop_is_asked_for_once() -> None:
     run = Played(*[Status(RunState.RECORDING)] * 4)
-    stop = threading.Event()
+    stop = StopFlag()
     stop.set()
     assert follow(run, stop, Console(io.StringIO())).by_hand  # type: ignore[arg-type] # all that is used of a run
     assert run.stopped == 1

@@ -247,7 +247,7 @@ def test_disk_that_fills_up_ends_the_recording_cleanly(rig: RigFactory, tmp_path
     here, there = multiprocessing.Pipe()
     ring = BlockRing.create(3, 2001, 16)
     before = signal.getsignal(signal.SIGTERM)
-    with closing(ring), closing(source):
+    with closing(source):
         header = run_header(full, source)
         threading.Timer(1.0, here.send, [Done(0)]).start()
         writer = PartWriter(full.path, header, PartLimits())

@@ -27,6 +27,7 @@ from daq.session.messages import Acquired, Closed, Opened
 from daq.session.recorder import _Recorder, run_header
 from daq.session.ring import BlockRing
 from daq.session.run import Outcome
+from daq.stopping import StopFlag
 from recordings.parts import PartLimits, PartWriter
 from recordings.reader import RunReader
 from recordings.results import EncodedResult
@@ -145,7 +146,7 @@ def test_fault_of_the_program_in_the_recorder_finishes_the_file_and_releases_the
     header = run_header(made, source)
     here, there = Pipe()
     ring = BlockRing.create(3, 2001, 16)
-    with closing(ring), closing(here):
+    with closing(here):
         recorder = _Recorder(
             made, source, PartWriter(made.path, header, PartLimits()), ring, Gauges(Gauges.shared()), there
         )
@@ -175,11 +176,10 @@ def test_fault_of_the_program_in_the_recorder_is_told(rig: RigFactory, tmp_path:
 
     watching = threading.Thread(target=watch)
     watching.start()
-    with closing(ring):
-        recorder = _Recorder(
-            made, source, PartWriter(made.path, header, PartLimits()), ring, Gauges(Gauges.shared()), there
-        )
-        recorder.run()
+    recorder = _Recorder(
+        made, source, PartWriter(made.path, header, PartLimits()), ring, Gauges(Gauges.shared()), there
+    )
+    recorder.run()
     watching.join(5)
     assert [type(message) for message in told] == [Opened, Acquired]
     assert "stopped by a fault of the program: ZeroDivisionError: in the midst of a run" in recorder._message
@@ -203,7 +203,7 @@ def test_fault_of_the_program_in_the_recorders_listener_finishes_the_file_and_is
 
     watching = threading.Thread(target=watch)
     watching.start()
-    with closing(ring), closing(here):
+    with closing(here):
         header = run_header(made, source)
         writer = PartWriter(made.path, header, PartLimits())
         _Recorder(made, source, writer, ring, Gauges(Gauges.shared()), there).run()
@@ -244,5 +244,5 @@ def test_fault_of_the_terminal_side_closes_the_run() -> None:
 
     run = Watched()
     with pytest.raises(ZeroDivisionError):
-        follow(run, threading.Event(), Console())  # type: ignore[arg-type] # a run in all that is used here
+        follow(run, StopFlag(), Console())  # type: ignore[arg-type] # a run in all that is used here
     assert run.closed

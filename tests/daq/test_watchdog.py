@@ -1,5 +1,6 @@
 """What the operator is told of how samples come, before any are lost."""
 
+import threading
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -123,3 +124,32 @@ def test_operator_sees_buffer_silence_and_recovery_of_a_run_over_the_wire(rig: R
     with RunReader(run.path) as reader:
         assert reader.is_complete
         assert not reader.is_gap_free
+
+
+def test_who_asks_while_the_recorder_counts_gets_numbers_that_belong_together() -> None:
+    memory = Gauges.shared()
+    counting, asking = Gauges(memory), Gauges(memory)
+    codes = np.zeros((1, 100), np.int16)
+    ends = threading.Event()
+
+    def count() -> None:
+        for segment in range(300):
+            for k in range(3):
+                counting.add_block(SampleBlock(codes, segment, 100 * k, 0))
+            counting.add_end(SegmentEnd(segment, 300, EndReason.OVERRUN))
+        ends.set()
+
+    thread = threading.Thread(target=count)
+    thread.start()
+    seen = []
+    while not ends.is_set():
+        seen.append(asking.place)
+    thread.join(60)
+    assert seen == sorted(seen)
+    assert asking.place == (300, 0)
+
+
+def test_recorder_that_ended_in_the_midst_of_a_count_holds_nobody_up() -> None:
+    gauges = gauges_after(7)
+    gauges._words[0] += 1  # its first step
+    assert gauges.place == (0, 100)

@@ -12,6 +12,7 @@ from daq.drivers.usb6251.extra import card_extra
 from daq.drivers.usb6251.faults import ABSENT_CODES, OVERRUN_CODES
 from daq.drivers.usb6251.stamps import Stamps
 from daq.errors import DeviceError
+from daq.stopping import StopFlag
 
 if TYPE_CHECKING:
     from daq.drivers.usb6251.driver import NiCard
@@ -62,7 +63,7 @@ class Usb6251:
         self._card = card
         self._restarts = restarts
         self._stamps = Stamps(card)
-        self._stopping = False  # a plain flag, which a signal handler may set at any instant
+        self._stopping = StopFlag()
         self._iterated = False
 
     @property
@@ -87,11 +88,11 @@ class Usb6251:
 
     def stop(self) -> None:
         """Ask for the end, from any thread; `blocks` ends within a block."""
-        self._stopping = True
+        self._stopping.set()
 
     def close(self) -> None:
         """Release the card and the connection to it; harmless when closed, from any thread."""
-        self._stopping = True
+        self._stopping.set()
         self._card.close()
 
     def _run(self) -> Iterator[SourceItem]:
@@ -104,11 +105,11 @@ class Usb6251:
                     yield self._fault(segment, 0, error)
                     return
                 end = self._stamps.told((yield from self._segment(segment)))
-                goes_on = end.reason is EndReason.OVERRUN and not self._stopping
+                goes_on = end.reason is EndReason.OVERRUN and not self._stopping.is_set()
                 if goes_on and not self._restarts.take():
                     goes_on, end = False, self._restarts.last(end)
                 yield end
-                if not goes_on or self._stopping:
+                if not goes_on or self._stopping.is_set():
                     return
                 segment += 1
         finally:
@@ -129,7 +130,7 @@ class Usb6251:
         apart: int | None = (
             None  # by how much the driver's count and ours differ; what it counts from is its own matter
         )
-        while not self._stopping:
+        while not self._stopping.is_set():
             try:
                 codes = self._card.read()
             except DeviceError as error:

@@ -1,10 +1,11 @@
 """Ctrl-C, SIGTERM and a closed terminal all mean the same: stop, and finish the file."""
 
 import signal
-import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
+
+from daq.stopping import StopFlag
 
 
 def _signals() -> list[signal.Signals]:
@@ -13,16 +14,16 @@ def _signals() -> list[signal.Signals]:
 
 
 @contextmanager
-def stop_requested() -> Iterator[threading.Event]:
-    """Give an event that is set when the operator or the system asks for the end."""
-    event = threading.Event()
+def stop_requested() -> Iterator[StopFlag]:
+    """Give a flag that is set when the operator or the system asks for the end."""
+    flag = StopFlag()
 
     def ask(_number: int, _frame: FrameType | None) -> None:
-        event.set()
+        flag.set()
 
     before = {number: signal.signal(number, ask) for number in _signals()}
     try:
-        yield event
+        yield flag
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
