@@ -231,6 +231,8 @@ class Jobs:
         self.end()
         if self._thread is not None:
             self._thread.join(JOIN_TIME)
+            self._process.kill()  # where it stands still; else it has ended
+            self._thread.join(JOIN_TIME)
         with self._changed:
             for job_id in self._jobs:
                 self._discard(job_id)

@@ -2,7 +2,6 @@
 
 import multiprocessing
 import queue
-import signal
 import threading
 import time
 from collections.abc import Callable
@@ -14,13 +13,14 @@ from types import TracebackType
 from typing import Any, Self, TypeVar
 
 from daq.errors import ServiceError
+from daq.session.child import JOIN_TIME, begin, end, leave_to_parent
 from daq.session.priority import give_way
 
 T = TypeVar("T")
 DEADLINE = 30.0  # s that one piece of work may take
 STEPS = 15  # of priority below the acquisition and the live view
 LOOK = 0.2  # s between two looks at whether the process is to end
-JOIN_TIME = 2.0  # s
+MESSAGE = 30.0  # s that a message may take once it has begun to come; one that takes longer stands still
 
 
 class ReadingStoppedError(ServiceError):
@@ -64,7 +64,7 @@ class ReadingProcess:
             pipe.send((work, arguments, told is not None))
             while True:
                 self._await(pipe, until, deadline)
-                word, content = pipe.recv()
+                word, content = self._received(pipe)
                 if word is not _Word.TOLD:
                     break
                 if told is not None:
@@ -89,9 +89,26 @@ class ReadingProcess:
                 self._kill()
                 raise OverdueError(f"not done after {deadline:g} s")
 
+    def _received(self, pipe: Connection) -> tuple[_Word, Any]:
+        """Return the message that is there; EOFError or OSError where it stops in its midst."""
+        watch = threading.Timer(MESSAGE, self.kill)
+        watch.daemon = True
+        watch.start()
+        try:
+            message: tuple[_Word, Any] = pipe.recv()
+        finally:
+            watch.cancel()
+        return message
+
     def end(self) -> None:
         """Give up what is under way; nothing is begun any more."""
         self._ending.set()
+
+    def kill(self) -> None:
+        """End the process by force, from any thread; who waits for what it does is told that it went away."""
+        process = self._process
+        if process is not None:
+            process.kill()
 
     def join(self) -> None:
         """End the process."""
@@ -103,18 +120,18 @@ class ReadingProcess:
         if self._pipe is None or self._process is None or not self._process.is_alive():
             self._kill()
             context = multiprocessing.get_context("spawn")  # the same on every platform, and safe beside threads
-            self._pipe, there = context.Pipe()
-            self._process = context.Process(target=_serve, args=(there,), name="rig-reader", daemon=True)
-            self._process.start()
-            there.close()
+            pipe, there = context.Pipe()
+            process = context.Process(target=_serve, args=(there,), name="rig-reader", daemon=True)
+            with there:
+                begin(process)
+            self._pipe, self._process = pipe, process
         return self._pipe
 
     def _kill(self) -> None:
         if self._pipe is not None:
             self._pipe.close()
         if self._process is not None:
-            self._process.terminate()
-            self._process.join(JOIN_TIME)
+            end(self._process)
         self._pipe = self._process = None
 
 
@@ -161,13 +178,21 @@ class ReadingProcesses:
         """Give up what is under way and end them all."""
         for process in self._all:
             process.end()
-        ended = []
-        for _ in self._all:
-            with suppress(queue.Empty):  # one that does not come back ends with the program
-                ended.append(self._free.get(timeout=JOIN_TIME))
-        for process in ended:
+        ended = self._returned(len(self._all))
+        for process in self._all:
+            if process not in ended:  # it stands still in the midst of a message
+                process.kill()
+        for process in ended + self._returned(len(self._all) - len(ended)):
             process.join()
             self._free.put(process)  # whoever waits for it is told that the service ends
+
+    def _returned(self, count: int) -> list[ReadingProcess]:
+        """Return the processes that are free in time."""
+        free = []
+        for _ in range(count):
+            with suppress(queue.Empty):
+                free.append(self._free.get(timeout=JOIN_TIME))
+        return free
 
     def __enter__(self) -> Self:
         return self
@@ -180,9 +205,7 @@ class ReadingProcesses:
 
 def _serve(pipe: Connection) -> None:
     """Do what is asked for until nobody asks any more; the entry point of the process."""
-    for name in ("SIGINT", "SIGHUP", "SIGBREAK"):  # the asking process decides; SIGHUP: POSIX only, SIGBREAK: Windows
-        if hasattr(signal, name):
-            signal.signal(getattr(signal, name), signal.SIG_IGN)
+    leave_to_parent()
     give_way(STEPS)
 
     def tell(words: object) -> None:

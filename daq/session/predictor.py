@@ -1,13 +1,13 @@
 """The prediction beside a run: a map, read or computed beside, and the exact speed; nobody ever waits for it."""
 
 import multiprocessing
-import signal
 import threading
 import time
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
+from multiprocessing.process import BaseProcess
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.run import AnalysisSettings
+from daq.session.child import JOIN_TIME, begin, end, leave_to_parent
 from daq.session.kept_maps import cache_folder, map_file, read_map, write_map
 from daq.session.priority import give_way
 from daq.session.refiner import Refiner
@@ -26,8 +27,7 @@ from model.prediction_map import PredictionMap, compute_prediction_map, model_ke
 
 FloatArray = NDArray[np.float64]
 
-JOIN_TIME = 2.0  # s
-PORTION = 0.2  # s of waiting at a time, so that closing need not wait long
+PORTION = 0.2  # s of waiting at a time, so that Ctrl-C is heeded everywhere
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,24 +79,25 @@ class Predictor:
         self._file = map_file(folder, model_key(parameters, speeds, settings))
         self._percent = 0
         self._off = ""
-        self._finished = False
         self._is_closed = False
-        self._listening = threading.Lock()  # view, service and session may all ask
-        self._process: multiprocessing.process.BaseProcess | None = None
+        self._changed = threading.Condition()
+        self._process: BaseProcess | None = None
         self._map, self._remark = read_map(self._file)
-        if self._map is None:
-            context = multiprocessing.get_context("spawn")
-            self._reports, theirs = context.Pipe(duplex=False)
+        self._finished = self._map is not None
+        if not self._finished:
+            context = multiprocessing.get_context("spawn")  # the same on every platform, and safe beside threads
+            reports, theirs = context.Pipe(duplex=False)
             self._process = context.Process(
                 target=_compute, args=(theirs, parameters, speeds, settings, self._file), name="prediction", daemon=True
             )
-            self._process.start()
+            begin(self._process)
             theirs.close()
+            self._thread = threading.Thread(target=self._listen, args=(reports,), name="prediction", daemon=True)
+            self._thread.start()
 
     @property
     def state(self) -> str:
         """Whether there is a prediction: "ready", "ready, not exact: " or "off: " and why, or "computing 34 %"."""
-        self._listen(0.0)
         if self._map is not None:
             why = self._refiner.remark if self._refiner is not None else ""
             return f"ready, not exact: {why}" if why else "ready"
@@ -110,7 +111,6 @@ class Predictor:
     @property
     def map(self) -> PredictionMap | None:
         """The whole map; None until it is ready."""
-        self._listen(0.0)
         return self._map
 
     def at(self, speed: float) -> Prediction | None:
@@ -151,9 +151,12 @@ class Predictor:
                 told, since = state, time.monotonic()
                 if on_progress is not None:
                     on_progress(state)
-            if self._process is None or self._finished or time.monotonic() - since >= timeout:
-                return self._map
-            self._listen(min(PORTION, timeout))
+            with self._changed:
+                if self.state != told:
+                    continue
+                if self._finished or time.monotonic() - since >= timeout:
+                    return self._map
+                self._changed.wait(min(PORTION, timeout))
 
     def close(self) -> None:
         """End the computations, if they still run, and join them."""
@@ -161,19 +164,13 @@ class Predictor:
             self._is_closed = True
         if self._refiner is not None:
             self._refiner.close()
-        with self._listening:
-            process, self._process = self._process, None
-            if process is None:
-                return
-            if not self._finished:
-                self._off = "stopped"
-                process.terminate()
-            process.join(JOIN_TIME)
-            if process.exitcode is None:
-                process.kill()
-                process.join()
-            process.close()
-            self._reports.close()
+        process, self._process = self._process, None
+        if process is None:
+            return
+        if not self._finished:
+            self._finish(off="stopped")
+        end(process)
+        self._thread.join(JOIN_TIME)
 
     def __enter__(self) -> Self:
         return self
@@ -183,37 +180,36 @@ class Predictor:
     ) -> None:
         self.close()
 
-    def _listen(self, timeout: float) -> None:
-        """Take what the process has said, waiting for the first word."""
-        if not self._listening.acquire(blocking=timeout > 0, timeout=timeout or -1):
-            return
-        try:
-            while self._process is not None and not self._finished and self._reports.poll(timeout):
-                self._take()
-                timeout = 0.0
-        finally:
-            self._listening.release()
+    def _listen(self, reports: Connection) -> None:
+        """Take what the process says, as far as it comes; the body of a thread, for a word may stop in its midst."""
+        with reports:
+            while not self._finished:
+                try:
+                    report: _Report = reports.recv()
+                except (EOFError, OSError):
+                    report = _Failure("the computation ended without a result")
+                if isinstance(report, _Progress):
+                    with self._changed:
+                        self._percent = 100 * report.done // report.total
+                        self._changed.notify_all()
+                elif isinstance(report, _Failure):
+                    self._finish(off=report.reason)
+                else:
+                    self._finish(PredictionMap.from_arrays(report))
 
-    def _take(self) -> None:
-        try:
-            report: _Report = self._reports.recv()
-        except (EOFError, OSError):
-            report = _Failure("the computation ended without a result")
-        if isinstance(report, _Progress):
-            self._percent = 100 * report.done // report.total
-            return
-        if isinstance(report, _Failure):
-            self._off = report.reason
-        else:
-            self._map = PredictionMap.from_arrays(report)
-        self._finished = True
+    def _finish(self, found: PredictionMap | None = None, off: str = "") -> None:
+        """Keep what came of the computation; the first word on that counts."""
+        with self._changed:
+            if not self._finished:
+                self._map, self._off, self._finished = found, off, True
+                self._changed.notify_all()
 
 
 def _compute(
     reports: Connection, parameters: ModelParameters, speeds: FloatArray, settings: AnalysisSettings, file: Path
 ) -> None:
     """Compute, keep and send a map: the body of the process."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the parent, which ends this process
+    leave_to_parent()
     give_way()
     with suppress(BrokenPipeError):  # nobody listens any more
         try:

@@ -1,13 +1,13 @@
 """The prediction at exactly the speed at which the shaft stays, computed beside by a process that gives way."""
 
 import multiprocessing
-import signal
 import threading
 from collections.abc import Iterator
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 
 from analysis.run import AnalysisSettings
+from daq.session.child import JOIN_TIME, begin, end, leave_to_parent
 from daq.session.priority import give_way
 from model.errors import ModelError
 from model.live_prediction import refine
@@ -19,7 +19,7 @@ STAYS = 2e-3  # of the speed: what it may change from call to call where it stay
 RENEWED = 1e-3  # of the speed: further off than this, another prediction is computed
 SHOWN = 5e-3  # of the speed: up to here the last one is the best there is
 STEPS = 10  # of priority below the acquisition and the live view
-JOIN_TIME = 2.0  # s
+PATIENCE = 120.0  # s for a look, which compiles on a fresh machine; who takes longer stands still
 
 _Answer = Prediction | str | None  # a look, why there is none, or that the last one was settled
 
@@ -35,6 +35,8 @@ class Refiner:
         The measurement's.
     prediction_map : PredictionMap
         From whose motions it begins.
+    patience : float
+        How long a look may take before it is given up, s.
 
     Notes
     -----
@@ -42,8 +44,15 @@ class Refiner:
     waits longer than for a look. Close it.
     """
 
-    def __init__(self, parameters: ModelParameters, settings: AnalysisSettings, prediction_map: PredictionMap) -> None:
+    def __init__(
+        self,
+        parameters: ModelParameters,
+        settings: AnalysisSettings,
+        prediction_map: PredictionMap,
+        patience: float = PATIENCE,
+    ) -> None:
         self._model = (parameters, settings, prediction_map)
+        self._patience = patience
         self._changed = threading.Condition()
         self._asked = 0.0  # rad/s, at the last call
         self._wanted: float | None = None  # rad/s, where more can be said
@@ -79,13 +88,10 @@ class Refiner:
         with self._changed:
             self._is_closing = True
             self._changed.notify()
-            if self._process is not None:
-                self._process.terminate()
-        self._thread.join(JOIN_TIME)
-        with self._changed:
-            if self._process is not None:
-                self._process.kill()
-        self._thread.join()
+            process = self._process
+        if process is not None:
+            end(process)  # whatever the thread waits for of it comes to an end as well
+        self._thread.join(2 * JOIN_TIME)
 
     def _work(self) -> None:
         """Wait for a speed, then have the process compute as long as there is one; the body of the thread."""
@@ -97,27 +103,32 @@ class Refiner:
         with pipe:
             try:
                 with theirs:
-                    process.start()
-                self._watch(process)
-                pipe.send(self._model)
-                while (speed := self._next()) is not None:
-                    pipe.send(speed)
-                    self._take(speed, pipe.recv())
+                    begin(process)
+                if not self._watch(process):
+                    pipe.send(self._model)
+                    while (speed := self._next()) is not None:
+                        pipe.send(speed)
+                        self._take(speed, self._answered(pipe))
+            except TimeoutError as error:
+                self._remark = str(error)
             except (EOFError, OSError) as error:
                 self._remark = f"the process that computes it went away ({type(error).__name__})"
         if process.pid is not None:
-            process.terminate()
-            process.join()
-        with self._changed:
-            self._process = None
-            process.close()
+            end(process)
+        self._process = None
 
-    def _watch(self, process: BaseProcess) -> None:
-        """Let `close` end this process."""
+    def _watch(self, process: BaseProcess) -> bool:
+        """Let `close` end this process; return whether it has been called already."""
         with self._changed:
             self._process = process
-            if self._is_closing:
-                process.terminate()
+            return self._is_closing
+
+    def _answered(self, pipe: Connection) -> _Answer:
+        """Return the answer of the process; TimeoutError where none comes."""
+        if not pipe.poll(self._patience):
+            raise TimeoutError(f"the process that computes it has not answered for {self._patience:g} s")
+        answer: _Answer = pipe.recv()
+        return answer
 
     def _next(self) -> float | None:
         with self._changed:
@@ -141,9 +152,7 @@ def _is_within(part: float, speed: float, other: float) -> bool:
 
 def _answer(pipe: Connection) -> None:
     """Answer speeds with looks until nobody asks any more; the body of the process."""
-    for name in ("SIGINT", "SIGHUP", "SIGBREAK"):  # the asking process decides; SIGHUP: POSIX only, SIGBREAK: Windows
-        if hasattr(signal, name):
-            signal.signal(getattr(signal, name), signal.SIG_IGN)
+    leave_to_parent()
     give_way(STEPS)
     try:
         parameters, settings, prediction_map = pipe.recv()

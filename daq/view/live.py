@@ -115,6 +115,7 @@ class LiveView:
         with self._wake:
             self._closing = True
             self._wake.notify()
+        self._pages.give_up()
         self._thread.join(timeout)
         return not self._thread.is_alive()
 

@@ -13,7 +13,7 @@ import time
 import urllib.error
 import urllib.request
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import partial
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
@@ -38,8 +38,13 @@ sys.stdin.read()
 """
 
 
-def viewer_files() -> dict[str, bytes]:
+def viewer_files(lent: Callable[[subprocess.Popen[bytes]], None] = lambda _: None) -> dict[str, bytes]:
     """Return the files of the viewer that belongs to the installed rerun, by name.
+
+    Parameters
+    ----------
+    lent : callable, optional
+        Told of the process that lends them, where one is needed; who kills it ends the borrowing.
 
     Raises
     ------
@@ -56,6 +61,7 @@ def viewer_files() -> dict[str, bytes]:
     )
     with loaner:
         try:
+            lent(loaner)
             return _borrowed(loaner)
         finally:
             loaner.kill()
@@ -64,25 +70,26 @@ def viewer_files() -> dict[str, bytes]:
 def _borrowed(loaner: subprocess.Popen[bytes]) -> dict[str, bytes]:
     """Fetch the files from rerun's web server in a process that prints its port."""
     watch = threading.Timer(_PATIENCE, loaner.kill)
+    watch.daemon = True  # it must not hold up the end of the program
     watch.start()
     try:
         port = loaner.stdout.readline().decode().strip() if loaner.stdout is not None else ""
         if not port.isdigit():
             raise ServiceError("the live view's page cannot be had: rerun's web viewer did not start")
         deadline = time.monotonic() + _PATIENCE
-        return {name: _fetched(f"http://127.0.0.1:{port}/{name}", deadline) for name in _TYPES}
+        return {name: _fetched(f"http://127.0.0.1:{port}/{name}", loaner, deadline) for name in _TYPES}
     finally:
         watch.cancel()
 
 
-def _fetched(url: str, deadline: float) -> bytes:
+def _fetched(url: str, loaner: subprocess.Popen[bytes], deadline: float) -> bytes:
     opener = urllib.request.build_opener(urllib.request.ProxyHandler({}))
     while True:
         try:
             with opener.open(url, timeout=10.0) as answer:
                 return bytes(answer.read())
         except (urllib.error.URLError, ConnectionError) as error:
-            if time.monotonic() > deadline:
+            if time.monotonic() > deadline or loaner.poll() is not None:
                 raise ServiceError(f"the live view's page cannot be had: {error}") from error
             time.sleep(0.05)
 
@@ -154,6 +161,9 @@ class ViewerPages:
         self._server.daemon_threads = True
         self._thread: threading.Thread | None = None
         self._begun = threading.Event()
+        self._changing = threading.Lock()
+        self._is_closing = False
+        self._loaner: subprocess.Popen[bytes] | None = None
         self.failure = ""
 
     @property
@@ -175,8 +185,16 @@ class ViewerPages:
         """Wait until requests are answered, at most ``timeout`` s; returns whether they are."""
         return self._begun.wait(timeout) and not self.failure
 
+    def give_up(self) -> None:
+        """End the process that lends the files, if it still does: nobody waits for them any more."""
+        with self._changing:
+            self._is_closing = True
+            if self._loaner is not None:
+                self._loaner.kill()
+
     def close(self) -> None:
         """End, and free the port."""
+        self.give_up()
         if self._thread is not None:
             self._begun.wait()
             if not self.failure:
@@ -185,9 +203,15 @@ class ViewerPages:
             self._thread = None
         self._server.server_close()
 
+    def _lent(self, loaner: subprocess.Popen[bytes]) -> None:
+        with self._changing:
+            self._loaner = loaner
+            if self._is_closing:
+                loaner.kill()
+
     def _run(self) -> None:
         try:
-            self._files = viewer_files()
+            self._files = viewer_files(self._lent)
         except (ServiceError, OSError) as error:
             self.failure = str(error)
             return

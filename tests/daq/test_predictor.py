@@ -1,7 +1,9 @@
 import os
+import signal
 import sys
 import threading
 import time
+from multiprocessing import Pipe
 from pathlib import Path
 
 import numpy as np
@@ -32,12 +34,10 @@ def filled(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_map_is_computed_beside_and_nobody_waits_for_it(tmp_path: Path) -> None:
-    begun = time.perf_counter()
     with predictor(tmp_path) as computing:
         assert computing.state.startswith("computing")
         assert computing.at(530.0) is None
         assert computing.map is None
-        assert time.perf_counter() - begun < 1.0
         told: list[str] = []
         found = computing.wait(PATIENCE, told.append)
         assert told[0].startswith("computing")
@@ -95,10 +95,8 @@ def test_closing_ends_the_computation(tmp_path: Path) -> None:
     assert process is not None
     pid = process.pid
     assert pid is not None
-    begun = time.perf_counter()
     computing.close()
     computing.close()
-    assert time.perf_counter() - begun < 3.0
     assert computing.state == "off: stopped"
     assert computing.wait(1.0) is None
     if sys.platform != "win32":
@@ -119,6 +117,35 @@ def test_computation_that_is_killed_switches_the_model_off(tmp_path: Path) -> No
         process.kill()
         killed.wait(PATIENCE)
         assert killed.state == "off: the computation ended without a result"
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no such signal there")
+def test_computation_that_stands_still_holds_up_nobody_and_is_ended(tmp_path: Path) -> None:
+    computing = predictor(tmp_path, speeds=list(np.linspace(200, 2000, 400)))
+    process = computing._process
+    assert process is not None
+    assert process.pid is not None
+    os.kill(process.pid, signal.SIGSTOP)
+    assert computing.state.startswith("computing")
+    assert computing.at(530.0) is None
+    assert computing.wait(0.1) is None
+    computing.close()
+    assert not process.is_alive()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="a pipe of POSIX")
+def test_map_that_stops_in_its_midst_holds_up_nobody(filled: Path) -> None:
+    with predictor(filled) as listening:
+        here, there = Pipe(duplex=False)
+        listening._map, listening._finished = None, False
+        thread = threading.Thread(target=listening._listen, args=(here,))
+        thread.start()
+        os.write(there.fileno(), (1 << 20).to_bytes(4, "big") + bytes(1000))
+        assert listening.state == "computing 0 %"
+        assert listening.wait(0.1) is None
+        there.close()
+        thread.join(PATIENCE)
+        assert listening.state == "off: the computation ended without a result"
 
 
 def test_folder_that_cannot_be_written_costs_only_the_cache(tmp_path: Path) -> None:

@@ -1,20 +1,33 @@
 """Processes that read for the service: what they return, what they raise, and that they end."""
 
+import gc
 import os
+import signal
 import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
+from multiprocessing.connection import Connection
 
+import psutil
 import pytest
 
 from daq.service.reading_process import OverdueError, ReadingProcess, ReadingProcesses, ReadingStoppedError
 from recordings.errors import DamagedError
 
+PATIENCE = 60.0  # s: a process starts
+
+
+def until(said: Callable[[], bool]) -> None:
+    end = time.monotonic() + PATIENCE
+    while not said():
+        assert time.monotonic() < end
+        time.sleep(0.01)
+
 
 @pytest.fixture
 def processes() -> Iterator[ReadingProcesses]:
-    with ReadingProcesses(1, deadline=20.0) as started:
+    with ReadingProcesses(1, deadline=PATIENCE) as started:
         yield started
 
 
@@ -45,12 +58,12 @@ def test_process_that_goes_away_is_told_and_replaced(processes: ReadingProcesses
 
 
 def test_work_that_takes_too_long_is_given_up() -> None:
-    with ReadingProcesses(1, deadline=20.0) as processes:
+    with ReadingProcesses(1, deadline=PATIENCE) as processes:
         processes.run(len, "")  # begun, so that the deadline below is the work's alone
         processes._deadline = 0.5
         with pytest.raises(OverdueError, match=r"0\.5 s"):
             processes.run(time.sleep, 60.0)
-        assert processes.run(time.sleep, 0.6, deadline=10.0) is None
+        assert processes.run(time.sleep, 0.6, deadline=PATIENCE) is None
 
 
 def count(tell: Callable[[int], None], numbers: int) -> str:
@@ -61,7 +74,7 @@ def count(tell: Callable[[int], None], numbers: int) -> str:
 
 def test_work_tells_how_it_goes() -> None:
     process, told = ReadingProcess(), list[int]()
-    assert process.run(count, (3,), 20.0, told.append) == "done"
+    assert process.run(count, (3,), PATIENCE, told.append) == "done"
     assert told == [0, 1, 2]
     process.join()
 
@@ -74,7 +87,7 @@ def chatter(tell: Callable[[int], None]) -> None:
 
 def test_work_that_talks_and_talks_is_given_up_in_time() -> None:
     process = ReadingProcess()
-    process.run(count, (1,), 20.0, lambda _: None)
+    process.run(count, (1,), PATIENCE, lambda _: None)
     with pytest.raises(OverdueError):
         process.run(chatter, (), 0.5, lambda _: None)
 
@@ -93,10 +106,52 @@ def test_closing_gives_up_what_is_under_way() -> None:
     threads = [threading.Thread(target=wait) for _ in range(2)]
     for thread in threads:
         thread.start()
-    time.sleep(0.5)
-    begun = time.monotonic()
+    until(processes._free.empty)
     processes.close()
     for thread in threads:
-        thread.join(10.0)
-    assert time.monotonic() - begun < 5.0
+        thread.join(PATIENCE)
     assert told == ["the service ends"] * 2
+
+
+def stand_still() -> None:
+    os.kill(os.getpid(), signal.SIGSTOP)
+
+
+def stand_still_in_the_midst_of_an_answer() -> None:
+    (pipe,) = (one for one in gc.get_objects() if isinstance(one, Connection))
+    os.write(pipe.fileno(), (1 << 20).to_bytes(4, "big") + bytes(1000))
+    stand_still()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no such signal there")
+def test_process_that_stands_still_is_ended_when_its_time_is_over() -> None:
+    process = ReadingProcess()
+    process.run(len, ("",), PATIENCE)
+    child = process._process
+    assert child is not None
+    with pytest.raises(OverdueError):
+        process.run(stand_still, (), 0.1)
+    assert not child.is_alive()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no such signal there")
+def test_closing_ends_a_process_that_stands_still_in_the_midst_of_an_answer() -> None:
+    processes = ReadingProcesses(1, deadline=PATIENCE)
+    told: list[str] = []
+
+    def wait() -> None:
+        try:
+            processes.run(stand_still_in_the_midst_of_an_answer)
+        except ReadingStoppedError as error:
+            told.append(str(error))
+
+    thread = threading.Thread(target=wait)
+    thread.start()
+    (process,) = processes._all
+    until(lambda: process._process is not None and psutil.Process(process._process.pid).status() == "stopped")
+    child = process._process
+    assert child is not None
+    processes.close()
+    thread.join(PATIENCE)
+    assert told[0].startswith("the reading process went away")
+    assert not child.is_alive()

@@ -4,12 +4,17 @@ import multiprocessing
 import os
 import signal
 import socket
+import subprocess
+import sys
+import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from types import FrameType
 from typing import TypeVar
 
 import distributed
 import numpy as np
+import psutil
 import pytest
 from pyarrow import parquet
 
@@ -143,6 +148,52 @@ def test_processes_here_give_the_same_bits_and_survive_the_death_of_one(tmp_path
     found = run_sweep(points(200), LocalWorkers(2), tmp_path / "out.parquet", kill_one)
     assert killed
     assert bits(found) == bits(run_sweep(points(200), Here(), tmp_path / "here.parquet", silent))
+
+
+def stand_still(_point: int) -> None:
+    os.kill(os.getpid(), signal.SIGSTOP)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no such signal there")
+def test_sweep_that_is_given_up_ends_its_processes_though_they_stand_still() -> None:
+    def stop_when_they_stand(_number: int, _frame: FrameType | None) -> None:
+        states = [psutil.Process(process.pid).status() for process in multiprocessing.active_children()]
+        if states != ["stopped"]:
+            signal.setitimer(signal.ITIMER_REAL, 0.05)
+            return
+        raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGALRM, stop_when_they_stand)
+    signal.setitimer(signal.ITIMER_REAL, 0.05)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            list(LocalWorkers(1).run(stand_still, [0, 1]))
+    finally:
+        signal.signal(signal.SIGALRM, before)
+    assert not multiprocessing.active_children()
+
+
+KILLED = """
+import multiprocessing, os, signal
+from daq.session.sweep.workers import LocalWorkers
+
+for _ in LocalWorkers(2).run(abs, range(100)):
+    print(*(process.pid for process in multiprocessing.active_children()), flush=True)
+    os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no such signal there")
+def test_processes_go_with_a_sweep_that_is_killed() -> None:
+    told = subprocess.run(
+        [sys.executable, "-c", KILLED], check=False, stdout=subprocess.PIPE, text=True, timeout=60
+    ).stdout
+    workers = [int(pid) for pid in told.split()]
+    assert workers
+    end = time.monotonic() + 60.0
+    while any(psutil.pid_exists(pid) and psutil.Process(pid).status() != psutil.STATUS_ZOMBIE for pid in workers):
+        assert time.monotonic() < end
+        time.sleep(0.05)
 
 
 def test_two_dask_workers_give_the_same_bits(tmp_path: Path, cluster: distributed.LocalCluster) -> None:

@@ -1,14 +1,16 @@
 """Who computes a sweep's points: processes of this machine, or a Dask cluster."""
 
-import multiprocessing
 import os
-import signal
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
+from multiprocessing import parent_process
+from multiprocessing.context import SpawnContext, SpawnProcess
 from typing import Any, Protocol, TypeVar
 
 from daq.errors import RigError, UsageError
+from daq.session.child import end, ignore_terminal, out_of_reach
 from daq.session.priority import give_way
 
 Task = TypeVar("Task")
@@ -17,6 +19,7 @@ Result = TypeVar("Result")
 RESTARTS = 5  # of broken pools in a sweep, before it is given up
 RETRIES = 5  # of a task on a cluster whose workers die
 CONNECT_TIME = 10.0  # s
+LOOK = 0.5  # s of waiting at a time: a wait without end would not let Ctrl-C through everywhere
 
 
 class Workers(Protocol):
@@ -43,14 +46,15 @@ class LocalWorkers:
         """Yield each task's number and result; a pool whose process dies is replaced."""
         left = dict(enumerate(tasks))
         for _ in range(1 + RESTARTS):
-            executor = ProcessPoolExecutor(
-                self._count, mp_context=multiprocessing.get_context("spawn"), initializer=_begin
-            )
+            crew = _Crew()
+            executor = ProcessPoolExecutor(self._count, mp_context=crew, initializer=_begin)
             try:
                 yield from self._finish(executor, function, left)
             except BrokenProcessPool:
                 continue
             finally:
+                if left:  # what is under way is not waited for: it may take minutes, or stand still
+                    crew.end()
                 executor.shutdown(wait=True, cancel_futures=True)
             return
         raise RigError(f"sweep: its processes ended {1 + RESTARTS} times without a result; what is done is kept")
@@ -67,12 +71,40 @@ class LocalWorkers:
                 running[executor.submit(function, task)] = number
             if not running:
                 return
-            done, _ = wait(running, return_when=FIRST_COMPLETED)
+            done, _ = wait(running, LOOK, return_when=FIRST_COMPLETED)
             for future in done:
                 number = running.pop(future)
                 result = future.result()
                 del left[number]
                 yield number, result
+
+
+class _Member(SpawnProcess):
+    """A process that is out of reach of the terminal when it is started."""
+
+    def start(self) -> None:
+        with out_of_reach():
+            super().start()
+
+
+class _Crew(SpawnContext):
+    """The processes of a pool, so that it can be ended whatever they do."""
+
+    def __init__(self) -> None:
+        self._members: list[_Member] = []
+
+    def Process(  # type: ignore[override]  # noqa: N802 - called as the class that stands there otherwise
+        self, *arguments: Any, **named: Any
+    ) -> _Member:
+        """Return a new process."""
+        self._members.append(_Member(*arguments, **named))
+        return self._members[-1]
+
+    def end(self) -> None:
+        """End them all."""
+        for member in self._members:
+            if member.is_alive():
+                end(member)
 
 
 class DaskWorkers:
@@ -134,5 +166,14 @@ def usable_processors() -> int:
 
 
 def _begin() -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the parent, which ends the pool
+    ignore_terminal()
     give_way()
+    threading.Thread(target=_leave_with_parent, name="parent", daemon=True).start()
+
+
+def _leave_with_parent() -> None:
+    """End this process when the one that gives it work has gone without a word."""
+    parent = parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
