@@ -52,6 +52,9 @@ class TachoReport:
     jitter: float
 
 
+RECENT = 10.0  # s: what happened longer ago is history to whoever watches
+
+
 class CounterState(StrEnum):
     """How the tacho's counter and its waveform stand to one another."""
 
@@ -81,6 +84,8 @@ class CounterReport:
         How much later the counter has them, in the mean, s; NaN where none were compared.
     largest : float
         Largest distance of the two, s; NaN where none were compared.
+    recent, recent_odd : int
+        Edges of either that were compared in the last `RECENT` s, and those of them that are missing, extra or apart.
     """
 
     is_working: bool
@@ -90,6 +95,8 @@ class CounterReport:
     apart: int
     mean: float
     largest: float
+    recent: int = 0
+    recent_odd: int = 0
 
     @property
     def state(self) -> CounterState:
@@ -116,6 +123,14 @@ class CounterReport:
             CounterState.TIMES_DIFFER: [f"{self.apart:,} edges up to {self.largest * 1e6:,.1f} µs apart"],
         }
         return " and ".join(odds.get(self.state, []))
+
+    @property
+    def told_lately(self) -> str:
+        """Whether they still differ where they have; empty where they agree, or the counter has failed."""
+        if self.state in {CounterState.AGREES, CounterState.FAILED}:
+            return ""
+        how_many = f"{self.recent_odd:,} of {self.recent:,}" if self.recent_odd else "none"
+        return f"{how_many} in the last {RECENT:g} s"
 
 
 @dataclass(frozen=True, slots=True, eq=False)

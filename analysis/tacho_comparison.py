@@ -1,10 +1,12 @@
 """The tacho's counter against its waveform: two ways to the same edges, each a check of the other."""
 
+from collections import deque
+
 import numpy as np
 from numpy.typing import NDArray
 
 from analysis.run import TachoCounter
-from analysis.snapshot import CounterReport
+from analysis.snapshot import RECENT, CounterReport
 
 FloatArray = NDArray[np.float64]
 
@@ -31,6 +33,7 @@ class TachoComparison:
 
     def restart(self, begin: float) -> None:
         """Forget the edges that have not been compared and go on from another time, s; the counts run on."""
+        self._recent: deque[tuple[float, int, int]] = deque()  # up to when, s: edges of either, and those that differ
         self._sampled = self._stamped = np.empty(0)
         self._done = begin + MARGIN  # time up to which edges have been compared, s
 
@@ -48,7 +51,9 @@ class TachoComparison:
         self._stamped = np.concatenate([self._stamped, stamped])
         until = now - SETTLED
         if until > self._done:
-            self._compare(self._done, until)
+            self._recent.append((until, *self._compare(self._done, until)))
+            while self._recent[0][0] <= until - RECENT:
+                self._recent.popleft()
             self._done = until
             self._sampled = self._sampled[self._sampled > until - SETTLED]
             self._stamped = self._stamped[self._stamped > until - SETTLED]
@@ -64,20 +69,28 @@ class TachoComparison:
             apart=self._apart,
             mean=self._sum / self._compared if told else np.nan,
             largest=self._largest if told else np.nan,
+            recent=sum(edges for _, edges, _ in self._recent),
+            recent_odd=sum(odd for _, _, odd in self._recent),
         )
 
-    def _compare(self, begin: float, end: float) -> None:
-        """Compare the edges of a span of time; those about it are looked at too, they may be the nearest."""
+    def _compare(self, begin: float, end: float) -> tuple[int, int]:
+        """Compare the edges of a span of time and return how many there are of either, and how many differ.
+
+        Those about it are looked at too, they may be the nearest.
+        """
         to_stamp, to_edge = _nearest(self._sampled, self._stamped), _nearest(self._stamped, self._sampled)
         of_edge = _mutual(to_stamp, to_edge) & _within(self._sampled, begin, end)
         distances = self._stamped[to_stamp[of_edge]] - self._sampled[of_edge]
+        missing = int(np.count_nonzero(_within(self._sampled, begin, end))) - distances.size
+        extra = int(np.count_nonzero(_within(self._stamped, begin, end) & ~_mutual(to_edge, to_stamp)))
+        apart = int(np.count_nonzero(np.abs(distances) > self._agreement))
         self._compared += distances.size
-        self._missing += int(np.count_nonzero(_within(self._sampled, begin, end))) - distances.size
-        self._extra += int(np.count_nonzero(_within(self._stamped, begin, end) & ~_mutual(to_edge, to_stamp)))
-        if distances.size:
-            self._sum += float(distances.sum())
-            self._largest = max(self._largest, float(np.abs(distances).max()))
-            self._apart += int(np.count_nonzero(np.abs(distances) > self._agreement))
+        self._missing += missing
+        self._extra += extra
+        self._apart += apart
+        self._sum += float(distances.sum())
+        self._largest = max(self._largest, float(np.abs(distances).max(initial=0.0)))
+        return distances.size + missing + extra, missing + extra + apart
 
 
 def _within(times: FloatArray, begin: float, end: float) -> NDArray[np.bool_]:

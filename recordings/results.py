@@ -146,6 +146,8 @@ def _check(counter: CounterReport) -> rig_pb2.CounterCheck:
         apart=counter.apart,
         mean_s=counter.mean,
         largest_s=counter.largest,
+        recent=counter.recent,
+        recent_odd=counter.recent_odd,
     )
 
 
@@ -158,6 +160,8 @@ def _decoded_check(message: rig_pb2.CounterCheck) -> CounterReport:
         apart=message.apart,
         mean=message.mean_s,
         largest=message.largest_s,
+        recent=message.recent,
+        recent_odd=message.recent_odd,
     )
 
 

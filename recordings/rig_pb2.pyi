@@ -145,7 +145,7 @@ class Features(_message.Message):
     def __init__(self, segment: _Optional[int] = ..., sample: _Optional[int] = ..., time_s: _Optional[float] = ..., speed_rpm: _Optional[float] = ..., speed_rad_per_s: _Optional[float] = ..., tacho_state: _Optional[str] = ..., tacho_pulses: _Optional[int] = ..., tacho_filled: _Optional[int] = ..., tacho_rejected: _Optional[int] = ..., tacho_jitter_s: _Optional[float] = ..., gap_x_v: _Optional[float] = ..., gap_y_v: _Optional[float] = ..., gap_x_ok: _Optional[bool] = ..., gap_y_ok: _Optional[bool] = ..., peak_to_peak_x_um: _Optional[float] = ..., peak_to_peak_y_um: _Optional[float] = ..., peak_to_peak_x_m: _Optional[float] = ..., peak_to_peak_y_m: _Optional[float] = ..., clipped: _Optional[_Iterable[int]] = ..., has_order_frame: _Optional[bool] = ..., x_1x_um: _Optional[float] = ..., x_1x_lag_deg: _Optional[float] = ..., y_1x_um: _Optional[float] = ..., y_1x_lag_deg: _Optional[float] = ..., x_2x_um: _Optional[float] = ..., x_2x_lag_deg: _Optional[float] = ..., y_2x_um: _Optional[float] = ..., y_2x_lag_deg: _Optional[float] = ..., whirl_order: _Optional[float] = ..., whirl_um: _Optional[float] = ..., whirl_is_forward: _Optional[bool] = ..., noise_um: _Optional[float] = ..., beyond_calibration: _Optional[_Iterable[int]] = ..., sigma_1x_um: _Optional[float] = ..., sigma_2x_um: _Optional[float] = ..., x_1x_lag_sigma_deg: _Optional[float] = ..., y_1x_lag_sigma_deg: _Optional[float] = ..., whirl_sigma_um: _Optional[float] = ..., whirls: _Optional[int] = ..., x_1x_compensated_um: _Optional[float] = ..., x_1x_compensated_lag_deg: _Optional[float] = ..., y_1x_compensated_um: _Optional[float] = ..., y_1x_compensated_lag_deg: _Optional[float] = ..., counter: _Optional[_Union[CounterCheck, _Mapping]] = ...) -> None: ...
 
 class CounterCheck(_message.Message):
-    __slots__ = ("is_working", "compared", "missing", "extra", "apart", "mean_s", "largest_s")
+    __slots__ = ("is_working", "compared", "missing", "extra", "apart", "mean_s", "largest_s", "recent", "recent_odd")
     IS_WORKING_FIELD_NUMBER: _ClassVar[int]
     COMPARED_FIELD_NUMBER: _ClassVar[int]
     MISSING_FIELD_NUMBER: _ClassVar[int]
@@ -153,6 +153,8 @@ class CounterCheck(_message.Message):
     APART_FIELD_NUMBER: _ClassVar[int]
     MEAN_S_FIELD_NUMBER: _ClassVar[int]
     LARGEST_S_FIELD_NUMBER: _ClassVar[int]
+    RECENT_FIELD_NUMBER: _ClassVar[int]
+    RECENT_ODD_FIELD_NUMBER: _ClassVar[int]
     is_working: bool
     compared: int
     missing: int
@@ -160,7 +162,9 @@ class CounterCheck(_message.Message):
     apart: int
     mean_s: float
     largest_s: float
-    def __init__(self, is_working: _Optional[bool] = ..., compared: _Optional[int] = ..., missing: _Optional[int] = ..., extra: _Optional[int] = ..., apart: _Optional[int] = ..., mean_s: _Optional[float] = ..., largest_s: _Optional[float] = ...) -> None: ...
+    recent: int
+    recent_odd: int
+    def __init__(self, is_working: _Optional[bool] = ..., compared: _Optional[int] = ..., missing: _Optional[int] = ..., extra: _Optional[int] = ..., apart: _Optional[int] = ..., mean_s: _Optional[float] = ..., largest_s: _Optional[float] = ..., recent: _Optional[int] = ..., recent_odd: _Optional[int] = ...) -> None: ...
 
 class Vector(_message.Message):
     __slots__ = ("real_m", "imag_m")

@@ -95,7 +95,9 @@ def frame_line(frame: LiveFrame) -> str:
 def _counter(snapshot: Snapshot) -> str:
     """Return that the tacho's counter differs from its samples, where it does."""
     counter = snapshot.counter
-    return "" if counter is None or not counter.told else f"tacho counter: {counter.state.value}"
+    if counter is None or not counter.told:
+        return ""
+    return f"tacho counter: {', '.join(filter(None, (counter.state.value, counter.told_lately)))}"
 
 
 def _speed(frame: LiveFrame) -> str:

@@ -175,7 +175,7 @@ function drawBanners({ status, measured }) {
   const closed = ["x", "y"].filter((probe) => measured && !measured[`probe_${probe}`].gap_ok);
   const gaps = closed.map((probe) => `Probe ${probe} reads ${decimals(measured[`probe_${probe}`].gap_v, 2)} V: outside its gap window.`);
   const tacho = { irregular: "Tacho irregular: speed and phase are not known.", "too fast": "Tacho too fast for its sensor: speed may read too low." };
-  const counter = measured?.tacho.counter?.told;
+  const counter = [measured?.tacho.counter?.told, measured?.tacho.counter?.told_lately].filter(Boolean).join("; ");
   const told = [status.detail, ...gaps, tacho[measured?.tacho.state] ?? "", counter ? `Tacho: ${counter}.` : ""].filter(Boolean);
   banner("trouble", told.join(" "), status.state === "failed");
 }

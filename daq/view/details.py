@@ -88,7 +88,7 @@ def _signals(frame: LiveFrame, snapshot: Snapshot) -> list[str]:
     speed = f"{rpm(snapshot.speed)} r/min" if math.isfinite(snapshot.speed) else "no speed"
     lines = [f"- tacho {state}, {speed}, {tacho.pulses:,} pulses, {tacho.filled} filled in, {tacho.rejected} rejected"]
     if snapshot.counter is not None:
-        told = snapshot.counter.told
+        told = "; ".join(filter(None, (snapshot.counter.told, snapshot.counter.told_lately)))
         compared = f"**{told}**" if told else "counter and samples agree"
         lines.append(f"- speed and phase from the {frame.header.acquisition.tacho.reference}; {compared}")
     channels = frame.header.acquisition.channels

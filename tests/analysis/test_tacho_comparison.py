@@ -53,6 +53,25 @@ def test_edges_further_apart_than_agreed_are_counted() -> None:
     assert found.largest == pytest.approx(80e-6)
 
 
+@pytest.mark.parametrize("hop", [0.02, 0.1, 1.0])
+@pytest.mark.parametrize(
+    ("differ", "told"),
+    [(slice(0, 3), "none in the last 10 s"), (slice(2900, 2903), "3 of 1,000 in the last 10 s")],
+)
+def test_whether_edges_still_differ_is_told_by_the_last_ten_seconds(hop: float, differ: slice, told: str) -> None:
+    edges = 0.0103 + 0.01 * np.arange(3000.0)
+    comparison = TachoComparison(COUNTER)
+    stamped = np.delete(edges, differ)
+    for begin, end in pairwise(np.arange(0.0, 30.0 + hop / 2, hop).tolist()):
+        within = [(each > begin) & (each <= end) for each in (edges, stamped)]
+        comparison.advance(edges[within[0]], stamped[within[1]], end)
+    found = comparison.report(is_working=True)
+    assert (found.state, found.missing, found.told_lately) == (CounterState.COUNT_DIFFERS, 3, told)
+    assert comparison.report(is_working=False).told_lately == ""
+    comparison.restart(0.0)
+    assert comparison.report(is_working=True).told_lately == "none in the last 10 s"
+
+
 def test_silent_counter_misses_every_edge() -> None:
     found = report(EDGES, np.empty(0))
     assert found.missing >= 550

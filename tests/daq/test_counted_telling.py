@@ -87,4 +87,5 @@ def test_running_line_names_a_counter_that_differs(rig: RigFactory, tmp_path: Pa
         chosen = rig(tacho={"counter": {"edge": edge}}, simulation=RISING)
         header = header_of(chosen, tmp_path)
         frame = LiveFrame(header, Status(RunState.RECORDING), analysed(header, items_of(chosen))[-1])
-        assert ("tacho counter: count differs" in frame_line(frame)) is is_named
+        assert ("tacho counter: count differs, " in frame_line(frame)) is is_named
+        assert (" in the last 10 s" in frame_line(frame)) is is_named

@@ -195,7 +195,7 @@ def test_count_of_stamps_that_differs_from_the_runs_end_is_a_fault(
 def test_comparison_with_the_counter_comes_back_with_its_snapshot(
     tmp_path: Path, counted: RunHeader, blocks: list[SampleBlock], make_snapshot: Callable[..., Snapshot]
 ) -> None:
-    report = CounterReport(True, 12_345, 1, 2, 3, -1.0e-7 / 3, 4.2e-5 / 7)
+    report = CounterReport(True, 12_345, 1, 2, 3, -1.0e-7 / 3, 4.2e-5 / 7, 250, 4)
     writer = RunWriter(tmp_path / "kept.mcap", counted)
     writer.block(blocks[0])
     for counter in (report, None):

@@ -18,7 +18,15 @@ class CounterDocument(Document):
     apart: Count = Field(description="Edges that lie further apart than the rig says they may", examples=[0])
     mean_us: float | None = Field(description="How much later the counter has them, in the mean, µs", examples=[0.02])
     largest_us: float | None = Field(description="Largest distance of the two, µs", examples=[0.41])
-    told: str = Field(description="What an operator should know; empty where they agree", examples=[""])
+    recent: Count = Field(description="Edges of either in the last 10 s", examples=[250])
+    recent_odd: Count = Field(description="Of those, the ones that are missing, extra or apart", examples=[0])
+    told: str = Field(
+        description="What an operator should know of the whole run; empty where they agree", examples=[""]
+    )
+    told_lately: str = Field(
+        description="Whether they still differ where they have; empty where they agree, or the counter has failed",
+        examples=[""],
+    )
 
 
 def counter_document(counter: CounterReport | None) -> CounterDocument | None:
@@ -33,5 +41,8 @@ def counter_document(counter: CounterReport | None) -> CounterDocument | None:
         apart=counter.apart,
         mean_us=finite(counter.mean * 1e6),
         largest_us=finite(counter.largest * 1e6),
+        recent=counter.recent,
+        recent_odd=counter.recent_odd,
         told=counter.told,
+        told_lately=counter.told_lately,
     )
