@@ -1,43 +1,61 @@
-"""Alarms: a limit that is held is told, and stays told until the vibration has fallen well below it."""
+"""Alarms: a limit that is held is told, and stays told until what it watches has fallen well below it."""
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
 
 from analysis.findings import Moment
 from analysis.run import Limits, Severity
 from analysis.snapshot import Snapshot
+
+FloatArray = NDArray[np.float64]
 
 MOST_ALARMS = (
     256  # that are remembered of a run: of those that are over, the one that passed its limit least goes first
 )
 
 
+class Watched(StrEnum):
+    """What is watched against limits."""
+
+    OVERALL = "overall"  # m peak-to-peak, at each probe
+    ORDER_1X = "1X"  # m peak, at each probe, as measured
+    BELOW_1X = "below 1X"  # m peak, at each probe: the amplitudes of all components, added
+    SPEED = "speed"  # rad/s
+
+
 @dataclass(frozen=True, slots=True)
 class Alarm:
-    """A limit that was passed at one probe, once it had been for long enough.
+    """A limit that was passed, once it had been for long enough.
 
     Parameters
     ----------
     number : int
         From 1, in the order in which they came.
+    quantity : Watched
+        What passed it, and so its unit.
     probe : str
-        The channel's name.
+        The channel's name; empty for the speed.
     severity : Severity
         Which limit: alarm or danger.
     limit : float
-        That limit, m peak-to-peak.
+        That limit, m peak-to-peak, m peak or rad/s.
     begin : Moment
         When it came: the limit had been passed for the whole hold time.
     largest : float
-        Largest overall vibration since the limit was passed, m peak-to-peak.
+        Largest value since the limit was passed, in the limit's unit.
     largest_at : Moment
         Where that was.
     end : Moment or None
-        When the vibration fell below the limit by the hysteresis; None while it lasts.
+        When the value fell below the limit by the hysteresis; None while it lasts.
     """
 
     number: int
+    quantity: Watched
     probe: str
     severity: Severity
     limit: float
@@ -48,19 +66,19 @@ class Alarm:
 
     @property
     def lasts(self) -> bool:
-        """Whether the vibration has not fallen since."""
+        """Whether the value has not fallen since."""
         return self.end is None
 
 
 class LimitWatch:
-    """Watches one overall vibration against one limit, with hysteresis and delay.
+    """Watches one value against one limit, with hysteresis and delay.
 
     Parameters
     ----------
     limit : float
-        m peak-to-peak; one that is met is passed.
+        In the value's unit; one that is met is passed.
     hysteresis : float
-        Part of the limit by which the vibration must fall below it before the alarm ends, 0 to below 1.
+        Part of the limit by which the value must fall below it before the alarm ends, 0 to below 1.
     hold : float
         Time that the limit must be passed without a break before the alarm comes, s (1 s to 3 s in API 670 as quoted).
     """
@@ -68,7 +86,7 @@ class LimitWatch:
     def __init__(self, limit: float, hysteresis: float, hold: float) -> None:
         if not limit > 0.0 or not 0.0 <= hysteresis < 1.0 or not hold >= 0.0:
             raise ValueError(
-                f"limit, hysteresis, hold: {limit} m, {hysteresis} and {hold} s, expected above 0, 0 to below 1 and "
+                f"limit, hysteresis, hold: {limit}, {hysteresis} and {hold} s, expected above 0, 0 to below 1 and "
                 "0 or more"
             )
         self._limit, self._fall, self._hold = limit, limit * (1.0 - hysteresis), hold
@@ -76,41 +94,48 @@ class LimitWatch:
         self.is_on = False
         self.largest, self.largest_at = 0.0, Moment(0, 0.0, math.nan)  # of the present passing
 
-    def update(self, peak_to_peak: float, moment: Moment) -> bool:
-        """Take an overall vibration, m peak-to-peak, later than the one before; return whether the alarm is on.
+    def update(self, value: float, moment: Moment) -> bool:
+        """Take a value later than the one before; return whether the alarm is on.
 
         NaN, not known, changes nothing; over a gap a limit is not held.
         """
-        if math.isnan(peak_to_peak):
+        if math.isnan(value):
             return self.is_on
-        if peak_to_peak < (self._fall if self.is_on else self._limit):
+        if value < (self._fall if self.is_on else self._limit):
             self._passed, self.is_on = None, False
             return False
         if self._passed is None or (not self.is_on and self._passed.segment != moment.segment):
             self._passed, self.largest = moment, 0.0
-        if peak_to_peak > self.largest:
-            self.largest, self.largest_at = peak_to_peak, moment
+        if value > self.largest:
+            self.largest, self.largest_at = value, moment
         self.is_on = self.is_on or moment.time - self._passed.time >= self._hold
         return self.is_on
 
 
 class AlarmWatch:
-    """Watches the overall vibration of both probes against their limits; what it says depends on the samples alone.
+    """Watches vibration and speed against their limits; what it says depends on the samples alone.
 
     Parameters
     ----------
     limits : Limits
-        Alarm and danger, hysteresis and hold time.
+        Alarm and danger of what is watched, hysteresis and hold time.
     probes : sequence of str
         Names of the probes x and y.
     """
 
     def __init__(self, limits: Limits, probes: Sequence[str]) -> None:
-        levels = ((Severity.ALARM, limits.peak_to_peak_alarm), (Severity.DANGER, limits.peak_to_peak_danger))
+        levels = {
+            Watched.OVERALL: (limits.peak_to_peak_alarm, limits.peak_to_peak_danger),
+            Watched.ORDER_1X: (limits.order_1x_alarm, limits.order_1x_danger),
+            Watched.BELOW_1X: (limits.below_1x_alarm, limits.below_1x_danger),
+            Watched.SPEED: (limits.speed_alarm, limits.speed_danger),
+        }
         self._watches = [
-            (row, name, severity, limit, LimitWatch(limit, limits.hysteresis, limits.hold))
-            for row, name in enumerate(probes)
-            for severity, limit in levels
+            (quantity, row, name, severity, limit, LimitWatch(limit, limits.hysteresis, limits.hold))
+            for quantity, pair in levels.items()
+            for row, name in enumerate(("",) if quantity is Watched.SPEED else probes)
+            for severity, limit in zip((Severity.ALARM, Severity.DANGER), pair, strict=True)
+            if math.isfinite(limit)
         ]
         self._lasting: dict[int, Alarm] = {}  # by the number of their watch
         self._over: list[Alarm] = []
@@ -119,16 +144,16 @@ class AlarmWatch:
     def snapshot(self, snapshot: Snapshot) -> tuple[Alarm, ...]:
         """Take a snapshot, in the order in which they came; return the alarms that came with it."""
         moment = Moment(snapshot.segment, snapshot.time, snapshot.speed)
-        came = []
-        for key, (row, probe, severity, limit, watch) in enumerate(self._watches):
-            is_on = watch.update(float(snapshot.peak_to_peak[row]), moment)
+        came, values = [], watched_values(snapshot)
+        for key, (quantity, row, probe, severity, limit, watch) in enumerate(self._watches):
+            is_on = watch.update(float(values[quantity][row]), moment)
             lasting = self._lasting.get(key)
             if not is_on:
                 if lasting is not None:
                     self._close(replace(self._lasting.pop(key), end=moment))
             elif lasting is None:
                 self._count += 1
-                alarm = Alarm(self._count, probe, severity, limit, moment, watch.largest, watch.largest_at)
+                alarm = Alarm(self._count, quantity, probe, severity, limit, moment, watch.largest, watch.largest_at)
                 self._lasting[key] = alarm
                 came.append(alarm)
             elif watch.largest > lasting.largest:
@@ -144,6 +169,23 @@ class AlarmWatch:
     def alarms(self) -> tuple[Alarm, ...]:
         """All alarms so far, in the order in which they came."""
         return tuple(sorted([*self._over, *self._lasting.values()], key=lambda alarm: alarm.number))
+
+
+def watched_values(snapshot: Snapshot) -> dict[Watched, FloatArray]:
+    """Return what is watched, each of shape (2,) at the probes x and y, the speed of shape (1,).
+
+    NaN where the tacho does not tell: without it there is no 1X and nothing below it.
+    """
+    one = below = np.full(2, np.nan)
+    if snapshot.frame is not None:
+        one = np.abs(snapshot.frame.vectors[0])
+        below = sum((np.abs(whirl.vectors) for whirl in snapshot.frame.whirls), start=np.zeros(2))
+    return {
+        Watched.OVERALL: snapshot.peak_to_peak,
+        Watched.ORDER_1X: one,
+        Watched.BELOW_1X: below,
+        Watched.SPEED: np.array([snapshot.speed]),
+    }
 
 
 def shown_alarms(alarms: Sequence[Alarm], acknowledged: int, *, latch: bool) -> tuple[Alarm, ...]:

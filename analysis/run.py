@@ -290,7 +290,7 @@ class AnalysisSettings:
 
 
 class Severity(StrEnum):
-    """Overall vibration against its limits, from harmless to worst."""
+    """What is watched against its limits, from harmless to worst."""
 
     NORMAL = "normal"
     ALARM = "alarm"
@@ -309,17 +309,23 @@ class Limits:
     Parameters
     ----------
     peak_to_peak_alarm, peak_to_peak_danger : float
-        Overall vibration, m peak-to-peak.
+        Overall vibration at either probe, m peak-to-peak.
     clearance : float
         Radius of the circle that the shaft can move in, m.
     speed : float
-        Highest speed of the rig, rad/s.
+        Highest speed of the rig, rad/s: how far picture and prediction reach; no alarm by itself.
     hysteresis : float
-        Part of a limit by which the vibration must fall below it before its alarm ends, 0 to below 1.
+        Part of a limit by which what is watched must fall below it before its alarm ends, 0 to below 1.
     hold : float
         Time that a limit must be passed before its alarm comes, s.
     latch : bool
         Whether an alarm stays in sight until somebody acknowledges it.
+    order_1x_alarm, order_1x_danger : float
+        1X at either probe as measured, m peak; infinite where it is not watched, as all that follow.
+    below_1x_alarm, below_1x_danger : float
+        All components below 1X together at either probe: the sum of their amplitudes, m peak.
+    speed_alarm, speed_danger : float
+        Speed of the shaft, rad/s.
     """
 
     peak_to_peak_alarm: float
@@ -329,6 +335,12 @@ class Limits:
     hysteresis: float = 0.05
     hold: float = 1.0
     latch: bool = True
+    order_1x_alarm: float = np.inf
+    order_1x_danger: float = np.inf
+    below_1x_alarm: float = np.inf
+    below_1x_danger: float = np.inf
+    speed_alarm: float = np.inf
+    speed_danger: float = np.inf
 
     def severity(self, peak_to_peak: float) -> Severity:
         """Return how an overall vibration, m peak-to-peak, stands to the limits; a limit that is met is passed."""

@@ -23,6 +23,15 @@ from recordings.section import Section
 
 Document = dict[str, Any]
 
+_WATCHED = {  # limits that are missing where they are not watched
+    "order_1x_peak_alarm_m": "order_1x_alarm",
+    "order_1x_peak_danger_m": "order_1x_danger",
+    "below_1x_peak_alarm_m": "below_1x_alarm",
+    "below_1x_peak_danger_m": "below_1x_danger",
+    "speed_alarm_rad_per_s": "speed_alarm",
+    "speed_danger_rad_per_s": "speed_danger",
+}
+
 
 def header_document(header: RunHeader) -> Document:
     """Return all of a header as a document that JSON can hold."""
@@ -49,6 +58,7 @@ def header_document(header: RunHeader) -> Document:
             "hysteresis_fraction": header.limits.hysteresis,
             "hold_s": header.limits.hold,
             "latch": header.limits.latch,
+            **{key: limit for key, name in _WATCHED.items() if math.isfinite(limit := getattr(header.limits, name))},
         },
         "config_toml": header.config_toml,
     }
@@ -138,6 +148,7 @@ def _limits(section: Section) -> Limits:
         hysteresis=section.number("hysteresis_fraction"),
         hold=section.number("hold_s"),
         latch=section.flag("latch"),
+        **{name: section.number(key) for key, name in _WATCHED.items() if section.has(key)},
     )
 
 

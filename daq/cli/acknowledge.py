@@ -13,8 +13,7 @@ def run(chosen: argparse.Namespace) -> int:
         print(json.dumps(made, ensure_ascii=False, indent=2))
         return 0
     for alarm in made["alarms"]:
-        size = f"{alarm['largest_peak_to_peak_um']:.0f} µm peak-to-peak, limit {alarm['limit_peak_to_peak_um']:g}"
-        print(f"acknowledged {alarm['severity']} at {alarm['probe']}: {size}")
+        print(f"acknowledged {alarm['name']}: {alarm['told']}")
     if not made["alarms"]:
         print("no new alarm")
     return 0

@@ -8,7 +8,7 @@ from typing import TextIO
 
 from analysis.run import Severity
 from analysis.snapshot import Snapshot
-from daq.session.frame import LiveFrame
+from daq.session.frame import LiveFrame, Status
 
 RPM = 2 * math.pi / 60
 _QUIET_INTERVAL = 5.0  # s between lines where they cannot be rewritten
@@ -73,8 +73,7 @@ def frame_line(frame: LiveFrame) -> str:
     else:
         parts.append(_speed(frame))
         x, y = snapshot.peak_to_peak * 1e6
-        alarm = {Severity.NORMAL: "", Severity.ALARM: "  ALARM", Severity.DANGER: "  DANGER"}[status.latched]
-        parts.append(f"x {x:.0f} µm  y {y:.0f} µm pp{alarm}")
+        parts.append(f"x {x:.0f} µm  y {y:.0f} µm pp{_alarms(status)}")
         parts.append(_whirl(frame))
         parts.append(_counter(snapshot))
     parts += [f"{each.channel} CLIPPED {each.samples:,} in {each.blocks:,} blocks" for each in status.clipped]
@@ -98,6 +97,14 @@ def _counter(snapshot: Snapshot) -> str:
     if counter is None or not counter.told:
         return ""
     return f"tacho counter: {', '.join(filter(None, (counter.state.value, counter.told_lately)))}"
+
+
+def _alarms(status: Status) -> str:
+    """Return the worst severity in sight and what is at it."""
+    if status.latched is Severity.NORMAL:
+        return ""
+    worst = dict.fromkeys(alarm.quantity.value for alarm in status.alarms if alarm.severity is status.latched)
+    return f"  {status.latched.value.upper()} {', '.join(worst)}"
 
 
 def _speed(frame: LiveFrame) -> str:

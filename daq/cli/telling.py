@@ -117,12 +117,11 @@ def _runout(summary: SummaryDocument) -> Iterator[str]:
 
 
 def _alarm(alarm: AlarmDocument) -> str:
-    """Say which limit was passed where, when, by how much and until when."""
+    """Say which limit of what was passed where, when, by how much and until when."""
     speed = "" if alarm.begin.speed_rpm is None else f", {_number(alarm.begin.speed_rpm)} r/min"
     end = "to the end" if alarm.end is None else f"until {_number(alarm.end.time_s, 1)} s"
-    most, limit = _number(alarm.largest_peak_to_peak_um), _number(alarm.limit_peak_to_peak_um)
-    begin = f"{_number(alarm.begin.time_s, 1)} s{speed}"
-    return f"{alarm.severity.value.upper()} at {alarm.probe} from {begin} {end}, up to {most} µm pp (limit {limit})"
+    name = alarm.name.replace(alarm.severity.value, alarm.severity.value.upper())
+    return f"{name} from {_number(alarm.begin.time_s, 1)} s{speed} {end}, up to {alarm.told}"
 
 
 def _model(agreement: AgreementDocument) -> Iterator[str]:

@@ -187,6 +187,18 @@ def _limits(config: RigConfig) -> Iterator[Fault]:
     if danger > 2 * limits.clearance_um:
         expected = f"at most {2 * limits.clearance_um:g}, twice clearance_um: the shaft has no more room"
         yield _fault("limits.peak_to_peak_danger_um", danger, expected, "limits.clearance_um")
+    for name, unit, most, why in (
+        ("order_1x_peak", "um", limits.clearance_um, "clearance_um: the shaft has no more room"),
+        ("below_1x_peak", "um", limits.clearance_um, "clearance_um: the shaft has no more room"),
+        ("speed", "rpm", limits.speed_rpm, "speed_rpm: the highest speed of the rig"),
+    ):
+        alarm_key, danger_key = f"{name}_alarm_{unit}", f"{name}_danger_{unit}"
+        alarm, danger = getattr(limits, alarm_key), getattr(limits, danger_key)
+        if alarm > danger > 0:
+            yield _fault(f"limits.{alarm_key}", alarm, f"at most {danger_key} = {danger:g}", f"limits.{danger_key}")
+        for key, limit in ((alarm_key, alarm), (danger_key, danger)):
+            if limit > most:
+                yield _fault(f"limits.{key}", limit, f"at most {most:g}, {why}", f"limits.{why.split(':')[0]}")
 
 
 def trigger_faults(config: RigConfig) -> Iterator[Fault]:

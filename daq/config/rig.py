@@ -76,6 +76,12 @@ class Rig:
             hysteresis=section.hysteresis_fraction,
             hold=section.hold_s,
             latch=section.latch,
+            order_1x_alarm=_watched(section.order_1x_peak_alarm_um, MICRO),
+            order_1x_danger=_watched(section.order_1x_peak_danger_um, MICRO),
+            below_1x_alarm=_watched(section.below_1x_peak_alarm_um, MICRO),
+            below_1x_danger=_watched(section.below_1x_peak_danger_um, MICRO),
+            speed_alarm=_watched(section.speed_alarm_rpm, RPM),
+            speed_danger=_watched(section.speed_danger_rpm, RPM),
         )
 
     @property
@@ -100,3 +106,8 @@ class Rig:
             highest_order=section.highest_order,
             runout=runout_settings(self.config),
         )
+
+
+def _watched(limit: float, unit: float) -> float:
+    """Return a limit in SI units, infinite where it is 0: not watched."""
+    return limit * unit if limit else math.inf

@@ -113,6 +113,12 @@ class LimitsSection(Section):
     hysteresis_fraction: Annotated[float, Field(ge=0, le=0.5)] = 0.05  # part of a limit, below it, where its alarm ends
     hold_s: Annotated[float, Field(ge=0, le=60)] = 1.0  # how long a limit must be passed before its alarm comes
     latch: bool = True  # an alarm stays in sight until somebody acknowledges it
+    order_1x_peak_alarm_um: NotNegative = 0.0  # of 1X at either probe; 0: not watched, as all that follow
+    order_1x_peak_danger_um: NotNegative = 0.0
+    below_1x_peak_alarm_um: NotNegative = 0.0  # of all components below 1X at either probe, added
+    below_1x_peak_danger_um: NotNegative = 0.0
+    speed_alarm_rpm: NotNegative = 0.0
+    speed_danger_rpm: NotNegative = 0.0
 
 
 class AnalysisSection(Section):

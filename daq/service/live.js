@@ -50,12 +50,12 @@ export function drawIdle() {
   write("run", "No run is under way");
   write("device", "rig record RIG.TOML starts one and says where to watch it; recorded runs are below");
   for (const node of document.querySelectorAll("#values b, #status dd")) node.textContent = "–";
-  for (const node of document.querySelectorAll("#values .size, #values td span, #values .trend, #values .note, #values .verdict")) {
+  for (const node of document.querySelectorAll("#values .size, #values td span, #values .trend, #values .note, #values .verdict, #values .correction")) {
     if (node.id) node.textContent = "";
   }
   for (const node of document.querySelectorAll(".gauge i")) node.style.setProperty("--fill", "0%");
   for (const node of document.querySelectorAll("#status div")) node.classList.remove("bad", "poor");
-  delete element("overall").dataset.severity;
+  for (const tile of document.querySelectorAll(".tile")) delete tile.dataset.severity;
   element("alarms").hidden = true;
   banner("trouble", "");
 }
@@ -65,16 +65,42 @@ function fill(id, value, full) {
   element(id).querySelector("i").style.setProperty("--fill", `${share}%`);
 }
 
-function drawSpeed({ measured, limits }) {
+const worstOf = (alarms) => (alarms.some((alarm) => alarm.severity === "danger") ? "danger" : alarms.length ? "alarm" : "normal");
+
+// Colours a tile by the alarms of what it shows, and names the worst of them; where nothing is watched it says nothing.
+function judge(tile, verdict, quantity, alarms, isWatched) {
+  const mine = alarms.filter((alarm) => alarm.quantity === quantity);
+  const inSight = worstOf(mine);
+  const lasting = worstOf(mine.filter((alarm) => !alarm.end));
+  element(tile).dataset.severity = inSight;
+  write(verdict, isWatched ? `${inSight.toUpperCase()}${inSight === lasting ? "" : " LATCHED"}` : "");
+}
+
+// Marks alarm and danger on a gauge; what is not watched lies outside.
+function markLimits(id, full, levels) {
+  element(id).querySelectorAll("s").forEach((node, k) => {
+    node.style.setProperty("--at", known(levels[k]) ? `${(100 * levels[k]) / full}%` : "200%");
+  });
+}
+
+function watched(alarm, danger, figure) {
+  const levels = [["alarm", alarm], ["danger", danger]].filter(([, level]) => known(level));
+  return levels.map(([name, level]) => `${name} ${figure(level)}`).join(" · ");
+}
+
+function drawSpeed({ measured, limits, status }) {
   const speed = measured?.speed_rpm;
   write("speed", whole(speed));
   const change = measured?.acceleration_rpm_per_s ?? 0;
   const steady = Math.abs(change) <= 0.002 * (speed ?? Infinity);
   write("trend", !known(speed) || steady ? "" : change > 0 ? "▲" : "▼");
   fill("speed-gauge", speed, limits.speed_rpm);
+  markLimits("speed-gauge", limits.speed_rpm, [limits.speed_alarm_rpm, limits.speed_danger_rpm]);
   const tacho = measured?.tacho.state ?? "no result yet";
   const source = measured?.tacho.counter ? ` by ${measured.tacho.reference}` : "";
-  write("tacho", `tacho ${tacho}${source} · limit ${whole(limits.speed_rpm)} r/min`);
+  const levels = watched(limits.speed_alarm_rpm, limits.speed_danger_rpm, whole);
+  write("tacho", `tacho ${tacho}${source} · ${levels || `limit ${whole(limits.speed_rpm)}`} r/min`);
+  judge("speed-tile", "speed-verdict", "speed", status.alarms, levels);
 }
 
 function drawOverall({ measured, predicted, limits, status }) {
@@ -83,19 +109,15 @@ function drawOverall({ measured, predicted, limits, status }) {
     const value = measured?.[`peak_to_peak_${probe}_um`];
     write(`pp-${probe}`, micrometres(value));
     fill(`pp-${probe}-gauge`, value, full);
-    const [alarm, danger] = element(`pp-${probe}-gauge`).querySelectorAll("s");
-    alarm.style.setProperty("--at", `${(100 * limits.peak_to_peak_alarm_um) / full}%`);
-    danger.style.setProperty("--at", `${(100 * limits.peak_to_peak_danger_um) / full}%`);
+    markLimits(`pp-${probe}-gauge`, full, [limits.peak_to_peak_alarm_um, limits.peak_to_peak_danger_um]);
   }
-  element("overall").dataset.severity = status.latched_severity;
-  const latched = status.latched_severity !== status.severity ? " LATCHED" : "";
-  write("verdict", `${status.latched_severity.toUpperCase()}${latched}`);
-  write("limits", `alarm ${micrometres(limits.peak_to_peak_alarm_um)} · danger ${micrometres(limits.peak_to_peak_danger_um)}`);
+  judge("overall", "verdict", "overall", status.alarms, true);
+  write("limits", watched(limits.peak_to_peak_alarm_um, limits.peak_to_peak_danger_um, micrometres));
   const model = predicted && `· model x ${micrometres(predicted.peak_to_peak_x_um)} y ${micrometres(predicted.peak_to_peak_y_um)}`;
   write("pp-model", model ?? "");
 }
 
-function drawRunningSpeed({ measured, predicted, runout }) {
+function drawRunningSpeed({ measured, predicted, runout, limits, status }) {
   const raw = measured?.order_1x;
   const compensated = measured?.order_1x_compensated;
   const shown = compensated ?? raw;
@@ -108,16 +130,21 @@ function drawRunningSpeed({ measured, predicted, runout }) {
   write("one-compensated", compensated ? "COMPENSATED" : runout && !runout.is_known ? "run-out not known" : "");
   const sure = known(shown?.amplitude_sigma_um) ? `± ${sigma(shown.amplitude_sigma_um)} µm, ± ${sigma(shown.lag_sigma_x_deg)}°` : "";
   const measuredToo = ["x", "y"].map((probe) => `${probe} ${micrometres(raw?.[`amplitude_peak_${probe}_um`])} ${lag(raw?.[`lag_${probe}_deg`])}`);
-  write("one-note", compensated ? `as measured ${measuredToo.join(" ")} · ${sure}` : sure);
+  const levels = watched(limits.order_1x_peak_alarm_um, limits.order_1x_peak_danger_um, micrometres);
+  write("one-note", [compensated && `as measured ${measuredToo.join(" ")}`, sure, levels].filter(Boolean).join(" · "));
+  judge("one", "one-verdict", "1X", status.alarms, levels);
 }
 
-function drawWhirl({ measured, predicted }) {
+function drawWhirl({ measured, predicted, limits, status }) {
   const whirl = measured?.whirl;
   write("whirl", whirl ? order(whirl.order) : measured?.order_1x ? "none" : "–");
   write("whirl-size", whirl ? `${micrometres(whirl.amplitude_peak_um)} µm` : "");
   const others = (measured?.whirls ?? []).slice(1).map((each) => `${order(each.order)} ${micrometres(each.amplitude_peak_um)} µm ${each.direction}`);
-  write("whirls", others.length ? `also ${others.join(", ")}` : "");
-  element("whirls").hidden = !others.length;
+  const levels = watched(limits.below_1x_peak_alarm_um, limits.below_1x_peak_danger_um, micrometres);
+  const also = [others.length && `also ${others.join(", ")}`, levels && `${levels} together`].filter(Boolean).join(" · ");
+  write("whirls", also);
+  element("whirls").hidden = !also;
+  judge("below", "below-verdict", "below 1X", status.alarms, levels);
   const sure = known(whirl?.amplitude_sigma_um) ? ` · ± ${sigma(whirl.amplitude_sigma_um)} µm` : "";
   write("whirl-note", whirl ? `${whirl.direction} · ${decimals(whirl.frequency_hz, 0)} Hz${sure}` : "");
   const expected = predicted?.whirl;
@@ -160,8 +187,8 @@ function drawAlarms({ alarms, acknowledged_alarm: acknowledged }) {
   const told = [...alarms].sort((a, b) => WORST_FIRST[a.severity] - WORST_FIRST[b.severity] || a.number - b.number).map((alarm) => {
     const at = known(alarm.begin.speed_rpm) ? ` at ${whole(alarm.begin.speed_rpm)} r/min` : "";
     const now = alarm.end ? "over" : "still so";
-    const size = `${micrometres(alarm.largest_peak_to_peak_um)} µm pp, limit ${micrometres(alarm.limit_peak_to_peak_um)}`;
-    return `${alarm.severity.toUpperCase()} ${alarm.probe}: ${size}, came ${clock(alarm.begin.time_s)}${at}, ${now}.`;
+    const name = alarm.name.replace(alarm.severity, alarm.severity.toUpperCase());
+    return `${name}: ${alarm.told}, came ${clock(alarm.begin.time_s)}${at}, ${now}.`;
   });
   const more = told.length > 2 ? ` And ${told.length - 2} more.` : "";
   write("alarm", told.length ? `▲ ${told.slice(0, 2).join(" ")}${more}` : "");

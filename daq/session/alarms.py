@@ -3,18 +3,32 @@
 import math
 from collections.abc import Sequence
 
-from analysis.alarm import Alarm
+from analysis.alarm import Alarm, Watched
 from recordings.marks import MOST_LETTERS, Mark, MarkKind
 
 MICRO = 1e-6
 RPM = 2 * math.pi / 60
 
 
+def alarm_name(alarm: Alarm) -> str:
+    """Return which it is: "danger at x", "1X alarm at x", "speed danger"."""
+    which = "" if alarm.quantity is Watched.OVERALL else f"{alarm.quantity.value} "
+    return f"{which}{alarm.severity.value}" + (f" at {alarm.probe}" if alarm.probe else "")
+
+
+def alarm_size(alarm: Alarm) -> str:
+    """Return the largest value so far, and the limit: "96 µm peak-to-peak, limit 90"."""
+    if alarm.quantity is Watched.SPEED:
+        return f"{alarm.largest / RPM:,.0f} r/min, limit {alarm.limit / RPM:,.0f}"
+    value, unit = alarm.largest / MICRO, "peak-to-peak" if alarm.quantity is Watched.OVERALL else "peak"
+    return f"{value:.{0 if value >= 20.0 else 1}f} µm {unit}, limit {alarm.limit / MICRO:g}"
+
+
 def alarm_text(alarm: Alarm) -> str:
-    """Return what came: which limit at which probe, how much, at what speed."""
-    at = f" at {alarm.begin.speed / RPM:,.0f} r/min" if math.isfinite(alarm.begin.speed) else ""
-    value, limit = alarm.largest / MICRO, alarm.limit / MICRO
-    return f"{alarm.severity.value} at {alarm.probe}: {value:.0f} µm peak-to-peak{at}, limit {limit:g}"
+    """Return what came: which limit of what, how much, at what speed."""
+    known = math.isfinite(alarm.begin.speed) and alarm.quantity is not Watched.SPEED
+    at = f", at {alarm.begin.speed / RPM:,.0f} r/min" if known else ""
+    return f"{alarm_name(alarm)}: {alarm_size(alarm)}{at}"
 
 
 def alarm_mark(alarm: Alarm, rate: float, host_time_ns: int) -> Mark:
@@ -25,5 +39,5 @@ def alarm_mark(alarm: Alarm, rate: float, host_time_ns: int) -> Mark:
 
 def acknowledgement(alarms: Sequence[Alarm], segment: int, sample: int, host_time_ns: int) -> Mark:
     """Return the mark of the moment at which somebody took note of alarms."""
-    named = ", ".join(f"{alarm.severity.value} at {alarm.probe}" for alarm in alarms)
+    named = ", ".join(alarm_name(alarm) for alarm in alarms)
     return Mark(segment, sample, f"acknowledged {named}"[:MOST_LETTERS], host_time_ns, MarkKind.ACKNOWLEDGED)

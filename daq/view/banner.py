@@ -7,7 +7,7 @@ from daq.session.frame import LiveFrame, RunState, Status
 from daq.view.drawing import Anchor, Drawing
 from daq.view.lettering import text_width
 from daq.view.palette import ALARM, DANGER, GOOD, INK, MEASURED_X, MEASURED_Y, QUIET, TEXT, Color
-from daq.view.wording import clock, hours, rpm
+from daq.view.wording import clock, hours, rpm, worst_alarm
 
 BOUNDS = ((0.0, 1900.0), (8.0, 180.0))
 _STEADY = 3.0 * math.pi / 30.0  # rad/s²: slower than 3 r/min each second is called steady
@@ -60,9 +60,8 @@ def _severity(drawing: Drawing, frame: LiveFrame) -> None:
     if not status.alarms:
         drawing.text("no alarm", (1285.0, 38.0), 17.0, QUIET, Anchor.CENTRE)
     else:
-        word, paper, ink = _BLOCKS[status.latched]
-        worst = max(status.alarms, key=lambda alarm: (alarm.severity.rank, alarm.largest))
-        text = f"{word} {worst.probe} {worst.largest * 1e6:.0f} µm"
+        _, paper, ink = _BLOCKS[status.latched]
+        text = worst_alarm(status.alarms)
         drawing.block(1150.0, 10.0, 270.0, 38.0, paper)
         drawing.text(text, (1285.0, 38.0), min(20.0, 250.0 / text_width(text)), ink, Anchor.CENTRE)
     if not status.detail:

@@ -1,9 +1,11 @@
 """How quantities are written for the operator."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
+from analysis.alarm import Alarm, Watched
 from daq.view.bode import phase_lag
 from model.prediction import Prediction
 
@@ -20,6 +22,16 @@ def clock(elapsed: float) -> str:
     if minutes < 60:
         return f"{minutes:02d}:{seconds:02d}"
     return f"{minutes // 60}:{minutes % 60:02d}:{seconds:02d}"
+
+
+def worst_alarm(alarms: Sequence[Alarm]) -> str:
+    """Return the alarm that passed the worst limit by most, as DANGER x 96 µm or ALARM 1X y 24 µm."""
+    worst = max(alarms, key=lambda alarm: (alarm.severity.rank, alarm.largest / alarm.limit))
+    word = worst.severity.value.upper()
+    if worst.quantity is Watched.SPEED:
+        return f"{word} {rpm(worst.largest)} r/min"
+    which = "" if worst.quantity is Watched.OVERALL else f"{worst.quantity.value} "
+    return f"{word} {which}{worst.probe} {worst.largest * 1e6:.0f} µm"
 
 
 def hours(left: float) -> str:

@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.alarm import MOST_ALARMS, Alarm, AlarmWatch, LimitWatch, shown_alarms, worst
+from analysis.alarm import MOST_ALARMS, Alarm, AlarmWatch, LimitWatch, Watched, shown_alarms, watched_values, worst
 from analysis.findings import Moment
 from analysis.run import Limits, Severity
-from analysis.snapshot import Snapshot, TachoReport, TachoState, Trace
+from analysis.snapshot import OrderFrame, Snapshot, TachoReport, TachoState, Trace, Whirl
 
 MICRO = 1e-6
 LIMITS = Limits(80 * MICRO, 95 * MICRO, 100 * MICRO, 2000.0)
@@ -43,6 +43,93 @@ def course(limits: Limits, x: list[float], y: float = 0.0) -> tuple[Alarm, ...]:
     for k, value in enumerate(x):
         watch.snapshot(snapshot(0.5 * k, value, y))
     return watch.alarms
+
+
+def order_frame(one: tuple[float, float], *whirls: tuple[float, float]) -> OrderFrame:
+    """A frame with 1X and components below it of so many um peak at x and y; phases of all kinds."""
+    turned = np.array([np.exp(0.3j), np.exp(-2.0j)])
+    vectors = np.zeros((2, 2), dtype=np.complex128)
+    vectors[0] = np.array(one) * MICRO * turned
+    return OrderFrame(
+        speed=1000.0,
+        acceleration=0.0,
+        orders=np.empty(0),
+        spectrum=np.empty((2, 0), dtype=np.complex128),
+        vectors=vectors,
+        noise=0.0,
+        whirls=tuple(
+            Whirl(0.2 + 0.1 * k, max(pair) * MICRO, 0.0, np.array(pair) * MICRO * turned)
+            for k, pair in enumerate(whirls)
+        ),
+        orbit=np.empty((2, 0)),
+    )
+
+
+def told(alarms: tuple[Alarm, ...]) -> list[tuple[str, str, str, float | None]]:
+    return [
+        (alarm.quantity.value, alarm.probe, alarm.severity.value, None if alarm.end is None else alarm.end.time)
+        for alarm in alarms
+    ]
+
+
+def test_1x_is_watched_at_each_probe_as_measured() -> None:
+    watch = AlarmWatch(replace(AT_ONCE, order_1x_alarm=20 * MICRO, order_1x_danger=30 * MICRO), ("x", "y"))
+    for k, one in enumerate([(10.0, 10.0), (22.0, 31.0), (19.5, 28.0), (18.0, 10.0)]):
+        watch.snapshot(replace(snapshot(0.5 * k, 5.0, 5.0), frame=order_frame(one)))
+    assert told(watch.alarms) == [
+        ("1X", "x", "alarm", 1.5),  # 19.5 is not below it by the hysteresis
+        ("1X", "y", "alarm", 1.5),
+        ("1X", "y", "danger", 1.0),
+    ]
+    assert watch.alarms[2].largest == pytest.approx(31 * MICRO)
+    assert watch.alarms[2].limit == 30 * MICRO
+
+
+def test_all_that_is_below_1x_is_watched_together() -> None:
+    watch = AlarmWatch(replace(AT_ONCE, below_1x_danger=12 * MICRO), ("x", "y"))
+    for k, whirls in enumerate([[(8.0, 11.0)], [(8.0, 11.0), (5.0, 0.5)], []]):
+        watch.snapshot(replace(snapshot(0.5 * k, 5.0, 5.0), frame=order_frame((50.0, 50.0), *whirls)))
+    assert told(watch.alarms) == [("below 1X", "x", "danger", 1.0)]
+    assert watch.alarms[0].largest == pytest.approx(13 * MICRO)
+
+
+def test_overspeed_is_watched_once_and_not_at_a_probe() -> None:
+    watch = AlarmWatch(replace(AT_ONCE, speed_alarm=100.0, speed_danger=150.0), ("x", "y"))
+    for k, speed in enumerate([90.0, 101.0, 160.0, 149.0, math.nan, 96.0, 94.0]):
+        watch.snapshot(replace(snapshot(0.5 * k, 5.0, 5.0), speed=speed))
+    assert told(watch.alarms) == [("speed", "", "alarm", 3.0), ("speed", "", "danger", 2.5)]  # 149 is within 5 %
+    assert [alarm.largest for alarm in watch.alarms] == [160.0, 160.0]
+
+
+def test_what_has_no_limit_raises_no_alarm_however_large() -> None:
+    watch = AlarmWatch(AT_ONCE, ("x", "y"))
+    watch.snapshot(replace(snapshot(0.5, 5.0, 5.0), speed=1e6, frame=order_frame((500.0, 500.0), (500.0, 500.0))))
+    assert watch.alarms == ()
+
+
+def test_where_the_tacho_does_not_tell_an_alarm_of_1x_neither_comes_nor_goes() -> None:
+    watch = AlarmWatch(replace(AT_ONCE, order_1x_alarm=20 * MICRO), ("x", "y"))
+    loud, silent = replace(snapshot(0.0, 5.0, 5.0), frame=order_frame((25.0, 1.0))), snapshot(1.0, 60.0, 60.0)
+    assert np.isnan(watched_values(silent)[Watched.ORDER_1X]).all()
+    counts = []
+    for each in (silent, loud, silent):
+        watch.snapshot(each)
+        counts.append(sum(alarm.lasts for alarm in watch.alarms))
+    assert counts == [0, 1, 1]
+
+
+def test_alarms_of_all_quantities_are_numbered_in_the_order_in_which_they_came_and_shown_together() -> None:
+    limits = replace(AT_ONCE, order_1x_alarm=20 * MICRO, speed_danger=150.0)
+    watch = AlarmWatch(limits, ("x", "y"))
+    for k, (overall, one, speed) in enumerate([(70, 25, 100.0), (85, 25, 100.0), (10, 1, 200.0), (10, 1, 100.0)]):
+        watch.snapshot(replace(snapshot(0.5 * k, overall, 1.0), speed=speed, frame=order_frame((one, 0.0))))
+    assert [(alarm.number, alarm.quantity) for alarm in watch.alarms] == [
+        (1, Watched.ORDER_1X),
+        (2, Watched.OVERALL),
+        (3, Watched.SPEED),
+    ]
+    assert worst(shown_alarms(watch.alarms, 2, latch=True)) is Severity.DANGER
+    assert shown_alarms(watch.alarms, 3, latch=True) == ()
 
 
 def test_a_limit_must_be_held_before_its_alarm_comes() -> None:

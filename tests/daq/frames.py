@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.alarm import Alarm, AlarmWatch, shown_alarms, worst
+from analysis.alarm import Alarm, AlarmWatch, Watched, shown_alarms, worst
 from analysis.findings import Moment
 from analysis.run import (
     Acquisition,
@@ -210,9 +210,30 @@ def with_alarm(frame: LiveFrame, severity: Severity) -> LiveFrame:
     """Return a frame with a latched alarm that is over."""
     limits, place = frame.header.limits, Moment(0, 10.0, 12_000.0 * RPM)
     limit = limits.peak_to_peak_danger if severity is Severity.DANGER else limits.peak_to_peak_alarm
-    alarm = Alarm(1, "x", severity, limit, place, 1.02 * limit, place, Moment(0, 12.0, 12_500.0 * RPM))
+    over = Moment(0, 12.0, 12_500.0 * RPM)
+    alarm = Alarm(1, Watched.OVERALL, "x", severity, limit, place, 1.02 * limit, place, over)
     status = replace(frame.status, severity=Severity.NORMAL, latched=severity, alarms=(alarm,))
     return replace(frame, status=status)
+
+
+def with_further_alarms(frame: LiveFrame) -> LiveFrame:
+    """Return a frame of a rig that watches 1X, what is below it, and the speed: all passed, 1X no more."""
+    place, over = Moment(0, 10.0, 12_000.0 * RPM), Moment(0, 12.0, 12_500.0 * RPM)
+    limits = replace(
+        frame.header.limits,
+        order_1x_alarm=20e-6,
+        order_1x_danger=30e-6,
+        below_1x_alarm=12.5e-6,
+        speed_alarm=18_000.0 * RPM,
+        speed_danger=19_500.0 * RPM,
+    )
+    alarms = (
+        Alarm(1, Watched.ORDER_1X, "x", Severity.ALARM, 20e-6, place, 24.04e-6, place, over),
+        Alarm(2, Watched.BELOW_1X, "y", Severity.ALARM, 12.5e-6, place, 14.06e-6, place),
+        Alarm(3, Watched.SPEED, "", Severity.DANGER, 19_500.0 * RPM, place, 19_642.0 * RPM, place),
+    )
+    status = replace(frame.status, severity=Severity.DANGER, latched=Severity.DANGER, alarms=alarms)
+    return replace(frame, header=replace(frame.header, limits=limits), status=status)
 
 
 def with_runout(frame: LiveFrame) -> LiveFrame:

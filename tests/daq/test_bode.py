@@ -67,7 +67,9 @@ def test_run_up_stays_whole_where_it_was_when_the_run_down_comes_in_dashes() -> 
 
 def test_run_up_alone_has_no_dashes_and_no_word_of_a_run_down() -> None:
     plot = plot_of(WAY_UP)
-    assert levels(plot) == (pytest.approx([UP * 1e6], abs=0.01), 0)
+    whole, dashes = levels(plot)
+    assert whole == pytest.approx([UP * 1e6], abs=0.01)
+    assert dashes == 0
     assert not plot.follow()[2]
 
 

@@ -46,10 +46,25 @@ def test_load_rig_gives_si_units(rig: RigFactory) -> None:
     loaded = rig(tacho={"delay_s": 2e-4}, limits={"peak_to_peak_alarm_um": 50.0, "speed_rpm": 12_000.0})
     assert loaded.limits.peak_to_peak_alarm == pytest.approx(50e-6)
     assert loaded.limits.speed == pytest.approx(400 * math.pi)
+    assert loaded.limits.order_1x_alarm == loaded.limits.below_1x_danger == loaded.limits.speed_danger == math.inf
     assert loaded.tacho.delay == pytest.approx(2e-4)
     assert loaded.calibrations["x"].coefficients == pytest.approx((12e-6, 96.5e-6, 0.55e-6, -0.03e-6))
     assert loaded.calibrations["x"].residual == pytest.approx(1.2e-6)
     assert loaded.calibrations["y"].sensor == "1U1-4711"
+
+
+def test_further_limits_are_given_in_um_peak_and_r_min_each_for_itself(rig: RigFactory) -> None:
+    limits = rig(
+        limits={
+            "order_1x_peak_alarm_um": 30.0,
+            "order_1x_peak_danger_um": 40.0,
+            "below_1x_peak_danger_um": 25.0,
+            "speed_alarm_rpm": 18_000.0,
+        }
+    ).limits
+    assert (limits.order_1x_alarm, limits.order_1x_danger) == pytest.approx((30e-6, 40e-6))
+    assert (limits.below_1x_alarm, limits.below_1x_danger) == pytest.approx((math.inf, 25e-6))
+    assert (limits.speed_alarm, limits.speed_danger) == pytest.approx((600 * math.pi, math.inf))
 
 
 def test_load_rig_keeps_what_a_probe_was_calibrated_against_and_by_whom(rig: RigFactory) -> None:
@@ -119,6 +134,18 @@ def test_load_rig_lists_the_known_keys_where_none_is_near(rig_file: RigFiles) ->
         ({"timing": {"buffer_s": 1.0, "block_s": 0.5}}, "timing.block_s = 0.5: expected at most a quarter of buffer_s"),
         ({"limits": {"peak_to_peak_alarm_um": 96.0}}, "limits.peak_to_peak_alarm_um = 96: expected at most peak_to"),
         ({"limits": {"clearance_um": 40.0}}, "limits.peak_to_peak_danger_um = 95: expected at most 80, twice"),
+        (
+            {"limits": {"order_1x_peak_alarm_um": 41.0, "order_1x_peak_danger_um": 40.0}},
+            "limits.order_1x_peak_alarm_um = 41: expected at most order_1x_peak_danger_um = 40",
+        ),
+        (
+            {"limits": {"below_1x_peak_danger_um": 101.0}},
+            "limits.below_1x_peak_danger_um = 101: expected at most 100, clearance_um: the shaft has no more room",
+        ),
+        (
+            {"limits": {"speed_danger_rpm": 20_001.0}},
+            "limits.speed_danger_rpm = 20001: expected at most 20000, speed_rpm: the highest speed of the rig",
+        ),
         ({"limits": {"speed_rpm": 31_000.0}}, "limits.speed_rpm = 31000: expected at most 30000: light and dark must"),
         ({"tacho": {"mark_fraction": 0.1}}, "limits.speed_rpm = 20000: expected at most 6000: light and dark must"),
         ({"tacho": {"threshold_v": 9.8}}, "tacho.threshold_v = 9.8: expected both switching levels, 9.3 and 10.3 V,"),

@@ -15,7 +15,7 @@ from daq.service.app import create_app
 from daq.service.server import ServiceServer
 from daq.session.frame import LiveFrame, PlacedMark, RunState
 from recordings.marks import Mark
-from tests.daq.frames import make_frames, with_alarm, with_runout, with_second_whirl
+from tests.daq.frames import make_frames, with_alarm, with_further_alarms, with_runout, with_second_whirl
 from tests.daq.service_bench import Bench, open_bench
 from tests.daq.service_fakes import NEWEST, FakeCatalogue, FakeLive, FakeSummaries
 
@@ -91,10 +91,30 @@ def test_page_keeps_a_passed_limit_in_sight(bench: Bench, tmp_path: Path) -> Non
     bench.live.frame = replace(frame, status=replace(frame.status, lost=2000, lost_is_exact=False))
     page = seen(bench.server.url, tmp_path)
     assert text_of(page, "verdict") == "DANGER LATCHED"
-    assert text_of(page, "alarm") == "▲ DANGER x: 92 µm pp, limit 90, came 00:10 at 12,000 r/min, over."
+    assert text_of(page, "alarm") == "▲ DANGER at x: 92 µm peak-to-peak, limit 90, came 00:10 at 12,000 r/min, over."
     assert re.search(r'<button id="acknowledge"[^>]*(?<!hidden="")>Acknowledge', page)
     assert text_of(page, "lost") == "≥ 2,000"
     assert re.search(r'id="lost-cell" class="bad"', page)
+
+
+def test_page_judges_each_value_by_its_own_limits(bench: Bench, tmp_path: Path) -> None:
+    bench.live.frame = with_further_alarms(FRAME)
+    page = seen(bench.server.url, tmp_path)
+    tiles = {
+        tile: re.search(rf'id="{tile}" data-severity="(\w+)"', page)
+        for tile in ("speed-tile", "overall", "one", "below")
+    }
+    assert [None if found is None else found[1] for found in tiles.values()] == ["danger", "normal", "alarm", "alarm"]
+    assert [text_of(page, of) for of in ("speed-verdict", "verdict", "one-verdict", "below-verdict")] == [
+        "DANGER",
+        "NORMAL",
+        "ALARM LATCHED",
+        "ALARM",
+    ]
+    assert text_of(page, "tacho").endswith("alarm 18,000 · danger 19,500 r/min")
+    assert text_of(page, "one-note").endswith("alarm 20 · danger 30")
+    assert text_of(page, "whirls") == "alarm 13 together"
+    assert text_of(page, "alarm").startswith("▲ speed DANGER: 19,642 r/min, limit 19,500, came 00:10")
 
 
 def test_page_shows_what_was_compensated_beside_what_was_measured(bench: Bench, tmp_path: Path) -> None:

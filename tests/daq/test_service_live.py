@@ -15,7 +15,7 @@ from websockets.typing import Origin, Subprotocol
 from analysis.run import Severity
 from daq.service.documents import LiveDocument
 from daq.service.hub import MOST_CLIENTS, MOST_WAITING
-from tests.daq.frames import make_frames, with_alarm
+from tests.daq.frames import make_frames, with_alarm, with_further_alarms
 from tests.daq.recorded_bench import API, RecordedBench, open_recorded_bench
 
 WORD = "correct-horse"
@@ -108,6 +108,25 @@ def test_run_under_way_is_ended_once_asked(bench: RecordedBench) -> None:
     response = bench.client.post(f"{API}/live/stop", json={})
     assert (response.status_code, response.json()) == (202, {"run": FRAMES[0].header.run})
     assert bench.steered.stopped == [FRAMES[0].header.run]
+
+
+def test_alarms_of_1x_of_what_is_below_it_and_of_the_speed_have_their_own_units(bench: RecordedBench) -> None:
+    bench.live.frame = with_further_alarms(FRAMES[0])
+    live = bench.client.get(f"{API}/live").json()
+    one, below, speed = live["status"]["alarms"]
+    assert (one["quantity"], one["probe"], one["limit_peak_um"], one["largest_peak_um"]) == ("1X", "x", 20.0, 24.04)
+    assert one["limit_peak_to_peak_um"] is one["limit_rpm"] is None
+    assert (below["name"], below["told"]) == ("below 1X alarm at y", "14.1 µm peak, limit 12.5")
+    assert (speed["quantity"], speed["probe"], speed["limit_rpm"], speed["largest_rpm"]) == (
+        "speed",
+        None,
+        19_500.0,
+        19_642.0,
+    )
+    assert (speed["name"], speed["told"]) == ("speed danger", "19,642 r/min, limit 19,500")
+    assert live["limits"]["order_1x_peak_danger_um"] == 30.0
+    assert live["limits"]["below_1x_peak_danger_um"] is None
+    assert live["limits"]["speed_alarm_rpm"] == 18_000.0
 
 
 def test_alarms_in_sight_are_told_and_acknowledged(bench: RecordedBench) -> None:

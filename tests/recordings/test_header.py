@@ -95,6 +95,15 @@ def test_run_out_that_was_known_before_comes_back_bit_for_bit(header: RunHeader)
     assert header_from_document(json.loads(json.dumps(header_document(told)))) == told
 
 
+def test_limits_that_are_watched_come_back_bit_for_bit_and_the_others_are_not_written(header: RunHeader) -> None:
+    limits = replace(header.limits, order_1x_alarm=1e-4 / 3, below_1x_danger=2e-5 / 7, speed_danger=6283.185307179586)
+    told = replace(header, limits=limits)
+    document = json.loads(json.dumps(header_document(told)))
+    assert header_from_document(document) == told
+    assert "order_1x_peak_danger_m" not in document["limits"]
+    assert document["limits"]["speed_danger_rad_per_s"] == 6283.185307179586
+
+
 def test_header_of_before_there_was_run_out_has_none_and_alarms_by_default(header: RunHeader) -> None:
     document = header_document(replace(header, limits=replace(header.limits, hold=3.0)))
     del document["analysis"]["runout"]

@@ -29,6 +29,21 @@ class LimitsDocument(Document):
         description="Radius of the circle that the shaft can move in, µm", examples=[100.0]
     )
     speed_rpm: float | None = Field(description="Highest speed of the rig, r/min", examples=[20_000.0])
+    order_1x_peak_alarm_um: float | None = Field(
+        description="1X at either probe, as measured, that raises the alarm, µm peak; null: not watched",
+        examples=[30.0],
+    )
+    order_1x_peak_danger_um: float | None = Field(description="The same for danger, µm peak", examples=[40.0])
+    below_1x_peak_alarm_um: float | None = Field(
+        description="Amplitudes of all components below 1X at either probe, added, that raise the alarm, µm peak; "
+        "null: not watched",
+        examples=[20.0],
+    )
+    below_1x_peak_danger_um: float | None = Field(description="The same for danger, µm peak", examples=[35.0])
+    speed_alarm_rpm: float | None = Field(
+        description="Speed that raises the alarm, r/min; null: not watched", examples=[18_000.0]
+    )
+    speed_danger_rpm: float | None = Field(description="The same for danger, r/min", examples=[19_500.0])
 
 
 def device_document(device: Device) -> DeviceDocument:
@@ -45,4 +60,10 @@ def limits_document(limits: Limits) -> LimitsDocument:
         peak_to_peak_danger_um=micrometres(limits.peak_to_peak_danger),
         clearance_um=micrometres(limits.clearance),
         speed_rpm=rpm(limits.speed),
+        order_1x_peak_alarm_um=micrometres(limits.order_1x_alarm),
+        order_1x_peak_danger_um=micrometres(limits.order_1x_danger),
+        below_1x_peak_alarm_um=micrometres(limits.below_1x_alarm),
+        below_1x_peak_danger_um=micrometres(limits.below_1x_danger),
+        speed_alarm_rpm=rpm(limits.speed_alarm),
+        speed_danger_rpm=rpm(limits.speed_danger),
     )
