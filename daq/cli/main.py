@@ -9,9 +9,9 @@ import time
 from collections.abc import Sequence
 from types import FrameType
 
-STOPPED = 130
+from daq.cli.signals import STOPPED, heeded
+
 GRACE = 3.0  # s in which a command that was interrupted tidies up, and is not interrupted again
-_SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")  # SIGHUP: POSIX only; SIGBREAK: Windows only
 
 
 class _Asked:
@@ -39,7 +39,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         Those of the process where they are not given; then the process ends with the command.
     """
     asked = _Asked()
-    before = {number: signal.signal(number, asked) for number in _heeded()}
+    before = {number: signal.signal(number, asked) for number in heeded()}
     try:
         from daq.cli.command import run  # noqa: PLC0415 - takes a second, in which Ctrl-C is heeded already
 
@@ -52,12 +52,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if arguments is not None:
             for number, handler in before.items():
                 signal.signal(number, handler)
-
-
-def _heeded() -> list[signal.Signals]:
-    """Return the signals that ask for the end; not SIGHUP where the command was begun with nohup."""
-    known = [getattr(signal, name) for name in _SIGNALS if hasattr(signal, name)]
-    return [number for number in known if number.name != "SIGHUP" or signal.getsignal(number) != signal.SIG_IGN]
 
 
 if __name__ == "__main__":

@@ -11,7 +11,7 @@ from daq.cli.following import follow
 from daq.cli.listing import run_line
 from daq.cli.marking import take_marks
 from daq.cli.screens import Screens
-from daq.cli.signals import stop_requested
+from daq.cli.signals import STOPPED, stop_requested
 from daq.cli.telling import print_json, tell
 from daq.config.load import load_rig
 from daq.config.rig import Rig
@@ -56,9 +56,9 @@ def run(chosen: argparse.Namespace) -> int:
         hold_off_s=chosen.hold_off,
     )
     catalogue = Catalogue(data_folder(rig.config.storage.folder), rig.config.storage.catalogue)
-    with Predictors() as predictors, Readings(predictors) as readings, stop_requested() as stop:
+    with Predictors() as predictors, Readings(predictors) as readings:
         summaries = Summaries(catalogue, predictors, readings.summary)
-        with Screens(chosen, catalogue, summaries, console, readings) as screens:
+        with stop_requested() as stop, Screens(chosen, catalogue, summaries, console, readings) as screens:
             order = order_for(catalogue, rig, chosen.note, chosen.duration)
             with closing(RecordedRun(order, predictors.for_rig(rig), screens.sinks, stop.is_set)) as recorded:
                 screens.show(recorded)
@@ -82,7 +82,11 @@ def run(chosen: argparse.Namespace) -> int:
                 print(run_line(run_document(catalogue.run(name))))
             print(f"{len(names)} recordings; rig summary RUN tells more of each")
             return outcome.exit_code
-        documents = [summaries.patiently(name, console.progress) for name in names]
+        try:
+            documents = [summaries.patiently(name, console.progress) for name in names]
+        except KeyboardInterrupt:  # once more: the run has been ended, now the wait for the model is
+            console.line(f"not summed up; rig summary {order.run} does it")
+            return outcome.exit_code or STOPPED
         console.done()
     if chosen.json and len(documents) > 1:
         print_json(list(documents))

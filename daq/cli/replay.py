@@ -44,10 +44,10 @@ def run(chosen: argparse.Namespace) -> int:
     path = catalogue.path(run_id)
     with RunReader(path) as reader:
         header, delivery, marks = reader.header, reader.delivery, reader.marks()
-    with stop_requested() as stop, Predictors() as predictors, Readings(predictors) as readings:
+    with Predictors() as predictors, Readings(predictors) as readings:
         summaries = Summaries(catalogue, predictors, readings.summary)
         model = predictors.of(header)
-        with Screens(chosen, catalogue, summaries, console, readings) as screens:
+        with stop_requested() as stop, Screens(chosen, catalogue, summaries, console, readings) as screens:
             source = open_replay(path, chosen.pace)
             replayed = ReplayedRun(header, source, model, screens.sinks, marks)
             screens.show(replayed)

@@ -31,7 +31,8 @@ def run(chosen: argparse.Namespace) -> int:
         if rig is not None:
 
             def begin(rig: Rig, note: str, duration: float | None) -> RecordedRun:
-                return RecordedRun(order_for(catalogue, rig, note, duration), predictors.for_rig(rig))
+                order = order_for(catalogue, rig, note, duration)
+                return RecordedRun(order, predictors.for_rig(rig), is_stopping=stop.is_set)
 
             desk = stack.enter_context(RunDesk({rig.config.rig: rig}, begin))
         summaries = Summaries(catalogue, predictors, readings.summary)

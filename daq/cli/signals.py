@@ -7,10 +7,16 @@ from types import FrameType
 
 from daq.stopping import StopFlag
 
+STOPPED = 130
+"""Exit code of what was stopped by hand."""
 
-def _signals() -> list[signal.Signals]:
-    names = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")  # SIGHUP: POSIX only; SIGBREAK: Windows only
-    return [getattr(signal, name) for name in names if hasattr(signal, name)]
+_NAMES = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")  # SIGHUP: POSIX only; SIGBREAK: Windows only
+
+
+def heeded() -> list[signal.Signals]:
+    """Return the signals that ask for the end; not SIGHUP where the command was begun with nohup."""
+    known = [getattr(signal, name) for name in _NAMES if hasattr(signal, name)]
+    return [number for number in known if number.name != "SIGHUP" or signal.getsignal(number) != signal.SIG_IGN]
 
 
 @contextmanager
@@ -21,7 +27,7 @@ def stop_requested() -> Iterator[StopFlag]:
     def ask(_number: int, _frame: FrameType | None) -> None:
         flag.set()
 
-    before = {number: signal.signal(number, ask) for number in _signals()}
+    before = {number: signal.signal(number, ask) for number in heeded()}
     try:
         yield flag
     finally:
