@@ -50,7 +50,7 @@ export function drawIdle() {
   write("run", "No run is under way");
   write("device", "rig record RIG.TOML starts one and says where to watch it; recorded runs are below");
   for (const node of document.querySelectorAll("#values b, #status dd")) node.textContent = "–";
-  for (const node of document.querySelectorAll("#values .size, #values td span, #values .trend, #values .note, #values .verdict, #values .correction")) {
+  for (const node of document.querySelectorAll("#values .size, #values td span, #values .trend, #values .note, #values .verdict")) {
     if (node.id) node.textContent = "";
   }
   for (const node of document.querySelectorAll(".gauge i")) node.style.setProperty("--fill", "0%");
@@ -127,7 +127,7 @@ function drawRunningSpeed({ measured, predicted, runout, limits, status }) {
       write(`one-${probe}${suffix}-lag`, lag(source?.[`lag_${probe}_deg`]));
     }
   }
-  write("one-compensated", compensated ? "COMPENSATED" : runout && !runout.is_known ? "run-out not known" : "");
+  write("one-source", compensated ? "compensated" : runout && !runout.is_known ? "measured, run-out not known" : "measured");
   const sure = known(shown?.amplitude_sigma_um) ? `± ${sigma(shown.amplitude_sigma_um)} µm, ± ${sigma(shown.lag_sigma_x_deg)}°` : "";
   const measuredToo = ["x", "y"].map((probe) => `${probe} ${micrometres(raw?.[`amplitude_peak_${probe}_um`])} ${lag(raw?.[`lag_${probe}_deg`])}`);
   const levels = watched(limits.order_1x_peak_alarm_um, limits.order_1x_peak_danger_um, micrometres);

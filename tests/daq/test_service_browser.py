@@ -120,7 +120,7 @@ def test_page_judges_each_value_by_its_own_limits(bench: Bench, tmp_path: Path) 
 def test_page_shows_what_was_compensated_beside_what_was_measured(bench: Bench, tmp_path: Path) -> None:
     bench.live.frame = with_second_whirl(with_runout(FRAME))
     page = seen(bench.server.url, tmp_path)
-    assert text_of(page, "one-compensated") == "COMPENSATED"
+    assert text_of(page, "one-source") == "compensated"
     note = text_of(page, "one-note")
     measured = FRAME.snapshot.frame.vectors[0] if FRAME.snapshot and FRAME.snapshot.frame else None
     assert measured is not None
