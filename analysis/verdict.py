@@ -35,6 +35,7 @@ class Finding(StrEnum):
     SPEED = "speed limit"
     MISSING = "device missing"
     DRIVER = "driver missing or too old"
+    REMARK = "driver remarks something"
     REFUSED = "settings refused"
     BUSY = "device busy"
     SELF_TEST = "self-test"

@@ -62,7 +62,7 @@ def trouble_check(rig: Rig, error: DeviceError, *, in_self_test: bool) -> Check:
 
 
 def sample_checks(blocks: Sequence[SampleBlock], end: SegmentEnd | None, wanted: int, rig: Rig) -> Iterator[Check]:
-    """Yield whether the samples came whole and in time.
+    """Yield whether the samples came whole, in time and without a remark of the driver's.
 
     Parameters
     ----------
@@ -87,6 +87,8 @@ def sample_checks(blocks: Sequence[SampleBlock], end: SegmentEnd | None, wanted:
         told = "" if end is None else f": {end.reason.value}" + (f", {end.detail}" if end.detail else "")
         advice = f"the card did not deliver a whole second{told}; give it a USB port of its own, without a hub"
         yield Check.failed(name, Finding.COUNT, value, limit, advice)
+    if end is not None and end.is_gap_free and end.detail:
+        yield Check.warned("driver", Finding.REMARK, "remarks", "none", end.detail)
     backlog = max((block.backlog for block in blocks), default=0) / rig.config.timing.rate_hz
     limit_s = rig.config.timing.buffer_s / 4
     value, limit = f"{backlog:.2f} s", f"{limit_s:.2g} s, a quarter of buffer_s"

@@ -86,6 +86,7 @@ class NiDriver:
         self.counter_held_elsewhere = False
         self.ahead = 0  # samples that the card is ahead of what its clock says
         self.late: deque[int] = deque()  # samples that do come within the time-outs of the next reads
+        self.warning = 0  # status of reads with which nothing is wrong
         self.miscount = 0  # by which the driver's position is off
         self.starts: list[NiStart] = []
         self.lock = threading.RLock()
@@ -154,7 +155,7 @@ class NiDriver:
         got = min(coming, task.count.acquired - task.count.position)
         codes = card.next_codes(got)
         task.count.position += got
-        return codes, 0 if got == n else -200284
+        return codes, self.warning if got == n else -200284
 
     def read_counter(self, task: NiTask, n: int, others: list[NiTask]) -> tuple[Counts, int]:
         """Return what could be read of so many counts and the status, without waiting."""

@@ -8,7 +8,7 @@ from typing import Any
 
 import grpc
 from nidaqmx.error_codes import DAQmxErrors
-from nidaqmx.errors import DaqError, DaqNotFoundError, Error, RpcError
+from nidaqmx.errors import DaqError, DaqFunctionNotSupportedError, DaqNotFoundError, Error, RpcError
 from nidaqmx.grpc_session_options import GrpcSessionOptions, SessionInitializationBehavior
 from nidaqmx.system.device import Device
 from nidaqmx.system.system import System
@@ -16,6 +16,7 @@ from nidaqmx.task import Task
 
 from daq.config.schema import DeviceSection
 from daq.drivers.usb6251.faults import bench_words, device_fault
+from daq.drivers.usb6251.warned import Warned
 from daq.errors import DeviceError, DeviceFault
 
 CHANNEL_OPTIONS = (
@@ -75,6 +76,7 @@ class Connection:
     def __init__(self, section: DeviceSection) -> None:
         self._section = section
         self._channel = _channel(section) if section.target else None
+        self.warned = Warned()
 
     @property
     def where(self) -> str:
@@ -140,10 +142,11 @@ class Connection:
 
     @contextmanager
     def translated(self) -> Iterator[None]:
-        """Make the errors of nidaqmx in its block those of this program."""
+        """Make the errors of nidaqmx in its block those of this program, and keep what the driver warns of."""
         section = self._section
         try:
-            yield
+            with self.warned.hearing():
+                yield
         except DaqError as error:
             code = int(error.error_code)
             fault = device_fault(code, known=error.error_type is not DAQmxErrors.UNKNOWN)
@@ -156,7 +159,12 @@ class Connection:
                 "the NI-DAQmx driver is not installed on this machine: install NI-DAQmx from ni.com/downloads, or set "
                 "device.target to the host:port of a device server",
             ) from error
-        except (Error, OSError) as error:  # not for this platform, too old for a function, or not loadable
+        except DaqFunctionNotSupportedError as error:
+            raise DeviceError(
+                DeviceFault.DRIVER,
+                f"the NI-DAQmx driver on this machine is too old: install a newer one ({' '.join(str(error).split())})",
+            ) from error
+        except (Error, OSError) as error:  # not for this platform, or not loadable
             raise DeviceError(DeviceFault.DRIVER, f"NI-DAQmx: {' '.join(str(error).split())}") from error
 
     def close(self) -> None:

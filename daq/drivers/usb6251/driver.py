@@ -118,6 +118,10 @@ class NiCard:
         with self._use_counter() as counter:
             return counter.read()
 
+    def warnings(self) -> list[str]:
+        """Return what the driver has warned of since this was last asked, each warning once."""
+        return self._connection.warned.news()
+
     def is_present(self) -> bool:
         """Ask the driver whether the card is still there; only after `release`, for a card at work cannot be tested."""
         try:

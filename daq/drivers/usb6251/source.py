@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Generator, Iterator
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from analysis.run import Acquisition
@@ -104,7 +105,7 @@ class Usb6251:
                 except DeviceError as error:
                     yield self._fault(segment, 0, error)
                     return
-                end = self._stamps.told((yield from self._segment(segment)))
+                end = self._told((yield from self._segment(segment)))
                 goes_on = end.reason is EndReason.OVERRUN and not self._stopping.is_set()
                 if goes_on and not self._restarts.take():
                     goes_on, end = False, self._restarts.last(end)
@@ -154,6 +155,11 @@ class Usb6251:
                 if position - count != apart:
                     return _miscounted(segment, count, position - apart)
         return self._stopped(segment, count)
+
+    def _told(self, end: SegmentEnd) -> SegmentEnd:
+        """Return a segment's end with what is to be said of the counter, and what the driver has warned of."""
+        end = self._stamps.told(end)
+        return replace(end, detail="; ".join(filter(None, (end.detail, *self._card.warnings()))))
 
     def _backlog(self) -> tuple[int, DeviceError | None]:
         try:

@@ -67,7 +67,7 @@ def build(library: Path, source: Path, *options: str | Path) -> None:
 def run(folder: Path) -> subprocess.CompletedProcess[str]:
     """Run the program with the folder's library in the place of NI's."""
     (folder / "libnidaqmx.so").symlink_to("libnidaqmx.so.1")
-    environment = os.environ | {"LD_LIBRARY_PATH": str(folder)}
+    environment = os.environ | {"LD_LIBRARY_PATH": str(folder), "NIDAQMX_DOUBLE_WARNS": "1"}
     command = [sys.executable, "-W", "error", "-c", PROGRAM]
     return subprocess.run(command, env=environment, capture_output=True, text=True, timeout=60, check=False)
 
@@ -80,7 +80,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     done = run(folder)
     assert done.returncode == 0, done.stderr
     read: dict[str, Any] = json.loads(done.stdout)
-    return read
+    return read | {"printed": done.stderr}
 
 
 def test_codes_come_through_the_c_interface_bit_for_bit(recorded: dict[str, Any]) -> None:
@@ -111,6 +111,15 @@ def test_overrun_is_told_with_the_librarys_code_and_text(recorded: dict[str, Any
     assert stopped == [1, 2000, "stopped", 0, ""]
 
 
+def test_warning_of_the_library_is_told_once_and_costs_nothing(recorded: dict[str, Any]) -> None:
+    warned = [part for part in recorded["ends"][0][4].split("; ") if part.startswith("the driver warns")]
+    assert warned == [
+        "the driver warns: too fast to settle (driver code 200011)",
+        "the driver warns: read twice (driver code 200060)",
+    ]
+    assert recorded["printed"] == ""
+
+
 def test_acquisition_is_read_back_from_the_library(recorded: dict[str, Any]) -> None:
     assert recorded["rate"] == 20_000.25
     assert recorded["convert_rate"] == 90_000.0
@@ -121,6 +130,14 @@ def test_acquisition_is_read_back_from_the_library(recorded: dict[str, Any]) -> 
 
 def test_no_task_is_left_in_the_library(recorded: dict[str, Any]) -> None:
     assert recorded["alive"] == 0
+
+
+def test_library_that_lacks_a_function_is_too_old(tmp_path: Path) -> None:
+    build(tmp_path / "libnidaqmx.so.1", SOURCE, "-DOLD")
+    done = run(tmp_path)
+    told = "daq.errors.DeviceError: the NI-DAQmx driver on this machine is too old: install a newer one"
+    assert told in done.stderr
+    assert "DAQmxSetTrigAttribute" in done.stderr
 
 
 def test_library_that_does_not_load_is_a_matter_of_the_driver(tmp_path: Path) -> None:
