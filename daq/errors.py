@@ -11,6 +11,7 @@ Samples lost in a run are no exception but a fact of the run: `SegmentEnd` (exit
 """
 
 from enum import StrEnum
+from typing import Self
 
 
 class RigError(Exception):
@@ -37,6 +38,10 @@ class ConfigError(RigError):
         self.faults = faults
         lines = "\n".join(f"  {fault}" for fault in faults)
         super().__init__(f"{file}: {len(faults)} {'fault' if len(faults) == 1 else 'faults'}\n{lines}")
+
+    def __reduce__(self) -> tuple[type[Self], tuple[str, list[str]]]:
+        """Return what makes it anew in another process."""
+        return type(self), (self.file, self.faults)
 
 
 class UsageError(RigError):
@@ -85,5 +90,10 @@ class DeviceError(RigError):
 
     def __init__(self, fault: DeviceFault, message: str, code: int = 0) -> None:
         self.fault = fault
+        self.message = message
         self.code = code
         super().__init__(f"{message} (driver code {code})" if code else message)
+
+    def __reduce__(self) -> tuple[type[Self], tuple[DeviceFault, str, int]]:
+        """Return what makes it anew in another process."""
+        return type(self), (self.fault, self.message, self.code)

@@ -46,6 +46,10 @@ class DocumentError(ValueError):
         super().__init__("; ".join(faults))
         self.faults = tuple(faults)
 
+    def __reduce__(self) -> tuple[type["DocumentError"], tuple[tuple[str, ...]]]:
+        """Return what makes it anew in another process."""
+        return type(self), (self.faults,)
+
 
 class Table:
     """One table of a document.

@@ -59,17 +59,7 @@ class Arrival:
 
     def settle(self) -> None:
         """Give the file its place; never in place of another. RunExistsError, StorageError."""
-        try:
-            self._place.open("xb").close()
-        except FileExistsError as error:
-            raise RunExistsError(f"{self._place.name}: there is such a run already") from error
-        except OSError as error:
-            raise StorageError(f"{self._place}: cannot be written: {error.strerror or error}") from error
-        try:
-            self.draft.replace(self._place)
-        except OSError as error:
-            self._place.unlink(missing_ok=True)
-            raise StorageError(f"{self._place}: cannot be written: {error.strerror or error}") from error
+        settle(self.draft, self._place)
 
     def abandon(self) -> None:
         """Leave nothing behind; harmless when settled."""
@@ -77,6 +67,21 @@ class Arrival:
             self._file.close()
         with suppress(OSError):
             self.draft.unlink(missing_ok=True)
+
+
+def settle(draft: Path, place: Path) -> None:
+    """Give a finished file its place in the data folder; never in place of another. RunExistsError, StorageError."""
+    try:
+        place.open("xb").close()
+    except FileExistsError as error:
+        raise RunExistsError(f"{place.name}: there is such a run already") from error
+    except OSError as error:
+        raise StorageError(f"{place}: cannot be written: {error.strerror or error}") from error
+    try:
+        draft.replace(place)
+    except OSError as error:
+        place.unlink(missing_ok=True)
+        raise StorageError(f"{place}: cannot be written: {error.strerror or error}") from error
 
 
 def require_whole(draft: Path) -> None:

@@ -2,7 +2,7 @@
 
 import copy
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -53,18 +53,52 @@ def load_rig(path: Path | str) -> Rig:
     path = Path(path)
     data = read_tables(read_text(path), str(path))
     rotor_faults = _take_in_rotor(data, path.parent)
+    return _rig(path, data, rotor_faults, lambda _, file: load_calibration(path.parent / file))
+
+
+def rig_in_text(text: str, calibrations: Mapping[str, Calibration], file: str) -> Rig:
+    """Return the rig that a TOML text describes; nothing that it names is read from the disk.
+
+    Parameters
+    ----------
+    text : str
+        The content of a rig.toml; its rotor, where it is not the GJ90C, is in it as ``[rotor]``.
+    calibrations : mapping of str to Calibration
+        In place of the files that its probes name, by channel.
+    file : str
+        What to call the text.
+
+    Raises
+    ------
+    ConfigError
+        The text is wrong, or a calibration is missing; names every fault.
+    """
+    data = read_tables(text, file)
+
+    def given(channel: str, _file: str) -> Calibration:
+        if channel not in calibrations:
+            raise ConfigError(file, [f"no file is read here: expected the calibration of {channel!r} beside the text"])
+        return calibrations[channel]
+
+    return _rig(Path(file), data, _take_in_rotor(data, None), given)
+
+
+def _rig(
+    path: Path, data: dict[str, object], rotor_faults: list[Fault], calibration_of: Callable[[str, str], Calibration]
+) -> Rig:
+    """Return the rig in tables, with a calibration for each probe's channel and file; ConfigError with all faults."""
     config, faults = _checked(data)
     faults += rotor_faults
     calibrations: dict[str, Calibration] = {}
     for number, channel in _probes(data):
-        key = f"channel[{number}]"
+        key, name = f"channel[{number}]", str(channel.get("name"))
         try:
-            calibration = load_calibration(path.parent / str(channel["calibration"]))
+            calibration = calibration_of(name, str(channel["calibration"]))
         except ConfigError as error:
-            name = f'{key}.calibration = "{channel["calibration"]}"'
-            faults += [Fault((f"{key}.calibration",), f"{name}: {fault}") for fault in error.faults]
+            said = f'{key}.calibration = "{channel["calibration"]}"'
+            faults += [Fault((f"{key}.calibration",), f"{said}: {fault}") for fault in error.faults]
         else:
-            calibrations[str(channel.get("name"))] = calibration
+            calibrations[name] = calibration
             if config is not None:
                 faults += _window_faults(config.channel[number], calibration, key)
     if faults or config is None:
@@ -98,8 +132,8 @@ def read_config(text: str, file: str) -> RigConfig:
     return config
 
 
-def _take_in_rotor(data: dict[str, object], folder: Path) -> list[Fault]:
-    """Put the content of the rotor's file into the tables, so that a recording of them is whole."""
+def _take_in_rotor(data: dict[str, object], folder: Path | None) -> list[Fault]:
+    """Put the content of the rotor's file into the tables, so that a recording of them is whole; None reads none."""
     section = data.get("model")
     name = section.get("rotor", "") if isinstance(section, Mapping) else ""
     if not isinstance(name, str):
@@ -107,8 +141,14 @@ def _take_in_rotor(data: dict[str, object], folder: Path) -> list[Fault]:
     if "rotor" in data:
         text = f"{ROTOR_KEY} = {shown(name)}: expected none beside the file's own [rotor]"
         return [Fault((ROTOR_KEY,), text)] if name else []
+    if not name:
+        data["rotor"] = default_rotor()
+        return []
+    if folder is None:
+        text = f"{ROTOR_KEY} = {shown(name)}: no file is read here, expected its content as [rotor]"
+        return [Fault((ROTOR_KEY,), text)]
     try:
-        data["rotor"] = read_rotor(folder / name) if name else default_rotor()
+        data["rotor"] = read_rotor(folder / name)
     except ConfigError as error:
         return [Fault((ROTOR_KEY,), f"{ROTOR_KEY} = {shown(name)}: {fault}") for fault in error.faults]
     return []

@@ -26,6 +26,8 @@ from daq.service.routes import Catalogue, Routes, Summaries
 from daq.service.routing import PREFIX, Routing
 from daq.service.run_routes import RunRoutes
 from daq.service.safe_headers import SafeHeaders
+from daq.service.upload_routes import UploadRoutes
+from daq.service.uploads import Uploads
 
 DISTRIBUTION = "rig-service"
 SCHEMA = "#/components/schemas/{model}"
@@ -37,6 +39,7 @@ DESCRIPTION = (
 TAGS = [
     {"name": "runs", "description": "What was recorded"},
     {"name": "results", "description": "What was measured in a run, and what the model says of it"},
+    {"name": "uploads", "description": "Files of other programs that are to become runs"},
     {"name": "jobs", "description": "What takes too long to wait for"},
     {"name": "live", "description": "What is recorded or replayed now"},
     {"name": "service", "description": "The service itself"},
@@ -92,9 +95,12 @@ def create_app(
         if abilities.folder is not None:
             ChangeRoutes(abilities.folder, live, abilities.readings).add_to(routing)
     if abilities.jobs is not None:
-        job_routes = JobRoutes(catalogue, live, abilities.jobs)
+        uploads = Uploads(abilities.jobs.place.folder)
+        if abilities.readings is not None and abilities.folder is not None:
+            UploadRoutes(uploads, abilities.readings, abilities.folder.free_bytes).add_to(routing)
+        job_routes = JobRoutes(catalogue, live, abilities.jobs, uploads)
         job_routes.add_to(routing)
-        app.ending.append(job_routes.end)
+        app.ending += [job_routes.end, uploads.close]
     app.include_router(routing.router)
     app.include_router(Pages(viewer_url, reference_page(app.openapi())).router())
     app.add_middleware(LastResort)

@@ -4,24 +4,21 @@ from functools import partial
 from pathlib import Path
 from typing import Final, Protocol
 
-from anyio import CapacityLimiter, to_thread
 from fastapi import Request, Response
 
 from daq.service.documents import RunDocument, run_document
 from daq.service.documents.change import PutAwayDocument, WordsDocument
 from daq.service.file_answers import OCTETS
+from daq.service.incoming import Incoming
 from daq.service.kinds import Kind
 from daq.service.live_run import Live, require_ended
 from daq.service.problems import ProblemError
 from daq.service.readings import Readings
 from daq.service.routing import Routing, RunId
 from daq.service.workers import Workers
-from recordings.arrival import Arrival, RunExistsError
 from recordings.catalogue import RunEntry
 
 MOST_BYTES: Final = 64 * 1024**3
-RESERVE: Final = 1024**3  # bytes that stay free on the disk
-AT_ONCE: Final = 2
 BINARY = {"content": {OCTETS: {"schema": {"type": "string", "format": "binary"}}}, "required": True}
 
 
@@ -67,8 +64,7 @@ class ChangeRoutes:
         self._live = live
         self._readings = readings
         self._changes = Workers(threads=1, waiting=16)
-        self._writing = CapacityLimiter(AT_ONCE)
-        self._arriving = 0
+        self._incoming = Incoming(catalogue.free_bytes, MOST_BYTES)
 
     def add_to(self, routing: Routing) -> None:
         """Make the addresses known."""
@@ -83,7 +79,7 @@ class ChangeRoutes:
         )  # fmt: skip
         routing.add(
             "PUT /runs/{run}/file", self.arrive, "send_run", "runs", "Send a recording in",
-            *changing, Kind.RUN_EXISTS, Kind.NO_RECORDING, Kind.TOO_LARGE, status=201, content=BINARY,
+            *changing, Kind.RUN_EXISTS, Kind.NO_RECORDING, Kind.TOO_LARGE, Kind.TOO_SLOW, status=201, content=BINARY,
         )  # fmt: skip
 
     async def annotate(self, run: RunId, words: WordsDocument) -> RunDocument:
@@ -107,37 +103,7 @@ class ChangeRoutes:
 
         What is there already is never written over, and of what is refused nothing is left.
         """
-        limit = min(MOST_BYTES, await self._changes.run(self._catalogue.free_bytes) - RESERVE)
         place = self._catalogue.place_for(run)
-        sent = request.headers.get("content-length", "0")
-        if sent.isdecimal() and int(sent) > limit:
-            raise ProblemError(Kind.TOO_LARGE, f"{int(sent):,} bytes, expected at most {max(limit, 0):,}")
-        if self._arriving >= AT_ONCE:
-            raise ProblemError(Kind.BUSY, f"{self._arriving} recordings are being sent in already")
-        self._arriving += 1
-        try:
-            await self._take(request, place, limit)
-        finally:
-            self._arriving -= 1
+        await self._incoming.take(request, place, self._readings.require_whole)
         response.headers["Location"] = f"/api/v1/runs/{run}"
         return run_document(await self._changes.run(partial(self._catalogue.run, run)))
-
-    async def _take(self, request: Request, place: Path, limit: int) -> None:
-        try:
-            arrival = await to_thread.run_sync(partial(Arrival, place), limiter=self._writing)
-        except RunExistsError as error:
-            raise ProblemError(Kind.RUN_EXISTS, str(error)) from error
-        try:
-            size = 0
-            async for portion in request.stream():
-                size += len(portion)
-                if size > limit:
-                    raise ProblemError(Kind.TOO_LARGE, f"more than {max(limit, 0):,} bytes")
-                await to_thread.run_sync(arrival.write, portion, limiter=self._writing)
-            await to_thread.run_sync(arrival.close, limiter=self._writing)
-            await to_thread.run_sync(self._readings.require_whole, arrival.draft, limiter=self._writing)
-            await to_thread.run_sync(arrival.settle, limiter=self._writing)
-        except RunExistsError as error:
-            raise ProblemError(Kind.RUN_EXISTS, str(error)) from error
-        finally:
-            await to_thread.run_sync(arrival.abandon)

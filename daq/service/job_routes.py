@@ -10,9 +10,12 @@ from anyio import to_thread
 from fastapi import Body, Path, Request, Response
 from fastapi.responses import StreamingResponse
 
+from daq.errors import ConfigError
+from daq.service.documents.importing import ImportOrder, RigInText, RigOfRun
 from daq.service.documents.job import IndexOrder, JobDocument, JobListDocument, Order, job_document
 from daq.service.documents.study import RotorOrder
 from daq.service.file_answers import OCTETS, file_answer
+from daq.service.importing import import_task, rig_of_run, rig_of_text
 from daq.service.job_tasks import header_of, index_task, run_task
 from daq.service.jobs import Job, JobNotFoundError, Jobs, JobsFullError, Task
 from daq.service.kinds import Kind
@@ -21,6 +24,7 @@ from daq.service.problems import ProblemError
 from daq.service.routing import EVENTS, PREFIX, Routing, event_stream
 from daq.service.studies import study_task
 from daq.service.tags import NOT_MODIFIED
+from daq.service.uploads import UploadNotFoundError, Uploads
 from daq.service.workers import Workers
 from recordings.catalogue import RunEntry
 
@@ -52,9 +56,12 @@ class JobRoutes:
         The run under way, which is left alone.
     jobs : Jobs
         Who does them.
+    uploads : Uploads
+        Files of other programs that jobs import.
     """
 
-    def __init__(self, catalogue: Catalogue, live: Live, jobs: Jobs) -> None:
+    def __init__(self, catalogue: Catalogue, live: Live, jobs: Jobs, uploads: Uploads) -> None:
+        self._uploads = uploads
         self._catalogue = catalogue
         self._live = live
         self._jobs = jobs
@@ -66,8 +73,8 @@ class JobRoutes:
         """Make the addresses known."""
         routing.add(
             "POST /jobs", self.begin, "begin_job", "jobs", "Begin a job",
-            Kind.RUN_NOT_FOUND, Kind.RUN_UNDER_WAY, Kind.RUN_DAMAGED, Kind.TOO_MANY_JOBS, Kind.BUSY,
-            Kind.STORAGE_UNAVAILABLE, status=202,
+            Kind.RUN_NOT_FOUND, Kind.UPLOAD_NOT_FOUND, Kind.RUN_UNDER_WAY, Kind.RUN_DAMAGED, Kind.TOO_MANY_JOBS,
+            Kind.BUSY, Kind.STORAGE_UNAVAILABLE, status=202,
         )  # fmt: skip
         routing.add("/jobs", self.all, "list_jobs", "jobs", "List the jobs, the one asked for last first", Kind.BUSY)
         known = (Kind.JOB_NOT_FOUND, Kind.BAD_PARAMETER, Kind.BUSY)
@@ -113,10 +120,26 @@ class JobRoutes:
         match order:
             case IndexOrder():
                 return index_task(order, self._jobs.place)
+            case ImportOrder():
+                return await self._import(order)
             case RotorOrder():
                 return study_task(order, None if order.run is None else header_of(await self._run(order.run)))
             case _:
                 return run_task(order, await self._run(order.run), self._jobs.place)
+
+    async def _import(self, order: ImportOrder) -> Task:
+        try:
+            upload = await self._lookups.run(partial(self._uploads.upload, order.upload))
+            match order.rig:
+                case RigOfRun(run=run):
+                    rig = rig_of_run(header_of(await self._run(run)))
+                case RigInText() as text:
+                    rig = await self._lookups.run(partial(rig_of_text, text))
+            return import_task(order, upload, rig, self._jobs.place)
+        except UploadNotFoundError as error:
+            raise ProblemError(Kind.UPLOAD_NOT_FOUND, str(error)) from error
+        except ConfigError as error:
+            raise ProblemError(Kind.BAD_PARAMETER, str(error)) from error
 
     async def _run(self, run: str) -> RunEntry:
         """Return a run that is not under way."""

@@ -2,7 +2,6 @@
 
 import math
 import shutil
-import time
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -19,10 +18,11 @@ from daq.service.documents.live import predicted_document
 from daq.service.documents.verification import recovery_document, verification_document
 from daq.service.jobs import DataPlace, Progress, Tell
 from daq.service.records import read_records
+from daq.service.sparing import Sparing, parts_told
 from daq.service.summaries import Summaries, Waiting
 from daq.session.maps_here import MapHere, MapsHere
 from daq.session.offline import summarise
-from recordings.arrival import Arrival, RunExistsError
+from recordings.arrival import RunExistsError, settle
 from recordings.errors import ForeignFormatError, StorageError
 from recordings.export import pulses_table, results_table, samples_table
 from recordings.formats import write_table
@@ -31,14 +31,13 @@ from recordings.reader import RunReader
 from recordings.recover import recover
 from recordings.verify import verify
 
-PAUSE = 0.1  # s between two words on how it goes
 RESERVE = 1024**3  # bytes that stay free on the disk: a run may be recorded on it
 BYTES_A_NUMBER = 24  # at most, in any form
 
 
 def answer(tell: Tell, target: Path, path: Path, what: str, query: object) -> None:
     """Make the document of an address of a run's results."""
-    found = read_records(path, _parts(tell, "reading"))
+    found = read_records(path, parts_told(tell, "reading"))
     tell(Progress("putting together"))
     _write(target, document_of(path, what, query, found))
 
@@ -57,7 +56,7 @@ def predict(tell: Tell, target: Path, header: RunHeader, changes: Mapping[str, f
     """Compute the model over speed for the rig of a run, with other values of its `[model]`."""
     config = read_config(header.config_toml, f"configuration of run {header.run}")
     config = config.model_copy(update={"model": config.model.model_copy(update=dict(changes))})
-    parts = _parts(tell, "computing speed by speed")
+    parts = parts_told(tell, "computing speed by speed")
     wanted = MapHere(configured_rotor(config), header.settings, header.limits)
     found = wanted.computed(lambda done, total: parts(done / total))
     by_speed = tuple(predicted_document(found.at(speed)) for speed in found.speeds.tolist())
@@ -97,13 +96,7 @@ def recovery(tell: Tell, target: Path, place: DataPlace, run: str) -> None:
         raise RunExistsError(f"{copy.name}: there is such a run already")
     draft = target.with_name(copy.name)
     found = recover(catalogue.path(run), draft)
-    arrival = Arrival(copy)
-    try:
-        arrival.close()
-        draft.replace(arrival.draft)
-        arrival.settle()
-    finally:
-        arrival.abandon()
+    settle(draft, copy)
     _write(target, recovery_document(replace(found, target=copy)))
 
 
@@ -126,24 +119,4 @@ def _write(target: Path, document: Document) -> None:
 
 
 def _waiting(tell: Tell) -> Waiting:
-    return _Sparing(tell).words
-
-
-def _parts(tell: Tell, doing: str) -> Callable[[float], None]:
-    words = _Sparing(tell).words
-    return lambda part: words(doing, part)
-
-
-class _Sparing:
-    """Tells no more often than anybody looks."""
-
-    def __init__(self, tell: Tell) -> None:
-        self._tell = tell
-        self._doing = ""
-        self._told = -math.inf
-
-    def words(self, doing: str, part: float | None) -> None:
-        now = time.monotonic()
-        if doing != self._doing or now - self._told >= PAUSE:
-            self._doing, self._told = doing, now
-            self._tell(Progress(doing, part))
+    return Sparing(tell).words

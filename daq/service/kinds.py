@@ -71,6 +71,26 @@ class Kind(Enum):
         "What was sent is no whole recording",
         "It was looked through and not kept; see `detail`.",
     )
+    NO_TABLE = (
+        422,
+        "What was sent cannot be read",
+        "It is no file of the format that its name tells, is cut short, or holds no columns of numbers; see `detail`.",
+    )
+    UPLOAD_NOT_FOUND = (
+        404,
+        "There is no such upload",
+        "It was never sent, was deleted, or was sent so long ago that it is forgotten.",
+    )
+    TOO_MANY_UPLOADS = (
+        429,
+        "Too many uploads are kept",
+        "Delete one that nobody needs; `Retry-After` says when to ask again at the earliest.",
+    )
+    TOO_SLOW = (
+        408,
+        "What is sent comes too slowly",
+        "Nothing came for so long that the rest is not waited for; nothing of it is kept.",
+    )
     TOO_LARGE = (
         413,
         "What was sent is too large",

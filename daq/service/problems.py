@@ -16,7 +16,9 @@ PROBLEM_TYPE: Final = "application/problem+json"
 UNREADABLE: Final = 400
 METHODS: Final = ("DELETE", "GET", "PATCH", "POST", "PUT")
 REFERENCE: Final = "/docs#"
-PASSING: Final = frozenset({Kind.BUSY, Kind.STORAGE_UNAVAILABLE, Kind.MODEL_NOT_READY, Kind.TOO_MANY_JOBS})
+PASSING: Final = frozenset(
+    {Kind.BUSY, Kind.STORAGE_UNAVAILABLE, Kind.MODEL_NOT_READY, Kind.TOO_MANY_JOBS, Kind.TOO_MANY_UPLOADS}
+)
 """Problems that may be over in a moment: `Retry-After` says when to ask again."""
 
 

@@ -1,6 +1,7 @@
 """Processes of low priority that read recordings: what a request costs is never paid by the process that acquires."""
 
 import multiprocessing
+import pickle
 import queue
 import threading
 import time
@@ -219,8 +220,17 @@ def _serve(pipe: Connection) -> None:
         try:
             answer = (_Word.DONE, work(*((tell,) if tells else ()), *arguments))
         except Exception as error:  # noqa: BLE001 - whatever it is, it is raised where it was asked for
-            answer = (_Word.FAILED, error)
+            answer = (_Word.FAILED, _sendable(error))
         try:
             pipe.send(answer)
         except (EOFError, OSError):
             return
+
+
+def _sendable(error: Exception) -> Exception:
+    """Return an error, or what tells of it where it cannot be sent to another process."""
+    try:
+        pickle.loads(pickle.dumps(error))  # noqa: S301 - what was made here
+    except Exception:  # noqa: BLE001 - errors of libraries, in whatever way they cannot be sent
+        return RuntimeError(f"{type(error).__name__}: {error}")
+    return error

@@ -16,6 +16,7 @@ from daq.service.documents.course import ComparisonDocument, PredictionDocument
 from daq.service.documents.live import predicted_document
 from daq.service.documents.summary import speed_row_document
 from daq.service.documents.units import degrees, finite, rpm
+from daq.service.documents.upload import ColumnsDocument, columns_document
 from daq.service.kinds import Kind
 from daq.service.problems import JobHint, ProblemError
 from daq.service.questions import SampleFormat, SamplesQuery
@@ -26,7 +27,8 @@ from daq.service.sample_answers import NoArrowError, TooMuchError
 from model.prediction import Prediction
 from recordings.arrival import require_whole
 from recordings.catalogue import RunEntry
-from recordings.errors import DamagedError, UnknownFormatError
+from recordings.errors import DamagedError, ForeignFormatError, UnknownFormatError
+from recordings.formats import read_table
 
 T = TypeVar("T")
 RPM = np.pi / 30.0
@@ -58,6 +60,11 @@ def answer_job(run: str, address: str, query: BaseModel | None) -> JobHint:
     return {"kind": "answer", "run": run, "address": address, "parameters": parameters}
 
 
+def foreign_columns(path: Path, name: str) -> ColumnsDocument:
+    """Return what is in another program's file of a name."""
+    return columns_document(name, read_table(path))
+
+
 class Readings:
     """Answers about runs; made by reading processes, so that no request holds up an acquisition or a live view.
 
@@ -87,6 +94,13 @@ class Readings:
     def summary(self, path: Path) -> RunSummary:
         """Return what the run of a file was."""
         return self._run(answers.summary, path, job=answer_job(path.stem, "summary", None))
+
+    def columns(self, path: Path, name: str) -> ColumnsDocument:
+        """Return what is in another program's file; ProblemError where it cannot be read."""
+        try:
+            return self._run(foreign_columns, path, name)
+        except ForeignFormatError as error:
+            raise ProblemError(Kind.NO_TABLE, str(error).replace(str(path), name)) from error
 
     def require_whole(self, draft: Path) -> None:
         """Raise ProblemError where a file that was sent in is no whole recording."""

@@ -97,14 +97,15 @@ class Routing:
             Further answers by status, as OpenAPI writes them.
         """
         method, _, path = address.rpartition(" ")
-        if method in WITH_JSON:
+        takes_json = method in WITH_JSON and content is None
+        if takes_json:
             kinds = tuple(dict.fromkeys((*kinds, *JSON_PROBLEMS)))
         is_raw = model is None and answers is not None and status in answers
         self.router.add_api_route(
             path,
             endpoint,
             methods=[method or "GET"],
-            route_class_override=JsonRoute if method in WITH_JSON else None,
+            route_class_override=JsonRoute if takes_json else None,
             status_code=status,
             operation_id=name,
             tags=[tag],

@@ -2,26 +2,54 @@
 
 import hashlib
 import math
-from dataclasses import replace
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
 
 from analysis.run import Acquisition, Channel, Device, Role, RunHeader
+from analysis.samples import SampleBlock, SourceItem
 from daq.config.load import load_rig
-from daq.config.mapping import load_mapping
+from daq.config.mapping import ColumnsMapping, load_mapping
 from daq.config.rig import Rig
 from daq.config.schema import ChannelSection
 from daq.errors import ConfigError
 from daq.session.known_runout import with_known_runout
 from recordings.analysed import write_analysed
+from recordings.arrival import settle
 from recordings.catalogue import Catalogue
 from recordings.formats import read_table
 from recordings.imported import METRES, ImportedChannel, imported_channel, imported_items
 from recordings.layout import IMPORTED_RECORD
 
+IMPORTED = "imported"
+"""What has delivered the samples of a run that was imported."""
 AT_ONCE = 1e12
 """Convert rate, Hz, where nothing is known of a multiplexer: all channels are sampled at once."""
 RATE_TOLERANCE = 1e-3
+
+
+@dataclass(frozen=True, slots=True)
+class Foreign:
+    """A file of another program and what is known of it.
+
+    Parameters
+    ----------
+    path : Path
+        Where it lies; its suffix tells the format.
+    name : str
+        What it is called.
+    mapping : ColumnsMapping
+        Which of its columns are which channels.
+    mapping_name, mapping_text : str
+        What the mapping is called, and how it was written.
+    """
+
+    path: Path
+    name: str
+    mapping: ColumnsMapping
+    mapping_name: str
+    mapping_text: str
 
 
 def import_run(file: Path, mapping_file: Path, catalogue: Catalogue) -> tuple[str, Path]:
@@ -36,6 +64,16 @@ def import_run(file: Path, mapping_file: Path, catalogue: Catalogue) -> tuple[st
     """
     mapping, text = load_mapping(mapping_file)
     rig = with_known_runout(load_rig(mapping_file.parent / mapping.rig), catalogue.folder)
+    return imported_run(Foreign(file, file.name, mapping, str(mapping_file), text), rig, catalogue)
+
+
+def require_fit(foreign: Foreign, rig: Rig) -> None:
+    """Raise ConfigError where a mapping does not give every channel of a rig what it needs."""
+    if faults := _misfits(foreign.mapping, rig):
+        raise ConfigError(foreign.mapping_name, faults)
+
+
+def _misfits(mapping: ColumnsMapping, rig: Rig) -> list[str]:
     missing = [section.name for section in rig.config.channel if section.name not in mapping.channel]
     unknown = mapping.channel.keys() - {section.name for section in rig.config.channel}
     faults = [f"channel.{name}: is missing, expected the column of the rig's channel" for name in missing]
@@ -44,40 +82,84 @@ def import_run(file: Path, mapping_file: Path, catalogue: Catalogue) -> tuple[st
         wanted = mapping.channel.get(section.name)
         if wanted is not None and section.role is Role.TACHO and wanted.unit in METRES:
             faults.append(f'channel.{section.name}.unit = "{wanted.unit}": a tacho gives "V" or "mV"')
-    table = read_table(file)
-    rate = mapping.rate_hz or table.rate
+    return faults
+
+
+def imported_run(
+    foreign: Foreign,
+    rig: Rig,
+    catalogue: Catalogue,
+    drafts: Path | None = None,
+    told: Callable[[float], None] | None = None,
+) -> tuple[str, Path]:
+    """Make a foreign file into a run of a rig; return its id and its file.
+
+    Parameters
+    ----------
+    foreign, rig, catalogue : Foreign, Rig, Catalogue
+        What is imported, of which rig, and where to.
+    drafts : Path or None
+        A folder on the disk of the runs in which it is written first, so that nobody sees half a run.
+    told : callable or None
+        Told what part of the samples is written and analysed, 0 to 1.
+
+    Raises
+    ------
+    ConfigError
+        Where the mapping does not fit the rig or the file.
+    RecordingError
+        Where the file cannot be read or the run cannot be written.
+    """
+    mapping, table = foreign.mapping, read_table(foreign.path)
+    rate, faults = mapping.rate_hz or table.rate, _misfits(mapping, rig)
     if rate is None:
-        faults.append(f"rate_hz: is missing, and {file.name} does not tell how fast it was sampled")
+        faults.append(f"rate_hz: is missing, and {foreign.name} does not tell how fast it was sampled")
     elif table.rate is not None and abs(rate - table.rate) > RATE_TOLERANCE * rate:
-        faults.append(f"rate_hz = {rate:g}: {file.name} says {table.rate:g}")
+        faults.append(f"rate_hz = {rate:g}: {foreign.name} says {table.rate:g}")
     if faults or rate is None:
-        raise ConfigError(str(mapping_file), faults)
+        raise ConfigError(foreign.mapping_name, faults)
     channels = []
     for section in rig.config.channel:
         wanted = mapping.channel[section.name]
         column = table.column(wanted.source)
         channels.append(imported_channel(column, _channel(rig, section), wanted.unit, wanted.factor))
     started_ns = next(
-        moment for moment in (mapping.started_ns, table.started_ns, file.stat().st_mtime_ns) if moment is not None
+        moment
+        for moment in (mapping.started_ns, table.started_ns, foreign.path.stat().st_mtime_ns)
+        if moment is not None
     )
     run_id, path = catalogue.new_run(rig.config.rig, started_ns)
     header = _header(rig, run_id, started_ns, rate, channels)
+    with foreign.path.open("rb") as file:
+        digest = hashlib.file_digest(file, "sha256").hexdigest()
     origin = {
-        "source": file.name,
-        "sha256": hashlib.sha256(file.read_bytes()).hexdigest(),
-        "mapping": text,
+        "source": foreign.name,
+        "sha256": digest,
+        "mapping": foreign.mapping_text,
         "properties": dict(table.properties),
         "columns": {wanted.source: table.column(wanted.source).unit for wanted in mapping.channel.values()},
     }
     note = mapping.note or table.properties.get("note", "")
     items = imported_items(channels, rate, started_ns)
-    write_analysed(path, replace(header, note=note), items, {IMPORTED_RECORD: origin})
+    if told is not None:
+        items = _told(items, table.n_rows, told)
+    written = path if drafts is None else drafts / path.name
+    write_analysed(written, replace(header, note=note), items, {IMPORTED_RECORD: origin})
+    if drafts is not None:
+        settle(written, path)
     return run_id, path
+
+
+def _told(items: Iterator[SourceItem], n_rows: int, told: Callable[[float], None]) -> Iterator[SourceItem]:
+    for item in items:
+        if isinstance(item, SampleBlock):
+            told(item.first_sample / n_rows)
+        yield item
 
 
 def _header(rig: Rig, run_id: str, started_ns: int, rate: float, channels: list[ImportedChannel]) -> RunHeader:
     acquisition = Acquisition(
-        device=Device("imported", "", "", "", simulated=False),
+        device=Device(IMPORTED, "", "", "", simulated=False),
         rate=rate,
         convert_rate=AT_ONCE,
         channels=tuple(each.channel for each in channels),

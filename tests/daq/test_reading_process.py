@@ -12,7 +12,9 @@ from multiprocessing.connection import Connection
 import psutil
 import pytest
 
+from daq.errors import ConfigError, DeviceError, DeviceFault
 from daq.service.reading_process import OverdueError, ReadingProcess, ReadingProcesses, ReadingStoppedError
+from model.document import DocumentError
 from recordings.errors import DamagedError
 
 PATIENCE = 60.0  # s: a process starts
@@ -49,6 +51,46 @@ def test_what_the_work_raises_is_raised_where_it_was_asked_for(processes: Readin
     with pytest.raises(DamagedError, match=r"r\.mcap"):
         processes.run(fail, "r.mcap: cut")
     assert processes.run(len, "abc") == 3
+
+
+class UnsendableError(Exception):
+    """Made of more than its words."""
+
+    def __init__(self, file: str, line: int) -> None:
+        super().__init__(f"{file}: line {line}")
+
+
+def wrong_configuration() -> None:
+    raise ConfigError("rig.toml", ["one", "two"])
+
+
+def wrong_rotor() -> None:
+    raise DocumentError(["one", "two"])
+
+
+def wrong_device() -> None:
+    raise DeviceError(DeviceFault.BUSY, "Dev1 is in use", -50103)
+
+
+def wrong_beyond_words() -> None:
+    raise UnsendableError("rig.toml", 7)
+
+
+@pytest.mark.parametrize(
+    ("work", "error", "words"),
+    [
+        (wrong_configuration, ConfigError, "rig.toml: 2 faults\n  one\n  two"),
+        (wrong_rotor, DocumentError, "one; two"),
+        (wrong_device, DeviceError, "Dev1 is in use (driver code -50103)"),
+        (wrong_beyond_words, RuntimeError, "UnsendableError: rig.toml: line 7"),
+    ],
+)
+def test_error_comes_with_all_that_it_tells(
+    processes: ReadingProcesses, work: Callable[[], None], error: type[Exception], words: str
+) -> None:
+    with pytest.raises(error) as raised:
+        processes.run(work)
+    assert str(raised.value) == words
 
 
 def test_process_that_goes_away_is_told_and_replaced(processes: ReadingProcesses) -> None:

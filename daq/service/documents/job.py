@@ -1,17 +1,17 @@
 """Jobs: what is to be done, and how it stands."""
 
-import json
 from datetime import UTC, datetime
 from enum import StrEnum
 from typing import Annotated, Literal, TypeAlias
 
-from pydantic import BeforeValidator, Field, ValidationError
-from pydantic_core import ErrorDetails
+from pydantic import BeforeValidator, Field
 
 from daq.config.calibration import CalibrationRecord
 from daq.service.documents.document import Document
+from daq.service.documents.importing import ImportOrder
 from daq.service.documents.live import PredictedDocument
 from daq.service.documents.run import RunId
+from daq.service.documents.strict import as_a_file
 from daq.service.documents.study import StudyOrder
 from daq.service.jobs import Job, JobState
 from daq.service.questions import LONGEST
@@ -54,18 +54,6 @@ class ExportContent(StrEnum):
     PULSES = "pulses"
 
 
-def _as_a_file(value: object) -> object:
-    """Take a calibration as strictly as a file is read: a text is no number."""
-    try:
-        return CalibrationRecord.model_validate_json(json.dumps(value), strict=True)
-    except ValidationError as error:
-        raise ValueError("; ".join(map(_said, error.errors()))) from error
-
-
-def _said(fault: ErrorDetails) -> str:
-    return f"{'.'.join(map(str, fault['loc']))}: {fault['msg'].removeprefix('Value error, ')}"
-
-
 class AnswerOrder(Document):
     """Make the answer of a run's address, without the time limit that it has."""
 
@@ -82,7 +70,7 @@ class AnalysisOrder(Document):
 
     kind: Literal["analysis"]
     run: RunId
-    calibrations: dict[str, Annotated[CalibrationRecord, BeforeValidator(_as_a_file)]] = Field(
+    calibrations: dict[str, Annotated[CalibrationRecord, BeforeValidator(as_a_file(CalibrationRecord))]] = Field(
         default_factory=dict,
         description="By the name of the probe's channel, each in the form of a calibration file",
         examples=[{}],
@@ -154,7 +142,7 @@ class IndexOrder(Document):
 
 
 RunOrder: TypeAlias = AnswerOrder | AnalysisOrder | PredictionOrder | ExportOrder | VerificationOrder | RecoveryOrder
-Order: TypeAlias = Annotated[RunOrder | IndexOrder | StudyOrder, Field(discriminator="kind")]
+Order: TypeAlias = Annotated[RunOrder | IndexOrder | ImportOrder | StudyOrder, Field(discriminator="kind")]
 
 
 class JobDocument(Document):
