@@ -1,16 +1,16 @@
 """`rig acknowledge`: take note of the alarms of the run that goes on, from another terminal or a script."""
 
 import argparse
-import json
 
 from daq.cli.running_service import order
+from daq.cli.telling import print_json
 
 
 def run(chosen: argparse.Namespace) -> int:
     """Ask the run's service to note its alarms as seen; return the exit code."""
     made = order(chosen, "acknowledge", {})
     if chosen.json:
-        print(json.dumps(made, ensure_ascii=False, indent=2))
+        print_json(made)
         return 0
     for alarm in made["alarms"]:
         print(f"acknowledged {alarm['name']}: {alarm['told']}")

@@ -1,7 +1,23 @@
 """The kinds of value that the commands take as arguments, each with what is said of a wrong one."""
 
 import argparse
+import textwrap
 from pathlib import Path
+
+_WIDTH = 78  # of a description: a help page is read on the smallest terminal
+
+
+def show_examples(command: argparse.ArgumentParser, *examples: str) -> None:
+    """Have a command's help end with examples of its use, line by line."""
+    command.formatter_class = argparse.RawDescriptionHelpFormatter
+    command.description = textwrap.fill(command.description or "", _WIDTH)
+    label = "example:  " if len(examples) == 1 else "examples: "
+    command.epilog = label + ("\n" + " " * len(label)).join(examples)
+
+
+def add_folder(command: argparse.ArgumentParser) -> None:
+    """Let a command be told where runs are kept."""
+    command.add_argument("--folder", default="", help="where runs are kept (default: $RIG_DATA, else ./data)")
 
 
 def duration(text: str) -> float:

@@ -7,24 +7,33 @@ from daq.cli import calibrate, check, devices, preflight
 from daq.cli.arguments import address, duration, speed
 
 _PREFLIGHT = """\
-Look at the rig before a run, and say what is not as it should be and what to do about it:
+Look at the rig before a run, and say what is not as it should be and what to
+do about it:
 
-  card          there, with the serial number of the rig file, its own test passed, real and not simulated
-  samples       one second of them, each one, at the rate asked for, without a backlog
-  each probe    gap voltage in its window (else: unplugged, gap closed, too wide, wires exchanged), clipping, calibrated
-                span, mains hum beside the shaft's own orders
-  both probes   two signals and not one (bridged), 1X going round with the shaft (exchanged)
-  tacho         levels against threshold and hysteresis, noise, scatter, width of the mark, speed limit of the sensor
-  records       age, fit and serial numbers of the calibrations; room on the disk for the planned run
+  card         there, with the serial number of the rig file, its own test
+               passed, real and not simulated
+  samples      one second of them, each one, at the rate asked for, without a
+               backlog
+  each probe   gap voltage in its window (else: unplugged, gap closed, too wide,
+               wires exchanged), clipping, calibrated span, mains hum beside the
+               shaft's own orders
+  both probes  two signals and not one (bridged), 1X going round with the shaft
+               (exchanged)
+  tacho        levels against threshold and hysteresis, noise, scatter, width of
+               the mark, speed limit of the sensor
+  records      age, fit and serial numbers of the calibrations; room on the disk
+               for the planned run
 
-The shaft may stand still or turn; at rest the tacho and the direction of the orbit are left open, and that is said.
+The shaft may stand still or turn; at rest the tacho and the direction of the
+orbit are left open, and that is said.
 """
 _PREFLIGHT_END = """\
-exit codes: 0 ready, perhaps with warnings; 2 rig file wrong; 3 device missing, busy or failed; 4 not ready
+exit codes: 0 ready, perhaps with warnings; 2 rig file wrong;
+            3 device missing, busy or failed; 4 not ready
 example:    rig preflight rigs/usb6251.toml --for 5min --speed 15000
 """
 _STEPS_END = """\
-example:    rig calibrate gap rigs/usb6251.toml x --operator "M. Curie" --target "42CrMo4, diameter 10 mm"
+examples:   rig calibrate gap rigs/usb6251.toml x --operator "M. Curie"
             rig calibrate gap rigs/usb6251.toml x --points sheet.csv --order 4
 """
 
@@ -67,8 +76,9 @@ def _add_calibrate(parser: argparse.ArgumentParser) -> None:
     """Add the kinds of calibration to the command's parser."""
     kinds = parser.add_subparsers(dest="kind", required=True, metavar="KIND")
     text = (
-        "Calibrate a probe: step the gap with a micrometer, or give a file of points. Fits gap over voltage,\n"
-        "shows how far the points lie off, and writes a new record; none is ever overwritten."
+        "Calibrate a probe: step the gap with a micrometer, or give a file of points.\n"
+        "Fits gap over voltage, shows how far the points lie off, and writes a new\n"
+        "record; none is ever overwritten."
     )
     command = kinds.add_parser("gap", help="a probe's curve, from micrometer steps", description=text)
     command.epilog, command.formatter_class = _STEPS_END, argparse.RawDescriptionHelpFormatter

@@ -8,6 +8,7 @@ from typing import TextIO
 
 from analysis.run import Severity
 from analysis.snapshot import Snapshot
+from daq.cli.terminal import fitted, width_of, wrapped
 from daq.session.frame import LiveFrame, Status
 
 RPM = 2 * math.pi / 60
@@ -32,8 +33,9 @@ class Console:
 
     def line(self, text: str) -> None:
         """Print a line that stays."""
-        self._clear()
-        self._print(text)
+        self.clear()
+        width = width_of(self._stream)
+        self._print("\n".join(wrapped(line, width) for line in text.split("\n")))
 
     def progress(self, text: str, part: float | None = None) -> None:
         """Show where things stand, with the part that is done, 0 to 1; on a terminal it replaces what was there."""
@@ -41,9 +43,10 @@ class Console:
             text = f"{text}: {100 * part:.0f} %"
         now = time.monotonic()
         if self._rewrites:
+            text = fitted(text, width_of(self._stream))
             self._print("\r" + text.ljust(self._width), end="")
             self._width = len(text)
-        elif now - self._last >= _QUIET_INTERVAL:
+        elif part != 0.0 and now - self._last >= _QUIET_INTERVAL:
             self._last = now
             self._print(text)
 
@@ -53,7 +56,8 @@ class Console:
             self._print("")
             self._width = 0
 
-    def _clear(self) -> None:
+    def clear(self) -> None:
+        """Take the progress line away."""
         if self._width:
             self._print("\r" + " " * self._width + "\r", end="")
             self._width = 0
@@ -64,7 +68,7 @@ class Console:
 
 
 def frame_line(frame: LiveFrame) -> str:
-    """Return a frame as one line: clock, speed, vibration, whirl beside the model's, losses, backlog, disk."""
+    """Return a frame as one line, what matters most first: a narrow terminal has no room for its end."""
     status, snapshot = frame.status, frame.snapshot
     minutes, seconds = divmod(int(status.elapsed), 60)
     parts = [f"{minutes:02d}:{seconds:02d}"]
@@ -74,20 +78,18 @@ def frame_line(frame: LiveFrame) -> str:
         parts.append(_speed(frame))
         x, y = snapshot.peak_to_peak * 1e6
         parts.append(f"x {x:.0f} µm  y {y:.0f} µm pp{_alarms(status)}")
-        parts.append(_whirl(frame))
-        parts.append(_counter(snapshot))
     parts += [f"{each.channel} CLIPPED {each.samples:,} in {each.blocks:,} blocks" for each in status.clipped]
-    lost = f"lost {status.lost}" if status.lost_is_exact else f"lost ≥ {status.lost}"
-    parts.append(lost)
+    parts.append(f"lost {'' if status.lost_is_exact else '≥ '}{status.lost:,}")
+    parts.append(status.detail)
+    if snapshot is not None:
+        parts += [_counter(snapshot), *_whirl(frame)]
     if status.skipped:
-        parts.append(f"live analysis skipped {status.skipped}")
+        parts.append(f"live analysis skipped {status.skipped:,}")
     parts.append(f"backlog {status.backlog:.1f} s")
     if math.isfinite(status.disk_left):
         parts.append(f"disk {duration(status.disk_left)}")
     if status.model != "ready":
         parts.append(f"model {status.model}")
-    if status.detail:
-        parts.append(status.detail)
     return "  ".join(part for part in parts if part)
 
 
@@ -118,14 +120,14 @@ def _speed(frame: LiveFrame) -> str:
     return f"{snapshot.speed / RPM:6,.0f} r/min {trend}"
 
 
-def _whirl(frame: LiveFrame) -> str:
+def _whirl(frame: LiveFrame) -> list[str]:
+    """Return what is measured below 1X, and what the model has there."""
     snapshot, prediction = frame.snapshot, frame.prediction
     whirl = None if snapshot is None or snapshot.frame is None else snapshot.frame.whirl
-    measured = "" if whirl is None else f"{whirl.order:.2f}X {whirl.amplitude * 1e6:.0f} µm"
-    if prediction is None or math.isnan(prediction.whirl_order):
-        return measured
-    model = f"(model {prediction.whirl_order:.2f}X {prediction.whirl_amplitude * 1e6:.0f} µm)"
-    return f"{measured} {model}".strip()
+    parts = [] if whirl is None else [f"{whirl.order:.2f}X {whirl.amplitude * 1e6:.0f} µm"]
+    if prediction is not None and not math.isnan(prediction.whirl_order):
+        parts.append(f"(model {prediction.whirl_order:.2f}X {prediction.whirl_amplitude * 1e6:.0f} µm)")
+    return parts
 
 
 def duration(seconds: float) -> str:

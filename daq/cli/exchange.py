@@ -5,6 +5,7 @@ import math
 from collections.abc import Callable
 from pathlib import Path
 
+from daq.cli.arguments import add_folder, show_examples
 from daq.cli.replay import found
 from daq.session.imported import import_run
 from recordings.catalogue import Catalogue, data_folder
@@ -22,20 +23,36 @@ def add_commands(add: Add) -> None:
     command.add_argument("file", metavar="FILE", help="the file; it is only read")
     text = "which column is which channel of which rig, and in what unit; docs/exchange.md describes it"
     command.add_argument("--mapping", required=True, metavar="MAP.TOML", help=text)
-    command.add_argument("--folder", default="", help="where runs are kept")
+    add_folder(command)
+
+    show_examples(command, "rig import bench.tdms --mapping bench-tdms.toml")
 
     text = f"Give a run or a part of it to another program ({', '.join(EXPORTS)})."
     command = add("export", run_export, text)
     command.add_argument("recording", metavar="RUN", help="a run's id, or a file")
     command.add_argument("--to", required=True, metavar="FILE", help="the new file; its suffix tells the format")
-    command.add_argument("--from", dest="start", type=_time, default=0.0, metavar="TIME", help="such as 10s, 1.5min")
-    command.add_argument("--until", dest="stop", type=_time, default=math.inf, metavar="TIME", help="such as 20s")
-    command.add_argument("--segment", type=int, help="which stretch of samples, where there are several")
+    command.add_argument(
+        "--from",
+        dest="start",
+        type=_time,
+        default=0.0,
+        metavar="TIME",
+        help="such as 10s, 1.5min (default: its beginning)",
+    )
+    command.add_argument(
+        "--until", dest="stop", type=_time, default=math.inf, metavar="TIME", help="such as 20s (default: its end)"
+    )
+    command.add_argument("--segment", type=int, help="which stretch of samples, from 0, where there are several")
     instead = command.add_mutually_exclusive_group()
     instead.add_argument("--results", action="store_true", help="speeds, amplitudes and lags instead of the samples")
     text = "the edges of the tacho as a counter stamped them, instead of the samples"
     instead.add_argument("--pulses", action="store_true", help=text)
-    command.add_argument("--folder", default="", help="where runs are kept")
+    add_folder(command)
+    show_examples(
+        command,
+        "rig export 2026-11-24T09-12-07-gj90c --from 10s --to whirl.csv",
+        "rig export 2026-11-24T09-12-07-gj90c --results --to vectors.parquet",
+    )
 
 
 def run_import(chosen: argparse.Namespace) -> int:

@@ -4,7 +4,7 @@ import argparse
 from collections.abc import Callable
 from datetime import UTC, datetime
 
-from daq.cli.arguments import speed
+from daq.cli.arguments import add_folder, show_examples, speed
 from daq.cli.console import RPM, Console
 from daq.cli.listing import run_line, said_of
 from daq.cli.replay import found
@@ -32,7 +32,7 @@ def add_commands(add: Add) -> None:
 
     command = add("runs", runs, "List the recorded runs, newest first: all, or those that are asked for.")
     command.add_argument("--since", type=_moment, metavar="TIME", help="begun at or after, such as 2026-11-24T09:00")
-    command.add_argument("--before", type=_moment, metavar="TIME", help="begun before")
+    command.add_argument("--before", type=_moment, metavar="TIME", help="begun before, such as 2026-11-25")
     command.add_argument("--rig", default="", help="of the rig of this name")
     command.add_argument("--device", default="", metavar="SERIAL", help="of the device of this serial number")
     text = "with probes calibrated so: the calibration of a run as --json tells it, or its first digits"
@@ -41,8 +41,11 @@ def add_commands(add: Add) -> None:
     command.add_argument("--text", default="", help="words in id, rig, note, remark or marks")
     command.add_argument("--tag", action="append", default=[], help="a tag that it has; may be given again")
     text = "a sub-synchronous component began below this speed, r/min"
-    command.add_argument("--onset-below", type=speed, metavar="SPEED", help=text)
+    command.add_argument("--onset-below", type=speed, metavar="RPM", help=text)
     _add_place(command)
+    show_examples(
+        command, "rig runs --since 2026-11-01 --speed 9000-12000 --tag reference", "rig runs --onset-below 9000"
+    )
 
     command = add(
         "annotate", annotate, "Say something of a run afterwards: a remark, tags. Its recording stays as it is."
@@ -52,10 +55,11 @@ def add_commands(add: Add) -> None:
     command.add_argument("--tag", action="append", default=[], help="a tag to be added; may be given again")
     command.add_argument("--untag", action="append", default=[], help="a tag to be taken away; may be given again")
     _add_place(command)
+    show_examples(command, 'rig annotate 2026-11-24T09-12-07-gj90c --remark "new bearing next"')
 
 
 def _add_place(command: argparse.ArgumentParser) -> None:
-    command.add_argument("--folder", default="", help="where runs are kept")
+    add_folder(command)
     command.add_argument("--json", action="store_true", help="as JSON")
 
 

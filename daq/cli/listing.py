@@ -40,6 +40,6 @@ def summary(chosen: argparse.Namespace) -> int:
             document = summaries.reevaluated(run_id, calibrations, console.progress)
         else:
             document = summaries.patiently(run_id, console.progress)
-    console.done()
+    console.clear()
     tell(document, as_json=chosen.json)
     return 0 if document.is_gap_free else 5

@@ -29,7 +29,7 @@ def run(chosen: argparse.Namespace) -> int:
     with Predictors() as predictors:
         predictor = predictors.for_rig(rig)
         predictor.wait(PATIENCE, lambda state: console.progress(f"model {state}"))
-        console.done()
+        console.clear()
         found = predictor.map
         if found is None:
             raise RigError(f"there is no prediction: {predictor.state}")
@@ -66,19 +66,17 @@ def _exactly(rig: Rig, found: PredictionMap, speed: float) -> Prediction:
     return settled
 
 
-_HEAD = "   r/min   1X x µm pk  lag x °   1X y µm pk  lag y °   below 1X      overall µm pp   growth 1/s"
+_HEAD = "   r/min  1X x µm∠lag  1X y µm∠lag   below 1X µm     overall µm pp  growth 1/s"
 
 
 def _row(prediction: Prediction) -> str:
-    x, y = prediction.vectors[0]
-    lags = [math.degrees(-math.atan2(v.imag, v.real)) % 360 for v in (x, y)]
+    """Return a row of the table; amplitudes are peak, overall vibration is of x and y."""
+    x, y = (f"{abs(v) * 1e6:.2f}∠{math.degrees(-math.atan2(v.imag, v.real)) % 360:.0f}°" for v in prediction.vectors[0])
     whirl = (
         f"{prediction.whirl_order:.2f}X {prediction.whirl_amplitude * 1e6:6.1f}"
         if prediction.whirl_amplitude > 0
         else "none"
     )
     overall = " / ".join(f"{value * 1e6:5.1f}" for value in prediction.peak_to_peak)
-    return (
-        f"{prediction.speed / RPM:8,.0f}   {abs(x) * 1e6:10.2f}  {lags[0]:7.1f}   {abs(y) * 1e6:10.2f}  {lags[1]:7.1f}"
-        f"   {whirl:12}  {overall:>13}   {prediction.growth_rate:+10.1f}"
-    )
+    speed = f"{prediction.speed / RPM:8,.0f}"
+    return f"{speed}  {x:>11}  {y:>11}   {whirl:12}   {overall:>13}  {prediction.growth_rate:+10.1f}"

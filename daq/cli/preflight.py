@@ -2,6 +2,7 @@
 
 import argparse
 import datetime as dt
+import sys
 import textwrap
 from collections.abc import Iterator
 from pathlib import Path
@@ -9,14 +10,16 @@ from pathlib import Path
 from analysis.verdict import Verdict
 from daq.cli.console import RPM, Console
 from daq.cli.telling import print_json
+from daq.cli.terminal import show, width_of
 from daq.config.load import load_rig
 from daq.service.documents.preflight import preflight_document
 from daq.session.preflight import Plan, Preflight, preflight
 from recordings.catalogue import data_folder
 
 NOT_READY = 4  # exit code
-_WIDTH = 112
-_COLUMN = 34  # at most
+_WIDTH = 112  # at most
+_COLUMN = 34  # of what is found, at most: what is longer pushes what is expected aside
+_NARROW = 24  # the same on a terminal of 80
 
 
 def run(chosen: argparse.Namespace) -> int:
@@ -29,24 +32,26 @@ def run(chosen: argparse.Namespace) -> int:
         speed=None if chosen.speed_rpm is None else chosen.speed_rpm * RPM,
     )
     found = preflight(rig, plan, dt.datetime.now().astimezone().date(), console.progress)
-    console.done()
+    console.clear()
     if chosen.json:
         print_json(preflight_document(rig.config.rig, found))
     else:
-        print("\n".join(table(found)))
+        show(table(found, width_of(sys.stdout) or _WIDTH + 1))
     if found.trouble is not None:
         return found.trouble.exit_code
     return NOT_READY if found.verdict is Verdict.FAIL else 0
 
 
-def table(found: Preflight) -> Iterator[str]:
+def table(found: Preflight, width: int) -> Iterator[str]:
     """Yield the checks line by line, with what to do under those that are not good, and the verdict last."""
+    width = min(width - 1, _WIDTH)
     names = max(len(check.name) for check in found.checks)
-    values = min(max(len(check.value) for check in found.checks), _COLUMN)
+    values = min(max(len(check.value) for check in found.checks), _COLUMN if width > 2 * names + _COLUMN else _NARROW)
     for check in found.checks:
-        yield f"{check.verdict.value}  {check.name:{names}}  {check.value:{values}}  {check.limit}".rstrip()
+        row = f"{check.verdict.value}  {check.name:{names}}  {check.value:{values}}  "
+        yield from _hung(row, check.limit, width)
         if check.advice:
-            yield from textwrap.wrap(check.advice, _WIDTH, initial_indent="      → ", subsequent_indent="        ")
+            yield from textwrap.wrap(check.advice, width, initial_indent="      → ", subsequent_indent="        ")
     failed = sum(check.verdict is Verdict.FAIL for check in found.checks)
     warned = sum(check.verdict is Verdict.WARN for check in found.checks)
     warnings = f"{warned} warning{'' if warned == 1 else 's'}"
@@ -54,3 +59,10 @@ def table(found: Preflight) -> Iterator[str]:
         yield f"NOT READY: {failed} of {len(found.checks)} checks failed, {warnings}"
     else:
         yield f"ready: {len(found.checks)} checks, {warnings if warned else 'all good'}"
+
+
+def _hung(row: str, limit: str, width: int) -> Iterator[str]:
+    """Yield a row with its last column, which goes on below itself."""
+    for part in textwrap.wrap(limit, max(width - len(row), 10), break_long_words=False) or [""]:
+        yield (row + part).rstrip()
+        row = " " * len(row)

@@ -142,15 +142,16 @@ class Screens:
         return self._run or (None if self._desk is None else self._desk.run)
 
     def addresses(self) -> str:
-        """Return one line that says where to look."""
-        parts = []
+        """Return where to look, an address a line."""
+        lines = []
         if self._server is not None:
-            parts.append(
-                f"page {self._server.url}/  REST {self._server.url}/api/v1  schema {self._server.url}/openapi.json"
-            )
+            lines += [
+                f"page {self._server.url}/",
+                f"REST {self._server.url}/api/v1, explained at {self._server.url}/docs",
+            ]
         if self._view is not None:
-            parts.append(f"live picture {self._view.url}")
-        return "\n".join(parts)
+            lines.append(f"live picture, as on the page: {self._view.url}")
+        return "\n".join(lines)
 
     def __enter__(self) -> Self:
         return self

@@ -1,11 +1,15 @@
 """A run's summary in the words of the bench."""
 
+import codecs
 import json
+import sys
 from collections.abc import Iterator
 from itertools import groupby
+from typing import Any
 
 from analysis.direction import Direction as SpeedDirection
 from analysis.run import Severity
+from daq.cli.terminal import show
 from daq.service.documents import Document, SummaryDocument
 from daq.service.documents.agreement import AgreementDocument
 from daq.service.documents.alarm import AlarmDocument
@@ -14,12 +18,15 @@ from daq.session.watchdog import FULL
 from recordings.marks import MarkKind
 
 
-def print_json(document: Document | list[Document]) -> None:
-    """Print a document, or a list of them, as JSON on standard output."""
-    if isinstance(document, list):
-        print(json.dumps([each.model_dump(mode="json") for each in document], ensure_ascii=False, indent=2))
-    else:
-        print(document.model_dump_json(indent=2))
+def print_json(content: Document | list[Document] | dict[str, Any]) -> None:
+    """Print a document, a list of them or what a service answered as JSON; where UTF-8 is not read, in ASCII."""
+    plain: object = content
+    if isinstance(content, list):
+        plain = [each.model_dump(mode="json") for each in content]
+    elif isinstance(content, Document):
+        plain = json.loads(content.model_dump_json())
+    is_utf8 = codecs.lookup(sys.stdout.encoding or "ascii").name == "utf-8"
+    print(json.dumps(plain, ensure_ascii=not is_utf8, indent=2))
 
 
 def tell(summary: SummaryDocument, *, as_json: bool) -> None:
@@ -27,7 +34,7 @@ def tell(summary: SummaryDocument, *, as_json: bool) -> None:
     if as_json:
         print_json(summary)
     else:
-        print("\n".join(summary_lines(summary)))
+        show(summary_lines(summary))
 
 
 def summary_lines(summary: SummaryDocument) -> Iterator[str]:

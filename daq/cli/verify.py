@@ -1,15 +1,17 @@
 """`rig verify` and `rig recover`: whether a recording is whole, and a whole copy of what is left of one that is not."""
 
 import argparse
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
+from daq.cli.arguments import add_folder
 from daq.cli.replay import found
 from daq.cli.telling import print_json
+from daq.cli.terminal import show
 from daq.service.documents.verification import recovery_document, verification_document
 from recordings.catalogue import SUFFIX
 from recordings.recover import Missing, recover
-from recordings.verify import Verdict, verify
+from recordings.verify import Verdict, Verification, verify
 
 NOT_WHOLE = 5
 
@@ -20,7 +22,7 @@ def add_commands(add: Add) -> None:
     """Add both commands to the command line."""
     command = add("verify", run, "Check that a recording is whole: checksums, indexes, samples, counts, calibration.")
     command.add_argument("recording", metavar="RUN", help="a run's id, or a file")
-    command.add_argument("--folder", default="", help="where runs are kept")
+    add_folder(command)
     command.add_argument("--json", action="store_true", help="as JSON")
 
     text = "Copy all that is intact of a damaged recording, and say what is missing."
@@ -29,7 +31,7 @@ def add_commands(add: Add) -> None:
     command.add_argument(
         "-o", dest="output", default="", metavar="NEW.MCAP", help="the copy (default: RUN-recovered.mcap beside it)"
     )
-    command.add_argument("--folder", default="", help="where runs are kept")
+    add_folder(command)
     command.add_argument("--json", action="store_true", help="as JSON")
 
 
@@ -40,16 +42,21 @@ def run(chosen: argparse.Namespace) -> int:
     if chosen.json:
         print_json(verification_document(verification))
     else:
-        print(
-            f"{verification.path}: {verification.verdict.value}  {verification.samples:,} samples a channel, "
-            f"{verification.segments} {'segment' if verification.segments == 1 else 'segments'}, "
-            f"{f'{verification.pulses:,} stamps of a counter, ' if verification.pulses else ''}"
-            f"{verification.chunks} intact chunks, {verification.size / 1e6:.1f} MB"
-        )
-        for finding in verification.findings:
-            kind = "fault" if finding.is_fault else "note "
-            print(f"{kind}  {finding.check.value:11} {finding.where}: {finding.what}")
+        show(_lines(verification))
     return 0 if verification.verdict is Verdict.SOUND else NOT_WHOLE
+
+
+def _lines(verification: Verification) -> Iterator[str]:
+    """Yield the verdict, and what was found."""
+    yield (
+        f"{verification.path}: {verification.verdict.value}  {verification.samples:,} samples a channel, "
+        f"{verification.segments} {'segment' if verification.segments == 1 else 'segments'}, "
+        f"{f'{verification.pulses:,} stamps of a counter, ' if verification.pulses else ''}"
+        f"{verification.chunks} intact chunks, {verification.size / 1e6:.1f} MB"
+    )
+    for finding in verification.findings:
+        kind = "fault" if finding.is_fault else "note "
+        yield f"{kind}  {finding.check.value:11} {finding.where}: {finding.what}"
 
 
 def run_recover(chosen: argparse.Namespace) -> int:

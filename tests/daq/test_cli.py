@@ -102,7 +102,7 @@ def test_what_does_not_exist_is_named(arguments: list[str], told: str, capsys: p
     assert captured.out == ""
 
 
-@pytest.mark.parametrize("arguments", [["record", "x.toml", "--for", "soon"], ["replay", "x", "--pace", "-1"], []])
+@pytest.mark.parametrize("arguments", [["record", "x.toml", "--for", "soon"], ["replay", "x", "--pace", "-1"]])
 def test_wrong_usage_ends_with_the_usage(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as caught:
         main(arguments)

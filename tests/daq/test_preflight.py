@@ -247,12 +247,15 @@ def test_command_gives_programs_the_same(rig_file: RigFiles, capsys: pytest.Capt
     assert {check.finding for check in document.checks if check.verdict is Verdict.FAIL} == {Finding.HUM}
 
 
-def test_check_says_in_one_line_what_was_understood(rig_file: RigFiles, capsys: pytest.CaptureFixture[str]) -> None:
+def test_check_says_what_was_understood(rig_file: RigFiles, capsys: pytest.CaptureFixture[str]) -> None:
     path = rig_file()
     assert main(["check", str(path)]) == 0
     assert capsys.readouterr().out == (
-        f"{path}: good: test-rig on simulated USB-6251, x on ai0, y on ai1, tacho on ai2, 20 kS/s each, "
-        "convert clock 90.91 kHz (11.00 µs between channels), at most 0.43 GB an hour\n"
+        f"{path}: good\n"
+        "  rig      test-rig on simulated USB-6251\n"
+        "  inputs   x on ai0, y on ai1, tacho on ai2\n"
+        "  rate     20 kS/s each, convert clock 90.91 kHz (11.00 µs between channels)\n"
+        "  disk     at most 0.43 GB an hour\n"
     )
 
 

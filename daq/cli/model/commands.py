@@ -7,9 +7,10 @@ from daq.cli.model.sweep import add_sweep
 from daq.cli.model.thesis import add_thesis
 
 _EPILOG = """\
-RANGE is FIRST:LAST:COUNT (FIRST:LAST:COUNT:log for equal ratios), or values with commas. RIG.TOML may be a rotor's own
-file; without it the thesis's GJ90C is taken. Every study prints a table; --json gives it to programs, -o FILE.svg or
-FILE.png draws it.
+RANGE is FIRST:LAST:COUNT (FIRST:LAST:COUNT:log for equal ratios), or values
+with commas. RIG.TOML may be a rotor's own file; without it the thesis's GJ90C
+is taken. Every study prints a table; --json gives it to programs, -o FILE.svg
+or FILE.png draws it.
 """
 
 

@@ -1,6 +1,7 @@
 """`rig model sweep`: a quantity over all combinations of parameters."""
 
 import argparse
+import textwrap
 from collections.abc import Callable
 from pathlib import Path
 
@@ -19,19 +20,15 @@ from model.studies.study import Plot, Series, Study, Style
 from model.studies.vary import CHANGES
 
 SHOWN = 40  # points in the table that is printed
+_WIDTH = 78  # of the help
 
 
 def add_sweep(add: Callable[[str, str], argparse.ArgumentParser]) -> None:
     """Add the command."""
     command = add("sweep", "A quantity over all combinations of parameters, in processes here or on a Dask cluster.")
     command.formatter_class = argparse.RawDescriptionHelpFormatter
-    command.epilog = "\n".join(
-        [f"parameters: {', '.join(CHANGES)}", "quantities, with their own options and results:"]
-        + [
-            f"  {name}: {one.text}\n      {', '.join(one.options)} -> {', '.join(one.results)}"
-            for name, one in QUANTITIES.items()
-        ]
-    )
+    command.description = textwrap.fill(command.description or "", _WIDTH)
+    command.epilog = _epilog()
     command.add_argument(
         "config", metavar="RIG.TOML", nargs="?", help="the rig, or a rotor's own file (default: the thesis's GJ90C)"
     )
@@ -53,6 +50,24 @@ def add_sweep(add: Callable[[str, str], argparse.ArgumentParser]) -> None:
     where.add_argument("--processes", type=counting, help="how many here (default: one for each processor)")
     where.add_argument("--scheduler", default="", metavar="tcp://HOST:PORT", help="of a Dask cluster, instead")
     command.set_defaults(run=run)
+
+
+def _epilog() -> str:
+    """Say what can be varied and computed."""
+    parts = ["parameters:", _set_in(", ".join(CHANGES), 2), "quantities, with their own options and results:"]
+    for name, one in QUANTITIES.items():
+        parts += [
+            _set_in(f"{name}: {one.text}", 2),
+            _set_in(f"options: {', '.join(one.options)}", 6),
+            _set_in(f"results: {', '.join(one.results)}", 6),
+        ]
+    parts.append("example: rig model sweep --vary viscosity_pa_s=0.005:0.035:7 -o onset.parquet")
+    return "\n".join(parts)
+
+
+def _set_in(text: str, indent: int) -> str:
+    lead = " " * indent
+    return textwrap.fill(text, _WIDTH, initial_indent=lead, subsequent_indent=lead)
 
 
 def _vary(text: str) -> tuple[str, FloatArray]:
