@@ -49,9 +49,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return STOPPED
     finally:
         asked.interrupts = False
-        if arguments is not None:
-            for number, handler in before.items():
-                signal.signal(number, handler)
+        for number, handler in before.items():  # Python's own end would give them back to the system otherwise
+            signal.signal(number, signal.SIG_IGN if arguments is None else handler)
 
 
 if __name__ == "__main__":
