@@ -1,9 +1,9 @@
 """A quick estimate of speed, for triggers; the analysis has the good one."""
 
 from collections import deque
-from collections.abc import Iterable
 
 import numpy as np
+from numpy.typing import NDArray
 
 from analysis.edges import EdgeDetector
 from analysis.run import Acquisition, Role
@@ -58,9 +58,9 @@ class SpeedEstimate:
         alike = turns[np.abs(turns - np.median(turns)) <= ALIKE * np.median(turns)] if turns.size else turns
         return RPM * rate / float(alike.mean()) if alike.size >= LEAST_TURNS else 0.0
 
-    def _found(self, block: SampleBlock) -> Iterable[float]:
+    def _found(self, block: SampleBlock) -> NDArray[np.float64]:
         """Return the block's edges by the reference, in samples of the segment."""
         if self._by_counter and block.ticks is not None:
-            return (block.ticks / self._acquisition.ticks_per_sample).tolist()
+            return block.ticks / self._acquisition.ticks_per_sample
         volts = self._acquisition.channels[self._row].volts(block.codes[self._row])
-        return self._detector.edges(volts, block.first_sample).tolist()
+        return self._detector.edges(volts, block.first_sample)
