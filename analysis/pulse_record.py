@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.errors import TachoRefusedError
+from analysis.mark_spacing import ALIKE, interval_parts, told_mark
 from analysis.run import Tacho
 from analysis.tacho import HISTORY, MOST_REPAIRED, PulseTrain
 
@@ -18,7 +19,6 @@ IntArray = NDArray[np.int64]
 
 FEWEST_PULSES = 8
 FEWEST_GAPS = 3
-ALIKE = 1.2  # ratio of a mark's successive intervals throughout a train in which nothing is missing or double
 REGULAR = 0.5  # part of the places at one distance from one another where pulses are missing: no chance made these
 COUNTED = 0.9  # part of the pulses that one train must hold: less is a shaft that stood still between
 
@@ -30,11 +30,12 @@ class PulseRecord:
     Parameters
     ----------
     numbers : ndarray of int64, shape (n,)
-        Number of each pulse since the first, rising; where pulses were missing it skips.
+        Number of each pulse, rising; where pulses were missing it skips.
     times : ndarray of float64, shape (n,)
         Their times, s, rising, the sensor's delay taken off.
     pulses_per_revolution : int
-        Marks on the shaft; pulses whose number divides by it lie at theta = 0.
+        Marks on the shaft; pulses whose number divides by it lie at theta = 0: those after the longest interval where
+        it is clearly the longest, else those of the first mark seen.
     seen : int
         Edges given in the train's span.
     filled : int
@@ -43,6 +44,8 @@ class PulseRecord:
         Edges that were doubles or noise.
     too_fast : bool
         Whether light or dark lasted less than the sensor's response anywhere: pulses may be missing unnoticed.
+    mark_is_arbitrary : bool
+        Whether theta = 0 is the first mark seen of several that cannot be told apart: phases hold in this record only.
     """
 
     numbers: IntArray
@@ -52,6 +55,7 @@ class PulseRecord:
     filled: int
     rejected: int
     too_fast: bool
+    mark_is_arbitrary: bool = False
 
     @property
     def repaired_part(self) -> float:
@@ -118,14 +122,18 @@ def _is_clean(intervals: FloatArray, marks: int) -> bool:
 def _record(numbers: IntArray, times: FloatArray, seen: int, tacho: Tacho) -> PulseRecord:
     period = np.diff(times) / np.diff(numbers)
     shortest = float(period.min()) * min(tacho.mark_fraction, 1.0 - tacho.mark_fraction)
+    marks = tacho.pulses_per_revolution
+    parts = interval_parts(numbers, times, marks) if marks > 1 else np.ones(1)
+    mark = None if parts is None else told_mark(parts)
     return PulseRecord(
-        numbers=numbers,
+        numbers=numbers if mark is None else numbers + (-mark) % marks,
         times=times - tacho.delay,
-        pulses_per_revolution=tacho.pulses_per_revolution,
+        pulses_per_revolution=marks,
         seen=seen,
         filled=int(numbers[-1]) + 1 - numbers.size,
         rejected=seen - numbers.size,
         too_fast=shortest < tacho.response_time,
+        mark_is_arbitrary=mark is None,
     )
 
 

@@ -43,6 +43,8 @@ class TachoReport:
         Edges that were rejected as doubles or noise.
     jitter : float
         Robust scatter (1.4826 MAD) of the edges about the smooth angle, s; NaN where there is none.
+    mark_is_arbitrary : bool
+        Whether theta = 0 is the first mark seen of several that cannot be told apart: phases hold within a train only.
     """
 
     state: TachoState
@@ -50,6 +52,7 @@ class TachoReport:
     filled: int
     rejected: int
     jitter: float
+    mark_is_arbitrary: bool = False
 
 
 RECENT = 10.0  # s: what happened longer ago is history to whoever watches

@@ -6,6 +6,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.mark_spacing import MarkSpacing
 from analysis.run import Tacho
 from analysis.snapshot import TachoReport, TachoState
 
@@ -17,6 +18,7 @@ MOST_FILLED = 2  # successive pulses that may be missing
 SEED_INTERVALS = 4  # like intervals that make a train
 SEED_RATIO = 1.25  # of successive intervals
 SETTLED = SEED_INTERVALS + 1  # pulses of a train before its speed is believed
+SETTLED_TURNS, SETTLED_PULSES = 6, 64  # of a train of several marks whose spacing could not be learned, at least
 MOST_DOUBT = 20  # edges in vain that are remembered: each asks for one pulse more
 CLEAN = 0.05  # change from one interval to the next with which pulses are beyond question
 DIRTY_STREAK = 4  # successive pulses that each needed a repair: the train is not what it was taken for
@@ -38,6 +40,10 @@ class PulseTrain:
     ends the train, and a new one is sought. A train whose pulses begin to miss regularly, every second or third,
     is that of a sensor past its response: the slower train that follows is told as too fast.
 
+    Several marks may lie anywhere on the shaft: their spacing is learned over the first revolutions without a fault
+    (`analysis.mark_spacing`), and intervals are then compared by their parts of a revolution. Where one interval is
+    clearly the longest, theta = 0 is the mark that ends it; else it is the first one seen of every train.
+
     Parameters
     ----------
     tacho : Tacho
@@ -56,8 +62,9 @@ class PulseTrain:
     ) -> None:
         self._tacho = tacho
         self._on_end = on_end
+        self._spacing = MarkSpacing(tacho.pulses_per_revolution)
         self._marks: deque[tuple[int, float]] = deque(maxlen=revolutions)
-        self._seed: deque[float] = deque(maxlen=SEED_INTERVALS + 1)
+        self._seed: deque[float] = deque(maxlen=SEED_INTERVALS + 1)  # or a whole revolution of uneven marks
         self._intervals: deque[float] = deque(maxlen=2 * SEED_INTERVALS)
         self._repaired: deque[bool] = deque(maxlen=HISTORY)
         self._recently_skipped: deque[int] = deque(maxlen=DIRTY_STREAK)
@@ -70,6 +77,7 @@ class PulseTrain:
         self._doubt = 0  # edges that led to no train
         self._flooded = False
         self._repaired.clear()
+        self._spacing.forget_edges()
         self._lose()
 
     def _lose(self) -> None:
@@ -78,7 +86,8 @@ class PulseTrain:
         self._locked = False
         self._number = 0  # of the last pulse in its train
         self._time = self._before = self._predicted = 0.0
-        self._skipped = 1  # periods between the last pulse and the one before
+        self._skipped = 1  # periods between the last pulse and the one before,
+        self._span = 1.0  # and how many even ones they make
         self._dirty = self._rejected_since = 0
         self._folded = False  # whether the train came from one of which pulses went missing regularly
         self._seed.clear()
@@ -104,8 +113,13 @@ class PulseTrain:
             self._rejected += edges.size
             self._last_edge = now
             self._doubt = MOST_DOUBT
+            self._spacing.forget_edges()
             self._lose()
             return
+        if self._spacing.take(edges) and not self._spacing.is_even:
+            self._doubt = 0
+            self._lose()
+            self._seed = deque(maxlen=max(SEED_INTERVALS, self._tacho.pulses_per_revolution) + 1)
         for time in edges[self._follow(edges) :].tolist():
             self._edge(time)
             self._last_edge = time
@@ -124,12 +138,12 @@ class PulseTrain:
         if n < 1 or not self._locked or self._dirty or self._rejected_since:
             return 0
         times = np.concatenate([[self._time], edges[:n]])
-        intervals = np.diff(times)
-        before = np.concatenate([[self._expected(1)], intervals[:-1]])
-        if (np.abs(intervals - before) > CLEAN * before).any():
-            return 0
         numbers = self._number + np.arange(1, n + 1)
         turns, rests = np.divmod(numbers, self._tacho.pulses_per_revolution)
+        intervals = np.diff(times) / self._spacing.parts[rests]
+        before = np.concatenate([[sum(self._trend())], intervals[:-1]])
+        if (np.abs(intervals - before) > CLEAN * before).any():
+            return 0
         marked = np.flatnonzero(rests == 0)[-(self._marks.maxlen or n) :]
         self._marks.extend(zip(turns[marked].tolist(), edges[marked].tolist(), strict=True))
         self._repaired.extend([False] * min(n, HISTORY))
@@ -139,16 +153,26 @@ class PulseTrain:
         self._number += n
         self._before, self._time = float(times[-2]), float(times[-1])
         self._skipped, self._predicted = 1, self._time
+        self._span = float(self._spacing.parts[rests[-1]])
         self._doubt = max(self._doubt - n, 0)
         return n
 
     def _expected(self, periods: int) -> float:
         """Return the time from the last pulse to the one so many periods later."""
-        last, slope = self._trend()
-        return periods * last + slope * 0.5 * periods * (periods + 1)
+        return self._later(periods, *self._trend())
+
+    def _later(self, periods: int, last: float, slope: float) -> float:
+        return self._even_periods(periods) * last + slope * 0.5 * periods * (periods + 1)
+
+    def _even_periods(self, periods: int) -> float:
+        """Return how many even periods the next ones make."""
+        if self._spacing.is_even:
+            return periods
+        marks = (self._number + np.arange(1, periods + 1)) % self._tacho.pulses_per_revolution
+        return float(self._spacing.parts[marks].sum())
 
     def _trend(self) -> tuple[float, float]:
-        """Return the last interval as it should have been, and its change from one to the next.
+        """Return the last even interval as it should have been, and its change from one to the next.
 
         From medians of the older and the younger intervals, so that one of each may be wrong.
         """
@@ -164,13 +188,13 @@ class PulseTrain:
             return
         since = time - self._time
         last, slope = self._trend()
-        period = last + slope
-        if since < (1.0 - GATE) * period:
+        period = (last + slope) * self._spacing.shortest
+        if since < self._later(1, last, slope) - GATE * period:
             self._double(time)
             return
         for periods in range(1, MOST_FILLED + 2):
             gate = GATE if periods == 1 else GATE_FILLED
-            expected = periods * last + slope * 0.5 * periods * (periods + 1)
+            expected = self._later(periods, last, slope)
             if abs(since - expected) <= gate * period:
                 self._accept(time, periods, self._time + expected)
                 return
@@ -187,18 +211,22 @@ class PulseTrain:
             self._doubt = min(self._doubt + 1, MOST_DOUBT)
         self._seed.append(time)
         intervals = np.diff(self._seed)
-        if intervals.size < SEED_INTERVALS or intervals.min() <= 0.0:
+        if intervals.size < (self._seed.maxlen or 0) - 1 or intervals.min() <= 0.0:
             return
-        ratios = intervals[1:] / intervals[:-1]
-        if ratios.max() > SEED_RATIO or ratios.min() < 1.0 / SEED_RATIO:
+        ends_first = self._spacing.first_mark(intervals, SEED_RATIO)
+        if ends_first is None:
             return
+        marks = self._tacho.pulses_per_revolution
+        begin = (ends_first - 1) % marks if not self._spacing.is_even else 0
+        numbers = begin + np.arange(len(self._seed))
+        parts = self._spacing.parts[numbers % marks]
         self._locked = True
-        self._intervals.extend(intervals.tolist())
+        self._intervals.extend((intervals / parts[1:]).tolist())
         self._pulses += len(self._seed)
-        self._number = len(self._seed) - 1
+        self._number, self._span = int(numbers[-1]), float(parts[-1])
         self._before, self._time = self._seed[-2], self._seed[-1]
         self._predicted = self._time
-        for number, seed in enumerate(self._seed):
+        for number, seed in zip(numbers.tolist(), self._seed, strict=True):
             self._mark(number, seed)
 
     def _mark(self, number: int, time: float) -> None:
@@ -213,7 +241,8 @@ class PulseTrain:
         self._pulses += 1
         self._filled += periods - 1
         self._rejected_since = 0
-        self._intervals.extend([(time - self._time) / periods] * periods)
+        self._span = self._even_periods(periods)
+        self._intervals.extend([(time - self._time) / self._span] * periods)
         self._number += periods
         self._before, self._time = self._time, time
         self._skipped, self._predicted = periods, predicted
@@ -234,7 +263,7 @@ class PulseTrain:
             for _ in range(self._skipped):
                 self._intervals.pop()
             self._time = time
-            interval = (time - self._before) / self._skipped
+            interval = (time - self._before) / self._span
             self._intervals.extend([interval] * self._skipped)
             if was_mark:
                 self._marks.pop()
@@ -260,7 +289,9 @@ class PulseTrain:
     @property
     def is_settled(self) -> bool:
         """Whether there is a train that has held long enough to be believed."""
-        return self._locked and self._number + 1 >= SETTLED + self._doubt
+        marks = self._tacho.pulses_per_revolution
+        fewest = SETTLED if self._spacing.is_known else max(SETTLED_TURNS * marks, SETTLED_PULSES)
+        return self._locked and self._number + 1 >= fewest + self._doubt
 
     def speed(self, interval: float) -> float:
         """Return the mean speed over the last whole revolutions that fill ``interval`` seconds (at least one), rad/s.
@@ -300,7 +331,8 @@ class PulseTrain:
 
     def report(self, state: TachoState, jitter: float) -> TachoReport:
         """Return the verdict with the counts since the run began and the scatter, s."""
-        return TachoReport(state, self._pulses, self._filled, self._rejected, jitter)
+        arbitrary = not self._spacing.is_told
+        return TachoReport(state, self._pulses, self._filled, self._rejected, jitter, mark_is_arbitrary=arbitrary)
 
 
 def _median(values: list[float]) -> float:

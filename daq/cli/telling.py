@@ -13,7 +13,7 @@ from daq.cli.terminal import show
 from daq.service.documents import Document, SummaryDocument
 from daq.service.documents.agreement import AgreementDocument
 from daq.service.documents.alarm import AlarmDocument
-from daq.service.documents.summary import SpeedRowDocument
+from daq.service.documents.summary import SpeedRowDocument, TachoSummaryDocument
 from daq.session.watchdog import FULL
 from recordings.marks import MarkKind
 
@@ -225,6 +225,20 @@ def _largest(summary: SummaryDocument) -> str:
     return f"max {_number(worst.largest_peak_to_peak_um)} µm pp on {worst.name} {where}{verdict}"
 
 
+def _tacho_oddities(tacho: TachoSummaryDocument) -> Iterator[str]:
+    others = {state: count for state, count in tacho.snapshots_by_state.items() if state.value != "good"}
+    total = sum(tacho.snapshots_by_state.values())
+    for state, count in others.items():
+        if count > 0.02 * total:
+            yield f"tacho: {state.value} for {100 * count / total:.0f} % of the run"
+    if tacho.filled or tacho.rejected:
+        yield f"tacho: {tacho.pulses:,} pulses, {tacho.filled:,} filled in, {tacho.rejected:,} edges rejected"
+    if tacho.mark_is_arbitrary:
+        yield "tacho: the marks cannot be told apart: phases are from the first one seen, and compare with no other run"
+    if tacho.counter is not None and tacho.counter.told:
+        yield f"tacho: {tacho.counter.told}"
+
+
 def _oddities(summary: SummaryDocument) -> Iterator[str]:
     for probe in summary.probes:
         if not probe.gap_ok:
@@ -235,18 +249,8 @@ def _oddities(summary: SummaryDocument) -> Iterator[str]:
             yield f"probe {probe.name}: {part:.2g} % of the samples lie beyond its calibration: extrapolated"
     if any(summary.clipped_samples):
         yield f"clipped samples by channel: {', '.join(f'{n:,}' for n in summary.clipped_samples)}"
-    tacho = summary.tacho
-    if tacho is not None:
-        others = {state: count for state, count in tacho.snapshots_by_state.items() if state.value != "good"}
-        total = sum(tacho.snapshots_by_state.values())
-        for state, count in others.items():
-            if count > 0.02 * total:
-                yield f"tacho: {state.value} for {100 * count / total:.0f} % of the run"
-        if tacho.filled or tacho.rejected:
-            repaired = f"{tacho.filled:,} filled in, {tacho.rejected:,} edges rejected"
-            yield f"tacho: {tacho.pulses:,} pulses, {repaired}"
-        if tacho.counter is not None and tacho.counter.told:
-            yield f"tacho: {tacho.counter.told}"
+    if summary.tacho is not None:
+        yield from _tacho_oddities(summary.tacho)
 
 
 def _picked(rows: list[SpeedRowDocument], most: int) -> list[SpeedRowDocument]:

@@ -130,6 +130,7 @@ function summary(run) {
       ...waited(run),
       ["Speed", `${whole(run.lowest_speed_rpm)} to ${whole(run.highest_speed_rpm)} r/min`],
       ...counted(run.tacho),
+      ...(run.tacho?.mark_is_arbitrary ? [["Phases", "from the first mark seen: the marks cannot be told apart"]] : []),
       ["Largest overall", `${micrometres(run.largest_peak_to_peak_um)} µm peak-to-peak · ${run.severity}`],
       ...run.probes.map((probe) => [`Gap ${probe.name}`, `${decimals(probe.gap_least_v, 2)} to ${decimals(probe.gap_most_v, 2)} V${probe.gap_ok ? "" : " · outside its window"}`]),
     ]),

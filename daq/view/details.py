@@ -87,6 +87,8 @@ def _signals(frame: LiveFrame, snapshot: Snapshot) -> list[str]:
     state = tacho.state.value if tacho.state is TachoState.GOOD else f"**{tacho.state.value.upper()}**"
     speed = f"{rpm(snapshot.speed)} r/min" if math.isfinite(snapshot.speed) else "no speed"
     lines = [f"- tacho {state}, {speed}, {tacho.pulses:,} pulses, {tacho.filled} filled in, {tacho.rejected} rejected"]
+    if tacho.mark_is_arbitrary:
+        lines.append("- its marks cannot be told apart: phases are from the first one seen")
     if snapshot.counter is not None:
         told = "; ".join(filter(None, (snapshot.counter.told, snapshot.counter.told_lately)))
         compared = f"**{told}**" if told else "counter and samples agree"

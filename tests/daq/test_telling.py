@@ -130,3 +130,16 @@ def test_run_whose_start_never_came_says_so_and_nothing_more(rig: RigFactory, tm
     end = SegmentEnd(0, 0, EndReason.STOPPED, detail="speed > 9000 r/min was not reached")
     lines = ended(rig(), tmp_path / "never.mcap", end)
     assert lines[1:] == ["gap-free  nothing was recorded", "end              speed > 9000 r/min was not reached"]
+
+
+@pytest.mark.parametrize("marks", [1, 2])
+def test_marks_that_cannot_be_told_apart_are_named_with_what_that_means(
+    rig: RigFactory, tmp_path: Path, marks: int
+) -> None:
+    steady = {"profile": [{"time_s": time_s, "speed_rpm": 6000.0} for time_s in (0.0, 2.0)], "glitches_per_s": 0.0}
+    tacho = {"pulses_per_revolution": marks, "response_time_s": 1e-4}
+    document, lines = told(rig(simulation=steady, tacho=tacho), tmp_path)
+    assert document.tacho is not None
+    assert document.tacho.mark_is_arbitrary is (marks > 1)
+    assert any("the marks cannot be told apart" in line for line in lines) is (marks > 1)
+    assert document.highest_speed_rpm == pytest.approx(6000.0, rel=0.02)

@@ -90,6 +90,11 @@ class TachoDocument(Document):
     jitter_us: float | None = Field(
         description="Robust scatter (median absolute deviation) of the edges about the smooth angle, µs", examples=[4.8]
     )
+    mark_is_arbitrary: bool = Field(
+        description="Whether several marks cannot be told apart, so that phases are referred to the first one seen of "
+        "every train of pulses and cannot be compared between trains or runs",
+        examples=[False],
+    )
     reference: str = Field(
         description='What speed and phase are taken from: "samples" of the tacho, or a "counter" that stamps its edges',
         examples=["samples"],
@@ -261,6 +266,7 @@ def _measured(snapshot: Snapshot, header: RunHeader) -> MeasuredDocument:
             filled=tacho.filled,
             rejected=tacho.rejected,
             jitter_us=finite(tacho.jitter * 1e6),
+            mark_is_arbitrary=tacho.mark_is_arbitrary,
             reference=header.acquisition.tacho.reference,
             counter=counter_document(snapshot.counter),
         ),

@@ -73,6 +73,11 @@ class TachoSummaryDocument(Document):
         description="Number of results in each state of the tacho; states that did not occur are left out",
         examples=[{"good": 2980, "no pulses": 20}],
     )
+    mark_is_arbitrary: bool = Field(
+        description="Whether several marks cannot be told apart, so that phases are referred to the first one seen of "
+        "every train of pulses and cannot be compared between trains or runs",
+        examples=[False],
+    )
     reference: str = Field(
         description='What speed and phase are taken from: "samples" of the tacho, or a "counter" that stamps its edges',
         examples=["samples"],
@@ -274,6 +279,7 @@ def summary_document(
             filled=tacho.filled,
             rejected=tacho.rejected,
             jitter_us=finite(tacho.jitter * 1e6),
+            mark_is_arbitrary=tacho.mark_is_arbitrary,
             snapshots_by_state={TachoState(state): count for state, count in summary.tacho_states.items()},
             reference=summary.tacho_reference,
             counter=counter_document(summary.counter),
