@@ -14,10 +14,12 @@ from recordings.errors import ForeignFormatError
 from recordings.formats.table import Column, Table
 from recordings.header import calibration_document
 from recordings.layout import sample_time_ns
+from recordings.progress import Progress, untold
 from recordings.reader import RunReader
 
 MICRO = 1e-6
 RPM = 2 * math.pi / 60
+PIECE = 2_000_000  # samples of each channel that are read at a time
 MOST_SAMPLES = 50_000_000
 """Per channel in one table: it is made in memory."""
 RESULT_UNITS = {
@@ -51,7 +53,13 @@ RESULT_UNITS = {
 }
 
 
-def samples_table(reader: RunReader, start: float = 0.0, stop: float = math.inf, segment: int | None = None) -> Table:
+def samples_table(
+    reader: RunReader,
+    start: float = 0.0,
+    stop: float = math.inf,
+    segment: int | None = None,
+    on_progress: Progress = untold,
+) -> Table:
     """Return samples in engineering units.
 
     Displacement of the probes is towards the probe, zero at its tip, µm; other channels are volts at the input.
@@ -64,6 +72,8 @@ def samples_table(reader: RunReader, start: float = 0.0, stop: float = math.inf,
         Part of the segment, s of sample time.
     segment : int or None
         Which segment; None where there is only one.
+    on_progress : callable
+        Told the part that is read, 0 to 1.
 
     Raises
     ------
@@ -81,7 +91,11 @@ def samples_table(reader: RunReader, start: float = 0.0, stop: float = math.inf,
             f"{reader.path}: {max(0, last - first)} samples from {start:g} s to {stop:g} s of a segment of "
             f"{end.samples / acquisition.rate:g} s, expected 1 to {MOST_SAMPLES}"
         )
-    codes = reader.samples(end.segment, first, last)
+    codes = np.empty((len(acquisition.channels), last - first), dtype=np.int16)
+    for low in range(first, last, PIECE):
+        high = min(low + PIECE, last)
+        codes[:, low - first : high - first] = reader.samples(end.segment, low, high)
+        on_progress((high - first) / (last - first))
     times = Column("time_s", "s", np.arange(first, last) / acquisition.rate)
     columns = [_column(channel, row) for channel, row in zip(acquisition.channels, codes, strict=True)]
     started_ns = reader.segment_started_ns(end.segment) + sample_time_ns(first, acquisition.rate)
@@ -89,7 +103,13 @@ def samples_table(reader: RunReader, start: float = 0.0, stop: float = math.inf,
     return Table((times, *columns), acquisition.rate, started_ns, about)
 
 
-def results_table(reader: RunReader, start: float = 0.0, stop: float = math.inf, segment: int | None = None) -> Table:
+def results_table(
+    reader: RunReader,
+    start: float = 0.0,
+    stop: float = math.inf,
+    segment: int | None = None,
+    on_progress: Progress = untold,
+) -> Table:
     """Return the recorded results, one row for each, NaN where there is nothing; amplitudes are peak, lags are -arg X.
 
     Raises
@@ -97,11 +117,13 @@ def results_table(reader: RunReader, start: float = 0.0, stop: float = math.inf,
     ForeignFormatError
         Where there are none.
     """
-    rows = [
-        list(_row(snapshot))
-        for snapshot in reader.snapshots()
-        if start <= snapshot.time < stop and segment in (None, snapshot.segment)
-    ]
+    rows: list[list[float]] = []
+    lengths = {end.segment: end.samples / reader.header.acquisition.rate for end in reader.segment_ends}
+    for snapshot in reader.snapshots():
+        if start <= snapshot.time < stop and segment in (None, snapshot.segment):
+            rows.append(list(_row(snapshot)))
+        before = sum(length for number, length in lengths.items() if number < snapshot.segment)
+        on_progress(min(1.0, (before + snapshot.time) / max(reader.duration, 1e-9)))
     if not rows:
         raise ForeignFormatError(f"{reader.path}: holds no results from {start:g} s to {stop:g} s")
     values = np.array(rows, dtype=np.float64).T
@@ -110,7 +132,13 @@ def results_table(reader: RunReader, start: float = 0.0, stop: float = math.inf,
     return Table(columns, None, reader.header.started_ns, about)
 
 
-def pulses_table(reader: RunReader, start: float = 0.0, stop: float = math.inf, segment: int | None = None) -> Table:
+def pulses_table(
+    reader: RunReader,
+    start: float = 0.0,
+    stop: float = math.inf,
+    segment: int | None = None,
+    on_progress: Progress = untold,
+) -> Table:
     """Return when the tacho's edges came, as a counter stamped them, one row for each; the tacho's delay is still in.
 
     Raises
@@ -123,7 +151,10 @@ def pulses_table(reader: RunReader, start: float = 0.0, stop: float = math.inf, 
     for end in reader.segment_ends if counter is not None else ():
         if segment in {None, end.segment}:
             first, last = (min(end.samples, math.ceil(min(time, 1e9) * acquisition.rate)) for time in (start, stop))
-            found += [(end.segment, tick) for tick in reader.ticks(end.segment, first, last).tolist()]
+            for low in range(first, last, PIECE):
+                ticks_here = reader.ticks(end.segment, low, min(low + PIECE, last))
+                found += [(end.segment, tick) for tick in ticks_here.tolist()]
+                on_progress(min(low + PIECE, last) / max(reader.n_samples, 1))
     if counter is None or not found:
         raise ForeignFormatError(f"{reader.path}: holds no stamps of a counter from {start:g} s to {stop:g} s")
     segments, ticks = np.array(found, dtype=np.float64).T

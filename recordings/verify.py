@@ -20,11 +20,13 @@ from recordings.index_check import IndexCheck
 from recordings.layout import CONFIG_ATTACHMENT, END_RECORD, RUN_RECORD, TOPICS, unsealed
 from recordings.marks import decode_mark
 from recordings.messages import decode_block, decode_segment_end, parsed
+from recordings.progress import Progress, untold
 from recordings.pulse_check import PulseCheck
 from recordings.reader import end_from_document
 from recordings.rig_pb2 import Features, OrderFrame
 
 WINDOW = 4 << 20
+WALK = 0.9  # of the work: going through the records; the rest is the checksum over all of them
 SAMPLES_ID, END_ID, FEATURES_ID, FRAME_ID, MARK_ID, PULSES_ID = range(1, 7)
 MOST_FINDINGS = 100
 
@@ -83,13 +85,15 @@ class Verification:
         return Verdict.SOUND if self.is_sound else Verdict.NOT_WHOLE
 
 
-def verify(path: Path) -> Verification:
+def verify(path: Path, on_progress: Progress = untold) -> Verification:
     """Inspect a recording.
 
     Parameters
     ----------
     path : Path
         Its file.
+    on_progress : callable
+        Told the part that is done, 0 to 1.
 
     Raises
     ------
@@ -100,7 +104,7 @@ def verify(path: Path) -> Verification:
     """
     container = Container(path)
     try:
-        return _Inspection(container, read_header(container)).verification()
+        return _Inspection(container, read_header(container), on_progress).verification()
     finally:
         container.close()
 
@@ -108,8 +112,9 @@ def verify(path: Path) -> Verification:
 class _Inspection:
     """One look through a file."""
 
-    def __init__(self, container: Container, header: RunHeader) -> None:
+    def __init__(self, container: Container, header: RunHeader, told: Progress) -> None:
         self._file = container
+        self._told = told
         self._header = header
         self._continuity = Continuity(header.acquisition)
         self._pulses = PulseCheck(header.acquisition)
@@ -160,6 +165,7 @@ class _Inspection:
                 what = f"the records break off; the index leads on after {start - stop} bytes, at byte {start}"
                 yield Finding(Check.FILE, f"byte {stop}", what)
             where, stop = f"byte {start}", record.offset + record.length
+            self._told(WALK * stop / self._file.size)
             if record.opcode == Opcode.CHUNK:
                 yield from self._chunk(record.offset, record.length, where)
             elif record.opcode == Opcode.MESSAGE_INDEX:
@@ -183,6 +189,7 @@ class _Inspection:
             window = self._file.read(offset, min(WINDOW, stop - offset))
             crc = zlib.crc32(window, crc)
             offset += len(window)
+            self._told(WALK + (1.0 - WALK) * offset / stop)
         if crc != expected:
             yield Finding(Check.CRC, f"bytes 0 to {stop}", "the data do not match their checksum")
 

@@ -3,9 +3,11 @@
 import argparse
 import math
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 from daq.cli.arguments import add_folder, show_examples
+from daq.cli.console import Console
 from daq.cli.replay import found
 from daq.session.imported import import_run
 from recordings.catalogue import Catalogue, data_folder
@@ -69,11 +71,13 @@ def run_import(chosen: argparse.Namespace) -> int:
 def run_export(chosen: argparse.Namespace) -> int:
     """Export a run; return the exit code."""
     catalogue, run_id = found(chosen.recording, chosen.folder)
-    target = Path(chosen.to)
+    target, console = Path(chosen.to), Console()
     with RunReader(catalogue.path(run_id)) as reader:
         made = results_table if chosen.results else pulses_table if chosen.pulses else samples_table
-        table = made(reader, chosen.start, chosen.stop, chosen.segment)
-    write_table(target, table)
+        reading = partial(console.progress, f"reading {run_id}")
+        table = made(reader, chosen.start, chosen.stop, chosen.segment, reading)
+    write_table(target, table, partial(console.progress, f"writing {table.n_rows:,} rows"))
+    console.done()
     names = ", ".join(column.name for column in table.columns)
     print(f"{target}: {table.n_rows:,} rows of {names}")
     return 0

@@ -2,9 +2,11 @@
 
 import argparse
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 
 from daq.cli.arguments import add_folder
+from daq.cli.console import Console
 from daq.cli.replay import found
 from daq.cli.telling import print_json
 from daq.cli.terminal import show
@@ -38,7 +40,9 @@ def add_commands(add: Add) -> None:
 def run(chosen: argparse.Namespace) -> int:
     """Inspect a recording; return the exit code."""
     catalogue, run_id = found(chosen.recording, chosen.folder)
-    verification = verify(catalogue.path(run_id))
+    console = Console()
+    verification = verify(catalogue.path(run_id), partial(console.progress, f"verifying {run_id}"))
+    console.done()
     if chosen.json:
         print_json(verification_document(verification))
     else:

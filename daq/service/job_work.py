@@ -65,24 +65,23 @@ def predict(tell: Tell, target: Path, header: RunHeader, changes: Mapping[str, f
 
 def export(tell: Tell, target: Path, path: Path, made: Callable[..., Table], part: Mapping[str, Any]) -> None:
     """Write a run or a part of it in the form of another program."""
-    tell(Progress("reading"))
     with RunReader(path) as reader:
-        table = made(reader, **part)
+        table = made(reader, **part, on_progress=parts_told(tell, "reading"))
     size, free = BYTES_A_NUMBER * table.n_rows * len(table.columns), shutil.disk_usage(target.parent).free
     if size > free - RESERVE:
         raise StorageError(f"{target.name}: up to {size:,} bytes, expected at most {max(free - RESERVE, 0):,}")
-    tell(Progress(f"writing {table.n_rows:,} rows"))
+    doing = f"writing {table.n_rows:,} rows"
+    tell(Progress(doing, 0.0))
     try:
-        write_table(target, table)
+        write_table(target, table, parts_told(tell, doing))
     except ForeignFormatError as error:
         raise ForeignFormatError(str(error).replace(str(target), target.name)) from error
 
 
 def verification(tell: Tell, target: Path, place: DataPlace, run: str) -> None:
     """Look through a recording's file and keep the verdict."""
-    tell(Progress("verifying"))
     catalogue = place.catalogue()
-    found = verify(catalogue.path(run))
+    found = verify(catalogue.path(run), parts_told(tell, "verifying"))
     catalogue.judge(run, found.verdict.value)
     _write(target, verification_document(found))
 

@@ -9,6 +9,7 @@ from typing import Any
 
 from recordings.errors import ForeignFormatError
 from recordings.formats.table import Column, Table
+from recordings.progress import Progress, untold
 
 __all__ = ["EXPORTS", "IMPORTS", "Column", "Table", "read_table", "write_table"]
 
@@ -56,8 +57,10 @@ def read_table(path: Path) -> Table:
     return table
 
 
-def write_table(path: Path, table: Table) -> None:
+def write_table(path: Path, table: Table, on_progress: Progress = untold) -> None:
     """Write a table to a new file; its suffix tells the format.
+
+    ``on_progress`` is told the part that is written, 0 to 1, as far as the format's library lets it be known.
 
     Raises
     ------
@@ -68,7 +71,7 @@ def write_table(path: Path, table: Table) -> None:
     if path.exists():
         raise ForeignFormatError(f"{path}: exists already; nothing is written over")
     try:
-        module.write(path, table)
+        module.write(path, table, on_progress)
     except OSError as error:
         path.unlink(missing_ok=True)
         raise ForeignFormatError(f"{path}: cannot be written: {error.strerror or error}") from error

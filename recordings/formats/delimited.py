@@ -12,8 +12,10 @@ from numpy.typing import NDArray
 from recordings.errors import ForeignFormatError
 from recordings.formats.ending import require_ended
 from recordings.formats.table import Column, Table, rate_of
+from recordings.progress import Progress
 
 TIME = "time_s"
+PIECE = 50_000  # rows that are written at a time
 PORTION = 20_000  # rows that are held as Python's numbers, which take four times the room
 NAME_WITH_UNIT = re.compile(r"(?P<name>.+?)\s*[\[(](?P<unit>[^\])]*)[\])]\s*$")
 
@@ -44,7 +46,7 @@ def read(path: Path) -> Table:
     return Table(tuple(columns), rate, started_ns, properties)
 
 
-def write(path: Path, table: Table) -> None:
+def write(path: Path, table: Table, on_progress: Progress) -> None:
     """Write a file: numbers come back bit for bit."""
     properties = dict(table.properties)
     if table.rate is not None:
@@ -55,7 +57,17 @@ def write(path: Path, table: Table) -> None:
         for name, value in properties.items():
             file.write(f"# {name}: {' '.join(value.split())}\n")
         file.write(",".join(_quoted(c.name, c.unit) for c in table.columns) + "\n")
-        np.savetxt(file, np.column_stack([column.values for column in table.columns]), fmt="%.17g", delimiter=",")
+        for first in range(0, table.n_rows, PIECE):
+            rows = [column.values[first : first + PIECE] for column in table.columns]
+            if any(row.dtype.kind == "U" for row in rows):
+                csv.writer(file, lineterminator="\n").writerows(zip(*map(_texts, rows), strict=True))
+            else:
+                np.savetxt(file, np.column_stack(rows), fmt="%.17g", delimiter=",")
+            on_progress(min(1.0, (first + PIECE) / table.n_rows))
+
+
+def _texts(row: NDArray[np.generic]) -> list[str]:
+    return [value if isinstance(value, str) else f"{value:.17g}" for value in row.tolist()]
 
 
 def _quoted(name: str, unit: str) -> str:

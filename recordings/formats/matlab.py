@@ -7,6 +7,7 @@ from scipy.io import loadmat, savemat
 
 from recordings.errors import ForeignFormatError
 from recordings.formats.table import Column, Table
+from recordings.progress import Progress
 
 UNITS, PROPERTIES = "units", "properties"
 RATES = ("rate_hz", "fs", "Fs")
@@ -35,7 +36,7 @@ def read(path: Path) -> Table:
     return Table(tuple(columns), rates[0] if rates else None, started_ns, properties)
 
 
-def write(path: Path, table: Table) -> None:
+def write(path: Path, table: Table, on_progress: Progress) -> None:
     """Write a file."""
     properties = dict(table.properties)
     if table.started_ns is not None:
@@ -46,6 +47,7 @@ def write(path: Path, table: Table) -> None:
     if table.rate is not None:
         variables["rate_hz"] = table.rate
     savemat(path, variables, appendmat=False, do_compression=True, oned_as="column")
+    on_progress(1.0)
 
 
 def _texts(record: object) -> dict[str, str]:

@@ -20,12 +20,12 @@ class Column:
     unit : str
         As the file says it, "µm" or "V"; empty where it does not.
     values : ndarray, shape (n,)
-        float64, or int16 where the file holds codes.
+        float64, or int16 where the file holds codes; words only where a table is written as CSV or Parquet.
     """
 
     name: str
     unit: str
-    values: NDArray[np.float64] | NDArray[np.int16]
+    values: NDArray[np.float64] | NDArray[np.int16] | NDArray[np.str_]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

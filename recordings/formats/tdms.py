@@ -7,6 +7,7 @@ from nptdms import ChannelObject, GroupObject, RootObject, TdmsFile, TdmsWriter
 
 from recordings.errors import ForeignFormatError
 from recordings.formats.table import Column, Table
+from recordings.progress import Progress
 
 GROUP = "run"
 
@@ -45,7 +46,7 @@ def _require_whole(file: TdmsFile) -> None:
             raise ForeignFormatError(f"is cut short: {read:,} of {expected:,} values in the last segment of {path}")
 
 
-def write(path: Path, table: Table) -> None:
+def write(path: Path, table: Table, on_progress: Progress) -> None:
     """Write a file: one group, every column a channel."""
     about: dict[str, object] = {}
     properties: dict[str, object] = dict(table.properties)
@@ -60,3 +61,4 @@ def write(path: Path, table: Table) -> None:
             for column in table.columns
         ]
         writer.write_segment([RootObject(properties), GroupObject(GROUP), *channels])
+        on_progress(1.0)

@@ -7,6 +7,7 @@ import pyuff
 
 from recordings.errors import ForeignFormatError
 from recordings.formats.table import Column, Table
+from recordings.progress import Progress
 
 TIME_RESPONSE = 1
 DOUBLE = 4
@@ -43,7 +44,7 @@ def read(path: Path) -> Table:
     return Table(tuple(columns), rate, started_ns, properties)
 
 
-def write(path: Path, table: Table) -> None:
+def write(path: Path, table: Table, on_progress: Progress) -> None:
     """Write a file: double precision in text, twelve digits."""
     times = None if table.rate is not None else table.column("time_s").values
     sets: list[dict[str, object]] = []
@@ -81,4 +82,7 @@ def write(path: Path, table: Table) -> None:
                 x=np.arange(table.n_rows) / table.rate if table.rate is not None else times,
             )
         )
-    pyuff.UFF(str(path)).write_sets(sets, mode="overwrite")
+    file = pyuff.UFF(str(path))
+    for number, one in enumerate(sets):
+        file.write_sets([one], mode="add" if number else "overwrite")
+        on_progress((number + 1) / len(sets))

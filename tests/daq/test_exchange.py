@@ -19,6 +19,7 @@ from daq.drivers.opening import open_source
 from daq.session.messages import Order
 from daq.session.recorder import run_header
 from recordings.analysed import write_analysed
+from recordings.export import results_table, samples_table
 from recordings.reader import RunReader
 from recordings.verify import Verdict, verify
 
@@ -50,6 +51,15 @@ def run(folder: Path, rig: Callable[..., Rig]) -> Path:
     with closing(open_source(loaded)) as source:
         write_analysed(path, run_header(order, source), source.blocks(), {})
     return path
+
+
+def test_progress_of_reading_a_run_rises_to_the_whole(run: Path) -> None:
+    with RunReader(run) as reader:
+        for made in (samples_table, results_table):
+            told: list[float] = []
+            made(reader, on_progress=told.append)
+            assert told == sorted(told)
+            assert told[-1] == pytest.approx(1.0, abs=0.06)
 
 
 @pytest.fixture

@@ -1,5 +1,6 @@
 """What is written in a foreign format comes back within its precision; what is none is refused with a clear word."""
 
+import csv
 from pathlib import Path
 
 import h5py
@@ -34,7 +35,9 @@ def test_samples_units_rate_and_start_come_back(tmp_path: Path, table: Table, su
     for column in table.columns[1:]:
         read = back.column(group + column.name)
         assert read.unit == (column.unit.replace("µ", "u") if suffix == ".uff" else column.unit)
-        np.testing.assert_allclose(read.values, column.values, rtol=PRECISION[suffix], atol=0)
+        np.testing.assert_allclose(
+            read.values.astype(np.float64), column.values.astype(np.float64), rtol=PRECISION[suffix], atol=0
+        )
     assert back.rate == RATE
     assert back.started_ns is not None
     assert abs(back.started_ns - STARTED_NS) < 1000  # TDMS counts in 2^-64 s, numpy in what it was given
@@ -56,6 +59,32 @@ def test_parquet_and_hdf5_are_read_by_their_own_libraries(tmp_path: Path, table:
         for column in table.columns:
             np.testing.assert_array_equal(file[column.name][:], column.values)
             np.testing.assert_array_equal(read.column(column.name).to_numpy(), column.values)
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".parquet", ".h5", ".tdms", ".mat", ".uff"])
+def test_progress_of_writing_rises_to_the_whole(tmp_path: Path, table: Table, suffix: str) -> None:
+    told: list[float] = []
+    write_table(tmp_path / f"run{suffix}", table, told.append)
+    assert told
+    assert told == sorted(told)
+    assert told[-1] == 1.0
+
+
+def test_long_tables_are_written_in_pieces_and_words_beside_numbers(tmp_path: Path) -> None:
+    size = 120_000
+    numbers = Column("order", "", np.arange(size) / 7)
+    words = Column("course", "", np.where(np.arange(size) % 2, "run-up", "run, down"))
+    told: list[float] = []
+    write_table(tmp_path / "long.csv", Table((numbers, words)), told.append)
+    assert len(told) == 3
+    with (tmp_path / "long.csv").open(newline="") as file:
+        rows = list(csv.reader(file))[1:]
+    np.testing.assert_array_equal([float(row[0]) for row in rows], numbers.values)
+    assert [row[1] for row in rows] == words.values.tolist()
+    write_table(tmp_path / "long.parquet", Table((numbers, words)))
+    read = pq.read_table(tmp_path / "long.parquet")
+    assert read.column("course").to_pylist() == words.values.tolist()
+    np.testing.assert_array_equal(read.column("order").to_numpy(), numbers.values)
 
 
 def test_nothing_is_written_over(tmp_path: Path, table: Table) -> None:

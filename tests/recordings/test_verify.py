@@ -55,6 +55,15 @@ def test_a_sound_run_is_sound_and_its_losses_are_told(run: Path) -> None:
     assert any("outside the calibrated 0.5 to 9.5 V" in finding.what for finding in verification.findings)
 
 
+def test_progress_of_an_inspection_rises_to_the_whole(run: Path) -> None:
+    told: list[float] = []
+    verify(run, told.append)
+    assert len(told) > 10
+    assert told == sorted(told)
+    assert told[0] < 0.2
+    assert told[-1] == 1.0
+
+
 def test_every_byte_of_a_finished_file_is_looked_at(run: Path, tmp_path: Path) -> None:
     data = run.read_bytes()
     changed = tmp_path / "changed.mcap"
