@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from analysis.run import Role, RunHeader
 from analysis.summary import RunSummary
 from daq.service.documents.course import (
     FindingsDocument,
@@ -106,6 +107,13 @@ def _answer(path: Path, _size: int, _changed_ns: int, what: str, query: object, 
         body = document_of(path, what, query).model_dump_json().encode()
     else:
         name, form = drawn.groups()
-        panels = panels_of(document_of(path, address_of(what), query), name)
+        panels = panels_of(document_of(path, address_of(what), query), name, _directions(records(path).header))
         body = drawing(panels).encode() if form == "svg" else picture(panels)
     return gzip.compress(body, LEVEL, mtime=0) if packed else body
+
+
+def _directions(header: RunHeader) -> tuple[float, float]:
+    """Return where the probes x and y sit, rad from X."""
+    acquisition = header.acquisition
+    x, y = (acquisition.channels[acquisition.row(role)].angle for role in (Role.PROBE_X, Role.PROBE_Y))
+    return x, y

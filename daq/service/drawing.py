@@ -4,20 +4,23 @@ import html
 import math
 from collections.abc import Iterator, Sequence
 
-from daq.service.panel import Curve, Panel, Style, label, ticks
+from daq.service.panel import ROOM_POLAR, Curve, Panel, Style, label, ticks
 
 WIDTH = 640  # px of one panel
 HEIGHT, SQUARE_HEIGHT = 400, 640  # px; the latter with axes of one scale
 LEFT, RIGHT, TOP, BOTTOM, LINE = 68, 20, 30, 48, 17  # px round it, and of a line of words above it
+THIN, BEHIND = 1.4, 0.9  # px of a line, and by how much wider one is that lies behind
 LETTER = 6.6  # px that a letter takes, about
 COLOURS = ("#4cc2ff", "#ffb454", "#2a7fad", "#a8732e", "#7ee787", "#ff7b9c")  # probes x, y; both, darker; others
 GUIDE, MARK, GROUND, INK, GRID, FRAME, NOTE = (
     "#7d8899", "#ffffff", "#12161c", "#d8dee9", "#2c333d", "#6b7687", "#9aa5b5",
 )  # fmt: skip
 SPOKE = 30  # degrees between two of a polar plot
+RIM = 1.0 / ROOM_POLAR  # of its reach, where its largest value lies
+FEW = 500  # dots, which are then drawn larger
 STYLE = (
     f"text{{font:12px sans-serif;fill:{INK}}}.grid{{stroke:{GRID};stroke-width:1;fill:none}}"
-    f".frame{{fill:none;stroke:{FRAME}}}polyline{{fill:none;stroke-width:1.4}}"
+    f".frame{{fill:none;stroke:{FRAME}}}polyline{{fill:none}}"
     f".guide{{stroke:{GUIDE};stroke-width:1;stroke-dasharray:5 4}}.note{{fill:{NOTE};font-size:10px}}"
 )
 
@@ -48,6 +51,17 @@ def colour_of(panel: Panel, place: int) -> str:
     return COLOURS[number % len(COLOURS)]
 
 
+def width_of(panel: Panel, curve: Curve) -> float:
+    """Return the width of a line, px: one that lies behind another is wider, so that it is seen where both agree."""
+    behind = 0 if panel.is_stacked or curve.style is not Style.LINE else panel.curves.index(curve) % 2
+    return THIN + BEHIND * behind
+
+
+def dot_of(curve: Curve) -> float:
+    """Return the radius of a dot, px."""
+    return 1.9 if len(curve.x) <= FEW else 1.0
+
+
 def spokes(zero: float, reach: float) -> Iterator[tuple[str, float, float]]:
     """Yield the spokes of a polar plot: lag, which grows against the rotation, and where it ends."""
     for lag in range(0, 360, SPOKE):
@@ -61,7 +75,7 @@ class _Drawn:
     def __init__(self, panel: Panel) -> None:
         self._panel = panel
         (self._x_low, self._x_high), (self._y_low, self._y_high) = panel.ranges()
-        named = any(curve.name for curve in panel.curves)
+        named = any(curve.name for curve in panel.curves if curve.style is not Style.GUIDE)
         self._top = TOP + LINE * (bool(panel.caption) + named)
         self._width, self._height = WIDTH - LEFT - RIGHT, height_of(panel) - self._top - BOTTOM
         if panel.is_square:
@@ -96,28 +110,29 @@ class _Drawn:
 
     def _up(self, y: float) -> float:
         part = (y - self._y_low) / (self._y_high - self._y_low)
-        return self._top + self._height * (part if self._panel.y_is_down else 1.0 - part)
+        return self._top + self._height * (part if self._panel.y_is_lag else 1.0 - part)
 
     def _axes(self) -> Iterator[str]:
         top, bottom, right = self._top, self._bottom, self._right
-        for x in ticks(self._x_low, self._x_high):
+        xs, ys = self._panel.steps()
+        for x, words in xs:
             at = self._across(x)
             yield f'<line class="grid" x1="{at:.1f}" x2="{at:.1f}" y1="{top}" y2="{bottom}"/>'
-            yield _text(at, bottom + 16, label(x), "middle")
-        for y in ticks(self._y_low, self._y_high, 6 if self._panel.is_square else 5):
+            yield _text(at, bottom + 16, words, "middle")
+        for y, words in ys:
             at = self._up(y)
             yield f'<line class="grid" x1="{LEFT}" x2="{right}" y1="{at:.1f}" y2="{at:.1f}"/>'
-            yield _text(LEFT - 6, at + 4, label(y), "end")
+            yield _text(LEFT - 6, at + 4, words, "end")
         yield f'<rect class="frame" x="{LEFT}" y="{top}" width="{self._width}" height="{self._height}"/>'
 
     def _circles(self, zero: float) -> Iterator[str]:
         reach = self._x_high
         across, up = self._across(0.0), self._up(0.0)
-        for lag, x, y in spokes(zero, 0.94 * reach):
+        for lag, x, y in spokes(zero, 0.92 * reach):
             end = f'x2="{self._across(x):.1f}" y2="{self._up(y):.1f}"'
             yield f'<line class="grid" x1="{across:.1f}" y1="{up:.1f}" {end}/>'
             yield _text(self._across(1.05 * x), self._up(1.05 * y) + 4, lag, "middle")
-        for radius in ticks(0.0, 0.94 * reach, 4)[1:]:
+        for radius in ticks(0.0, RIM * reach, 4)[1:]:
             size = self._across(radius) - across
             yield f'<circle class="grid" cx="{across:.1f}" cy="{up:.1f}" r="{size:.1f}"/>'
             yield _text(across + 3, up - size - 3, label(radius), kind="note")
@@ -125,7 +140,7 @@ class _Drawn:
     def _legend(self, line: float) -> Iterator[str]:
         at = float(LEFT)
         for place, curve in enumerate(self._panel.curves):
-            if curve.name:
+            if curve.name and curve.style is not Style.GUIDE:
                 colour = colour_of(self._panel, place)
                 yield f'<text x="{at:.0f}" y="{line}" style="fill:{colour}">{html.escape(curve.name)}</text>'
                 at += LETTER * len(curve.name) + 18
@@ -134,7 +149,7 @@ class _Drawn:
         for stretch in curve.stretches():
             points = [(self._across(x), self._up(y)) for x, y in stretch]
             if curve.style in {Style.DOTS, Style.MARKS}:
-                radius = 1.1 if curve.style is Style.DOTS else 3.5
+                radius = 3.5 if curve.style is Style.MARKS else dot_of(curve)
                 yield (
                     f'<g fill="{colour}">'
                     + "".join(f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{radius}"/>' for x, y in points)
@@ -142,8 +157,12 @@ class _Drawn:
                 )
                 continue
             line = " ".join(f"{x:.1f},{y:.1f}" for x, y in points)
-            look = ' class="guide"' if curve.style is Style.GUIDE else f' stroke="{colour}"'
-            hiding = f' style="fill:{GROUND}"' if self._panel.is_stacked and curve.style is Style.LINE else ""
+            if curve.style is Style.GUIDE:
+                yield f'<polyline class="guide" points="{line}"/>'
+                yield _text(points[-1][0] - 3, points[-1][1] - 4, curve.name, "end", "note")
+                continue
+            look = f' stroke="{colour}" stroke-width="{width_of(self._panel, curve)}"'
+            hiding = f' style="fill:{GROUND}"' if self._panel.is_stacked else ""
             yield f'<polyline{hiding}{look} points="{line}"/>'
 
 

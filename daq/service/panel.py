@@ -6,14 +6,16 @@ from dataclasses import dataclass
 from enum import Enum
 
 Values = Sequence[float | None]
-FULL_TURN = (0.0, 360.0)
+FULL_TURN = 360.0  # degrees
+ROOM = 1.1  # of the largest value, to the end of axes of one scale
+ROOM_POLAR = 1.25  # the same with words round it
 
 
 class Style(Enum):
     """How a curve is drawn."""
 
     LINE = "line"
-    GUIDE = "guide"  # dashed and grey: what the others are held against
+    GUIDE = "guide"  # dashed and grey, its name at its end: what the others are held against
     DOTS = "dots"  # points that are not joined
     MARKS = "marks"  # bright ones, on all else: where the tacho's mark passed
 
@@ -67,10 +69,12 @@ class Panel:
         Whether both axes have one scale and their zero in the middle.
     y_from_zero : bool
         Whether the ordinates begin at 0.
-    y_range : tuple of float or None
-        Ends of the ordinates; None: as the curves need.
-    y_is_down : bool
-        Whether the ordinates grow downwards, as a phase lag does.
+    x_range, y_range : tuple of float or None
+        Ends of the axes; None: as the curves need.
+    x_is_angle : bool
+        Whether the abscissas are an angle, degrees.
+    y_is_lag : bool
+        Whether the ordinates are a phase lag, degrees: they grow downwards, and a full turn is 0 again.
     is_stacked : bool
         Whether the curves stand one behind the other, the first in front.
     polar_zero : float or None
@@ -86,8 +90,10 @@ class Panel:
     caption: str = ""
     is_square: bool = False
     y_from_zero: bool = True
+    x_range: tuple[float, float] | None = None
     y_range: tuple[float, float] | None = None
-    y_is_down: bool = False
+    x_is_angle: bool = False
+    y_is_lag: bool = False
     is_stacked: bool = False
     polar_zero: float | None = None
     notes: tuple[tuple[str, float, float], ...] = ()
@@ -97,25 +103,38 @@ class Panel:
         points = [point for curve in self.curves for stretch in curve.stretches() for point in stretch] or [(0.0, 0.0)]
         xs, ys = [x for x, _ in points], [y for _, y in points]
         if self.is_square:
-            most = 1.1 * max(*map(abs, xs), *map(abs, ys)) or 1.0
+            room = ROOM if self.polar_zero is None else ROOM_POLAR
+            most = room * max(*map(abs, xs), *map(abs, ys)) or 1.0
             return (-most, most), (-most, most)
         y_low, y_high = (0.0 if self.y_from_zero else min(ys)), max(ys)
         room = 0.05 * (y_high - y_low) or 1.0
         below = 0.0 if self.y_from_zero or self.is_stacked else room
         x_low, x_high = min(xs), max(xs)
         across = (x_low, x_high if x_high > x_low else x_low + 1.0)
-        return across, self.y_range or (y_low - below, y_high + room)
+        return self.x_range or across, self.y_range or (y_low - below, y_high + room)
+
+    def steps(self) -> tuple[list[tuple[float, str]], list[tuple[float, str]]]:
+        """Return where numbers stand at the axes, and which."""
+        (x_low, x_high), (y_low, y_high) = self.ranges()
+        xs = _quarters(x_low, x_high) if self.x_is_angle else ticks(x_low, x_high)
+        across = [(x, label(x)) for x in xs]
+        if self.y_is_lag:
+            return across, [(lag, label(lag % FULL_TURN)) for lag in _quarters(y_low, y_high)]
+        return across, [(y, label(y)) for y in ticks(y_low, y_high, 6 if self.is_square else 5)]
 
 
 def ticks(low: float, high: float, wanted: int = 6) -> list[float]:
-    """Return round numbers from ``low`` to ``high``, about so many; quarters of a turn from 0 to 360."""
-    if (low, high) == FULL_TURN:
-        return [0.0, 90.0, 180.0, 270.0, 360.0]
+    """Return round numbers from ``low`` to ``high``, about so many."""
     step = (high - low) / wanted
     power = 10.0 ** math.floor(math.log10(step))
     step = next((factor * power for factor in (1, 2, 5) if factor * power >= step), 10 * power)
     first = math.ceil(low / step - 1e-9)
     return [k * step for k in range(first, math.floor(high / step + 1e-9) + 1)]
+
+
+def _quarters(low: float, high: float) -> list[float]:
+    """Return the quarters of a turn between two angles, degrees."""
+    return [90.0 * k for k in range(math.ceil(low / 90.0), math.floor(high / 90.0) + 1)]
 
 
 def label(tick: float) -> str:

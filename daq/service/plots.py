@@ -4,13 +4,13 @@ from analysis.direction import Direction as SpeedDirection
 from daq.service.documents.course import CascadeDocument, OrderVectorsDocument, WaterfallDocument
 from daq.service.documents.document import Document
 from daq.service.documents.moment import FullSpectrumDocument, OrbitDocument, OrderSpectrumDocument
-from daq.service.layouts import BOTH_WAYS, Course, bode, orbit, polar, stacked
-from daq.service.panel import Curve, Panel, Values
+from daq.service.layouts import BOTH_WAYS, Course, bode, orbit, polar, spectrum, stacked
+from daq.service.panel import Panel, Values
 
 PEAK = "µm zero-to-peak"
 
 
-def panels_of(document: Document, what: str) -> list[Panel]:
+def panels_of(document: Document, what: str, directions: tuple[float, float]) -> list[Panel]:
     """Return a document as panels of a drawing; ValueError where it is none that can be drawn.
 
     Parameters
@@ -19,25 +19,27 @@ def panels_of(document: Document, what: str) -> list[Panel]:
         What an address answers.
     what : str
         Name of the plot, which tells how vectors over speed are shown: "bode" or "polar".
+    directions : tuple of float
+        Where the probes x and y sit, rad from X.
     """
     match document:
         case OrderSpectrumDocument():
-            x, y = document.amplitude_peak_x_um, document.amplitude_peak_y_um
-            curves = (Curve("x", document.orders, x), Curve("y", document.orders, y))
-            return [Panel(_title(document), "order", PEAK, curves)]
+            rows = (("x", document.amplitude_peak_x_um), ("y", document.amplitude_peak_y_um))
+            return spectrum(_title(document), "order", PEAK, document.orders, rows)
         case FullSpectrumDocument():
-            full = (Curve("", document.orders, document.amplitude_peak_um),)
-            return [Panel(_title(document), BOTH_WAYS, "µm", full)]
+            return spectrum(_title(document), BOTH_WAYS, PEAK, document.orders, (("", document.amplitude_peak_um),))
         case OrbitDocument():
-            measured = orbit(_title(document), _turns(document, document.orbit_x_um, document.orbit_y_um))
+            turns = _turns(document, document.orbit_x_um, document.orbit_y_um)
+            measured = orbit(_title(document), turns, directions)
             across, up = document.compensated_orbit_x_um, document.compensated_orbit_y_um
             if across is None or up is None:
                 return [measured]
-            return [orbit(_title(document), _turns(document, across, up), "compensated: less run-out"), measured]
+            less = _turns(document, across, up)
+            return [orbit(_title(document), less, directions, "compensated: less run-out"), measured]
         case OrderVectorsDocument():
             what_of, courses = _courses(document)
             if what == "polar":
-                return polar(document.run, what_of, PEAK, courses, zeros=(0.0, 0.0))
+                return polar(document.run, what_of, PEAK, courses, directions)
             return bode(document.run, what_of, PEAK, courses)
         case CascadeDocument():
             return [_stacked(document, "cascade", document.speeds_rpm, "r/min")]

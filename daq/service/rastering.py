@@ -6,8 +6,21 @@ from collections.abc import Sequence
 from importlib import import_module
 from typing import Any
 
-from daq.service.drawing import FRAME, GRID, GROUND, INK, NOTE, WIDTH, colour_of, height_of, spokes
-from daq.service.panel import Curve, Panel, Style, label, ticks
+from daq.service.drawing import (
+    FRAME,
+    GRID,
+    GROUND,
+    INK,
+    NOTE,
+    RIM,
+    WIDTH,
+    colour_of,
+    dot_of,
+    height_of,
+    spokes,
+    width_of,
+)
+from daq.service.panel import Panel, Style, label, ticks
 
 DOTS = 100  # an inch
 SCALE = 1.5  # points of the picture to one of the drawing
@@ -45,34 +58,32 @@ def _draw(axes: Any, panel: Panel) -> None:
     _write(axes, panel)
     for place, curve in enumerate(panel.curves):
         depth = 2.0 - place / len(panel.curves) if curve.style is Style.LINE else 3.0
-        _plot(axes, curve, colour_of(panel, place), depth, hiding=panel.is_stacked and curve.style is Style.LINE)
+        _plot(axes, panel, place, depth)
     for words, x, y in panel.notes:
         axes.plot([x], [y], ".", color=NOTE, markersize=4)
         axes.annotate(words, (x, y), (4, 4), textcoords="offset points", color=NOTE, fontsize=8)
     axes.set_xlim(x_low, x_high)
-    axes.set_ylim(*((y_high, y_low) if panel.y_is_down else (y_low, y_high)))
+    axes.set_ylim(*((y_high, y_low) if panel.y_is_lag else (y_low, y_high)))
     if panel.is_square:
         axes.set_aspect("equal", adjustable="box")
     if panel.polar_zero is not None:
         _circles(axes, panel.polar_zero, x_high)
         return
-    axes.set_yticks(ticks(y_low, y_high, 6 if panel.is_square else 5))
-    axes.set_xticks(ticks(x_low, x_high))
-    for axis in (axes.xaxis, axes.yaxis):
-        axis.set_major_formatter(lambda value, _place: label(value))
+    for set_ticks, steps in zip((axes.set_xticks, axes.set_yticks), panel.steps(), strict=True):
+        set_ticks([value for value, _ in steps], [words for _, words in steps])
 
 
 def _write(axes: Any, panel: Panel) -> None:
     """Write what stands round the axes."""
     axes.set_facecolor(GROUND)
     axes.tick_params(colors=INK)
-    axes.grid(color=GRID, visible=panel.polar_zero is None)
+    axes.grid(visible=False) if panel.polar_zero is not None else axes.grid(color=GRID)
     axes.set_axisbelow(True)
     for spine in axes.spines.values():
         spine.set_color(FRAME)
     axes.set_xlabel(panel.x_label, color=INK)
     axes.set_ylabel("" if panel.polar_zero is not None else panel.y_label, color=INK)
-    named = [(place, curve.name) for place, curve in enumerate(panel.curves) if curve.name]
+    named = [(k, each.name) for k, each in enumerate(panel.curves) if each.name and each.style is not Style.GUIDE]
     lines = [(panel.title, INK, 11)] + ([(panel.caption, NOTE, 9)] if panel.caption else [])
     room = 6.0 + 15.0 * bool(named)
     for words, colour, size in reversed(lines):
@@ -85,18 +96,22 @@ def _write(axes: Any, panel: Panel) -> None:
         at += 5.4 * len(name) + 14.0
 
 
-def _plot(axes: Any, curve: Curve, colour: str, depth: float, *, hiding: bool) -> None:
-    looks = {
-        Style.LINE: {"linewidth": 1.2},
+def _plot(axes: Any, panel: Panel, place: int, depth: float) -> None:
+    curve, colour = panel.curves[place], colour_of(panel, place)
+    looks: dict[Style, dict[str, Any]] = {
+        Style.LINE: {"linewidth": width_of(panel, curve)},
         Style.GUIDE: {"linewidth": 0.9, "linestyle": "--"},
-        Style.DOTS: {"linestyle": "", "marker": ".", "markersize": 2.6, "markeredgewidth": 0.0},
+        Style.DOTS: {"linestyle": "", "marker": "o", "markersize": 2.4 * dot_of(curve), "markeredgewidth": 0.0},
         Style.MARKS: {"linestyle": "", "marker": "o", "markersize": 6.0},
     }
     for stretch in curve.stretches():
         across, up = [x for x, _ in stretch], [y for _, y in stretch]
-        if hiding:
+        if panel.is_stacked and curve.style is Style.LINE:
             axes.fill_between(across, min(up), up, color=GROUND, zorder=depth, linewidth=0.0)
         axes.plot(across, up, color=colour, zorder=depth, **looks[curve.style])
+        if curve.style is Style.GUIDE:
+            end = (across[-1], up[-1])
+            axes.annotate(curve.name, end, (-3, 3), textcoords="offset points", color=NOTE, fontsize=8, ha="right")
 
 
 def _circles(axes: Any, zero: float, reach: float) -> None:
@@ -105,11 +120,11 @@ def _circles(axes: Any, zero: float, reach: float) -> None:
     axes.set_yticks([])
     for spine in axes.spines.values():
         spine.set_visible(False)
-    for lag, x, y in spokes(zero, 0.94 * reach):
+    for lag, x, y in spokes(zero, 0.92 * reach):
         axes.plot([0.0, x], [0.0, y], color=GRID, linewidth=0.8, zorder=0.5)
         axes.text(1.05 * x, 1.05 * y, lag, color=INK, fontsize=9, ha="center", va="center")
     turn = [math.radians(degree) for degree in range(0, 361, 2)]
-    for radius in ticks(0.0, 0.94 * reach, 4)[1:]:
+    for radius in ticks(0.0, RIM * reach, 4)[1:]:
         circle = [radius * math.cos(angle) for angle in turn], [radius * math.sin(angle) for angle in turn]
         axes.plot(*circle, color=GRID, linewidth=0.8, zorder=0.5)
         axes.annotate(label(radius), (0.0, radius), (3, 2), textcoords="offset points", color=NOTE, fontsize=8)

@@ -9,9 +9,11 @@ from analysis.direction import Direction
 from analysis.speed_table import SpeedRow
 from daq.service.documents.course import OrderVectorsDocument
 from daq.service.documents.summary import speed_row_document
+from daq.service.panel import Panel
 from daq.service.plots import panels_of
 
 RPM = math.pi / 30
+PROBES = (0.0, math.pi / 2)
 UNKNOWN = np.full((2, 2), complex(math.nan))
 
 
@@ -30,29 +32,34 @@ def document(*rows: SpeedRow) -> OrderVectorsDocument:
 
 def test_run_up_and_run_down_are_curves_of_their_own() -> None:
     both = [(way, speed) for way in Direction for speed in (1000.0, 2000.0)]
-    lag, size = panels_of(document(*(row(way, speed, None) for way, speed in both)), "bode")
+    lag, size = panels_of(document(*(row(way, speed, None) for way, speed in both)), "bode", PROBES)
     assert [curve.name for curve in size.curves] == ["x ▲", "y ▲", "x ▼", "y ▼"]
     assert [curve.name for curve in lag.curves] == ["x ▲", "y ▲", "x ▼", "y ▼"]
     assert all(len(curve.x) == 2 for curve in size.curves)
-    alone = panels_of(document(row(Direction.UP, 1000.0, None)), "bode")[0]
+    alone = panels_of(document(row(Direction.UP, 1000.0, None)), "bode", PROBES)[0]
     assert [curve.name for curve in alone.curves] == ["x", "y"]
-    polar = panels_of(document(*(row(way, speed, None) for way, speed in both)), "polar")
+    polar = panels_of(document(*(row(way, speed, None) for way, speed in both)), "polar", PROBES)
     assert [[curve.name for curve in panel.curves] for panel in polar] == [["▲", "▼"]] * 2
 
 
 def test_lag_grows_downwards_and_breaks_where_a_turn_is_full() -> None:
-    turned = (2e-6 * np.exp(-1j * np.radians(lag)) for lag in (350.0, 10.0))
-    rows = [row(Direction.UP, 1000.0 * k, vector) for k, vector in enumerate(turned, 1)]
-    lag, _ = panels_of(document(*rows), "bode")
-    assert lag.y_is_down
-    assert lag.ranges()[1] == (0.0, 360.0)
-    assert [len(stretch) for stretch in lag.curves[0].stretches()] == [1, 1]
-    assert [y for y in lag.curves[0].y if y is not None] == pytest.approx([350.0, 10.0])
+    def drawn(*lags: float) -> Panel:
+        vectors = [2e-6 * np.exp(-1j * np.radians(lag)) for lag in lags]
+        rows = [row(Direction.UP, 1000.0 * k, vector) for k, vector in enumerate(vectors, 1)]
+        return panels_of(document(*rows), "bode", PROBES)[0]
+
+    across = drawn(350.0, 10.0)
+    assert across.y_is_lag
+    assert across.ranges()[1] == (270.0, 630.0), "an axis that leaves the curve whole"
+    assert [words for _, words in across.steps()[1]] == ["270", "0", "90", "180", "270"]
+    assert list(across.curves[0].y) == pytest.approx([350.0, 370.0])
+    all_round = drawn(10.0, 130.0, 250.0, 370.0, 490.0)
+    assert [len(stretch) for stretch in all_round.curves[0].stretches()] == [3, 2]
 
 
 def test_what_run_out_left_is_drawn_and_called_compensated() -> None:
     rows = [row(Direction.UP, 500.0, None), row(Direction.UP, 2000.0, 4e-6j)]
-    lag, size = panels_of(document(*rows), "bode")
+    lag, size = panels_of(document(*rows), "bode", PROBES)
     assert lag.title == "there-and-back"
     assert size.title == "amplitude of 1X compensated"
     at_x, _ = size.curves
