@@ -2,14 +2,24 @@
 
 import os
 import sys
+import time
 import zipfile
 import zlib
+from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from tempfile import NamedTemporaryFile
+from typing import Final, TypeAlias
 
 import numpy as np
 
+from daq.session.claim import Claim
 from model.prediction_map import PredictionMap
+
+Told: TypeAlias = Callable[[int, int], None]
+"""Told the number of speeds done and of all."""
+LOOK: Final = 0.2  # s between two looks at what another process does
+STILL: Final = 60.0  # s without a word after which a process that computes is not waited for any longer
 
 
 def cache_folder() -> Path:
@@ -52,3 +62,63 @@ def write_map(file: Path, prediction_map: PredictionMap) -> None:
             part.close()
             Path(part.name).unlink(missing_ok=True)
             raise
+
+
+def kept_or_computed(
+    file: Path, compute: Callable[[Told], PredictionMap], told: Told, still: float = STILL
+) -> PredictionMap:
+    """Return the map that is kept in a file, or compute and keep it; of several that want it one computes.
+
+    Parameters
+    ----------
+    file : Path
+        Of the map.
+    compute : callable
+        Computes it, and tells how far it is.
+    told : callable
+        Told how far it is, whoever computes.
+    still : float
+        Time without a word after which whoever computes is not waited for any longer, s.
+
+    Raises
+    ------
+    ModelError, ValueError
+        The motion cannot be computed.
+    """
+    with Claim(file.with_suffix(".claim")) as claim:
+        with suppress(OSError):  # a full or read-only disk, on which no map can be kept either
+            file.parent.mkdir(parents=True, exist_ok=True)
+        _await(claim, told, still)
+        kept, _ = read_map(file)
+        if kept is not None:
+            return kept
+
+        def tell(done: int, total: int) -> None:
+            claim.say(f"{done} {total}")
+            told(done, total)
+
+        computed = compute(tell)
+        with suppress(OSError):  # as above: it is computed again next time
+            write_map(file, computed)
+        return computed
+
+
+def _await(claim: Claim, told: Told, still: float) -> None:
+    """Return when the claim is held, when there can be none, or when whoever holds it stands still."""
+    last, since = "", time.monotonic()
+    while not _is_free(claim) and time.monotonic() - since < still:
+        word = claim.heard()
+        if word != last:
+            last, since = word, time.monotonic()
+            done, _, total = word.partition(" ")
+            if done.isdecimal() and total.isdecimal():
+                told(int(done), int(total))
+        time.sleep(LOOK)
+
+
+def _is_free(claim: Claim) -> bool:
+    """Take a claim; return whether there is nobody to be waited for."""
+    try:
+        return claim.take()
+    except OSError:  # as above: nobody can hold it
+        return True

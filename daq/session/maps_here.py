@@ -2,11 +2,12 @@
 
 from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
 
 from analysis.run import AnalysisSettings, Limits, RunHeader
 from daq.config.load import read_config
 from daq.config.rotor import configured_rotor
-from daq.session.kept_maps import cache_folder, map_file, read_map, write_map
+from daq.session.kept_maps import cache_folder, kept_or_computed, map_file, read_map
 from model.errors import ModelError
 from model.parameters import ModelParameters
 from model.prediction_map import PredictionMap, compute_prediction_map, default_speeds, model_key
@@ -38,7 +39,7 @@ class MapHere:
         return self._map
 
     def computed(self, on_progress: Callable[[int, int], None]) -> PredictionMap:
-        """Return the map, computed and kept where it has not been.
+        """Return the map, computed and kept where it has not been; where another process does so, wait for that.
 
         Parameters
         ----------
@@ -51,9 +52,9 @@ class MapHere:
             The motion cannot be computed.
         """
         if self._map is None:
-            self._map = compute_prediction_map(self._parameters, self._speeds, self._settings, on_progress)
-            with suppress(OSError):  # a full or read-only disk: it is computed again next time
-                write_map(self._file, self._map)
+            self._map = kept_or_computed(
+                self._file, partial(compute_prediction_map, self._parameters, self._speeds, self._settings), on_progress
+            )
         return self._map
 
     def wait(self, _patience: float, on_progress: Callable[[str], None]) -> PredictionMap | None:

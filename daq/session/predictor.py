@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from pathlib import Path
@@ -17,7 +18,7 @@ from numpy.typing import NDArray
 
 from analysis.run import AnalysisSettings
 from daq.session.child import JOIN_TIME, begin, end, leave_to_parent
-from daq.session.kept_maps import cache_folder, map_file, read_map, write_map
+from daq.session.kept_maps import cache_folder, kept_or_computed, map_file, read_map
 from daq.session.priority import give_way
 from daq.session.refiner import Refiner
 from model.errors import ModelError
@@ -208,17 +209,17 @@ class Predictor:
 def _compute(
     reports: Connection, parameters: ModelParameters, speeds: FloatArray, settings: AnalysisSettings, file: Path
 ) -> None:
-    """Compute, keep and send a map: the body of the process."""
+    """Compute, keep and send a map, or send that of another process: the body of the process."""
     leave_to_parent()
     give_way()
     with suppress(BrokenPipeError):  # nobody listens any more
         try:
-            prediction_map = compute_prediction_map(
-                parameters, speeds, settings, lambda done, total: reports.send(_Progress(done, total))
+            prediction_map = kept_or_computed(
+                file,
+                partial(compute_prediction_map, parameters, speeds, settings),
+                lambda done, total: reports.send(_Progress(done, total)),
             )
         except (ModelError, ValueError) as error:
             reports.send(_Failure(str(error)))
             return
-        with suppress(OSError):  # a full or read-only disk: the map is sent all the same, and computed again next time
-            write_map(file, prediction_map)
         reports.send(prediction_map.to_arrays())
