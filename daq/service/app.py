@@ -11,9 +11,9 @@ from daq.errors import ServiceError
 from daq.service.abilities import TELLING, Abilities
 from daq.service.change_routes import ChangeRoutes
 from daq.service.documents import ProblemDocument
+from daq.service.following_routes import FollowingRoutes
 from daq.service.guard import Guard, is_loopback
 from daq.service.head import HeadAsGet
-from daq.service.hub import Hub
 from daq.service.job_routes import JobRoutes
 from daq.service.kinds import Kind
 from daq.service.last_resort import LastResort
@@ -82,14 +82,15 @@ def create_app(
         Others can reach ``host`` and there is no token, or the token cannot be sent in a header.
     """
     _check_access(host, token)
-    hub = Hub(live)
+    following = FollowingRoutes(live)
     app = Service(with_token=token is not None)
-    app.ending.append(hub.end)
+    app.ending.append(following.end)
     install(app)
     always = (Kind.HOST_NOT_ALLOWED, Kind.INTERNAL, *((Kind.TOKEN_NEEDED,) if token is not None else ()))
     routing = Routing(APIRouter(prefix=PREFIX), always)
     Routes(catalogue, live, summaries, app.version).add_to(routing)
-    LiveRoutes(hub, abilities.steering, abilities.desk).add_to(routing)
+    following.add_to(routing)
+    LiveRoutes(abilities.steering, abilities.desk).add_to(routing)
     if abilities.readings is not None:
         RunRoutes(catalogue, live, abilities.readings, app.version).add_to(routing)
         if abilities.folder is not None:

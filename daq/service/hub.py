@@ -2,16 +2,16 @@
 
 import asyncio
 import threading
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable
 from contextlib import suppress
 
-from daq.service.documents import live_document
+from daq.service.documents import Document
 from daq.service.kinds import Kind
 from daq.service.live_run import Live
 from daq.service.problems import ProblemError
 from daq.session.frame import LiveFrame
 
-INTERVAL = 0.1  # s between two looks
+INTERVAL = 0.1  # s
 MOST_CLIENTS = 64
 MOST_WAITING = 4  # moments that wait for a client
 SILENCE = 15.0  # s without a moment before a client is told that the service is still there
@@ -24,10 +24,16 @@ class Hub:
     ----------
     live : Live
         The run under way.
+    told : callable
+        Returns what is told of a moment of it.
+    interval : float
+        s between two looks.
     """
 
-    def __init__(self, live: Live) -> None:
+    def __init__(self, live: Live, told: Callable[[LiveFrame], Document], interval: float = INTERVAL) -> None:
         self._live = live
+        self._told = told
+        self._interval = interval
         self._clients: set[asyncio.Queue[str | None]] = set()
         self._following: asyncio.Task[None] | None = None
         self._ended = threading.Event()
@@ -35,7 +41,7 @@ class Hub:
         self._text = "null"
 
     async def moments(self) -> AsyncIterator[str]:
-        """Yield the live document, JSON, at once and whenever it changes; ``null`` where there is no run.
+        """Yield what is told, JSON, at once and whenever it changes; ``null`` where there is no run.
 
         An empty text says that the service is still there. ProblemError (busy) where too many listen already.
         """
@@ -69,7 +75,7 @@ class Hub:
 
     async def _follow(self) -> None:
         while self._clients and not self._ended.is_set():
-            await asyncio.sleep(INTERVAL)
+            await asyncio.sleep(self._interval)
             if self._look():
                 for waiting in self._clients:
                     _put(waiting, self._text)
@@ -77,16 +83,16 @@ class Hub:
             _put(waiting, None)
 
     def _look(self) -> bool:
-        """Look at the run; return whether it has changed."""
-        frame, before = self._live.latest(), self._last
+        """Look at the run; return whether there is something else to tell."""
+        frame, before, text = self._live.latest(), self._last, self._text
         self._last = frame
         if frame is None or before is None:
             is_same = frame is before
         else:
             is_same = frame.snapshot is before.snapshot and frame.status == before.status
         if not is_same:
-            self._text = "null" if frame is None else live_document(frame).model_dump_json()
-        return not is_same
+            self._text = "null" if frame is None else self._told(frame).model_dump_json()
+        return self._text != text
 
 
 def _put(waiting: asyncio.Queue[str | None], text: str | None) -> None:

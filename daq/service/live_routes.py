@@ -1,13 +1,9 @@
-"""Following the live run instead of asking again and again, and ending it."""
+"""Starting a run, ending it, and naming its moments."""
 
-import asyncio
-from collections.abc import AsyncIterator
-from contextlib import suppress
 from functools import partial
-from typing import Final, Protocol
+from typing import Protocol
 
-from fastapi import Request, Response, WebSocket, WebSocketDisconnect
-from fastapi.responses import StreamingResponse
+from fastapi import Response
 
 from analysis.run import RunHeader
 from daq.errors import RigError
@@ -15,13 +11,10 @@ from daq.service.documents import OrderDocument, StartedDocument, StopDocument, 
 from daq.service.documents.alarm import AcknowledgedDocument, AcknowledgeDocument
 from daq.service.documents.mark import MarkDocument, MarkOrder
 from daq.service.documents.units import moment
-from daq.service.hub import Hub
 from daq.service.kinds import Kind
-from daq.service.problems import ProblemError, problem_response
-from daq.service.routing import EVENTS, Routing, event_stream
+from daq.service.problems import ProblemError
+from daq.service.routing import Routing
 from daq.service.workers import Workers
-
-PROTOCOL: Final = "rig.live"
 
 
 class Steering(Protocol):
@@ -54,31 +47,23 @@ class Desk(Protocol):
 
 
 class LiveRoutes:
-    """The live run as events, over a WebSocket, and its end.
+    """The beginning of a run, its end, and what is said to it.
 
     Parameters
     ----------
-    hub : Hub
-        Who looks at it.
     steering : Steering or None
         Who can end it; None: nobody here.
     desk : Desk or None
         Who can start one; None: nobody here.
     """
 
-    def __init__(self, hub: Hub, steering: Steering | None, desk: Desk | None) -> None:
-        self._hub = hub
+    def __init__(self, steering: Steering | None, desk: Desk | None) -> None:
         self._desk = desk
         self._starting = Workers(threads=1, waiting=0)
         self._steering = steering
 
     def add_to(self, routing: Routing) -> None:
         """Make the addresses known."""
-        routing.add(
-            "/live/events", self.events, "follow_live", "live", "The run under way, whenever it changes", Kind.BUSY,
-            answers=event_stream("live"),
-        )  # fmt: skip
-        routing.router.add_api_websocket_route("/live/socket", self.socket, name="follow_live_socket")
         if self._steering is not None:
             routing.add(
                 "POST /live/stop", self.stop, "stop_live", "live", "End the run under way",
@@ -115,47 +100,6 @@ class LiveRoutes:
             raise ProblemError(Kind.RUN_NOT_POSSIBLE, str(error)) from error
         response.headers["Location"] = f"/api/v1/runs/{header.run}"
         return StartedDocument(run=header.run, rig=header.rig, started_at=moment(header.started_ns))
-
-    async def events(self, request: Request) -> Response:
-        """Send server-sent events of type `live` whose data is the document of `/live`, or `null` without a run.
-
-        A client that is slow is sent the newest and not all between; every 15 s without news comes a comment. The
-        WebSocket `/api/v1/live/socket` sends the same documents as text messages; where a token is needed, a browser
-        names the subprotocols `rig.live` and `token.<token>`.
-        """
-        self._hub.require_room()
-        if request.scope.get("rig.head"):
-            return Response(media_type=EVENTS)
-        return StreamingResponse(self._events(), media_type=EVENTS, headers={"X-Accel-Buffering": "no"})
-
-    async def _events(self) -> AsyncIterator[str]:
-        with suppress(ProblemError):  # the last place was taken in between: the stream ends, and the client comes again
-            async for text in self._hub.moments():
-                yield f"event: live\ndata: {text}\n\n" if text else ": still here\n\n"
-
-    async def socket(self, socket: WebSocket) -> None:
-        """Send the live document as text whenever it changes."""
-        try:
-            self._hub.require_room()
-        except ProblemError as error:
-            await socket.send_denial_response(problem_response(error.kind, error.detail, socket.url.path))
-            return
-        await socket.accept(PROTOCOL if PROTOCOL in socket.scope.get("subprotocols", ()) else None)
-        sending = asyncio.create_task(self._send(socket))
-        try:
-            while True:
-                await socket.receive()
-        except (WebSocketDisconnect, RuntimeError):  # gone, or told so already
-            sending.cancel()
-            with suppress(asyncio.CancelledError):
-                await sending
-
-    async def _send(self, socket: WebSocket) -> None:
-        with suppress(WebSocketDisconnect, ProblemError, RuntimeError):
-            async for text in self._hub.moments():
-                if text:
-                    await socket.send_text(text)
-            await socket.close(1001)
 
     async def stop(self, _order: StopDocument) -> StoppingDocument:
         """Ask for the end, as Ctrl-C at the bench does: the file is finished and kept. `/live` tells when that is done.

@@ -2,7 +2,7 @@
 
 import { clock } from "./figures.js";
 import { drawIdle, drawLive } from "./live.js";
-import { followLive } from "./live_socket.js";
+import { listen } from "./live_socket.js";
 import { followPicture } from "./picture.js";
 import { drawRuns } from "./runs.js";
 import { ask, keepToken, send, takeTokenFromAddress } from "./service_client.js";
@@ -84,7 +84,7 @@ async function step() {
 let told = -Infinity; // when the socket last had a word
 
 async function follow() {
-  followLive((live) => {
+  listen("/api/v1/live", (live) => {
     told = performance.now();
     take(live);
   });

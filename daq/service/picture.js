@@ -1,11 +1,12 @@
 // Draws the orbit in its clearance circle and the order spectrum, measured and predicted, where there is no viewer.
 
+import { listen } from "./live_socket.js";
 import { ask } from "./service_client.js";
 import { drawTrend } from "./trend.js";
 
 const SVG = "http://www.w3.org/2000/svg";
 const [WIDTH, HEIGHT] = [800, 640]; // of the spectrum's plane
-const INTERVAL = 250; // ms
+const INTERVAL = 500; // ms between two pictures that are asked for where the socket is not let through
 
 export function draw(parent, tag, attributes, text = "") {
   const node = document.createElementNS(SVG, tag);
@@ -111,22 +112,30 @@ function legend(parent) {
   parent.append(node);
 }
 
+function show(parent, empty, picture) {
+  if (!picture) {
+    parent.replaceChildren(empty);
+    return;
+  }
+  const drawn = document.createElement("div");
+  drawn.className = "picture";
+  drawOrbit(drawn, picture);
+  drawSpectrum(drawn, picture);
+  drawTrend(drawn);
+  legend(drawn);
+  parent.replaceChildren(drawn);
+}
+
+// Draws what the socket tells; where it is not let through the page asks.
 export async function followPicture(parent, empty) {
+  const isOpen = listen("/api/v1/live/picture", (picture) => show(parent, empty, picture));
   for (;;) {
-    let pause = INTERVAL;
+    await new Promise((done) => setTimeout(done, INTERVAL));
+    if (isOpen()) continue;
     try {
-      const picture = await ask("/api/v1/live/picture");
-      const drawn = document.createElement("div");
-      drawn.className = "picture";
-      drawOrbit(drawn, picture);
-      drawSpectrum(drawn, picture);
-      drawTrend(drawn);
-      legend(drawn);
-      parent.replaceChildren(drawn);
+      show(parent, empty, await ask("/api/v1/live/picture"));
     } catch (error) {
-      if (error.name === "no-live-run") parent.replaceChildren(empty);
-      pause = 4 * INTERVAL;
+      if (error.name === "no-live-run") show(parent, empty, null);
     }
-    await new Promise((done) => setTimeout(done, pause));
   }
 }

@@ -174,3 +174,33 @@ def test_page_follows_the_run_by_socket_or_by_asking_whichever_is_let_through(re
         server.close()
     assert 'data-state="recording"' in page
     assert text_of(page, "speed") == "12,005"
+
+
+class Counting:
+    """An application that counts what it is asked for."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self.app = app
+        self.asked: list[str] = []
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        self.asked.append(f"{scope['type']} {scope.get('path')}")
+        await self.app(scope, receive, send)
+
+
+def test_page_is_told_of_the_picture_and_does_not_ask_for_it(tmp_path: Path) -> None:
+    live = FakeLive()
+    live.frame = FRAME
+    catalogue = FakeCatalogue([])
+    app = create_app(catalogue, live, FakeSummaries(catalogue), None)
+    counting = Counting(app)
+    server = ServiceServer(counting)
+    server.start()
+    try:
+        page = seen(server.url, tmp_path)
+    finally:
+        app.end()
+        server.close()
+    assert 'class="picture"' in page
+    assert counting.asked.count("websocket /api/v1/live/picture/socket") == 1
+    assert counting.asked.count("http /api/v1/live/picture") <= 2, "only while the socket opens"

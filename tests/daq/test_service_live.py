@@ -4,6 +4,7 @@ import json
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack
+from dataclasses import replace
 from ipaddress import IPv4Address
 from pathlib import Path
 
@@ -38,8 +39,8 @@ def guarded(tmp_path: Path) -> Iterator[RecordedBench]:
     served.close()
 
 
-def address(bench: RecordedBench) -> str:
-    return f"ws://127.0.0.1:{bench.client.base_url.port}{API}/live/socket"
+def address(bench: RecordedBench, path: str = "/live/socket") -> str:
+    return f"ws://127.0.0.1:{bench.client.base_url.port}{API}{path}"
 
 
 def test_events_tell_of_every_change_of_the_live_run(bench: RecordedBench) -> None:
@@ -62,6 +63,30 @@ def test_socket_sends_the_live_document_and_then_what_changes(bench: RecordedBen
         assert first == bench.client.get(f"{API}/live").json()
         bench.live.frame = FRAMES[1]
         assert json.loads(socket.recv(5.0))["measured"]["sample"] == 20_000
+        bench.live.frame = None
+        assert json.loads(socket.recv(5.0)) is None
+
+
+def test_picture_is_told_by_events_and_socket_when_it_changes(bench: RecordedBench) -> None:
+    bench.live.frame = FRAMES[0]
+    with (
+        connect(address(bench, "/live/picture/socket")) as socket,
+        bench.client.stream("GET", f"{API}/live/picture/events") as response,
+    ):
+        lines = response.iter_lines()
+        first = json.loads(socket.recv(5.0))
+        assert first == bench.client.get(f"{API}/live/picture").json()
+        assert [next(lines), json.loads(next(lines).removeprefix("data: ")), next(lines)] == [
+            "event: picture",
+            first,
+            "",
+        ]
+        same = FRAMES[0]
+        bench.live.frame = replace(same, status=replace(same.status, elapsed=99.0))
+        with pytest.raises(TimeoutError):  # the picture is the same, whatever the clock says
+            socket.recv(0.8)
+        bench.live.frame = FRAMES[-1]
+        assert json.loads(socket.recv(5.0)) == bench.client.get(f"{API}/live/picture").json() != first
         bench.live.frame = None
         assert json.loads(socket.recv(5.0)) is None
 
