@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.angle import smooth_angle
-from analysis.extremes import trimmed_extremes
+from analysis.extremes import glitch_samples, trimmed_extremes
 from analysis.order_frame import SPARE_TURNS, FrameBuilder
 from analysis.run import CODE_MAX, CODE_MIN, Acquisition, AnalysisSettings, Channel, Role
 from analysis.samples import SampleBlock, SegmentEnd
@@ -17,7 +17,6 @@ from analysis.tacho_input import TachoInput
 FloatArray = NDArray[np.float64]
 
 FIT_TURNS = 8  # before a frame that its smooth angle is fitted to as well
-GLITCH_TIME = 2e-4  # s at either extreme of an update interval that does not count as the shaft's
 TRACE_POINTS = 1000  # at most, about
 _CODES = np.arange(2**16, dtype=np.uint16).view(np.int16)  # tables over them are indexed by a code's bits as uint16
 
@@ -157,8 +156,7 @@ class Analyser:
 
     def _peak_to_peak(self, displacement: FloatArray, speed: float) -> FloatArray:
         n = displacement.shape[1]
-        spare = min(round(GLITCH_TIME * self._rate), n // 50)
-        self._extremes.append((n, *trimmed_extremes(displacement, spare)))
+        self._extremes.append((n, *trimmed_extremes(displacement, glitch_samples(n, self._rate))))
         turn = 0.0 if np.isnan(speed) else 2.0 * np.pi / speed * self._rate
         needed = max(self._hop, turn)
         covered, low, high = 0, np.full(2, np.inf), np.full(2, -np.inf)

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.displacement import require_displacement
 from analysis.edges import EdgeDetector
 from analysis.errors import AnalysisError, RecordTooShortError
 from analysis.orbit import ProbePair
@@ -145,13 +146,9 @@ def angular_record(
     ValueError
         Shapes, rate or samples that are not finite.
     """
-    if displacement.ndim != 2 or displacement.shape[0] != 2 or points < 4 or not rate > 0.0:
-        raise ValueError(
-            f"displacement {displacement.shape}, {points} points, {rate} Hz: expected (2, n), 4 points at "
-            "least, a rate above 0"
-        )
-    if not np.isfinite(displacement).all():
-        raise ValueError("displacement: holds values that are not finite, expected metres")
+    require_displacement(displacement, rate)
+    if points < 4:
+        raise ValueError(f"points: {points}, expected 4 at least")
     first, last = int(np.ceil(angle.first)), int(np.floor(angle.last))
     if last <= first:
         raise RecordTooShortError("the record holds no whole revolution")

@@ -7,6 +7,13 @@ FloatArray = NDArray[np.float64]
 
 SKETCH = 16  # of so many samples one is looked at first
 MARGIN = 8  # samples of that sketch, beyond those that belong to the few
+GLITCH_TIME = 2e-4  # s at either extreme of an interval that does not count as the shaft's: a sensor's glitches,
+GLITCH_PART = 50  # and at most one sample in so many
+
+
+def glitch_samples(size: int, rate: float) -> int:
+    """Return how many of so many samples at a rate, Hz, do not count at either extreme, as glitches lie there."""
+    return min(round(GLITCH_TIME * rate), size // GLITCH_PART)
 
 
 def trimmed_extremes(samples: FloatArray, spare: int) -> tuple[FloatArray, FloatArray]:

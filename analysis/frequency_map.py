@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.frequency_spectrum import framing, line_amplitudes
+from analysis.displacement import require_displacement
+from analysis.frequency_spectrum import FrequencyFrames
 from analysis.order_map import Window
 from analysis.shaft_angle import ShaftAngle
 from analysis.uncertainty import sigma_of_floor
@@ -106,23 +107,21 @@ def frequency_map(
     -----
     Scaling as `analysis.frequency_spectrum` (A. Brandt, Noise and Vibration Analysis, 2011, ch. 9).
     """
-    if displacement.ndim != 2 or displacement.shape[0] != 2 or not (highest is None or highest > 0.0):
-        raise ValueError(f"displacement {displacement.shape}, highest {highest} Hz: expected (2, n), above 0 Hz")
-    n, starts = framing(displacement, rate, resolution, overlap)
-    frequencies = np.arange(n // 2 + 1) * rate / n
-    kept = int(np.searchsorted(frequencies, np.inf if highest is None else highest, side="right"))
-    weights = window.weights(n)
-    amplitudes = np.empty((2, len(starts), kept))
-    for frame, start in enumerate(starts):
-        amplitudes[:, frame] = line_amplitudes(displacement[:, start : start + n], weights)[:, :kept]
-    begin = np.array(starts) / rate
+    require_displacement(displacement, rate)
+    if not (highest is None or highest > 0.0):
+        raise ValueError(f"highest: {highest} Hz, expected above 0")
+    frames = FrequencyFrames(displacement, rate, resolution, overlap, window)
+    kept = int(np.searchsorted(frames.frequencies, np.inf if highest is None else highest, side="right"))
+    amplitudes = np.empty((2, len(frames), kept))
+    for frame, lines in enumerate(frames):
+        amplitudes[:, frame] = lines[:, :kept]
     return FrequencyMap(
-        frequencies=frequencies[:kept],
+        frequencies=frames.frequencies[:kept],
         amplitudes=amplitudes,
         sigma=sigma_of_floor(np.median(amplitudes, axis=(0, 2))),
-        times=begin + 0.5 * n / rate,
-        speeds=_speeds(angle, begin, begin + n / rate),
-        noise_bandwidth=window.noise_bandwidth * rate / n,
+        times=frames.begins + 0.5 * frames.duration,
+        speeds=_speeds(angle, frames.begins, frames.begins + frames.duration),
+        noise_bandwidth=frames.noise_bandwidth,
     )
 
 

@@ -1,5 +1,7 @@
 """Averaged spectra against frequency."""
 
+import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -71,23 +73,29 @@ def frequency_spectrum(
     Analysis, 2011, ch. 9.
     """
     waveform = np.asarray(waveform, dtype=np.float64)
-    n, starts = framing(waveform, rate, resolution, overlap)
-    weights = window.weights(n)
-    power = np.zeros((*waveform.shape[:-1], n // 2 + 1))
-    for start in starts:
-        power += line_amplitudes(waveform[..., start : start + n], weights) ** 2
-    independent = independent_frames(weights, starts.step, len(starts), of_power=True)
+    frames = FrequencyFrames(waveform, rate, resolution, overlap, window)
+    power = np.zeros((*waveform.shape[:-1], frames.frequencies.size))
+    for lines in frames:
+        power += lines**2
     return FrequencySpectrum(
-        frequencies=np.arange(n // 2 + 1) * rate / n,
-        amplitudes=np.sqrt(power / len(starts)),
-        noise_bandwidth=window.noise_bandwidth * rate / n,
-        frames=len(starts),
-        relative_sigma=0.5 / float(np.sqrt(independent)),
+        frequencies=frames.frequencies,
+        amplitudes=np.sqrt(power / len(frames)),
+        noise_bandwidth=frames.noise_bandwidth,
+        frames=len(frames),
+        relative_sigma=0.5 / float(np.sqrt(frames.independent)),
     )
 
 
-def framing(waveform: FloatArray, rate: float, resolution: float, overlap: float) -> tuple[int, range]:
-    """Return the samples of a frame and the begins of all frames of a waveform, shape (..., n).
+class FrequencyFrames:
+    """Successive frames of a waveform, each iterated as the amplitudes of its lines.
+
+    The amplitudes are those of single lines, peak, in the waveform's unit, shape (..., n_lines); each frame's mean is
+    taken off.
+
+    Parameters
+    ----------
+    waveform, rate, resolution, overlap, window
+        As for `frequency_spectrum`.
 
     Raises
     ------
@@ -96,25 +104,41 @@ def framing(waveform: FloatArray, rate: float, resolution: float, overlap: float
     ValueError
         Settings out of range, or samples that are not finite.
     """
-    if waveform.ndim == 0 or not 0.0 <= overlap < 1.0 or not 0.0 < resolution <= 0.25 * rate:
-        raise ValueError(
-            f"waveform {waveform.shape}, overlap {overlap}, resolution {resolution} Hz: expected samples, 0 to "
-            f"below 1, above 0 to {0.25 * rate} Hz"
-        )
-    if not np.isfinite(waveform).all():
-        raise ValueError("waveform: holds values that are not finite")
-    n = round(rate / resolution)
-    if waveform.shape[-1] < n:
-        raise RecordTooShortError(
-            f"{waveform.shape[-1]} samples, expected at least {n} for a resolution of {resolution} Hz"
-        )
-    return n, range(0, waveform.shape[-1] - n + 1, max(round(n * (1.0 - overlap)), 1))
 
+    def __init__(self, waveform: FloatArray, rate: float, resolution: float, overlap: float, window: Window) -> None:
+        if waveform.ndim == 0 or not 0.0 <= overlap < 1.0 or not 0.0 < resolution <= 0.25 * rate < math.inf:
+            raise ValueError(
+                f"waveform {waveform.shape}, overlap {overlap}, resolution {resolution} Hz: expected samples, 0 to "
+                f"below 1, above 0 to {0.25 * rate} Hz"
+            )
+        if not np.isfinite(waveform).all():
+            raise ValueError("waveform: holds values that are not finite")
+        n = round(rate / resolution)
+        if waveform.shape[-1] < n:
+            raise RecordTooShortError(
+                f"{waveform.shape[-1]} samples, expected at least {n} for a resolution of {resolution} Hz"
+            )
+        self._waveform, self._size, self._weights = waveform, n, window.weights(n)
+        self._starts = range(0, waveform.shape[-1] - n + 1, max(round(n * (1.0 - overlap)), 1))
+        self.frequencies = np.arange(n // 2 + 1) * rate / n
+        self.begins = np.array(self._starts) / rate
+        self.duration = n / rate
+        self.noise_bandwidth = window.noise_bandwidth * rate / n
 
-def line_amplitudes(frame: FloatArray, weights: FloatArray) -> FloatArray:
-    """Return the amplitudes of a frame's lines, its mean taken off, peak of a single line, shape (..., n // 2 + 1)."""
-    amplitudes = 2.0 * np.abs(np.fft.rfft((frame - frame.mean(axis=-1, keepdims=True)) * weights))
-    amplitudes[..., 0] *= 0.5
-    if frame.shape[-1] % 2 == 0:
-        amplitudes[..., -1] *= 0.5
-    return np.asarray(amplitudes, dtype=np.float64)
+    def __len__(self) -> int:
+        return len(self._starts)
+
+    def __iter__(self) -> Iterator[FloatArray]:
+        for start in self._starts:
+            frame = self._waveform[..., start : start + self._size]
+            lines = np.fft.rfft((frame - frame.mean(axis=-1, keepdims=True)) * self._weights)
+            amplitudes = 2.0 * np.abs(lines)
+            amplitudes[..., 0] *= 0.5
+            if self._size % 2 == 0:
+                amplitudes[..., -1] *= 0.5
+            yield np.asarray(amplitudes, dtype=np.float64)
+
+    @property
+    def independent(self) -> float:
+        """How many independent frames their mean power counts as."""
+        return independent_frames(self._weights, self._starts.step, len(self), of_power=True)

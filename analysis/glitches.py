@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.angle import MAD_TO_SIGMA
+from analysis.displacement import require_displacement
 from analysis.shaft_angle import ShaftAngle
 
 FloatArray = NDArray[np.float64]
@@ -70,12 +71,9 @@ def find_glitches(displacement: FloatArray, rate: float, angle: ShaftAngle, thre
     F. Hampel, J. Am. Stat. Assoc. 69, 1974. Samples outside the angle's range, and in its first and last four turns
     where fewer turns can be compared, are judged by those there are.
     """
-    if displacement.ndim != 2 or displacement.shape[0] != 2 or not threshold > 0.0 or not rate > 0.0:
-        raise ValueError(
-            f"displacement {displacement.shape}, threshold {threshold}, {rate} Hz: expected (2, n), both above 0"
-        )
-    if not np.isfinite(displacement).all():
-        raise ValueError("displacement: holds values that are not finite, expected metres")
+    require_displacement(displacement, rate)
+    if not threshold > 0.0:
+        raise ValueError(f"threshold: {threshold} standard deviations, expected above 0")
     n = displacement.shape[1]
     first, last = max(int(np.ceil(angle.time(angle.first) * rate)), 0), min(int(angle.time(angle.last) * rate), n - 1)
     off, scatter = np.zeros((2, n)), np.full((2, n), np.inf)

@@ -5,13 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.analyser import GLITCH_TIME
+from analysis.displacement import require_displacement
 from analysis.errors import RecordTooShortError
-from analysis.extremes import trimmed_extremes
+from analysis.extremes import glitch_samples, trimmed_extremes
 
 FloatArray = NDArray[np.float64]
-
-GLITCH_PART = 50  # at most one sample in so many does not count as the shaft's
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -66,18 +64,15 @@ def overall(displacement: FloatArray, rate: float, clearance: float, *, interval
     Twice a line's amplitude is its peak-to-peak for a single line alone; limits are set to the waveform's (API 670;
     ISO 20816-1).
     """
-    if displacement.ndim != 2 or displacement.shape[0] != 2 or not np.isfinite(displacement).all():
-        raise ValueError(f"displacement: shape {displacement.shape}, expected (2, n), finite")
-    if not (rate > 0.0 and clearance > 0.0 and interval * rate >= 2.0):
-        raise ValueError(
-            f"rate {rate} Hz, clearance {clearance} m, interval {interval} s: expected all above 0, two samples or more"
-        )
+    require_displacement(displacement, rate)
+    if not (clearance > 0.0 and interval * rate >= 2.0):
+        raise ValueError(f"clearance {clearance} m, interval {interval} s: expected above 0, two samples or more")
     size = round(interval * rate)
     count = displacement.shape[1] // size
     if count == 0:
         raise RecordTooShortError(f"{displacement.shape[1]} samples, expected at least {size} for an interval")
     intervals = displacement[:, : count * size].reshape(2, count, size)
-    left_out = min(round(GLITCH_TIME * rate), size // GLITCH_PART)
+    left_out = glitch_samples(size, rate)
     low, high = trimmed_extremes(intervals.reshape(-1, size), left_out)
     return Overall(
         peak_to_peak=(high - low).reshape(2, count),

@@ -11,6 +11,7 @@ from scipy.interpolate import PchipInterpolator, make_interp_spline
 
 from analysis.angle import DEGREE
 from analysis.angular_record import AngularRecord, probe_displacement, record_of_codes
+from analysis.displacement import require_displacement
 from analysis.errors import RecordTooShortError, TachoRefusedError
 from analysis.orders import hann
 from analysis.pyramid import Pyramid
@@ -100,8 +101,7 @@ def speed_from_ridge(displacement: FloatArray, rate: float, lowest: float, highe
     by which it moves (Viterbi); then interpolated between the lines. Q. Leclère, S. Andre and J. Antoni, A
     multi-order probabilistic approach for instantaneous angular speed tracking, MSSP 81, 2016, compares such methods.
     """
-    if displacement.ndim != 2 or displacement.shape[0] != 2 or not np.isfinite(displacement).all():
-        raise ValueError(f"displacement: shape {displacement.shape}, expected (2, n), finite")
+    require_displacement(displacement, rate)
     if not 0.0 < lowest < highest < np.pi * rate * 0.9:
         raise ValueError(f"lowest, highest: {lowest} and {highest} rad/s, expected rising, to {0.9 * np.pi * rate:.0f}")
     n = 2 * round(0.5 * FRAME_TURNS * 2.0 * np.pi / lowest * rate)

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, solveh_banded
 
+from analysis.displacement import require_displacement
 from analysis.errors import RecordTooShortError
 from analysis.pyramid import Pyramid
 from analysis.shaft_angle import ShaftAngle
@@ -154,10 +155,9 @@ def probe_envelopes(
     RecordTooShortError, ValueError
         As for `order_envelopes`.
     """
-    if displacement.ndim != 2 or displacement.shape[0] != 2 or not orders or not np.isfinite(displacement).all():
-        raise ValueError(
-            f"displacement {displacement.shape}, orders {orders}: expected (2, n), finite, and some orders"
-        )
+    require_displacement(displacement, rate)
+    if not orders:
+        raise ValueError("orders: none, expected one at least")
     fastest = float(angle.speed(np.linspace(angle.first, angle.last, 1_000)).max()) / (2.0 * np.pi)
     level = max(int(np.floor(np.log2(PASSED * rate / (max(orders) * fastest)))), 0)
     pyramid = Pyramid(2, level + 1, displacement.shape[1], 0)

@@ -171,7 +171,7 @@ def test_whole_record_tells_the_same_mark_wherever_it_begins(wheel: str) -> None
 
 def test_interval_parts_are_unknown_where_a_mark_was_never_seen() -> None:
     numbers = np.delete(np.arange(40), np.arange(2, 40, 4))
-    assert interval_parts(numbers, 0.01 * numbers, 4) is None
+    assert interval_parts(numbers, numbers.astype(np.float64), 4) is None
 
 
 def test_told_mark_needs_one_interval_clearly_longer_than_every_other() -> None:
