@@ -1,10 +1,14 @@
-"""A hang is told with the stacks of all threads (pyproject.toml); what takes long on purpose is none."""
+"""A hang is told with the stacks of all threads (pyproject.toml); what takes long, on purpose or by load, is none."""
 
 import faulthandler
 
 import pytest
+from hypothesis import settings
 
 LONG = ("benchmark", "campaign", "oracle")
+
+settings.register_profile("busy", deadline=None)
+settings.load_profile("busy")
 
 
 @pytest.hookimpl(tryfirst=True)
