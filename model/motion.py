@@ -87,9 +87,17 @@ class ShaftMotion:
         return self._state.motion[0, : self._system.shaft.squares.size]
 
     def resume(self, state: ComplexArray, speed: float) -> None:
-        """Go on at the present angle and speed from a `state` that the same rotor had at another speed, rad/s."""
+        """Go on at the present angle and speed from a `state` that the same rotor had at another speed, rad/s.
+
+        ValueError where its shape or numbers make no sense, WallContactError where it lies at or beyond a film's wall;
+        the motion stays as it was then.
+        """
         if state.shape != self._state.motion.shape:
             raise ValueError(f"state: shape {state.shape}, expected {self._state.motion.shape}")
+        if not np.isfinite(state).all():
+            raise ValueError("state: expected finite values, m, m/s, m/s²")
+        _require_speed(speed)
+        self._require_within(state, speed)
         self._state.motion[:] = state
         self._state.level[0] = NO_LEVEL
         present, self._state.speed[0] = self.speed, speed
@@ -104,12 +112,17 @@ class ShaftMotion:
         self._state.speed[0] = speed
 
     def stand(self, standing: FloatArray) -> None:
-        """Put the motion where a `model.stability.SynchronousOrbit` stands; exact from the next step on."""
+        """Put the motion where a `model.stability.SynchronousOrbit` stands; exact from the next step on.
+
+        WallContactError where that is at or beyond a film's wall: the motion cannot be continued then.
+        """
         self._state.stand(standing)
+        self._require_within(self._state.motion, self.speed)
 
     def disturb(self, disturbance: FloatArray) -> None:
-        """Move the motion by a part of a `model.stability.SynchronousOrbit`'s disturbance."""
+        """Move the motion by a part of a `model.stability.SynchronousOrbit`'s disturbance; errors are `stand`'s."""
         self._state.disturb(disturbance)
+        self._require_within(self._state.motion, self.speed)
 
     def turns(self, count: int, points_per_turn: int = STEPS_PER_TURN) -> FloatArray:
         """Follow the shaft through whole turns at its present speed, which must not be 0.
@@ -133,12 +146,29 @@ class ShaftMotion:
         """Follow the shaft as `turns` does and return what every station does, (n_stations, 2, n), m."""
         return self._turns(self._system.stations, count, points_per_turn)
 
+    def turns_with_films(self, count: int, points_per_turn: int = STEPS_PER_TURN) -> tuple[FloatArray, FloatArray]:
+        """Follow the shaft as `turns` does and return what every station and every film does.
+
+        Returns
+        -------
+        stations : ndarray of float64, shape (n_stations, 2, n)
+            Displacement in X and Y, m.
+        eccentricities : ndarray of float64, shape (4, 2, n)
+            Of the films in X and Y, in parts of their clearances: journals in their rings, then rings in the housing.
+        """
+        system = self._system
+        stations, modes = system.stations.shape
+        seen = np.concatenate((np.zeros((stations, system.eccentricities.shape[1])), system.eccentricities))
+        seen[:stations, :modes] = system.stations
+        whole = self._turns(seen, count, points_per_turn)
+        return whole[:stations], whole[stations:]
+
     def _turns(self, seen: FloatArray, count: int, points_per_turn: int) -> FloatArray:
         if self.speed == 0:
             raise ValueError("speed: 0 rad/s, expected a turning shaft")
         turn = 2 * math.pi / points_per_turn
         angle = self._state.angle[0] + turn * np.arange(1, count * points_per_turn + 1)
-        now = np.array([row @ self._modal for row in seen])
+        now = np.array([sum(row * self._state.motion[0, : row.size]) for row in seen])  # in the march's order
         later = self._advance(angle, np.full(angle.size, self.speed), turn / self.speed, seen)
         first = np.stack((now.real, now.imag), axis=-1)[..., None]
         return np.concatenate((first, later[..., :-1]), axis=-1)
@@ -196,22 +226,34 @@ class ShaftMotion:
             raise WallContactError(self._contact(float(speed[failed])))
         return np.stack((path.real, path.imag), axis=1)
 
+    def _require_within(self, motion: ComplexArray, speed: float) -> None:
+        """Raise WallContactError where a film's wall is reached."""
+        if not self._system.is_within(motion):
+            raise WallContactError(self._closest(motion, speed)[1])
+
     def _contact(self, speed: float) -> str:
-        films, modes = self._system.films, self._modal.size
-        journals, rings = self._system.shaft.journals @ self._modal, self._state.motion[0, modes : modes + 2]
-        places = [("inner", "journal", abs(j - r), films.inner_clearance) for j, r in zip(journals, rings, strict=True)]
-        places += [("outer", "ring", abs(r), films.outer_clearance) for r in rings]
-        film, body, distance, clearance = max(places, key=lambda place: place[2] / place[3])
-        if self._rubs and distance < NEAR * clearance:
-            rates = np.abs(self._system.stations @ self._state.motion[1, :modes])
-            rub = max(self._rubs, key=lambda rub: float(rates[rub.station - 1]))
-            return (
-                f"rub: the shaft bounces at {rates[rub.station - 1]:.3g} m/s on the wall of station {rub.station} at "
-                f"{speed:.1f} rad/s, faster than any step follows, expected less friction than {rub.friction:g}"
-            )
+        """Return why a motion ends that could not be continued."""
+        eccentricity, said = self._closest(self._state.motion, speed)
+        if not self._rubs or eccentricity >= NEAR:
+            return said
+        rates = np.abs(self._system.stations @ self._state.motion[1, : self._modal.size])
+        rub = max(self._rubs, key=lambda rub: float(rates[rub.station - 1]))
         return (
-            f"eccentricity: the {body} came to {distance * 1e6:.2f} µm of the {film} film's clearance of "
-            f"{clearance * 1e6:g} µm at {speed:.1f} rad/s, expected less than the clearance: the shaft touches the wall"
+            f"rub: the shaft bounces at {rates[rub.station - 1]:.3g} m/s on the wall of station {rub.station} at "
+            f"{speed:.1f} rad/s, faster than any step follows, expected less friction than {rub.friction:g}"
+        )
+
+    def _closest(self, motion: ComplexArray, speed: float) -> tuple[float, str]:
+        """Return the largest eccentricity ratio of a motion, and in words where that is."""
+        films, ratios = self._system.films, np.abs(self._system.eccentricities @ motion[0])
+        closest = int(np.argmax(ratios))
+        film, body, clearance = (
+            ("inner", "journal", films.inner_clearance) if closest < 2 else ("outer", "ring", films.outer_clearance)
+        )
+        return float(ratios[closest]), (
+            f"eccentricity: the {body} came to {ratios[closest] * clearance * 1e6:.2f} µm of the {film} film's "
+            f"clearance of {clearance * 1e6:g} µm at {speed:.1f} rad/s, expected less than the clearance: the shaft "
+            "touches the wall"
         )
 
 

@@ -178,3 +178,8 @@ class ModelParameters:
             imbalance.require_at_most(
                 most, f"(the rotor's mass times the bearing's clearance of {self.bearing.clearance:g} m)"
             )
+
+    @property
+    def is_loaded(self) -> bool:
+        """Whether weight or other loads at rest press the shaft or the rings out of the bearings' centre."""
+        return bool(self.gravity > 0 or self.loads or self.bearing.static_load)

@@ -6,6 +6,7 @@ the speed, without acceleration. The map of one turn in these coordinates is dif
 and two rings) and its fixed point is found by Newton's method, also where it is unstable.
 """
 
+import cmath
 import math
 from dataclasses import dataclass
 
@@ -18,13 +19,16 @@ from model.motion import STEPS_PER_TURN
 from model.parameters import ModelParameters
 from model.rotor import require_positive
 from model.system import ModalSystem
+from model.whirl import FilmName, Whirl, order_and_share
 
 FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
 
 FIRST_TURNS = 60  # from rest towards the orbit, before Newton's method
 ITERATIONS = 40
 CONVERGED = 1e-5  # of the inner clearance
 PERTURBATION = 1e-4  # of the inner clearance
+GONE = 1e-6  # of a disturbance after a turn: less than that is no whirl
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -37,19 +41,31 @@ class SynchronousOrbit:
         rad/s.
     standing : ndarray of float64, shape (4 (n_modes + n_rings),)
         Where it stands at theta = 0, in the coordinates above, to begin from at a neighbouring speed.
-    disturbance : ndarray of float64, shape (4 (n_modes + n_rings),)
-        What grows fastest or decays slowest, at one moment, in the same coordinates: it moves a journal or ring by 1 m.
-    growth_rate : float
-        Of the disturbance that grows fastest or decays slowest, 1/s; positive where the motion is unstable.
-    whirl_order : float
-        Frequency of that disturbance over the shaft's, 0 to 1: known only to whole orders.
+    whirls : tuple of Whirl
+        What grows fastest or decays slowest in the one film, and in the other: the least stable first.
+    disturbances : ndarray of float64, shape (n_whirls, 4 (n_modes + n_rings))
+        These at one moment, in the same coordinates: each moves a journal or ring by 1 m.
     """
 
     speed: float
     standing: FloatArray
-    disturbance: FloatArray
-    growth_rate: float
-    whirl_order: float
+    whirls: tuple[Whirl, ...]
+    disturbances: FloatArray
+
+    @property
+    def disturbance(self) -> FloatArray:
+        """What grows fastest or decays slowest, (4 (n_modes + n_rings),)."""
+        return np.asarray(self.disturbances[0])
+
+    @property
+    def growth_rate(self) -> float:
+        """Of that disturbance, 1/s; positive where the motion is unstable."""
+        return self.whirls[0].growth_rate
+
+    @property
+    def whirl_order(self) -> float:
+        """Frequency of that disturbance over the shaft's; negative where it goes against the shaft."""
+        return self.whirls[0].order
 
 
 def synchronous_orbit(
@@ -98,19 +114,8 @@ def synchronous_orbit(
         raise ModelError(f"synchronous motion at {speed:.1f} rad/s: none found that repeats itself every turn")
     if np.max(np.abs(standing - begun_at)) > 100 * PERTURBATION * turn.unit:
         jacobian, _ = turn.differentiate(standing)
-    multipliers, vectors = np.linalg.eig(jacobian)
-    worst = int(np.argmax(np.abs(multipliers)))
-    places = vectors[:, worst].reshape(2, -1, 2)[0]
-    forward = np.linalg.norm(places[:, 0] + 1j * places[:, 1])
-    backward = np.linalg.norm(places[:, 0] - 1j * places[:, 1])
-    turned = float(np.angle(multipliers[worst])) / (2 * math.pi)
-    return SynchronousOrbit(
-        speed=speed,
-        standing=standing,
-        disturbance=turn.scaled(vectors[:, worst].real),
-        growth_rate=math.log(max(abs(multipliers[worst]), 1e-300)) * speed / (2 * math.pi),
-        whirl_order=(turned if forward >= backward else -turned) % 1.0,
-    )
+    whirls, disturbances = turn.whirls(standing, jacobian)
+    return SynchronousOrbit(speed=speed, standing=standing, whirls=whirls, disturbances=disturbances)
 
 
 class _Turn:
@@ -128,21 +133,49 @@ class _Turn:
 
     def after(self, standing: FloatArray, turns: int) -> FloatArray:
         """Return where the motion stands after whole turns; ModelError where it reaches a wall."""
-        state = self._system.at_rest(angle=0.0, speed=self._speed)
-        state.stand(standing)
-        angles = 2 * math.pi / self._steps * np.arange(1, turns * self._steps + 1, dtype=np.float64)
-        speeds = np.full(angles.size, self._speed)
-        system = self._system
-        nowhere = np.empty((0, self._modes)), np.empty((0, angles.size), np.complex128)
-        if march(system.parts, system.constraints, self._levels, state, angles, speeds, *nowhere) != NO_FAILURE:
-            raise ModelError(f"synchronous motion at {self._speed:.1f} rad/s: none found within the clearances")
-        q, v, a = state.motion
+        (q, v, a), _ = self._followed(standing, turns, np.empty((0, self._modes)))
         h = self._step
         seen = 2 / h * q + v
         rate = h / 2 * (4 / h**2 * q + 4 / h * v + a) - seen
         return np.ascontiguousarray(np.concatenate((h / 2 * (seen - rate), rate / self._speed))).view(np.float64)
 
-    def scaled(self, disturbance: FloatArray) -> FloatArray:
+    def _followed(self, standing: FloatArray, turns: int, seen: FloatArray) -> tuple[ComplexArray, ComplexArray]:
+        """Return the motion after whole turns, and what was seen of it at the ends of the steps."""
+        system, state = self._system, self._system.at_rest(angle=0.0, speed=self._speed)
+        state.stand(standing)
+        angles = 2 * math.pi / self._steps * np.arange(1, turns * self._steps + 1, dtype=np.float64)
+        speeds, path = np.full(angles.size, self._speed), np.empty((seen.shape[0], angles.size), np.complex128)
+        is_possible = system.is_within(state.motion) and (
+            march(system.parts, system.constraints, self._levels, state, angles, speeds, seen, path) == NO_FAILURE
+        )
+        if not is_possible:
+            raise ModelError(f"synchronous motion at {self._speed:.1f} rad/s: none found within the clearances")
+        return state.motion, path
+
+    def whirls(self, standing: FloatArray, jacobian: FloatArray) -> tuple[tuple[Whirl, ...], FloatArray]:
+        """Return the least stable whirl of each film, the less stable first, and what each begins with."""
+        multipliers, vectors = np.linalg.eig(jacobian)
+        orbit, found = self._course(standing), dict[FilmName, tuple[Whirl, FloatArray]]()
+        for place in np.argsort(-np.abs(multipliers), kind="stable"):
+            multiplier, vector = complex(multipliers[place]), vectors[:, place]
+            if len(found) == len(FilmName) or (found and abs(multiplier) < GONE):
+                break
+            if multiplier.imag < 0:  # the other of a pair
+                continue
+            exponent = complex(math.log(max(abs(multiplier), 1e-300)), cmath.phase(multiplier)) / (2 * math.pi)
+            small = PERTURBATION * self.unit / float(np.abs(vector).max())
+            parts = [self._course(standing + small * part) - orbit for part in (vector.real, vector.imag)]
+            real, imaginary = (np.stack((part.real, part.imag), axis=1) / small for part in parts)
+            order, share = order_and_share(real + 1j * imaginary, exponent)
+            whirl = Whirl(growth_rate=exponent.real * self._speed, order=order, inner_share=share)
+            found.setdefault(whirl.film, (whirl, self._scaled(vector.real)))
+        return tuple(whirl for whirl, _ in found.values()), np.stack([begin for _, begin in found.values()])
+
+    def _course(self, standing: FloatArray) -> ComplexArray:
+        """Return the films' eccentricity ratios through a turn, (4, steps)."""
+        return self._followed(standing, 1, self._system.eccentricities)[1]
+
+    def _scaled(self, disturbance: FloatArray) -> FloatArray:
         """Return the disturbance of that shape in which the journal or ring that moves most moves by 1 m."""
         place = np.ascontiguousarray(disturbance).view(np.complex128)[: self._modes + self._rings]
         journals = self._system.shaft.journals @ place[: self._modes]

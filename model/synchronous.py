@@ -20,6 +20,7 @@ from model.parameters import ModelParameters
 from model.rotor import require_positive
 from model.stability import SynchronousOrbit, synchronous_orbit
 from model.system import ModalSystem
+from model.whirl import FilmName, Whirl, inner_shares
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -46,10 +47,9 @@ class SynchronousResponse:
         1X at every station in X and Y, m peak.
     bodies : ndarray of complex128, shape (n_bodies,)
         Circles of the two journals, of other points where forces act, of the rings, m; empty for an ellipse.
-    growth_rate : float
-        Of the least stable whirl about this motion, 1/s; positive where it grows.
-    whirl_order : float
-        Frequency of that whirl over the shaft's; negative where it goes against the shaft.
+    whirls : tuple of Whirl
+        About this motion: what grows fastest or decays slowest in the one film, and in the other, the least stable
+        first.
     orbit : SynchronousOrbit, optional
         The motion as integrated, where it is an ellipse.
     """
@@ -59,9 +59,18 @@ class SynchronousResponse:
     circle: complex
     stations: ComplexArray
     bodies: ComplexArray
-    growth_rate: float
-    whirl_order: float
+    whirls: tuple[Whirl, ...]
     orbit: SynchronousOrbit | None = None
+
+    @property
+    def growth_rate(self) -> float:
+        """Of the least stable whirl, 1/s; positive where it grows."""
+        return self.whirls[0].growth_rate
+
+    @property
+    def whirl_order(self) -> float:
+        """Frequency of that whirl over the shaft's; negative where it goes against the shaft."""
+        return self.whirls[0].order
 
     @property
     def journals(self) -> ComplexArray:
@@ -113,15 +122,13 @@ def synchronous_response(
     modal = frame.modal(found)
     circles = system.stations @ modal
     circle = complex(system.shaft.probe @ modal)
-    growth_rate, whirl_order = frame.least_stable(found)
     return SynchronousResponse(
         speed=speed,
         vectors=_towards_probes(parameters, circle, 0j),
         circle=circle,
         stations=np.stack((circles, -1j * circles)),
         bodies=found,
-        growth_rate=growth_rate,
-        whirl_order=whirl_order,
+        whirls=frame.whirls(found),
     )
 
 
@@ -149,8 +156,7 @@ def _elliptic(parameters: ModelParameters, speed: float, start: SynchronousOrbit
         circle=complex(forward[of_probes]),
         stations=2 * (turn * back).mean(axis=2).T,
         bodies=np.empty(0, np.complex128),
-        growth_rate=orbit.growth_rate,
-        whirl_order=orbit.whirl_order,
+        whirls=orbit.whirls,
         orbit=orbit,
     )
 
@@ -235,8 +241,8 @@ class _TurningFrame:
         shaft, forces = self._system.shaft, self._forces(places)[: self._points]
         return np.asarray(self._compliance @ (self._speed**2 * shaft.imbalance + shaft.points.T @ forces))
 
-    def least_stable(self, places: ComplexArray) -> tuple[float, float]:
-        """Return growth rate, 1/s, and order of the whirl about this motion that grows fastest."""
+    def whirls(self, places: ComplexArray) -> tuple[Whirl, ...]:
+        """Return the least stable whirl of each film about this motion, the less stable first."""
         shaft, mass, speed = self._system.shaft, self._system.rings.mass, self._speed
         modes, n = shaft.squares.size, self._points
         size = modes + mass.size  # complex coordinates: modes, rings
@@ -255,12 +261,18 @@ class _TurningFrame:
         n = 2 * size
         first_order = np.block([[np.zeros((n, n)), np.eye(n)], [-stiffness_real, -damping_real]])
         values, vectors = np.linalg.eig(first_order)
-        worst = int(np.argmax(values.real))
-        shape = vectors[:n, worst].reshape(size, 2)
-        forward = np.linalg.norm(shape[:, 0] + 1j * shape[:, 1])  # part that turns with +Im
-        backward = np.linalg.norm(shape[:, 0] - 1j * shape[:, 1])
-        turning = values[worst].imag if forward >= backward else -values[worst].imag
-        return float(values[worst].real), float(1 + turning / speed)
+        films = np.tensordot(self._system.eccentricities, vectors[:n].reshape(size, 2, n * 2), 1)
+        circles = np.stack((films[:, 0] + 1j * films[:, 1], films[:, 0] - 1j * films[:, 1]))  # with +Im, and against
+        reverse = np.argmax(np.linalg.norm(circles, axis=1), axis=0)
+        shares = inner_shares(np.take_along_axis(circles, reverse[None, None], axis=0)[0])
+        orders = 1 + np.where(reverse == 0, values.imag, -values.imag) / speed
+        found: dict[FilmName, Whirl] = {}
+        for place in np.argsort(-values.real, kind="stable"):
+            if len(found) == len(FilmName):
+                break
+            whirl = Whirl(float(values[place].real), float(orders[place]), float(shares[place]))
+            found.setdefault(whirl.film, whirl)
+        return tuple(found.values())
 
 
 def _real(vector: ComplexArray) -> FloatArray:

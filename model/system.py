@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from model.forces import WALL
 from model.modes import free_modes
 from model.parameters import FloatingRing, ModelParameters
 from model.state import NO_LEVEL, Levels, State
@@ -142,6 +143,9 @@ class ModalSystem:
         Supports and walls, where there are any.
     stations : ndarray of float64, shape (n_stations, m)
         Mode shapes at all stations, kg^-1/2.
+    eccentricities : ndarray of float64, shape (4, m + n_rings)
+        What places of modes and rings are as the films' eccentricity ratios: of both inner films, then of both outer
+        ones.
     """
 
     shaft: Shaft
@@ -149,6 +153,7 @@ class ModalSystem:
     rings: Rings
     constraints: Constraints | None
     stations: FloatArray
+    eccentricities: FloatArray
 
     @classmethod
     def of(cls, parameters: ModelParameters, modes: int | None = None) -> "ModalSystem":
@@ -183,12 +188,14 @@ class ModalSystem:
             imbalance=imbalance,
             weight=weight,
         )
+        films, rings = _films(parameters.bearing), _rings(parameters)
         return cls(
             shaft=shaft,
-            films=_films(parameters.bearing),
-            rings=_rings(parameters),
+            films=films,
+            rings=rings,
             constraints=_constraints(parameters, points, places) if held else None,
             stations=np.ascontiguousarray(shapes[::2]),
+            eccentricities=_eccentricities(shaft, films, rings),
         )
 
     @property
@@ -200,6 +207,10 @@ class ModalSystem:
     def is_round(self) -> bool:
         """Whether no support differs by direction, so that the motion that goes round with the shaft is a circle."""
         return self.constraints is None or not self.constraints.coefficients[:, 1::2].any()
+
+    def is_within(self, motion: ComplexArray) -> bool:
+        """Return whether a motion, (3, m + n_rings), is short of every film's wall."""
+        return bool(np.all(1 - np.abs(self.eccentricities @ motion[0]) ** 2 >= WALL))
 
     def at_rest(self, *, angle: float, speed: float) -> State:
         """Return a motion at rest in the bearings' centre, the shaft at this angle, rad, and speed, rad/s."""
@@ -245,6 +256,15 @@ def _films(bearing: FloatingRing) -> Films:
         inner_speed=1 + ring * bearing.ring_inner_radius / bearing.journal_radius,  # surfaces of ring and journal
         outer_speed=ring,
     )
+
+
+def _eccentricities(shaft: Shaft, films: Films, rings: Rings) -> FloatArray:
+    modes, found = shaft.squares.size, np.zeros((4, shaft.squares.size + rings.mass.size))
+    found[:2, :modes] = shaft.journals / films.inner_clearance
+    for bearing in range(2):
+        found[bearing, modes + bearing] = -1 / films.inner_clearance
+        found[2 + bearing, modes + bearing] = 1 / films.outer_clearance
+    return found
 
 
 def _rings(parameters: ModelParameters) -> Rings:

@@ -22,8 +22,9 @@ from daq.service.jobs import Progress, Task, Tell
 from model.gj90c import gj90c
 from model.parameters import ModelParameters
 from model.studies.linear import campbell_stiffness, campbell_study, critical_study, modes_study
+from model.studies.onset import onset_study
 from model.studies.study import Study
-from model.studies.synchronous import onset_study, response_study
+from model.studies.synchronous import response_study
 
 FloatArray = NDArray[np.float64]
 

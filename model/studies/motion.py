@@ -69,7 +69,7 @@ def motion_study(
         parameters = replace(parameters, probe_station=station)
     station = parameters.probe_station
     stepped = SteppedMotion(parameters, seed)
-    whole = stepped.at(speed, settle).look(turns)
+    whole = stepped.at(speed, settle).look(turns).stations
     path, points = whole[station - 1] * 1e6, whole[station - 1, :, ::STEPS] * 1e6
     orders, spectrum = _spectrum(path, turns)
     orbit = path[:, -min(turns, ORBIT_TURNS) * STEPS :]

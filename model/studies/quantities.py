@@ -13,13 +13,14 @@ from model.errors import ModelError
 from model.modes import critical_speeds
 from model.parameters import ModelParameters
 from model.prediction_map import MODEL_VERSION
-from model.studies.run_up import INNER, OUTER, run_up
+from model.studies.onset import stability
+from model.studies.run_up import run_up
 from model.studies.stepping import SEED
-from model.studies.synchronous import stability
 from model.studies.vary import CHANGES, varied
 from model.synchronous import synchronous_response
+from model.whirl import FilmName
 
-QUANTITIES_VERSION = 2  # to be raised with every change of what a quantity is
+QUANTITIES_VERSION = 3  # to be raised with every change of what a quantity is
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,10 +128,10 @@ def _response(parameters: ModelParameters, options: Mapping[str, float]) -> tupl
 def _onset(parameters: ModelParameters, options: Mapping[str, float]) -> tuple[float, ...]:
     low, high, count = options["lowest_speed_rad_s"], options["highest_speed_rad_s"], int(options["speeds"])
     found = stability(parameters, np.linspace(low, high, count))
-    if not found.bands:
-        return math.nan, math.nan, math.nan, float(np.nanmax(found.growth_rates))
-    first = found.bands[0]
-    return first.start, first.stop, first.whirl_order, float(np.nanmax(found.growth_rates))
+    largest = float(np.nanmax(found.growth_rates)) if np.any(np.isfinite(found.growth_rates)) else math.nan
+    of_films = found.onset(FilmName.INNER), found.onset(FilmName.OUTER)
+    order = found.bands[0].order if found.bands else math.nan
+    return min(of_films, key=lambda onset: (math.isnan(onset), onset)), order, *of_films, largest
 
 
 def _whirl(parameters: ModelParameters, options: Mapping[str, float]) -> tuple[float, ...]:
@@ -138,7 +139,7 @@ def _whirl(parameters: ModelParameters, options: Mapping[str, float]) -> tuple[f
     speeds, settle, turns = np.linspace(low, high, count), int(options["settle_turns"]), int(options["turns"])
     found = run_up(parameters, speeds, settle, turns, seed=options["seed_um"] * 1e-6)
     largest = float(np.nanmax(found.peak_to_peak)) if np.any(np.isfinite(found.peak_to_peak)) else math.nan
-    return found.onset(INNER), found.onset(OUTER), largest * 1e6
+    return found.onset(FilmName.INNER), found.onset(FilmName.OUTER), largest * 1e6
 
 
 def _critical(parameters: ModelParameters, options: Mapping[str, float]) -> tuple[float, ...]:
@@ -157,9 +158,9 @@ QUANTITIES: Final[dict[str, Quantity]] = {
         _response,
     ),
     "onset": Quantity(
-        "first band of speeds in which the synchronous motion is unstable, by eigenvalues",
+        "first speed at which the synchronous motion is unstable, and at which each film lets go, by eigenvalues",
         _RANGE,
-        ("onset_rad_s", "end_rad_s", "whirl_order", "largest_growth_rate_1_s"),
+        ("onset_rad_s", "whirl_order", "inner_onset_rad_s", "outer_onset_rad_s", "largest_growth_rate_1_s"),
         _onset,
     ),
     "whirl": Quantity(

@@ -10,13 +10,15 @@ from analysis.orders import order_spectrum
 from model.errors import WallContactError
 from model.parameters import ModelParameters
 from model.studies.linear import SPEED_LABEL
-from model.studies.stepping import MOST_TURNS, STEPS, SteppedMotion
+from model.studies.stepping import BESIDE, MOST_TURNS, STEPS, SteppedMotion
 from model.studies.study import Plot, Series, Study, Style, Surface
+from model.whirl import FilmName
 
 FloatArray = NDArray[np.float64]
 
-INNER = (0.40, 0.85)  # orders at which the inner films whirl
-OUTER = (0.10, 0.40)
+SUB_SYNCHRONOUS = (0.05, 0.95)  # orders of a whirl, less what the window spreads the mean and 1X over
+COMBINED = 3  # times that a whirl's order may stand in the order of its combination with 1X
+SMALLER = 0.25  # of a whirl's motion in its film: a combination is smaller
 VISIBLE = 0.1  # of 1X: a component above it counts
 LEAST = 0.2e-6  # m peak: a component below it does not count
 ORBIT_TURNS = 12  # that are kept of the motion
@@ -60,6 +62,8 @@ class RunUp:
         In X, m.
     orbit : ndarray of float64, shape (n, 2, n_points)
         X and Y over the last few turns, m.
+    films : ndarray of float64, shape (n, 2, n_orders)
+        Spectra of the inner and the outer films' eccentricity ratios (`model.studies.stepping.Seen`).
     seeding : Seeding, optional
         Where unstable motions were seeded.
 
@@ -72,24 +76,69 @@ class RunUp:
     stroboscopic: FloatArray
     peak_to_peak: FloatArray
     orbit: FloatArray
+    films: FloatArray
     seeding: Seeding | None = None
 
-    def component(self, band: tuple[float, float]) -> FloatArray:
-        """Return the largest amplitude within a band of orders at each speed, m peak; NaN at the wall."""
+    def component(self, band: tuple[float, float]) -> tuple[FloatArray, FloatArray]:
+        """Return the largest line within a band of orders at each speed: its order, and m peak; NaN at the wall."""
         inside = (self.orders >= band[0]) & (self.orders < band[1])
-        return np.asarray(self.spectrum[:, inside].max(axis=1))
+        place = np.argmax(self.spectrum[:, inside], axis=1)
+        largest = np.take_along_axis(self.spectrum[:, inside], place[:, None], axis=1)[:, 0]
+        return np.where(np.isnan(largest), np.nan, self.orders[inside][place]), largest
+
+    def whirl(self, film: FilmName) -> tuple[FloatArray, FloatArray]:
+        """Return what a film whirls at each speed: order, NaN where it does not, and m peak at the station.
+
+        The line below 1X at which a film moves most is that film's if it has the larger part of it; the other film's
+        is the largest of those in which it has the larger part and that are no combination of the first
+        with 1X, as 1X less the inner film's 0.7X. NaN at the wall.
+        """
+        rows = [self._whirl(row, film) for row in range(self.speeds.size)]
+        return np.array([order for order, _ in rows]), np.array([size for _, size in rows])
+
+    def _whirl(self, row: int, film: FilmName) -> tuple[float, float]:
+        films = self.films[row]
+        if np.isnan(films).any():
+            return math.nan, math.nan
+        width = BESIDE * self.orders[1]
+        lowest, highest = max(SUB_SYNCHRONOUS[0], width), min(SUB_SYNCHRONOUS[1], 1 - width)
+        below = (self.orders >= lowest) & (self.orders <= highest)
+        own = np.where(below & (films > films[::-1]), films, 0.0)  # in which it has the larger part
+        first, wanted = int(np.argmax(own.max(axis=1))), list(FilmName).index(film)
+        if first != wanted:
+            largest = int(np.argmax(own[first]))
+            beside = np.abs(self.orders - combinations(float(self.orders[largest]))[:, None]).min(axis=0)
+            own[wanted, (beside <= width) & (own[wanted] < SMALLER * own[first, largest])] = 0.0
+        place = int(np.argmax(own[wanted]))
+        if own[wanted, place] == 0:
+            return math.nan, 0.0
+        return float(self.orders[place]), float(self.spectrum[row, place])
 
     @property
     def first_order(self) -> FloatArray:
         """Amplitude of 1X at each speed, m peak."""
         return np.asarray(self.spectrum[:, int(np.argmin(np.abs(self.orders - 1)))])
 
-    def onset(self, band: tuple[float, float]) -> float:
-        """Return the first of two successive speeds with a visible component in the band, rad/s; NaN for none."""
-        component = self.component(band)
-        seen = (component > VISIBLE * self.first_order) & (component > LEAST)
+    def onset(self, film: FilmName) -> float:
+        """Return the first of two successive speeds at which a film's whirl is visible, rad/s; NaN for none."""
+        seen = self._visible(film)
         both = np.flatnonzero(seen[:-1] & seen[1:])
         return float(self.speeds[both[0]]) if both.size else math.nan
+
+    def end(self, film: FilmName) -> float:
+        """Return the last speed at which a film's whirl is visible, rad/s; NaN for none."""
+        seen = np.flatnonzero(self._visible(film))
+        return float(self.speeds[seen[-1]]) if seen.size else math.nan
+
+    def _visible(self, film: FilmName) -> NDArray[np.bool_]:
+        _, size = self.whirl(film)
+        return np.asarray((size > VISIBLE * self.first_order) & (size > LEAST))
+
+
+def combinations(order: float) -> FloatArray:
+    """Return the orders of a component's combinations with 1X, itself among them."""
+    times = np.arange(-COMBINED, COMBINED + 1)
+    return np.asarray(np.abs(times[:, None] + order * times).ravel())
 
 
 def run_up(
@@ -124,8 +173,6 @@ def run_up(
     speeds = np.asarray(speeds, np.float64)
     if speeds.ndim != 1 or speeds.size < 2 or not np.all(speeds > 0):
         raise ValueError(f"speeds: {speeds}, rad/s, expected two or more above 0")
-    if not (math.isfinite(seed) and seed >= 0):
-        raise ValueError(f"seed: {seed:g} m, expected a finite value, 0 or more")
     if station is not None:
         parameters = replace(parameters, probe_station=station)
     empty = order_spectrum(np.zeros(turns * STEPS), turns)[0]
@@ -134,20 +181,22 @@ def run_up(
     stroboscopic = np.full((speeds.size, 2, turns), np.nan)
     peak_to_peak, growth_rates, settled = np.full((3, speeds.size), np.nan)
     orbit = np.full((speeds.size, 2, min(turns, ORBIT_TURNS) * STEPS), np.nan)
+    films = np.full((speeds.size, 2, highest), np.nan)
     stepped = SteppedMotion(parameters, seed)
     for number, speed in enumerate(speeds):
         try:
-            moved = stepped.at(float(speed), settle).look(turns)[parameters.probe_station - 1]
+            seen = stepped.at(float(speed), settle).look(turns)
         except WallContactError:
             continue
         finally:
             growth_rates[number], settled[number] = stepped.growth_rate, stepped.turns_settled
+        moved, films[number] = seen.stations[parameters.probe_station - 1], seen.films[:, :highest]
         spectrum[number] = np.abs(order_spectrum(moved[0] - moved[0].mean(), turns)[1][:highest])
         stroboscopic[number] = moved[:, ::STEPS]
         peak_to_peak[number] = np.ptp(moved[0])
         orbit[number] = moved[:, -orbit.shape[2] :]
     seeding = Seeding(seed, growth_rates, settled) if seed else None
-    return RunUp(speeds, empty[:highest], spectrum, stroboscopic, peak_to_peak, orbit, seeding)
+    return RunUp(speeds, empty[:highest], spectrum, stroboscopic, peak_to_peak, orbit, films, seeding)
 
 
 def waterfall_study(found: RunUp, name: str) -> Study:
@@ -166,14 +215,16 @@ def waterfall_study(found: RunUp, name: str) -> Study:
         Where the motion reached a wall at all of them.
     """
     at_the_wall = _wall_remarks(found)
-    inner, outer = found.component(INNER) * 1e6, found.component(OUTER) * 1e6
+    columns: dict[str, FloatArray] = {}
+    for film in FilmName:
+        order, size = found.whirl(film)
+        columns |= {f"{film}_whirl_order": np.where(size > LEAST, order, np.nan), f"{film}_whirl_um_pk": size * 1e6}
     return Study(
         f"Waterfall, {name}",
         {
             "speed_rad_s": found.speeds,
             "first_order_um_pk": found.first_order * 1e6,
-            "inner_whirl_um_pk": inner,
-            "outer_whirl_um_pk": outer,
+            **columns,
             "overall_um_pp": found.peak_to_peak * 1e6,
             **_seeding_columns(found.seeding),
         },
@@ -181,9 +232,9 @@ def waterfall_study(found: RunUp, name: str) -> Study:
         (
             *(
                 f"{film} film: " + (f"whirl from {onset:,.0f} rad/s" if math.isfinite(onset) else "no whirl")
-                for film, onset in (("inner", found.onset(INNER)), ("outer", found.onset(OUTER)))
+                for film, onset in ((film, found.onset(film)) for film in FilmName)
             ),
-            "told apart by order alone: the inner film's whirl at 0.7X comes with its difference to 1X at 0.3X",
+            "a whirl is the film's in which its surfaces move most against each other, in parts of the clearance",
             *at_the_wall,
             *_seeding_remarks(found),
         ),
@@ -213,9 +264,7 @@ def _seeding_remarks(found: RunUp) -> list[str]:
     if seeding is None:
         return ["not seeded: an unstable motion may stay where it is for long"]
     size = f"{seeding.size * 1e6:g} µm"
-    said = [
-        f"unstable motions seeded with {size} along their least stable whirl, with {MOST_TURNS:,} turns at most to grow"
-    ]
+    said = [f"unstable motions seeded with {size} along each film's whirl, with {MOST_TURNS:,} turns at most to grow"]
     unstable = seeding.growth_rates > 0
     if unstable.any():
         said.append(f"by eigenvalues first unstable at {found.speeds[unstable][0]:,.0f} rad/s of these speeds")

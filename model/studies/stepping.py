@@ -1,8 +1,8 @@
 """A motion that goes from speed to speed and is disturbed where it is unstable, as on a bench everything does.
 
 Integrated in time, an unstable motion may stay where it is for thousands of turns: only rounding disturbs it. So it is
-seeded at each speed: moved a little the way in which its least stable whirl begins, as the eigenvalues say. Then it
-settles for as long as what is there of a whirl, the seed at least, takes to grow to the inner clearance; where the
+seeded at each speed: moved a little the way in which each film's unstable whirl begins, as the eigenvalues say. Then it
+settles for as long as what is there of each whirl, the seed at least, takes to grow to the inner clearance; where the
 synchronous motion is stable, for as long as it takes to decay to the seed; up to a limit.
 """
 
@@ -12,16 +12,39 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.orders import order_spectrum
 from model.errors import ModelError
 from model.motion import ShaftMotion
 from model.parameters import ModelParameters
 from model.stability import SynchronousOrbit, synchronous_orbit
+from model.whirl import FilmName, Whirl
 
 FloatArray = NDArray[np.float64]
 
 STEPS = 96  # a turn
 SEED = 0.02e-6  # m: a tenth of the smallest whirl that counts
 MOST_TURNS = 4000  # that a seed is given to grow
+BESIDE = 2.5  # lines of a spectrum beside a component: what the window spreads it over
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Seen:
+    """What was seen of a motion over some turns, from theta = 0 on.
+
+    Parameters
+    ----------
+    stations : ndarray of float64, shape (n_stations, 2, n)
+        Displacement in X and Y, m.
+    orders : ndarray of float64, shape (n_orders,)
+        From 0.
+    films : ndarray of float64, shape (2, n_orders)
+        Spectrum of the inner and of the outer films' eccentricity ratios, peak, all directions and both bearings
+        together: the root of the sum of squares.
+    """
+
+    stations: FloatArray
+    orders: FloatArray
+    films: FloatArray
 
 
 @dataclass(slots=True)
@@ -38,6 +61,11 @@ class SteppedMotion:
         At the present speed, of the synchronous motion's least stable whirl, 1/s; NaN where it is not known.
     turns_settled : int
         At the present speed.
+
+    Raises
+    ------
+    ValueError
+        Where the seed makes no sense.
     """
 
     parameters: ModelParameters
@@ -46,13 +74,21 @@ class SteppedMotion:
     turns_settled: int = field(default=0, init=False)
     _motion: ShaftMotion | None = field(default=None, init=False)
     _orbit: SynchronousOrbit | None = field(default=None, init=False)
-    _spread: float | None = field(default=None, init=False)  # of positions once a turn when last looked at, m
+    _seen: Seen | None = field(default=None, init=False)
+
+    def __post_init__(self) -> None:
+        clearance = self.parameters.bearing.inner_clearance
+        if not 0 <= self.seed < clearance:
+            raise ValueError(
+                f"seed: {self.seed * 1e6:g} µm, expected 0 or more and less than the inner clearance of "
+                f"{clearance * 1e6:g} µm"
+            )
 
     def at(self, speed: float, settle: int) -> "SteppedMotion":
         """Go to a speed, rad/s, settle there for so many turns or more; WallContactError where that is impossible."""
         motion, self._motion = self._motion, None  # none is left where the wall is reached
         if motion is None:
-            motion, self._spread = ShaftMotion(self.parameters, speed, settle), None
+            motion, self._seen = ShaftMotion(self.parameters, speed, settle), None
             self.turns_settled = settle + self._disturb(motion)
             further = self.turns_settled - settle
         else:
@@ -63,18 +99,19 @@ class SteppedMotion:
         self._motion = motion
         return self
 
-    def look(self, turns: int) -> FloatArray:
-        """Return what every station does in the next turns, (n_stations, 2, n), m, from theta = 0 on."""
+    def look(self, turns: int) -> Seen:
+        """Return what every station and film does in the next turns."""
         if self._motion is None:
             raise ValueError("motion: none, expected one that has been brought to a speed")
         motion, self._motion = self._motion, None
-        moved = motion.turns_of_all(turns, STEPS)
-        self._spread = float(np.ptp(moved[self.parameters.probe_station - 1, :, ::STEPS], axis=1).max())
-        self._motion = motion
-        return moved
+        stations, films = motion.turns_with_films(turns, STEPS)
+        orders, spectrum = order_spectrum(films - films.mean(axis=-1, keepdims=True), turns)
+        both = np.linalg.norm(spectrum.reshape(2, 4, -1), axis=1)
+        self._motion, self._seen = motion, Seen(stations, orders, both)
+        return self._seen
 
     def _disturb(self, motion: ShaftMotion) -> int:
-        """Seed the motion where it is unstable; return the turns that a whirl needs to grow, or to decay."""
+        """Seed the motion where it is unstable; return the turns that whirls need to grow, or to decay."""
         if self.seed == 0:
             return 0
         try:
@@ -83,11 +120,23 @@ class SteppedMotion:
             self._orbit, self.growth_rate = None, math.nan
             return 0
         self.growth_rate = self._orbit.growth_rate
-        clearance = self.parameters.bearing.inner_clearance
-        if self.growth_rate > 0:
-            motion.disturb(self.seed * self._orbit.disturbance)
-            part = clearance / min(max(self._spread or 0.0, self.seed), clearance)
-        else:  # what comes from rest is of the clearance's size
-            part = max(clearance if self._spread is None else min(self._spread, clearance), self.seed) / self.seed
-        per_turn = abs(self.growth_rate) * 2 * math.pi / motion.speed
-        return math.ceil(min(math.log(part) / max(per_turn, 1e-300), MOST_TURNS))
+        clearance, needed = self.parameters.bearing.inner_clearance, 0.0
+        for whirl, disturbance in zip(self._orbit.whirls, self._orbit.disturbances, strict=True):
+            if whirl.growth_rate > 0:
+                motion.disturb(self.seed * disturbance)
+                part = clearance / min(max(self._size(whirl, 0.0), self.seed), clearance)
+            else:  # what comes from rest is of the clearance's size
+                part = max(min(self._size(whirl, clearance), clearance), self.seed) / self.seed
+            per_turn = abs(whirl.growth_rate) * 2 * math.pi / motion.speed
+            needed = max(needed, math.log(part) / max(per_turn, 1e-300))
+        return math.ceil(min(needed, MOST_TURNS))
+
+    def _size(self, whirl: Whirl, otherwise: float) -> float:
+        """Return what there was of a whirl when the motion was last looked at, m; ``otherwise`` where it was not."""
+        if self._seen is None:
+            return otherwise
+        bearing, seen = self.parameters.bearing, self._seen
+        is_inner = whirl.film is FilmName.INNER
+        near = np.abs(seen.orders - abs(whirl.order)) <= BESIDE * seen.orders[1]
+        largest = float(seen.films[0 if is_inner else 1][near].max(initial=0.0))
+        return largest * (bearing.inner_clearance if is_inner else bearing.outer_clearance)

@@ -14,11 +14,15 @@ from numpy.typing import NDArray
 
 from model.gj90c import gj90c
 from model.parameters import ModelParameters
-from model.studies.run_up import INNER, OUTER, RunUp, bifurcation_plot, run_up, waterfall_surface
+from model.studies.onset import Stability, stability
+from model.studies.run_up import LEAST, RunUp, bifurcation_plot, run_up, waterfall_surface
+from model.studies.stepping import SEED
 from model.studies.study import Plot, Surface
-from model.studies.synchronous import Stability, stability
-from model.studies.thesis_chapter_6_looks import HARMONIC, Look
+from model.studies.thesis_chapter_6_looks import Component, Look
 from model.thesis_report import Comparison
+from model.whirl import FilmName
+
+INNER, OUTER = FilmName.INNER, FilmName.OUTER
 
 FloatArray = NDArray[np.float64]
 
@@ -28,6 +32,11 @@ SPEEDS.flags.writeable = False
 RESONANT = 6000.0  # rad/s: above it the printed imbalance meets an undamped resonance
 UNDAMPED = "; above 6,000 rad/s the undamped resonance at 7,526 rad/s: sizes without meaning, off the scale"
 ONSET_TOLERANCE = 100.0  # rad/s, the step of the run-ups
+ORDER_TOLERANCE = 0.05  # of an order that is stated in tens of percent
+HALF_SPEED = {
+    INNER: "half the sum of both surfaces' speeds, which the text names as the cause, is 0.703 for a centred journal",
+    OUTER: "half the ring's speed is 0.203 for a centred ring",
+}
 BY_CHANCE = "near the stated one, which proves little: most others are far off"
 PINNED = "at this imbalance the journals are pinned near the wall"
 NOT_FOLLOWING = (
@@ -55,7 +64,9 @@ class Case:
     static_load : float
         On each ring, N.
     inner_onset, outer_onset : float
-        Stated, rad/s.
+        Stated, rad/s; NaN where nothing is.
+    inner_end : float
+        Stated, rad/s: where the inner film's whirl ends; NaN where nothing is.
     share : float
         Of the printed imbalance that is computed.
     looks : tuple of Look
@@ -71,6 +82,7 @@ class Case:
     static_load: float = 0.0
     inner_onset: float = math.nan
     outer_onset: float = math.nan
+    inner_end: float = math.nan
     share: float = SHARE
     looks: tuple[Look, ...] = ()
 
@@ -88,47 +100,50 @@ class Case:
 CASES = (
     Case(
         "imbalance 1e-5 kg m", "Fig. 6.1", imbalance=1e-5, inner_onset=2600, outer_onset=6700,
-        looks=(Look("Fig. 6.4a", 3000, (INNER,)), Look("Fig. 6.5a", 6000, (OUTER, INNER))),
+        looks=(
+            Look("Fig. 6.4a", 3000, (Component.INNER,), 0.6),
+            Look("Fig. 6.5a", 6000, (Component.OUTER, Component.INNER)),
+        ),
     ),
     Case(
         "imbalance 2.5e-5 kg m, the base case", "Fig. 6.2", inner_onset=3500, outer_onset=6000,
-        looks=(Look("Fig. 6.4b", 3000, ()), Look("Fig. 6.5b", 6000, (OUTER,))),
+        looks=(Look("Fig. 6.4b", 3000, ()), Look("Fig. 6.5b", 6000, (Component.OUTER,))),
     ),
     Case(
         "imbalance 5e-5 kg m", "Fig. 6.3", imbalance=5e-5, inner_onset=4100, outer_onset=5000,
-        looks=(Look("Fig. 6.4c", 3000, ()), Look("Fig. 6.5c", 6000, (OUTER,))),
+        looks=(Look("Fig. 6.4c", 3000, ()), Look("Fig. 6.5c", 6000, (Component.OUTER,))),
     ),
     Case(
         "viscosity 5 mPa s", "Fig. 6.6", viscosity=0.005, inner_onset=1700, outer_onset=4500,
-        looks=(Look("Fig. 6.8a", 2000, (INNER,)), Look("Fig. 6.9a", 6000, (OUTER,))),
+        looks=(Look("Fig. 6.8a", 2000, (Component.INNER,), 0.6), Look("Fig. 6.9a", 6000, (Component.OUTER,), 0.2)),
     ),
     Case(
         "viscosity 35 mPa s", "Fig. 6.7", viscosity=0.035, inner_onset=2900, outer_onset=6700,
-        looks=(Look("Fig. 6.8b", 2000, ()), Look("Fig. 6.9b", 6000, (OUTER, INNER))),
+        looks=(Look("Fig. 6.8b", 2000, ()), Look("Fig. 6.9b", 6000, (Component.OUTER, Component.INNER))),
     ),
     Case(
         "inner clearance 15 µm", "Fig. 6.10", inner_clearance=15e-6, inner_onset=2800, outer_onset=5000,
-        looks=(Look("Fig. 6.12a", 3000, ()), Look("Fig. 6.13a", 6000, (OUTER,))),
+        looks=(Look("Fig. 6.12a", 3000, ()), Look("Fig. 6.13a", 6000, (Component.OUTER,))),
     ),
     Case(
         "inner clearance 25 µm", "Fig. 6.11", inner_clearance=25e-6, inner_onset=4000, outer_onset=5900,
-        looks=(Look("Fig. 6.12b", 3000, ()), Look("Fig. 6.13b", 6000, (OUTER,))),
+        looks=(Look("Fig. 6.12b", 3000, ()), Look("Fig. 6.13b", 6000, (Component.OUTER,))),
     ),
     Case(
-        "outer clearance 70 µm", "Fig. 6.14", outer_clearance=70e-6, inner_onset=800, outer_onset=6000,
-        looks=(Look("Fig. 6.16a", 3000, (HARMONIC,)), Look("Fig. 6.17a", 6000, (OUTER,))),
+        "outer clearance 70 µm", "Fig. 6.14", outer_clearance=70e-6, inner_end=800, outer_onset=6000,
+        looks=(Look("Fig. 6.16a", 3000, (Component.HARMONIC,)), Look("Fig. 6.17a", 6000, (Component.OUTER,))),
     ),
     Case(
         "outer clearance 90 µm", "Fig. 6.15", outer_clearance=90e-6, inner_onset=2500, outer_onset=4900,
-        looks=(Look("Fig. 6.16b", 3000, ()), Look("Fig. 6.17b", 6000, (OUTER,))),
+        looks=(Look("Fig. 6.16b", 3000, ()), Look("Fig. 6.17b", 6000, (Component.OUTER,))),
     ),
     Case(
         "static load 2 N", "Fig. 6.18", static_load=2.0, inner_onset=3000, outer_onset=5300,
-        looks=(Look("Fig. 6.20a", 3000, ()), Look("Fig. 6.21a", 6000, (OUTER,))),
+        looks=(Look("Fig. 6.20a", 3000, ()), Look("Fig. 6.21a", 6000, (Component.OUTER,))),
     ),
     Case(
         "static load 5 N", "Fig. 6.19", static_load=5.0, inner_onset=2500, outer_onset=5000,
-        looks=(Look("Fig. 6.20b", 3000, (INNER,)), Look("Fig. 6.21b", 6000, (OUTER,))),
+        looks=(Look("Fig. 6.20b", 3000, (Component.INNER,), 0.6), Look("Fig. 6.21b", 6000, (Component.OUTER,))),
     ),
     Case("1e-5 kg m as printed", "Fig. 6.1", imbalance=1e-5, inner_onset=2600, outer_onset=6700, share=1.0),
 )  # fmt: skip
@@ -141,7 +156,7 @@ class Outcome:
     Parameters
     ----------
     run : RunUp
-        40 turns to settle and 64 looked at, every 100 rad/s.
+        Every 100 rad/s, seeded where it is unstable: 40 turns or more to settle and 64 looked at.
     stability : Stability
         Of the synchronous motion, by eigenvalues.
     """
@@ -153,58 +168,87 @@ class Outcome:
 def run_case(case: Case) -> Outcome:
     """Return a case computed again; takes some seconds."""
     parameters = case.parameters()
-    return Outcome(run_up(parameters, SPEEDS), stability(parameters, SPEEDS[::2], 5.0))
+    return Outcome(run_up(parameters, SPEEDS, seed=SEED), stability(parameters, SPEEDS[::2], 5.0))
 
 
 def chapter_6_comparisons(found: tuple[Outcome, ...]) -> list[Comparison]:
     """Return what chapter 6 states of its cases and frequencies, beside what run-ups of `CASES` showed."""
-    comparisons = []
+    onsets, orders = [], []
     for case, one in zip(CASES, found, strict=True):
-        for film, band, stated in (("inner", INNER, case.inner_onset), ("outer", OUTER, case.outer_onset)):
-            onset = one.run.onset(band)
-            why = PINNED if case.share == 1 else NOT_FOLLOWING
-            if abs(onset - stated) <= ONSET_TOLERANCE:
-                why = BY_CHANCE
-            comparisons.append(
-                Comparison(
-                    case.figures,
-                    f"{film} film's onset, {case.name}",
-                    "rad/s",
-                    stated,
-                    onset if math.isfinite(onset) else None,
-                    ONSET_TOLERANCE,
-                    note=("" if math.isfinite(onset) else f"no whirl of the {film} film; ")
-                    + f"{why}; {_bands(one.stability)}",
-                )
-            )
-    base = found[1].run
-    outer, inner = _order_at_onset(base, OUTER), _order_at_onset(base, INNER)
-    is_combination = outer is not None and inner is not None and abs(inner - (1 - 2 * outer)) < 0.02
-    own = "half the sum of both surfaces' speeds is 0.703 for a centred journal"
-    combination = f"1X less twice the outer film's whirl, not the inner film's own: {own}" if is_combination else own
-    ring = "half the ring's speed: 0.203 for a centred ring"
-    for film, stated, order, tolerance, note in (
-        ("outer", 0.2, outer, 0.02, ring),
-        ("inner", 0.6, inner, 0.11, combination),
-    ):
-        where = f"order of the {film} film's whirl, base case"
-        comparisons.append(Comparison("Section 6.2", where, "X", stated, order, tolerance, note=note))
-    return comparisons
+        onsets += [_edge(case, one, film, stated) for film, stated in _stated_onsets(case)]
+        if math.isfinite(case.inner_end):
+            onsets.append(_edge(case, one, INNER, case.inner_end, is_end=True))
+        orders += [_order(look, case, one.run) for look in case.looks if math.isfinite(look.order)]
+    return [*onsets, *orders]
 
 
-def _bands(found: Stability) -> str:
-    """Return what the eigenvalues say."""
-    parts = [f"{one.start:,.0f} to {one.stop:,.0f} rad/s ({one.whirl_order:.2f}X)" for one in found.bands]
+def _stated_onsets(case: Case) -> list[tuple[FilmName, float]]:
+    stated = ((INNER, case.inner_onset), (OUTER, case.outer_onset))
+    return [(film, speed) for film, speed in stated if math.isfinite(speed)]
+
+
+def _edge(case: Case, one: Outcome, film: FilmName, stated: float, *, is_end: bool = False) -> Comparison:
+    """Return where a film's whirl begins or ends beside what is stated."""
+    speed = one.run.end(film) if is_end else one.run.onset(film)
+    why = PINNED if case.share == 1 else NOT_FOLLOWING
+    if abs(speed - stated) <= ONSET_TOLERANCE:
+        why = BY_CHANCE
+    elif math.isnan(speed):
+        why = f"no whirl of the {film} film; {why}"
+    return Comparison(
+        case.figures,
+        f"{film} film's {'end of whirl' if is_end else 'onset'}, {case.name}",
+        "rad/s",
+        stated,
+        speed if math.isfinite(speed) else None,
+        ONSET_TOLERANCE,
+        note=f"{why}; {_bands(one.stability, film)}",
+    )
+
+
+def _order(look: Look, case: Case, run: RunUp) -> Comparison:
+    (component,) = look.stated
+    film = INNER if component is Component.INNER else OUTER
+    order, size = look.size(run, component)
+    return Comparison(
+        look.figure,
+        f"order of the {film} film's whirl at {look.speed:,.0f} rad/s, {case.name}",
+        "X",
+        look.order,
+        order if size > LEAST else None,
+        ORDER_TOLERANCE,
+        note=HALF_SPEED[film] if size > LEAST else f"no whirl of the {film} film there",
+    )
+
+
+def _bands(found: Stability, film: FilmName) -> str:
+    """Return what the eigenvalues say of a film."""
+    parts = [
+        f"from {one.start:,.0f} to {one.stop:,.0f} rad/s ({one.order:.2f}X)" for one in found.bands if one.film is film
+    ]
     return "by eigenvalues unstable " + (" and ".join(parts) if parts else "nowhere")
 
 
-def _order_at_onset(found: RunUp, band: tuple[float, float]) -> float | None:
-    onset = found.onset(band)
-    if not math.isfinite(onset):
-        return None
-    row = found.spectrum[int(np.argmin(np.abs(found.speeds - onset)))]
-    inside = (found.orders >= band[0]) & (found.orders < band[1])
-    return float(found.orders[inside][int(np.argmax(row[inside]))])
+def onsets_by_eigenvalues(found: tuple[Outcome, ...]) -> str:
+    """Return how the run-ups' onsets stand to the eigenvalues', which need no time to grow."""
+    others, agreeing = [], 0
+    for case, one in zip(CASES, found, strict=True):
+        for film in FilmName:
+            seen, expected = one.run.onset(film), one.stability.onset(film)
+            beyond = one.run.speeds[one.run.speeds >= expected]  # none where nothing is expected
+            if (seen == beyond[0]) if beyond.size else math.isnan(seen):
+                agreeing += 1
+            else:
+                others.append(f"{film} film, {case.name}: {_at(seen)}, by eigenvalues {_at(expected)}")
+    elsewhere = f"; elsewhere growth is slow, or the other film whirls already: {'; '.join(others)}" if others else ""
+    return (
+        f"{agreeing} of {agreeing + len(others)} onsets of a film stand at the first speed beyond the eigenvalues' "
+        f"onset, or neither shows any{elsewhere}."
+    )
+
+
+def _at(speed: float) -> str:
+    return f"{speed:,.0f} rad/s" if math.isfinite(speed) else "none"
 
 
 @dataclass(frozen=True, slots=True)
@@ -237,8 +281,8 @@ def trends(found: tuple[Outcome, ...]) -> list[Trend]:
     outer_gap = ("outer clearance 70 µm", base, "outer clearance 90 µm")
     load = (base, "static load 2 N", "static load 5 N")
 
-    def trend(text: str, names: tuple[str, ...], band: tuple[float, float], sign: int) -> Trend:
-        onsets = [by_name[name].onset(band) for name in names]
+    def trend(text: str, names: tuple[str, ...], film: FilmName, sign: int) -> Trend:
+        onsets = [by_name[name].onset(film) for name in names]
         sizes = [one if math.isfinite(one) else math.inf for one in onsets]  # no whirl: later than any
         steps = [(later > earlier) - (later < earlier) for earlier, later in itertools.pairwise(sizes)]
         seen = " → ".join(f"{one:,.0f} rad/s" if math.isfinite(one) else "none" for one in onsets)

@@ -116,7 +116,8 @@ def test_onset_of_the_default_rotor_is_found_by_bisection(capsys: Capture) -> No
     found = document(capsys, "onset", "--speeds", "600:1000:3")
     [remark] = [str(remark) for remark in found["remarks"]]
     # docs/model.md: the synchronous motion is unstable from 7,700 r/min, 806 rad/s, at 0.70X
-    assert remark == "unstable from 800 to 1,000 rad/s, whirl at 0.70X"
+    assert remark == "inner film: unstable from 800 to 1,000 rad/s, whirl at 0.70X"
+    assert {str(row["film"]) for row in found["rows"]} == {"inner"}
 
 
 @pytest.mark.parametrize(
@@ -132,6 +133,7 @@ def test_onset_of_the_default_rotor_is_found_by_bisection(capsys: Capture) -> No
         (["waterfall", "--station", "7"], "probe_station: 7, expected 1 to 6"),
         (["motion", "--station", "7"], "probe_station: 7, expected 1 to 6"),
         (["motion", "--turns", "2"], "--turns 2: expected 8 or more"),
+        (["motion", "--seed-um", "50"], "seed: 50 µm, expected 0 or more and less than the inner clearance of 20 µm"),
     ],
 )
 def test_what_cannot_be_is_said_in_one_message(arguments: list[str], message: str, capsys: Capture) -> None:

@@ -13,7 +13,9 @@ from model.gj90c import gj90c
 from model.modes import free_modes
 from model.motion import ShaftMotion
 from model.parameters import Imbalance, ModelParameters
+from model.stability import synchronous_orbit
 from model.synchronous import synchronous_response
+from model.system import ModalSystem
 
 FloatArray = NDArray[np.float64]
 
@@ -158,6 +160,35 @@ def test_motion_that_reaches_the_wall_says_where_and_at_what_speed() -> None:
     dry = gj90c(viscosity=1e-7)
     with pytest.raises(WallContactError, match=r"eccentricity: the ring came to .* µm of the outer .* at 10\.0 rad/s"):
         ShaftMotion(dry, 10.0)
+
+
+@pytest.mark.parametrize(
+    ("ring", "film"), [(81e-6, "inner"), (1.0, "inner"), (79.9999e-6, "inner")], ids=["beyond", "far beyond", "at it"]
+)
+def test_state_beyond_the_wall_is_refused_and_changes_nothing(default: ModelParameters, ring: float, film: str) -> None:
+    motion = ShaftMotion(default, 900.0, 5)
+    before, beyond = motion.state, motion.state
+    beyond[0, -1] = ring
+    said = rf"eccentricity: the journal came to .* µm of the {film} film's clearance of 20 µm at 950\.0 rad/s, expected"
+    with pytest.raises(WallContactError, match=said):
+        motion.resume(beyond, 950.0)
+    assert np.array_equal(motion.state, before)
+    beyond[0] = 0
+    beyond[0, -1] = 80e-6  # the ring in the housing, the journal in the middle of the ring
+    beyond[0, :6] = np.linalg.lstsq(ModalSystem.of(default).shaft.journals, np.array([0, 80e-6]), rcond=None)[0]
+    with pytest.raises(WallContactError, match=r"eccentricity: the ring came to 80\.00 µm of the outer film's"):
+        motion.resume(beyond, 950.0)
+    beyond[0, -1] = np.nan
+    with pytest.raises(ValueError, match="state: expected finite values"):
+        motion.resume(beyond, 950.0)
+
+
+def test_disturbance_that_leads_to_the_wall_is_told(default: ModelParameters) -> None:
+    orbit = synchronous_orbit(default, 900.0)
+    with pytest.raises(WallContactError, match=r"eccentricity: the .* came to .* at 900\.0 rad/s"):
+        ShaftMotion(default, 900.0, 5).disturb(30e-6 * orbit.disturbance)
+    with pytest.raises(WallContactError, match=r"eccentricity: the .* came to .* at 900\.0 rad/s"):
+        ShaftMotion(default, 900.0, 5).stand(orbit.standing + 90e-6 * orbit.disturbance)
 
 
 @pytest.mark.parametrize(

@@ -11,10 +11,12 @@ from model.gj90c import gj90c
 from model.motion import ShaftMotion
 from model.parameters import ModelParameters
 from model.studies.motion import Shown, motion_study
-from model.studies.run_up import INNER, OUTER, bifurcation_study, run_up, waterfall_study
+from model.studies.onset import stability
+from model.studies.run_up import bifurcation_study, run_up, waterfall_study
 from model.studies.stepping import MOST_TURNS, SEED, STEPS, SteppedMotion
-from model.studies.synchronous import response_study, stability
+from model.studies.synchronous import response_study
 from model.studies.vary import varied
+from model.whirl import FilmName
 
 SPEEDS = np.arange(780.0, 881.0, 20.0)
 
@@ -23,11 +25,11 @@ def test_seeded_run_up_shows_the_whirl_where_the_eigenvalues_say(default: ModelP
     (band,) = stability(default, SPEEDS).bands
     first = float(SPEEDS[np.searchsorted(SPEEDS, band.start)])
     seeded = run_up(default, SPEEDS, 60, 64, seed=SEED)
-    assert seeded.onset(INNER) == first
-    assert run_up(default, SPEEDS, 60, 64).onset(INNER) > first
+    assert seeded.onset(FilmName.INNER) == first
+    assert run_up(default, SPEEDS, 60, 64).onset(FilmName.INNER) > first
     assert seeded.seeding is not None
     assert np.array_equal(seeded.seeding.growth_rates > 0, np.greater_equal(SPEEDS, first))
-    assert seeded.component(INNER)[: int(np.argmax(first == SPEEDS))].max() < 2 * SEED
+    assert seeded.whirl(FilmName.INNER)[1][: int(np.argmax(first == SPEEDS))].max() < 2 * SEED
     assert "growth_rate_1_s" in waterfall_study(seeded, "").columns
     remarks = " ".join(waterfall_study(seeded, "").remarks)
     assert "seeded with 0.02 µm" in remarks
@@ -54,7 +56,7 @@ def test_onset_of_a_seeded_run_up_is_the_eigenvalues_of_any_rotor(changes: dict[
     found = run_up(parameters, speeds, 60, 64, seed=SEED)
     assert found.seeding is not None
     e_folds = found.seeding.growth_rates * MOST_TURNS * 2 * math.pi / speeds
-    onset = found.onset(INNER if band.whirl_order > 0.4 else OUTER)
+    onset = found.onset(band.film)
     # not before the eigenvalues' onset, nor later than where the seed has the time to grow to what counts, and a bit
     assert band.start <= onset <= speeds[int(np.argmax(e_folds > 3))]
 
@@ -97,7 +99,7 @@ def test_motion_at_a_speed_lists_stations_orbit_spectrum_and_poincares_points(de
         return motion_study(default, 1600.0, 3, 40, 16, seed=SEED, shown=shown).rows()
 
     stepped = SteppedMotion(default, SEED)
-    path = stepped.at(1600.0, 40).look(16)[2] * 1e6
+    path = stepped.at(1600.0, 40).look(16).stations[2] * 1e6
     orbit = np.array([[row["x_um"], row["y_um"]] for row in listed(Shown.ORBIT)], float)
     assert np.array_equal(orbit.T, path[:, -8 * STEPS :])
     points = np.array([[row["x_um"], row["y_um"]] for row in listed(Shown.POINCARE)], float)
@@ -126,7 +128,9 @@ def test_motion_that_makes_no_sense_is_refused(default: ModelParameters, speed: 
 
 
 def test_seed_that_makes_no_sense_is_refused(default: ModelParameters) -> None:
-    with pytest.raises(ValueError, match="seed: -1e-08 m, expected a finite value, 0 or more"):
-        run_up(default, SPEEDS, seed=-1e-8)
+    for seed, said in ((-1e-8, "-0.01"), (math.nan, "nan"), (20e-6, "20")):
+        expected = f"seed: {said} µm, expected 0 or more and less than the inner clearance of 20 µm"
+        with pytest.raises(ValueError, match=expected):
+            run_up(default, SPEEDS, seed=seed)
     with pytest.raises(ValueError, match="motion: none, expected one that has been brought to a speed"):
         SteppedMotion(default, SEED).look(8)

@@ -10,9 +10,9 @@ from model.errors import EquilibriumError, ModelError, WallContactError
 from model.gj90c import gj90c
 from model.lubrication import nominal
 from model.studies.films import lubrication_study
+from model.studies.onset import onset_study
 from model.studies.run_up import RunUp, bifurcation_study, run_up, waterfall_study
 from model.studies.study import Study
-from model.studies.synchronous import onset_study
 
 THIN = gj90c(viscosity=1e-9)
 

@@ -11,7 +11,7 @@ from model.gj90c import gj90c
 from model.motion import ShaftMotion
 from model.parameters import ModelParameters
 from model.stability import SynchronousOrbit, synchronous_orbit
-from model.studies.synchronous import stability
+from model.studies.onset import stability
 from model.system import ModalSystem
 from tests.model.equations import at_rest, compiled_rates, numpy_rates
 

@@ -15,10 +15,11 @@ from model.parameters import ModelParameters
 from model.studies.films import film_study, lubrication_study
 from model.studies.linear import SOFT, campbell_stiffness, campbell_study, critical_study, modes_study
 from model.studies.motion import Shown, motion_study
+from model.studies.onset import onset_study
 from model.studies.run_up import RunUp, bifurcation_study, run_up, waterfall_study
 from model.studies.stepping import SEED
 from model.studies.study import Study
-from model.studies.synchronous import onset_study, response_study
+from model.studies.synchronous import response_study
 
 AddKind = Callable[[str, str], argparse.ArgumentParser]
 Compute = Callable[[ModelParameters, argparse.Namespace], Study]

@@ -15,6 +15,7 @@ from model.studies.thesis_chapter_6 import (
     Outcome,
     chapter_6_comparisons,
     chapter_6_figures,
+    onsets_by_eigenvalues,
     run_case,
     trends,
 )
@@ -29,12 +30,13 @@ _CHAPTER_5 = (
     "Euler-Bernoulli shaft, lumped discs with gyroscopic moments, as printed in Table 5.1; radii, journals 3 and 4."
 )
 _CHAPTER_6 = (
-    "Run-ups in steps of 100 rad/s, 40 turns to settle and 64 looked at; onset: a component above a tenth of 1X at two "
-    "successive speeds. Two of the printed imbalances exceed what the clearances can bear, the smallest pins the "
-    "journals: the cases are computed at 0.05 of them. Components are told apart by their order alone, below and above "
-    "0.40X, so that 1X less the inner whirl (0.3X) and 1X less twice the outer one (0.6X) count as well; the "
-    "eigenvalues beside each onset tell which film lets go. Spectra and trajectories are those of the run-ups at that "
-    "speed; they miss what the onsets miss. Grey: the motion reached a wall."
+    "Run-ups in steps of 100 rad/s, 40 turns or more to settle and 64 looked at; onset: a film's whirl above a tenth "
+    "of 1X at two successive speeds. Two of the printed imbalances exceed what the clearances can bear, the smallest "
+    "pins the journals: the cases are computed at 0.05 of them. Unstable motions are seeded with 0.02 µm along each "
+    "film's whirl and given the time to grow: left to itself a motion stays unstable for as long as rounding lets it, "
+    "so that its onset would be the computer's, not the rotor's. A whirl is the film's in which its surfaces move most "
+    "against each other, as the integrated motion of the rings and the eigenvectors tell; combinations with 1X count "
+    "for no film. Spectra and trajectories are those of the run-ups at that speed. Grey: the motion reached a wall. "
 )
 
 
@@ -91,7 +93,7 @@ def compute_parts(tell: Callable[[str], None]) -> list[Part]:
         ),
         Part(
             "Chapter 6: whirl of the rotor on floating rings",
-            _CHAPTER_6,
+            _CHAPTER_6 + onsets_by_eigenvalues(outcomes),
             tuple(chapter_6_comparisons(outcomes)),
             tuple(chapter_6_figures(outcomes)),
             tuple(trends(outcomes)),
