@@ -101,8 +101,8 @@ class MarkSpacing:
         intervals = np.diff(times)
         if intervals.size < self._needed + self._marks:
             return None
-        ratios = intervals[self._marks :] / intervals[: -self._marks]
-        alike = (ratios < ALIKE) & (ratios > 1.0 / ALIKE)
+        later, before = intervals[self._marks :], intervals[: -self._marks]
+        alike = (later < ALIKE * before) & (before < ALIKE * later)
         bounds = np.flatnonzero(np.diff(np.concatenate([[False], alike, [False]]).astype(np.int8)))
         lengths = bounds[1::2] - bounds[::2]
         if not lengths.size or lengths.max() < self._needed:

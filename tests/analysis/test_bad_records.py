@@ -31,6 +31,7 @@ from analysis.shaft_angle import ShaftAngle, shaft_angle
 from analysis.speed_curve import speed_curves
 from analysis.subsynchronous import subsynchronous_tracks
 from analysis.synchronous_average import synchronous_average, synchronous_rest
+from analysis.tacho import PulseTrain
 from analysis.tacholess import record_without_tacho, speed_from_ridge
 from analysis.vold_kalman import order_envelopes
 
@@ -264,6 +265,23 @@ def test_any_pulses_give_an_angle_that_rises_or_one_refusal() -> None:
         assert (np.diff(angle.time(turns)) > 0.0).all()
         assert np.isfinite(angle.time_sigma(turns)).all()
     assert 50 < refused < 350
+
+
+def test_any_pulses_give_the_live_train_a_speed_that_is_finite_or_none() -> None:
+    random = np.random.default_rng(1)
+    told = 0
+    for _ in range(120):
+        train = PulseTrain(replace(TACHO, pulses_per_revolution=int(random.choice([1, 2, 3, 12]))), 30)
+        pulses = np.repeat(random_pulses(random), random.choice([1, 1, 1, 2]))  # a counter may stamp one tick twice
+        for hop in range(int(pulses[-1] / 0.1) + 30 if pulses.size else 30):
+            begin, end = np.searchsorted(pulses, [0.1 * hop, 0.1 * (hop + 1)])
+            train.advance(pulses[begin:end], 0.1 * (hop + 1), 0.1, 1e5)
+            speed, (turns, times) = train.speed(0.1), train.marks
+            assert np.isnan(speed) or 0.0 < speed < np.inf
+            assert (np.diff(turns) > 0).all()
+            assert (np.diff(times) > 0.0).all()
+            told += np.isfinite(speed)
+    assert told > 80
 
 
 def spoilt(row: Codes, random: np.random.Generator) -> Codes:
