@@ -1,6 +1,7 @@
 // Follows the live run over a WebSocket, asks for it where nothing is told, and says so when neither answers.
 
 import { clock } from "./figures.js";
+import { offerImport } from "./imports.js";
 import { drawIdle, drawLive } from "./live.js";
 import { listen } from "./live_socket.js";
 import { followPicture } from "./picture.js";
@@ -121,6 +122,7 @@ element("token").addEventListener("submit", (event) => {
   event.preventDefault();
   keepToken(element("token-value").value);
   drawRuns();
+  offerImport();
 });
 
 async function acknowledge() {
@@ -168,3 +170,4 @@ showViewer(document.body.dataset.viewer);
 setInterval(watch, 250);
 follow();
 listRuns();
+offerImport();

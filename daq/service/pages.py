@@ -21,6 +21,7 @@ ASSETS: Final = (
     "live_socket.js",
     "jobs.js",
     "runs.js",
+    "imports.js",
     "picture.js",
     "trend.js",
     "figures.js",

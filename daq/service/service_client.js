@@ -1,6 +1,7 @@
 // Asks the service; knows its token and tells failures apart.
 
 const KEY = "rig-token";
+const FILE_PATIENCE = 600000; // ms
 
 export class Problem extends Error {
   constructor(problem) {
@@ -34,6 +35,12 @@ export function ask(path, patience = 2000) {
 
 export function send(path, content = {}, patience = 2000) {
   return answer(path, { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(content) }, patience);
+}
+
+// Sends a file in; `name` is all that is told of it.
+export function sendFile(path, name, file) {
+  const request = { method: "POST", headers: { "Content-Type": "application/octet-stream" }, body: file };
+  return answer(`${path}?name=${encodeURIComponent(name)}`, request, FILE_PATIENCE);
 }
 
 async function answer(path, request, patience) {

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from starlette.types import ASGIApp, Receive, Scope, Send
 
@@ -15,7 +16,10 @@ from daq.service.app import create_app
 from daq.service.server import ServiceServer
 from daq.session.frame import LiveFrame, PlacedMark, RunState
 from recordings.marks import Mark
+from tests.daq.conftest import RigFactory
+from tests.daq.driven_browser import driven_page
 from tests.daq.frames import make_frames, with_alarm, with_further_alarms, with_runout, with_second_whirl
+from tests.daq.recorded_bench import API, open_recorded_bench, record_run
 from tests.daq.service_bench import Bench, open_bench
 from tests.daq.service_fakes import NEWEST, FakeCatalogue, FakeLive, FakeSummaries
 
@@ -135,7 +139,7 @@ def test_page_says_that_nothing_is_under_way_and_lists_the_runs(bench: Bench, tm
     page = seen(bench.server.url, tmp_path)
     assert 'data-state="idle"' in page
     assert text_of(page, "speed") == "–"
-    assert page.count("<details") == 4
+    assert page.count("<details data-run") == 4
     assert "no MCAP file" in page
 
 
@@ -204,3 +208,33 @@ def test_page_is_told_of_the_picture_and_does_not_ask_for_it(tmp_path: Path) -> 
     assert 'class="picture"' in page
     assert counting.asked.count("websocket /api/v1/live/picture/socket") == 1
     assert counting.asked.count("http /api/v1/live/picture") <= 2, "only while the socket opens"
+
+
+def test_file_is_imported_on_the_page(tmp_path: Path, rig: RigFactory) -> None:
+    folder = tmp_path / "data"
+    folder.mkdir()
+    still = [{"time_s": 0.0, "speed_rpm": 3000.0}, {"time_s": 0.2, "speed_rpm": 3000.0}]
+    record_run(rig(simulation={"profile": still}), folder)
+    times = np.arange(4000) / 4000.0
+    columns = (5 + np.cos(628.0 * times), 5 + np.sin(628.0 * times), np.where(np.cos(628.0 * times) > 0.9, 4.5, 0.2))
+    file = tmp_path / "old bench.csv"
+    np.savetxt(file, np.stack(columns, axis=1), delimiter=",", header="x [V],y [V],tacho [V]", comments="")
+    bench = open_recorded_bench(folder)
+    try:
+        with driven_page(str(CHROMIUM), tmp_path / "profile", str(bench.client.base_url)) as page:
+            page.until("!document.getElementById('importing').hidden")
+            page.value("document.querySelector('#importing > summary').click()")
+            page.until("document.getElementById('import-rig').options.length === 1")
+            page.choose_file("import-file", file)
+            page.until("!document.getElementById('import-form').hidden")
+            chosen = "[...document.querySelectorAll('#import-columns select')].map(one => one.value).join()"
+            assert page.value(chosen) == "x,V,y,V,tacho,V"
+            page.value("document.getElementById('import-rate-value').value = '4000'")
+            page.value("document.getElementById('import-words').value = 'cold oil'")
+            page.value("document.querySelector('#import-form button').click()")
+            page.until("document.getElementById('import-note').textContent.startsWith('Imported as ')")
+            page.until("document.querySelectorAll('#runs details').length === 2")
+        runs = bench.client.get(f"{API}/runs", params={"text": "cold oil"}).json()["runs"]
+        assert [(run["samples"], run["sample_rate_hz"], run["rig"]) for run in runs] == [(4000, 4000.0, "test-rig")]
+    finally:
+        bench.close()

@@ -2,9 +2,9 @@
 
 from pydantic import Field
 
-from analysis.run import Device, Limits
+from analysis.run import Channel, Device, Limits, Role
 from daq.service.documents.document import Document
-from daq.service.documents.units import micrometres, rpm
+from daq.service.documents.units import degrees, micrometres, rpm
 
 
 class DeviceDocument(Document):
@@ -14,6 +14,17 @@ class DeviceDocument(Document):
     product: str = Field(description="Product name as the device gives it", examples=["USB-6251"])
     serial: str = Field(description="Serial number as printed on it", examples=["1A2B3C"])
     simulated: bool = Field(description="Whether it is simulated: no real shaft turned", examples=[False])
+
+
+class ChannelDocument(Document):
+    """An input and what is wired to it."""
+
+    name: str = Field(description="The operator's name for it", examples=["x"])
+    role: Role = Field(description="What it measures", examples=["probe_x"])
+    angle_deg: float | None = Field(
+        description="Where a probe sits, degrees from +X (right), positive with the rotation; null for the tacho",
+        examples=[45.0],
+    )
 
 
 class LimitsDocument(Document):
@@ -44,6 +55,12 @@ class LimitsDocument(Document):
         description="Speed that raises the alarm, r/min; null: not watched", examples=[18_000.0]
     )
     speed_danger_rpm: float | None = Field(description="The same for danger, r/min", examples=[19_500.0])
+
+
+def channel_document(channel: Channel) -> ChannelDocument:
+    """Return a channel as a document."""
+    angle = None if channel.role is Role.TACHO else degrees(channel.angle)
+    return ChannelDocument(name=channel.name, role=channel.role, angle_deg=angle)
 
 
 def device_document(device: Device) -> DeviceDocument:

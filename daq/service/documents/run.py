@@ -7,7 +7,7 @@ from typing import Annotated
 from pydantic import Field
 
 from daq.service.documents.document import Document
-from daq.service.documents.header import DeviceDocument, device_document
+from daq.service.documents.header import ChannelDocument, DeviceDocument, channel_document, device_document
 from daq.service.documents.units import finite, moment
 from recordings.catalogue import RunEntry
 
@@ -22,6 +22,7 @@ class RunDocument(Document):
     rig: str | None = Field(description="Name of the rig", examples=["gj90c"])
     note: str | None = Field(description="The operator's words", examples=["after the oil change"])
     device: DeviceDocument | None = Field(description="What delivered the samples")
+    channels: tuple[ChannelDocument, ...] | None = Field(description="What was sampled, in the order of the samples")
     started_at: datetime = Field(
         description="Wall clock at the start, UTC; the file's last change where it cannot be read",
         examples=["2026-11-24T09:12:07.250000Z"],
@@ -62,6 +63,7 @@ def run_document(entry: RunEntry) -> RunDocument:
         rig=None if header is None else header.rig,
         note=None if header is None else header.note,
         device=None if header is None else device_document(header.acquisition.device),
+        channels=None if header is None else tuple(map(channel_document, header.acquisition.channels)),
         started_at=moment(entry.started_ns),
         duration_s=None if header is None else finite(entry.duration),
         sample_rate_hz=None if header is None else finite(header.acquisition.rate),
