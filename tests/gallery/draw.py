@@ -131,7 +131,12 @@ def order_lines(axes: Axes, run: Run) -> None:
     axes.semilogy(part.orders, part.amplitudes()[0].mean(axis=0) / MICRO, X, lw=1.0, label="x")
     axes.semilogy(part.orders, part.amplitudes()[1].mean(axis=0) / MICRO, Y, lw=1.0, label="y")
     axes.axhline(floor / MICRO, color=GREY, lw=0.8, ls="--", label="1 σ of the floor")
-    axes.set(title="Order spectrum, Hann, 16 turns", xlabel="order", ylabel="amplitude, µm peak", ylim=(1e-3, 30))
+    axes.set(
+        title="Order spectrum, 14,000 r/min, Hann, 16 turns",
+        xlabel="order",
+        ylabel="amplitude, µm peak",
+        ylim=(1e-3, 30),
+    )
     axes.legend()
 
 
@@ -140,7 +145,7 @@ def full_lines(axes: Axes, run: Run) -> None:
     found = full_spectrum(part.orders, part.spectrum, part.pair, run.mismatch)
     axes.semilogy(found.axis, found.amplitudes.mean(axis=0) / MICRO, X, lw=1.0)
     axes.axvline(0.0, color=GREY, lw=0.8)
-    axes.set(title="Full spectrum", xlabel="backward    order    forward", ylabel="amplitude, µm peak")
+    axes.set(title="Full spectrum, 14,000 r/min", xlabel="backward    order    forward", ylabel="amplitude, µm peak")
     axes.set(xlim=(-4, 4), ylim=(1e-3, 30))
 
 
@@ -192,14 +197,15 @@ def frequency_waterfall(axes: Axes, run: Run) -> None:
 def bode(amplitudes: Axes, phases: Axes, run: Run) -> None:
     raw = speed_curves(track_order(run.raw, 1.0), 150.0 / RPM)[0]
     amplitudes.plot(raw.speeds * RPM / 1e3, raw.amplitudes[0] / MICRO, GREY, lw=0.9, label="with run-out")
-    for curve, style in zip(speed_curves(track_order(run.record, 1.0), 150.0 / RPM), ("-", "--"), strict=False):
+    both = zip(speed_curves(track_order(run.record, 1.0), 150.0 / RPM), ((X, "-"), (Y, "--")), strict=False)
+    for curve, (colour, style) in both:
         speeds = curve.speeds * RPM / 1e3
         low, high = (curve.amplitudes[0] + k * curve.sigma[0] for k in (-2, 2))
-        amplitudes.fill_between(speeds, low / MICRO, high / MICRO, color=X, alpha=0.25, lw=0)
-        amplitudes.plot(speeds, curve.amplitudes[0] / MICRO, X, ls=style, lw=1.1, label=curve.direction.value)
+        amplitudes.fill_between(speeds, low / MICRO, high / MICRO, color=colour, alpha=0.25, lw=0)
+        amplitudes.plot(speeds, curve.amplitudes[0] / MICRO, colour, ls=style, lw=1.1, label=curve.direction.value)
         told = curve.phase_sigma[0] < 0.2
         lags = np.degrees(np.unwrap(-np.angle(curve.vectors[0, told])))
-        phases.plot(speeds[told], lags, X, ls=style, lw=1.1, label=curve.direction.value)
+        phases.plot(speeds[told], lags, colour, ls=style, lw=1.1, label=curve.direction.value)
         for resonance in curve.resonances(0)[:1] if style == "-" else ():
             text = f"{resonance.speed * RPM:.0f} r/min\nAF {resonance.amplification:.1f}"
             amplitudes.annotate(
@@ -214,12 +220,24 @@ def bode(amplitudes: Axes, phases: Axes, run: Run) -> None:
 def polar(axes: Axes, run: Run) -> None:
     curve = speed_curves(track_order(run.record, 1.0), 150.0 / RPM)[0]
     path = curve.vectors[0] / MICRO
-    dots = axes.scatter(path.real, path.imag, c=curve.speeds * RPM / 1e3, s=7, cmap="viridis")
-    axes.plot(0, 0, "k+")
+    reach = 5.0 * np.ceil(np.abs(path).max() / 5.0)
+    circle = np.exp(2j * np.pi * np.arange(181) / 180)
+    for radius in np.arange(5.0, reach + 1.0, 5.0):
+        axes.plot(radius * circle.real, radius * circle.imag, color="0.85", lw=0.6)
+        axes.text(0.0, radius, f"{radius:g}", fontsize=6, color="0.4", ha="center", va="center")
+    for lag in range(0, 360, 30):  # against the rotation, as it is read
+        spoke = np.exp(-1j * np.radians(lag))
+        axes.plot([0.0, reach * spoke.real], [0.0, reach * spoke.imag], color="0.85", lw=0.6)
+        axes.text(1.1 * reach * spoke.real, 1.1 * reach * spoke.imag, f"{lag}°", fontsize=6.5, ha="center", va="center")
+    dots = axes.scatter(path.real, path.imag, c=curve.speeds * RPM / 1e3, s=7, cmap="viridis", zorder=3)
+    for rpm in (7_000, 7_500, 8_000, 8_500, 10_000, 18_000):
+        near = path[np.argmin(np.abs(curve.speeds * RPM - rpm))]
+        inward = near * (1.0 - 0.15 * reach / np.abs(near))
+        axes.text(inward.real, inward.imag, f"{rpm:,}", fontsize=6.5, ha="center", va="center", zorder=4)
     axes.figure.colorbar(dots, ax=axes, label="speed, 1000 r/min")
-    axes.set(
-        title="Polar of 1X, x, run-up", xlabel="in phase with the mark, µm", ylabel="quadrature, µm", aspect="equal"
-    )
+    axes.set(title="Polar of 1X, x, run-up: µm peak and lag", aspect="equal")
+    axes.set(xlim=(-1.2 * reach, 1.2 * reach), ylim=(-1.2 * reach, 1.2 * reach))
+    axes.axis("off")
 
 
 def poincare(axes: Axes, run: Run) -> None:
