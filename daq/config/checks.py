@@ -20,6 +20,7 @@ BLOCKS_IN_BUFFER = 4
 LEAST_ANGLE = 10.0  # degrees between the probes' axes
 ORDER_KEYS = ("analysis.highest_order", "limits.speed_rpm")
 MARK_KEYS = ("tacho.mark_fraction", "tacho.response_time_s", "tacho.pulses_per_revolution")
+LEAST_SPLIT_MIN, LEAST_SPLIT_GB = 0.01, 0.001
 LIGHT_AND_DARK_SAMPLES = 4  # of the tacho, at least, in its shorter phase
 
 
@@ -36,6 +37,7 @@ def cross_faults(config: RigConfig) -> Iterator[Fault]:
     yield from _limits(config)
     yield from runout_faults(config)
     yield from _model(config)
+    yield from _storage(config)
     yield from trigger_faults(config)
     warn, fail = config.preflight.hum_warn_um, config.preflight.hum_fail_um
     if warn > fail:
@@ -201,13 +203,28 @@ def _limits(config: RigConfig) -> Iterator[Fault]:
                 yield _fault(f"limits.{key}", limit, f"at most {most:g}, {why}", f"limits.{why.split(':')[0]}")
 
 
+def _storage(config: RigConfig) -> Iterator[Fault]:
+    storage = config.storage
+    for key, value, least in (
+        ("split_min", storage.split_min, LEAST_SPLIT_MIN),
+        ("split_gb", storage.split_gb, LEAST_SPLIT_GB),
+    ):
+        if 0 < value < least:
+            yield _fault(f"storage.{key}", value, f"0 for never, or at least {least:g}: each part is a file of its own")
+
+
 def trigger_faults(config: RigConfig) -> Iterator[Fault]:
     """Return what is wrong with the trigger's conditions."""
-    names = [SPEED, TIME, *(channel.name for channel in config.channel)]
+    ranges = {channel.name: channel.range_v for channel in config.channel}
+    names = [SPEED, TIME, *ranges]
     for key, text in (("trigger.start", config.trigger.start), ("trigger.stop", config.trigger.stop)):
         condition = read_condition(text)
-        if condition is not None and condition.quantity not in names:
+        if condition is None:
+            continue
+        if condition.quantity not in names:
             yield _fault(key, f'"{text}"', f"a condition on one of {', '.join(names)}", "channel.name")
+        elif abs(condition.value) >= (most := ranges.get(condition.quantity, math.inf)):
+            yield _fault(key, f'"{text}"', f"a voltage within the range of ±{most:g} V", "channel.range_v")
     trigger = config.trigger
     if trigger.events != 1 and not (trigger.start.strip() and trigger.stop.strip()):
         expected = "1 where not both start and stop are given: what ends an event, and what begins the next?"

@@ -4,7 +4,8 @@ import re
 from dataclasses import dataclass
 
 SPEED, TIME = "speed", "time"
-_FORM = re.compile(r"\s*([A-Za-z][A-Za-z0-9_-]{0,31})\s*([<>])\s*([+-]?[0-9][0-9_,]*(?:\.[0-9]+)?)\s*")
+_NUMBER = r"[+-]?(?:[0-9]{1,3}(?:,[0-9]{3})+|[0-9][0-9_]*)(?:\.[0-9]+)?"  # a comma parts thousands, never decimals
+_FORM = re.compile(rf"\s*([A-Za-z][A-Za-z0-9_-]{{0,31}})\s*([<>])\s*({_NUMBER})\s*")
 
 
 @dataclass(frozen=True, slots=True)

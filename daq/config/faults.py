@@ -79,6 +79,8 @@ def read_tables(text: str, file: str) -> dict[str, object]:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise ConfigError(file, [f"not TOML: {error}"]) from error
+    except RecursionError as error:
+        raise ConfigError(file, ["not a rig's TOML: tables or lists too deep in one another"]) from error
 
 
 def validation_faults(error: ValidationError, schema: type[BaseModel], data: Mapping[str, object]) -> Iterator[Fault]:

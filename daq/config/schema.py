@@ -158,7 +158,13 @@ class StorageSection(Section):
     reserve_gb: NotNegative = 1.0  # recording stops cleanly before less is free
     split_gb: NotNegative = 0.0  # a run goes on in a further file when one is so large; 0: never
     split_min: NotNegative = 0.0  # or holds so many minutes; 0: never
-    catalogue: str = ""  # database of the runs, as "postgresql+psycopg://…"; empty: $RIG_CATALOGUE, else in the folder
+    catalogue: Annotated[
+        str,
+        Field(
+            pattern=r"^((postgresql|sqlite)(\+[a-z0-9]+)?://\S*)?$",
+            description='an address as "postgresql+psycopg://user@host/name", or nothing',
+        ),
+    ] = ""  # database of the runs; empty: $RIG_CATALOGUE, else in the folder
 
 
 def _condition(value: str) -> str:

@@ -112,6 +112,11 @@ def test_rotor_parameters_follow_the_model_section_and_the_probes(rig: RigFactor
         ("device", {"serial": "A-17"}, 'device.serial = "A-17": expected the hexadecimal number printed on the card'),
         ("timing", {"rate_khz": 100}, "timing.rate_khz = 100: unknown key, did you mean rate_hz?"),
         ("timming", {"rate_hz": 100.0}, "timming = a table: unknown key, did you mean timing?"),
+        (
+            "storage",
+            {"catalogue": "mysql://runs"},
+            'storage.catalogue = "mysql://runs": expected an address as "postgresql+psycopg://user@host/name", or nothing',
+        ),
         ("device", {"backend": "simulation"}, "device.backend = \"simulation\": expected 'nidaqmx' or 'simulated'"),
     ],
 )
@@ -119,6 +124,12 @@ def test_load_rig_names_key_value_and_expectation(
     rig_file: RigFiles, section: str, values: dict[str, object], fault: str
 ) -> None:
     assert faults_of(rig_file(**{section: values})) == [fault]
+
+
+def test_load_rig_refuses_what_is_nested_beyond_all_sense(tmp_path: Path) -> None:
+    path = tmp_path / "deep.toml"
+    path.write_text(f"rig = {'[' * 5000}{']' * 5000}")
+    assert faults_of(path) == ["not a rig's TOML: tables or lists too deep in one another"]
 
 
 def test_load_rig_lists_the_known_keys_where_none_is_near(rig_file: RigFiles) -> None:
@@ -158,6 +169,8 @@ def test_load_rig_lists_the_known_keys_where_none_is_near(rig_file: RigFiles) ->
             {"timing": {"rate_hz": 6_000.0}, "tacho": {"mark_fraction": 0.1, "response_time_s": 0.0}},
             "timing.rate_hz = 6000: expected at least 13333: 4 samples of the tacho's light and dark at full speed",
         ),
+        ({"storage": {"split_min": 1e-4}}, "storage.split_min = 0.0001: expected 0 for never, or at least 0.01"),
+        ({"storage": {"split_gb": 1e-4}}, "storage.split_gb = 0.0001: expected 0 for never, or at least 0.001"),
         ({"model": {"imbalance_kg_m": 1.0}}, "model: imbalance: 1 kg m at station 5, expected at most 1.85e-05 kg m"),
         ({"analysis": {"points_per_revolution": 16}}, "analysis.highest_order = 8: expected less than half of points"),
     ],

@@ -305,6 +305,7 @@ def test_operator_sees_that_a_run_is_armed_and_the_file_holds_what_followed(rig:
         ("speed > 2000", Condition("speed", is_above=True, value=2000.0)),
         (" x<-4.5 ", Condition("x", is_above=False, value=-4.5)),
         ("time > 2_000", Condition("time", is_above=True, value=2000.0)),
+        ("speed > 12,500", Condition("speed", is_above=True, value=12_500.0)),
         ("", None),
     ],
 )
@@ -312,7 +313,7 @@ def test_condition_is_read_as_it_is_written(text: str, condition: Condition | No
     assert read_condition(text) == condition
 
 
-@pytest.mark.parametrize("text", ["fast", "speed => 3", "speed > ", "speed > nan", "> 3"])
+@pytest.mark.parametrize("text", ["fast", "speed => 3", "speed > ", "speed > nan", "> 3", "x > 4,5", "x > 1,50"])
 def test_what_is_no_condition_is_refused_with_an_example(rig: RigFactory, text: str) -> None:
     with pytest.raises(ConfigError, match=r'expected a condition such as "speed > 2000"'):
         rig(trigger={"start": text})
@@ -325,3 +326,8 @@ def test_condition_on_a_channel_that_is_not_there_is_refused(rig: RigFactory) ->
         with_trigger(rig(), stop="z > 3")
     with pytest.raises(ConfigError, match=r"trigger\.start"):
         rig(trigger={"start": "z > 3"})
+
+
+def test_condition_on_a_voltage_that_the_input_never_shows_is_refused(rig: RigFactory) -> None:
+    with pytest.raises(ConfigError, match=r'trigger\.stop = "x > 45": expected a voltage within the range of ±10 V'):
+        with_trigger(rig(), stop="x > 45")
