@@ -92,7 +92,7 @@ def critical_speed_map(
     wanted = np.asarray(stiffnesses, np.float64)
     if wanted.ndim != 1 or wanted.size == 0:
         raise ValueError(f"stiffnesses: {wanted}, N/m, expected a list of one or more")
-    places = rotor.bearing_stations if stations is None else stations
+    places = rotor.journal_stations if stations is None else stations
     forward, reverse = [], []
     for stiffness in wanted:
         springs = [Support(station, Coefficients.isotropic(float(stiffness))) for station in places]

@@ -205,7 +205,8 @@ class Table:
             return 1.0
         least = {"positive": "above 0", "not negative": "0 or more", "any": ""}[limit]
         if not math.isfinite(value) or (limit == "positive" and value <= 0) or (limit == "not negative" and value < 0):
-            self.fault(f"{key} = {value:g} {unit}: expected a finite value {least}".rstrip())
+            shown = f"{value:g} {unit}".rstrip()
+            self.fault(f"{key} = {shown}: expected a finite value {least}".rstrip())
             return 1.0
         if unit != SHOWN["deg"]:
             return float(f"{value * factor:.15g}")  # 20 µm is 2e-5 m, not 1.9999999999999998e-05

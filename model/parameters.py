@@ -120,8 +120,8 @@ class ModelParameters:
     ----------
     rotor : Rotor
         The shaft with its wheels.
-    bearing : FloatingRing
-        Both bearings.
+    bearing : FloatingRing or None
+        Both bearings; None for a rotor without oil films, which is studied on its linear supports alone.
     imbalances : tuple of Imbalance
         What shakes it; may be empty.
     gravity : float
@@ -140,12 +140,13 @@ class ModelParameters:
     Raises
     ------
     ValueError
-        Where a station does not exist, gravity is negative, or an imbalance is larger than the rotor's mass times the
-        bearing's clearance: a rotor that turns about its centre of mass would not fit into the bearing.
+        Where a station does not exist, gravity is negative, a bearing has no journals, or an imbalance is larger than
+        the rotor's mass times the bearing's clearance: a rotor that turns about its centre of mass would not fit into
+        the bearing.
     """
 
     rotor: Rotor
-    bearing: FloatingRing
+    bearing: FloatingRing | None
     imbalances: tuple[Imbalance, ...]
     gravity: float = GRAVITY
     probe_station: int = 1
@@ -173,13 +174,22 @@ class ModelParameters:
             for thing in things:
                 if not 1 <= thing.station <= last:
                     raise ValueError(f"{name}: station {thing.station}, expected 1 to {last}")
-        most = self.rotor.mass * self.bearing.clearance
+        most, why = math.inf, ""
+        if self.bearing is not None:
+            most = self.rotor.mass * self.bearing.clearance
+            why = f"(the rotor's mass times the bearing's clearance of {self.bearing.clearance:g} m)"
+            self.rotor.require_journals()
         for imbalance in self.imbalances:
-            imbalance.require_at_most(
-                most, f"(the rotor's mass times the bearing's clearance of {self.bearing.clearance:g} m)"
-            )
+            imbalance.require_at_most(most, why)
+
+    @property
+    def floating_ring(self) -> FloatingRing:
+        """The bearings of a rotor on oil films; ValueError where it has none."""
+        if self.bearing is None:
+            raise ValueError("bearing: none, expected a rotor on oil films, with [bearing] in its file")
+        return self.bearing
 
     @property
     def is_loaded(self) -> bool:
         """Whether weight or other loads at rest press the shaft or the rings out of the bearings' centre."""
-        return bool(self.gravity > 0 or self.loads or self.bearing.static_load)
+        return bool(self.gravity > 0 or self.loads or self.floating_ring.static_load)

@@ -202,7 +202,7 @@ def compute_prediction_map(
     speeds = np.asarray(speeds, np.float64)
     _require_rising(speeds)
     motion = ShaftMotion(parameters, float(speeds[0]), FIRST_TURNS)
-    nudge = NUDGE * parameters.bearing.inner_clearance
+    nudge = NUDGE * parameters.floating_ring.inner_clearance
     synchronous: SynchronousOrbit | None = None
     is_whirling = False
     predictions, states = [], []

@@ -147,8 +147,8 @@ class Rotor:
         From the compressor's end on.
     discs : tuple of Disc
         Any number at any station.
-    bearing_stations : tuple of int, length 2
-        Stations of the two journals, counted from 1 at the compressor's end, rising.
+    bearing_stations : tuple of int, length 2 or 0
+        Stations of the two journals, counted from 1 at the compressor's end, rising; none of a rotor without any.
     shaft_mass : ShaftMass
         Where the segments' own mass is.
     beam : Beam
@@ -163,7 +163,7 @@ class Rotor:
 
     segments: tuple[Segment, ...]
     discs: tuple[Disc, ...]
-    bearing_stations: tuple[int, int]
+    bearing_stations: tuple[int, ...]
     shaft_mass: ShaftMass = ShaftMass.NONE
     beam: Beam = Beam.EULER_BERNOULLI
 
@@ -174,12 +174,13 @@ class Rotor:
         for disc in self.discs:
             if not 1 <= disc.station <= n:
                 raise ValueError(f"disc: station {disc.station}, expected 1 to {n}")
-        first, second = self.bearing_stations
-        if not 1 <= first < second <= n:
-            raise ValueError(
-                f"bearing_stations: {self.bearing_stations}, expected two different stations from 1 to {n}, "
-                "in rising order"
-            )
+        if self.bearing_stations:
+            first, second = self.journal_stations
+            if not 1 <= first < second <= n:
+                raise ValueError(
+                    f"bearing_stations: {self.bearing_stations}, expected two different stations from 1 to {n}, "
+                    "in rising order"
+                )
         heavy = {disc.station for disc in self.discs}
         if self.shaft_mass is not ShaftMass.NONE:
             for number, segment in enumerate(self.segments, 1):
@@ -211,15 +212,28 @@ class Rotor:
         return discs + sum(segment.linear_density * segment.length for segment in self.segments)
 
     @property
+    def journal_stations(self) -> tuple[int, int]:
+        """Stations of the two journals; ValueError where there are none."""
+        self.require_journals()
+        first, second = self.bearing_stations
+        return first, second
+
+    @property
     def journals(self) -> tuple[int, int]:
         """Degrees of freedom (counted from 0) that are the journals' displacements."""
-        first, second = self.bearing_stations
+        first, second = self.journal_stations
         return self.displacement(first), self.displacement(second)
 
     @property
     def translation(self) -> FloatArray:
         """Unit displacement of all stations, (2 n,)."""
         return np.tile([1.0, 0.0], self.stations)
+
+    def require_journals(self) -> None:
+        """Raise ValueError unless there are two journals."""
+        if len(self.bearing_stations) != 2:
+            count = len(self.bearing_stations) or "none"
+            raise ValueError(f"journal: {count}, expected two stations where bearings or springs can stand")
 
     def displacement(self, station: int) -> int:
         """Return the degree of freedom (counted from 0) that is the displacement of a station (counted from 1)."""

@@ -60,7 +60,7 @@ def rotor_from(document: Mapping[str, object]) -> ModelParameters:
         probe_angles = probes.numbers("angles", "angle", probe_angles)
         probes.finish()
     whole.finish()
-    if faults or rotor is None or bearing is None:
+    if faults or rotor is None:
         raise DocumentError(faults)
     try:
         return ModelParameters(
@@ -189,12 +189,14 @@ def _disc(table: Table, last: int, faults: list[str]) -> Disc | None:
     return _built(table, faults, lambda: Disc(station, mass, diametral, polar))
 
 
-def _journals(whole: Table, last: int) -> tuple[int, int]:
-    """Return the stations of the two bearings."""
+def _journals(whole: Table, last: int) -> tuple[int, ...]:
+    """Return the stations of the two bearings; none of a rotor that has neither bearings nor journals."""
     stations = []
     for table in whole.tables("journal"):
         stations.append(table.integer("station"))
         table.finish()
+    if not stations and not whole.has("bearing"):
+        return ()
     if len(stations) != 2:
         whole.fault(f"journal: {len(stations)}, expected two tables [[journal]], each with its station")
         return 1, 2
@@ -208,7 +210,7 @@ def _journals(whole: Table, last: int) -> tuple[int, int]:
 
 
 def _bearing(whole: Table, faults: list[str]) -> FloatingRing | None:
-    table = whole.table("bearing")
+    table = whole.table("bearing", required=False)
     if table is None:
         return None
     length = table.number("length", "length")

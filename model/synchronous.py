@@ -140,7 +140,7 @@ def _towards_probes(parameters: ModelParameters, forward: complex, reverse: comp
 
 def _elliptic(parameters: ModelParameters, speed: float, start: SynchronousOrbit | None) -> SynchronousResponse:
     """Return the synchronous motion from the orbit that repeats itself every turn, without weight."""
-    bearing = replace(parameters.bearing, static_load=0.0)
+    bearing = replace(parameters.floating_ring, static_load=0.0)
     unloaded = replace(parameters, bearing=bearing, gravity=0.0, loads=())
     orbit = synchronous_orbit(unloaded, speed, start, steps=ELLIPTIC_STEPS)
     motion = ShaftMotion(unloaded, speed, 0)

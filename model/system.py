@@ -167,7 +167,8 @@ class ModalSystem:
 
     @classmethod
     def reduced(cls, parameters: ModelParameters, modes: int) -> "ModalSystem":
-        """Reduce the parameters anew."""
+        """Reduce the parameters anew; ValueError where the rotor has no films."""
+        films, rings = _films(parameters.floating_ring), _rings(parameters)
         rotor = parameters.rotor
         free = free_modes(rotor, modes)
         shapes = free.shapes
@@ -178,7 +179,7 @@ class ModalSystem:
         for load in parameters.loads:
             weight += complex(load.x, load.y) * shapes[rotor.displacement(load.station)]
         held = {one.station for one in parameters.supports} | {one.station for one in parameters.rubs}
-        points = [*rotor.bearing_stations, *sorted(held.difference(rotor.bearing_stations))]
+        points = [*rotor.journal_stations, *sorted(held.difference(rotor.bearing_stations))]
         places = np.ascontiguousarray(shapes[[rotor.displacement(station) for station in points]])
         shaft = Shaft(
             squares=free.frequencies**2,
@@ -188,7 +189,6 @@ class ModalSystem:
             imbalance=imbalance,
             weight=weight,
         )
-        films, rings = _films(parameters.bearing), _rings(parameters)
         return cls(
             shaft=shaft,
             films=films,
@@ -268,7 +268,7 @@ def _eccentricities(shaft: Shaft, films: Films, rings: Rings) -> FloatArray:
 
 
 def _rings(parameters: ModelParameters) -> Rings:
-    bearing, gravity = parameters.bearing, parameters.gravity
+    bearing, gravity = parameters.floating_ring, parameters.gravity
     others = [support.ring_mass for support in parameters.supports if support.outer is not None]
     pressed = gravity + bearing.static_load / bearing.ring_mass
     return Rings(

@@ -29,7 +29,7 @@ def configured_rotor(config: RigConfig) -> ModelParameters:
     seats = {channel.role: math.radians(channel.angle_deg) for channel in config.channel}
     return replace(
         parameters,
-        bearing=_bearing(parameters.bearing, config.model),
+        bearing=_bearing(parameters.floating_ring, config.model),
         imbalances=_imbalances(parameters.imbalances, config.model),
         probe_angles=(seats.get(Role.PROBE_X, 0.0), seats.get(Role.PROBE_Y, math.pi / 2)),
     )

@@ -18,12 +18,13 @@ FloatArray = NDArray[np.float64]
 SPEED_LABEL = "Speed of the shaft [rad/s]"
 SOFT = 1e4  # N/m, of Table 5.3
 RIGID = 1e-6  # of the highest frequency: below it a mode is a free motion, its frequency rounding
+DRAWN = 5  # modes
 FREQUENCY_LABEL = "Natural frequency [Hz]"
 
 
 def on_springs(rotor: Rotor, stiffness: float) -> tuple[Support, ...]:
     """Return equal springs, N/m, at the journals."""
-    return tuple(Support(station, Coefficients.isotropic(stiffness)) for station in rotor.bearing_stations)
+    return tuple(Support(station, Coefficients.isotropic(stiffness)) for station in rotor.journal_stations)
 
 
 def supported(parameters: ModelParameters, stiffness: float | None) -> LinearSystem:
@@ -51,19 +52,22 @@ def modes_study(parameters: ModelParameters, stiffness: float | None, speed: flo
     count : int
         How many modes.
     """
-    modes = whirl_modes(supported(parameters, stiffness), [speed])[0]
+    system = supported(parameters, stiffness)
+    modes = whirl_modes(system, [speed])[0]
     kept = slice(0, min(count, modes.frequencies.size))
     frequencies = modes.frequencies[kept] / (2 * math.pi)
     is_rigid = np.abs(modes.frequencies[kept]) < RIGID * np.abs(modes.frequencies).max()
     frequencies = np.where(is_rigid, 0.0, frequencies)
     mean = modes.forward[kept].mean(axis=1)
     names = tuple(_sense(float(one), is_rigid=bool(free)) for one, free in zip(mean, is_rigid, strict=True))
-    rising = [number for number, one in enumerate(frequencies) if one >= 0 and not is_rigid[number]][:5]
+    # of undamped circles the reverse ones look like the forward ones; else each mode is of its own shape
+    is_drawn = ~is_rigid & ((frequencies > 0) | (not system.is_plain))
     series = []
-    for number in rising:
+    for number in np.flatnonzero(is_drawn)[:DRAWN]:
         plane = max(modes.shapes[number], key=lambda moved: float(np.abs(moved).max()))
         moved = np.real(plane * np.exp(-1j * np.angle(_largest(plane))))
-        series.append(Series(f"{frequencies[number]:,.1f} Hz", parameters.rotor.positions * 1e3, np.asarray(moved)))
+        label = f"{abs(frequencies[number]):,.1f} Hz" + ("" if system.is_plain else f", {names[number]}")
+        series.append(Series(label, parameters.rotor.positions * 1e3, np.asarray(moved)))
     held = "free" if stiffness is None and not parameters.supports else "supported"
     title = f"Modes of the {held} rotor at {speed:,.0f} rad/s"
     return Study(
@@ -80,6 +84,8 @@ def modes_study(parameters: ModelParameters, stiffness: float | None, speed: flo
 def _sense(forward: float, *, is_rigid: bool) -> str:
     if is_rigid:
         return "free"
+    if abs(forward) < 0.005:
+        return "in a line"
     return "forward" if forward > 0.99 else "reverse" if forward < -0.99 else f"mixed {forward:+.2f}"
 
 

@@ -37,12 +37,15 @@ class Quantity:
         Names of its numbers, with units.
     compute : callable
         Numbers from parameters and options, in the order of `results`.
+    is_on_films : bool
+        Whether it is of a motion on oil films.
     """
 
     text: str
     options: Mapping[str, float]
     results: tuple[str, ...]
     compute: Callable[[ModelParameters, Mapping[str, float]], tuple[float, ...]]
+    is_on_films: bool = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,10 +114,20 @@ def outcomes_of(points: tuple[Point, ...]) -> tuple[Outcome, ...]:
     return tuple(outcome_of(point) for point in points)
 
 
-def names_of(quantity: str) -> tuple[str, ...]:
-    """Return what may be varied with a quantity; ValueError where there is no such quantity."""
+def names_of(quantity: str, parameters: ModelParameters) -> tuple[str, ...]:
+    """Return what may be varied with a quantity of a rotor.
+
+    Raises
+    ------
+    ValueError
+        Where there is no such quantity, or it is of a motion on oil films, or of a rotor on two bearings, and the rotor
+        has none.
+    """
     if quantity not in QUANTITIES:
         raise ValueError(f"quantity: {quantity}, expected one of {', '.join(QUANTITIES)}")
+    if QUANTITIES[quantity].is_on_films and parameters.bearing is None:
+        raise ValueError(f"quantity: {quantity} is of a motion on oil films, expected a rotor with [bearing]")
+    parameters.rotor.require_journals()
     return (*CHANGES, *QUANTITIES[quantity].options)
 
 
@@ -174,5 +187,6 @@ QUANTITIES: Final[dict[str, Quantity]] = {
         {"stiffness_n_m": 1e4, "highest_speed_rad_s": 8000.0},
         ("first_forward_rad_s", "first_reverse_rad_s", "forward", "reverse"),
         _critical,
+        is_on_films=False,
     ),
 }

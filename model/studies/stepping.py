@@ -77,7 +77,7 @@ class SteppedMotion:
     _seen: Seen | None = field(default=None, init=False)
 
     def __post_init__(self) -> None:
-        clearance = self.parameters.bearing.inner_clearance
+        clearance = self.parameters.floating_ring.inner_clearance
         if not 0 <= self.seed < clearance:
             raise ValueError(
                 f"seed: {self.seed * 1e6:g} µm, expected 0 or more and less than the inner clearance of "
@@ -120,7 +120,7 @@ class SteppedMotion:
             self._orbit, self.growth_rate = None, math.nan
             return 0
         self.growth_rate = self._orbit.growth_rate
-        clearance, needed = self.parameters.bearing.inner_clearance, 0.0
+        clearance, needed = self.parameters.floating_ring.inner_clearance, 0.0
         for whirl, disturbance in zip(self._orbit.whirls, self._orbit.disturbances, strict=True):
             if whirl.growth_rate > 0:
                 motion.disturb(self.seed * disturbance)
@@ -135,7 +135,7 @@ class SteppedMotion:
         """Return what there was of a whirl when the motion was last looked at, m; ``otherwise`` where it was not."""
         if self._seen is None:
             return otherwise
-        bearing, seen = self.parameters.bearing, self._seen
+        bearing, seen = self.parameters.floating_ring, self._seen
         is_inner = whirl.film is FilmName.INNER
         near = np.abs(seen.orders - abs(whirl.order)) <= BESIDE * seen.orders[1]
         largest = float(seen.films[0 if is_inner else 1][near].max(initial=0.0))

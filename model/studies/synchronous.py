@@ -25,7 +25,7 @@ def response_study(
     ----------
     parameters : ModelParameters
         The rotor. On the films its weight is left out: the motion is a circle, or an ellipse where supports differ by
-        direction.
+        direction. A rotor without films moves linearly on its own supports.
     speeds : ndarray of float64, shape (n,)
         Rising, rad/s.
     stiffness : float, optional
@@ -36,9 +36,10 @@ def response_study(
     if station is not None:
         parameters = replace(parameters, probe_station=station)
     columns: dict[str, FloatArray | tuple[str, ...]] = {"speed_rad_s": speeds}
-    if stiffness is not None:
+    if stiffness is not None or parameters.bearing is None:
+        on = "its own supports" if stiffness is None else f"springs of {stiffness:.3g} N/m"
         moved = imbalance_response(supported(parameters, stiffness), parameters.imbalances, speeds)
-        vectors = {f"on springs of {stiffness:.3g} N/m": moved[:, 0, parameters.probe_station - 1]}
+        vectors = {f"on {on}": moved[:, 0, parameters.probe_station - 1]}
         names: tuple[str, ...] = ("",)
     else:
         upwards = _circles(parameters, speeds)

@@ -94,7 +94,7 @@ class Case:
             inner_clearance=self.inner_clearance,
             outer_clearance=self.outer_clearance,
         )
-        return replace(found, bearing=replace(found.bearing, static_load=self.static_load))
+        return replace(found, bearing=replace(found.floating_ring, static_load=self.static_load))
 
 
 CASES = (

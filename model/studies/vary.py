@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Final
 
-from model.parameters import FloatingRing, Imbalance, ModelParameters
+from model.parameters import Imbalance, ModelParameters
 from model.rub import Rub
 from model.supports import Coefficients
 
@@ -15,7 +15,7 @@ MILLI = 1e-3
 
 def _bearing(field: str, factor: float) -> Callable[[ModelParameters, float], ModelParameters]:
     def change(parameters: ModelParameters, value: float) -> ModelParameters:
-        return replace(parameters, bearing=replace(parameters.bearing, **{field: value * factor}))
+        return replace(parameters, bearing=replace(parameters.floating_ring, **{field: value * factor}))
 
     return change
 
@@ -24,7 +24,7 @@ def _ring_ratio(parameters: ModelParameters, value: float) -> ModelParameters:
     """Give the ring the outer radius at which it turns at that part of the shaft's speed, eq. (3.25)."""
     if not 0 < value < 1:
         raise ValueError(f"ring_speed_ratio: {value:g}, expected more than 0 and less than 1")
-    bearing: FloatingRing = parameters.bearing
+    bearing = parameters.floating_ring
     cubed = (1 / value - 1) * bearing.journal_radius**3 * bearing.outer_clearance / bearing.inner_clearance
     return replace(parameters, bearing=replace(bearing, ring_outer_radius=cubed ** (1 / 3)))
 

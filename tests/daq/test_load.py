@@ -88,8 +88,8 @@ def test_read_config_names_what_it_was_given() -> None:
 def test_rotor_parameters_follow_the_model_section_and_the_probes(rig: RigFactory) -> None:
     loaded = rig(model={"viscosity_pa_s": 0.02, "outer_clearance_um": 70.0})
     parameters = rotor_parameters(loaded)
-    assert parameters.bearing.viscosity == 0.02
-    assert parameters.bearing.outer_clearance == pytest.approx(70e-6)
+    assert parameters.floating_ring.viscosity == 0.02
+    assert parameters.floating_ring.outer_clearance == pytest.approx(70e-6)
     assert parameters.probe_angles == pytest.approx((math.pi / 4, 3 * math.pi / 4))
     assert parameters == configured_rotor(loaded.config)
 

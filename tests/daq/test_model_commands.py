@@ -80,6 +80,56 @@ def test_sweep_of_another_rotor_computes_every_quantity(tmp_path: Path, capsys: 
         assert "fault" not in row
 
 
+PLAIN = """\
+station = [{ position_mm = 0 }, { position_mm = 100 }, { position_mm = 400 }]
+segment = [{ radius_mm = 10 }, { radius_mm = 10 }]
+disc = [
+  { station = 1, mass_kg = 0.1, diametral_inertia_kg_m2 = 1e-5, polar_inertia_kg_m2 = 2e-5 },
+  { station = 2, mass_kg = 2, diametral_inertia_kg_m2 = 2e-3, polar_inertia_kg_m2 = 4e-3 },
+  { station = 3, mass_kg = 0.1, diametral_inertia_kg_m2 = 1e-5, polar_inertia_kg_m2 = 2e-5 },
+]
+support = [{ station = 1, stiffness_n_m = 1e7, damping_n_s_m = 500 }, { station = 3, stiffness_n_m = 1e7 }]
+imbalance = [{ station = 2, magnitude_g_mm = 20 }]
+material = { youngs_modulus_gpa = 205 }
+"""
+
+
+@pytest.fixture
+def plain(tmp_path: Path) -> str:
+    rotor = tmp_path / "plain.toml"
+    rotor.write_text(PLAIN, encoding="utf-8")
+    return str(rotor)
+
+
+def test_rotor_without_films_is_studied_on_its_supports(plain: str, capsys: Capture) -> None:
+    for name, arguments in {**STUDIES, "response": ["--speeds", "100:900:5"]}.items():
+        if name in {"modes", "campbell", "response"}:
+            assert document(capsys, name, plain, *arguments)["rows"]
+    rows = document(capsys, "response", plain, "--speeds", "100:900:5", "--station", "2")["rows"]
+    # a disc of 2 kg on springs and shaft: U / m below its critical speed in phase, above it against, at all but that
+    assert rows[0]["lag_deg"] < 5
+    assert "up_lag_deg" not in rows[0]
+
+
+@pytest.mark.parametrize("name", ["onset", "waterfall", "bifurcation", "motion", "lubrication", "film"])
+def test_study_of_films_of_a_rotor_without_is_refused(name: str, plain: str, capsys: Capture) -> None:
+    assert main(["model", name, plain]) == 2
+    told = capsys.readouterr().err
+    assert told == "rig: bearing: none, expected a rotor on oil films, with [bearing] in its file\n"
+
+
+def test_what_needs_journals_of_a_rotor_without_is_refused(plain: str, tmp_path: Path, capsys: Capture) -> None:
+    sweep = ["sweep", plain, "-o", str(tmp_path / "x.parquet"), "--quantity"]
+    for arguments, said in (
+        (["critical", plain], "journal: none, expected two stations where bearings or springs can stand"),
+        (["modes", plain, "--stiffness-n-m", "1e6"], "journal: none, expected two stations"),
+        ([*sweep, "onset", "--vary", "viscosity_pa_s=0.01,0.02"], "quantity: onset is of a motion on oil films"),
+        ([*sweep, "critical", "--vary", "stiffness_n_m=1e4,1e5"], "journal: none, expected two stations"),
+    ):
+        assert main(["model", *arguments]) == 2
+        assert said in capsys.readouterr().err
+
+
 def test_fault_of_a_rotors_own_file_is_told_with_the_file(tmp_path: Path, capsys: Capture) -> None:
     rotor = tmp_path / "rotor.toml"
     rotor.write_text(OTHER.replace("clearance_um = 60,", "clearance_um = -60,"), encoding="utf-8")

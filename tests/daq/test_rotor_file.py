@@ -60,8 +60,8 @@ def test_model_section_says_what_differs_from_the_rotors_file(rig_file: RigFiles
     changes = {"imbalance_kg_m": 2e-7, "inner_clearance_um": 25.0}
     parameters = rotor_parameters(load_rig(beside(rig_file(model={"rotor": "rotor.toml"} | changes), more)))
     assert parameters.imbalances == (Imbalance(5, 2e-7), Imbalance(2, 1e-7, math.pi / 2))
-    assert parameters.bearing.inner_clearance == pytest.approx(25e-6)
-    assert parameters.bearing.outer_clearance == 80e-6
+    assert parameters.floating_ring.inner_clearance == pytest.approx(25e-6)
+    assert parameters.floating_ring.outer_clearance == 80e-6
 
 
 def test_every_fault_of_the_rotor_is_named_with_its_file(rig_file: RigFiles) -> None:
@@ -73,6 +73,12 @@ def test_every_fault_of_the_rotor_is_named_with_its_file(rig_file: RigFiles) -> 
         f'model.rotor = "rotor.toml": segment[2].radius_inch = 4: unknown unit inch, expected {units}',
         'model.rotor = "rotor.toml": disc[4].mass_kg = -0.07 kg: expected a finite value above 0',
     ]
+
+
+def test_rotor_without_films_cannot_be_laid_over_a_measurement(rig_file: RigFiles) -> None:
+    bare = GJ90C.split("[bearing]")[0] + "[[imbalance]]" + GJ90C.split("[[imbalance]]")[1]
+    (fault,) = faults_of(beside(rig_file(model={"rotor": "rotor.toml"}), bare))
+    assert fault.endswith("bearing: none, expected a rotor on oil films, with [bearing] in its file")
 
 
 def test_rotor_that_cannot_be_read_is_a_fault_of_the_rig(rig_file: RigFiles) -> None:

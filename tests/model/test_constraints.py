@@ -67,7 +67,7 @@ def shaken(**changes: object) -> ModelParameters:
 def dry(**changes: object) -> ModelParameters:
     """The same without weight and as good as without films."""
     found = shaken(gravity=0.0, **changes)
-    return replace(found, bearing=replace(found.bearing, viscosity=1e-12))
+    return replace(found, bearing=replace(found.floating_ring, viscosity=1e-12))
 
 
 def first_order(turns: FloatArray, points: int) -> NDArray[np.complex128]:

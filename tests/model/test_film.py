@@ -147,7 +147,7 @@ def test_film_without_size_is_refused(name: str) -> None:
 
 
 def test_ring_lies_between_two_films_in_series() -> None:
-    pair = films_of(gj90c().bearing)
+    pair = films_of(gj90c().floating_ring)
     assert pair.outer.radius == 9e-3
     assert pair.inner.clearance == 20e-6
     # centred whirl at half the sum of the surfaces' speeds: 0.70X inside, 0.20X outside

@@ -27,7 +27,7 @@ def test_load_on_the_shaft_is_weight_by_another_name() -> None:
 
 
 def test_load_on_the_rings_is_as_much_weight_of_theirs() -> None:
-    bearing = gj90c().bearing
+    bearing = gj90c().floating_ring
     pressed = replace(gj90c(), bearing=replace(bearing, static_load=bearing.ring_mass * 9.80665))
     assert ModalSystem.of(pressed).rings.gravity == pytest.approx(2 * 9.80665)
     assert abs(place(pressed)) > 1.2 * abs(place(gj90c()))

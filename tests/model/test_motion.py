@@ -29,7 +29,7 @@ def turning(speed: float, turns: float, steps: int) -> tuple[FloatArray, FloatAr
 
 def written_out(parameters: ModelParameters, speed: float, times: FloatArray) -> FloatArray:
     """The equations of motion, written out again from the matrices and integrated by SciPy, from rest in the centre."""
-    rotor, bearing = parameters.rotor, parameters.bearing
+    rotor, bearing = parameters.rotor, parameters.floating_ring
     shapes = free_modes(rotor, 6).shapes
     M, J, K = rotor.mass_matrix(), rotor.gyroscopic_matrix(), rotor.stiffness_matrix()
     K = shapes.T @ K @ shapes

@@ -7,16 +7,16 @@ from model.parameters import Imbalance
 
 
 def test_ring_of_chapter_six_turns_at_0_407_of_the_shafts_speed() -> None:
-    assert gj90c().bearing.ring_speed_ratio == pytest.approx(0.407, abs=5e-4)
+    assert gj90c().floating_ring.ring_speed_ratio == pytest.approx(0.407, abs=5e-4)
 
 
 def test_ring_of_table_3_1_turns_at_0_593_of_the_shafts_speed() -> None:
-    bearing = replace(gj90c().bearing, ring_outer_radius=7e-3)
+    bearing = replace(gj90c().floating_ring, ring_outer_radius=7e-3)
     assert bearing.ring_speed_ratio == pytest.approx(0.593, abs=5e-4)
 
 
 def test_clearances_of_both_films_add_up() -> None:
-    assert gj90c().bearing.clearance == pytest.approx(100e-6)
+    assert gj90c().floating_ring.clearance == pytest.approx(100e-6)
 
 
 @pytest.mark.parametrize(
@@ -34,7 +34,7 @@ def test_clearances_of_both_films_add_up() -> None:
 )
 def test_bearing_that_cannot_be_is_refused(changes: dict[str, float], said: str) -> None:
     with pytest.raises(ValueError, match=said):
-        replace(gj90c().bearing, **changes)
+        replace(gj90c().floating_ring, **changes)
 
 
 @pytest.mark.parametrize(

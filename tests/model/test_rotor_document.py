@@ -57,6 +57,22 @@ def test_walls_come_through_and_rub_at_the_shafts_radius_where_none_is_given(doc
     assert rotor_from(document).rubs == (Rub(4, 60e-6, 2e7, 7e-3), Rub(2, 50e-6, 1e7, 22e-3, 0.1, 0.5))
 
 
+def test_rotor_on_supports_alone_needs_neither_bearing_nor_journals(document: dict[str, Any]) -> None:
+    del document["bearing"]
+    document["support"] = [{"station": 3, "stiffness_n_m": 1e7}, {"station": 4, "stiffness_n_m": 1e7}]
+    assert rotor_from(document).bearing is None
+    assert rotor_from(document).rotor.journal_stations == (3, 4)  # where springs may stand
+    del document["journal"]
+    parameters = rotor_from(document)
+    assert parameters.rotor.bearing_stations == ()
+    with pytest.raises(ValueError, match=r"bearing: none, expected a rotor on oil films, with \[bearing\] in its file"):
+        _ = parameters.floating_ring
+    with pytest.raises(ValueError, match="journal: none, expected two stations where bearings or springs can stand"):
+        _ = parameters.rotor.journals
+    document["imbalance"][0]["magnitude_kg_m"] = 1.0  # there is no clearance that it could exceed
+    assert rotor_from(document).imbalances[0].magnitude == 1.0
+
+
 def test_supports_loads_and_the_shafts_own_mass_come_through(document: dict[str, Any]) -> None:
     document |= {
         "beam": "timoshenko",
@@ -83,7 +99,7 @@ def test_supports_loads_and_the_shafts_own_mass_come_through(document: dict[str,
     assert rotor.segments[2].inner_radius == 1e-3
     assert rotor.segments[2].poissons_ratio == 0.29
     assert parameters.loads == (StaticLoad(2, 0.0, -5.0),)
-    assert parameters.bearing.static_load == 2.0
+    assert parameters.floating_ring.static_load == 2.0
     film = Coefficients(((3e6, 0), (0, 3e6)), ((100, 0), (0, 80)))
     assert parameters.supports == (
         Support(3, Coefficients.isotropic(1e7, 200)),
@@ -138,7 +154,7 @@ def test_supports_loads_and_the_shafts_own_mass_come_through(document: dict[str,
         ((), {"rub": [RUB | {"clearance_um": 0}]}, "rub[0].clearance_um = 0 µm: expected a finite value above 0"),
         ((), {"rub": [RUB | {"stiffness_n_m": -1}]}, "rub[0].stiffness_n_m = -1 N/m: expected a finite value above 0"),
         ((), {"rub": [RUB | {"radius_mm": 0}]}, "rub[0].radius_mm = 0 mm: expected a finite value above 0"),
-        ((), {"rub": [RUB | {"friction": -0.1}]}, "rub[0].friction = -0.1 : expected a finite value 0 or more"),
+        ((), {"rub": [RUB | {"friction": -0.1}]}, "rub[0].friction = -0.1: expected a finite value 0 or more"),
         ((), {"rub": [RUB | {"damping_s_m": -1}]}, "rub[0].damping_s_m = -1 s/m: expected a finite value 0 or more"),
         ((), {"rub": [RUB | {"damping_n_s_m": 1}]}, "rub[0].damping_n_s_m = 1: unknown unit n_s_m, expected damping_"),
         ((), {"rub": [RUB | {"gap_um": 1}]}, "rub[0].gap_um = 1: unknown key"),
@@ -146,6 +162,8 @@ def test_supports_loads_and_the_shafts_own_mass_come_through(document: dict[str,
         ((), {"bearing": 3}, "bearing: 3, expected a table [bearing]"),
         ((), {"disc": 3}, "disc = 3: expected tables [[disc]]"),
         ((), {"journal": []}, "journal: 0, expected two tables [[journal]]"),
+        ((), {"journal": [{"station": 3}]}, "journal: 1, expected two tables [[journal]]"),
+        ((), {"bearings": {}}, "bearings = {}: unknown key, did you mean bearing?"),
         ((), {"station": [{"position_mm": 0}]}, "station: 1 stations, expected two or more"),
         ((), {"segment": []}, "segment: 0 segments, expected 5 between 6 stations"),
         ((), {"gravity_g": 1}, "gravity_g = 1: unknown key, did you mean gravity_m_s2?"),

@@ -67,8 +67,8 @@ def test_films_move_in_time_as_the_eigenvector_says(default: ModelParameters) ->
 def test_films_are_told_apart_whatever_their_orders() -> None:
     # a thin ring turns at 0.795 of the shaft's speed; half the speeds of the surfaces are 0.40 and 0.90
     quick = replace(gj90c(), gravity=0.0)
-    quick = replace(quick, bearing=replace(quick.bearing, ring_outer_radius=5.05e-3))
-    ring = quick.bearing.ring_speed_ratio
+    quick = replace(quick, bearing=replace(quick.floating_ring, ring_outer_radius=5.05e-3))
+    ring = quick.floating_ring.ring_speed_ratio
     orders = {whirl.film: whirl.order for whirl in synchronous_response(quick, 300.0).whirls}
     assert orders[INNER] == pytest.approx((1 + ring) / 2, abs=0.005)
     assert orders[OUTER] == pytest.approx(ring / 2, abs=0.035)  # it grows fast, and the slower for it

@@ -201,7 +201,7 @@ def _turns(chosen: argparse.Namespace) -> int:
 
 def _lubrication(parameters: ModelParameters, chosen: argparse.Namespace) -> Study:
     lubrication = {
-        "rig": lambda: Lubrication(parameters.bearing),
+        "rig": lambda: Lubrication(parameters.floating_ring),
         "table-3.1": nominal,
         "thesis-like": thesis_like,
     }[chosen.bearing]()
@@ -210,4 +210,4 @@ def _lubrication(parameters: ModelParameters, chosen: argparse.Namespace) -> Stu
 
 def _film(parameters: ModelParameters, chosen: argparse.Namespace) -> Study:
     ratios = np.asarray(chosen.eccentricity)
-    return film_study(parameters.bearing, chosen.which, chosen.speed, ratios, Grid())
+    return film_study(parameters.floating_ring, chosen.which, chosen.speed, ratios, Grid())

@@ -34,9 +34,9 @@ def grid(
     Raises
     ------
     ValueError
-        Where a name or the quantity is unknown, or the points are too many.
+        Where a name or the quantity is unknown, the rotor has no films for it, or the points are too many.
     """
-    names = names_of(quantity)
+    names = names_of(quantity, parameters)
     for name in vary:
         if name not in names:
             raise ValueError(f"vary {name}: unknown, expected one of {', '.join(names)}")
