@@ -11,7 +11,7 @@ from types import FrameType
 
 from daq.cli.signals import STOPPED, heeded
 
-GRACE = 3.0  # s in which a command that was interrupted tidies up, and is not interrupted again
+GRACE = 10.0  # s in which a command that was interrupted tidies up, and is not interrupted again
 
 
 class _Asked:
@@ -49,8 +49,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return STOPPED
     finally:
         asked.interrupts = False
+        if arguments is None:
+            _end_children()
         for number, handler in before.items():  # Python's own end would give them back to the system otherwise
             signal.signal(number, signal.SIG_IGN if arguments is None else handler)
+
+
+def _end_children() -> None:
+    """End what was left running by a command that was interrupted while it tidied up; Python's own end waits for it."""
+    from multiprocessing import active_children  # noqa: PLC0415 - loaded by now if there are any
+
+    for child in active_children():
+        if child.daemon:  # a recorder is none: it finishes its file
+            child.kill()
 
 
 if __name__ == "__main__":

@@ -18,6 +18,7 @@ from daq.config.rig import Rig
 from daq.drivers.reconnecting import BROKEN
 from daq.errors import DeviceError, DeviceFault, RigError, StoppedError
 from daq.session.alarms import acknowledgement, alarm_mark
+from daq.session.child import begin
 from daq.session.frame import Clipping, FrameSink, LiveFrame, PlacedMark, RunState, Status
 from daq.session.gauges import Gauges
 from daq.session.live import LiveAnalysis
@@ -122,7 +123,7 @@ class RecordedRun:
         process = context.Process(
             target=record, args=(self._order, self._ring.memory, self._gauges_memory, there), name="rig-recorder"
         )
-        process.start()
+        begin(process)
         there.close()
         return here, process
 

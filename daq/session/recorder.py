@@ -19,6 +19,7 @@ from daq.drivers.opening import open_source, triggered
 from daq.drivers.source import Source
 from daq.drivers.triggered import Begun
 from daq.errors import RigError, StoppedError, UsageError
+from daq.session.child import ignore_terminal
 from daq.session.gauges import Gauges
 from daq.session.messages import Acquired, Closed, Done, Opened, Order, Refused, Stop
 from daq.session.ring import BlockRing
@@ -33,7 +34,7 @@ RESULTS_DEADLINE = 15.0  # s that the finished acquisition waits for the last re
 
 def record(order: Order, ring_memory: SharedBytes, gauge_memory: SharedBytes, pipe: Connection) -> None:
     """Run the recorder; the entry point of its process."""
-    _leave_to_the_watching_process("SIGINT", "SIGHUP", "SIGBREAK")
+    ignore_terminal()  # the watching process decides
     ring, gauges = BlockRing(ring_memory), Gauges(gauge_memory)
     with ExitStack() as stack:
         try:
@@ -50,13 +51,6 @@ def record(order: Order, ring_memory: SharedBytes, gauge_memory: SharedBytes, pi
             pipe.send(Refused(str(error), UsageError.exit_code))
         else:
             _Recorder(order, source, writer, ring, gauges, pipe).run()
-
-
-def _leave_to_the_watching_process(*names: str) -> None:
-    """Ignore what Ctrl-C or a terminal that closes sends to the whole group: the watching process decides."""
-    for name in names:  # SIGHUP: POSIX only; SIGBREAK: Windows only
-        if hasattr(signal, name):
-            signal.signal(getattr(signal, name), signal.SIG_IGN)
 
 
 def _part_limits(order: Order, header: RunHeader) -> PartLimits:
