@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from importlib.metadata import version
 from typing import TextIO
 
-from daq.cli import exchange, finding, listing, predict, verify
+from daq.cli import analyse, exchange, finding, listing, predict, verify
 from daq.cli.arguments import add_folder, calibration, show_examples, speed
 from daq.cli.bench import add_bench_commands
 from daq.cli.model.commands import add_kinds
@@ -67,6 +67,7 @@ def rig_parser() -> argparse.ArgumentParser:
     command.add_argument("--json", action="store_true", help="as JSON")
     show_examples(command, "rig summary 2026-11-24T09-12-07-gj90c")
 
+    analyse.add_commands(add)
     finding.add_commands(add)
     verify.add_commands(add)
     exchange.add_commands(add)

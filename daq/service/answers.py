@@ -10,6 +10,8 @@ import numpy as np
 
 from analysis.run import Role, RunHeader
 from analysis.summary import RunSummary
+from daq.service.analyses.making import ADDRESS, analysis_answer
+from daq.service.analyses.questions import Asked
 from daq.service.documents.course import (
     FindingsDocument,
     OrderVectorsDocument,
@@ -90,6 +92,9 @@ def document_of(path: Path, what: str, query: object, found: Records | None = No
 
 def address_of(what: str) -> str:
     """Return the address of the numbers of an answer, which may be a plot of them."""
+    analysed = ADDRESS.fullmatch(what)
+    if analysed is not None:
+        return analysed[1]
     drawn = PLOTS.fullmatch(what)
     return what if drawn is None else PLOTTED.get(drawn[1], drawn[1])
 
@@ -103,7 +108,9 @@ def answer_of(path: Path, what: str, query: object, packed: bool) -> bytes:  # n
 @lru_cache(maxsize=ANSWERS_KEPT)
 def _answer(path: Path, _size: int, _changed_ns: int, what: str, query: object, packed: bool) -> bytes:  # noqa: FBT001 - a key of the cache
     drawn = PLOTS.fullmatch(what)
-    if drawn is None:
+    if isinstance(query, Asked):
+        body = analysis_answer(path, what, query)
+    elif drawn is None:
         body = document_of(path, what, query).model_dump_json().encode()
     else:
         name, form = drawn.groups()

@@ -39,6 +39,7 @@ DESCRIPTION = (
 TAGS = [
     {"name": "runs", "description": "What was recorded"},
     {"name": "results", "description": "What was measured in a run, and what the model says of it"},
+    {"name": "analyses", "description": "What a run's samples say as a whole, as tables and drawings"},
     {"name": "uploads", "description": "Files of other programs that are to become runs"},
     {"name": "jobs", "description": "What takes too long to wait for"},
     {"name": "live", "description": "What is recorded or replayed now"},
@@ -111,8 +112,8 @@ def create_app(
             CORSMiddleware,
             allow_origins=abilities.origins,
             allow_methods=("GET", "HEAD", "POST", "PATCH", "PUT", "DELETE"),
-            allow_headers=("Authorization", "Content-Type", "If-None-Match", "If-Range", "Range"),
-            expose_headers=("ETag", "Content-Range", "Retry-After", "Location"),
+            allow_headers=("Authorization", "Content-Type", "If-Match", "If-None-Match", "If-Range", "Range"),
+            expose_headers=("ETag", "Content-Disposition", "Content-Range", "Retry-After", "Location"),
         )
     app.add_middleware(HeadAsGet)
     app.add_middleware(SafeHeaders)

@@ -20,6 +20,7 @@ from daq.service.job_tasks import header_of, index_task, run_task
 from daq.service.jobs import Job, JobNotFoundError, Jobs, JobsFullError, Task
 from daq.service.kinds import Kind
 from daq.service.live_run import Live, require_ended
+from daq.service.plot_routes import CONTENT, PLOT_TYPES
 from daq.service.problems import ProblemError
 from daq.service.routing import EVENTS, PREFIX, Routing, event_stream
 from daq.service.studies import study_task
@@ -33,6 +34,13 @@ SILENCE: Final = 15.0  # s without news before a client is told that the service
 MOST_FOLLOWERS: Final = 16
 BINARY: Final = {"schema": {"type": "string", "format": "binary"}}
 JSON: Final = {"schema": {"type": "object"}}
+
+MEDIA_TYPES: Final = {"json": "application/json", **PLOT_TYPES}
+RESULTS: Final = {
+    "application/json": JSON,
+    OCTETS: BINARY,
+    **{media_type: {"schema": CONTENT[form]} for form, media_type in PLOT_TYPES.items()},
+}
 
 JobId = Annotated[str, Path(description="Id of the job, as /api/v1/jobs lists it", examples=["9f3c0f6e2d1b4a57"])]
 
@@ -91,7 +99,7 @@ class JobRoutes:
             "/jobs/{job}/result", self.result, "get_job_result", "jobs", "What came of a job",
             *known, Kind.NO_RESULT, Kind.RANGE_NOT_SATISFIABLE, Kind.STORAGE_UNAVAILABLE,
             answers={
-                200: {"description": "The result", "content": {"application/json": JSON, OCTETS: BINARY}},
+                200: {"description": "The result", "content": RESULTS},
                 206: {"description": "The stretch that `Range` asks for", "content": {OCTETS: BINARY}},
                 **NOT_MODIFIED,
             },
@@ -167,12 +175,11 @@ class JobRoutes:
         known = await self._known(job)
         if known.result is None:
             raise ProblemError(Kind.NO_RESULT, known.fault or f"job {job} is {known.state.value}")
+        media_type = MEDIA_TYPES.get(known.result.suffix.removeprefix("."), OCTETS)
         try:
-            size = (await to_thread.run_sync(known.result.stat)).st_size
+            return await file_answer(request, known.result, media_type, tag=f'"{job}"')
         except OSError as error:
             raise ProblemError(Kind.STORAGE_UNAVAILABLE, f"job {job}: its result has gone") from error
-        media_type = "application/json" if known.result.suffix == ".json" else OCTETS
-        return file_answer(request, known.result, size, f'"{job}"', media_type)
 
     async def events(self, request: Request, job: JobId) -> Response:
         """Send server-sent events of type `job` whose data is the document of the job; they end with the job."""

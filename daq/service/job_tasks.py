@@ -11,6 +11,8 @@ from analysis.run import Calibration, RunHeader
 from daq.config.calibration import calibration_of
 from daq.errors import ConfigError, UsageError
 from daq.service import job_work
+from daq.service.analyses.kinds import KINDS
+from daq.service.analyses.questions import AnalysisForm, Asked
 from daq.service.documents.job import (
     Address,
     AnalysisOrder,
@@ -29,6 +31,7 @@ from daq.service.questions import At, CascadeQuery, Question, TrendQuery, Waterf
 from daq.session.reevaluation import corrected_header
 from recordings.catalogue import RunEntry
 
+ANALYSES: Final = "analyses/"
 QUESTIONS: Final[Mapping[Address, type[Question]]] = {
     Address.TREND: TrendQuery,
     Address.CASCADE: CascadeQuery,
@@ -36,6 +39,7 @@ QUESTIONS: Final[Mapping[Address, type[Question]]] = {
     Address.ORDER_SPECTRUM: At,
     Address.FULL_SPECTRUM: At,
     Address.ORBIT: At,
+    **{Address(f"{ANALYSES}{name}"): kind.question for name, kind in KINDS.items()},
 }
 
 
@@ -59,6 +63,11 @@ def run_task(order: RunOrder, entry: RunEntry, place: DataPlace) -> Task:
         case AnswerOrder(address=Address.SUMMARY):
             _asked(order)
             return task(f"summary of {run}", work=job_work.summary, arguments=(place, run), file="summary.json")
+        case AnswerOrder(address=address) if isinstance(query := _asked(order), Asked):
+            kind, form = address.removeprefix(ANALYSES), query.format or AnalysisForm.JSON
+            return task(
+                f"{kind} of {run}", work=job_work.analysis, arguments=(path, kind, query), file=f"{kind}.{form}"
+            )
         case AnswerOrder(address=address):
             asked = (path, address.value, _asked(order))
             return task(f"{address} of {run}", work=job_work.answer, arguments=asked, file=f"{address}.json")

@@ -10,6 +10,9 @@ from typing import Any
 from analysis.run import Calibration, RunHeader
 from daq.config.load import read_config
 from daq.config.rotor import configured_rotor
+from daq.service.analyses.making import analysis_made
+from daq.service.analyses.questions import AnalysisForm, Asked
+from daq.service.analyses.sending import content
 from daq.service.answers import document_of
 from daq.service.documents.catalogue import index_document
 from daq.service.documents.document import Document
@@ -40,6 +43,13 @@ def answer(tell: Tell, target: Path, path: Path, what: str, query: object) -> No
     found = read_records(path, parts_told(tell, "reading"))
     tell(Progress("putting together"))
     _write(target, document_of(path, what, query, found))
+
+
+def analysis(tell: Tell, target: Path, path: Path, kind: str, query: Asked) -> None:
+    """Analyse a run's samples as a whole, in the form that the target's suffix tells."""
+    run, made = analysis_made(path, kind, query, _waiting(tell))
+    tell(Progress("writing"))
+    target.write_bytes(content(made, run, kind, AnalysisForm(target.suffix.removeprefix("."))))
 
 
 def summary(tell: Tell, target: Path, place: DataPlace, run: str) -> None:

@@ -36,6 +36,11 @@ class Kind(Enum):
         "The run holds nothing there",
         "No frame, sample or prediction lies at or near this time or speed; `detail` tells what there is.",
     )
+    NOT_TOLD = (
+        409,
+        "The samples do not tell this",
+        "Too few revolutions, a tacho that does not tell the angle, an order out of reach; `detail` says which.",
+    )
     TOO_MUCH = (
         413,
         "More than one answer may hold",

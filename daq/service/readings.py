@@ -12,6 +12,7 @@ from analysis.run import RunHeader
 from analysis.summary import RunSummary
 from daq.errors import RigError
 from daq.service import answers, sample_answers
+from daq.service.analyses.not_told import NotToldError
 from daq.service.documents.course import ComparisonDocument, PredictionDocument
 from daq.service.documents.live import predicted_document
 from daq.service.documents.summary import speed_row_document
@@ -50,6 +51,7 @@ FAILURES: dict[type[Exception], Kind] = {
     NoPngError: Kind.NOT_ACCEPTABLE,
     ReadingStoppedError: Kind.BUSY,
     OverdueError: Kind.TAKES_TOO_LONG,
+    NotToldError: Kind.NOT_TOLD,
 }
 ARRIVAL_LIMIT = 3600.0  # s that looking through a recording that was sent in may take
 

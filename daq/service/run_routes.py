@@ -8,6 +8,8 @@ import numpy as np
 from fastapi import Query, Request, Response
 
 from daq.service.acceptance import accepts_gzip, best_type
+from daq.service.analyses.questions import Asked
+from daq.service.analysis_routes import ARROW, NPZ, add_analyses
 from daq.service.documents.course import (
     CascadeDocument,
     ComparisonDocument,
@@ -37,12 +39,13 @@ from daq.service.questions import (
 )
 from daq.service.readings import Readings
 from daq.service.routing import Routing, RunId
-from daq.service.tags import NOT_MODIFIED, entity_tag, file_tag, is_known
+from daq.service.tags import NOT_MODIFIED, entity_tag, is_known
 from daq.service.workers import Workers
 from recordings.catalogue import RunEntry
+from recordings.container import MAGIC
 
-NPZ = "application/x-npz"
-ARROW = "application/vnd.apache.arrow.stream"
+MEDIA_TYPES = {**PLOT_TYPES, "npz": NPZ, "arrow": ARROW}
+TEXTS = ("application/json", PLOT_TYPES["svg"])
 SAMPLE_TYPES = {"application/json": SampleFormat.JSON, NPZ: SampleFormat.NPZ, ARROW: SampleFormat.ARROW}
 BINARY = {"schema": {"type": "string", "format": "binary"}}
 RPM = np.pi / 30.0
@@ -102,6 +105,7 @@ class RunRoutes:
                 f"/runs/{{run}}/{what}", endpoint, name, "results", meaning, *kinds, model=model, answers=NOT_MODIFIED
             )
         add_plots(routing, self._answer)
+        add_analyses(routing, self._answer)
         predicted = (*READING, Kind.NO_SUCH_MOMENT, Kind.MODEL_NOT_READY)
         routing.add(
             "/runs/{run}/prediction", self.prediction, "get_run_prediction", "results",
@@ -118,7 +122,7 @@ class RunRoutes:
         )  # fmt: skip
         routing.add(
             "/runs/{run}/file", self.file, "get_run_file", "runs", "The recording's file",
-            Kind.RUN_NOT_FOUND, Kind.BAD_PARAMETER, Kind.RUN_UNDER_WAY, Kind.STORAGE_UNAVAILABLE,
+            Kind.RUN_NOT_FOUND, Kind.BAD_PARAMETER, Kind.RUN_UNDER_WAY, Kind.RUN_DAMAGED, Kind.STORAGE_UNAVAILABLE,
             Kind.BUSY, Kind.RANGE_NOT_SATISFIABLE,
             answers={
                 200: {"description": "The whole file, MCAP", "content": {OCTETS: BINARY}},
@@ -194,14 +198,23 @@ class RunRoutes:
     async def file(self, request: Request, run: RunId) -> Response:
         """Send the recording, or with `Range` a stretch of it; `If-Range` makes sure that it is of the same file."""
         entry = await self._entry(run)
-        return file_answer(request, entry.path, entry.size, file_tag(entry))
+        try:
+            return await file_answer(request, entry.path, begins=MAGIC)
+        except FileNotFoundError as error:
+            raise ProblemError(Kind.RUN_NOT_FOUND, f"run {run}: its file has gone") from error
+        except OSError as error:
+            raise ProblemError(Kind.STORAGE_UNAVAILABLE, f"run {run}: {error.strerror or error}") from error
+        except ValueError as error:
+            raise ProblemError(Kind.RUN_DAMAGED, str(error)) from error
 
     async def _answer(self, request: Request, run: str, what: str, query: Question | None = None) -> Response:
-        media_type = PLOT_TYPES.get(what.rpartition(".")[2], "application/json")
-        packed = media_type != PLOT_TYPES["png"] and accepts_gzip(request.headers.get("accept-encoding"))
+        media_type = MEDIA_TYPES.get(what.rpartition(".")[2], "application/json")
+        packed = media_type in TEXTS and accepts_gzip(request.headers.get("accept-encoding"))
         entry = await self._entry(run)
         tag = entity_tag(entry, self._version, what, str(packed))
         headers = _headers(tag, packed=packed)
+        if isinstance(query, Asked):
+            headers["Vary"] = "Accept, Accept-Encoding"
         if is_known(request.headers.get("if-none-match"), tag):
             return Response(status_code=304, headers=headers)
         body = await self._makings.run(partial(self._readings.answer, entry, what, query, packed=packed))

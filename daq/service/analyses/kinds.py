@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 from daq.service.analyses import questions
 from daq.service.analyses.analysis import Analysis
@@ -12,10 +12,24 @@ from daq.service.analyses.levels import overall_of
 from daq.service.analyses.maps import cascade, waterfall
 from daq.service.analyses.orbits import orbit_of, poincare
 from daq.service.analyses.positions import bifurcation_of, centreline_of
+from daq.service.analyses.questions import Asked
 from daq.service.analyses.revolution import slow_roll_of, synchronous
 from daq.service.analyses.spectra import frequency_spectrum_of, full_spectrum_of, order_spectrum
 from daq.service.analyses.vectors import bode_of, polar_of
-from daq.service.questions import Question
+
+VECTORS: Final = (
+    "course",
+    "speed_rpm",
+    "amplitude_peak_x_um",
+    "sigma_peak_x_um",
+    "lag_x_deg",
+    "lag_sigma_x_deg",
+    "amplitude_peak_y_um",
+    "sigma_peak_y_um",
+    "lag_y_deg",
+    "lag_sigma_y_deg",
+    "frames",
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,78 +38,185 @@ class AnalysisKind:
 
     Parameters
     ----------
+    title : str
+        What it is called.
     meaning : str
         What it gives, in a sentence without its stop.
+    columns : tuple of str
+        The names of its table's columns, where nothing else is asked for.
     question : type
         What may be asked.
     make : callable
         Makes it of a run's samples and a question.
     """
 
+    title: str
     meaning: str
-    question: type[Question]
+    columns: tuple[str, ...]
+    question: type[Asked]
     make: Callable[..., Analysis]
 
 
 KINDS: Final[Mapping[str, AnalysisKind]] = {
     "order-spectrum": AnalysisKind(
-        "Amplitude and phase lag by order about a moment", questions.OrderSpectrumQuery, order_spectrum
+        "The order spectrum about a moment",
+        "Amplitude and phase lag by order about a moment",
+        (
+            "order",
+            "amplitude_peak_x_um",
+            "lag_x_deg",
+            "lag_sigma_x_deg",
+            "amplitude_peak_y_um",
+            "lag_y_deg",
+            "lag_sigma_y_deg",
+        ),
+        questions.OrderSpectrumQuery,
+        order_spectrum,
     ),
     "full-spectrum": AnalysisKind(
-        "Circles with and against the rotation by order about a moment", questions.FullSpectrumQuery, full_spectrum_of
+        "The full spectrum about a moment",
+        "Circles with and against the rotation by order about a moment",
+        ("order", "amplitude_peak_um", "uncertain"),
+        questions.FullSpectrumQuery,
+        full_spectrum_of,
     ),
     "frequency-spectrum": AnalysisKind(
+        "The frequency spectrum of a stretch",
         "Amplitude by frequency, averaged over a stretch of time; needs no tacho",
-        questions.FrequencySpectrumQuery, frequency_spectrum_of,
+        ("frequency_hz", "amplitude_peak_x_um", "amplitude_peak_y_um"),
+        questions.FrequencySpectrumQuery,
+        frequency_spectrum_of,
     ),
     "cascade": AnalysisKind(
-        "Spectra over speed: of orders, full, or of frequencies", questions.CascadeQuery, cascade
+        "Spectra over speed",
+        "Spectra over speed: of orders, full, or of frequencies",
+        ("speed_rpm", "order", "amplitude_peak_um"),
+        questions.CascadeQuery,
+        cascade,
     ),
     "waterfall": AnalysisKind(
-        "Spectra over time: of orders, full, or of frequencies", questions.WaterfallQuery, waterfall
+        "Spectra over time",
+        "Spectra over time: of orders, full, or of frequencies",
+        ("time_s", "order", "amplitude_peak_um"),
+        questions.WaterfallQuery,
+        waterfall,
     ),
     "bode": AnalysisKind(
-        "Amplitude and phase lag of any order over speed, run-up and run-down apart", questions.VectorsQuery, bode_of
+        "Vectors of an order over speed, as Bode plot",
+        "Amplitude and phase lag of any order over speed, run-up and run-down apart",
+        VECTORS,
+        questions.VectorsQuery,
+        bode_of,
     ),
     "polar": AnalysisKind(
-        "The same vectors, drawn in the plane", questions.VectorsQuery, polar_of
+        "Vectors of an order over speed, as polar plot",
+        "The same vectors, drawn in the plane",
+        VECTORS,
+        questions.VectorsQuery,
+        polar_of,
     ),
     "orbit": AnalysisKind(
+        "The orbit about a moment",
         "The shaft's path about a moment: direct, of chosen orders (1X, 2X, nX), or without them (not-1X)",
-        questions.OrbitQuery, orbit_of,
+        ("turn", "angle_deg", "time_s", "X_um", "Y_um"),
+        questions.OrbitQuery,
+        orbit_of,
     ),
     "centreline": AnalysisKind(
-        "The shaft's mean position in its clearance over speed", questions.CentrelineQuery, centreline_of
+        "The shaft's centreline",
+        "The shaft's mean position in its clearance over speed",
+        ("time_s", "speed_rpm", "X_um", "Y_um", "X_sigma_um", "Y_sigma_um", "eccentricity", "attitude_deg"),
+        questions.CentrelineQuery,
+        centreline_of,
     ),
     "envelopes": AnalysisKind(
+        "Orders over time",
         "Amplitude and phase lag of several orders over time, by the Vold-Kalman filter",
-        questions.EnvelopesQuery, envelopes,
+        (
+            "time_s",
+            "speed_rpm",
+            "order",
+            "amplitude_peak_x_um",
+            "sigma_peak_x_um",
+            "lag_x_deg",
+            "amplitude_peak_y_um",
+            "sigma_peak_y_um",
+            "lag_y_deg",
+        ),
+        questions.EnvelopesQuery,
+        envelopes,
     ),
     "waveforms": AnalysisKind(
-        "Waveforms of single orders about a moment, by the Vold-Kalman filter", questions.WaveformsQuery, waveforms
+        "Waveforms of orders about a moment",
+        "Waveforms of single orders about a moment, by the Vold-Kalman filter",
+        ("time_s", "angle_deg", "order", "displacement_x_um", "displacement_y_um"),
+        questions.WaveformsQuery,
+        waveforms,
     ),
     "average": AnalysisKind(
-        "The synchronous average of a revolution about a moment, and the residual", questions.AverageQuery, synchronous
+        "The average revolution and its residual",
+        "The synchronous average of a revolution about a moment, and the residual",
+        ("angle_deg", "average_x_um", "average_y_um", "residual_rms_x_um", "residual_rms_y_um"),
+        questions.AverageQuery,
+        synchronous,
     ),
     "poincare": AnalysisKind(
-        "The shaft's positions at the mark about a moment, and what they make", questions.PoincareQuery, poincare
+        "Poincaré points",
+        "The shaft's positions at the mark about a moment, and what they make",
+        ("turn", "time_s", "speed_rpm", "X_um", "Y_um"),
+        questions.PoincareQuery,
+        poincare,
     ),
     "bifurcation": AnalysisKind(
-        "The shaft's position at the mark of every revolution over speed", questions.BifurcationQuery, bifurcation_of
+        "The bifurcation diagram",
+        "The shaft's position at the mark of every revolution over speed",
+        ("time_s", "speed_rpm", "X_um", "Y_um"),
+        questions.BifurcationQuery,
+        bifurcation_of,
     ),
     "sub-synchronous": AnalysisKind(
+        "What is below 1X",
         "Every component below 1X: order, size, onset and end, whirl or whip",
-        questions.SubSynchronousQuery, sub_synchronous,
+        (
+            "component",
+            "order",
+            "order_sigma",
+            "onset_rpm",
+            "end_rpm",
+            "begin_s",
+            "end_s",
+            "largest_peak_um",
+            "sigma_peak_um",
+            "largest_at_rpm",
+            "exponent",
+            "exponent_sigma",
+            "lock_rpm",
+            "direction",
+            "behaviour",
+        ),
+        questions.SubSynchronousQuery,
+        sub_synchronous,
     ),
     "overall": AnalysisKind(
-        "Overall vibration and speed over time, against the limits; needs no tacho", questions.OverallQuery, overall_of
+        "Overall vibration over time",
+        "Overall vibration and speed over time, against the limits; needs no tacho",
+        (
+            "time_s",
+            "speed_rpm",
+            "peak_to_peak_x_um",
+            "peak_to_peak_y_um",
+            "clearance_part_x",
+            "clearance_part_y",
+            "severity",
+        ),
+        questions.OverallQuery,
+        overall_of,
     ),
     "slow-roll": AnalysisKind(
-        "The run-out that the run's own slow turning tells", questions.SlowRollQuery, slow_roll_of
+        "The run-out of the slow roll",
+        "The run-out that the run's own slow turning tells",
+        ("angle_deg", "runout_x_um", "runout_y_um"),
+        questions.SlowRollQuery,
+        slow_roll_of,
     ),
-}  # fmt: skip
-
-
-def analysed(kind: str, run: Any, query: Question) -> Analysis:
-    """Return an analysis of a run's samples."""
-    return KINDS[kind].make(run, query)
+}

@@ -7,7 +7,7 @@ from daq.service.analyses.analysis import Analysis
 from daq.service.analyses.columns import columns
 from daq.service.analyses.not_told import NotToldError, told_or_refused
 from daq.service.analyses.questions import OverallQuery
-from daq.service.analyses.run_samples import PIECE, RunSamples, Stretch
+from daq.service.analyses.run_samples import RunSamples, Stretch
 from daq.service.analyses.turning import MICRO, RPM
 from daq.service.panel import Curve, Panel, Style
 from daq.service.sample_answers import TooMuchError
@@ -72,7 +72,7 @@ def _parts(run: RunSamples, stretch: Stretch, interval: float) -> list[tuple[Ove
         raise TooMuchError(f"{count:,} intervals, expected at most {MOST_INTERVALS:,}: ask for longer ones")
     if count == 0:
         raise NotToldError(f"run {run.header.run}: the stretch is shorter than {interval:g} s")
-    together = max(PIECE // size, 1)
+    together = max(run.piece // size, 1)
     found = []
     for low in range(0, count, together):
         first = stretch.first + low * size

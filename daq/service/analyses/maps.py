@@ -12,7 +12,7 @@ from analysis.uncertainty import sigma_of_floor
 from daq.service.analyses.analysis import Analysis
 from daq.service.analyses.columns import columns
 from daq.service.analyses.not_told import NotToldError, told_or_refused
-from daq.service.analyses.questions import CascadeQuery, Lines, MapQuery, WaterfallQuery
+from daq.service.analyses.questions import CascadeQuery, MapLines, MapQuery, WaterfallQuery
 from daq.service.analyses.run_samples import RunSamples
 from daq.service.analyses.turning import MICRO, RPM, taken_over
 from daq.service.layouts import BOTH_WAYS, stacked
@@ -74,7 +74,7 @@ def waterfall(run: RunSamples, query: WaterfallQuery) -> Analysis:
 
 
 def _spectra(run: RunSamples, query: MapQuery) -> _Spectra:
-    if query.lines is Lines.FREQUENCIES:
+    if query.lines is MapLines.FREQUENCIES:
         return _of_frequencies(run, query)
     taken = taken_over(run, query, query.highest_order)
     run.tell("computing")
@@ -82,10 +82,10 @@ def _spectra(run: RunSamples, query: MapQuery) -> _Spectra:
         lines = order_map(taken.record, revolutions=query.revolutions, highest_order=query.highest_order)
     sigma = sigma_of_floor(lines.noise) * MICRO
     axis, sizes = lines.orders, lines.amplitudes().max(axis=0)
-    if query.lines is Lines.FULL:
+    if query.lines is MapLines.FULL:
         full = full_spectrum(lines.orders, lines.spectrum, lines.pair, probe_mismatch(lines))
         axis, sizes, sigma = full.axis, full.amplitudes, sigma / np.sqrt(2.0)
-    words = f"{'full ' if query.lines is Lines.FULL else ''}{{}}{taken.words}"
+    words = f"{'full ' if query.lines is MapLines.FULL else ''}{{}}{taken.words}"
     caption = f"hann window over {query.revolutions} revolutions, µm zero-to-peak; ± {np.median(sigma):.2g} µm (1 σ)"
     return _Spectra(axis, sizes * MICRO, lines.times, lines.speeds * RPM, sigma, words, caption, taken.remarks)
 
@@ -123,9 +123,9 @@ def _largest(found: _Spectra, number: FloatArray) -> tuple[FloatArray, FloatArra
     return bins, np.stack([found.sizes[number == one].max(axis=0) for one in bins])
 
 
-def _guides(lines: Lines, speeds: FloatArray, highest: float) -> tuple[Curve, ...]:
+def _guides(lines: MapLines, speeds: FloatArray, highest: float) -> tuple[Curve, ...]:
     """Return where 1X and its half and double lie: upright in orders, slanting in frequencies."""
-    if lines is not Lines.FREQUENCIES:
+    if lines is not MapLines.FREQUENCIES:
         return ()
     ends = np.array([speeds.min(), speeds.max()])
     curves = []
@@ -140,8 +140,8 @@ def _shown(
     run: RunSamples, query: MapQuery, found: _Spectra, name: str, feet: FloatArray, sizes: FloatArray, unit: str,
     guides: tuple[Curve, ...],
 ) -> Analysis:  # fmt: skip
-    is_order = query.lines is not Lines.FREQUENCIES
-    across = {Lines.ORDERS: "order", Lines.FULL: BOTH_WAYS, Lines.FREQUENCIES: "Hz"}[query.lines]
+    is_order = query.lines is not MapLines.FREQUENCIES
+    across = {MapLines.ORDERS: "order", MapLines.FULL: BOTH_WAYS, MapLines.FREQUENCIES: "Hz"}[query.lines]
     title = f"{run.header.run} · {found.words.format(name)}"
     rows, lines = sizes.shape
     table = {

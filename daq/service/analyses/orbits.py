@@ -9,7 +9,7 @@ from analysis.poincare import Pattern, PoincareSection, poincare_section
 from daq.service.analyses.analysis import Analysis
 from daq.service.analyses.columns import columns
 from daq.service.analyses.not_told import told_or_refused
-from daq.service.analyses.questions import Filter, OrbitQuery, PoincareQuery
+from daq.service.analyses.questions import OrbitFilter, OrbitQuery, PoincareQuery
 from daq.service.analyses.run_samples import RunSamples
 from daq.service.analyses.turning import MICRO, Taken, taken_before
 from daq.service.layouts import orbit
@@ -34,7 +34,7 @@ def orbit_of(run: RunSamples, query: OrbitQuery) -> Analysis:
     """Return the orbit of the last revolutions before a moment."""
     orders = orders_of(query.orders)
     used = max(query.revolutions, AVERAGED)
-    taken = taken_before(run, query, used, max(8.0, *orders, 1.0))
+    taken = taken_before(run, query, used, max(1.0, *orders))
     with told_or_refused(f"run {run.header.run}"):
         found, what = _orbit(taken, query, orders)
     motion = found.motion * MICRO
@@ -76,11 +76,11 @@ def orbit_of(run: RunSamples, query: OrbitQuery) -> Analysis:
 def _orbit(taken: Taken, query: OrbitQuery, orders: tuple[float, ...]) -> tuple[FilteredOrbit, str]:
     named = " and ".join(f"{order:g}X" for order in orders)
     match query.filter:
-        case Filter.DIRECT:
+        case OrbitFilter.DIRECT:
             return direct_orbit(taken.record, query.revolutions), "direct"
-        case Filter.ORDERS:
+        case OrbitFilter.ORDERS:
             return filtered_orbit(taken.record, orders, revolutions=query.revolutions, averaged=AVERAGED), named
-        case Filter.REST:
+        case OrbitFilter.REST:
             found = orbit_without(taken.record, orders, revolutions=query.revolutions, averaged=AVERAGED)
             return found, f"not-{named}"
 

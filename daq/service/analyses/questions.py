@@ -20,7 +20,7 @@ HighestOrder = Annotated[float, Field(description="Orders up to it", ge=1, le=10
 Width = Annotated[float, Field(description="Width of a bin of speed, r/min", ge=1, le=FASTEST, examples=[100.0])]
 
 
-class Form(StrEnum):
+class AnalysisForm(StrEnum):
     """How an analysis is sent: numbers, or drawn."""
 
     JSON = "json"
@@ -30,7 +30,7 @@ class Form(StrEnum):
     PNG = "png"
 
 
-class Lines(StrEnum):
+class MapLines(StrEnum):
     """What the lines of many spectra are."""
 
     ORDERS = "orders"  # the larger of the two probes
@@ -42,7 +42,7 @@ class Asked(Question):
     """What every analysis may be asked for."""
 
     format: Annotated[
-        Form | None, Field(description="Before the header Accept, which else decides", examples=["json"])
+        AnalysisForm | None, Field(description="Before the header Accept, which else decides", examples=["json"])
     ] = None
 
 
@@ -102,10 +102,10 @@ class FrequencySpectrumQuery(Stretched):
     resolution_hz: Annotated[float, Field(description="Distance of the lines, Hz", ge=0.1, le=1000, examples=[2.0])] = (
         2.0
     )
-    highest_hz: Annotated[float, Field(description="Lines up to it, Hz", ge=1, le=1e6, examples=[2000.0])] = 2000.0
+    highest_hz: Annotated[float, Field(description="MapLines up to it, Hz", ge=1, le=1e6, examples=[2000.0])] = 2000.0
 
 
-class Filter(StrEnum):
+class OrbitFilter(StrEnum):
     """What an orbit is made of."""
 
     DIRECT = "direct"  # everything
@@ -117,11 +117,11 @@ class OrbitQuery(Moment):
     """An orbit."""
 
     filter: Annotated[
-        Filter,
+        OrbitFilter,
         Field(
             description="direct: as it is; orders: those of `orders` alone (1X, 2X, nX); rest: all but them (not-1X)"
         ),
-    ] = Filter.DIRECT
+    ] = OrbitFilter.DIRECT
     orders: Annotated[str, Field(description="Orders with commas", pattern=ORDERS, examples=["1", "1,2"])] = "1"
     revolutions: Annotated[int, Field(description="Revolutions that are drawn", ge=1, le=64)] = 4
 
@@ -138,10 +138,9 @@ class PoincareQuery(Moment):
     revolutions: Annotated[int, Field(description="Revolutions, of which each gives a point", ge=48, le=4096)] = 128
 
 
-class SlowRollQuery(Question):
+class SlowRollQuery(Asked):
     """The run-out that slow turning tells."""
 
-    format: Annotated[Form | None, Field(description="Before the header Accept, which else decides")] = None
     segment: Segment = None
     slow_roll_rpm: Annotated[
         float, Field(description="Revolutions up to this speed tell it, r/min", gt=0, le=FASTEST, examples=[1500.0])
@@ -152,15 +151,15 @@ class MapQuery(Over):
     """Many spectra."""
 
     lines: Annotated[
-        Lines,
+        MapLines,
         Field(description="orders: the larger of the probes; full: circles with and against the rotation; frequencies"),
-    ] = Lines.ORDERS
+    ] = MapLines.ORDERS
     revolutions: Revolutions = 16
     highest_order: HighestOrder = 4.0
     resolution_hz: Annotated[
         float, Field(description="Distance of the lines of frequency, Hz", ge=0.5, le=1000, examples=[4.0])
     ] = 4.0
-    highest_hz: Annotated[float, Field(description="Lines of frequency up to it, Hz", ge=1, le=1e6)] = 1000.0
+    highest_hz: Annotated[float, Field(description="MapLines of frequency up to it, Hz", ge=1, le=1e6)] = 1000.0
 
 
 class CascadeQuery(MapQuery):

@@ -28,6 +28,7 @@ FloatArray = NDArray[np.float64]
 PIECE = 1_000_000  # samples of each channel that are read at a time
 MOST_SAMPLES = 30_000_000  # of each probe that may be held at once
 MOST_POINTS = 16_000_000  # of each probe against the angle
+HELD = 0.3  # of the sample rate: up to there interpolation is good
 POINTS = 64  # a revolution, at least
 ALIGNED = 4096  # samples: where pieces begin, so that halved rates have their samples at the same instants
 ROOM_TURNS, ROOM_SAMPLES = 2.0, 128  # about a piece: what the filters and the interpolator reach
@@ -54,14 +55,15 @@ class RunSamples:
         The run's file.
     tell : callable
         Told what goes on.
-    found : Records or None
-        The run's results, where they have been read.
+    piece : int
+        Samples of each channel that are read at a time.
     """
 
-    def __init__(self, reader: RunReader, tell: Tell, found: Records | None = None) -> None:
+    def __init__(self, reader: RunReader, tell: Tell, piece: int = PIECE) -> None:
         self._reader = reader
         self._tell = tell
-        self._found = found
+        self._found: Records | None = None
+        self.piece = piece
         self.header: RunHeader = reader.header
         self.rate = reader.header.acquisition.rate
 
@@ -113,6 +115,7 @@ class RunSamples:
         """
         points = max(POINTS, 2 ** math.ceil(math.log2(highest_order / PASSED)))
         pulses, angle = self.angle(stretch)
+        self._require_order(highest_order, angle)
         first, last = math.ceil(angle.first), math.floor(angle.last)
         if (last - first) * points > MOST_POINTS:
             most = MOST_POINTS // points
@@ -127,8 +130,8 @@ class RunSamples:
             longest = MOST_SAMPLES / self.rate
             raise TooMuchError(f"{size:,} samples, expected at most {MOST_SAMPLES:,}: ask for {longest:,.0f} s at most")
         found = np.empty((2, size))
-        for low in range(0, size, PIECE):
-            high = min(low + PIECE, size)
+        for low in range(0, size, self.piece):
+            high = min(low + self.piece, size)
             found[:, low:high] = self._probes(Stretch(stretch.segment, stretch.first + low, stretch.first + high))[0]
             self._tell("reading samples", high / size)
         return found
@@ -182,6 +185,16 @@ class RunSamples:
             self._found = records(path) if is_kept else read_records(path, partial(self._tell, "analysing"))
         return self._found
 
+    def _require_order(self, order: float, angle: ShaftAngle) -> None:
+        """Raise NotToldError where an order lies beyond what the samples hold."""
+        fastest = float(angle.speed(np.linspace(angle.first, angle.last, 1_000)).max())
+        reached, held = order * fastest / (2.0 * math.pi), HELD * self.rate
+        if reached > held:
+            raise NotToldError(
+                f"run {self.header.run}: order {order:g} reaches {reached:,.0f} Hz at {fastest / RPM:,.0f} r/min, "
+                f"expected at most {held:,.0f} Hz at {self.rate:,.0f} samples a second"
+            )
+
     def _pulse_times(self, stretch: Stretch) -> FloatArray:
         """Return when the tacho's edges came, s in the segment; the sensor's delay is still in."""
         acquisition, counter = self.header.acquisition, self.header.acquisition.tacho.counter
@@ -192,8 +205,8 @@ class RunSamples:
         row = acquisition.row(Role.TACHO)
         channel, detector = acquisition.channels[row], EdgeDetector(acquisition.tacho)
         edges = [np.empty(0)]
-        for low in range(stretch.first, stretch.stop, PIECE):
-            high = min(low + PIECE, stretch.stop)
+        for low in range(stretch.first, stretch.stop, self.piece):
+            high = min(low + self.piece, stretch.stop)
             codes = self._reader.samples(stretch.segment, low, high)
             edges.append(detector.edges(channel.volts(codes[row]), low))
             self._tell("looking for the tacho's edges", (high - stretch.first) / (stretch.stop - stretch.first))
@@ -202,7 +215,7 @@ class RunSamples:
     def _resampled(self, stretch: Stretch, angle: ShaftAngle, turns: range, points: int) -> AngularRecord:
         """Return the revolutions that begin and end at ``turns``."""
         times = np.asarray(angle.time(np.array(turns)), dtype=np.float64)
-        breaks = np.flatnonzero(np.diff(np.floor(times[:-1] * self.rate / PIECE))) + 1
+        breaks = np.flatnonzero(np.diff(np.floor(times[:-1] * self.rate / self.piece))) + 1
         parts: list[AngularRecord] = []
         clipped = np.zeros(2, dtype=np.int64)
         for begin, end in zip([0, *breaks.tolist()], [*breaks.tolist(), len(turns) - 1], strict=True):

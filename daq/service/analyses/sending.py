@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from daq.service.analyses.analysis import Analysis
-from daq.service.analyses.questions import Form
+from daq.service.analyses.questions import AnalysisForm
 from daq.service.documents.analysis import analysis_document
 from daq.service.drawing import drawing
 from daq.service.rastering import picture
@@ -15,18 +15,18 @@ from daq.service.sample_answers import NoArrowError
 from recordings.formats.table import Column, Table
 
 
-def content(analysis: Analysis, run: str, kind: str, form: Form) -> bytes:
+def content(analysis: Analysis, run: str, kind: str, form: AnalysisForm) -> bytes:
     """Return an analysis in a form; NoPngError or NoArrowError where a package for it is not installed here."""
     match form:
-        case Form.JSON:
+        case AnalysisForm.JSON:
             return analysis_document(run, kind, analysis).model_dump_json().encode()
-        case Form.NPZ:
+        case AnalysisForm.NPZ:
             return _npz(analysis, run)
-        case Form.ARROW:
+        case AnalysisForm.ARROW:
             return _arrow(analysis, run)
-        case Form.SVG:
+        case AnalysisForm.SVG:
             return drawing(analysis.panels).encode()
-        case Form.PNG:
+        case AnalysisForm.PNG:
             return picture(analysis.panels)
 
 

@@ -55,7 +55,7 @@ def taken_over(run: RunSamples, query: Over, highest_order: float) -> Taken:
     return _taken(run, run.record(stretch, highest_order), query.slow_roll_rpm, query.segment)
 
 
-def taken_before(run: RunSamples, query: Moment, revolutions: int, highest_order: float = 8.0) -> Taken:
+def taken_before(run: RunSamples, query: Moment, revolutions: int, highest_order: float = 1.0) -> Taken:
     """Return the last revolutions before a moment."""
     stretch, end = run.moment(query.segment, query.time_s, query.speed_rpm, revolutions)
     record = run.revolutions_to(stretch, end, revolutions, highest_order)

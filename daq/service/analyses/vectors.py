@@ -18,6 +18,7 @@ from daq.service.panel import Panel, Values
 
 PEAK = "µm zero-to-peak"
 SURE = np.radians(30.0)  # a lag that is less sure than that is not drawn
+CLEAR, MOST_PEAKS = 20.0, 3  # standard deviations that a peak must have; and how many are told of a curve
 ARROWS = {Direction.UP: "▲", Direction.DOWN: "▼"}
 
 
@@ -46,7 +47,7 @@ def _vectors(
     title = f"{run.header.run} · {taken.place}"
     made = f"{query.revolutions} revolutions a vector, bins of {query.width_rpm:g} r/min"
     caption = f"{what}: {made}; ± {sigma:.2g} µm (median 1 σ)"
-    found = [(curve, probe, one) for curve in curves for probe in (0, 1) for one in curve.resonances(probe)]
+    found = [(curve, probe, one) for curve in curves for probe in (0, 1) for one in _resonances(curve, probe)]
     figures = {"sigma_peak_um": sigma, **taken.figures}
     largest = max(found, key=lambda each: each[2].amplitude, default=None)
     if largest is not None:
@@ -86,6 +87,13 @@ def _course(curve: SpeedCurve, arrow: str) -> Course:
     x, y = (curve.amplitudes * MICRO).tolist()
     known: tuple[Values, Values] = (rows[0], rows[1])
     return Course(arrow, (curve.speeds * RPM).tolist(), (x, y), known)
+
+
+def _resonances(curve: SpeedCurve, probe: int) -> list[Resonance]:
+    """Return the largest peaks of an amplitude that no noise makes."""
+    noise = np.interp([one.speed for one in curve.resonances(probe)], curve.speeds, curve.sigma[probe])
+    clear = [one for one, sigma in zip(curve.resonances(probe), noise, strict=True) if one.amplitude > CLEAR * sigma]
+    return sorted(clear, key=lambda one: one.amplitude, reverse=True)[:MOST_PEAKS]
 
 
 def _resonance(curve: SpeedCurve, probe: int, one: Resonance) -> str:

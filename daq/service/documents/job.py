@@ -33,6 +33,23 @@ class Address(StrEnum):
     ORDER_SPECTRUM = "order-spectrum"
     FULL_SPECTRUM = "full-spectrum"
     ORBIT = "orbit"
+    ANALYSES_ORDER_SPECTRUM = "analyses/order-spectrum"
+    ANALYSES_FULL_SPECTRUM = "analyses/full-spectrum"
+    ANALYSES_FREQUENCY_SPECTRUM = "analyses/frequency-spectrum"
+    ANALYSES_CASCADE = "analyses/cascade"
+    ANALYSES_WATERFALL = "analyses/waterfall"
+    ANALYSES_BODE = "analyses/bode"
+    ANALYSES_POLAR = "analyses/polar"
+    ANALYSES_ORBIT = "analyses/orbit"
+    ANALYSES_CENTRELINE = "analyses/centreline"
+    ANALYSES_ENVELOPES = "analyses/envelopes"
+    ANALYSES_WAVEFORMS = "analyses/waveforms"
+    ANALYSES_AVERAGE = "analyses/average"
+    ANALYSES_POINCARE = "analyses/poincare"
+    ANALYSES_BIFURCATION = "analyses/bifurcation"
+    ANALYSES_SUB_SYNCHRONOUS = "analyses/sub-synchronous"
+    ANALYSES_OVERALL = "analyses/overall"
+    ANALYSES_SLOW_ROLL = "analyses/slow-roll"
 
 
 class ExportFormat(StrEnum):

@@ -1,0 +1,188 @@
+"""`rig analyse`: what the samples of a run say as a whole, each kind in a table, as JSON, in files, drawn."""
+
+import argparse
+import re
+import time
+from collections.abc import Callable, Iterator
+from enum import EnumType
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+from pydantic.fields import FieldInfo
+
+from daq.cli.aligned import Cell, aligned, number
+from daq.cli.arguments import add_folder, show_examples
+from daq.cli.console import Console
+from daq.cli.replay import found
+from daq.cli.telling import print_json
+from daq.cli.terminal import show
+from daq.errors import UsageError
+from daq.service.analyses.analysis import Analysis
+from daq.service.analyses.columns import QUANTITIES
+from daq.service.analyses.kinds import KINDS
+from daq.service.analyses.questions import MOST_ORDERS, AnalysisForm
+from daq.service.analyses.run_samples import RunSamples
+from daq.service.analyses.sending import content, table
+from daq.service.documents.analysis import analysis_document
+from daq.service.questions import Question
+from daq.service.rastering import NoPngError, require_png
+from daq.service.records import NoSuchMomentError
+from daq.service.sample_answers import TooMuchError
+from recordings.formats import write_table
+from recordings.reader import RunReader
+
+QUIET = 1.0  # s that a command may take before it tells how far it is
+TABLES = (".csv", ".parquet")
+DRAWINGS = {".svg": AnalysisForm.SVG, ".png": AnalysisForm.PNG}
+NAMED = re.compile(r"`(\w+)`")  # a parameter in the words on another
+NOT_AN_OPTION = "format"  # a file's suffix tells it here
+
+_EPILOG = """\
+Every kind prints a table; --json gives all of it to programs, -o FILE.svg or
+FILE.png draws it, -o FILE.csv or FILE.parquet keeps it. Without --time-s and
+--speed-rpm the moment of the largest vibration is taken. The options are the
+parameters of /api/v1/runs/RUN/analyses/KIND, which gives the same numbers.
+examples: rig analyse orbit 2026-11-24T09-12-07-gj90c --speed-rpm 11000
+          rig analyse orbit RUN --filter orders --orders 1 -o orbit.svg
+          rig analyse bode RUN --order 2 --slow-roll-rpm 900 -o bode.png
+          rig analyse cascade RUN --lines full -o full-cascade.svg
+          rig analyse envelopes RUN --orders 0.49,1,2 -o orders.csv
+"""
+
+Add = Callable[[str, Callable[[argparse.Namespace], int], str], argparse.ArgumentParser]
+
+
+def add_commands(add: Add) -> None:
+    """Add the command to the command line."""
+    command = add("analyse", lambda _: 2, "Analyse a run's samples: orbits, Bode, cascades, orders, what is below 1X …")
+    command.epilog = _EPILOG
+    command.formatter_class = argparse.RawDescriptionHelpFormatter
+    kinds = command.add_subparsers(dest="kind", required=True, metavar="KIND")
+    for name, kind in KINDS.items():
+        text = f"{kind.meaning}."
+        one = kinds.add_parser(name, help=text, description=text)
+        one.add_argument("recording", metavar="RUN", help="a run's id, or a file")
+        for field, info in kind.question.model_fields.items():
+            if field != NOT_AN_OPTION:
+                _add_option(one, field, info)
+        add_folder(one)
+        one.add_argument("--json", action="store_true", help="everything as JSON on standard output")
+        one.add_argument(
+            "-o", "--output", type=Path, action="append", default=[], metavar="FILE",
+            help=f"draw it ({', '.join(DRAWINGS)}) or keep its table ({', '.join(TABLES)}); may be given again",
+        )  # fmt: skip
+        show_examples(one, f"rig analyse {name} 2026-11-24T09-12-07-gj90c -o {name}.svg")
+        one.set_defaults(run=run)
+
+
+def run(chosen: argparse.Namespace) -> int:
+    """Make an analysis; return the exit code."""
+    kind = KINDS[chosen.kind]
+    question = _question(kind.question, chosen)
+    for file in chosen.output:
+        _require_writable(file)
+    catalogue, run_id = found(chosen.recording, chosen.folder)
+    console, begun = Console(), time.monotonic()
+
+    def tell(doing: str, part: float | None) -> None:
+        if time.monotonic() - begun > QUIET:
+            console.progress(doing, part)
+
+    try:
+        with RunReader(catalogue.path(run_id)) as reader:
+            analysis = kind.make(RunSamples(reader, tell), question)
+    except (NoSuchMomentError, TooMuchError) as error:
+        raise UsageError(str(error)) from error
+    finally:
+        console.done()
+    for file in chosen.output:
+        _write(file, analysis, run_id, chosen.kind)
+    if chosen.json:
+        print_json(analysis_document(run_id, chosen.kind, analysis))
+    else:
+        show(_lines(analysis))
+    return 0
+
+
+def _add_option(command: argparse.ArgumentParser, field: str, info: FieldInfo) -> None:
+    default = info.default
+    told = "" if default is None else f" (default: {default})"
+    choices = [each.value for each in type(default)] if isinstance(type(default), EnumType) else None
+    description = NAMED.sub(lambda named: _option(named[1]), f"{info.description}{told}")
+    description = description.replace("%", "%%").replace("is a 404", "is refused")
+    metavar = None if choices else "VALUE"
+    command.add_argument(
+        _option(field), dest=f"asked_{field}", choices=choices, default=argparse.SUPPRESS, metavar=metavar,
+        help=description[:1].lower() + description[1:] if description[1:2].islower() else description,
+    )  # fmt: skip
+
+
+def _option(field: str) -> str:
+    return f"--{field.replace('_', '-')}"
+
+
+def _question(model: type[Question], chosen: argparse.Namespace) -> Question:
+    """Return what was asked; UsageError names every option that is wrong."""
+    given = {name.removeprefix("asked_"): value for name, value in vars(chosen).items() if name.startswith("asked_")}
+    try:
+        return model.model_validate(given)
+    except ValidationError as error:
+        faults = [f"{_option(str(each['loc'][0]))} {each['input']}: {_said(each)}" for each in error.errors()]
+        raise UsageError("\n     ".join(faults)) from error
+
+
+def _said(fault: Any) -> str:
+    if fault["type"] == "string_pattern_mismatch":
+        return f"expected numbers with commas, at most {MOST_ORDERS}, such as 0.49,1,2"
+    text: str = fault["msg"]
+    return text[:1].lower() + text[1:]
+
+
+def _require_writable(file: Path) -> None:
+    """Raise UsageError before anything is computed where it could not be kept or drawn."""
+    suffix = file.suffix.lower()
+    if suffix not in {*DRAWINGS, *TABLES}:
+        raise UsageError(f"-o {file}: expected a name that ends with {', '.join((*DRAWINGS, *TABLES))}")
+    if suffix in TABLES and file.exists():
+        raise UsageError(f"-o {file}: exists already; nothing is written over")
+    if not file.parent.is_dir():
+        raise UsageError(f"-o {file}: there is no folder {file.parent}")
+    if DRAWINGS.get(suffix) is AnalysisForm.PNG:
+        try:
+            require_png()
+        except NoPngError as error:
+            raise UsageError(f"-o {file}: {error}") from error
+
+
+def _write(file: Path, analysis: Analysis, run_id: str, kind: str) -> None:
+    form = DRAWINGS.get(file.suffix.lower())
+    if form is None:
+        write_table(file, table(analysis, run_id))
+        return
+    try:
+        file.write_bytes(content(analysis, run_id, kind, form))
+    except OSError as error:
+        raise UsageError(f"-o {file}: {error.strerror or error}") from error
+
+
+def _lines(analysis: Analysis) -> Iterator[str]:
+    """Yield an analysis for a terminal: the rows that tell most, the figures, the remarks."""
+    yield analysis.title
+    rows = analysis.shown()
+    if rows.size:
+        names = [column.name for column in analysis.columns]
+        cells = zip(*(_cells(column.values[rows].tolist()) for column in analysis.columns), strict=True)
+        yield from aligned(names, list(cells), stacked=True)
+    if rows.size < analysis.n_rows:
+        yield f"{rows.size} of {analysis.n_rows:,} rows; all with --json, or -o FILE.csv"
+    for name, value in analysis.figures.items():
+        yield f"{name:16}  {number(*_cells([value]))}  {QUANTITIES[name].meaning}"
+    yield from analysis.remarks
+
+
+def _cells(values: list[Cell]) -> list[Cell]:
+    """Return values to be printed, whole numbers as such."""
+    numbers = [value for value in values if isinstance(value, float)]
+    is_whole = bool(numbers) and all(value.is_integer() for value in numbers)
+    return [int(value) if is_whole and isinstance(value, float) else value for value in values]
