@@ -39,11 +39,17 @@ def counter_check(acquisition: Acquisition, codes: NDArray[np.int16], ticks: NDA
         )
         return _bad(counter, Finding.SILENT, "failed", advice)
     sampled, duration = tacho_edges(acquisition, codes), codes.shape[1] / acquisition.rate
+    if sampled.size == 0:
+        advice = (
+            "the samples show no edge to compare the counter with: where nothing turns, turn the shaft by hand and look "
+            "again; else see to the tacho's own signal first"
+        )
+        return Check.warned("tacho counter", Finding.UNTOLD, f"{ticks.size} stamps", _limit(counter), advice)
     comparison = TachoComparison(counter)
     comparison.advance(sampled, ticks / counter.timebase, duration - MARGIN + SETTLED)
     report = comparison.report(is_working=True)
     if report.compared + report.missing + report.extra < FEWEST_EDGES:
-        advice = "nothing turns, so counter and samples cannot be compared: turn the shaft by hand and look again"
+        advice = "hardly anything turns, so counter and samples cannot be compared: turn the shaft by hand meanwhile"
         return Check.warned("tacho counter", Finding.STILL, f"{ticks.size} stamps", _limit(counter), advice)
     return _compared(counter, report, float(np.median(np.diff(sampled))) if sampled.size > 1 else np.nan)
 

@@ -76,9 +76,15 @@ def test_stamps_that_are_late_by_a_little_are_a_warning() -> None:
     assert "up to 80" in check.value
 
 
-def test_shaft_at_rest_leaves_it_open() -> None:
+@pytest.mark.parametrize("stamped", [0, 100])
+def test_tacho_that_shows_no_edge_leaves_it_open_whatever_was_stamped(stamped: int) -> None:
     still = np.zeros((3, int(RATE)), np.int16)
-    check = counter_check(ACQUISITION, still, np.empty(0, np.int64))
+    check = counter_check(ACQUISITION, still, stamps()[:stamped])
+    assert (check.verdict, check.finding, check.value) == (Verdict.WARN, Finding.UNTOLD, f"{stamped} stamps")
+
+
+def test_shaft_that_hardly_turns_leaves_it_open() -> None:
+    check = counter_check(ACQUISITION, codes(EDGES[10:12]), stamps(EDGES[10:12]))
     assert (check.verdict, check.finding) == (Verdict.WARN, Finding.STILL)
 
 

@@ -114,8 +114,8 @@ def test_rotor_parameters_follow_the_model_section_and_the_probes(rig: RigFactor
         ("timming", {"rate_hz": 100.0}, "timming = a table: unknown key, did you mean timing?"),
         (
             "storage",
-            {"catalogue": "mysql://runs"},
-            'storage.catalogue = "mysql://runs": expected an address as "postgresql+psycopg://user@host/name", or nothing',
+            {"catalogue": "mysql://r"},
+            'storage.catalogue = "mysql://r": expected an address as "postgresql+psycopg://user@host/name", or nothing',
         ),
         ("device", {"backend": "simulation"}, "device.backend = \"simulation\": expected 'nidaqmx' or 'simulated'"),
     ],
