@@ -41,8 +41,8 @@ def counter_check(acquisition: Acquisition, codes: NDArray[np.int16], ticks: NDA
     sampled, duration = tacho_edges(acquisition, codes), codes.shape[1] / acquisition.rate
     if sampled.size == 0:
         advice = (
-            "the samples show no edge to compare the counter with: where nothing turns, turn the shaft by hand and look "
-            "again; else see to the tacho's own signal first"
+            "the samples show no edge to compare the counter with: where nothing turns, turn the shaft by hand and "
+            "look again; else see to the tacho's own signal first"
         )
         return Check.warned("tacho counter", Finding.UNTOLD, f"{ticks.size} stamps", _limit(counter), advice)
     comparison = TachoComparison(counter)
