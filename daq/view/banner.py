@@ -2,11 +2,12 @@
 
 import math
 
-from analysis.run import Severity
+from analysis.run import Role, Severity
+from analysis.snapshot import TachoState
 from daq.session.frame import LiveFrame, RunState, Status
 from daq.view.drawing import Anchor, Drawing
 from daq.view.lettering import text_width
-from daq.view.palette import ALARM, DANGER, GOOD, INK, MEASURED_X, MEASURED_Y, QUIET, TEXT, Color
+from daq.view.palette import ALARM, DANGER, GOOD, GRID, INK, MEASURED_X, MEASURED_Y, QUIET, TEXT, Color
 from daq.view.wording import clock, hours, rpm, worst_alarm
 
 BOUNDS = ((0.0, 1900.0), (8.0, 180.0))
@@ -24,7 +25,7 @@ def banner(frame: LiveFrame) -> Drawing:
     _speed(drawing, frame)
     _overall(drawing, frame)
     _severity(drawing, frame)
-    _recording(drawing, frame.status)
+    _recording(drawing, frame.status, _trouble(frame))
     return drawing
 
 
@@ -32,7 +33,8 @@ def _speed(drawing: Drawing, frame: LiveFrame) -> None:
     snapshot = frame.snapshot
     if snapshot is None or not math.isfinite(snapshot.speed):
         drawing.text("--", (535.0, 140.0), 105.0, QUIET, Anchor.RIGHT)
-        drawing.text("no speed" if snapshot is not None else "no data", (555.0, 140.0), 24.0, ALARM)
+        why = "no data" if snapshot is None else f"tacho: {snapshot.tacho.state.value}"
+        drawing.text(why, (545.0, 140.0), min(24.0, 180.0 / text_width(why)), ALARM)
         return
     drawing.text(rpm(snapshot.speed), (535.0, 140.0), 105.0, TEXT, Anchor.RIGHT)
     drawing.text("r/min", (556.0, 140.0), 34.0, QUIET)
@@ -55,6 +57,10 @@ def _overall(drawing: Drawing, frame: LiveFrame) -> None:
 def _severity(drawing: Drawing, frame: LiveFrame) -> None:
     status = frame.status
     now, paper, ink = _BLOCKS[status.severity]
+    if frame.snapshot is None:
+        now, paper, ink = "NO DATA", GRID, TEXT
+    elif status.alarms and status.severity is Severity.NORMAL:
+        now, paper, ink = "LATCHED", GRID, TEXT
     drawing.block(1150.0, 54.0, 270.0, 62.0, paper)
     drawing.text(now, (1285.0, 102.0), 35.0, ink, Anchor.CENTRE)
     if not status.alarms:
@@ -64,7 +70,7 @@ def _severity(drawing: Drawing, frame: LiveFrame) -> None:
         text = worst_alarm(status.alarms)
         drawing.block(1150.0, 10.0, 270.0, 38.0, paper)
         drawing.text(text, (1285.0, 38.0), min(20.0, 250.0 / text_width(text)), ink, Anchor.CENTRE)
-    if not status.detail:
+    if not _trouble(frame):
         drawing.text(frame.header.rig[:16], (1285.0, 160.0), 22.0, QUIET, Anchor.CENTRE)
 
 
@@ -80,7 +86,24 @@ _STATES: dict[RunState, tuple[str, Color]] = {
 }
 
 
-def _recording(drawing: Drawing, status: Status) -> None:
+def _trouble(frame: LiveFrame) -> str:
+    """Return what went wrong, or else why what is measured cannot be trusted as it stands; empty where all is well."""
+    status, snapshot = frame.status, frame.snapshot
+    if status.detail or snapshot is None:
+        return status.detail
+    doubts = [f"{each.channel} CLIPPED {each.samples:,}" for each in status.clipped]
+    probes = [channel.name for channel in frame.header.acquisition.channels if channel.role is not Role.TACHO]
+    doubts += [
+        f"probe {name} reads {volts:.2f} V, out of its window"
+        for name, volts, ok in zip(probes, snapshot.gap_volts, snapshot.gap_ok, strict=True)
+        if not ok
+    ]
+    if snapshot.tacho.state in {TachoState.IRREGULAR, TachoState.TOO_FAST}:
+        doubts.append(f"tacho {snapshot.tacho.state.value}")
+    return "; ".join(doubts)
+
+
+def _recording(drawing: Drawing, status: Status, trouble: str) -> None:
     word, color = _STATES[status.state]
     drawing.dot((1472.0, 35.0), 16.0, color)
     drawing.text(word, (1500.0, 47.0), 23.0, TEXT)
@@ -91,15 +114,15 @@ def _recording(drawing: Drawing, status: Status) -> None:
     else:
         drawing.text("lost 0", (1456.0, 108.0), 31.0, TEXT)
         drawing.text(f"backlog {status.backlog:.1f} s", (1888.0, 108.0), 25.0, TEXT, Anchor.RIGHT)
-    if status.detail:
-        _detail(drawing, status.detail)
+    if trouble:
+        _detail(drawing, trouble)
         return
     drawing.text(f"{status.samples / 1e6:,.1f} M samples", (1456.0, 160.0), 22.0, QUIET)
     drawing.text(f"disk {hours(status.disk_left)}", (1888.0, 160.0), 25.0, TEXT, Anchor.RIGHT)
 
 
 def _detail(drawing: Drawing, detail: str) -> None:
-    """Write what went wrong on one line, as large as there is room for it."""
+    """Write what is wrong on one line, as large as there is room for it."""
     drawing.block(1150.0, 126.0, 740.0, 46.0, ALARM)
     height = min(24.0, 690.0 / text_width(detail))
     drawing.text(detail, (1520.0, 149.0 + 0.5 * height), height, INK, Anchor.CENTRE)

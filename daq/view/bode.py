@@ -10,7 +10,7 @@ from analysis.run import RunHeader
 from analysis.snapshot import OrderFrame
 from daq.view.axes import Axis, Plot, Reach
 from daq.view.drawing import Anchor, Drawing
-from daq.view.palette import MEASURED_X, MEASURED_Y, MODEL, TEXT, Color, dimmed
+from daq.view.palette import MEASURED_X, MEASURED_Y, MODEL, MODEL_DASH, TEXT, Color, dimmed
 from model.prediction import Prediction
 
 FloatArray = NDArray[np.float64]
@@ -19,7 +19,7 @@ ComplexArray = NDArray[np.complex128]
 BOUNDS = ((-34.0, 320.0), (-15.0, 192.0))
 _BINS = 250
 _LETTERS = 7.0
-_DASH = 4.0  # of a run-down's lines
+_DASH = 2.5  # of a run-down's lines
 _MICRO = 1e6
 _TO_RPM = 30.0 / math.pi
 
@@ -99,7 +99,7 @@ class BodePlot:
     def model(self) -> Drawing:
         """Return the predicted lines."""
         drawing = Drawing()
-        self._lines(drawing, self._predicted, (MODEL, dimmed(MODEL, 0.75)), 2.4)
+        self._lines(drawing, self._predicted, (MODEL, dimmed(MODEL, 0.75)), 2.2, MODEL_DASH)
         return drawing
 
     def measured(self) -> Drawing:
@@ -124,10 +124,7 @@ class BodePlot:
                     if order == 0:
                         lines.append(lag.place(*_unfolded(speeds, phase_lag(vector))))
                     for line in lines:
-                        if dash:
-                            drawing.dashes(line, dimmed(color, share), width, dash)
-                        else:
-                            drawing.line(line, dimmed(color, share), width)
+                        drawing.line(line, dimmed(color, share), width, dash)
 
     def _plots(self) -> tuple[Plot, Plot]:
         speed = Axis(0.0, self._top, "speed, r/min", ticks=8)

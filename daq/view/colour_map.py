@@ -31,7 +31,7 @@ def map_axes(plot: Plot) -> Drawing:
     drawing = Drawing()
     plot.draw_frame(drawing, grid=False)
     for order in (0.5, 1.0, 2.0):
-        drawing.dashes(plot.place([order, order], [plot.y.low, plot.y.high]), dimmed(CLEARANCE, 0.35), 0.25, 1.5)
+        drawing.line(plot.place([order, order], [plot.y.low, plot.y.high]), dimmed(CLEARANCE, 0.35), 0.25, 1.5)
     drawing.text("colour: µm peak", (float(COLUMNS), -0.8 * LETTERS), LETTERS, QUIET, Anchor.RIGHT)
     left, steps = COLUMNS + 4.5, 40
     for step, (red, green, blue) in enumerate(shades(np.linspace(0.0, 1.0, steps))):

@@ -1,6 +1,6 @@
 """Lines and lettering collected for one entity of the viewer, in a plane with x to the right and y DOWN."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from enum import Enum
 
 import numpy as np
@@ -30,6 +30,15 @@ def _runs(points: FloatArray) -> list[FloatArray]:
     return [points[a:b] for a, b in edges.reshape(-1, 2) if b - a > 1]
 
 
+def _dashes(run: FloatArray, length: float) -> Iterator[FloatArray]:
+    """Yield the dashes of a line through finite points of (n, 2), gaps as long as they are between them."""
+    along = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(run, axis=0).T))))
+    for start in np.arange(0.0, along[-1], 2.0 * length):
+        inside = along[(along > start) & (along < start + length)]
+        at = np.concatenate(([start], inside, [min(start + length, along[-1])]))
+        yield np.stack([np.interp(at, along, run[:, k]) for k in range(2)], axis=1)
+
+
 class Drawing:
     """What is drawn as one entity; later strokes lie over earlier ones.
 
@@ -41,20 +50,11 @@ class Drawing:
         self._colors: list[Color] = []
         self._radii: list[float] = []
 
-    def line(self, points: ArrayLike, color: Color, width: float) -> None:
-        """Draw a line through points of shape (n, 2); it is broken where one is not finite."""
+    def line(self, points: ArrayLike, color: Color, width: float, dash: float = 0.0) -> None:
+        """Draw a line through points of shape (n, 2), broken where one is not finite; in dashes where they are long."""
         for run in _runs(np.asarray(points, dtype=np.float64).reshape(-1, 2)):
-            self._add(run, color, width)
-
-    def dashes(self, points: ArrayLike, color: Color, width: float, length: float) -> None:
-        """Draw a dashed line through points of shape (n, 2)."""
-        for run in _runs(np.asarray(points, dtype=np.float64).reshape(-1, 2)):
-            along = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(run, axis=0).T))))
-            starts = np.arange(0.0, along[-1], 2.0 * length)
-            for start in starts:
-                inside = along[(along > start) & (along < start + length)]
-                at = np.concatenate(([start], inside, [min(start + length, along[-1])]))
-                self._add(np.stack([np.interp(at, along, run[:, k]) for k in range(2)], axis=1), color, width)
+            for stroke in _dashes(run, dash) if dash else [run]:
+                self._add(stroke, color, width)
 
     def circle(self, centre: tuple[float, float], radius: float, color: Color, width: float) -> None:
         """Draw a circle."""

@@ -5,6 +5,7 @@ strokes parted by commas; the baseline lies at 2, capitals end at 8, small lette
 """
 
 from functools import lru_cache
+from unicodedata import normalize
 
 import numpy as np
 from numpy.typing import NDArray
@@ -83,6 +84,8 @@ _GLYPHS = {
     ".": "02 03",
     ",": "12 01",
     ":": "02 03,05 06",
+    ";": "12 01,15 16",
+    "…": "02 03,22 23,42 43",
     "·": "04 05",
     "-": "05 35",
     "−": "05 45",
@@ -99,10 +102,19 @@ _GLYPHS = {
     "]": "08 18 12 02",
     "<": "46 04 42",
     ">": "06 44 02",
+    "≤": "47 05 43,02 42",
+    "≥": "07 45 03,02 42",
+    "→": "04 44,36 44 32",
     "∠": "38 02 42",
     "▲": "02 28 42 02,13 33,14 34,15 35,22 27,12 26 32",
     "▼": "08 22 48 08,17 37,16 36,15 35,28 23,18 24 38",
     "'": "08 07",
+    '"': "08 07,28 27",
+    "“": "07 08,27 28",
+    "”": "08 07,28 27",
+    "#": "12 18,32 38,04 44,06 46",
+    "&": "42 17 18 28 27 04 03 12 22 44",
+    "*": "14 36,16 34",
     "?": "07 18 38 47 46 25 24,23 22",
     "!": "08 04,03 02",
     "_": "01 41",
@@ -115,9 +127,9 @@ def _glyph(letter: str) -> tuple[tuple[FloatArray, ...], float]:
     """Return the strokes of a letter on its grid and how far the next one stands off."""
     if letter == " ":
         return (), 2.6
+    shape = _GLYPHS.get(letter) or _GLYPHS.get(normalize("NFKD", letter)[0], _UNKNOWN)  # é is read as e
     strokes = tuple(
-        np.array([(float(point[0]), float(point[1])) for point in stroke.split()])
-        for stroke in _GLYPHS.get(letter, _UNKNOWN).split(",")
+        np.array([(float(point[0]), float(point[1])) for point in stroke.split()]) for stroke in shape.split(",")
     )
     width = _DIGIT_WIDTH if letter.isdigit() else max(float(stroke[:, 0].max()) for stroke in strokes)
     return strokes, width + _GAP

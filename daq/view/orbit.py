@@ -7,7 +7,7 @@ from analysis.run import RunHeader
 from analysis.snapshot import OrderFrame
 from daq.view.axes import Axis, Plot, Reach
 from daq.view.drawing import Anchor, Drawing
-from daq.view.palette import CLEARANCE, MEASURED_X, MODEL, PAPER, QUIET, TACHO, dimmed
+from daq.view.palette import CLEARANCE, MEASURED_X, MODEL, MODEL_DASH, PAPER, QUIET, TACHO, Color, dimmed
 from model.prediction import Prediction
 
 FloatArray = NDArray[np.float64]
@@ -56,8 +56,9 @@ class OrbitPlot:
             drawing.circle(centre, radius, CLEARANCE, 1.2)
             label = f"clearance {self._clearance:.0f} µm"
             drawing.text(label, (centre[0] + radius, centre[1] + radius + 9.0), 0.8 * _LETTERS, CLEARANCE, Anchor.RIGHT)
-        for row, (name, color) in enumerate((("measured", MEASURED_X), ("model", MODEL), ("mark", TACHO))):
+        for row, (name, color) in enumerate((("measured", MEASURED_X), ("mark", TACHO))):
             drawing.text(name, (-97.0, -90.0 + 10.0 * row), 0.9 * _LETTERS, color)
+        drawing.text("model", (-97.0, 88.0), 0.9 * _LETTERS, MODEL)
         return drawing
 
     def measured(self, frame: OrderFrame | None) -> Drawing:
@@ -70,8 +71,8 @@ class OrbitPlot:
             orbit = frame.orbit * _MICRO
             if frame.compensated_orbit is not None:
                 self._turns(drawing, orbit[:, -self._points - 1 :], dimmed(QUIET, 0.6), 1.3)
-                drawing.text("compensated", (-97.0, -60.0), 0.9 * _LETTERS, MEASURED_X)
-                drawing.text("as measured", (-97.0, -50.0), 0.9 * _LETTERS, dimmed(QUIET, 0.6))
+                drawing.text("compensated", (97.0, 97.0), 0.9 * _LETTERS, MEASURED_X, Anchor.RIGHT)
+                drawing.text("measured", (97.0, 87.0), 0.9 * _LETTERS, dimmed(QUIET, 0.6), Anchor.RIGHT)
                 orbit = frame.compensated_orbit * _MICRO
             last = orbit.shape[1] - self._points
             self._turns(drawing, orbit[:, : last + 1], dimmed(MEASURED_X, 0.5), 1.3)
@@ -84,9 +85,9 @@ class OrbitPlot:
         drawing = Drawing()
         if prediction is not None and prediction.orbit.size:
             orbit = prediction.orbit * _MICRO
-            self._turns(drawing, orbit, MODEL, 1.6)
+            self._turns(drawing, orbit, MODEL, 1.8, MODEL_DASH)
             basis = "exact" if prediction.is_exact else "interpolated"
-            drawing.text(basis, (-70.0, -80.0), 0.9 * _LETTERS, MODEL)
+            drawing.text(basis, (-97.0, 97.0), 0.75 * _LETTERS, MODEL)
             starts = self._plot().place(orbit[0, ::points], orbit[1, ::points])
             for at in starts:
                 drawing.circle((float(at[0]), float(at[1])), 3.4, MODEL, 1.2)
@@ -100,8 +101,8 @@ class OrbitPlot:
     def _shows_clearance(self) -> bool:
         return self._clearance <= self._reach.end
 
-    def _turns(self, drawing: Drawing, orbit: FloatArray, color: tuple[int, int, int, int], width: float) -> None:
-        drawing.line(self._plot().place(orbit[0], orbit[1]), color, width)
+    def _turns(self, drawing: Drawing, orbit: FloatArray, color: Color, width: float, dash: float = 0.0) -> None:
+        drawing.line(self._plot().place(orbit[0], orbit[1]), color, width, dash)
         if not self._shows_clearance():
             (across, down), radius = _INSET
             small = orbit * radius / self._clearance

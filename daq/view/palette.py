@@ -23,6 +23,10 @@ DANGER: Color = (229, 28, 35, 255)
 PAPER: Color = (13, 16, 21, 255)  # what all of it is drawn on
 INK: Color = (12, 12, 12, 255)  # writing on a bright block
 
+MODEL_DASH = 4.0
+"""Length of the dashes in which the model's lines are drawn, in the units of a plane some 300 wide: told from what is
+measured without their colour, too."""
+
 _SHADES = np.array(
     [(13, 16, 21), (16, 34, 62), (24, 74, 120), (44, 132, 178), (110, 200, 226), (214, 244, 248), (255, 255, 255)],
     dtype=np.float64,

@@ -91,6 +91,8 @@ class Presenter:
         self._axes("spectrum/axes", self._spectrum.follow(order_frame, frame.prediction), self._spectrum.axes)
         self._spectrum.model(frame.prediction).log(self._stream, "spectrum/model", draw_order=_OVER)
         self._spectrum.measured(order_frame).log(self._stream, "spectrum/measured", draw_order=_TOP)
+        names = self._spectrum.names(order_frame, frame.prediction)
+        names.log(self._stream, "spectrum/names", draw_order=_TOP + 1.0)
 
     def _show_traces(self, frame: LiveFrame) -> None:
         self._axes("traces/axes", self._traces.follow(frame.snapshot), self._traces.axes)

@@ -12,7 +12,7 @@ from daq.session.frame import PlacedMark
 from daq.view.axes import Axis, Plot, Reach
 from daq.view.drawing import Anchor, Drawing
 from daq.view.flags import draw_upright
-from daq.view.palette import MEASURED_X, MEASURED_Y, MODEL, TEXT
+from daq.view.palette import MEASURED_X, MEASURED_Y, MODEL, MODEL_DASH, TEXT
 from daq.view.traces import thinned
 from model.prediction import Prediction
 
@@ -73,14 +73,14 @@ class TrendPlot:
         unit = 60.0 if span > _SPANS[0] else 1.0
         points = self._shown(elapsed)
         since = (points[:, 0] - elapsed) / unit
-        for plot, column, color in (
-            (upper, 3, MODEL),
-            (upper, 2, MEASURED_Y),
-            (upper, 1, MEASURED_X),
-            (lower, 4, TEXT),
+        for plot, column, color, dash in (
+            (upper, 3, MODEL, MODEL_DASH),
+            (upper, 2, MEASURED_Y, 0.0),
+            (upper, 1, MEASURED_X, 0.0),
+            (lower, 4, TEXT, 0.0),
         ):
             index, values = thinned(points[:, column], _POINTS)
-            drawing.line(plot.place(since[index], values), color, 1.5)
+            drawing.line(plot.place(since[index], values), color, 1.5, dash)
         for mark in marks:
             if elapsed - span <= mark.elapsed <= elapsed:
                 draw_upright(drawing, (upper, lower), (mark.elapsed - elapsed) / unit, mark)

@@ -31,10 +31,10 @@ def words(frame: LiveFrame) -> Drawing:
         drawing.text(text, (_Y, 39.0), min(_SIZE, 124.0 / text_width(text)), TEXT, Anchor.RIGHT)
     drawing.text(_expected(frame.prediction), (_LEFT, 39.0), _SIZE, MODEL)
     drawing.line([(_LEFT, 46.0), (_Y, 46.0)], FRAME, 0.7)
-    at = _vectors(drawing, frame, 59.0)
-    drawing.line([(_LEFT, at - 6.0), (_Y, at - 6.0)], FRAME, 0.7)
+    at = _vectors(drawing, frame, 59.0) + 7.0
+    drawing.line([(_LEFT, at - 13.0), (_Y, at - 13.0)], FRAME, 0.7)
     if frame.snapshot is not None:
-        at = _signals(drawing, frame, frame.snapshot, at + 7.0)
+        at = _signals(drawing, frame, frame.snapshot, at)
     status = frame.status
     missed = f"not analysed live {status.skipped:,}   not drawn {status.dropped_frames:,}"
     _line(drawing, at, missed, ALARM if status.skipped else QUIET)

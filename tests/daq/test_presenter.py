@@ -1,5 +1,6 @@
 """What is logged of a run: every plot has its data, measured and predicted, at the run's time."""
 
+import itertools
 import math
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
@@ -13,12 +14,15 @@ from numpy.typing import NDArray
 from rerun.chunk import RrdReader
 
 from analysis.run import Severity
-from daq.session.frame import LiveFrame, PlacedMark, RunState, Status
+from analysis.snapshot import TachoState
+from daq.session.frame import Clipping, LiveFrame, PlacedMark, RunState, Status
 from daq.view.blueprint import timeline
 from daq.view.colour_map import COLUMNS, HIGHEST_ORDER, ROWS
 from daq.view.drawing import Drawing
-from daq.view.palette import ALARM, DANGER, MARK, MEASURED_X, MEASURED_Y, MODEL, TACHO, Color
+from daq.view.lettering import text_strokes, text_width
+from daq.view.palette import ALARM, DANGER, MARK, MEASURED_X, MEASURED_Y, MODEL, MODEL_DASH, TACHO, Color
 from daq.view.presenter import Presenter
+from daq.view.spectrum import LETTERS, SpectrumPlot
 from daq.view.trend import TrendPlot
 from recordings.marks import Mark, MarkKind
 from tests.daq.frames import RATE, make_frames, make_header, with_alarm, with_runout, with_second_whirl
@@ -28,6 +32,7 @@ DRAWN = {
     "/banner",
     "/words",
     "/details",
+    "/spectrum/names",
     "/trend/axes",
     "/trend/lines",
     *(
@@ -99,7 +104,10 @@ def test_every_entity_of_every_plot_has_data(run_up: Logged) -> None:
 @pytest.mark.parametrize("plot", ["orbit", "spectrum", "bode"])
 def test_measured_and_predicted_are_drawn_in_their_colours(run_up: Logged, plot: str) -> None:
     assert any(len(strip) > 20 for strip in run_up.strips(f"/{plot}/measured", MEASURED_X))
-    assert any(len(strip) > 20 for strip in run_up.strips(f"/{plot}/model", MODEL))
+    dashes = run_up.strips(f"/{plot}/model", MODEL)
+    assert len(dashes) > 20  # told from what is measured without their colour, too
+    lengths = [float(np.hypot(*np.diff(dash, axis=0).T).sum()) for dash in dashes]
+    assert float(np.median(lengths)) < 1.01 * MODEL_DASH
 
 
 def test_both_probes_have_a_line_of_their_own(run_up: Logged) -> None:
@@ -136,6 +144,41 @@ def test_banner_says_what_was_lost_and_what_went_wrong(tmp_path: Path) -> None:
     assert logged.strips("/banner", ALARM)
     assert len(logged.strips("/banner", DANGER)) > 10
     assert "at least 12,345" in str(logged.rows("/details")[-1]["TextDocument:text"][0])
+
+
+def test_banner_says_why_what_is_measured_cannot_be_trusted(tmp_path: Path) -> None:
+    frame = make_frames(1)[0]
+    assert frame.snapshot is not None
+    clipped = replace(frame.status, clipped=(Clipping("y", 1234, 3, 0.1),))
+    irregular = replace(frame.snapshot.tacho, state=TachoState.IRREGULAR)
+    for name, doubtful in (
+        ("clipped", replace(frame, status=clipped)),
+        ("gap", replace(frame, snapshot=replace(frame.snapshot, gap_ok=np.array([True, False])))),
+        ("tacho", replace(frame, snapshot=replace(frame.snapshot, tacho=irregular))),
+    ):
+        assert Logged([doubtful], tmp_path / f"{name}.rrd").strips("/banner", ALARM), name
+    assert not Logged([frame], tmp_path / "good.rrd").strips("/banner", ALARM)
+
+
+def test_names_in_the_spectrum_never_lie_on_one_another() -> None:
+    plot = SpectrumPlot()
+    for frame in map(with_second_whirl, make_frames(200)[::8]):
+        assert frame.snapshot is not None
+        plot.follow(frame.snapshot.frame, frame.prediction)
+        placed = plot.placed_names(frame.snapshot.frame, frame.prediction)
+        assert len(placed) >= 2
+        for (left, bottom, name, _), (its_left, its_bottom, its_name, _) in itertools.combinations(placed, 2):
+            right, its_right = (
+                start + LETTERS * text_width(word) for start, word in ((left, name), (its_left, its_name))
+            )
+            beside = right < its_left or its_right < left
+            assert beside or abs(bottom - its_bottom) > 1.2 * LETTERS, (name, its_name)
+
+
+def test_message_from_outside_is_written_with_letters_that_there_are() -> None:
+    box = text_strokes("\u4e00")
+    for letter in "no samples; é ö “x” … ≥ → # & *":
+        assert letter == " " or str(text_strokes(letter)) != str(box), letter
 
 
 def test_frames_lie_on_the_timeline_of_their_run(run_up: Logged) -> None:
