@@ -1,12 +1,11 @@
 """What people say of a run afterwards: a remark and tags, in a small file beside it; the recording never changes."""
 
 import json
-import os
-import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from recordings.draft import draft_of
 from recordings.errors import StorageError
 
 SUFFIX = ".notes.json"
@@ -62,12 +61,7 @@ def store(run: Path, annotations: Annotations) -> None:
     place = place_of(run)
     document = {"format": FORMAT, "remark": annotations.remark, "tags": list(annotations.tags)}
     try:
-        handle, draft = tempfile.mkstemp(dir=place.parent, prefix=f".{place.stem}.", suffix=".part")
-        try:
-            with os.fdopen(handle, "w", encoding="utf-8") as file:
-                json.dump(document, file, ensure_ascii=False, indent=1)
-            Path(draft).replace(place)
-        finally:
-            Path(draft).unlink(missing_ok=True)
+        with draft_of(place) as draft:
+            draft.write_text(json.dumps(document, ensure_ascii=False, indent=1), encoding="utf-8")
     except OSError as error:
         raise StorageError(f"{place}: cannot be written: {error.strerror or error}") from error

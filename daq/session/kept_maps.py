@@ -8,13 +8,13 @@ import zlib
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from tempfile import NamedTemporaryFile
 from typing import Final, TypeAlias
 
 import numpy as np
 
 from daq.session.claim import Claim
 from model.prediction_map import PredictionMap
+from recordings.draft import draft_of
 
 Told: TypeAlias = Callable[[int, int], None]
 """Told the number of speeds done and of all."""
@@ -53,15 +53,8 @@ def read_map(file: Path) -> tuple[PredictionMap | None, str]:
 def write_map(file: Path, prediction_map: PredictionMap) -> None:
     """Keep a map: whole or not at all."""
     file.parent.mkdir(parents=True, exist_ok=True)
-    with NamedTemporaryFile(dir=file.parent, suffix=".part", delete=False) as part:
-        try:
-            np.savez(part, **prediction_map.to_arrays())  # type: ignore[arg-type]  # the stub takes names for an option
-            part.close()
-            Path(part.name).replace(file)
-        except OSError:
-            part.close()
-            Path(part.name).unlink(missing_ok=True)
-            raise
+    with draft_of(file) as draft, draft.open("wb") as part:
+        np.savez(part, **prediction_map.to_arrays())  # type: ignore[arg-type]  # the stub takes names for an option
 
 
 def kept_or_computed(

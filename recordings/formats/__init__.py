@@ -7,6 +7,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+from recordings.draft import draft_of
 from recordings.errors import ForeignFormatError
 from recordings.formats.table import Column, Table
 from recordings.progress import Progress, untold
@@ -71,9 +72,9 @@ def write_table(path: Path, table: Table, on_progress: Progress = untold) -> Non
     if path.exists():
         raise ForeignFormatError(f"{path}: exists already; nothing is written over")
     try:
-        module.write(path, table, on_progress)
+        with draft_of(path) as draft:
+            module.write(draft, table, on_progress)
     except OSError as error:
-        path.unlink(missing_ok=True)
         raise ForeignFormatError(f"{path}: cannot be written: {error.strerror or error}") from error
 
 

@@ -20,6 +20,7 @@ from model.studies.thesis_chapter_6 import (
     trends,
 )
 from model.thesis_chapter_3 import chapter_3
+from recordings.draft import draft_of
 
 NAME = "thesis.html"
 _CHAPTER_3 = (
@@ -63,7 +64,8 @@ def run(chosen: argparse.Namespace) -> int:
     file = folder / NAME
     text = page(parts)
     try:
-        file.write_text(text, encoding="utf-8")
+        with draft_of(file) as draft:
+            draft.write_text(text, encoding="utf-8")
     except OSError as error:
         raise UsageError(f"{file}: cannot be written ({error.strerror})") from error
     console.done()

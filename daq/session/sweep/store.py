@@ -3,11 +3,11 @@
 import importlib
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from tempfile import NamedTemporaryFile
 from uuid import uuid4
 
 from daq.errors import UsageError
 from model.studies.quantities import Outcome
+from recordings.draft import draft_of
 
 
 class SweepStore:
@@ -71,15 +71,8 @@ class SweepStore:
         columns["fault"] = pa.array([one.fault for one in outcomes], pa.string())
         try:
             file.parent.mkdir(parents=True, exist_ok=True)
-            with NamedTemporaryFile(dir=file.parent, suffix=".part", delete=False) as whole:
-                try:
-                    parquet.write_table(pa.table(columns), whole)
-                    whole.close()
-                    Path(whole.name).replace(file)
-                except OSError:
-                    whole.close()
-                    Path(whole.name).unlink(missing_ok=True)
-                    raise
+            with draft_of(file) as draft:
+                parquet.write_table(pa.table(columns), draft)
         except OSError as error:
             raise UsageError(f"{file}: cannot be written ({error.strerror or error})") from error
 
