@@ -26,6 +26,8 @@ from mcap.writer import MCAP0_MAGIC
 from recordings.chunk_table import ChunkPlace, ChunkTable
 from recordings.errors import DamagedError, NotFoundError, StorageError
 
+MAGIC = MCAP0_MAGIC
+"""What every MCAP file begins and, when it is whole, ends with."""
 RECORD = struct.Struct("<BQ")  # opcode, length of the content
 FOOTER = struct.Struct("<BQQQI")  # opcode, length, start of the summary, start of its offsets, CRC
 MESSAGE = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
@@ -107,7 +109,7 @@ class Container:
     @property
     def has_magic(self) -> bool:
         """Whether the file begins as MCAP does."""
-        return self.read(0, len(MCAP0_MAGIC)) == MCAP0_MAGIC
+        return self.read(0, len(MAGIC)) == MAGIC
 
     @property
     def data_stop(self) -> int:
@@ -178,12 +180,12 @@ class Container:
     def _find_summary(self) -> tuple[int, int]:
         """Return start and end of the summary, or zeros where the file has none that is intact."""
         nothing = (0, 0)
-        stop = self.size - FOOTER.size - len(MCAP0_MAGIC)
-        if stop < len(MCAP0_MAGIC):
+        stop = self.size - FOOTER.size - len(MAGIC)
+        if stop < len(MAGIC):
             return nothing
         tail = self.read(stop, self.size - stop)
         opcode, _, start, _, crc = FOOTER.unpack_from(tail)
-        if tail[FOOTER.size :] != MCAP0_MAGIC or opcode != Opcode.FOOTER or not 0 < start <= stop:
+        if tail[FOOTER.size :] != MAGIC or opcode != Opcode.FOOTER or not 0 < start <= stop:
             return nothing
         return (start, stop) if zlib.crc32(self.read(start, stop - start + FOOTER.size - 4)) == crc else nothing
 
@@ -194,7 +196,7 @@ class Container:
     def _records(self, named: Sequence[int]) -> Iterator[Record]:
         """Yield records from the start on; `named` are places where one is known to begin, in order."""
         ahead = deque(named)
-        offset = len(MCAP0_MAGIC)
+        offset = len(MAGIC)
         while True:
             while ahead and ahead[0] <= offset:
                 ahead.popleft()
@@ -308,7 +310,7 @@ def is_ended(path: Path) -> bool:
     """Return whether a file ends as a finished MCAP file does."""
     try:
         with path.open("rb") as file:
-            file.seek(-len(MCAP0_MAGIC), os.SEEK_END)
-            return file.read() == MCAP0_MAGIC
+            file.seek(-len(MAGIC), os.SEEK_END)
+            return file.read() == MAGIC
     except OSError:
         return False

@@ -1,7 +1,10 @@
-"""A file, or a stretch of it, as an answer."""
+"""A file, or a stretch of it, as an answer: of one and the same file, whatever takes its place meanwhile."""
 
+import os
 from pathlib import Path
+from typing import BinaryIO
 
+from anyio import to_thread
 from fastapi import Request, Response
 from fastapi.responses import StreamingResponse
 
@@ -13,7 +16,9 @@ from daq.service.tags import is_known
 OCTETS = "application/octet-stream"
 
 
-def file_answer(request: Request, path: Path, size: int, tag: str, media_type: str = OCTETS) -> Response:
+async def file_answer(
+    request: Request, path: Path, media_type: str = OCTETS, *, tag: str | None = None, begins: bytes = b""
+) -> Response:
     """Return a file as the headers If-None-Match, Range and If-Range ask for it.
 
     Parameters
@@ -22,18 +27,47 @@ def file_answer(request: Request, path: Path, size: int, tag: str, media_type: s
         With the headers.
     path : Path
         The file.
-    size : int
-        Its size, bytes.
-    tag : str
-        Its entity tag, a strong one.
     media_type : str
         Of its content.
+    tag : str or None
+        Its entity tag, a strong one; None makes it of its size and its last change.
+    begins : bytes
+        What it must begin with.
+
+    Raises
+    ------
+    OSError
+        It cannot be opened.
+    ValueError
+        It does not begin so.
     """
+    file = await to_thread.run_sync(_opened, path, begins)
+    try:
+        answer = _answer(request, file, path.name, media_type, tag)
+    except BaseException:
+        file.close()
+        raise
+    if not isinstance(answer, StreamingResponse):
+        file.close()
+    return answer
+
+
+def _opened(path: Path, begins: bytes) -> BinaryIO:
+    file = path.open("rb")
+    if file.read(len(begins)) != begins:
+        file.close()
+        raise ValueError(f"{path.name}: no recording")
+    return file
+
+
+def _answer(request: Request, file: BinaryIO, name: str, media_type: str, tag: str | None) -> Response:
+    status = os.fstat(file.fileno())
+    size, tag = status.st_size, tag or f'"{status.st_size:x}-{status.st_mtime_ns:x}"'
     headers = {
         "ETag": tag,
         "Cache-Control": "private, no-cache",
         "Accept-Ranges": "bytes",
-        "Content-Disposition": f'attachment; filename="{path.name}"',
+        "Content-Disposition": f'attachment; filename="{name}"',
     }
     if is_known(request.headers.get("if-none-match"), tag):
         return Response(status_code=304, headers=headers)
@@ -47,6 +81,7 @@ def file_answer(request: Request, path: Path, size: int, tag: str, media_type: s
     headers["Content-Length"] = str(end - begin)
     if stretch is not None:
         headers["Content-Range"] = f"bytes {begin}-{end - 1}/{size}"
-    return StreamingResponse(
-        portions(path, begin, end), 200 if stretch is None else 206, headers=headers, media_type=media_type
-    )
+    code = 200 if stretch is None else 206
+    if request.scope.get("rig.head"):  # nobody sees the content: it need not be read
+        return Response(status_code=code, headers=headers, media_type=media_type)
+    return StreamingResponse(portions(file, begin, end), code, headers=headers, media_type=media_type)

@@ -57,7 +57,7 @@ class Guard:
         self._app = app
         self._origins = origins
         self._names = LOOPBACK_NAMES | {_written(host)} if is_loopback(host) else None
-        self._expected = None if token is None else f"Bearer {token}".encode()
+        self._token = None if token is None else token.encode()
         self._public = public
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
@@ -81,7 +81,7 @@ class Guard:
                 Kind.HOST_NOT_ALLOWED,
                 f"the request names {name!r}; expected one of {', '.join(sorted(self._names))}",
             )
-        if self._expected is not None and path not in self._public and not self._bears_token(headers):
+        if self._token is not None and path not in self._public and not self._bears_token(headers):
             given = "another token was given" if "authorization" in headers else "no token was given"
             return Kind.TOKEN_NEEDED, f"{given}: send the header Authorization: Bearer <token>"
         is_socket = scope["type"] == "websocket"
@@ -99,14 +99,15 @@ class Guard:
         return headers.get("sec-fetch-site", "none") in {"none", "same-origin"}
 
     def _bears_token(self, headers: Headers) -> bool:
-        if self._expected is None:
+        if self._token is None:
             return True
+        scheme, _, token = headers.get("authorization", "").partition(" ")
         protocols = (name.strip() for name in headers.get("sec-websocket-protocol", "").split(","))
         given = [  # a page can send nothing but protocols with a WebSocket
-            headers.get("authorization", ""),
-            *(f"Bearer {name.removeprefix(TOKEN_PROTOCOL)}" for name in protocols if name.startswith(TOKEN_PROTOCOL)),
+            *((token.strip(" "),) if scheme.lower() == "bearer" else ()),
+            *(name.removeprefix(TOKEN_PROTOCOL) for name in protocols if name.startswith(TOKEN_PROTOCOL)),
         ]
-        return any(hmac.compare_digest(one.encode("latin-1"), self._expected) for one in given)
+        return any(hmac.compare_digest(one.encode("latin-1"), self._token) for one in given)
 
 
 def _written(host: str) -> str:

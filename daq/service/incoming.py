@@ -14,7 +14,8 @@ from recordings.arrival import Arrival, RunExistsError
 
 RESERVE: Final = 1024**3  # bytes that stay free on the disk
 AT_ONCE: Final = 2
-PATIENCE: Final = 30.0  # s between two portions
+LEAST: Final = 64 * 1024  # bytes that must come at a time, but for the last
+PATIENCE: Final = 30.0  # s for them
 
 
 class Incoming:
@@ -27,7 +28,7 @@ class Incoming:
     most_bytes : int
         Most that one file may have.
     patience : float
-        Longest time between two portions of one, s.
+        Longest time for a portion of 64 KiB, s.
     """
 
     def __init__(self, free_bytes: Callable[[], int], most_bytes: int, patience: float = PATIENCE) -> None:
@@ -82,16 +83,21 @@ class Incoming:
         return size
 
     async def _received(self, request: Request, arrival: Arrival, limit: int) -> int:
-        size, portions = 0, request.stream()
-        while True:
+        size, stream = 0, request.stream()
+        is_whole = False
+        while not is_whole:
+            portion = bytearray()
             try:
                 with fail_after(self._patience):
-                    portion = await anext(portions, None)
+                    while len(portion) < LEAST and not is_whole:
+                        piece = await anext(stream, None)
+                        is_whole = piece is None
+                        portion += piece or b""
             except TimeoutError as error:
-                raise ProblemError(Kind.TOO_SLOW, f"nothing for {self._patience:g} s after {size:,} bytes") from error
-            if portion is None:
-                return size
+                told = f"{len(portion):,} bytes in {self._patience:g} s after {size:,}"
+                raise ProblemError(Kind.TOO_SLOW, told) from error
             size += len(portion)
             if size > limit:
                 raise ProblemError(Kind.TOO_LARGE, f"more than {max(limit, 0):,} bytes")
-            await to_thread.run_sync(arrival.write, portion, limiter=self._threads)
+            await to_thread.run_sync(arrival.write, bytes(portion), limiter=self._threads)
+        return size

@@ -14,6 +14,7 @@ from recordings.errors import DamagedError, NotFoundError, RecordingError, Stora
 
 PROBLEM_TYPE: Final = "application/problem+json"
 UNREADABLE: Final = 400
+MOST_ECHOED: Final = 200  # letters of what was sent that an answer repeats
 METHODS: Final = ("DELETE", "GET", "PATCH", "POST", "PUT")
 REFERENCE: Final = "/docs#"
 PASSING: Final = frozenset(
@@ -122,7 +123,7 @@ def _document(
         title=kind.title,
         status=status or kind.status,
         detail=detail,
-        instance=instance,
+        instance=_short(instance),
         faults=faults,
         job=job,
     )
@@ -148,7 +149,7 @@ async def _of_validation(request: Request, error: RequestValidationError) -> Res
     faults = tuple(
         Fault(
             parameter=".".join(str(part) for part in fault["loc"]),
-            detail=f"{fault['input']!r}: {fault['msg'][:1].lower()}{fault['msg'][1:]}",
+            detail=f"{_short(repr(fault['input']))}: {fault['msg'][:1].lower()}{fault['msg'][1:]}",
         )
         for fault in error.errors()
     )
@@ -167,8 +168,12 @@ async def _of_http(request: Request, error: HTTPException) -> Response:
         )
     if error.status_code == UNREADABLE:  # content that is no JSON at all
         return problem_response(Kind.BAD_PARAMETER, str(error.detail), path)
-    detail = f"there is nothing at {path}" if error.status_code == Kind.NOT_FOUND.status else str(error.detail)
+    detail = f"there is nothing at {_short(path)}" if error.status_code == Kind.NOT_FOUND.status else str(error.detail)
     return problem_response(Kind.NOT_FOUND, detail, path, status=error.status_code, headers=error.headers)
+
+
+def _short(text: str) -> str:
+    return text if len(text) <= MOST_ECHOED else f"{text[:MOST_ECHOED]}…"
 
 
 def _methods(request: Request) -> list[str]:

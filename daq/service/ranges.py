@@ -2,9 +2,9 @@
 
 import re
 from collections.abc import AsyncIterator
-from pathlib import Path
+from typing import BinaryIO
 
-import anyio
+from anyio import to_thread
 
 PORTION = 256 * 1024  # bytes read and sent at a time
 FORM = re.compile(r"bytes=(\d{0,18})-(\d{0,18})")
@@ -46,12 +46,12 @@ def byte_range(header: str | None, size: int) -> tuple[int, int] | None:
     return begin, end
 
 
-async def portions(path: Path, begin: int, end: int) -> AsyncIterator[bytes]:
-    """Yield a stretch of a file, read in threads; it ends early where the file does."""
-    async with await anyio.open_file(path, "rb") as file:
-        await file.seek(begin)
+async def portions(file: BinaryIO, begin: int, end: int) -> AsyncIterator[bytes]:
+    """Yield a stretch of an open file, read in threads, and close it; it ends early where the file does."""
+    with file:
+        await to_thread.run_sync(file.seek, begin)
         while begin < end:
-            portion = await file.read(min(PORTION, end - begin))
+            portion = await to_thread.run_sync(file.read, min(PORTION, end - begin))
             if not portion:
                 return
             begin += len(portion)

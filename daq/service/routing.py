@@ -4,6 +4,7 @@ from collections.abc import Callable, Coroutine, Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, Final
 
+from anyio import fail_after
 from fastapi import APIRouter, Path, Request, Response
 from fastapi.datastructures import Default
 from fastapi.responses import JSONResponse
@@ -18,8 +19,9 @@ RunId = Annotated[
 ]
 EVENTS: Final = "text/event-stream"
 WITH_JSON: Final = frozenset({"POST", "PATCH"})
-JSON_PROBLEMS: Final = (Kind.BAD_PARAMETER, Kind.CROSS_SITE, Kind.MEDIA_TYPE, Kind.TOO_LARGE)
+JSON_PROBLEMS: Final = (Kind.BAD_PARAMETER, Kind.CROSS_SITE, Kind.MEDIA_TYPE, Kind.TOO_LARGE, Kind.TOO_SLOW)
 MOST_JSON: Final = 1024**2  # bytes
+PATIENCE: Final = 30.0  # s for all of it
 
 
 def event_stream(name: str) -> dict[int | str, dict[str, Any]]:
@@ -41,9 +43,14 @@ class JsonRoute(APIRoute):
             sent = request.headers.get("content-type", "")
             if sent.partition(";")[0].strip().lower() != "application/json":
                 raise ProblemError(Kind.MEDIA_TYPE, f"{sent or 'no type'!r}, expected application/json")
-            size = request.headers.get("content-length", "")
+            size = "" if "transfer-encoding" in request.headers else request.headers.get("content-length", "")
             if not size.isdecimal() or int(size) > MOST_JSON:
                 raise ProblemError(Kind.TOO_LARGE, f"{size or 'unknown'} bytes, expected at most {MOST_JSON:,}")
+            try:
+                with fail_after(PATIENCE):
+                    await request.body()  # kept for whoever reads it
+            except TimeoutError as error:
+                raise ProblemError(Kind.TOO_SLOW, f"{size} bytes did not come within {PATIENCE:g} s") from error
             return await handle(request)
 
         return checked

@@ -10,10 +10,12 @@ import uvicorn
 from starlette.types import ASGIApp
 
 from daq.errors import ServiceError
+from daq.service.connection import Connection
 
 START_DEADLINE = 10.0  # s
 BACKLOG = 128
 MOST_PORT = 65_535
+MOST_TOLD = 4096  # bytes of a message over a WebSocket: clients have nothing to say there
 
 
 class ServiceServer:
@@ -27,9 +29,14 @@ class ServiceServer:
         Address or name to listen at.
     port : int
         Port to listen at; 0 takes a free one.
+    connection : type
+        What serves a client.
     """
 
-    def __init__(self, app: ASGIApp, host: str = "127.0.0.1", port: int = 0) -> None:
+    def __init__(
+        self, app: ASGIApp, host: str = "127.0.0.1", port: int = 0, connection: type[Connection] = Connection
+    ) -> None:
+        self._connection = connection
         self._app = app
         self._host = host
         self._port = port
@@ -56,8 +63,9 @@ class ServiceServer:
         config = uvicorn.Config(
             self._app,
             loop="asyncio",
-            http="h11",
+            http=self._connection,
             ws="websockets-sansio",
+            ws_max_size=MOST_TOLD,
             lifespan="off",
             log_config=None,
             log_level="error",  # a client that talks nonsense is no news for the operator

@@ -3,6 +3,7 @@
 import hashlib
 from typing import Any
 
+from daq.service.documents import Document
 from recordings.catalogue import RunEntry
 
 NOT_MODIFIED: dict[int | str, dict[str, Any]] = {
@@ -16,14 +17,19 @@ def entity_tag(run: RunEntry, *parts: str) -> str:
     return f'W/"{hashlib.sha256(text.encode()).hexdigest()[:32]}"'
 
 
-def file_tag(run: RunEntry) -> str:
-    """Return the strong tag of a run's file, by which ranges of it are told to belong together."""
-    return f'"{run.size:x}-{run.changed_ns:x}"'
-
-
 def is_known(sent: str | None, tag: str) -> bool:
     """Return whether the header If-None-Match names a tag; weak and strong count alike."""
     if sent is None:
         return False
     names = {name.strip().removeprefix("W/") for name in sent.split(",")}
-    return tag.removeprefix("W/") in names
+    return "*" in names or tag.removeprefix("W/") in names
+
+
+def is_meant(sent: str | None, tag: str) -> bool:
+    """Return whether the header If-Match allows a change of what has a tag; it does where it is not sent."""
+    return sent is None or not {"*", tag}.isdisjoint(name.strip() for name in sent.split(","))
+
+
+def document_tag(document: Document) -> str:
+    """Return the strong tag of a document, which changes with whatever it says."""
+    return f'"{hashlib.sha256(document.model_dump_json().encode()).hexdigest()[:32]}"'

@@ -5,6 +5,7 @@ import signal
 import socket
 import threading
 import time
+from collections.abc import Iterator
 from ipaddress import IPv4Address
 
 import httpx
@@ -12,6 +13,8 @@ import pytest
 from starlette.types import Receive, Scope, Send
 
 from daq.errors import ServiceError
+from daq.service.connection import Connection
+from daq.service.documents import ProblemDocument
 from daq.service.last_resort import LastResort
 from daq.service.server import ServiceServer
 
@@ -160,3 +163,67 @@ def test_answer_that_breaks_off_after_it_began_is_not_passed_off_as_whole() -> N
     with pytest.raises(httpx.RemoteProtocolError):
         httpx.get(server.url)
     server.close()
+
+
+class Hasty(Connection):
+    """A connection of a server for few and quick clients."""
+
+    most = 3
+    patience = 0.3
+
+
+@pytest.fixture
+def hasty() -> Iterator[ServiceServer]:
+    server = ServiceServer(Hello(), connection=Hasty)
+    server.start()
+    yield server
+    server.close()
+
+
+def sends(server: ServiceServer, text: bytes) -> socket.socket:
+    client = socket.create_connection(("127.0.0.1", server.port), timeout=10.0)
+    client.sendall(text)
+    return client
+
+
+def left(client: socket.socket) -> bytes:
+    """What still comes until the server closes the connection."""
+    with client:
+        return b"".join(iter(lambda: client.recv(65_536), b""))
+
+
+@pytest.mark.parametrize("begun", [b"", b"GET / HTTP/1.1\r\nHost: localhost\r\nX-"])
+def test_client_that_does_not_come_to_the_point_is_let_go(hasty: ServiceServer, begun: bytes) -> None:
+    assert left(sends(hasty, begun)) == b""
+
+
+def test_next_request_has_its_time_too(hasty: ServiceServer) -> None:
+    request = b"GET / HTTP/1.1\r\nHost: localhost\r\n\r\n"
+    client, answered = sends(hasty, request), b""
+    while not answered.endswith(b"0\r\n\r\n"):
+        answered += client.recv(65_536)
+    client.sendall(request[:9])
+    assert left(client) == b""
+
+
+def trickle(client: socket.socket) -> None:
+    """Send letter by letter."""
+    for _ in range(600):
+        client.sendall(b"X")
+        time.sleep(0.1)
+
+
+def test_client_that_sends_letter_by_letter_is_let_go(hasty: ServiceServer) -> None:
+    with sends(hasty, b"GET / HTTP/1.1\r\n") as client, pytest.raises(ConnectionError):
+        trickle(client)
+
+
+def test_client_too_many_is_asked_to_come_again_and_finds_room_later(hasty: ServiceServer) -> None:
+    idle = [sends(hasty, b"") for _ in range(Hasty.most)]
+    refused = left(sends(hasty, b""))
+    assert refused.startswith(b"HTTP/1.1 503 Service Unavailable\r\n")
+    problem = ProblemDocument.model_validate_json(refused.partition(b"\r\n\r\n")[2])
+    assert problem.type == "/docs#busy"
+    for client in idle:
+        assert left(client) == b""
+    assert httpx.get(hasty.url).status_code == 200
