@@ -342,6 +342,10 @@ class Limits:
     speed_alarm: float = np.inf
     speed_danger: float = np.inf
 
+    def clearance_part(self, peak_to_peak: float) -> float:
+        """Return an overall vibration, m peak-to-peak, over the clearance's diameter: 1 is all the room there is."""
+        return peak_to_peak / (2.0 * self.clearance)
+
     def severity(self, peak_to_peak: float) -> Severity:
         """Return how an overall vibration, m peak-to-peak, stands to the limits; a limit that is met is passed."""
         if peak_to_peak >= self.peak_to_peak_danger:

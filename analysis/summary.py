@@ -36,6 +36,8 @@ class ProbeSummary:
         The largest vibration against the limits.
     beyond_calibration : int
         Samples whose voltage lay outside the span that was calibrated: their displacement is extrapolated.
+    clearance_part : float
+        The largest vibration over the clearance's diameter: 1 is all the room there is.
     """
 
     name: str
@@ -47,6 +49,7 @@ class ProbeSummary:
     largest: Moment | None
     severity: Severity
     beyond_calibration: int = 0
+    clearance_part: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -272,4 +275,5 @@ class SummaryBuilder:
             largest=probe.largest,
             severity=self._header.limits.severity(probe.peak_to_peak),
             beyond_calibration=probe.beyond_calibration,
+            clearance_part=self._header.limits.clearance_part(probe.peak_to_peak),
         )

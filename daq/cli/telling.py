@@ -222,7 +222,8 @@ def _largest(summary: SummaryDocument) -> str:
     at = worst.largest_at
     where = f"at {_number(at.speed_rpm)} r/min" if at.speed_rpm is not None else f"at {at.time_s:.1f} s"
     verdict = "" if summary.severity is Severity.NORMAL else f" ({summary.severity.value.upper()})"
-    return f"max {_number(worst.largest_peak_to_peak_um)} µm pp on {worst.name} {where}{verdict}"
+    part = f"{100.0 * (worst.largest_of_clearance or 0.0):.0f} % of the clearance"
+    return f"max {_number(worst.largest_peak_to_peak_um)} µm pp on {worst.name} {where}, {part}{verdict}"
 
 
 def _tacho_oddities(tacho: TachoSummaryDocument) -> Iterator[str]:

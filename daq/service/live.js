@@ -55,6 +55,7 @@ export function drawIdle() {
   }
   for (const node of document.querySelectorAll(".gauge i")) node.style.setProperty("--fill", "0%");
   for (const node of document.querySelectorAll("#status div")) node.classList.remove("bad", "poor");
+  write("clearance", "");
   for (const tile of document.querySelectorAll(".tile")) delete tile.dataset.severity;
   element("alarms").hidden = true;
   banner("trouble", "");
@@ -111,6 +112,8 @@ function drawOverall({ measured, predicted, limits, status }) {
     fill(`pp-${probe}-gauge`, value, full);
     markLimits(`pp-${probe}-gauge`, full, [limits.peak_to_peak_alarm_um, limits.peak_to_peak_danger_um]);
   }
+  const part = measured?.peak_to_peak_of_clearance;
+  write("clearance", known(part) ? ` · ${decimals(100 * part, 0)} % of clearance` : "");
   judge("overall", "verdict", "overall", status.alarms, true);
   write("limits", watched(limits.peak_to_peak_alarm_um, limits.peak_to_peak_danger_um, micrometres));
   const model = predicted && `· model x ${micrometres(predicted.peak_to_peak_x_um)} y ${micrometres(predicted.peak_to_peak_y_um)}`;

@@ -123,6 +123,8 @@ function counted(tacho) {
 
 function summary(run) {
   const lost = `${run.lost_is_exact ? "" : "at least "}${whole(run.lost_samples)}`;
+  const part = Math.max(0, ...run.probes.map((probe) => probe.largest_of_clearance ?? 0));
+  const room = part ? `, ${percent(part)} of the clearance` : "";
   const parts = [
     facts([
       ["Recording", run.is_gap_free ? "gap-free" : `${run.segments.length} parts, ${lost} lost`],
@@ -131,7 +133,7 @@ function summary(run) {
       ["Speed", `${whole(run.lowest_speed_rpm)} to ${whole(run.highest_speed_rpm)} r/min`],
       ...counted(run.tacho),
       ...(run.tacho?.mark_is_arbitrary ? [["Phases", "from the first mark seen: the marks cannot be told apart"]] : []),
-      ["Largest overall", `${micrometres(run.largest_peak_to_peak_um)} µm peak-to-peak · ${run.severity}`],
+      ["Largest overall", `${micrometres(run.largest_peak_to_peak_um)} µm peak-to-peak${room} · ${run.severity}`],
       ...run.probes.map((probe) => [`Gap ${probe.name}`, `${decimals(probe.gap_least_v, 2)} to ${decimals(probe.gap_most_v, 2)} V${probe.gap_ok ? "" : " · outside its window"}`]),
     ]),
   ];

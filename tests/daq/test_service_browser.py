@@ -117,6 +117,7 @@ def test_page_judges_each_value_by_its_own_limits(bench: Bench, tmp_path: Path) 
     ]
     assert text_of(page, "tacho").endswith("alarm 18,000 · danger 19,500 r/min")
     assert text_of(page, "one-note").endswith("alarm 20 · danger 30")
+    assert re.fullmatch(r" · \d+ % of clearance", text_of(page, "clearance"))
     assert text_of(page, "whirls") == "alarm 13 together"
     assert text_of(page, "alarm").startswith("▲ speed DANGER: 19,642 r/min, limit 19,500, came 00:10")
 

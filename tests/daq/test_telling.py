@@ -63,6 +63,9 @@ def test_a_run_there_and_back_is_told_apart_with_what_run_out_and_whirl_were(rig
     at = max((probe for probe in document.probes), key=lambda probe: probe.largest_peak_to_peak_um or 0.0).largest_at
     assert at is not None
     assert at.speed_rpm is not None
+    room = max(probe.largest_of_clearance or 0.0 for probe in document.probes)
+    assert room == pytest.approx(vibration / 200.0, rel=1e-3)  # of twice the 100 µm of the clearance's radius
+    assert any(f", {100 * room:.0f} % of the clearance" in line for line in lines)
     zone = document.standards[0]
     assert zone.limit_peak_to_peak_um is not None
     assert zone.limit_peak_to_peak_um == pytest.approx(4800.0 / at.speed_rpm**0.5, rel=1e-4)

@@ -153,6 +153,9 @@ class MeasuredDocument(Document):
     probe_y: ProbeDocument
     peak_to_peak_x_um: float | None = Field(description="Overall at probe x, µm peak-to-peak", examples=[38.4])
     peak_to_peak_y_um: float | None = Field(description="Overall at probe y, µm peak-to-peak", examples=[41.0])
+    peak_to_peak_of_clearance: float | None = Field(
+        description="The larger of both over the clearance's diameter: 1 is all the room there is", examples=[0.205]
+    )
     order_1x: MeasuredProbesDocument | None = Field(
         description="At running speed, as measured; null until there are enough revolutions"
     )
@@ -274,6 +277,7 @@ def _measured(snapshot: Snapshot, header: RunHeader) -> MeasuredDocument:
         probe_y=_probe(snapshot, header, 1),
         peak_to_peak_x_um=micrometres(snapshot.peak_to_peak[0]),
         peak_to_peak_y_um=micrometres(snapshot.peak_to_peak[1]),
+        peak_to_peak_of_clearance=finite(header.limits.clearance_part(float(snapshot.peak_to_peak.max()))),
         order_1x=None if frame is None else _line(frame, 1),
         order_2x=None if frame is None else _line(frame, 2),
         order_1x_compensated=None if frame is None else _compensated_line(frame, 1),

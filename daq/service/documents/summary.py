@@ -52,6 +52,9 @@ class ProbeSummaryDocument(Document):
     largest_peak_to_peak_um: float | None = Field(
         description="Largest overall vibration, µm peak-to-peak", examples=[96.1]
     )
+    largest_of_clearance: float | None = Field(
+        description="That over the clearance's diameter: 1 is all the room there is", examples=[0.48]
+    )
     largest_at: MomentDocument | None = Field(description="Where that was; null where nothing was measured")
     severity: Severity = Field(description="The largest vibration against the limits", examples=["danger"])
     samples_beyond_calibration: Count = Field(
@@ -313,6 +316,7 @@ def _probe(probe: ProbeSummary) -> ProbeSummaryDocument:
         gap_most_v=finite(probe.gap_most),
         gap_ok=probe.gap_ok,
         largest_peak_to_peak_um=micrometres(probe.largest_peak_to_peak),
+        largest_of_clearance=finite(probe.clearance_part),
         largest_at=None if probe.largest is None else place_document(probe.largest),
         severity=probe.severity,
         samples_beyond_calibration=probe.beyond_calibration,
