@@ -51,6 +51,11 @@ def smooth_angle(turns: NDArray[np.int64], times: FloatArray) -> SmoothAngle:
     -------
     SmoothAngle
         Good between the first and the last mark.
+
+    Notes
+    -----
+    K. Fyfe and E. Munck, Analysis of computed order tracking, MSSP 11(2), 1997: the angle's errors limit everything;
+    least squares in B-splines as C. de Boor, A Practical Guide to Splines, 1978.
     """
     if turns.size < 2 or turns.shape != times.shape:
         raise ValueError(f"turns, times: shapes {turns.shape} and {times.shape}, expected the same, 2 marks at least")

@@ -145,6 +145,11 @@ def angular_record(
         Without one whole revolution that the samples hold.
     ValueError
         Shapes, rate or samples that are not finite.
+
+    Notes
+    -----
+    Computed order tracking (A. Brandt, Noise and Vibration Analysis, 2011, ch. 12); levels by half-band filters as R.
+    Crochiere and L. Rabiner, Multirate Digital Signal Processing, 1983.
     """
     require_displacement(displacement, rate)
     if points < 4:

@@ -66,6 +66,11 @@ def fit_calibration(gaps: FloatArray, volts: FloatArray, order: int) -> Calibrat
     ValueError
         Too few points, points whose voltage does not rise with the gap, or a polynomial that does not rise between
         them.
+
+    Notes
+    -----
+    Points and the deviation of the worst from the curve, as API 670 asks of a probe's curve; here a polynomial instead
+    of a straight line, as the span is wider than the linear one.
     """
     gaps, volts = np.asarray(gaps, dtype=np.float64), np.asarray(volts, dtype=np.float64)
     if gaps.ndim != 1 or gaps.shape != volts.shape:

@@ -54,6 +54,10 @@ def drift(values: FloatArray, rate: float) -> Drift:
     ------
     RecordTooShortError
         With fewer than 200 samples.
+
+    Notes
+    -----
+    Batch means make the errors of the blocks nearly independent (B. Schmeiser, Operations Research 30, 1982).
     """
     if values.ndim != 1 or not np.isfinite(values).all():
         raise ValueError(f"values: shape {values.shape}, expected (n,), finite")
@@ -84,6 +88,11 @@ def mains_hum(values: FloatArray, rate: float, record: AngularRecord | None = No
     ------
     RecordTooShortError
         With less than 0.4 s, too little to tell 50 Hz from 60 Hz.
+
+    Notes
+    -----
+    The shaft's lowest orders are taken out by least squares; the line is then the highest of a windowed spectrum near 50
+    or 60 Hz (A. Brandt, Noise and Vibration Analysis, 2011, ch. 9).
     """
     if values.ndim != 1 or not rate > 0.0:
         raise ValueError(f"values: shape {values.shape} at {rate} Hz, expected (n,) at a rate above 0")

@@ -30,6 +30,11 @@ def trimmed_extremes(samples: FloatArray, spare: int) -> tuple[FloatArray, Float
     -------
     low, high : ndarray of float64, shape (n_rows,)
         The samples of rank ``spare`` from below and from above, counted from 0, exactly.
+
+    Notes
+    -----
+    A sample of the values bounds the few that are ranked: R. Floyd and R. Rivest, Expected time bounds for selection,
+    CACM 18, 1975.
     """
     if samples.ndim != 2 or not 0 <= 2 * spare < samples.shape[1]:
         raise ValueError(f"samples, spare: shape {samples.shape} and {spare}, expected (n_rows, n) and less than n / 2")

@@ -17,7 +17,12 @@ HANN_POINTS = 8  # a revolution: tell how alike the noise of two frames is
 
 
 def independent_hann_frames(revolutions: int, step: int, count: int) -> float:
-    """Return as how many independent ones so many Hann frames count, a step of whole revolutions apart."""
+    """Return as how many independent ones so many Hann frames count, a step of whole revolutions apart.
+
+    Notes
+    -----
+    P. Welch, IEEE Trans. Audio Electroacoust. 15, 1967.
+    """
     return independent_frames(hann(HANN_POINTS * revolutions), HANN_POINTS * step, count)
 
 

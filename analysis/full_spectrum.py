@@ -138,6 +138,11 @@ def probe_mismatch(order_map: OrderMap) -> ProbeMismatch:
     ----------
     order_map : OrderMap
         Of a record; two probes at right angles, X and Y in the bench's sense.
+
+    Notes
+    -----
+    The circles are linear in the probes' signals (C.-W. Lee, Vibration Analysis of Rotors, 1993); that several
+    components must agree before a mismatch is believed is this program's own rule.
     """
     spectrum = order_map.spectrum
     size = np.sqrt(np.mean(np.abs(spectrum) ** 2, axis=(0, 1)))
@@ -188,6 +193,10 @@ def full_cascade(
         Middle of each bin that holds frames, rad/s, rising.
     spectra : FullSpectrum
         One row for each; of every line the frame with its largest circle, forward and backward apart.
+
+    Notes
+    -----
+    P. Goldman and A. Muszynska, Application of full spectrum to rotating machinery diagnostics, Orbit 20, 1999.
     """
     if not width > 0.0:
         raise ValueError(f"width: {width} rad/s, expected more than 0")

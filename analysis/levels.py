@@ -65,6 +65,10 @@ def two_levels(volts: FloatArray) -> Levels | None:
     ------
     ValueError
         There are no samples, or they are no single row.
+
+    Notes
+    -----
+    State levels as IEEE Std 181 has them for pulses, by quantiles and medians in place of a histogram.
     """
     if volts.ndim != 1 or volts.size == 0:
         raise ValueError(f"volts: shape {volts.shape}, expected (n,) with n > 0")

@@ -29,6 +29,11 @@ def interval_parts(numbers: IntArray, times: FloatArray, marks: int) -> FloatArr
     -------
     ndarray of float64, shape (marks,), or None
         Medians over the revolutions, each interval over the mean of the revolution about it.
+
+    Notes
+    -----
+    Intervals over the mean of their revolution, so that a steady rise of speed cancels: as encoders' geometry is
+    compensated (B. Resor, M. Trethewey and K. Maynard, J. Sound Vib., 2005).
     """
     middles = 0.5 * (numbers[1:] + numbers[:-1])
     begin, end = (np.interp(middles + half, numbers, times) for half in (-0.5 * marks, 0.5 * marks))
@@ -47,6 +52,10 @@ def told_mark(parts: FloatArray) -> int | None:
     ----------
     parts : ndarray of float64, shape (marks,)
         From `interval_parts`.
+
+    Notes
+    -----
+    The once-per-turn gap of toothed wheels; how much longer it must be is this program's own rule.
     """
     if parts.size == 1:
         return 0

@@ -82,6 +82,11 @@ def order_vectors(spectrum: ComplexArray, revolutions: int, count: int) -> Compl
     -------
     ndarray of complex128, shape (count, ...)
         ``vectors[k - 1]`` is the kX vector, peak; 0 where the spectrum ends below k.
+
+    Notes
+    -----
+    Lines of the spectrum at whole orders: with whole revolutions in the frame they lie on them (A. Brandt, Noise and
+    Vibration Analysis, 2011, ch. 12).
     """
     lines = revolutions * np.arange(1, count + 1)
     vectors = np.zeros((count, *spectrum.shape[:-1]), dtype=np.complex128)

@@ -126,6 +126,10 @@ def bifurcation(record: AngularRecord, *, averaged: int = 64) -> tuple[FloatArra
     ------
     RecordTooShortError
         Where the record holds fewer revolutions than are averaged.
+
+    Notes
+    -----
+    F. Ehrich, Handbook of Rotordynamics, 1992.
     """
     if averaged < 2:
         raise ValueError(f"averaged: {averaged}, expected at least 2 revolutions")

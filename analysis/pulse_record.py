@@ -84,6 +84,11 @@ def pulse_record(times: FloatArray, tacho: Tacho) -> PulseRecord:
         Too few pulses, no regular train, a count that differs forward and backward, or too many repairs.
     ValueError
         Times that are not finite or do not rise.
+
+    Notes
+    -----
+    The counts forward and backward, and the refusal where they differ, are this program's own; what missing and false
+    pulses do otherwise is told by K. Fyfe and E. Munck, MSSP 11(2), 1997.
     """
     times = np.asarray(times, dtype=np.float64)
     if times.ndim != 1 or not np.isfinite(times).all() or (np.diff(times) <= 0.0).any():

@@ -96,6 +96,10 @@ def slow_roll(record: AngularRecord, slowest: float, fastest: float) -> SlowRoll
     ------
     RecordTooShortError
         With fewer than 8 such revolutions.
+
+    Notes
+    -----
+    D. Bently and C. Hatch, Fundamentals of Rotating Machinery Diagnostics, 2002: slow-roll vector and waveform.
     """
     chosen = np.flatnonzero((record.speeds >= slowest) & (record.speeds <= fastest))
     if chosen.size < FEWEST:

@@ -109,6 +109,7 @@ def speed_curves(track: OrderTrack, width: float) -> tuple[SpeedCurve, ...]:
     Direction turns where the speed goes back by 2 % of its span and 0.5 % of itself. On a fast
     run-up the curve lags the steady one and beats after a resonance; compare run-up and run-down before concluding on
     a split one.
+    Bode and polar plots as D. Bently and C. Hatch, Fundamentals of Rotating Machinery Diagnostics, 2002, ch. 7.
     """
     if not width > 0.0:
         raise ValueError(f"width: {width} rad/s, expected more than 0")

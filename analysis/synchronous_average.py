@@ -56,6 +56,10 @@ def synchronous_rest(record: AngularRecord, revolutions: int = 16) -> AngularRec
     ------
     RecordTooShortError
         Where the record holds fewer.
+
+    Notes
+    -----
+    P. McFadden, A revised model for the extraction of periodic waveforms by time domain averaging, MSSP 1, 1987.
     """
     if revolutions < 2:
         raise ValueError(f"revolutions: {revolutions}, expected at least 2")

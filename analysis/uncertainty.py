@@ -35,6 +35,11 @@ def phase_sigma(amplitude: FloatArray, sigma: FloatArray, angle_sigma: FloatArra
         Of the shaft's angle, from the tacho's jitter, rad.
     order : float
         Of the line: the angle's error counts so many times.
+
+    Notes
+    -----
+    sigma / A for a line well above the noise (D. Rife and R. Boorstyn, IEEE Trans. Inf. Theory 20, 1974); the rms of an
+    angle that may be any.
     """
     ratio = np.divide(sigma, amplitude, out=np.full(np.shape(amplitude), np.inf), where=amplitude > 0.0)
     return np.asarray(np.minimum(np.hypot(ratio, order * angle_sigma), np.pi / np.sqrt(3.0)), dtype=np.float64)

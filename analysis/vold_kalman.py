@@ -154,6 +154,10 @@ def probe_envelopes(
     ------
     RecordTooShortError, ValueError
         As for `order_envelopes`.
+
+    Notes
+    -----
+    As `order_envelopes`, after decimation: H. Vold and J. Leuridan, SAE 931288, 1993.
     """
     require_displacement(displacement, rate)
     if not orders:

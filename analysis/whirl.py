@@ -32,6 +32,10 @@ def noise_floor(spectrum: ComplexArray, revolutions: int) -> float:
         From `analysis.orders.order_spectrum`.
     revolutions : int
         Revolutions in its frame.
+
+    Notes
+    -----
+    The median of lines of noise, whose amplitudes are Rayleigh's, is 1.1774 sigma: `sigma_of_floor`.
     """
     bins = np.arange(spectrum.shape[-1])
     distance = np.abs(bins - revolutions * np.round(bins / revolutions))
@@ -57,6 +61,10 @@ def without_synchronous(spectrum: ComplexArray, revolutions: int) -> ComplexArra
         no further down.
     revolutions : int
         Revolutions in a frame.
+
+    Notes
+    -----
+    A periodic Hann window has three lines, 1/2, -1/4 and -1/4 (F. Harris, Proc. IEEE 66, 1978).
     """
     rest = spectrum[..., : revolutions + 3].copy()
     line = spectrum[..., revolutions]
@@ -217,6 +225,11 @@ def find_whirls(
         Of the tacho's marks about the smooth angle, rad.
     most : int
         At most so many.
+
+    Notes
+    -----
+    `Search.components`; the bars are this program's own, what such components are in A. Muszynska, J. Sound Vib. 110,
+    1986.
     """
     first, last = max(int(np.ceil(LOWEST * revolutions)), 2), int(HIGHEST * revolutions)
     rest = np.abs(without_synchronous(spectrum, revolutions)[:, first : last + 1])
