@@ -91,8 +91,8 @@ def mains_hum(values: FloatArray, rate: float, record: AngularRecord | None = No
 
     Notes
     -----
-    The shaft's lowest orders are taken out by least squares; the line is then the highest of a windowed spectrum near 50
-    or 60 Hz (A. Brandt, Noise and Vibration Analysis, 2011, ch. 9).
+    The shaft's lowest orders are taken out by least squares; the line is then the highest of a windowed spectrum near
+    50 or 60 Hz (A. Brandt, Noise and Vibration Analysis, 2011, ch. 9).
     """
     if values.ndim != 1 or not rate > 0.0:
         raise ValueError(f"values: shape {values.shape} at {rate} Hz, expected (n,) at a rate above 0")
