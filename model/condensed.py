@@ -51,20 +51,29 @@ def _velocities(size: int, step: float, bodies: ComplexArray, start: ComplexArra
 
 
 @compiler.inlined
+def _in_inner_film(
+    films: Films, body: int, ring: int, speed: float, bodies: ComplexArray
+) -> tuple[complex, complex, float, float, float]:
+    # A journal's position and velocity in its ring, and the film between them
+    place, rate = bodies[0, body] - bodies[0, ring], bodies[1, body] - bodies[1, ring]
+    return place, rate, films.inner_clearance, films.inner_speed * speed, films.inner_factor
+
+
+@compiler.inlined
+def _in_outer_film(
+    films: Films, ring: int, speed: float, bodies: ComplexArray
+) -> tuple[complex, complex, float, float, float]:
+    # The same of a ring in the housing
+    return bodies[0, ring], bodies[1, ring], films.outer_clearance, films.outer_speed * speed, films.outer_factor
+
+
+@compiler.inlined
 def _film_forces(films: Films, n: int, speed: float, bodies: ComplexArray, forces: ComplexArray) -> None:
     # The films' forces where the bodies are now
     for b in range(2):
         r = n + b
-        inner = capone_force(
-            bodies[0, b] - bodies[0, r],
-            bodies[1, b] - bodies[1, r],
-            films.inner_clearance,
-            films.inner_speed * speed,
-            films.inner_factor,
-        )
-        outer = capone_force(
-            bodies[0, r], bodies[1, r], films.outer_clearance, films.outer_speed * speed, films.outer_factor
-        )
+        inner = capone_force(*_in_inner_film(films, b, r, speed, bodies))
+        outer = capone_force(*_in_outer_film(films, r, speed, bodies))
         forces[b], forces[r] = inner, outer - inner
 
 
@@ -110,19 +119,8 @@ def _film_slopes(
             slopes[j, k, 0] = slopes[j, k, 1] = 0j
     for b in range(2):
         r = n + b
-        inner = film_stiffness(
-            bodies[0, b] - bodies[0, r],
-            bodies[1, b] - bodies[1, r],
-            drag,
-            films.inner_clearance,
-            films.inner_speed * speed,
-            films.inner_factor,
-        )
-        outer = film_stiffness(
-            bodies[0, r], bodies[1, r], drag, films.outer_clearance, films.outer_speed * speed, films.outer_factor
-        )
-        _between(slopes, b, r, inner)
-        _between(slopes, r, -1, outer)
+        _between(slopes, b, r, film_stiffness(drag, *_in_inner_film(films, b, r, speed, bodies)))
+        _between(slopes, r, -1, film_stiffness(drag, *_in_outer_film(films, r, speed, bodies)))
 
 
 @compiler.inlined

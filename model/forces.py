@@ -67,16 +67,16 @@ def capone_force(
 
 @compiler.compiled
 def film_stiffness(
-    position: complex, velocity: complex, drag: complex, clearance: float, surface_speed: float, factor: float
+    drag: complex, position: complex, velocity: complex, clearance: float, surface_speed: float, factor: float
 ) -> tuple[complex, complex]:
     """Return the change of a film's force with the position in X and in Y, N/m, by finite differences.
 
     Parameters
     ----------
-    position, velocity, clearance, surface_speed, factor : complex and float
-        As for ``capone_force``.
     drag : complex
         Change of velocity per change of position, 1/s: 2 / step in the march, i Omega in the turning frame.
+    position, velocity, clearance, surface_speed, factor : complex and float
+        As for ``capone_force``.
     """
     start = capone_force(position, velocity, clearance, surface_speed, factor)
     in_x = -1e-7 * clearance if position.real > 0 else 1e-7 * clearance  # never towards the wall

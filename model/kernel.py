@@ -13,7 +13,7 @@ from model import system as systems
 from model.compiling import Compiler
 from model.condensed import solve
 from model.state import NO_LEVEL, Levels, State, Work
-from model.system import Constraints, Films, Parts, Rings, Shaft
+from model.system import Constraints, Parts, Rings, Shaft
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -104,17 +104,9 @@ def _is_too_long(constraints: Constraints, step: float, bodies: ComplexArray, ah
 
 
 @compiler.inlined
-def _step(
-    shaft: Shaft,
-    films: Films,
-    rings: Rings,
-    constraints: Constraints | None,
-    levels: Levels,
-    level: int,
-    state: State,
-    work: Work,
-) -> bool:
+def _step(parts: Parts, constraints: Constraints | None, levels: Levels, level: int, state: State, work: Work) -> bool:
     # Newmark's step, beta = 1/4, gamma = 1/2, to the state's angle and speed; False where a shorter one is needed
+    shaft, films, rings = parts
     _unloaded(shaft, levels, level, state, work)
     _free_motion(shaft, rings, levels, level, state, work)
     h, n, is_last = levels.steps[level], shaft.points.shape[0], level == levels.steps.size - 1
@@ -168,14 +160,7 @@ def _copy(source: ComplexArray, target: ComplexArray) -> None:
 
 @compiler.inlined
 def _follow(
-    shaft: Shaft,
-    films: Films,
-    rings: Rings,
-    constraints: Constraints | None,
-    levels: Levels,
-    level: int,
-    state: State,
-    work: Work,
+    parts: Parts, constraints: Constraints | None, levels: Levels, level: int, state: State, work: Work
 ) -> bool:
     # One step of the caller's in 4^level parts
     course = work.course
@@ -183,7 +168,7 @@ def _follow(
     for piece in range(1, pieces + 1):
         state.angle[0] = course[0, 0] + (course[1, 0] - course[0, 0]) * piece / pieces
         state.speed[0] = course[0, 1] + (course[1, 1] - course[0, 1]) * piece / pieces
-        if not _step(shaft, films, rings, constraints, levels, level, state, work):
+        if not _step(parts, constraints, levels, level, state, work):
             return False
     return True
 
@@ -222,8 +207,8 @@ def march(
     int
         ``NO_FAILURE``, or the step at which no division helped: the motion reached a wall.
     """
-    shaft, films, rings = parts.shaft, parts.films, parts.rings
-    work = _work(shaft.squares.size, shaft.points.shape[0], rings.mass.size)
+    shaft = parts.shaft
+    work = _work(shaft.squares.size, shaft.points.shape[0], parts.rings.mass.size)
     course, last = work.course, levels.steps.size - 1
     for n in range(angles.size):
         course[0, 0], course[0, 1] = state.angle[0], state.speed[0]
@@ -232,7 +217,7 @@ def march(
         while levels.steps[level] * fastest > LARGEST_TURN and level < last:
             level += 1
         _copy(state.motion, work.kept)
-        while not _follow(shaft, films, rings, constraints, levels, level, state, work):
+        while not _follow(parts, constraints, levels, level, state, work):
             _copy(work.kept, state.motion)
             state.level[0] = NO_LEVEL
             level += 1

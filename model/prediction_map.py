@@ -17,6 +17,7 @@ from model.errors import ModelError
 from model.motion import STEPS_PER_TURN, ShaftMotion
 from model.parameters import ModelParameters
 from model.prediction import Prediction
+from model.rotor import require_rising
 from model.stability import SynchronousOrbit, synchronous_orbit
 
 FloatArray = NDArray[np.float64]
@@ -86,7 +87,7 @@ class PredictionMap:
             array = getattr(self, name)
             if array.shape != shape or array.dtype != (np.complex128 if name in {"vectors", "states"} else np.float64):
                 raise ValueError(f"{name}: {array.dtype} of shape {array.shape}, expected shape {shape}")
-        _require_rising(self.speeds)
+        require_rising(self.speeds)
 
     def at(self, speed: float) -> Prediction:
         """Return the prediction at a speed.
@@ -200,7 +201,7 @@ def compute_prediction_map(
         Where the motion reaches a wall.
     """
     speeds = np.asarray(speeds, np.float64)
-    _require_rising(speeds)
+    require_rising(speeds)
     motion = ShaftMotion(parameters, float(speeds[0]), FIRST_TURNS)
     nudge = NUDGE * parameters.floating_ring.inner_clearance
     synchronous: SynchronousOrbit | None = None
@@ -289,8 +290,3 @@ def look_at(
         growth_rate=growth_rate,
         is_exact=True,
     )
-
-
-def _require_rising(speeds: FloatArray) -> None:
-    if speeds.ndim != 1 or speeds.size < 2 or not (speeds[0] > 0 and np.all(np.diff(speeds) > 0)):
-        raise ValueError(f"speeds: {speeds}, rad/s, expected two or more, rising, above 0")

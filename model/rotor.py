@@ -304,3 +304,9 @@ def require_positive(name: str, value: float, unit: str) -> None:
     """Raise ValueError, naming quantity, value and unit, unless the value is finite and above 0."""
     if not (math.isfinite(value) and value > 0):
         raise ValueError(f"{name}: {value:g} {unit}, expected a finite value above 0")
+
+
+def require_rising(speeds: FloatArray) -> None:
+    """Raise ValueError unless the speeds, rad/s, are two or more, above 0, and rise."""
+    if speeds.ndim != 1 or speeds.size < 2 or not (speeds[0] > 0 and np.all(np.diff(speeds) > 0)):
+        raise ValueError(f"speeds: {speeds}, rad/s, expected two or more, rising, above 0")

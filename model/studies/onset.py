@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from model.errors import ModelError
 from model.parameters import ModelParameters
+from model.rotor import require_rising
 from model.stability import SynchronousOrbit, synchronous_orbit
 from model.studies.linear import SPEED_LABEL
 from model.studies.study import Plot, Series, Study, Style
@@ -108,8 +109,7 @@ def stability(parameters: ModelParameters, speeds: FloatArray, precision: float 
         Along the speeds, upwards.
     """
     speeds = np.asarray(speeds, np.float64)
-    if speeds.ndim != 1 or speeds.size < 2 or not (speeds[0] > 0 and np.all(np.diff(speeds) > 0)):
-        raise ValueError(f"speeds: {speeds}, rad/s, expected two or more, rising, above 0")
+    require_rising(speeds)
     motions = _Motions(parameters)
     found = [motions.at(float(speed)) for speed in speeds]
     worst = [whirls[0] if whirls else _UNKNOWN for whirls in found]

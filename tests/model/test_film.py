@@ -111,10 +111,10 @@ def test_linear_coefficients_are_the_short_bearings_closed_forms(
     attitude = math.atan2(math.pi * math.sqrt(1 - e * e), 4 * e)
     position = e * complex(math.sin(attitude), -math.cos(attitude))
     load = abs(UNIT.force(position, 0j, 1.0))
-    of_x, of_y = film_stiffness(position, 0j, 0j, 1.0, 1.0, UNIT.factor)
+    of_x, of_y = film_stiffness(0j, position, 0j, 1.0, 1.0, UNIT.factor)
     found = -np.array([of_x.real, of_y.real, of_x.imag, of_y.imag]) / load
     assert found == pytest.approx(np.array(stiffness), rel=2e-4, abs=2e-4)
-    with_x, with_y = film_stiffness(position, 0j, 1.0 + 0j, 1.0, 1.0, UNIT.factor)
+    with_x, with_y = film_stiffness(1.0 + 0j, position, 0j, 1.0, 1.0, UNIT.factor)
     c_xx, c_xy, c_yy = -(with_x - of_x).real / load, -(with_y - of_y).real / load, -(with_y - of_y).imag / load
     assert (c_xx, c_xy, c_yy) == pytest.approx(damping, rel=2e-4, abs=2e-4)
 
