@@ -89,8 +89,25 @@ def fit_calibration(gaps: FloatArray, volts: FloatArray, order: int) -> Calibrat
     slopes = fitted.deriv()(np.linspace(low, high, GRID))
     if np.any(slopes <= 0.0):
         at = float(np.linspace(low, high, GRID)[int(np.argmin(slopes))])
-        raise ValueError(f"the polynomial of order {order} falls at {at:.2f} V, expected a rise: try a lower order")
+        odd = _odd_point(gaps, volts, order)
+        without = "" if odd is None else f", or leave out the point at {gaps[odd] * 1e6:g} µm"
+        raise ValueError(
+            f"the polynomial of order {order} falls at {at:.2f} V, expected a rise: try a lower order{without}"
+        )
     return CalibrationFit(coefficients, low, high, np.asarray(fitted(volts) - gaps, dtype=np.float64))
+
+
+def _odd_point(gaps: FloatArray, volts: FloatArray, order: int) -> int | None:
+    """Return the point without which the polynomial rises and fits the others best; None where there is no such."""
+    best, odd = np.inf, None
+    for k in range(gaps.size if gaps.size > order + 1 + FREEDOM else 0):
+        others = np.delete(volts, k), np.delete(gaps, k)
+        fitted = Polynomial.fit(*others, order)
+        slopes = fitted.deriv()(np.linspace(others[0].min(), others[0].max(), GRID))
+        residual = float(np.max(np.abs(fitted(others[0]) - others[1])))
+        if np.all(slopes > 0.0) and residual < best:
+            best, odd = residual, k
+    return odd
 
 
 def _require_rising(gaps: FloatArray, volts: FloatArray) -> None:

@@ -1,10 +1,8 @@
 """`rig calibrate`: a probe's curve from micrometer steps, and the tacho's switching levels from its signal."""
 
 import argparse
-import csv
 import datetime as dt
 import math
-import sys
 from collections.abc import Iterator, Sequence
 from itertools import count
 from pathlib import Path
@@ -12,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from analysis.calibration_fit import CalibrationFit, fit_calibration, usual_order
+from daq.cli.gap_steps import keep, stepped
 from daq.cli.preflight import NOT_READY
 from daq.cli.telling import print_json
 from daq.config.calibration import CalibrationRecord, Papers, fitted_record, load_calibration, load_record, write_record
@@ -19,7 +18,7 @@ from daq.config.load import load_rig
 from daq.config.rig import MICRO, Rig
 from daq.errors import UsageError
 from daq.service.documents.calibration import gap_document, tacho_document
-from daq.session.calibrating import Point, measured_point, points_of, probe_row, tacho_levels
+from daq.session.calibrating import Point, points_of, probe_row, tacho_levels
 
 _HALF_PLOT = 15  # characters to either side of zero
 
@@ -33,7 +32,7 @@ def gap(chosen: argparse.Namespace) -> int:
     path = _new_path(rig, chosen, today)
     if path.exists():
         raise UsageError(f"{path}: is there already, and a calibration is never overwritten")
-    points = points_of(Path(chosen.points)) if chosen.points else _stepped(rig, chosen.channel)
+    points = points_of(Path(chosen.points)) if chosen.points else stepped(rig, chosen.channel, path)
     record, fit = _record(points, chosen, _papers(chosen, before, today), path)
     write_record(path, record)
     load_calibration(path)  # what was written is what a rig will read
@@ -99,40 +98,6 @@ def _papers(chosen: argparse.Namespace, before: CalibrationRecord, today: str) -
     )
 
 
-def _stepped(rig: Rig, name: str) -> list[Point]:
-    """Ask for the gap of each micrometer step, and measure it."""
-    physical = rig.config.channel[probe_row(rig, name)].physical
-    _say(
-        f"probe {name} on {physical}: set the micrometer, wait until it is still, and enter the gap in µm (0 where the "
-        "tip touches).\nAn empty line ends; a - takes the last step back."
-    )
-    points: list[Point] = []
-    while True:
-        print(f"step {len(points) + 1}, gap in µm: ", end="", file=sys.stderr, flush=True)
-        answer = sys.stdin.readline().strip()
-        if not answer:
-            _say("")
-            return points
-        if answer == "-":
-            if points:
-                points.pop()
-            continue
-        gap_um = _gap(answer)
-        if gap_um is None:
-            _say(f"{answer!r}: expected a gap in µm, 0 or more, such as 250")
-            continue
-        points.append(measured_point(rig, name, gap_um * MICRO))
-        _say(f"  {points[-1].volts:.4f} V, scatter {1e3 * points[-1].scatter:.1f} mV rms")
-
-
-def _gap(answer: str) -> float | None:
-    try:
-        value = float(answer.replace(",", "."))
-    except ValueError:
-        return None
-    return value if 0.0 <= value < math.inf else None
-
-
 def _record(
     points: Sequence[Point], chosen: argparse.Namespace, papers: Papers, path: Path
 ) -> tuple[CalibrationRecord, CalibrationFit]:
@@ -144,19 +109,9 @@ def _record(
     except ValueError as error:
         kept = ""
         if points and not chosen.points:
-            saved = path.with_suffix(".csv")
-            _keep(saved, points)
-            kept = f"; the points are kept in {saved}, to be put right there and given with --points"
+            kept = f"; the points are kept in {keep(path, points)}, to be put right there and given with --points"
         raise UsageError(f"the points make no calibration: {error}{kept}") from error
     return fitted_record(fit, gaps, volts, papers), fit
-
-
-def _keep(path: Path, points: Sequence[Point]) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with path.open("w", encoding="utf-8", newline="") as file:
-        writer = csv.writer(file)
-        writer.writerow(["gap_um", "volts"])
-        writer.writerows((f"{point.gap / MICRO:g}", f"{point.volts:.6f}") for point in points)
 
 
 def _told(points: Sequence[Point], fit: CalibrationFit) -> Iterator[str]:
@@ -175,7 +130,3 @@ def _told(points: Sequence[Point], fit: CalibrationFit) -> Iterator[str]:
         f"order {fit.order}: gap_um = [{coefficients}] · volts^k from {fit.volts_low:.3f} to {fit.volts_high:.3f} V, "
         f"rising, {fit.residual / MICRO:.2f} µm off at most"
     )
-
-
-def _say(text: str) -> None:
-    print(text, file=sys.stderr, flush=True)

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from analysis.levels import Levels, two_levels
+from analysis.probe_checks import DEAD, QUIET, ZERO_VOLTS
 from analysis.run import CODE_MAX, CODE_MIN, Role
 from analysis.samples import SegmentEnd
 from daq.config.rig import MICRO, Rig
@@ -62,7 +63,7 @@ def measured_point(rig: Rig, name: str, gap: float) -> Point:
     Raises
     ------
     DeviceError
-        The device is missing or busy, gave no samples, or the voltage is out of its range.
+        The device is missing or busy, gave no samples, or the voltage is out of its range or dead.
     """
     set_up = _at_gap(rig, name, gap) if rig.config.device.backend is Backend.SIMULATED else rig
     with closing(open_source(set_up)) as source:
@@ -79,6 +80,13 @@ def measured_point(rig: Rig, name: str, gap: float) -> Point:
             "leave this step out, or set a larger range_v",
         )
     volts = acquisition.channels[row].volts(codes)
+    noise = float(np.std(codes))
+    if noise < DEAD or (noise < QUIET and abs(float(np.mean(volts))) < ZERO_VOLTS):
+        raise DeviceError(
+            DeviceFault.REJECTED,
+            f"probe {name} shows not even a sensor's noise at {gap / MICRO:g} µm: unplugged, without supply or out of "
+            "its reach",
+        )
     return Point(gap, float(np.mean(volts)), float(np.std(volts)))
 
 
@@ -110,8 +118,12 @@ def points_of(path: Path) -> list[Point]:
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:
             text = file.read()
-    except (OSError, UnicodeDecodeError) as error:
-        raise UsageError(f"{path}: cannot be read as text ({error})") from error
+    except FileNotFoundError as error:
+        raise UsageError(f"{path}: no such file") from error
+    except UnicodeDecodeError as error:
+        raise UsageError(f"{path}: byte {error.start} is not UTF-8, expected a text file") from error
+    except OSError as error:
+        raise UsageError(f"{path}: cannot be read ({error.strerror or error})") from error
     delimiter = ";" if ";" in text else "\t" if "\t" in text else ","
     points = []
     for number, fields in enumerate(csv.reader(text.splitlines(), delimiter=delimiter), start=1):
@@ -120,8 +132,8 @@ def points_of(path: Path) -> list[Point]:
         try:
             gap, volts = (float(_decimal(field, delimiter)) for field in fields[:2])
         except ValueError as error:
-            if number == 1:
-                continue
+            if number == 1 and not fields[0][:1].isdigit():
+                continue  # a head line
             raise UsageError(f"{path}, line {number}: {delimiter.join(fields)!r}: expected gap_um, volts") from error
         points.append(Point(gap * MICRO, volts))
     return points

@@ -61,3 +61,11 @@ def test_misread_step_is_named_by_its_gaps() -> None:
     swapped[[4, 5]] = swapped[[5, 4]]
     with pytest.raises(ValueError, match=r"^5\.500 V at 454\.\d+ µm, 4\.500 V at 554\.\d+ µm"):
         fit_calibration(GAPS, swapped, 3)
+
+
+def test_point_that_bends_the_polynomial_is_named() -> None:
+    gaps = 1e-4 * np.arange(1.0, 8.0)
+    volts = 1e4 * gaps
+    beyond = np.append(gaps, 50e-4), np.append(volts, 8.4)
+    with pytest.raises(ValueError, match="try a lower order, or leave out the point at 5000 µm"):
+        fit_calibration(*beyond, 3)

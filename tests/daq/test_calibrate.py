@@ -29,6 +29,26 @@ def typed(text: str) -> Iterator[None]:
         sys.stdin = before
 
 
+class _UntilCtrlC(io.StringIO):
+    """Lines that were typed, and then Ctrl-C."""
+
+    def readline(self, size: int | None = -1, /) -> str:  # type: ignore[override]  # typeshed has bytes for every file
+        line = super().readline(-1 if size is None else size)
+        if not line:
+            raise KeyboardInterrupt
+        return line
+
+
+@contextmanager
+def typed_until_ctrl_c(text: str) -> Iterator[None]:
+    """Let the operator have typed this, and pressed Ctrl-C."""
+    before, sys.stdin = sys.stdin, _UntilCtrlC(text)
+    try:
+        yield
+    finally:
+        sys.stdin = before
+
+
 def written(folder: Path) -> list[Path]:
     """Return the records that a calibration has written."""
     return sorted(folder.glob("probe-x-*.toml"))
@@ -119,11 +139,40 @@ def test_points_that_make_no_calibration_are_refused_and_steps_are_kept(
     assert written(path.parent) == []
 
 
+def test_steps_are_kept_beside_those_of_another_attempt_and_where_the_dialog_is_broken_off(
+    rig_file: RigFiles, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = rig_file()
+    for _ in range(2):
+        with typed("500\n400\n"):
+            assert main(["calibrate", "gap", str(path), "x"]) == 2
+    with typed_until_ctrl_c("300\n450\n600\n"):
+        assert main(["calibrate", "gap", str(path), "x"]) == 130
+    kept = sorted(path.parent.glob("*.csv"))
+    assert sorted(len(file.read_text(encoding="utf-8").splitlines()) for file in kept) == [3, 3, 4]
+    told = capsys.readouterr().err
+    assert "the 3 points are kept in " in told
+    assert all(str(file) in told for file in kept)
+
+
+def test_step_that_cannot_be_measured_costs_none_of_those_before_it(
+    rig_file: RigFiles, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = rig_file()
+    with typed("100\n300\n500\n700\n9000\n900\n\n"):
+        assert main(["calibrate", "gap", str(path), "x"]) == 0
+    told = capsys.readouterr().err
+    assert "not measured: probe x is at the end of what ai0 can read at 9000 µm: leave this step out" in told
+    assert told.count("step 5, gap in µm: ") == 2
+    (record,) = written(path.parent)
+    assert [point.gap_um for point in load_record(record).point] == [100, 300, 500, 700, 900]
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
         (["tacho"], "has no probe 'tacho': expected x or y"),
-        (["x", "--points", "nowhere.csv"], "nowhere.csv: cannot be read"),
+        (["x", "--points", "nowhere.csv"], "nowhere.csv: no such file"),
         (["x", "--points", "POINTS"], "line 3: 'much,more': expected gap_um, volts"),
     ],
 )
@@ -151,6 +200,12 @@ def test_gap_beyond_the_cards_range_is_not_taken_for_a_point(
     with typed("900\n"):
         assert main(["calibrate", "gap", str(path), "x"]) == 3
     assert "at the end of what ai0 can read at 900 µm" in capsys.readouterr().err
+
+
+def test_probe_that_is_unplugged_gives_no_point(rig_file: RigFiles, capsys: pytest.CaptureFixture[str]) -> None:
+    with typed("500\n"):
+        assert main(["calibrate", "gap", str(rig_file(simulation={"miswiring": "probe x open"})), "x"]) == 3
+    assert "probe x shows not even a sensor's noise at 500 µm: unplugged, without supply" in capsys.readouterr().err
 
 
 def test_record_with_points_alone_is_a_calibration(tmp_path: Path) -> None:
