@@ -4,8 +4,8 @@ import { ask, send } from "./service_client.js";
 
 const INTERVAL = 400; // ms
 
-// Returns the result of a job; `told` is called with how it stands, in words.
-export async function doJob(order, told) {
+// Returns the result of a job, fetched by `fetched`; `told` is called with how it stands, in words.
+export async function doJob(order, told, fetched = ask) {
   let job = await send("/api/v1/jobs", order);
   const place = `/api/v1/jobs/${job.job}`;
   while (["waiting", "running"].includes(job.state)) {
@@ -14,5 +14,5 @@ export async function doJob(order, told) {
     job = await ask(place);
   }
   if (job.state !== "done") throw new Error(job.detail || `the job was ${job.state}`);
-  return ask(job.result, 10000);
+  return fetched(job.result, 10000);
 }

@@ -20,6 +20,7 @@ ASSETS: Final = (
     "live.js",
     "live_socket.js",
     "jobs.js",
+    "drawings.js",
     "runs.js",
     "imports.js",
     "picture.js",
@@ -69,7 +70,7 @@ class Pages:
         if kind == "html":
             headers["Origin-Agent-Cluster"] = "?1"  # a busy viewer in the frame must not hold up the values
             headers["Content-Security-Policy"] = (
-                "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; connect-src 'self'; "
+                "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob:; connect-src 'self'; "
                 f"frame-src {self._frame}; form-action 'none'; base-uri 'none'; frame-ancestors 'none'"
             )
 

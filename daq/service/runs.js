@@ -1,5 +1,6 @@
 // The last runs; a run that is opened shows its summary.
 
+import { drawingsOf } from "./drawings.js";
 import { clock, count, decimals, known, lag, micrometres, moment, order, whole } from "./figures.js";
 import { doJob } from "./jobs.js";
 import { ask } from "./service_client.js";
@@ -64,7 +65,8 @@ async function fillIn(body, run) {
   if (body.childElementCount) return;
   body.replaceChildren(make("p", "Reading the summary …", "note"));
   try {
-    body.replaceChildren(...summary(await summaryOf(run.run, body.firstChild)));
+    const [facts, ...others] = summary(await summaryOf(run.run, body.firstChild));
+    body.replaceChildren(facts, drawingsOf(run.run), ...others);
   } catch (error) {
     body.replaceChildren();
     body.append(make("p", run.fault || error.message));

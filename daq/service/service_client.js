@@ -29,25 +29,29 @@ export function takeTokenFromAddress() {
   }
 }
 
-export function ask(path, patience = 2000) {
-  return answer(path, { cache: "no-store" }, patience);
+export async function ask(path, patience = 2000) {
+  return (await answer(path, { cache: "no-store" }, patience)).json();
 }
 
-export function send(path, content = {}, patience = 2000) {
-  return answer(path, { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(content) }, patience);
+export async function askPicture(path, patience = 2000) {
+  return (await answer(path, { cache: "no-cache" }, patience)).blob();
+}
+
+export async function send(path, content = {}, patience = 2000) {
+  return (await answer(path, { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(content) }, patience)).json();
 }
 
 // Sends a file in; `name` is all that is told of it.
-export function sendFile(path, name, file) {
+export async function sendFile(path, name, file) {
   const request = { method: "POST", headers: { "Content-Type": "application/octet-stream" }, body: file };
-  return answer(`${path}?name=${encodeURIComponent(name)}`, request, FILE_PATIENCE);
+  return (await answer(`${path}?name=${encodeURIComponent(name)}`, request, FILE_PATIENCE)).json();
 }
 
 async function answer(path, request, patience) {
   const token = heldToken();
   const headers = { ...request.headers, ...(token ? { Authorization: `Bearer ${token}` } : {}) };
   const response = await fetch(path, { ...request, headers, signal: AbortSignal.timeout(patience) });
-  if (response.ok) return response.json();
+  if (response.ok) return response;
   if (response.headers.get("content-type")?.startsWith("application/problem+json")) {
     throw new Problem(await response.json());
   }

@@ -239,3 +239,26 @@ def test_file_is_imported_on_the_page(tmp_path: Path, rig: RigFactory) -> None:
         assert [(run["samples"], run["sample_rate_hz"], run["rig"]) for run in runs] == [(4000, 4000.0, "test-rig")]
     finally:
         bench.close()
+
+
+def test_page_draws_an_opened_run(tmp_path: Path, rig: RigFactory) -> None:
+    record_run(rig(), tmp_path)
+    bench = open_recorded_bench(tmp_path, host="0.0.0.0", token="open-sesame")  # noqa: S104, S106 - as another machine would reach it
+    try:
+        address = f"http://127.0.0.1:{bench.client.base_url.port}/#token=open-sesame"
+        with driven_page(str(CHROMIUM), tmp_path / "profile", address) as page:
+            page.until("document.querySelector('#runs details') !== null")
+            page.value("document.querySelector('#runs details').open = true")
+            page.until("document.querySelectorAll('.drawings button').length > 15")
+            press = "[...document.querySelectorAll('.drawings button')].find(one => one.textContent === '{}').click()"
+            drawn = "(one => one !== null && one.naturalWidth)(document.querySelector('.drawings img'))"
+            page.value(press.format("Bode 1X"))
+            page.until(f"{drawn} === 640")
+            page.value("document.querySelector('.drawings input').value = '19000'")
+            page.value(press.format("1X orbit"))
+            page.until("document.querySelector('.drawings .note').textContent.includes('there are some from')")
+            page.value("document.querySelector('.drawings input').value = ''")
+            page.value(press.format("1X orbit"))
+            page.until("document.querySelector('.drawings img').alt.startsWith('1X orbit')")
+    finally:
+        bench.close()
