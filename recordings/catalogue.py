@@ -24,6 +24,7 @@ from recordings.run_file import RunFile
 from recordings.search import Search
 from recordings.shelf import Shelf
 from recordings.summed_up import SummedUp
+from recordings.trash import PutAway
 
 __all__ = ["Catalogue", "RunEntry", "data_folder"]
 
@@ -193,6 +194,31 @@ class Catalogue:
         place = trash.put_away(self.path(run_id))
         self._shelf.forget([run_id])
         return place
+
+    def put_away_runs(self) -> list[PutAway]:
+        """Return what lies in the trash, by name. StorageError where it cannot be read."""
+        return list(trash.listed(self.folder, SUFFIX))
+
+    def take_back(self, name: str, run_id: str = "") -> RunEntry:
+        """Move a run out of the trash again, and return it.
+
+        Parameters
+        ----------
+        name : str
+            Its name there.
+        run_id : str
+            What it is to be called; empty: its name in the trash.
+
+        Raises
+        ------
+        NotFoundError
+            There is none of this name, or no run can be called so.
+        RunExistsError, StorageError
+            There is a run of this id already, or it cannot be moved.
+        """
+        place = self.place_for(run_id or name)
+        trash.take_back(self.folder, name, place)
+        return self.run(place.stem)
 
     def new_run(self, rig_name: str, started_ns: int) -> tuple[str, Path]:
         """Return an id that is free, and the path for its file; the folder is made where it is missing.

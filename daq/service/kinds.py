@@ -71,6 +71,16 @@ class Kind(Enum):
         "There is such a run already",
         "Nothing is ever written over a recording: choose another id.",
     )
+    CHANGED_MEANWHILE = (
+        412,
+        "It is not what it was",
+        "Somebody has changed it since the answer whose `ETag` was sent as `If-Match`; ask for it again.",
+    )
+    NOT_IN_TRASH = (
+        404,
+        "There is no such run in the trash",
+        "It was never put away, or was taken back. What lies there is listed by /api/v1/trash.",
+    )
     NO_RECORDING = (
         422,
         "What was sent is no whole recording",

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from functools import partial
 from typing import Annotated, Protocol
 
-from fastapi import Query
+from fastapi import Query, Request, Response
 
 from daq.service.documents import (
     HealthDocument,
@@ -25,6 +25,7 @@ from daq.service.live_run import Live, require_ended
 from daq.service.problems import ProblemError
 from daq.service.routing import Routing, RunId
 from daq.service.run_query import RunQuery
+from daq.service.tags import NOT_MODIFIED, document_tag, is_known
 from daq.service.workers import Workers
 from daq.session.frame import LiveFrame
 from recordings.catalogue import RunEntry
@@ -84,7 +85,10 @@ class Routes:
         """Make the addresses known."""
         listing = (Kind.BAD_PARAMETER, Kind.STORAGE_UNAVAILABLE, Kind.BUSY)
         routing.add("/runs", self.runs, "list_runs", "runs", "List the runs", *listing)
-        routing.add("/runs/{run}", self.run, "get_run", "runs", "One run", Kind.RUN_NOT_FOUND, *listing)
+        routing.add(
+            "/runs/{run}", self.run, "get_run", "runs", "One run", Kind.RUN_NOT_FOUND, *listing, model=RunDocument,
+            answers=NOT_MODIFIED,
+        )  # fmt: skip
         routing.add(
             "/runs/{run}/summary", self.summary, "get_run_summary", "runs", "What a run was",
             Kind.RUN_NOT_FOUND, *listing, Kind.RUN_UNDER_WAY, Kind.RUN_DAMAGED, Kind.RUN_FORMAT_UNKNOWN,
@@ -106,9 +110,13 @@ class Routes:
         chosen = query.chosen(await self._lookups.run(found))
         return run_list_document(chosen[query.offset :][: query.limit], len(chosen), query.limit, query.offset)
 
-    async def run(self, run: RunId) -> RunDocument:
+    async def run(self, request: Request, run: RunId) -> Response:
         """Answers from the recording's header and end alone, in milliseconds."""
-        return run_document(await self._lookups.run(partial(self._catalogue.run, run)))
+        document = run_document(await self._lookups.run(partial(self._catalogue.run, run)))
+        headers = {"ETag": document_tag(document), "Cache-Control": "private, no-cache"}
+        if is_known(request.headers.get("if-none-match"), headers["ETag"]):
+            return Response(status_code=304, headers=headers)
+        return Response(document.model_dump_json(), headers=headers, media_type="application/json")
 
     async def summary(self, run: RunId) -> SummaryDocument:
         """Speeds, amplitudes, phases, sub-synchronous components, losses, and the agreement with the model.

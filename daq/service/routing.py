@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Annotated, Any, Final
 
 from anyio import fail_after
-from fastapi import APIRouter, Path, Request, Response
+from fastapi import APIRouter, Header, Path, Request, Response
 from fastapi.datastructures import Default
 from fastapi.responses import JSONResponse
 from fastapi.routing import APIRoute
@@ -16,6 +16,14 @@ from daq.service.problems import ProblemError, openapi_responses
 PREFIX: Final = "/api/v1"
 RunId = Annotated[
     str, Path(description="Id of the run, as /api/v1/runs lists it", examples=["2026-11-24T09-12-07-gj90c"])
+]
+IfMatch = Annotated[
+    str | None,
+    Header(
+        alias="If-Match",
+        description="The `ETag` of the answer that the change rests on: 412 where it is another by now",
+        examples=['"9f86d081884c7d659a2feaa0c55ad015"'],
+    ),
 ]
 EVENTS: Final = "text/event-stream"
 WITH_JSON: Final = frozenset({"POST", "PATCH"})

@@ -2,8 +2,10 @@
 
 import http.client
 import shutil
+import socket
 import threading
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
@@ -90,12 +92,80 @@ def test_run_that_is_put_away_lies_in_the_trash_byte_for_byte(bench: RecordedBen
     content = (bench.folder / f"{RUN}.mcap").read_bytes()
     bench.client.patch(f"{API}/runs/{RUN}", json={"remark": "to go"})
     response = bench.client.delete(f"{API}/runs/{RUN}")
-    assert response.json() == {"run": RUN, "trash": f"trash/{RUN}.mcap"}
+    assert response.json() == {"run": RUN, "trash": f"trash/{RUN}.mcap", "name": RUN}
     assert listed(bench) == []
     assert (bench.folder / "trash" / f"{RUN}.mcap").read_bytes() == content
     assert bench.client.delete(f"{API}/runs/{RUN}").status_code == 404
     shutil.copy(bench.folder / "trash" / f"{RUN}.mcap", bench.folder)
     assert bench.client.delete(f"{API}/runs/{RUN}").json()["trash"] == f"trash/{RUN} (2).mcap"
+
+
+def test_run_is_taken_back_with_its_words_and_never_in_place_of_another(bench: RecordedBench) -> None:
+    content = (bench.folder / f"{RUN}.mcap").read_bytes()
+    bench.client.patch(f"{API}/runs/{RUN}", json={"remark": "to go"})
+    bench.client.delete(f"{API}/runs/{RUN}")
+    shutil.copy(bench.folder / "trash" / f"{RUN}.mcap", bench.folder)
+    bench.client.delete(f"{API}/runs/{RUN}")
+    in_trash = bench.client.get(f"{API}/trash").json()["runs"]
+    assert in_trash == [{"name": f"{RUN} (2)", "size_bytes": len(content)}, {"name": RUN, "size_bytes": len(content)}]
+    back = bench.client.post(f"{API}/trash/{RUN}/restore", json={})
+    assert (back.status_code, back.headers["location"]) == (201, f"{API}/runs/{RUN}")
+    assert (back.json()["run"], back.json()["remark"]) == (RUN, "to go")
+    assert bench.client.get(f"{API}/runs/{RUN}").json() == back.json()
+    again = bench.client.post(f"{API}/trash/{RUN} (2)/restore", json={"run": RUN})
+    assert kind(again) == (409, "run-exists")
+    other = bench.client.post(f"{API}/trash/{RUN} (2)/restore", json={"run": "other"})
+    assert (other.json()["run"], other.json()["remark"]) == ("other", "")
+    assert (bench.folder / "other.mcap").read_bytes() == (bench.folder / f"{RUN}.mcap").read_bytes() == content
+    assert bench.client.get(f"{API}/trash").json() == {"runs": []}
+    assert kind(bench.client.post(f"{API}/trash/{RUN}/restore", json={})) == (404, "not-in-trash")
+
+
+@pytest.mark.parametrize(("name", "run"), [("..%2f..%2fsecret", None), ("%2e%2e", None), (RUN, "../out"), (RUN, "a/b")])
+def test_nothing_is_taken_from_or_to_outside_the_folder(bench: RecordedBench, name: str, run: str | None) -> None:
+    bench.client.delete(f"{API}/runs/{RUN}")
+    (bench.folder.parent / "secret.mcap").write_bytes(b"secret")
+    assert bench.client.post(f"{API}/trash/{name}/restore", json={"run": run}).status_code in {404, 405}
+    assert [path.name for path in bench.folder.parent.glob("*.mcap")] == ["secret.mcap"]
+    assert listed(bench) == []
+
+
+def test_change_that_rests_on_what_is_no_more_is_refused(bench: RecordedBench) -> None:
+    seen = bench.client.get(f"{API}/runs/{RUN}")
+    tag = seen.headers["etag"]
+    assert bench.client.get(f"{API}/runs/{RUN}", headers={"If-None-Match": tag}).status_code == 304
+    first = bench.client.patch(f"{API}/runs/{RUN}", json={"remark": "mine"}, headers={"If-Match": tag})
+    assert (first.status_code, first.json()["remark"]) == (200, "mine")
+    late = bench.client.patch(f"{API}/runs/{RUN}", json={"remark": "theirs"}, headers={"If-Match": tag})
+    assert kind(late) == kind(bench.client.delete(f"{API}/runs/{RUN}", headers={"If-Match": tag})) == (
+        412, "changed-meanwhile",
+    )  # fmt: skip
+    now = bench.client.get(f"{API}/runs/{RUN}")
+    assert (now.json()["remark"], now.headers["etag"]) == ("mine", first.headers["etag"])
+    either = {"If-Match": f'"other", {now.headers["etag"]}'}
+    assert bench.client.patch(f"{API}/runs/{RUN}", json={"remark": "ours"}, headers=either).status_code == 200
+    assert bench.client.delete(f"{API}/runs/{RUN}", headers={"If-Match": "*"}).status_code == 200
+
+
+def test_of_many_changes_at_once_that_rest_on_the_same_one_is_made(bench: RecordedBench) -> None:
+    tag = {"If-Match": bench.client.get(f"{API}/runs/{RUN}").headers["etag"]}
+
+    def change(number: int) -> int:
+        return bench.client.patch(f"{API}/runs/{RUN}", json={"remark": f"number {number}"}, headers=tag).status_code
+
+    with ThreadPoolExecutor(8) as threads:
+        answers = sorted(threads.map(change, range(8)))
+    assert answers == [200, *[412] * 7]
+
+
+def test_json_whose_size_is_hidden_behind_another_is_refused(bench: RecordedBench) -> None:
+    head = (
+        f"PATCH {API}/runs/{RUN} HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\nConnection: close\r\n"
+    )
+    body = "Content-Length: 2\r\nTransfer-Encoding: chunked\r\n\r\n2\r\n{}\r\n0\r\n\r\n"
+    with socket.create_connection(("127.0.0.1", bench.client.base_url.port or 0), timeout=60.0) as client:
+        client.sendall((head + body).encode())
+        assert client.recv(65_536).startswith(b"HTTP/1.1 413 ")
 
 
 def test_run_under_way_is_not_put_away(bench: RecordedBench) -> None:
@@ -129,7 +199,7 @@ def test_what_is_no_whole_recording_leaves_nothing_behind(bench: RecordedBench) 
     flipped[len(content) // 2] ^= 1
     for sent in (b"", b"no recording", content[: len(content) // 2], bytes(flipped)):
         assert kind(bench.client.put(f"{API}/runs/sent-in/file", content=sent)) == (422, "no-recording")
-    with closing(http.client.HTTPConnection("127.0.0.1", bench.client.base_url.port, timeout=10)) as connection:
+    with closing(http.client.HTTPConnection("127.0.0.1", bench.client.base_url.port, timeout=60)) as connection:
         connection.putrequest("PUT", f"{API}/runs/sent-in/file")
         connection.putheader("Content-Length", str(10**15))
         connection.endheaders()

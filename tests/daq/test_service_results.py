@@ -250,6 +250,54 @@ def test_file_comes_whole_and_in_ranges(bench: RecordedBench, path: Path) -> Non
     assert (beyond.status_code, beyond.headers["content-range"]) == (416, f"bytes */{size}")
 
 
+def test_file_is_the_one_that_was_asked_for_whatever_takes_its_place(tmp_path: Path, path: Path) -> None:
+    content = path.read_bytes()
+    file = tmp_path / f"{RUN}.mcap"
+    file.write_bytes(content + bytes(20_000_000))  # more than sockets hold
+    served = open_recorded_bench(tmp_path)
+    try:
+        with served.client.stream("GET", f"{API}/runs/{RUN}/file") as response:
+            pieces = response.iter_raw()
+            received = next(pieces)
+            (tmp_path / "other").write_bytes(b"another file")
+            (tmp_path / "other").replace(file)
+            assert received + b"".join(pieces) == content + bytes(20_000_000)
+        refused = served.get("/file")
+        assert (refused.status_code, refused.json()["type"]) == (409, "/docs#run-damaged")
+    finally:
+        served.close()
+
+
+def test_file_that_is_no_recording_is_not_sent_nor_what_lies_behind_a_link(tmp_path: Path) -> None:
+    (tmp_path / "secret").write_text("root:x:0:0")
+    folder = tmp_path / "data"
+    folder.mkdir()
+    (folder / "link.mcap").symlink_to(tmp_path / "secret")
+    (folder / "nowhere.mcap").symlink_to(tmp_path / "nothing")
+    (folder / "circle.mcap").symlink_to("circle.mcap")
+    (folder / "folder.mcap").mkdir()
+    (folder / "Läufer.mcap").write_bytes(b"x")
+    served = open_recorded_bench(folder)
+    try:
+        assert [run["run"] for run in served.client.get(f"{API}/runs").json()["runs"]] == ["link"]
+        answers = {
+            name: served.client.get(f"{API}/runs/{name}/file") for name in ("link", "nowhere", "circle", "folder")
+        }
+        assert {name: answer.status_code for name, answer in answers.items()} == {
+            "link": 409, "nowhere": 404, "circle": 404, "folder": 404,
+        }  # fmt: skip
+        assert not any("root:x" in answer.text for answer in answers.values())
+    finally:
+        served.close()
+
+
+def test_head_of_a_file_tells_what_is_there(bench: RecordedBench, path: Path) -> None:
+    whole, part = (bench.client.head(f"{API}/runs/{RUN}/file", headers=h) for h in ({}, {"Range": "bytes=0-7"}))
+    assert (whole.status_code, whole.headers["content-length"]) == (200, str(path.stat().st_size))
+    assert (part.status_code, part.headers["content-length"]) == (206, "8")
+    assert bench.get("/file", {"If-None-Match": "*"}).status_code == 304
+
+
 def test_run_under_way_is_not_read(bench: RecordedBench) -> None:
     frame = make_frames(1)[0]
     assert frame.status.state is RunState.RECORDING

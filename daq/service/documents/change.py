@@ -24,6 +24,31 @@ class PutAwayDocument(Document):
 
     run: str = Field(description="Id of the run", examples=["2026-11-24T09-12-07-gj90c"])
     trash: str = Field(
-        description="Its file, in the data folder; moved back by hand it is listed again",
+        description="Its file, in the data folder; it can be taken back",
         examples=["trash/2026-11-24T09-12-07-gj90c.mcap"],
+    )
+    name: str = Field(description="Its name in the trash", examples=["2026-11-24T09-12-07-gj90c"])
+
+
+class TrashedDocument(Document):
+    """A run in the trash."""
+
+    name: str = Field(
+        description="Its id, with a number behind where a run of this id lay there already",
+        examples=["2026-11-24T09-12-07-gj90c (2)"],
+    )
+    size_bytes: int = Field(description="Size of its file, bytes", ge=0, examples=[154_000_000])
+
+
+class TrashDocument(Document):
+    """What was put away."""
+
+    runs: tuple[TrashedDocument, ...] = Field(description="By name")
+
+
+class TakeBackDocument(Document):
+    """What a run that is taken back is to be called."""
+
+    run: str | None = Field(
+        None, description="Its id; null: its name in the trash", max_length=200, examples=["2026-11-24T09-12-07-gj90c"]
     )
