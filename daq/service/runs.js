@@ -95,21 +95,27 @@ function facts(pairs) {
   return node;
 }
 
-function table(caption, heads, rows) {
+// Columns from `words` on hold words, which begin at the left.
+function table(caption, heads, rows, words = heads.length) {
   const node = make("table");
   node.append(make("caption", caption));
   const head = node.createTHead().insertRow();
-  for (const name of heads) {
-    const cell = make("th", name);
+  for (const [k, name] of heads.entries()) {
+    const cell = make("th", name, k < words ? "" : "words");
     cell.scope = "col";
     head.append(cell);
   }
   const body = node.createTBody();
   for (const row of rows) {
     const line = body.insertRow();
-    for (const value of row) line.insertCell().textContent = value;
+    for (const [k, value] of row.entries()) line.append(make("td", value, k < words ? "" : "words"));
   }
-  return node;
+  const wide = make("div", "", "wide");
+  wide.tabIndex = 0; // a table wider than the window is moved with the keys, too
+  wide.setAttribute("role", "region");
+  wide.setAttribute("aria-label", caption);
+  wide.append(node);
+  return wide;
 }
 
 function waited(run) {
@@ -162,6 +168,7 @@ function standards(figures) {
     "Standards, for information: none is written for floating rings",
     ["figure", "µm peak-to-peak", "largest of it", "meant for", "read in"],
     figures.map((one) => [`${one.standard} ${one.name}`, micrometres(one.limit_peak_to_peak_um), known(one.of_limit) ? percent(one.of_limit) : "", one.scope, one.source]),
+    3,
   );
 }
 
