@@ -26,6 +26,7 @@ export function drawLive(live) {
   document.title = `${passed}${live.status.state} · ${live.rig}`;
   document.body.dataset.run = ["finished", "failed"].includes(live.status.state) ? "" : live.run;
   element("marking").hidden = !["recording", "degraded", "interrupted", "armed"].includes(live.status.state);
+  element("stop").hidden = element("marking").hidden && live.status.state !== "replaying";
   write("state", live.status.state);
   write("clock", clock(live.status.elapsed_s));
   write("run", live.run);
@@ -37,6 +38,7 @@ export function drawLive(live) {
   drawRunningSpeed(live);
   drawWhirl(live);
   drawStatus(live);
+  drawTrust(live);
   drawBanners(live);
 }
 
@@ -45,7 +47,9 @@ export function drawIdle() {
   document.body.dataset.run = "";
   document.title = "Rig · no run";
   element("marking").hidden = true;
+  element("stop").hidden = true;
   write("state", "no run");
+  write("trust", "");
   write("clock", "–:––");
   write("run", "No run is under way");
   write("device", "rig record RIG.TOML starts one and says where to watch it; recorded runs are below");
@@ -182,6 +186,23 @@ function drawStatus({ measured, predicted, status }) {
   write("dropped", count(status.dropped_frames));
   const basis = predicted && (predicted.is_exact ? `exact at ${whole(predicted.speed_rpm)} r/min` : "interpolated");
   write("model", basis ? `${status.model}, ${basis}` : status.model);
+}
+
+// Whether what is recorded and measured can be trusted, in one line; the most serious doubt first.
+function drawTrust({ measured, status }) {
+  const doubts = status.clipped.map((one) => `${one.channel} clipped`);
+  for (const probe of ["x", "y"]) {
+    const state = measured?.[`probe_${probe}`];
+    if (state && !state.gap_ok) doubts.push(`probe ${probe} reads ${decimals(state.gap_v, 2)} V`);
+  }
+  if (measured && measured.tacho.state !== "good") doubts.push(`tacho: ${measured.tacho.state}`);
+  const lost = status.lost_samples > 0 || !status.lost_is_exact;
+  if (lost) doubts.unshift(`${status.lost_is_exact ? "" : "at least "}${whole(status.lost_samples)} samples lost`);
+  const isJudged = measured && !["interrupted", "failed"].includes(status.state); // else the banner says what is wrong
+  const good = isJudged ? `✓ ${status.state === "armed" ? "" : "gap-free · "}signals good` : "";
+  element("trust").className = `trust ${lost ? "bad" : doubts.length ? "poor" : "good"}`;
+  write("trust", doubts.length ? `▲ ${doubts.join(" · ")}` : good);
+  element("trust").title = element("trust").textContent;
 }
 
 const WORST_FIRST = { danger: 0, alarm: 1 };

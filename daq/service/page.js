@@ -4,7 +4,7 @@ import { clock } from "./figures.js";
 import { offerImport } from "./imports.js";
 import { drawIdle, drawLive } from "./live.js";
 import { listen } from "./live_socket.js";
-import { followPicture } from "./picture.js";
+import { drawAgain, followPicture } from "./picture.js";
 import { drawRuns } from "./runs.js";
 import { ask, keepToken, send, takeTokenFromAddress } from "./service_client.js";
 import { addToTrend } from "./trend.js";
@@ -60,7 +60,7 @@ function take(live) {
   elapsed = live.status.elapsed_s;
   state = live.status.state;
   drawLive(live);
-  addToTrend(live);
+  if (addToTrend(live)) drawAgain();
   if (ended && !isUnderWay(state)) drawRuns(live.run);
 }
 
@@ -82,14 +82,18 @@ async function step() {
   }
 }
 
-let told = -Infinity; // when the socket last had a word
+let told = performance.now() - IDLE_INTERVAL / 2; // when the socket last had a word; it is given a moment to open
 
 async function follow() {
-  listen("/api/v1/live", (live) => {
+  const isOpen = listen("/api/v1/live", (live) => {
     told = performance.now();
     take(live);
   });
-  for (;;) await later(performance.now() - told < IDLE_INTERVAL ? LIVE_INTERVAL : await step());
+  for (;;) {
+    const isQuiet = isOpen() && state === null; // nothing goes on, and nothing is told until something does
+    if (isQuiet) answered = performance.now();
+    await later(isQuiet || performance.now() - told < IDLE_INTERVAL ? LIVE_INTERVAL : await step());
+  }
 }
 
 async function listRuns() {
@@ -99,15 +103,13 @@ async function listRuns() {
   }
 }
 
-// The viewer is a server of its own; one that only this bench's machine can reach is no use elsewhere.
+// The viewer is a server of its own that only the bench's machine can reach; elsewhere the page draws by itself.
 function showViewer(address) {
   const here = ["localhost", "127.0.0.1", "[::1]"];
-  if (!address) {
+  if (!address || (here.includes(new URL(address).hostname) && !here.includes(location.hostname))) {
     const empty = element("empty");
     empty.textContent = "No run is under way.\nOrbit and order spectrum are drawn here when one is.";
     followPicture(element("view"), empty);
-  } else if (here.includes(new URL(address).hostname) && !here.includes(location.hostname)) {
-    element("empty").textContent = "The live view can only be seen on the machine at the bench.";
   } else {
     const frame = document.createElement("iframe");
     frame.src = address;
@@ -158,6 +160,29 @@ async function markMoment(event) {
 }
 
 element("marking").addEventListener("submit", markMoment);
+
+const SURE = 4000; // ms in which a second press ends the run
+
+// A single press, perhaps by mistake, ends nothing.
+async function stopRun({ currentTarget: button }) {
+  if (!button.classList.contains("sure")) {
+    button.classList.add("sure");
+    button.textContent = "Press again to stop";
+    setTimeout(() => {
+      button.classList.remove("sure");
+      button.textContent = "Stop";
+    }, SURE);
+    return;
+  }
+  try {
+    await send("/api/v1/live/stop");
+    button.textContent = "Stopping …";
+  } catch (error) {
+    button.textContent = `Not stopped: ${error.message}`;
+  }
+}
+
+element("stop").addEventListener("click", stopRun);
 document.addEventListener("keydown", (event) => {
   const typing = event.target.matches("input, textarea") || event.ctrlKey || event.metaKey || event.altKey;
   if (event.key !== "m" || typing || element("marking").hidden) return;

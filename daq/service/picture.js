@@ -31,6 +31,12 @@ function largest(curves, names) {
   return Math.max(0, ...curves.filter(Boolean).flatMap((one) => names.flatMap((name) => one[name].map(Math.abs))));
 }
 
+// The parts of a full scale between its grid lines, so that their numbers are short.
+export function parts(scale) {
+  const count = String(scale).startsWith("2") ? 4 : 5;
+  return Array.from({ length: count + 1 }, (_, k) => k / count);
+}
+
 // A scale that grows at once and shrinks only when a third of it would do.
 export function follow(scale, needed) {
   const wanted = rounded(Math.max(needed * 1.1, 1));
@@ -40,6 +46,7 @@ export function follow(scale, needed) {
 let reach = 5;
 let level = 5;
 
+const figure = (value) => String(Number(value.toPrecision(3)));
 const placed = (across, up, unit) => across.map((x, k) => [x * unit, -up[k] * unit]);
 
 function drawPath(svg, points, kind) {
@@ -53,7 +60,7 @@ function drawOrbit(parent, picture) {
   draw(svg, "rect", { x: -100, y: -100, width: 200, height: 200, class: "frame" });
   draw(svg, "path", { d: "M-100 0H100M0 -100V100", class: "grid" });
   for (const part of [-1, -0.5, 0.5, 1]) {
-    draw(svg, "text", { x: 100 * part, y: 112, class: "tick middle" }, `${part * reach}`);
+    draw(svg, "text", { x: 100 * part, y: 112, class: "tick middle" }, figure(part * reach));
   }
   draw(svg, "text", { x: 0, y: 112, class: "tick middle" }, "µm");
   draw(svg, "text", { x: 0, y: 128, class: "caption middle" }, `orbit${picture.measured?.compensated_orbit_x_um ? ", compensated (thin: as measured)" : ""} · clearance ${picture.clearance_um} µm`);
@@ -81,9 +88,9 @@ function drawSpectrum(parent, picture) {
     draw(svg, "path", { d: `M${x} 0V${HEIGHT}`, class: k === 1 ? "first" : "grid" });
     draw(svg, "text", { x, y: HEIGHT + 30, class: "label middle" }, `${k}X`);
   }
-  for (let part = 0; part <= 1; part += 0.25) {
+  for (const part of parts(level)) {
     draw(svg, "path", { d: `M0 ${HEIGHT * (1 - part)}H${WIDTH}`, class: "grid" });
-    draw(svg, "text", { x: -10, y: HEIGHT * (1 - part) + 7, class: "label end" }, `${level * part}`);
+    draw(svg, "text", { x: -10, y: HEIGHT * (1 - part) + 7, class: "label end" }, figure(level * part));
   }
   draw(svg, "text", { x: WIDTH / 2, y: HEIGHT + 66, class: "label middle" }, "order spectrum · µm peak · Hann window");
   const curve = (source, name, kind) => {
@@ -103,16 +110,24 @@ function drawSpectrum(parent, picture) {
 function legend(parent) {
   const node = document.createElement("p");
   node.className = "legend";
-  for (const [name, text] of [["x", "measured x, orbit"], ["y", "measured y"], ["model", "model"]]) {
+  for (const [name, text] of [["x", "━ measured x, orbit"], ["y", "━ measured y"], ["model", "╍ model"]]) {
     const part = document.createElement("span");
     part.className = name;
-    part.textContent = `━ ${text}`;
+    part.textContent = text;
     node.append(part);
   }
   parent.append(node);
 }
 
+let shown = null; // where, what there is without a picture, and the latest picture
+
+// Draws the latest picture anew, for what else is drawn beside it.
+export function drawAgain() {
+  if (shown) show(...shown);
+}
+
 function show(parent, empty, picture) {
+  shown = [parent, empty, picture];
   if (!picture) {
     parent.replaceChildren(empty);
     return;

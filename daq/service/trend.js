@@ -1,6 +1,6 @@
 // Draws overall vibration and speed over the last minutes, and what was marked, where there is no viewer.
 
-import { decimals, known } from "./figures.js";
+import { decimals, known, whole } from "./figures.js";
 import { draw, follow, plane } from "./picture.js";
 
 const [WIDTH, HEIGHT] = [1600, 260];
@@ -15,17 +15,20 @@ let now = 0;
 let level = 10;
 let pace = 1000;
 
+// Takes a moment of the run; says whether there is something to draw that no picture may come with: a run, a mark.
 export function addToTrend({ run: id, status, measured }) {
+  const isNews = id !== run || status.marks.length !== marks.length;
   if (id !== run || status.elapsed_s < now) points = [];
   run = id;
   now = status.elapsed_s;
   marks = status.marks;
-  if (!measured) return;
+  if (!measured) return isNews;
   const [x, y, speed] = [measured.peak_to_peak_x_um, measured.peak_to_peak_y_um, measured.speed_rpm];
   const last = points.at(-1);
   if (last && now < last.at + INTERVAL) Object.assign(last, { x: Math.max(last.x, x), y: Math.max(last.y, y), speed });
   else points.push({ at: now, x, y, speed });
   if (points.length > SPANS.at(-1) / INTERVAL) points.shift();
+  return isNews;
 }
 
 export function drawTrend(parent) {
@@ -36,11 +39,11 @@ export function drawTrend(parent) {
   pace = follow(pace, Math.max(0, ...shown.map((point) => point.speed ?? 0)));
   const svg = plane(parent, `-80 -30 ${WIDTH + 190} ${HEIGHT + 84}`, "Overall vibration, µm peak-to-peak, and speed, r/min, over the last minutes");
   svg.classList.add("trend");
-  for (let part = 0; part <= 1; part += 0.25) {
+  for (const part of [0, 0.5, 1]) {
     const y = HEIGHT * (1 - part);
     draw(svg, "path", { d: `M0 ${y}H${WIDTH}`, class: "grid" });
     draw(svg, "text", { x: -10, y: y + 7, class: "label end" }, `${level * part}`);
-    draw(svg, "text", { x: WIDTH + 10, y: y + 7, class: "label" }, decimals(pace * part, 0));
+    draw(svg, "text", { x: WIDTH + 10, y: y + 7, class: "label" }, whole(pace * part));
   }
   for (let part = 0; part <= 1; part += 1 / 6) {
     const value = (span * (part - 1)) / (span > 60 ? 60 : 1);

@@ -44,6 +44,15 @@ class Page:
             assert time.monotonic() < end, f"{expression}: {self.value('document.body.innerText')}"
             time.sleep(0.05)
 
+    def resize(self, width: int, height: int) -> None:
+        """Give the window another size, in the page's pixels."""
+        self.ask("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False)
+
+    def show(self, address: str) -> None:
+        """Go to an address, and wait until it is there."""
+        self.ask("Page.navigate", url=address)
+        self.until(f"location.href.startsWith({json.dumps(address)}) && document.readyState === 'complete'")
+
     def choose_file(self, element: str, path: Path) -> None:
         """Choose a file in an input of this id."""
         root = self.ask("DOM.getDocument")["root"]["nodeId"]
@@ -72,8 +81,7 @@ def driven_page(program: str, profile: Path, address: str) -> Iterator[Page]:
         with connect(target["webSocketDebuggerUrl"], max_size=None) as socket:
             page = Page(socket)
             page.ask("Page.enable")
-            page.ask("Page.navigate", url=address)
-            page.until("document.readyState === 'complete'")
+            page.show(address)
             yield page
     finally:
         browser.kill()

@@ -2,19 +2,22 @@
 
 import shutil
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
 from analysis.run import Severity
-from tests.daq.devtools import Browser
+from daq.session.frame import LiveFrame
+from tests.daq.driven_browser import Page, driven_page
 from tests.daq.frames import make_frames, with_alarm
+from tests.daq.recorded_bench import open_recorded_bench
 from tests.daq.service_bench import Bench, open_bench
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 pytestmark = [pytest.mark.browser, pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium here")]
 
 FRAME = with_alarm(make_frames(200)[150], Severity.DANGER)
-LISTED = "document.querySelector('#runs details')"
+STATE = {True: "idle", False: "recording"}
 # Of every tile, banner and bar in sight: which stick out of the window, which lie over another, whose words are cut.
 FAULTS = """(() => {
   const parts = [...document.querySelectorAll('.tile, .view, .status, .banner, .runs details')];
@@ -35,8 +38,8 @@ FAULTS = """(() => {
 
 
 @pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    with Browser(str(CHROMIUM)) as one:
+def page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
+    with driven_page(str(CHROMIUM), tmp_path_factory.mktemp("profile"), "about:blank") as one:
         yield one
 
 
@@ -47,29 +50,55 @@ def bench() -> Iterator[Bench]:
     served.close()
 
 
+def shown(page: Page, bench: Bench, frame: LiveFrame | None) -> None:
+    """Show the page with a run that goes on, or none, and wait until it is drawn."""
+    bench.live.frame = frame
+    page.show(bench.server.url)
+    page.until(f"document.querySelector('#runs details') && document.body.dataset.state === '{STATE[frame is None]}'")
+
+
 @pytest.mark.parametrize("size", [(390, 844), (844, 390), (768, 1024), (1024, 768), (1366, 768), (1920, 1080)])
-def test_nothing_sticks_out_is_cut_or_lies_over_something_else(
-    size: tuple[int, int], browser: Browser, bench: Bench
-) -> None:
-    browser.resize(*size)
+def test_nothing_sticks_out_is_cut_or_lies_over_something_else(size: tuple[int, int], page: Page, bench: Bench) -> None:
+    page.resize(*size)
     for frame in (None, FRAME):
-        bench.live.frame = frame
-        browser.open(bench.server.url)
-        browser.wait(f"{LISTED} && body.dataset.state === '{'recording' if frame else 'idle'}'")
-        assert browser.evaluate(FAULTS) == []
+        shown(page, bench, frame)
+        assert page.value(FAULTS) == []
 
 
-def test_page_without_a_run_begins_with_the_recorded_ones(browser: Browser, bench: Bench) -> None:
-    browser.resize(1366, 768)
-    browser.open(bench.server.url)
-    browser.wait(f"{LISTED} && body.dataset.state === 'idle'")
-    assert browser.evaluate("document.querySelector('#runs details').getBoundingClientRect().bottom < innerHeight")
+def test_page_without_a_run_begins_with_the_recorded_ones(page: Page, bench: Bench) -> None:
+    page.resize(1366, 768)
+    shown(page, bench, None)
+    assert page.value("document.querySelector('#runs details').getBoundingClientRect().bottom < innerHeight")
 
 
-def test_bench_screen_shows_all_that_goes_on_without_scrolling(browser: Browser, bench: Bench) -> None:
-    bench.live.frame = FRAME
+def test_bench_screen_shows_all_that_goes_on_without_scrolling(page: Page, bench: Bench) -> None:
     for size in ((1366, 768), (1920, 1080)):
-        browser.resize(*size)
-        browser.open(bench.server.url)
-        browser.wait(f"{LISTED} && body.dataset.state === 'recording'")
-        assert browser.evaluate("document.getElementById('status').getBoundingClientRect().bottom <= innerHeight")
+        page.resize(*size)
+        shown(page, bench, FRAME)
+        assert page.value("document.getElementById('status').getBoundingClientRect().bottom <= innerHeight")
+
+
+def test_page_without_a_run_asks_for_none_while_its_socket_is_open(page: Page, bench: Bench) -> None:
+    shown(page, bench, None)
+    page.until("performance.now() > 2500")
+    asked = "performance.getEntriesByType('resource').filter((one) => one.name.endsWith('/live')).length"
+    assert page.value(asked) == 0
+    assert page.value("document.getElementById('connection').hidden")
+    bench.live.frame = FRAME
+    page.until("document.body.dataset.state === 'recording'")
+
+
+def test_run_is_stopped_by_a_second_press_and_by_no_single_one(page: Page, tmp_path: Path) -> None:
+    bench = open_recorded_bench(tmp_path)
+    try:
+        bench.live.frame = FRAME
+        page.show(str(bench.client.base_url))
+        page.until("!document.getElementById('stop').hidden")
+        page.value("document.getElementById('stop').click()")
+        page.until("document.getElementById('stop').textContent === 'Press again to stop'")
+        assert bench.steered.stopped == []
+        page.value("document.getElementById('stop').click()")
+        page.until("document.getElementById('stop').textContent === 'Stopping …'")
+        assert bench.steered.stopped == [FRAME.header.run]
+    finally:
+        bench.close()

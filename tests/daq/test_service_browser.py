@@ -14,7 +14,7 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 from analysis.run import Severity
 from daq.service.app import create_app
 from daq.service.server import ServiceServer
-from daq.session.frame import LiveFrame, PlacedMark, RunState
+from daq.session.frame import Clipping, LiveFrame, PlacedMark, RunState
 from recordings.marks import Mark
 from tests.daq.conftest import RigFactory
 from tests.daq.driven_browser import driven_page
@@ -120,6 +120,18 @@ def test_page_judges_each_value_by_its_own_limits(bench: Bench, tmp_path: Path) 
     assert re.fullmatch(r" · \d+ % of clearance", text_of(page, "clearance"))
     assert text_of(page, "whirls") == "alarm 13 together"
     assert text_of(page, "alarm").startswith("▲ speed DANGER: 19,642 r/min, limit 19,500, came 00:10")
+
+
+def test_page_says_at_a_glance_whether_what_is_recorded_can_be_trusted(bench: Bench, tmp_path: Path) -> None:
+    bench.live.frame = FRAME
+    assert text_of(seen(bench.server.url, tmp_path), "trust") == "✓ gap-free · signals good"
+    assert FRAME.snapshot is not None
+    doubtful = replace(FRAME.snapshot, gap_ok=np.array([True, False]), gap_volts=np.array([5.1, 0.02]))
+    status = replace(FRAME.status, lost=2000, clipped=(Clipping("y", 1234, 3, 12.0),))
+    bench.live.frame = replace(FRAME, snapshot=doubtful, status=status)
+    page = seen(bench.server.url, tmp_path)
+    assert text_of(page, "trust") == "▲ 2,000 samples lost · y clipped · probe y reads 0.02 V"
+    assert 'class="trust bad"' in page
 
 
 def test_page_shows_what_was_compensated_beside_what_was_measured(bench: Bench, tmp_path: Path) -> None:
