@@ -56,16 +56,17 @@ class TachoSignal:
 
     @property
     def angle(self) -> FloatArray | None:
-        """Angle of the shaft at the samples, rad; None where too few marks pass."""
-        if self.edges.size < FEWEST_EDGES:
+        """Angle of the shaft at the samples, rad, from one of its marks; None where that passes too few times."""
+        edges = self.edges[:: self.tacho.pulses_per_revolution]  # several may lie unevenly
+        if edges.size < FEWEST_EDGES:
             return None
-        turns = np.arange(self.edges.size) / self.tacho.pulses_per_revolution
+        turns = np.arange(edges.size, dtype=np.float64)
         sample = np.arange(self.volts.size, dtype=np.float64)
-        first = (turns[1] - turns[0]) / (self.edges[1] - self.edges[0])
-        last = (turns[-1] - turns[-2]) / (self.edges[-1] - self.edges[-2])
-        angle = np.interp(sample, self.edges, turns)
-        angle = np.where(sample < self.edges[0], turns[0] + first * (sample - self.edges[0]), angle)
-        angle = np.where(sample > self.edges[-1], turns[-1] + last * (sample - self.edges[-1]), angle)
+        first = (turns[1] - turns[0]) / (edges[1] - edges[0])
+        last = (turns[-1] - turns[-2]) / (edges[-1] - edges[-2])
+        angle = np.interp(sample, edges, turns)
+        angle = np.where(sample < edges[0], turns[0] + first * (sample - edges[0]), angle)
+        angle = np.where(sample > edges[-1], turns[-1] + last * (sample - edges[-1]), angle)
         return np.asarray(2.0 * np.pi * angle, dtype=np.float64)
 
     @property
@@ -79,11 +80,13 @@ class TachoSignal:
     @property
     def scatter(self) -> float:
         """Robust scatter of the periods about their slow course, relative; NaN where too few marks pass."""
-        periods = np.diff(self.edges)
-        if periods.size < FEWEST_EDGES:
+        marks = self.tacho.pulses_per_revolution  # each is compared with itself: several may lie unevenly
+        turns = self.edges[marks:] - self.edges[:-marks]
+        if turns.size < 2 * marks + FEWEST_EDGES - 2:
             return np.nan
-        bends = np.diff(periods, 2)  # a steady change of speed has none; of white scatter they have the 6-fold power
-        return float(1.4826 * np.median(np.abs(bends)) / np.sqrt(6.0) / np.median(periods))
+        # A steady change of speed bends none; of white scatter the bends have the 6-fold power.
+        bends = turns[2 * marks :] - 2.0 * turns[marks:-marks] + turns[: -2 * marks]
+        return float(1.4826 * np.median(np.abs(bends)) / np.sqrt(6.0) / np.median(turns) * marks)
 
 
 def tacho_checks(signal: TachoSignal, limits: WiringLimits, *, motion: bool) -> list[Check]:
@@ -213,9 +216,7 @@ def _pulses_check(signal: TachoSignal, most: float) -> Check:
     value = f"{speed:,.0f} r/min, scatter {100 * scatter:.2f} %"
     if scatter <= most:
         return Check.passed(name, value, limit)
-    advice = (
-        "the marks come unevenly: more marks than pulses_per_revolution says, a dirty mark, or the sensor too far away"
-    )
+    advice = "the marks come unevenly: not as many as pulses_per_revolution, a dirty mark, or the sensor too far off"
     return Check.warned(name, Finding.SCATTER, value, limit, advice)
 
 

@@ -191,6 +191,21 @@ def test_uneven_marks_scatter_and_a_run_up_does_not() -> None:
     assert tacho_findings(run_up) == {}
 
 
+def test_marks_that_lie_unevenly_but_come_again_with_every_turn_do_not_scatter() -> None:
+    turn = 30.0 * TIME % 1.0
+    two = np.where((turn < 0.15) | ((turn > 0.3) & (turn < 0.65)), 4.2, 0.1) + noise(0.01, 9)
+    assert tacho_findings(two, replace(TACHO, pulses_per_revolution=2)) == {}
+    assert tacho_findings(two) == {"tacho pulses": Finding.SCATTER}
+    signal = TachoSignal.of(
+        ACQUISITION.channels[2],
+        replace(TACHO, pulses_per_revolution=2),
+        np.rint(two / STEP).astype(np.int16),
+        RATE,
+    )
+    assert signal.angle is not None
+    np.testing.assert_allclose(np.diff(signal.angle) * RATE, 2 * np.pi * 30.0, rtol=0.01)
+
+
 def test_few_marks_tell_no_speed() -> None:
     slow = np.where(1.5 * TIME % 1.0 < 0.5, 4.2, 0.1)
     assert tacho_findings(slow) == {"tacho pulses": Finding.STILL}
