@@ -11,9 +11,10 @@ HEIGHT, SQUARE_HEIGHT = 400, 640  # px; the latter with axes of one scale
 LEFT, RIGHT, TOP, BOTTOM, LINE = 68, 20, 30, 48, 17  # px round it, and of a line of words above it
 THIN, BEHIND = 1.4, 0.9  # px of a line, and by how much wider one is that lies behind
 LETTER = 6.6  # px that a letter takes, about
-COLOURS = ("#4cc2ff", "#ffb454", "#2a7fad", "#a8732e", "#7ee787", "#ff7b9c")  # probes x, y; both, darker; others
+COLOURS = ("#4fc3f7", "#7ce38b", "#2f87ad", "#4e9a5a", "#ff8fb1", "#c9b37a", "#ecf0f5")
+"""Probes x and y as on the page, both darker for a run-down, two for what is no probe, the speed; never the model's."""
 GUIDE, MARK, GROUND, INK, GRID, FRAME, NOTE = (
-    "#7d8899", "#ffffff", "#12161c", "#d8dee9", "#2c333d", "#6b7687", "#9aa5b5",
+    "#7d8899", "#be96ff", "#12161c", "#d8dee9", "#2c333d", "#6b7687", "#9aa5b5",
 )  # fmt: skip
 SPOKE = 30  # degrees between two of a polar plot
 RIM = 1.0 / ROOM_POLAR  # of its reach, where its largest value lies
@@ -103,7 +104,10 @@ class _Drawn:
             yield from self._curve(panel.curves[place], colour_of(panel, place))
         for words, x, y in panel.notes:
             yield f'<circle cx="{self._across(x):.1f}" cy="{self._up(y):.1f}" r="2" class="note"/>'
-            yield _text(self._across(x) + 5, self._up(y) - 4, words, kind="note")
+            is_far = self._across(x) + LETTER * len(words) > self._right  # the words would run out of the picture
+            yield _text(
+                self._across(x) + (-5 if is_far else 5), self._up(y) - 4, words, "end" if is_far else "", "note"
+            )
 
     def _across(self, x: float) -> float:
         return LEFT + self._width * (x - self._x_low) / (self._x_high - self._x_low)

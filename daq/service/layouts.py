@@ -11,10 +11,11 @@ BOTH_WAYS = "order (negative: against the rotation)"
 NOTES_APART = 0.15  # of the largest vector: from one speed to the next that is written at a polar plot
 LINES = 40  # of a cascade, at most
 LINE_HEIGHT = 0.2  # of the axis that the feet stand at, that the largest line of a cascade takes
-PLACE = 0.86  # of the axes of an orbit, where a probe is written
+PLACE = 0.97  # of the axes of an orbit, where a probe is written
 BLANK = 0.05  # of a turn before the mark that an orbit is blank: it goes from blank to bright
 PROBES = ("x", "y")
-OTHERS = (0, 1, 4, 5, 2, 3)  # colours of what is no pair of probes, the most different first
+OTHERS = (0, 4, 1, 5, 2, 3)  # colours of what is no pair of probes, the most different first
+SPEED = 6  # colour of a speed over time
 NAMED, NAMED_PART = 6, 0.01  # lines of a spectrum that are named, at most, and of the largest, at least
 
 

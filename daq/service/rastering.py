@@ -23,6 +23,7 @@ from daq.service.drawing import (
 from daq.service.panel import Panel, Style, label, ticks
 
 DOTS = 100  # an inch
+NEAR_EDGE = 0.88  # of an axis, from where words are written to the left
 SCALE = 1.5  # points of the picture to one of the drawing
 
 
@@ -61,7 +62,9 @@ def _draw(axes: Any, panel: Panel) -> None:
         _plot(axes, panel, place, depth)
     for words, x, y in panel.notes:
         axes.plot([x], [y], ".", color=NOTE, markersize=4)
-        axes.annotate(words, (x, y), (4, 4), textcoords="offset points", color=NOTE, fontsize=8)
+        is_far = (x - x_low) / (x_high - x_low) > NEAR_EDGE
+        place = {"xytext": (-4 if is_far else 4, 4), "ha": "right" if is_far else "left"}
+        axes.annotate(words, (x, y), **place, textcoords="offset points", color=NOTE, fontsize=8)
     axes.set_xlim(x_low, x_high)
     axes.set_ylim(*((y_high, y_low) if panel.y_is_lag else (y_low, y_high)))
     if panel.is_square:

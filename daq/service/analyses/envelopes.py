@@ -14,7 +14,7 @@ from daq.service.analyses.orbits import orders_of
 from daq.service.analyses.questions import EnvelopesQuery, WaveformsQuery
 from daq.service.analyses.run_samples import RunSamples, Stretch, moved
 from daq.service.analyses.turning import MICRO, RPM, in_degrees
-from daq.service.layouts import OTHERS
+from daq.service.layouts import OTHERS, SPEED
 from daq.service.panel import Curve, Panel, Style
 from daq.service.sample_answers import TooMuchError
 
@@ -52,7 +52,7 @@ def envelopes(run: RunSamples, query: EnvelopesQuery) -> Analysis:
         )
         for probe, pair in enumerate(found)
     ]  # fmt: skip
-    panels.append(Panel("speed", "s", "r/min", (Curve("", times.tolist(), speeds.tolist(), colour=4),)))
+    panels.append(Panel("speed", "s", "r/min", (Curve("", times.tolist(), speeds.tolist(), colour=SPEED),)))
     return Analysis(
         title=title,
         columns=columns(
@@ -85,7 +85,7 @@ def waveforms(run: RunSamples, query: WaveformsQuery) -> Analysis:
     title = f"{run.header.run} · order waveforms · {speed:,.0f} r/min at {end:.1f} s"
     passed = np.arange(math.ceil(turned[0]), turned[-1])
     marks, shifted = np.interp(passed, turned, fine) - fine[0], 1e3 * (fine - fine[0])
-    caption = f"solved together, band of {query.bandwidth_hz:g} Hz; ± {sigma:.2g} µm (median 1 σ); bright: the mark"
+    caption = f"solved together, band of {query.bandwidth_hz:g} Hz; ± {sigma:.2g} µm (median 1 σ); dots: the mark"
     panels = tuple(
         Panel(
             title if probe == 0 else "the same at probe y", "ms", f"µm at {'xy'[probe]}",

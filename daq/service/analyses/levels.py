@@ -9,6 +9,7 @@ from daq.service.analyses.not_told import NotToldError, told_or_refused
 from daq.service.analyses.questions import OverallQuery
 from daq.service.analyses.run_samples import RunSamples, Stretch
 from daq.service.analyses.turning import MICRO, RPM
+from daq.service.layouts import SPEED
 from daq.service.panel import Curve, Panel, Style
 from daq.service.sample_answers import TooMuchError
 
@@ -57,7 +58,7 @@ def overall_of(run: RunSamples, query: OverallQuery) -> Analysis:
         ),
         panels=(
             Panel(title, "s", "µm peak-to-peak", curves, caption),
-            Panel("speed", "s", "r/min", (Curve("", times.tolist(), rpm, colour=4),), x_range=(ends[0], ends[1])),
+            Panel("speed", "s", "r/min", (Curve("", times.tolist(), rpm, colour=SPEED),), x_range=(ends[0], ends[1])),
         ),
         figures={"largest_um": float(larger[at]) * MICRO},
         remarks=remarks,
