@@ -192,6 +192,7 @@ class PreflightSection(Section):
     hum_warn_um: NotNegative = 1.0  # mains hum of a probe, peak: above it is said,
     hum_fail_um: NotNegative = 5.0  # and above this it stands against a run
     calibration_days: Annotated[int, Field(ge=1, le=36_500)] = 365  # how old a probe's calibration may be
+    self_calibration_days: Annotated[int, Field(ge=1, le=36_500)] = 365  # how long ago the card calibrated itself
     residual_fraction: Annotated[float, Field(gt=0, le=0.5)] = 0.01  # of the calibrated gap, a fit's worst point
     tacho_scatter_fraction: Annotated[float, Field(gt=0, le=1)] = 0.05  # of the period
     mark_tolerance_fraction: Annotated[float, Field(gt=0, lt=1)] = 0.15  # of the turn, light against mark_fraction

@@ -24,6 +24,7 @@ from daq.session.rig_checks import (
     disk_check,
     planned_speed_check,
     sample_checks,
+    self_calibration_checks,
     trouble_check,
 )
 
@@ -97,8 +98,9 @@ def preflight(rig: Rig, plan: Plan, today: dt.date, told: Progress) -> Preflight
     try:
         if in_self_test:
             told("the card tests itself")
-            self_test(rig.config.device)  # before the acquisition: a card at work cannot
+            calibrated = self_test(rig.config.device)  # before the acquisition: a card at work cannot
             checks.append(Check.passed("self-test", "passed", "the card's own test"))
+            checks += self_calibration_checks(rig, calibrated, today)
             in_self_test = False
         acquisition, seen = _look_at(rig, told)
     except DeviceError as error:

@@ -61,6 +61,19 @@ def trouble_check(rig: Rig, error: DeviceError, *, in_self_test: bool) -> Check:
     return Check.failed("device", finding, finding.value, f"{section.product}, {which}", str(error))
 
 
+def self_calibration_checks(rig: Rig, calibrated: dt.date | None, today: dt.date) -> Iterator[Check]:
+    """Yield how long ago the card calibrated itself, where it tells."""
+    if calibrated is None:
+        return
+    age, oldest = (today - calibrated).days, rig.config.preflight.self_calibration_days
+    name, value, limit = "card self-calibration", f"{calibrated}, {age} days old", f"{oldest} days"
+    if age <= oldest:
+        yield Check.passed(name, value, limit)
+    else:
+        advice = "let the card calibrate itself in NI MAX when it has been on for 15 min: its scaling drifts"
+        yield Check.warned(name, Finding.CALIBRATION, value, limit, advice)
+
+
 def sample_checks(blocks: Sequence[SampleBlock], end: SegmentEnd | None, wanted: int, rig: Rig) -> Iterator[Check]:
     """Yield whether the samples came whole, in time and without a remark of the driver's.
 
@@ -124,13 +137,17 @@ def disk_check(free: int, rig: Rig, rate: float, duration: float | None) -> Chec
     room = free - rig.config.storage.reserve_gb * 1e9
     lasts = max(room, 0.0) / disk_rate(rig, rate)
     needed = 3600.0 * rig.config.preflight.disk_h if duration is None else duration
-    value, limit = f"{lasts / 3600:,.1f} h", f"{needed / 3600:.2g} h"
+    value, limit = _span(lasts), _span(needed)
     if lasts >= needed:
         return Check.passed("disk", value, limit)
     advice = "make room, or record elsewhere (storage.folder, RIG_DATA)"
     if duration is None and lasts > 0.0:
         return Check.warned("disk", Finding.DISK, value, limit, advice)
     return Check.failed("disk", Finding.DISK, value, limit, f"the run would be ended by a full disk: {advice}")
+
+
+def _span(seconds: float) -> str:
+    return f"{seconds / 60:.0f} min" if seconds < 7200 else f"{seconds / 3600:,.0f} h"
 
 
 def disk_rate(rig: Rig, rate: float) -> float:
@@ -144,7 +161,7 @@ def planned_speed_check(rig: Rig, speed: float) -> Check:
     value, limit = f"{speed / RPM:,.0f} r/min", f"{highest / RPM:,.0f} r/min"
     if speed <= highest * (1.0 + 1e-9):
         return Check.passed("planned speed", value, limit)
-    advice = "the run is planned above limits.speed_rpm, the highest speed of the rig"
+    advice = "the run is planned above limits.speed_rpm, the highest speed of the rig: plan a lower one"
     return Check.failed("planned speed", Finding.SPEED, value, limit, advice)
 
 

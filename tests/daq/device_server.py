@@ -101,6 +101,13 @@ class Rpcs:
         self.driver.self_test(request.device_name)
         return pb.SelfTestDeviceResponse()
 
+    def GetSelfCalLastDateAndTime(self, request: Any, _: object) -> Any:
+        self.device(request)
+        day = self.driver.self_calibrated
+        if day is None:
+            raise DriverError(-200197)
+        return pb.GetSelfCalLastDateAndTimeResponse(year=day.year, month=day.month, day=day.day, hour=8, minute=30)
+
     def CreateAIVoltageChan(self, request: Any, _: object) -> Any:
         name, physical = request.name_to_assign_to_channel, request.physical_channel
         self.driver.add_channel(

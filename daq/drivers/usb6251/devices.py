@@ -1,5 +1,6 @@
 """What is connected, without an acquisition: the list of devices, and the card's test of itself."""
 
+import datetime as dt
 from contextlib import closing
 from dataclasses import dataclass
 
@@ -49,8 +50,13 @@ def connected_devices(section: DeviceSection) -> list[FoundDevice]:
         return system.devices()
 
 
-def self_test(section: DeviceSection) -> None:
+def self_test(section: DeviceSection) -> dt.date | None:
     """Let the card that a section names test itself; it must be idle.
+
+    Returns
+    -------
+    date or None
+        When it last calibrated itself; None where it does not tell.
 
     Raises
     ------
@@ -60,4 +66,4 @@ def self_test(section: DeviceSection) -> None:
     with card_extra():
         from daq.drivers.usb6251.system import NiSystem  # noqa: PLC0415 - an optional extra, and slow to import
     with closing(NiSystem(section)) as system:
-        system.self_test()
+        return system.self_test()

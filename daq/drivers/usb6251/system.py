@@ -1,5 +1,7 @@
 """The driver without an acquisition: what is connected and how it is."""
 
+import datetime as dt
+
 from nidaqmx.constants import TaskMode
 from nidaqmx.errors import DaqError
 from nidaqmx.system.device import Device
@@ -44,10 +46,16 @@ class NiSystem:
                 for device in system.devices
             ]
 
-    def self_test(self) -> None:
-        """Let the card that is meant test itself; it must be idle."""
+    def self_test(self) -> dt.date | None:
+        """Let the card that is meant test itself; return when it last calibrated itself, or None."""
         with self._connection.translated():
-            self._connection.device(self._connection.system()).self_test_device()
+            device = self._connection.device(self._connection.system())
+            device.self_test_device()
+            try:
+                calibrated: dt.datetime = device.self_cal_last_date_and_time
+            except (DaqError, ValueError):  # not supported, or never done: no such date
+                return None
+        return calibrated.date()
 
     def close(self) -> None:
         """Close the connection to the server; harmless when closed."""

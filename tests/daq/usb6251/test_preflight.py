@@ -57,6 +57,20 @@ def test_samples_lost_in_the_look_fail(server: DeviceServer, tmp_path: Path) -> 
     assert server.tasks == []
 
 
+@pytest.mark.parametrize(
+    ("day", "verdict"),
+    [(dt.date(2026, 11, 2), Verdict.GOOD), (dt.date(2025, 11, 23), Verdict.WARN), (None, None)],
+)
+def test_card_that_calibrated_itself_long_ago_is_warned_of(
+    server: DeviceServer, tmp_path: Path, day: dt.date | None, verdict: Verdict | None
+) -> None:
+    server.driver.self_calibrated = day
+    checks = {check.name: check for check in looked_at(ready(server), tmp_path).checks}
+    assert checks["self-test"].verdict is Verdict.GOOD
+    found = checks.get("card self-calibration")
+    assert (None if found is None else found.verdict) is verdict
+
+
 @pytest.mark.filterwarnings("always::nidaqmx.errors.DaqWarning")
 def test_what_the_driver_warns_of_is_told(server: DeviceServer, tmp_path: Path) -> None:
     server.driver.warning = 200036
