@@ -197,3 +197,8 @@ def test_live_and_whole_record_agree_on_the_phase_of_1x_with_uneven_marks(make_b
     track = track_order(record_of_codes(bench.acquisition, codes), 1.0)
     whole = np.angle(track.vectors[0].mean())
     assert np.angle(frame.vectors[0, 0]) == pytest.approx(whole, abs=0.01)
+    for one, other in zip(snapshots, bench.snapshots(codes, 7_777), strict=True):
+        assert (one.speed, one.tacho) == (other.speed, other.tacho) or np.isnan(one.speed)
+        assert (one.frame is None) == (other.frame is None)
+        if one.frame is not None and other.frame is not None:
+            np.testing.assert_array_equal(one.frame.spectrum, other.frame.spectrum)
