@@ -12,7 +12,7 @@ from starlette.types import ASGIApp
 from daq.errors import ServiceError
 from daq.service.connection import Connection
 
-START_DEADLINE = 10.0  # s
+START_DEADLINE = 60.0  # s: a machine that is busy imports slowly
 BACKLOG = 128
 MOST_PORT = 65_535
 MOST_TOLD = 4096  # bytes of a message over a WebSocket: clients have nothing to say there

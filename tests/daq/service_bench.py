@@ -30,7 +30,7 @@ class Bench:
 
     def raw(self, target: str, headers: Mapping[str, str] | None = None) -> tuple[int, dict[str, str], bytes]:
         """Ask for a target as it stands, without a client that tidies it up: status, headers, content."""
-        connection = http.client.HTTPConnection("127.0.0.1", self.server.port, timeout=10)
+        connection = http.client.HTTPConnection("127.0.0.1", self.server.port, timeout=60)
         try:
             connection.request("GET", target, headers=dict(headers or {}))
             answer = connection.getresponse()
@@ -55,7 +55,7 @@ def open_bench(viewer_url: str | None = None, *, host: str = "127.0.0.1", token:
     summaries = FakeSummaries(catalogue)
     server = ServiceServer(create_app(catalogue, live, summaries, viewer_url, host=host, token=token))
     server.start()
-    return Bench(catalogue, live, summaries, server, httpx.Client(base_url=server.url, timeout=10.0))
+    return Bench(catalogue, live, summaries, server, httpx.Client(base_url=server.url, timeout=60.0))
 
 
 def faults(value: object, schema: Mapping[str, Any], schemas: Mapping[str, Any], at: str = "$") -> list[str]:

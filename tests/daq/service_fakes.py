@@ -177,7 +177,7 @@ class FakeSummaries:
 
     def summary(self, run_id: str) -> SummaryDocument:
         self.catalogue.run(run_id)
-        self.gate.wait(10.0)
+        self.gate.wait(60.0)
         if self.trouble is not None:
             raise self.trouble
         return summary_document(make_summary(), make_agreement())

@@ -28,6 +28,6 @@ def test_hundreds_of_runs_with_random_faults_account_for_every_sample(tmp_path: 
         troubles.update(met)
         samples, longest = samples + recorded, max(longest, took)
         (tmp_path / f"{seed}.mcap").unlink()
-    print(f"\n{RUNS} runs, {samples:,} samples a channel in files, the longest run {longest:.1f} s of 10")
+    print(f"\n{RUNS} runs, {samples:,} samples a channel in files, the longest run {longest:.1f} s")
     print("  " + ", ".join(f"{name.replace('_', ' ')} {count}" for name, count in troubles.most_common()))
     assert not failed

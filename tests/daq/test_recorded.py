@@ -164,9 +164,10 @@ def test_run_of_given_length_stops_by_itself(rig: RigFactory, tmp_path: Path) ->
 
 def test_run_stopped_by_hand_is_complete(rig: RigFactory, tmp_path: Path) -> None:
     run = recorded(rig(simulation=REAL_TIME), tmp_path)
-    time.sleep(0.4)
+    while not run.status().samples:
+        assert not run.wait(0.01)
     run.stop()
-    assert run.wait(20)
+    assert run.wait(60)
     outcome = run.close()
     assert outcome.exit_code == 130
     with RunReader(run.path) as reader:
@@ -268,6 +269,7 @@ def test_recorder_finishes_the_file_when_the_watching_process_is_killed(rig: Rig
     )
     script = textwrap.dedent(f"""
         import sys
+        import time
         sys.path.insert(0, {str(Path(__file__).parent)!r})
         from pathlib import Path
         from test_recorded import NoModel, order
@@ -275,6 +277,8 @@ def test_recorder_finishes_the_file_when_the_watching_process_is_killed(rig: Rig
         from daq.session.recorded import RecordedRun
         if __name__ == "__main__":
             run = RecordedRun(order(load_rig(Path({str(small.path)!r})), Path({str(tmp_path)!r})), NoModel())
+            while run.status().samples < 12_000:
+                time.sleep(0.01)
             print(run._process.pid, flush=True)
             run.wait(60)
     """)
@@ -283,11 +287,10 @@ def test_recorder_finishes_the_file_when_the_watching_process_is_killed(rig: Rig
     watching = subprocess.Popen([sys.executable, main], stdout=subprocess.PIPE, text=True)
     assert watching.stdout is not None
     recorder = int(watching.stdout.readline())
-    time.sleep(1.0)
     watching.kill()
-    watching.wait(10)
+    watching.wait(60)
     watching.stdout.close()
-    deadline = time.monotonic() + 15
+    deadline = time.monotonic() + 60
     while time.monotonic() < deadline and _is_running(recorder):
         time.sleep(0.05)
     assert not _is_running(recorder)

@@ -89,9 +89,9 @@ def test_close_waits_for_an_answer_under_way() -> None:
     answers: list[str] = []
     asker = threading.Thread(target=lambda: answers.append(httpx.get(server.url).text))
     asker.start()
-    assert application.asked.wait(5.0)
+    assert application.asked.wait(60.0)
     server.close()
-    asker.join(5.0)
+    asker.join(60.0)
     assert answers == ["hello"]
 
 
@@ -101,20 +101,20 @@ def test_close_does_not_wait_for_a_browser_that_keeps_its_connection() -> None:
     with httpx.Client(base_url=server.url) as client:
         client.get("/")
         began = time.monotonic()
-        server.close(deadline=5.0)
-        assert time.monotonic() - began < 3.0
+        server.close(deadline=60.0)
+        assert time.monotonic() - began < 30.0
 
 
 def test_close_does_not_wait_longer_than_its_deadline() -> None:
-    application = Hello(delay=30.0)
+    application = Hello(delay=60.0)
     server = ServiceServer(application)
     server.start()
     with socket.create_connection(("127.0.0.1", server.port)) as asker:
         asker.sendall(b"GET / HTTP/1.1\r\nHost: localhost\r\n\r\n")
-        assert application.asked.wait(5.0)
+        assert application.asked.wait(60.0)
         began = time.monotonic()
         server.close(deadline=0.3)
-        assert time.monotonic() - began < 3.0
+        assert time.monotonic() - began < 30.0
 
 
 def test_started_server_is_not_started_again() -> None:

@@ -262,13 +262,13 @@ def test_run_that_is_armed_again_ends_when_it_is_stopped(rig: RigFactory, tmp_pa
     trigger = {"start": "speed > 5000", "stop": "speed < 4000", "pre_s": 0.0, "hold_s": 0.1, "events": 0}
     bench = rig(simulation={"profile": swing, "speed_fluctuation": 0.0, "pace": "real time"}, trigger=trigger)
     run = recorded(bench, tmp_path)
-    armed = seen_within(run, 10, RunState.ARMED)
+    armed = seen_within(run, 60, RunState.ARMED)
     while "1 recorded" not in armed.detail:
-        armed = seen_within(run, 10, RunState.ARMED)
+        armed = seen_within(run, 60, RunState.ARMED)
     with RunReader(run.path) as reader:
         assert reader.is_complete  # while the next is waited for
     run.stop()
-    assert run.wait(20)
+    assert run.wait(60)
     assert run.close().exit_code == 130
     assert [*file_names(run.path)] == [run.path.stem]
 
@@ -287,10 +287,10 @@ def test_events_without_a_start_and_a_stop_are_refused(rig: RigFactory) -> None:
 def test_operator_sees_that_a_run_is_armed_and_the_file_holds_what_followed(rig: RigFactory, tmp_path: Path) -> None:
     ramp = rig(simulation={**RAMP, "pace": "real time"}, trigger={"hold_s": 0.1})
     run = recorded(with_trigger(ramp, start="speed > 3800", stop="speed > 4200", pre_s=0.5), tmp_path)
-    armed = seen_within(run, 10, RunState.ARMED)
+    armed = seen_within(run, 60, RunState.ARMED)
     assert "armed: the start is waited for, 3," in armed.detail
-    seen_within(run, 10, RunState.RECORDING)
-    assert run.wait(20)
+    seen_within(run, 60, RunState.RECORDING)
+    assert run.wait(60)
     outcome = run.close()
     assert outcome.exit_code == 0
     with RunReader(run.path) as reader:

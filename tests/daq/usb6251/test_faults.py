@@ -174,7 +174,7 @@ def test_server_that_freezes_ends_the_segment_by_the_deadline_and_is_cleared_whe
         if len(items) == 3:
             server.freeze()
     (end,) = ends_of(items)
-    assert time.monotonic() - began < 6
+    assert time.monotonic() - began < 30
     assert (end.reason, end.samples) == (EndReason.DEVICE_ERROR, 3 * 1499)
     assert "did not answer within its deadline" in end.detail
     card.close()
