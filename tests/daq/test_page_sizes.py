@@ -88,6 +88,18 @@ def test_page_without_a_run_asks_for_none_while_its_socket_is_open(page: Page, b
     page.until("document.body.dataset.state === 'recording'")
 
 
+def test_service_that_is_gone_is_told_with_a_run_and_without(page: Page) -> None:
+    for frame in (None, FRAME):
+        bench = open_bench()
+        try:
+            shown(page, bench, frame)
+        finally:
+            bench.close()
+        page.until("document.getElementById('connection').offsetParent !== null")
+        told = page.value("document.getElementById('connection').textContent")
+        assert told.startswith("CONNECTION LOST: no answer from the service for 00:")
+
+
 def test_run_is_stopped_by_a_second_press_and_by_no_single_one(page: Page, tmp_path: Path) -> None:
     bench = open_recorded_bench(tmp_path)
     try:
