@@ -6,7 +6,7 @@ import { drawIdle, drawLive } from "./live.js";
 import { listen } from "./live_socket.js";
 import { drawAgain, followPicture } from "./picture.js";
 import { drawRuns } from "./runs.js";
-import { ask, keepToken, send, takeTokenFromAddress } from "./service_client.js";
+import { ask, heldToken, keepToken, send, takeTokenFromAddress } from "./service_client.js";
 import { addToTrend } from "./trend.js";
 
 const LIVE_INTERVAL = 200; // ms
@@ -76,6 +76,7 @@ async function step() {
     if (error.name === "token-needed") {
       answered = performance.now();
       element("token").hidden = false;
+      if (heldToken()) element("token-label").textContent = "That is not this service's token";
       return IDLE_INTERVAL;
     }
     return IDLE_INTERVAL / 2;

@@ -1,6 +1,7 @@
 """The HTTP server, in a thread of its own."""
 
 import contextlib
+import logging
 import socket
 import threading
 import time
@@ -73,6 +74,7 @@ class ServiceServer:
             server_header=False,
             proxy_headers=False,
         )
+        logging.getLogger("uvicorn.error").addFilter(_is_news)
         self._server = _Server(config)
         self._thread = threading.Thread(
             target=self._server.run, kwargs={"sockets": [listener]}, name="service", daemon=True
@@ -99,6 +101,11 @@ class ServiceServer:
             server.force_exit = True
             thread.join(1.0)
         self._server = self._thread = None
+
+
+def _is_news(record: logging.LogRecord) -> bool:
+    """Say whether a record is for the operator; that a socket was refused, as one without the token is, is not."""
+    return "without completing handshake" not in record.getMessage()
 
 
 class _Server(uvicorn.Server):

@@ -100,6 +100,23 @@ def test_service_that_is_gone_is_told_with_a_run_and_without(page: Page) -> None
         assert told.startswith("CONNECTION LOST: no answer from the service for 00:")
 
 
+def test_wrong_token_is_told_and_the_right_one_lets_in(page: Page) -> None:
+    bench = open_bench(token="secret word")
+    try:
+        page.show(bench.server.url)
+        page.until("document.getElementById('token').offsetParent !== null")
+        for word, then in (
+            ("wrong", "textContent.startsWith('That is not')"),
+            ("secret word", "offsetParent === null"),
+        ):
+            page.value(f"document.getElementById('token-value').value = '{word}'")
+            page.value("document.querySelector('#token button').click()")
+            page.until(f"document.getElementById('token-label').{then}")
+        page.until("document.querySelector('#runs details')")
+    finally:
+        bench.close()
+
+
 def test_run_is_stopped_by_a_second_press_and_by_no_single_one(page: Page, tmp_path: Path) -> None:
     bench = open_recorded_bench(tmp_path)
     try:

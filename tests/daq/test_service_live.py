@@ -192,11 +192,15 @@ def test_page_from_elsewhere_cannot_open_a_socket(bench: RecordedBench) -> None:
 
 
 @pytest.mark.parametrize("protocols", [[], ["rig.live"], ["rig.live", "token.wrong"]])
-def test_socket_without_the_token_is_turned_away(guarded: RecordedBench, protocols: list[str]) -> None:
+def test_socket_without_the_token_is_turned_away_without_a_word_at_the_terminal(
+    guarded: RecordedBench, protocols: list[str], caplog: pytest.LogCaptureFixture
+) -> None:
     offered = [Subprotocol(name) for name in protocols] or None
     with pytest.raises(InvalidStatus) as refused, connect(address(guarded), subprotocols=offered):
         pass
     assert refused.value.response.status_code == 401
+    guarded.client.get(f"{API}/health")  # what was to be logged has been
+    assert caplog.records == []
 
 
 def test_socket_opens_with_the_token_as_header_or_protocol(guarded: RecordedBench) -> None:
