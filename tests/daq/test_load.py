@@ -85,6 +85,30 @@ def test_read_config_names_what_it_was_given() -> None:
     assert any(fault.startswith("channel: missing") for fault in caught.value.faults)
 
 
+@pytest.mark.parametrize(
+    ("before", "after"),
+    [
+        ("retry_s = 0.5", "retry_s = 0.001"),
+        ("events = 1", "events = 3"),
+        ('start = ""', 'start = "x > 4,5"'),
+        ("latch = true", "latch = true\nof_another_version = 3"),
+    ],
+)
+def test_recording_stays_readable_whatever_is_refused_since_then(rig: RigFactory, before: str, after: str) -> None:
+    loaded = rig()
+    assert before in loaded.toml
+    read = read_config(loaded.toml.replace(before, after), "a recording")
+    assert configured_rotor(read) == configured_rotor(loaded.config)
+
+
+@pytest.mark.parametrize(("before", "after"), [('role = "probe_y"', 'role = "probe_x"'), ("[model]", "[model]\nx = 1")])
+def test_recording_whose_probes_or_model_are_wrong_is_refused(rig: RigFactory, before: str, after: str) -> None:
+    text = rig(model={"viscosity_pa_s": 0.02}).toml
+    assert before in text
+    with pytest.raises(ConfigError):
+        read_config(text.replace(before, after), "a recording")
+
+
 def test_rotor_parameters_follow_the_model_section_and_the_probes(rig: RigFactory) -> None:
     loaded = rig(model={"viscosity_pa_s": 0.02, "outer_clearance_um": 70.0})
     parameters = rotor_parameters(loaded)
