@@ -101,16 +101,16 @@ def test_service_that_is_gone_is_told_with_a_run_and_without(page: Page) -> None
 
 
 def test_wrong_token_is_told_and_the_right_one_lets_in(page: Page) -> None:
-    token = "two words"  # no name of a protocol, so that no socket can carry it
-    bench = open_bench(token=token)
+    word = "two words"  # no name of a protocol, so that no socket can carry it
+    bench = open_bench(token=word)
     try:
         page.show(bench.server.url)
         page.until("document.getElementById('token').offsetParent !== null")
-        for word, then in (
+        for typed, then in (
             ("wrong", "textContent.startsWith('That is not')"),
-            (token, "offsetParent === null"),
+            (word, "offsetParent === null"),
         ):
-            page.value(f"document.getElementById('token-value').value = '{word}'")
+            page.value(f"document.getElementById('token-value').value = '{typed}'")
             page.value("document.querySelector('#token button').click()")
             page.until(f"document.getElementById('token-label').{then}")
         page.until("document.querySelector('#runs details') !== null")
