@@ -87,7 +87,7 @@ class Kind(Enum):
         "It was looked through and not kept; see `detail`.",
     )
     NO_TABLE = (
-        422,
+        409,
         "What was sent cannot be read",
         "It is no file of the format that its name tells, is cut short, or holds no columns of numbers; see `detail`.",
     )

@@ -22,7 +22,7 @@ IfMatch = Annotated[
     Header(
         alias="If-Match",
         description="The `ETag` of the answer that the change rests on: 412 where it is another by now",
-        examples=['"9f86d081884c7d659a2feaa0c55ad015"'],
+        examples=["*"],
     ),
 ]
 EVENTS: Final = "text/event-stream"

@@ -1,6 +1,7 @@
 """The service against its own schema: schemathesis with all its checks, over a real socket."""
 
 import re
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -25,7 +26,9 @@ PNG = r"\.png$"  # drawn in half a second each, of the same questions and answer
 def bench(tmp_path: Path, rig: RigFactory) -> Iterator[RecordedBench]:
     folder = tmp_path / "data"
     folder.mkdir()
-    record_run(rig(simulation=SHORT), folder, KNOWN)
+    file = record_run(rig(simulation=SHORT), folder, KNOWN)
+    (folder / "trash").mkdir()
+    shutil.copy(file, folder / "trash")
     served = open_recorded_bench(folder, job_limit=2.0)  # what jobs come to is not tried here
     served.live.frame = list(run_up(3, "under-way"))[2]
     served.client.get(f"/api/v1/runs/{KNOWN}/cascade")  # a process that reads for the first time has modules to load

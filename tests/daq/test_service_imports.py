@@ -251,7 +251,7 @@ def test_file_that_cannot_be_imported_is_said_without_its_place_on_the_disk(
         assert named in job.detail
     assert bench.client.get(f"{API}/runs").json()["total"] == runs
     refused = bench.client.get(f"{API}/uploads/{kept(bench, 'run.mat', whole)}/columns")
-    assert (refused.status_code, refused.json()["type"]) == (422, "/docs#no-table")
+    assert (refused.status_code, refused.json()["type"]) == (409, "/docs#no-table")
     assert refused.json()["detail"].startswith("run.mat: ")
 
 
