@@ -63,8 +63,8 @@ def _draw(axes: Any, panel: Panel) -> None:
     for words, x, y in panel.notes:
         axes.plot([x], [y], ".", color=NOTE, markersize=4)
         is_far = (x - x_low) / (x_high - x_low) > NEAR_EDGE
-        place = {"xytext": (-4 if is_far else 4, 4), "ha": "right" if is_far else "left"}
-        axes.annotate(words, (x, y), **place, textcoords="offset points", color=NOTE, fontsize=8)
+        placing: dict[str, Any] = {"xytext": (-4 if is_far else 4, 4), "ha": "right" if is_far else "left"}
+        axes.annotate(words, (x, y), **placing, textcoords="offset points", color=NOTE, fontsize=8)
     axes.set_xlim(x_low, x_high)
     axes.set_ylim(*((y_high, y_low) if panel.y_is_lag else (y_low, y_high)))
     if panel.is_square:

@@ -9,6 +9,7 @@ from analysis.order_map import Scaling, Window
 from daq.service.questions import FASTEST, LONGEST, At, Question, Segment
 
 MOST_ORDERS: Final = 6
+NARROWEST: Final = 0.001  # Hz, or per cent
 ORDER = r"\d{1,2}(\.\d{1,4})?"
 ORDERS: Final = rf"^{ORDER}(,{ORDER}){{0,{MOST_ORDERS - 1}}}$"
 
@@ -230,10 +231,11 @@ class EnvelopesQuery(Stretched):
         str, Field(description="Orders with commas, solved for together", pattern=ORDERS, examples=["1,2", "0.49,1,2"])
     ] = "1,2"
     bandwidth_hz: Annotated[
-        float | None, Field(description="Full width at half power, Hz; 4 where neither is given", gt=0, le=1000)
+        float | None, Field(description="Full width at half power, Hz; 4 where neither is given", ge=NARROWEST, le=1000)
     ] = None
     bandwidth_percent: Annotated[
-        float | None, Field(description="Instead: in per cent of each order's frequency", gt=0, le=100, examples=[None])
+        float | None,
+        Field(description="Instead: in per cent of each order's frequency", ge=NARROWEST, le=100, examples=[None]),
     ] = None
     entries: Annotated[int, Field(description="At most so many times, evenly", ge=2, le=20_000)] = 600
 
@@ -244,5 +246,5 @@ class WaveformsQuery(At, Asked):
     orders: Annotated[
         str, Field(description="Orders with commas, solved for together", pattern=ORDERS, examples=["1,2", "0.49,1,2"])
     ] = "1,2"
-    bandwidth_hz: Annotated[float, Field(description="Full width at half power, Hz", gt=0, le=1000)] = 4.0
+    bandwidth_hz: Annotated[float, Field(description="Full width at half power, Hz", ge=NARROWEST, le=1000)] = 4.0
     revolutions: Annotated[int, Field(description="Revolutions that are drawn", ge=1, le=64)] = 4
