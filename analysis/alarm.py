@@ -131,7 +131,14 @@ class AlarmWatch:
             Watched.SPEED: (limits.speed_alarm, limits.speed_danger),
         }
         self._watches = [
-            (quantity, row, name, severity, limit, LimitWatch(limit, limits.hysteresis, limits.hold))
+            (
+                quantity,
+                row,
+                name,
+                severity,
+                limit,
+                LimitWatch(limit, limits.hysteresis, 0.0 if quantity is Watched.SPEED else limits.hold),
+            )
             for quantity, pair in levels.items()
             for row, name in enumerate(("",) if quantity is Watched.SPEED else probes)
             for severity, limit in zip((Severity.ALARM, Severity.DANGER), pair, strict=True)

@@ -317,7 +317,7 @@ class Limits:
     hysteresis : float
         Part of a limit by which what is watched must fall below it before its alarm ends, 0 to below 1.
     hold : float
-        Time that a limit must be passed before its alarm comes, s.
+        Time that a vibration must pass its limit before its alarm comes, s; that of the speed comes at once.
     latch : bool
         Whether an alarm stays in sight until somebody acknowledges it.
     order_1x_alarm, order_1x_danger : float

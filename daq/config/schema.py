@@ -111,7 +111,7 @@ class LimitsSection(Section):
     clearance_um: Positive = 100.0  # radius of the circle the shaft can move in
     speed_rpm: Positive = 20_000.0
     hysteresis_fraction: Annotated[float, Field(ge=0, le=0.5)] = 0.05  # part of a limit, below it, where its alarm ends
-    hold_s: Annotated[float, Field(ge=0, le=60)] = 1.0  # how long a limit must be passed before its alarm comes
+    hold_s: Annotated[float, Field(ge=0, le=60)] = 1.0  # how long vibration must pass a limit before its alarm
     latch: bool = True  # an alarm stays in sight until somebody acknowledges it
     order_1x_peak_alarm_um: NotNegative = 0.0  # of 1X at either probe; 0: not watched, as all that follow
     order_1x_peak_danger_um: NotNegative = 0.0

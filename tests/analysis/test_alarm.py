@@ -101,6 +101,12 @@ def test_overspeed_is_watched_once_and_not_at_a_probe() -> None:
     assert [alarm.largest for alarm in watch.alarms] == [160.0, 160.0]
 
 
+def test_overspeed_waits_for_no_hold_time() -> None:
+    watch = AlarmWatch(replace(LIMITS, speed_danger=150.0, order_1x_danger=20 * MICRO), ("x", "y"))
+    came = watch.snapshot(replace(snapshot(0.0, 99.0, 99.0), speed=151.0, frame=order_frame((30.0, 30.0))))
+    assert told(came) == [("speed", "", "danger", None)]
+
+
 def test_what_has_no_limit_raises_no_alarm_however_large() -> None:
     watch = AlarmWatch(AT_ONCE, ("x", "y"))
     watch.snapshot(replace(snapshot(0.5, 5.0, 5.0), speed=1e6, frame=order_frame((500.0, 500.0), (500.0, 500.0))))

@@ -11,7 +11,7 @@ from daq.session.alarms import alarm_name, alarm_size
 
 
 class AlarmDocument(Document):
-    """A limit that was passed for as long as the rig's `limits.hold_s` asks."""
+    """A limit that was passed: by vibration for as long as the rig's `limits.hold_s` asks, by the speed at all."""
 
     number: int = Field(description="In the order in which they came, from 1", examples=[2], ge=1)
     quantity: Watched = Field(
