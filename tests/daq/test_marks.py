@@ -90,11 +90,11 @@ def test_marks_come_by_rest_by_command_and_by_the_terminal_and_are_told_in_the_s
     rig = rig_file(simulation=SLOW, limits={"speed_rpm": 4000.0})
     process, terminal = pty.fork()
     if process == 0:
-        os.execve(sys.executable, [*command(rig), "--for", "5s"], environment)  # noqa: S606 - it has the terminal
+        os.execve(sys.executable, command(rig), environment)  # noqa: S606 - it has the terminal
     seen = b""
     while b"lost 0" not in seen:
         seen += os.read(terminal, 4096)
-    found = re.search(rb"REST (http://[^ ]+)", seen)
+    found = re.search(rb"REST (http://[^ ,]+)", seen)
     assert found is not None
     url = found[1].decode() + "/live/marks"
     assert httpx.post(url, json={"text": "by REST"}).status_code == 201
@@ -108,6 +108,9 @@ def test_marks_come_by_rest_by_command_and_by_the_terminal_and_are_told_in_the_s
     assert main(["acknowledge", *port]) == 0
     assert capsys.readouterr().out == "no new alarm\n"
     os.write(terminal, b"ack\nby hand\n")
+    while "marked “by hand”" not in seen.decode(errors="replace"):
+        seen += os.read(terminal, 4096)
+    os.write(terminal, b"\x03")
     try:
         while True:
             seen += os.read(terminal, 4096)
