@@ -5,6 +5,7 @@ import tempfile
 from contextlib import suppress
 from pathlib import Path
 
+from recordings.draft import put_at
 from recordings.errors import DamagedError, StorageError
 from recordings.verify import verify
 
@@ -78,7 +79,7 @@ def settle(draft: Path, place: Path) -> None:
     except OSError as error:
         raise StorageError(f"{place}: cannot be written: {error.strerror or error}") from error
     try:
-        draft.replace(place)
+        put_at(draft, place)
     except OSError as error:
         place.unlink(missing_ok=True)
         raise StorageError(f"{place}: cannot be written: {error.strerror or error}") from error

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from recordings import annotations
 from recordings.arrival import settle
+from recordings.draft import put_at
 from recordings.errors import NotFoundError, StorageError
 
 FOLDER = "trash"
@@ -38,7 +39,7 @@ def put_away(run: Path) -> Path:
         folder.mkdir(exist_ok=True)
         place = _free(folder, run)
         try:
-            run.replace(place)
+            put_at(run, place)
         except OSError:
             place.unlink()
             raise
