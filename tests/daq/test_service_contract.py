@@ -19,6 +19,7 @@ SHORT = {"profile": [{"time_s": 0.0, "speed_rpm": 10_000.0}, {"time_s": 1.0, "sp
 KNOWN = "2026-11-24T09-12-07-gj90c"  # what the schema's examples name
 LEAST_CAMPAIGN = 20_000
 PUTTING_AWAY = "put_run_away"  # comes last: it takes away what is asked about
+ANALYSES = r"/analyses/(?!(orbit|cascade|envelopes)$)"  # all but three: they are asked and answered alike
 PNG = r"\.png$"  # drawn in half a second each, of the same questions and answers as SVG
 
 
@@ -66,7 +67,7 @@ def cases(bench: RecordedBench, *options: str, timeout: float) -> int:
 
 
 def test_service_keeps_to_its_schema_in_a_quick_look(bench: RecordedBench) -> None:
-    quick = ("--phases=examples,fuzzing", "--max-examples=6", "--seed=1")
+    quick = ("--phases=examples,fuzzing", "--max-examples=6", "--seed=1", f"--exclude-path-regex={ANALYSES}")
     assert cases(bench, *quick, f"--exclude-operation-id={PUTTING_AWAY}", timeout=400.0) > 120
     assert cases(bench, *quick, f"--include-operation-id={PUTTING_AWAY}", timeout=200.0) > 0
 
