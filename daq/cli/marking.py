@@ -29,9 +29,10 @@ def take_marks(run: Marked, console: Console) -> bool:
 
 
 def _take(terminal: int, run: Marked, console: Console) -> None:
+    encoding = (os.device_encoding(terminal) if sys.platform == "win32" else None) or "utf-8"  # Windows: a code page
     with suppress(OSError):  # the terminal is gone, or somebody else's
         while typed := os.read(terminal, 1024):
-            text = typed.decode(os.device_encoding(terminal) or "utf-8", errors="replace").strip()
+            text = typed.decode(encoding, errors="replace").strip()
             if text == ACKNOWLEDGE:
                 noted = run.acknowledge()
                 console.line("\n".join(f"acknowledged {alarm_text(alarm)}" for alarm in noted) or "no new alarm")
