@@ -1,6 +1,7 @@
-"""Bode and polar plots of a run there and back: run-up and run-down apart, compensated where run-out was known."""
+"""Plots in the conventions that operators know: lags, the mark, run-up and run-down apart, compensated where known."""
 
 import math
+from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
@@ -9,6 +10,8 @@ from analysis.direction import Direction
 from analysis.speed_table import SpeedRow
 from daq.service.documents.course import OrderVectorsDocument
 from daq.service.documents.summary import speed_row_document
+from daq.service.drawing import drawing
+from daq.service.layouts import orbit, spectrum
 from daq.service.panel import Panel
 from daq.service.plots import panels_of
 
@@ -66,3 +69,37 @@ def test_what_run_out_left_is_drawn_and_called_compensated() -> None:
     assert list(at_x.x) == [pytest.approx(2000.0)]
     assert list(at_x.y) == [pytest.approx(4.0)]
     assert list(lag.curves[0].y) == [pytest.approx(270.0)]
+
+
+def test_polar_plot_has_no_lag_where_the_probe_sits_and_lags_go_against_the_rotation() -> None:
+    rows = [row(Direction.UP, 1000.0 * k, 2e-6 * np.exp(-1j * np.radians(lag))) for k, lag in enumerate((0.0, 90.0), 1)]
+    at_x, at_y = panels_of(document(*rows), "polar", PROBES)
+    assert (at_x.polar_zero, at_y.polar_zero) == PROBES
+    assert list(at_x.curves[0].x) == pytest.approx([2.0, 0.0], abs=1e-6)
+    assert list(at_x.curves[0].y) == pytest.approx([0.0, -2.0], abs=1e-6), "90 degrees later is clockwise"
+    assert list(at_y.curves[0].x) == pytest.approx([0.0, 2.0], abs=1e-6)
+    assert list(at_y.curves[0].y) == pytest.approx([2.0, 0.0], abs=1e-6)
+
+
+def test_orbit_goes_from_blank_to_bright_at_the_mark() -> None:
+    angle = np.linspace(0.0, 2 * np.pi, 64, endpoint=False)
+    turn = (3.0 * np.cos(angle)).tolist(), (3.0 * np.sin(angle)).tolist()
+    panel = orbit("two turns", [turn, turn], PROBES)
+    path, marks = panel.curves
+    assert [len(stretch) for stretch in path.stretches()] == [61, 61], "blank just before the mark"
+    assert path.stretches()[1][0] == marks.stretches()[0][1] == (3.0, 0.0)
+    (x_low, x_high), (y_low, y_high) = panel.ranges()
+    assert x_high == y_high == -x_low == -y_low > 3.0, "one scale, zero in the middle"
+    assert [words for words, _, _ in panel.notes] == ["probe x", "probe y"]
+    assert panel.notes[1][2] > 3.0, "above"
+
+
+def test_spectrum_names_its_largest_lines() -> None:
+    orders = [k / 16 for k in range(65)]
+    sizes = [0.001] * 65
+    for order, size in ((0.5, 12.0), (1.0, 20.0), (2.0, 0.1)):
+        sizes[int(16 * order)] = size
+    (panel,) = spectrum("title", "order", "µm", orders, [("", sizes)])
+    assert [words for words, _, _ in panel.notes] == ["1X 20", "0.5X 12"], "what is below a hundredth is not"
+    svg = ET.fromstring(drawing([panel]))  # noqa: S314 - our own
+    assert "1X 20" in {text.text for text in svg.iter("{http://www.w3.org/2000/svg}text")}
