@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any, cast
 from urllib.parse import parse_qs, urlsplit
 
+import psutil
 import pytest
 from rerun.experimental import ViewerClient
 
@@ -136,6 +137,20 @@ def test_close_ends_the_thread_and_frees_the_port_of_the_data() -> None:
     while _is_taken(port) and time.monotonic() < deadline:
         time.sleep(0.05)
     assert not _is_taken(port)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no such signal there")
+def test_close_does_not_wait_for_a_lender_of_the_page_that_stands_still() -> None:
+    view = LiveView()
+    deadline = time.monotonic() + 60.0
+    while not (
+        lenders := [one for one in psutil.Process().children() if "serve_web_viewer" in " ".join(one.cmdline())]
+    ):
+        assert time.monotonic() < deadline
+        time.sleep(0.001)
+    lenders[0].suspend()
+    assert view.close(60.0)
+    assert not lenders[0].is_running()
 
 
 def test_close_twice_does_no_harm() -> None:
