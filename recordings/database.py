@@ -23,6 +23,8 @@ FOLDER = ".rig"
 FILE = "catalogue.sqlite"
 PATIENCE = 30.0
 """Seconds to wait for another process that writes."""
+CONNECTING = 5
+"""Seconds to wait for a server that does not answer; PostgreSQL's own library knows whole ones, 2 or more."""
 WRITERS_LOCK = 0x72696721
 """Number of the lock by which writers on PostgreSQL take turns."""
 
@@ -69,7 +71,7 @@ class Database:
     def writing(self) -> Iterator[Connection]:
         """Give a connection in a transaction; writers take turns, across processes too."""
         with self._translated(), self._ready().begin() as connection:
-            _take_turn(connection)
+            _take_turn(connection, self._patience)
             yield connection
 
     def put(self, connection: Connection, table: Table, rows: list[dict[str, Any]]) -> None:
@@ -88,17 +90,21 @@ class Database:
 
     def _ready(self) -> Engine:
         with self._lock:
-            if self._engine is None:
+            if self._engine is None or self._has_gone(self._engine):
                 self._engine = self._prepared()
             return self._engine
 
+    def _has_gone(self, engine: Engine) -> bool:
+        """Return whether somebody has thrown the folder's own database away."""
+        return engine.url.database == str(self._file) and not self._file.exists()
+
     def _prepared(self) -> Engine:
         if self._url:
-            return _with_tables(_engine(self._url, self._patience))
+            return _with_tables(_engine(self._url, self._patience), self._patience)
         for last in (False, True):
             try:
                 self._file.parent.mkdir(parents=True, exist_ok=True)
-                return _with_tables(_engine(f"sqlite:///{self._file}", self._patience))
+                return _with_tables(_engine(f"sqlite:///{self._file}", self._patience), self._patience)
             except OSError:
                 break
             except OperationalError as error:
@@ -111,21 +117,27 @@ class Database:
                         self._file.unlink()
         temporary = tempfile.mkdtemp(prefix="rig-catalogue-")
         weakref.finalize(self, shutil.rmtree, temporary, ignore_errors=True)
-        return _with_tables(_engine(f"sqlite:///{Path(temporary) / FILE}", self._patience))
+        return _with_tables(_engine(f"sqlite:///{Path(temporary) / FILE}", self._patience), self._patience)
 
     @contextmanager
     def _translated(self) -> Iterator[None]:
         try:
             yield
         except (SQLAlchemyError, ImportError, UnicodeError) as error:
+            with self._lock:
+                self._engine = None  # the tables are looked for anew: the server may be another by then
             reason = str(getattr(error, "orig", None) or error).strip().splitlines()
             raise StorageError(f"catalogue {self.name}: {reason[0] if reason else type(error).__name__}") from error
 
 
 def _engine(url: str, patience: float) -> Engine:
     """Return an engine; a connection lives as long as it is used, so that processes may fork and files be moved."""
-    is_sqlite = make_url(url).get_backend_name() == "sqlite"
-    engine = create_engine(url, poolclass=NullPool, connect_args={"timeout": patience} if is_sqlite else {})
+    address = make_url(url)
+    is_sqlite = address.get_backend_name() == "sqlite"
+    waits: dict[str, float] = {"timeout": patience} if is_sqlite else {}
+    if address.get_driver_name().startswith("psycopg") and "connect_timeout" not in address.query:
+        waits["connect_timeout"] = CONNECTING
+    engine = create_engine(url, poolclass=NullPool, connect_args=waits)
     if is_sqlite:
         event.listen(engine, "connect", _leave_transactions_to_us)
         event.listen(engine, "begin", _begin)
@@ -144,16 +156,18 @@ def _begin(connection: Connection) -> None:
     connection.exec_driver_sql("BEGIN" if is_reader else "BEGIN IMMEDIATE")
 
 
-def _take_turn(connection: Connection) -> None:
-    """Wait until no other writer is at work; on SQLite the transaction has waited already."""
+def _take_turn(connection: Connection, patience: float) -> None:
+    """Wait until no other writer is at work, as long as one may; on SQLite the transaction has waited already."""
     if connection.dialect.name == "postgresql":
+        longest = f"{round(patience * 1000)}ms"
+        connection.execute(text("SELECT set_config('lock_timeout', :longest, true)"), {"longest": longest})
         connection.execute(text("SELECT pg_advisory_xact_lock(:number)"), {"number": WRITERS_LOCK})
 
 
-def _with_tables(engine: Engine) -> Engine:
+def _with_tables(engine: Engine, patience: float) -> Engine:
     """Make the tables where they are missing, and make them anew where they are of another version."""
     with engine.begin() as connection:
-        _take_turn(connection)
+        _take_turn(connection, patience)
         SCHEMA.create(connection, checkfirst=True)
         versions: Mapping[Any, Any] = {version: True for (version,) in connection.execute(select(SCHEMA.c.version))}
         if VERSION not in versions:

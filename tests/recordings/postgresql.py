@@ -28,8 +28,8 @@ def programs() -> Path | None:
 
 
 @contextmanager
-def server() -> Iterator[str]:
-    """Run a server; gives the address, to be followed by a database."""
+def server(port: int | None = None) -> Iterator[str]:
+    """Run a server, at a free port where none is given; gives the address, to be followed by a database."""
     folder = programs()
     if folder is None:
         reason = "PostgreSQL's server is not installed (Debian package postgresql)"
@@ -47,7 +47,7 @@ def server() -> Iterator[str]:
             [folder / "initdb", "-D", data, "-U", "rig", "-A", "trust", "-E", "UTF8", "--locale=C", "--no-sync"],
             check=True, capture_output=True, user=user, cwd=place,
         )  # fmt: skip
-        port = free_port()
+        port = free_port() if port is None else port
         settings = {"listen_addresses": "127.0.0.1", "port": port, "unix_socket_directories": "", "fsync": "off"}
         options = [word for name, value in settings.items() for word in ("-c", f"{name}={value}")]
         with (

@@ -1,9 +1,12 @@
 """The folder's own database is a convenience: a folder that cannot take it is no fault."""
 
+import shutil
+import socket
 import sqlite3
 from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
+from uuid import uuid4
 
 import pytest
 
@@ -14,6 +17,7 @@ from recordings.database import Database
 from recordings.errors import StorageError
 from recordings.tables import VERSION
 from recordings.writer import RunWriter
+from tests.recordings.postgresql import free_port, new_schema, server
 
 
 def test_a_folder_that_takes_no_catalogue_is_no_fault(
@@ -54,3 +58,55 @@ def test_a_spoilt_catalogue_is_made_anew(tmp_path: Path) -> None:
         assert connection.dialect.name == "sqlite"
     with closing(sqlite3.connect(tmp_path / ".rig" / "catalogue.sqlite")) as read:
         assert read.execute("SELECT version FROM rig_schema").fetchall() == [(VERSION,)]
+
+
+def test_a_server_that_takes_a_call_and_says_nothing_is_given_up() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        address = f"postgresql+psycopg://rig@127.0.0.1:{silent.getsockname()[1]}/runs?connect_timeout=2"
+        with pytest.raises(StorageError, match="timeout"), Database(Path(), address).reading():
+            pass
+
+
+def test_a_writer_of_a_server_waits_for_its_turn_no_longer_than_it_may(postgresql: str, tmp_path: Path) -> None:
+    address = new_schema(postgresql, f"test_{uuid4().hex}")
+    with Database(tmp_path, address).writing(), pytest.raises(StorageError, match="lock timeout"):  # noqa: SIM117
+        with Database(tmp_path, address, patience=0.2).writing():
+            pass
+    with Database(tmp_path, address, patience=0.2).writing():
+        pass
+
+
+def test_a_catalogue_goes_on_when_its_server_comes_back(
+    tmp_path: Path, header: RunHeader, make_block: Callable[..., SampleBlock]
+) -> None:
+    writer = RunWriter(tmp_path / "run.mcap", header)
+    writer.block(make_block(0, 0, 2000))
+    writer.close()
+    port = free_port()
+    catalogue = Catalogue(tmp_path, f"postgresql+psycopg://rig@127.0.0.1:{port}/postgres")
+    with server(port):
+        assert [entry.id for entry in catalogue.runs()] == ["run"]
+        catalogue.annotate("run", remark="cold oil")
+    with pytest.raises(StorageError, match="catalogue postgresql"):
+        catalogue.runs()
+    with server(port):  # another, empty: the files are the truth
+        assert [(entry.id, entry.remark) for entry in catalogue.runs()] == [("run", "cold oil")]
+
+
+@pytest.mark.parametrize("thrown", [".rig", ".rig/catalogue.sqlite"])
+def test_a_catalogue_that_is_thrown_away_while_it_is_used_is_made_anew(
+    tmp_path: Path, header: RunHeader, make_block: Callable[..., SampleBlock], thrown: str
+) -> None:
+    writer = RunWriter(tmp_path / "run.mcap", header)
+    writer.block(make_block(0, 0, 2000))
+    writer.close()
+    catalogue, other = Catalogue(tmp_path), Catalogue(tmp_path)
+    assert [entry.id for entry in catalogue.runs()] == [entry.id for entry in other.runs()] == ["run"]
+    place = tmp_path / thrown
+    if place.is_dir():
+        shutil.rmtree(place)
+    else:
+        place.unlink()
+    for each in (catalogue, other):
+        assert [entry.id for entry in each.runs()] == ["run"]
+    assert place.exists()
