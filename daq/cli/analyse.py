@@ -72,7 +72,7 @@ def add_commands(add: Add) -> None:
             "-o", "--output", type=Path, action="append", default=[], metavar="FILE",
             help=f"draw it ({', '.join(DRAWINGS)}) or keep its table ({', '.join(TABLES)}); may be given again",
         )  # fmt: skip
-        show_examples(one, f"rig analyse {name} 2026-11-24T09-12-07-gj90c -o {name}.svg")
+        show_examples(one, f"rig analyse {name} RUN -o {name}.svg")
         one.set_defaults(run=run)
 
 

@@ -46,7 +46,7 @@ class Console:
             text = fitted(text, width_of(self._stream))
             self._print("\r" + text.ljust(self._width), end="")
             self._width = len(text)
-        elif part != 0.0 and now - self._last >= _QUIET_INTERVAL:
+        elif (part is None or part >= 0.01) and now - self._last >= _QUIET_INTERVAL:
             self._last = now
             self._print(text)
 

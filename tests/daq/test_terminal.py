@@ -76,7 +76,7 @@ def test_lines_in_a_file_are_whole(capsys: pytest.CaptureFixture[str]) -> None:
 def test_progress_in_a_file_begins_when_there_is_some() -> None:
     file = io.StringIO()
     console = Console(file)
-    for part in (0.0, 0.25, 0.5):
+    for part in (0.001, 0.25, 0.5):
         console.progress("reading", part)
     assert file.getvalue() == "reading: 25 %\n"
 
