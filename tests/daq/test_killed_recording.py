@@ -117,7 +117,8 @@ def test_a_command_killed_with_all_its_processes_loses_a_quarter_second_at_most(
     rig_file: Callable[..., Path], tmp_path: Path, tmp_path_factory: pytest.TempPathFactory, n_kills: int
 ) -> None:
     profile = [{"time_s": 0.0, "speed_rpm": 3000.0}, {"time_s": 600.0, "speed_rpm": 3000.0}]
-    rig_toml = rig_file(timing={"block_s": BLOCK}, simulation={"pace": "real time", "profile": profile})
+    simulation = {"pace": "real time", "profile": profile}
+    rig_toml = rig_file(timing={"block_s": BLOCK}, simulation=simulation, limits={"speed_rpm": 4000.0})
     rate = load_rig(rig_toml).config.timing.rate_hz
     cache = str(tmp_path_factory.getbasetemp() / "cache")
     environment = os.environ | {"RIG_DATA": str(tmp_path / "data"), "RIG_CACHE": cache}

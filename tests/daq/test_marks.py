@@ -82,15 +82,18 @@ def test_mark_is_shown_live_from_its_moment_on_and_again_in_a_replay(rig: RigFac
 
 @POSIX
 def test_marks_come_by_rest_by_command_and_by_the_terminal_and_are_told_in_the_summary(
-    rig_file: RigFiles, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    rig_file: RigFiles,
+    tmp_path: Path,
+    tmp_path_factory: pytest.TempPathFactory,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     import pty  # noqa: PLC0415 - POSIX only
 
-    environment = os.environ | {"RIG_DATA": str(tmp_path / "data"), "RIG_CACHE": str(tmp_path / "cache")}
+    places = {"RIG_DATA": tmp_path / "data", "RIG_CACHE": tmp_path_factory.getbasetemp() / "cache"}
     rig = rig_file(simulation=SLOW, limits={"speed_rpm": 4000.0})
     process, terminal = pty.fork()
     if process == 0:
-        os.execve(sys.executable, command(rig), environment)  # noqa: S606 - it has the terminal
+        os.execve(sys.executable, command(rig), os.environ | {name: str(place) for name, place in places.items()})  # noqa: S606 - it has the terminal
     seen = b""
     while b"lost 0" not in seen:
         seen += os.read(terminal, 4096)
