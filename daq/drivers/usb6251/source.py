@@ -128,9 +128,7 @@ class Usb6251:
 
     def _segment(self, segment: int) -> Generator[SourceItem, None, SegmentEnd]:
         count = compared = 0
-        apart: int | None = (
-            None  # by how much the driver's count and ours differ; what it counts from is its own matter
-        )
+        apart: int | None = None  # driver's count less ours: what it counts from is its own matter, as long as it stays
         while not self._stopping.is_set():
             try:
                 codes = self._card.read()
