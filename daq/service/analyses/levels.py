@@ -79,7 +79,9 @@ def _parts(run: RunSamples, stretch: Stretch, interval: float) -> list[tuple[Ove
         first = stretch.first + low * size
         piece = Stretch(stretch.segment, first, stretch.first + min(low + together, count) * size)
         with told_or_refused(f"run {run.header.run}"):
-            part = overall(run.displacement(piece), run.rate, run.header.limits.clearance, interval=size / run.rate)
+            part = overall(
+                run.displacement(piece, told=""), run.rate, run.header.limits.clearance, interval=size / run.rate
+            )
         found.append((part, first / run.rate))
         run.tell("reading samples", min(low + together, count) / count)
     return found

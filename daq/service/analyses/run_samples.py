@@ -123,8 +123,11 @@ class RunSamples:
         with told_or_refused(f"run {self.header.run}, {self._span(stretch)}"):
             return replace(self._resampled(stretch, angle, range(first, last + 1), points), pulses=pulses)
 
-    def displacement(self, stretch: Stretch) -> FloatArray:
-        """Return the displacement towards the probes, shape (2, n), m; TooMuchError where that is too much at once."""
+    def displacement(self, stretch: Stretch, told: str = "reading samples") -> FloatArray:
+        """Return the displacement towards the probes, shape (2, n), m; TooMuchError where that is too much at once.
+
+        ``told`` is what goes on in words; empty where nothing is to be told.
+        """
         size = stretch.stop - stretch.first
         if size > MOST_SAMPLES:
             longest = MOST_SAMPLES / self.rate
@@ -133,7 +136,8 @@ class RunSamples:
         for low in range(0, size, self.piece):
             high = min(low + self.piece, size)
             found[:, low:high] = self._probes(Stretch(stretch.segment, stretch.first + low, stretch.first + high))[0]
-            self._tell("reading samples", high / size)
+            if told:
+                self._tell(told, high / size)
         return found
 
     def moment(
