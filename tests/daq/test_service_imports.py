@@ -145,7 +145,9 @@ def lvm(table: Table) -> str:
     return "\n".join(lines) + "\n"
 
 
-@pytest.mark.parametrize("suffix", [".csv", ".mat", ".uff", ".lvm", ".wav"])
+@pytest.mark.parametrize(
+    "suffix", [".lvm", *(pytest.param(name, marks=pytest.mark.campaign) for name in (".csv", ".mat", ".uff", ".wav"))]
+)
 def test_other_formats_become_runs_too(bench: RecordedBench, tmp_path: Path, suffix: str) -> None:
     path, table, channel = tmp_path / f"run{suffix}", volts(), VOLTS
     if suffix == ".lvm":

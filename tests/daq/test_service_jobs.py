@@ -23,6 +23,7 @@ from tests.daq.frames import make_frames
 from tests.daq.recorded_bench import API, RUN, RecordedBench, open_recorded_bench, record_run
 
 LINEAR = {"calibration": {"coefficients_um": [0.0, 250.0], "volts_low": 0.5, "volts_high": 9.0, "date": "2026-11-24"}}
+SPEEDS = {"from_rad_s": 200.0, "to_rad_s": 600.0, "count": 3}
 LONG = "2026-11-24T10-00-00-test-rig"  # of a rig that turns so fast that its model takes long
 
 
@@ -127,6 +128,34 @@ def test_job_computes_the_model_over_speed_with_other_parameters(bench: Recorded
     assert (speeds[0], speeds[-1]) == (500.0, 5000.0)
     assert speeds == [row["speed_rpm"] for row in thick["by_speed"]]
     assert plain["by_speed"][-1]["order_1x"] != thick["by_speed"][-1]["order_1x"]
+
+
+def test_study_is_of_the_rotor_of_a_run_s_rig_with_the_numbers_of_the_command(
+    bench: RecordedBench, capsys: pytest.CaptureFixture[str]
+) -> None:
+    made = result(bench, kind="onset", run=RUN, speeds=SPEEDS).json()
+    assert main(["model", "onset", str(bench.folder / "rig.toml"), "--speeds", "200:600:3", "--json"]) == 0
+    assert made == json.loads(capsys.readouterr().out)
+
+
+@pytest.mark.parametrize(
+    ("order", "named"),
+    [
+        ({"kind": "onset", "speeds": {**SPEEDS, "to_rad_s": 100.0}}, "expected more than from_rad_s 200"),
+        ({"kind": "onset", "speeds": {**SPEEDS, "from_rad_s": 0.0}}, "greater than 0"),
+        ({"kind": "response", "speeds": {**SPEEDS, "count": 100_000}}, "less than or equal to 2000"),
+        ({"kind": "modes", "stiffness_n_m": -1.0}, "greater than 0"),
+        ({"kind": "critical", "stiffnesses": {"from_n_m": 2.0, "to_n_m": 1.0, "count": 2}}, "expected more than"),
+        ({"kind": "campbell", "station": 1}, "extra inputs"),
+    ],
+)
+def test_study_that_cannot_be_is_refused_with_what_is_expected(
+    bench: RecordedBench, order: dict[str, object], named: str
+) -> None:
+    refused = bench.client.post(f"{API}/jobs", json=order)
+    assert refused.status_code == 422
+    assert named in refused.json()["detail"]
+    assert bench.client.post(f"{API}/jobs", json={"kind": "modes", "run": "no-such"}).status_code == 404
 
 
 def test_export_is_sent_whole_and_by_ranges(bench: RecordedBench) -> None:

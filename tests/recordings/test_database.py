@@ -76,6 +76,7 @@ def test_a_writer_of_a_server_waits_for_its_turn_no_longer_than_it_may(postgresq
         pass
 
 
+@pytest.mark.campaign
 def test_a_catalogue_goes_on_when_its_server_comes_back(
     tmp_path: Path, header: RunHeader, make_block: Callable[..., SampleBlock]
 ) -> None:
