@@ -13,7 +13,7 @@ from daq.service.analyses.columns import columns
 from daq.service.analyses.not_told import NotToldError, told_or_refused
 from daq.service.analyses.orbits import orders_of
 from daq.service.analyses.questions import EnvelopesQuery, WaveformsQuery
-from daq.service.analyses.run_samples import RunSamples, Stretch, moved
+from daq.service.analyses.run_samples import ALIGNED, RunSamples, Stretch, moved
 from daq.service.analyses.turning import MICRO, RPM, in_degrees
 from daq.service.layouts import OTHERS, SPEED
 from daq.service.panel import Curve, Panel, Style
@@ -195,7 +195,8 @@ def solved(
         here = np.flatnonzero(number == one)
         if not here.size:
             continue
-        first = max(math.floor((wanted[here[0]] - room) * run.rate), stretch.first)
+        before = max(math.floor((wanted[here[0]] - room) * run.rate) - stretch.first, 0)
+        first = stretch.first + before // ALIGNED * ALIGNED
         stop = min(math.ceil((wanted[here[-1]] + room) * run.rate), stretch.stop)
         displacement = run.displacement(Stretch(stretch.segment, first, stop), told="")
         with told_or_refused(f"run {run.header.run}"):
