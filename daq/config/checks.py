@@ -121,7 +121,7 @@ def _timing(config: RigConfig) -> Iterator[Fault]:
     aggregate = AGGREGATE_RATE.get(config.device.product)
     if aggregate is not None and timing.rate_hz * channels > aggregate:
         expected = f"at most {aggregate / channels:.0f}: the {config.device.product} shares {aggregate:,.0f} Hz among "
-        yield _fault("timing.rate_hz", timing.rate_hz, f"{expected}{channels} channels", "channel", "device.product")
+        yield _fault("timing.rate_hz", timing.rate_hz, f"{expected}{channels} channels", "device.product")
     needed = 2 * config.analysis.highest_order * config.limits.speed_rpm / 60
     if timing.rate_hz <= needed:
         order = f"order {config.analysis.highest_order:g} at {config.limits.speed_rpm:g} r/min"

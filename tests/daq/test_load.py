@@ -150,6 +150,11 @@ def test_load_rig_names_key_value_and_expectation(
     assert faults_of(rig_file(**{section: values})) == [fault]
 
 
+def test_rate_beyond_the_card_is_told_beside_a_wrong_channel(rig_file: RigFiles) -> None:
+    wrong = rig_file(timing={"rate_hz": 1e9}, channel=channels({"range_v": 11.0}, {}, {}))
+    assert [fault.partition(" = ")[0] for fault in faults_of(wrong)] == ["channel[0].range_v", "timing.rate_hz"]
+
+
 def test_load_rig_refuses_what_is_nested_beyond_all_sense(tmp_path: Path) -> None:
     path = tmp_path / "deep.toml"
     path.write_text(f"rig = {'[' * 5000}{']' * 5000}")
