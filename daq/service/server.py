@@ -1,5 +1,6 @@
 """The HTTP server, in a thread of its own."""
 
+import asyncio
 import contextlib
 import logging
 import socket
@@ -104,8 +105,9 @@ class ServiceServer:
 
 
 def _is_news(record: logging.LogRecord) -> bool:
-    """Say whether a record is for the operator; that a socket was refused, as one without the token is, is not."""
-    return "without completing handshake" not in record.getMessage()
+    """Say whether a record is for the operator: not that a socket was refused, or an answer given up at the end."""
+    is_given_up = record.exc_info is not None and isinstance(record.exc_info[1], asyncio.CancelledError)
+    return not is_given_up and "without completing handshake" not in record.getMessage()
 
 
 class _Server(uvicorn.Server):

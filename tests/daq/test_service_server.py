@@ -105,7 +105,7 @@ def test_close_does_not_wait_for_a_browser_that_keeps_its_connection() -> None:
         assert time.monotonic() - began < 30.0
 
 
-def test_close_does_not_wait_longer_than_its_deadline() -> None:
+def test_close_does_not_wait_longer_than_its_deadline(caplog: pytest.LogCaptureFixture) -> None:
     application = Hello(delay=60.0)
     server = ServiceServer(application)
     server.start()
@@ -115,6 +115,7 @@ def test_close_does_not_wait_longer_than_its_deadline() -> None:
         began = time.monotonic()
         server.close(deadline=0.3)
         assert time.monotonic() - began < 30.0
+    assert not caplog.records
 
 
 def test_started_server_is_not_started_again() -> None:
