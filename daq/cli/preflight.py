@@ -20,6 +20,7 @@ NOT_READY = 4  # exit code
 _WIDTH = 112  # at most
 _COLUMN = 34  # of what is found, at most: what is longer pushes what is expected aside
 _NARROW = 24  # the same on a terminal of 80
+_LEAST = 16  # columns for what is expected
 
 
 def run(chosen: argparse.Namespace) -> int:
@@ -49,6 +50,9 @@ def table(found: Preflight, width: int) -> Iterator[str]:
     values = min(max(len(check.value) for check in found.checks), _COLUMN if width > 2 * names + _COLUMN else _NARROW)
     for check in found.checks:
         row = f"{check.verdict.value}  {check.name:{names}}  {check.value:{values}}  "
+        if len(row) > width - _LEAST:  # what is expected has a line of its own
+            yield row.rstrip()
+            row = " " * (len(row) - len(check.value) + min(len(check.value), values))
         yield from _hung(row, check.limit, width)
         if check.advice:
             yield from textwrap.wrap(check.advice, width, initial_indent="      → ", subsequent_indent="        ")
@@ -63,6 +67,6 @@ def table(found: Preflight, width: int) -> Iterator[str]:
 
 def _hung(row: str, limit: str, width: int) -> Iterator[str]:
     """Yield a row with its last column, which goes on below itself."""
-    for part in textwrap.wrap(limit, max(width - len(row), 10), break_long_words=False) or [""]:
+    for part in textwrap.wrap(limit, max(width - len(row), _LEAST), break_long_words=False) or [""]:
         yield (row + part).rstrip()
         row = " " * len(row)

@@ -7,7 +7,7 @@ from analysis.run import RunHeader
 from analysis.snapshot import OrderFrame
 from daq.view.axes import Axis, Plot, Reach
 from daq.view.drawing import Anchor, Drawing
-from daq.view.palette import CLEARANCE, MEASURED_X, MODEL, MODEL_DASH, PAPER, QUIET, TACHO, Color, dimmed
+from daq.view.palette import CLEARANCE, MEASURED_X, MODEL, PAPER, QUIET, TACHO, Color, dimmed
 from model.prediction import Prediction
 
 FloatArray = NDArray[np.float64]
@@ -85,7 +85,10 @@ class OrbitPlot:
         drawing = Drawing()
         if prediction is not None and prediction.orbit.size:
             orbit = prediction.orbit * _MICRO
-            self._turns(drawing, orbit, MODEL, 1.8, MODEL_DASH)
+            part = np.arange(orbit.shape[1]) % points * 2 * _DASHES // points
+            for dash in np.split(np.arange(orbit.shape[1]), np.flatnonzero(np.diff(part)) + 1):
+                if part[dash[0]] % 2 == 0:
+                    self._turns(drawing, orbit[:, dash[0] : dash[-1] + 2], MODEL, 1.8)
             basis = "exact" if prediction.is_exact else "interpolated"
             drawing.text(basis, (-97.0, 97.0), 0.75 * _LETTERS, MODEL)
             starts = self._plot().place(orbit[0, ::points], orbit[1, ::points])
@@ -101,8 +104,8 @@ class OrbitPlot:
     def _shows_clearance(self) -> bool:
         return self._clearance <= self._reach.end
 
-    def _turns(self, drawing: Drawing, orbit: FloatArray, color: Color, width: float, dash: float = 0.0) -> None:
-        drawing.line(self._plot().place(orbit[0], orbit[1]), color, width, dash)
+    def _turns(self, drawing: Drawing, orbit: FloatArray, color: Color, width: float) -> None:
+        drawing.line(self._plot().place(orbit[0], orbit[1]), color, width)
         if not self._shows_clearance():
             (across, down), radius = _INSET
             small = orbit * radius / self._clearance
@@ -113,4 +116,5 @@ class OrbitPlot:
             drawing.dot((float(at[0]), float(at[1])), radius, TACHO)
 
 
+_DASHES = 16  # of the model in a turn, at the same angles in each, so that those of a closed orbit lie on one another
 _INSET = ((72.0, -72.0), 25.0)  # centre and radius in the plane
