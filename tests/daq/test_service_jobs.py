@@ -13,8 +13,10 @@ import pytest
 from daq.cli.main import main
 from daq.config.load import load_rig
 from daq.config.write import to_toml
+from daq.service import job_work
 from daq.service.documents import summary_document
 from daq.service.documents.job import JobDocument
+from daq.service.jobs import DataPlace, Progress
 from daq.session.offline import summarise
 from recordings.catalogue import Catalogue
 from recordings.reader import RunReader
@@ -312,3 +314,17 @@ def test_stamps_of_a_run_that_has_none_cannot_be_exported(bench: RecordedBench) 
     failed = ended(bench, begun(bench, kind="export", run=RUN, format="csv", content="pulses"))
     assert failed.state == "failed"
     assert "holds no stamps of a counter" in failed.detail
+
+
+def test_verifying_and_exporting_tell_what_part_is_done(bench: RecordedBench, tmp_path: Path) -> None:
+    verifying: list[Progress] = []
+    job_work.verification(verifying.append, tmp_path / "verification.json", DataPlace(bench.folder), RUN)
+    exporting: list[Progress] = []
+    path, part = bench.folder / f"{RUN}.mcap", job_work.part_of(0.0, None, None)
+    job_work.export(exporting.append, tmp_path / "run.csv", path, job_work.TABLES["samples"], part)
+    assert {told.doing for told in verifying} == {"verifying"}
+    assert exporting[0].doing == "reading"
+    assert exporting[-1].doing == "writing 40,000 rows"
+    for told in verifying + exporting:
+        assert told.part is not None
+        assert 0.0 <= told.part <= 1.0
