@@ -192,7 +192,8 @@ class Catalogue:
     def put_away(self, run_id: str) -> Path:
         """Move a run into the folder `trash` of the data folder; return where it is. NotFoundError, StorageError."""
         place = trash.put_away(self.path(run_id))
-        self._shelf.forget([run_id])
+        with suppress(StorageError):  # a full disk: that it has gone is seen by whoever looks
+            self._shelf.forget([run_id])
         return place
 
     def put_away_runs(self) -> list[PutAway]:
@@ -308,23 +309,31 @@ class Catalogue:
             unread = [run_id for run_id in files if run_id not in served and not holds(kept.get(run_id), files[run_id])]
             fresh = {run_id: KnownRun.read(files[run_id]) for run_id in unread}
             settled = [run_id for run_id in unread if not fresh[run_id].is_growing]
-            self._shelf.put([fresh[run_id].entry for run_id in settled])
             words = [
                 run_id
                 for run_id in files
                 if (run_id in settled and files[run_id].remarked_ns)
                 or (run_id in kept and kept[run_id].remarked_ns != files[run_id].remarked_ns)
             ]
-            for run_id in words:
-                self._shelf.annotate(run_id, annotations.load(files[run_id].path), files[run_id].remarked_ns)
-            if settled or words:
-                kept = self._shelf.entries(run_id=only or "")
+            try:
+                self._keep([fresh[run_id].entry for run_id in settled], [files[run_id] for run_id in words])
+                if settled or words:
+                    kept = self._shelf.entries(run_id=only or "")
+            except StorageError:  # a full disk: what is known cannot be kept, but the files tell it all the same
+                fresh |= {run_id: KnownRun.read(files[run_id]) for run_id in words if run_id not in fresh}
+                kept = {run_id: each for run_id, each in kept.items() if run_id not in fresh}
             found = {run_id: KnownRun.of(kept[run_id]) for run_id in files if run_id in kept and run_id not in served}
-            found |= {run_id: fresh[run_id] for run_id in unread if run_id not in found or fresh[run_id].is_growing}
+            found |= {run_id: each for run_id, each in fresh.items() if run_id not in found or each.is_growing}
             with self._lock:
                 self._known |= found
             served |= {run_id: each.entry for run_id, each in found.items()}
         return list(served.values())
+
+    def _keep(self, entries: list[RunEntry], annotated: list[RunFile]) -> None:
+        """Keep what files have told, and what is said of runs."""
+        self._shelf.put(entries)
+        for file in annotated:
+            self._shelf.annotate(file.path.stem, annotations.load(file.path), file.remarked_ns)
 
     def _sum_up(self, entries: Iterable[RunEntry], summarise: Summarise, told: Callable[[str], object]) -> None:
         """Keep what a search needs of runs' summaries; a run that cannot be read has none."""

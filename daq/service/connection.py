@@ -2,6 +2,7 @@
 
 import asyncio
 import json
+import sys
 from typing import Any, ClassVar, Final
 
 import h11
@@ -9,6 +10,10 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from daq.service.kinds import Kind
 
+if sys.platform != "win32":
+    import resource
+
+MOST: Final = 2000
 REFUSAL: Final = json.dumps(
     {
         "type": f"/docs#{Kind.BUSY.slug}",
@@ -26,11 +31,21 @@ REFUSED: Final = (
 )
 
 
+def most_connections() -> int:
+    """Return how many connections there may be: half of what files a program may have open, where that is limited."""
+    most = MOST
+    if sys.platform != "win32":
+        allowed, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
+        if allowed != resource.RLIM_INFINITY:
+            most = min(MOST, allowed // 2)
+    return most
+
+
 class Connection(H11Protocol):
     """One client over HTTP/1.1."""
 
-    most: ClassVar[int] = 400
-    """Connections at once: far fewer than files that a program may have open."""
+    most: ClassVar[int] = most_connections()
+    """Connections at once."""
     patience: ClassVar[float] = 15.0
     """s for a whole request up to its content; who waits between two requests is let go by the server itself."""
 

@@ -153,8 +153,8 @@ class Kind(Enum):
     )
     STORAGE_UNAVAILABLE = (
         503,
-        "The data folder cannot be read",
-        "It is missing, unreadable or was taken away; see `detail`.",
+        "The data folder cannot be read or written",
+        "It is missing, unreadable, read-only, full or was taken away; see `detail`.",
     )
     TAKES_TOO_LONG = (
         503,

@@ -79,6 +79,8 @@ def problem_response(
         extra["WWW-Authenticate"] = 'Bearer realm="rig"'
     if kind in PASSING:
         extra["Retry-After"] = "2"
+    if kind is Kind.BUSY:  # a client that has to come again need not keep its place meanwhile
+        extra["Connection"] = "close"
     return Response(document.model_dump_json(), status_code=document.status, headers=extra, media_type=PROBLEM_TYPE)
 
 

@@ -11,7 +11,8 @@ from uuid import uuid4
 import pytest
 
 from analysis.run import RunHeader
-from analysis.samples import SampleBlock
+from analysis.samples import EndReason, SampleBlock, SegmentEnd
+from recordings import annotations
 from recordings.catalogue import Catalogue
 from recordings.database import Database
 from recordings.errors import StorageError
@@ -111,3 +112,27 @@ def test_a_catalogue_that_is_thrown_away_while_it_is_used_is_made_anew(
     for each in (catalogue, other):
         assert [entry.id for entry in each.runs()] == ["run"]
     assert place.exists()
+
+
+def test_runs_are_listed_and_put_away_though_the_catalogue_takes_no_more(
+    tmp_path: Path, header: RunHeader, make_block: Callable[..., SampleBlock]
+) -> None:
+    catalogue = Catalogue(tmp_path)
+    for name in ("first", "second"):
+        writer = RunWriter(tmp_path / f"{name}.mcap", header)
+        writer.block(make_block(0, 0, 2000))
+        writer.segment_end(SegmentEnd(0, 2000, EndReason.STOPPED))
+        writer.close()
+        assert name in {entry.id for entry in catalogue.runs()}
+        with closing(sqlite3.connect(tmp_path / ".rig" / "catalogue.sqlite")) as full:
+            for number, change in enumerate(("INSERT", "UPDATE", "DELETE")):
+                when = f"BEFORE {change} ON rig_run BEGIN SELECT RAISE(ABORT, 'disk is full'); END"
+                full.execute(f"CREATE TRIGGER IF NOT EXISTS full_{number} {when}")
+            full.commit()
+    annotations.store(tmp_path / "first.mcap", annotations.Annotations("cold oil", ("good",)))
+    for each in (catalogue, Catalogue(tmp_path)):
+        found = {entry.id: (entry.remark, entry.tags, entry.is_complete) for entry in each.runs()}
+        assert found == {"first": ("cold oil", ("good",), True), "second": ("", (), True)}
+        assert each.run("second").id == "second"
+    assert catalogue.put_away("first").exists()
+    assert [entry.id for entry in catalogue.runs()] == ["second"]
