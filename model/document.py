@@ -6,10 +6,12 @@ A quantity's key ends with its unit: ``radius_mm``, ``mass_kg``. Any unit of its
 import difflib
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Final
 
 DIMENSIONS: Final[dict[str, dict[str, float]]] = {
     "length": {"mm": 1e-3, "m": 1.0, "um": 1e-6},
+    "radius": {"mm": 1e-3, "m": 1.0, "um": 1e-6},
     "mass": {"kg": 1.0, "g": 1e-3},
     "moment of inertia": {"kg_m2": 1.0, "kg_mm2": 1e-6, "g_mm2": 1e-9},
     "modulus": {"gpa": 1e9, "mpa": 1e6, "pa": 1.0},
@@ -24,12 +26,20 @@ DIMENSIONS: Final[dict[str, dict[str, float]]] = {
     "acceleration": {"m_s2": 1.0},
     "number": {"": 1.0},
 }
+RANGES: Final[dict[str, tuple[float, float]]] = {
+    "length": (1e-9, 1e2), "radius": (1e-5, 1e1), "mass": (1e-9, 1e6), "moment of inertia": (1e-15, 1e6),
+    "modulus": (1e6, 1e13), "density": (1e-3, 1e5), "viscosity": (1e-7, 1e3), "stiffness": (1e-3, 1e13),
+    "damping": (1e-9, 1e9), "contact damping": (1e-9, 1e6), "imbalance": (1e-15, 1e3), "angle": (0.0, 1e4),
+    "force": (1e-12, 1e7), "acceleration": (1e-9, 1e5), "number": (0.0, 1e3),
+}  # fmt: skip
+"""Sizes in SI units, 0 aside, beyond which a value is a slip of the pen, and arithmetic loses its digits."""
 SHOWN: Final[dict[str, str]] = {
     "um": "µm", "kg_m2": "kg m²", "kg_mm2": "kg mm²", "g_mm2": "g mm²", "gpa": "GPa", "mpa": "MPa", "pa": "Pa",
     "kg_m3": "kg/m³", "g_cm3": "g/cm³", "pa_s": "Pa s", "mpa_s": "mPa s", "cp": "cP", "n_m": "N/m", "n_mm": "N/mm",
     "n_um": "N/µm", "n_s_m": "N s/m", "n_s_mm": "N s/mm", "kg_m": "kg m", "g_mm": "g mm", "deg": "°", "n": "N",
     "kn": "kN", "m_s2": "m/s²", "s_m": "s/m",
 }  # fmt: skip
+HUGE: Final = 1e300
 Limit = str  # "positive", "not negative" or "any"
 
 
@@ -78,20 +88,18 @@ class Table:
         found = self._quantity(name, dimension, required=default is None)
         if found is None:
             return 1.0 if default is None else default
-        key, unit, factor = found
-        return self._scaled(key, self._data[key], unit, factor, limit)
+        return self._scaled(found, self._data[found.key], limit)
 
     def numbers(self, name: str, dimension: str, default: tuple[float, float]) -> tuple[float, float]:
         """Return two quantities in SI units."""
         found = self._quantity(name, dimension, required=False)
         if found is None:
             return default
-        key, unit, factor = found
-        values = self._data[key]
+        values = self._data[found.key]
         if not isinstance(values, list) or len(values) != 2:
-            self.fault(f"{key} = {values}: expected two numbers")
+            self.fault(f"{found.key} = {values}: expected two numbers")
             return default
-        first, second = (self._scaled(key, value, unit, factor, "any") for value in values)
+        first, second = (self._scaled(found, value, "any") for value in values)
         return first, second
 
     def matrix(self, name: str, dimension: str, *, required: bool) -> tuple[tuple[float, float], tuple[float, float]]:
@@ -99,16 +107,15 @@ class Table:
         found = self._quantity(name, dimension, required=required)
         if found is None:
             return (0.0, 0.0), (0.0, 0.0)
-        key, unit, factor = found
-        value = self._data[key]
+        value = self._data[found.key]
         if isinstance(value, list):
             rows = [row for row in value if isinstance(row, list) and len(row) == 2]
             if len(value) != 2 or len(rows) != 2:
-                self.fault(f"{key} = {value}: expected a number or two rows of two numbers")
+                self.fault(f"{found.key} = {value}: expected a number or two rows of two numbers")
                 return (0.0, 0.0), (0.0, 0.0)
-            (xx, xy), (yx, yy) = ([self._scaled(key, one, unit, factor, "any") for one in row] for row in rows)
+            (xx, xy), (yx, yy) = ([self._scaled(found, one, "any") for one in row] for row in rows)
             return (xx, xy), (yx, yy)
-        same = self._scaled(key, value, unit, factor, "positive" if required else "not negative")
+        same = self._scaled(found, value, "positive" if required else "not negative")
         return (same, 0.0), (0.0, same)
 
     def integer(self, name: str, default: int | None = None) -> int:
@@ -172,8 +179,8 @@ class Table:
     def _place(self, key: str) -> str:
         return f"{self._name}.{key}" if self._name else key
 
-    def _quantity(self, name: str, dimension: str, *, required: bool) -> tuple[str, str, float] | None:
-        """Return key, unit and its size of a quantity; None where it is not there."""
+    def _quantity(self, name: str, dimension: str, *, required: bool) -> "_Quantity | None":
+        """Return where a quantity is and in which unit; None where it is not there."""
         units = DIMENSIONS[dimension]
         keys = {f"{name}_{unit}" if unit else name: unit for unit in units}
         usual = next(iter(keys))
@@ -184,7 +191,7 @@ class Table:
             self.fault(f"{present[1]} = {self._data[present[1]]}: expected it once, {present[0]} says it already")
         if present:
             unit = keys[present[0]]
-            return present[0], SHOWN.get(unit, unit), units[unit]
+            return _Quantity(present[0], SHOWN.get(unit, unit), units[unit], RANGES[dimension])
         foreign = [key for key in self._data if key not in self._used and self._is_unit_of(key, name)]
         for key in foreign[:1]:
             self._used.add(key)
@@ -199,15 +206,31 @@ class Table:
         """Return whether a key is that quantity with some unit, or none."""
         return key == name or key.startswith(f"{name}_")
 
-    def _scaled(self, key: str, value: object, unit: str, factor: float, limit: Limit) -> float:
+    def _scaled(self, quantity: "_Quantity", value: object, limit: Limit) -> float:
+        key, unit, factor = quantity.key, quantity.unit, quantity.factor
         if isinstance(value, bool) or not isinstance(value, int | float):
             self.fault(f"{key} = {value}: expected a number")
             return 1.0
+        shown = f"{value:g} {unit}".rstrip() if abs(value) < HUGE or not isinstance(value, int) else "too many digits"
         least = {"positive": "above 0", "not negative": "0 or more", "any": ""}[limit]
-        if not math.isfinite(value) or (limit == "positive" and value <= 0) or (limit == "not negative" and value < 0):
-            shown = f"{value:g} {unit}".rstrip()
+        is_finite = -HUGE < value < HUGE  # false of what is no number, too
+        if not is_finite or (limit == "positive" and value <= 0) or (limit == "not negative" and value < 0):
             self.fault(f"{key} = {shown}: expected a finite value {least}".rstrip())
+            return 1.0
+        lowest, highest = quantity.range
+        if value and not lowest <= abs(value * factor) <= highest:
+            self.fault(f"{key} = {shown}: expected {lowest / factor:g} to {highest / factor:g} {unit} in size".rstrip())
             return 1.0
         if unit != SHOWN["deg"]:
             return float(f"{value * factor:.15g}")  # 20 µm is 2e-5 m, not 1.9999999999999998e-05
         return value * factor
+
+
+@dataclass(frozen=True, slots=True)
+class _Quantity:
+    """A quantity in a table: its key, its unit as shown and in SI units, and the sizes that it may have in these."""
+
+    key: str
+    unit: str
+    factor: float
+    range: tuple[float, float]

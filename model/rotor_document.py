@@ -14,6 +14,8 @@ from model.supports import Coefficients, StaticLoad, Support
 
 T = TypeVar("T")
 
+NEAREST = 1e-5  # m, of two stations
+
 
 @dataclass(frozen=True, slots=True)
 class _Material:
@@ -137,11 +139,12 @@ def _positions(whole: Table) -> list[float]:
     for number, table in enumerate(whole.tables("station"), 1):
         position = table.number("position", "length", limit="any")
         table.finish()
-        if positions and position <= positions[-1]:
+        if positions and position < positions[-1] + NEAREST:
             table.fault(
                 f"position: {position:g} m of station {number}, expected more than {positions[-1]:g} m, where station "
-                f"{number - 1} is: stations stand in order along the axis"
+                f"{number - 1} is, by {NEAREST:g} m at least: stations stand in order along the axis"
             )
+            position = positions[-1] + 1.0  # so that nothing else is said of it
         positions.append(position)
     if len(positions) < 2:
         whole.fault(f"station: {len(positions)} stations, expected two or more tables [[station]]")
@@ -162,8 +165,8 @@ def _segments(
                 f"from = {start}, to = {end}: expected {number} and {number + 1}, segments join neighbouring stations "
                 "in order"
             )
-        radius = table.number("radius", "length")
-        inner_radius = table.number("inner_radius", "length", 0.0, "not negative")
+        radius = table.number("radius", "radius")
+        inner_radius = table.number("inner_radius", "radius", 0.0, "not negative")
         own = _material_of(table, material)
         if number >= len(positions):
             table.finish()
@@ -214,9 +217,9 @@ def _bearing(whole: Table, faults: list[str]) -> FloatingRing | None:
     if table is None:
         return None
     length = table.number("length", "length")
-    journal_radius = table.number("journal_radius", "length")
+    journal_radius = table.number("journal_radius", "radius")
     inner, outer = table.number("inner_clearance", "length"), table.number("outer_clearance", "length")
-    ring_radius = table.number("ring_outer_radius", "length")
+    ring_radius = table.number("ring_outer_radius", "radius")
     ring_mass, viscosity = table.number("ring_mass", "mass"), table.number("viscosity", "viscosity")
     load = table.number("static_load", "force", 0.0, "any")
     return _built(
@@ -259,7 +262,7 @@ def _rub(table: Table, rotor: Rotor | None, last: int, faults: list[str]) -> Rub
     station = _station(table, last)
     shaft = rotor.radius(station) if rotor is not None and 1 <= station <= last else 1.0
     clearance, stiffness = table.number("clearance", "length"), table.number("stiffness", "stiffness")
-    radius = table.number("radius", "length", shaft)
+    radius = table.number("radius", "radius", shaft)
     friction = table.number("friction", "number", 0.0, "not negative")
     damping = table.number("damping", "contact damping", 0.0, "not negative")
     return _built(table, faults, lambda: Rub(station, clearance, stiffness, radius, friction, damping))

@@ -50,9 +50,9 @@ class Coefficients:
 
     @property
     def is_plain(self) -> bool:
-        """Whether it is an undamped spring, the same in all directions."""
+        """Whether it is an undamped spring, the same in all directions, that does not push away."""
         (xx, xy), (yx, yy) = self.stiffness
-        return xx == yy and xy == yx == 0 and self.damping == NOTHING
+        return xx == yy >= 0 and xy == yx == 0 and self.damping == NOTHING
 
 
 @dataclass(frozen=True, slots=True)

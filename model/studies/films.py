@@ -89,8 +89,9 @@ def _coefficients(quantity: str, letter: str, unit: str, e: FloatArray, values: 
     series = []
     for row, column, name in AXES:
         value = values[:, row, column]
+        turned_up = Style.DOTTED if name == "yx" else Style.DASHED  # c_xy and c_yx are equal
         series.append(Series(f"{letter}_{name}", e, np.where(value > 0, value, np.nan)))
-        series.append(Series(f"−{letter}_{name}", e, np.where(value < 0, -value, np.nan), Style.DASHED))
+        series.append(Series(f"−{letter}_{name}", e, np.where(value < 0, -value, np.nan), turned_up))
     shown = tuple(one for one in series if np.any(np.isfinite(one.y)))
     title = f"{quantity} of the film of its length, load downwards"
     return Plot(title, "Eccentricity ratio [–]", f"{quantity} [{unit}]", shown, y_log=True)
@@ -137,7 +138,11 @@ def lubrication_study(lubrication: Lubrication, load: float, inlet_pressure: flo
     numbers = {name: column for name, column in columns.items() if not isinstance(column, tuple)}
 
     def over_speed(quantity: str, label: str, limits: tuple[float, float] | None = None) -> Plot:
-        lines = tuple(Series(f"{name} film", speeds, numbers[f"{name}_{quantity}"]) for name in films)
+        styles = (Style.LINE, Style.DASHED)  # so that equal curves can be told apart
+        lines = tuple(
+            Series(f"{name} film", speeds, numbers[f"{name}_{quantity}"], style)
+            for name, style in zip(films, styles, strict=True)
+        )
         return Plot(title if quantity == "eccentricity" else "", SPEED_LABEL, label, lines, y_limits=limits)
 
     pressures = tuple(
@@ -155,6 +160,7 @@ def lubrication_study(lubrication: Lubrication, load: float, inlet_pressure: flo
                 "Place from the top in the direction of rotation [°]",
                 "Pressure [bar]",
                 pressures,
+                x_limits=(0.0, 360.0),
             ),
         ),
         (

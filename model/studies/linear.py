@@ -135,7 +135,8 @@ def campbell_study(
     ]
     own = Series("n = Ω: the shaft's frequency", speeds, speeds / (2 * math.pi), Style.REFERENCE)
     marks = Series("critical speeds", crossings, crossings / (2 * math.pi), Style.MARKS)
-    plots = [Plot(title, SPEED_LABEL, FREQUENCY_LABEL, (*lines, own, marks))]
+    highest = 1.03 * max(float(np.nanmax(np.abs(frequencies))), float(speeds[-1]) / (2 * math.pi))
+    plots = [Plot(title, SPEED_LABEL, FREQUENCY_LABEL, (*lines, own, marks), y_limits=(0.0, highest))]
     reach = 1.05 * float(speeds[-1]) / (2 * math.pi)
     if zoom and float(np.nanmax(np.abs(frequencies))) > 2 * reach:
         below = f"{title}: up to the shaft's frequency"

@@ -17,7 +17,8 @@ from model.whirl import FilmName
 FloatArray = NDArray[np.float64]
 
 SUB_SYNCHRONOUS = (0.05, 0.95)  # orders of a whirl, less what the window spreads the mean and 1X over
-COMBINED = 3  # times that a whirl's order may stand in the order of its combination with 1X
+COMBINED = 5  # times that a whirl's order may stand in the order of its combination with 1X
+SAME = 0.5  # lines within which a peak is at a combination's order
 SMALLER = 0.25  # of a whirl's motion in its film: a combination is smaller
 VISIBLE = 0.1  # of 1X: a component above it counts
 LEAST = 0.2e-6  # m peak: a component below it does not count
@@ -102,17 +103,26 @@ class RunUp:
             return math.nan, math.nan
         width = BESIDE * self.orders[1]
         lowest, highest = max(SUB_SYNCHRONOUS[0], width), min(SUB_SYNCHRONOUS[1], 1 - width)
-        below = (self.orders >= lowest) & (self.orders <= highest)
-        own = np.where(below & (films > films[::-1]), films, 0.0)  # in which it has the larger part
-        first, wanted = int(np.argmax(own.max(axis=1))), list(FilmName).index(film)
-        if first != wanted:
-            largest = int(np.argmax(own[first]))
-            beside = np.abs(self.orders - combinations(float(self.orders[largest]))[:, None]).min(axis=0)
-            own[wanted, (beside <= width) & (own[wanted] < SMALLER * own[first, largest])] = 0.0
-        place = int(np.argmax(own[wanted]))
-        if own[wanted, place] == 0:
+        peaks = [_peaks(one, self.orders) for one in films]
+        # those below 1X in which it has the larger part
+        own = [
+            [(one, place) for one, place in found if lowest <= one <= highest and films[k, place] > films[1 - k, place]]
+            for k, found in enumerate(peaks)
+        ]
+        largest = [max((float(films[k, place]) for _, place in found), default=0.0) for k, found in enumerate(own)]
+        first, wanted = int(np.argmax(largest)), list(FilmName).index(film)
+        if first != wanted and own[first]:
+            combined = combinations(max(own[first], key=lambda peak: films[first, peak[1]])[0])
+            own[wanted] = [
+                (one, place)
+                for one, place in own[wanted]
+                if np.abs(combined - one).min() > SAME * self.orders[1]
+                or films[wanted, place] >= SMALLER * largest[first]
+            ]
+        if not own[wanted]:
             return math.nan, 0.0
-        return float(self.orders[place]), float(self.spectrum[row, place])
+        order, place = max(own[wanted], key=lambda peak: films[wanted, peak[1]])
+        return order, float(self.spectrum[row, place])
 
     @property
     def first_order(self) -> FloatArray:
@@ -133,6 +143,16 @@ class RunUp:
     def _visible(self, film: FilmName) -> NDArray[np.bool_]:
         _, size = self.whirl(film)
         return np.asarray((size > VISIBLE * self.first_order) & (size > LEAST))
+
+
+def _peaks(spectrum: FloatArray, orders: FloatArray) -> list[tuple[float, int]]:
+    """Return the peaks of a Hann-windowed spectrum: their orders, between the lines, and places."""
+    inside = spectrum[1:-1]
+    places = np.flatnonzero((inside > spectrum[:-2]) & (inside >= spectrum[2:])) + 1
+    below, at, above = spectrum[places - 1], spectrum[places], spectrum[places + 1]
+    beside = np.maximum(below, above) / at
+    apart = np.where(above >= below, 1, -1) * np.clip((2 * beside - 1) / (1 + beside), 0.0, 0.5)  # lines
+    return [(float(one), int(place)) for one, place in zip(orders[places] + apart * orders[1], places, strict=True)]
 
 
 def combinations(order: float) -> FloatArray:

@@ -179,6 +179,28 @@ def test_document_that_cannot_be_is_refused_with_quantity_value_and_unit(
     assert any(fault.startswith(said) for fault in faults_of(document)), faults_of(document)
 
 
+@pytest.mark.parametrize(
+    ("place", "changes", "said"),
+    [
+        (("segment", 2), {"radius_mm": 10**400}, "segment[2].radius_mm = too many digits: expected a finite value"),
+        (("segment", 2), {"radius_mm": 1e-300}, "segment[2].radius_mm = 1e-300 mm: expected 0.01 to 10000 mm in size"),
+        (("disc", 0), {"mass_kg": 1e30}, "disc[0].mass_kg = 1e+30 kg: expected 1e-09 to 1e+06 kg in size"),
+        (("bearing",), {"viscosity_pa_s": 1e-12}, "bearing.viscosity_pa_s = 1e-12 Pa s: expected 1e-07 to 1000 Pa s"),
+        (("station", 5), {"position_mm": float("inf")}, "station[5].position_mm = inf mm: expected a finite value"),
+        (("station", 5), {"position_mm": 85.001}, "station[5].position: 0.085001 m of station 6, expected more than"),
+    ],
+)
+def test_size_that_no_rotor_has_is_refused(
+    document: dict[str, Any], place: tuple[str | int, ...], changes: dict[str, Any], said: str
+) -> None:
+    table: Any = document
+    for key in place:
+        table = table[key]
+    table |= changes
+    (fault,) = faults_of(document)
+    assert fault.startswith(said)
+
+
 def test_unit_that_nobody_knows_is_named_with_those_that_are(document: dict[str, Any]) -> None:
     document["segment"][0] = {"radius_inch": 0.2}
     expected = "segment[0].radius_inch = 0.2: unknown unit inch, expected radius_mm or radius_m or radius_um"

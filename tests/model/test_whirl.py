@@ -87,7 +87,8 @@ def _run_up(*lines: tuple[float, float, float]) -> RunUp:
 
 
 def test_combination_with_1x_is_no_films_whirl() -> None:
-    inner_alone = _run_up((1.0, 0.02, 0.03), (0.703, 0.46, 0.09), (0.297, 0.001, 0.02), (0.406, 0.001, 0.005))
+    inner_alone = _run_up((1.0, 0.02, 0.03), (0.703, 0.46, 0.09), (0.297, 0.001, 0.02), (0.1875, 0.001, 0.005))
+    # 1X less the whirl, three times 1X less four times the whirl
     assert inner_alone.onset(INNER) == 1000.0
     assert math.isnan(inner_alone.onset(OUTER))
     outer_alone = _run_up((1.0, 0.02, 0.03), (0.203, 0.01, 0.72), (0.594, 0.005, 0.01), (0.797, 0.02, 0.015))

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 WIDTH, HEIGHT = 8.0, 4.2  # inches
 FORMATS = (".svg", ".png")
+TURN = (0.0, 360.0)  # limits of an axis of angles
+FEW = 200  # points that are drawn larger than those of a cloud
 _MARKS: dict[Style, dict[str, Any]] = {
     Style.LINE: {"linestyle": "-", "linewidth": 1.4},
     Style.DASHED: {"linestyle": "--", "linewidth": 1.2},
@@ -98,11 +100,13 @@ def _scales(axes: "Axes", plot: Plot) -> None:
         axes.set_yscale("log")
     if plot.x_limits is not None:
         axes.set_xlim(*plot.x_limits)
+        if plot.x_limits == TURN:
+            axes.set_xticks(range(0, 361, 90))
     elif not plot.x_log:
         axes.margins(x=0.02)
     if plot.y_limits is not None:
         axes.set_ylim(*plot.y_limits)
-        if plot.y_limits == (0.0, 360.0):
+        if plot.y_limits == TURN:
             axes.set_yticks(range(0, 361, 90))
     if plot.is_square:
         axes.set_aspect("equal", adjustable="datalim")
@@ -114,6 +118,8 @@ def _series(axes: "Axes", series: Series) -> None:
     look = _MARKS[series.style]
     if not series.label and "color" not in look and axes.lines:
         look = {**look, "color": axes.lines[-1].get_color()}  # one name for several lines of a kind
+    if series.style is Style.POINTS and np.count_nonzero(np.isfinite(series.y)) <= FEW:
+        look = {**look, "markersize": 4.0}
     axes.plot(series.x, series.y, label=series.label or None, **look)
 
 

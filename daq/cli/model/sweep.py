@@ -15,11 +15,15 @@ from daq.cli.model.showing import show
 from daq.errors import UsageError
 from daq.session.sweep.run import grid, run_sweep
 from daq.session.sweep.workers import DaskWorkers, LocalWorkers
+from model.document import SHOWN as SHOWN_UNITS
 from model.studies.quantities import QUANTITIES, Outcome, Point
 from model.studies.study import Plot, Series, Study, Style
 from model.studies.vary import CHANGES
 
 SHOWN = 40  # points in the table that is printed
+UNITS = SHOWN_UNITS | {
+    "rad_s": "rad/s", "1_s": "1/s", "um_pk": "µm peak", "um_pp": "µm peak-to-peak", "mm": "mm", "kg": "kg",
+}  # fmt: skip
 _WIDTH = 78  # of the help
 
 
@@ -132,8 +136,16 @@ def _study(points: list[Point], outcomes: list[Outcome], file: Path) -> Study:
             order = np.argsort(first[inside], kind="stable")
             series.append(Series(label, first[inside][order], found[inside, number][order]))
         few = series if len(series) <= 12 else [Series("", first, found[:, number], Style.POINTS)]
-        plots.append(Plot(points[0].quantity if number == 0 else "", names[0], name, tuple(few)))
+        title = QUANTITIES[points[0].quantity].text if number == 0 else ""
+        plots.append(Plot(title, labelled(names[0]), labelled(name), tuple(few)))
     return Study(f"Sweep: {points[0].quantity}", columns, tuple(plots), remarks)
+
+
+def labelled(name: str) -> str:
+    """Return a name that ends with its unit as an axis says it: ``onset_rad_s`` is "Onset [rad/s]"."""
+    unit = max((unit for unit in UNITS if name.endswith(f"_{unit}")), key=len, default="")
+    quantity = name.removesuffix(f"_{unit}").replace("_", " ") if unit else name.replace("_", " ")
+    return f"{quantity[0].upper()}{quantity[1:]} [{UNITS.get(unit, '–')}]"
 
 
 def _shortened(study: Study) -> Study:
