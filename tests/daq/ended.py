@@ -88,8 +88,9 @@ def ended(arguments: Sequence[str], environment: Mapping[str, str], folder: Path
 
 
 def _await_heeding(process: subprocess.Popen[bytes]) -> None:
-    """Wait until Python has begun the command: what comes before is Python's own."""
-    bit = 1 << (signal.SIGTERM - 1)
+    """Wait until Python has begun the command: what comes before is Python's own, or of who measures coverage."""
+    nohup = signal.getsignal(signal.SIGHUP) == signal.SIG_IGN
+    bit = 1 << ((signal.SIGTERM if nohup else signal.SIGHUP) - 1)
     deadline = time.monotonic() + PATIENCE
     status = Path(f"/proc/{process.pid}/status")
     while process.poll() is None:
