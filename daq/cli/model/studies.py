@@ -110,7 +110,7 @@ def _add_looking(command: argparse.ArgumentParser, settle: int) -> None:
         "--seed-um",
         type=not_negative,
         default=SEED * 1e6,
-        help="how far an unstable motion is moved along its least stable whirl (default: %(default)g; 0: not at all)",
+        help="how far an unstable motion is moved along each film's whirl (default: %(default)g; 0: not at all)",
     )
 
 
