@@ -220,7 +220,7 @@ class Table:
         lowest, highest = quantity.range
         if value and not lowest <= abs(value * factor) <= highest:
             self.fault(f"{key} = {shown}: expected {lowest / factor:g} to {highest / factor:g} {unit} in size".rstrip())
-            return 1.0
+            return float(value * factor)
         if unit != SHOWN["deg"]:
             return float(f"{value * factor:.15g}")  # 20 µm is 2e-5 m, not 1.9999999999999998e-05
         return value * factor

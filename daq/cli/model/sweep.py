@@ -136,7 +136,7 @@ def _study(points: list[Point], outcomes: list[Outcome], file: Path) -> Study:
             order = np.argsort(first[inside], kind="stable")
             series.append(Series(label, first[inside][order], found[inside, number][order]))
         few = series if len(series) <= 12 else [Series("", first, found[:, number], Style.POINTS)]
-        title = QUANTITIES[points[0].quantity].text if number == 0 else ""
+        title = f"Sweep: {points[0].quantity}" if number == 0 else ""
         plots.append(Plot(title, labelled(names[0]), labelled(name), tuple(few)))
     return Study(f"Sweep: {points[0].quantity}", columns, tuple(plots), remarks)
 
