@@ -147,7 +147,7 @@ class RunSamples:
 
         They hold so many revolutions before it; NoSuchMomentError where no frame is near.
         """
-        found = self.records()
+        found = self._turning()
         index = found.nearest(segment, time, None if speed_rpm is None else speed_rpm * RPM)
         end, speed = float(found.time[index]), float(found.frame_speed[index])
         turn = 2.0 * math.pi / speed
@@ -169,7 +169,7 @@ class RunSamples:
 
     def slow_roll(self, segment: int | None, speed_rpm: float, points: int) -> SlowRoll:
         """Return the run-out that the revolutions up to a speed tell; NotToldError where they do not."""
-        found = self.records()
+        found = self._turning()
         slow = (found.frame_speed <= speed_rpm * RPM) & (found.segment == self.stretch(segment).segment)
         if not slow.any():
             raise NotToldError(f"run {self.header.run}: it never turned as slowly as {speed_rpm:,.0f} r/min")
@@ -188,6 +188,15 @@ class RunSamples:
             is_kept = self._reader.is_complete and self._reader.skipped_samples == 0
             self._found = records(path) if is_kept else read_records(path, partial(self._tell, "analysing"))
         return self._found
+
+    def _turning(self) -> Records:
+        """Return the run's results; NotToldError where the tacho never told a speed."""
+        found = self.records()
+        if not np.isfinite(found.frame_speed).any():
+            raise NotToldError(
+                f"run {self.header.run}: the tacho told no speed anywhere, or for fewer turns than a frame"
+            )
+        return found
 
     def _require_order(self, order: float, angle: ShaftAngle) -> None:
         """Raise NotToldError where an order lies beyond what the samples hold."""
