@@ -144,7 +144,7 @@ def _positions(whole: Table) -> list[float]:
                 f"position: {position:g} m of station {number}, expected more than {positions[-1]:g} m, where station "
                 f"{number - 1} is, by {NEAREST:g} m at least: stations stand in order along the axis"
             )
-            position = positions[-1] + 1.0  # so that nothing else is said of it
+            position = positions[-1] + NEAREST  # so that nothing else is said of it
         positions.append(position)
     if len(positions) < 2:
         whole.fault(f"station: {len(positions)} stations, expected two or more tables [[station]]")
