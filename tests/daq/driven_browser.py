@@ -51,7 +51,8 @@ class Page:
     def show(self, address: str) -> None:
         """Go to an address, and wait until it is there."""
         self.ask("Page.navigate", url=address)
-        self.until(f"location.href.startsWith({json.dumps(address)}) && document.readyState === 'complete'")
+        place = json.dumps(address.partition("#")[0])  # a page takes what is behind it away
+        self.until(f"location.href.startsWith({place}) && document.readyState === 'complete'")
 
     def choose_file(self, element: str, path: Path) -> None:
         """Choose a file in an input of this id."""
