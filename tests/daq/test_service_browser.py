@@ -257,8 +257,10 @@ def test_page_draws_an_opened_run(tmp_path: Path, rig: RigFactory) -> None:
     record_run(rig(), tmp_path)
     bench = open_recorded_bench(tmp_path, host="0.0.0.0", token="open-sesame")  # noqa: S104, S106 - as another machine would reach it
     try:
-        address = f"http://127.0.0.1:{bench.client.base_url.port}/#token=open-sesame"
+        address = f"http://127.0.0.1:{bench.client.base_url.port}/"
         with driven_page(str(CHROMIUM), tmp_path / "profile", address) as page:
+            page.value("document.getElementById('token-value').value = 'open-sesame'")
+            page.value("document.getElementById('token').requestSubmit()")
             page.until("document.querySelector('#runs details') !== null")
             page.value("document.querySelector('#runs details').open = true")
             page.until("document.querySelectorAll('.drawings button').length > 15")
