@@ -31,6 +31,7 @@ from daq.stopping import StopFlag
 from recordings.parts import PartLimits, PartWriter
 from recordings.reader import RunReader
 from recordings.results import EncodedResult
+from tests.daq.test_killed_recording import recorded_samples
 from tests.daq.test_recorded import Screen, order, recorded
 
 RigFiles = Callable[..., Path]
@@ -39,6 +40,8 @@ RigFactory = Callable[..., Rig]
 PROFILE = [{"time_s": 0, "speed_rpm": 3000}, {"time_s": 60, "speed_rpm": 3000}]
 SLOW = {"profile": PROFILE, "pace": "real time"}
 POSIX = pytest.mark.skipif(sys.platform == "win32", reason="signals and terminals of POSIX")
+PAGE = re.compile(r"page (http://[\d.:]+)/")
+ENOUGH = 6_000  # samples per channel that are recorded before the end is asked for
 
 
 @pytest.fixture
@@ -49,6 +52,13 @@ def environment(tmp_path: Path, tmp_path_factory: pytest.TempPathFactory) -> dic
 
 def command(rig: Path) -> list[str]:
     return [sys.executable, "-m", "daq.cli.main", "record", str(rig), "--no-view", "--port", "0"]
+
+
+def wait_for_samples(address: str) -> None:
+    deadline = time.monotonic() + 60
+    while recorded_samples(address) < ENOUGH:
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
 
 
 def whole_run(folder: Path) -> RunReader:
@@ -69,16 +79,16 @@ def test_signal_to_all_processes_of_the_command_ends_it_with_a_whole_file(
     told = ""
     for line in process.stderr:
         told += line
-        if re.search(r"page http://", line):
+        if found := PAGE.search(line):
+            wait_for_samples(found[1])
             break
-    time.sleep(0.7)
     os.killpg(process.pid, number)
-    out, more = process.communicate(timeout=60)
+    out, more = process.communicate(timeout=120)
     assert process.returncode == 130, told + more
     assert "gap-free" in out
     with whole_run(tmp_path / "data") as reader:
         assert reader.is_gap_free
-        assert reader.n_samples > 5_000
+        assert reader.n_samples >= ENOUGH
 
 
 @POSIX
@@ -92,17 +102,17 @@ def test_terminal_that_is_closed_ends_the_recording_with_a_whole_file(
     if process == 0:
         os.execve(sys.executable, command(rig), environment)  # noqa: S606 - the terminal is this process's own
     seen = b""
-    while b"lost 0" not in seen:
+    while (found := PAGE.search(seen.decode(errors="replace"))) is None:
         seen += os.read(terminal, 4096)
-    time.sleep(0.5)
+    wait_for_samples(found[1])
     os.close(terminal)
-    deadline = time.monotonic() + 40
+    deadline = time.monotonic() + 120
     while os.waitpid(process, os.WNOHANG)[0] == 0:
         assert time.monotonic() < deadline
         time.sleep(0.1)
     with whole_run(tmp_path / "data") as reader:
         assert reader.is_gap_free
-        assert reader.n_samples > 5_000
+        assert reader.n_samples >= ENOUGH
 
 
 class Failing:
