@@ -1,9 +1,17 @@
-"""A hang is told with the stacks of all threads (pyproject.toml); what takes long, on purpose or by load, is none."""
+"""What holds for all tests: how they are measured, and what becomes of one that hangs.
+
+A hang is told with the stacks of all threads (pyproject.toml); what takes long, on purpose or by load, is none.
+Coverage is that of the tests' own processes. Commands and recorders that they start would take half as long again.
+"""
 
 import faulthandler
+import os
 
 import pytest
 from hypothesis import settings
+
+if "PYTEST_XDIST_WORKER" in os.environ:
+    os.environ.pop("COVERAGE_PROCESS_CONFIG", None)
 
 LONG = ("benchmark", "campaign", "oracle")
 

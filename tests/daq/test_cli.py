@@ -198,7 +198,7 @@ class Command:
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [pytest.param(signal.SIGINT, marks=pytest.mark.campaign), signal.SIGTERM])
 def test_signal_ends_the_recording_with_a_whole_file(number: signal.Signals, rig_file: RigFiles, places: Path) -> None:
     command = Command("record", str(rig_file(simulation=SLOW, limits=LIMITS)), "--no-view", "--port", "0")
     deadline = time.monotonic() + 60

@@ -67,8 +67,8 @@ def cases(bench: RecordedBench, *options: str, timeout: float) -> int:
 
 
 def test_service_keeps_to_its_schema_in_a_quick_look(bench: RecordedBench) -> None:
-    quick = ("--phases=examples,fuzzing", "--max-examples=6", "--seed=1", f"--exclude-path-regex={ANALYSES}")
-    assert cases(bench, *quick, f"--exclude-operation-id={PUTTING_AWAY}", timeout=400.0) > 120
+    quick = ("--phases=examples,fuzzing", "--max-examples=4", "--seed=1", f"--exclude-path-regex={ANALYSES}")
+    assert cases(bench, *quick, f"--exclude-operation-id={PUTTING_AWAY}", timeout=400.0) > 90
     assert cases(bench, *quick, f"--include-operation-id={PUTTING_AWAY}", timeout=200.0) > 0
 
 
