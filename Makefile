@@ -8,7 +8,7 @@ READY := $(VENV)/ready
 ORACLE := .venv-oracle/ready
 RIG ?= rigs/bench.toml
 
-.PHONY: run serve test check bench campaign oracle proto clean
+.PHONY: run serve test coverage check bench campaign oracle proto clean
 
 run: $(READY)
 	$(BIN)/rig predict $(RIG) --quiet
@@ -18,10 +18,14 @@ serve: $(READY)
 	$(BIN)/rig serve $(RIG)
 
 test: $(READY) check
+	OPENBLAS_NUM_THREADS=1 $(BIN)/pytest -n 3 --dist loadfile
+
+# The same tests, measured: they take a third longer.
+coverage: $(READY)
 	$(BIN)/coverage erase
 	OPENBLAS_NUM_THREADS=1 $(BIN)/coverage run -m pytest -n 3 --dist loadfile
 	$(BIN)/coverage combine --quiet
-	$(BIN)/coverage report
+	$(BIN)/coverage report --fail-under 90
 
 check: $(READY)
 	$(BIN)/ruff format --check .
