@@ -8,7 +8,7 @@ READY := $(VENV)/ready
 ORACLE := .venv-oracle/ready
 RIG ?= rigs/bench.toml
 
-.PHONY: run serve test coverage check bench campaign oracle proto clean
+.PHONY: run serve test coverage check bench campaign oracle numbers proto clean
 
 run: $(READY)
 	$(BIN)/rig predict $(RIG) --quiet
@@ -42,6 +42,10 @@ campaign: $(READY)
 # ROSS, another rotor program, computes again what tests/validation/ross/ross.json holds. It has an environment of its own.
 oracle: $(READY) $(ORACLE)
 	$(BIN)/pytest tests/validation -m oracle
+
+# The numeric tests alone, for another OPENBLAS_CORETYPE (Prescott, Haswell, Zen, SkylakeX) than this processor's own.
+numbers: $(READY)
+	OPENBLAS_NUM_THREADS=1 $(BIN)/pytest -n 2 --dist loadfile tests/analysis tests/model tests/validation
 
 $(ORACLE): tests/validation/ross/requirements.txt
 	test -x .venv-oracle/bin/python || $(PYTHON) -m venv .venv-oracle

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, eigh
 
-from model.linear import LinearSystem, linear_system
+from model.linear import EQUAL, LinearSystem, forward_share, linear_system
 from model.modes import CriticalSpeeds
 from model.rotor import Rotor, require_positive
 from model.supports import Coefficients, Support
@@ -61,9 +61,8 @@ def system_critical_speeds(system: LinearSystem, highest: float) -> CriticalSpee
         stiffness = (system.stiffness + system.stiffness.T) / 2
         # U = q exp(i Omega t): det(K - Omega² (M - i G)) = 0
         speeds, vectors = _speeds(system.mass - 1j * system.gyroscopic, stiffness)
-        x, y = np.moveaxis(np.asarray(system.displacements(vectors.T)), 1, 0)
-        turning = (np.abs(x + 1j * y) ** 2 - np.abs(x - 1j * y) ** 2).sum(axis=1)
-        forward, reverse = speeds[turning >= 0], speeds[turning < 0]
+        turns_back = forward_share(np.asarray(system.displacements(vectors.T))) < -EQUAL
+        forward, reverse = speeds[~turns_back], speeds[turns_back]
     return CriticalSpeeds(
         forward=tuple(float(speed) for speed in forward if speed <= highest),
         reverse=tuple(float(speed) for speed in reverse if speed <= highest),

@@ -16,8 +16,11 @@ from model.supports import Support
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
+IntArray = NDArray[np.intp]
 
 OVERDAMPED = 1e-9  # of the size of an eigenvalue: below it the imaginary part is rounding
+EQUAL = 1e-9  # relative distance below which two eigenvalues are equal: what sets them apart is rounding
+ROUNDING = 1e-11  # of the largest eigenvalue: the rounding of the others
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -149,7 +152,7 @@ def plain_states(system: LinearSystem, speeds: FloatArray) -> tuple[FloatArray, 
     Returns
     -------
     frequencies : ndarray of float64, shape (n, 2 N)
-        By size, rad/s, below 0 for reverse ones.
+        By size, rad/s, below 0 for reverse ones; of equal sizes the reverse one first, as just above rest.
     states : ndarray of float64, shape (n, 2 N, 2 N)
         In rows, orthonormal.
     to_place : ndarray of float64, shape (2 N, N)
@@ -157,8 +160,12 @@ def plain_states(system: LinearSystem, speeds: FloatArray) -> tuple[FloatArray, 
     """
     M, J, K = system.plane
     n = system.coordinates
-    squares, vectors = np.linalg.eigh(K)
-    root = vectors * np.sqrt(np.clip(squares, 0, None))  # K = root root^T, also where the rotor is free
+    stiffnesses = np.diag(K)
+    # slopes and displacements on one scale: otherwise rounding takes five digits of the lowest modes
+    scale = np.sqrt(np.where(stiffnesses > 0, stiffnesses, 1.0))
+    squares, vectors = np.linalg.eigh(K / np.outer(scale, scale))
+    squares[squares < n * np.finfo(np.float64).eps * squares.max()] = 0  # what eigh leaves where the rotor is free
+    root = scale[:, None] * vectors * np.sqrt(squares)  # K = root root^T
     to_unit = np.linalg.inv(np.linalg.cholesky(M))
     # (K + w Omega J - w² M) Z = 0 with a = root^T Z, b = w L^T Z, M = L L^T, is one symmetric eigenproblem:
     whole = np.zeros((speeds.size, 2 * n, 2 * n))
@@ -166,10 +173,45 @@ def plain_states(system: LinearSystem, speeds: FloatArray) -> tuple[FloatArray, 
     whole[:, n:, :n] = to_unit @ root
     whole[:, n:, n:] = speeds[:, None, None] * (to_unit @ J @ to_unit.T)
     frequencies, columns = np.linalg.eigh(whole)
-    order = np.argsort(np.abs(frequencies), axis=1, kind="stable")
-    frequencies = np.take_along_axis(frequencies, order, axis=1)
-    states = np.take_along_axis(np.swapaxes(columns, 1, 2), order[:, :, None], axis=1)
+    sizes = np.abs(frequencies)
+    frequencies[sizes <= ROUNDING * sizes.max(axis=1, keepdims=True)] = 0.0  # the free rotor's
+    states = np.array(np.swapaxes(columns, 1, 2))
+    slope = np.zeros((2 * n, 2 * n))  # of the matrix over speed
+    slope[n:, n:] = to_unit @ J @ to_unit.T
+    for signed, rows in zip(frequencies, states, strict=True):
+        _separate_equal(signed, rows, slope)
+        order = _by_size(signed, np.abs(signed), np.sign(signed))
+        signed[:], rows[:] = signed[order], rows[order]
     return frequencies, states, np.concatenate((np.zeros((n, n)), to_unit))
+
+
+def _groups(values: FloatArray | ComplexArray) -> list[IntArray]:
+    """Return the indexes of neighbouring values that are equal but for rounding, (k,) each, k = 1 where none is."""
+    sizes = np.abs(values)
+    apart = np.abs(np.diff(values)) > EQUAL * sizes[1:] + ROUNDING * sizes.max(initial=0.0)
+    return np.split(np.arange(values.size), np.flatnonzero(apart) + 1)
+
+
+def _by_size(values: FloatArray, sizes: FloatArray, sense: FloatArray) -> IntArray:
+    """Return the order of rising size in which equal sizes go by sense, reverse first, then by value."""
+    order = np.argsort(sizes, kind="stable")
+    rank = np.empty(sizes.size, np.intp)
+    for number, group in enumerate(_groups(sizes[order])):
+        rank[order[group]] = number
+    return np.lexsort((values, sense, rank))
+
+
+def _separate_equal(
+    values: FloatArray | ComplexArray, rows: FloatArray | ComplexArray, form: FloatArray | ComplexArray
+) -> None:
+    """Turn orthonormal vectors of equal values, in place, to where a Hermitian form has its extremes, rising.
+
+    Any combination of them is an eigenvector too, and which ones LAPACK gives depends on the processor.
+    """
+    for group in _groups(values):
+        if group.size > 1:
+            basis = rows[group]
+            rows[group] = np.linalg.eigh(basis.conj() @ form @ basis.T)[1].T @ basis
 
 
 def _plain_modes(system: LinearSystem, speeds: FloatArray) -> list[WhirlModes]:
@@ -192,19 +234,30 @@ def _general_modes(system: LinearSystem, speed: float) -> WhirlModes:
     values, vectors = np.linalg.eig(state)
     swinging = values.imag > OVERDAMPED * np.maximum(np.abs(values), 1e-300)
     values, unit = values[swinging], vectors[:size, swinging].T
-    order = np.argsort(values.imag, kind="stable")
+    order = _by_size(values.real, values.imag, np.zeros(values.size))
     values, unit = values[order], unit[order] / np.linalg.norm(unit[order], axis=1, keepdims=True)
+    for group in _groups(values):
+        if group.size > 1:
+            unit[group] = np.linalg.qr(unit[group].T)[0].T
+    _separate_equal(values, unit, _forward_power(system, to_unit))
     place = unit @ to_unit
-    displacements = np.asarray(system.displacements(place))
-    turning = _forward_power(displacements).sum(axis=-1)
-    signed = np.where(turning < 0, -values.imag, values.imag)
-    return _modes(system, speed, signed, values.real, place, unit)
+    signed = np.where(forward_share(np.asarray(system.displacements(place))) < -EQUAL, -values.imag, values.imag)
+    order = _by_size(values.real, values.imag, np.sign(signed))
+    return _modes(system, speed, signed[order], values.real[order], place[order], unit[order])
 
 
-def _forward_power(displacements: NDArray[np.generic]) -> FloatArray:
-    """Return by how much the squared forward amplitude is above the reverse one's, of (..., 2, n) the (..., n)."""
+def forward_share(displacements: NDArray[np.generic]) -> FloatArray:
+    """Return by how much forward motion outweighs reverse, of (..., 2, n) the (...): -1 to 1, about 0 for lines."""
     x, y = np.asarray(displacements[..., 0, :], np.complex128), np.asarray(displacements[..., 1, :], np.complex128)
-    return np.asarray((np.abs(x + 1j * y) ** 2 - np.abs(x - 1j * y) ** 2) / 4, np.float64)
+    with_shaft, against = (np.abs(x + 1j * y) ** 2).sum(axis=-1), (np.abs(x - 1j * y) ** 2).sum(axis=-1)
+    total = with_shaft + against
+    return np.asarray((with_shaft - against) / np.where(total > 0, total, 1.0), np.float64)
+
+
+def _forward_power(system: LinearSystem, to_place: FloatArray) -> ComplexArray:
+    """Return the Hermitian form, (2 N, 2 N), of the forward less the reverse power of vectors times ``to_place``."""
+    x, y = np.moveaxis(np.asarray(system.displacements(to_place)), -2, 0)
+    return np.asarray(0.5j * (x @ y.T - y @ x.T), np.complex128)
 
 
 def _modes(

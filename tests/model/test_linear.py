@@ -110,6 +110,32 @@ def test_branches_keep_apart_in_steps_in_which_they_exchange_their_shapes_slowly
     assert np.all(high > low)
 
 
+def test_equal_frequencies_are_numbered_by_their_slope_at_rest(soft: LinearSystem) -> None:
+    at_rest, turning = (modes.frequencies for modes in whirl_modes(soft, [0.0, 1.0]))
+    assert np.array_equal(np.sign(at_rest), np.sign(turning))
+    assert np.all(at_rest[::2] < 0)
+    assert at_rest[::2] == pytest.approx(-at_rest[1::2], rel=1e-9)
+
+
+def test_equal_modes_of_a_damped_rotor_at_rest_are_a_reverse_and_a_forward_circle() -> None:
+    damped = on(Coefficients.isotropic(1e4, 5.0))
+    at_rest, turning = whirl_modes(damped, [0.0, 1.0])
+    assert np.array_equal(np.sign(at_rest.frequencies), np.sign(turning.frequencies))
+    assert at_rest.forward[::2] == pytest.approx(-1.0, abs=1e-4)
+    assert at_rest.forward[1::2] == pytest.approx(1.0, abs=1e-4)
+    assert likeness(at_rest, turning).diagonal() == pytest.approx(1.0, abs=1e-3)
+
+
+def test_rigid_modes_of_a_free_rotor_have_exactly_no_frequency() -> None:
+    free = linear_system(gj90c_rotor(), [])
+    (at_rest,) = whirl_modes(free, [0.0])
+    assert np.array_equal(at_rest.frequencies[:4], np.zeros(4))
+    found = campbell(free, [0.0, 500.0, 1000.0], 6)
+    for speed, column in zip(found.speeds, found.frequencies.T, strict=True):
+        (modes,) = whirl_modes(free, [speed])
+        assert np.sort(column) == pytest.approx(np.sort(modes.frequencies[:6]), rel=1e-9)
+
+
 def test_branches_are_whole_and_each_mode_is_on_one(soft: LinearSystem) -> None:
     followed = campbell(soft, SPEEDS).frequencies
     for speed, column in zip(SPEEDS, followed.T, strict=True):
