@@ -52,9 +52,9 @@ $(ORACLE): tests/validation/ross/requirements.txt
 	.venv-oracle/bin/python -m pip install --quiet --disable-pip-version-check --requirement $<
 	@touch $(ORACLE)
 
-# The protobuf code is committed; run this after changing recordings/rig.proto.
+# The protobuf code is committed; run this after changing recordings/mcap/schema/rig.proto.
 proto: $(READY)
-	$(BIN)/python -m grpc_tools.protoc --proto_path=recordings --python_out=recordings --pyi_out=recordings rig.proto
+	$(BIN)/python -m grpc_tools.protoc --proto_path=recordings/mcap/schema --python_out=recordings/mcap/schema --pyi_out=recordings/mcap/schema rig.proto
 
 $(READY): pyproject.toml constraints.txt
 	@command -v $(PYTHON) >/dev/null || { echo "$(PYTHON) is missing: apt install python3 python3-venv"; exit 1; }

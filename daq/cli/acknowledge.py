@@ -3,7 +3,7 @@
 import argparse
 
 from daq.cli.running_service import order
-from daq.cli.telling import print_json
+from daq.cli.summary_text import print_json
 
 
 def run(chosen: argparse.Namespace) -> int:

@@ -13,24 +13,24 @@ from pydantic.fields import FieldInfo
 
 from daq.cli.aligned import Cell, aligned, number
 from daq.cli.arguments import add_folder, show_examples
-from daq.cli.console import Console
+from daq.cli.progress import Console
 from daq.cli.replay import found
-from daq.cli.telling import print_json
+from daq.cli.summary_text import print_json
 from daq.cli.terminal import show
 from daq.errors import UsageError
-from daq.service.analyses.analysis import Analysis
-from daq.service.analyses.columns import QUANTITIES
-from daq.service.analyses.kinds import KINDS
-from daq.service.analyses.questions import MOST_ORDERS, AnalysisForm
-from daq.service.analyses.run_samples import RunSamples
-from daq.service.analyses.sending import content, table
-from daq.service.documents.analysis import analysis_document
-from daq.service.questions import Question
-from daq.service.rastering import NoPngError, require_png
-from daq.service.records import NoSuchMomentError
-from daq.service.sample_answers import TooMuchError
-from recordings.formats import write_table
-from recordings.reader import RunReader
+from daq.reports.analyses_questions import MOST_ORDERS, AnalysisForm
+from daq.reports.analysis import Analysis
+from daq.reports.analysis_schema import analysis_document
+from daq.reports.columns import QUANTITIES
+from daq.reports.plots.png import NoPngError, require_png
+from daq.reports.questions import Question
+from daq.reports.records import NoSuchMomentError
+from daq.reports.registry import KINDS
+from daq.reports.run_samples import RunSamples
+from daq.reports.samples import TooMuchError
+from daq.reports.sending import content, table
+from recordings.exchange.formats import write_table
+from recordings.mcap.reader import RunReader
 
 QUIET = 1.0  # s that a command may take before it tells how far it is
 TABLES = (".csv", ".parquet")

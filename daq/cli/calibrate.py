@@ -9,16 +9,16 @@ from pathlib import Path
 
 import numpy as np
 
-from analysis.calibration_fit import CalibrationFit, fit_calibration, usual_order
+from analysis.preflight.calibration_fit import CalibrationFit, fit_calibration, usual_order
 from daq.cli.gap_steps import keep, stepped
 from daq.cli.preflight import NOT_READY
-from daq.cli.telling import print_json
+from daq.cli.summary_text import print_json
 from daq.config.calibration import CalibrationRecord, Papers, fitted_record, load_calibration, load_record, write_record
 from daq.config.load import load_rig
 from daq.config.rig import MICRO, Rig
 from daq.errors import UsageError
-from daq.service.documents.calibration import gap_document, tacho_document
-from daq.session.calibrating import Point, points_of, probe_row, tacho_levels
+from daq.schemas.calibration import gap_document, tacho_document
+from daq.session.preflight.calibration import Point, points_of, probe_row, tacho_levels
 
 _HALF_PLOT = 15  # characters to either side of zero
 

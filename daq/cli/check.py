@@ -4,15 +4,15 @@ import argparse
 from collections.abc import Iterator
 from pathlib import Path
 
-from daq.cli.telling import print_json
+from daq.cli.summary_text import print_json
 from daq.cli.terminal import show
 from daq.config.load import load_rig
 from daq.config.rig import Rig
 from daq.config.schema import Backend
-from daq.drivers import simulated_converter as converter
+from daq.drivers.simulation import converter
 from daq.errors import ConfigError
-from daq.service.documents.rig_check import faulty_document, good_document
-from daq.session.rig_checks import disk_rate
+from daq.schemas.rig_check import faulty_document, good_document
+from daq.session.preflight.rig_checks import disk_rate
 
 
 def run(chosen: argparse.Namespace) -> int:

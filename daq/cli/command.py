@@ -7,9 +7,10 @@ from collections.abc import Callable, Sequence
 from importlib.metadata import version
 from typing import TextIO
 
-from daq.cli import analyse, exchange, finding, listing, predict, verify
+from daq.cli import analyse, exchange, finding, listing, verify
 from daq.cli.arguments import add_folder, calibration, show_examples, speed
 from daq.cli.bench import add_bench_commands
+from daq.cli.model import predict
 from daq.cli.model.commands import add_kinds
 from daq.cli.run_commands import add_run_commands
 from daq.cli.terminal import use_known_letters

@@ -2,10 +2,10 @@
 
 import argparse
 
-from daq.cli.telling import print_json
+from daq.cli.summary_text import print_json
 from daq.config.schema import Backend, DeviceSection
-from daq.drivers.usb6251 import FoundDevice, connected_devices
-from daq.service.documents.devices import found_device_document
+from daq.drivers.ni import FoundDevice, connected_devices
+from daq.schemas.devices import found_device_document
 
 _STATES = {True: "busy: another program holds it", False: "free", None: "no analog input"}
 

@@ -7,13 +7,13 @@ from functools import partial
 from pathlib import Path
 
 from daq.cli.arguments import add_folder, show_examples
-from daq.cli.console import Console
+from daq.cli.progress import Console
 from daq.cli.replay import found
-from daq.session.imported import import_run
-from recordings.catalogue import Catalogue, data_folder
-from recordings.export import pulses_table, results_table, samples_table
-from recordings.formats import EXPORTS, IMPORTS, write_table
-from recordings.reader import RunReader
+from daq.session.import_run import import_run
+from recordings.catalogue.catalogue import Catalogue, data_folder
+from recordings.exchange.export import pulses_table, results_table, samples_table
+from recordings.exchange.formats import EXPORTS, IMPORTS, write_table
+from recordings.mcap.reader import RunReader
 
 Add = Callable[[str, Callable[[argparse.Namespace], int], str], argparse.ArgumentParser]
 

@@ -5,16 +5,16 @@ from collections.abc import Callable
 from datetime import UTC, datetime
 
 from daq.cli.arguments import add_folder, show_examples, speed
-from daq.cli.console import RPM, Console
 from daq.cli.listing import run_line, said_of
+from daq.cli.progress import RPM, Console
 from daq.cli.replay import found
-from daq.cli.telling import print_json
+from daq.cli.summary_text import print_json
 from daq.errors import UsageError
-from daq.service.documents import run_document
-from daq.service.documents.catalogue import index_document
+from daq.schemas import run_document
+from daq.schemas.catalogue import index_document
 from daq.session.offline import summarise
-from recordings.catalogue import Catalogue, data_folder
-from recordings.search import Search
+from recordings.catalogue.catalogue import Catalogue, data_folder
+from recordings.catalogue.search import Search
 
 NOT_WHOLE = 5
 SECOND = 1_000_000_000

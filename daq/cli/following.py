@@ -1,9 +1,9 @@
 """Watching a run from the terminal until it ends or is stopped."""
 
-from daq.cli.console import Console, frame_line
-from daq.session.frame import RunState, Status
+from daq.cli.progress import Console, frame_line
+from daq.session.live_update import RunState, Status
 from daq.session.run import Outcome, Run
-from daq.stopping import StopFlag
+from daq.stop_flag import StopFlag
 
 _LOOK = 0.2  # s
 _TROUBLE = frozenset({RunState.DEGRADED, RunState.INTERRUPTED})

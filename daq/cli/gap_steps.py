@@ -9,7 +9,7 @@ from pathlib import Path
 
 from daq.config.rig import MICRO, Rig
 from daq.errors import DeviceError
-from daq.session.calibrating import Point, measured_point, probe_row
+from daq.session.preflight.calibration import Point, measured_point, probe_row
 
 
 def stepped(rig: Rig, name: str, path: Path) -> list[Point]:

@@ -2,14 +2,14 @@
 
 import argparse
 
-from daq.cli.console import Console
+from daq.cli.progress import Console
 from daq.cli.replay import found
-from daq.cli.telling import tell
+from daq.cli.summary_text import tell
 from daq.config.calibration import load_calibration
-from daq.service.documents import RunDocument
-from daq.service.summaries import Summaries
-from daq.session.predictors import Predictors
-from recordings.verify import Verdict
+from daq.reports.summaries import Summaries
+from daq.schemas import RunDocument
+from daq.session.prediction.predictors import Predictors
+from recordings.integrity.verify import Verdict
 
 
 def run_line(run: RunDocument) -> str:

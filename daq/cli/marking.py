@@ -6,7 +6,7 @@ import sys
 import threading
 from contextlib import suppress
 
-from daq.cli.console import Console
+from daq.cli.progress import Console
 from daq.session.alarms import alarm_text
 from daq.session.run import Marked
 

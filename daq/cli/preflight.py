@@ -7,14 +7,14 @@ import textwrap
 from collections.abc import Iterator
 from pathlib import Path
 
-from analysis.verdict import Verdict
-from daq.cli.console import RPM, Console
-from daq.cli.telling import print_json
+from analysis.preflight.verdict import Verdict
+from daq.cli.progress import RPM, Console
+from daq.cli.summary_text import print_json
 from daq.cli.terminal import show, width_of
 from daq.config.load import load_rig
-from daq.service.documents.preflight import preflight_document
-from daq.session.preflight import Plan, Preflight, preflight
-from recordings.catalogue import data_folder
+from daq.schemas.preflight import preflight_document
+from daq.session.preflight.preflight import Plan, Preflight, preflight
+from recordings.catalogue.catalogue import data_folder
 
 NOT_READY = 4  # exit code
 _WIDTH = 112  # at most

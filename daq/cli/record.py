@@ -6,25 +6,25 @@ from contextlib import closing
 from importlib.metadata import version
 from pathlib import Path
 
-from daq.cli.console import Console
 from daq.cli.following import follow
 from daq.cli.listing import run_line
+from daq.cli.live_screens import Screens
 from daq.cli.marking import take_marks
-from daq.cli.screens import Screens
+from daq.cli.progress import Console
 from daq.cli.signals import STOPPED, stop_requested
-from daq.cli.telling import print_json, tell
+from daq.cli.summary_text import print_json, tell
 from daq.config.load import load_rig
 from daq.config.rig import Rig
 from daq.config.trigger import with_trigger
-from daq.service.documents import run_document
-from daq.service.readings import Readings
-from daq.service.summaries import Summaries
-from daq.session.known_runout import with_known_runout
-from daq.session.messages import Order
-from daq.session.predictors import Predictors
-from daq.session.recorded import RecordedRun
-from recordings.catalogue import Catalogue, data_folder
-from recordings.parts import file_names
+from daq.reports.summaries import Summaries
+from daq.schemas import run_document
+from daq.service.run_reader import Readings
+from daq.session.prediction.predictors import Predictors
+from daq.session.recording.messages import Order
+from daq.session.recording.recorded_run import RecordedRun
+from daq.session.runout_reference import with_known_runout
+from recordings.catalogue.catalogue import Catalogue, data_folder
+from recordings.mcap.parts import file_names
 
 FEW = 3  # files of a run that are each summed up at its end
 

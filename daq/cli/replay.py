@@ -3,19 +3,19 @@
 import argparse
 from pathlib import Path
 
-from daq.cli.console import Console
 from daq.cli.following import follow
-from daq.cli.screens import Screens
+from daq.cli.live_screens import Screens
+from daq.cli.progress import Console
 from daq.cli.signals import stop_requested
-from daq.cli.telling import tell
+from daq.cli.summary_text import tell
 from daq.drivers.replay import open_replay
-from daq.service.readings import Readings
-from daq.service.summaries import Summaries
-from daq.session.predictors import PATIENCE, Predictors
-from daq.session.replayed import ReplayedRun
-from recordings.catalogue import SUFFIX, Catalogue, data_folder
+from daq.reports.summaries import Summaries
+from daq.service.run_reader import Readings
+from daq.session.prediction.predictors import PATIENCE, Predictors
+from daq.session.replayed_run import ReplayedRun
+from recordings.catalogue.catalogue import SUFFIX, Catalogue, data_folder
 from recordings.errors import NotFoundError
-from recordings.reader import RunReader
+from recordings.mcap.reader import RunReader
 
 
 def found(recording: str, folder: str) -> tuple[Catalogue, str]:

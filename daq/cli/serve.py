@@ -4,19 +4,19 @@ import argparse
 from contextlib import ExitStack
 from pathlib import Path
 
-from daq.cli.console import Console
+from daq.cli.live_screens import Screens
+from daq.cli.progress import Console
 from daq.cli.record import order_for
-from daq.cli.screens import Screens
 from daq.cli.signals import stop_requested
 from daq.config.load import load_rig
 from daq.config.rig import Rig
 from daq.config.schema import StorageSection
-from daq.service.readings import Readings
-from daq.service.summaries import Summaries
-from daq.session.desk import RunDesk
-from daq.session.predictors import Predictors
-from daq.session.recorded import RecordedRun
-from recordings.catalogue import Catalogue, data_folder
+from daq.reports.summaries import Summaries
+from daq.service.run_reader import Readings
+from daq.session.prediction.predictors import Predictors
+from daq.session.recording.recorded_run import RecordedRun
+from daq.session.run_manager import RunDesk
+from recordings.catalogue.catalogue import Catalogue, data_folder
 
 
 def run(chosen: argparse.Namespace) -> int:

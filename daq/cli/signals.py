@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
 
-from daq.stopping import StopFlag
+from daq.stop_flag import StopFlag
 
 STOPPED = 130
 """Exit code of what was stopped by hand."""

@@ -6,14 +6,14 @@ from functools import partial
 from pathlib import Path
 
 from daq.cli.arguments import add_folder
-from daq.cli.console import Console
+from daq.cli.progress import Console
 from daq.cli.replay import found
-from daq.cli.telling import print_json
+from daq.cli.summary_text import print_json
 from daq.cli.terminal import show
-from daq.service.documents.verification import recovery_document, verification_document
-from recordings.catalogue import SUFFIX
-from recordings.recover import Missing, recover
-from recordings.verify import Verdict, Verification, verify
+from daq.schemas.verification import recovery_document, verification_document
+from recordings.catalogue.catalogue import SUFFIX
+from recordings.integrity.recover import Missing, recover
+from recordings.integrity.verify import Verdict, Verification, verify
 
 NOT_WHOLE = 5
 

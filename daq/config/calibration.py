@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import AfterValidator, Field, ValidationError
 
-from analysis.calibration_fit import ORDERS, CalibrationFit, fit_calibration, usual_order
-from analysis.run import Calibration
-from daq.config.faults import plain_json, read_tables, read_text, validation_faults
+from analysis.preflight.calibration_fit import ORDERS, CalibrationFit, fit_calibration, usual_order
+from analysis.signals.header import Calibration
+from daq.config.messages import plain_json, read_tables, read_text, validation_faults
 from daq.config.schema import NotNegative, Section
-from daq.config.write import to_toml
+from daq.config.toml_writer import to_toml
 from daq.errors import ConfigError, UsageError
 
 FloatArray = NDArray[np.float64]

@@ -4,14 +4,14 @@ import math
 from collections import Counter
 from collections.abc import Iterator
 
-from analysis.run import Role
-from daq.config.condition import SPEED, TIME, read_condition
+from analysis.signals.header import Role
 from daq.config.counter import counter_faults
-from daq.config.faults import Fault
+from daq.config.messages import Fault
 from daq.config.rotor import configured_rotor
 from daq.config.runout import runout_faults
 from daq.config.schema import Backend, ChannelSection, RigConfig, TachoSection
-from model.document import DocumentError
+from daq.config.trigger_condition import SPEED, TIME, read_condition
+from model.rotor.tables import DocumentError
 
 AGGREGATE_RATE = {"USB-6251": 1e6}  # samples per second over all channels of a multi-channel scan
 DIFFERENTIAL_INPUTS = 8  # ai0 to ai7, each with the input 8 above it as its negative

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 
-from daq.config.faults import Fault
+from daq.config.messages import Fault
 from daq.config.schema import Backend, RigConfig
 
 TIMEBASES = {80e6: "80MHzTimebase", 20e6: "20MHzTimebase", 100e3: "100kHzTimebase"}

@@ -8,14 +8,14 @@ from typing import Any, Final
 
 from pydantic import ValidationError
 
-from analysis.run import Calibration, Role
+from analysis.signals.header import Calibration, Role
 from daq.config.calibration import load_calibration
 from daq.config.checks import cross_faults
-from daq.config.faults import Fault, plain_json, read_tables, read_text, shown, validation_faults
+from daq.config.messages import Fault, plain_json, read_tables, read_text, shown, validation_faults
 from daq.config.rig import Rig
 from daq.config.rotor_file import default_rotor, read_rotor
 from daq.config.schema import ChannelSection, RigConfig
-from daq.config.write import to_toml
+from daq.config.toml_writer import to_toml
 from daq.errors import ConfigError
 
 Place = tuple[int | str, ...]

@@ -5,8 +5,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from analysis.run import AnalysisSettings, Calibration, Limits, Tacho, TachoCounter
-from analysis.wiring_limits import WiringLimits
+from analysis.preflight.wiring_limits import WiringLimits
+from analysis.signals.header import AnalysisSettings, Calibration, Limits, Tacho, TachoCounter
 from daq.config.runout import runout_settings
 from daq.config.schema import RigConfig
 

@@ -3,11 +3,11 @@
 import math
 from dataclasses import replace
 
-from analysis.run import Role
+from analysis.signals.header import Role
 from daq.config.rig import MICRO, Rig
 from daq.config.rotor_file import rotor_of
 from daq.config.schema import ModelSection, RigConfig
-from model.parameters import FloatingRing, Imbalance, ModelParameters
+from model.rotor.parameters import FloatingRing, Imbalance, ModelParameters
 
 
 def rotor_parameters(rig: Rig) -> ModelParameters:

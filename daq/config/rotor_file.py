@@ -1,13 +1,13 @@
-"""Rotor files: what the model's rotor is made of, read from disk; `model.rotor_document` says whether it is right."""
+"""Rotor files: what the model's rotor is made of, read from disk; `model.rotor.rotor_file` says whether it is right."""
 
 from collections.abc import Mapping
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
 
-from daq.config.faults import read_tables, read_text
-from model.parameters import ModelParameters
-from model.rotor_document import rotor_from
+from daq.config.messages import read_tables, read_text
+from model.rotor.parameters import ModelParameters
+from model.rotor.rotor_file import rotor_from
 
 
 def read_rotor(path: Path | str) -> dict[str, object]:
@@ -17,7 +17,7 @@ def read_rotor(path: Path | str) -> dict[str, object]:
 
 def default_rotor() -> dict[str, object]:
     """Return the content of the rotor file that comes with the program: the thesis's GJ90C."""
-    text = files("model").joinpath("gj90c.toml").read_text(encoding="utf-8")
+    text = files("model.rotor").joinpath("gj90c.toml").read_text(encoding="utf-8")
     return read_tables(text, "gj90c.toml")
 
 

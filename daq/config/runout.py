@@ -4,8 +4,8 @@ import cmath
 import math
 from collections.abc import Iterator
 
-from analysis.run import RunOutSettings
-from daq.config.faults import Fault
+from analysis.signals.header import RunOutSettings
+from daq.config.messages import Fault
 from daq.config.schema import RigConfig
 
 MICRO = 1e-6

@@ -5,8 +5,8 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
-from analysis.run import Edge, Role
-from daq.config.condition import read_condition
+from analysis.signals.header import Edge, Role
+from daq.config.trigger_condition import read_condition
 
 
 class Section(BaseModel):

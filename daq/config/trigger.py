@@ -7,7 +7,7 @@ from pydantic import ValidationError
 from daq.config.checks import trigger_faults
 from daq.config.rig import Rig
 from daq.config.schema import TriggerSection
-from daq.config.write import to_toml
+from daq.config.toml_writer import to_toml
 from daq.errors import ConfigError
 
 

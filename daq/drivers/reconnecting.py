@@ -4,12 +4,12 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 
-from analysis.run import Acquisition
-from analysis.samples import EndReason, SampleBlock, SegmentEnd, SourceItem
+from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd, SourceItem
+from analysis.signals.header import Acquisition
 from daq.drivers.restarts import Restarts
 from daq.drivers.source import Source
 from daq.errors import DeviceError, DeviceFault
-from daq.stopping import StopFlag
+from daq.stop_flag import StopFlag
 
 BROKEN = frozenset({EndReason.UNPLUGGED, EndReason.DEVICE_ERROR})
 FINAL = frozenset({DeviceFault.BUSY, DeviceFault.REJECTED, DeviceFault.DRIVER})  # waiting does not help

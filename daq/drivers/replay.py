@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.run import Acquisition, RunHeader
-from analysis.samples import EndReason, SampleBlock, SegmentEnd, SourceItem
-from daq.stopping import StopFlag
+from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd, SourceItem
+from analysis.signals.header import Acquisition, RunHeader
+from daq.stop_flag import StopFlag
 from recordings.errors import RecordingError
-from recordings.reader import RunReader
+from recordings.mcap.reader import RunReader
 
 
 def open_replay(path: Path, pace: float | None = 1.0, *, block: int | None = None) -> "Replay":

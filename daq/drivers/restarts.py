@@ -4,7 +4,7 @@ import time
 from collections import deque
 from dataclasses import replace
 
-from analysis.samples import SegmentEnd
+from analysis.signals.blocks import SegmentEnd
 
 WINDOW = 60.0  # s
 

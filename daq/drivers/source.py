@@ -3,8 +3,8 @@
 from collections.abc import Iterator
 from typing import Protocol
 
-from analysis.run import Acquisition
-from analysis.samples import SampleBlock, SegmentEnd, SourceItem
+from analysis.signals.blocks import SampleBlock, SegmentEnd, SourceItem
+from analysis.signals.header import Acquisition
 
 
 class Source(Protocol):

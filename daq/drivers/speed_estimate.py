@@ -5,9 +5,9 @@ from collections import deque
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.edges import EdgeDetector
-from analysis.run import Acquisition, Role
-from analysis.samples import SampleBlock
+from analysis.signals.blocks import SampleBlock
+from analysis.signals.header import Acquisition, Role
+from analysis.tacho.edges import EdgeDetector
 
 RPM = 60.0  # revolutions a second to r/min
 STANDSTILL = 1.0  # s without an edge after which the shaft is taken to stand

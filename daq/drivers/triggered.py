@@ -8,9 +8,9 @@ from typing import Protocol
 
 import numpy as np
 
-from analysis.run import Acquisition
-from analysis.samples import EndReason, SampleBlock, SegmentEnd, SourceItem
-from daq.config.condition import SPEED, TIME, Condition
+from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd, SourceItem
+from analysis.signals.header import Acquisition
+from daq.config.trigger_condition import SPEED, TIME, Condition
 from daq.drivers.source import Source
 from daq.drivers.speed_estimate import SpeedEstimate
 

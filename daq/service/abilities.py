@@ -3,10 +3,10 @@
 from dataclasses import dataclass
 from typing import Final
 
-from daq.service.change_routes import ChangingCatalogue
-from daq.service.jobs import Jobs
-from daq.service.live_routes import Desk, Steering
-from daq.service.readings import Readings
+from daq.service.jobs.queue import Jobs
+from daq.service.routes.changes import ChangingCatalogue
+from daq.service.routes.live_routes import Desk, Steering
+from daq.service.run_reader import Readings
 
 
 @dataclass(frozen=True, slots=True)

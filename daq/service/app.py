@@ -8,25 +8,25 @@ from fastapi import APIRouter, FastAPI
 from fastapi.middleware.cors import CORSMiddleware
 
 from daq.errors import ServiceError
+from daq.schemas import ProblemDocument
 from daq.service.abilities import TELLING, Abilities
-from daq.service.change_routes import ChangeRoutes
-from daq.service.documents import ProblemDocument
-from daq.service.following_routes import FollowingRoutes
 from daq.service.guard import Guard, is_loopback
 from daq.service.head import HeadAsGet
-from daq.service.job_routes import JobRoutes
-from daq.service.kinds import Kind
 from daq.service.last_resort import LastResort
-from daq.service.live_routes import LiveRoutes
 from daq.service.live_run import Live
 from daq.service.pages import PUBLIC_PATHS, Pages
+from daq.service.problem_types import Kind
 from daq.service.problems import install
 from daq.service.reference import reference_page
-from daq.service.routes import Catalogue, Routes, Summaries
+from daq.service.routes.catalogue import Catalogue, Routes, Summaries
+from daq.service.routes.changes import ChangeRoutes
+from daq.service.routes.following_routes import FollowingRoutes
+from daq.service.routes.jobs import JobRoutes
+from daq.service.routes.live_routes import LiveRoutes
+from daq.service.routes.runs import RunRoutes
+from daq.service.routes.uploads import UploadRoutes
 from daq.service.routing import PREFIX, Routing
-from daq.service.run_routes import RunRoutes
 from daq.service.safe_headers import SafeHeaders
-from daq.service.upload_routes import UploadRoutes
 from daq.service.uploads import Uploads
 
 DISTRIBUTION = "rig-service"

@@ -8,7 +8,7 @@ from typing import Any, ClassVar, Final
 import h11
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
-from daq.service.kinds import Kind
+from daq.service.problem_types import Kind
 
 if sys.platform != "win32":
     import resource

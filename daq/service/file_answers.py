@@ -8,7 +8,7 @@ from anyio import to_thread
 from fastapi import Request, Response
 from fastapi.responses import StreamingResponse
 
-from daq.service.kinds import Kind
+from daq.service.problem_types import Kind
 from daq.service.problems import problem_response
 from daq.service.ranges import NoSuchRangeError, byte_range, portions
 from daq.service.tags import is_known

@@ -5,11 +5,11 @@ import threading
 from collections.abc import AsyncIterator, Callable
 from contextlib import suppress
 
-from daq.service.documents import Document
-from daq.service.kinds import Kind
+from daq.schemas import Document
 from daq.service.live_run import Live
+from daq.service.problem_types import Kind
 from daq.service.problems import ProblemError
-from daq.session.frame import LiveFrame
+from daq.session.live_update import LiveFrame
 
 INTERVAL = 0.1  # s
 MOST_CLIENTS = 64

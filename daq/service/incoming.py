@@ -8,9 +8,9 @@ from typing import Final
 from anyio import CapacityLimiter, fail_after, to_thread
 from fastapi import Request
 
-from daq.service.kinds import Kind
+from daq.service.problem_types import Kind
 from daq.service.problems import ProblemError
-from recordings.arrival import Arrival, RunExistsError
+from recordings.catalogue.arrival import Arrival, RunExistsError
 
 RESERVE: Final = 1024**3  # bytes that stay free on the disk
 AT_ONCE: Final = 2

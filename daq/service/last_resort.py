@@ -4,7 +4,7 @@ import logging
 
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from daq.service.kinds import Kind
+from daq.service.problem_types import Kind
 from daq.service.problems import problem_response
 
 logger = logging.getLogger(__name__)

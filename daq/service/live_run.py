@@ -2,9 +2,9 @@
 
 from typing import Protocol
 
-from daq.service.kinds import Kind
+from daq.service.problem_types import Kind
 from daq.service.problems import ProblemError
-from daq.session.frame import LiveFrame
+from daq.session.live_update import LiveFrame
 
 
 class Live(Protocol):

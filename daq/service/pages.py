@@ -45,7 +45,7 @@ class Pages:
     """
 
     def __init__(self, viewer_url: str | None, reference: str) -> None:
-        package = files("daq.service")
+        package = files("daq.console")
         page = package.joinpath("page.html").read_text(encoding="utf-8")
         self._frame = "'none'" if viewer_url is None else origin(viewer_url)
         self._page = page.replace("{{viewer}}", html.escape(viewer_url or "", quote=True))

@@ -8,8 +8,8 @@ from fastapi.exceptions import RequestValidationError
 from starlette.exceptions import HTTPException
 from starlette.routing import Match
 
-from daq.service.documents.problem import Fault, ProblemDocument
-from daq.service.kinds import Kind
+from daq.service.problem_types import Kind
+from daq.service.schemas.problem import Fault, ProblemDocument
 from recordings.errors import DamagedError, NotFoundError, RecordingError, StorageError, UnknownFormatError
 
 PROBLEM_TYPE: Final = "application/problem+json"

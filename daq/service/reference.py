@@ -5,7 +5,7 @@ import json
 from collections.abc import Iterator, Mapping
 from typing import Any, TypeAlias
 
-from daq.service.kinds import Kind
+from daq.service.problem_types import Kind
 
 Schema: TypeAlias = Mapping[str, Any]
 

@@ -10,7 +10,7 @@ from fastapi.datastructures import Default
 from fastapi.responses import JSONResponse
 from fastapi.routing import APIRoute
 
-from daq.service.kinds import Kind
+from daq.service.problem_types import Kind
 from daq.service.problems import ProblemError, openapi_responses
 
 PREFIX: Final = "/api/v1"

@@ -3,8 +3,8 @@
 import hashlib
 from typing import Any
 
-from daq.service.documents import Document
-from recordings.catalogue import RunEntry
+from daq.schemas import Document
+from recordings.catalogue.catalogue import RunEntry
 
 NOT_MODIFIED: dict[int | str, dict[str, Any]] = {
     304: {"description": "Not changed since the answer whose `ETag` was sent as `If-None-Match`"}

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path, PurePath
 from typing import Final
 
-from recordings.formats import IMPORTS
+from recordings.exchange.formats import IMPORTS
 
 MOST_KEPT: Final = 16
 MOST_BYTES: Final = 2 * 1024**3  # of one file

@@ -5,7 +5,7 @@ from typing import TypeVar
 
 from anyio import CapacityLimiter, to_thread
 
-from daq.service.kinds import Kind
+from daq.service.problem_types import Kind
 from daq.service.problems import ProblemError
 
 T = TypeVar("T")

@@ -3,8 +3,8 @@
 import math
 from collections.abc import Sequence
 
-from analysis.alarm import Alarm, Watched
-from recordings.marks import MOST_LETTERS, Mark, MarkKind
+from analysis.live.alarms import Alarm, Watched
+from recordings.mcap.markers import MOST_LETTERS, Mark, MarkKind
 
 MICRO = 1e-6
 RPM = 2 * math.pi / 60

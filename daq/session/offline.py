@@ -2,12 +2,12 @@
 
 from collections.abc import Callable, Iterator
 
-from analysis.analyser import Analyser
-from analysis.run import RunHeader
-from analysis.samples import SampleBlock, SegmentEnd
-from analysis.snapshot import Snapshot
-from analysis.summary import RunSummary, SummaryBuilder
-from recordings.reader import RunReader
+from analysis.live.analyser import Analyser
+from analysis.live.summary import RunSummary, SummaryBuilder
+from analysis.signals.blocks import SampleBlock, SegmentEnd
+from analysis.signals.header import RunHeader
+from analysis.signals.snapshot import Snapshot
+from recordings.mcap.reader import RunReader
 
 Progress = Callable[[float], None]
 

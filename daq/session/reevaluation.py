@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import replace
 
-from analysis.run import Calibration, Role, RunHeader
+from analysis.signals.header import Calibration, Role, RunHeader
 from daq.errors import UsageError
 
 

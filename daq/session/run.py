@@ -3,12 +3,12 @@
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
-from analysis.alarm import Alarm
-from analysis.run import RunHeader
-from analysis.samples import EndReason, SegmentEnd
-from daq.session.frame import LiveFrame
-from model.prediction import Prediction
-from recordings.marks import Mark
+from analysis.live.alarms import Alarm
+from analysis.signals.blocks import EndReason, SegmentEnd
+from analysis.signals.header import RunHeader
+from daq.session.live_update import LiveFrame
+from model.prediction.prediction import Prediction
+from recordings.mcap.markers import Mark
 
 
 @dataclass(frozen=True, slots=True)

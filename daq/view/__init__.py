@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING
 from daq.errors import ServiceError
 
 if TYPE_CHECKING:
-    from daq.view.live import LiveView
+    from daq.view.live_view import LiveView
 
 
 def open_live_view(
     host: str = "127.0.0.1", web_port: int = 0, grpc_port: int = 0, *, origins: Sequence[str] = ()
 ) -> "LiveView":
-    """Open the live view; see `daq.view.live.LiveView` for the parameters.
+    """Open the live view; see `daq.view.live_view.LiveView` for the parameters.
 
     Raises
     ------
@@ -20,7 +20,7 @@ def open_live_view(
         rerun is not installed, or a port cannot be had.
     """
     try:
-        from daq.view.live import LiveView  # noqa: PLC0415 - needs rerun, which is optional
+        from daq.view.live_view import LiveView  # noqa: PLC0415 - needs rerun, which is optional
     except ModuleNotFoundError as error:
         if (error.name or "").split(".")[0] not in {"rerun", "rerun_bindings"}:
             raise

@@ -2,9 +2,9 @@
 
 import math
 
-from analysis.run import Role, Severity
-from analysis.snapshot import TachoState
-from daq.session.frame import LiveFrame, RunState, Status
+from analysis.signals.header import Role, Severity
+from analysis.signals.snapshot import TachoState
+from daq.session.live_update import LiveFrame, RunState, Status
 from daq.view.drawing import Anchor, Drawing
 from daq.view.lettering import text_width
 from daq.view.palette import ALARM, DANGER, GOOD, GRID, INK, MEASURED_X, MEASURED_Y, QUIET, TEXT, Color

@@ -2,7 +2,7 @@
 
 import rerun.blueprint as rrb
 
-from analysis.run import RunHeader
+from analysis.signals.header import RunHeader
 from daq.view import banner, bode, colour_map, orbit, spectrum, traces, trend, words
 from daq.view.palette import PAPER
 

@@ -5,13 +5,13 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.direction import Course, Direction, Step
-from analysis.run import RunHeader
-from analysis.snapshot import OrderFrame
+from analysis.signals.header import RunHeader
+from analysis.signals.ramp import Course, Direction, Step
+from analysis.signals.snapshot import OrderFrame
 from daq.view.axes import Axis, Plot, Reach
 from daq.view.drawing import Anchor, Drawing
 from daq.view.palette import MEASURED_X, MEASURED_Y, MODEL, MODEL_DASH, TEXT, Color, dimmed
-from model.prediction import Prediction
+from model.prediction.prediction import Prediction
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]

@@ -6,14 +6,14 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from analysis.run import RunHeader
-from analysis.snapshot import OrderFrame, Snapshot
-from analysis.waterfall import Cascade
+from analysis.signals.header import RunHeader
+from analysis.signals.snapshot import OrderFrame, Snapshot
+from analysis.spectra.waterfall import Cascade
 from daq.view.axes import Axis
 from daq.view.colour_map import HIGHEST_ORDER, LETTERS, ROWS, map_axes, map_picture, map_plot
 from daq.view.drawing import Drawing
 from daq.view.palette import MODEL, TEXT, dimmed
-from model.prediction import Prediction
+from model.prediction.prediction import Prediction
 
 FloatArray = NDArray[np.float64]
 

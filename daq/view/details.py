@@ -3,10 +3,10 @@
 import cmath
 import math
 
-from analysis.snapshot import Snapshot, TachoState
-from daq.session.frame import LiveFrame
+from analysis.signals.snapshot import Snapshot, TachoState
+from daq.session.live_update import LiveFrame
 from daq.view.wording import basis, hours, legible, micrometres, rpm, vector
-from model.prediction import Prediction
+from model.prediction.prediction import Prediction
 
 
 def details(frame: LiveFrame) -> str:

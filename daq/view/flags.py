@@ -2,12 +2,12 @@
 
 from collections.abc import Sequence
 
-from daq.session.frame import PlacedMark
+from daq.session.live_update import PlacedMark
 from daq.view.axes import Plot
 from daq.view.drawing import Anchor, Drawing
 from daq.view.lettering import text_width
 from daq.view.palette import ALARM, MARK, QUIET, Color
-from recordings.marks import MarkKind
+from recordings.mcap.markers import MarkKind
 
 _COLORS = {MarkKind.WORD: MARK, MarkKind.ALARM: ALARM, MarkKind.ACKNOWLEDGED: QUIET}
 _LETTERS = 26  # of a word, at most

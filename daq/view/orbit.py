@@ -3,12 +3,12 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.run import RunHeader
-from analysis.snapshot import OrderFrame
+from analysis.signals.header import RunHeader
+from analysis.signals.snapshot import OrderFrame
 from daq.view.axes import Axis, Plot, Reach
 from daq.view.drawing import Anchor, Drawing
 from daq.view.palette import CLEARANCE, MEASURED_X, MODEL, PAPER, QUIET, TACHO, Color, dimmed
-from model.prediction import Prediction
+from model.prediction.prediction import Prediction
 
 FloatArray = NDArray[np.float64]
 

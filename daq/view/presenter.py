@@ -4,8 +4,8 @@ from collections.abc import Callable, Hashable
 
 import rerun as rr
 
-from analysis.run import RunHeader
-from daq.session.frame import LiveFrame
+from analysis.signals.header import RunHeader
+from daq.session.live_update import LiveFrame
 from daq.view.banner import banner
 from daq.view.blueprint import timeline
 from daq.view.bode import BodePlot

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.snapshot import Snapshot
-from daq.session.frame import PlacedMark
+from analysis.signals.snapshot import Snapshot
+from daq.session.live_update import PlacedMark
 from daq.view.axes import Axis, Plot, Reach
 from daq.view.drawing import Anchor, Drawing
 from daq.view.flags import draw_upright

@@ -7,14 +7,14 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.snapshot import Snapshot
-from daq.session.frame import PlacedMark
+from analysis.signals.snapshot import Snapshot
+from daq.session.live_update import PlacedMark
 from daq.view.axes import Axis, Plot, Reach
 from daq.view.drawing import Anchor, Drawing
 from daq.view.flags import draw_upright
 from daq.view.palette import MEASURED_X, MEASURED_Y, MODEL, MODEL_DASH, TEXT
 from daq.view.traces import thinned
-from model.prediction import Prediction
+from model.prediction.prediction import Prediction
 
 FloatArray = NDArray[np.float64]
 

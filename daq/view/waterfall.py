@@ -7,16 +7,16 @@ from collections.abc import Sequence
 import numpy as np
 import rerun as rr
 
-from analysis.run import RunHeader
-from analysis.snapshot import Snapshot
-from analysis.waterfall import Waterfall
-from daq.session.frame import PlacedMark
+from analysis.signals.header import RunHeader
+from analysis.signals.snapshot import Snapshot
+from analysis.spectra.waterfall import Waterfall
+from daq.session.live_update import PlacedMark
 from daq.view.axes import Axis
 from daq.view.colour_map import LETTERS, ROWS, map_axes, map_picture, map_plot
 from daq.view.drawing import Drawing
 from daq.view.flags import draw_level
 from daq.view.palette import MODEL
-from model.prediction import Prediction
+from model.prediction.prediction import Prediction
 
 _SPAN = 60.0  # s
 

@@ -5,9 +5,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from analysis.alarm import Alarm, Watched
+from analysis.live.alarms import Alarm, Watched
 from daq.view.bode import phase_lag
-from model.prediction import Prediction
+from model.prediction.prediction import Prediction
 
 
 def rpm(speed: float) -> str:

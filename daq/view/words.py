@@ -2,13 +2,13 @@
 
 import math
 
-from analysis.snapshot import ComplexArray, OrderFrame, Snapshot, TachoState
-from daq.session.frame import LiveFrame
+from analysis.signals.snapshot import ComplexArray, OrderFrame, Snapshot, TachoState
+from daq.session.live_update import LiveFrame
 from daq.view.drawing import Anchor, Drawing
 from daq.view.lettering import text_width
 from daq.view.palette import ALARM, FRAME, GOOD, MEASURED_X, MEASURED_Y, MODEL, QUIET, TEXT, Color
 from daq.view.wording import basis, micrometres, sigma, vector
-from model.prediction import Prediction
+from model.prediction.prediction import Prediction
 
 BOUNDS = ((0.0, 300.0), (0.0, 200.0))
 _SIZE = 8.0

@@ -6,11 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.errors import EquilibriumError
-from model.film import films_of
-from model.film_grid import Grid
-from model.film_study import study_film
-from model.lubrication import Lubrication, RingEquilibrium
-from model.parameters import FloatingRing
+from model.films.comparison import study_film
+from model.films.film import films_of
+from model.films.grid import Grid
+from model.films.lubrication import Lubrication, RingEquilibrium
+from model.rotor.parameters import FloatingRing
 from model.studies.linear import SPEED_LABEL
 from model.studies.study import Plot, Series, Study, Style
 

@@ -5,13 +5,13 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from model.campbell import campbell
-from model.critical import critical_speed_map, system_critical_speeds
-from model.linear import LinearSystem, linear_system, whirl_modes
-from model.parameters import ModelParameters
-from model.rotor import Rotor
+from model.linear.campbell import campbell
+from model.linear.critical_speeds import critical_speed_map, system_critical_speeds
+from model.linear.linear_system import LinearSystem, linear_system, whirl_modes
+from model.rotor.parameters import ModelParameters
+from model.rotor.rotor import Rotor
+from model.rotor.supports import Coefficients, Support
 from model.studies.study import Plot, Series, Study, Style
-from model.supports import Coefficients, Support
 
 FloatArray = NDArray[np.float64]
 

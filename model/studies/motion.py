@@ -6,10 +6,10 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.orders import order_spectrum
-from model.parameters import ModelParameters
+from analysis.spectra.order_spectrum import order_spectrum
+from model.rotor.parameters import ModelParameters
 from model.studies.run_up import LEAST
-from model.studies.stepping import STEPS, SteppedMotion
+from model.studies.stepped_motion import STEPS, SteppedMotion
 from model.studies.study import Plot, Series, Study, Style
 
 FloatArray = NDArray[np.float64]
@@ -52,7 +52,7 @@ def motion_study(
     settle, turns : int
         Turns that are left out, then those that are looked at.
     seed : float
-        How far the motion is disturbed where it is unstable, m: see `model.studies.stepping`.
+        How far the motion is disturbed where it is unstable, m: see `model.studies.stepped_motion`.
     shown : Shown, optional
         What the table lists: all stations, or the orbit, order spectrum or Poincaré's points at one.
 

@@ -8,14 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from model.dynamics.stability import SynchronousOrbit, synchronous_orbit
+from model.dynamics.synchronous import SynchronousResponse, synchronous_response
+from model.dynamics.whirl import FilmName, Whirl, film_of
 from model.errors import ModelError
-from model.parameters import ModelParameters
-from model.rotor import require_rising
-from model.stability import SynchronousOrbit, synchronous_orbit
+from model.rotor.parameters import ModelParameters
+from model.rotor.rotor import require_rising
 from model.studies.linear import SPEED_LABEL
 from model.studies.study import Plot, Series, Study, Style
-from model.synchronous import SynchronousResponse, synchronous_response
-from model.whirl import FilmName, Whirl, film_of
 
 FloatArray = NDArray[np.float64]
 
@@ -51,7 +51,7 @@ class Stability:
     ----------
     speeds, growth_rates, orders, inner_shares : ndarray of float64, shape (n,)
         rad/s, and of the least stable whirl 1/s, over the shaft's speed, and the inner film's share
-        (`model.whirl.Whirl`); NaN where no synchronous motion was found.
+        (`model.dynamics.whirl.Whirl`); NaN where no synchronous motion was found.
     film_growth_rates : mapping of FilmName to ndarray of float64, shape (n,)
         Of each film's least stable whirl, 1/s.
     bands : tuple of Band

@@ -6,13 +6,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.orders import order_spectrum
+from analysis.spectra.order_spectrum import order_spectrum
+from model.dynamics.whirl import FilmName
 from model.errors import WallContactError
-from model.parameters import ModelParameters
+from model.rotor.parameters import ModelParameters
 from model.studies.linear import SPEED_LABEL
-from model.studies.stepping import BESIDE, MOST_TURNS, STEPS, SteppedMotion
+from model.studies.stepped_motion import BESIDE, MOST_TURNS, STEPS, SteppedMotion
 from model.studies.study import Plot, Series, Study, Style, Surface
-from model.whirl import FilmName
 
 FloatArray = NDArray[np.float64]
 
@@ -28,7 +28,7 @@ FLOOR = 1e-2  # µm peak, lower end of the colours
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Seeding:
-    """How a run-up's unstable motions were disturbed: see `model.studies.stepping`.
+    """How a run-up's unstable motions were disturbed: see `model.studies.stepped_motion`.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ class RunUp:
     orbit : ndarray of float64, shape (n, 2, n_points)
         X and Y over the last few turns, m.
     films : ndarray of float64, shape (n, 2, n_orders)
-        Spectra of the inner and the outer films' eccentricity ratios (`model.studies.stepping.Seen`).
+        Spectra of the inner and the outer films' eccentricity ratios (`model.studies.stepped_motion.Seen`).
     seeding : Seeding, optional
         Where unstable motions were seeded.
 

@@ -6,12 +6,12 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from model.dynamics.synchronous import synchronous_response
 from model.errors import ModelError
-from model.parameters import ModelParameters
-from model.response import imbalance_response
+from model.linear.response import imbalance_response
+from model.rotor.parameters import ModelParameters
 from model.studies.linear import SPEED_LABEL, supported
 from model.studies.study import Plot, Series, Study, Style
-from model.synchronous import synchronous_response
 
 FloatArray = NDArray[np.float64]
 

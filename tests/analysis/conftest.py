@@ -8,12 +8,22 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from analysis.analyser import Analyser
-from analysis.angular_record import AngularRecord, record_of_codes
-from analysis.orbit import ProbePair
-from analysis.run import Acquisition, AnalysisSettings, Calibration, Channel, Device, Limits, Role, RunHeader, Tacho
-from analysis.samples import EndReason, SampleBlock, SegmentEnd
-from analysis.snapshot import OrderFrame, Snapshot
+from analysis.live.analyser import Analyser
+from analysis.resampling.angular_record import AngularRecord, record_of_codes
+from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd
+from analysis.signals.header import (
+    Acquisition,
+    AnalysisSettings,
+    Calibration,
+    Channel,
+    Device,
+    Limits,
+    Role,
+    RunHeader,
+    Tacho,
+)
+from analysis.signals.orbit import ProbePair
+from analysis.signals.snapshot import OrderFrame, Snapshot
 
 FloatArray = NDArray[np.float64]
 Codes = NDArray[np.int16]

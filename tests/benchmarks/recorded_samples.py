@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-from analysis.run import Acquisition, AnalysisSettings, Channel, Device, Limits, Role, RunHeader, Tacho
-from analysis.samples import EndReason, SampleBlock, SegmentEnd
-from recordings.writer import RunWriter
+from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd
+from analysis.signals.header import Acquisition, AnalysisSettings, Channel, Device, Limits, Role, RunHeader, Tacho
+from recordings.mcap.writer import RunWriter
 
 RATE = 200_000.0
 BLOCK = 20_000

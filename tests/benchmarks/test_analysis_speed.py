@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from analysis.analyser import Analyser
-from analysis.run import Acquisition, AnalysisSettings, Calibration, Channel, Device, Role, Tacho
-from analysis.samples import SampleBlock
+from analysis.live.analyser import Analyser
+from analysis.signals.blocks import SampleBlock
+from analysis.signals.header import Acquisition, AnalysisSettings, Calibration, Channel, Device, Role, Tacho
 
 DURATION = 10.0
 VOLTS_PER_CODE = 10.0 / 32768

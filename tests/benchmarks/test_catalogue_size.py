@@ -9,12 +9,12 @@ from pathlib import Path
 
 import pytest
 
-from analysis.findings import Moment, WhirlFinding
-from analysis.summary import RunSummary, SummaryBuilder
-from recordings.catalogue import Catalogue
-from recordings.container import Container
-from recordings.reader import RunReader
-from recordings.search import Search
+from analysis.live.summary import RunSummary, SummaryBuilder
+from analysis.whirl.findings import Moment, WhirlFinding
+from recordings.catalogue.catalogue import Catalogue
+from recordings.catalogue.search import Search
+from recordings.mcap.container import Container
+from recordings.mcap.reader import RunReader
 from tests.benchmarks.recorded_samples import bench_blocks, write_run
 from tests.recordings.postgresql import new_schema, server
 

@@ -15,18 +15,18 @@ import psutil
 import pytest
 from numpy.typing import NDArray
 
-from analysis.run import Acquisition
-from analysis.samples import EndReason
+from analysis.signals.blocks import EndReason
+from analysis.signals.header import Acquisition
 from daq.config.load import load_rig
 from daq.config.rig import Rig
 from daq.config.schema import Backend, DeviceSection
-from daq.drivers.simulated_card import SimulatedCard
-from daq.session.messages import Order
-from daq.session.recorded import RecordedRun
-from model.prediction import Prediction
-from recordings.reader import RunReader
-from tests.daq.device_server import serving
-from tests.daq.ni_driver import NiDriver
+from daq.drivers.simulation.card import SimulatedCard
+from daq.session.recording.messages import Order
+from daq.session.recording.recorded_run import RecordedRun
+from model.prediction.prediction import Prediction
+from recordings.mcap.reader import RunReader
+from tests.daq.support.device_server import serving
+from tests.daq.support.ni_driver import NiDriver
 
 pytestmark = pytest.mark.benchmark
 

@@ -14,18 +14,18 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from analysis.run import AnalysisSettings
-from daq.session.predictor import Predictor
-from model.campbell import campbell
-from model.gj90c import gj90c
-from model.linear import linear_system
-from model.live_prediction import predict
-from model.motion import ShaftMotion
-from model.prediction_map import PredictionMap, compute_prediction_map, default_speeds, model_key
-from model.supports import Coefficients, Support
-from model.synchronous import SynchronousResponse, synchronous_response
-from model.system import ModalSystem
-from tests.model.equations import Rates, at_rest, compiled_rates, numpy_rates
+from analysis.signals.header import AnalysisSettings
+from daq.session.prediction.predictor import Predictor
+from model.dynamics.modal_system import ModalSystem
+from model.dynamics.motion import ShaftMotion
+from model.dynamics.synchronous import SynchronousResponse, synchronous_response
+from model.linear.campbell import campbell
+from model.linear.linear_system import linear_system
+from model.prediction.live_prediction import predict
+from model.prediction.prediction_map import PredictionMap, compute_prediction_map, default_speeds, model_key
+from model.rotor.gj90c import gj90c
+from model.rotor.supports import Coefficients, Support
+from tests.model.dynamics.equations import Rates, at_rest, compiled_rates, numpy_rates
 
 FloatArray = NDArray[np.float64]
 Method = Literal["LSODA", "RK45"]

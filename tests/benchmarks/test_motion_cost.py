@@ -8,12 +8,12 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from analysis.run import AnalysisSettings
-from model.forces import capone_force
-from model.gj90c import gj90c
-from model.motion import STEPS_PER_TURN, ShaftMotion
-from model.prediction_map import compute_prediction_map, default_speeds
-from model.system import ModalSystem
+from analysis.signals.header import AnalysisSettings
+from model.dynamics.forces import capone_force
+from model.dynamics.modal_system import ModalSystem
+from model.dynamics.motion import STEPS_PER_TURN, ShaftMotion
+from model.prediction.prediction_map import compute_prediction_map, default_speeds
+from model.rotor.gj90c import gj90c
 
 SPEED = 1100.0
 TURNS = 10

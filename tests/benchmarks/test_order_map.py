@@ -9,12 +9,12 @@ import pytest
 from numpy.typing import NDArray
 from rota import maps, speed
 
-from analysis.analyser import Analyser
-from analysis.angular_record import record_of_codes
-from analysis.order_map import OrderMap, order_map
-from analysis.run import Acquisition, AnalysisSettings, Calibration, Channel, Device, Role, Tacho
-from analysis.samples import SampleBlock
-from analysis.vold_kalman import order_envelopes
+from analysis.live.analyser import Analyser
+from analysis.resampling.angular_record import record_of_codes
+from analysis.signals.blocks import SampleBlock
+from analysis.signals.header import Acquisition, AnalysisSettings, Calibration, Channel, Device, Role, Tacho
+from analysis.spectra.order_map import OrderMap, order_map
+from analysis.vectors.vold_kalman import order_envelopes
 
 pytestmark = pytest.mark.benchmark
 

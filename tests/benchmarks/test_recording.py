@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.samples import SampleBlock
-from recordings.reader import RunReader
+from analysis.signals.blocks import SampleBlock
+from recordings.mcap.reader import RunReader
 from tests.benchmarks.recorded_samples import BLOCK, N_PARTS, RATE, bench_blocks, write_run
 
 SECONDS = 60

@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from analysis.samples import SampleBlock
-from recordings.reader import RunReader
+from analysis.signals.blocks import SampleBlock
+from recordings.mcap.reader import RunReader
 from tests.benchmarks.recorded_samples import BLOCK, RATE, bench_blocks, write_run
 
 SECONDS = 30

@@ -14,17 +14,17 @@ import pytest
 
 from daq.config.load import load_rig
 from daq.config.rig import Rig
+from daq.reports.summaries import Summaries
 from daq.service.abilities import Abilities
 from daq.service.app import create_app
-from daq.service.readings import Readings
+from daq.service.run_reader import Readings
 from daq.service.server import ServiceServer
-from daq.service.summaries import Summaries
-from daq.session.frame import LiveFrame
-from daq.session.messages import Order
-from daq.session.predictors import Predictors
-from daq.session.recorded import RecordedRun
-from recordings.catalogue import Catalogue
-from recordings.reader import RunReader
+from daq.session.live_update import LiveFrame
+from daq.session.prediction.predictors import Predictors
+from daq.session.recording.messages import Order
+from daq.session.recording.recorded_run import RecordedRun
+from recordings.catalogue.catalogue import Catalogue
+from recordings.mcap.reader import RunReader
 
 pytestmark = pytest.mark.benchmark
 

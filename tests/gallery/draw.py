@@ -13,26 +13,26 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from PIL import Image
 
-from analysis.acceptance import figures
-from analysis.alarm import LimitWatch
-from analysis.centreline import centreline
-from analysis.filtered_orbit import FilteredOrbit, direct_orbit, filtered_orbit, orbit_without
-from analysis.findings import Moment
-from analysis.frequency_map import frequency_map
-from analysis.frequency_spectrum import frequency_spectrum
-from analysis.full_spectrum import full_cascade, full_spectrum
-from analysis.glitches import find_glitches
-from analysis.order_map import order_map
-from analysis.order_track import track_order
-from analysis.overall import overall
-from analysis.poincare import bifurcation, poincare_section
-from analysis.run import Limits
-from analysis.speed_curve import speed_curves
-from analysis.subsynchronous import subsynchronous_tracks
-from analysis.synchronous_average import synchronous_average, synchronous_rest
-from analysis.tacholess import speed_from_ridge
-from analysis.uncertainty import sigma_of_floor
-from analysis.vold_kalman import OrderEnvelopes, probe_envelopes
+from analysis.live.alarms import LimitWatch
+from analysis.resampling.synchronous_average import synchronous_average, synchronous_rest
+from analysis.shaft.centreline import centreline
+from analysis.shaft.orbit import FilteredOrbit, direct_orbit, filtered_orbit, orbit_without
+from analysis.shaft.overall import overall
+from analysis.shaft.poincare import bifurcation, poincare_section
+from analysis.signals.header import Limits
+from analysis.signals.standards import figures
+from analysis.signals.uncertainty import sigma_of_floor
+from analysis.spectra.frequency_map import frequency_map
+from analysis.spectra.frequency_spectrum import frequency_spectrum
+from analysis.spectra.full_spectrum import full_cascade, full_spectrum
+from analysis.spectra.order_map import order_map
+from analysis.spectra.tacholess_speed import speed_from_ridge
+from analysis.vectors.glitches import find_glitches
+from analysis.vectors.order_track import track_order
+from analysis.vectors.speed_curve import speed_curves
+from analysis.vectors.vold_kalman import OrderEnvelopes, probe_envelopes
+from analysis.whirl.findings import Moment
+from analysis.whirl.tracks import subsynchronous_tracks
 from tests.gallery.simulated_run import CRITICAL, MICRO, RATE, RPM, Run, simulated
 
 FloatArray = NDArray[np.float64]

@@ -9,15 +9,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.angular_record import AngularRecord, angular_record
-from analysis.full_spectrum import ProbeMismatch, probe_mismatch
-from analysis.glitches import find_glitches
-from analysis.orbit import ProbePair
-from analysis.order_map import OrderMap, order_map
-from analysis.pulse_record import pulse_record
-from analysis.run import Tacho
-from analysis.runout import SlowRoll, slow_roll
-from analysis.shaft_angle import ShaftAngle, shaft_angle
+from analysis.resampling.angular_record import AngularRecord, angular_record
+from analysis.signals.header import Tacho
+from analysis.signals.orbit import ProbePair
+from analysis.spectra.full_spectrum import ProbeMismatch, probe_mismatch
+from analysis.spectra.order_map import OrderMap, order_map
+from analysis.tacho.pulse_record import pulse_record
+from analysis.tacho.shaft_angle import ShaftAngle, shaft_angle
+from analysis.vectors.glitches import find_glitches
+from analysis.vectors.runout import SlowRoll, slow_roll
 
 FloatArray = NDArray[np.float64]
 

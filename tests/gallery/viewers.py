@@ -2,7 +2,7 @@
 
     python tests/gallery/viewers.py docs/viewers
 
-Each plot is named once, here; the fields are those of recordings/rig.proto.
+Each plot is named once, here; the fields are those of recordings/mcap/schema/rig.proto.
 """
 
 import json

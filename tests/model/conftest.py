@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import pytest
 
-from model.gj90c import gj90c
-from model.parameters import ModelParameters
+from model.rotor.gj90c import gj90c
+from model.rotor.parameters import ModelParameters
 
 
 @pytest.fixture

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from analysis.run import (
+from analysis.signals.blocks import SampleBlock
+from analysis.signals.header import (
     Acquisition,
     AnalysisSettings,
     Calibration,
@@ -21,8 +22,7 @@ from analysis.run import (
     RunHeader,
     Tacho,
 )
-from analysis.samples import SampleBlock
-from analysis.snapshot import OrderFrame, RunOut, Snapshot, TachoReport, TachoState, Trace, Whirl
+from analysis.signals.snapshot import OrderFrame, RunOut, Snapshot, TachoReport, TachoState, Trace, Whirl
 from tests.recordings.postgresql import new_schema, server
 
 RATE = 20_000.0

@@ -7,15 +7,15 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.samples import SampleBlock
-from recordings.container import Container
+from analysis.signals.blocks import SampleBlock
 from recordings.errors import DamagedError, RecordingError
-from recordings.layout import CHANNEL_IDS, SAMPLES
-from recordings.messages import decode_block
-from recordings.reader import RunReader
-from recordings.recover import recover
-from recordings.salvage import search_chunks
-from recordings.verify import Verdict, verify
+from recordings.integrity.recover import recover
+from recordings.integrity.verify import Verdict, verify
+from recordings.mcap.container import Container
+from recordings.mcap.layout import CHANNEL_IDS, SAMPLES
+from recordings.mcap.messages import decode_block
+from recordings.mcap.reader import RunReader
+from recordings.mcap.salvage import search_chunks
 
 CodesOf = Callable[..., NDArray[np.int16]]
 Spans = set[tuple[int, int, int]]

@@ -1,13 +1,13 @@
 """Chapter 3 of the thesis: equilibria, cavities and oil flow, with and without the two calibrations.
 
 What the chapter states but no balanced film gives (zeros of the pressure difference at 187 and 343 degrees, starvation
-speeds, flows of 6, 7 and 8e-4 kg/s) is listed as not reproduced in ``model.thesis_chapter_3`` and not tested for.
+speeds, flows of 6, 7 and 8e-4 kg/s) is listed as not reproduced in ``studies.thesis.chapter_3`` and not tested for.
 """
 
 import numpy as np
 import pytest
 
-from model.lubrication import nominal, thesis_like
+from model.films.lubrication import nominal, thesis_like
 
 LOADS = (10.0, 20.0, 30.0)  # N
 

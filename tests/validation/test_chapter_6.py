@@ -9,9 +9,9 @@ import math
 import numpy as np
 import pytest
 
-from analysis.run import AnalysisSettings
-from model.gj90c import gj90c
-from model.prediction_map import PredictionMap, compute_prediction_map
+from analysis.signals.header import AnalysisSettings
+from model.prediction.prediction_map import PredictionMap, compute_prediction_map
+from model.rotor.gj90c import gj90c
 
 SPEEDS = np.array([400.0, 700.0, 900.0, 1100.0, 1400.0, 1700.0, 1850.0, 1950.0, 2050.0])
 

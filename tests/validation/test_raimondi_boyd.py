@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from model.film import Film
-from model.film_grid import Grid
-from model.long_film import ruptured_film
-from model.reynolds import Groove, solve_reynolds
+from model.films.film import Film
+from model.films.finite_film import Groove, solve_reynolds
+from model.films.grid import Grid
+from model.films.long_film import ruptured_film
 
 # length over diameter: eccentricity ratio: Sommerfeld number mu N L D / W (R / C)², attitude in degrees
 FINITE = {

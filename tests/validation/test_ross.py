@@ -14,12 +14,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from model.linear import LinearSystem, linear_system, whirl_modes
-from model.parameters import ModelParameters
-from model.response import imbalance_response
-from model.rotor import Beam, ShaftMass
-from model.rotor_document import rotor_from
-from model.supports import Coefficients, Support
+from model.linear.linear_system import LinearSystem, linear_system, whirl_modes
+from model.linear.response import imbalance_response
+from model.rotor.parameters import ModelParameters
+from model.rotor.rotor import Beam, ShaftMass
+from model.rotor.rotor_file import rotor_from
+from model.rotor.supports import Coefficients, Support
 
 HERE = Path(__file__).parent / "ross"
 PYTHON = Path(__file__).parents[2] / ".venv-oracle" / "bin" / "python"
@@ -29,7 +29,7 @@ ROTORS = ("gj90c", "pump", "turbo")
 
 
 def parameters_of(name: str) -> ModelParameters:
-    folder = files("model") if name == "gj90c" else HERE
+    folder = files("model.rotor") if name == "gj90c" else HERE
     return rotor_from(tomllib.loads(folder.joinpath(f"{name}.toml").read_text(encoding="utf-8")))
 
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from model.gj90c import gj90c_rotor
-from model.modes import free_modes
+from model.linear.modes import free_modes
+from model.rotor.gj90c import gj90c_rotor
 
 PRINTED = (1730, 5045, 11975, 18193)  # Hz
 

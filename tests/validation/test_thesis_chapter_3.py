@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from model.thesis_chapter_3 import chapter_3
-from model.thesis_report import Chapter, Comparison
+from model.studies.thesis.chapter_3 import chapter_3
+from model.studies.thesis.report import Chapter, Comparison
 
 
 @pytest.fixture(scope="module")

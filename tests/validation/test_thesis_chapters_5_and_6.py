@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from daq.cli.model.report import Part, counts, page
+from model.dynamics.whirl import FilmName
 from model.studies.onset import stability
 from model.studies.run_up import RunUp, run_up
 from model.studies.study import Plot, Surface
-from model.studies.thesis_chapter_5 import chapter_5_comparisons, chapter_5_figures
-from model.studies.thesis_chapter_6 import (
+from model.studies.thesis.chapter_6 import (
     CASES,
     Outcome,
     chapter_6_comparisons,
@@ -19,8 +19,8 @@ from model.studies.thesis_chapter_6 import (
     onsets_by_eigenvalues,
     trends,
 )
-from model.studies.thesis_chapter_6_looks import Component, Look
-from model.whirl import FilmName
+from model.studies.thesis.chapter_6_spectra import Component, Look
+from model.studies.thesis.thesis_chapter_5 import chapter_5_comparisons, chapter_5_figures
 
 INNER, OUTER = FilmName.INNER, FilmName.OUTER
 

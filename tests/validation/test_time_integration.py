@@ -7,13 +7,13 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from model.gj90c import gj90c
-from model.motion import ShaftMotion
-from model.parameters import ModelParameters
-from model.stability import SynchronousOrbit, synchronous_orbit
+from model.dynamics.modal_system import ModalSystem
+from model.dynamics.motion import ShaftMotion
+from model.dynamics.stability import SynchronousOrbit, synchronous_orbit
+from model.rotor.gj90c import gj90c
+from model.rotor.parameters import ModelParameters
 from model.studies.onset import stability
-from model.system import ModalSystem
-from tests.model.equations import at_rest, compiled_rates, numpy_rates
+from tests.model.dynamics.equations import at_rest, compiled_rates, numpy_rates
 
 FloatArray = NDArray[np.float64]
 

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from html import escape
 from itertools import cycle
 
-from daq.cli.model.drawing import render
+from daq.cli.model.figures import render
 from model.studies.study import Plot, Series, Style, Surface
-from model.studies.thesis_chapter_6 import Trend
-from model.thesis_report import Comparison, Figure
+from model.studies.thesis.chapter_6 import Trend
+from model.studies.thesis.report import Comparison, Figure
 
 Captioned = tuple[str, tuple[Plot | Surface, ...]]
 

@@ -8,10 +8,10 @@ from daq.config.load import load_rig
 from daq.config.rotor import rotor_parameters
 from daq.config.rotor_file import read_rotor, rotor_of
 from daq.errors import ConfigError, RigError, UsageError
-from model.document import DocumentError
 from model.errors import ModelError
-from model.gj90c import gj90c
-from model.parameters import ModelParameters
+from model.rotor.gj90c import gj90c
+from model.rotor.parameters import ModelParameters
+from model.rotor.tables import DocumentError
 
 
 def parameters_of(config: str | None) -> ModelParameters:

@@ -5,19 +5,19 @@ from collections.abc import Callable
 
 import numpy as np
 
+from daq.cli.model.output import add_output, check_output, show
 from daq.cli.model.ranges import counting, not_negative, positive, rising, values
 from daq.cli.model.rotor import model_errors, parameters_of
-from daq.cli.model.showing import add_output, check_output, show
 from daq.errors import UsageError
-from model.film_grid import Grid
-from model.lubrication import Lubrication, nominal, thesis_like
-from model.parameters import ModelParameters
+from model.films.grid import Grid
+from model.films.lubrication import Lubrication, nominal, thesis_like
+from model.rotor.parameters import ModelParameters
 from model.studies.films import film_study, lubrication_study
 from model.studies.linear import SOFT, campbell_stiffness, campbell_study, critical_study, modes_study
 from model.studies.motion import Shown, motion_study
 from model.studies.onset import onset_study
 from model.studies.run_up import RunUp, bifurcation_study, run_up, waterfall_study
-from model.studies.stepping import SEED
+from model.studies.stepped_motion import SEED
 from model.studies.study import Study
 from model.studies.synchronous import response_study
 

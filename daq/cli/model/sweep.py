@@ -7,18 +7,18 @@ from pathlib import Path
 
 import numpy as np
 
-from daq.cli.console import Console
-from daq.cli.model.drawing import require_drawing, save
+from daq.cli.model.figures import require_drawing, save
+from daq.cli.model.output import show
 from daq.cli.model.ranges import FloatArray, counting, values
 from daq.cli.model.rotor import model_errors, parameters_of
-from daq.cli.model.showing import show
+from daq.cli.progress import Console
 from daq.errors import UsageError
 from daq.session.sweep.run import grid, run_sweep
 from daq.session.sweep.workers import DaskWorkers, LocalWorkers
-from model.document import SHOWN as SHOWN_UNITS
-from model.studies.quantities import QUANTITIES, Outcome, Point
+from model.rotor.tables import SHOWN as SHOWN_UNITS
 from model.studies.study import Plot, Series, Study, Style
-from model.studies.vary import CHANGES
+from model.studies.sweep_quantities import QUANTITIES, Outcome, Point
+from model.studies.varied_parameters import CHANGES
 
 SHOWN = 40  # points in the table that is printed
 UNITS = SHOWN_UNITS | {

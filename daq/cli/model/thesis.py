@@ -4,13 +4,13 @@ import argparse
 from collections.abc import Callable
 from pathlib import Path
 
-from daq.cli.console import Console
-from daq.cli.model.drawing import require_drawing
+from daq.cli.model.figures import require_drawing
 from daq.cli.model.report import Part, captioned, counts, page
+from daq.cli.progress import Console
 from daq.errors import UsageError
 from daq.session.sweep.workers import LocalWorkers
-from model.studies.thesis_chapter_5 import chapter_5_comparisons, chapter_5_figures
-from model.studies.thesis_chapter_6 import (
+from model.studies.thesis.chapter_3 import chapter_3
+from model.studies.thesis.chapter_6 import (
     CASES,
     Outcome,
     chapter_6_comparisons,
@@ -19,8 +19,8 @@ from model.studies.thesis_chapter_6 import (
     run_case,
     trends,
 )
-from model.thesis_chapter_3 import chapter_3
-from recordings.draft import draft_of
+from model.studies.thesis.thesis_chapter_5 import chapter_5_comparisons, chapter_5_figures
+from recordings.atomic_file import draft_of
 
 NAME = "thesis.html"
 _CHAPTER_3 = (

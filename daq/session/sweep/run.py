@@ -7,8 +7,8 @@ from pathlib import Path
 
 from daq.session.sweep.store import SweepStore
 from daq.session.sweep.workers import Workers
-from model.parameters import ModelParameters
-from model.studies.quantities import QUANTITIES, Outcome, Point, names_of, outcomes_of
+from model.rotor.parameters import ModelParameters
+from model.studies.sweep_quantities import QUANTITIES, Outcome, Point, names_of, outcomes_of
 
 KEEP_INTERVAL = 2.0  # s between two parts
 PORTIONS = 200  # into which a sweep is cut, so that progress and resuming are fine enough

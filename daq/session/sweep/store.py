@@ -6,8 +6,8 @@ from pathlib import Path
 from uuid import uuid4
 
 from daq.errors import UsageError
-from model.studies.quantities import Outcome
-from recordings.draft import draft_of
+from model.studies.sweep_quantities import Outcome
+from recordings.atomic_file import draft_of
 
 
 class SweepStore:

@@ -22,7 +22,7 @@ from scipy.linalg import eig
 Tables = dict[str, Any]
 
 HERE = Path(__file__).parent
-MODEL = HERE.parents[2] / "model"
+MODEL = HERE.parents[2] / "model" / "rotor"
 SPEEDS = (0.0, 4000.0, 8000.0)  # rad/s
 SPRING = 1e4  # N/m, of the GJ90C's bearings, Table 5.3
 MASSLESS = 1e-3  # kg/m³, where a shaft's mass is in its discs

@@ -1,0 +1,215 @@
+"""Alarms: a limit that is held is told, and stays told until what it watches has fallen well below it."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.signals.header import Limits, Severity
+from analysis.signals.snapshot import Snapshot
+from analysis.whirl.findings import Moment
+
+FloatArray = NDArray[np.float64]
+
+MOST_ALARMS = (
+    256  # that are remembered of a run: of those that are over, the one that passed its limit least goes first
+)
+
+
+class Watched(StrEnum):
+    """What is watched against limits."""
+
+    OVERALL = "overall"  # m peak-to-peak, at each probe
+    ORDER_1X = "1X"  # m peak, at each probe, as measured
+    BELOW_1X = "below 1X"  # m peak, at each probe: the amplitudes of all components, added
+    SPEED = "speed"  # rad/s
+
+
+@dataclass(frozen=True, slots=True)
+class Alarm:
+    """A limit that was passed, once it had been for long enough.
+
+    Parameters
+    ----------
+    number : int
+        From 1, in the order in which they came.
+    quantity : Watched
+        What passed it, and so its unit.
+    probe : str
+        The channel's name; empty for the speed.
+    severity : Severity
+        Which limit: alarm or danger.
+    limit : float
+        That limit, m peak-to-peak, m peak or rad/s.
+    begin : Moment
+        When it came: the limit had been passed for the whole hold time.
+    largest : float
+        Largest value since the limit was passed, in the limit's unit.
+    largest_at : Moment
+        Where that was.
+    end : Moment or None
+        When the value fell below the limit by the hysteresis; None while it lasts.
+    """
+
+    number: int
+    quantity: Watched
+    probe: str
+    severity: Severity
+    limit: float
+    begin: Moment
+    largest: float
+    largest_at: Moment
+    end: Moment | None = None
+
+    @property
+    def lasts(self) -> bool:
+        """Whether the value has not fallen since."""
+        return self.end is None
+
+
+class LimitWatch:
+    """Watches one value against one limit, with hysteresis and delay.
+
+    Parameters
+    ----------
+    limit : float
+        In the value's unit; one that is met is passed.
+    hysteresis : float
+        Part of the limit by which the value must fall below it before the alarm ends, 0 to below 1.
+    hold : float
+        Time that the limit must be passed without a break before the alarm comes, s (1 s to 3 s in API 670 as quoted).
+    """
+
+    def __init__(self, limit: float, hysteresis: float, hold: float) -> None:
+        if not limit > 0.0 or not 0.0 <= hysteresis < 1.0 or not hold >= 0.0:
+            raise ValueError(
+                f"limit, hysteresis, hold: {limit}, {hysteresis} and {hold} s, expected above 0, 0 to below 1 and "
+                "0 or more"
+            )
+        self._limit, self._fall, self._hold = limit, limit * (1.0 - hysteresis), hold
+        self._passed: Moment | None = None  # where the present passing began
+        self.is_on = False
+        self.largest, self.largest_at = 0.0, Moment(0, 0.0, math.nan)  # of the present passing
+
+    def update(self, value: float, moment: Moment) -> bool:
+        """Take a value later than the one before; return whether the alarm is on.
+
+        NaN, not known, changes nothing; over a gap a limit is not held.
+        """
+        if math.isnan(value):
+            return self.is_on
+        if value < (self._fall if self.is_on else self._limit):
+            self._passed, self.is_on = None, False
+            return False
+        if self._passed is None or (not self.is_on and self._passed.segment != moment.segment):
+            self._passed, self.largest = moment, 0.0
+        if value > self.largest:
+            self.largest, self.largest_at = value, moment
+        self.is_on = self.is_on or moment.time - self._passed.time >= self._hold
+        return self.is_on
+
+
+class AlarmWatch:
+    """Watches vibration and speed against their limits; what it says depends on the samples alone.
+
+    Parameters
+    ----------
+    limits : Limits
+        Alarm and danger of what is watched, hysteresis and hold time.
+    probes : sequence of str
+        Names of the probes x and y.
+    """
+
+    def __init__(self, limits: Limits, probes: Sequence[str]) -> None:
+        levels = {
+            Watched.OVERALL: (limits.peak_to_peak_alarm, limits.peak_to_peak_danger),
+            Watched.ORDER_1X: (limits.order_1x_alarm, limits.order_1x_danger),
+            Watched.BELOW_1X: (limits.below_1x_alarm, limits.below_1x_danger),
+            Watched.SPEED: (limits.speed_alarm, limits.speed_danger),
+        }
+        self._watches = [
+            (
+                quantity,
+                row,
+                name,
+                severity,
+                limit,
+                LimitWatch(limit, limits.hysteresis, 0.0 if quantity is Watched.SPEED else limits.hold),
+            )
+            for quantity, pair in levels.items()
+            for row, name in enumerate(("",) if quantity is Watched.SPEED else probes)
+            for severity, limit in zip((Severity.ALARM, Severity.DANGER), pair, strict=True)
+            if math.isfinite(limit)
+        ]
+        self._lasting: dict[int, Alarm] = {}  # by the number of their watch
+        self._over: list[Alarm] = []
+        self._count = 0
+
+    def snapshot(self, snapshot: Snapshot) -> tuple[Alarm, ...]:
+        """Take a snapshot, in the order in which they came; return the alarms that came with it."""
+        moment = Moment(snapshot.segment, snapshot.time, snapshot.speed)
+        came, values = [], watched_values(snapshot)
+        for key, (quantity, row, probe, severity, limit, watch) in enumerate(self._watches):
+            is_on = watch.update(float(values[quantity][row]), moment)
+            lasting = self._lasting.get(key)
+            if not is_on:
+                if lasting is not None:
+                    self._close(replace(self._lasting.pop(key), end=moment))
+            elif lasting is None:
+                self._count += 1
+                alarm = Alarm(self._count, quantity, probe, severity, limit, moment, watch.largest, watch.largest_at)
+                self._lasting[key] = alarm
+                came.append(alarm)
+            elif watch.largest > lasting.largest:
+                self._lasting[key] = replace(lasting, largest=watch.largest, largest_at=watch.largest_at)
+        return tuple(came)
+
+    def _close(self, alarm: Alarm) -> None:
+        self._over.append(alarm)
+        if len(self._over) > MOST_ALARMS:
+            self._over.remove(min(self._over, key=lambda alarm: alarm.largest / alarm.limit))
+
+    @property
+    def alarms(self) -> tuple[Alarm, ...]:
+        """All alarms so far, in the order in which they came."""
+        return tuple(sorted([*self._over, *self._lasting.values()], key=lambda alarm: alarm.number))
+
+
+def watched_values(snapshot: Snapshot) -> dict[Watched, FloatArray]:
+    """Return what is watched, each of shape (2,) at the probes x and y, the speed of shape (1,).
+
+    NaN where the tacho does not tell: without it there is no 1X and nothing below it.
+    """
+    one = below = np.full(2, np.nan)
+    if snapshot.frame is not None:
+        one = np.abs(snapshot.frame.vectors[0])
+        below = sum((np.abs(whirl.vectors) for whirl in snapshot.frame.whirls), start=np.zeros(2))
+    return {
+        Watched.OVERALL: snapshot.peak_to_peak,
+        Watched.ORDER_1X: one,
+        Watched.BELOW_1X: below,
+        Watched.SPEED: np.array([snapshot.speed]),
+    }
+
+
+def shown_alarms(alarms: Sequence[Alarm], acknowledged: int, *, latch: bool) -> tuple[Alarm, ...]:
+    """Return the alarms that an operator must see: those that last, and latched ones that nobody has acknowledged.
+
+    Parameters
+    ----------
+    alarms : sequence of Alarm
+        From `AlarmWatch`.
+    acknowledged : int
+        Number of the last one that somebody has acknowledged; 0 for none.
+    latch : bool
+        Whether an alarm that is over stays until it is acknowledged.
+    """
+    return tuple(alarm for alarm in alarms if alarm.lasts or (latch and alarm.number > acknowledged))
+
+
+def worst(alarms: Sequence[Alarm]) -> Severity:
+    """Return the worst severity among alarms; normal where there are none."""
+    return max((alarm.severity for alarm in alarms), key=lambda severity: severity.rank, default=Severity.NORMAL)

@@ -1,0 +1,166 @@
+"""From the last whole revolutions to an order frame: angle, resampling, spectrum, whirl and orbit."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.resampling.decimation import Pyramid
+from analysis.resampling.interpolation import HALF, interpolate
+from analysis.signals.header import Acquisition, AnalysisSettings, Role
+from analysis.signals.orbit import ProbePair
+from analysis.signals.snapshot import OrderFrame, RunOut
+from analysis.signals.uncertainty import sigma_of_floor
+from analysis.spectra.order_spectrum import order_spectrum, order_vectors
+from analysis.tacho.angle import SmoothAngle
+from analysis.tacho.edge_input import LATE
+from analysis.vectors.slow_roll import RunOutWatch
+from analysis.whirl.components import find_whirls, noise_floor, quantile
+
+FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+LOWEST_RATE = 1.0  # revolutions a second: below 60 r/min there is no frame
+FLOOR_LINES = 6  # at either side of an order, from the third on, that tell its noise, as in `order_track`
+SPARE_TURNS = 4  # that the pyramid remembers beside a frame
+_HIGHEST_PART = 0.2  # of the angular sampling: orders above it are not wanted
+
+
+class FrameBuilder:
+    """Makes order frames from the samples of a pyramid.
+
+    The angular grid has so many points a revolution (``points_per_revolution``, doubled as needed) that the highest
+    order H asked for lies below 0.2 of them. It is read from the pyramid's finest level whose samples all lie below
+    the order that the grid of G points would fold onto H, G - H: nothing folds into the spectrum, and H lies below
+    0.25 of that level's rate, where filters and interpolation are good to 0.01 %.
+
+    Parameters
+    ----------
+    acquisition : Acquisition
+        Rates, multiplexer and probes.
+    settings : AnalysisSettings
+        Revolutions, points and orders.
+    """
+
+    def __init__(self, acquisition: Acquisition, settings: AnalysisSettings) -> None:
+        if settings.revolutions < 4 or settings.points_per_revolution < 4 or settings.highest_order < 2.0:
+            raise ValueError(
+                f"settings: {settings.revolutions} revolutions of {settings.points_per_revolution} points to order "
+                f"{settings.highest_order}, expected at least 4 revolutions of 4 points to order 2"
+            )
+        self._settings = settings
+        self._rate = acquisition.rate
+        self._late = round(LATE * acquisition.rate) if acquisition.tacho.reference == "counter" else 0
+        rows = (acquisition.row(Role.PROBE_X), acquisition.row(Role.PROBE_Y))
+        self._pair = ProbePair(acquisition.channels[rows[0]].angle, acquisition.channels[rows[1]].angle)
+        self._skews = np.array(rows)[:, None] / acquisition.convert_rate
+        self._stride = 1
+        while settings.highest_order > _HIGHEST_PART * settings.points_per_revolution * self._stride:
+            self._stride *= 2
+        self._points = settings.points_per_revolution * self._stride
+        self._runout = RunOutWatch(settings.runout)
+        self._most_per_turn = 2.0 * (self._points - settings.highest_order)  # samples of the level that is read
+
+    def new_pyramid(self, first: int) -> Pyramid:
+        """Return an empty pyramid that serves every speed, for samples from index ``first`` on."""
+        turns = self._settings.revolutions + SPARE_TURNS
+        keep = int(turns * self._most_per_turn) + 8 * HALF
+        return Pyramid(2, self._level(LOWEST_RATE) + 1, keep, first, self._late)
+
+    def _level(self, turn_rate: float) -> int:
+        return max(int(np.ceil(np.log2(self._rate / (self._most_per_turn * turn_rate)))), 0)
+
+    def frame(self, pyramid: Pyramid, angle: SmoothAngle, first_turn: int, last_turn: int) -> OrderFrame | None:
+        """Return the frame that ends at the last mark up to which the samples reach.
+
+        Parameters
+        ----------
+        pyramid : Pyramid
+            Displacement towards the probes x and y, m.
+        angle : SmoothAngle
+            Time against revolutions, s.
+        first_turn, last_turn : int
+            Revolutions between which it holds.
+
+        Returns
+        -------
+        OrderFrame or None
+            None where the samples or the revolutions do not suffice, or the shaft turns too slowly.
+        """
+        revolutions = self._settings.revolutions
+        for end in range(last_turn, max(last_turn - SPARE_TURNS, first_turn + revolutions - 1), -1):
+            begin = end - revolutions
+            edges = angle.time(np.array([begin, begin + 0.5 * revolutions, end]))
+            turn_rate = revolutions / float(edges[2] - edges[0])
+            if not LOWEST_RATE <= turn_rate < self._rate:
+                return None
+            level = self._level(turn_rate)
+            samples, first = pyramid.level(level)
+            scale = self._rate / 2**level
+            outside = (edges[[0, 2]] - self._skews) * scale - first  # channel k is sampled k / convert_rate later
+            if outside.min() < HALF - 1:
+                return None
+            if outside.max() < samples.shape[1] - 1 - HALF:
+                turns = begin + np.arange(revolutions * self._points) / self._points
+                positions = (angle.time(turns) - self._skews) * scale - first
+                if positions.min() < HALF - 1 or positions.max() >= samples.shape[1] - 1 - HALF:
+                    return None
+                return self._evaluate(interpolate(samples, positions), edges, angle.jitter)
+        return None
+
+    def _evaluate(self, waveform: FloatArray, edges: FloatArray, jitter: float) -> OrderFrame:
+        settings = self._settings
+        revolutions = settings.revolutions
+        waveform = waveform - waveform.mean(axis=1, keepdims=True)
+        orders, spectrum = order_spectrum(waveform, revolutions)
+        wanted = int(np.searchsorted(orders, settings.highest_order, side="right"))
+        orders, spectrum = orders[:wanted], spectrum[:, :wanted]
+        noise = noise_floor(spectrum, revolutions)
+        halves = np.diff(edges)
+        speeds = np.pi * revolutions / halves  # mean of each half
+        orbit = waveform[:, -min(settings.orbit_revolutions, revolutions) * self._points :: self._stride]
+        orbit = orbit - orbit.mean(axis=1, keepdims=True)
+        speed = float(2.0 * np.pi * revolutions / halves.sum())
+        floors = [_floor_beside(spectrum, revolutions, order, noise) for order in (1, 2)]
+        sigma = sigma_of_floor(np.array(floors))
+        multiples = order_vectors(spectrum, revolutions, int(settings.highest_order))
+        runout = self._runout.frame(speed, multiples, sigma)
+        return OrderFrame(
+            speed=speed,
+            acceleration=float((speeds[1] - speeds[0]) / (0.5 * halves.sum())),
+            orders=orders,
+            spectrum=spectrum,
+            vectors=multiples[:2],
+            noise=noise,
+            whirls=find_whirls(spectrum, revolutions, noise, self._pair, jitter * speed),
+            orbit=self._pair.to_bench(orbit),
+            sigma=sigma,
+            angle_sigma=jitter * speed * float(np.sqrt(1.5 / revolutions)),
+            runout=runout,
+            compensated_orbit=self._without(orbit, runout),
+        )
+
+    def _without(self, orbit: FloatArray, runout: RunOut | None) -> FloatArray | None:
+        """Return the orbit, from the probes, less the run-out in the bench's directions, where that is asked for."""
+        if runout is None or not self._settings.runout.from_orbit:
+            return None
+        points = self._settings.points_per_revolution
+        turns = orbit.shape[1] // points
+        return self._pair.to_bench(orbit - np.tile(runout.waveform(points), (1, turns)))
+
+
+def _floor_beside(spectrum: ComplexArray, revolutions: int, order: int, noise: float) -> float:
+    """Return the median amplitude of the lines beside a whole order that are clear of every skirt, m peak.
+
+    Parameters
+    ----------
+    spectrum : ndarray of complex128, shape (2, n_orders)
+        Of a frame.
+    revolutions, order : int
+        Of the frame; which order.
+    noise : float
+        Median over all orders, m peak, for a frame of so few revolutions that no such line is left.
+    """
+    away = np.arange(3, 3 + FLOOR_LINES)
+    lines = order * revolutions + np.concatenate([-away, away])
+    clear = np.abs((lines + revolutions // 2) % revolutions - revolutions // 2) > 1
+    lines = lines[clear & (lines > 1) & (lines < spectrum.shape[1])]
+    return quantile(np.abs(spectrum[:, lines]), 0.5) if lines.size else noise

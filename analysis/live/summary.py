@@ -1,0 +1,279 @@
+"""What a run was: the answer to the operator's last question, built from snapshots as they come."""
+
+from collections import Counter
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.live.alarms import Alarm, AlarmWatch
+from analysis.signals.blocks import SegmentEnd
+from analysis.signals.header import Role, RunHeader, RunOutSettings, Severity
+from analysis.signals.snapshot import CounterReport, RunOut, Snapshot, TachoReport
+from analysis.vectors.speed_table import SpeedRow, SpeedTable
+from analysis.whirl.findings import Moment, WhirlFinding, WhirlTracker
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class ProbeSummary:
+    """One probe over the whole run.
+
+    Parameters
+    ----------
+    name : str
+        The channel's name, as "x".
+    gap_mean, gap_least, gap_most : float
+        Mean, smallest and largest gap voltage over update intervals, V; NaN without snapshots.
+    gap_ok : bool
+        Whether it lay in its window throughout.
+    largest_peak_to_peak : float
+        Largest overall vibration, m peak-to-peak; 0 without snapshots.
+    largest : Moment or None
+        Where that was; None without snapshots.
+    severity : Severity
+        The largest vibration against the limits.
+    beyond_calibration : int
+        Samples whose voltage lay outside the span that was calibrated: their displacement is extrapolated.
+    clearance_part : float
+        The largest vibration over the clearance's diameter: 1 is all the room there is.
+    """
+
+    name: str
+    gap_mean: float
+    gap_least: float
+    gap_most: float
+    gap_ok: bool
+    largest_peak_to_peak: float
+    largest: Moment | None
+    severity: Severity
+    beyond_calibration: int = 0
+    clearance_part: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RunSummary:
+    """What a run was.
+
+    Parameters
+    ----------
+    run, rig, note : str
+        Its id, its rig, the operator's words.
+    started_ns : int
+        Wall clock at the start, ns since 1970.
+    duration : float
+        Sampled time of all its segments together, s.
+    samples : int
+        Samples per channel in all its segments together.
+    lost : int
+        Samples per channel known to be lost.
+    lost_is_exact : bool
+        False where ``lost`` is only a lower bound.
+    segments : tuple of SegmentEnd
+        How each segment ended.
+    lowest_speed, highest_speed : float
+        Range of shaft speed, rad/s; NaN where the tacho never told.
+    probes : tuple of ProbeSummary
+        The probes x and y.
+    clipped : tuple of int
+        Samples at the converter's rails, per channel.
+    snapshots, frames : int
+        Number of snapshots, and of those with an order frame.
+    tacho : TachoReport or None
+        The last report; None without snapshots.
+    tacho_states : dict of str to int
+        Number of snapshots in each state of the tacho (`TachoState` values; those that occurred).
+    rows : tuple of SpeedRow
+        Amplitude, phase and peak-to-peak against speed, run-up and run-down apart, in rising order of speed.
+    whirls : tuple of WhirlFinding
+        Sub-synchronous components in the order in which they began.
+    alarms : tuple of Alarm
+        Limits that were passed for long enough, in the order in which their alarms came.
+    runout : RunOut or None
+        What was taken off as run-out; None where it was not asked for or never known.
+    runout_settings : RunOutSettings
+        What was asked to be taken off.
+    tacho_reference : str
+        What speed and phase were taken from: "samples" or "counter".
+    counter : CounterReport or None
+        How the tacho's counter and its waveform compared; None where no counter stamped.
+    """
+
+    run: str
+    rig: str
+    note: str
+    started_ns: int
+    duration: float
+    samples: int
+    lost: int
+    lost_is_exact: bool
+    segments: tuple[SegmentEnd, ...]
+    lowest_speed: float
+    highest_speed: float
+    probes: tuple[ProbeSummary, ...]
+    clipped: tuple[int, ...]
+    snapshots: int
+    frames: int
+    tacho: TachoReport | None
+    tacho_states: dict[str, int]
+    rows: tuple[SpeedRow, ...]
+    whirls: tuple[WhirlFinding, ...]
+    alarms: tuple[Alarm, ...] = ()
+    runout: RunOut | None = None
+    runout_settings: RunOutSettings = field(default_factory=RunOutSettings)
+    tacho_reference: str = "samples"
+    counter: CounterReport | None = None
+
+    @property
+    def is_gap_free(self) -> bool:
+        """Whether the run is one known stretch of samples of which none was lost."""
+        return len(self.segments) == 1 and self.segments[0].is_gap_free
+
+    @property
+    def largest_peak_to_peak(self) -> float:
+        """Largest overall vibration of either probe, m peak-to-peak."""
+        return max((probe.largest_peak_to_peak for probe in self.probes), default=0.0)
+
+    @property
+    def severity(self) -> Severity:
+        """The worst of the probes' verdicts."""
+        severities = (probe.severity for probe in self.probes)
+        return max(severities, key=lambda severity: severity.rank, default=Severity.NORMAL)
+
+
+@dataclass(slots=True)
+class _Probe:
+    """Running sums of one probe."""
+
+    gap_sum: float = 0.0
+    gap_least: float = np.inf
+    gap_most: float = -np.inf
+    gap_ok: bool = True
+    peak_to_peak: float = 0.0
+    largest: Moment | None = None
+    beyond_calibration: int = 0
+
+    def add(self, snapshot: Snapshot, probe: int) -> None:
+        gap = float(snapshot.gap_volts[probe])
+        self.gap_sum += gap
+        self.gap_least, self.gap_most = min(self.gap_least, gap), max(self.gap_most, gap)
+        self.gap_ok = self.gap_ok and bool(snapshot.gap_ok[probe])
+        self.beyond_calibration = int(snapshot.beyond_calibration[probe])
+        overall = float(snapshot.peak_to_peak[probe])
+        if self.largest is None or overall > self.peak_to_peak:
+            self.peak_to_peak = overall
+            self.largest = Moment(snapshot.segment, snapshot.time, snapshot.speed)
+
+
+class SummaryBuilder:
+    """Builds the summary of a run from its snapshots and segment ends, as they come; memory does not grow.
+
+    Parameters
+    ----------
+    header : RunHeader
+        Of the run.
+    """
+
+    def __init__(self, header: RunHeader) -> None:
+        self._header = header
+        acquisition = header.acquisition
+        rows = (acquisition.row(Role.PROBE_X), acquisition.row(Role.PROBE_Y))
+        self._names = [acquisition.channels[row].name for row in rows]
+        self._probes = (_Probe(), _Probe())
+        self._table = SpeedTable()
+        self._whirls = WhirlTracker()
+        self._alarms = AlarmWatch(header.limits, self._names)
+        self._runout: RunOut | None = None
+        self._ends: list[SegmentEnd] = []
+        self._clipped: tuple[int, ...] = (0,) * len(acquisition.channels)
+        self._states: Counter[str] = Counter()
+        self._tacho: TachoReport | None = None
+        self._counter: CounterReport | None = None
+        self._snapshots = self._frames = 0
+        self._lowest, self._highest = np.inf, -np.inf
+        self._open_segment, self._open_samples = -1, 0  # what has been seen of a segment that has not ended
+
+    def snapshot(self, snapshot: Snapshot) -> tuple[Alarm, ...]:
+        """Take a snapshot, in the order in which they came; return the alarms that came with it."""
+        if snapshot.segment != self._open_segment:
+            self._whirls.segment_end()
+        self._open_segment, self._open_samples = snapshot.segment, snapshot.sample
+        self._snapshots += 1
+        self._states[snapshot.tacho.state.value] += 1
+        self._tacho, self._counter = snapshot.tacho, snapshot.counter
+        self._clipped = tuple(snapshot.clipped.tolist())
+        for row, probe in enumerate(self._probes):
+            probe.add(snapshot, row)
+        if np.isfinite(snapshot.speed):
+            self._lowest, self._highest = min(self._lowest, snapshot.speed), max(self._highest, snapshot.speed)
+        self._table.snapshot(snapshot)
+        if snapshot.frame is not None:
+            self._frames += 1
+            self._whirls.frame(snapshot.segment, snapshot.time, snapshot.frame, self._table.direction)
+            if snapshot.frame.runout is not None:
+                self._runout = snapshot.frame.runout
+        return self._alarms.snapshot(snapshot)
+
+    @property
+    def alarms(self) -> tuple[Alarm, ...]:
+        """The alarms so far."""
+        return self._alarms.alarms
+
+    @property
+    def runout(self) -> RunOut | None:
+        """What is known of the run-out so far."""
+        return self._runout
+
+    def segment_end(self, end: SegmentEnd) -> None:
+        """Take the end of a segment."""
+        self._ends.append(end)
+        self._whirls.segment_end()
+        self._open_segment, self._open_samples = -1, 0
+
+    def summary(self) -> RunSummary:
+        """Return the summary so far."""
+        header = self._header
+        samples = sum(end.samples for end in self._ends) + self._open_samples
+        has_speed = self._highest > 0.0
+        return RunSummary(
+            run=header.run,
+            rig=header.rig,
+            note=header.note,
+            started_ns=header.started_ns,
+            duration=samples / header.acquisition.rate,
+            samples=samples,
+            lost=sum(end.lost for end in self._ends),
+            lost_is_exact=all(end.lost_is_exact for end in self._ends),
+            segments=tuple(self._ends),
+            lowest_speed=self._lowest if has_speed else np.nan,
+            highest_speed=self._highest if has_speed else np.nan,
+            probes=tuple(self._probe(name, probe) for name, probe in zip(self._names, self._probes, strict=True)),
+            clipped=self._clipped,
+            snapshots=self._snapshots,
+            frames=self._frames,
+            tacho=self._tacho,
+            tacho_states=dict(self._states),
+            tacho_reference=header.acquisition.tacho.reference,
+            counter=self._counter,
+            rows=self._table.rows(),
+            whirls=self._whirls.findings(),
+            alarms=self._alarms.alarms,
+            runout=self._runout,
+            runout_settings=header.settings.runout,
+        )
+
+    def _probe(self, name: str, probe: _Probe) -> ProbeSummary:
+        seen = self._snapshots > 0
+        return ProbeSummary(
+            name=name,
+            gap_mean=probe.gap_sum / self._snapshots if seen else np.nan,
+            gap_least=probe.gap_least if seen else np.nan,
+            gap_most=probe.gap_most if seen else np.nan,
+            gap_ok=probe.gap_ok,
+            largest_peak_to_peak=probe.peak_to_peak,
+            largest=probe.largest,
+            severity=self._header.limits.severity(probe.peak_to_peak),
+            beyond_calibration=probe.beyond_calibration,
+            clearance_part=self._header.limits.clearance_part(probe.peak_to_peak),
+        )

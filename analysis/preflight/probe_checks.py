@@ -1,0 +1,167 @@
+"""What one probe's signal says of its wiring and its gap."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.preflight.verdict import Check, Finding
+from analysis.preflight.wiring_limits import MICRO, WiringLimits
+from analysis.signals.header import CODE_MAX, CODE_MIN, Calibration, Channel
+from analysis.spectra.slow_lines import SlowSignal
+
+FloatArray = NDArray[np.float64]
+
+DEAD = 0.5  # codes rms: even the card by itself is noisier
+QUIET = 1.5  # codes rms: the card's own noise; a conditioner's is larger
+ZERO_VOLTS = 0.3  # about zero: an input that nothing drives, held down by its bias resistor
+CLIPPED = 1e-3  # part of the samples at a rail: more is no spark but a voltage out of range
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ProbeSignal:
+    """A stretch of one probe's samples.
+
+    Parameters
+    ----------
+    channel : Channel
+        Of the probe, with its calibration.
+    codes : ndarray of int16, shape (n,)
+        Consecutive samples.
+    volts : ndarray of float64, shape (n,)
+        The same, V.
+    """
+
+    channel: Channel
+    codes: NDArray[np.int16]
+    volts: FloatArray
+
+    @classmethod
+    def of(cls, channel: Channel, codes: NDArray[np.int16]) -> "ProbeSignal":
+        """Return the signal of a probe's channel; ValueError where it has no calibration or no samples."""
+        if channel.calibration is None or codes.ndim != 1 or codes.size == 0:
+            raise ValueError(f"channel {channel.name!r}: codes {codes.shape}, expected a probe's samples, (n,)")
+        return cls(channel, codes, channel.volts(codes))
+
+    @property
+    def name(self) -> str:
+        """What the table calls it."""
+        return f"probe {self.channel.name}"
+
+    @property
+    def mean(self) -> float:
+        """Mean voltage, V."""
+        return float(np.mean(self.volts))
+
+    @property
+    def sensitivity(self) -> float:
+        """Displacement by voltage at the mean voltage, m/V; taken at the calibrated span's nearer end outside it."""
+        calibration = _calibration(self.channel)
+        at = min(max(self.mean, calibration.volts_low), calibration.volts_high)
+        slope = np.polynomial.polynomial.polyder(np.array(calibration.coefficients))
+        return float(np.polynomial.polynomial.polyval(at, slope))
+
+    @property
+    def displacement(self) -> FloatArray:
+        """Motion about the mean, m, by the sensitivity at the mean; positive away from the probe."""
+        return self.sensitivity * (self.volts - self.mean)
+
+
+def gap_check(probe: ProbeSignal) -> Check:
+    """Return whether the probe is connected and its mean voltage lies in its window."""
+    channel, mean = probe.channel, probe.mean
+    name = f"{probe.name} gap"
+    value, limit = f"{mean:.2f} V", f"{channel.gap_low:g} to {channel.gap_high:g} V"
+    at_rails = float(np.mean((probe.codes == CODE_MIN) | (probe.codes == CODE_MAX)))
+    if at_rails > CLIPPED:
+        advice = (
+            f"{probe.name} reads {mean:.2f} V, for {100 * at_rails:.0f} % of the time at the end of what "
+            f"{channel.physical} can read: gap too wide, or range_v too small for the conditioner"
+        )
+        return Check.failed(name, Finding.CLIPPED, value, limit, advice)
+    noise = float(np.std(probe.codes))
+    if noise < QUIET and abs(mean) < ZERO_VOLTS:
+        advice = (
+            f"{probe.name} reads {mean:.2f} V and not even a sensor's noise: unplugged, or its conditioner has no "
+            f"supply; look at the cable to {channel.physical}"
+        )
+        return Check.failed(name, Finding.OPEN, value, limit, advice)
+    if noise < DEAD:
+        advice = f"{probe.name} stands at {mean:.2f} V without even noise: stuck, or nothing connected to it"
+        return Check.failed(name, Finding.OPEN, value, limit, advice)
+    if channel.gap_low <= mean <= channel.gap_high:
+        return Check.passed(name, value, limit)
+    if channel.gap_low <= -mean <= channel.gap_high:
+        advice = f"{probe.name} reads {mean:.2f} V: the two wires at {channel.physical} are exchanged"
+        return Check.failed(name, Finding.REVERSED, value, limit, advice)
+    if mean < channel.gap_low:
+        advice = f"{probe.name} reads {mean:.2f} V: gap closed, the tip touches or nearly: set the probe back"
+        return Check.failed(name, Finding.GAP_CLOSED, value, limit, advice)
+    advice = f"{probe.name} reads {mean:.2f} V: gap too wide, the shaft is nearly out of reach: bring the probe nearer"
+    return Check.failed(name, Finding.GAP_WIDE, value, limit, advice)
+
+
+def clipping_check(probe: ProbeSignal) -> Check:
+    """Return whether single samples reached the end of the card's range."""
+    rails = int(np.count_nonzero((probe.codes == CODE_MIN) | (probe.codes == CODE_MAX)))
+    name, value, limit = f"{probe.name} clipping", f"{rails:,} samples", "none"
+    if rails == 0:
+        return Check.passed(name, value, limit)
+    advice = f"{probe.name} reaches the end of the card's range now and then: wrong gap, or a loose contact"
+    return Check.warned(name, Finding.CLIPPED, value, limit, advice)
+
+
+def calibrated_check(probe: ProbeSignal) -> Check:
+    """Return whether all samples lie in the span that was calibrated."""
+    calibration = _calibration(probe.channel)
+    low, high = calibration.volts_low, calibration.volts_high
+    beyond = int(np.count_nonzero((probe.volts < low) | (probe.volts > high)))
+    name, limit = f"{probe.name} calibrated span", f"{low:g} to {high:g} V"
+    value = f"{probe.volts.min():.2f} to {probe.volts.max():.2f} V"
+    if beyond == 0:
+        return Check.passed(name, value, limit)
+    part = 100 * beyond / probe.volts.size
+    advice = f"{part:.1f} % of the samples of {probe.name} lie where its calibration is only extrapolated"
+    return Check.warned(name, Finding.BEYOND_CALIBRATION, value, limit, advice)
+
+
+def hum_check(probe: ProbeSignal, slow: SlowSignal, turning: float, limits: WiringLimits) -> Check:
+    """Return whether the mains are to be seen.
+
+    Parameters
+    ----------
+    probe : ProbeSignal
+        The probe.
+    slow : SlowSignal
+        Its displacement, m.
+    turning : float
+        Frequency of the shaft, Hz: whirl may lie anywhere below it. 0 at rest, infinite where it turns untold.
+    limits : WiringLimits
+        How much is told, and how much stands against a run.
+    """
+    name = f"{probe.name} mains hum"
+    limit = f"{limits.hum_warn / MICRO:g} µm peak at 50 or 60 Hz"
+    line = slow.mains()
+    value = f"{line.amplitude / MICRO:.2f} µm at {line.frequency:.0f} Hz"
+    if line.amplitude <= limits.hum_warn:
+        return Check.passed(name, value, limit)
+    if not line.is_separable:
+        advice = "the shaft turns with the mains' frequency, or a part of it: look again at rest or at another speed"
+        return Check.warned(name, Finding.UNTOLD, value, limit, advice)
+    if line.frequency < turning:
+        advice = (
+            f"{probe.name} hums with the mains, or the shaft whirls just there: look again at rest, then at the shields"
+        )
+        return Check.warned(name, Finding.HUM, value, limit, advice)
+    advice = (
+        f"{probe.name} hums with the mains: earth its shield at one end only, look for a loop through the "
+        "conditioner's supply, keep the cable away from the inverter's"
+    )
+    make = Check.failed if line.amplitude > limits.hum_fail else Check.warned
+    return make(name, Finding.HUM, value, limit, advice)
+
+
+def _calibration(channel: Channel) -> Calibration:
+    if channel.calibration is None:
+        raise ValueError(f"channel {channel.name!r} has no calibration: it is no probe")
+    return channel.calibration

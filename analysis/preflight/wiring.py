@@ -1,0 +1,136 @@
+"""Whether probes and tacho are wired as the rig says, from a second of their samples."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.preflight.probe_checks import ProbeSignal, calibrated_check, clipping_check, gap_check, hum_check
+from analysis.preflight.switching_levels import two_levels
+from analysis.preflight.tacho_checks import TachoSignal, tacho_checks
+from analysis.preflight.verdict import Check, Finding, Verdict
+from analysis.preflight.wiring_limits import MICRO, WiringLimits
+from analysis.signals.header import Acquisition, Channel, Role
+from analysis.spectra.slow_lines import SlowSignal
+
+FloatArray = NDArray[np.float64]
+
+ALIKE = 0.999  # correlation of two whole signals that are one, if their means are one too,
+SAME_MEAN = 0.01  # V: an orbit may be a straight line, but no two gaps are the same
+ALIKE_NOISE = 0.6  # of their noise: two conditioners have none in common
+MOVES = 0.5 * MICRO  # m rms, of both probes between 2 and 1000 Hz: the shaft turns
+BACKWARD = 3.0  # times the forward circle: no light rotor on its films whirls backward so
+LEAST_CIRCLE = 0.05 * MICRO  # m peak: less says nothing of a direction
+ROLES = (Role.PROBE_X, Role.PROBE_Y)
+
+
+def wiring_checks(
+    acquisition: Acquisition, codes: NDArray[np.int16], limits: WiringLimits | None = None
+) -> tuple[Check, ...]:
+    """Return what is to be said of the wiring, one check a line.
+
+    What one fault explains is said once: a probe that is unplugged is not said to be silent as well.
+
+    Parameters
+    ----------
+    acquisition : Acquisition
+        What the samples mean.
+    codes : ndarray of int16, shape (n_channels, n)
+        A second or so of consecutive samples, with the shaft at rest or turning.
+    limits : WiringLimits or None
+        What is still good; None for the usual.
+
+    Raises
+    ------
+    ValueError
+        The samples do not fit the acquisition.
+    """
+    if codes.ndim != 2 or codes.shape[0] != len(acquisition.channels) or codes.shape[1] == 0:
+        raise ValueError(f"codes: shape {codes.shape}, expected ({len(acquisition.channels)}, n) with n > 0")
+    limits = limits or WiringLimits()
+    rows = {role: acquisition.row(role) for role in Role}
+    probes = [ProbeSignal.of(acquisition.channels[rows[role]], codes[rows[role]]) for role in ROLES]
+    channel, tacho_codes = acquisition.channels[rows[Role.TACHO]], codes[rows[Role.TACHO]]
+    tacho = TachoSignal.of(channel, acquisition.tacho, tacho_codes, acquisition.rate)
+    pulsing = [probe for probe in probes if _pulses(probe, tacho)]
+    checks = [_pulsing_check(probe, tacho) for probe in pulsing]
+    told = bool(pulsing) and tacho.levels is None  # the tacho's own input has a probe's voltage then
+    angle = None if told else tacho.angle
+    rest = [probe for probe in probes if probe not in pulsing]
+    gaps = [gap_check(probe) for probe in rest]
+    sound = [probe for probe, gap in zip(rest, gaps, strict=True) if gap.verdict is Verdict.GOOD]
+    slow = [SlowSignal(probe.displacement, acquisition.rate, angle) for probe in sound]
+    checks += gaps
+    motion = bool(slow) and all(signal.motion() > MOVES for signal in slow)
+    untold = np.inf if motion else 0.0
+    turning = untold if angle is None else tacho.speed / (2.0 * np.pi)
+    for probe, signal in zip(sound, slow, strict=True):
+        checks += [clipping_check(probe), calibrated_check(probe), hum_check(probe, signal, turning, limits)]
+    if len(sound) == len(ROLES):
+        checks.append(_apart_check(*sound))
+        if angle is not None and checks[-1].verdict is Verdict.GOOD:
+            checks.append(_direction_check(sound, slow))
+    if not told:
+        checks += tacho_checks(tacho, limits, motion=motion)
+    return tuple(checks)
+
+
+def _pulses(probe: ProbeSignal, tacho: TachoSignal) -> bool:
+    """Return whether a probe's input has a switching sensor's voltage."""
+    levels = two_levels(probe.volts)
+    return levels is not None and levels.separation > tacho.tacho.hysteresis
+
+
+def _pulsing_check(probe: ProbeSignal, tacho: TachoSignal) -> Check:
+    levels = two_levels(probe.volts)
+    seen = "pulses" if levels is None else f"pulses, {levels.low:.2f} and {levels.high:.2f} V"
+    own, other = probe.channel.physical, tacho.channel.physical
+    if tacho.levels is None:
+        advice = (
+            f"{probe.name} shows the tacho's pulses, the tacho does not: the wires at {own} and {other} are exchanged"
+        )
+        return Check.failed(f"{probe.name} signal", Finding.TACHO_EXCHANGED, seen, "a probe's voltage", advice)
+    advice = f"{probe.name} and the tacho both show pulses: {own} and {other} touch, or one wire goes to both"
+    return Check.failed(f"{probe.name} signal", Finding.BRIDGED, seen, "a probe's voltage", advice)
+
+
+def _apart_check(first: ProbeSignal, second: ProbeSignal) -> Check:
+    whole, noise = _alike(first.volts, second.volts), _alike(np.diff(first.volts, 2), np.diff(second.volts, 2))
+    name = f"probes {first.channel.name} and {second.channel.name} apart"
+    value, limit = f"correlation {whole:.3f}, noise {noise:.2f}", f"below {ALIKE:g}, noise {ALIKE_NOISE:g}"
+    differ = whole < ALIKE or abs(first.mean - second.mean) > SAME_MEAN
+    if differ and noise < ALIKE_NOISE:
+        return Check.passed(name, value, limit)
+    advice = (
+        f"{first.name} and {second.name} show one and the same signal: {first.channel.physical} and "
+        f"{second.channel.physical} touch, one wire goes to both, or one is open and shows its neighbour's charge"
+    )
+    return Check.failed(name, Finding.BRIDGED, value, limit, advice)
+
+
+def _alike(first: FloatArray, second: FloatArray) -> float:
+    """Return the correlation of two signals; 0 where one does not move."""
+    first, second = first - np.mean(first), second - np.mean(second)
+    power = float(np.sum(first**2) * np.sum(second**2))
+    return float(np.sum(first * second)) / np.sqrt(power) if power > 0.0 else 0.0
+
+
+def _direction_check(probes: list[ProbeSignal], slow: list[SlowSignal]) -> Check:
+    """Return whether 1X goes round with the shaft, as run-out and unbalance make it."""
+    forward, backward = _circles([probe.channel for probe in probes], [signal.vectors[0] for signal in slow])
+    name, limit = "1X direction", "forward"
+    value = f"forward {forward / MICRO:.2f}, backward {backward / MICRO:.2f} µm peak"
+    if backward < BACKWARD * forward or backward < LEAST_CIRCLE:
+        return Check.passed(name, value, limit)
+    first, second = (probe.channel for probe in probes)
+    advice = (
+        f"the orbit goes round against the shaft: probes {first.name} and {second.name} are exchanged (cables at "
+        f"{first.physical} and {second.physical}), or their angle_deg is wrong"
+    )
+    return Check.failed(name, Finding.PROBES_EXCHANGED, value, limit, advice)
+
+
+def _circles(channels: list[Channel], vectors: list[complex]) -> tuple[float, float]:
+    """Return the amplitudes, m peak, of the forward and the backward circle that make up an ellipse."""
+    seats = np.array([channel.angle for channel in channels])
+    # X_k = F exp(-i a_k) + conj(B) exp(i a_k) for the probe at a_k
+    parts = np.linalg.solve(np.stack([np.exp(-1j * seats), np.exp(1j * seats)], axis=1), np.array(vectors))
+    return float(np.abs(parts[0])), float(np.abs(parts[1]))

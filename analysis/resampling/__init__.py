@@ -1,0 +1,1 @@
+"""Decimation, interpolation, records sampled uniformly in shaft angle, synchronous average."""

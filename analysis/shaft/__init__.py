@@ -1,0 +1,1 @@
+"""Orbit, centreline, Poincaré section and overall vibration of the shaft."""

@@ -1,0 +1,113 @@
+"""Where the shaft lies on average within its clearance, against speed."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.resampling.angular_record import AngularRecord
+from analysis.signals.errors import RecordTooShortError
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Centreline:
+    """Mean positions of the shaft from the middle of the clearance circle.
+
+    Parameters
+    ----------
+    positions : ndarray of float64, shape (2, n)
+        In the bench's X and Y, m.
+    sigma : ndarray of float64, shape (2, n)
+        Standard deviation of each, from the scatter of the revolutions averaged, m. Drift of the probes since the
+        shaft was parked is not in it.
+    speeds : ndarray of float64, shape (n,)
+        rad/s.
+    times : ndarray of float64, shape (n,)
+        s.
+    clearance : float
+        Radius of the circle that the shaft can move in, m.
+    """
+
+    positions: FloatArray
+    sigma: FloatArray
+    speeds: FloatArray
+    times: FloatArray
+    clearance: float
+
+    @property
+    def eccentricity(self) -> FloatArray:
+        """Distance from the middle over the clearance, shape (n,); above 1 the reference or the clearance is wrong."""
+        return np.asarray(np.hypot(*self.positions) / self.clearance, dtype=np.float64)
+
+    @property
+    def attitude(self) -> FloatArray:
+        """Angle from straight down to the shaft's position, rad, positive in the direction of rotation, shape (n,)."""
+        x, y = self.positions
+        return np.asarray(np.arctan2(x, -y), dtype=np.float64)
+
+    @property
+    def is_inside(self) -> NDArray[np.bool_]:
+        """Whether each position lies within the circle, shape (n,)."""
+        return self.eccentricity <= 1.0
+
+    def circle(self, points: int = 181) -> FloatArray:
+        """Return the clearance circle, shape (2, points), m."""
+        angle = np.linspace(0.0, 2.0 * np.pi, points)
+        return self.clearance * np.stack([np.cos(angle), np.sin(angle)])
+
+
+def centreline(
+    record: AngularRecord,
+    parked: FloatArray,
+    clearance: float,
+    *,
+    revolutions: int = 16,
+    parked_at: tuple[float, float] | None = None,
+) -> Centreline:
+    """Return the shaft's centreline from the probes' mean displacements.
+
+    Parameters
+    ----------
+    record : AngularRecord
+        Of probes that pass direct voltage.
+    parked : ndarray of float64, shape (2,)
+        Displacement towards the probes x and y while the shaft lay still, m.
+    clearance : float
+        Radius, m.
+    revolutions : int
+        Averaged for each position.
+    parked_at : tuple of float or None
+        Where the shaft lay then, in X and Y from the middle, m; None is the bottom of the circle.
+
+    Raises
+    ------
+    RecordTooShortError
+        Where the record holds fewer revolutions than are averaged.
+
+    Notes
+    -----
+    D. Bently and C. Hatch, Fundamentals of Rotating Machinery Diagnostics, 2002, ch. 6.
+    """
+    if not clearance > 0.0 or parked.shape != (2,) or revolutions < 2:
+        raise ValueError(
+            f"clearance {clearance} m, parked {parked.shape}, revolutions {revolutions}: expected above 0, (2,), at "
+            "least 2"
+        )
+    count = record.revolutions // revolutions
+    if count == 0:
+        raise RecordTooShortError(f"{record.revolutions} revolutions in the record, expected at least {revolutions}")
+    kept = count * revolutions
+    means = record.waveform[:, :kept].mean(axis=2).reshape(2, count, revolutions)
+    origin = np.array(parked_at if parked_at is not None else (0.0, -clearance))
+    moved = record.pair.to_bench(means.mean(axis=2) - parked[:, None])
+    scatter = record.pair.to_bench(means - parked[:, None, None]).std(axis=2, ddof=1)
+    edges = record.times[: kept + 1 : revolutions]
+    return Centreline(
+        positions=origin[:, None] + moved,
+        sigma=scatter / np.sqrt(revolutions),
+        speeds=2.0 * np.pi * revolutions / np.diff(edges),
+        times=0.5 * (edges[1:] + edges[:-1]),
+        clearance=clearance,
+    )

@@ -1,0 +1,135 @@
+"""Orbits of chosen orders alone, or of all but chosen ones, with the mark on them.
+
+D. Bently and C. Hatch, Fundamentals of Rotating Machinery Diagnostics, 2002, ch. 5.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.resampling.angular_record import AngularRecord
+from analysis.signals.errors import RecordTooShortError
+from analysis.signals.orbit import Ellipse
+from analysis.vectors.order_track import track_order
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FilteredOrbit:
+    """The path of the shaft in the bench's X and Y.
+
+    Parameters
+    ----------
+    motion : ndarray of float64, shape (2, revolutions, points)
+        m, mean taken off; every revolution begins at the mark: ``motion[:, :, 0]`` is where the mark is drawn.
+    times : ndarray of float64, shape (revolutions, points)
+        Time of each point, s, for the orbit's time base.
+    ellipses : tuple of Ellipse
+        Of the orders kept, or taken out, in their order.
+    sigma : float
+        Standard deviation of the ellipses' amplitudes, m peak.
+    speed : float
+        Mean, rad/s.
+    """
+
+    motion: FloatArray
+    times: FloatArray
+    ellipses: tuple[Ellipse, ...]
+    sigma: float
+    speed: float
+
+    @property
+    def marks(self) -> FloatArray:
+        """Where the shaft was when the mark passed, shape (2, revolutions), m."""
+        return np.asarray(self.motion[:, :, 0], dtype=np.float64)
+
+    @property
+    def peak_to_peak(self) -> FloatArray:
+        """Extent in X and Y, m peak-to-peak."""
+        return np.asarray(np.ptp(self.motion, axis=(1, 2)), dtype=np.float64)
+
+
+def direct_orbit(record: AngularRecord, revolutions: int = 4) -> FilteredOrbit:
+    """Return the last revolutions of a record as they are."""
+    return _orbit(record, revolutions, _last(record, revolutions), (), np.nan)
+
+
+def filtered_orbit(
+    record: AngularRecord, orders: tuple[float, ...], *, revolutions: int = 1, averaged: int = 16
+) -> FilteredOrbit:
+    """Return the orbit of chosen orders alone: 1X, 2X, nX or any other, or several together.
+
+    Parameters
+    ----------
+    record : AngularRecord
+        Its last revolutions are used.
+    orders : tuple of float
+        Kept.
+    revolutions : int
+        Drawn; a part order closes after several.
+    averaged : int
+        Revolutions from which the vectors are taken, by a Hann window.
+
+    Raises
+    ------
+    RecordTooShortError
+        Where the record holds fewer revolutions than are averaged.
+    """
+    synthesis, ellipses, sigma = _components(record, orders, revolutions, averaged)
+    return _orbit(record, revolutions, synthesis, ellipses, sigma)
+
+
+def orbit_without(
+    record: AngularRecord, orders: tuple[float, ...] = (1.0,), *, revolutions: int = 4, averaged: int = 16
+) -> FilteredOrbit:
+    """Return the orbit of all but chosen orders, not-1X by default; parameters as for `filtered_orbit`."""
+    synthesis, ellipses, sigma = _components(record, orders, revolutions, averaged)
+    return _orbit(record, revolutions, _last(record, revolutions) - synthesis, ellipses, sigma)
+
+
+def _last(record: AngularRecord, revolutions: int) -> FloatArray:
+    if revolutions < 1:
+        raise ValueError(f"revolutions: {revolutions}, expected at least 1")
+    if record.revolutions < revolutions:
+        raise RecordTooShortError(f"{record.revolutions} revolutions in the record, expected at least {revolutions}")
+    return record.waveform[:, -revolutions:]
+
+
+def _components(
+    record: AngularRecord, orders: tuple[float, ...], revolutions: int, averaged: int
+) -> tuple[FloatArray, tuple[Ellipse, ...], float]:
+    if not orders or revolutions < 1:
+        raise ValueError(f"orders {orders}, revolutions {revolutions}: expected at least one of each")
+    if record.revolutions < max(averaged, revolutions):
+        raise RecordTooShortError(
+            f"{record.revolutions} revolutions in the record, expected at least {max(averaged, revolutions)}"
+        )
+    used = record.part(record.revolutions - averaged, record.revolutions)
+    first = record.first_turn + record.revolutions - revolutions
+    theta = 2.0 * np.pi * (first + np.arange(revolutions * record.points) / record.points)
+    synthesis = np.zeros((2, theta.size))
+    ellipses, sigma = [], 0.0
+    for order in orders:
+        track = track_order(used, order, revolutions=averaged)
+        vectors = track.vectors[:, 0]
+        synthesis += (vectors[:, None] * np.exp(1j * order * theta)).real
+        ellipses.append(record.pair.ellipse(vectors))
+        sigma = max(sigma, float(track.sigma[:, 0].max()))
+    return synthesis.reshape(2, revolutions, record.points), tuple(ellipses), sigma
+
+
+def _orbit(
+    record: AngularRecord, revolutions: int, displacement: FloatArray, ellipses: tuple[Ellipse, ...], sigma: float
+) -> FilteredOrbit:
+    motion = record.pair.to_bench(displacement)
+    edges = record.times[-revolutions - 1 :]
+    part = np.arange(record.points) / record.points
+    return FilteredOrbit(
+        motion=motion - motion.mean(axis=(1, 2), keepdims=True),
+        times=edges[:-1, None] + np.diff(edges)[:, None] * part,
+        ellipses=ellipses,
+        sigma=sigma,
+        speed=float(2.0 * np.pi * revolutions / (edges[-1] - edges[0])),
+    )

@@ -1,0 +1,149 @@
+"""Where the shaft is each time the mark passes: points that tell a subharmonic from a whirl from chaos."""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.resampling.angular_record import AngularRecord
+from analysis.signals.errors import RecordTooShortError
+
+FloatArray = NDArray[np.float64]
+
+FEWEST = 48  # revolutions from which a pattern is told
+MOST_PERIODS = 6
+SMALL = 0.01  # of the motion: points nearer than that are one
+TIGHT = 0.1  # of the points' extent: scatter within a cluster
+FILLED_SECTORS, THIN = 10, 0.35  # of 16 sectors about the middle, and scatter of the radius of a curve
+
+
+class Pattern(StrEnum):
+    """What the points make."""
+
+    POINT = "point"  # synchronous alone
+    CLUSTERS = "clusters"  # a subharmonic 1/k: rub, looseness
+    CURVE = "curve"  # a second frequency in no whole ratio: whirl
+    CLOUD = "cloud"  # no order: chaos, noise, or a whirl whose amplitude wanders
+    UNKNOWN = "unknown"  # too few revolutions
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PoincareSection:
+    """The shaft's positions at the mark.
+
+    Parameters
+    ----------
+    points : ndarray of float64, shape (2, n)
+        In X and Y, m, one a revolution, the record's mean taken off.
+    speeds : ndarray of float64, shape (n,)
+        Of each revolution, rad/s.
+    pattern : Pattern
+        What they make.
+    period : int
+        Revolutions after which they repeat: 1 for a point, k for clusters; 0 otherwise.
+    scatter : float
+        Rms distance from the points one period before (POINT, CLUSTERS), over sqrt 2, m; of all from their middle else.
+    """
+
+    points: FloatArray
+    speeds: FloatArray
+    pattern: Pattern
+    period: int
+    scatter: float
+
+
+def poincare_section(record: AngularRecord, noise: float = 0.0) -> PoincareSection:
+    """Return the section of a record at about one speed.
+
+    Parameters
+    ----------
+    record : AngularRecord
+        48 revolutions at least for a pattern to be told.
+    noise : float
+        Rms of the probes' noise in one sample, m: points nearer than 5 times that, or than 1 % of the motion,
+        are one.
+
+    Notes
+    -----
+    k clusters are a 1/k subharmonic, a closed curve is a quasi-periodic whirl (D. Bently and C. Hatch, Fundamentals of
+    Rotating Machinery Diagnostics, 2002; F. Ehrich, Handbook of Rotordynamics, 1992).
+    """
+    if not noise >= 0.0:
+        raise ValueError(f"noise: {noise} m, expected 0 or more")
+    points = record.pair.to_bench(record.waveform[:, :, 0])
+    points = points - points.mean(axis=1, keepdims=True)
+    extent = float(np.sqrt(np.mean(np.sum(points**2, axis=0))))
+    if record.revolutions < FEWEST:
+        return PoincareSection(points, record.speeds, Pattern.UNKNOWN, 0, extent)
+    period, scatter = _period(points)
+    if extent <= max(5.0 * noise, SMALL * float(record.waveform.std())):
+        return PoincareSection(points, record.speeds, Pattern.POINT, 1, extent)
+    if scatter < max(TIGHT * extent, 2.0 * noise):
+        pattern = Pattern.POINT if period == 1 else Pattern.CLUSTERS
+        return PoincareSection(points, record.speeds, pattern, period, scatter)
+    pattern = Pattern.CURVE if _is_curve(points) else Pattern.CLOUD
+    return PoincareSection(points, record.speeds, pattern, 0, extent)
+
+
+def _period(points: FloatArray) -> tuple[int, float]:
+    """Return after how many revolutions the points repeat best, and how far they miss, m rms."""
+    misses = [
+        float(np.sqrt(0.5 * np.mean(np.sum((points[:, k:] - points[:, :-k]) ** 2, axis=0))))
+        for k in range(1, MOST_PERIODS + 1)
+    ]
+    best = min(misses)
+    period = next(k for k, miss in enumerate(misses, start=1) if miss <= 1.5 * best)
+    return period, misses[period - 1]
+
+
+def _is_curve(points: FloatArray) -> bool:
+    """Return whether the points lie on an ellipse about their middle, all round it."""
+    axes, _ = np.linalg.qr((points / np.abs(points).max()).T)  # an ellipse becomes a circle
+    radius = np.hypot(*axes.T)
+    sectors = np.unique(np.floor(np.arctan2(axes[:, 1], axes[:, 0]) / (np.pi / 8.0)))
+    return bool(sectors.size >= FILLED_SECTORS and radius.std() < THIN * radius.mean())
+
+
+def bifurcation(record: AngularRecord, *, averaged: int = 64) -> tuple[FloatArray, FloatArray]:
+    """Return the data of a bifurcation diagram: speed and position at the mark of every revolution.
+
+    Parameters
+    ----------
+    record : AngularRecord
+        Of a run-up or run-down.
+    averaged : int
+        Revolutions about each whose mean position is taken off, so that the centreline's path does not show.
+
+    Returns
+    -------
+    speeds : ndarray of float64, shape (n,)
+        rad/s.
+    positions : ndarray of float64, shape (2, n)
+        In X and Y, m.
+
+    Raises
+    ------
+    RecordTooShortError
+        Where the record holds fewer revolutions than are averaged.
+
+    Notes
+    -----
+    F. Ehrich, Handbook of Rotordynamics, 1992.
+    """
+    if averaged < 2:
+        raise ValueError(f"averaged: {averaged}, expected at least 2 revolutions")
+    if record.revolutions < averaged:
+        raise RecordTooShortError(f"{record.revolutions} revolutions in the record, expected at least {averaged}")
+    motion = record.pair.to_bench(record.waveform)
+    middle = motion.mean(axis=2)
+    smooth = np.stack([_running_mean(row, averaged) for row in middle])
+    return record.speeds, np.asarray(motion[:, :, 0] - smooth, dtype=np.float64)
+
+
+def _running_mean(values: FloatArray, n: int) -> FloatArray:
+    """Return the mean of the n values about each, of those there are at the ends."""
+    total = np.concatenate([[0.0], np.cumsum(values)])
+    at = np.arange(values.size)
+    begin, end = np.maximum(at - n // 2, 0), np.minimum(at + (n + 1) // 2, values.size)
+    return np.asarray((total[end] - total[begin]) / (end - begin), dtype=np.float64)

@@ -1,0 +1,1 @@
+"""Shared data types: run header, sample blocks, snapshot, probes, uncertainty, errors."""

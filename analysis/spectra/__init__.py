@@ -1,0 +1,1 @@
+"""Order, frequency and full spectra, order maps, waterfalls and cascades."""

@@ -1,0 +1,175 @@
+"""The order map of a record: order spectra of many revolutions at a time, from begin to end."""
+
+import math
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal.windows import flattop
+
+from analysis.resampling.angular_record import AngularRecord
+from analysis.signals.orbit import ProbePair
+from analysis.spectra.frames import CHUNK_FRAMES, Frames
+from analysis.spectra.order_spectrum import hann
+
+FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+
+class Window(StrEnum):
+    """How the revolutions of a frame are weighted."""
+
+    HANN = "hann"  # resolves lines two bins apart; 15 % low at worst between two bins
+    FLAT_TOP = "flat top"  # 0.1 % at any order, lines must be five bins apart (ISO 18431-2)
+    UNIFORM = "uniform"  # exact for whole orders alone, leaks from everything else
+
+    def weights(self, n: int) -> FloatArray:
+        """Return ``n`` weights that sum to 1."""
+        if self is Window.HANN:
+            return hann(n)
+        weights = flattop(n, sym=False) if self is Window.FLAT_TOP else np.ones(n)
+        return np.asarray(weights / weights.sum(), dtype=np.float64)
+
+    @property
+    def noise_bandwidth(self) -> float:
+        """Equivalent noise bandwidth, bins (A. Brandt, Noise and Vibration Analysis, 2011, table 9.2)."""
+        return {Window.HANN: 1.5, Window.FLAT_TOP: 3.7702, Window.UNIFORM: 1.0}[self]
+
+
+class Scaling(StrEnum):
+    """What an amplitude is given as."""
+
+    PEAK = "peak"
+    RMS = "rms"
+    PEAK_TO_PEAK = "peak-to-peak"
+
+    @property
+    def factor(self) -> float:
+        """By which a zero-to-peak amplitude of a single line is multiplied."""
+        return {Scaling.PEAK: 1.0, Scaling.RMS: 1.0 / math.sqrt(2.0), Scaling.PEAK_TO_PEAK: 2.0}[self]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class OrderMap:
+    """Order spectra of successive frames of whole revolutions.
+
+    Parameters
+    ----------
+    orders : ndarray of float64, shape (n_orders,)
+        From 0, step 1 / revolutions.
+    spectrum : ndarray of complex128, shape (2, n_frames, n_orders)
+        At the probes x and y, m peak, phase referred to theta = 0: x = Re[X exp(i order theta)].
+    noise : ndarray of float64, shape (n_frames,)
+        Median between the lines, m peak.
+    speeds, accelerations : ndarray of float64, shape (n_frames,)
+        Mean speed, rad/s, and its mean rate of change, rad/s².
+    times : ndarray of float64, shape (n_frames,)
+        Middle of each frame, s.
+    turns : ndarray of int64, shape (n_frames,)
+        Number of each frame's first revolution.
+    revolutions, step : int
+        In a frame, and from one frame to the next.
+    window : Window
+        Weighting.
+    speed_sigma : ndarray of float64, shape (n_frames,)
+        Standard deviation of the speeds, rad/s; NaN where no tacho told.
+    angle_sigma : ndarray of float64, shape (n_frames,)
+        Standard deviation of the angle as a frame feels it, from the tacho's jitter, rad.
+    pair : ProbePair
+        Directions of the probes.
+    """
+
+    orders: FloatArray
+    spectrum: ComplexArray
+    noise: FloatArray
+    speeds: FloatArray
+    accelerations: FloatArray
+    times: FloatArray
+    turns: NDArray[np.int64]
+    revolutions: int
+    step: int
+    window: Window
+    speed_sigma: FloatArray
+    angle_sigma: FloatArray
+    pair: ProbePair
+
+    def amplitudes(self, scaling: Scaling = Scaling.PEAK) -> FloatArray:
+        """Return the amplitudes, shape (2, n_frames, n_orders), m, scaled as named."""
+        return np.asarray(np.abs(self.spectrum) * scaling.factor, dtype=np.float64)
+
+
+def order_map(
+    record: AngularRecord,
+    *,
+    revolutions: int = 16,
+    overlap: float = 0.75,
+    highest_order: float = 8.0,
+    window: Window = Window.HANN,
+) -> OrderMap:
+    """Return the order spectra of a record.
+
+    Parameters
+    ----------
+    record : AngularRecord
+        Displacement against angle.
+    revolutions : int
+        In a frame; the orders are 1 / revolutions apart.
+    overlap : float
+        Part of a frame that the next one shares, 0 to below 1; the step is whole revolutions.
+    highest_order : float
+        Up to which spectra are given, at most ``record.highest_order``.
+    window : Window
+        Weighting.
+
+    Raises
+    ------
+    RecordTooShortError
+        Where the record holds fewer revolutions than a frame.
+    ValueError
+        Settings out of range.
+
+    Notes
+    -----
+    X = 2 / sum(w) sum(w x exp(-i order theta)) (A. Brandt, Noise and Vibration Analysis, 2011, ch. 9 and 12). The
+    mean of each frame is taken off first.
+    """
+    if not 0.0 < highest_order <= record.highest_order:
+        raise ValueError(f"highest order {highest_order}: expected above 0 to {record.highest_order}")
+    frames = Frames(record, revolutions, overlap)
+    weights = window.weights(revolutions * record.points)
+    lines = int(highest_order * revolutions + 1e-9) + 1
+    spectrum = np.empty((2, len(frames), lines), dtype=np.complex128)
+    for where, waveforms in frames.chunks():
+        level = waveforms.mean(axis=2, keepdims=True)
+        spectrum[:, where] = 2.0 * np.fft.rfft((waveforms - level) * weights)[..., :lines]
+    spectrum[..., 0] *= 0.5
+    return OrderMap(
+        orders=np.arange(lines) / revolutions,
+        spectrum=spectrum,
+        noise=_floors(spectrum, revolutions),
+        speeds=frames.speeds,
+        accelerations=frames.accelerations,
+        times=frames.times,
+        turns=frames.turns,
+        revolutions=revolutions,
+        step=frames.step,
+        window=window,
+        speed_sigma=frames.speed_sigma,
+        angle_sigma=frames.angle_sigma,
+        pair=record.pair,
+    )
+
+
+def _floors(spectrum: ComplexArray, revolutions: int) -> FloatArray:
+    """Return the median amplitude between the lines of each frame, as `whirl.components.noise_floor` does, m peak."""
+    bins = np.arange(spectrum.shape[-1])
+    distance = np.abs(bins - revolutions * np.round(bins / revolutions))
+    between = np.flatnonzero(distance > min(2, revolutions // 2 - 1))
+    if not between.size:
+        return np.zeros(spectrum.shape[1])
+    floors = [
+        np.median(np.abs(spectrum[:, begin : begin + CHUNK_FRAMES, between]), axis=(0, 2))
+        for begin in range(0, spectrum.shape[1], CHUNK_FRAMES)
+    ]
+    return np.concatenate(floors)

@@ -1,0 +1,1 @@
+"""From the tacho's waveform or counter to the angle of the shaft."""

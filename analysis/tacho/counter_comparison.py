@@ -1,0 +1,113 @@
+"""The tacho's counter against its waveform: two ways to the same edges, each a check of the other."""
+
+from collections import deque
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.signals.header import TachoCounter
+from analysis.signals.snapshot import RECENT, CounterReport
+
+FloatArray = NDArray[np.float64]
+
+SETTLED = 0.5  # s after which an edge that has not come will not come
+MARGIN = 5e-3  # s from where the waveform begins: of an edge there it shows only a part
+
+
+class TachoComparison:
+    """Compares stamps and sampled edges of a run as they come.
+
+    An edge and a stamp are the same where each is the nearest to the other.
+
+    Parameters
+    ----------
+    counter : TachoCounter
+        Says how far apart they may lie.
+    """
+
+    def __init__(self, counter: TachoCounter) -> None:
+        self._agreement = counter.agreement
+        self._compared = self._missing = self._extra = self._apart = 0
+        self._sum, self._largest = 0.0, 0.0
+        self.restart(0.0)
+
+    def restart(self, begin: float) -> None:
+        """Forget the edges that have not been compared and go on from another time, s; the counts run on."""
+        self._recent: deque[tuple[float, int, int]] = deque()  # up to when, s: edges of either, and those that differ
+        self._sampled = self._stamped = np.empty(0)
+        self._done = begin + MARGIN  # time up to which edges have been compared, s
+
+    def advance(self, sampled: FloatArray, stamped: FloatArray, now: float) -> None:
+        """Take the edges and stamps of a further stretch of a segment and compare what has settled.
+
+        Parameters
+        ----------
+        sampled, stamped : ndarray of float64, shape (n,)
+            Times in the segment by the waveform and by the counter, s, rising.
+        now : float
+            End of the stretch, s.
+        """
+        self._sampled = np.concatenate([self._sampled, sampled])
+        self._stamped = np.concatenate([self._stamped, stamped])
+        until = now - SETTLED
+        if until > self._done:
+            self._recent.append((until, *self._compare(self._done, until)))
+            while self._recent[0][0] <= until - RECENT:
+                self._recent.popleft()
+            self._done = until
+            self._sampled = self._sampled[self._sampled > until - SETTLED]
+            self._stamped = self._stamped[self._stamped > until - SETTLED]
+
+    def report(self, *, is_working: bool) -> CounterReport:
+        """Return the counts since the run began."""
+        told = self._compared > 0
+        return CounterReport(
+            is_working=is_working,
+            compared=self._compared,
+            missing=self._missing,
+            extra=self._extra,
+            apart=self._apart,
+            mean=self._sum / self._compared if told else np.nan,
+            largest=self._largest if told else np.nan,
+            recent=sum(edges for _, edges, _ in self._recent),
+            recent_odd=sum(odd for _, _, odd in self._recent),
+        )
+
+    def _compare(self, begin: float, end: float) -> tuple[int, int]:
+        """Compare the edges of a span of time and return how many there are of either, and how many differ.
+
+        Those about it are looked at too, they may be the nearest.
+        """
+        to_stamp, to_edge = _nearest(self._sampled, self._stamped), _nearest(self._stamped, self._sampled)
+        of_edge = _mutual(to_stamp, to_edge) & _within(self._sampled, begin, end)
+        distances = self._stamped[to_stamp[of_edge]] - self._sampled[of_edge]
+        missing = int(np.count_nonzero(_within(self._sampled, begin, end))) - distances.size
+        extra = int(np.count_nonzero(_within(self._stamped, begin, end) & ~_mutual(to_edge, to_stamp)))
+        apart = int(np.count_nonzero(np.abs(distances) > self._agreement))
+        self._compared += distances.size
+        self._missing += missing
+        self._extra += extra
+        self._apart += apart
+        self._sum += float(distances.sum())
+        self._largest = max(self._largest, float(np.abs(distances).max(initial=0.0)))
+        return distances.size + missing + extra, missing + extra + apart
+
+
+def _within(times: FloatArray, begin: float, end: float) -> NDArray[np.bool_]:
+    return np.asarray((times > begin) & (times <= end))
+
+
+def _nearest(times: FloatArray, others: FloatArray) -> NDArray[np.intp]:
+    """Return for each time the number of the nearest of the others; -1 where there are none."""
+    if others.size == 0:
+        return np.full(times.size, -1)
+    after = np.clip(np.searchsorted(others, times), 0, others.size - 1)
+    before = np.maximum(after - 1, 0)
+    return np.where(np.abs(others[before] - times) <= np.abs(others[after] - times), before, after)
+
+
+def _mutual(nearest: NDArray[np.intp], of_others: NDArray[np.intp]) -> NDArray[np.bool_]:
+    """Return which are the nearest of their nearest."""
+    if of_others.size == 0:
+        return np.zeros(nearest.size, dtype=np.bool_)
+    return np.asarray(of_others[nearest] == np.arange(nearest.size))

@@ -1,0 +1,341 @@
+"""The pulses of the tacho as a train: which edge is which pulse, what is missing, what is too much, and how sure."""
+
+from collections import deque
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.signals.header import Tacho
+from analysis.signals.snapshot import TachoReport, TachoState
+from analysis.tacho.mark_spacing import MarkSpacing
+
+FloatArray = NDArray[np.float64]
+
+GATE = 0.3  # of the predicted period: how far an edge may lie from its prediction
+GATE_FILLED = 0.25  # the same where pulses before it are missing
+MOST_FILLED = 2  # successive pulses that may be missing
+SEED_INTERVALS = 4  # like intervals that make a train
+SEED_RATIO = 1.25  # of successive intervals
+SETTLED = SEED_INTERVALS + 1  # pulses of a train before its speed is believed
+SETTLED_TURNS, SETTLED_PULSES = 6, 64  # of a train of several marks whose spacing could not be learned, at least
+MOST_DOUBT = 20  # edges in vain that are remembered: each asks for one pulse more
+CLEAN = 0.05  # change from one interval to the next with which pulses are beyond question
+DIRTY_STREAK = 4  # successive pulses that each needed a repair: the train is not what it was taken for
+MOST_START = 2  # edges in vain with which a shaft may start
+MOST_REJECTED = 10  # edges between two pulses
+HISTORY, MOST_REPAIRED = 64, 8  # of the last pulses
+MOST_JITTER = 0.05  # of the pulses' period
+SILENCE = 2.0  # s without an edge: no pulses
+FEWEST_SAMPLES = 20  # a pulse; more edges than that are no shaft
+
+
+class PulseTrain:
+    """Follows the pulses with a predictive gate.
+
+    Four like intervals make a train. Each further edge is compared with the time extrapolated from the last eight
+    intervals (medians of the older and the younger half, so that an edge taken wrongly does not lead astray): near
+    it, it is the next pulse; too early, it is a double and rejected, unless it lies nearer to the prediction than the
+    one that was taken; one or two periods too late, the pulses between were missing and are counted. Anything else
+    ends the train, and a new one is sought. A train whose pulses begin to miss regularly, every second or third,
+    is that of a sensor past its response: the slower train that follows is told as too fast.
+
+    Several marks may lie anywhere on the shaft: their spacing is learned over the first revolutions without a fault
+    (`tacho.mark_spacing`), and intervals are then compared by their parts of a revolution. Where one interval is
+    clearly the longest, theta = 0 is the mark that ends it; else it is the first one seen of every train.
+
+    Parameters
+    ----------
+    tacho : Tacho
+        Pulses a revolution, mark and response time.
+    revolutions : int
+        Marks (one a revolution) to remember.
+    on_end : callable or None
+        Given the remembered marks, number and time, s, of every train that ends.
+    """
+
+    def __init__(
+        self,
+        tacho: Tacho,
+        revolutions: int,
+        on_end: Callable[[tuple[tuple[int, float], ...]], None] | None = None,
+    ) -> None:
+        self._tacho = tacho
+        self._on_end = on_end
+        self._spacing = MarkSpacing(tacho.pulses_per_revolution)
+        self._marks: deque[tuple[int, float]] = deque(maxlen=revolutions)
+        self._seed: deque[float] = deque(maxlen=SEED_INTERVALS + 1)  # or a whole revolution of uneven marks
+        self._intervals: deque[float] = deque(maxlen=2 * SEED_INTERVALS)
+        self._repaired: deque[bool] = deque(maxlen=HISTORY)
+        self._recently_skipped: deque[int] = deque(maxlen=DIRTY_STREAK)
+        self._pulses = self._filled = self._rejected = 0
+        self.restart()
+
+    def restart(self) -> None:
+        """Forget the train but not the counts: the next edge does not follow the last."""
+        self._last_edge = -np.inf
+        self._doubt = 0  # edges that led to no train
+        self._flooded = False
+        self._repaired.clear()
+        self._spacing.forget_edges()
+        self._lose()
+
+    def _lose(self) -> None:
+        if self._on_end is not None and self._marks:
+            self._on_end(tuple(self._marks))
+        self._locked = False
+        self._number = 0  # of the last pulse in its train
+        self._time = self._before = self._predicted = 0.0
+        self._skipped = 1  # periods between the last pulse and the one before,
+        self._span = 1.0  # and how many even ones they make
+        self._dirty = self._rejected_since = 0
+        self._folded = False  # whether the train came from one of which pulses went missing regularly
+        self._seed.clear()
+        self._intervals.clear()
+        self._marks.clear()
+
+    def advance(self, edges: FloatArray, now: float, elapsed: float, rate: float) -> None:
+        """Take the edges of a further stretch of time.
+
+        Parameters
+        ----------
+        edges : ndarray of float64, shape (n,)
+            Times of the edges, s, rising.
+        now : float
+            End of the stretch, s.
+        elapsed : float
+            Its length, s.
+        rate : float
+            Sample rate, Hz.
+        """
+        self._flooded = edges.size > 8 + elapsed * rate / FEWEST_SAMPLES
+        if self._flooded:
+            self._rejected += edges.size
+            self._last_edge = now
+            self._doubt = MOST_DOUBT
+            self._spacing.forget_edges()
+            self._lose()
+            return
+        if self._spacing.take(edges) and not self._spacing.is_even:
+            self._doubt = 0
+            self._lose()
+            self._seed = deque(maxlen=max(SEED_INTERVALS, self._tacho.pulses_per_revolution) + 1)
+        for time in edges[self._follow(edges) :].tolist():
+            self._edge(time)
+            self._last_edge = time
+        if self._locked and now - self._time > self._expected(MOST_FILLED + 1) + GATE * self._expected(1):
+            self._lose()
+        if now - self._last_edge > SILENCE:
+            self._doubt = 0
+            self._lose()
+
+    def _follow(self, edges: FloatArray) -> int:
+        """Accept a clean stretch of pulses at once, all but the last few; return how many.
+
+        What it accepts the gate would have accepted one by one: each interval is like the one before.
+        """
+        n = edges.size - (self._intervals.maxlen or 0) - 1
+        if n < 1 or not self._locked or self._dirty or self._rejected_since:
+            return 0
+        times = np.concatenate([[self._time], edges[:n]])
+        numbers = self._number + np.arange(1, n + 1)
+        turns, rests = np.divmod(numbers, self._tacho.pulses_per_revolution)
+        intervals = np.diff(times) / self._spacing.parts[rests]
+        before = np.concatenate([[sum(self._trend())], intervals[:-1]])
+        if (np.abs(intervals - before) > CLEAN * before).any():
+            return 0
+        marked = np.flatnonzero(rests == 0)[-(self._marks.maxlen or n) :]
+        self._marks.extend(zip(turns[marked].tolist(), edges[marked].tolist(), strict=True))
+        self._repaired.extend([False] * min(n, HISTORY))
+        self._recently_skipped.extend([1] * min(n, DIRTY_STREAK))
+        self._intervals.extend(intervals.tolist())
+        self._pulses += n
+        self._number += n
+        self._before, self._time = float(times[-2]), float(times[-1])
+        self._skipped, self._predicted = 1, self._time
+        self._span = float(self._spacing.parts[rests[-1]])
+        self._doubt = max(self._doubt - n, 0)
+        return n
+
+    def _expected(self, periods: int) -> float:
+        """Return the time from the last pulse to the one so many periods later."""
+        return self._later(periods, *self._trend())
+
+    def _later(self, periods: int, last: float, slope: float) -> float:
+        return self._even_periods(periods) * last + slope * 0.5 * periods * (periods + 1)
+
+    def _even_periods(self, periods: int) -> float:
+        """Return how many even periods the next ones make."""
+        if self._spacing.is_even:
+            return periods
+        marks = (self._number + np.arange(1, periods + 1)) % self._tacho.pulses_per_revolution
+        return float(self._spacing.parts[marks].sum())
+
+    def _trend(self) -> tuple[float, float]:
+        """Return the last even interval as it should have been, and its change from one to the next.
+
+        From medians of the older and the younger intervals, so that one of each may be wrong.
+        """
+        intervals = list(self._intervals)
+        n, half = len(intervals), len(intervals) // 2
+        older, younger = _median(intervals[:half]), _median(intervals[half:])
+        slope = min(max((younger - older) / (0.5 * n), -0.2 * younger), 0.2 * younger)
+        return younger + 0.5 * (n - half - 1) * slope, slope
+
+    def _edge(self, time: float) -> None:
+        if not self._locked:
+            self._search(time)
+            return
+        since = time - self._time
+        last, slope = self._trend()
+        period = (last + slope) * self._spacing.shortest
+        if since < self._later(1, last, slope) - GATE * period:
+            self._double(time)
+            return
+        for periods in range(1, MOST_FILLED + 2):
+            gate = GATE if periods == 1 else GATE_FILLED
+            expected = self._later(periods, last, slope)
+            if abs(since - expected) <= gate * period:
+                self._accept(time, periods, self._time + expected)
+                return
+        if since < self._expected(MOST_FILLED + 1):
+            self._reject()
+        else:
+            self._doubt = min(self._doubt + SEED_INTERVALS, MOST_DOUBT)
+            self._lose()
+            self._search(time)
+
+    def _search(self, time: float) -> None:
+        if len(self._seed) == self._seed.maxlen:
+            self._rejected += 1
+            self._doubt = min(self._doubt + 1, MOST_DOUBT)
+        self._seed.append(time)
+        intervals = np.diff(self._seed)
+        if intervals.size < (self._seed.maxlen or 0) - 1 or intervals.min() <= 0.0:
+            return
+        ends_first = self._spacing.first_mark(intervals, SEED_RATIO)
+        if ends_first is None:
+            return
+        marks = self._tacho.pulses_per_revolution
+        begin = (ends_first - 1) % marks if not self._spacing.is_even else 0
+        numbers = begin + np.arange(len(self._seed))
+        parts = self._spacing.parts[numbers % marks]
+        self._locked = True
+        self._intervals.extend((intervals / parts[1:]).tolist())
+        self._pulses += len(self._seed)
+        self._number, self._span = int(numbers[-1]), float(parts[-1])
+        self._before, self._time = self._seed[-2], self._seed[-1]
+        self._predicted = self._time
+        for number, seed in zip(numbers.tolist(), self._seed, strict=True):
+            self._mark(number, seed)
+
+    def _mark(self, number: int, time: float) -> None:
+        turn, rest = divmod(number, self._tacho.pulses_per_revolution)
+        if rest == 0:
+            self._marks.append((turn, time))
+
+    def _accept(self, time: float, periods: int, predicted: float) -> None:
+        is_dirty = periods > 1 or self._rejected_since > 0
+        self._dirty = self._dirty + 1 if is_dirty else 0
+        self._repaired.append(is_dirty)
+        self._pulses += 1
+        self._filled += periods - 1
+        self._rejected_since = 0
+        self._span = self._even_periods(periods)
+        self._intervals.extend([(time - self._time) / self._span] * periods)
+        self._number += periods
+        self._before, self._time = self._time, time
+        self._skipped, self._predicted = periods, predicted
+        self._recently_skipped.append(periods)
+        self._mark(self._number, time)
+        if not is_dirty:
+            self._doubt = max(self._doubt - 1, 0)
+        if self._dirty >= DIRTY_STREAK:
+            is_folded = len(set(self._recently_skipped)) == 1 and periods > 1
+            self._doubt = 0 if is_folded else MOST_DOUBT
+            self._lose()
+            self._folded = is_folded
+
+    def _double(self, time: float) -> None:
+        is_better = abs(time - self._predicted) < abs(self._time - self._predicted)
+        if is_better:
+            was_mark = self._number % self._tacho.pulses_per_revolution == 0
+            for _ in range(self._skipped):
+                self._intervals.pop()
+            self._time = time
+            interval = (time - self._before) / self._span
+            self._intervals.extend([interval] * self._skipped)
+            if was_mark:
+                self._marks.pop()
+                self._mark(self._number, time)
+            self._rejected += 1
+            self._repaired.append(True)
+            return
+        self._reject()
+
+    def _reject(self) -> None:
+        self._rejected += 1
+        self._rejected_since += 1
+        if self._rejected_since > MOST_REJECTED:
+            self._doubt = MOST_DOUBT
+            self._lose()
+
+    @property
+    def marks(self) -> tuple[NDArray[np.int64], FloatArray]:
+        """Revolution number and time, s, of the last marks of the train, one a revolution, missing ones left out."""
+        turns = np.array([turn for turn, _ in self._marks], dtype=np.int64)
+        return turns, np.array([time for _, time in self._marks], dtype=np.float64)
+
+    @property
+    def is_settled(self) -> bool:
+        """Whether there is a train that has held long enough to be believed."""
+        marks = self._tacho.pulses_per_revolution
+        fewest = SETTLED if self._spacing.is_known else max(SETTLED_TURNS * marks, SETTLED_PULSES)
+        return self._locked and self._number + 1 >= fewest + self._doubt
+
+    def speed(self, interval: float) -> float:
+        """Return the mean speed over the last whole revolutions that fill ``interval`` seconds (at least one), rad/s.
+
+        NaN where the pulses do not tell.
+        """
+        if not self.is_settled or len(self._marks) < 2:
+            return np.nan
+        turns, times = self.marks
+        first = max(int(np.searchsorted(times, times[-1] - interval, side="right")) - 1, 0)
+        first = min(first, times.size - 2)
+        return float(2.0 * np.pi * (turns[-1] - turns[first]) / (times[-1] - times[first]))
+
+    def state(self, now: float, speed: float, jitter: float) -> TachoState:
+        """Return the verdict.
+
+        Parameters
+        ----------
+        now : float
+            End of the samples, s.
+        speed : float
+            From `speed`, rad/s.
+        jitter : float
+            Scatter of the edges about the smooth angle, s; NaN where it is not known.
+        """
+        if now - self._last_edge > SILENCE:
+            return TachoState.NO_PULSES
+        if self._flooded or not self.is_settled or np.isnan(speed):
+            return TachoState.IRREGULAR if self._doubt > MOST_START else TachoState.NO_PULSES
+        period = 2.0 * np.pi / (speed * self._tacho.pulses_per_revolution)
+        if sum(self._repaired) > MOST_REPAIRED or jitter > MOST_JITTER * period:
+            return TachoState.IRREGULAR
+        fraction = min(self._tacho.mark_fraction, 1.0 - self._tacho.mark_fraction)
+        if self._folded or fraction * period < self._tacho.response_time:
+            return TachoState.TOO_FAST
+        return TachoState.GOOD
+
+    def report(self, state: TachoState, jitter: float) -> TachoReport:
+        """Return the verdict with the counts since the run began and the scatter, s."""
+        arbitrary = not self._spacing.is_told
+        return TachoReport(state, self._pulses, self._filled, self._rejected, jitter, mark_is_arbitrary=arbitrary)
+
+
+def _median(values: list[float]) -> float:
+    ordered = sorted(values)
+    middle = len(ordered) // 2
+    return ordered[middle] if len(ordered) % 2 else 0.5 * (ordered[middle - 1] + ordered[middle])

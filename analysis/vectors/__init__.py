@@ -1,0 +1,1 @@
+"""Amplitude and phase of orders: tracks, speed curves, Vold-Kalman envelopes, run-out, glitches."""

@@ -1,0 +1,130 @@
+"""Glitches: samples that no shaft can have made, told by the same place of the turns before and after."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.signals.displacement import require_displacement
+from analysis.tacho.angle import MAD_TO_SIGMA
+from analysis.tacho.shaft_angle import ShaftAngle
+
+FloatArray = NDArray[np.float64]
+
+LAGS = (-4, -3, -2, -1, 1, 2, 3, 4)  # turns that a sample is compared with
+THRESHOLD = 6.0  # times the scatter of the turns at that place
+MOST_REPAIRED = 3  # successive samples; longer ones are told, not touched
+CHUNK = 200_000
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Glitches:
+    """What was found, and the samples with the short ones bridged.
+
+    Parameters
+    ----------
+    displacement : ndarray of float64, shape (2, n)
+        The samples, m; bridged where ``repaired``.
+    flagged : ndarray of bool, shape (2, n)
+        Samples that are glitches.
+    repaired : ndarray of bool, shape (2, n)
+        Those in runs of at most 3 samples, bridged by a straight line.
+    count : tuple of int
+        Runs of flagged samples at each probe.
+    left : tuple of int
+        Runs too long to bridge at each probe: still in the samples.
+    """
+
+    displacement: FloatArray
+    flagged: NDArray[np.bool_]
+    repaired: NDArray[np.bool_]
+    count: tuple[int, int]
+    left: tuple[int, int]
+
+    @property
+    def part(self) -> FloatArray:
+        """Part of the samples that is flagged, shape (2,)."""
+        return np.asarray(self.flagged.mean(axis=1), dtype=np.float64)
+
+
+def find_glitches(displacement: FloatArray, rate: float, angle: ShaftAngle, threshold: float = THRESHOLD) -> Glitches:
+    """Return the glitches in the samples of two probes.
+
+    Each sample is compared with the median of the samples at the same angle of the shaft four turns before and after
+    (a Hampel filter across the turns, not along them): marks that come with every turn are the shaft's own and stay,
+    and so does all motion that these turns share. The scatter is the turns' own at that angle, at least that of the
+    whole record. Nothing is filtered before.
+
+    Parameters
+    ----------
+    displacement : ndarray of float64, shape (2, n)
+        As sampled, m.
+    rate : float
+        Sample rate, Hz.
+    angle : ShaftAngle
+        Time against revolutions.
+    threshold : float
+        In standard deviations.
+
+    Notes
+    -----
+    F. Hampel, J. Am. Stat. Assoc. 69, 1974. Samples outside the angle's range, and in its first and last four turns
+    where fewer turns can be compared, are judged by those there are.
+    """
+    require_displacement(displacement, rate)
+    if not threshold > 0.0:
+        raise ValueError(f"threshold: {threshold} standard deviations, expected above 0")
+    n = displacement.shape[1]
+    first, last = max(int(np.ceil(angle.time(angle.first) * rate)), 0), min(int(angle.time(angle.last) * rate), n - 1)
+    off, scatter = np.zeros((2, n)), np.full((2, n), np.inf)
+    for begin in range(first, last + 1, CHUNK):
+        end = min(begin + CHUNK, last + 1)
+        off[:, begin:end], scatter[:, begin:end] = _compared(displacement, rate, angle, begin, end)
+    known = np.isfinite(scatter)
+    flagged = np.zeros((2, n), dtype=np.bool_)
+    for probe in range(2):
+        if known[probe].any():
+            usual = float(np.median(np.abs(off[probe, known[probe]])))
+            bar = threshold * MAD_TO_SIGMA * np.maximum(scatter[probe], usual)
+            flagged[probe] = np.abs(off[probe]) > np.maximum(bar, 1e-12)
+    clean, repaired = displacement.copy(), np.zeros((2, n), dtype=np.bool_)
+    counts = [_bridge(clean[probe], flagged[probe], repaired[probe]) for probe in range(2)]
+    return Glitches(clean, flagged, repaired, (counts[0][0], counts[1][0]), (counts[0][1], counts[1][1]))
+
+
+def _compared(
+    displacement: FloatArray, rate: float, angle: ShaftAngle, begin: int, end: int
+) -> tuple[FloatArray, FloatArray]:
+    """Return how far samples are off the other turns' median, and those turns' median distance from it."""
+    turns = angle.turns(np.arange(begin, end) / rate)
+    others = np.full((2, len(LAGS), end - begin), np.nan)
+    for row, lag in enumerate(LAGS):
+        there = turns + lag
+        inside = (there >= angle.first) & (there <= angle.last)
+        at = np.asarray(angle.time(there[inside])) * rate
+        low = np.floor(at).astype(np.int64)
+        fits = (low >= 0) & (low + 1 < displacement.shape[1])
+        where = np.flatnonzero(inside)[fits]
+        low, part = low[fits], at[fits] - low[fits]
+        others[:, row, where] = displacement[:, low] * (1.0 - part) + displacement[:, low + 1] * part
+    compared = np.count_nonzero(np.isfinite(others[0]), axis=0) >= 3
+    middle = np.zeros((2, end - begin))
+    scatter = np.full((2, end - begin), np.inf)
+    middle[:, compared] = np.nanmedian(others[:, :, compared], axis=1)
+    scatter[:, compared] = np.nanmedian(np.abs(others[:, :, compared] - middle[:, None, compared]), axis=1)
+    off = np.where(compared, displacement[:, begin:end] - middle, 0.0)
+    return off, scatter
+
+
+def _bridge(samples: FloatArray, flagged: NDArray[np.bool_], repaired: NDArray[np.bool_]) -> tuple[int, int]:
+    """Bridge short runs in place; return the number of runs and of those left."""
+    edges = np.diff(np.concatenate([[False], flagged, [False]]).astype(np.int8))
+    begins, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
+    left = 0
+    for begin, end in zip(begins.tolist(), ends.tolist(), strict=True):
+        if end - begin > MOST_REPAIRED or begin == 0 or end == samples.size:
+            left += 1
+            continue
+        samples[begin:end] = np.interp(np.arange(begin, end), [begin - 1, end], [samples[begin - 1], samples[end]])
+        repaired[begin:end] = True
+    return begins.size, left

@@ -1,0 +1,139 @@
+"""The vector of any one order through a record, with its uncertainty."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.resampling.angular_record import AngularRecord
+from analysis.signals.uncertainty import phase_sigma, sigma_of_floor
+from analysis.spectra.frames import Frames
+from analysis.spectra.order_spectrum import hann
+
+FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+NO_NOISE = 3.0  # times the median: one line of noise in 500 is larger
+FLOOR_LINES = 6  # lines at either side of the order, from the third on, that tell the noise
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class OrderTrack:
+    """One order's vectors in successive frames.
+
+    Parameters
+    ----------
+    order : float
+        Frequency over shaft frequency.
+    vectors : ndarray of complex128, shape (2, n)
+        At the probes x and y, m peak, x(t) = Re[X exp(i order theta)]; theta counts on from the first pulse, so that
+        the phase of a part order runs on steadily. Operators read the lag, -arg X.
+    sigma : ndarray of float64, shape (2, n)
+        Standard deviation of each amplitude, m peak.
+    phase_sigma : ndarray of float64, shape (2, n)
+        Standard deviation of each phase, rad: noise and the tacho's jitter; that of an unknown phase, pi / sqrt(3),
+        where no tacho told.
+    speeds : ndarray of float64, shape (n,)
+        Mean speed of each frame, rad/s.
+    speed_sigma : ndarray of float64, shape (n,)
+        Standard deviation of the speeds, rad/s; NaN where no tacho told.
+    times : ndarray of float64, shape (n,)
+        Middle of each frame, s.
+    revolutions, step : int
+        In a frame, and from one frame to the next.
+    """
+
+    order: float
+    vectors: ComplexArray
+    sigma: FloatArray
+    phase_sigma: FloatArray
+    speeds: FloatArray
+    speed_sigma: FloatArray
+    times: FloatArray
+    revolutions: int
+    step: int
+
+    def minus(self, vectors: ComplexArray, sigma: FloatArray) -> "OrderTrack":
+        """Return the track less a vector for each probe, shape (2,), as for run-out; uncertainties add in square."""
+        rest = self.vectors - vectors[:, None]
+        both = np.hypot(self.sigma, sigma[:, None])
+        angle = np.sqrt(
+            np.maximum(self.phase_sigma**2 - (self.sigma / np.maximum(np.abs(self.vectors), 1e-300)) ** 2, 0.0)
+        )
+        turned = angle * np.abs(self.vectors) / np.maximum(np.abs(rest), 1e-300)  # the angle's error turns the whole
+        return replace(self, vectors=rest, sigma=both, phase_sigma=phase_sigma(np.abs(rest), both, turned, 1.0))
+
+
+def track_order(record: AngularRecord, order: float, *, revolutions: int = 16, overlap: float = 0.75) -> OrderTrack:
+    """Return the vectors of one order, whole or not, by a Hann window over many revolutions.
+
+    Parameters
+    ----------
+    record : AngularRecord
+        Displacement against angle.
+    order : float
+        Above 0; components nearer than 2 / revolutions to it are not told apart.
+    revolutions : int
+        In a frame; at least 8 keep a whirl out of 1X.
+    overlap : float
+        Part of a frame that the next one shares, 0 to below 1.
+
+    Raises
+    ------
+    RecordTooShortError
+        Where the record holds fewer revolutions than a frame.
+    ValueError
+        Order or settings out of range.
+
+    Notes
+    -----
+    X = 2 sum(w x exp(-i order theta)) with a Hann window w of sum 1 (A. Brandt, Noise and Vibration Analysis, 2011, ch.
+    12); amplitude uncertainty from the median of the lines beside the order, clear of the whole orders' skirts (see
+    `analysis.signals.uncertainty`).
+    """
+    if not 0.0 < order <= record.highest_order or revolutions < 4:
+        raise ValueError(
+            f"order {order}, revolutions {revolutions}: expected above 0 to {record.highest_order}, at least 4"
+        )
+    frames = Frames(record, revolutions, overlap)
+    lines = _lines(order, revolutions)
+    kernel = _kernel(lines, revolutions * record.points, record.points)
+    found = np.empty((2, len(frames), lines.size), dtype=np.complex128)
+    for where, waveforms in frames.chunks():
+        found[:, where] = waveforms @ kernel
+    sigma = np.tile(sigma_of_floor(_floor(np.abs(found[:, :, 1:]))), (2, 1))
+    vectors = found[:, :, 0] * np.exp(-2j * np.pi * order * frames.turns)
+    angle_sigma = frames.angle_sigma if record.measured else np.full(len(frames), np.inf)
+    return OrderTrack(
+        order=order,
+        vectors=vectors,
+        sigma=sigma,
+        phase_sigma=phase_sigma(np.abs(vectors), sigma, angle_sigma, order),
+        speeds=frames.speeds,
+        speed_sigma=frames.speed_sigma,
+        times=frames.times,
+        revolutions=revolutions,
+        step=frames.step,
+    )
+
+
+def _lines(order: float, revolutions: int) -> FloatArray:
+    """Return the order and those beside it that tell the noise, clear of the whole orders' skirts if any are."""
+    away = np.arange(3, 3 + FLOOR_LINES) / revolutions
+    beside = np.concatenate([order - away, order + away])
+    beside = beside[beside > 1.5 / revolutions]
+    clear = np.abs(beside - np.round(beside)) * revolutions > 1.99
+    return np.concatenate([[order], beside[clear] if clear.any() else beside])
+
+
+def _floor(sizes: FloatArray) -> FloatArray:
+    """Return the median of the lines of each frame, shape (2, n, n_lines), but for those that no noise made."""
+    median = np.median(sizes, axis=(0, 2), keepdims=True)
+    return np.asarray(np.nanmedian(np.where(sizes <= NO_NOISE * median, sizes, np.nan), axis=(0, 2)))
+
+
+def _kernel(lines: FloatArray, points: int, points_per_turn: int) -> ComplexArray:
+    """Return what a frame is multiplied with to give its lines, shape (points, n_lines)."""
+    theta = 2.0 * np.pi * np.arange(points) / points_per_turn
+    kernel = 2.0 * hann(points)[:, None] * np.exp(-1j * theta[:, None] * lines)
+    return np.asarray(kernel - hann(points)[:, None] * kernel.sum(axis=0))  # a constant leaves nothing

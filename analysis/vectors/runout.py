@@ -1,0 +1,125 @@
+"""Run-out: what the probes see of the surface when the shaft turns too slowly to move, and taking it off."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.resampling.angular_record import AngularRecord
+from analysis.signals.errors import RecordTooShortError
+from analysis.signals.standards import combined_runout
+from analysis.vectors.order_track import OrderTrack
+
+FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+SLOW_PART = 0.1  # of the first critical speed: below it the shaft hardly moves
+FEWEST = 8  # revolutions
+WANDERING = 0.2  # change of the 1X vector over the slow roll, of itself: the shaft moved
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SlowRoll:
+    """What one slow roll says of the surface.
+
+    Parameters
+    ----------
+    waveform : ndarray of float64, shape (2, points)
+        Towards the probes x and y from the mark on, m, mean taken off.
+    sigma : ndarray of float64, shape (2,)
+        Standard deviation of its points, m.
+    vector_sigma : ndarray of float64, shape (2,)
+        Standard deviation of the vectors' amplitudes, m peak.
+    slowest, fastest : float
+        Speeds of the revolutions used, rad/s.
+    revolutions : int
+        Averaged.
+    wandering : float
+        Change of the 1X vector between the two halves of the slow roll, over 1X: above 0.2 the shaft moved.
+    """
+
+    waveform: FloatArray
+    sigma: FloatArray
+    vector_sigma: FloatArray
+    slowest: float
+    fastest: float
+    revolutions: int
+    wandering: float
+
+    def vectors(self, order: int) -> ComplexArray:
+        """Return the run-out's vector of a whole order at the probes, shape (2,), m peak."""
+        if order < 1 or 2 * order >= self.waveform.shape[1]:
+            raise ValueError(f"order: {order}, expected a whole order from 1 to {self.waveform.shape[1] // 2 - 1}")
+        return np.asarray(2.0 * np.fft.rfft(self.waveform, axis=1)[:, order] / self.waveform.shape[1])
+
+    @property
+    def peak_to_peak(self) -> FloatArray:
+        """Of the run-out at each probe, shape (2,), m peak-to-peak."""
+        return np.asarray(np.ptp(self.waveform, axis=1), dtype=np.float64)
+
+    def is_good(self, critical_speed: float) -> bool:
+        """Whether it was slow beside the first critical speed, rad/s, and the shaft did not move."""
+        return self.fastest <= SLOW_PART * critical_speed and self.wandering <= WANDERING
+
+    def exceeds_api_670(self, allowed: float) -> bool:
+        """Whether run-out passes what API 670 bears beside an allowed vibration, m peak-to-peak."""
+        return bool(self.peak_to_peak.max() > combined_runout(allowed))
+
+    def off_waveform(self, record: AngularRecord) -> AngularRecord:
+        """Return a record less the run-out at every angle, scratches included.
+
+        Of a scratch narrower than about a sixteenth of a turn, which has orders beyond the record's highest, a part
+        may stay.
+        """
+        if record.points != self.waveform.shape[1]:
+            raise ValueError(f"record of {record.points} points a revolution, expected {self.waveform.shape[1]}")
+        return record.with_waveform(record.waveform - self.waveform[:, None])
+
+    def off_vector(self, track: OrderTrack) -> OrderTrack:
+        """Return a whole order's track less the run-out's vector of that order, uncertainties added in square."""
+        if track.order != round(track.order):
+            raise ValueError(f"track of order {track.order}: run-out has whole orders alone")
+        return track.minus(self.vectors(round(track.order)), self.vector_sigma)
+
+
+def slow_roll(record: AngularRecord, slowest: float, fastest: float) -> SlowRoll:
+    """Return the run-out from the revolutions of a record between two speeds, rad/s.
+
+    Parameters
+    ----------
+    record : AngularRecord
+        With a stretch of slow roll.
+    slowest, fastest : float
+        Speeds between which its revolutions count, rad/s.
+
+    Raises
+    ------
+    RecordTooShortError
+        With fewer than 8 such revolutions.
+
+    Notes
+    -----
+    D. Bently and C. Hatch, Fundamentals of Rotating Machinery Diagnostics, 2002: slow-roll vector and waveform.
+    """
+    chosen = np.flatnonzero((record.speeds >= slowest) & (record.speeds <= fastest))
+    if chosen.size < FEWEST:
+        raise RecordTooShortError(
+            f"{chosen.size} revolutions between {slowest:.1f} and {fastest:.1f} rad/s, expected at least {FEWEST}"
+        )
+    used = record.waveform[:, chosen]
+    used = used - used.mean(axis=2, keepdims=True)
+    mean = used.mean(axis=1)
+    rest = np.sqrt(np.mean((used - mean[:, None]) ** 2, axis=(1, 2)))
+    first = np.fft.rfft(used, axis=2)[:, :, 1] * 2.0 / record.points
+    halves = first[:, : chosen.size // 2].mean(axis=1) - first[:, chosen.size // 2 :].mean(axis=1)
+    size = float(np.abs(first.mean(axis=1)).max())
+    scatter = np.sqrt(0.5 * np.mean(np.abs(first - first.mean(axis=1, keepdims=True)) ** 2, axis=1))
+    return SlowRoll(
+        waveform=mean,
+        sigma=rest / np.sqrt(chosen.size),
+        vector_sigma=scatter / np.sqrt(chosen.size),
+        slowest=float(record.speeds[chosen].min()),
+        fastest=float(record.speeds[chosen].max()),
+        revolutions=int(chosen.size),
+        wandering=float(np.abs(halves).max()) / size if size > 0.0 else 0.0,
+    )

@@ -1,0 +1,182 @@
+"""Amplitude and phase of an order against speed, run-up and run-down apart: what Bode and polar plots draw."""
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.signals.ramp import Direction
+from analysis.spectra.frames import independent_hann_frames
+from analysis.vectors.order_track import OrderTrack
+
+FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+TURNING = 0.02  # of the span of speeds: smaller ups and downs do not end a run-up
+RIPPLE = 0.005  # of the speed: the same
+PROMINENT = 1.1  # a peak's amplitude over the larger of the lowest points at its sides
+
+
+@dataclass(frozen=True, slots=True)
+class Resonance:
+    """A peak of an order's amplitude.
+
+    Parameters
+    ----------
+    speed : float
+        Of the largest amplitude, rad/s.
+    amplitude : float
+        There, m peak.
+    amplification : float
+        Speed over the width at half power (API 684, amplification factor N / (N2 - N1)); NaN where the half-power
+        points lie outside the curve.
+    phase_change : float
+        Change of lag between the half-power points, rad, about pi/2 for a resonance; NaN as above.
+    """
+
+    speed: float
+    amplitude: float
+    amplification: float
+    phase_change: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SpeedCurve:
+    """An order against speed in one direction.
+
+    Parameters
+    ----------
+    order : float
+        Frequency over shaft frequency.
+    direction : Direction
+        Run-up or run-down.
+    speeds : ndarray of float64, shape (n,)
+        Mean of the frames in each bin, rad/s, rising.
+    vectors : ndarray of complex128, shape (2, n)
+        Mean at the probes x and y, m peak; lag is -arg.
+    sigma : ndarray of float64, shape (2, n)
+        Standard deviation of the means' amplitudes, m peak: the larger of what noise and what the frames' scatter say.
+    phase_sigma : ndarray of float64, shape (2, n)
+        Of the means' phases, rad.
+    frames : ndarray of int64, shape (n,)
+        In each bin.
+    """
+
+    order: float
+    direction: Direction
+    speeds: FloatArray
+    vectors: ComplexArray
+    sigma: FloatArray
+    phase_sigma: FloatArray
+    frames: NDArray[np.int64]
+
+    @property
+    def amplitudes(self) -> FloatArray:
+        """Shape (2, n), m peak."""
+        return np.abs(self.vectors)
+
+    @property
+    def lags(self) -> FloatArray:
+        """Phase lags, continuous over speed, shape (2, n), rad."""
+        return np.asarray(np.unwrap(-np.angle(self.vectors), axis=1), dtype=np.float64)
+
+    def resonances(self, probe: int) -> tuple[Resonance, ...]:
+        """Return the peaks of a probe's amplitude that stand 10 % above their surroundings, slowest first."""
+        amplitude, lag = self.amplitudes[probe], self.lags[probe]
+        found = []
+        for at in range(1, amplitude.size - 1):
+            if not amplitude[at - 1] <= amplitude[at] > amplitude[at + 1]:
+                continue
+            left, right = _saddle(amplitude[at::-1]), _saddle(amplitude[at:])
+            if amplitude[at] >= PROMINENT * max(left, right):
+                found.append(_resonance(self.speeds, amplitude, lag, at))
+        return tuple(found)
+
+
+def speed_curves(track: OrderTrack, width: float) -> tuple[SpeedCurve, ...]:
+    """Return an order against speed, one curve for each direction in which the speed went.
+
+    Parameters
+    ----------
+    track : OrderTrack
+        From `track_order`.
+    width : float
+        Of a bin of speed, rad/s.
+
+    Notes
+    -----
+    Direction turns where the speed goes back by 2 % of its span and 0.5 % of itself. On a fast
+    run-up the curve lags the steady one and beats after a resonance; compare run-up and run-down before concluding on
+    a split one.
+    Bode and polar plots as D. Bently and C. Hatch, Fundamentals of Rotating Machinery Diagnostics, 2002, ch. 7.
+    """
+    if not width > 0.0:
+        raise ValueError(f"width: {width} rad/s, expected more than 0")
+    going_up = _directions(track.speeds)
+    curves = []
+    for direction, chosen in ((Direction.UP, going_up), (Direction.DOWN, ~going_up)):
+        if chosen.any():
+            curves.append(_curve(track, chosen, direction, width))
+    return tuple(curves)
+
+
+def _curve(track: OrderTrack, chosen: NDArray[np.bool_], direction: Direction, width: float) -> SpeedCurve:
+    number = np.round(track.speeds / width).astype(np.int64)
+    bins = np.unique(number[chosen])
+    speeds = np.empty(bins.size)
+    vectors = np.empty((2, bins.size), dtype=np.complex128)
+    sigma, phase = np.empty((2, bins.size)), np.empty((2, bins.size))
+    frames = np.empty(bins.size, dtype=np.int64)
+    for column, one in enumerate(bins):
+        here = np.flatnonzero(chosen & (number == one))
+        independent = independent_hann_frames(track.revolutions, track.step, here.size)
+        of_bin = track.vectors[:, here]
+        mean = of_bin.mean(axis=1)
+        scatter = np.sqrt(0.5 * np.mean(np.abs(of_bin - mean[:, None]) ** 2, axis=1))
+        noise = np.sqrt(np.mean(track.sigma[:, here] ** 2, axis=1))
+        speeds[column], vectors[:, column], frames[column] = track.speeds[here].mean(), mean, here.size
+        sigma[:, column] = np.maximum(scatter, noise) / np.sqrt(independent)
+        angle = np.sqrt(np.mean(track.phase_sigma[:, here] ** 2, axis=1) / independent)
+        phase[:, column] = np.maximum(angle, sigma[:, column] / np.maximum(np.abs(mean), 1e-300))
+    return SpeedCurve(track.order, direction, speeds, vectors, sigma, np.minimum(phase, np.pi / np.sqrt(3.0)), frames)
+
+
+def _directions(speeds: FloatArray) -> NDArray[np.bool_]:
+    """Return whether the speed goes up at each frame: between turning points that are no mere ripple."""
+    step = max(TURNING * float(np.ptp(speeds)), RIPPLE * float(speeds.max()))
+    turns, high, low, going = [0], 0, 0, 0
+    for at, speed in enumerate(speeds):
+        high, low = (at if speed > speeds[high] else high), (at if speed < speeds[low] else low)
+        if going >= 0 and speeds[high] - speed > step:
+            turns.append(high)
+            going, low = -1, at
+        elif going <= 0 and speed - speeds[low] > step:
+            turns.append(low)
+            going, high = 1, at
+    up = np.ones(speeds.size, dtype=np.bool_)
+    for begin, end in pairwise([*turns, speeds.size - 1]):
+        up[begin : end + 1] = speeds[end] >= speeds[begin]
+    return up
+
+
+def _saddle(outward: FloatArray) -> float:
+    """Return the lowest amplitude between a peak, first, and the next higher point, or the end."""
+    higher = np.flatnonzero(outward > outward[0])
+    return float(outward[: higher[0]].min()) if higher.size else float(outward.min())
+
+
+def _resonance(speeds: FloatArray, amplitude: FloatArray, lag: FloatArray, at: int) -> Resonance:
+    half = amplitude[at] / np.sqrt(2.0)
+    below, above = np.flatnonzero(amplitude[:at] < half), np.flatnonzero(amplitude[at:] < half)
+    if below.size == 0 or above.size == 0:
+        return Resonance(float(speeds[at]), float(amplitude[at]), np.nan, np.nan)
+    low, high = int(below[-1]), at + int(above[0])
+    points = []
+    for a, b in ((low, low + 1), (high, high - 1)):
+        part = (half - amplitude[a]) / (amplitude[b] - amplitude[a])
+        points.append((speeds[a] + part * (speeds[b] - speeds[a]), lag[a] + part * (lag[b] - lag[a])))
+    (first, lag_first), (second, lag_second) = points
+    return Resonance(
+        float(speeds[at]), float(amplitude[at]), float(speeds[at] / (second - first)), float(lag_second - lag_first)
+    )

@@ -1,0 +1,263 @@
+"""Orders as they swell and fade, sample by sample: the Vold-Kalman filter of the second generation."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import LinAlgError, solveh_banded
+
+from analysis.resampling.decimation import Pyramid
+from analysis.signals.displacement import require_displacement
+from analysis.signals.errors import RecordTooShortError
+from analysis.tacho.shaft_angle import ShaftAngle
+
+FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+PASSED = 0.2  # of the thinned rate: the highest order lies below it
+SLOW_TURNS = 16.0  # over which the shaft's mean position is taken and taken off
+POLES = 2  # differences of the envelope that are held small
+WORST_WEIGHT = 1e13  # of the structural equation: beyond it the solution has lost its digits
+HALF_POWER = np.sqrt(2.0) - 1.0
+_STENCIL = np.array([1.0, -2.0, 1.0])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class OrderEnvelopes:
+    """The complex envelopes of several orders, solved for together.
+
+    Parameters
+    ----------
+    orders : tuple of float
+        Frequencies over shaft frequency.
+    envelopes : ndarray of complex128, shape (n_orders, n)
+        In the waveform's unit, peak: x(t) = sum Re[X exp(i order theta(t))].
+    sigma : ndarray of float64, shape (n_orders, n)
+        Standard deviation of each amplitude, from what all orders leave of the waveform taken as white noise.
+    angle : ndarray of float64, shape (n,)
+        Angle of the shaft, rad.
+    rest : ndarray of float64, shape (n,)
+        What the orders leave of the waveform.
+    """
+
+    orders: tuple[float, ...]
+    envelopes: ComplexArray
+    sigma: FloatArray
+    angle: FloatArray
+    rest: FloatArray
+
+    def waveform(self, index: int) -> FloatArray:
+        """Return the waveform of one order alone, shape (n,), in the waveform's unit."""
+        turning = np.exp(1j * self.orders[index] * self.angle)
+        return np.asarray((self.envelopes[index] * turning).real, dtype=np.float64)
+
+
+def order_envelopes(
+    waveform: FloatArray,
+    angle: FloatArray,
+    rate: float,
+    orders: tuple[float, ...],
+    *,
+    bandwidth: float | None = None,
+    bandwidth_percent: float | None = None,
+) -> OrderEnvelopes:
+    """Return the envelopes of several orders of a waveform.
+
+    Decimate first (`resampling.decimation`): the work grows with the rate, and at a rate far above the bandwidth the
+    equations lose their digits, which is refused.
+
+    Parameters
+    ----------
+    waveform : ndarray of float64, shape (n,)
+        Uniformly in time, any unit, about free of a mean.
+    angle : ndarray of float64, shape (n,)
+        Angle of the shaft at the samples, rad, rising.
+    rate : float
+        Sample rate, Hz.
+    orders : tuple of float
+        Above 0, all different.
+    bandwidth : float or None
+        Full width at half power, Hz, the same at every speed.
+    bandwidth_percent : float or None
+        Full width at half power in per cent of each order's frequency. One of the two must be given.
+
+    Raises
+    ------
+    RecordTooShortError
+        With fewer than 8 samples, or too few to tell the orders apart at this bandwidth.
+    ValueError
+        Shapes, orders above 0.45 of the rate, or a bandwidth that is out of reach at this rate.
+
+    Notes
+    -----
+    Minimises sum |r (second difference of X_k)|² + |x - sum Re[X_k exp(i k theta)]|² over all X_k together; r from
+    the bandwidth: r² (2 sin(pi B / (2 rate)))^4 = (sqrt 2 - 1) / 2, as a real waveform gives half its power to each
+    turning direction (H. Vold and J. Leuridan, SAE 931288, 1993; J. Tuma, Setting the passband width in the
+    Vold-Kalman order tracking filter, ICSV 12, 2005). The normal equations are banded: real and imaginary parts of all
+    orders at one sample, then the next sample.
+    """
+    waveform, angle = np.asarray(waveform, dtype=np.float64), np.asarray(angle, dtype=np.float64)
+    _check(waveform, angle, orders)
+    n, count = waveform.size, len(orders)
+    turn_rate = np.gradient(angle) * rate / (2.0 * np.pi)
+    if max(orders) * float(turn_rate.max()) > 0.45 * rate:
+        raise ValueError(
+            f"order {max(orders)} reaches {max(orders) * float(turn_rate.max()):.0f} Hz, expected at most 0.45 of the "
+            f"rate, {0.45 * rate:.0f} Hz"
+        )
+    widths = _widths(np.array(orders)[:, None] * turn_rate, bandwidth, bandwidth_percent)
+    weights = _weights(widths, rate)
+    turning = np.exp(1j * np.array(orders)[:, None] * angle)
+    rows = np.stack([turning.real, -turning.imag], axis=1).reshape(2 * count, n)  # x = rows · (Re, Im)
+    parts = _solution(rows, weights, waveform).reshape(n, count, 2)
+    envelopes = np.ascontiguousarray((parts[..., 0] + 1j * parts[..., 1]).T)
+    rest = waveform - (envelopes * turning).real.sum(axis=0)
+    # sigma_A = sigma_x sqrt(2 * noise bandwidth / rate); that of a filter 1 / (1 + u^4) is 3 pi / (8 sqrt 2) of its
+    # corner u = 1 on either side, which lies HALF_POWER^(-1/4) outside the half-power point.
+    noise_width = widths * 3.0 * np.pi / (8.0 * np.sqrt(2.0)) * HALF_POWER**-0.25
+    sigma = float(np.std(rest)) * np.sqrt(2.0 * noise_width / rate)
+    return OrderEnvelopes(tuple(orders), envelopes, sigma, angle, rest)
+
+
+def probe_envelopes(
+    displacement: FloatArray,
+    rate: float,
+    angle: ShaftAngle,
+    orders: tuple[float, ...],
+    *,
+    bandwidth: float | None = None,
+    bandwidth_percent: float | None = None,
+) -> tuple[FloatArray, tuple[OrderEnvelopes, OrderEnvelopes]]:
+    """Return the envelopes of several orders at both probes of a record, thinned as far as the orders allow.
+
+    Parameters
+    ----------
+    displacement : ndarray of float64, shape (2, n)
+        Towards the probes x and y, uniformly in time, m; the mean over 16 turns is taken off.
+    rate : float
+        Sample rate, Hz.
+    angle : ShaftAngle
+        Time against revolutions, where time 0 is the first sample.
+    orders : tuple of float
+        Above 0, all different.
+    bandwidth, bandwidth_percent : float or None
+        As for `order_envelopes`.
+
+    Returns
+    -------
+    times : ndarray of float64, shape (m,)
+        Of the envelopes, s.
+    envelopes : tuple of OrderEnvelopes
+        At the probes x and y, m peak.
+
+    Raises
+    ------
+    RecordTooShortError, ValueError
+        As for `order_envelopes`.
+
+    Notes
+    -----
+    As `order_envelopes`, after decimation: H. Vold and J. Leuridan, SAE 931288, 1993.
+    """
+    require_displacement(displacement, rate)
+    if not orders:
+        raise ValueError("orders: none, expected one at least")
+    fastest = float(angle.speed(np.linspace(angle.first, angle.last, 1_000)).max()) / (2.0 * np.pi)
+    level = max(int(np.floor(np.log2(PASSED * rate / (max(orders) * fastest)))), 0)
+    pyramid = Pyramid(2, level + 1, displacement.shape[1], 0)
+    pyramid.push(displacement)
+    samples, origin = pyramid.level(level)
+    thinned = rate / 2**level
+    times = (origin + np.arange(samples.shape[1])) / thinned
+    turns = angle.turns(times)
+    known = np.isfinite(turns)
+    times, turns, samples = times[known], turns[known], samples[:, known]
+    x, y = (
+        order_envelopes(
+            row - _slow(_slow(row, turns), turns),  # twice: a part order leaves little in the mean of a mean
+            2.0 * np.pi * turns,
+            thinned,
+            orders,
+            bandwidth=bandwidth,
+            bandwidth_percent=bandwidth_percent,
+        )
+        for row in samples
+    )
+    return times, (x, y)
+
+
+def _slow(values: FloatArray, turns: FloatArray) -> FloatArray:
+    """Return the mean over the turns about each sample, of those there are at the ends."""
+    if turns.size < 2:
+        return np.zeros(values.size)
+    sums = np.concatenate([[0.0], np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(turns))])
+    half = 0.5 * SLOW_TURNS
+    middle = np.clip(turns, turns[0] + half, max(turns[-1] - half, turns[0] + half))
+    low, high = np.maximum(middle - half, turns[0]), np.minimum(middle + half, turns[-1])
+    return np.asarray((np.interp(high, turns, sums) - np.interp(low, turns, sums)) / (high - low), dtype=np.float64)
+
+
+def _widths(frequencies: FloatArray, bandwidth: float | None, bandwidth_percent: float | None) -> FloatArray:
+    """Return the bandwidth of each order at each sample, Hz, of orders at these frequencies, Hz."""
+    if bandwidth is not None and bandwidth_percent is None:
+        return np.full(frequencies.shape, bandwidth)
+    if bandwidth is None and bandwidth_percent is not None:
+        return 0.01 * bandwidth_percent * frequencies
+    raise ValueError("bandwidth, bandwidth_percent: expected one of the two, Hz or per cent of the order")
+
+
+def _solution(rows: FloatArray, weights: FloatArray, waveform: FloatArray) -> FloatArray:
+    """Return the envelopes' parts, one sample after the other."""
+    equations = _equations(rows, np.repeat(weights, 2, axis=0))
+    try:
+        solution = solveh_banded(equations, (rows * waveform).T.ravel(), lower=True, check_finite=False)
+    except LinAlgError:
+        raise RecordTooShortError(
+            f"{waveform.size} samples do not tell these orders apart at this bandwidth: expected a longer record, or "
+            "a wider band"
+        ) from None
+    return np.asarray(solution, dtype=np.float64)
+
+
+def _check(waveform: FloatArray, angle: FloatArray, orders: tuple[float, ...]) -> None:
+    if waveform.ndim != 1 or waveform.shape != angle.shape:
+        raise ValueError(f"waveform, angle: shapes {waveform.shape} and {angle.shape}, expected both (n,)")
+    if waveform.size < 8:
+        raise RecordTooShortError(f"{waveform.size} samples, expected at least 8")
+    if not (np.isfinite(waveform).all() and np.isfinite(angle).all() and (np.diff(angle) > 0.0).all()):
+        raise ValueError("waveform, angle: expected finite values and an angle that rises")
+    if not orders or min(orders) <= 0.0 or len(set(orders)) != len(orders):
+        raise ValueError(f"orders: {orders}, expected at least one, above 0, all different")
+
+
+def _weights(widths: FloatArray, rate: float) -> FloatArray:
+    """Return r² of each order at each sample."""
+    narrowest, widest = float(widths.min()), float(widths.max())
+    if not 0.0 < narrowest <= widest < 0.5 * rate:
+        raise ValueError(f"bandwidth: {narrowest} to {widest} Hz, expected above 0 to below {0.5 * rate} Hz")
+    weights = 0.5 * HALF_POWER / (2.0 * np.sin(0.5 * np.pi * widths / rate)) ** (2 * POLES)
+    if float(weights.max()) > WORST_WEIGHT:
+        lowest = rate * 2.0 / np.pi * 0.5 * (0.5 * HALF_POWER / WORST_WEIGHT) ** (0.5 / POLES)
+        raise ValueError(
+            f"bandwidth: {narrowest:.3g} Hz at {rate:.0f} samples a second, expected at least {lowest:.3g} Hz: "
+            "decimate the waveform"
+        )
+    return np.asarray(weights, dtype=np.float64)
+
+
+def _equations(rows: FloatArray, weights: FloatArray) -> FloatArray:
+    """Return the lower diagonals of the normal equations, shape (POLES * m + 1, n * m), of m unknowns a sample."""
+    m, n = rows.shape
+    bands = np.zeros((POLES * m + 1, n, m))
+    for lag in range(m):  # unknown i + lag against i, at one sample
+        for i in range(m - lag):
+            bands[lag, :, i] = rows[i] * rows[i + lag]
+    for i in range(m):
+        middle = weights[i, 1:-1]
+        for first in range(POLES + 1):
+            for second in range(first, POLES + 1):
+                begin = first
+                bands[(second - first) * m, begin : begin + middle.size, i] += (
+                    middle * _STENCIL[first] * _STENCIL[second]
+                )
+    return bands.reshape(POLES * m + 1, n * m)

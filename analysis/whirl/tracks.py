@@ -1,0 +1,214 @@
+"""Every component below 1X through a record: its order, size, turning sense, and whether it follows the speed."""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.signals.uncertainty import sigma_of_floor
+from analysis.spectra.frames import independent_hann_frames
+from analysis.spectra.order_map import OrderMap, Window
+from analysis.whirl.components import Components, Search
+
+FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+IntArray = NDArray[np.int64]
+
+SAME_ORDER = 0.05  # orders by which a component may move on from frame to frame
+LONGEST_BREAK = 4  # frames' lengths without it before it has ended
+FEWEST_FRAMES = 4
+TELLING_RANGE = 1.05  # fastest over slowest speed of a track before its behaviour is told
+NEAR = 0.25  # of the exponent of frequency against speed: 1 is whirl, 0 is whip
+LOCKED_BETTER = 0.5  # residual of the track that locks over that which does not
+
+
+class Behaviour(StrEnum):
+    """How a component's frequency goes with the shaft's."""
+
+    WHIRL = "whirl"  # follows the speed: a constant order
+    WHIP = "whip"  # stays at a natural frequency whatever the speed
+    LOCKS = "whirl, then whip"  # follows, and then locks
+    BETWEEN = "between"  # neither
+    UNKNOWN = "unknown"  # the speed hardly changed while it was there
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SubsynchronousTrack:
+    """One component from onset to end.
+
+    Parameters
+    ----------
+    times, speeds : ndarray of float64, shape (n,)
+        Middle, s, and mean speed, rad/s, of the frames that showed it.
+    orders : ndarray of float64, shape (n,)
+        Frequency over shaft frequency.
+    order_sigma : ndarray of float64, shape (n,)
+        Standard deviation of each, from the floor.
+    forward, backward : ndarray of float64, shape (n,)
+        Its circles, m peak; half the major axis is their sum.
+    sigma : ndarray of float64, shape (n,)
+        Standard deviation of either, m peak.
+    behaviour : Behaviour
+        Whether it follows the speed.
+    exponent, exponent_sigma : float
+        Of frequency against speed, f proportional to speed^exponent, over the whole track, and its standard deviation;
+        NaN where unknown.
+    lock_speed : float
+        Where it locks, rad/s; NaN but for `Behaviour.LOCKS`.
+    """
+
+    times: FloatArray
+    speeds: FloatArray
+    orders: FloatArray
+    order_sigma: FloatArray
+    forward: FloatArray
+    backward: FloatArray
+    sigma: FloatArray
+    behaviour: Behaviour
+    exponent: float
+    exponent_sigma: float
+    lock_speed: float
+
+    @property
+    def amplitudes(self) -> FloatArray:
+        """Half the major axis of its ellipse, shape (n,), m peak."""
+        return self.forward + self.backward
+
+    @property
+    def order(self) -> float:
+        """Mean order, weighted with amplitude."""
+        return float(np.average(self.orders, weights=self.amplitudes))
+
+    @property
+    def is_forward(self) -> bool:
+        """Whether it goes round with the shaft, by the sum of its circles."""
+        return bool(self.forward.sum() >= self.backward.sum())
+
+    @property
+    def onset_speed(self) -> float:
+        """Speed of the first frame that showed it, rad/s."""
+        return float(self.speeds[0])
+
+    @property
+    def end_speed(self) -> float:
+        """Speed of the last frame that showed it, rad/s."""
+        return float(self.speeds[-1])
+
+
+def subsynchronous_tracks(order_map: OrderMap) -> tuple[SubsynchronousTrack, ...]:
+    """Return all components below 1X, in the order in which they began.
+
+    1X and the other multiples are taken out of each frame with their window's skirts; then the strongest line between
+    0.08X and 0.92X is measured between the lines and taken out likewise, up to four times. What stands 5 times above
+    the floor, and above what an imperfect angle may have made of 1X, is linked from frame to frame.
+
+    Parameters
+    ----------
+    order_map : OrderMap
+        With a Hann window and at least 8 revolutions a frame, to 1X and two lines beyond.
+
+    Notes
+    -----
+    Whirl follows the speed at 0.42 to 0.49X, whip stays at a natural frequency (A. Muszynska, Whirl and whip - rotor
+    bearing stability problems, J. Sound Vib. 110, 1986); floating rings whirl lower.
+    """
+    if order_map.window is not Window.HANN or order_map.revolutions < 8:
+        raise ValueError(
+            f"order_map: {order_map.window} over {order_map.revolutions} revolutions, expected hann over 8"
+        )
+    if order_map.orders.size < order_map.revolutions + 3:
+        raise ValueError(f"order_map: to order {order_map.orders[-1]:g}, expected to 1X and two lines beyond")
+    scatter = order_map.angle_sigma * np.sqrt(order_map.revolutions / 1.5)
+    noise = order_map.noise
+    search = Search(order_map.spectrum, order_map.revolutions, noise, noise, scatter, order_map.pair)
+    found = search.components()
+    return tuple(_track(order_map, found, links) for links in _linked(order_map, found))
+
+
+def _linked(order_map: OrderMap, found: list[Components]) -> list[list[tuple[int, int]]]:
+    """Return lists of (frame, index of component) that belong together, those that lasted."""
+    if not found:
+        return []
+    orders = np.stack([component.order for component in found], axis=1)
+    near = max(SAME_ORDER, 0.5 / order_map.revolutions)
+    open_tracks: list[list[tuple[int, int]]] = []
+    done: list[list[tuple[int, int]]] = []
+    for frame, row in enumerate(orders):
+        frame_turns = LONGEST_BREAK * order_map.revolutions
+        for track in [t for t in open_tracks if order_map.turns[frame] - order_map.turns[t[-1][0]] > frame_turns]:
+            open_tracks.remove(track)
+            done.append(track)
+        taken: set[int] = set()
+        for index in np.flatnonzero(np.isfinite(row)).tolist():
+            free = [i for i in range(len(open_tracks)) if i not in taken]
+            best = min(free, key=lambda i: abs(orders[open_tracks[i][-1]] - row[index]), default=None)
+            if best is None or abs(orders[open_tracks[best][-1]] - row[index]) > near:
+                open_tracks.append([])
+                best = len(open_tracks) - 1
+            open_tracks[best].append((frame, index))
+            taken.add(best)
+    lasted = [
+        track
+        for track in done + open_tracks
+        if len(track) >= FEWEST_FRAMES
+        and order_map.turns[track[-1][0]] - order_map.turns[track[0][0]] >= order_map.revolutions
+    ]
+    return sorted(lasted)
+
+
+def _track(order_map: OrderMap, found: list[Components], links: list[tuple[int, int]]) -> SubsynchronousTrack:
+    frames = np.array([frame for frame, _ in links])
+    orders = np.array([found[index].order[frame] for frame, index in links])
+    sigma = np.array([found[index].order_sigma[frame] for frame, index in links])
+    speeds = order_map.speeds[frames]
+    part = independent_hann_frames(order_map.revolutions, order_map.step, frames.size) / frames.size
+    behaviour, exponent, exponent_sigma, lock = _behaviour(speeds, orders, part)
+    return SubsynchronousTrack(
+        times=order_map.times[frames],
+        speeds=speeds,
+        orders=orders,
+        order_sigma=sigma,
+        forward=np.array([found[index].forward[frame] for frame, index in links]),
+        backward=np.array([found[index].backward[frame] for frame, index in links]),
+        sigma=sigma_of_floor(order_map.noise[frames]) / np.sqrt(2.0),
+        behaviour=behaviour,
+        exponent=exponent,
+        exponent_sigma=exponent_sigma,
+        lock_speed=lock,
+    )
+
+
+def _behaviour(speeds: FloatArray, orders: FloatArray, independent: float) -> tuple[Behaviour, float, float, float]:
+    """Return behaviour, exponent, its standard deviation, and the speed of locking, rad/s.
+
+    Of the frames the part ``independent`` counts, as the others share its samples.
+    """
+    if float(speeds.max() / speeds.min()) < TELLING_RANGE:
+        return Behaviour.UNKNOWN, np.nan, np.nan, np.nan
+    log_speed, log_frequency = np.log(speeds), np.log(orders * speeds)
+    away = log_speed - log_speed.mean()
+    exponent = float(away @ log_frequency / (away @ away))
+    residual = log_frequency - log_frequency.mean() - exponent * away
+    variance = float(residual @ residual) / max(speeds.size * independent - 2.0, 1.0)
+    sigma = float(np.sqrt(variance / (away @ away)))
+    lock_speed, lock_residual = _best_lock(log_speed, log_frequency)
+    straight = float(residual @ residual)
+    inside = log_speed.min() + 0.02 < np.log(lock_speed) < log_speed.max() - 0.02
+    if inside and lock_residual < LOCKED_BETTER * straight and NEAR < exponent < 1.0 - 0.5 * NEAR:
+        return Behaviour.LOCKS, exponent, sigma, lock_speed
+    if abs(exponent - 1.0) < NEAR:
+        return Behaviour.WHIRL, exponent, sigma, np.nan
+    return (Behaviour.WHIP if abs(exponent) < NEAR else Behaviour.BETWEEN), exponent, sigma, np.nan
+
+
+def _best_lock(log_speed: FloatArray, log_frequency: FloatArray) -> tuple[float, float]:
+    """Return the speed from which the frequency stays, and what is left of the track then (square sum of logs)."""
+    best = (np.nan, np.inf)
+    for lock in np.linspace(log_speed.min(), log_speed.max(), 60):
+        shape = np.minimum(log_speed, lock)
+        left = log_frequency - shape
+        square = float(np.sum((left - left.mean()) ** 2))
+        if square < best[1]:
+            best = (float(np.exp(lock)), square)
+    return best

@@ -1,0 +1,170 @@
+"""What a run is watched on: the live picture and the service, started and ended together."""
+
+import argparse
+from dataclasses import replace
+from types import TracebackType
+from typing import TYPE_CHECKING, Self
+
+from daq.cli.progress import Console
+from daq.errors import ServiceError, UsageError
+from daq.reports.summaries import Summaries
+from daq.schemas.alarm import AcknowledgedDocument, alarm_document
+from daq.schemas.mark import MarkDocument, mark_document
+from daq.service.abilities import Abilities
+from daq.service.app import create_app
+from daq.service.guard import is_loopback
+from daq.service.jobs.queue import DataPlace, Jobs
+from daq.service.run_reader import Readings
+from daq.service.server import ServiceServer
+from daq.session.live_update import FrameSink, LiveFrame
+from daq.session.run import Marked, Run
+from daq.session.run_manager import RunDesk
+from daq.view import open_live_view
+from recordings.catalogue.catalogue import Catalogue
+
+if TYPE_CHECKING:
+    from daq.view.live_view import LiveView
+
+
+class Screens:
+    """The live picture and the service for the runs of a data folder.
+
+    Parameters
+    ----------
+    chosen : argparse.Namespace
+        The command's options: host, port, token, no_view, no_serve.
+    catalogue : Catalogue
+        The data folder.
+    summaries : Summaries
+        Who sums runs up.
+    console : Console
+        Where addresses are printed.
+    readings : Readings or None
+        Who answers what is asked of recorded runs beyond their summaries.
+    desk : RunDesk or None
+        Who starts runs that are asked for over REST; None where none can be.
+
+    Raises
+    ------
+    UsageError
+        Where another machine may ask but no token is set.
+    ServiceError
+        Where an address is taken.
+    """
+
+    def __init__(
+        self,
+        chosen: argparse.Namespace,
+        catalogue: Catalogue,
+        summaries: Summaries,
+        console: Console,
+        readings: Readings | None = None,
+        desk: RunDesk | None = None,
+    ) -> None:
+        if not is_loopback(chosen.host) and not chosen.token:
+            raise UsageError(f"--host {chosen.host} lets other machines in: --token SECRET must be given with it")
+        self._run: Run | None = None
+        self._desk = desk
+        self._view = None if chosen.no_view else self._picture(console)
+        self._server: ServiceServer | None = None
+        self._jobs = Jobs(DataPlace(catalogue.folder, catalogue.url))
+        if getattr(chosen, "no_serve", False):
+            return
+        app = create_app(
+            catalogue,
+            self,
+            summaries,
+            self._view.url if self._view is not None and is_loopback(chosen.host) else None,
+            abilities=Abilities(readings, self, desk, catalogue, self._jobs, tuple(chosen.cors)),
+            host=chosen.host,
+            token=chosen.token or None,
+        )
+        server = ServiceServer(app, chosen.host, chosen.port)
+        try:
+            server.start()
+        except ServiceError:
+            self.close()
+            raise
+        self._server = server
+
+    @staticmethod
+    def _picture(console: Console) -> "LiveView | None":
+        """Return the live picture, on this machine alone: rerun's viewer knows no token."""
+        try:
+            return open_live_view()
+        except ServiceError as error:
+            console.line(f"no live picture: {error}")
+            return None
+
+    @property
+    def sinks(self) -> tuple[FrameSink, ...]:
+        """Who is offered frames."""
+        return () if self._view is None else (self._view,)
+
+    def show(self, run: Run) -> None:
+        """Make this the run that is shown as live."""
+        self._run = run
+
+    def latest(self) -> LiveFrame | None:
+        """Return the present frame of the run that is shown; None where there is none."""
+        run = self._shown
+        if run is None:
+            return None
+        frame = run.latest()
+        if self._view is None:
+            return frame
+        detail = frame.status.detail or self._view.failure
+        return replace(frame, status=replace(frame.status, dropped_frames=self._view.dropped, detail=detail))
+
+    def stop(self) -> str | None:
+        """Ask for the end of the run that is shown; return its id, None where none is under way."""
+        run = self._shown
+        if run is None or run.wait(0.0):
+            return None
+        run.stop()
+        return run.header.run
+
+    def mark(self, text: str) -> MarkDocument | None:
+        """Name the present moment of the run that is recorded; None where none is."""
+        run = self._shown
+        mark = run.mark(text) if run is not None and isinstance(run, Marked) else None
+        return None if run is None or mark is None else mark_document(mark, run.header.acquisition.rate)
+
+    def acknowledge(self) -> AcknowledgedDocument | None:
+        """Take note of the alarms of the run that is shown; None where none is."""
+        run = self._shown
+        if run is None:
+            return None
+        return AcknowledgedDocument(run=run.header.run, alarms=tuple(alarm_document(a) for a in run.acknowledge()))
+
+    @property
+    def _shown(self) -> Run | None:
+        return self._run or (None if self._desk is None else self._desk.run)
+
+    def addresses(self) -> str:
+        """Return where to look, an address a line."""
+        lines = []
+        if self._server is not None:
+            lines += [
+                f"page {self._server.url}/",
+                f"REST {self._server.url}/api/v1, explained at {self._server.url}/docs",
+            ]
+        if self._view is not None:
+            lines.append(f"live picture, as on the page: {self._view.url}")
+        return "\n".join(lines)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, _kind: type[BaseException] | None, _error: BaseException | None, _trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """End both."""
+        if self._server is not None:
+            self._server.close()
+        self._jobs.close()
+        if self._view is not None:
+            self._view.close()

@@ -1,0 +1,82 @@
+"""`rig predict`: what the model expects at the probes over speed."""
+
+import argparse
+import math
+from pathlib import Path
+
+import numpy as np
+
+from daq.cli.progress import RPM, Console
+from daq.cli.summary_text import print_json
+from daq.config.load import load_rig
+from daq.config.rig import Rig
+from daq.config.rotor import rotor_parameters
+from daq.errors import RigError, UsageError
+from daq.schemas.live import predicted_document
+from daq.session.prediction.predictors import PATIENCE, Predictors
+from model.errors import ModelError
+from model.prediction.live_prediction import refine
+from model.prediction.prediction import Prediction
+from model.prediction.prediction_map import PredictionMap
+
+_STEP = 1000 * RPM  # rad/s between the rows of the table
+
+
+def run(chosen: argparse.Namespace) -> int:
+    """Compute or look up the prediction and show it; return the exit code."""
+    console = Console()
+    rig = load_rig(Path(chosen.config))
+    with Predictors() as predictors:
+        predictor = predictors.for_rig(rig)
+        predictor.wait(PATIENCE, lambda state: console.progress(f"model {state}"))
+        console.clear()
+        found = predictor.map
+        if found is None:
+            raise RigError(f"there is no prediction: {predictor.state}")
+    if chosen.quiet:
+        return 0
+    predictions = _over_speed(found) if chosen.speed_rpm is None else [_exactly(rig, found, chosen.speed_rpm * RPM)]
+    if chosen.json:
+        print_json([predicted_document(prediction) for prediction in predictions])
+    else:
+        print(_HEAD)
+        for prediction in predictions:
+            print(_row(prediction))
+    return 0
+
+
+def _over_speed(found: PredictionMap) -> list[Prediction]:
+    lowest, highest = float(found.speeds[0]), float(found.speeds[-1])
+    first = math.ceil(lowest / _STEP - 1e-9) * _STEP
+    return [found.at(min(speed, highest)) for speed in np.arange(first, highest * (1 + 1e-9), _STEP)]
+
+
+def _exactly(rig: Rig, found: PredictionMap, speed: float) -> Prediction:
+    """Return the settled motion at a speed, rad/s."""
+    lowest, highest = float(found.speeds[0]), float(found.speeds[-1])
+    if not lowest <= speed <= highest:
+        raise UsageError(
+            f"--speed {speed / RPM:g}: expected {lowest / RPM:,.0f} to {highest / RPM:,.0f} r/min, "
+            "up to limits.speed_rpm"
+        )
+    try:
+        *_, settled = refine(rotor_parameters(rig), speed, found, rig.settings)
+    except ModelError as error:
+        raise RigError(f"there is no prediction at {speed / RPM:g} r/min: {error}") from error
+    return settled
+
+
+_HEAD = "   r/min  1X x µm∠lag  1X y µm∠lag   below 1X µm     overall µm pp  growth 1/s"
+
+
+def _row(prediction: Prediction) -> str:
+    """Return a row of the table; amplitudes are peak, overall vibration is of x and y."""
+    x, y = (f"{abs(v) * 1e6:.2f}∠{math.degrees(-math.atan2(v.imag, v.real)) % 360:.0f}°" for v in prediction.vectors[0])
+    whirl = (
+        f"{prediction.whirl_order:.2f}X {prediction.whirl_amplitude * 1e6:6.1f}"
+        if prediction.whirl_amplitude > 0
+        else "none"
+    )
+    overall = " / ".join(f"{value * 1e6:5.1f}" for value in prediction.peak_to_peak)
+    speed = f"{prediction.speed / RPM:8,.0f}"
+    return f"{speed}  {x:>11}  {y:>11}   {whirl:12}   {overall:>13}  {prediction.growth_rate:+10.1f}"

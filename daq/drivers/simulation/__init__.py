@@ -1,0 +1,1 @@
+"""The simulated rig: shaft, probes, tacho, wiring and card."""

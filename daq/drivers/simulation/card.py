@@ -1,0 +1,198 @@
+"""The simulated USB-6251 with the simulated bench wired to it: codes, as the card would deliver them."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.signals.header import Acquisition, Channel, Device, Role
+from daq.config.rig import MICRO, RPM, Rig
+from daq.config.schema import ChannelSection
+from daq.drivers.simulation import converter
+from daq.drivers.simulation.motion import Instants, Motion
+from daq.drivers.simulation.probe import SimulatedProbe
+from daq.drivers.simulation.random_streams import Purpose, draws
+from daq.drivers.simulation.simulated_shaft import shaft_motion
+from daq.drivers.simulation.speed import SpeedCourse, speed_course
+from daq.drivers.simulation.tacho import SimulatedTacho, TachoSignal
+from daq.drivers.simulation.wiring import SimulatedWiring
+
+PORTION = 8192  # samples made together, however many are asked for
+
+
+class SimulatedCard:
+    """A bench that runs along its profile once, and the card that digitises it.
+
+    The codes are the same whatever the portions in which they are taken, and the same again for the same rig.
+
+    Parameters
+    ----------
+    rig : Rig
+        Which card, channels and bench to simulate.
+    """
+
+    def __init__(self, rig: Rig) -> None:
+        config, bench = rig.config, rig.config.simulation
+        self._acquisition = _acquisition(rig)
+        self._course = _course(rig)
+        self._motion: Motion = shaft_motion(rig, self._course, self._acquisition)
+        rate = self._acquisition.rate
+        self._n_samples = int(bench.profile[-1].time_s * rate)
+        self._probe_rows = [self._acquisition.row(role) for role in (Role.PROBE_X, Role.PROBE_Y)]
+        self._tacho_row = self._acquisition.row(Role.TACHO)
+        self._probes = [
+            SimulatedProbe(
+                rig.calibrations[config.channel[row].name],
+                standing_gap=bench.gap_um[number] * MICRO,
+                noise=bench.sensor_noise_um * MICRO,
+                bandwidth=bench.sensor_bandwidth_hz,
+                glitches=(bench.glitches_per_s, bench.glitch_um * MICRO),
+                rate=rate,
+                key=(bench.seed, number),
+            )
+            for number, row in enumerate(self._probe_rows)
+        ]
+        self._tacho = SimulatedTacho(
+            tacho=rig.tacho,
+            signal=TachoSignal(
+                high=bench.tacho_high_v,
+                low=bench.tacho_low_v,
+                rise=bench.tacho_rise_us * MICRO,
+                jitter=bench.tacho_jitter_us * MICRO,
+            ),
+            course=self._course,
+            seed=bench.seed,
+        )
+        self._tacho_noise = bench.tacho_noise_v
+        self._wiring = SimulatedWiring(
+            bench.miswiring, (self._probe_rows[0], self._probe_rows[1], self._tacho_row), bench.seed
+        )
+        self._seed = bench.seed
+        self._portion = 0
+        self._left = np.empty((len(config.channel), 0), dtype=np.int16)
+        self._taken = 0
+
+    @property
+    def acquisition(self) -> Acquisition:
+        """The acquisition as the card's driver would report it after it was committed."""
+        return self._acquisition
+
+    @property
+    def course(self) -> SpeedCourse:
+        """The true speed and angle of the shaft."""
+        return self._course
+
+    @property
+    def n_samples(self) -> int:
+        """Length of the whole run, samples per channel."""
+        return self._n_samples
+
+    @property
+    def taken(self) -> int:
+        """Samples per channel taken so far."""
+        return self._taken
+
+    def skip(self, n: int) -> None:
+        """Let samples pass that nobody reads."""
+        while n > 0 and (passed := self.next_codes(min(n, PORTION)).shape[1]) > 0:
+            n -= passed
+
+    def next_codes(self, n: int) -> NDArray[np.int16]:
+        """Return the next codes, shape (n_channels, n); fewer at the end of the run, none after it."""
+        wanted = min(n, self._n_samples - self._taken)
+        taken = [self._left[:, :wanted]]
+        self._left = self._left[:, wanted:]
+        missing = wanted - taken[0].shape[1]
+        while missing > 0:
+            made = self._make()
+            taken.append(made[:, :missing])
+            self._left = made[:, missing:]
+            missing -= taken[-1].shape[1]
+        self._taken += wanted
+        return np.concatenate(taken, axis=1)
+
+    def ticks(self, first: int, stop: int, begin: int = 0) -> NDArray[np.int64]:
+        """Return what the counter stamps from a sample of the run on and before another.
+
+        Parameters
+        ----------
+        first, stop : int
+            The samples, from the beginning of the run.
+        begin : int
+            Sample at which the counter began to count.
+
+        Returns
+        -------
+        ndarray of int64, shape (n_pulses,)
+            Whole ticks of its timebase between its beginning and the edges; none without a counter.
+        """
+        counter, rate = self._acquisition.tacho.counter, self._acquisition.rate
+        if counter is None or stop <= first or not self._wiring.reaches_counter:
+            return np.empty(0, np.int64)
+        moments = self._tacho.stamps(first / rate, stop / rate, counter.edge)
+        return np.floor((moments - begin / rate) * counter.timebase).astype(np.int64)
+
+    def _make(self) -> NDArray[np.int16]:
+        """Make the next portion of the run."""
+        acquisition, portion = self._acquisition, self._portion
+        time = (portion * PORTION + np.arange(PORTION)) / acquisition.rate
+        lags = np.arange(len(acquisition.channels)) / acquisition.convert_rate
+        displacement = self._motion.advance(Instants.along(self._course, time, lags[self._probe_rows]))
+        volts = np.empty((len(acquisition.channels), PORTION))
+        for row, probe, moved in zip(self._probe_rows, self._probes, displacement, strict=True):
+            volts[row] = probe.volts(portion, moved)
+        noise = draws(self._seed, Purpose.TACHO_NOISE, portion).standard_normal(PORTION)
+        volts[self._tacho_row] = self._tacho.volts(time + lags[self._tacho_row]) + self._tacho_noise * noise
+        self._portion += 1
+        at_inputs = self._wiring.carry(portion, time, volts)
+        made = np.empty(at_inputs.shape, dtype=np.int16)
+        for row, channel in enumerate(acquisition.channels):
+            made[row] = converter.codes(at_inputs[row], channel.scaling)
+        return made
+
+
+def _course(rig: Rig) -> SpeedCourse:
+    bench = rig.config.simulation
+    return speed_course(
+        [point.time_s for point in bench.profile],
+        [point.speed_rpm * RPM for point in bench.profile],
+        draws(bench.seed, Purpose.SPEED),
+        rms=bench.speed_fluctuation,
+        correlation_time=bench.fluctuation_time_s,
+        drift=bench.speed_drift / 60.0,
+    )
+
+
+def _acquisition(rig: Rig) -> Acquisition:
+    config = rig.config
+    rate = converter.coerced_rate(config.timing.rate_hz)
+    return Acquisition(
+        device=Device(
+            backend=str(config.device.backend),
+            product=config.device.product,
+            serial=config.device.serial,
+            driver="simulated",
+            simulated=True,
+        ),
+        rate=rate,
+        convert_rate=converter.convert_rate(rate, len(config.channel)),
+        channels=tuple(_channel(rig, section) for section in config.channel),
+        tacho=rig.tacho,
+        buffer=round(config.timing.buffer_s * rate),
+    )
+
+
+def _channel(rig: Rig, section: ChannelSection) -> Channel:
+    gap_low, gap_high = section.gap_window_v if section.role is not Role.TACHO else (-math.inf, math.inf)
+    return Channel(
+        name=section.name,
+        role=section.role,
+        physical=section.physical,
+        range_low=-section.range_v,
+        range_high=section.range_v,
+        scaling=converter.scaling(section.range_v),
+        calibration=rig.calibrations.get(section.name),
+        angle=math.radians(section.angle_deg),
+        gap_low=gap_low,
+        gap_high=gap_high,
+    )

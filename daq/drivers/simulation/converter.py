@@ -1,0 +1,58 @@
+"""What the simulated USB-6251 does to a voltage: its clocks, its ranges, its uncalibrated 16 bits.
+
+Figures after NI's M Series manual and 6255 specification; see `convert_rate` and `scaling`.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.signals.header import CODE_MAX, CODE_MIN
+
+FloatArray = NDArray[np.float64]
+
+TIMEBASE = 20e6  # Hz
+FASTEST_CONVERT = 1e6  # Hz, aggregate over several channels
+PADDING = 10e-6  # s that the driver adds for the amplifier to settle, where there is room
+
+# Of an uncalibrated converter, relative to the range: it reaches 4.8 % beyond it, and is neither centred nor straight.
+OFFSET = 6e-5
+GAIN = 1.048
+SQUARE = 1.5e-5  # at full scale
+CUBE = -2.5e-5  # at full scale
+
+
+def coerced_rate(rate: float) -> float:
+    """Return the rate, Hz, that the card's timebase allows: 20 MHz over a whole number."""
+    return TIMEBASE / max(round(TIMEBASE / rate), 1)
+
+
+def convert_rate(rate: float, channels: int) -> float:
+    """Return the rate, Hz, of the multiplexer's convert clock.
+
+    The fastest conversion plus 10 µs if that fits between two samples, else evenly spaced (M Series manual, AI Convert
+    Clock), in whole ticks of the timebase.
+    """
+    between_samples = round(TIMEBASE / rate)
+    padded = round(TIMEBASE * (1.0 / FASTEST_CONVERT + PADDING))
+    return TIMEBASE / (padded if padded * channels <= between_samples else between_samples // channels)
+
+
+def scaling(full_range: float) -> tuple[float, float, float, float]:
+    """Return the device's polynomial, V per code**k, in the range of plus and minus ``full_range``, V."""
+    full_code = float(CODE_MAX + 1)
+    return (
+        OFFSET * full_range,
+        GAIN * full_range / full_code,
+        SQUARE * full_range / full_code**2,
+        CUBE * full_range / full_code**3,
+    )
+
+
+def codes(volts: FloatArray, polynomial: tuple[float, ...]) -> NDArray[np.int16]:
+    """Return the converter's codes for voltages, V: the polynomial inverted, rounded, and held at the rails."""
+    offset, gain, square, cube = polynomial
+    linear = (volts - offset) / gain
+    code = linear
+    for _ in range(2):  # the curvature is below a code, so that each step gains four digits
+        code = linear - code * code * (square + cube * code) / gain
+    return np.clip(np.rint(code), CODE_MIN, CODE_MAX).astype(np.int16)

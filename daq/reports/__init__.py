@@ -1,0 +1,1 @@
+"""Analyses of a recorded run as table, plot and text."""

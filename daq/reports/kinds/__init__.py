@@ -1,0 +1,1 @@
+"""The kinds of analysis of a recorded run."""

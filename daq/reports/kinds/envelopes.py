@@ -1,0 +1,234 @@
+"""Orders as they swell and fade, and their waveforms, by the Vold-Kalman filter of the second generation."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.tacho.shaft_angle import ShaftAngle
+from analysis.vectors.vold_kalman import PASSED, SLOW_TURNS, probe_envelopes
+from daq.reports.analyses_questions import EnvelopesQuery, WaveformsQuery
+from daq.reports.analysis import Analysis
+from daq.reports.columns import columns
+from daq.reports.errors import NotToldError, told_or_refused
+from daq.reports.kinds.orbits import orders_of
+from daq.reports.kinds.preparation import MICRO, RPM, in_degrees
+from daq.reports.plots.layouts import OTHERS, SPEED
+from daq.reports.plots.panel import Curve, Panel, Style
+from daq.reports.run_samples import ALIGNED, RunSamples, Stretch, moved
+from daq.reports.samples import TooMuchError
+
+FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+BANDWIDTH = 4.0  # Hz, where none is named
+CORE = 8.0  # s of envelopes that one solution gives, at least
+SETTLING = (
+    6.0  # over the bandwidth: time at either side of them by which a solution is that of the whole, to 1e-7, s Hz
+)
+SLOW = 1.5 * SLOW_TURNS  # turns at either side that the mean position needs
+MOST_UNKNOWNS = 2_000_000  # orders squared times samples that are solved for together: about 1.5 GB
+INSET = 0.02  # s at the ends of a stretch that the filters need
+FINE = 128  # instants of a waveform a revolution
+
+
+@dataclass(frozen=True, slots=True)
+class OrderFilter:
+    """Which orders are solved for together, and how wide.
+
+    Parameters
+    ----------
+    orders : tuple of float
+        Frequencies over shaft frequency.
+    hertz, percent : float or None
+        Full width at half power, Hz, or in per cent of each order's frequency.
+    """
+
+    orders: tuple[float, ...]
+    hertz: float | None
+    percent: float | None
+
+    @property
+    def words(self) -> str:
+        """How wide it is."""
+        return f"{self.hertz:g} Hz" if self.hertz is not None else f"{self.percent:g} % of each order"
+
+    def settling(self, slowest: float) -> float:
+        """Return the time at either side that a solution needs, s, at the slowest speed, revolutions a second."""
+        narrowest = self.hertz if self.hertz is not None else 0.01 * (self.percent or 0.0) * min(self.orders) * slowest
+        return SETTLING / narrowest + SLOW / slowest
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Solution:
+    """Envelopes at the instants that were wanted.
+
+    Parameters
+    ----------
+    envelopes : ndarray of complex128, shape (2, n_orders, n)
+        At the probes x and y, m peak.
+    sigma : ndarray of float64, shape (2, n_orders, n)
+        Standard deviation of their amplitudes, m.
+    """
+
+    envelopes: ComplexArray
+    sigma: FloatArray
+
+
+def envelopes(run: RunSamples, query: EnvelopesQuery) -> Analysis:
+    """Return amplitude and phase of several orders at both probes over time."""
+    is_usual = query.bandwidth_hz is None and query.bandwidth_percent is None
+    chosen = OrderFilter(
+        orders_of(query.orders), BANDWIDTH if is_usual else query.bandwidth_hz, query.bandwidth_percent
+    )
+    stretch = run.stretch(query.segment, query.from_s, query.duration_s)
+    angle = run.angle(stretch)[1]
+    begin, end = (float(angle.time(turn)) for turn in (angle.first, angle.last))
+    begin, end = max(begin, stretch.first / run.rate) + INSET, min(end, stretch.stop / run.rate) - INSET
+    if not begin < end:
+        raise NotToldError(f"run {run.header.run}: the stretch is shorter than {2.0 * INSET:g} s")
+    times = np.linspace(begin, end, query.entries)
+    found = solved(run, stretch, angle, times, chosen)
+    speeds = angle.speed(angle.turns(times)) * RPM
+    sizes, sigma = np.abs(found.envelopes) * MICRO, found.sigma * MICRO
+    title = f"{run.header.run} · Vold-Kalman · {times[0]:.1f} to {times[-1]:.1f} s"
+    caption = f"solved together, band of {chosen.words}; ± {np.median(sigma):.2g} µm (median 1 σ)"
+    panels = [
+        Panel(
+            title if probe == 0 else "the same at probe y", "s", f"µm zero-to-peak at {'xy'[probe]}",
+            tuple(
+                Curve(f"{order:g}X", times.tolist(), size.tolist(), colour=colour)
+                for order, size, colour in zip(chosen.orders, sizes[probe], OTHERS, strict=False)
+            ),
+            caption if probe == 0 else "",
+        )
+        for probe in (0, 1)
+    ]  # fmt: skip
+    panels.append(Panel("speed", "s", "r/min", (Curve("", times.tolist(), speeds.tolist(), colour=SPEED),)))
+    by_probe = {}
+    for probe, name in enumerate("xy"):
+        by_probe[f"amplitude_peak_{name}_um"] = sizes[probe].ravel()
+        by_probe[f"sigma_peak_{name}_um"] = sigma[probe].ravel()
+        by_probe[f"lag_{name}_deg"] = in_degrees(found.envelopes[probe]).ravel()
+    return Analysis(
+        title=title,
+        columns=columns(
+            time_s=np.tile(times, len(chosen.orders)),
+            speed_rpm=np.tile(speeds, len(chosen.orders)),
+            order=np.repeat(chosen.orders, times.size),
+            **by_probe,
+        ),
+        panels=tuple(panels),
+        figures={"sigma_peak_um": float(np.median(sigma))},
+    )
+
+
+def waveforms(run: RunSamples, query: WaveformsQuery) -> Analysis:
+    """Return the waveforms of single orders in the last revolutions before a moment."""
+    chosen = OrderFilter(orders_of(query.orders), query.bandwidth_hz, None)
+    about, end = run.moment(query.segment, query.time_s, query.speed_rpm, query.revolutions)
+    room = chosen.settling(_slowest(run.angle(about)[1]))
+    begin = max(about.first / run.rate - room, 0.0)
+    stretch = run.stretch(about.segment, begin, about.stop / run.rate + room - begin)
+    angle = run.angle(stretch)[1]
+    end = min(end, float(angle.time(angle.last)) - INSET)
+    last = float(angle.turns(np.array([end]))[0])
+    turns = np.linspace(last - query.revolutions, last, FINE * query.revolutions + 1)
+    if turns[0] < angle.first:
+        raise NotToldError(f"run {run.header.run}: fewer than {query.revolutions} revolutions before {end:.1f} s")
+    times = np.asarray(angle.time(turns), dtype=np.float64)
+    found = solved(run, stretch, angle, times, chosen)
+    turning = np.exp(2j * np.pi * np.array(chosen.orders)[:, None] * turns)
+    waves = (found.envelopes * turning).real * MICRO
+    sigma = float(np.median(found.sigma)) * MICRO
+    speed = query.revolutions / (times[-1] - times[0]) * 60.0
+    title = f"{run.header.run} · order waveforms · {speed:,.0f} r/min at {end:.1f} s"
+    caption = f"solved together, band of {chosen.words}; ± {sigma:.2g} µm (median 1 σ); dots: the mark"
+    return Analysis(
+        title=title,
+        columns=columns(
+            time_s=np.tile(times, len(chosen.orders)),
+            angle_deg=np.tile(360.0 * (turns % 1.0), len(chosen.orders)),
+            order=np.repeat(chosen.orders, times.size),
+            displacement_x_um=waves[0].ravel(),
+            displacement_y_um=waves[1].ravel(),
+        ),
+        panels=tuple(
+            _waves(title if probe == 0 else "the same at probe y", probe, chosen, (times, turns, waves[probe]), caption)
+            for probe in (0, 1)
+        ),
+        figures={"sigma_peak_um": sigma},
+    )
+
+
+def _waves(
+    title: str, probe: int, chosen: OrderFilter, waves: tuple[FloatArray, FloatArray, FloatArray], caption: str
+) -> Panel:
+    """Return waveforms of single orders over time, with the mark on each."""
+    times, turns, rows = waves
+    shifted = 1e3 * (times - times[0])
+    marks = np.interp(np.arange(math.ceil(turns[0]), turns[-1]), turns, shifted)
+    curves = [
+        Curve(f"{order:g}X", shifted.tolist(), row.tolist(), colour=colour)
+        for order, row, colour in zip(chosen.orders, rows, OTHERS, strict=False)
+    ]
+    dots = [Curve("", marks.tolist(), np.interp(marks, shifted, row).tolist(), Style.MARKS) for row in rows]
+    shown = caption if probe == 0 else ""
+    return Panel(title, "ms", f"µm at {'xy'[probe]}", (*curves, *dots), shown, y_from_zero=False)
+
+
+def solved(
+    run: RunSamples, stretch: Stretch, angle: ShaftAngle, wanted: FloatArray, chosen: OrderFilter, least: float = CORE
+) -> Solution:
+    """Return the envelopes at wanted instants, rising, s in the segment.
+
+    They are solved for in pieces of ``least`` s, at least, that overlap by the time in which the filter settles.
+    """
+    room = chosen.settling(_slowest(angle))
+    core = max(least, 2.0 * room)
+    _require_solvable(run, min(core + 2.0 * room, (stretch.stop - stretch.first) / run.rate), angle, chosen.orders)
+    vectors = np.empty((2, len(chosen.orders), wanted.size), dtype=np.complex128)
+    sigma = np.empty(vectors.shape)
+    number = np.floor((wanted - wanted[0]) / core).astype(np.intp)
+    for one in range(int(number[-1]) + 1):
+        here = np.flatnonzero(number == one)
+        if not here.size:
+            continue
+        before = max(math.floor((wanted[here[0]] - room) * run.rate) - stretch.first, 0)
+        first = stretch.first + before // ALIGNED * ALIGNED
+        stop = min(math.ceil((wanted[here[-1]] + room) * run.rate), stretch.stop)
+        displacement = run.displacement(Stretch(stretch.segment, first, stop), told="")
+        with told_or_refused(f"run {run.header.run}"):
+            times, found = probe_envelopes(
+                displacement, run.rate, moved(angle, -first / run.rate), chosen.orders,
+                bandwidth=chosen.hertz, bandwidth_percent=chosen.percent,
+            )  # fmt: skip
+        for probe, pair in enumerate(found):
+            vectors[probe][:, here] = _between(wanted[here], times + first / run.rate, pair.envelopes)
+            sigma[probe][:, here] = _between(wanted[here], times + first / run.rate, pair.sigma).real
+        run.tell("solving for the orders", float((one + 1) / (number[-1] + 1)))
+    return Solution(vectors, sigma)
+
+
+def _between(wanted: FloatArray, times: FloatArray, rows: ComplexArray | FloatArray) -> ComplexArray:
+    """Return rows at instants between their own."""
+    return np.stack([np.interp(wanted, times, row.real) + 1j * np.interp(wanted, times, row.imag) for row in rows])
+
+
+def _slowest(angle: ShaftAngle) -> float:
+    """Return the slowest speed, revolutions a second."""
+    return float(angle.speed(np.linspace(angle.first, angle.last, 1_000)).min()) / (2.0 * math.pi)
+
+
+def _require_solvable(run: RunSamples, duration: float, angle: ShaftAngle, orders: tuple[float, ...]) -> None:
+    """Raise TooMuchError where more would be solved for together than memory bears, in s of samples."""
+    fastest = float(angle.speed(np.linspace(angle.first, angle.last, 1_000)).max()) / (2.0 * math.pi)
+    level = max(math.floor(math.log2(PASSED * run.rate / (max(orders) * fastest))), 0)
+    unknowns = len(orders) ** 2 * duration * run.rate / 2**level
+    if unknowns > MOST_UNKNOWNS:
+        longest = MOST_UNKNOWNS / unknowns * duration
+        raise TooMuchError(
+            f"{len(orders)} orders so narrow are solved for {duration:,.0f} s at a time, expected at most "
+            f"{longest:,.0f} s: ask for a shorter stretch, fewer orders or a wider band"
+        )

@@ -1,0 +1,126 @@
+"""The shaft's path about a moment: direct, of chosen orders, of all but those; and where it is when the mark passes."""
+
+import math
+
+import numpy as np
+
+from analysis.shaft.orbit import FilteredOrbit, direct_orbit, filtered_orbit, orbit_without
+from analysis.shaft.poincare import Pattern, PoincareSection, poincare_section
+from daq.reports.analyses_questions import OrbitFilter, OrbitQuery, PoincareQuery
+from daq.reports.analysis import Analysis
+from daq.reports.columns import columns
+from daq.reports.errors import told_or_refused
+from daq.reports.kinds.preparation import MICRO, Taken, taken_before
+from daq.reports.plots.layouts import orbit
+from daq.reports.plots.panel import Curve, Panel, Style
+from daq.reports.run_samples import RunSamples
+
+AVERAGED = 16  # revolutions from which the vectors of a filtered orbit are taken
+PATTERNS = {
+    Pattern.POINT: "a point: synchronous alone",
+    Pattern.CLUSTERS: "clusters: a subharmonic 1/{period}",
+    Pattern.CURVE: "a curve: a whirl in no whole ratio",
+    Pattern.CLOUD: "a cloud: chaos, noise, or a whirl whose amplitude wanders",
+    Pattern.UNKNOWN: "too few revolutions to tell",
+}
+
+
+def orders_of(text: str) -> tuple[float, ...]:
+    """Return the orders of a list with commas."""
+    return tuple(float(part) for part in text.split(","))
+
+
+def orbit_of(run: RunSamples, query: OrbitQuery) -> Analysis:
+    """Return the orbit of the last revolutions before a moment."""
+    orders = orders_of(query.orders)
+    used = max(query.revolutions, AVERAGED)
+    taken = taken_before(run, query, used, max(1.0, *orders))
+    with told_or_refused(f"run {run.header.run}"):
+        found, what = _orbit(taken, query, orders)
+    motion = found.motion * MICRO
+    turns, points = motion.shape[1:]
+    begin = found.times[0, 0]
+    figures, words = dict(taken.figures), []
+    for order, ellipse in zip(orders, found.ellipses, strict=False):
+        sense = "forward" if ellipse.minor >= 0.0 else "backward"
+        size = f"{ellipse.major * MICRO:.3g} × {abs(ellipse.minor) * MICRO:.3g} ± {found.sigma * MICRO:.2g} µm peak"
+        words.append(f"{order:g}X {sense}, {size}, tilt {math.degrees(ellipse.tilt):.0f}°")
+    if found.ellipses:
+        first = found.ellipses[0]
+        figures |= {
+            "major_peak_um": first.major * MICRO,
+            "minor_peak_um": first.minor * MICRO,
+            "tilt_deg": math.degrees(first.tilt),
+            "sigma_peak_um": found.sigma * MICRO,
+        }
+    x, y = found.peak_to_peak * MICRO
+    title = f"{run.header.run} · {what} orbit{taken.words} · {taken.place}"
+    extent = f"{turns} turns, X {x:.3g}, Y {y:.3g} µm peak-to-peak"
+    caption = "; ".join([*words[:1], extent])
+    paths = [(motion[0, turn].tolist(), motion[1, turn].tolist()) for turn in range(turns)]
+    return Analysis(
+        title=title,
+        columns=columns(
+            turn=np.repeat(np.arange(turns), points),
+            angle_deg=np.tile(np.arange(points) * 360.0 / points, turns),
+            time_s=found.times.ravel(),
+            X_um=motion[0].ravel(),
+            Y_um=motion[1].ravel(),
+        ),
+        panels=(orbit(title, paths, run.directions, caption), _timebase(found, begin)),
+        figures=figures,
+        remarks=(*words, *taken.remarks),
+    )
+
+
+def _orbit(taken: Taken, query: OrbitQuery, orders: tuple[float, ...]) -> tuple[FilteredOrbit, str]:
+    named = " and ".join(f"{order:g}X" for order in orders)
+    match query.filter:
+        case OrbitFilter.DIRECT:
+            return direct_orbit(taken.record, query.revolutions), "direct"
+        case OrbitFilter.ORDERS:
+            return filtered_orbit(taken.record, orders, revolutions=query.revolutions, averaged=AVERAGED), named
+        case OrbitFilter.REST:
+            found = orbit_without(taken.record, orders, revolutions=query.revolutions, averaged=AVERAGED)
+            return found, f"not-{named}"
+
+
+def _timebase(found: FilteredOrbit, begin: float) -> Panel:
+    """Return X and Y of an orbit over time, with the mark."""
+    times = 1e3 * (found.times - begin)
+    curves = [
+        Curve(name, times.ravel().tolist(), (row * MICRO).ravel().tolist(), colour=colour)
+        for colour, (name, row) in enumerate(zip(("X", "Y"), found.motion, strict=True))
+    ]
+    marks = [Curve("", times[:, 0].tolist(), (row * MICRO).tolist(), Style.MARKS) for row in found.marks]
+    return Panel("time base, with the mark", "ms", "µm", (*curves, *marks), y_from_zero=False)
+
+
+def poincare(run: RunSamples, query: PoincareQuery) -> Analysis:
+    """Return where the shaft was when the mark passed, in the last revolutions before a moment."""
+    taken = taken_before(run, query, query.revolutions)
+    with told_or_refused(f"run {run.header.run}"):
+        found = poincare_section(taken.record)
+    points = found.points * MICRO
+    title = f"{run.header.run} · Poincaré points{taken.words} · {taken.place}"
+    told = _pattern(found)
+    scatter = found.scatter * MICRO
+    caption = f"{query.revolutions} turns: {told}; scatter {scatter:.3g} µm RMS"
+    dots = Curve("", points[0].tolist(), points[1].tolist(), Style.DOTS)
+    return Analysis(
+        title=title,
+        columns=columns(
+            turn=np.arange(points.shape[1]),
+            time_s=taken.record.times[:-1],
+            speed_rpm=found.speeds * 30.0 / np.pi,
+            X_um=points[0],
+            Y_um=points[1],
+        ),
+        panels=(Panel(title, "X at the mark, µm", "Y at the mark, µm", (dots,), caption, is_square=True),),
+        figures={"period": float(found.period), "scatter_um": scatter, **taken.figures},
+        remarks=(f"the points make {told}", *taken.remarks),
+    )
+
+
+def _pattern(found: PoincareSection) -> str:
+    return PATTERNS[found.pattern].format(period=found.period)

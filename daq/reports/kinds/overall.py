@@ -1,0 +1,87 @@
+"""Overall vibration over time, against its limits and the room there is."""
+
+import numpy as np
+
+from analysis.shaft.overall import Overall, overall
+from daq.reports.analyses_questions import OverallQuery
+from daq.reports.analysis import Analysis
+from daq.reports.columns import columns
+from daq.reports.errors import NotToldError, told_or_refused
+from daq.reports.kinds.preparation import MICRO, RPM
+from daq.reports.plots.layouts import SPEED
+from daq.reports.plots.panel import Curve, Panel, Style
+from daq.reports.run_samples import RunSamples, Stretch
+from daq.reports.samples import TooMuchError
+
+MOST_INTERVALS = 100_000
+
+
+def overall_of(run: RunSamples, query: OverallQuery) -> Analysis:
+    """Return the peak-to-peak of each interval, all orders together, and the speed then."""
+    stretch, limits = run.stretch(query.segment, query.from_s, query.duration_s), run.header.limits
+    parts = list(_parts(run, stretch, query.interval_s))
+    sizes = np.concatenate([part.peak_to_peak for part, _ in parts], axis=1)
+    times = np.concatenate([part.times + begin for part, begin in parts])
+    remarks: tuple[str, ...] = ()
+    speeds = np.full(times.size, np.nan)
+    try:
+        angle = run.angle(stretch)[1]
+        half = 0.5 * query.interval_s
+        speeds = 2.0 * np.pi * (angle.turns(times + half) - angle.turns(times - half)) / query.interval_s * RPM
+    except NotToldError as error:
+        remarks = (f"speeds are not known: {error}",)
+    larger = sizes.max(axis=0)
+    severity = np.array([limits.severity(value).value for value in larger.tolist()])
+    x, y = sizes * MICRO
+    at = int(np.argmax(larger))
+    title = f"{run.header.run} · overall vibration · {times[0]:.1f} to {times[-1]:.1f} s"
+    told = f", {speeds[at]:,.0f} r/min" if np.isfinite(speeds[at]) else ""
+    left_out = parts[0][0].left_out
+    caption = (
+        f"largest {larger[at] * MICRO:.3g} µm at {times[at]:.1f} s{told}, "
+        f"{100 * larger[at] / (2.0 * limits.clearance):.0f} % of the clearance; the {left_out} samples at either "
+        "extreme do not count"
+    )
+    ends = [float(times[0]), float(times[-1])]
+    limit_lines = [
+        Curve(f"{name} {limit * MICRO:g}", ends, [limit * MICRO] * 2, Style.GUIDE)
+        for name, limit in (("alarm", limits.peak_to_peak_alarm), ("danger", limits.peak_to_peak_danger))
+    ]
+    curves = (Curve("x", times.tolist(), x.tolist()), Curve("y", times.tolist(), y.tolist()), *limit_lines)
+    rpm = [None if np.isnan(value) else value for value in speeds.tolist()]
+    return Analysis(
+        title=title,
+        columns=columns(
+            time_s=times, speed_rpm=speeds, peak_to_peak_x_um=x, peak_to_peak_y_um=y,
+            clearance_part_x=sizes[0] / (2.0 * limits.clearance), clearance_part_y=sizes[1] / (2.0 * limits.clearance),
+            severity=severity,
+        ),
+        panels=(
+            Panel(title, "s", "µm peak-to-peak", curves, caption),
+            Panel("speed", "s", "r/min", (Curve("", times.tolist(), rpm, colour=SPEED),), x_range=(ends[0], ends[1])),
+        ),
+        figures={"largest_um": float(larger[at]) * MICRO},
+        remarks=remarks,
+    )  # fmt: skip
+
+
+def _parts(run: RunSamples, stretch: Stretch, interval: float) -> list[tuple[Overall, float]]:
+    """Return the levels of successive parts of whole intervals, each with its begin, s in the segment."""
+    size = max(round(interval * run.rate), 2)
+    count = (stretch.stop - stretch.first) // size
+    if count > MOST_INTERVALS:
+        raise TooMuchError(f"{count:,} intervals, expected at most {MOST_INTERVALS:,}: ask for longer ones")
+    if count == 0:
+        raise NotToldError(f"run {run.header.run}: the stretch is shorter than {interval:g} s")
+    together = max(run.piece // size, 1)
+    found = []
+    for low in range(0, count, together):
+        first = stretch.first + low * size
+        piece = Stretch(stretch.segment, first, stretch.first + min(low + together, count) * size)
+        with told_or_refused(f"run {run.header.run}"):
+            part = overall(
+                run.displacement(piece, told=""), run.rate, run.header.limits.clearance, interval=size / run.rate
+            )
+        found.append((part, first / run.rate))
+        run.tell("reading samples", min(low + together, count) / count)
+    return found

@@ -1,0 +1,96 @@
+"""Where the shaft is over speed: at the mark, revolution by revolution, and on average within its clearance."""
+
+import numpy as np
+
+from analysis.shaft.centreline import centreline
+from analysis.shaft.poincare import bifurcation
+from daq.reports.analyses_questions import BifurcationQuery, CentrelineQuery
+from daq.reports.analysis import Analysis
+from daq.reports.columns import columns
+from daq.reports.errors import told_or_refused
+from daq.reports.kinds.preparation import MICRO, RPM, Taken, taken_over
+from daq.reports.plots.panel import Curve, Panel, Style
+from daq.reports.run_samples import RunSamples
+
+MOST_DOTS = 20_000  # of a drawing
+OUTSIDE = 0.05  # of the clearance, by which the reference may be wrong
+NOTES_APART = 0.12  # of the clearance: from one speed to the next that is written at a centreline
+
+
+def bifurcation_of(run: RunSamples, query: BifurcationQuery) -> Analysis:
+    """Return the position at the mark of every revolution over speed."""
+    taken = taken_over(run, query, 1.0)
+    run.tell("computing")
+    with told_or_refused(f"run {run.header.run}"):
+        speeds, positions = bifurcation(taken.record, averaged=query.averaged)
+    speeds, positions = speeds * RPM, positions * MICRO
+    step = -(-speeds.size // MOST_DOTS)
+    shown = slice(None, None, step)
+    title = f"{run.header.run} · bifurcation diagram{taken.words} · {taken.place}"
+    caption = f"each revolution a point, at the mark, less the mean of {query.averaged} about it"
+    reach = 1.05 * float(np.abs(positions).max())
+    panels = tuple(
+        Panel(
+            title if row == 0 else "the same in Y", "r/min", f"{name} at the mark, µm",
+            (Curve("", speeds[shown].tolist(), positions[row, shown].tolist(), Style.DOTS, colour=row),),
+            caption if row == 0 else "", y_range=(-reach, reach),
+        )
+        for row, name in enumerate(("X", "Y"))
+    )  # fmt: skip
+    return Analysis(
+        title=title,
+        columns=columns(time_s=taken.record.times[:-1], speed_rpm=speeds, X_um=positions[0], Y_um=positions[1]),
+        panels=panels,
+        figures=taken.figures,
+        remarks=taken.remarks,
+    )
+
+
+def centreline_of(run: RunSamples, query: CentrelineQuery) -> Analysis:
+    """Return the mean position of the shaft in its clearance over time."""
+    taken = taken_over(run, query, 1.0)
+    clearance = run.header.limits.clearance
+    parked, reference = _parked(taken, query)
+    run.tell("computing")
+    with told_or_refused(f"run {run.header.run}"):
+        found = centreline(taken.record, parked, clearance, revolutions=query.revolutions)
+    x, y = found.positions * MICRO
+    sigma, speeds = found.sigma * MICRO, found.speeds * RPM
+    title = f"{run.header.run} · shaft centreline · {taken.place}"
+    caption = f"{reference}; ± {np.median(sigma):.2g} µm (1 σ); circle: clearance of {clearance * MICRO:g} µm"
+    around, above = (found.circle() * MICRO).tolist()
+    notes: list[tuple[str, float, float]] = []
+    for speed, across, up in zip(speeds.tolist(), x.tolist(), y.tolist(), strict=True):
+        if all(np.hypot(across - a, up - b) > NOTES_APART * clearance * MICRO for _, a, b in notes):
+            notes.append((f"{speed:,.0f}", across, up))
+    panel = Panel(
+        title, "X to the right, µm; r/min along the path", "Y up, µm",
+        (Curve("", x.tolist(), y.tolist()), Curve("", around, above, Style.GUIDE)), caption, is_square=True,
+        notes=tuple(notes),
+    )  # fmt: skip
+    outside = int(np.count_nonzero(found.eccentricity > 1.0 + OUTSIDE))
+    remarks = (
+        () if not outside else (f"{outside} positions lie outside the circle: the reference or the clearance is wrong",)
+    )
+    return Analysis(
+        title=title,
+        columns=columns(
+            time_s=found.times, speed_rpm=speeds, X_um=x, Y_um=y, X_sigma_um=sigma[0], Y_sigma_um=sigma[1],
+            eccentricity=found.eccentricity, attitude_deg=np.degrees(found.attitude),
+        ),
+        panels=(panel,),
+        figures=taken.figures,
+        remarks=(reference, *remarks, *taken.remarks),
+    )  # fmt: skip
+
+
+def _parked(taken: Taken, query: CentrelineQuery) -> tuple[np.ndarray, str]:
+    """Return the displacement at the probes while the shaft lay at the bottom, m, and where it is from."""
+    if query.parked_x_um is not None and query.parked_y_um is not None:
+        given = np.array([query.parked_x_um, query.parked_y_um]) / MICRO
+        return given, "position at rest as given"
+    record = taken.record
+    slowest = np.argsort(record.speeds)[: min(query.revolutions, record.revolutions)]
+    speed = float(record.speeds[slowest].mean()) * RPM
+    told = f"the slowest {slowest.size} turns, {speed:,.0f} r/min, taken to lie at the bottom"
+    return record.waveform[:, slowest].mean(axis=(1, 2)), told

@@ -1,0 +1,93 @@
+"""What all analyses against the shaft's angle share: the record less its run-out, how good it is, words and units."""
+
+import math
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.resampling.angular_record import AngularRecord
+from daq.reports.analyses_questions import Moment, Over
+from daq.reports.run_samples import RunSamples
+
+FloatArray: TypeAlias = NDArray[np.float64]
+
+MICRO = 1e6  # µm in a metre
+RPM = 30.0 / math.pi  # r/min in a rad/s
+MOST_REPAIRED = 0.02  # of the pulses, filled or rejected, from where on that is worth a word
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Taken:
+    """A record, and what must be known of it.
+
+    Parameters
+    ----------
+    record : AngularRecord
+        Displacement against angle, less run-out where that was asked for.
+    words : str
+        Of a title: whether it is compensated.
+    figures : dict of str to float
+        How good it is.
+    remarks : tuple of str
+        What is unusual.
+    """
+
+    record: AngularRecord
+    words: str
+    figures: dict[str, float]
+    remarks: tuple[str, ...]
+
+    @property
+    def place(self) -> str:
+        """Where it is, of a title: a speed, or from which to which."""
+        speeds = self.record.speeds * RPM
+        if float(np.ptp(speeds)) < 0.02 * float(speeds.max()):
+            return f"{speeds.mean():,.0f} r/min at {self.record.times[-1]:.1f} s"
+        begin, end = self.record.times[[0, -1]]
+        return f"{speeds.min():,.0f} to {speeds.max():,.0f} r/min, {begin:.1f} to {end:.1f} s"
+
+
+def taken_over(run: RunSamples, query: Over, highest_order: float) -> Taken:
+    """Return the record of a stretch of time."""
+    stretch = run.stretch(query.segment, query.from_s, query.duration_s)
+    return _taken(run, run.record(stretch, highest_order), query.slow_roll_rpm, query.segment)
+
+
+def taken_before(run: RunSamples, query: Moment, revolutions: int, highest_order: float = 1.0) -> Taken:
+    """Return the last revolutions before a moment."""
+    stretch, end = run.moment(query.segment, query.time_s, query.speed_rpm, revolutions)
+    record = run.revolutions_to(stretch, end, revolutions, highest_order)
+    return _taken(run, record, query.slow_roll_rpm, stretch.segment)
+
+
+def in_degrees(vectors: NDArray[np.complex128]) -> FloatArray:
+    """Return phase lags, 0 up to 360 degrees."""
+    return np.asarray(np.degrees(-np.angle(vectors)) % 360.0, dtype=np.float64)
+
+
+def _taken(run: RunSamples, record: AngularRecord, slow_roll_rpm: float | None, segment: int | None) -> Taken:
+    figures = {
+        "slowest_rpm": float(record.speeds.min()) * RPM,
+        "fastest_rpm": float(record.speeds.max()) * RPM,
+        "revolutions": float(record.revolutions),
+        "jitter_us": record.angle_jitter * 1e6,
+    }
+    remarks = []
+    if record.pulses is not None:
+        figures |= {"pulses_filled": float(record.pulses.filled), "pulses_rejected": float(record.pulses.rejected)}
+        if record.pulses.too_fast:
+            remarks.append("the tacho's sensor was past its response: pulses may be missing unnoticed")
+        if record.pulses.repaired_part > MOST_REPAIRED:
+            remarks.append(f"{100 * record.pulses.repaired_part:.0f} % of the tacho's pulses were repaired")
+    if any(record.clipped):
+        x, y = record.clipped
+        remarks.append(f"clipped: {x:,} samples at x, {y:,} at y; amplitudes near them are too small")
+    if slow_roll_rpm is None:
+        return Taken(record, "", figures, tuple(remarks))
+    roll = run.slow_roll(segment, slow_roll_rpm, record.points)
+    x, y = roll.peak_to_peak * MICRO
+    told = f"compensated: run-out of {roll.revolutions} turns up to {slow_roll_rpm:,.0f} r/min taken off, "
+    remarks.append(told + f"x {x:.2f} and y {y:.2f} µm peak-to-peak, ± {roll.sigma.max() * MICRO:.2f} µm")
+    return Taken(roll.off_waveform(record), " compensated", figures, tuple(remarks))

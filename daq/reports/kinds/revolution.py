@@ -1,0 +1,83 @@
+"""The shaft's revolution: what repeats with every turn, what does not, and what slow turning tells of the surface."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.resampling.synchronous_average import synchronous_average
+from daq.reports.analyses_questions import AverageQuery, SlowRollQuery
+from daq.reports.analysis import Analysis
+from daq.reports.columns import columns
+from daq.reports.errors import told_or_refused
+from daq.reports.kinds.preparation import MICRO, RPM, taken_before
+from daq.reports.plots.panel import Curve, Panel
+from daq.reports.run_samples import POINTS, RunSamples
+
+FloatArray = NDArray[np.float64]
+
+ANGLE = "shaft angle after the mark, degrees"
+
+
+def synchronous(run: RunSamples, query: AverageQuery) -> Analysis:
+    """Return the mean revolution before a moment, and the residual: what is left of each without it."""
+    taken = taken_before(run, query, query.revolutions)
+    with told_or_refused(f"run {run.header.run}"):
+        found = synchronous_average(taken.record)
+    mean = (found.waveform - found.waveform.mean(axis=1, keepdims=True)) * MICRO
+    rest = (taken.record.waveform - found.waveform[:, None]) * MICRO
+    residual = np.sqrt(np.mean(rest**2, axis=1))
+    sigma = found.sigma * MICRO
+    degrees = np.arange(mean.shape[1]) * 360.0 / mean.shape[1]
+    title = f"{run.header.run} · average revolution{taken.words} · {taken.place}"
+    caption = f"mean of {found.revolutions} turns; ± {sigma[0]:.2g} µm at x, ± {sigma[1]:.2g} µm at y (1 σ)"
+    return Analysis(
+        title=title,
+        columns=columns(
+            angle_deg=degrees,
+            average_x_um=mean[0],
+            average_y_um=mean[1],
+            residual_rms_x_um=residual[0],
+            residual_rms_y_um=residual[1],
+        ),
+        panels=(
+            _over_angle(title, "µm", degrees, mean, caption),
+            _over_angle("residual: RMS of what does not repeat", "µm RMS", degrees, residual, ""),
+        ),
+        figures={"average_sigma_x_um": float(sigma[0]), "average_sigma_y_um": float(sigma[1]), **taken.figures},
+        remarks=taken.remarks,
+    )
+
+
+def slow_roll_of(run: RunSamples, query: SlowRollQuery) -> Analysis:
+    """Return the run-out that the run's own slow turning tells."""
+    found = run.slow_roll(query.segment, query.slow_roll_rpm, POINTS)
+    waveform, sigma = found.waveform * MICRO, found.sigma * MICRO
+    degrees = np.arange(waveform.shape[1]) * 360.0 / waveform.shape[1]
+    title = f"{run.header.run} · run-out · {found.slowest * RPM:,.0f} to {found.fastest * RPM:,.0f} r/min"
+    x, y = found.peak_to_peak * MICRO
+    size = f"x {x:.3g} ± {sigma[0]:.2g}, y {y:.3g} ± {sigma[1]:.2g} µm peak-to-peak"
+    verdict = "" if found.wandering <= 0.2 else "; THE SHAFT MOVED: 1X wandered"
+    one = found.vectors(1)
+    return Analysis(
+        title=title,
+        columns=columns(angle_deg=degrees, runout_x_um=waveform[0], runout_y_um=waveform[1]),
+        panels=(_over_angle(title, "µm", degrees, waveform, f"{found.revolutions} turns; {size}{verdict}"),),
+        figures={
+            "revolutions": float(found.revolutions),
+            "slowest_rpm": found.slowest * RPM,
+            "fastest_rpm": found.fastest * RPM,
+            "runout_sigma_x_um": float(sigma[0]),
+            "runout_sigma_y_um": float(sigma[1]),
+            "amplitude_peak_x_um": abs(one[0]) * MICRO,
+            "amplitude_peak_y_um": abs(one[1]) * MICRO,
+            "wandering": found.wandering,
+        },
+        remarks=("amplitude is the run-out's 1X",),
+    )
+
+
+def _over_angle(title: str, unit: str, degrees: FloatArray, rows: FloatArray, caption: str) -> Panel:
+    turn = [*degrees.tolist(), 360.0]
+    curves = tuple(
+        Curve(name, turn, [*row.tolist(), float(row[0])]) for name, row in zip(("x", "y"), rows, strict=True)
+    )
+    return Panel(title, ANGLE, unit, curves, caption, x_is_angle=True, y_from_zero=bool((rows >= 0.0).all()))

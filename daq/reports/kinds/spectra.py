@@ -1,0 +1,129 @@
+"""One spectrum: by order, both ways round, by frequency."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.signals.uncertainty import phase_sigma, sigma_of_floor
+from analysis.spectra.frequency_spectrum import frequency_spectrum
+from analysis.spectra.full_spectrum import full_spectrum, probe_mismatch
+from analysis.spectra.order_map import Scaling, order_map
+from daq.reports.analyses_questions import FrequencySpectrumQuery, FullSpectrumQuery, OrderSpectrumQuery
+from daq.reports.analysis import Analysis
+from daq.reports.columns import columns
+from daq.reports.errors import told_or_refused
+from daq.reports.kinds.preparation import MICRO, in_degrees, taken_before
+from daq.reports.plots.layouts import BOTH_WAYS, spectrum
+from daq.reports.run_samples import RunSamples
+
+FloatArray = NDArray[np.float64]
+
+PEAKS = 16  # lines that a terminal shows
+UNITS = {
+    Scaling.PEAK: "µm zero-to-peak",
+    Scaling.PEAK_TO_PEAK: "µm peak-to-peak",
+    Scaling.RMS: "µm RMS",
+}
+
+
+def order_spectrum(run: RunSamples, query: OrderSpectrumQuery) -> Analysis:
+    """Return the order spectrum of the last revolutions before a moment."""
+    taken = taken_before(run, query, query.revolutions, query.highest_order)
+    with told_or_refused(f"run {run.header.run}"):
+        found = order_map(
+            taken.record, revolutions=query.revolutions, overlap=0.0, highest_order=query.highest_order,
+            window=query.window,
+        )  # fmt: skip
+    size = found.amplitudes(query.scaling)[:, 0] * MICRO
+    sigma = float(sigma_of_floor(found.noise)[0])
+    vectors = found.spectrum[:, 0]
+    lag = in_degrees(vectors)
+    angle = found.orders * found.angle_sigma[0]  # an order feels the angle's error so many times
+    lag_sigma = np.degrees(phase_sigma(np.abs(vectors), np.full(vectors.shape, sigma), angle, 1.0))
+    name = query.scaling.value.replace("-", "_")
+    table = {
+        "order": found.orders,
+        f"amplitude_{name}_x_um": size[0],
+        "lag_x_deg": lag[0],
+        "lag_sigma_x_deg": lag_sigma[0],
+        f"amplitude_{name}_y_um": size[1],
+        "lag_y_deg": lag[1],
+        "lag_sigma_y_deg": lag_sigma[1],
+    }
+    scaled = sigma * MICRO * query.scaling.factor
+    title = f"{run.header.run} · order spectrum{taken.words} · {taken.place}"
+    caption = f"{query.window.value} window over {query.revolutions} revolutions; ± {scaled:.3g} µm (1 σ of the floor)"
+    rows = list(zip("xy", size.tolist(), strict=True))
+    return Analysis(
+        title=title,
+        columns=columns(**table),
+        panels=tuple(spectrum(title, "order", UNITS[query.scaling], found.orders.tolist(), rows, caption)),
+        figures={f"sigma_{name}_um": scaled, "noise_peak_um": float(found.noise[0]) * MICRO, **taken.figures},
+        remarks=taken.remarks,
+        telling=peaks(size.max(axis=0)),
+    )
+
+
+def full_spectrum_of(run: RunSamples, query: FullSpectrumQuery) -> Analysis:
+    """Return the circles with and against the rotation in the last revolutions before a moment."""
+    taken = taken_before(run, query, query.revolutions, query.highest_order)
+    with told_or_refused(f"run {run.header.run}"):
+        lines = order_map(taken.record, revolutions=query.revolutions, overlap=0.0, highest_order=query.highest_order)
+    mismatch = probe_mismatch(lines)
+    found = full_spectrum(lines.orders, lines.spectrum[:, 0], lines.pair, mismatch)
+    size = found.amplitudes * MICRO
+    smaller = found.uncertain & (np.abs(found.backward) <= np.abs(found.forward))
+    larger = found.uncertain & ~smaller
+    uncertain = np.where(np.concatenate([smaller[:0:-1], larger]), "yes", "no")
+    sigma = float(sigma_of_floor(lines.noise)[0]) / np.sqrt(2.0) * MICRO
+    figures = {"sigma_peak_um": sigma, **taken.figures}
+    if mismatch.is_told:
+        figures["probe_gain"] = mismatch.gain
+    title = f"{run.header.run} · full spectrum{taken.words} · {taken.place}"
+    caption = f"hann window over {query.revolutions} revolutions; ± {sigma:.3g} µm (1 σ of the floor)"
+    return Analysis(
+        title=title,
+        columns=columns(order=found.axis, amplitude_peak_um=size, uncertain=uncertain),
+        panels=tuple(
+            spectrum(title, BOTH_WAYS, UNITS[Scaling.PEAK], found.axis.tolist(), [("", size.tolist())], caption)
+        ),
+        figures=figures,
+        remarks=taken.remarks,
+        telling=peaks(size),
+    )
+
+
+def frequency_spectrum_of(run: RunSamples, query: FrequencySpectrumQuery) -> Analysis:
+    """Return the frequency spectrum of a stretch of time, averaged."""
+    stretch = run.stretch(query.segment, query.from_s, query.duration_s)
+    displacement = run.displacement(stretch)
+    run.tell("computing")
+    with told_or_refused(f"run {run.header.run}"):
+        found = frequency_spectrum(displacement, run.rate, resolution=query.resolution_hz)
+    kept = found.frequencies <= query.highest_hz
+    frequencies, (x, y) = found.frequencies[kept], found.amplitudes[:, kept] * MICRO
+    begin, end = stretch.first / run.rate, stretch.stop / run.rate
+    title = f"{run.header.run} · frequency spectrum · {begin:.1f} to {end:.1f} s"
+    caption = (
+        f"hann window, lines of {found.noise_bandwidth:.3g} Hz, mean of {found.frames}; "
+        f"noise ± {100 * found.relative_sigma:.0f} % (1 σ)"
+    )
+    rows = [("x", x.tolist()), ("y", y.tolist())]
+    return Analysis(
+        title=title,
+        columns=columns(frequency_hz=frequencies, amplitude_peak_x_um=x, amplitude_peak_y_um=y),
+        panels=tuple(spectrum(title, "Hz", UNITS[Scaling.PEAK], frequencies.tolist(), rows, caption)),
+        figures={
+            "noise_bandwidth_hz": found.noise_bandwidth,
+            "frames": float(found.frames),
+            "relative_sigma": found.relative_sigma,
+        },
+        telling=peaks(np.maximum(x, y)),
+    )
+
+
+def peaks(size: FloatArray) -> NDArray[np.intp]:
+    """Return the largest lines that stand above those beside them, in their order."""
+    inner = size[1:-1]
+    tops = np.flatnonzero((inner > size[:-2]) & (inner >= size[2:])) + 1
+    largest = tops[np.argsort(size[tops])[::-1][:PEAKS]]
+    return np.sort(largest) if largest.size else np.array([int(np.argmax(size))])

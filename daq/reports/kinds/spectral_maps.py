@@ -1,0 +1,161 @@
+"""Many spectra: against speed a cascade, against time a waterfall; of orders, of both ways round, of frequencies."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.signals.uncertainty import sigma_of_floor
+from analysis.spectra.frequency_map import frequency_map
+from analysis.spectra.full_spectrum import full_spectrum, probe_mismatch
+from analysis.spectra.order_map import order_map
+from daq.reports.analyses_questions import CascadeQuery, MapLines, MapQuery, WaterfallQuery
+from daq.reports.analysis import Analysis
+from daq.reports.columns import columns
+from daq.reports.errors import NotToldError, told_or_refused
+from daq.reports.kinds.preparation import MICRO, RPM, taken_over
+from daq.reports.plots.layouts import BOTH_WAYS, stacked
+from daq.reports.plots.panel import Curve, Style
+from daq.reports.run_samples import RunSamples
+from daq.reports.samples import TooMuchError
+
+FloatArray = NDArray[np.float64]
+
+MOST_ROWS = 400
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Spectra:
+    """Spectra of successive frames.
+
+    Parameters
+    ----------
+    axis : ndarray of float64, shape (n_lines,)
+        Orders, or frequencies, Hz.
+    sizes : ndarray of float64, shape (n, n_lines)
+        µm zero-to-peak.
+    times, speeds, sigma : ndarray of float64, shape (n,)
+        s, r/min and µm; a speed is NaN where it is not known.
+    words, caption : str
+        What they are, and how they were made.
+    remarks : tuple of str
+        What must be known.
+    """
+
+    axis: FloatArray
+    sizes: FloatArray
+    times: FloatArray
+    speeds: FloatArray
+    sigma: FloatArray
+    words: str
+    caption: str
+    remarks: tuple[str, ...]
+
+
+def cascade(run: RunSamples, query: CascadeQuery) -> Analysis:
+    """Return the largest lines of each bin of speed."""
+    found = _spectra(run, query)
+    number = np.round(found.speeds / query.width_rpm)
+    if not np.isfinite(number).any():
+        raise NotToldError(f"run {run.header.run}: the speed is not known anywhere in the stretch")
+    feet, sizes = _largest(found, number)
+    guides = _guides(query.lines, feet * query.width_rpm, float(found.axis[-1]))
+    return _shown(run, query, found, "cascade", feet * query.width_rpm, sizes, "r/min", guides)
+
+
+def waterfall(run: RunSamples, query: WaterfallQuery) -> Analysis:
+    """Return the largest lines of each bin of time."""
+    found = _spectra(run, query)
+    width = max((found.times[-1] - found.times[0]) / query.rows, 1e-9)
+    number = np.minimum(np.floor((found.times - found.times[0]) / width), query.rows - 1)
+    feet, sizes = _largest(found, number)
+    times = found.times[0] + (feet + 0.5) * width
+    return _shown(run, query, found, "waterfall", times, sizes, "s", ())
+
+
+def _spectra(run: RunSamples, query: MapQuery) -> _Spectra:
+    if query.lines is MapLines.FREQUENCIES:
+        return _of_frequencies(run, query)
+    taken = taken_over(run, query, query.highest_order)
+    run.tell("computing")
+    with told_or_refused(f"run {run.header.run}"):
+        lines = order_map(taken.record, revolutions=query.revolutions, highest_order=query.highest_order)
+    sigma = sigma_of_floor(lines.noise) * MICRO
+    axis, sizes = lines.orders, lines.amplitudes().max(axis=0)
+    if query.lines is MapLines.FULL:
+        full = full_spectrum(lines.orders, lines.spectrum, lines.pair, probe_mismatch(lines))
+        axis, sizes, sigma = full.axis, full.amplitudes, sigma / np.sqrt(2.0)
+    words = f"{'full ' if query.lines is MapLines.FULL else ''}{{}}{taken.words}"
+    caption = f"hann window over {query.revolutions} revolutions, µm zero-to-peak; ± {np.median(sigma):.2g} µm (1 σ)"
+    return _Spectra(axis, sizes * MICRO, lines.times, lines.speeds * RPM, sigma, words, caption, taken.remarks)
+
+
+def _of_frequencies(run: RunSamples, query: MapQuery) -> _Spectra:
+    stretch = run.stretch(query.segment, query.from_s, query.duration_s)
+    remarks: tuple[str, ...] = ()
+    try:
+        angle = run.angle(stretch)[1]
+    except NotToldError as error:
+        angle, remarks = None, (f"speeds are not known: {error}",)
+    displacement = run.displacement(stretch)
+    run.tell("computing")
+    begin = stretch.first / run.rate
+    with told_or_refused(f"run {run.header.run}"):
+        found = frequency_map(displacement, run.rate, None, resolution=query.resolution_hz, highest=query.highest_hz)
+    length = 1.0 / query.resolution_hz
+    times = found.times + begin
+    speeds = np.full(times.size, np.nan)
+    if angle is not None:
+        speeds = 60.0 * (angle.turns(times + 0.5 * length) - angle.turns(times - 0.5 * length)) / length
+    caption = (
+        f"hann window, lines of {found.noise_bandwidth:.3g} Hz, µm zero-to-peak; a speed that changes smears orders"
+    )
+    sigma = found.sigma * MICRO
+    sizes = found.amplitudes.max(axis=0) * MICRO
+    return _Spectra(found.frequencies, sizes, times, speeds, sigma, "frequency {}", caption, remarks)
+
+
+def _largest(found: _Spectra, number: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the bins that hold spectra, and of each the largest lines."""
+    bins = np.unique(number[np.isfinite(number)])
+    if bins.size > MOST_ROWS:
+        raise TooMuchError(f"{bins.size} spectra, expected at most {MOST_ROWS}: ask for wider bins")
+    return bins, np.stack([found.sizes[number == one].max(axis=0) for one in bins])
+
+
+def _guides(lines: MapLines, speeds: FloatArray, highest: float) -> tuple[Curve, ...]:
+    """Return where 1X and its half and double lie: upright in orders, slanting in frequencies."""
+    if lines is not MapLines.FREQUENCIES:
+        return ()
+    ends = np.array([speeds.min(), speeds.max()])
+    curves = []
+    for order in (0.5, 1.0, 2.0):
+        at = order * ends / 60.0
+        if at[1] <= highest:
+            curves.append(Curve(f"{order:g}X", at.tolist(), ends.tolist(), Style.GUIDE))
+    return tuple(curves)
+
+
+def _shown(
+    run: RunSamples, query: MapQuery, found: _Spectra, name: str, feet: FloatArray, sizes: FloatArray, unit: str,
+    guides: tuple[Curve, ...],
+) -> Analysis:  # fmt: skip
+    is_order = query.lines is not MapLines.FREQUENCIES
+    across = {MapLines.ORDERS: "order", MapLines.FULL: BOTH_WAYS, MapLines.FREQUENCIES: "Hz"}[query.lines]
+    title = f"{run.header.run} · {found.words.format(name)}"
+    rows, lines = sizes.shape
+    table = {
+        "speed_rpm" if unit == "r/min" else "time_s": np.repeat(feet, lines),
+        "order" if is_order else "frequency_hz": np.tile(found.axis, rows),
+        "amplitude_peak_um": sizes.ravel(),
+    }
+    panel = stacked(title, across, unit, found.axis.tolist(), feet.tolist(), sizes.tolist(), found.caption, guides)
+    picked = np.unique(np.linspace(0, rows - 1, min(24, rows)).round().astype(np.intp))
+    return Analysis(
+        title=title,
+        columns=columns(**table),
+        panels=(panel,),
+        figures={"sigma_peak_um": float(np.median(found.sigma)), "frames": float(found.times.size)},
+        remarks=found.remarks,
+        telling=picked * lines + sizes[picked].argmax(axis=1),
+    )

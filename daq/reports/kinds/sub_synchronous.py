@@ -1,0 +1,90 @@
+"""Every component below 1X through a run: when it came and went, and whether it follows the speed."""
+
+from itertools import cycle
+
+import numpy as np
+
+from analysis.spectra.order_map import order_map
+from analysis.whirl.tracks import SubsynchronousTrack, subsynchronous_tracks
+from daq.reports.analyses_questions import SubSynchronousQuery
+from daq.reports.analysis import Analysis
+from daq.reports.columns import columns
+from daq.reports.errors import told_or_refused
+from daq.reports.kinds.preparation import MICRO, RPM, taken_over
+from daq.reports.plots.layouts import OTHERS
+from daq.reports.plots.panel import Curve, Panel, Style
+from daq.reports.run_samples import RunSamples
+
+GUIDES = (0.5, 1.0)  # orders that are drawn beside
+HIGHEST = 2.0  # order that the search needs
+
+
+def sub_synchronous(run: RunSamples, query: SubSynchronousQuery) -> Analysis:
+    """Return the components below 1X, in the order in which they began."""
+    taken = taken_over(run, query, HIGHEST)
+    run.tell("computing")
+    with told_or_refused(f"run {run.header.run}"):
+        tracks = subsynchronous_tracks(order_map(taken.record, revolutions=query.revolutions, highest_order=HIGHEST))
+    title = f"{run.header.run} · components below 1X{taken.words} · {taken.place}"
+    return Analysis(
+        title=title,
+        columns=columns(**_table(tracks)),
+        panels=_panels(title, tracks, float(taken.record.speeds.min()) * RPM, float(taken.record.speeds.max()) * RPM),
+        figures=taken.figures,
+        remarks=taken.remarks if tracks else ("none stood out", *taken.remarks),
+        telling=np.arange(len(tracks)),
+    )
+
+
+def _table(tracks: tuple[SubsynchronousTrack, ...]) -> dict[str, np.ndarray]:
+    largest = [int(np.argmax(track.amplitudes)) for track in tracks]
+    numbers: dict[str, list[float]] = {
+        "component": [float(k) for k in range(1, len(tracks) + 1)],
+        "order": [track.order for track in tracks],
+        "order_sigma": [float(track.order_sigma[at]) for track, at in zip(tracks, largest, strict=True)],
+        "onset_rpm": [track.onset_speed * RPM for track in tracks],
+        "end_rpm": [track.end_speed * RPM for track in tracks],
+        "begin_s": [float(track.times[0]) for track in tracks],
+        "end_s": [float(track.times[-1]) for track in tracks],
+        "largest_peak_um": [float(track.amplitudes[at]) * MICRO for track, at in zip(tracks, largest, strict=True)],
+        "sigma_peak_um": [
+            float(track.sigma[at]) * np.sqrt(2.0) * MICRO for track, at in zip(tracks, largest, strict=True)
+        ],
+        "largest_at_rpm": [float(track.speeds[at]) * RPM for track, at in zip(tracks, largest, strict=True)],
+        "exponent": [track.exponent for track in tracks],
+        "exponent_sigma": [track.exponent_sigma for track in tracks],
+        "lock_rpm": [track.lock_speed * RPM for track in tracks],
+    }
+    words = {
+        "direction": ["forward" if track.is_forward else "backward" for track in tracks],
+        "behaviour": [track.behaviour.value for track in tracks],
+    }
+    return {
+        **{name: np.array(row, dtype=np.float64) for name, row in numbers.items()},
+        **{name: np.array(row, dtype=np.str_) for name, row in words.items()},
+    }
+
+
+def _panels(title: str, tracks: tuple[SubsynchronousTrack, ...], slowest: float, fastest: float) -> tuple[Panel, ...]:
+    frequency, size = [], []
+    for number, track in zip(cycle(OTHERS), tracks, strict=False):
+        arrow = "▲" if track.end_speed >= track.onset_speed else "▼"
+        name = f"{track.order:.2f}X {track.behaviour.value} {arrow}"
+        speeds = (track.speeds * RPM).tolist()
+        hertz = (track.orders * track.speeds / (2.0 * np.pi)).tolist()
+        frequency.append(Curve(name, speeds, hertz, colour=number))
+        size.append(Curve(name, speeds, (track.amplitudes * MICRO).tolist(), colour=number))
+    ends = [slowest, fastest]
+    guides = [Curve(f"{order:g}X", ends, [order * speed / 60.0 for speed in ends], Style.GUIDE) for order in GUIDES]
+    caption = "; ".join(_told(track) for track in tracks[:2]) or "none stood out"
+    return (
+        Panel(title, "r/min", "Hz", (*frequency, *guides), caption),
+        Panel("half the major axis", "r/min", "µm zero-to-peak", tuple(size), x_range=(slowest, fastest)),
+    )
+
+
+def _told(track: SubsynchronousTrack) -> str:
+    exponent = (
+        "" if np.isnan(track.exponent) else f", frequency ∝ speed^({track.exponent:.2f} ± {track.exponent_sigma:.2g})"
+    )
+    return f"{track.order:.2f}X from {track.onset_speed * RPM:,.0f} r/min{exponent}"

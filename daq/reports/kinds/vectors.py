@@ -1,0 +1,102 @@
+"""The vector of any one order over speed, run-up and run-down apart: Bode and polar."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from analysis.signals.ramp import Direction
+from analysis.vectors.order_track import track_order
+from analysis.vectors.speed_curve import Resonance, SpeedCurve, speed_curves
+from daq.reports.analyses_questions import VectorsQuery
+from daq.reports.analysis import Analysis
+from daq.reports.columns import columns
+from daq.reports.errors import told_or_refused
+from daq.reports.kinds.preparation import MICRO, RPM, in_degrees, taken_over
+from daq.reports.plots.layouts import Course, bode, polar
+from daq.reports.plots.panel import Panel, Values
+from daq.reports.run_samples import RunSamples
+
+PEAK = "µm zero-to-peak"
+SURE = np.radians(30.0)  # a lag that is less sure than that is not drawn
+CLEAR, MOST_PEAKS = 20.0, 3  # standard deviations that a peak must have; and how many are told of a curve
+ARROWS = {Direction.UP: "▲", Direction.DOWN: "▼"}
+
+
+def bode_of(run: RunSamples, query: VectorsQuery) -> Analysis:
+    """Return an order over speed, drawn as phase lag and amplitude."""
+    return _vectors(run, query, lambda title, what, courses, caption: bode(title, what, PEAK, courses, caption))
+
+
+def polar_of(run: RunSamples, query: VectorsQuery) -> Analysis:
+    """Return an order over speed, drawn in the plane; a lag of 0 lies where the probe sits."""
+    zeros = run.directions
+    return _vectors(run, query, lambda title, what, courses, caption: polar(title, what, PEAK, courses, zeros, caption))
+
+
+def _vectors(
+    run: RunSamples, query: VectorsQuery, drawn: Callable[[str, str, list[Course], str], list[Panel]]
+) -> Analysis:
+    taken = taken_over(run, query, query.order)
+    run.tell("computing")
+    with told_or_refused(f"run {run.header.run}"):
+        track = track_order(taken.record, query.order, revolutions=query.revolutions)
+    curves = speed_curves(track, query.width_rpm / RPM)
+    what = f"{query.order:g}X{taken.words}"
+    sigma = float(np.median(np.concatenate([curve.sigma.ravel() for curve in curves]))) * MICRO
+    courses = [_course(curve, ARROWS[curve.direction] if len(curves) > 1 else "") for curve in curves]
+    title = f"{run.header.run} · {taken.place}"
+    made = f"{query.revolutions} revolutions a vector, bins of {query.width_rpm:g} r/min"
+    caption = f"{what}: {made}; ± {sigma:.2g} µm (median 1 σ)"
+    found = [(curve, probe, one) for curve in curves for probe in (0, 1) for one in _resonances(curve, probe)]
+    figures = {"sigma_peak_um": sigma, **taken.figures}
+    largest = max(found, key=lambda each: each[2].amplitude, default=None)
+    if largest is not None:
+        figures |= {
+            "resonance_rpm": largest[2].speed * RPM,
+            "largest_peak_um": largest[2].amplitude * MICRO,
+            "amplification": largest[2].amplification,
+        }
+    return Analysis(
+        title=f"{title} · {what}",
+        columns=columns(
+            course=np.concatenate([np.full(curve.speeds.size, curve.direction.value) for curve in curves]),
+            speed_rpm=np.concatenate([curve.speeds for curve in curves]) * RPM,
+            **{name: np.concatenate(parts) for name, parts in _by_probe(curves).items()},
+            frames=np.concatenate([curve.frames for curve in curves]),
+        ),
+        panels=tuple(drawn(title, what, courses, caption)),
+        figures=figures,
+        remarks=(*(_resonance(*each) for each in found), *taken.remarks),
+    )
+
+
+def _by_probe(curves: tuple[SpeedCurve, ...]) -> dict[str, list[np.ndarray]]:
+    found: dict[str, list[np.ndarray]] = {}
+    for probe, name in enumerate("xy"):
+        found[f"amplitude_peak_{name}_um"] = [curve.amplitudes[probe] * MICRO for curve in curves]
+        found[f"sigma_peak_{name}_um"] = [curve.sigma[probe] * MICRO for curve in curves]
+        found[f"lag_{name}_deg"] = [in_degrees(curve.vectors[probe]) for curve in curves]
+        found[f"lag_sigma_{name}_deg"] = [np.degrees(curve.phase_sigma[probe]) for curve in curves]
+    return found
+
+
+def _course(curve: SpeedCurve, arrow: str) -> Course:
+    """Return a curve to be drawn; a lag that is not known has none."""
+    lags = np.where(curve.phase_sigma < SURE, in_degrees(curve.vectors), np.nan)
+    rows = [[None if np.isnan(value) else value for value in row] for row in lags.tolist()]
+    x, y = (curve.amplitudes * MICRO).tolist()
+    known: tuple[Values, Values] = (rows[0], rows[1])
+    return Course(arrow, (curve.speeds * RPM).tolist(), (x, y), known)
+
+
+def _resonances(curve: SpeedCurve, probe: int) -> list[Resonance]:
+    """Return the largest peaks of an amplitude that no noise makes."""
+    noise = np.interp([one.speed for one in curve.resonances(probe)], curve.speeds, curve.sigma[probe])
+    clear = [one for one, sigma in zip(curve.resonances(probe), noise, strict=True) if one.amplitude > CLEAR * sigma]
+    return sorted(clear, key=lambda one: one.amplitude, reverse=True)[:MOST_PEAKS]
+
+
+def _resonance(curve: SpeedCurve, probe: int, one: Resonance) -> str:
+    factor = "" if np.isnan(one.amplification) else f", amplification {one.amplification:.1f}"
+    where = f"{one.speed * RPM:,.0f} r/min {ARROWS[curve.direction]}"
+    return f"peak at {'xy'[probe]}: {one.amplitude * MICRO:.3g} µm at {where}{factor}"

@@ -1,0 +1,1 @@
+"""Plots: panels, layouts, and their renderers."""

@@ -1,0 +1,208 @@
+"""How each sort of plot is laid out, in the conventions that operators of rotors know: lags grow, speed is in r/min."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+from daq.reports.plots.panel import FULL_TURN, ROOM, Curve, Panel, Style, Values
+
+BOTH_WAYS = "order (negative: against the rotation)"
+NOTES_APART = 0.15  # of the largest vector: from one speed to the next that is written at a polar plot
+LINES = 40  # of a cascade, at most
+LINE_HEIGHT = 0.2  # of the axis that the feet stand at, that the largest line of a cascade takes
+PLACE = 0.97  # of the axes of an orbit, where a probe is written
+BLANK = 0.05  # of a turn before the mark that an orbit is blank: it goes from blank to bright
+PROBES = ("x", "y")
+OTHERS = (0, 4, 1, 5, 2, 3)  # colours of what is no pair of probes, the most different first
+SPEED = 6  # colour of a speed over time
+NAMED, NAMED_PART = 6, 0.01  # lines of a spectrum that are named, at most, and of the largest, at least
+
+
+@dataclass(frozen=True, slots=True)
+class Course:
+    """Vectors of one order over speed, in one direction of the speed.
+
+    Parameters
+    ----------
+    arrow : str
+        Which way the speed went; empty where there is one way alone.
+    speeds : sequence
+        r/min.
+    amplitudes, lags : pair of sequences
+        At the probes x and y, µm and degrees; None where not known.
+    """
+
+    arrow: str
+    speeds: Values
+    amplitudes: tuple[Values, Values]
+    lags: tuple[Values, Values]
+
+
+def bode(title: str, what: str, unit: str, courses: Sequence[Course], caption: str = "") -> list[Panel]:
+    """Return phase lag, growing downwards, above amplitude, both over speed."""
+    lag: list[Curve] = []
+    size: list[Curve] = []
+    begin = _begin([course.lags[probe] for course in courses for probe in (0, 1)])
+    for row, course in enumerate(courses):
+        for probe, name in enumerate(PROBES):
+            named, colour = f"{name} {course.arrow}".strip(), 2 * row + probe
+            lag.append(Curve(named, *_wrapped(course.speeds, course.lags[probe], begin), colour=colour))
+            size.append(Curve(named, course.speeds, course.amplitudes[probe], colour=colour))
+    return [
+        Panel(
+            title, "r/min", f"phase lag of {what}, degrees", tuple(lag), caption, y_range=(begin, begin + FULL_TURN),
+            y_is_lag=True,
+        ),
+        Panel(f"amplitude of {what}", "r/min", unit, tuple(size)),
+    ]  # fmt: skip
+
+
+def polar(
+    title: str, what: str, unit: str, courses: Sequence[Course], zeros: tuple[float, float], caption: str = ""
+) -> list[Panel]:
+    """Return the vectors in the plane, for each probe; a lag of 0 lies at ``zeros``, rad, and lags grow clockwise."""
+    panels = []
+    for probe, name in enumerate(PROBES):
+        curves: list[Curve] = []
+        paths: list[tuple[float, float, float]] = []
+        for row, course in enumerate(courses):
+            places = _places(course, probe, zeros[probe])
+            paths += places
+            path = [x for _, x, _ in places], [y for _, _, y in places]
+            curves.append(Curve(course.arrow, *path, colour=2 * row + probe))
+        label = f"{unit}; lag clockwise, against the rotation; r/min along the path"
+        panels.append(
+            Panel(
+                f"{title} · {what} at probe {name}", label, "µm", tuple(curves), caption, is_square=True,
+                polar_zero=zeros[probe], notes=tuple(_spaced(paths)),
+            )
+        )  # fmt: skip
+    return panels
+
+
+def stacked(
+    title: str,
+    x_label: str,
+    y_label: str,
+    across: Values,
+    feet: Values,
+    rows: Sequence[Values],
+    caption: str = "",
+    guides: tuple[Curve, ...] = (),
+) -> Panel:
+    """Return spectra one above the other: each line's foot stands at its speed or time."""
+    together = -(-len(feet) // LINES)  # rows of which a line shows the largest
+    groups = [rows[k : k + together] for k in range(0, len(feet), together)]
+    lines = [tuple(max(value or 0.0 for value in cell) for cell in zip(*group, strict=True)) for group in groups]
+    stands = [foot or 0.0 for foot in feet[::together]]
+    largest = max(map(max, lines), default=0.0) or 1.0
+    scale = LINE_HEIGHT * ((max(stands) - min(stands)) or max(stands) or 1.0) / largest
+    curves = tuple(
+        Curve("", across, [foot + scale * value for value in line]) for foot, line in zip(stands, lines, strict=True)
+    )
+    heading = f"{title}, largest line {largest:.3g} µm"
+    return Panel(heading, x_label, y_label, curves + guides, caption, y_from_zero=False, is_stacked=True)
+
+
+def orbit(
+    title: str, turns: Sequence[tuple[Values, Values]], directions: tuple[float, float], caption: str = ""
+) -> Panel:
+    """Return the path of successive turns that begin at the mark: blank just before it, and bright at it.
+
+    ``directions`` are where the probes sit, rad from X.
+    """
+    across: list[float | None] = []
+    up: list[float | None] = []
+    for xs, ys in turns:
+        seen = len(xs) - max(round(BLANK * len(xs)), 1)
+        across += [*xs[:seen], None]
+        up += [*ys[:seen], None]
+    marks = Curve("mark", [xs[0] for xs, _ in turns], [ys[0] for _, ys in turns], Style.MARKS)
+    reach = ROOM * max((abs(value) for value in (*across, *up, *marks.x, *marks.y) if value is not None), default=1.0)
+    notes = tuple(
+        (f"probe {name}", PLACE * reach * math.cos(angle), PLACE * reach * math.sin(angle))
+        for name, angle in zip(PROBES, directions, strict=True)
+    )
+    label = "X to the right, µm; the shaft turns anticlockwise"
+    path = Curve("", across, up)
+    return Panel(title, label, "Y up, µm", (path, marks), caption, is_square=True, notes=notes)
+
+
+def spectrum(
+    title: str, x_label: str, unit: str, across: Values, rows: Sequence[tuple[str, Values]], caption: str = ""
+) -> list[Panel]:
+    """Return spectra of one axis and one scale, each a panel with its largest lines named."""
+    highest = max((value for _, row in rows for value in row if value is not None), default=0.0) or 1.0
+    panels = []
+    for place, (name, row) in enumerate(rows):
+        unit_of_x = "X" if "order" in x_label else f" {x_label}"
+        tops = _peaks(across, row, NAMED_PART * highest)
+        notes = tuple((f"{x:.3g}{unit_of_x} {size:.3g}", x, size) for x, size in tops)
+        panels.append(
+            Panel(
+                title if place == 0 else "", x_label, f"{unit}{name and f' at {name}'}",
+                (Curve("", across, row, colour=place),), caption if place == 0 else "", y_range=(0.0, ROOM * highest),
+                notes=notes,
+            )
+        )  # fmt: skip
+    return panels
+
+
+def _peaks(across: Values, row: Values, least: float) -> list[tuple[float, float]]:
+    """Return the largest lines that stand above those beside them, and where they are."""
+    sizes = [value or 0.0 for value in row]
+    tops = [
+        (sizes[k], x) for k in range(1, len(sizes) - 1)
+        if sizes[k - 1] < sizes[k] >= sizes[k + 1] and sizes[k] > least and (x := across[k]) is not None
+    ]  # fmt: skip
+    return [(x, size) for size, x in sorted(tops, reverse=True)[:NAMED]]
+
+
+def _places(course: Course, probe: int, zero: float) -> list[tuple[float, float, float]]:
+    """Return the speeds at which the vector of a probe is known, and where it points then."""
+    places = []
+    for speed, radius, lag in zip(course.speeds, course.amplitudes[probe], course.lags[probe], strict=True):
+        if speed is not None and radius is not None and lag is not None:
+            angle = zero - math.radians(lag)
+            places.append((speed, radius * math.cos(angle), radius * math.sin(angle)))
+    return places
+
+
+def _begin(rows: Sequence[Values]) -> float:
+    """Return the lag, a whole quarter of a turn, from which an axis leaves the curves whole."""
+
+    def breaks(begin: float) -> int:
+        return sum(_is_break(a, b) for row in rows for a, b in pairwise(_turned(row, begin)))
+
+    return min((0.0, 270.0, 90.0, 180.0), key=breaks)
+
+
+def _turned(lags: Values, begin: float) -> list[float | None]:
+    """Return lags from ``begin`` to a turn beyond."""
+    return [None if lag is None else begin + (lag - begin) % FULL_TURN for lag in lags]
+
+
+def _is_break(before: float | None, lag: float | None) -> bool:
+    return before is not None and lag is not None and abs(lag - before) > FULL_TURN / 2
+
+
+def _wrapped(speeds: Values, lags: Values, begin: float) -> tuple[Values, Values]:
+    """Return a lag on an axis from ``begin``, broken where it leaves it."""
+    points = list(zip(speeds, _turned(lags, begin), strict=True))
+    found = points[:1]
+    for (_, before), (speed, lag) in pairwise(points):
+        if _is_break(before, lag):
+            found.append((None, None))
+        found.append((speed, lag))
+    return [speed for speed, _ in found], [lag for _, lag in found]
+
+
+def _spaced(places: Sequence[tuple[float, float, float]]) -> list[tuple[str, float, float]]:
+    """Return the speeds that are written at a polar plot: not too near to each other."""
+    reach = max((math.hypot(x, y) for _, x, y in places), default=0.0)
+    written: list[tuple[str, float, float]] = []
+    for speed, x, y in places:
+        if all(math.hypot(x - other[1], y - other[2]) > NOTES_APART * reach for other in written):
+            written.append((f"{speed:,.0f}", x, y))
+    return written

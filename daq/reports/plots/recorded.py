@@ -1,0 +1,90 @@
+"""What can be drawn of a run: the same documents that REST gives as numbers."""
+
+from analysis.signals.ramp import Direction as SpeedDirection
+from daq.reports.plots.layouts import BOTH_WAYS, Course, bode, orbit, polar, spectrum, stacked
+from daq.reports.plots.panel import Panel, Values
+from daq.schemas.document import Document
+from daq.schemas.moment import FullSpectrumDocument, OrbitDocument, OrderSpectrumDocument
+from daq.schemas.results import CascadeDocument, OrderVectorsDocument, WaterfallDocument
+
+PEAK = "µm zero-to-peak"
+
+
+def panels_of(document: Document, what: str, directions: tuple[float, float]) -> list[Panel]:
+    """Return a document as panels of a drawing; ValueError where it is none that can be drawn.
+
+    Parameters
+    ----------
+    document : Document
+        What an address answers.
+    what : str
+        Name of the plot, which tells how vectors over speed are shown: "bode" or "polar".
+    directions : tuple of float
+        Where the probes x and y sit, rad from X.
+    """
+    match document:
+        case OrderSpectrumDocument():
+            rows = (("x", document.amplitude_peak_x_um), ("y", document.amplitude_peak_y_um))
+            return spectrum(_title(document), "order", PEAK, document.orders, rows)
+        case FullSpectrumDocument():
+            return spectrum(_title(document), BOTH_WAYS, PEAK, document.orders, (("", document.amplitude_peak_um),))
+        case OrbitDocument():
+            turns = _turns(document, document.orbit_x_um, document.orbit_y_um)
+            measured = orbit(_title(document), turns, directions)
+            across, up = document.compensated_orbit_x_um, document.compensated_orbit_y_um
+            if across is None or up is None:
+                return [measured]
+            less = _turns(document, across, up)
+            return [orbit(_title(document), less, directions, "compensated: less run-out"), measured]
+        case OrderVectorsDocument():
+            what_of, courses = _courses(document)
+            if what == "polar":
+                return polar(document.run, what_of, PEAK, courses, directions)
+            return bode(document.run, what_of, PEAK, courses)
+        case CascadeDocument():
+            return [_stacked(document, "cascade", document.speeds_rpm, "r/min")]
+        case WaterfallDocument():
+            return [_stacked(document, "waterfall", document.times_s, "s")]
+        case _:
+            raise ValueError(f"document: {type(document).__name__}, expected one that can be drawn")
+
+
+def _title(document: OrderSpectrumDocument | FullSpectrumDocument | OrbitDocument) -> str:
+    frame = document.frame
+    return f"{document.run} · {frame.speed_rpm or 0.0:,.0f} r/min at {frame.time_s:.1f} s"
+
+
+def _turns(document: OrbitDocument, xs: Values, ys: Values) -> list[tuple[Values, Values]]:
+    points = document.points_per_revolution
+    return [(xs[k : k + points], ys[k : k + points]) for k in range(0, len(xs), points)]
+
+
+def _courses(document: OrderVectorsDocument) -> tuple[str, list[Course]]:
+    """Return what is drawn of 1X, and its vectors by speed, run-up and run-down apart, each with its arrow.
+
+    Where run-out was known, what it left is drawn, and nothing of the speeds before it was.
+    """
+    compensated = any(row.order_1x_compensated is not None for row in document.by_speed)
+    ways = []
+    for way, arrow in ((SpeedDirection.UP, "▲"), (SpeedDirection.DOWN, "▼")):
+        rows = [row for row in document.by_speed if row.course is way]
+        points = [(row.speed_rpm, row.order_1x_compensated if compensated else row.order_1x) for row in rows]
+        known = [(speed, line) for speed, line in points if line is not None]
+        if known:
+            ways.append((arrow, known))
+    courses = [
+        Course(
+            arrow if len(ways) > 1 else "",
+            [speed for speed, _ in known],
+            ([line.amplitude_peak_x_um for _, line in known], [line.amplitude_peak_y_um for _, line in known]),
+            ([line.lag_x_deg for _, line in known], [line.lag_y_deg for _, line in known]),
+        )
+        for arrow, known in ways
+    ]
+    return "1X compensated" if compensated else "1X", courses
+
+
+def _stacked(document: CascadeDocument | WaterfallDocument, name: str, feet: Values, label: str) -> Panel:
+    is_full = any((order or 0.0) < 0.0 for order in document.orders)
+    title, across = f"{document.run} · {name}", BOTH_WAYS if is_full else "order"
+    return stacked(title, across, label, document.orders, feet, document.amplitude_peak_um, PEAK)

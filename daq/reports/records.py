@@ -1,0 +1,203 @@
+"""What the results of a run say at every moment, small enough to be kept: everything but spectra and orbits."""
+
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.live.summary import RunSummary, SummaryBuilder
+from analysis.signals.blocks import SegmentEnd
+from analysis.signals.header import RunHeader
+from analysis.signals.snapshot import OrderFrame, Snapshot
+from daq.session.offline import Progress, results
+from recordings.errors import NotFoundError
+from recordings.mcap.reader import RunReader
+
+FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+IntArray = NDArray[np.int64]
+
+NEAR_TIME = 1.0  # s: a moment further than this from every frame has none
+NEAR_SPEED = 0.02  # of the speed
+LEAST_NEAR_SPEED = 100.0 * np.pi / 30.0  # rad/s
+RUNS_KEPT = 8
+
+
+class NoSuchMomentError(LookupError):
+    """The run holds nothing there."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Records:
+    """A run's results over time, one entry a snapshot; what belongs to the order frame is NaN where there is none.
+
+    Parameters
+    ----------
+    header : RunHeader
+        The run.
+    summary : RunSummary
+        Made of the same snapshots.
+    is_kept : bool
+        Whether they lie in the file; else they are what its samples give when analysed again.
+    segment, sample : ndarray of int64, shape (n,)
+        Where each is.
+    time : ndarray of float64, shape (n,)
+        s in the segment.
+    speed, frame_speed : ndarray of float64, shape (n,)
+        Of the moment, and the mean over the frame, rad/s.
+    peak_to_peak : ndarray of float64, shape (2, n)
+        Overall at the probes, m.
+    gap_volts : ndarray of float64, shape (2, n)
+        V.
+    vectors : ndarray of complex128, shape (2, n)
+        1X at the probes, m peak.
+    whirl_order, whirl_amplitude : ndarray of float64, shape (n,)
+        Strongest component below 1X; NaN where there is none, amplitude m peak.
+    """
+
+    header: RunHeader
+    summary: RunSummary
+    is_kept: bool
+    segment: IntArray
+    sample: IntArray
+    time: FloatArray
+    speed: FloatArray
+    frame_speed: FloatArray
+    peak_to_peak: FloatArray
+    gap_volts: FloatArray
+    vectors: ComplexArray
+    whirl_order: FloatArray
+    whirl_amplitude: FloatArray
+
+    def nearest(self, segment: int | None, time: float | None, speed: float | None) -> int:
+        """Return the number of the snapshot whose frame is nearest to a moment.
+
+        Parameters
+        ----------
+        segment : int or None
+            Only in this segment.
+        time : float or None
+            s in the segment.
+        speed : float or None
+            rad/s. With a time, the frame of about this speed that is nearest to it; without either, the frame of the
+            largest overall vibration.
+
+        Raises
+        ------
+        NoSuchMomentError
+            No frame is near.
+        """
+        wanted = np.isfinite(self.frame_speed)
+        if segment is not None:
+            wanted &= self.segment == segment
+        if not wanted.any():
+            raise NoSuchMomentError(f"no order spectrum in {'the run' if segment is None else f'segment {segment}'}")
+        if speed is not None:
+            away = np.abs(self.frame_speed - speed)
+            near = wanted & (away <= max(NEAR_SPEED * speed, LEAST_NEAR_SPEED))
+            if not near.any():
+                low, high = np.array([self.frame_speed[wanted].min(), self.frame_speed[wanted].max()]) * 30 / np.pi
+                raise NoSuchMomentError(
+                    f"no order spectrum near {speed * 30 / np.pi:,.0f} r/min; there are some "
+                    f"from {low:,.0f} to {high:,.0f} r/min"
+                )
+            if time is None:
+                return int(np.argmin(np.where(near, away, np.inf)))
+            wanted = near
+        if time is None:
+            return int(np.argmax(np.where(wanted, self.peak_to_peak.max(axis=0), -np.inf)))
+        away = np.where(wanted, np.abs(self.time - time), np.inf)
+        index = int(np.argmin(away))
+        if away[index] > NEAR_TIME and speed is None:
+            raise NoSuchMomentError(f"no order spectrum within {NEAR_TIME:g} s of {time:g} s")
+        return index
+
+
+def status_of(path: Path) -> os.stat_result:
+    """Return the state of a run's file; NotFoundError where it has gone."""
+    try:
+        return path.stat()
+    except OSError as error:
+        raise NotFoundError(f"{path}: there is no such file any more") from error
+
+
+def records(path: Path) -> Records:
+    """Return the records of a run's file; RecordingError where it cannot be read."""
+    status = status_of(path)
+    return _read(path, status.st_size, status.st_mtime_ns)
+
+
+@lru_cache(maxsize=RUNS_KEPT)
+def _read(path: Path, _size: int, _changed_ns: int) -> Records:
+    return read_records(path)
+
+
+def read_records(path: Path, on_progress: Progress | None = None) -> Records:
+    """Return the records of a run's file, read now; `on_progress` is told the part that is done, 0 to 1."""
+    rows: list[tuple[float, ...]] = []
+    vectors: list[ComplexArray] = []
+    none = np.full(2, complex(np.nan, np.nan))
+    with RunReader(path) as reader:
+        builder = SummaryBuilder(reader.header)
+        for item in results(reader, on_progress):
+            if isinstance(item, SegmentEnd):
+                builder.segment_end(item)
+                continue
+            builder.snapshot(item)
+            rows.append(_row(item))
+            vectors.append(none if item.frame is None else item.frame.vectors[0])
+        header, is_kept = reader.header, reader.is_complete and reader.skipped_samples == 0
+    columns = np.array(rows, dtype=np.float64).reshape(-1, 11).T
+    return Records(
+        header=header,
+        summary=builder.summary(),
+        is_kept=is_kept,
+        segment=columns[0].astype(np.int64),
+        sample=columns[1].astype(np.int64),
+        time=columns[2],
+        speed=columns[3],
+        frame_speed=columns[4],
+        peak_to_peak=columns[5:7],
+        gap_volts=columns[7:9],
+        vectors=np.array(vectors, dtype=np.complex128).reshape(-1, 2).T,
+        whirl_order=columns[9],
+        whirl_amplitude=columns[10],
+    )
+
+
+def _row(snapshot: Snapshot) -> tuple[float, ...]:
+    frame = snapshot.frame
+    whirl = None if frame is None else frame.whirl
+    return (
+        snapshot.segment,
+        snapshot.sample,
+        snapshot.time,
+        snapshot.speed,
+        np.nan if frame is None else frame.speed,
+        *snapshot.peak_to_peak,
+        *snapshot.gap_volts,
+        np.nan if whirl is None else whirl.order,
+        np.nan if whirl is None else whirl.amplitude,
+    )
+
+
+def snapshot_at(path: Path, found: Records, index: int) -> tuple[Snapshot, OrderFrame]:
+    """Return a snapshot of a run's file and its frame, by its number in the records, which must have one."""
+    place = int(found.segment[index]), int(found.sample[index])
+    with RunReader(path) as reader:
+        snapshot = reader.snapshot(*place) if found.is_kept else None
+        if snapshot is None:
+            snapshot = next(each for each in _snapshots(reader) if (each.segment, each.sample) == place)
+    if snapshot.frame is None:
+        raise ValueError(f"snapshot {index} of {path.name}: no order frame, expected one")
+    return snapshot, snapshot.frame
+
+
+def _snapshots(reader: RunReader) -> Iterator[Snapshot]:
+    for item in results(reader):
+        if isinstance(item, Snapshot):
+            yield item

@@ -1,0 +1,222 @@
+"""The kinds of analysis: what each is called, asked and made by."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Final
+
+from daq.reports import analyses_questions as questions
+from daq.reports.analyses_questions import Asked
+from daq.reports.analysis import Analysis
+from daq.reports.kinds.envelopes import envelopes, waveforms
+from daq.reports.kinds.orbits import orbit_of, poincare
+from daq.reports.kinds.overall import overall_of
+from daq.reports.kinds.positions import bifurcation_of, centreline_of
+from daq.reports.kinds.revolution import slow_roll_of, synchronous
+from daq.reports.kinds.spectra import frequency_spectrum_of, full_spectrum_of, order_spectrum
+from daq.reports.kinds.spectral_maps import cascade, waterfall
+from daq.reports.kinds.sub_synchronous import sub_synchronous
+from daq.reports.kinds.vectors import bode_of, polar_of
+
+VECTORS: Final = (
+    "course",
+    "speed_rpm",
+    "amplitude_peak_x_um",
+    "sigma_peak_x_um",
+    "lag_x_deg",
+    "lag_sigma_x_deg",
+    "amplitude_peak_y_um",
+    "sigma_peak_y_um",
+    "lag_y_deg",
+    "lag_sigma_y_deg",
+    "frames",
+)
+
+
+@dataclass(frozen=True, slots=True)
+class AnalysisKind:
+    """One kind.
+
+    Parameters
+    ----------
+    title : str
+        What it is called.
+    meaning : str
+        What it gives, in a sentence without its stop.
+    columns : tuple of str
+        The names of its table's columns, where nothing else is asked for.
+    question : type
+        What may be asked.
+    make : callable
+        Makes it of a run's samples and a question.
+    """
+
+    title: str
+    meaning: str
+    columns: tuple[str, ...]
+    question: type[Asked]
+    make: Callable[..., Analysis]
+
+
+KINDS: Final[Mapping[str, AnalysisKind]] = {
+    "order-spectrum": AnalysisKind(
+        "The order spectrum about a moment",
+        "Amplitude and phase lag by order about a moment",
+        (
+            "order",
+            "amplitude_peak_x_um",
+            "lag_x_deg",
+            "lag_sigma_x_deg",
+            "amplitude_peak_y_um",
+            "lag_y_deg",
+            "lag_sigma_y_deg",
+        ),
+        questions.OrderSpectrumQuery,
+        order_spectrum,
+    ),
+    "full-spectrum": AnalysisKind(
+        "The full spectrum about a moment",
+        "Circles with and against the rotation by order about a moment",
+        ("order", "amplitude_peak_um", "uncertain"),
+        questions.FullSpectrumQuery,
+        full_spectrum_of,
+    ),
+    "frequency-spectrum": AnalysisKind(
+        "The frequency spectrum of a stretch",
+        "Amplitude by frequency, averaged over a stretch of time; needs no tacho",
+        ("frequency_hz", "amplitude_peak_x_um", "amplitude_peak_y_um"),
+        questions.FrequencySpectrumQuery,
+        frequency_spectrum_of,
+    ),
+    "cascade": AnalysisKind(
+        "Spectra over speed",
+        "Spectra over speed: of orders, full, or of frequencies",
+        ("speed_rpm", "order", "amplitude_peak_um"),
+        questions.CascadeQuery,
+        cascade,
+    ),
+    "waterfall": AnalysisKind(
+        "Spectra over time",
+        "Spectra over time: of orders, full, or of frequencies",
+        ("time_s", "order", "amplitude_peak_um"),
+        questions.WaterfallQuery,
+        waterfall,
+    ),
+    "bode": AnalysisKind(
+        "Vectors of an order over speed, as Bode plot",
+        "Amplitude and phase lag of any order over speed, run-up and run-down apart",
+        VECTORS,
+        questions.VectorsQuery,
+        bode_of,
+    ),
+    "polar": AnalysisKind(
+        "Vectors of an order over speed, as polar plot",
+        "The same vectors, drawn in the plane",
+        VECTORS,
+        questions.VectorsQuery,
+        polar_of,
+    ),
+    "orbit": AnalysisKind(
+        "The orbit about a moment",
+        "The shaft's path about a moment: direct, of chosen orders (1X, 2X, nX), or without them (not-1X)",
+        ("turn", "angle_deg", "time_s", "X_um", "Y_um"),
+        questions.OrbitQuery,
+        orbit_of,
+    ),
+    "centreline": AnalysisKind(
+        "The shaft's centreline",
+        "The shaft's mean position in its clearance over speed",
+        ("time_s", "speed_rpm", "X_um", "Y_um", "X_sigma_um", "Y_sigma_um", "eccentricity", "attitude_deg"),
+        questions.CentrelineQuery,
+        centreline_of,
+    ),
+    "envelopes": AnalysisKind(
+        "Orders over time",
+        "Amplitude and phase lag of several orders over time, by the Vold-Kalman filter",
+        (
+            "time_s",
+            "speed_rpm",
+            "order",
+            "amplitude_peak_x_um",
+            "sigma_peak_x_um",
+            "lag_x_deg",
+            "amplitude_peak_y_um",
+            "sigma_peak_y_um",
+            "lag_y_deg",
+        ),
+        questions.EnvelopesQuery,
+        envelopes,
+    ),
+    "waveforms": AnalysisKind(
+        "Waveforms of orders about a moment",
+        "Waveforms of single orders about a moment, by the Vold-Kalman filter",
+        ("time_s", "angle_deg", "order", "displacement_x_um", "displacement_y_um"),
+        questions.WaveformsQuery,
+        waveforms,
+    ),
+    "average": AnalysisKind(
+        "The average revolution and its residual",
+        "The synchronous average of a revolution about a moment, and the residual",
+        ("angle_deg", "average_x_um", "average_y_um", "residual_rms_x_um", "residual_rms_y_um"),
+        questions.AverageQuery,
+        synchronous,
+    ),
+    "poincare": AnalysisKind(
+        "Poincaré points",
+        "The shaft's positions at the mark about a moment, and what they make",
+        ("turn", "time_s", "speed_rpm", "X_um", "Y_um"),
+        questions.PoincareQuery,
+        poincare,
+    ),
+    "bifurcation": AnalysisKind(
+        "The bifurcation diagram",
+        "The shaft's position at the mark of every revolution over speed",
+        ("time_s", "speed_rpm", "X_um", "Y_um"),
+        questions.BifurcationQuery,
+        bifurcation_of,
+    ),
+    "sub-synchronous": AnalysisKind(
+        "What is below 1X",
+        "Every component below 1X: order, size, onset and end, whirl or whip",
+        (
+            "component",
+            "order",
+            "order_sigma",
+            "onset_rpm",
+            "end_rpm",
+            "begin_s",
+            "end_s",
+            "largest_peak_um",
+            "sigma_peak_um",
+            "largest_at_rpm",
+            "exponent",
+            "exponent_sigma",
+            "lock_rpm",
+            "direction",
+            "behaviour",
+        ),
+        questions.SubSynchronousQuery,
+        sub_synchronous,
+    ),
+    "overall": AnalysisKind(
+        "Overall vibration over time",
+        "Overall vibration and speed over time, against the limits; needs no tacho",
+        (
+            "time_s",
+            "speed_rpm",
+            "peak_to_peak_x_um",
+            "peak_to_peak_y_um",
+            "clearance_part_x",
+            "clearance_part_y",
+            "severity",
+        ),
+        questions.OverallQuery,
+        overall_of,
+    ),
+    "slow-roll": AnalysisKind(
+        "The run-out of the slow roll",
+        "The run-out that the run's own slow turning tells",
+        ("angle_deg", "runout_x_um", "runout_y_um"),
+        questions.SlowRollQuery,
+        slow_roll_of,
+    ),
+}

@@ -1,0 +1,124 @@
+"""How far a run agrees with the model."""
+
+from typing import Annotated
+
+from pydantic import Field
+
+from daq.schemas.document import Document
+from daq.schemas.units import degrees, finite, micrometres, rpm
+from model.prediction.comparison import Agreement, SynchronousAgreement, WhirlAgreement
+
+Count = Annotated[int, Field(ge=0)]
+
+
+class SynchronousAgreementDocument(Document):
+    """Measured against predicted 1X; both probes count alike."""
+
+    speeds: Count = Field(description="Number of measured speeds that are compared", examples=[52])
+    median_amplitude_ratio: float | None = Field(
+        description="Median of measured over predicted amplitude", examples=[0.97]
+    )
+    worst_amplitude_ratio: float | None = Field(
+        description="The ratio furthest from 1 on a logarithmic scale", examples=[1.31]
+    )
+    worst_amplitude_at_rpm: float | None = Field(description="Speed at which that was, r/min", examples=[14_800.0])
+    median_lag_difference_deg: float | None = Field(
+        description="Median of measured minus predicted lag, degrees; positive where the measurement lags more",
+        examples=[3.2],
+    )
+    worst_lag_difference_deg: float | None = Field(description="The largest in size, degrees", examples=[-24.0])
+    worst_lag_at_rpm: float | None = Field(description="Speed at which that was, r/min", examples=[14_900.0])
+    agrees_to_rpm: float | None = Field(
+        description="Speed up to which, from the lowest compared, every amplitude is within a factor of 1.28 and every "
+        "lag within 30°, r/min; null where the lowest already is not",
+        examples=[14_000.0],
+    )
+    within_amplitude_ratio: float | None = Field(
+        description="Up to there, largest distance of a ratio from 1", examples=[0.08]
+    )
+    within_lag_difference_deg: float | None = Field(
+        description="Up to there, largest size of a lag's difference, degrees", examples=[11.0]
+    )
+
+
+class WhirlAgreementDocument(Document):
+    """Predicted and measured whirl of one rank: the first to come with rising speed, the second, and so on."""
+
+    predicted_order: float | None = Field(
+        description="Order at the onset that the model expects; null where it expects no such whirl", examples=[0.7]
+    )
+    predicted_onset_rpm: float | None = Field(
+        description="Speed at which the model expects it to begin, r/min; null likewise", examples=[9500.0]
+    )
+    predicted_largest_peak_um: float | None = Field(
+        description="Its largest size there, half the major axis of its ellipse, zero-to-peak, µm; null likewise",
+        examples=[22.0],
+    )
+    measured_order: float | None = Field(
+        description="Order that was measured; null where the run showed no such whirl", examples=[0.49]
+    )
+    measured_onset_rpm: float | None = Field(
+        description="Speed at which it began, r/min; null likewise", examples=[10_980.0]
+    )
+    measured_largest_peak_um: float | None = Field(
+        description="Its largest size, half the major axis of its ellipse, zero-to-peak, µm; null likewise",
+        examples=[14.2],
+    )
+    onset_ratio: float | None = Field(
+        description="Measured over predicted onset speed; null where one of them is missing", examples=[1.156]
+    )
+    was_reached: bool = Field(
+        description="Whether the run came to the predicted onset; true where nothing is predicted", examples=[True]
+    )
+
+
+class AgreementDocument(Document):
+    """A run against the model."""
+
+    synchronous: SynchronousAgreementDocument | None = Field(
+        description="1X by speed; null where no measured speed can be compared"
+    )
+    whirls: tuple[WhirlAgreementDocument, ...] = Field(description="Below 1X, in rising order of onset")
+    instability_onset_rpm: float | None = Field(
+        description="Lowest speed from which the model's 1X motion is unstable, r/min; null where it never is",
+        examples=[9320.0],
+    )
+
+
+def agreement_document(agreement: Agreement) -> AgreementDocument:
+    """Return how far a run agrees with the model as a document."""
+    synchronous = agreement.synchronous
+    return AgreementDocument(
+        synchronous=None if synchronous is None else _synchronous(synchronous),
+        whirls=tuple(_whirl(whirl) for whirl in agreement.whirls),
+        instability_onset_rpm=rpm(agreement.instability_onset),
+    )
+
+
+def _synchronous(one: SynchronousAgreement) -> SynchronousAgreementDocument:
+    return SynchronousAgreementDocument(
+        speeds=one.speeds,
+        median_amplitude_ratio=finite(one.median_ratio),
+        worst_amplitude_ratio=finite(one.worst_ratio),
+        worst_amplitude_at_rpm=rpm(one.worst_ratio_speed),
+        median_lag_difference_deg=degrees(one.median_phase),
+        worst_lag_difference_deg=degrees(one.worst_phase),
+        worst_lag_at_rpm=rpm(one.worst_phase_speed),
+        agrees_to_rpm=rpm(one.agrees_to),
+        within_amplitude_ratio=finite(one.within_ratio),
+        within_lag_difference_deg=degrees(one.within_phase),
+    )
+
+
+def _whirl(whirl: WhirlAgreement) -> WhirlAgreementDocument:
+    predicted, measured = whirl.predicted, whirl.measured
+    return WhirlAgreementDocument(
+        predicted_order=None if predicted is None else finite(predicted.order),
+        predicted_onset_rpm=None if predicted is None else rpm(predicted.onset),
+        predicted_largest_peak_um=None if predicted is None else micrometres(predicted.amplitude),
+        measured_order=None if measured is None else finite(measured.order),
+        measured_onset_rpm=None if measured is None else rpm(measured.begin.speed),
+        measured_largest_peak_um=None if measured is None else micrometres(measured.amplitude),
+        onset_ratio=finite(whirl.onset_ratio),
+        was_reached=whirl.was_reached,
+    )

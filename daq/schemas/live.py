@@ -1,0 +1,355 @@
+"""The run that is under way at this moment: its state, the shaft, and the model beside it."""
+
+from datetime import datetime
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from analysis.signals.header import Role, RunHeader, Severity
+from analysis.signals.snapshot import OrderFrame, Snapshot, TachoState, Whirl
+from daq.schemas.alarm import AlarmDocument, alarm_document
+from daq.schemas.counter import CounterDocument, counter_document
+from daq.schemas.document import Document
+from daq.schemas.header import DeviceDocument, LimitsDocument, device_document, limits_document
+from daq.schemas.mark import LiveMarkDocument, live_mark_document
+from daq.schemas.runout import RunOutDocument, runout_document
+from daq.schemas.units import finite, micrometres, moment, rpm
+from daq.schemas.vibration import (
+    Direction,
+    MeasuredProbesDocument,
+    ProbesDocument,
+    direction,
+    measured_probes_document,
+    probes_document,
+)
+from daq.session.live_update import LiveFrame, RunState, Status
+from model.prediction.prediction import Prediction
+
+Count = Annotated[int, Field(ge=0)]
+Speed = Annotated[float | None, Field(description="Shaft speed, r/min", examples=[11042.1])]
+
+
+class ClippingDocument(Document):
+    """What a channel lost at the ends of the converter's range since the run began."""
+
+    channel: str = Field(description="Its name", examples=["x"])
+    samples: Count = Field(description="Samples there", examples=[12])
+    blocks: Count = Field(description="Blocks with any", examples=[2])
+    last_s: float | None = Field(
+        description="Sample time since the run began of the end of the last such block, s", examples=[131.2]
+    )
+
+
+class StatusDocument(Document):
+    """The state of the recording."""
+
+    state: RunState = Field(description="Where the run stands", examples=["recording"])
+    elapsed_s: float = Field(description="Sample time since the run began, s", examples=[161.2])
+    samples: Count = Field(description="Samples per channel recorded or replayed", examples=[32_240_000])
+    lost_samples: Count = Field(description="Samples per channel known to be lost", examples=[0])
+    lost_is_exact: bool = Field(description="False where `lost_samples` is a lower bound", examples=[True])
+    backlog_s: float | None = Field(description="What the device held at the last read, s", examples=[0.1])
+    disk_left_s: float | None = Field(
+        description="How long the disk lasts at this rate, s; null where nothing is written", examples=[147_600.0]
+    )
+    skipped_samples: Count = Field(
+        description="Samples per channel that the live analysis had to skip; they are recorded", examples=[0]
+    )
+    dropped_frames: Count = Field(description="Pictures that the view could not draw in time", examples=[0])
+    severity: Severity = Field(description="The worst of the alarms that last", examples=["normal"])
+    latched_severity: Severity = Field(description="The worst of the alarms in sight", examples=["normal"])
+    alarms: tuple[AlarmDocument, ...] = Field(
+        description="Alarms in sight: they last, or nobody has acknowledged them (where the rig latches alarms)"
+    )
+    acknowledged_alarm: Count = Field(
+        description="Number of the last alarm that somebody has acknowledged; 0 for none", examples=[0]
+    )
+    marks: tuple[LiveMarkDocument, ...] = Field(description="The last moments that were marked, in their order")
+    model: str = Field(
+        description='"ready", "ready, not exact: " and why, "computing 34 %", or why there is no prediction',
+        examples=["ready"],
+    )
+    clipped: tuple[ClippingDocument, ...] = Field(
+        description="The channels that have been clipped, counted as they are recorded; empty in a replay"
+    )
+    last_loss: str = Field(
+        description="What became of the last segment with which something went wrong; empty where there was none",
+        examples=["segment 0 ended after 20,000 samples: overrun, at least 451,609 samples lost; …"],
+    )
+    detail: str = Field(description="What went wrong; empty where all is well", examples=[""])
+
+
+class TachoDocument(Document):
+    """What the tacho gives, and what was seen of it since the run began."""
+
+    state: TachoState = Field(description="The verdict on the last update interval", examples=["good"])
+    pulses: Count = Field(description="Pulses accepted", examples=[24_310])
+    filled: Count = Field(description="Pulses that were missing and filled in", examples=[0])
+    rejected: Count = Field(description="Edges rejected as doubles or noise", examples=[0])
+    jitter_us: float | None = Field(
+        description="Robust scatter (median absolute deviation) of the edges about the smooth angle, µs", examples=[4.8]
+    )
+    mark_is_arbitrary: bool = Field(
+        description="Whether several marks cannot be told apart, so that phases are referred to the first one seen of "
+        "every train of pulses and cannot be compared between trains or runs",
+        examples=[False],
+    )
+    reference: str = Field(
+        description='What speed and phase are taken from: "samples" of the tacho, or a "counter" that stamps its edges',
+        examples=["samples"],
+    )
+    counter: CounterDocument | None = Field(
+        description="How the counter and the samples compare; null where no counter stamps"
+    )
+
+
+class WhirlDocument(Document):
+    """A component below 1X."""
+
+    order: float = Field(description="Its frequency over the shaft's", examples=[0.49])
+    order_sigma: float | None = Field(description="Standard deviation of the order", examples=[0.0004])
+    frequency_hz: float | None = Field(description="Its frequency, Hz", examples=[90.2])
+    amplitude_peak_um: float | None = Field(
+        description="Half the major axis of its ellipse, µm zero-to-peak", examples=[12.1]
+    )
+    amplitude_sigma_um: float | None = Field(
+        description="Standard deviation of that, from the noise between the lines, µm", examples=[0.05]
+    )
+    direction: Direction = Field(description="Whether it goes round with the shaft", examples=["forward"])
+
+
+class PredictedWhirlDocument(Document):
+    """The strongest component below 1X that the model expects."""
+
+    order: float = Field(description="Its frequency over the shaft's", examples=[0.7])
+    frequency_hz: float | None = Field(description="Its frequency, Hz", examples=[128.8])
+    amplitude_peak_um: float | None = Field(
+        description="Half the major axis of its ellipse, µm zero-to-peak", examples=[22.0]
+    )
+
+
+class ProbeDocument(Document):
+    """One probe as it stands."""
+
+    name: str = Field(description="The operator's name for it", examples=["x"])
+    gap_v: float | None = Field(description="Mean (gap) voltage over the last update interval, V", examples=[5.02])
+    gap_ok: bool = Field(description="Whether that lies in the probe's window", examples=[True])
+    clipped_samples: Count = Field(description="Samples at the converter's rails since the run began", examples=[0])
+
+
+class MeasuredDocument(Document):
+    """The shaft as the probes and the tacho see it."""
+
+    segment: Count = Field(description="Gap-free stretch of the run, from 0", examples=[0])
+    sample: Count = Field(description="One past the last sample used, in the segment", examples=[32_230_000])
+    time_s: float = Field(description="Sample time in the segment, s", examples=[161.15])
+    speed_rpm: Speed
+    acceleration_rpm_per_s: float | None = Field(
+        description="Mean rate of change of speed over the order frame, r/min per s", examples=[48.5]
+    )
+    tacho: TachoDocument
+    probe_x: ProbeDocument
+    probe_y: ProbeDocument
+    peak_to_peak_x_um: float | None = Field(description="Overall at probe x, µm peak-to-peak", examples=[38.4])
+    peak_to_peak_y_um: float | None = Field(description="Overall at probe y, µm peak-to-peak", examples=[41.0])
+    peak_to_peak_of_clearance: float | None = Field(
+        description="The larger of both over the clearance's diameter: 1 is all the room there is", examples=[0.205]
+    )
+    order_1x: MeasuredProbesDocument | None = Field(
+        description="At running speed, as measured; null until there are enough revolutions"
+    )
+    order_2x: MeasuredProbesDocument | None = Field(description="At twice running speed, as measured; null likewise")
+    order_1x_compensated: MeasuredProbesDocument | None = Field(
+        description="At running speed less run-out; null where no run-out is known"
+    )
+    order_2x_compensated: MeasuredProbesDocument | None = Field(
+        description="At twice running speed less run-out; null where no run-out is known"
+    )
+    noise_peak_um: float | None = Field(
+        description="Floor of the order spectrum between its lines, µm zero-to-peak", examples=[0.05]
+    )
+    whirl: WhirlDocument | None = Field(description="Strongest component below 1X; null where none stands out")
+    whirls: tuple[WhirlDocument, ...] = Field(
+        description="All components below 1X that stand out, at most four, the strongest first"
+    )
+
+
+class PredictedDocument(Document):
+    """What the model says the probes should see at the measured speed."""
+
+    speed_rpm: Speed
+    is_exact: bool = Field(
+        description="Whether the motion is integrated at exactly this speed; else it is interpolated between others",
+        examples=[True],
+    )
+    peak_to_peak_x_um: float | None = Field(description="Overall at probe x, µm peak-to-peak", examples=[52.0])
+    peak_to_peak_y_um: float | None = Field(description="Overall at probe y, µm peak-to-peak", examples=[53.1])
+    order_1x: ProbesDocument = Field(description="At running speed")
+    order_2x: ProbesDocument = Field(description="At twice running speed")
+    whirl: PredictedWhirlDocument | None = Field(
+        description="Strongest component below 1X; null where none is expected"
+    )
+    growth_rate_per_s: float | None = Field(
+        description="Growth rate of the least stable whirl about 1X motion, 1/s; positive: the oil film lets go",
+        examples=[14.2],
+    )
+
+
+class LiveDocument(Document):
+    """One moment of the run that is under way, or of the last one while the service stays up."""
+
+    run: str = Field(description="Id of the run", examples=["2026-11-24T09-12-07-gj90c"])
+    rig: str = Field(description="Name of the rig", examples=["gj90c"])
+    started_at: datetime = Field(description="Wall clock at the start, UTC", examples=["2026-11-24T09:12:07.250000Z"])
+    device: DeviceDocument
+    limits: LimitsDocument
+    runout: RunOutDocument | None = Field(description="What is taken off as run-out; null where nothing is to be")
+    status: StatusDocument
+    measured: MeasuredDocument | None = Field(description="The shaft; null before the first result")
+    predicted: PredictedDocument | None = Field(
+        description="The model at the measured speed; null where speed or model are not known"
+    )
+
+
+def live_document(frame: LiveFrame) -> LiveDocument:
+    """Return one moment of a run as a document."""
+    header, snapshot, prediction = frame.header, frame.snapshot, frame.prediction
+    return LiveDocument(
+        run=header.run,
+        rig=header.rig,
+        started_at=moment(header.started_ns),
+        device=device_document(header.acquisition.device),
+        limits=limits_document(header.limits),
+        runout=runout_document(header.settings.runout, frame.runout),
+        status=_status(frame.status),
+        measured=None if snapshot is None else _measured(snapshot, header),
+        predicted=None if prediction is None else predicted_document(prediction),
+    )
+
+
+def _status(status: Status) -> StatusDocument:
+    return StatusDocument(
+        state=status.state,
+        elapsed_s=finite(status.elapsed) or 0.0,
+        samples=status.samples,
+        lost_samples=status.lost,
+        lost_is_exact=status.lost_is_exact,
+        backlog_s=finite(status.backlog),
+        disk_left_s=finite(status.disk_left),
+        skipped_samples=status.skipped,
+        dropped_frames=status.dropped_frames,
+        severity=status.severity,
+        latched_severity=status.latched,
+        alarms=tuple(alarm_document(alarm) for alarm in status.alarms),
+        acknowledged_alarm=status.acknowledged,
+        marks=tuple(live_mark_document(mark) for mark in status.marks),
+        model=status.model,
+        clipped=tuple(
+            ClippingDocument(channel=each.channel, samples=each.samples, blocks=each.blocks, last_s=finite(each.last))
+            for each in status.clipped
+        ),
+        last_loss=status.last_loss,
+        detail=status.detail,
+    )
+
+
+def _measured(snapshot: Snapshot, header: RunHeader) -> MeasuredDocument:
+    frame = snapshot.frame
+    tacho = snapshot.tacho
+    return MeasuredDocument(
+        segment=snapshot.segment,
+        sample=snapshot.sample,
+        time_s=finite(snapshot.time) or 0.0,
+        speed_rpm=rpm(snapshot.speed),
+        acceleration_rpm_per_s=None if frame is None else rpm(frame.acceleration),
+        tacho=TachoDocument(
+            state=tacho.state,
+            pulses=tacho.pulses,
+            filled=tacho.filled,
+            rejected=tacho.rejected,
+            jitter_us=finite(tacho.jitter * 1e6),
+            mark_is_arbitrary=tacho.mark_is_arbitrary,
+            reference=header.acquisition.tacho.reference,
+            counter=counter_document(snapshot.counter),
+        ),
+        probe_x=_probe(snapshot, header, 0),
+        probe_y=_probe(snapshot, header, 1),
+        peak_to_peak_x_um=micrometres(snapshot.peak_to_peak[0]),
+        peak_to_peak_y_um=micrometres(snapshot.peak_to_peak[1]),
+        peak_to_peak_of_clearance=finite(header.limits.clearance_part(float(snapshot.peak_to_peak.max()))),
+        order_1x=None if frame is None else _line(frame, 1),
+        order_2x=None if frame is None else _line(frame, 2),
+        order_1x_compensated=None if frame is None else _compensated_line(frame, 1),
+        order_2x_compensated=None if frame is None else _compensated_line(frame, 2),
+        noise_peak_um=None if frame is None else micrometres(frame.noise),
+        whirl=None if frame is None or frame.whirl is None else _whirl(frame.whirl, frame),
+        whirls=() if frame is None else _whirls(frame),
+    )
+
+
+def _line(frame: OrderFrame, order: int) -> MeasuredProbesDocument:
+    which = order - 1
+    return measured_probes_document(frame.vectors[which], frame.sigma[which], frame.phase_sigma[which])
+
+
+def _compensated_line(frame: OrderFrame, order: int) -> MeasuredProbesDocument | None:
+    which, compensated = order - 1, frame.compensated
+    if compensated is None or np.isnan(compensated[which]).any():
+        return None
+    sigma, phase = frame.compensated_sigma[which], frame.compensated_phase_sigma[which]
+    return measured_probes_document(compensated[which], sigma, phase)
+
+
+def _whirls(frame: OrderFrame) -> tuple[WhirlDocument, ...]:
+    return tuple(told for whirl in frame.whirls if (told := _whirl(whirl, frame)) is not None)
+
+
+def _probe(snapshot: Snapshot, header: RunHeader, probe: int) -> ProbeDocument:
+    row = header.acquisition.row((Role.PROBE_X, Role.PROBE_Y)[probe])
+    return ProbeDocument(
+        name=header.acquisition.channels[row].name,
+        gap_v=finite(snapshot.gap_volts[probe]),
+        gap_ok=bool(snapshot.gap_ok[probe]),
+        clipped_samples=int(snapshot.clipped[row]),
+    )
+
+
+def _whirl(whirl: Whirl, frame: OrderFrame) -> WhirlDocument | None:
+    order = finite(whirl.order)
+    if order is None:
+        return None
+    return WhirlDocument(
+        order=order,
+        order_sigma=finite(whirl.order_sigma),
+        frequency_hz=_frequency(whirl.order, frame.speed),
+        amplitude_peak_um=micrometres(whirl.amplitude),
+        amplitude_sigma_um=micrometres(whirl.sigma),
+        direction=direction(is_forward=whirl.is_forward),
+    )
+
+
+def predicted_document(prediction: Prediction) -> PredictedDocument:
+    """Return what the model says at a speed as a document."""
+    order = finite(prediction.whirl_order)
+    whirl = None
+    if order is not None:
+        whirl = PredictedWhirlDocument(
+            order=order,
+            frequency_hz=_frequency(order, prediction.speed),
+            amplitude_peak_um=micrometres(prediction.whirl_amplitude),
+        )
+    return PredictedDocument(
+        speed_rpm=rpm(prediction.speed),
+        is_exact=prediction.is_exact,
+        peak_to_peak_x_um=micrometres(prediction.peak_to_peak[0]),
+        peak_to_peak_y_um=micrometres(prediction.peak_to_peak[1]),
+        order_1x=probes_document(prediction.vectors[0]),
+        order_2x=probes_document(prediction.vectors[1]),
+        whirl=whirl,
+        growth_rate_per_s=finite(prediction.growth_rate),
+    )
+
+
+def _frequency(order: float, speed: float) -> float | None:
+    return finite(order * speed / (2 * np.pi))

@@ -1,0 +1,148 @@
+"""How a recorded run went: its vectors over speed, its trend over time, its spectra over speed, its samples."""
+
+from typing import Annotated
+
+from pydantic import Field
+
+from daq.schemas.document import Document
+from daq.schemas.live import PredictedDocument
+from daq.schemas.summary import SpeedRowDocument, SubSynchronousDocument
+
+Count = Annotated[int, Field(ge=0)]
+Values = tuple[float | None, ...]
+
+
+class OrderVectorsDocument(Document):
+    """1X and 2X over speed, each the mean of the frames in a bin of 200 r/min, with their scatter."""
+
+    run: str = Field(description="Id of the run", examples=["2026-11-24T09-12-07-gj90c"])
+    by_speed: tuple[SpeedRowDocument, ...] = Field(description="In rising order of speed, as in the summary")
+
+
+class FindingsDocument(Document):
+    """What was found below 1X."""
+
+    run: str = Field(description="Id of the run", examples=["2026-11-24T09-12-07-gj90c"])
+    sub_synchronous: tuple[SubSynchronousDocument, ...] = Field(
+        description="Components below 1X in the order in which they began, as in the summary"
+    )
+
+
+class TrendDocument(Document):
+    """Values over time, in columns; each entry stands for the smallest and the largest of so many results."""
+
+    run: str = Field(description="Id of the run", examples=["2026-11-24T09-12-07-gj90c"])
+    results_per_entry: Count = Field(description="At most so many results stand behind one entry", examples=[1])
+    segment: tuple[int, ...] = Field(description="Gap-free stretch of the run, from 0", examples=[[0, 0]])
+    time_s: Values = Field(description="Sample time in the segment of the last result, s", examples=[[0.1, 0.2]])
+    speed_least_rpm: Values = Field(description="Shaft speed, r/min", examples=[[6000.1, 6001.5]])
+    speed_most_rpm: Values = Field(description="Shaft speed, r/min", examples=[[6000.1, 6001.5]])
+    peak_to_peak_least_x_um: Values = Field(description="Overall at probe x, µm peak-to-peak", examples=[[20.1, 20.4]])
+    peak_to_peak_most_x_um: Values = Field(description="Overall at probe x, µm peak-to-peak", examples=[[20.1, 20.4]])
+    peak_to_peak_least_y_um: Values = Field(description="Overall at probe y, µm peak-to-peak", examples=[[19.9, 20.2]])
+    peak_to_peak_most_y_um: Values = Field(description="Overall at probe y, µm peak-to-peak", examples=[[19.9, 20.2]])
+    order_1x_least_x_um: Values = Field(description="1X at probe x, µm zero-to-peak", examples=[[9.8, 9.9]])
+    order_1x_most_x_um: Values = Field(description="1X at probe x, µm zero-to-peak", examples=[[9.8, 9.9]])
+    order_1x_least_y_um: Values = Field(description="1X at probe y, µm zero-to-peak", examples=[[9.7, 9.8]])
+    order_1x_most_y_um: Values = Field(description="1X at probe y, µm zero-to-peak", examples=[[9.7, 9.8]])
+    order_1x_lag_x_deg: Values = Field(
+        description="Phase lag of 1X at probe x in the last result, 0 to 360 degrees", examples=[[47.3, 47.1]]
+    )
+    order_1x_lag_y_deg: Values = Field(
+        description="Phase lag of 1X at probe y in the last result, 0 to 360 degrees", examples=[[136.9, 137.0]]
+    )
+    whirl_order: Values = Field(
+        description="Order of the largest component below 1X; null where none stood out", examples=[[None, 0.49]]
+    )
+    whirl_peak_um: Values = Field(
+        description="Its size, half the major axis of its ellipse, µm zero-to-peak; null likewise",
+        examples=[[None, 12.1]],
+    )
+
+
+Orders = Annotated[
+    Values,
+    Field(
+        description="Lowest order of each column; a column ends where the next begins. Negative ones, of full spectra "
+        "alone, go against the rotation",
+        examples=[[0.0, 0.0625]],
+    ),
+]
+
+
+class CascadeDocument(Document):
+    """Order spectra over speed, thinned to what a screen shows: of every cell the largest amplitude."""
+
+    run: str = Field(description="Id of the run", examples=["2026-11-24T09-12-07-gj90c"])
+    speeds_rpm: Values = Field(
+        description="Middle of the bin of speed of each row that a frame has reached, r/min", examples=[[6050.0]]
+    )
+    orders: Orders
+    amplitude_peak_um: tuple[Values, ...] = Field(
+        description="By speed and order, the larger of the two probes, or of full spectra the circle, µm zero-to-peak",
+        examples=[[[0.05, 0.04]]],
+    )
+
+
+class WaterfallDocument(Document):
+    """Order spectra over time, thinned to what a screen shows: of every cell the largest amplitude."""
+
+    run: str = Field(description="Id of the run", examples=["2026-11-24T09-12-07-gj90c"])
+    segment: Count = Field(description="Gap-free stretch of the run, from 0", examples=[0])
+    times_s: Values = Field(
+        description="Sample time in the segment at the middle of each row that has a frame, s", examples=[[0.5]]
+    )
+    speeds_rpm: Values = Field(description="Mean shaft speed of each row, r/min", examples=[[6050.0]])
+    orders: Orders
+    amplitude_peak_um: tuple[Values, ...] = Field(
+        description="By time and order, the larger of the two probes, or of full spectra the circle, µm zero-to-peak",
+        examples=[[[0.05, 0.04]]],
+    )
+
+
+class ChannelSamplesDocument(Document):
+    """Samples of one channel."""
+
+    name: str = Field(description="The operator's name for it", examples=["x"])
+    unit: str = Field(description="µm towards the probe (minus the gap), V, or code", examples=["µm"])
+    values: Values = Field(description="One a sample", examples=[[-402.1, -402.3]])
+
+
+class SamplesDocument(Document):
+    """A stretch of samples."""
+
+    run: str = Field(description="Id of the run", examples=["2026-11-24T09-12-07-gj90c"])
+    segment: Count = Field(description="Gap-free stretch of the run, from 0", examples=[0])
+    first_sample: Count = Field(description="Index of the first one in the segment", examples=[20_000])
+    samples: Count = Field(description="How many of each channel", examples=[2])
+    rate_hz: float = Field(description="Samples per channel and second, Hz", examples=[200_000.0])
+    channels: tuple[ChannelSamplesDocument, ...] = Field(description="In the order of the card")
+
+
+class PredictionDocument(Document):
+    """What the model says of the run's rig at a speed."""
+
+    run: str = Field(description="Id of the run", examples=["2026-11-24T09-12-07-gj90c"])
+    predicted: PredictedDocument
+
+
+class ComparisonDocument(Document):
+    """The measurement at a speed beside the model's prediction for it."""
+
+    run: str = Field(description="Id of the run", examples=["2026-11-24T09-12-07-gj90c"])
+    measured: SpeedRowDocument = Field(description="The bin of speed that is nearest")
+    predicted: PredictedDocument = Field(description="The model at that bin's mean speed")
+    amplitude_ratio_x: float | None = Field(
+        description="Measured (less run-out where known) over predicted 1X at probe x; null where nothing is predicted",
+        examples=[0.97],
+    )
+    amplitude_ratio_y: float | None = Field(
+        description="Measured (less run-out where known) over predicted 1X at probe y; null where nothing is predicted",
+        examples=[1.02],
+    )
+    lag_difference_x_deg: float | None = Field(
+        description="Measured minus predicted lag of 1X at probe x, -180 to 180 degrees", examples=[3.2]
+    )
+    lag_difference_y_deg: float | None = Field(
+        description="Measured minus predicted lag of 1X at probe y, -180 to 180 degrees", examples=[-4.1]
+    )

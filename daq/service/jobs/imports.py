@@ -1,0 +1,73 @@
+"""Another program's file made into a run, as a job."""
+
+from pathlib import Path
+
+from analysis.signals.header import RunHeader
+from daq.config.calibration import calibration_of
+from daq.config.load import read_config, rig_in_text
+from daq.config.rig import Rig
+from daq.config.toml_writer import to_toml
+from daq.errors import ConfigError
+from daq.schemas.run import run_document
+from daq.service.jobs.queue import DataPlace, Progress, Task, Tell
+from daq.service.jobs.sparing import parts_told
+from daq.service.schemas.importing import ImportOrder, RigInText
+from daq.service.uploads import Upload
+from daq.session.import_run import IMPORTED, Foreign, imported_run, require_fit
+from daq.session.runout_reference import with_known_runout
+from recordings.catalogue.catalogue import SUFFIX, Catalogue
+from recordings.errors import ForeignFormatError
+
+MAPPING = "mapping"
+
+
+def import_task(order: ImportOrder, upload: Upload, rig: Rig, place: DataPlace) -> Task:
+    """Return what an order is to do; ConfigError where the mapping does not give what the rig needs."""
+    columns = order.mapping.model_dump(mode="json", exclude_none=True)
+    foreign = Foreign(upload.path, upload.name, order.mapping, MAPPING, to_toml({"rig": rig.config.rig, **columns}))
+    require_fit(foreign, rig)
+    return Task(order.kind, f"import of {upload.name}", "", import_upload, (place, foreign, rig), "run.json")
+
+
+def import_upload(tell: Tell, target: Path, place: DataPlace, foreign: Foreign, rig: Rig) -> None:
+    """Make a file into a run and tell which."""
+    tell(Progress("reading"))
+    catalogue = place.catalogue()
+    try:
+        rig = with_known_runout(_without_paths(rig, catalogue), catalogue.folder)
+        run, _ = imported_run(foreign, rig, catalogue, target.parent, parts_told(tell, "writing and analysing"))
+    except ForeignFormatError as error:
+        raise ForeignFormatError(str(error).replace(str(foreign.path), foreign.name)) from error
+    target.write_text(run_document(catalogue.run(run)).model_dump_json(), encoding="utf-8")
+
+
+def rig_of_run(header: RunHeader) -> Rig:
+    """Return the rig of a run as it was then.
+
+    Raises
+    ------
+    ConfigError
+        The run was imported: where its samples were displacements already, its calibrations are none of the rig's.
+    """
+    name = f"run {header.run}"
+    if header.acquisition.device.backend == IMPORTED:
+        raise ConfigError(name, ["was imported itself: expected a run that was recorded, or the rig in text"])
+    channels = header.acquisition.channels
+    calibrations = {channel.name: channel.calibration for channel in channels if channel.calibration is not None}
+    return Rig(Path(name), read_config(header.config_toml, name), calibrations, header.config_toml)
+
+
+def rig_of_text(text: RigInText) -> Rig:
+    """Return the rig in a text; ConfigError where it is wrong."""
+    given = {name: calibration_of(record, f"calibrations.{name}") for name, record in text.calibrations.items()}
+    return rig_in_text(text.toml, given, "toml")
+
+
+def _without_paths(rig: Rig, catalogue: Catalogue) -> Rig:
+    """Return a rig whose run-out is of no run or of one of the data folder: no path of a request reaches the disk."""
+    name = rig.config.runout.from_run
+    if name.endswith(SUFFIX):
+        raise ConfigError("runout.from_run", [f"{name!r}: expected the id of a run, no file"])
+    if name:
+        catalogue.path(name)
+    return rig

@@ -1,0 +1,120 @@
+"""From an order to what a job does."""
+
+from collections.abc import Mapping
+from functools import partial
+from typing import Final
+
+from fastapi.exceptions import RequestValidationError
+from pydantic import ValidationError
+
+from analysis.signals.header import Calibration, RunHeader
+from daq.config.calibration import calibration_of
+from daq.errors import ConfigError, UsageError
+from daq.reports.analyses_questions import AnalysisForm, Asked
+from daq.reports.questions import At, CascadeQuery, Question, TrendQuery, WaterfallQuery
+from daq.reports.registry import KINDS
+from daq.service.jobs import job_work
+from daq.service.jobs.queue import DataPlace, Task
+from daq.service.problem_types import Kind
+from daq.service.problems import ProblemError
+from daq.service.schemas.jobs import (
+    Address,
+    AnalysisOrder,
+    AnswerOrder,
+    ExportOrder,
+    IndexOrder,
+    PredictionOrder,
+    RecoveryOrder,
+    RunOrder,
+    VerificationOrder,
+)
+from daq.session.reevaluation import corrected_header
+from recordings.catalogue.catalogue import RunEntry
+
+ANALYSES: Final = "analyses/"
+QUESTIONS: Final[Mapping[Address, type[Question]]] = {
+    Address.TREND: TrendQuery,
+    Address.CASCADE: CascadeQuery,
+    Address.WATERFALL: WaterfallQuery,
+    Address.ORDER_SPECTRUM: At,
+    Address.FULL_SPECTRUM: At,
+    Address.ORBIT: At,
+    **{Address(f"{ANALYSES}{name}"): kind.question for name, kind in KINDS.items()},
+}
+
+
+def index_task(order: IndexOrder, place: DataPlace) -> Task:
+    """Return what an order is to do that is about no run."""
+    about = "catalogue, with verification" if order.verify else "catalogue"
+    return Task(order.kind, about, "", job_work.index, (place, order.verify), "index.json")
+
+
+def run_task(order: RunOrder, entry: RunEntry, place: DataPlace) -> Task:
+    """Return what an order is to do with a run.
+
+    Raises
+    ------
+    ProblemError, RequestValidationError
+        It cannot be done with this run.
+    """
+    run, path = entry.id, entry.path
+    task = partial(Task, order.kind, run=run)
+    match order:
+        case AnswerOrder(address=Address.SUMMARY):
+            _asked(order)
+            return task(f"summary of {run}", work=job_work.summary, arguments=(place, run), file="summary.json")
+        case AnswerOrder(address=address) if isinstance(query := _asked(order), Asked):
+            kind, form = address.removeprefix(ANALYSES), query.format or AnalysisForm.JSON
+            return task(
+                f"{kind} of {run}", work=job_work.analysis, arguments=(path, kind, query), file=f"{kind}.{form}"
+            )
+        case AnswerOrder(address=address):
+            asked = (path, address.value, _asked(order))
+            return task(f"{address} of {run}", work=job_work.answer, arguments=asked, file=f"{address}.json")
+        case AnalysisOrder():
+            given = (place, run, _calibrations(order, entry))
+            return task(f"{run} analysed anew", work=job_work.analyse, arguments=given, file="summary.json")
+        case PredictionOrder():
+            changes = order.model_dump(exclude={"kind", "run"}, exclude_none=True)
+            words = "".join(f", {name} {value:g}" for name, value in changes.items())
+            wanted = (header_of(entry), changes)
+            return task(f"model of {run}{words}", work=job_work.predict, arguments=wanted, file="prediction.json")
+        case ExportOrder(format=form):
+            part = job_work.part_of(order.from_s, order.until_s, order.segment)
+            cut = (path, job_work.TABLES[order.content], part)
+            return task(
+                f"{order.content} of {run} as {form}", work=job_work.export, arguments=cut, file=f"{run}.{form}"
+            )
+        case VerificationOrder():
+            file = "verification.json"
+            return task(f"verification of {run}", work=job_work.verification, arguments=(place, run), file=file)
+        case RecoveryOrder():
+            return task(f"recovery of {run}", work=job_work.recovery, arguments=(place, run), file="recovery.json")
+
+
+def _asked(order: AnswerOrder) -> Question | None:
+    """Return the parameters of an address as its question; RequestValidationError where they are none."""
+    form = QUESTIONS.get(order.address, Question)
+    try:
+        question = form.model_validate(order.parameters)
+    except ValidationError as error:
+        faults = [{**fault, "loc": ("body", "parameters", *fault["loc"])} for fault in error.errors()]
+        raise RequestValidationError(faults) from error
+    return question if order.address in QUESTIONS else None
+
+
+def _calibrations(order: AnalysisOrder, entry: RunEntry) -> dict[str, Calibration]:
+    """Return the calibrations of an order; ProblemError where they are none for this run."""
+    try:
+        given = {name: calibration_of(record, f"calibrations.{name}") for name, record in order.calibrations.items()}
+        corrected_header(header_of(entry), given)
+    except (ConfigError, UsageError) as error:
+        raise ProblemError(Kind.BAD_PARAMETER, str(error)) from error
+    return given
+
+
+def header_of(entry: RunEntry) -> RunHeader:
+    """Return a run's header; ProblemError where it cannot be read."""
+    if entry.header is None:
+        raise ProblemError(Kind.RUN_DAMAGED, f"run {entry.id}: {entry.fault}")
+    return entry.header

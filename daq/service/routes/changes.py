@@ -1,0 +1,171 @@
+"""Changing the data folder: words on a run, a run put away, a recording sent in."""
+
+from functools import partial
+from pathlib import Path
+from typing import Annotated, Final, Protocol
+
+from fastapi import Path as PathParameter
+from fastapi import Request, Response
+
+from daq.schemas import RunDocument, run_document
+from daq.service.file_answers import OCTETS
+from daq.service.incoming import Incoming
+from daq.service.live_run import Live, require_ended
+from daq.service.problem_types import Kind
+from daq.service.problems import ProblemError
+from daq.service.routing import PREFIX, IfMatch, Routing, RunId
+from daq.service.run_reader import Readings
+from daq.service.schemas.change import (
+    PutAwayDocument,
+    TakeBackDocument,
+    TrashDocument,
+    TrashedDocument,
+    WordsDocument,
+)
+from daq.service.tags import document_tag, is_meant
+from daq.service.workers import Workers
+from recordings.catalogue.arrival import RunExistsError
+from recordings.catalogue.catalogue import RunEntry
+from recordings.catalogue.trash import PutAway
+from recordings.errors import NotFoundError
+
+MOST_BYTES: Final = 64 * 1024**3
+BINARY = {"content": {OCTETS: {"schema": {"type": "string", "format": "binary"}}}, "required": True}
+
+
+TrashName = Annotated[
+    str,
+    PathParameter(description="Name in the trash, as /api/v1/trash lists it", examples=["2026-11-24T09-12-07-gj90c"]),
+]
+
+
+class ChangingCatalogue(Protocol):
+    """A data folder that can be changed."""
+
+    def run(self, run_id: str) -> RunEntry:
+        """Return one run; NotFoundError where there is none."""
+        ...
+
+    def annotate(self, run_id: str, *, remark: str | None, tags: tuple[str, ...] | None) -> RunEntry:
+        """Give a run other words; ValueError where they cannot be."""
+        ...
+
+    def put_away(self, run_id: str) -> Path:
+        """Move a run into the trash; return where it is."""
+        ...
+
+    def put_away_runs(self) -> list[PutAway]:
+        """Return what lies in the trash."""
+        ...
+
+    def take_back(self, name: str, run_id: str = "") -> RunEntry:
+        """Move a run out of the trash; NotFoundError, RunExistsError."""
+        ...
+
+    def place_for(self, run_id: str) -> Path:
+        """Return where the file of a run belongs; NotFoundError for no id."""
+        ...
+
+    def free_bytes(self) -> int:
+        """Return the room left on the disk, bytes."""
+        ...
+
+
+class ChangeRoutes:
+    """Changes to the data folder.
+
+    Parameters
+    ----------
+    catalogue : ChangingCatalogue
+        The data folder.
+    live : Live
+        The run under way, which is left alone.
+    readings : Readings
+        Who looks through what is sent in.
+    """
+
+    def __init__(self, catalogue: ChangingCatalogue, live: Live, readings: Readings) -> None:
+        self._catalogue = catalogue
+        self._live = live
+        self._readings = readings
+        self._changes = Workers(threads=1, waiting=16)
+        self._incoming = Incoming(catalogue.free_bytes, MOST_BYTES)
+
+    def add_to(self, routing: Routing) -> None:
+        """Make the addresses known."""
+        changing = (Kind.RUN_NOT_FOUND, Kind.BAD_PARAMETER, Kind.CROSS_SITE, Kind.STORAGE_UNAVAILABLE, Kind.BUSY)
+        routing.add(
+            "PATCH /runs/{run}", self.annotate, "annotate_run", "runs", "Change words and tags of a run",
+            *changing, Kind.CHANGED_MEANWHILE,
+        )  # fmt: skip
+        routing.add(
+            "DELETE /runs/{run}", self.put_away, "put_run_away", "runs", "Move a run into the trash",
+            *changing, Kind.RUN_UNDER_WAY, Kind.CHANGED_MEANWHILE,
+        )  # fmt: skip
+        routing.add("/trash", self.trash, "list_trash", "runs", "List the runs in the trash", *changing[-2:])
+        routing.add(
+            "POST /trash/{name}/restore", self.take_back, "take_run_back", "runs", "Take a run out of the trash",
+            Kind.NOT_IN_TRASH, Kind.RUN_EXISTS, *changing, status=201,
+        )  # fmt: skip
+        routing.add(
+            "PUT /runs/{run}/file", self.arrive, "send_run", "runs", "Send a recording in",
+            *changing, Kind.RUN_EXISTS, Kind.NO_RECORDING, Kind.TOO_LARGE, Kind.TOO_SLOW, status=201, content=BINARY,
+        )  # fmt: skip
+
+    async def annotate(
+        self, run: RunId, words: WordsDocument, response: Response, if_match: IfMatch = None
+    ) -> RunDocument:
+        """Change what is said of the run; it is kept in a file beside the recording, which never changes."""
+
+        def changed() -> RunEntry:
+            self._require_meant(run, if_match)
+            return self._catalogue.annotate(run, remark=words.remark, tags=words.tags)
+
+        try:
+            document = run_document(await self._changes.run(changed))
+        except ValueError as error:
+            raise ProblemError(Kind.BAD_PARAMETER, str(error)) from error
+        response.headers["ETag"] = document_tag(document)
+        return document
+
+    async def put_away(self, run: RunId, if_match: IfMatch = None) -> PutAwayDocument:
+        """Move the recording into the folder `trash` of the data folder; nothing is deleted."""
+        require_ended(self._live, run)
+
+        def moved() -> Path:
+            self._require_meant(run, if_match)
+            return self._catalogue.put_away(run)
+
+        place = await self._changes.run(moved)
+        return PutAwayDocument(run=run, trash=f"{place.parent.name}/{place.name}", name=place.stem)
+
+    def _require_meant(self, run: str, if_match: str | None) -> None:
+        """Raise ProblemError where a run is no longer what a change rests on."""
+        if if_match is not None and not is_meant(if_match, document_tag(run_document(self._catalogue.run(run)))):
+            raise ProblemError(Kind.CHANGED_MEANWHILE, f"run {run} has changed")
+
+    async def trash(self) -> TrashDocument:
+        """List what was put away; nothing is ever deleted by the service."""
+        found = await self._changes.run(self._catalogue.put_away_runs)
+        return TrashDocument(runs=tuple(TrashedDocument(name=each.name, size_bytes=each.size) for each in found))
+
+    async def take_back(self, name: TrashName, order: TakeBackDocument, response: Response) -> RunDocument:
+        """Move a run and what was said of it back into the data folder, never in place of another."""
+        try:
+            entry = await self._changes.run(partial(self._catalogue.take_back, name, order.run or ""))
+        except NotFoundError as error:
+            raise ProblemError(Kind.NOT_IN_TRASH, str(error)) from error
+        except RunExistsError as error:
+            raise ProblemError(Kind.RUN_EXISTS, str(error)) from error
+        response.headers["Location"] = f"{PREFIX}/runs/{entry.id}"
+        return run_document(entry)
+
+    async def arrive(self, request: Request, run: RunId, response: Response) -> RunDocument:
+        """Keep a recording under the id of the address, once it is whole and every checksum in it holds.
+
+        What is there already is never written over, and of what is refused nothing is left.
+        """
+        place = self._catalogue.place_for(run)
+        await self._incoming.take(request, place, self._readings.require_whole)
+        response.headers["Location"] = f"{PREFIX}/runs/{run}"
+        return run_document(await self._changes.run(partial(self._catalogue.run, run)))

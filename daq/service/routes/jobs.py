@@ -1,0 +1,226 @@
+"""Jobs as resources: asked for, followed, cancelled, and their results fetched."""
+
+import asyncio
+import threading
+from collections.abc import AsyncIterator
+from functools import partial
+from typing import Annotated, Final, Protocol
+
+from anyio import to_thread
+from fastapi import Body, Path, Request, Response
+from fastapi.responses import StreamingResponse
+
+from daq.errors import ConfigError
+from daq.schemas.study import RotorOrder
+from daq.service.file_answers import OCTETS, file_answer
+from daq.service.jobs.imports import import_task, rig_of_run, rig_of_text
+from daq.service.jobs.queue import Job, JobNotFoundError, Jobs, JobsFullError, Task
+from daq.service.jobs.studies import study_task
+from daq.service.jobs.tasks import header_of, index_task, run_task
+from daq.service.live_run import Live, require_ended
+from daq.service.problem_types import Kind
+from daq.service.problems import ProblemError
+from daq.service.routes.plot_routes import CONTENT, PLOT_TYPES
+from daq.service.routing import EVENTS, PREFIX, Routing, event_stream
+from daq.service.schemas.importing import ImportOrder, RigInText, RigOfRun
+from daq.service.schemas.jobs import IndexOrder, JobDocument, JobListDocument, Order, job_document
+from daq.service.tags import NOT_MODIFIED
+from daq.service.uploads import UploadNotFoundError, Uploads
+from daq.service.workers import Workers
+from recordings.catalogue.catalogue import RunEntry
+
+LOOK: Final = 0.2  # s between two looks at a job that is followed
+SILENCE: Final = 15.0  # s without news before a client is told that the service is still there
+MOST_FOLLOWERS: Final = 16
+BINARY: Final = {"schema": {"type": "string", "format": "binary"}}
+JSON: Final = {"schema": {"type": "object"}}
+
+MEDIA_TYPES: Final = {"json": "application/json", **PLOT_TYPES}
+RESULTS: Final = {
+    "application/json": JSON,
+    OCTETS: BINARY,
+    **{media_type: {"schema": CONTENT[form]} for form, media_type in PLOT_TYPES.items()},
+}
+
+JobId = Annotated[str, Path(description="Id of the job, as /api/v1/jobs lists it", examples=["9f3c0f6e2d1b4a57"])]
+
+
+class Catalogue(Protocol):
+    """The runs of a data folder."""
+
+    def run(self, run_id: str) -> RunEntry:
+        """Return one run; NotFoundError where there is none."""
+        ...
+
+
+class JobRoutes:
+    """Long work.
+
+    Parameters
+    ----------
+    catalogue : Catalogue
+        The runs that jobs are about.
+    live : Live
+        The run under way, which is left alone.
+    jobs : Jobs
+        Who does them.
+    uploads : Uploads
+        Files of other programs that jobs import.
+    """
+
+    def __init__(self, catalogue: Catalogue, live: Live, jobs: Jobs, uploads: Uploads) -> None:
+        self._uploads = uploads
+        self._catalogue = catalogue
+        self._live = live
+        self._jobs = jobs
+        self._lookups = Workers(threads=2, waiting=32)
+        self._followers = 0
+        self._ended = threading.Event()
+
+    def add_to(self, routing: Routing) -> None:
+        """Make the addresses known."""
+        routing.add(
+            "POST /jobs", self.begin, "begin_job", "jobs", "Begin a job",
+            Kind.RUN_NOT_FOUND, Kind.UPLOAD_NOT_FOUND, Kind.RUN_UNDER_WAY, Kind.RUN_DAMAGED, Kind.TOO_MANY_JOBS,
+            Kind.BUSY, Kind.STORAGE_UNAVAILABLE, status=202,
+        )  # fmt: skip
+        routing.add("/jobs", self.all, "list_jobs", "jobs", "List the jobs, the one asked for last first", Kind.BUSY)
+        known = (Kind.JOB_NOT_FOUND, Kind.BAD_PARAMETER, Kind.BUSY)
+        routing.add("/jobs/{job}", self.job, "get_job", "jobs", "How a job stands", *known)
+        routing.add(
+            "DELETE /jobs/{job}", self.remove, "remove_job", "jobs", "Cancel a job, or forget it", *known,
+            Kind.CROSS_SITE,
+        )  # fmt: skip
+        routing.add(
+            "/jobs/{job}/events", self.events, "follow_job", "jobs", "A job, whenever it changes", *known,
+            answers=event_stream("job"),
+        )  # fmt: skip
+        routing.add(
+            "/jobs/{job}/result", self.result, "get_job_result", "jobs", "What came of a job",
+            *known, Kind.NO_RESULT, Kind.RANGE_NOT_SATISFIABLE, Kind.STORAGE_UNAVAILABLE,
+            answers={
+                200: {"description": "The result", "content": RESULTS},
+                206: {"description": "The stretch that `Range` asks for", "content": {OCTETS: BINARY}},
+                **NOT_MODIFIED,
+            },
+        )  # fmt: skip
+
+    def end(self) -> None:
+        """Let all who follow jobs go."""
+        self._ended.set()
+
+    async def begin(self, order: Annotated[Order, Body()], response: Response) -> JobDocument:
+        """Take on what would take too long to wait for, and answer at once; `Location` tells where it stands.
+
+        One job is done at a time, in a process of its own at low priority, so that a run that is recorded is not
+        disturbed; at most 8 wait. Job and result are kept for an hour after its end, of the last 32.
+        """
+        task = await self._task(order)
+        try:
+            job = await self._lookups.run(partial(self._jobs.begin, task))
+        except JobsFullError as error:
+            raise ProblemError(Kind.TOO_MANY_JOBS, str(error)) from error
+        response.headers["Location"] = f"{PREFIX}/jobs/{job.id}"
+        return job_document(job)
+
+    async def _task(self, order: Order) -> Task:
+        """Return what is to be done."""
+        match order:
+            case IndexOrder():
+                return index_task(order, self._jobs.place)
+            case ImportOrder():
+                return await self._import(order)
+            case RotorOrder():
+                return study_task(order, None if order.run is None else header_of(await self._run(order.run)))
+            case _:
+                return run_task(order, await self._run(order.run), self._jobs.place)
+
+    async def _import(self, order: ImportOrder) -> Task:
+        try:
+            upload = await self._lookups.run(partial(self._uploads.upload, order.upload))
+            match order.rig:
+                case RigOfRun(run=run):
+                    rig = rig_of_run(header_of(await self._run(run)))
+                case RigInText() as text:
+                    rig = await self._lookups.run(partial(rig_of_text, text))
+            return import_task(order, upload, rig, self._jobs.place)
+        except UploadNotFoundError as error:
+            raise ProblemError(Kind.UPLOAD_NOT_FOUND, str(error)) from error
+        except ConfigError as error:
+            raise ProblemError(Kind.BAD_PARAMETER, str(error)) from error
+
+    async def _run(self, run: str) -> RunEntry:
+        """Return a run that is not under way."""
+        require_ended(self._live, run)
+        return await self._lookups.run(partial(self._catalogue.run, run))
+
+    async def all(self) -> JobListDocument:
+        """List the jobs that wait, go on, or ended not long ago."""
+        jobs = await self._lookups.run(self._jobs.all)
+        return JobListDocument(jobs=tuple(map(job_document, jobs)))
+
+    async def job(self, job: JobId) -> JobDocument:
+        """Tell how far the job is, and once it is done, where its result is."""
+        return job_document(await self._known(job))
+
+    async def remove(self, job: JobId) -> JobDocument:
+        """End the job's process where it has not ended, forget the job and its result, and tell how it stood last."""
+        try:
+            return job_document(await self._lookups.run(partial(self._jobs.remove, job)))
+        except JobNotFoundError as error:
+            raise ProblemError(Kind.JOB_NOT_FOUND, str(error)) from error
+
+    async def result(self, request: Request, job: JobId) -> Response:
+        """Send what came of the job, or with `Range` a stretch of it: JSON, or the file that was exported."""
+        known = await self._known(job)
+        if known.result is None:
+            raise ProblemError(Kind.NO_RESULT, known.fault or f"job {job} is {known.state.value}")
+        media_type = MEDIA_TYPES.get(known.result.suffix.removeprefix("."), OCTETS)
+        try:
+            return await file_answer(request, known.result, media_type, tag=f'"{job}"')
+        except OSError as error:
+            raise ProblemError(Kind.STORAGE_UNAVAILABLE, f"job {job}: its result has gone") from error
+
+    async def events(self, request: Request, job: JobId) -> Response:
+        """Send server-sent events of type `job` whose data is the document of the job; they end with the job."""
+        known = await self._known(job)
+        if request.scope.get("rig.head"):
+            return Response(media_type=EVENTS)
+        if self._followers >= MOST_FOLLOWERS or self._ended.is_set():
+            raise ProblemError(Kind.BUSY, f"{self._followers} clients follow jobs already")
+        return StreamingResponse(self._events(known), media_type=EVENTS, headers={"X-Accel-Buffering": "no"})
+
+    async def _events(self, job: Job) -> AsyncIterator[str]:
+        self._followers += 1
+        try:
+            yield _event(job)
+            silent = 0.0
+            while not job.state.is_final and not self._ended.is_set():
+                await asyncio.sleep(LOOK)
+                silent += LOOK
+                before, job = job, await to_thread.run_sync(self._latest, job)
+                if job != before:
+                    silent = 0.0
+                    yield _event(job)
+                elif silent >= SILENCE:
+                    silent = 0.0
+                    yield ": still here\n\n"
+        finally:
+            self._followers -= 1
+
+    def _latest(self, job: Job) -> Job:
+        """Return a job as it stands now; one that was deleted is cancelled."""
+        try:
+            return self._jobs.job(job.id)
+        except JobNotFoundError:
+            return job.cancelled()
+
+    async def _known(self, job_id: str) -> Job:
+        try:
+            return await self._lookups.run(partial(self._jobs.job, job_id))
+        except JobNotFoundError as error:
+            raise ProblemError(Kind.JOB_NOT_FOUND, str(error)) from error
+
+
+def _event(job: Job) -> str:
+    return f"event: job\ndata: {job_document(job).model_dump_json()}\n\n"

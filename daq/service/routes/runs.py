@@ -1,0 +1,231 @@
+"""The addresses that tell of a recorded run: its results, its samples, its file."""
+
+from collections.abc import Callable
+from functools import partial
+from typing import Annotated, Protocol
+
+import numpy as np
+from fastapi import Query, Request, Response
+
+from daq.reports.analyses_questions import Asked
+from daq.reports.questions import (
+    At,
+    CascadeQuery,
+    Question,
+    SampleFormat,
+    SamplesQuery,
+    Speed,
+    TrendQuery,
+    WaterfallQuery,
+)
+from daq.schemas.document import Document
+from daq.schemas.moment import FullSpectrumDocument, OrbitDocument, OrderSpectrumDocument
+from daq.schemas.results import (
+    CascadeDocument,
+    ComparisonDocument,
+    FindingsDocument,
+    OrderVectorsDocument,
+    PredictionDocument,
+    SamplesDocument,
+    TrendDocument,
+    WaterfallDocument,
+)
+from daq.service.acceptance import accepts_gzip, best_type
+from daq.service.file_answers import OCTETS, file_answer
+from daq.service.live_run import Live, require_ended
+from daq.service.problem_types import READING, Kind
+from daq.service.problems import ProblemError
+from daq.service.routes.analysis_routes import ARROW, NPZ, add_analyses
+from daq.service.routes.plot_routes import PLOT_TYPES, add_plots
+from daq.service.routing import Routing, RunId
+from daq.service.run_reader import Readings
+from daq.service.tags import NOT_MODIFIED, entity_tag, is_known
+from daq.service.workers import Workers
+from recordings.catalogue.catalogue import RunEntry
+from recordings.mcap.container import MAGIC
+
+MEDIA_TYPES = {**PLOT_TYPES, "npz": NPZ, "arrow": ARROW}
+TEXTS = ("application/json", PLOT_TYPES["svg"])
+SAMPLE_TYPES = {"application/json": SampleFormat.JSON, NPZ: SampleFormat.NPZ, ARROW: SampleFormat.ARROW}
+BINARY = {"schema": {"type": "string", "format": "binary"}}
+RPM = np.pi / 30.0
+
+
+class Catalogue(Protocol):
+    """The runs of a data folder."""
+
+    def run(self, run_id: str) -> RunEntry:
+        """Return one run; NotFoundError where there is none."""
+        ...
+
+
+class RunRoutes:
+    """Answers about one recorded run.
+
+    Parameters
+    ----------
+    catalogue : Catalogue
+        The recorded runs.
+    live : Live
+        The run under way, which cannot be asked so.
+    readings : Readings
+        Who makes the answers.
+    version : str
+        Of the service; an answer of another version is made anew.
+    """
+
+    def __init__(self, catalogue: Catalogue, live: Live, readings: Readings, version: str) -> None:
+        self._catalogue = catalogue
+        self._live = live
+        self._readings = readings
+        self._version = version
+        self._lookups = Workers(threads=4, waiting=64)
+        self._makings = Workers(threads=2, waiting=64)
+
+    def add_to(self, routing: Routing) -> None:
+        """Make the addresses known."""
+        results: tuple[tuple[str, Callable[..., object], str, type[Document]], ...] = (
+            ("order-vectors", self.order_vectors, "1X and 2X over speed", OrderVectorsDocument),
+            ("findings", self.findings, "What was found below 1X", FindingsDocument),
+            ("trend", self.trend, "Speed and vibration over time", TrendDocument),
+            ("cascade", self.cascade, "Order spectra over speed", CascadeDocument),
+            ("waterfall", self.waterfall, "Order spectra over time", WaterfallDocument),
+            ("order-spectrum", self.order_spectrum, "The order spectrum of a moment", OrderSpectrumDocument),
+            ("full-spectrum", self.full_spectrum, "Forward and backward circles of a moment", FullSpectrumDocument),
+            ("orbit", self.orbit, "The orbit of a moment", OrbitDocument),
+        )
+        for what, endpoint, meaning, model in results:
+            name = f"get_run_{what.replace('-', '_')}"
+            kinds = (
+                READING
+                if endpoint in {self.order_vectors, self.findings, self.trend}
+                else (*READING, Kind.NO_SUCH_MOMENT)
+            )
+            routing.add(
+                f"/runs/{{run}}/{what}", endpoint, name, "results", meaning, *kinds, model=model, answers=NOT_MODIFIED
+            )
+        add_plots(routing, self._answer)
+        add_analyses(routing, self._answer)
+        predicted = (*READING, Kind.NO_SUCH_MOMENT, Kind.MODEL_NOT_READY)
+        routing.add(
+            "/runs/{run}/prediction", self.prediction, "get_run_prediction", "results",
+            "What the model says at a speed", *predicted,
+        )  # fmt: skip
+        routing.add(
+            "/runs/{run}/comparison", self.comparison, "get_run_comparison", "results",
+            "Measurement and model at a speed", *predicted,
+        )  # fmt: skip
+        routing.add(
+            "/runs/{run}/samples", self.samples, "get_run_samples", "results", "Samples of a stretch of time",
+            *READING, Kind.NO_SUCH_MOMENT, Kind.TOO_MUCH, Kind.NOT_ACCEPTABLE, model=SamplesDocument,
+            answers={200: {"content": {NPZ: BINARY, ARROW: BINARY}}, **NOT_MODIFIED},
+        )  # fmt: skip
+        routing.add(
+            "/runs/{run}/file", self.file, "get_run_file", "runs", "The recording's file",
+            Kind.RUN_NOT_FOUND, Kind.BAD_PARAMETER, Kind.RUN_UNDER_WAY, Kind.RUN_DAMAGED, Kind.STORAGE_UNAVAILABLE,
+            Kind.BUSY, Kind.RANGE_NOT_SATISFIABLE,
+            answers={
+                200: {"description": "The whole file, MCAP", "content": {OCTETS: BINARY}},
+                206: {"description": "The stretch that `Range` asks for", "content": {OCTETS: BINARY}},
+                **NOT_MODIFIED,
+            },
+        )  # fmt: skip
+
+    async def order_vectors(self, request: Request, run: RunId) -> Response:
+        """Give amplitude and phase of 1X and 2X, their scatter and the overall vibration by bins of speed.
+
+        The rows are those of the run's summary. `ETag` and `If-None-Match` spare sending what is known already.
+        """
+        return await self._answer(request, run, "order-vectors")
+
+    async def findings(self, request: Request, run: RunId) -> Response:
+        """Give the sub-synchronous components, each from its beginning to its end, as in the run's summary."""
+        return await self._answer(request, run, "findings")
+
+    async def trend(self, request: Request, run: RunId, query: Annotated[TrendQuery, Query()]) -> Response:
+        """Give speed, overall vibration, 1X and whirl over time; what is thinned keeps its extremes."""
+        return await self._answer(request, run, "trend", query)
+
+    async def cascade(self, request: Request, run: RunId, query: Annotated[CascadeQuery, Query()]) -> Response:
+        """Give the largest amplitude of every cell of speed and order, as many as a screen shows."""
+        return await self._answer(request, run, "cascade", query)
+
+    async def waterfall(self, request: Request, run: RunId, query: Annotated[WaterfallQuery, Query()]) -> Response:
+        """Give the largest amplitude of every cell of time and order, as many as a screen shows."""
+        return await self._answer(request, run, "waterfall", query)
+
+    async def order_spectrum(self, request: Request, run: RunId, at: Annotated[At, Query()]) -> Response:
+        """Give amplitude and phase by order at the recorded frame that is nearest."""
+        return await self._answer(request, run, "order-spectrum", at)
+
+    async def full_spectrum(self, request: Request, run: RunId, at: Annotated[At, Query()]) -> Response:
+        """Give the circles with and against the rotation by order at the recorded frame that is nearest."""
+        return await self._answer(request, run, "full-spectrum", at)
+
+    async def orbit(self, request: Request, run: RunId, at: Annotated[At, Query()]) -> Response:
+        """Give the path of the last whole revolutions of the recorded frame that is nearest."""
+        return await self._answer(request, run, "orbit", at)
+
+    async def prediction(self, run: RunId, at: Annotated[Speed, Query()]) -> PredictionDocument:
+        """Give what the model expects of the run's rig, as its configuration was then."""
+        entry = await self._entry(run)
+        return await self._makings.run(partial(self._readings.prediction, entry, at.speed_rpm * RPM))
+
+    async def comparison(self, run: RunId, at: Annotated[Speed, Query()]) -> ComparisonDocument:
+        """Give the measured bin of speed that is nearest, within 300 r/min, beside the model at its mean speed."""
+        entry = await self._entry(run)
+        return await self._makings.run(partial(self._readings.comparison, entry, at.speed_rpm * RPM))
+
+    async def samples(self, request: Request, run: RunId, query: Annotated[SamplesQuery, Query()]) -> Response:
+        """Give samples as JSON, as a NumPy archive or as an Arrow stream, in engineering units, volts or codes.
+
+        The archive holds an array `channel:NAME` for each channel and a table `about` of names and values.
+        """
+        form = query.format or best_type(request.headers.get("accept"), SAMPLE_TYPES)
+        if form is None:
+            raise ProblemError(Kind.NOT_ACCEPTABLE, f"expected one of {', '.join(SAMPLE_TYPES)}")
+        form = SampleFormat(form)
+        media_type = next(name for name, each in SAMPLE_TYPES.items() if each is form)
+        packed = form is SampleFormat.JSON and accepts_gzip(request.headers.get("accept-encoding"))
+        entry = await self._entry(run)
+        tag = entity_tag(entry, self._version, form.value, str(packed))
+        headers = {**_headers(tag, packed=packed), "Vary": "Accept, Accept-Encoding"}
+        if is_known(request.headers.get("if-none-match"), tag):
+            return Response(status_code=304, headers=headers)
+        body = await self._makings.run(partial(self._readings.samples, entry, query, form, packed=packed))
+        return Response(body, headers=headers, media_type=media_type)
+
+    async def file(self, request: Request, run: RunId) -> Response:
+        """Send the recording, or with `Range` a stretch of it; `If-Range` makes sure that it is of the same file."""
+        entry = await self._entry(run)
+        try:
+            return await file_answer(request, entry.path, begins=MAGIC)
+        except FileNotFoundError as error:
+            raise ProblemError(Kind.RUN_NOT_FOUND, f"run {run}: its file has gone") from error
+        except OSError as error:
+            raise ProblemError(Kind.STORAGE_UNAVAILABLE, f"run {run}: {error.strerror or error}") from error
+        except ValueError as error:
+            raise ProblemError(Kind.RUN_DAMAGED, str(error)) from error
+
+    async def _answer(self, request: Request, run: str, what: str, query: Question | None = None) -> Response:
+        media_type = MEDIA_TYPES.get(what.rpartition(".")[2], "application/json")
+        packed = media_type in TEXTS and accepts_gzip(request.headers.get("accept-encoding"))
+        entry = await self._entry(run)
+        tag = entity_tag(entry, self._version, what, str(packed))
+        headers = _headers(tag, packed=packed)
+        if isinstance(query, Asked):
+            headers["Vary"] = "Accept, Accept-Encoding"
+        if is_known(request.headers.get("if-none-match"), tag):
+            return Response(status_code=304, headers=headers)
+        body = await self._makings.run(partial(self._readings.answer, entry, what, query, packed=packed))
+        return Response(body, headers=headers, media_type=media_type)
+
+    async def _entry(self, run: str) -> RunEntry:
+        """Return a run that has ended."""
+        require_ended(self._live, run)
+        return await self._lookups.run(partial(self._catalogue.run, run))
+
+
+def _headers(tag: str, *, packed: bool) -> dict[str, str]:
+    coding = {"Content-Encoding": "gzip"} if packed else {}
+    return {"ETag": tag, "Cache-Control": "private, no-cache", "Vary": "Accept-Encoding", **coding}

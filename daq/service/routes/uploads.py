@@ -1,0 +1,128 @@
+"""Files of other programs: sent in, looked into, deleted; a job makes one into a run."""
+
+from collections.abc import Callable
+from functools import partial
+from typing import Annotated, Final
+
+from fastapi import Path, Query, Request, Response
+
+from daq.reports.questions import Question
+from daq.service.file_answers import OCTETS
+from daq.service.incoming import Incoming
+from daq.service.problem_types import Kind
+from daq.service.problems import ProblemError
+from daq.service.routing import PREFIX, Routing
+from daq.service.run_reader import Readings
+from daq.service.schemas.uploads import (
+    ColumnsDocument,
+    UploadDocument,
+    UploadListDocument,
+    upload_document,
+)
+from daq.service.uploads import MOST_BYTES, MOST_LETTERS, Upload, UploadNotFoundError, Uploads, UploadsFullError
+from daq.service.workers import Workers
+
+CONTENT: Final = {"content": {OCTETS: {"schema": {"type": "string", "format": "binary"}}}, "required": True}
+
+UploadId = Annotated[
+    str, Path(description="Id of the upload, as /api/v1/uploads lists it", examples=["5d41402abc4b2a76"])
+]
+
+
+class NameQuery(Question):
+    """What is sent."""
+
+    name: Annotated[
+        str,
+        Query(
+            description="What the file is called, without folders; its suffix tells the format",
+            min_length=1, max_length=MOST_LETTERS, examples=["run-up.tdms"],
+        ),
+    ]  # fmt: skip
+
+
+class UploadRoutes:
+    """Uploads as resources.
+
+    Parameters
+    ----------
+    uploads : Uploads
+        Who keeps them.
+    readings : Readings
+        Who looks into them.
+    free_bytes : callable
+        Returns the room left on the disk, bytes.
+    """
+
+    def __init__(self, uploads: Uploads, readings: Readings, free_bytes: Callable[[], int]) -> None:
+        self._uploads = uploads
+        self._readings = readings
+        self._incoming = Incoming(free_bytes, MOST_BYTES)
+        self._lookups = Workers(threads=2, waiting=32)
+        self._makings = Workers(threads=1, waiting=4)
+
+    def add_to(self, routing: Routing) -> None:
+        """Make the addresses known."""
+        routing.add(
+            "POST /uploads", self.arrive, "send_upload", "uploads", "Send another program's file in",
+            Kind.BAD_PARAMETER, Kind.CROSS_SITE, Kind.MEDIA_TYPE, Kind.TOO_LARGE, Kind.TOO_SLOW, Kind.TOO_MANY_UPLOADS,
+            Kind.STORAGE_UNAVAILABLE, Kind.BUSY, status=201, content=CONTENT,
+        )  # fmt: skip
+        routing.add("/uploads", self.all, "list_uploads", "uploads", "List what was sent in, the last first", Kind.BUSY)
+        known = (Kind.UPLOAD_NOT_FOUND, Kind.BAD_PARAMETER, Kind.BUSY)
+        routing.add("/uploads/{upload}", self.upload, "get_upload", "uploads", "What was sent in", *known)
+        routing.add(
+            "/uploads/{upload}/columns", self.columns, "get_upload_columns", "uploads", "The columns in it",
+            *known, Kind.NO_TABLE, Kind.TAKES_TOO_LONG,
+        )  # fmt: skip
+        routing.add(
+            "DELETE /uploads/{upload}", self.remove, "remove_upload", "uploads", "Delete what was sent in",
+            *known, Kind.CROSS_SITE,
+        )  # fmt: skip
+
+    async def arrive(
+        self, request: Request, query: Annotated[NameQuery, Query()], response: Response
+    ) -> UploadDocument:
+        """Keep a TDMS, LVM, CSV, MATLAB, UFF or WAV file for an hour; a job of kind `import` makes it into a run.
+
+        Up to 2 GiB. Nothing is looked at yet, and nothing of its name reaches the disk but the suffix.
+        """
+        sent = request.headers.get("content-type", "")
+        if sent.partition(";")[0].strip().lower() != OCTETS:
+            raise ProblemError(Kind.MEDIA_TYPE, f"{sent or 'no type'!r}, expected {OCTETS}")
+        try:
+            place = await self._lookups.run(partial(self._uploads.place, query.name))
+            size = await self._incoming.take(request, place)
+            upload = await self._lookups.run(partial(self._uploads.add, query.name, place, size))
+        except UploadsFullError as error:
+            raise ProblemError(Kind.TOO_MANY_UPLOADS, str(error)) from error
+        except ValueError as error:
+            raise ProblemError(Kind.BAD_PARAMETER, str(error)) from error
+        response.headers["Location"] = f"{PREFIX}/uploads/{upload.id}"
+        return upload_document(upload)
+
+    async def all(self) -> UploadListDocument:
+        """List the files that were sent in during the last hour."""
+        return UploadListDocument(uploads=tuple(map(upload_document, await self._lookups.run(self._uploads.all))))
+
+    async def upload(self, upload: UploadId) -> UploadDocument:
+        """Tell what the file is called, and until when it is kept."""
+        return upload_document(await self._known(upload))
+
+    async def columns(self, upload: UploadId) -> ColumnsDocument:
+        """Read the file and tell what a mapping must choose from: names, units and ends of its columns, its rate."""
+        known = await self._known(upload)
+        return await self._makings.run(partial(self._readings.columns, known.path, known.name))
+
+    async def remove(self, upload: UploadId) -> UploadDocument:
+        """Delete the file and tell what it was."""
+        try:
+            return upload_document(await self._lookups.run(partial(self._uploads.remove, upload)))
+        except UploadNotFoundError as error:
+            raise ProblemError(Kind.UPLOAD_NOT_FOUND, str(error)) from error
+
+    async def _known(self, upload_id: str) -> Upload:
+        try:
+            return await self._lookups.run(partial(self._uploads.upload, upload_id))
+        except UploadNotFoundError as error:
+            raise ProblemError(Kind.UPLOAD_NOT_FOUND, str(error)) from error

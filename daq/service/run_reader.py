@@ -1,0 +1,171 @@
+"""What is asked of recorded runs, answered from their files by processes of their own."""
+
+from collections.abc import Callable
+from pathlib import Path
+from types import TracebackType
+from typing import Protocol, Self, TypeVar
+
+import numpy as np
+from pydantic import BaseModel
+
+from analysis.live.summary import RunSummary
+from analysis.signals.header import RunHeader
+from daq.errors import RigError
+from daq.reports import samples as sample_answers
+from daq.reports.errors import NotToldError
+from daq.reports.plots.png import NoPngError
+from daq.reports.questions import SampleFormat, SamplesQuery
+from daq.reports.records import NoSuchMomentError
+from daq.reports.samples import NoArrowError, TooMuchError
+from daq.schemas.live import predicted_document
+from daq.schemas.results import ComparisonDocument, PredictionDocument
+from daq.schemas.summary import speed_row_document
+from daq.schemas.units import degrees, finite, rpm
+from daq.service import rendering as answers
+from daq.service.problem_types import Kind
+from daq.service.problems import JobHint, ProblemError
+from daq.service.schemas.uploads import ColumnsDocument, columns_document
+from daq.service.worker_pool import DEADLINE, OverdueError, ReadingProcesses, ReadingStoppedError
+from model.prediction.prediction import Prediction
+from recordings.catalogue.arrival import require_whole
+from recordings.catalogue.catalogue import RunEntry
+from recordings.errors import DamagedError, ForeignFormatError, UnknownFormatError
+from recordings.exchange.formats import read_table
+
+T = TypeVar("T")
+RPM = np.pi / 30.0
+NEAR_SPEED = 300.0 * RPM  # rad/s: a measured bin further than this from the speed asked for is none of it
+
+
+class Models(Protocol):
+    """The model's predictions by the rigs of runs."""
+
+    def prediction_for(self, header: RunHeader, speed: float) -> Prediction | None:
+        """Return the prediction at a speed, rad/s; None where there is none yet, ValueError outside its range."""
+        ...
+
+
+FAILURES: dict[type[Exception], Kind] = {
+    NoSuchMomentError: Kind.NO_SUCH_MOMENT,
+    TooMuchError: Kind.TOO_MUCH,
+    NoArrowError: Kind.NOT_ACCEPTABLE,
+    NoPngError: Kind.NOT_ACCEPTABLE,
+    ReadingStoppedError: Kind.BUSY,
+    OverdueError: Kind.TAKES_TOO_LONG,
+    NotToldError: Kind.NOT_TOLD,
+}
+ARRIVAL_LIMIT = 3600.0  # s that looking through a recording that was sent in may take
+
+
+def answer_job(run: str, address: str, query: BaseModel | None) -> JobHint:
+    """Return the order for a job that makes the answer of an address."""
+    parameters = {} if query is None else query.model_dump(mode="json", exclude_defaults=True)
+    return {"kind": "answer", "run": run, "address": address, "parameters": parameters}
+
+
+def foreign_columns(path: Path, name: str) -> ColumnsDocument:
+    """Return what is in another program's file of a name."""
+    return columns_document(name, read_table(path))
+
+
+class Readings:
+    """Answers about runs; made by reading processes, so that no request holds up an acquisition or a live view.
+
+    Parameters
+    ----------
+    models : Models
+        The model's predictions.
+    processes : int
+        How many answers are made at once.
+    deadline : float
+        How long one may take, s; longer work is a job.
+    """
+
+    def __init__(self, models: Models, processes: int = 1, deadline: float = DEADLINE) -> None:
+        self._models = models
+        self._processes = ReadingProcesses(processes, deadline)
+
+    def answer(self, run: RunEntry, what: str, query: BaseModel | None, *, packed: bool) -> bytes:
+        """Return the answer of this name (see `daq.service.rendering`) as JSON, gzipped where it is `packed`."""
+        job = answer_job(run.id, answers.address_of(what), query)
+        return self._run(answers.answer_of, run.path, what, query, packed, job=job)
+
+    def samples(self, run: RunEntry, query: SamplesQuery, form: SampleFormat, *, packed: bool) -> bytes:
+        """Return a stretch of samples."""
+        return self._run(sample_answers.samples, run.path, query, form, packed)
+
+    def summary(self, path: Path) -> RunSummary:
+        """Return what the run of a file was."""
+        return self._run(answers.summary, path, job=answer_job(path.stem, "summary", None))
+
+    def columns(self, path: Path, name: str) -> ColumnsDocument:
+        """Return what is in another program's file; ProblemError where it cannot be read."""
+        try:
+            return self._run(foreign_columns, path, name)
+        except ForeignFormatError as error:
+            raise ProblemError(Kind.NO_TABLE, str(error).replace(str(path), name)) from error
+
+    def require_whole(self, draft: Path) -> None:
+        """Raise ProblemError where a file that was sent in is no whole recording."""
+        try:
+            self._run(require_whole, draft, deadline=ARRIVAL_LIMIT)
+        except (DamagedError, UnknownFormatError) as error:
+            raise ProblemError(Kind.NO_RECORDING, str(error).replace(str(draft), "what was sent")) from error
+
+    def prediction(self, run: RunEntry, speed: float) -> PredictionDocument:
+        """Return what the model says of a run's rig at a speed, rad/s."""
+        return PredictionDocument(run=run.id, predicted=predicted_document(self._predicted(run, speed)))
+
+    def comparison(self, run: RunEntry, speed: float) -> ComparisonDocument:
+        """Return the measurement nearest to a speed, rad/s, beside the prediction at the measured speed."""
+        rows = self.summary(run.path).rows
+        row = min(rows, key=lambda row: abs(row.speed - speed), default=None)
+        if row is None or abs(row.speed - speed) > NEAR_SPEED:
+            raise ProblemError(Kind.NO_SUCH_MOMENT, f"nothing was measured near {rpm(speed):,.0f} r/min")
+        prediction = self._predicted(run, row.speed)
+        measured, predicted = row.motion[0], prediction.vectors[0]
+        seen = np.abs(predicted) > 0.0
+        ratio = np.where(seen, np.abs(measured) / np.where(seen, np.abs(predicted), 1.0), np.nan)
+        later = np.where(seen, -np.angle(measured * np.conj(predicted)), np.nan)
+        return ComparisonDocument(
+            run=run.id,
+            measured=speed_row_document(row),
+            predicted=predicted_document(prediction),
+            amplitude_ratio_x=finite(ratio[0]),
+            amplitude_ratio_y=finite(ratio[1]),
+            lag_difference_x_deg=degrees(later[0]),
+            lag_difference_y_deg=degrees(later[1]),
+        )
+
+    def _predicted(self, run: RunEntry, speed: float) -> Prediction:
+        if run.header is None:
+            raise ProblemError(Kind.MODEL_NOT_READY, f"run {run.id}: its rig is not known: {run.fault}")
+        try:
+            prediction = self._models.prediction_for(run.header, speed)
+        except (ValueError, RigError) as error:  # outside the model's speeds, or a rig that has no model
+            raise ProblemError(Kind.NO_SUCH_MOMENT, str(error)) from error
+        if prediction is None:
+            raise ProblemError(Kind.MODEL_NOT_READY, "the model's map of this rig is being computed")
+        return prediction
+
+    def _run(
+        self, work: Callable[..., T], *arguments: object, deadline: float | None = None, job: JobHint | None = None
+    ) -> T:
+        try:
+            return self._processes.run(work, *arguments, deadline=deadline)
+        except tuple(FAILURES) as error:
+            is_overdue = isinstance(error, OverdueError)
+            detail = f"{error}; POST `job` to /api/v1/jobs" if is_overdue and job else str(error)
+            raise ProblemError(FAILURES[type(error)], detail, job=job if is_overdue else None) from error
+
+    def close(self) -> None:
+        """End the processes."""
+        self._processes.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, _kind: type[BaseException] | None, _error: BaseException | None, _trace: TracebackType | None
+    ) -> None:
+        self.close()

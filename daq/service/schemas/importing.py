@@ -1,0 +1,47 @@
+"""Another program's file that is to become a run: of which rig, and which columns are which channels."""
+
+from typing import Annotated, Literal
+
+from pydantic import BeforeValidator, Field
+
+from daq.config.calibration import CalibrationRecord
+from daq.config.import_mapping import ColumnsMapping
+from daq.schemas.document import Document
+from daq.schemas.run import RunId
+from daq.service.schemas.strict import as_a_file
+
+MOST_TOML = 200_000  # letters
+
+
+class RigOfRun(Document):
+    """The rig of a run: its channels, calibrations, tacho and limits as they were then."""
+
+    of: Literal["run"]
+    run: RunId
+
+
+class RigInText(Document):
+    """A rig in words: no file that the text names is read."""
+
+    of: Literal["text"]
+    toml: str = Field(description="Content of a rig.toml", max_length=MOST_TOML, examples=['rig = "gj90c"\n…'])
+    calibrations: dict[str, Annotated[CalibrationRecord, BeforeValidator(as_a_file(CalibrationRecord))]] = Field(
+        default_factory=dict,
+        description="By the name of the probe's channel, each in the form of a calibration file, in place of the files "
+        "that the text names",
+        examples=[{}],
+    )
+
+
+class ImportOrder(Document):
+    """Make a file that was sent in to `/api/v1/uploads` into a run, as `rig import` does; the result tells which."""
+
+    kind: Literal["import"]
+    upload: str = Field(description="Id of the upload", max_length=200, examples=["5d41402abc4b2a76"])
+    rig: Annotated[RigOfRun | RigInText, Field(discriminator="of")] = Field(
+        description="Whose channels they are", examples=[{"of": "run", "run": "2026-11-24T09-12-07-gj90c"}]
+    )
+    mapping: Annotated[ColumnsMapping, BeforeValidator(as_a_file(ColumnsMapping))] = Field(
+        description="Which columns are which channels: what a mapping file of `rig import` says",
+        examples=[{"channel": {"x": {"source": "Kaman 1", "unit": "V"}}}],
+    )

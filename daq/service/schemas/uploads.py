@@ -1,0 +1,80 @@
+"""Files of other programs that were sent in, and what is in them."""
+
+import math
+from datetime import UTC, datetime
+
+from pydantic import Field
+
+from daq.schemas.document import Document
+from daq.schemas.units import moment
+from daq.service.uploads import Upload
+from recordings.exchange.table import Column, Table
+
+UPLOADS = "/api/v1/uploads"
+
+
+class UploadDocument(Document):
+    """A file that was sent in; an order of kind `import` makes it into a run."""
+
+    upload: str = Field(description="Its id", examples=["5d41402abc4b2a76"])
+    name: str = Field(description="What it is called", examples=["run-up.tdms"])
+    size_bytes: int = Field(description="Its size, bytes", ge=0, examples=[48_000_000])
+    sent_at: datetime = Field(description="When it was there, UTC", examples=["2026-11-24T10:00:00Z"])
+    forgotten_at: datetime = Field(description="When it is deleted, UTC", examples=["2026-11-24T11:00:00Z"])
+    columns: str = Field(description="Address of what is in it", examples=[f"{UPLOADS}/5d41402abc4b2a76/columns"])
+
+
+class UploadListDocument(Document):
+    """All files that were sent in."""
+
+    uploads: tuple[UploadDocument, ...] = Field(description="The one sent last first")
+
+
+class ColumnDocument(Document):
+    """A column of numbers."""
+
+    name: str = Field(description="As a mapping names it", examples=["group/Kaman 1"])
+    unit: str = Field(description="As the file says it; empty where it does not", examples=["V"])
+    lowest: float | None = Field(description="Its smallest number, in that unit; null: not finite", examples=[-1.25])
+    highest: float | None = Field(description="Its largest number, in that unit; null: not finite", examples=[1.31])
+
+
+class ColumnsDocument(Document):
+    """What is in a file of another program."""
+
+    name: str = Field(description="What the file is called", examples=["run-up.tdms"])
+    rows: int = Field(description="Numbers in each column", ge=0, examples=[2_000_000])
+    rate_hz: float | None = Field(description="Rows a second, Hz; null: the file does not tell", examples=[20_000.0])
+    started_at: datetime | None = Field(
+        description="Wall clock at the first row, UTC; null: the file does not tell", examples=["2012-05-01T08:30:00Z"]
+    )
+    columns: tuple[ColumnDocument, ...] = Field(description="In the file's order")
+
+
+def upload_document(upload: Upload) -> UploadDocument:
+    """Return an upload as a document."""
+    return UploadDocument(
+        upload=upload.id,
+        name=upload.name,
+        size_bytes=upload.size,
+        sent_at=datetime.fromtimestamp(upload.sent, UTC),
+        forgotten_at=datetime.fromtimestamp(upload.forgotten, UTC),
+        columns=f"{UPLOADS}/{upload.id}/columns",
+    )
+
+
+def columns_document(name: str, table: Table) -> ColumnsDocument:
+    """Return what is in a file of a name."""
+    return ColumnsDocument(
+        name=name,
+        rows=table.n_rows,
+        rate_hz=table.rate,
+        started_at=None if table.started_ns is None else moment(table.started_ns),
+        columns=tuple(map(_column, table.columns)),
+    )
+
+
+def _column(column: Column) -> ColumnDocument:
+    ends = float(column.values.min()), float(column.values.max())
+    lowest, highest = (end if math.isfinite(end) else None for end in ends)
+    return ColumnDocument(name=column.name, unit=column.unit, lowest=lowest, highest=highest)

@@ -1,0 +1,1 @@
+"""Preflight checks of the rig, and measurements for calibrations."""

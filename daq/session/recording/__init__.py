@@ -1,0 +1,1 @@
+"""A run being recorded: recorder process, shared-memory ring, statistics, health."""

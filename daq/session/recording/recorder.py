@@ -1,0 +1,238 @@
+"""The recorder: a process of its own that does nothing but carry samples from the source into the file and the ring.
+
+It talks with the watching process over an anonymous pipe: `Opened` or `Refused` first, `Acquired` when the samples have
+ended, `Closed` last. Back come results to be written beside the samples, `Stop`, and `Done` when no more will follow.
+If the watching process goes away, the recorder stops the source and finishes the file by itself.
+"""
+
+import shutil
+import signal
+import threading
+import time
+from contextlib import ExitStack, closing, suppress
+from dataclasses import replace
+from multiprocessing.connection import Connection
+
+from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd
+from analysis.signals.header import RunHeader
+from daq.drivers.factory import open_source, triggered
+from daq.drivers.source import Source
+from daq.drivers.triggered import Begun
+from daq.errors import RigError, StoppedError, UsageError
+from daq.session.child import ignore_terminal
+from daq.session.recording.messages import Acquired, Closed, Done, Opened, Order, Refused, Stop
+from daq.session.recording.ring import BlockRing
+from daq.session.recording.shared_memory import SharedBytes
+from daq.session.recording.statistics import Gauges
+from recordings.errors import RecordingError
+from recordings.mcap.markers import Mark, encode_mark
+from recordings.mcap.parts import PartLimits, PartWriter
+from recordings.mcap.results import EncodedResult
+
+RESULTS_DEADLINE = 15.0  # s that the finished acquisition waits for the last results before the file is closed without
+
+
+def record(order: Order, ring_memory: SharedBytes, gauge_memory: SharedBytes, pipe: Connection) -> None:
+    """Run the recorder; the entry point of its process."""
+    ignore_terminal()  # the watching process decides
+    ring, gauges = BlockRing(ring_memory), Gauges(gauge_memory)
+    with ExitStack() as stack:
+        try:
+            _require_room(order)
+            source = stack.enter_context(closing(open_source(order.rig)))
+            if pipe.poll():  # nobody says anything before it is told of the device, but to stop
+                raise StoppedError("stopped before the device was open")
+            header = run_header(order, source)
+            writer = PartWriter(order.path, header, _part_limits(order, header))
+        except RigError as error:
+            with suppress(OSError):  # who has stopped it does not wait
+                pipe.send(Refused(str(error), error.exit_code))
+        except RecordingError as error:
+            pipe.send(Refused(str(error), UsageError.exit_code))
+        else:
+            _Recorder(order, source, writer, ring, gauges, pipe).run()
+
+
+def _part_limits(order: Order, header: RunHeader) -> PartLimits:
+    """Return when a run goes on in a further file, as the rig says."""
+    storage = order.rig.config.storage
+    samples = round(60 * storage.split_min * header.acquisition.rate) or None
+    return PartLimits(samples, round(1e9 * storage.split_gb) or None, order.rig.config.trigger.events != 1)
+
+
+def _require_room(order: Order) -> None:
+    """Raise UsageError where the disk holds less than the reserve already."""
+    free, reserve = _room(order)
+    if free < reserve:
+        raise UsageError(_too_little(order, free, reserve))
+
+
+def _room(order: Order) -> tuple[int, int]:
+    """Return the bytes that are free where the run goes, and those that must stay free."""
+    return shutil.disk_usage(order.path.parent).free, int(order.rig.config.storage.reserve_gb * 1e9)
+
+
+def _too_little(order: Order, free: int, reserve: int) -> str:
+    return (
+        f"{order.path.parent}: {free / 1e9:.2f} GB free, expected more than storage.reserve_gb = {reserve / 1e9:g}: "
+        "make room or record elsewhere (storage.folder, RIG_DATA)"
+    )
+
+
+def run_header(order: Order, source: Source) -> RunHeader:
+    """Return the header of the run, with the acquisition as the opened device reports it."""
+    return RunHeader(
+        run=order.run,
+        rig=order.rig.config.rig,
+        started_ns=order.started_ns,
+        acquisition=source.acquisition,
+        settings=order.rig.settings,
+        limits=order.rig.limits,
+        config_toml=order.rig.toml,
+        program=order.program,
+        note=order.note,
+    )
+
+
+def _fault(error: Exception) -> str:
+    return f"recording stopped by a fault of the program: {type(error).__name__}: {error}"
+
+
+class _Recorder:
+    """Source → file and ring, until the end; results on the side."""
+
+    def __init__(
+        self, order: Order, source: Source, writer: PartWriter, ring: BlockRing, gauges: Gauges, pipe: Connection
+    ) -> None:
+        self._order = order
+        self._header = run_header(order, source)
+        self._source = triggered(source, order.rig.config.trigger, self)
+        self._passed = 0  # samples per channel that a trigger let pass since the last that was given
+        self._writer = writer
+        self._ring = ring
+        self._gauges = gauges
+        self._pipe = pipe
+        self._ends: list[SegmentEnd] = []
+        self._message = ""
+        self._skipped: int | None = None  # not known before the watching process says that it is done
+        self._done = threading.Event()
+        self._disk_checked = -1.0
+        rate = source.acquisition.rate
+        self._rate = rate
+        self._limit = None if order.duration is None else max(1, round(order.duration * rate))
+
+    def run(self) -> None:
+        signal.signal(signal.SIGTERM, lambda *_: self._source.stop())
+        listener = threading.Thread(target=self._listen, name="recorder-listener", daemon=True)
+        try:
+            self._pipe.send(Opened(self._header))
+            listener.start()
+            self._gauges.begin()
+            self._pump()
+        except Exception as error:  # noqa: BLE001 - whatever it is, the file is finished and the operator is told
+            self._message = _fault(error)
+            self._source.stop()
+        finally:
+            self._ring.finish()
+            self._source.close()
+            with suppress(OSError):  # the watching process may be gone; the file matters
+                self._pipe.send(Acquired(tuple(self._ends)))
+                self._done.wait(RESULTS_DEADLINE)
+            self._close()
+            listener.join(1.0)
+
+    def _pump(self) -> None:
+        for item in self._source.blocks():
+            try:
+                self._take(item)
+            except RecordingError as error:
+                self._give_up(item, str(error))
+                return
+
+    def _take(self, item: SampleBlock | SegmentEnd) -> None:
+        if isinstance(item, SegmentEnd):
+            if item.reason is EndReason.STOPPED:
+                planned = self._limit is not None and self._gauges.samples >= self._limit
+                item = replace(
+                    item, reason=EndReason.FINISHED if planned else item.reason, detail=self._message or item.detail
+                )
+            self._writer.segment_end(item)
+            self._gauges.add_end(item)
+            self._ends.append(item)
+        else:
+            self._writer.block(item)
+            self._gauges.add_block(item)
+            self._guard_disk()
+            if self._limit is not None and self._gauges.samples >= self._limit:
+                self._source.stop()
+        self._ring.put(item)
+
+    def waiting(self, event: int, speed: float) -> None:
+        """Show that the start of an event is waited for; as a `TriggerWatch`."""
+        self._gauges.wait(event, speed)
+
+    def passed(self, samples: int) -> None:
+        """Count what a trigger lets pass; as a `TriggerWatch`."""
+        self._writer.pass_over(samples)
+        self._passed += samples
+
+    def begun(self, begun: Begun) -> None:
+        """Mark the moment at which an event began; as a `TriggerWatch`."""
+        text = f"start: {begun.start}, after {self._passed:,} samples ({self._passed / self._rate:,.1f} s) let pass"
+        self._passed = 0
+        mark = Mark(begun.segment, begun.sample, text, time.time_ns())
+        self._writer.result(encode_mark(mark, self._header))
+
+    def _give_up(self, item: SampleBlock | SegmentEnd, message: str) -> None:
+        """Stop when the file takes no more; what came after the last good block is counted as lost."""
+        self._message = message
+        self._source.stop()
+        lost = item.n_samples if isinstance(item, SampleBlock) else 0
+        end = SegmentEnd(
+            item.segment, self._gauges.segment_samples, EndReason.RECORDER, lost, lost_is_exact=False, detail=message
+        )
+        self._gauges.add_end(end)
+        self._ends.append(end)
+        self._ring.put(end)
+
+    def _guard_disk(self) -> None:
+        now = time.monotonic()
+        if now - self._disk_checked < 1.0:
+            return
+        self._disk_checked = now
+        free, reserve = _room(self._order)
+        self._gauges.disk_bytes = max(0, free - reserve)
+        if free < reserve and not self._message:
+            self._message = "recording stopped: " + _too_little(self._order, free, reserve)
+            self._source.stop()
+
+    def _listen(self) -> None:
+        """Take results and orders from the watching process until it is done or gone; then nobody is left to stop."""
+        try:
+            while True:
+                message = self._pipe.recv()
+                if isinstance(message, EncodedResult):
+                    with suppress(RecordingError):  # the sample path meets the same trouble and tells it
+                        self._writer.result(message)
+                elif isinstance(message, Stop):
+                    self._source.stop()
+                elif isinstance(message, Done):
+                    self._skipped = message.skipped_samples
+                    return
+        except (EOFError, OSError):
+            pass  # the watching process is gone
+        except Exception as error:  # noqa: BLE001 - whatever it is, the file is finished and the operator is told
+            self._message = _fault(error)
+        finally:
+            self._source.stop()
+            self._done.set()
+
+    def _close(self) -> None:
+        try:
+            # without word from the watching process its results may be anything
+            skipped = self._gauges.samples if self._skipped is None else self._skipped
+            self._writer.close(skipped_samples=skipped)
+        except RecordingError as error:
+            self._message = self._message or str(error)
+        with suppress(OSError):
+            self._pipe.send(Closed(self._message))

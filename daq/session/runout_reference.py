@@ -1,0 +1,101 @@
+"""The run-out of an earlier run's slow roll, put into a rig in place of that run's name."""
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from analysis.signals.blocks import SegmentEnd
+from analysis.signals.header import Acquisition, RunOutSettings
+from analysis.signals.snapshot import RunOut
+from analysis.spectra.order_spectrum import order_vectors
+from analysis.vectors.slow_roll import RunOutWatch
+from daq.config.rig import Rig
+from daq.config.schema import RunOutSection, RunOutVector
+from daq.config.toml_writer import to_toml
+from daq.errors import UsageError
+from daq.session.offline import results
+from recordings.catalogue.catalogue import SUFFIX
+from recordings.errors import RecordingError
+from recordings.mcap.reader import RunReader
+
+MICRO = 1e-6
+RPM = 2 * math.pi / 60
+
+
+def with_known_runout(rig: Rig, folder: Path) -> Rig:
+    """Return the rig with the run-out of the earlier run that it names; the rig itself where it names none.
+
+    Parameters
+    ----------
+    rig : Rig
+        The rig.
+    folder : Path
+        The data folder, in which the run is looked for by its id.
+
+    Raises
+    ------
+    UsageError
+        That run cannot be read, did not turn slowly, or was seen by other probes or another tacho.
+    """
+    asked = rig.config.runout
+    if not asked.from_run:
+        return rig
+    name = asked.from_run
+    path = rig.path.parent / name if name.endswith(SUFFIX) else folder / f"{name}{SUFFIX}"
+    try:
+        with RunReader(path) as reader:
+            _require_same_place(rig, reader.header.acquisition)
+            found = _slow_roll(reader, asked.slow_roll_rpm * RPM)
+            source = f"slow roll of {reader.header.run} up to {asked.slow_roll_rpm:g} r/min"
+    except RecordingError as error:
+        raise UsageError(f"runout.from_run: {error}") from error
+    if found is None:
+        raise UsageError(f"runout.from_run: {path.stem} holds no order spectrum up to {asked.slow_roll_rpm:g} r/min")
+    vectors = tuple(_vector(order, found) for order in range(1, len(found.vectors) + 1))
+    section = RunOutSection(orbit=asked.orbit, vector=vectors, source=source)
+    config = rig.config.model_copy(update={"runout": section})
+    return replace(rig, config=config, toml=to_toml(config.model_dump(mode="json", exclude_none=True)))
+
+
+def _slow_roll(reader: RunReader, speed: float) -> RunOut | None:
+    settings = reader.header.settings
+    watch = RunOutWatch(RunOutSettings(slow_roll_speed=speed))
+    for item in results(reader):
+        if isinstance(item, SegmentEnd) or item.frame is None:
+            continue
+        frame = item.frame
+        vectors = order_vectors(frame.spectrum, settings.revolutions, int(settings.highest_order))
+        if watch.frame(frame.speed, vectors, np.nan_to_num(frame.sigma)) is not None:
+            break
+    return watch.mean
+
+
+def _vector(order: int, runout: RunOut) -> RunOutVector:
+    x, y = runout.vectors[order - 1].tolist()
+    return RunOutVector(
+        order=order,
+        x_um=abs(x) / MICRO,
+        x_lag_deg=math.degrees(-math.atan2(x.imag, x.real)),
+        y_um=abs(y) / MICRO,
+        y_lag_deg=math.degrees(-math.atan2(y.imag, y.real)),
+        sigma_um=float(runout.sigma[order - 1]) / MICRO if order <= len(runout.sigma) else 0.0,
+    )
+
+
+def _require_same_place(rig: Rig, earlier: Acquisition) -> None:
+    """Raise UsageError where the earlier run's vectors do not hold for the rig's probes and tacho."""
+    angles = {channel.role: channel.angle_deg for channel in rig.config.channel}
+    for channel in earlier.channels:
+        if channel.calibration is not None and abs(math.degrees(channel.angle) - angles[channel.role]) > 1e-6:
+            raise UsageError(
+                f"runout.from_run: its probe {channel.name} sat at {math.degrees(channel.angle):g} degrees, "
+                f"expected {angles[channel.role]:g}: its vectors do not hold here"
+            )
+    if earlier.tacho.edge is not rig.tacho.edge or earlier.tacho.pulses_per_revolution != 1:
+        raise UsageError(
+            f"runout.from_run: its tacho timed the {earlier.tacho.edge.value} edge of "
+            f"{earlier.tacho.pulses_per_revolution} marks, expected {rig.tacho.edge.value} of 1: "
+            "its phases do not hold here"
+        )

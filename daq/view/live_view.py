@@ -1,0 +1,169 @@
+"""The live view: a server for rerun's viewer, fed by a thread of its own that draws the latest frame only."""
+
+import socket
+import threading
+import time
+import uuid
+from collections.abc import Sequence
+from dataclasses import replace
+from urllib.parse import quote
+
+import rerun as rr
+
+from daq.errors import ServiceError
+from daq.session.live_update import LiveFrame
+from daq.view.blueprint import operator_blueprint
+from daq.view.presenter import Presenter
+from daq.view.viewer_pages import ViewerPages
+
+_APPLICATION = "rig"
+_MEMORY = "16MiB"  # a minute or two for who looks in late; the viewer draws all of it before it is up to date
+_SHORTEST = 0.08  # s between two pictures
+_EVERYWHERE = ("0.0.0.0", "::", "")  # noqa: S104 - compared with, not bound to
+
+
+class LiveView:
+    """Shows the latest frame in rerun's viewer, in any browser.
+
+    One thread alone touches rerun. Whatever becomes of it, of the server or of a browser that cannot keep up, `offer`
+    returns at once: the frame waiting in the slot is replaced, and counted.
+
+    Parameters
+    ----------
+    host : str
+        Address to listen on.
+    web_port, grpc_port : int
+        Ports of the viewer's page and of the data; 0 takes a free one.
+    origins : sequence of str
+        Further web origins whose pages may read the data, as "http://127.0.0.1:8000".
+
+    Raises
+    ------
+    ServiceError
+        A port is taken or cannot be listened on.
+    """
+
+    def __init__(
+        self, host: str = "127.0.0.1", web_port: int = 0, grpc_port: int = 0, *, origins: Sequence[str] = ()
+    ) -> None:
+        self._pages = ViewerPages(host, web_port)
+        try:
+            self._grpc_port = _usable_port(host, grpc_port)
+        except ServiceError:
+            self._pages.close()
+            raise
+        self._name = socket.gethostname() if host in _EVERYWHERE else host
+        names = sorted({self._name, "localhost", "127.0.0.1"})
+        self._data_origins = [f"http://{name}:{self._grpc_port}" for name in names]
+        self._sink = rr.GrpcServerSink(
+            host or "0.0.0.0",  # noqa: S104 - asked for by the caller
+            self._grpc_port,
+            server_memory_limit=_MEMORY,
+            newest_first=True,
+            cors_allow_origin=[*(f"http://{name}:{self._pages.port}" for name in names), *origins],
+        )
+        self._slot: LiveFrame | None = None
+        self._wake = threading.Condition()
+        self._closing = False
+        self._dropped = 0
+        self._failure = ""
+        self._ready = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="live view", daemon=True)
+        self._thread.start()
+
+    @property
+    def url(self) -> str:
+        """Address to open in a browser: the viewer's page, told where the data is."""
+        page = f"http://{self._name}:{self._pages.port}/"
+        return f"{page}?url={quote(self.viewer_url, safe='')}&hide_welcome_screen=1&theme=dark"
+
+    @property
+    def viewer_url(self) -> str:
+        """Address of the data, for a viewer that is installed: ``rerun <address>``."""
+        return f"rerun+http://{self._name}:{self._grpc_port}/proxy"
+
+    @property
+    def dropped(self) -> int:
+        """Frames that were replaced before they were drawn."""
+        return self._dropped
+
+    @property
+    def failure(self) -> str:
+        """Why nothing is drawn any more, for the operator; empty where all is well."""
+        return self._failure or self._pages.failure
+
+    def offer(self, frame: LiveFrame) -> None:
+        """Show this frame when there is time; never blocks."""
+        with self._wake:
+            if self._slot is not None:
+                self._dropped += 1
+            self._slot = frame
+            self._wake.notify()
+
+    @property
+    def waiting(self) -> bool:
+        """Whether a frame waits to be drawn."""
+        return self._slot is not None
+
+    def wait_ready(self, timeout: float) -> bool:
+        """Wait until the view can be opened, at most ``timeout`` s; returns whether it can."""
+        until = time.monotonic() + timeout
+        return self._ready.wait(timeout) and self._pages.wait(until - time.monotonic())
+
+    def close(self, timeout: float = 5.0) -> bool:
+        """Draw what waits, end, and free the ports; returns whether that was done within ``timeout`` s."""
+        with self._wake:
+            self._closing = True
+            self._wake.notify()
+        self._pages.give_up()
+        self._thread.join(timeout)
+        return not self._thread.is_alive()
+
+    def _take(self) -> LiveFrame | None:
+        """Wait for the next frame; None at the end."""
+        with self._wake:
+            self._wake.wait_for(lambda: self._slot is not None or self._closing)
+            frame, self._slot = self._slot, None
+            return frame
+
+    def _run(self) -> None:
+        self._pages.serve(self._data_origins)
+        try:
+            stream = rr.RecordingStream(_APPLICATION, recording_id=str(uuid.uuid4()))
+            stream.set_sinks(self._sink)
+            stream.log(
+                "details", rr.TextDocument("# waiting for a run", media_type=rr.MediaType.MARKDOWN), static=False
+            )
+            self._ready.set()
+            self._draw(stream)
+            stream.flush()
+            stream.disconnect()
+        except Exception as error:  # noqa: BLE001 - the view may fail, the run may not: said, and shown no more
+            self._failure = f"the live view stopped: {error}"
+        finally:
+            self._pages.close()
+
+    def _draw(self, stream: rr.RecordingStream) -> None:
+        presenter, run = None, None
+        while (frame := self._take()) is not None:
+            started = time.monotonic()
+            if presenter is None or frame.header.run != run:
+                presenter, run = Presenter(stream, frame.header), frame.header.run
+                stream.send_blueprint(operator_blueprint(frame.header), make_active=True, make_default=True)
+            status = replace(frame.status, dropped_frames=self._dropped)
+            presenter.show(replace(frame, status=status))
+            rest = _SHORTEST - (time.monotonic() - started)
+            if rest > 0.0 and not self._closing:
+                time.sleep(rest)
+
+
+def _usable_port(host: str, port: int) -> int:
+    """Return ``port``, or a free one for 0; ServiceError where it cannot be listened on."""
+    try:
+        with socket.create_server((host, port)) as probe:
+            number: int = probe.getsockname()[1]
+            return number
+    except OSError as error:
+        raise ServiceError(
+            f"port {port} on {host} for the live view's data: {error.strerror or error}; choose another, or 0"
+        ) from error

@@ -1,0 +1,306 @@
+"""What the integration in time needs of the parameters: modes of the shaft, films, supports, walls, its time steps."""
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.dynamics.forces import WALL
+from model.dynamics.state import NO_LEVEL, Levels, State
+from model.linear.modes import free_modes
+from model.rotor.parameters import FloatingRing, ModelParameters
+from model.rotor.supports import Coefficients
+
+FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+IntArray = NDArray[np.int64]
+
+MODES = 6  # two rigid, four bending: within 0.05 % of all twelve
+HELD_MODES = 16  # where supports or walls act too: stiff ones bend the shaft between its lowest modes
+N_LEVELS = 6  # how often a time step may be divided by four
+CONTACT_TURN = 0.2  # rad: by how much a shaft that bounces on a wall may swing on in one step
+
+
+class Shaft(NamedTuple):
+    """The shaft's modes as the march needs them.
+
+    Parameters
+    ----------
+    squares : ndarray of float64, shape (m,)
+        Squared natural frequencies, rad²/s².
+    gyroscopic : ndarray of float64, shape (m, m)
+        Modal polar inertia.
+    points : ndarray of float64, shape (n_points, m)
+        Mode shapes where forces act, kg^-1/2: at the journals, then at other stations that are held or may rub.
+    probe : ndarray of float64, shape (m,)
+        Mode shapes at the probes' station.
+    imbalance : ndarray of complex128, shape (m,)
+        Modal imbalance at theta = 0, kg m times shape.
+    weight : ndarray of complex128, shape (m,)
+        Modal weight and other loads at rest.
+    """
+
+    squares: FloatArray
+    gyroscopic: FloatArray
+    points: FloatArray
+    probe: FloatArray
+    imbalance: ComplexArray
+    weight: ComplexArray
+
+    @property
+    def journals(self) -> FloatArray:
+        """Mode shapes at the journals, (2, m)."""
+        return self.points[:2]
+
+
+class Films(NamedTuple):
+    """The films of one floating-ring bearing.
+
+    Parameters
+    ----------
+    inner_factor, outer_factor : float
+        mu R L³ / (4 C²) of each film, N s: its force at unit surface speed is of this size.
+    inner_clearance, outer_clearance : float
+        Radial clearances, m.
+    inner_speed, outer_speed : float
+        Sum of the speeds of a film's two surfaces over the shaft's speed.
+    """
+
+    inner_factor: float
+    outer_factor: float
+    inner_clearance: float
+    outer_clearance: float
+    inner_speed: float
+    outer_speed: float
+
+
+class Rings(NamedTuple):
+    """The rings: the two floating ones, then those of linear supports.
+
+    Parameters
+    ----------
+    mass : ndarray of float64, shape (n_rings,)
+        kg.
+    gravity : ndarray of float64, shape (n_rings,)
+        Force towards -Y over its mass, of its weight and the oil feed, m/s².
+    """
+
+    mass: FloatArray
+    gravity: FloatArray
+
+
+class Parts(NamedTuple):
+    """What every motion has: shaft, films and rings."""
+
+    shaft: Shaft
+    films: Films
+    rings: Rings
+
+
+class Constraints(NamedTuple):
+    """Linear supports of the shaft and walls that it may touch. Bodies are its points, then the rings.
+
+    Parameters
+    ----------
+    points : int
+        Of the shaft.
+    held : ndarray of int64, shape (n_supports, 2)
+        Bodies: the point that each support holds, and the ring through which, -1 for none.
+    coefficients : ndarray of complex128, shape (n_supports, 8)
+        Between shaft and ring, or housing, then between ring and housing: see `model.dynamics.forces.support_force`.
+    touching : ndarray of int64, shape (n_walls,)
+        The point that may touch each wall.
+    walls : ndarray of float64, shape (n_walls, 5)
+        See `model.dynamics.forces.wall_force`.
+    longest_steps : ndarray of float64, shape (n_walls,)
+        Time steps that follow a bounce on each wall, s.
+    """
+
+    points: int
+    held: IntArray
+    coefficients: ComplexArray
+    touching: IntArray
+    walls: FloatArray
+    longest_steps: FloatArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ModalSystem:
+    """The parameters as the compiled kernel takes them.
+
+    Parameters
+    ----------
+    shaft : Shaft
+        Modes.
+    films : Films
+        Of each of the two bearings.
+    rings : Rings
+        Floating ones and others.
+    constraints : Constraints, optional
+        Supports and walls, where there are any.
+    stations : ndarray of float64, shape (n_stations, m)
+        Mode shapes at all stations, kg^-1/2.
+    eccentricities : ndarray of float64, shape (4, m + n_rings)
+        What places of modes and rings are as the films' eccentricity ratios: of both inner films, then of both outer
+        ones.
+    """
+
+    shaft: Shaft
+    films: Films
+    rings: Rings
+    constraints: Constraints | None
+    stations: FloatArray
+    eccentricities: FloatArray
+
+    @classmethod
+    def of(cls, parameters: ModelParameters, modes: int | None = None) -> "ModalSystem":
+        """Reduce the parameters to the lowest free modes; the last few are kept for those that ask again.
+
+        Where no number of ``modes`` is given, it is what the forces need that act on the shaft.
+        """
+        if modes is None:
+            modes = HELD_MODES if parameters.supports or parameters.rubs else MODES
+        return _reduced(parameters, min(modes, 2 * parameters.rotor.stations))
+
+    @classmethod
+    def reduced(cls, parameters: ModelParameters, modes: int) -> "ModalSystem":
+        """Reduce the parameters anew; ValueError where the rotor has no films."""
+        films, rings = _films(parameters.floating_ring), _rings(parameters)
+        rotor = parameters.rotor
+        free = free_modes(rotor, modes)
+        shapes = free.shapes
+        imbalance = np.zeros(modes, np.complex128)
+        for one in parameters.imbalances:
+            imbalance += one.magnitude * np.exp(1j * one.phase) * shapes[rotor.displacement(one.station)]
+        weight = np.asarray(-1j * parameters.gravity * (rotor.translation @ rotor.mass_matrix() @ shapes))
+        for load in parameters.loads:
+            weight += complex(load.x, load.y) * shapes[rotor.displacement(load.station)]
+        held = {one.station for one in parameters.supports} | {one.station for one in parameters.rubs}
+        points = [*rotor.journal_stations, *sorted(held.difference(rotor.bearing_stations))]
+        places = np.ascontiguousarray(shapes[[rotor.displacement(station) for station in points]])
+        shaft = Shaft(
+            squares=free.frequencies**2,
+            gyroscopic=np.ascontiguousarray(shapes.T @ rotor.gyroscopic_matrix() @ shapes),
+            points=places,
+            probe=np.ascontiguousarray(shapes[rotor.displacement(parameters.probe_station)]),
+            imbalance=imbalance,
+            weight=weight,
+        )
+        return cls(
+            shaft=shaft,
+            films=films,
+            rings=rings,
+            constraints=_constraints(parameters, points, places) if held else None,
+            stations=np.ascontiguousarray(shapes[::2]),
+            eccentricities=_eccentricities(shaft, films, rings),
+        )
+
+    @property
+    def parts(self) -> Parts:
+        """Shaft, films and rings."""
+        return Parts(self.shaft, self.films, self.rings)
+
+    @property
+    def is_round(self) -> bool:
+        """Whether no support differs by direction, so that the motion that goes round with the shaft is a circle."""
+        return self.constraints is None or not self.constraints.coefficients[:, 1::2].any()
+
+    def is_within(self, motion: ComplexArray) -> bool:
+        """Return whether a motion, (3, m + n_rings), is short of every film's wall."""
+        return bool(np.all(1 - np.abs(self.eccentricities @ motion[0]) ** 2 >= WALL))
+
+    def at_rest(self, *, angle: float, speed: float) -> State:
+        """Return a motion at rest in the bearings' centre, the shaft at this angle, rad, and speed, rad/s."""
+        shaft, modes = self.shaft, self.shaft.squares.size
+        motion = np.zeros((3, modes + self.rings.mass.size), np.complex128)
+        motion[2, :modes] = speed**2 * np.exp(1j * angle) * shaft.imbalance + shaft.weight  # no film force there yet
+        motion[2, modes:] = -1j * self.rings.gravity
+        n = 2 * (shaft.points.shape[0] + self.rings.mass.size)
+        return State(
+            motion=motion,
+            augmented=np.zeros((n, 2 * n)),
+            level=np.array([NO_LEVEL], np.int64),
+            angle=np.array([angle]),
+            speed=np.array([float(speed)]),
+        )
+
+    def levels(self, step: float) -> Levels:
+        """Return Newmark's matrices for a time step, s, and its fourths."""
+        steps = np.array([step / 4**level for level in range(N_LEVELS)])
+        transforms, gyroscopic = [], []
+        for h in steps:
+            # 4/h² + w² - i Omega 2/h G = D^(1/2) (1 - i Omega V g V^T) D^(1/2)
+            scale = 1 / np.sqrt(4 / h**2 + self.shaft.squares)
+            g, V = np.linalg.eigh(scale[:, None] * self.shaft.gyroscopic * scale * (2 / h))
+            transforms.append(scale[:, None] * V)
+            gyroscopic.append(g)
+        stacked = np.stack(transforms)
+        return Levels(steps, stacked, np.stack(gyroscopic), np.ascontiguousarray(self.shaft.points @ stacked))
+
+
+@lru_cache(maxsize=8)
+def _reduced(parameters: ModelParameters, modes: int) -> ModalSystem:
+    return ModalSystem.reduced(parameters, modes)
+
+
+def _films(bearing: FloatingRing) -> Films:
+    ring, size = bearing.ring_speed_ratio, bearing.viscosity * bearing.length**3 / 4
+    return Films(
+        inner_factor=size * bearing.journal_radius / bearing.inner_clearance**2,
+        outer_factor=size * bearing.ring_outer_radius / bearing.outer_clearance**2,
+        inner_clearance=bearing.inner_clearance,
+        outer_clearance=bearing.outer_clearance,
+        inner_speed=1 + ring * bearing.ring_inner_radius / bearing.journal_radius,  # surfaces of ring and journal
+        outer_speed=ring,
+    )
+
+
+def _eccentricities(shaft: Shaft, films: Films, rings: Rings) -> FloatArray:
+    modes, found = shaft.squares.size, np.zeros((4, shaft.squares.size + rings.mass.size))
+    found[:2, :modes] = shaft.journals / films.inner_clearance
+    for bearing in range(2):
+        found[bearing, modes + bearing] = -1 / films.inner_clearance
+        found[2 + bearing, modes + bearing] = 1 / films.outer_clearance
+    return found
+
+
+def _rings(parameters: ModelParameters) -> Rings:
+    bearing, gravity = parameters.floating_ring, parameters.gravity
+    others = [support.ring_mass for support in parameters.supports if support.outer is not None]
+    pressed = gravity + bearing.static_load / bearing.ring_mass
+    return Rings(
+        mass=np.array([bearing.ring_mass, bearing.ring_mass, *others]),
+        gravity=np.array([pressed, pressed, *[gravity] * len(others)]),
+    )
+
+
+def _constraints(parameters: ModelParameters, points: list[int], shapes: FloatArray) -> Constraints:
+    held, ring = [], len(points) + 1  # the last of the two floating rings
+    for support in parameters.supports:
+        ring += support.outer is not None
+        held.append((points.index(support.station), -1 if support.outer is None else ring))
+    coefficients = [_in_complex(one.inner) + _in_complex(one.outer) for one in parameters.supports]
+    rubs = parameters.rubs
+    touching = [points.index(rub.station) for rub in rubs]
+    bounces = [math.sqrt(rub.stiffness * float(shapes[p] @ shapes[p])) for rub, p in zip(rubs, touching, strict=True)]
+    return Constraints(
+        points=len(points),
+        held=np.array(held, np.int64).reshape(-1, 2),
+        coefficients=np.array(coefficients, np.complex128).reshape(-1, 8),
+        touching=np.array(touching, np.int64),
+        walls=np.array([rub.sizes for rub in rubs], np.float64).reshape(-1, 5),
+        longest_steps=np.array([CONTACT_TURN / bounce for bounce in bounces]),
+    )
+
+
+def _in_complex(coefficients: Coefficients | None) -> list[complex]:
+    """Return a, b, c, d of ``a z + b conj z + c z' + d conj z'``."""
+    if coefficients is None:
+        return [0j] * 4
+    found = []
+    for (xx, xy), (yx, yy) in (coefficients.stiffness, coefficients.damping):
+        found += [complex(xx + yy, yx - xy) / 2, complex(xx - yy, yx + xy) / 2]
+    return found

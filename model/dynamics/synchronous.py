@@ -1,0 +1,291 @@
+"""The motion that goes round with the imbalance, and whether it is stable.
+
+Without weight the synchronous motion stands still in a frame that turns with the shaft: a few complex unknowns (two
+journals, two rings, other points that are held or touch a wall) instead of an integration in time, and its stability is
+an eigenvalue problem. Weight moves the centre of the motion and makes it elliptic; it is left out here, so that a
+lightly shaken shaft at low speed looks less stable than it is. Supports that differ by direction make the motion
+elliptic too: then it is the one that repeats itself every turn (`model.dynamics.stability`).
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.dynamics.condensed import forces_on, slopes_on
+from model.dynamics.modal_system import ModalSystem
+from model.dynamics.motion import ShaftMotion
+from model.dynamics.stability import SynchronousOrbit, synchronous_orbit
+from model.dynamics.whirl import FilmName, Whirl, inner_shares
+from model.errors import ModelError
+from model.rotor.parameters import ModelParameters
+from model.rotor.rotor import require_positive
+
+FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+ITERATIONS = 60
+WALL = 0.9999  # largest eccentricity ratio
+ELLIPTIC_STEPS = 256  # a turn, of a motion that is integrated: 1X within 0.02 %
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SynchronousResponse:
+    """Synchronous motion at one speed.
+
+    Parameters
+    ----------
+    speed : float
+        rad/s.
+    vectors : ndarray of complex128, shape (2,)
+        1X at the probes x and y, m peak, x(t) = Re[X exp(i theta)].
+    circle : complex
+        Displacement at the probes' station at theta = 0, X + i Y, m: the motion is this circle; of an ellipse, its
+        part that goes round with the shaft.
+    stations : ndarray of complex128, shape (2, n_stations)
+        1X at every station in X and Y, m peak.
+    bodies : ndarray of complex128, shape (n_bodies,)
+        Circles of the two journals, of other points where forces act, of the rings, m; empty for an ellipse.
+    whirls : tuple of Whirl
+        About this motion: what grows fastest or decays slowest in the one film, and in the other, the least stable
+        first.
+    orbit : SynchronousOrbit, optional
+        The motion as integrated, where it is an ellipse.
+    """
+
+    speed: float
+    vectors: ComplexArray
+    circle: complex
+    stations: ComplexArray
+    bodies: ComplexArray
+    whirls: tuple[Whirl, ...]
+    orbit: SynchronousOrbit | None = None
+
+    @property
+    def growth_rate(self) -> float:
+        """Of the least stable whirl, 1/s; positive where it grows."""
+        return self.whirls[0].growth_rate
+
+    @property
+    def whirl_order(self) -> float:
+        """Frequency of that whirl over the shaft's; negative where it goes against the shaft."""
+        return self.whirls[0].order
+
+    @property
+    def journals(self) -> ComplexArray:
+        """Circles of the two journals, (2,), m."""
+        return self.bodies[:2]
+
+
+def synchronous_response(
+    parameters: ModelParameters, speed: float, start: SynchronousResponse | None = None, *, modes: int | None = None
+) -> SynchronousResponse:
+    """Return the synchronous motion at a speed and the growth of its least stable whirl.
+
+    Parameters
+    ----------
+    parameters : ModelParameters
+        The rotor; its weight and other loads at rest are not used.
+    speed : float
+        rad/s, above 0.
+    start : SynchronousResponse, optional
+        Motion at a neighbouring speed, to follow one branch where there are several.
+    modes : int, optional
+        Free modes of the rotor that are kept.
+
+    Returns
+    -------
+    SynchronousResponse
+        The motion that is reached from ``start``; without it, or where that fails, by raising the imbalance, or else
+        the speed, step by step.
+
+    Raises
+    ------
+    ModelError
+        Where Newton's method finds no motion within the clearances.
+    """
+    require_positive("speed", speed, "rad/s")
+    system = ModalSystem.of(parameters, modes)
+    if not system.is_round:
+        return _elliptic(parameters, speed, None if start is None else start.orbit)
+    frame = _TurningFrame(system, speed)
+    rest = np.zeros(frame.bodies, np.complex128)
+    found = frame.solve(rest if start is None else start.bodies, 1.0)
+    if found is None:
+        found = _follow(rest, ((frame, float(part)) for part in np.linspace(0.05, 1.0, 20)))
+    if found is None:
+        speeds = np.geomspace(speed / 20, speed, 60)
+        found = _follow(rest, ((_TurningFrame(system, float(lower)), 1.0) for lower in speeds))
+    if found is None:
+        raise ModelError(f"synchronous motion at {speed:.1f} rad/s: none found within the clearances")
+    modal = frame.modal(found)
+    circles = system.stations @ modal
+    circle = complex(system.shaft.probe @ modal)
+    return SynchronousResponse(
+        speed=speed,
+        vectors=_towards_probes(parameters, circle, 0j),
+        circle=circle,
+        stations=np.stack((circles, -1j * circles)),
+        bodies=found,
+        whirls=frame.whirls(found),
+    )
+
+
+def _towards_probes(parameters: ModelParameters, forward: complex, reverse: complex) -> ComplexArray:
+    """Return 1X at the probes of ``forward exp(i theta) + reverse exp(-i theta)``, (2,)."""
+    towards = np.exp(-1j * np.asarray(parameters.probe_angles))  # Re[z exp(-i alpha)] is along a probe at alpha
+    return np.asarray(forward * towards + np.conj(reverse * towards))
+
+
+def _elliptic(parameters: ModelParameters, speed: float, start: SynchronousOrbit | None) -> SynchronousResponse:
+    """Return the synchronous motion from the orbit that repeats itself every turn, without weight."""
+    bearing = replace(parameters.floating_ring, static_load=0.0)
+    unloaded = replace(parameters, bearing=bearing, gravity=0.0, loads=())
+    orbit = synchronous_orbit(unloaded, speed, start, steps=ELLIPTIC_STEPS)
+    motion = ShaftMotion(unloaded, speed, 0)
+    motion.stand(orbit.standing)
+    turn = motion.turns_of_all(1, ELLIPTIC_STEPS)
+    back = np.exp(-2j * np.pi * np.arange(ELLIPTIC_STEPS) / ELLIPTIC_STEPS)
+    path = turn[:, 0] + 1j * turn[:, 1]
+    forward, reverse = (path * back).mean(axis=1), (path * back.conj()).mean(axis=1)
+    of_probes = parameters.probe_station - 1
+    return SynchronousResponse(
+        speed=speed,
+        vectors=_towards_probes(parameters, complex(forward[of_probes]), complex(reverse[of_probes])),
+        circle=complex(forward[of_probes]),
+        stations=2 * (turn * back).mean(axis=2).T,
+        bodies=np.empty(0, np.complex128),
+        whirls=orbit.whirls,
+        orbit=orbit,
+    )
+
+
+def _follow(found: ComplexArray, steps: "Iterable[tuple[_TurningFrame, float]]") -> ComplexArray | None:
+    """Solve for one frame and part of the imbalance after the other, each from the one before; None where one fails."""
+    for frame, part in steps:
+        following = frame.solve(found, part)
+        if following is None:
+            return None
+        found = following
+    return found
+
+
+class _TurningFrame:
+    """The equations of motion in the frame that turns with the shaft; bodies are points of the shaft, then rings."""
+
+    def __init__(self, system: ModalSystem, speed: float) -> None:
+        self._system, self._speed = system, speed
+        shaft, mass = system.shaft, system.rings.mass
+        self._points, self.bodies = shaft.points.shape[0], shaft.points.shape[0] + mass.size
+        # w² - Omega² + Omega² G, from M z'' - i Omega J z' + K z with z = Z exp(i Omega t)
+        dynamic = np.diag(shaft.squares - speed**2) + speed**2 * shaft.gyroscopic
+        self._compliance = np.linalg.inv(dynamic)
+        n = self._points
+        self._receptance = np.zeros((self.bodies, self.bodies))
+        self._receptance[:n, :n] = shaft.points @ self._compliance @ shaft.points.T
+        self._receptance[n:, n:] = np.diag(-1 / (mass * speed**2))
+        self._unloaded = np.zeros(self.bodies, np.complex128)
+        self._unloaded[:n] = shaft.points @ self._compliance @ (speed**2 * shaft.imbalance)
+
+    def _moving(self, places: ComplexArray) -> ComplexArray:
+        return np.stack((places, 1j * self._speed * places))
+
+    def _forces(self, places: ComplexArray) -> ComplexArray:
+        system = self._system
+        return forces_on(system.films, system.constraints, self._speed, self._moving(places))
+
+    def _slopes(self, places: ComplexArray, drag: complex) -> FloatArray:
+        """Return changes of the forces with the places, (2 bodies, 2 bodies), X and Y alternately."""
+        system, size = self._system, self.bodies
+        slopes = slopes_on(system.films, system.constraints, self._speed, drag, self._moving(places))
+        pairs = np.stack((slopes.real, slopes.imag), axis=1)  # body, its X or Y, other body, its X or Y
+        return np.asarray(pairs.reshape(2 * size, 2 * size))
+
+    def _residual(self, places: ComplexArray, part: float) -> ComplexArray:
+        return np.asarray(places - part * self._unloaded - self._receptance @ self._forces(places))
+
+    def _jacobian(self, places: ComplexArray) -> FloatArray:
+        through = _kron(self._receptance, np.eye(2)) @ self._slopes(places, 1j * self._speed)
+        return np.asarray(np.eye(2 * self.bodies) - through)
+
+    def solve(self, places: ComplexArray, part: float) -> ComplexArray | None:
+        """Return where the bodies are, (n_bodies,), for a part of the imbalance; None where Newton's method fails."""
+        if self._eccentricity(places) >= WALL:
+            places = np.zeros(self.bodies, np.complex128)
+        residual = self._residual(places, part)
+        for _ in range(ITERATIONS):
+            if np.max(np.abs(residual)) < 1e-10 * self._system.films.inner_clearance:
+                return places
+            change = np.linalg.solve(self._jacobian(places), -_real(residual)).view(np.complex128)
+            fraction = 1.0
+            while fraction > 1e-6:
+                trial = places + fraction * change
+                if self._eccentricity(trial) < WALL:
+                    following = self._residual(trial, part)
+                    if np.linalg.norm(following) < np.linalg.norm(residual):
+                        break
+                fraction /= 2
+            else:
+                return None
+            places, residual = trial, following
+        return None
+
+    def _eccentricity(self, places: ComplexArray) -> float:
+        films, journals, rings = self._system.films, places[:2], places[self._points : self._points + 2]
+        inner, outer = np.abs(journals - rings) / films.inner_clearance, np.abs(rings) / films.outer_clearance
+        return float(max(inner.max(), outer.max()))
+
+    def modal(self, places: ComplexArray) -> ComplexArray:
+        """Return the displacements of the modes, (m,)."""
+        shaft, forces = self._system.shaft, self._forces(places)[: self._points]
+        return np.asarray(self._compliance @ (self._speed**2 * shaft.imbalance + shaft.points.T @ forces))
+
+    def whirls(self, places: ComplexArray) -> tuple[Whirl, ...]:
+        """Return the least stable whirl of each film about this motion, the less stable first."""
+        shaft, mass, speed = self._system.shaft, self._system.rings.mass, self._speed
+        modes, n = shaft.squares.size, self._points
+        size = modes + mass.size  # complex coordinates: modes, rings
+        # q'' + i Omega (2 - G) q' + (w² - Omega² + Omega² G) q = forces ; rings: 1/m
+        damping = 2j * speed * np.eye(size, dtype=np.complex128)
+        damping[:modes, :modes] -= 1j * speed * shaft.gyroscopic
+        stiffness = -(speed**2) * np.eye(size, dtype=np.complex128)
+        stiffness[:modes, :modes] += np.diag(shaft.squares) + speed**2 * shaft.gyroscopic
+        seen, pushed = np.zeros((self.bodies, size)), np.zeros((size, self.bodies))
+        seen[:n, :modes], seen[n:, modes:] = shaft.points, np.eye(mass.size)
+        pushed[:modes, :n], pushed[modes:, n:] = shaft.points.T, np.diag(1 / mass)
+        seen, pushed = _kron(seen, np.eye(2)), _kron(pushed, np.eye(2))
+        still, moving = self._slopes(places, 1j * speed), self._slopes(places, (1 + 1j) * speed)
+        stiffness_real = _expand(stiffness) - pushed @ still @ seen
+        damping_real = _expand(damping) - pushed @ ((moving - still) / speed) @ seen
+        n = 2 * size
+        first_order = np.block([[np.zeros((n, n)), np.eye(n)], [-stiffness_real, -damping_real]])
+        values, vectors = np.linalg.eig(first_order)
+        films = np.tensordot(self._system.eccentricities, vectors[:n].reshape(size, 2, n * 2), 1)
+        circles = np.stack((films[:, 0] + 1j * films[:, 1], films[:, 0] - 1j * films[:, 1]))  # with +Im, and against
+        reverse = np.argmax(np.linalg.norm(circles, axis=1), axis=0)
+        shares = inner_shares(np.take_along_axis(circles, reverse[None, None], axis=0)[0])
+        orders = 1 + np.where(reverse == 0, values.imag, -values.imag) / speed
+        found: dict[FilmName, Whirl] = {}
+        for place in np.argsort(-values.real, kind="stable"):
+            if len(found) == len(FilmName):
+                break
+            whirl = Whirl(float(values[place].real), float(orders[place]), float(shares[place]))
+            found.setdefault(whirl.film, whirl)
+        return tuple(found.values())
+
+
+def _real(vector: ComplexArray) -> FloatArray:
+    return np.ascontiguousarray(vector).view(np.float64)
+
+
+def _expand(matrix: ComplexArray) -> FloatArray:
+    """Write a complex matrix as a real one on (Re, Im) pairs."""
+    turned = np.array([[0.0, -1.0], [1.0, 0.0]])
+    return _kron(matrix.real, np.eye(2)) + _kron(matrix.imag, turned)
+
+
+def _kron(matrix: FloatArray, pair: FloatArray) -> FloatArray:
+    """Return Kronecker's product with a 2 by 2 matrix, much faster than NumPy's for any two."""
+    rows, columns = matrix.shape
+    return np.asarray((matrix[:, None, :, None] * pair[None, :, None, :]).reshape(2 * rows, 2 * columns), np.float64)

@@ -1,0 +1,1 @@
+"""Oil films of floating-ring bearings: force models, coefficients, equilibrium, lubrication."""

@@ -1,0 +1,236 @@
+"""The eight linear coefficients of an oil film (section 4.3.1): in closed form and by differentiation; films in series.
+
+Stiffness and damping are what resists: ``F = F0 - K dx - C dx'``, with rows for the force's X and Y and columns for the
+displacement's. The thesis writes (4.20) with the opposite sign and (4.28)-(4.35) with this one. Closed forms are for a
+load that points down (-Y) and a shaft that turns counter-clockwise.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+
+from model.errors import EquilibriumError
+from model.films.film import Film, films_of
+from model.films.short_film import Capone, capone_components
+from model.rotor.parameters import GRAVITY, FloatingRing
+from model.rotor.rotor import require_positive
+
+FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+LARGEST_ECCENTRICITY = 1 - 1e-6
+COMPLEX_STEP = 1e-30
+
+
+@dataclass(frozen=True, slots=True)
+class LinearCoefficients:
+    """A film about its state of rest.
+
+    Parameters
+    ----------
+    position : complex
+        Of the inner body from the outer one, X + i Y, m.
+    force : complex
+        Of the film on the inner body there, X + i Y, N.
+    stiffness : ndarray, shape (2, 2)
+        k_xx, k_xy; k_yx, k_yy, N/m.
+    damping : ndarray, shape (2, 2)
+        c_xx, c_xy; c_yx, c_yy, N s/m.
+    """
+
+    position: complex
+    force: complex
+    stiffness: FloatArray
+    damping: FloatArray
+
+    def impedance(self, whirl_speed: float) -> ComplexArray:
+        """Return K + i omega C at an angular frequency in rad/s, N/m, shape (2, 2)."""
+        return np.asarray(self.stiffness + 1j * whirl_speed * self.damping)
+
+
+def short_film_ratios(eccentricity: float) -> tuple[FloatArray, FloatArray]:
+    """Return the coefficients of the infinitely short film without their units.
+
+    Parameters
+    ----------
+    eccentricity : float
+        Ratio, above 0 and below 1.
+
+    Returns
+    -------
+    tuple of ndarray, shape (2, 2)
+        Stiffness over W / C and damping over W / (C w), W the load and w the sum of the surfaces' speeds; Friswell et
+        al., Dynamics of Rotating Machines, section 5.5.
+
+    Raises
+    ------
+    ValueError
+        Where the eccentricity lies outside its range.
+    """
+    _require_inside(eccentricity)
+    e, pi = eccentricity, math.pi
+    s = math.sqrt(1 - e**2)
+    h0 = (pi**2 * (1 - e**2) + 16 * e**2) ** -1.5
+    a_xx = 4 * h0 * (pi**2 * (2 - e**2) + 16 * e**2)
+    a_xy = pi * h0 * (pi**2 * (1 - e**2) ** 2 - 16 * e**4) / (e * s)
+    a_yx = -pi * h0 * (pi**2 * (1 - e**2) * (1 + 2 * e**2) + 32 * e**2 * (1 + e**2)) / (e * s)
+    a_yy = 4 * h0 * (pi**2 * (1 + 2 * e**2) + 32 * e**2 * (1 + e**2) / (1 - e**2))
+    b_xx = 2 * pi * h0 * s * (pi**2 * (1 + 2 * e**2) - 16 * e**2) / e
+    b_xy = -8 * h0 * (pi**2 * (1 + 2 * e**2) - 16 * e**2)
+    b_yy = 2 * pi * h0 * (pi**2 * (1 - e**2) ** 2 + 48 * e**2) / (e * s)
+    return np.array([[a_xx, a_xy], [a_yx, a_yy]]), np.array([[b_xx, b_xy], [b_xy, b_yy]])
+
+
+def short_film_load(eccentricity: float) -> float:
+    """Return the load of the infinitely short film at rest over `Film.factor` times w."""
+    _require_inside(eccentricity)
+    e = eccentricity
+    return 4 * e / (1 - e**2) ** 2 * math.sqrt(e**2 + (math.pi / 4) ** 2 * (1 - e**2))
+
+
+def short_film_attitude(eccentricity: float) -> float:
+    """Return the angle of the displacement from the load in the direction of rotation, rad."""
+    _require_inside(eccentricity)
+    return math.atan2(math.pi * math.sqrt(1 - eccentricity**2), 4 * eccentricity)
+
+
+def short_film_coefficients(film: Film, load: float, surface_speed: float) -> LinearCoefficients:
+    """Return the coefficients of the infinitely short film under a load, in closed form.
+
+    Parameters
+    ----------
+    film : Film
+        Its sizes and viscosity.
+    load : float
+        Downwards, N.
+    surface_speed : float
+        w, the sum of the angular speeds of both surfaces, rad/s.
+
+    Returns
+    -------
+    LinearCoefficients
+
+    Raises
+    ------
+    ValueError
+        Where load or speed is not positive.
+    EquilibriumError
+        Where the load would press the inner body against the wall.
+    """
+    require_positive("load", load, "N")
+    require_positive("surface_speed", surface_speed, "rad/s")
+    target = load / (film.factor * surface_speed)
+    if target >= short_film_load(LARGEST_ECCENTRICITY):
+        raise EquilibriumError(
+            f"load: {load:g} N presses the inner body to {LARGEST_ECCENTRICITY} of its clearance, expected less than "
+            f"{short_film_load(LARGEST_ECCENTRICITY) * film.factor * surface_speed:g} N"
+        )
+    lightest = 1e-3 * target / math.pi  # load is pi times the eccentricity at first and grows faster
+    eccentricity = brentq(lambda e: short_film_load(e) - target, min(lightest, 0.5), LARGEST_ECCENTRICITY, xtol=1e-15)
+    stiffness, damping = short_film_ratios(eccentricity)
+    angle = short_film_attitude(eccentricity) - math.pi / 2
+    position = eccentricity * film.clearance * complex(math.cos(angle), math.sin(angle))
+    unit = load / film.clearance
+    return LinearCoefficients(position, complex(0.0, load), unit * stiffness, unit / surface_speed * damping)
+
+
+def differentiated_coefficients(
+    film: Film, position: complex, surface_speed: float, form: Capone = Capone.EXACT
+) -> LinearCoefficients:
+    """Return the coefficients of Capone's force at rest, by a complex step: exact to rounding.
+
+    Parameters
+    ----------
+    film : Film
+        Its sizes and viscosity.
+    position : complex
+        Of the inner body from the outer one, X + i Y, m; not its centre, where a film at rest has no force.
+    surface_speed : float
+        w, rad/s.
+    form : Capone, optional
+        Which force; at rest both have the same coefficients.
+
+    Returns
+    -------
+    LinearCoefficients
+
+    Raises
+    ------
+    ValueError
+        Where the position is the centre or lies at or beyond the wall, or the speed is 0.
+    """
+    _require_inside(abs(position) / film.clearance)
+    if not (math.isfinite(surface_speed) and surface_speed != 0):
+        raise ValueError(f"surface_speed: {surface_speed:g} rad/s, expected a finite value other than 0")
+    rest = np.array([position.real / film.clearance, position.imag / film.clearance, 0.0, 0.0], dtype=np.complex128)
+    along_x, along_y = capone_components(rest[0], rest[1], rest[2], rest[3], surface_speed, form)
+    slopes = np.empty((2, 4))
+    for coordinate in range(4):
+        state = rest.copy()
+        state[coordinate] += 1j * COMPLEX_STEP
+        slopes[:, coordinate] = (
+            np.imag(capone_components(state[0], state[1], state[2], state[3], surface_speed, form)) / COMPLEX_STEP
+        )
+    unit = film.factor / film.clearance
+    force = film.factor * complex(along_x.real, along_y.real)
+    return LinearCoefficients(position, force, -unit * slopes[:, :2], -unit * slopes[:, 2:])
+
+
+def series_impedance(
+    inner: LinearCoefficients, outer: LinearCoefficients, ring_mass: float, whirl_speed: float
+) -> ComplexArray:
+    """Return what a journal feels of two films in series with the ring's mass between them.
+
+    Parameters
+    ----------
+    inner, outer : LinearCoefficients
+        Journal in ring and ring in housing.
+    ring_mass : float
+        kg.
+    whirl_speed : float
+        Angular frequency of the motion, rad/s.
+
+    Returns
+    -------
+    ndarray of complex, shape (2, 2)
+        Force that resists per displacement of the journal, N/m.
+    """
+    Z_i, Z_o = inner.impedance(whirl_speed), outer.impedance(whirl_speed)
+    ring = Z_i + Z_o - ring_mass * whirl_speed**2 * np.eye(2)
+    return np.asarray(Z_i - Z_i @ np.linalg.solve(ring, Z_i))
+
+
+def floating_ring_coefficients(
+    bearing: FloatingRing, load: float, speed: float, gravity: float = GRAVITY
+) -> tuple[LinearCoefficients, LinearCoefficients]:
+    """Return the coefficients of both short films of a floating-ring bearing whose ring turns as (3.25) says.
+
+    Parameters
+    ----------
+    bearing : FloatingRing
+        Its sizes.
+    load : float
+        On the journal, downwards, N.
+    speed : float
+        Of the shaft, rad/s.
+    gravity : float, optional
+        m/s²; the outer film carries the ring's weight too.
+
+    Returns
+    -------
+    tuple of LinearCoefficients
+        Inner and outer film.
+    """
+    films = films_of(bearing)
+    return (
+        short_film_coefficients(films.inner, load, films.inner_speed * speed),
+        short_film_coefficients(films.outer, load + bearing.ring_mass * gravity, films.outer_speed * speed),
+    )
+
+
+def _require_inside(eccentricity: float) -> None:
+    if not 0 < eccentricity < 1:
+        raise ValueError(f"eccentricity: {eccentricity:g} of the clearance, expected above 0 and below 1 (the wall)")

@@ -1,0 +1,209 @@
+"""Where a body runs in an infinitely long film under a load, and the pressure there (chapter 3).
+
+``Psi`` is the place around the film, rad, 0 straight against the load, where the oil comes in, growing in the direction
+of rotation.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import brentq
+
+from model.errors import EquilibriumError
+from model.films.long_film import LongFilm, bearing_angle, complete_film, ruptured_film, sommerfeld_angle
+from model.rotor.rotor import require_positive
+
+FloatArray = NDArray[np.float64]
+
+NEAREST_WALL = 0.999  # eccentricity ratio beyond which an equilibrium is refused
+SMALLEST_ECCENTRICITY, LARGEST_ECCENTRICITY = 1e-6, 1 - 1e-9  # searched
+EXTENTS = (
+    0.99,
+    0.95,
+    0.9,
+    0.8,
+    0.7,
+    0.6,
+    0.5,
+    0.4,
+    0.3,
+    0.2,
+    0.1,
+)  # the last film begins far past the inlet under any load
+
+
+@dataclass(frozen=True, slots=True)
+class FilmEquilibrium:
+    """An infinitely long film that carries a load.
+
+    Parameters
+    ----------
+    shape : LongFilm
+        Eccentricity and ends of the film.
+    attitude : float
+        Angle of the displacement from the load in the direction of rotation, rad.
+    scale : float
+        K = 6 eta R² w / C², Pa.
+    inlet_pressure : float
+        At Psi = 0, Pa.
+    load : float
+        Carried by the pressure, downwards, N.
+    """
+
+    shape: LongFilm
+    attitude: float
+    scale: float
+    inlet_pressure: float
+    load: float
+
+    @property
+    def eccentricity(self) -> float:
+        """Ratio of the displacement to the clearance."""
+        return self.shape.eccentricity
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether the film runs all the way round, without a cavity."""
+        return self.shape.is_complete
+
+    @property
+    def rupture(self) -> float | None:
+        """Where the film ends and the cavity starts, Psi from 0 to 2 pi, rad; none in a complete film."""
+        return None if self.is_complete else self._place(self.shape.end)
+
+    @property
+    def reformation(self) -> float | None:
+        """Where the cavity ends and the film starts again, Psi above 0 and at most 2 pi, rad; none when complete."""
+        if self.is_complete:
+            return None
+        place = self._place(self.shape.start)
+        turn = 2 * math.pi
+        return turn if min(place, turn - place) < 1e-9 else place
+
+    def pressure(self, psi: ArrayLike) -> FloatArray:
+        """Return the pressure, Pa.
+
+        Parameters
+        ----------
+        psi : array_like
+            Places around the bearing, rad; any turn.
+
+        Returns
+        -------
+        ndarray
+            Pa, in the shape of `psi`; 0 in the cavity.
+        """
+        shape = self.shape
+        start = float(bearing_angle(shape.start, shape.eccentricity))
+        theta = start + np.mod(np.asarray(psi, dtype=np.float64) - self.attitude - start, 2 * math.pi)
+        phi = sommerfeld_angle(theta, shape.eccentricity)
+        if self.is_complete:
+            return np.asarray(self.inlet_pressure + self.scale * (shape.rise(phi) - shape.inlet_rise))
+        return np.where(phi < shape.end, np.maximum(self.scale * shape.rise(phi), 0.0), 0.0)
+
+    def _place(self, phi: float) -> float:
+        return float((bearing_angle(phi, self.shape.eccentricity) + self.attitude) % (2 * math.pi))
+
+
+def film_equilibrium(load: float, scale: float, area: float, inlet_pressure: float) -> FilmEquilibrium:
+    """Return where the inner body of an infinitely long film runs under a load.
+
+    Parameters
+    ----------
+    load : float
+        Downwards, N.
+    scale : float
+        K = 6 eta R² w / C², w the sum of the surfaces' speeds, Pa.
+    area : float
+        Length times radius, m².
+    inlet_pressure : float
+        At the top (Psi = 0), Pa, 0 or more.
+
+    Returns
+    -------
+    FilmEquilibrium
+
+    Raises
+    ------
+    ValueError
+        Where a quantity makes no sense.
+    EquilibriumError
+        Where the load would press the body against the wall.
+    """
+    for name, value, unit in (("load", load, "N"), ("scale", scale, "Pa"), ("area", area, "m²")):
+        require_positive(name, value, unit)
+    if not (math.isfinite(inlet_pressure) and inlet_pressure >= 0):
+        raise ValueError(f"inlet_pressure: {inlet_pressure:g} Pa, expected a finite value, 0 or more")
+    target, rise = load / (scale * area), inlet_pressure / scale
+    shape = complete_film(_eccentricity_under(target, load, complete_film))
+    if rise < shape.inlet_rise:
+        shape = _ruptured_with(target, load, rise)
+    if shape.eccentricity > NEAREST_WALL:
+        raise _against_the_wall(load, shape.eccentricity)
+    return FilmEquilibrium(shape, shape.attitude, scale, inlet_pressure, load)
+
+
+def closing_film(pressure: float) -> LongFilm:
+    """Return the film that has just closed: complete, and without pressure at one place.
+
+    Parameters
+    ----------
+    pressure : float
+        At the inlet, over the load per length and radius.
+
+    Returns
+    -------
+    LongFilm
+
+    Raises
+    ------
+    EquilibriumError
+        Where it lies too near the centre or the wall to be computed.
+    """
+
+    def excess(eccentricity: float) -> float:
+        film = complete_film(eccentricity)
+        return film.inlet_rise / film.load - pressure
+
+    if not excess(SMALLEST_ECCENTRICITY) < 0 < excess(NEAREST_WALL):
+        raise EquilibriumError(
+            f"inlet_pressure: {pressure:g} of the load per length and radius, expected what closes a film between "
+            f"{SMALLEST_ECCENTRICITY:g} and {NEAREST_WALL} of its clearance"
+        )
+    return complete_film(_root(excess, SMALLEST_ECCENTRICITY, NEAREST_WALL))
+
+
+def _ruptured_with(target: float, load: float, rise: float) -> LongFilm:
+    # the film under a load that has the inlet's pressure at its top; load and rise grow with eccentricity and extent
+
+    def film(extent: float) -> LongFilm:
+        return ruptured_film(_eccentricity_under(target, load, lambda eps: ruptured_film(eps, extent)), extent)
+
+    shorter = next(extent for extent in EXTENTS if film(extent).inlet_rise < rise)
+    return film(_root(lambda extent: film(extent).inlet_rise - rise, shorter, 1.0))
+
+
+def _eccentricity_under(target: float, load: float, film: Callable[[float], LongFilm]) -> float:
+    # the eccentricity ratio at which films of a kind carry the load, K L R
+    if film(SMALLEST_ECCENTRICITY).load > target:
+        raise EquilibriumError(
+            f"load: {load:g} N displaces the body by less than {SMALLEST_ECCENTRICITY:g} of its clearance, "
+            "expected a load that the film's equations can resolve"
+        )
+    if film(LARGEST_ECCENTRICITY).load < target:
+        raise _against_the_wall(load, LARGEST_ECCENTRICITY)
+    return _root(lambda eps: film(eps).load - target, SMALLEST_ECCENTRICITY, LARGEST_ECCENTRICITY)
+
+
+def _root(function: Callable[[float], float], low: float, high: float) -> float:
+    return float(brentq(function, low, high, xtol=1e-15, rtol=1e-14))
+
+
+def _against_the_wall(load: float, eccentricity: float) -> EquilibriumError:
+    return EquilibriumError(
+        f"load: {load:g} N presses the body to {eccentricity:.9g} of its clearance, "
+        f"expected a load that leaves it within {NEAREST_WALL} of it"
+    )

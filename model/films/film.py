@@ -1,0 +1,112 @@
+"""The oil films of a floating-ring bearing: two in series, each with Capone's short-bearing force."""
+
+import cmath
+import math
+from dataclasses import dataclass
+
+from model.dynamics.forces import WALL, capone_force
+from model.films.short_film import Capone, capone
+from model.rotor.parameters import FloatingRing
+from model.rotor.rotor import require_positive
+
+
+@dataclass(frozen=True, slots=True)
+class Film:
+    """One cylindrical oil film.
+
+    Parameters
+    ----------
+    radius : float
+        Of the inner body, m.
+    length : float
+        m.
+    clearance : float
+        Radial, m.
+    viscosity : float
+        Pa s.
+
+    Raises
+    ------
+    ValueError
+        Where one of them is not positive.
+    """
+
+    radius: float
+    length: float
+    clearance: float
+    viscosity: float
+
+    def __post_init__(self) -> None:
+        for name, unit in (("radius", "m"), ("length", "m"), ("clearance", "m"), ("viscosity", "Pa s")):
+            require_positive(name, getattr(self, name), unit)
+
+    @property
+    def factor(self) -> float:
+        """Size of the force at unit surface speed, mu R L³ / (4 C²), N s."""
+        return self.viscosity * self.radius * self.length**3 / (4 * self.clearance**2)
+
+    def force(self, position: complex, velocity: complex, surface_speed: float, form: Capone = Capone.EXACT) -> complex:
+        """Return the force on the inner body, N.
+
+        Parameters
+        ----------
+        position : complex
+            Of the inner body from the outer one, X + i Y, m.
+        velocity : complex
+            Of the inner body against the outer one, m/s.
+        surface_speed : float
+            Sum of the angular speeds of both surfaces, rad/s.
+        form : Capone, optional
+            The exact force, or the one that the thesis prints.
+
+        Returns
+        -------
+        complex
+            X + i Y, N; thesis eq. (4.38), with its F corrected unless the printed form is asked for.
+
+        Raises
+        ------
+        ValueError
+            Where the position lies at or beyond the wall, or velocity or speed are not finite.
+        """
+        eccentricity = abs(position) / self.clearance
+        if not 1 - eccentricity**2 >= WALL:
+            raise ValueError(
+                f"position: {abs(position) * 1e6:.3f} µm from the centre, expected less than the clearance of "
+                f"{self.clearance * 1e6:g} µm (eccentricity ratio {eccentricity:.5f})"
+            )
+        if not (cmath.isfinite(velocity) and math.isfinite(surface_speed)):
+            raise ValueError(f"velocity, surface_speed: {velocity} m/s, {surface_speed} rad/s, expected finite values")
+        if form is Capone.AS_PRINTED:
+            moving = velocity / self.clearance
+            return complex(self.factor * capone(position / self.clearance, moving, float(surface_speed), form))
+        return capone_force(complex(position), complex(velocity), self.clearance, float(surface_speed), self.factor)
+
+
+@dataclass(frozen=True, slots=True)
+class FilmPair:
+    """The films of a floating ring at a shaft speed.
+
+    Parameters
+    ----------
+    inner, outer : Film
+        Journal in ring and ring in housing.
+    inner_speed, outer_speed : float
+        Sum of the speeds of each film's surfaces over the shaft's speed.
+    """
+
+    inner: Film
+    outer: Film
+    inner_speed: float
+    outer_speed: float
+
+
+def films_of(bearing: FloatingRing) -> FilmPair:
+    """Return the films of a floating-ring bearing; the ring turns as eq. (3.25) says."""
+    ratio = bearing.ring_speed_ratio
+    return FilmPair(
+        inner=Film(bearing.journal_radius, bearing.length, bearing.inner_clearance, bearing.viscosity),
+        outer=Film(bearing.ring_outer_radius, bearing.length, bearing.outer_clearance, bearing.viscosity),
+        inner_speed=1 + ratio * bearing.ring_inner_radius / bearing.journal_radius,
+        outer_speed=ratio,
+    )

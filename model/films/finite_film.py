@@ -1,0 +1,251 @@
+"""A film of finite length with Reynolds's boundary condition: the yardstick for the closed forms.
+
+Where the film would have to pull it breaks: pressure is nowhere below 0 and has no slope where it ends. So ``p >= 0``,
+the outflow ``M p + b >= 0``, and one of the two is 0 in every volume. The set of volumes that carry is found by solving
+sparse linear systems until it stays; M is an M-matrix, for which this ends after a few.
+"""
+
+import math
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+from scipy.sparse.linalg import spsolve
+
+from model.errors import EquilibriumError
+from model.films.film import Film
+from model.films.grid import Flow, Grid
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+MOST_ITERATIONS = 100
+PLACES_TO_RESOLVE = 4  # between the thinnest place and where the film is twice as thick
+ROUNDING = 1e-13  # of the largest outflow
+
+
+@dataclass(frozen=True, slots=True)
+class Groove:
+    """A groove along the whole film that holds a pressure.
+
+    Parameters
+    ----------
+    angle : float
+        From +X in the direction of rotation, rad. The grid is turned so that a place falls on it.
+    pressure : float
+        Pa, 0 or more.
+
+    Raises
+    ------
+    ValueError
+        Where one of them makes no sense.
+    """
+
+    angle: float
+    pressure: float
+
+    def __post_init__(self) -> None:
+        if not math.isfinite(self.angle):
+            raise ValueError(f"angle: {self.angle} rad, expected a finite angle")
+        if not (math.isfinite(self.pressure) and self.pressure >= 0):
+            raise ValueError(f"pressure: {self.pressure:g} Pa, expected a finite value, 0 or more")
+
+
+@dataclass(frozen=True, slots=True)
+class FilmPressure:
+    """The pressure in a film of finite length.
+
+    Parameters
+    ----------
+    grid : Grid
+        Where it is known: `grid.angles` around, from the middle to the end along.
+    pressure : ndarray, shape (grid.along + 1, grid.around)
+        Pa.
+    carries : ndarray of bool, shape (grid.along, grid.around)
+        Which volumes carry; the others have broken or are the groove.
+    force : complex
+        On the inner body, X + i Y, N.
+    iterations : int
+        How many linear systems were solved.
+    """
+
+    grid: Grid
+    pressure: FloatArray
+    carries: BoolArray
+    force: complex
+    iterations: int
+
+
+def solve_reynolds(
+    film: Film,
+    position: complex,
+    velocity: complex,
+    surface_speed: float,
+    grid: Grid,
+    *,
+    groove: Groove | None = None,
+    flow: Flow = Flow.BOTH,
+    cavitates: bool = True,
+) -> FilmPressure:
+    """Return the pressure in a film of finite length, open to no pressure at both ends.
+
+    Parameters
+    ----------
+    film : Film
+        Its sizes and viscosity.
+    position, velocity : complex
+        Of the inner body against the outer one, X + i Y, m and m/s.
+    surface_speed : float
+        Sum of the angular speeds of both surfaces, rad/s.
+    grid : Grid
+        Its division.
+    groove : Groove, optional
+        Where oil is fed.
+    flow : Flow, optional
+        Directions in which pressure drives the oil.
+    cavitates : bool, optional
+        Whether the film breaks; where it does not, its pressure may be below 0.
+
+    Returns
+    -------
+    FilmPressure
+
+    Raises
+    ------
+    ValueError
+        Where the position lies at or beyond the wall, or something is not finite.
+    EquilibriumError
+        Where the carrying set does not settle.
+    """
+    if groove is not None:
+        grid = replace(grid, first_angle=groove.angle)
+    if not math.isfinite(surface_speed):
+        raise ValueError(f"surface_speed: {surface_speed} rad/s, expected a finite value")
+    _require_inside(film, position)
+    _require_resolved(abs(position) / film.clearance, grid)
+    unit = pressure_unit(film)
+    levels = _coarse_to_fine(grid) if cavitates else [grid]
+    carries = np.ones((levels[0].along, levels[0].around), dtype=np.bool_)
+    solution, iterations = np.zeros(0), 0
+    for level in levels:
+        h_faces, h_places, squeeze = thickness(film, position, velocity, level)
+        matrix = level.conduction(h_places**3, h_faces**3, slenderness(film), flow)
+        source = level.carried(surface_speed * h_faces, squeeze)
+        held = np.zeros((level.along, level.around))
+        free = np.ones(held.shape, dtype=np.bool_)
+        if groove is not None:
+            free[:, 0], held[:, 0] = False, groove.pressure / unit
+        first = free & _refined(carries, level)
+        volumes = Volumes(matrix, source, held.ravel(), free.ravel())
+        solution, found, spent = _carrying(volumes, first.ravel(), cavitates=cavitates)
+        carries, iterations = found.reshape(free.shape), iterations + spent
+    rows = np.vstack([solution.reshape(grid.along, grid.around), np.zeros(grid.around)])
+    force = -unit * film.radius * film.length * grid.resultant(solution)
+    return FilmPressure(grid, unit * rows, carries, force, iterations)
+
+
+def _coarse_to_fine(grid: Grid) -> list[Grid]:
+    # the carrying set grows by a volume an iteration: start it on coarser grids
+    grids = [grid]
+    while grids[-1].around % 4 == 0 and grids[-1].around >= 32:
+        last = grids[-1]
+        along = last.along // 2 if last.along % 4 == 0 else last.along
+        grids.append(replace(last, around=last.around // 2, along=along))
+    return grids[::-1]
+
+
+def _refined(carries: BoolArray, grid: Grid) -> BoolArray:
+    # a coarser grid's carrying set: each place stands for itself and the next
+    along = np.repeat(carries, grid.along // carries.shape[0], axis=0)
+    return np.repeat(along, grid.around // carries.shape[1], axis=1)
+
+
+def thickness(
+    film: Film, position: complex, velocity: complex, grid: Grid
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the film's thickness between and at a grid's places, clearances, and its change there, clearances/s.
+
+    Raises
+    ------
+    ValueError
+        Where the position lies at or beyond the wall or the velocity is not finite.
+    """
+    _require_inside(film, position)
+    if not np.isfinite(velocity):
+        raise ValueError(f"velocity: {velocity} m/s, expected a finite value")
+    z, v = position / film.clearance, velocity / film.clearance
+    at_faces = 1 - (z * np.exp(-1j * grid.faces)).real
+    at_places = 1 - (z * np.exp(-1j * grid.angles)).real
+    return at_faces, at_places, -(v * np.exp(-1j * grid.angles)).real
+
+
+def _require_inside(film: Film, position: complex) -> None:
+    if not abs(position) < film.clearance:
+        raise ValueError(
+            f"position: {abs(position) * 1e6:g} µm from the centre, expected less than the clearance of "
+            f"{film.clearance * 1e6:g} µm"
+        )
+
+
+def _require_resolved(eccentricity: float, grid: Grid) -> None:
+    narrow = math.sqrt(2 * (1 - eccentricity))  # over which the thickness doubles from its least
+    if narrow < PLACES_TO_RESOLVE * grid.width:
+        raise ValueError(
+            f"around: {grid.around} places, expected at least {math.ceil(PLACES_TO_RESOLVE * 2 * math.pi / narrow)} to "
+            f"resolve the film at {eccentricity:.6f} of its clearance"
+        )
+
+
+def slenderness(film: Film) -> float:
+    """Return (2 R / L)² of a film."""
+    return (2 * film.radius / film.length) ** 2
+
+
+def pressure_unit(film: Film) -> float:
+    """Return mu R² / C² of a film, Pa s."""
+    return film.viscosity * (film.radius / film.clearance) ** 2
+
+
+class Volumes(NamedTuple):
+    """The balances of a film's volumes: matrix @ pressure + source flows out of them.
+
+    Parameters
+    ----------
+    matrix : csr_array
+        Outflow per pressure.
+    source : ndarray
+        Outflow with the surfaces.
+    held : ndarray
+        Pressure where it is given, else 0.
+    free : ndarray of bool
+        Where it is not given.
+    """
+
+    matrix: sparse.csr_array
+    source: FloatArray
+    held: FloatArray
+    free: BoolArray
+
+
+def _carrying(volumes: Volumes, first: BoolArray, *, cavitates: bool) -> tuple[FloatArray, BoolArray, int]:
+    # pressures, which volumes carry, and after how many systems
+    carries = first
+    fixed = volumes.matrix @ volumes.held + volumes.source
+    least = -ROUNDING * float(np.max(np.abs(fixed)))
+    for iteration in range(1, MOST_ITERATIONS + 1):
+        solution = volumes.held.copy()
+        among = np.flatnonzero(carries)
+        solution[among] += spsolve(volumes.matrix[among][:, among].tocsc(), -fixed[among])
+        if not cavitates:
+            return solution, carries, iteration
+        outflow = volumes.matrix @ solution + volumes.source
+        following = volumes.free & np.where(carries, solution > 0, outflow < least)
+        if np.array_equal(following, carries):
+            return solution, carries, iteration
+        carries = following
+    raise EquilibriumError(
+        f"film pressure: the carrying part of {carries.size} volumes still changes after {MOST_ITERATIONS} "
+        "iterations, expected it to settle; take another grid"
+    )

@@ -1,0 +1,220 @@
+"""Lubrication of a floating-ring bearing at rest in its bearing (chapter 3): where journal and ring run, and the oil.
+
+Axes: X right, Y up, the shaft turns counter-clockwise, the load points down. ``Psi`` is the place around the bearing,
+rad, 0 at the top where the oil comes in, growing in the direction of rotation. The inner film carries the load; the
+outer one carries the load and the ring's weight; so each film is solved by itself. Both films are infinitely long.
+
+With Table 3.1 taken literally the chapter's numbers do not follow. Two calibrations, for which the thesis gives no
+cause, bring back its equilibria and cavities but not its flows: `Lubrication.load_factor` and
+`Lubrication.inner_capacity_factor`, set in `thesis_like`. The physics is `nominal`.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from model.films.equilibrium import FilmEquilibrium, closing_film, film_equilibrium
+from model.rotor.parameters import GRAVITY, FloatingRing
+from model.rotor.rotor import require_positive
+
+FloatArray = NDArray[np.float64]
+
+HOLES = 6  # evenly spaced in the ring, section 3.3.3
+
+
+@dataclass(frozen=True, slots=True)
+class RingEquilibrium:
+    """Journal and ring at rest in their bearing.
+
+    Parameters
+    ----------
+    inner, outer : FilmEquilibrium
+        Journal in ring and ring in housing.
+    flow_scale : float
+        Flow through one hole, kg/s per root of Pa.
+    """
+
+    inner: FilmEquilibrium
+    outer: FilmEquilibrium
+    flow_scale: float
+
+    def pressure_difference(self, psi: ArrayLike) -> FloatArray:
+        """Return the outer film's pressure less the inner film's at places around the bearing (rad), Pa."""
+        return self.outer.pressure(psi) - self.inner.pressure(psi)
+
+    def hole_flow(self, psi: ArrayLike) -> FloatArray:
+        """Return the oil that flows through one hole at places around the bearing (rad), kg/s, positive inwards.
+
+        As the root of the pressure difference, (3.24), with `flow_scale` for what the thesis leaves out.
+        """
+        difference = self.pressure_difference(psi)
+        return np.asarray(self.flow_scale * np.sign(difference) * np.sqrt(np.abs(difference)))  # Eq. (3.24)
+
+    def flow(self, ring_angle: ArrayLike) -> FloatArray:
+        """Return the oil that flows through the six holes into the inner film, kg/s.
+
+        Parameters
+        ----------
+        ring_angle : array_like
+            Place of the first hole, Psi, rad.
+
+        Returns
+        -------
+        ndarray
+            kg/s in the shape of `ring_angle`, positive into the inner film. In proportion to the calibration
+            `flow_scale`, so known in shape and sign only.
+        """
+        holes = 2 * np.pi / HOLES * np.arange(HOLES)
+        places = np.asarray(ring_angle, dtype=np.float64)[..., np.newaxis] + holes
+        return np.asarray(np.sum(self.hole_flow(places), axis=-1))
+
+    def mean_flow(self, angles: int = 240) -> float:
+        """Return the flow into the inner film averaged over a turn of the ring, kg/s (a calibrated figure).
+
+        Parameters
+        ----------
+        angles : int
+            How many ring angles between two holes are averaged.
+        """
+        return float(np.mean(self.flow(2 * np.pi / HOLES * (np.arange(angles) + 0.5) / angles)))
+
+
+@dataclass(frozen=True, slots=True)
+class Lubrication:
+    """A floating-ring bearing with its oil supply, as chapter 3 takes it.
+
+    Parameters
+    ----------
+    bearing : FloatingRing
+        Sizes, ring's mass and the oil's viscosity.
+    load_factor : float
+        Calibration of both films' loads: load carried by the films over the load stated; 1 is the physics.
+    inner_capacity_factor : float
+        Calibration of the inner film's pressures; 1 is the physics.
+    flow_scale : float
+        Calibration of the flow through one hole, kg/s per root of Pa. The thesis gives neither the holes' diameter nor
+        their length, and its (3.24) has no unit of flow: flows are known up to this factor and not predicted. The
+        default gives the 2.1e-4 kg/s of page 84 (10 N, 1e5 Pa, 1,000 rad/s) with both other factors at 1.
+    gravity : float
+        m/s².
+
+    Raises
+    ------
+    ValueError
+        Where one of the factors is not positive or gravity is negative.
+    """
+
+    bearing: FloatingRing
+    load_factor: float = 1.0
+    inner_capacity_factor: float = 1.0
+    flow_scale: float = 1.22e-7
+    gravity: float = GRAVITY
+
+    def __post_init__(self) -> None:
+        for name, unit in (("load_factor", ""), ("inner_capacity_factor", ""), ("flow_scale", "kg/s/sqrt(Pa)")):
+            require_positive(name, getattr(self, name), unit)
+        if not (math.isfinite(self.gravity) and self.gravity >= 0):
+            raise ValueError(f"gravity: {self.gravity:g} m/s², expected a finite value, 0 or more")
+
+    @property
+    def outer_scale(self) -> float:
+        """K of the outer film at a shaft speed of 1 rad/s, Pa s."""
+        b = self.bearing
+        return 6 * b.viscosity * b.ring_outer_radius**2 * b.ring_speed_ratio / b.outer_clearance**2
+
+    @property
+    def inner_scale(self) -> float:
+        """K of the inner film at a shaft speed of 1 rad/s, Pa s."""
+        b = self.bearing
+        surfaces = 1 + b.ring_speed_ratio * b.ring_inner_radius / b.journal_radius  # Eq. (3.2): the sum of speeds
+        return self.inner_capacity_factor * 6 * b.viscosity * b.journal_radius**2 * surfaces / b.inner_clearance**2
+
+    def equilibrium(self, load: float, speed: float, inlet_pressure: float) -> RingEquilibrium:
+        """Return where journal and ring run.
+
+        Parameters
+        ----------
+        load : float
+            On the journal, downwards, N.
+        speed : float
+            Of the shaft, rad/s.
+        inlet_pressure : float
+            Of the oil at the top of the outer film, Pa; the inner film begins with none.
+
+        Returns
+        -------
+        RingEquilibrium
+
+        Raises
+        ------
+        ValueError
+            Where a quantity makes no sense.
+        EquilibriumError
+            Where a film cannot carry the load.
+        """
+        require_positive("load", load, "N")
+        require_positive("speed", speed, "rad/s")
+        b = self.bearing
+        inner_load = self.load_factor * load  # the ring's balance adds its weight: the films decouple
+        outer_load = inner_load + b.ring_mass * self.gravity
+        return RingEquilibrium(
+            inner=film_equilibrium(inner_load, self.inner_scale * speed, b.length * b.journal_radius, 0.0),
+            outer=film_equilibrium(
+                outer_load, self.outer_scale * speed, b.length * b.ring_outer_radius, inlet_pressure
+            ),
+            flow_scale=self.flow_scale,
+        )
+
+    def complete_above(self, load: float, inlet_pressure: float) -> float:
+        """Return the shaft speed above which the outer film has no cavity, rad/s.
+
+        Parameters
+        ----------
+        load : float
+            On the journal, downwards, N.
+        inlet_pressure : float
+            Pa, above 0: without pressure the film always ruptures.
+
+        Returns
+        -------
+        float
+            rad/s.
+
+        Raises
+        ------
+        ValueError
+            Where load or pressure is not positive.
+        EquilibriumError
+            Where the film would close too near its centre or the wall to be computed.
+        """
+        require_positive("load", load, "N")
+        require_positive("inlet_pressure", inlet_pressure, "Pa")
+        b = self.bearing
+        outer_load = self.load_factor * load + b.ring_mass * self.gravity
+        film = closing_film(inlet_pressure * b.length * b.ring_outer_radius / outer_load)
+        return inlet_pressure / (film.inlet_rise * self.outer_scale)
+
+
+def table_3_1() -> FloatingRing:
+    """Return the bearing of Table 3.1."""
+    return FloatingRing(
+        length=10e-3,
+        journal_radius=5e-3,
+        inner_clearance=20e-6,
+        outer_clearance=80e-6,
+        ring_outer_radius=7e-3,
+        ring_mass=0.02,
+        viscosity=0.012,
+    )
+
+
+def nominal() -> Lubrication:
+    """Return chapter 3's bearing as its table and equations say."""
+    return Lubrication(table_3_1())
+
+
+def thesis_like() -> Lubrication:
+    """Return chapter 3's bearing calibrated to the equilibria that the chapter states; the cause is unknown."""
+    return Lubrication(table_3_1(), load_factor=5.0, inner_capacity_factor=0.382)

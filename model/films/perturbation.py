@@ -1,0 +1,104 @@
+"""The linear coefficients and the equilibrium of a film of finite length, by perturbation: (4.22)-(4.35)."""
+
+import numpy as np
+from scipy.sparse.linalg import splu
+
+from model.errors import EquilibriumError
+from model.films.coefficients import LinearCoefficients, short_film_coefficients
+from model.films.film import Film
+from model.films.finite_film import pressure_unit, slenderness, solve_reynolds, thickness
+from model.films.grid import Flow, Grid
+
+
+def perturbed_coefficients(
+    film: Film, position: complex, surface_speed: float, grid: Grid, flow: Flow = Flow.BOTH
+) -> LinearCoefficients:
+    """Return the coefficients of a film of finite length: the thesis's perturbation with the axial flow kept.
+
+    The balances of the film's volumes are differentiated, which is (4.24)-(4.27) before the equation of the film at
+    rest is put in; the thesis prints the part around the film alone, that is, an infinitely long film.
+
+    Parameters
+    ----------
+    film, position, surface_speed : Film, complex and float
+        As for `model.films.coefficients.differentiated_coefficients`.
+    grid : Grid
+        Division of the film.
+    flow : Flow, optional
+        Directions in which pressure drives the oil.
+
+    Returns
+    -------
+    LinearCoefficients
+
+    Raises
+    ------
+    ValueError
+        Where the position lies at or beyond the wall.
+    EquilibriumError
+        Where the film at rest does not settle.
+    """
+    rest = solve_reynolds(film, position, 0j, surface_speed, grid, flow=flow)
+    unit = pressure_unit(film)
+    h_faces, h_places, _ = thickness(film, position, 0j, grid)
+    slender = slenderness(film)
+    pressure = rest.pressure[:-1].ravel() / unit
+    carries = np.flatnonzero(rest.carries)
+    stiffness, damping = np.zeros((2, 2)), np.zeros((2, 2))
+    if carries.size:
+        matrix = grid.conduction(h_places**3, h_faces**3, slender, flow)
+        solver = splu(matrix[carries][:, carries].tocsc())
+        still = np.zeros(grid.around)
+        scale = unit * film.radius * film.length / film.clearance
+        for column, direction in enumerate((np.cos, np.sin)):
+            at_faces, at_places = -direction(grid.faces), -direction(grid.angles)  # Eq. (4.22), theta from +X
+            thicker = grid.conduction(3 * h_places**2 * at_places, 3 * h_faces**2 * at_faces, slender, flow)
+            moved = thicker @ pressure + grid.carried(surface_speed * at_faces, still)  # Eqs. (4.24), (4.25)
+            moving = grid.carried(still, at_places)  # Eqs. (4.26), (4.27)
+            for source, coefficients in ((moved, stiffness), (moving, damping)):
+                change = np.zeros(pressure.size)
+                change[carries] = solver.solve(-source[carries])
+                resultant = scale * grid.resultant(change)  # Eqs. (4.28)-(4.35)
+                coefficients[:, column] = resultant.real, resultant.imag
+    return LinearCoefficients(position, rest.force, stiffness, damping)
+
+
+def finite_film_equilibrium(
+    film: Film, load: float, surface_speed: float, grid: Grid, most_steps: int = 30
+) -> LinearCoefficients:
+    """Return where a film of finite length carries a load, and its coefficients there.
+
+    Parameters
+    ----------
+    film, load, surface_speed : Film, float and float
+        As for `model.films.coefficients.short_film_coefficients`.
+    grid : Grid
+        Division of the film.
+    most_steps : int
+        Newton's steps after which it gives up.
+
+    Returns
+    -------
+    LinearCoefficients
+
+    Raises
+    ------
+    ValueError
+        Where load or speed is not positive, or the grid is too coarse for how near the wall the load presses.
+    EquilibriumError
+        Where Newton's steps do not settle within the clearance.
+    """
+    position = short_film_coefficients(film, load, surface_speed).position
+    for _ in range(most_steps):
+        found = perturbed_coefficients(film, position, surface_speed, grid)
+        missing = found.force - 1j * load
+        if abs(missing) < 1e-9 * load:
+            return found
+        step = np.linalg.solve(found.stiffness, [missing.real, missing.imag])
+        move = complex(step[0], step[1])
+        room = film.clearance - abs(position)
+        position += move * min(1.0, 0.5 * room / abs(move))
+    raise EquilibriumError(
+        f"load: {load:g} N is not balanced after {most_steps} steps ({abs(missing):g} N missing at "
+        f"{abs(position) / film.clearance:.6f} of the clearance), expected at most {1e-9 * load:g} N"
+    )

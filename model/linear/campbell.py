@@ -1,0 +1,120 @@
+"""Natural frequencies over speed, each branch followed by its shape, also where branches come close and part again."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+
+from model.linear.linear_system import LinearSystem, WhirlModes, plain_states, whirl_modes
+
+FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+IntArray = NDArray[np.intp]
+
+ALIKE = 0.1  # smallest likeness of the modes of one branch at neighbouring speeds
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Campbell:
+    """Branches of natural frequencies over speed.
+
+    Parameters
+    ----------
+    speeds : ndarray of float64, shape (n_speeds,)
+        rad/s.
+    frequencies : ndarray of float64, shape (n_branches, n_speeds)
+        rad/s, by rising frequency at the first speed: above 0 forward, below 0 reverse; NaN where a branch has ended,
+        as when damping stops its swinging.
+    growth_rates : ndarray of float64, shape (n_branches, n_speeds)
+        1/s.
+    """
+
+    speeds: FloatArray
+    frequencies: FloatArray
+    growth_rates: FloatArray
+
+    def sorted_frequencies(self, count: int, *, forward: bool) -> FloatArray:
+        """Return the ``count`` lowest frequencies of one sense at each speed, (count, n_speeds), rad/s, not followed.
+
+        NaN where there are fewer.
+        """
+        size = self.frequencies if forward else -self.frequencies
+        lowest = np.sort(np.where(size >= 0, size, np.nan), axis=0)[:count]
+        missing = np.full((count - lowest.shape[0], self.speeds.size), np.nan)
+        return np.concatenate((lowest, missing)) * (1 if forward else -1)
+
+
+def campbell(system: LinearSystem, speeds: Sequence[float] | FloatArray, branches: int | None = None) -> Campbell:
+    """Return the natural frequencies over speed.
+
+    Parameters
+    ----------
+    system : LinearSystem
+        Rotor on supports.
+    speeds : sequence of float
+        Rising, rad/s. Where two branches come close and part again they exchange shapes: in steps that are short
+        against that a branch keeps apart from the other, in longer ones it keeps its shape and crosses.
+    branches : int, optional
+        How many to follow, from the lowest; all where it is not given.
+
+    Returns
+    -------
+    Campbell
+        Branches matched from speed to speed so that the modal assurance criterion of all together is largest.
+
+    Raises
+    ------
+    ValueError
+        Where speeds are none or not rising, or the branches too many.
+    """
+    wanted = np.asarray(speeds, np.float64)
+    if wanted.size == 0 or np.any(np.diff(wanted) <= 0):
+        raise ValueError(f"speeds: {wanted}, rad/s, expected one or more, rising")
+    frequencies, growth_rates, vectors = _spectra(system, wanted)
+    most = frequencies[0].size
+    count = most if branches is None else branches
+    if not 1 <= count <= most:
+        raise ValueError(f"branches: {count}, expected 1 to {most}")
+    followed = np.full((2, count, wanted.size), np.nan)
+    here: IntArray = np.arange(count)
+    alive: IntArray = np.arange(count)
+    followed[:, :, 0] = frequencies[0][:count], growth_rates[0][:count]
+    for step in range(1, wanted.size):
+        kept, here = _follow(vectors[step - 1][here], vectors[step])
+        alive = alive[kept]
+        followed[0, alive, step] = frequencies[step][here]
+        followed[1, alive, step] = growth_rates[step][here]
+    return Campbell(wanted, followed[0], followed[1])
+
+
+def _spectra(
+    system: LinearSystem, speeds: FloatArray
+) -> tuple[Sequence[FloatArray], Sequence[FloatArray], Sequence[FloatArray | ComplexArray]]:
+    """Return frequencies, growth rates and eigenvectors at each speed."""
+    if system.is_plain and np.isfinite(speeds).all():
+        frequencies, states, _ = plain_states(system, speeds)
+        return list(frequencies), list(np.zeros_like(frequencies)), list(states)
+    modes = whirl_modes(system, speeds)
+    return (
+        [one.frequencies for one in modes],
+        [one.growth_rates for one in modes],
+        [one.vectors for one in modes],
+    )
+
+
+def likeness(first: WhirlModes, second: WhirlModes) -> FloatArray:
+    """Return the modal assurance criterion of each mode of the first with each of the second, 0 to 1."""
+    return np.asarray(np.abs(first.vectors.conj() @ second.vectors.T) ** 2, np.float64)
+
+
+def _follow(last: FloatArray | ComplexArray, following: FloatArray | ComplexArray) -> tuple[IntArray, IntArray]:
+    """Return which of the modes go on, and as which of the following ones."""
+    alike = np.abs(last.conj() @ following.T) ** 2
+    best = np.argmax(alike, axis=1)
+    if np.unique(best).size == best.size and np.all(alike[np.arange(best.size), best] > ALIKE):
+        return np.arange(best.size), best  # nearly always
+    rows, columns = linear_sum_assignment(-alike)
+    good = alike[rows, columns] > ALIKE
+    return np.asarray(rows[good], np.intp), np.asarray(columns[good], np.intp)

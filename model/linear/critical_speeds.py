@@ -1,0 +1,112 @@
+"""Critical speeds of a rotor on linear supports, directly as eigenvalues, and how they move with the stiffness."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import LinAlgError, eigh
+
+from model.linear.linear_system import EQUAL, LinearSystem, forward_share, linear_system
+from model.linear.modes import CriticalSpeeds
+from model.rotor.rotor import Rotor, require_positive
+from model.rotor.supports import Coefficients, Support
+
+FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CriticalSpeedMap:
+    """Undamped critical speeds over the stiffness of the supports.
+
+    Parameters
+    ----------
+    stiffnesses : ndarray of float64, shape (n,)
+        Of each support, N/m.
+    forward, reverse : ndarray of float64, shape (n_critical, n)
+        rad/s, rising along the first axis.
+    """
+
+    stiffnesses: FloatArray
+    forward: FloatArray
+    reverse: FloatArray
+
+
+def system_critical_speeds(system: LinearSystem, highest: float) -> CriticalSpeeds:
+    """Return the undamped critical speeds of a rotor on supports, without a search through speeds.
+
+    Parameters
+    ----------
+    system : LinearSystem
+        Damping and the antisymmetric part of its stiffness are left out.
+    highest : float
+        Speed up to which they are given, rad/s.
+
+    Returns
+    -------
+    CriticalSpeeds
+        Where supports differ by direction, each goes by the sense in which most of its motion turns.
+
+    Raises
+    ------
+    ValueError
+        Where the supports leave the rotor free to move.
+    """
+    require_positive("highest", highest, "rad/s")
+    if system.is_plain:
+        M, J, K = system.plane
+        forward, reverse = _speeds(M - J, K)[0], _speeds(M + J, K)[0]
+    else:
+        stiffness = (system.stiffness + system.stiffness.T) / 2
+        # U = q exp(i Omega t): det(K - Omega² (M - i G)) = 0
+        speeds, vectors = _speeds(system.mass - 1j * system.gyroscopic, stiffness)
+        turns_back = forward_share(np.asarray(system.displacements(vectors.T))) < -EQUAL
+        forward, reverse = speeds[~turns_back], speeds[turns_back]
+    return CriticalSpeeds(
+        forward=tuple(float(speed) for speed in forward if speed <= highest),
+        reverse=tuple(float(speed) for speed in reverse if speed <= highest),
+    )
+
+
+def critical_speed_map(
+    rotor: Rotor, stiffnesses: Sequence[float] | FloatArray, stations: Sequence[int] | None = None
+) -> CriticalSpeedMap:
+    """Return the undamped critical speeds on equal springs of each stiffness.
+
+    Parameters
+    ----------
+    rotor : Rotor
+        The rotor.
+    stiffnesses : sequence of float
+        N/m, above 0.
+    stations : sequence of int, optional
+        Where the springs are; the journals where it is not given.
+
+    Returns
+    -------
+    CriticalSpeedMap
+        All of them: a discretised shaft has a finite number.
+    """
+    wanted = np.asarray(stiffnesses, np.float64)
+    if wanted.ndim != 1 or wanted.size == 0:
+        raise ValueError(f"stiffnesses: {wanted}, N/m, expected a list of one or more")
+    places = rotor.journal_stations if stations is None else stations
+    forward, reverse = [], []
+    for stiffness in wanted:
+        springs = [Support(station, Coefficients.isotropic(float(stiffness))) for station in places]
+        M, J, K = linear_system(rotor, springs).plane
+        forward.append(_speeds(M - J, K)[0])
+        reverse.append(_speeds(M + J, K)[0])
+    return CriticalSpeedMap(wanted, np.stack(forward, axis=1), np.stack(reverse, axis=1))
+
+
+def _speeds(inertia: FloatArray | ComplexArray, stiffness: FloatArray) -> tuple[FloatArray, ComplexArray]:
+    """Return the rising speeds at which det(K - Omega² inertia) = 0, and the shapes there as columns."""
+    try:
+        values, columns = eigh(inertia, stiffness)
+    except LinAlgError as error:
+        raise ValueError("supports: they leave the rotor free to move, expected a stiffness that holds it") from error
+    inverse_squares, vectors = np.asarray(values, np.float64), np.asarray(columns, np.complex128)
+    real = inverse_squares > 0  # an inertia below 0, of a flat disc, is met by no speed
+    return 1 / np.sqrt(inverse_squares[real][::-1]), vectors[:, real][:, ::-1]

@@ -1,0 +1,283 @@
+"""The rotor on linear supports: its matrices in both planes and its whirling modes at a speed.
+
+Coordinates are ``U1 = (x, theta_y, ...)`` with the rings' x after the stations, then ``U2 = (y, -theta_x, ...)`` with
+the rings' y: ``M U'' + (C + Omega G) U' + K U = F``. Where all supports are undamped and the same in all directions,
+``z = U1 + i U2`` halves the problem and makes it symmetric.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.rotor.rotor import Rotor
+from model.rotor.supports import Support
+
+FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+IntArray = NDArray[np.intp]
+
+OVERDAMPED = 1e-9  # of the size of an eigenvalue: below it the imaginary part is rounding
+EQUAL = 1e-9  # relative distance below which two eigenvalues are equal: what sets them apart is rounding
+ROUNDING = 1e-11  # of the largest eigenvalue: the rounding of the others
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LinearSystem:
+    """Matrices of a rotor on linear supports.
+
+    Parameters
+    ----------
+    stations : int
+        Of the rotor, n.
+    coordinates : int
+        Of one plane, N: 2 n and one for each ring.
+    mass, damping, gyroscopic, stiffness : ndarray of float64, shape (2 N, 2 N)
+        M, C, G, K in kg, N s/m, kg m² and N/m and their like for slopes.
+    is_plain : bool
+        Whether no support is damped or differs by direction.
+    """
+
+    stations: int
+    coordinates: int
+    mass: FloatArray
+    damping: FloatArray
+    gyroscopic: FloatArray
+    stiffness: FloatArray
+    is_plain: bool
+
+    @property
+    def plane(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """M, J and K of one plane, (N, N) each."""
+        n = self.coordinates
+        return self.mass[:n, :n], self.gyroscopic[:n, n:], self.stiffness[:n, :n]
+
+    @property
+    def is_held(self) -> bool:
+        """Whether the supports leave no part free to move."""
+        return bool(np.linalg.matrix_rank(self.stiffness) == 2 * self.coordinates)
+
+    def displacements(self, vectors: NDArray[np.generic]) -> NDArray[np.generic]:
+        """Return displacements in X and Y, (..., 2, n), of coordinates, (..., 2 N)."""
+        n, last = self.coordinates, 2 * self.stations
+        return np.stack((vectors[..., 0:last:2], vectors[..., n : n + last : 2]), axis=-2)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class WhirlModes:
+    """Modes of the turning rotor, by rising frequency.
+
+    Parameters
+    ----------
+    speed : float
+        rad/s.
+    frequencies : ndarray of float64, shape (n_modes,)
+        Damped, rad/s: above 0 where the mode goes round with the shaft (forward), below 0 where against it (reverse).
+    growth_rates : ndarray of float64, shape (n_modes,)
+        1/s; below 0 where the mode decays.
+    shapes : ndarray of complex128, shape (n_modes, 2, n_stations)
+        Displacement in X and Y, the largest semi-axis 1: x(t) = Re[X exp(i |frequency| t)].
+    forward : ndarray of float64, shape (n_modes, n_stations)
+        Forward less reverse amplitude over both, at each station: 1 a forward circle, 0 a line, -1 a reverse circle.
+    vectors : ndarray of complex128, shape (n_modes, size)
+        The eigenvectors in coordinates in which modes are told apart, of unit length.
+    """
+
+    speed: float
+    frequencies: FloatArray
+    growth_rates: FloatArray
+    shapes: ComplexArray
+    forward: FloatArray
+    vectors: ComplexArray
+
+
+def linear_system(rotor: Rotor, supports: Sequence[Support]) -> LinearSystem:
+    """Return the matrices of a rotor on supports; ValueError where one is at no station."""
+    n_dofs = 2 * rotor.stations
+    rings = [support for support in supports if support.outer is not None]
+    n = n_dofs + len(rings)
+    mass, gyroscopic, shaft = np.zeros((n, n)), np.zeros((n, n)), np.zeros((n, n))
+    mass[:n_dofs, :n_dofs] = rotor.mass_matrix()
+    gyroscopic[:n_dofs, :n_dofs] = rotor.gyroscopic_matrix()
+    shaft[:n_dofs, :n_dofs] = rotor.stiffness_matrix()
+    for number, ring in enumerate(rings):
+        mass[n_dofs + number, n_dofs + number] = ring.ring_mass
+    zero = np.zeros((n, n))
+    stiffness = np.block([[shaft, zero], [zero, shaft]])
+    damping = np.zeros((2 * n, 2 * n))
+    for support in supports:
+        if not 1 <= support.station <= rotor.stations:
+            raise ValueError(f"support: station {support.station}, expected 1 to {rotor.stations}")
+        between = np.zeros(n)
+        between[rotor.displacement(support.station)] = 1
+        if support.outer is not None:
+            ring_place = np.eye(n)[n_dofs + rings.index(support)]
+            between -= ring_place
+            stiffness += np.kron(support.outer.stiffness, np.outer(ring_place, ring_place))
+            damping += np.kron(support.outer.damping, np.outer(ring_place, ring_place))
+        stiffness += np.kron(support.inner.stiffness, np.outer(between, between))
+        damping += np.kron(support.inner.damping, np.outer(between, between))
+    return LinearSystem(
+        stations=rotor.stations,
+        coordinates=n,
+        mass=np.block([[mass, zero], [zero, mass]]),
+        damping=damping,
+        gyroscopic=np.block([[zero, gyroscopic], [-gyroscopic, zero]]),
+        stiffness=stiffness,
+        is_plain=all(support.is_plain for support in supports),
+    )
+
+
+def whirl_modes(system: LinearSystem, speeds: Sequence[float] | FloatArray) -> list[WhirlModes]:
+    """Return the modes at each speed, rad/s; what is damped too much to swing is left out."""
+    wanted = np.asarray(speeds, np.float64)
+    if wanted.ndim != 1 or not np.isfinite(wanted).all():
+        raise ValueError(f"speeds: {wanted}, rad/s, expected a list of finite values")
+    if system.is_plain:
+        return _plain_modes(system, wanted)
+    return [_general_modes(system, float(speed)) for speed in wanted]
+
+
+def plain_states(system: LinearSystem, speeds: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the modes of a rotor on undamped supports that are the same in all directions.
+
+    Parameters
+    ----------
+    system : LinearSystem
+        With ``is_plain``.
+    speeds : ndarray of float64, shape (n,)
+        rad/s.
+
+    Returns
+    -------
+    frequencies : ndarray of float64, shape (n, 2 N)
+        By size, rad/s, below 0 for reverse ones; of equal sizes the reverse one first, as just above rest.
+    states : ndarray of float64, shape (n, 2 N, 2 N)
+        In rows, orthonormal.
+    to_place : ndarray of float64, shape (2 N, N)
+        States times it are displacements and slopes, times the frequency.
+    """
+    M, J, K = system.plane
+    n = system.coordinates
+    stiffnesses = np.diag(K)
+    # slopes and displacements on one scale: otherwise rounding takes five digits of the lowest modes
+    scale = np.sqrt(np.where(stiffnesses > 0, stiffnesses, 1.0))
+    squares, vectors = np.linalg.eigh(K / np.outer(scale, scale))
+    squares[squares < n * np.finfo(np.float64).eps * squares.max()] = 0  # what eigh leaves where the rotor is free
+    root = scale[:, None] * vectors * np.sqrt(squares)  # K = root root^T
+    to_unit = np.linalg.inv(np.linalg.cholesky(M))
+    # (K + w Omega J - w² M) Z = 0 with a = root^T Z, b = w L^T Z, M = L L^T, is one symmetric eigenproblem:
+    whole = np.zeros((speeds.size, 2 * n, 2 * n))
+    whole[:, :n, n:] = root.T @ to_unit.T
+    whole[:, n:, :n] = to_unit @ root
+    whole[:, n:, n:] = speeds[:, None, None] * (to_unit @ J @ to_unit.T)
+    frequencies, columns = np.linalg.eigh(whole)
+    sizes = np.abs(frequencies)
+    frequencies[sizes <= ROUNDING * sizes.max(axis=1, keepdims=True)] = 0.0  # the free rotor's
+    states = np.array(np.swapaxes(columns, 1, 2))
+    slope = np.zeros((2 * n, 2 * n))  # of the matrix over speed
+    slope[n:, n:] = to_unit @ J @ to_unit.T
+    for signed, rows in zip(frequencies, states, strict=True):
+        _separate_equal(signed, rows, slope)
+        order = _by_size(signed, np.abs(signed), np.sign(signed))
+        signed[:], rows[:] = signed[order], rows[order]
+    return frequencies, states, np.concatenate((np.zeros((n, n)), to_unit))
+
+
+def _groups(values: FloatArray | ComplexArray) -> list[IntArray]:
+    """Return the indexes of neighbouring values that are equal but for rounding, (k,) each, k = 1 where none is."""
+    sizes = np.abs(values)
+    apart = np.abs(np.diff(values)) > EQUAL * sizes[1:] + ROUNDING * sizes.max(initial=0.0)
+    return np.split(np.arange(values.size), np.flatnonzero(apart) + 1)
+
+
+def _by_size(values: FloatArray, sizes: FloatArray, sense: FloatArray) -> IntArray:
+    """Return the order of rising size in which equal sizes go by sense, reverse first, then by value."""
+    order = np.argsort(sizes, kind="stable")
+    rank = np.empty(sizes.size, np.intp)
+    for number, group in enumerate(_groups(sizes[order])):
+        rank[order[group]] = number
+    return np.lexsort((values, sense, rank))
+
+
+def _separate_equal(
+    values: FloatArray | ComplexArray, rows: FloatArray | ComplexArray, form: FloatArray | ComplexArray
+) -> None:
+    """Turn orthonormal vectors of equal values, in place, to where a Hermitian form has its extremes, rising.
+
+    Any combination of them is an eigenvector too, and which ones LAPACK gives depends on the processor.
+    """
+    for group in _groups(values):
+        if group.size > 1:
+            basis = rows[group]
+            rows[group] = np.linalg.eigh(basis.conj() @ form @ basis.T)[1].T @ basis
+
+
+def _plain_modes(system: LinearSystem, speeds: FloatArray) -> list[WhirlModes]:
+    found = []
+    frequencies, states, to_place = plain_states(system, speeds)
+    for speed, signed, rows in zip(speeds, frequencies, states, strict=True):
+        place = rows @ to_place
+        sense = np.where(signed < 0, -1.0, 1.0)
+        whole_place = np.concatenate((place, -1j * sense[:, None] * place), axis=1)
+        found.append(_modes(system, float(speed), signed, np.zeros(signed.size), whole_place, rows + 0j))
+    return found
+
+
+def _general_modes(system: LinearSystem, speed: float) -> WhirlModes:
+    size = 2 * system.coordinates
+    to_unit = np.linalg.inv(np.linalg.cholesky(system.mass))
+    K = to_unit @ system.stiffness @ to_unit.T
+    C = to_unit @ (system.damping + speed * system.gyroscopic) @ to_unit.T
+    state = np.block([[np.zeros((size, size)), np.eye(size)], [-K, -C]])
+    values, vectors = np.linalg.eig(state)
+    swinging = values.imag > OVERDAMPED * np.maximum(np.abs(values), 1e-300)
+    values, unit = values[swinging], vectors[:size, swinging].T
+    order = _by_size(values.real, values.imag, np.zeros(values.size))
+    values, unit = values[order], unit[order] / np.linalg.norm(unit[order], axis=1, keepdims=True)
+    for group in _groups(values):
+        if group.size > 1:
+            unit[group] = np.linalg.qr(unit[group].T)[0].T
+    _separate_equal(values, unit, _forward_power(system, to_unit))
+    place = unit @ to_unit
+    signed = np.where(forward_share(np.asarray(system.displacements(place))) < -EQUAL, -values.imag, values.imag)
+    order = _by_size(values.real, values.imag, np.sign(signed))
+    return _modes(system, speed, signed[order], values.real[order], place[order], unit[order])
+
+
+def forward_share(displacements: NDArray[np.generic]) -> FloatArray:
+    """Return by how much forward motion outweighs reverse, of (..., 2, n) the (...): -1 to 1, about 0 for lines."""
+    x, y = np.asarray(displacements[..., 0, :], np.complex128), np.asarray(displacements[..., 1, :], np.complex128)
+    with_shaft, against = (np.abs(x + 1j * y) ** 2).sum(axis=-1), (np.abs(x - 1j * y) ** 2).sum(axis=-1)
+    total = with_shaft + against
+    return np.asarray((with_shaft - against) / np.where(total > 0, total, 1.0), np.float64)
+
+
+def _forward_power(system: LinearSystem, to_place: FloatArray) -> ComplexArray:
+    """Return the Hermitian form, (2 N, 2 N), of the forward less the reverse power of vectors times ``to_place``."""
+    x, y = np.moveaxis(np.asarray(system.displacements(to_place)), -2, 0)
+    return np.asarray(0.5j * (x @ y.T - y @ x.T), np.complex128)
+
+
+def _modes(
+    system: LinearSystem,
+    speed: float,
+    frequencies: FloatArray,
+    growth_rates: FloatArray,
+    place: ComplexArray,
+    vectors: ComplexArray,
+) -> WhirlModes:
+    shapes = np.asarray(system.displacements(place), np.complex128)
+    x, y = shapes[:, 0], shapes[:, 1]
+    # x(t) + i y(t) = (X + i Y)/2 exp(i w t) + (conj X + i conj Y)/2 exp(-i w t)
+    with_shaft, against = np.abs(x + 1j * y) / 2, np.abs(x - 1j * y) / 2
+    largest = (with_shaft + against).max(axis=1)
+    return WhirlModes(
+        speed=speed,
+        frequencies=frequencies,
+        growth_rates=growth_rates,
+        shapes=shapes / np.where(largest > 0, largest, 1.0)[:, None, None],
+        forward=(with_shaft - against) / np.where(with_shaft + against > 0, with_shaft + against, 1.0),
+        vectors=vectors,
+    )

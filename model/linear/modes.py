@@ -1,0 +1,138 @@
+"""Natural frequencies, mode shapes and critical speeds of the rotor, free or on springs (thesis, chapter 5)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import eigh
+
+from model.rotor.rotor import Rotor, require_positive
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FreeModes:
+    """Modes of the unsupported rotor at rest, ``shapes.T @ M @ shapes = 1``.
+
+    Parameters
+    ----------
+    frequencies : ndarray of float64, shape (n_modes,)
+        Rising, rad/s; the first two, of the rigid rotor, are 0.
+    shapes : ndarray of float64, shape (n_dofs, n_modes)
+        Displacements, kg^-1/2, and slopes, kg^-1/2 / m, of the stations.
+    """
+
+    frequencies: FloatArray
+    shapes: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class CriticalSpeeds:
+    """Speeds at which imbalance meets a natural frequency, rad/s, rising.
+
+    Parameters
+    ----------
+    forward, reverse : tuple of float
+        Of modes that go round with the shaft and against it.
+    """
+
+    forward: tuple[float, ...]
+    reverse: tuple[float, ...]
+
+
+def free_modes(rotor: Rotor, count: int | None = None) -> FreeModes:
+    """Return the lowest modes of the free rotor.
+
+    Parameters
+    ----------
+    rotor : Rotor
+        Of n stations.
+    count : int, optional
+        Number of modes, 2 to 2 n; all where it is not given.
+
+    Returns
+    -------
+    FreeModes
+        Two rigid ones, then bending.
+    """
+    n_dofs = 2 * rotor.stations
+    count = n_dofs if count is None else count
+    if not 2 <= count <= n_dofs:
+        raise ValueError(f"count: {count} modes, expected 2 to {n_dofs}")
+    squares, shapes = eigh(rotor.stiffness_matrix(), rotor.mass_matrix())
+    squares[:2] = 0.0  # the free rotor has two rigid modes; what eigh leaves there is rounding
+    shapes[:, :2] = _rigid_shapes(rotor)
+    return FreeModes(np.sqrt(squares[:count]), shapes[:, :count])
+
+
+def _rigid_shapes(rotor: Rotor) -> FloatArray:
+    mass, translation, rotation = rotor.mass_matrix(), rotor.translation, np.ones(2 * rotor.stations)
+    rotation[0::2] = rotor.positions
+    centre = (translation @ mass @ rotation) / (translation @ mass @ translation)
+    shapes = np.column_stack((translation, rotation - centre * translation))
+    return np.asarray(shapes / np.sqrt(np.diag(shapes.T @ mass @ shapes)), dtype=np.float64)
+
+
+def supported_stiffness(rotor: Rotor, bearing_stiffness: float) -> FloatArray:
+    """Return K, (n_dofs, n_dofs), with a spring of ``bearing_stiffness``, N/m, at each journal."""
+    require_positive("bearing_stiffness", bearing_stiffness, "N/m")
+    stiffness = rotor.stiffness_matrix()
+    for journal in rotor.journals:
+        stiffness[journal, journal] += bearing_stiffness
+    return stiffness
+
+
+def natural_frequencies(rotor: Rotor, bearing_stiffness: float, speed: float) -> FloatArray:
+    """Return all natural frequencies of the turning rotor on springs.
+
+    Parameters
+    ----------
+    rotor : Rotor
+        Of n stations.
+    bearing_stiffness : float
+        Of each bearing, N/m.
+    speed : float
+        Of the shaft, rad/s.
+
+    Returns
+    -------
+    ndarray of float64, shape (4 n,)
+        Rising, rad/s: below 0 reverse precession, above 0 forward.
+    """
+    K = supported_stiffness(rotor, bearing_stiffness)
+    M, J = rotor.mass_matrix(), rotor.gyroscopic_matrix()
+    zero = np.zeros_like(K)
+    # Eq. (5.18) with lambda = i omega, (K + omega Omega J - omega^2 M) Z = 0, made symmetric:
+    left = np.block([[zero, K], [K, speed * J]])
+    right = np.block([[K, zero], [zero, M]])
+    return np.asarray(eigh(left, right, eigvals_only=True), dtype=np.float64)
+
+
+def critical_speeds(rotor: Rotor, bearing_stiffness: float, highest: float) -> CriticalSpeeds:
+    """Return the critical speeds of the rotor on springs, without a search through speeds.
+
+    Parameters
+    ----------
+    rotor : Rotor
+        The rotor.
+    bearing_stiffness : float
+        Of each bearing, N/m.
+    highest : float
+        Speed up to which they are given, rad/s.
+
+    Returns
+    -------
+    CriticalSpeeds
+        Where the frequency of a mode equals the speed (forward) or minus the speed (reverse).
+    """
+    K = supported_stiffness(rotor, bearing_stiffness)
+    M, J = rotor.mass_matrix(), rotor.gyroscopic_matrix()
+
+    def below_highest(inertia: FloatArray) -> tuple[float, ...]:
+        inverse_squares = np.asarray(eigh(inertia, K, eigvals_only=True), dtype=np.float64)
+        speeds = 1 / np.sqrt(inverse_squares[inverse_squares > 0])
+        return tuple(float(speed) for speed in np.sort(speeds) if speed <= highest)
+
+    # det(K - Omega^2 (M - J)) = 0 and det(K - Omega^2 (M + J)) = 0
+    return CriticalSpeeds(forward=below_highest(M - J), reverse=below_highest(M + J))

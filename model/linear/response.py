@@ -1,0 +1,98 @@
+"""Forced motion of a rotor on linear supports: imbalance at any stations, weight and loads at rest."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.linear.linear_system import LinearSystem
+from model.rotor.parameters import Imbalance
+from model.rotor.supports import StaticLoad
+
+FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+
+def imbalance_response(
+    system: LinearSystem, imbalances: Sequence[Imbalance], speeds: Sequence[float] | FloatArray
+) -> ComplexArray:
+    """Return the linear motion under imbalance.
+
+    Parameters
+    ----------
+    system : LinearSystem
+        Rotor on supports.
+    imbalances : sequence of Imbalance
+        What shakes it.
+    speeds : sequence of float
+        rad/s.
+
+    Returns
+    -------
+    ndarray of complex128, shape (n_speeds, 2, n_stations)
+        1X in X and Y at every station, m peak, x(t) = Re[X exp(i theta)].
+
+    Raises
+    ------
+    ValueError
+        Where an imbalance is at no station, or a speed is an undamped critical one.
+    """
+    n = system.coordinates
+    shaken = np.zeros(2 * n, np.complex128)
+    for one in imbalances:
+        heavy_spot = one.magnitude * np.exp(1j * one.phase)
+        place = _place(system, one.station, "imbalance")
+        shaken[place] += heavy_spot
+        shaken[n + place] += -1j * heavy_spot  # a quarter turn later
+    speeds = np.asarray(speeds, np.float64)
+    squares = speeds[:, None, None] ** 2
+    # U = q exp(i Omega t): (K - Omega² M + i Omega (C + Omega G)) q = Omega² u
+    dynamic = system.stiffness - squares * (system.mass - 1j * system.gyroscopic)
+    dynamic = dynamic + 1j * speeds[:, None, None] * system.damping
+    try:
+        vectors = np.linalg.solve(dynamic, (squares[:, 0] * shaken)[..., None])[..., 0]
+    except np.linalg.LinAlgError as error:
+        raise ValueError("speeds: one is a critical speed without damping, expected others, rad/s") from error
+    return np.asarray(system.displacements(vectors), np.complex128)
+
+
+def static_deflection(system: LinearSystem, loads: Sequence[StaticLoad] = (), gravity: float = 0.0) -> FloatArray:
+    """Return how the resting rotor, and the rings, sag.
+
+    Parameters
+    ----------
+    system : LinearSystem
+        Rotor on supports.
+    loads : sequence of StaticLoad
+        Forces at stations.
+    gravity : float
+        Towards -Y, m/s².
+
+    Returns
+    -------
+    ndarray of float64, shape (2, n_stations)
+        Displacement in X and Y, m.
+
+    Raises
+    ------
+    ValueError
+        Where a load is at no station or nothing holds the rotor.
+    """
+    n = system.coordinates
+    force = np.zeros(2 * n)
+    downwards = np.ones(n)
+    downwards[1 : 2 * system.stations : 2] = 0  # slopes
+    force[n:] -= gravity * (system.plane[0] @ downwards)
+    for load in loads:
+        place = _place(system, load.station, "load")
+        force[place] += load.x
+        force[n + place] += load.y
+    if not system.is_held:
+        raise ValueError("supports: they leave the rotor free to move, expected a stiffness that holds it")
+    return np.asarray(system.displacements(np.linalg.solve(system.stiffness, force)), np.float64)
+
+
+def _place(system: LinearSystem, station: int, name: str) -> int:
+    if not 1 <= station <= system.stations:
+        raise ValueError(f"{name}: station {station}, expected 1 to {system.stations}")
+    return 2 * (station - 1)

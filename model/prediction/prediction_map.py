@@ -1,0 +1,292 @@
+"""What the model says over speed: computed once, then looked up in microseconds."""
+
+import hashlib
+import json
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.signals.header import AnalysisSettings
+from analysis.signals.orbit import ProbePair
+from analysis.spectra.order_spectrum import order_spectrum, order_vectors
+from analysis.whirl.components import find_whirl, noise_floor
+from model.dynamics.motion import STEPS_PER_TURN, ShaftMotion
+from model.dynamics.stability import SynchronousOrbit, synchronous_orbit
+from model.errors import ModelError
+from model.prediction.prediction import Prediction
+from model.rotor.parameters import ModelParameters
+from model.rotor.rotor import require_rising
+
+FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+MODEL_VERSION = 4  # to be raised with every change of the model's results
+NUMERICAL_FLOOR = 5e-9  # m peak: what rounding and the end of settling leave between the lines
+FIRST_TURNS = 200  # to settle at the lowest speed
+PORTION = 32  # turns between two looks at whether the motion has settled
+SHORTEST_STABLE, SHORTEST_UNSTABLE, LONGEST = 2, 6, 24  # portions at a speed
+CHANGE = 0.01  # of peak-to-peak from portion to portion, below which it has
+NUDGE = 0.1  # of the inner clearance: how far an unstable motion is disturbed
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PredictionMap:
+    """Predictions at rising speeds, and between them.
+
+    Parameters
+    ----------
+    speeds : ndarray of float64, shape (n,)
+        Rising, rad/s.
+    orders : ndarray of float64, shape (n_orders,)
+        Order axis, from 0.
+    spectrum : ndarray of float64, shape (n, 2, n_orders)
+        Order spectra at the probes, m peak.
+    vectors : ndarray of complex128, shape (n, 2, 2)
+        kX vectors by order and probe, m peak.
+    whirl_order, whirl_amplitude : ndarray of float64, shape (n,)
+        Strongest sub-synchronous component: order, NaN where there is none, and half major axis, m peak.
+    peak_to_peak : ndarray of float64, shape (n, 2)
+        At the probes, m.
+    orbit : ndarray of float64, shape (n, 2, n_points)
+        Motion in X and Y over a few whole revolutions from theta = 0, mean removed, m.
+    growth_rate : ndarray of float64, shape (n,)
+        Of the synchronous motion's least stable whirl, 1/s.
+    states : ndarray of complex128, shape (n, 3, n_modes + 2)
+        Where the motion is at theta = 0, to go on from (`model.dynamics.motion.ShaftMotion.state`).
+    """
+
+    speeds: FloatArray
+    orders: FloatArray
+    spectrum: FloatArray
+    vectors: ComplexArray
+    whirl_order: FloatArray
+    whirl_amplitude: FloatArray
+    peak_to_peak: FloatArray
+    orbit: FloatArray
+    growth_rate: FloatArray
+    states: ComplexArray
+
+    def __post_init__(self) -> None:
+        n, n_orders = self.speeds.size, self.orders.size
+        shapes: dict[str, tuple[int, ...]] = {
+            "speeds": (n,),
+            "orders": (n_orders,),
+            "spectrum": (n, 2, n_orders),
+            "vectors": (n, 2, 2),
+            "whirl_order": (n,),
+            "whirl_amplitude": (n,),
+            "peak_to_peak": (n, 2),
+            "orbit": (n, 2, self.orbit.shape[-1]),
+            "growth_rate": (n,),
+            "states": (n, 3, self.states.shape[-1]),
+        }
+        for name, shape in shapes.items():
+            array = getattr(self, name)
+            if array.shape != shape or array.dtype != (np.complex128 if name in {"vectors", "states"} else np.float64):
+                raise ValueError(f"{name}: {array.dtype} of shape {array.shape}, expected shape {shape}")
+        require_rising(self.speeds)
+
+    def at(self, speed: float) -> Prediction:
+        """Return the prediction at a speed.
+
+        Parameters
+        ----------
+        speed : float
+            rad/s, within the map.
+
+        Returns
+        -------
+        Prediction
+            Spectrum, vectors and peak-to-peak interpolated linearly; the orbit is that of the nearest speed.
+
+        Raises
+        ------
+        ValueError
+            Outside the map.
+        """
+        lowest, highest = float(self.speeds[0]), float(self.speeds[-1])
+        if not lowest <= speed <= highest:
+            raise ValueError(f"speed: {speed:g} rad/s, expected {lowest:g} to {highest:g} rad/s, the map's range")
+        above = max(int(np.searchsorted(self.speeds, speed)), 1)
+        below = above - 1
+        part = (speed - self.speeds[below]) / (self.speeds[above] - self.speeds[below])
+        nearest = above if part > 0.5 else below
+
+        def between(array: NDArray[np.generic]) -> NDArray[np.generic]:
+            return np.asarray((1 - part) * array[below] + part * array[above])
+
+        same_whirl = abs(self.whirl_order[above] - self.whirl_order[below]) < 0.1  # false where one is NaN
+        return Prediction(
+            speed=float(speed),
+            orders=self.orders,
+            spectrum=np.asarray(between(self.spectrum), np.float64),
+            vectors=np.asarray(between(self.vectors), np.complex128),
+            whirl_order=float(between(self.whirl_order) if same_whirl else self.whirl_order[nearest]),
+            whirl_amplitude=float(between(self.whirl_amplitude) if same_whirl else self.whirl_amplitude[nearest]),
+            peak_to_peak=np.asarray(between(self.peak_to_peak), np.float64),
+            orbit=self.orbit[nearest],
+            growth_rate=float(between(self.growth_rate)),
+        )
+
+    def to_arrays(self) -> dict[str, NDArray[np.generic]]:
+        """Return the map as plain arrays by name, for keeping."""
+        return {field.name: getattr(self, field.name) for field in fields(self)}
+
+    @classmethod
+    def from_arrays(cls, arrays: Mapping[str, NDArray[np.generic]]) -> "PredictionMap":
+        """Return the map that `to_arrays` took apart; ValueError where something is missing or does not fit."""
+        names = [field.name for field in fields(cls)]
+        missing = [name for name in names if name not in arrays]
+        if missing:
+            raise ValueError(f"prediction map: {', '.join(missing)} missing, expected {', '.join(names)}")
+        return cls(**{name: np.asarray(arrays[name]) for name in names})
+
+
+def default_speeds(highest: float) -> FloatArray:
+    """Return the speeds of a map up to ``highest``, rad/s: from 500 r/min in steps of about 250 r/min."""
+    rpm = 2 * math.pi / 60
+    lowest = 500 * rpm
+    if not (math.isfinite(highest) and highest > lowest):
+        raise ValueError(f"highest: {highest:g} rad/s, expected more than {lowest:g} rad/s")
+    steps = max(1, math.ceil((highest - lowest) / (250 * rpm) - 1e-9))
+    return np.linspace(lowest, highest, steps + 1)
+
+
+def model_key(parameters: ModelParameters, speeds: FloatArray, settings: AnalysisSettings) -> str:
+    """Return a hash, hexadecimal, of all that a map depends on and of the model's version."""
+    inputs = {
+        "version": MODEL_VERSION,
+        "parameters": asdict(parameters),
+        "settings": {name: value for name, value in asdict(settings).items() if name != "runout"},
+        "speeds": [float(speed) for speed in speeds],
+    }
+    return hashlib.sha256(json.dumps(inputs, sort_keys=True).encode()).hexdigest()
+
+
+def compute_prediction_map(
+    parameters: ModelParameters,
+    speeds: FloatArray,
+    settings: AnalysisSettings,
+    on_progress: Callable[[int, int], None],
+) -> PredictionMap:
+    """Compute the map: a settled motion at each speed, begun from that at the one before.
+
+    A shaft that did not whirl at the speed before starts on the synchronous orbit. Where that is unstable it is nudged
+    the way in which it lets go: on the bench disturbances do that, and rounding alone takes thousands of turns.
+
+    Parameters
+    ----------
+    parameters : ModelParameters
+        The rotor.
+    speeds : ndarray of float64, shape (n,)
+        Rising, above 0, at least two, rad/s.
+    settings : AnalysisSettings
+        The measurement's: the predicted spectra have its order axis and window.
+    on_progress : callable
+        Told the number of speeds done and of all after each.
+
+    Returns
+    -------
+    PredictionMap
+        As a slow run-up would show it.
+
+    Raises
+    ------
+    ValueError
+        Where the speeds are not rising.
+    WallContactError
+        Where the motion reaches a wall.
+    """
+    speeds = np.asarray(speeds, np.float64)
+    require_rising(speeds)
+    motion = ShaftMotion(parameters, float(speeds[0]), FIRST_TURNS)
+    nudge = NUDGE * parameters.floating_ring.inner_clearance
+    synchronous: SynchronousOrbit | None = None
+    is_whirling = False
+    predictions, states = [], []
+    for done, speed in enumerate(speeds, 1):
+        try:
+            synchronous = synchronous_orbit(parameters, float(speed), synchronous)
+        except ModelError:  # far beyond the limit of stability there may be none within the clearances
+            synchronous = None
+        growth_rate = math.nan if synchronous is None else synchronous.growth_rate
+        motion.change_speed(float(speed))
+        if synchronous is not None and not is_whirling:
+            motion.stand(synchronous.standing + (nudge if growth_rate > 0 else 0.0) * synchronous.disturbance)
+        is_whirling = _settle(motion, SHORTEST_UNSTABLE if growth_rate > 0 else SHORTEST_STABLE, nudge)
+        predictions.append(look_at(motion, parameters, settings, growth_rate))
+        states.append(motion.state)
+        on_progress(done, speeds.size)
+    return PredictionMap(
+        speeds=speeds,
+        orders=predictions[0].orders,
+        spectrum=np.stack([one.spectrum for one in predictions]),
+        vectors=np.stack([one.vectors for one in predictions]),
+        whirl_order=np.array([one.whirl_order for one in predictions]),
+        whirl_amplitude=np.array([one.whirl_amplitude for one in predictions]),
+        peak_to_peak=np.stack([one.peak_to_peak for one in predictions]),
+        orbit=np.stack([one.orbit for one in predictions]),
+        growth_rate=np.array([one.growth_rate for one in predictions]),
+        states=np.stack(states),
+    )
+
+
+def _settle(motion: ShaftMotion, shortest: int, nudge: float) -> bool:
+    """Wait until the motion's size changes no more; return whether it whirls besides going round with the shaft."""
+    last = 0.0
+    for portion in range(1, LONGEST + 1):
+        path = motion.turns(PORTION)
+        size = float(np.ptp(path, axis=1).max())
+        if portion >= shortest and abs(size - last) < CHANGE * size:
+            break
+        last = size
+    marks = path[:, ::STEPS_PER_TURN]
+    return float(np.ptp(marks, axis=1).max()) > nudge
+
+
+def look_at(
+    motion: ShaftMotion, parameters: ModelParameters, settings: AnalysisSettings, growth_rate: float
+) -> Prediction:
+    """Return what the next turns show, reduced as the analysis reduces measured ones.
+
+    Parameters
+    ----------
+    motion : ShaftMotion
+        Settled, at theta = 0; it goes on by whole turns.
+    parameters, settings : ModelParameters, AnalysisSettings
+        The rotor's and the measurement's.
+    growth_rate : float
+        To be passed on, 1/s.
+
+    Returns
+    -------
+    Prediction
+        At the motion's speed.
+    """
+    pair = ProbePair(*parameters.probe_angles)
+    revolutions = settings.revolutions
+    points = settings.points_per_revolution * math.ceil(STEPS_PER_TURN / settings.points_per_revolution)
+    stride = points // settings.points_per_revolution
+    path = motion.turns(revolutions, points)
+    path -= path.mean(axis=1, keepdims=True)
+    waveform = pair.to_probes(path)
+    orders, spectrum = order_spectrum(waveform[:, ::stride], revolutions)
+    wanted = int(np.searchsorted(orders, settings.highest_order, side="right"))
+    orders, spectrum = orders[:wanted], spectrum[:, :wanted]
+    whirl = find_whirl(spectrum, revolutions, max(NUMERICAL_FLOOR, noise_floor(spectrum, revolutions)), pair)
+    orbit = path[:, -min(settings.orbit_revolutions, revolutions) * points :: stride]
+    return Prediction(
+        speed=motion.speed,
+        orders=orders,
+        spectrum=np.abs(spectrum),
+        vectors=order_vectors(spectrum, revolutions, 2),
+        whirl_order=math.nan if whirl is None else whirl.order,
+        whirl_amplitude=0.0 if whirl is None else whirl.amplitude,
+        peak_to_peak=np.ptp(waveform, axis=1),
+        orbit=np.ascontiguousarray(orbit - orbit.mean(axis=1, keepdims=True)),
+        growth_rate=growth_rate,
+        is_exact=True,
+    )

@@ -1,0 +1,195 @@
+"""Everything the model is told: rotor, bearings, imbalance, gravity, and where the probes look."""
+
+import math
+from dataclasses import dataclass
+
+from model.rotor.rotor import Rotor, require_positive
+from model.rotor.rub import Rub
+from model.rotor.supports import StaticLoad, Support
+
+GRAVITY = 9.80665  # m/s²
+
+
+@dataclass(frozen=True, slots=True)
+class FloatingRing:
+    """A floating-ring bearing: an oil film inside and one outside a ring that turns by itself.
+
+    Parameters
+    ----------
+    length : float
+        Length of both films, m.
+    journal_radius : float
+        Radius of the journal, m.
+    inner_clearance, outer_clearance : float
+        Radial clearances journal to ring and ring to housing, m.
+    ring_outer_radius : float
+        Outer radius of the ring, m.
+    ring_mass : float
+        Mass of the ring, kg.
+    viscosity : float
+        Dynamic viscosity of the oil in both films, Pa s.
+    static_load : float
+        Force on each ring towards -Y, N, besides its weight: that of the oil feed.
+
+    Raises
+    ------
+    ValueError
+        Where a size is not positive or the ring has no wall.
+    """
+
+    length: float
+    journal_radius: float
+    inner_clearance: float
+    outer_clearance: float
+    ring_outer_radius: float
+    ring_mass: float
+    viscosity: float
+    static_load: float = 0.0
+
+    def __post_init__(self) -> None:
+        sizes = ("length", "journal_radius", "inner_clearance", "outer_clearance", "ring_outer_radius")
+        units = {**dict.fromkeys(sizes, "m"), "ring_mass": "kg", "viscosity": "Pa s"}
+        for name, unit in units.items():
+            require_positive(name, getattr(self, name), unit)
+        if not math.isfinite(self.static_load):
+            raise ValueError(f"static_load: {self.static_load:g} N, expected a finite value")
+        if self.ring_outer_radius <= self.ring_inner_radius:
+            raise ValueError(
+                f"ring_outer_radius: {self.ring_outer_radius:g} m, expected more than the ring's inner radius "
+                f"{self.ring_inner_radius:g} m (journal radius plus inner clearance)"
+            )
+        for name, clearance in (("inner_clearance", self.inner_clearance), ("outer_clearance", self.outer_clearance)):
+            if clearance > 0.1 * self.journal_radius:
+                raise ValueError(
+                    f"{name}: {clearance:g} m, expected a thin film, at most a tenth of the journal's radius"
+                )
+
+    @property
+    def ring_inner_radius(self) -> float:
+        """Inner radius of the ring, m."""
+        return self.journal_radius + self.inner_clearance
+
+    @property
+    def clearance(self) -> float:
+        """How far the journal's centre can move from the housing's, m."""
+        return self.inner_clearance + self.outer_clearance
+
+    @property
+    def ring_speed_ratio(self) -> float:
+        """Speed of the ring over the shaft's, from the balance of the films' drag at small eccentricity."""
+        drag = self.ring_outer_radius**3 * self.inner_clearance / (self.journal_radius**3 * self.outer_clearance)
+        return 1 / (1 + drag)  # Eq. (3.25)
+
+
+@dataclass(frozen=True, slots=True)
+class Imbalance:
+    """An imbalance.
+
+    Parameters
+    ----------
+    station : int
+        Where it sits, from 1 at the compressor's end.
+    magnitude : float
+        Mass times eccentricity, kg m.
+    phase : float
+        Angle of the heavy spot from the tacho mark in the direction of rotation, rad. At theta = 0 the mark points
+        to +X.
+    """
+
+    station: int
+    magnitude: float
+    phase: float = 0.0
+
+    def require_at_most(self, most: float, why: str) -> None:
+        """Raise ValueError unless it is finite and not larger than ``most``, kg m."""
+        if not (math.isfinite(self.magnitude) and self.magnitude >= 0):
+            raise ValueError(f"imbalance: {self.magnitude:g} kg m, expected a finite value, 0 or more")
+        if not math.isfinite(self.phase):
+            raise ValueError(f"imbalance: phase {self.phase} rad, expected a finite angle")
+        if self.magnitude > most:
+            raise ValueError(
+                f"imbalance: {self.magnitude:g} kg m at station {self.station}, expected at most {most:g} kg m {why}"
+            )
+
+
+@dataclass(frozen=True, slots=True)
+class ModelParameters:
+    """The rotor on its two equal floating-ring bearings as the probes see it.
+
+    Parameters
+    ----------
+    rotor : Rotor
+        The shaft with its wheels.
+    bearing : FloatingRing or None
+        Both bearings; None for a rotor without oil films, which is studied on its linear supports alone.
+    imbalances : tuple of Imbalance
+        What shakes it; may be empty.
+    gravity : float
+        Acceleration towards -Y, m/s²; 0 switches it off.
+    probe_station : int
+        Station that the probes look at, from 1 at the compressor's end.
+    probe_angles : tuple of float, length 2
+        Where the probes x and y sit, rad from +X, positive in the direction of rotation.
+    loads : tuple of StaticLoad
+        What presses on the shaft besides its weight.
+    supports : tuple of Support
+        Linear supports: beside the floating rings in the motion, alone for modes, critical speeds and linear response.
+    rubs : tuple of Rub
+        Walls that the shaft may touch in the motion.
+
+    Raises
+    ------
+    ValueError
+        Where a station does not exist, gravity is negative, a bearing has no journals, or an imbalance is larger than
+        the rotor's mass times the bearing's clearance: a rotor that turns about its centre of mass would not fit into
+        the bearing.
+    """
+
+    rotor: Rotor
+    bearing: FloatingRing | None
+    imbalances: tuple[Imbalance, ...]
+    gravity: float = GRAVITY
+    probe_station: int = 1
+    probe_angles: tuple[float, float] = (0.0, math.pi / 2)
+    loads: tuple[StaticLoad, ...] = ()
+    supports: tuple[Support, ...] = ()
+    rubs: tuple[Rub, ...] = ()
+
+    def __post_init__(self) -> None:
+        last = self.rotor.stations
+        if not 1 <= self.probe_station <= last:
+            raise ValueError(f"probe_station: {self.probe_station}, expected 1 to {last}")
+        if not (math.isfinite(self.gravity) and self.gravity >= 0):
+            raise ValueError(f"gravity: {self.gravity:g} m/s², expected a finite value, 0 or more")
+        for angle in self.probe_angles:
+            if not math.isfinite(angle):
+                raise ValueError(f"probe_angles: {angle} rad, expected finite angles")
+        placed: tuple[tuple[str, tuple[Imbalance | StaticLoad | Support | Rub, ...]], ...] = (
+            ("imbalance", self.imbalances),
+            ("load", self.loads),
+            ("support", self.supports),
+            ("rub", self.rubs),
+        )
+        for name, things in placed:
+            for thing in things:
+                if not 1 <= thing.station <= last:
+                    raise ValueError(f"{name}: station {thing.station}, expected 1 to {last}")
+        most, why = math.inf, ""
+        if self.bearing is not None:
+            most = self.rotor.mass * self.bearing.clearance
+            why = f"(the rotor's mass times the bearing's clearance of {self.bearing.clearance:g} m)"
+            self.rotor.require_journals()
+        for imbalance in self.imbalances:
+            imbalance.require_at_most(most, why)
+
+    @property
+    def floating_ring(self) -> FloatingRing:
+        """The bearings of a rotor on oil films; ValueError where it has none."""
+        if self.bearing is None:
+            raise ValueError("bearing: none, expected a rotor on oil films, with [bearing] in its file")
+        return self.bearing
+
+    @property
+    def is_loaded(self) -> bool:
+        """Whether weight or other loads at rest press the shaft or the rings out of the bearings' centre."""
+        return bool(self.gravity > 0 or self.loads or self.floating_ring.static_load)

@@ -1,0 +1,312 @@
+"""The rotor: discs on shaft segments, in complex coordinates.
+
+With ``z = x + i y`` and the slope ``phi = theta_y - i theta_x`` at each station the two planes become one (thesis, eq.
+(5.12)): ``M z'' - i Omega J z' + K z = F`` with real symmetric matrices, degrees of freedom
+``(z_1, phi_1, z_2, phi_2, ...)``. X points right, Y up, the shaft turns from X to Y.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.rotor.beam import (
+    area,
+    rotation_element,
+    second_moment,
+    shear_coefficient,
+    stiffness_element,
+    translation_element,
+)
+
+FloatArray = NDArray[np.float64]
+
+
+class Beam(StrEnum):
+    """How the segments bend."""
+
+    EULER_BERNOULLI = "euler-bernoulli"
+    TIMOSHENKO = "timoshenko"  # with shear
+
+
+class ShaftMass(StrEnum):
+    """Where the segments' own mass is."""
+
+    NONE = "none"  # in the discs' (5.13)
+    LUMPED = "lumped"  # half at each end, with its rotary inertia
+    CONSISTENT = "consistent"  # along the segment, (4.6) to (4.8)
+
+
+@dataclass(frozen=True, slots=True)
+class Segment:
+    """A round piece of shaft between two neighbouring stations.
+
+    Parameters
+    ----------
+    length : float
+        m.
+    radius : float
+        m.
+    inner_radius : float
+        Of a hollow shaft, m; 0 for a solid one.
+    youngs_modulus : float
+        Pa.
+    density : float
+        kg/m³; may be 0 where the shaft's own mass is not counted.
+    poissons_ratio : float
+        For shear.
+
+    Raises
+    ------
+    ValueError
+        Where a size is not positive, the shaft has no wall, or Poisson's ratio is not between 0 and 0.5.
+    """
+
+    length: float
+    radius: float
+    inner_radius: float = 0.0
+    youngs_modulus: float = 205e9
+    density: float = 0.0
+    poissons_ratio: float = 0.3
+
+    def __post_init__(self) -> None:
+        require_positive("length", self.length, "m")
+        require_positive("radius", self.radius, "m")
+        require_positive("youngs_modulus", self.youngs_modulus, "Pa")
+        if not 0 <= self.inner_radius < self.radius:
+            raise ValueError(f"inner_radius: {self.inner_radius:g} m, expected 0 to less than {self.radius:g} m")
+        if not (math.isfinite(self.density) and self.density >= 0):
+            raise ValueError(f"density: {self.density:g} kg/m³, expected a finite value, 0 or more")
+        if not 0 <= self.poissons_ratio <= 0.5:
+            raise ValueError(f"poissons_ratio: {self.poissons_ratio:g}, expected 0 to 0.5")
+
+    @property
+    def bending_stiffness(self) -> float:
+        """E I, N m²."""
+        return self.youngs_modulus * second_moment(self.radius, self.inner_radius)
+
+    @property
+    def linear_density(self) -> float:
+        """Mass per length, kg/m."""
+        return self.density * area(self.radius, self.inner_radius)
+
+    @property
+    def inertia_density(self) -> float:
+        """Moment of inertia about a diameter per length, kg m; about the axis it is twice that."""
+        return self.density * second_moment(self.radius, self.inner_radius)
+
+    @property
+    def shear(self) -> float:
+        """Bending over shear stiffness, 12 E I / (kappa G A l²)."""
+        shear_modulus = self.youngs_modulus / (2 * (1 + self.poissons_ratio))
+        section = area(self.radius, self.inner_radius)
+        kappa = shear_coefficient(self.poissons_ratio, self.radius, self.inner_radius)
+        return 12 * self.bending_stiffness / (kappa * shear_modulus * section * self.length**2)
+
+
+@dataclass(frozen=True, slots=True)
+class Disc:
+    """A rigid disc at a station.
+
+    Parameters
+    ----------
+    station : int
+        Counted from 1 at the compressor's end.
+    mass : float
+        kg.
+    diametral_inertia, polar_inertia : float
+        Moments of inertia about a diameter and about the axis, kg m².
+
+    Raises
+    ------
+    ValueError
+        Where a size is not positive.
+    """
+
+    station: int
+    mass: float
+    diametral_inertia: float
+    polar_inertia: float
+
+    def __post_init__(self) -> None:
+        require_positive(f"mass of the disc at station {self.station}", self.mass, "kg")
+        require_positive(f"diametral_inertia of the disc at station {self.station}", self.diametral_inertia, "kg m²")
+        require_positive(f"polar_inertia of the disc at station {self.station}", self.polar_inertia, "kg m²")
+
+
+@dataclass(frozen=True, slots=True)
+class Rotor:
+    """A rotor of ``n`` stations joined by ``n - 1`` round shaft segments.
+
+    Parameters
+    ----------
+    segments : tuple of Segment, length n - 1
+        From the compressor's end on.
+    discs : tuple of Disc
+        Any number at any station.
+    bearing_stations : tuple of int, length 2 or 0
+        Stations of the two journals, counted from 1 at the compressor's end, rising; none of a rotor without any.
+    shaft_mass : ShaftMass
+        Where the segments' own mass is.
+    beam : Beam
+        How they bend.
+
+    Raises
+    ------
+    ValueError
+        Where there is no segment, a disc or journal is at no station, the bearing stations are not two different
+        stations in rising order, or a station has no mass.
+    """
+
+    segments: tuple[Segment, ...]
+    discs: tuple[Disc, ...]
+    bearing_stations: tuple[int, ...]
+    shaft_mass: ShaftMass = ShaftMass.NONE
+    beam: Beam = Beam.EULER_BERNOULLI
+
+    def __post_init__(self) -> None:
+        if not self.segments:
+            raise ValueError("segments: none, expected one or more: a rotor has two stations or more")
+        n = self.stations
+        for disc in self.discs:
+            if not 1 <= disc.station <= n:
+                raise ValueError(f"disc: station {disc.station}, expected 1 to {n}")
+        if self.bearing_stations:
+            first, second = self.journal_stations
+            if not 1 <= first < second <= n:
+                raise ValueError(
+                    f"bearing_stations: {self.bearing_stations}, expected two different stations from 1 to {n}, "
+                    "in rising order"
+                )
+        heavy = {disc.station for disc in self.discs}
+        if self.shaft_mass is not ShaftMass.NONE:
+            for number, segment in enumerate(self.segments, 1):
+                if segment.density == 0:
+                    raise ValueError(
+                        f"density: 0 kg/m³ in segment {number}, expected more, for its mass is {self.shaft_mass.value}"
+                    )
+        elif missing := sorted(set(range(1, n + 1)) - heavy):
+            raise ValueError(
+                f"disc: none at station {missing[0]}, expected one at every station where the shaft has no mass"
+            )
+
+    @property
+    def stations(self) -> int:
+        """Number of stations."""
+        return len(self.segments) + 1
+
+    @property
+    def positions(self) -> FloatArray:
+        """Where the stations are along the axis, (n,), m, from the compressor's end."""
+        return np.concatenate(([0.0], np.cumsum([segment.length for segment in self.segments])))
+
+    @property
+    def mass(self) -> float:
+        """Of the whole rotor, kg."""
+        discs = sum(disc.mass for disc in self.discs)
+        if self.shaft_mass is ShaftMass.NONE:
+            return discs
+        return discs + sum(segment.linear_density * segment.length for segment in self.segments)
+
+    @property
+    def journal_stations(self) -> tuple[int, int]:
+        """Stations of the two journals; ValueError where there are none."""
+        self.require_journals()
+        first, second = self.bearing_stations
+        return first, second
+
+    @property
+    def journals(self) -> tuple[int, int]:
+        """Degrees of freedom (counted from 0) that are the journals' displacements."""
+        first, second = self.journal_stations
+        return self.displacement(first), self.displacement(second)
+
+    @property
+    def translation(self) -> FloatArray:
+        """Unit displacement of all stations, (2 n,)."""
+        return np.tile([1.0, 0.0], self.stations)
+
+    def require_journals(self) -> None:
+        """Raise ValueError unless there are two journals."""
+        if len(self.bearing_stations) != 2:
+            count = len(self.bearing_stations) or "none"
+            raise ValueError(f"journal: {count}, expected two stations where bearings or springs can stand")
+
+    def displacement(self, station: int) -> int:
+        """Return the degree of freedom (counted from 0) that is the displacement of a station (counted from 1)."""
+        if not 1 <= station <= self.stations:
+            raise ValueError(f"station: {station}, expected 1 to {self.stations}")
+        return 2 * (station - 1)
+
+    def radius(self, station: int) -> float:
+        """Return the shaft's radius at a station (counted from 1), the larger of its two segments', m."""
+        if not 1 <= station <= self.stations:
+            raise ValueError(f"station: {station}, expected 1 to {self.stations}")
+        return max(segment.radius for segment in self.segments[max(station - 2, 0) : station])
+
+    def mass_matrix(self) -> FloatArray:
+        """Return M, (2 n, 2 n): masses, kg, and diametral inertias, kg m², of discs (5.13) and shaft."""
+        mass = np.zeros((2 * self.stations, 2 * self.stations))
+        for disc in self.discs:
+            place = self.displacement(disc.station)
+            mass[place, place] += disc.mass
+            mass[place + 1, place + 1] += disc.diametral_inertia
+        return mass + self._assembled(self._own_mass)
+
+    def gyroscopic_matrix(self) -> FloatArray:
+        """Return J, (2 n, 2 n): polar inertias, kg m², at the slopes."""
+        gyroscopic = np.zeros((2 * self.stations, 2 * self.stations))
+        for disc in self.discs:
+            slope = self.displacement(disc.station) + 1
+            gyroscopic[slope, slope] += disc.polar_inertia
+        return gyroscopic + self._assembled(self._own_gyroscopic)
+
+    def stiffness_matrix(self) -> FloatArray:
+        """Return K, (2 n, 2 n), of the free shaft: N/m, N and N m."""
+        return self._assembled(
+            lambda segment: stiffness_element(segment.bending_stiffness, segment.length, self._shear(segment))
+        )
+
+    def _assembled(self, element: Callable[[Segment], FloatArray]) -> FloatArray:
+        whole = np.zeros((2 * self.stations, 2 * self.stations))
+        for number, segment in enumerate(self.segments):
+            dofs = slice(2 * number, 2 * number + 4)
+            whole[dofs, dofs] += element(segment)
+        return whole
+
+    def _shear(self, segment: Segment) -> float:
+        return segment.shear if self.beam is Beam.TIMOSHENKO else 0.0
+
+    def _own_mass(self, segment: Segment) -> FloatArray:
+        if self.shaft_mass is ShaftMass.CONSISTENT:
+            shear = self._shear(segment)
+            translation = translation_element(segment.linear_density, segment.length, shear)
+            return translation + rotation_element(segment.inertia_density, segment.length, shear)
+        if self.shaft_mass is ShaftMass.NONE:
+            return np.zeros((4, 4))
+        half = segment.length / 2
+        inertia = half * segment.inertia_density + segment.linear_density * half**3 / 12  # of half a segment
+        return np.diag([half * segment.linear_density, inertia] * 2)
+
+    def _own_gyroscopic(self, segment: Segment) -> FloatArray:
+        polar = 2 * segment.inertia_density
+        if self.shaft_mass is ShaftMass.CONSISTENT:
+            return rotation_element(polar, segment.length, self._shear(segment))
+        if self.shaft_mass is ShaftMass.NONE:
+            return np.zeros((4, 4))
+        return np.diag([0.0, polar * segment.length / 2] * 2)
+
+
+def require_positive(name: str, value: float, unit: str) -> None:
+    """Raise ValueError, naming quantity, value and unit, unless the value is finite and above 0."""
+    if not (math.isfinite(value) and value > 0):
+        raise ValueError(f"{name}: {value:g} {unit}, expected a finite value above 0")
+
+
+def require_rising(speeds: FloatArray) -> None:
+    """Raise ValueError unless the speeds, rad/s, are two or more, above 0, and rise."""
+    if speeds.ndim != 1 or speeds.size < 2 or not (speeds[0] > 0 and np.all(np.diff(speeds) > 0)):
+        raise ValueError(f"speeds: {speeds}, rad/s, expected two or more, rising, above 0")

@@ -1,0 +1,268 @@
+"""A rotor from a document: what a rotor.toml says, checked, in SI units. `docs/model.md` describes the format."""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from typing import TypeVar
+
+from model.rotor.parameters import GRAVITY, FloatingRing, Imbalance, ModelParameters
+from model.rotor.rotor import Beam, Disc, Rotor, Segment, ShaftMass
+from model.rotor.rub import Rub
+from model.rotor.supports import Coefficients, StaticLoad, Support
+from model.rotor.tables import DocumentError, Table
+
+T = TypeVar("T")
+
+NEAREST = 1e-5  # m, of two stations
+
+
+@dataclass(frozen=True, slots=True)
+class _Material:
+    youngs_modulus: float
+    density: float
+    poissons_ratio: float
+
+
+def rotor_from(document: Mapping[str, object]) -> ModelParameters:
+    """Return the model's parameters from a rotor's document.
+
+    Parameters
+    ----------
+    document : mapping
+        As `tomllib` reads a rotor.toml: tables, lists, numbers and texts.
+
+    Returns
+    -------
+    ModelParameters
+        Rotor, floating rings, linear supports, walls, imbalances, loads and the station of the probes.
+
+    Raises
+    ------
+    DocumentError
+        A ValueError with every fault: unknown keys (the nearest is named) and units, missing quantities, sizes that
+        are not above 0, stations out of order, supports, walls, discs or imbalances at no station, an imbalance
+        beyond the clearance.
+    """
+    faults: list[str] = []
+    whole = Table(document, "", faults)
+    whole.text("name", "")
+    gravity = whole.number("gravity", "acceleration", GRAVITY, "not negative")
+    rotor = _rotor(whole, faults)
+    bearing = _bearing(whole, faults)
+    last = rotor.stations if rotor is not None else 0
+    imbalances = [_imbalance(table, last) for table in whole.tables("imbalance")]
+    loads = [_load(table, last, faults) for table in whole.tables("load")]
+    supports = [_support(table, last, faults) for table in whole.tables("support")]
+    rubs = [_rub(table, rotor, last, faults) for table in whole.tables("rub")]
+    probe_station, probe_angles = 1, (0.0, math.pi / 2)
+    probes = whole.table("probes", required=False)
+    if probes is not None:
+        probe_station = probes.integer("station", 1)
+        probe_angles = probes.numbers("angles", "angle", probe_angles)
+        probes.finish()
+    whole.finish()
+    if faults or rotor is None:
+        raise DocumentError(faults)
+    try:
+        return ModelParameters(
+            rotor=rotor,
+            bearing=bearing,
+            imbalances=tuple(imbalances),
+            gravity=gravity,
+            probe_station=probe_station,
+            probe_angles=probe_angles,
+            loads=tuple(one for one in loads if one is not None),
+            supports=tuple(one for one in supports if one is not None),
+            rubs=tuple(one for one in rubs if one is not None),
+        )
+    except ValueError as error:
+        raise DocumentError([str(error)]) from error
+
+
+def _built(table: Table, faults: list[str], make: Callable[[], T]) -> T | None:
+    """Return what is made of a table that had no fault; what it refuses becomes a fault of the table."""
+    before = len(faults)
+    table.finish()
+    if len(faults) > before:
+        return None
+    try:
+        return make()
+    except ValueError as error:
+        table.fault(str(error))
+        return None
+
+
+def _rotor(whole: Table, faults: list[str]) -> Rotor | None:
+    before = len(faults)
+    beam = Beam(whole.text("beam", Beam.EULER_BERNOULLI.value, [one.value for one in Beam]))
+    shaft_mass = ShaftMass(whole.text("shaft_mass", ShaftMass.NONE.value, [one.value for one in ShaftMass]))
+    material = _material(whole)
+    positions = _positions(whole)
+    segments = _segments(whole, positions, material, faults)
+    discs = [_disc(table, len(positions), faults) for table in whole.tables("disc")]
+    journals = _journals(whole, len(positions))
+    if len(faults) > before:
+        return None
+    try:
+        return Rotor(
+            segments=tuple(one for one in segments if one is not None),
+            discs=tuple(one for one in discs if one is not None),
+            bearing_stations=journals,
+            shaft_mass=shaft_mass,
+            beam=beam,
+        )
+    except ValueError as error:
+        whole.fault(str(error))
+        return None
+
+
+def _material(whole: Table) -> _Material | None:
+    table = whole.table("material", required=False)
+    if table is None:
+        return None
+    found = _material_of(table, None)
+    table.finish()
+    return found
+
+
+def _material_of(table: Table, usual: _Material | None) -> _Material:
+    return _Material(
+        youngs_modulus=table.number("youngs_modulus", "modulus", usual.youngs_modulus if usual else None),
+        density=table.number("density", "density", usual.density if usual else 0.0, "not negative"),
+        poissons_ratio=table.number("poissons_ratio", "number", usual.poissons_ratio if usual else 0.3, "not negative"),
+    )
+
+
+def _positions(whole: Table) -> list[float]:
+    positions: list[float] = []
+    for number, table in enumerate(whole.tables("station"), 1):
+        position = table.number("position", "length", limit="any")
+        table.finish()
+        if positions and position < positions[-1] + NEAREST:
+            table.fault(
+                f"position: {position:g} m of station {number}, expected more than {positions[-1]:g} m, where station "
+                f"{number - 1} is, by {NEAREST:g} m at least: stations stand in order along the axis"
+            )
+            position = positions[-1] + NEAREST  # so that nothing else is said of it
+        positions.append(position)
+    if len(positions) < 2:
+        whole.fault(f"station: {len(positions)} stations, expected two or more tables [[station]]")
+    return positions
+
+
+def _segments(
+    whole: Table, positions: list[float], material: _Material | None, faults: list[str]
+) -> list[Segment | None]:
+    tables = whole.tables("segment")
+    if len(tables) != len(positions) - 1 and len(positions) >= 2:
+        whole.fault(f"segment: {len(tables)} segments, expected {len(positions) - 1} between {len(positions)} stations")
+    segments: list[Segment | None] = []
+    for number, table in enumerate(tables, 1):
+        start, end = table.integer("from", number), table.integer("to", number + 1)
+        if (start, end) != (number, number + 1):
+            table.fault(
+                f"from = {start}, to = {end}: expected {number} and {number + 1}, segments join neighbouring stations "
+                "in order"
+            )
+        radius = table.number("radius", "radius")
+        inner_radius = table.number("inner_radius", "radius", 0.0, "not negative")
+        own = _material_of(table, material)
+        if number >= len(positions):
+            table.finish()
+            continue
+        length = float(f"{positions[number] - positions[number - 1]:.12g}")  # 30 mm less 5 mm is 25 mm
+        make = partial(Segment, length, radius, inner_radius, own.youngs_modulus, own.density, own.poissons_ratio)
+        segments.append(_built(table, faults, make))
+    return segments
+
+
+def _station(table: Table, last: int) -> int:
+    station = table.integer("station")
+    if last and not 1 <= station <= last:
+        table.fault(f"station = {station}: no such station, expected 1 to {last}")
+    return station
+
+
+def _disc(table: Table, last: int, faults: list[str]) -> Disc | None:
+    station = _station(table, last)
+    mass = table.number("mass", "mass")
+    diametral = table.number("diametral_inertia", "moment of inertia")
+    polar = table.number("polar_inertia", "moment of inertia")
+    return _built(table, faults, lambda: Disc(station, mass, diametral, polar))
+
+
+def _journals(whole: Table, last: int) -> tuple[int, ...]:
+    """Return the stations of the two bearings; none of a rotor that has neither bearings nor journals."""
+    stations = []
+    for table in whole.tables("journal"):
+        stations.append(table.integer("station"))
+        table.finish()
+    if not stations and not whole.has("bearing"):
+        return ()
+    if len(stations) != 2:
+        whole.fault(f"journal: {len(stations)}, expected two tables [[journal]], each with its station")
+        return 1, 2
+    for number, station in enumerate(stations):
+        if last and not 1 <= station <= last:
+            whole.fault(f"journal[{number}].station = {station}: no such station, expected 1 to {last}")
+    first, second = stations
+    if first >= second:
+        whole.fault(f"journal[1].station = {second}: expected more than {first}, the first journal's")
+    return first, second
+
+
+def _bearing(whole: Table, faults: list[str]) -> FloatingRing | None:
+    table = whole.table("bearing", required=False)
+    if table is None:
+        return None
+    length = table.number("length", "length")
+    journal_radius = table.number("journal_radius", "radius")
+    inner, outer = table.number("inner_clearance", "length"), table.number("outer_clearance", "length")
+    ring_radius = table.number("ring_outer_radius", "radius")
+    ring_mass, viscosity = table.number("ring_mass", "mass"), table.number("viscosity", "viscosity")
+    load = table.number("static_load", "force", 0.0, "any")
+    return _built(
+        table,
+        faults,
+        lambda: FloatingRing(length, journal_radius, inner, outer, ring_radius, ring_mass, viscosity, load),
+    )
+
+
+def _imbalance(table: Table, last: int) -> Imbalance:
+    station = _station(table, last)
+    magnitude = table.number("magnitude", "imbalance", limit="not negative")
+    phase = table.number("phase", "angle", 0.0, "any")
+    table.finish()
+    return Imbalance(station, magnitude, phase)
+
+
+def _load(table: Table, last: int, faults: list[str]) -> StaticLoad | None:
+    station = _station(table, last)
+    x, y = table.number("x", "force", 0.0, "any"), table.number("y", "force", 0.0, "any")
+    return _built(table, faults, lambda: StaticLoad(station, x, y))
+
+
+def _support(table: Table, last: int, faults: list[str]) -> Support | None:
+    station = _station(table, last)
+    inner = Coefficients(
+        table.matrix("stiffness", "stiffness", required=True), table.matrix("damping", "damping", required=False)
+    )
+    ring_mass = table.number("ring_mass", "mass", 0.0)
+    outer = None
+    if ring_mass or table.has("outer_stiffness"):
+        outer = Coefficients(
+            table.matrix("outer_stiffness", "stiffness", required=True),
+            table.matrix("outer_damping", "damping", required=False),
+        )
+    return _built(table, faults, lambda: Support(station, inner, outer, ring_mass))
+
+
+def _rub(table: Table, rotor: Rotor | None, last: int, faults: list[str]) -> Rub | None:
+    station = _station(table, last)
+    shaft = rotor.radius(station) if rotor is not None and 1 <= station <= last else 1.0
+    clearance, stiffness = table.number("clearance", "length"), table.number("stiffness", "stiffness")
+    radius = table.number("radius", "radius", shaft)
+    friction = table.number("friction", "number", 0.0, "not negative")
+    damping = table.number("damping", "contact damping", 0.0, "not negative")
+    return _built(table, faults, lambda: Rub(station, clearance, stiffness, radius, friction, damping))

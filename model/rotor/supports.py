@@ -1,0 +1,143 @@
+"""Linear supports of a rotor: springs and dampers, direct or through a ring with mass, and what loads it at rest."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.rotor.rotor import require_positive
+
+FloatArray = NDArray[np.float64]
+Matrix = tuple[tuple[float, float], tuple[float, float]]
+
+NOTHING: Matrix = ((0.0, 0.0), (0.0, 0.0))
+
+
+@dataclass(frozen=True, slots=True)
+class Coefficients:
+    """Linear stiffness and damping in the bench's X and Y.
+
+    Parameters
+    ----------
+    stiffness : tuple of tuples of float, 2 by 2
+        Force towards -X and -Y (rows) for displacements in X and Y (columns), N/m.
+    damping : tuple of tuples of float, 2 by 2
+        The same for velocities, N s/m.
+
+    Raises
+    ------
+    ValueError
+        Where a value is not finite or the matrix is not 2 by 2.
+    """
+
+    stiffness: Matrix
+    damping: Matrix = NOTHING
+
+    def __post_init__(self) -> None:
+        for name, matrix, unit in (("stiffness", self.stiffness, "N/m"), ("damping", self.damping, "N s/m")):
+            if len(matrix) != 2 or any(len(row) != 2 for row in matrix):
+                raise ValueError(f"{name}: {matrix} {unit}, expected two rows of two values")
+            for value in (*matrix[0], *matrix[1]):
+                if not math.isfinite(value):
+                    raise ValueError(f"{name}: {value:g} {unit}, expected finite values")
+
+    @classmethod
+    def isotropic(cls, stiffness: float, damping: float = 0.0) -> "Coefficients":
+        """Return the same in all directions, N/m (above 0) and N s/m."""
+        require_positive("stiffness", stiffness, "N/m")
+        return cls(((stiffness, 0.0), (0.0, stiffness)), ((damping, 0.0), (0.0, damping)))
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether it is an undamped spring, the same in all directions, that does not push away."""
+        (xx, xy), (yx, yy) = self.stiffness
+        return xx == yy >= 0 and xy == yx == 0 and self.damping == NOTHING
+
+
+@dataclass(frozen=True, slots=True)
+class Support:
+    """What holds the rotor at a station.
+
+    Parameters
+    ----------
+    station : int
+        Counted from 1 at the compressor's end.
+    inner : Coefficients
+        Between shaft and housing, or between shaft and ring where there is one.
+    outer : Coefficients, optional
+        Between ring and housing.
+    ring_mass : float
+        kg; above 0 exactly where ``outer`` is given.
+
+    Raises
+    ------
+    ValueError
+        Where a ring has no mass or a mass no outer film.
+    """
+
+    station: int
+    inner: Coefficients
+    outer: Coefficients | None = None
+    ring_mass: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.outer is not None:
+            require_positive("ring_mass", self.ring_mass, "kg")
+        elif self.ring_mass != 0:
+            raise ValueError(f"ring_mass: {self.ring_mass:g} kg, expected none where nothing holds the ring")
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether all of it is undamped and the same in all directions."""
+        return self.inner.is_plain and (self.outer is None or self.outer.is_plain)
+
+
+@dataclass(frozen=True, slots=True)
+class StaticLoad:
+    """A force at a station that neither turns nor changes.
+
+    Parameters
+    ----------
+    station : int
+        Counted from 1 at the compressor's end.
+    x, y : float
+        Force towards +X and +Y, N.
+    """
+
+    station: int
+    x: float
+    y: float
+
+    def __post_init__(self) -> None:
+        for value in (self.x, self.y):
+            if not math.isfinite(value):
+                raise ValueError(f"load: {value:g} N at station {self.station}, expected a finite value")
+
+
+def equivalent_stiffness(inner: float, outer: float, ring_mass: float, frequency: float) -> float:
+    """Return the stiffness of two springs in series with a ring between them.
+
+    Parameters
+    ----------
+    inner, outer : float
+        N/m.
+    ring_mass : float
+        kg.
+    frequency : float
+        Of the whirl, rad/s.
+
+    Returns
+    -------
+    float
+        N/m: below 0 where the ring moves against the shaft.
+
+    Raises
+    ------
+    ValueError
+        At the ring's own resonance, where it is infinite.
+    """
+    through = outer - ring_mass * frequency**2
+    if inner + through == 0:
+        raise ValueError(f"frequency: {frequency:g} rad/s, expected another than the ring's own resonance")
+    return inner * through / (inner + through)  # Eq. (5.11)

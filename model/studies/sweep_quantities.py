@@ -1,0 +1,192 @@
+"""What a sweep computes at each of its points: a few numbers from parameters."""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass
+from hashlib import sha256
+from json import dumps
+from typing import Final
+
+import numpy as np
+
+from model.dynamics.synchronous import synchronous_response
+from model.dynamics.whirl import FilmName
+from model.errors import ModelError
+from model.linear.modes import critical_speeds
+from model.prediction.prediction_map import MODEL_VERSION
+from model.rotor.parameters import ModelParameters
+from model.studies.onset import stability
+from model.studies.run_up import run_up
+from model.studies.stepped_motion import SEED
+from model.studies.varied_parameters import CHANGES, varied
+
+QUANTITIES_VERSION = 3  # to be raised with every change of what a quantity is
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """A quantity of a sweep.
+
+    Parameters
+    ----------
+    text : str
+        What it is.
+    options : mapping of str to float
+        Its own options, which may be varied too, and what they are otherwise.
+    results : tuple of str
+        Names of its numbers, with units.
+    compute : callable
+        Numbers from parameters and options, in the order of `results`.
+    is_on_films : bool
+        Whether it is of a motion on oil films.
+    """
+
+    text: str
+    options: Mapping[str, float]
+    results: tuple[str, ...]
+    compute: Callable[[ModelParameters, Mapping[str, float]], tuple[float, ...]]
+    is_on_films: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class Point:
+    """A point of a sweep.
+
+    Parameters
+    ----------
+    parameters : ModelParameters
+        What stays.
+    quantity : str
+        Of `QUANTITIES`.
+    values : tuple of pairs of str and float
+        What is varied: parameters of `CHANGES`, options of the quantity.
+    """
+
+    parameters: ModelParameters
+    quantity: str
+    values: tuple[tuple[str, float], ...]
+
+    def key(self) -> str:
+        """Return a hash, hexadecimal, of all that its result depends on, and of the model's version."""
+        inputs = {
+            "versions": [MODEL_VERSION, QUANTITIES_VERSION],
+            "parameters": asdict(self.parameters),
+            "quantity": self.quantity,
+            "values": sorted(self.values),
+        }
+        return sha256(dumps(inputs, sort_keys=True).encode()).hexdigest()
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What a point came to.
+
+    Parameters
+    ----------
+    key : str
+        Of the point.
+    results : tuple of float
+        The quantity's numbers; NaN where there are none.
+    fault : str
+        Why there are none; empty where there are.
+    """
+
+    key: str
+    results: tuple[float, ...]
+    fault: str = ""
+
+
+def outcome_of(point: Point) -> Outcome:
+    """Return what a point comes to; what the model refuses or cannot answer is told in it, never raised."""
+    quantity = QUANTITIES[point.quantity]
+    values = dict(point.values)
+    options = {**quantity.options, **{name: values[name] for name in quantity.options if name in values}}
+    try:
+        changed = {name: value for name, value in values.items() if name not in quantity.options}
+        parameters = varied(point.parameters, changed)
+        return Outcome(point.key(), quantity.compute(parameters, options))
+    except (ModelError, ValueError) as error:
+        return Outcome(point.key(), (math.nan,) * len(quantity.results), str(error))
+
+
+def outcomes_of(points: tuple[Point, ...]) -> tuple[Outcome, ...]:
+    """Return what each of some points comes to: the unit of work that is sent to another process."""
+    return tuple(outcome_of(point) for point in points)
+
+
+def names_of(quantity: str, parameters: ModelParameters) -> tuple[str, ...]:
+    """Return what may be varied with a quantity of a rotor.
+
+    Raises
+    ------
+    ValueError
+        Where there is no such quantity, or it is of a motion on oil films, or of a rotor on two bearings, and the rotor
+        has none.
+    """
+    if quantity not in QUANTITIES:
+        raise ValueError(f"quantity: {quantity}, expected one of {', '.join(QUANTITIES)}")
+    if QUANTITIES[quantity].is_on_films and parameters.bearing is None:
+        raise ValueError(f"quantity: {quantity} is of a motion on oil films, expected a rotor with [bearing]")
+    parameters.rotor.require_journals()
+    return (*CHANGES, *QUANTITIES[quantity].options)
+
+
+def _response(parameters: ModelParameters, options: Mapping[str, float]) -> tuple[float, ...]:
+    found = synchronous_response(parameters, options["speed_rad_s"])
+    vector = complex(found.vectors[0])
+    lag = math.degrees(-math.atan2(vector.imag, vector.real)) % 360
+    return abs(vector) * 1e6, lag, found.growth_rate, found.whirl_order
+
+
+def _onset(parameters: ModelParameters, options: Mapping[str, float]) -> tuple[float, ...]:
+    low, high, count = options["lowest_speed_rad_s"], options["highest_speed_rad_s"], int(options["speeds"])
+    found = stability(parameters, np.linspace(low, high, count))
+    largest = float(np.nanmax(found.growth_rates)) if np.any(np.isfinite(found.growth_rates)) else math.nan
+    of_films = found.onset(FilmName.INNER), found.onset(FilmName.OUTER)
+    order = found.bands[0].order if found.bands else math.nan
+    return min(of_films, key=lambda onset: (math.isnan(onset), onset)), order, *of_films, largest
+
+
+def _whirl(parameters: ModelParameters, options: Mapping[str, float]) -> tuple[float, ...]:
+    low, high, count = options["lowest_speed_rad_s"], options["highest_speed_rad_s"], int(options["speeds"])
+    speeds, settle, turns = np.linspace(low, high, count), int(options["settle_turns"]), int(options["turns"])
+    found = run_up(parameters, speeds, settle, turns, seed=options["seed_um"] * 1e-6)
+    largest = float(np.nanmax(found.peak_to_peak)) if np.any(np.isfinite(found.peak_to_peak)) else math.nan
+    return found.onset(FilmName.INNER), found.onset(FilmName.OUTER), largest * 1e6
+
+
+def _critical(parameters: ModelParameters, options: Mapping[str, float]) -> tuple[float, ...]:
+    found = critical_speeds(parameters.rotor, options["stiffness_n_m"], options["highest_speed_rad_s"])
+    first = [speeds[0] if speeds else math.nan for speeds in (found.forward, found.reverse)]
+    return *first, float(len(found.forward)), float(len(found.reverse))
+
+
+_RANGE = {"lowest_speed_rad_s": 100.0, "highest_speed_rad_s": 4000.0, "speeds": 40.0}
+
+QUANTITIES: Final[dict[str, Quantity]] = {
+    "response": Quantity(
+        "1X at probe x and the least stable whirl at a speed, without weight",
+        {"speed_rad_s": 1000.0},
+        ("amplitude_um_pk", "lag_deg", "growth_rate_1_s", "whirl_order"),
+        _response,
+    ),
+    "onset": Quantity(
+        "first speed at which the synchronous motion is unstable, and at which each film lets go, by eigenvalues",
+        _RANGE,
+        ("onset_rad_s", "whirl_order", "inner_onset_rad_s", "outer_onset_rad_s", "largest_growth_rate_1_s"),
+        _onset,
+    ),
+    "whirl": Quantity(
+        "first speeds at which a run-up in time shows the films' whirls, and its largest overall vibration",
+        {**_RANGE, "settle_turns": 40.0, "turns": 64.0, "seed_um": SEED * 1e6},
+        ("inner_onset_rad_s", "outer_onset_rad_s", "largest_um_pp"),
+        _whirl,
+    ),
+    "critical": Quantity(
+        "critical speeds on springs",
+        {"stiffness_n_m": 1e4, "highest_speed_rad_s": 8000.0},
+        ("first_forward_rad_s", "first_reverse_rad_s", "forward", "reverse"),
+        _critical,
+        is_on_films=False,
+    ),
+}

@@ -1,0 +1,333 @@
+"""Chapter 6 of the thesis computed again: run-ups with eleven sets of parameters, onsets, looks and trends.
+
+The printed imbalances (1, 2.5 and 5e-5 kg m) cannot be borne: two are larger than the rotor's mass times the bearing's
+clearance, and the smallest pins the journals near the wall. All cases are therefore computed at 0.05 of them, and the
+smallest once as printed.
+"""
+
+import itertools
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.dynamics.whirl import FilmName
+from model.rotor.gj90c import gj90c
+from model.rotor.parameters import ModelParameters
+from model.studies.onset import Stability, stability
+from model.studies.run_up import LEAST, RunUp, bifurcation_plot, run_up, waterfall_surface
+from model.studies.stepped_motion import SEED
+from model.studies.study import Plot, Surface
+from model.studies.thesis.chapter_6_spectra import Component, Look
+from model.studies.thesis.report import Comparison
+
+INNER, OUTER = FilmName.INNER, FilmName.OUTER
+
+FloatArray = NDArray[np.float64]
+
+SHARE = 0.05  # of the printed imbalances
+SPEEDS = np.arange(200.0, 8001.0, 100.0)  # rad/s
+SPEEDS.flags.writeable = False
+RESONANT = 6000.0  # rad/s: above it the printed imbalance meets an undamped resonance
+UNDAMPED = "; above 6,000 rad/s the undamped resonance at 7,526 rad/s: sizes without meaning, off the scale"
+ONSET_TOLERANCE = 100.0  # rad/s, the step of the run-ups
+ORDER_TOLERANCE = 0.05  # of an order that is stated in tens of percent
+HALF_SPEED = {
+    INNER: "half the sum of both surfaces' speeds, which the text names as the cause, is 0.703 for a centred journal",
+    OUTER: "half the ring's speed is 0.203 for a centred ring",
+}
+BY_CHANCE = "near the stated one, which proves little: most others are far off"
+PINNED = "at this imbalance the journals are pinned near the wall"
+NOT_FOLLOWING = (
+    "the onset speeds do not follow from the printed data: at the printed imbalance the journals are pinned to the "
+    "wall, at 0.05 of it the films let go as computed here"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """A set of parameters of chapter 6 and what is stated of it.
+
+    Parameters
+    ----------
+    name : str
+        What differs.
+    figures : str
+        In the thesis.
+    imbalance : float
+        As printed, kg m, on the turbine wheel.
+    viscosity : float
+        Pa s.
+    inner_clearance, outer_clearance : float
+        m.
+    static_load : float
+        On each ring, N.
+    inner_onset, outer_onset : float
+        Stated, rad/s; NaN where nothing is.
+    inner_end : float
+        Stated, rad/s: where the inner film's whirl ends; NaN where nothing is.
+    share : float
+        Of the printed imbalance that is computed.
+    looks : tuple of Look
+        Spectra and trajectories that are shown of it.
+    """
+
+    name: str
+    figures: str
+    imbalance: float = 2.5e-5
+    viscosity: float = 0.015
+    inner_clearance: float = 20e-6
+    outer_clearance: float = 80e-6
+    static_load: float = 0.0
+    inner_onset: float = math.nan
+    outer_onset: float = math.nan
+    inner_end: float = math.nan
+    share: float = SHARE
+    looks: tuple[Look, ...] = ()
+
+    def parameters(self) -> ModelParameters:
+        """Return the case with the imbalance that can be borne."""
+        found = gj90c(
+            imbalance=self.share * self.imbalance,
+            viscosity=self.viscosity,
+            inner_clearance=self.inner_clearance,
+            outer_clearance=self.outer_clearance,
+        )
+        return replace(found, bearing=replace(found.floating_ring, static_load=self.static_load))
+
+
+CASES = (
+    Case(
+        "imbalance 1e-5 kg m", "Fig. 6.1", imbalance=1e-5, inner_onset=2600, outer_onset=6700,
+        looks=(
+            Look("Fig. 6.4a", 3000, (Component.INNER,), 0.6),
+            Look("Fig. 6.5a", 6000, (Component.OUTER, Component.INNER)),
+        ),
+    ),
+    Case(
+        "imbalance 2.5e-5 kg m, the base case", "Fig. 6.2", inner_onset=3500, outer_onset=6000,
+        looks=(Look("Fig. 6.4b", 3000, ()), Look("Fig. 6.5b", 6000, (Component.OUTER,))),
+    ),
+    Case(
+        "imbalance 5e-5 kg m", "Fig. 6.3", imbalance=5e-5, inner_onset=4100, outer_onset=5000,
+        looks=(Look("Fig. 6.4c", 3000, ()), Look("Fig. 6.5c", 6000, (Component.OUTER,))),
+    ),
+    Case(
+        "viscosity 5 mPa s", "Fig. 6.6", viscosity=0.005, inner_onset=1700, outer_onset=4500,
+        looks=(Look("Fig. 6.8a", 2000, (Component.INNER,), 0.6), Look("Fig. 6.9a", 6000, (Component.OUTER,), 0.2)),
+    ),
+    Case(
+        "viscosity 35 mPa s", "Fig. 6.7", viscosity=0.035, inner_onset=2900, outer_onset=6700,
+        looks=(Look("Fig. 6.8b", 2000, ()), Look("Fig. 6.9b", 6000, (Component.OUTER, Component.INNER))),
+    ),
+    Case(
+        "inner clearance 15 µm", "Fig. 6.10", inner_clearance=15e-6, inner_onset=2800, outer_onset=5000,
+        looks=(Look("Fig. 6.12a", 3000, ()), Look("Fig. 6.13a", 6000, (Component.OUTER,))),
+    ),
+    Case(
+        "inner clearance 25 µm", "Fig. 6.11", inner_clearance=25e-6, inner_onset=4000, outer_onset=5900,
+        looks=(Look("Fig. 6.12b", 3000, ()), Look("Fig. 6.13b", 6000, (Component.OUTER,))),
+    ),
+    Case(
+        "outer clearance 70 µm", "Fig. 6.14", outer_clearance=70e-6, inner_end=800, outer_onset=6000,
+        looks=(Look("Fig. 6.16a", 3000, (Component.HARMONIC,)), Look("Fig. 6.17a", 6000, (Component.OUTER,))),
+    ),
+    Case(
+        "outer clearance 90 µm", "Fig. 6.15", outer_clearance=90e-6, inner_onset=2500, outer_onset=4900,
+        looks=(Look("Fig. 6.16b", 3000, ()), Look("Fig. 6.17b", 6000, (Component.OUTER,))),
+    ),
+    Case(
+        "static load 2 N", "Fig. 6.18", static_load=2.0, inner_onset=3000, outer_onset=5300,
+        looks=(Look("Fig. 6.20a", 3000, ()), Look("Fig. 6.21a", 6000, (Component.OUTER,))),
+    ),
+    Case(
+        "static load 5 N", "Fig. 6.19", static_load=5.0, inner_onset=2500, outer_onset=5000,
+        looks=(Look("Fig. 6.20b", 3000, (Component.INNER,), 0.6), Look("Fig. 6.21b", 6000, (Component.OUTER,))),
+    ),
+    Case("1e-5 kg m as printed", "Fig. 6.1", imbalance=1e-5, inner_onset=2600, outer_onset=6700, share=1.0),
+)  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Outcome:
+    """A case computed again.
+
+    Parameters
+    ----------
+    run : RunUp
+        Every 100 rad/s, seeded where it is unstable: 40 turns or more to settle and 64 looked at.
+    stability : Stability
+        Of the synchronous motion, by eigenvalues.
+    """
+
+    run: RunUp
+    stability: Stability
+
+
+def run_case(case: Case) -> Outcome:
+    """Return a case computed again; takes some seconds."""
+    parameters = case.parameters()
+    return Outcome(run_up(parameters, SPEEDS, seed=SEED), stability(parameters, SPEEDS[::2], 5.0))
+
+
+def chapter_6_comparisons(found: tuple[Outcome, ...]) -> list[Comparison]:
+    """Return what chapter 6 states of its cases and frequencies, beside what run-ups of `CASES` showed."""
+    onsets, orders = [], []
+    for case, one in zip(CASES, found, strict=True):
+        onsets += [_edge(case, one, film, stated) for film, stated in _stated_onsets(case)]
+        if math.isfinite(case.inner_end):
+            onsets.append(_edge(case, one, INNER, case.inner_end, is_end=True))
+        orders += [_order(look, case, one.run) for look in case.looks if math.isfinite(look.order)]
+    return [*onsets, *orders]
+
+
+def _stated_onsets(case: Case) -> list[tuple[FilmName, float]]:
+    stated = ((INNER, case.inner_onset), (OUTER, case.outer_onset))
+    return [(film, speed) for film, speed in stated if math.isfinite(speed)]
+
+
+def _edge(case: Case, one: Outcome, film: FilmName, stated: float, *, is_end: bool = False) -> Comparison:
+    """Return where a film's whirl begins or ends beside what is stated."""
+    speed = one.run.end(film) if is_end else one.run.onset(film)
+    why = PINNED if case.share == 1 else NOT_FOLLOWING
+    if abs(speed - stated) <= ONSET_TOLERANCE:
+        why = BY_CHANCE
+    elif math.isnan(speed):
+        why = f"no whirl of the {film} film; {why}"
+    return Comparison(
+        case.figures,
+        f"{film} film's {'end of whirl' if is_end else 'onset'}, {case.name}",
+        "rad/s",
+        stated,
+        speed if math.isfinite(speed) else None,
+        ONSET_TOLERANCE,
+        note=f"{why}; {_bands(one.stability, film)}",
+    )
+
+
+def _order(look: Look, case: Case, run: RunUp) -> Comparison:
+    (component,) = look.stated
+    film = INNER if component is Component.INNER else OUTER
+    order, size = look.size(run, component)
+    return Comparison(
+        look.figure,
+        f"order of the {film} film's whirl at {look.speed:,.0f} rad/s, {case.name}",
+        "X",
+        look.order,
+        order if size > LEAST else None,
+        ORDER_TOLERANCE,
+        note=HALF_SPEED[film] if size > LEAST else f"no whirl of the {film} film there",
+    )
+
+
+def _bands(found: Stability, film: FilmName) -> str:
+    """Return what the eigenvalues say of a film."""
+    parts = [
+        f"from {one.start:,.0f} to {one.stop:,.0f} rad/s ({one.order:.2f}X)" for one in found.bands if one.film is film
+    ]
+    return "by eigenvalues unstable " + (" and ".join(parts) if parts else "nowhere")
+
+
+def onsets_by_eigenvalues(found: tuple[Outcome, ...]) -> str:
+    """Return how the run-ups' onsets stand to the eigenvalues', which need no time to grow."""
+    others, agreeing = [], 0
+    for case, one in zip(CASES, found, strict=True):
+        for film in FilmName:
+            seen, expected = one.run.onset(film), one.stability.onset(film)
+            beyond = one.run.speeds[one.run.speeds >= expected]  # none where nothing is expected
+            if (seen == beyond[0]) if beyond.size else math.isnan(seen):
+                agreeing += 1
+            else:
+                others.append(f"{film} film, {case.name}: {_at(seen)}, by eigenvalues {_at(expected)}")
+    elsewhere = f"; elsewhere growth is slow, or the other film whirls already: {'; '.join(others)}" if others else ""
+    return (
+        f"{agreeing} of {agreeing + len(others)} onsets of a film stand at the first speed beyond the eigenvalues' "
+        f"onset, or neither shows any{elsewhere}."
+    )
+
+
+def _at(speed: float) -> str:
+    return f"{speed:,.0f} rad/s" if math.isfinite(speed) else "none"
+
+
+@dataclass(frozen=True, slots=True)
+class Trend:
+    """Something that chapter 6 says of its cases.
+
+    Parameters
+    ----------
+    text : str
+        The trend.
+    is_reproduced : bool
+        Whether the run-ups show it.
+    seen : str
+        What they show.
+    """
+
+    text: str
+    is_reproduced: bool
+    seen: str
+
+
+def trends(found: tuple[Outcome, ...]) -> list[Trend]:
+    """Return the trends of chapter 6, each judged by the run-ups of `CASES`."""
+    runs = [(case, one.run) for case, one in zip(CASES, found, strict=True)]
+    by_name = {case.name: one for case, one in runs}
+    base = CASES[1].name
+    imbalance = (CASES[0].name, base, CASES[2].name)
+    viscosity = ("viscosity 5 mPa s", base, "viscosity 35 mPa s")
+    inner_gap = ("inner clearance 15 µm", base, "inner clearance 25 µm")
+    outer_gap = ("outer clearance 70 µm", base, "outer clearance 90 µm")
+    load = (base, "static load 2 N", "static load 5 N")
+
+    def trend(text: str, names: tuple[str, ...], film: FilmName, sign: int) -> Trend:
+        onsets = [by_name[name].onset(film) for name in names]
+        sizes = [one if math.isfinite(one) else math.inf for one in onsets]  # no whirl: later than any
+        steps = [(later > earlier) - (later < earlier) for earlier, later in itertools.pairwise(sizes)]
+        seen = " → ".join(f"{one:,.0f} rad/s" if math.isfinite(one) else "none" for one in onsets)
+        return Trend(text, all(step == sign for step in steps), seen)
+
+    both = [(one.onset(INNER), one.onset(OUTER)) for case, one in runs if case.share < 1]
+    ordered = sum(inner < outer for inner, outer in both)
+    largest = [float(np.nanmax(by_name[name].peak_to_peak)) * 1e6 for name in viscosity]
+    outer_at = np.flatnonzero(by_name[base].speeds == by_name[base].onset(OUTER))
+    overall = by_name[base].peak_to_peak * 1e6
+    grows = bool(outer_at.size) and float(np.nanmax(overall[outer_at[0] :])) > 2 * float(overall[outer_at[0] - 1])
+    return [
+        trend("more imbalance delays the inner film's whirl", imbalance, INNER, 1),
+        trend("more imbalance lowers the outer film's onset", imbalance, OUTER, -1),
+        Trend("the outer film follows the inner one", ordered == len(both), f"in {ordered} of {len(both)} cases"),
+        trend("thicker oil raises the inner film's onset", viscosity, INNER, 1),
+        trend("thicker oil raises the outer film's onset", viscosity, OUTER, 1),
+        Trend(
+            "thicker oil inhibits amplitudes",
+            all(later < earlier for earlier, later in itertools.pairwise(largest)),
+            " → ".join(f"{one:,.0f} µm peak-to-peak" for one in largest),
+        ),
+        trend("a larger inner clearance delays the inner film", inner_gap, INNER, 1),
+        trend("a larger inner clearance lowers the outer film's onset", inner_gap, OUTER, -1),
+        trend("a larger outer clearance lowers the inner film's onset", outer_gap, INNER, -1),
+        trend("a larger outer clearance lowers the outer film's onset", outer_gap, OUTER, -1),
+        trend("static load lowers the inner film's onset", load, INNER, -1),
+        trend("static load lowers the outer film's onset", load, OUTER, -1),
+        Trend("amplitude rises with the outer film's whirl", grows, f"to {float(np.nanmax(overall)):,.0f} µm pp"),
+        *(Trend(look.text, *look.judged(run)) for case, run in runs for look in case.looks),
+    ]
+
+
+def chapter_6_figures(found: tuple[Outcome, ...]) -> list[tuple[str, tuple[Plot | Surface, ...]]]:
+    """Return a waterfall and a bifurcation diagram of each case, its spectra and trajectories, with captions."""
+    figures: list[tuple[str, tuple[Plot | Surface, ...]]] = []
+    for case, one in zip(CASES, found, strict=True):
+        at = f"{case.name} (computed at {case.share:g} of the printed imbalance)"
+        waterfall = waterfall_surface(one.run, f"Waterfall, {case.name}")
+        bifurcation = bifurcation_plot(one.run, f"Bifurcation, {case.name}")
+        if case.share == 1:  # scales that show what is below the resonance
+            below = float(np.nanmax(one.run.peak_to_peak[one.run.speeds <= RESONANT])) * 1e6
+            waterfall = replace(waterfall, z_limits=(waterfall.z_limits[0], below))
+            bifurcation = replace(bifurcation, y_limits=(-below, below))
+            at += UNDAMPED
+        figures.append((f"{case.figures}: {at}", (waterfall, bifurcation)))
+        figures += [(f"{look.figure}: {at}", look.plots(one.run, case.name)) for look in case.looks]
+    return figures

@@ -1,0 +1,107 @@
+"""Chapter 5 of the thesis computed again: Tables 5.2 and 5.3, mode shapes and Campbell diagrams."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.linear.linear_system import whirl_modes
+from model.linear.modes import critical_speeds, free_modes, natural_frequencies
+from model.rotor.gj90c import gj90c, gj90c_rotor
+from model.rotor.parameters import ModelParameters
+from model.rotor.rotor import Rotor
+from model.studies.linear import campbell_study, critical_study, modes_study, supported
+from model.studies.study import Plot, Series, Surface
+from model.studies.thesis.report import Comparison
+from model.studies.thesis.thesis_table_5_3 import PRINTED, reason
+
+FloatArray = NDArray[np.float64]
+
+TABLE_5_2 = (1730.0, 5045.0, 11975.0, 18193.0)  # Hz
+STIFFNESS = 1e4  # N/m, of Table 5.3
+COUNTS = {1e10: 2, 1e7: 4, 1e4: 5}  # critical speeds up to 8,000 rad/s by bearing stiffness, N/m; section 5.3
+DIAGRAMS, SHAPES = ("5.3", "5.5", "5.7"), ("5.4", "5.6", "5.8")  # figures, by bearing stiffness as above
+HIGHEST = 8000.0  # rad/s
+SHOWN = 4  # modes of each sense
+
+
+def chapter_5_comparisons() -> list[Comparison]:
+    """Return every number that chapter 5 states, beside the computed one."""
+    rotor = gj90c_rotor()
+    bending = free_modes(rotor).frequencies[2:6] / (2 * math.pi)
+    found = [
+        Comparison("Table 5.2", f"bending mode {number} of the free rotor", "Hz", stated, float(ours), 0.5)
+        for number, (stated, ours) in enumerate(zip(TABLE_5_2, bending, strict=True), 1)
+    ]
+    for stiffness, count in COUNTS.items():
+        critical = critical_speeds(rotor, stiffness, HIGHEST)
+        where = ", ".join(f"{speed:,.1f}" for speed in sorted((*critical.forward, *critical.reverse)))
+        ours = len(critical.forward) + len(critical.reverse)
+        found.append(
+            Comparison(
+                "Section 5.3",
+                f"critical speeds up to 8,000 rad/s on bearings of {stiffness:.0e} N/m",
+                "-",
+                count,
+                ours,
+                0,
+                note=f"{len(critical.forward)} forward, {len(critical.reverse)} reverse: {where} rad/s",
+            )
+        )
+    for speed, (forward, reverse) in PRINTED.items():
+        found += _row(rotor, speed, forward, reverse)
+    return found
+
+
+def _row(rotor: Rotor, speed: int, forward: tuple[int, ...], reverse: tuple[int, ...]) -> list[Comparison]:
+    """Return a row of Table 5.3, sorted: its columns follow the rigid modes through their meeting."""
+    frequencies = natural_frequencies(rotor, STIFFNESS, speed) / (2 * math.pi)
+    middle = frequencies.size // 2
+    ours = (*frequencies[middle : middle + 5][::-1], *frequencies[middle - 5 : middle])
+    printed = (*sorted(forward, reverse=True), *sorted(reverse))
+    return [
+        Comparison("Table 5.3", f"{speed:,} rad/s", "Hz", float(stated), float(one), 0.8, note=reason(speed, stated))
+        for stated, one in zip(printed, ours, strict=True)
+    ]
+
+
+def chapter_5_figures() -> list[tuple[str, tuple[Plot | Surface, ...]]]:
+    """Return chapter 5's figures with their captions."""
+    parameters, speeds = gj90c(), np.linspace(0.0, HIGHEST, 161)
+    shapes = modes_study(parameters, None, 0.0, 14).plots
+    diagrams = [campbell_study(parameters, stiffness, speeds) for stiffness in COUNTS]
+    stiffnesses = np.geomspace(1e3, 1e10, 141)
+    return [
+        ("Fig. 5.2: mode shapes of the free rotor (Table 5.2)", shapes),
+        *(
+            (f"Fig. {number}: {one.title}, {one.remarks[0]}", one.plots)
+            for number, one in zip(DIAGRAMS, diagrams, strict=True)
+        ),
+        *(
+            (f"Fig. {number}: modes of the rotor on springs of {stiffness:.0e} N/m", _shapes(parameters, stiffness))
+            for number, stiffness in zip(SHAPES, COUNTS, strict=True)
+        ),
+        (
+            "Where the critical speeds of the three diagrams come from: all over the bearings' stiffness",
+            critical_study(parameters, stiffnesses, 2e4).plots,
+        ),
+    ]
+
+
+def _shapes(parameters: ModelParameters, stiffness: float) -> tuple[Plot, ...]:
+    """Return the lowest forward and reverse modes at the highest speed, each with its largest displacement 1."""
+    modes = whirl_modes(supported(parameters, stiffness), [HIGHEST])[0]
+    plots = []
+    for name, sign in (("Forward", 1), ("Reverse", -1)):
+        places = np.flatnonzero(sign * modes.frequencies > 0)
+        series = []
+        for place in places[np.argsort(np.abs(modes.frequencies[places]))][:SHOWN]:
+            moved = modes.shapes[place, 0]
+            shape = np.real(moved / moved[int(np.argmax(np.abs(moved)))])
+            hertz = f"{abs(modes.frequencies[place]) / (2 * math.pi):,.1f} Hz"
+            series.append(Series(hertz, parameters.rotor.positions * 1e3, np.asarray(shape)))
+        title = f"{name} modes at {HIGHEST:,.0f} rad/s, springs of {stiffness:.0e} N/m"
+        plots.append(
+            Plot(title, "Position along the shaft [mm]", "Displacement, largest 1", tuple(series), y_limits=(-1.1, 1.1))
+        )
+    return tuple(plots)

@@ -1,0 +1,111 @@
+"""Parameters by name, with their unit in the name, as a sweep changes them."""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Final
+
+from model.rotor.parameters import Imbalance, ModelParameters
+from model.rotor.rub import Rub
+from model.rotor.supports import Coefficients
+
+MICRO = 1e-6
+MILLI = 1e-3
+
+
+def _bearing(field: str, factor: float) -> Callable[[ModelParameters, float], ModelParameters]:
+    def change(parameters: ModelParameters, value: float) -> ModelParameters:
+        return replace(parameters, bearing=replace(parameters.floating_ring, **{field: value * factor}))
+
+    return change
+
+
+def _ring_ratio(parameters: ModelParameters, value: float) -> ModelParameters:
+    """Give the ring the outer radius at which it turns at that part of the shaft's speed, eq. (3.25)."""
+    if not 0 < value < 1:
+        raise ValueError(f"ring_speed_ratio: {value:g}, expected more than 0 and less than 1")
+    bearing = parameters.floating_ring
+    cubed = (1 / value - 1) * bearing.journal_radius**3 * bearing.outer_clearance / bearing.inner_clearance
+    return replace(parameters, bearing=replace(bearing, ring_outer_radius=cubed ** (1 / 3)))
+
+
+def _imbalance(parameters: ModelParameters, value: float) -> ModelParameters:
+    first, *others = parameters.imbalances or (Imbalance(1, 0.0),)
+    return replace(parameters, imbalances=(replace(first, magnitude=value), *others))
+
+
+def _phase(parameters: ModelParameters, value: float) -> ModelParameters:
+    first, *others = parameters.imbalances or (Imbalance(1, 0.0),)
+    return replace(parameters, imbalances=(replace(first, phase=math.radians(value)), *others))
+
+
+def _rub(changed: Callable[[Rub, float], Rub]) -> Callable[[ModelParameters, float], ModelParameters]:
+    def change(parameters: ModelParameters, value: float) -> ModelParameters:
+        if not parameters.rubs:
+            raise ValueError(f"rub: none, expected a rotor with a wall that can be changed to {value:g}")
+        first, *others = parameters.rubs
+        return replace(parameters, rubs=(changed(first, value), *others))
+
+    return change
+
+
+def _support(parameters: ModelParameters, value: float) -> ModelParameters:
+    """Give the first support the same stiffness in all directions; its damping stays."""
+    if not parameters.supports:
+        raise ValueError(f"support: none, expected a rotor with a support whose stiffness can be {value:g} N/m")
+    first, *others = parameters.supports
+    inner = replace(Coefficients.isotropic(value), damping=first.inner.damping)
+    return replace(parameters, supports=(replace(first, inner=inner), *others))
+
+
+def _station(parameters: ModelParameters, value: float) -> ModelParameters:
+    if value != int(value):
+        raise ValueError(f"imbalance_station: {value:g}, expected a whole number")
+    first, *others = parameters.imbalances or (Imbalance(1, 0.0),)
+    return replace(parameters, imbalances=(replace(first, station=int(value)), *others))
+
+
+CHANGES: Final[dict[str, Callable[[ModelParameters, float], ModelParameters]]] = {
+    "imbalance_kg_m": _imbalance,
+    "imbalance_station": _station,
+    "imbalance_phase_deg": _phase,
+    "viscosity_pa_s": _bearing("viscosity", 1.0),
+    "inner_clearance_um": _bearing("inner_clearance", MICRO),
+    "outer_clearance_um": _bearing("outer_clearance", MICRO),
+    "ring_outer_radius_mm": _bearing("ring_outer_radius", MILLI),
+    "ring_mass_kg": _bearing("ring_mass", 1.0),
+    "film_length_mm": _bearing("length", MILLI),
+    "static_load_n": _bearing("static_load", 1.0),
+    "support_stiffness_n_m": _support,
+    "rub_clearance_um": _rub(lambda rub, value: replace(rub, clearance=value * MICRO)),
+    "rub_stiffness_n_m": _rub(lambda rub, value: replace(rub, stiffness=value)),
+    "rub_friction": _rub(lambda rub, value: replace(rub, friction=value)),
+    "rub_damping_s_m": _rub(lambda rub, value: replace(rub, damping=value)),
+    "gravity_m_s2": lambda parameters, value: replace(parameters, gravity=value),
+    "ring_speed_ratio": _ring_ratio,  # after the clearances that it goes by
+}
+
+
+def varied(parameters: ModelParameters, values: Mapping[str, float]) -> ModelParameters:
+    """Return parameters with some changed.
+
+    Parameters
+    ----------
+    parameters : ModelParameters
+        What stays.
+    values : mapping of str to float
+        By the names of `CHANGES`; an imbalance, support or rub is the first one. In the order of `CHANGES`, whatever
+        theirs.
+
+    Raises
+    ------
+    ValueError
+        Where a name is unknown or the parameters make no sense.
+    """
+    for name in values:
+        if name not in CHANGES:
+            raise ValueError(f"{name}: unknown, expected one of {', '.join(CHANGES)}")
+    for name, change in CHANGES.items():
+        if name in values:
+            parameters = change(parameters, values[name])
+    return parameters

@@ -1,0 +1,1 @@
+"""The runs of a data folder: catalogue, search, annotations, trash."""

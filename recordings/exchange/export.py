@@ -1,0 +1,218 @@
+"""A run, or a part of it, as a table in the operator's units: what other programs are given."""
+
+import cmath
+import json
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from analysis.signals.blocks import SegmentEnd
+from analysis.signals.header import Channel
+from analysis.signals.snapshot import Snapshot
+from recordings.errors import ForeignFormatError
+from recordings.exchange.table import Column, Table
+from recordings.mcap.header import calibration_document
+from recordings.mcap.layout import sample_time_ns
+from recordings.mcap.reader import RunReader
+from recordings.progress import Progress, untold
+
+MICRO = 1e-6
+RPM = 2 * math.pi / 60
+PIECE = 2_000_000  # samples of each channel that are read at a time
+MOST_SAMPLES = 50_000_000
+"""Per channel in one table: it is made in memory."""
+RESULT_UNITS = {
+    "segment": "",
+    "time_s": "s",
+    "speed_rpm": "r/min",
+    "gap_x_v": "V",
+    "gap_y_v": "V",
+    "peak_to_peak_x_um": "µm",
+    "peak_to_peak_y_um": "µm",
+    "x_1x_um": "µm",
+    "x_1x_lag_deg": "deg",
+    "y_1x_um": "µm",
+    "y_1x_lag_deg": "deg",
+    "x_2x_um": "µm",
+    "x_2x_lag_deg": "deg",
+    "y_2x_um": "µm",
+    "y_2x_lag_deg": "deg",
+    "whirl_order": "",
+    "whirl_um": "µm",
+    "noise_um": "µm",
+    "x_1x_compensated_um": "µm",
+    "x_1x_compensated_lag_deg": "deg",
+    "y_1x_compensated_um": "µm",
+    "y_1x_compensated_lag_deg": "deg",
+    "sigma_1x_um": "µm",
+    "sigma_2x_um": "µm",
+    "whirl_sigma_um": "µm",
+    "second_whirl_order": "",
+    "second_whirl_um": "µm",
+}
+
+
+def samples_table(
+    reader: RunReader,
+    start: float = 0.0,
+    stop: float = math.inf,
+    segment: int | None = None,
+    on_progress: Progress = untold,
+) -> Table:
+    """Return samples in engineering units.
+
+    Displacement of the probes is towards the probe, zero at its tip, µm; other channels are volts at the input.
+
+    Parameters
+    ----------
+    reader : RunReader
+        The run.
+    start, stop : float
+        Part of the segment, s of sample time.
+    segment : int or None
+        Which segment; None where there is only one.
+    on_progress : callable
+        Told the part that is read, 0 to 1.
+
+    Raises
+    ------
+    ForeignFormatError
+        Where the part is empty or too large for a table, or the segment is not named though there are several.
+    DamagedError
+        Where the file is damaged there.
+    """
+    end = _chosen(reader, segment)
+    acquisition = reader.header.acquisition
+    first = max(0, math.ceil(start * acquisition.rate - 1e-6))
+    last = end.samples if math.isinf(stop) else min(end.samples, math.ceil(stop * acquisition.rate - 1e-6))
+    if not 0 < last - first <= MOST_SAMPLES:
+        raise ForeignFormatError(
+            f"{reader.path}: {max(0, last - first)} samples from {start:g} s to {stop:g} s of a segment of "
+            f"{end.samples / acquisition.rate:g} s, expected 1 to {MOST_SAMPLES}"
+        )
+    codes = np.empty((len(acquisition.channels), last - first), dtype=np.int16)
+    for low in range(first, last, PIECE):
+        high = min(low + PIECE, last)
+        codes[:, low - first : high - first] = reader.samples(end.segment, low, high)
+        on_progress((high - first) / (last - first))
+    times = Column("time_s", "s", np.arange(first, last) / acquisition.rate)
+    columns = [_column(channel, row) for channel, row in zip(acquisition.channels, codes, strict=True)]
+    started_ns = reader.segment_started_ns(end.segment) + sample_time_ns(first, acquisition.rate)
+    about = _properties(reader) | {"segment": str(end.segment), "convert_rate_hz": repr(acquisition.convert_rate)}
+    return Table((times, *columns), acquisition.rate, started_ns, about)
+
+
+def results_table(
+    reader: RunReader,
+    start: float = 0.0,
+    stop: float = math.inf,
+    segment: int | None = None,
+    on_progress: Progress = untold,
+) -> Table:
+    """Return the recorded results, one row for each, NaN where there is nothing; amplitudes are peak, lags are -arg X.
+
+    Raises
+    ------
+    ForeignFormatError
+        Where there are none.
+    """
+    rows: list[list[float]] = []
+    lengths = {end.segment: end.samples / reader.header.acquisition.rate for end in reader.segment_ends}
+    for snapshot in reader.snapshots():
+        if start <= snapshot.time < stop and segment in (None, snapshot.segment):
+            rows.append(list(_row(snapshot)))
+        before = sum(length for number, length in lengths.items() if number < snapshot.segment)
+        on_progress(min(1.0, (before + snapshot.time) / max(reader.duration, 1e-9)))
+    if not rows:
+        raise ForeignFormatError(f"{reader.path}: holds no results from {start:g} s to {stop:g} s")
+    values = np.array(rows, dtype=np.float64).T
+    columns = tuple(Column(name, unit, row) for (name, unit), row in zip(RESULT_UNITS.items(), values, strict=True))
+    about = _properties(reader) | {"phase": "x(t) = Re[X exp(i k theta)], theta = 0 at the mark; lag = -arg X"}
+    return Table(columns, None, reader.header.started_ns, about)
+
+
+def pulses_table(
+    reader: RunReader,
+    start: float = 0.0,
+    stop: float = math.inf,
+    segment: int | None = None,
+    on_progress: Progress = untold,
+) -> Table:
+    """Return when the tacho's edges came, as a counter stamped them, one row for each; the tacho's delay is still in.
+
+    Raises
+    ------
+    ForeignFormatError
+        Where there are none.
+    """
+    acquisition = reader.header.acquisition
+    counter, found = acquisition.tacho.counter, []
+    for end in reader.segment_ends if counter is not None else ():
+        if segment in {None, end.segment}:
+            first, last = (min(end.samples, math.ceil(min(time, 1e9) * acquisition.rate)) for time in (start, stop))
+            for low in range(first, last, PIECE):
+                ticks_here = reader.ticks(end.segment, low, min(low + PIECE, last))
+                found += [(end.segment, tick) for tick in ticks_here.tolist()]
+                on_progress(min(low + PIECE, last) / max(reader.n_samples, 1))
+    if counter is None or not found:
+        raise ForeignFormatError(f"{reader.path}: holds no stamps of a counter from {start:g} s to {stop:g} s")
+    segments, ticks = np.array(found, dtype=np.float64).T
+    about = _properties(reader) | {"timebase_hz": repr(counter.timebase), "delay_s": repr(acquisition.tacho.delay)}
+    columns = (
+        Column("segment", "", segments),
+        Column("ticks", "", ticks),
+        Column("time_s", "s", ticks / counter.timebase),
+    )
+    return Table(columns, None, reader.header.started_ns, about)
+
+
+def _chosen(reader: RunReader, segment: int | None) -> SegmentEnd:
+    ends = {end.segment: end for end in reader.segment_ends}
+    if segment is None and len(ends) == 1:
+        return reader.segment_ends[0]
+    if segment not in ends:
+        raise ForeignFormatError(
+            f"{reader.path}: segment {segment}, expected one of {', '.join(map(str, ends))}: a gap lies between them"
+        )
+    return ends[segment]
+
+
+def _column(channel: Channel, codes: np.ndarray[tuple[int], np.dtype[np.int16]]) -> Column:
+    if channel.calibration is None:
+        return Column(f"{channel.name}_v", "V", channel.volts(codes))
+    return Column(f"{channel.name}_um", "µm", channel.displacement(codes) / MICRO)
+
+
+def _properties(reader: RunReader) -> dict[str, str]:
+    header = reader.header
+    properties = {"run": header.run, "rig": header.rig, "note": header.note, "program": header.program}
+    for channel in header.acquisition.channels:
+        properties[f"{channel.name}_angle_deg"] = repr(math.degrees(channel.angle))
+        if channel.calibration is not None:
+            properties[f"{channel.name}_calibration"] = json.dumps(calibration_document(channel.calibration))
+    return properties
+
+
+def _row(snapshot: Snapshot) -> Iterator[float]:
+    """Yield a row in the order of the columns."""
+    yield from (snapshot.segment, snapshot.time, snapshot.speed / RPM)
+    yield from snapshot.gap_volts
+    yield from snapshot.peak_to_peak / MICRO
+    frame = snapshot.frame
+    if frame is None:
+        yield from [math.nan] * 20
+        return
+    for vector in frame.vectors.ravel().tolist():
+        yield from _polar(vector)
+    whirls = [(whirl.order, whirl.amplitude / MICRO, whirl.sigma / MICRO) for whirl in frame.whirls[:2]]
+    (order, amplitude, sigma), second = [*whirls, *[(math.nan,) * 3] * 2][:2]
+    yield from (order, amplitude, frame.noise / MICRO)
+    for vector in [complex(math.nan)] * 2 if frame.compensated is None else frame.compensated[0].tolist():
+        yield from _polar(vector)
+    yield from (*(frame.sigma / MICRO).tolist(), sigma, *second[:2])
+
+
+def _polar(vector: complex) -> tuple[float, float]:
+    """Return amplitude, um peak, and phase lag, degrees from 0 to 360."""
+    return abs(vector) / MICRO, -math.degrees(cmath.phase(vector)) % 360.0

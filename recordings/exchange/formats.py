@@ -1,0 +1,90 @@
+"""Foreign files: what runs are exported to and samples imported from, each format in its own file.
+
+A format's library is imported when the format is used: they are the extra ``formats``.
+"""
+
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from recordings.atomic_file import draft_of
+from recordings.errors import ForeignFormatError
+from recordings.exchange.table import Column, Table
+from recordings.progress import Progress, untold
+
+__all__ = ["EXPORTS", "IMPORTS", "Column", "Table", "read_table", "write_table"]
+
+IMPORTS = {
+    ".tdms": "tdms",
+    ".lvm": "lvm",
+    ".csv": "csv",
+    ".mat": "mat",
+    ".uff": "uff",
+    ".unv": "uff",
+    ".wav": "wav",
+}
+EXPORTS = {
+    ".csv": "csv",
+    ".parquet": "parquet",
+    ".h5": "hdf5",
+    ".hdf5": "hdf5",
+    ".tdms": "tdms",
+    ".mat": "mat",
+    ".uff": "uff",
+    ".unv": "uff",
+}
+
+
+def read_table(path: Path) -> Table:
+    """Read a foreign file; its suffix tells the format.
+
+    Raises
+    ------
+    ForeignFormatError
+        Where the format is not known, its library is missing, or the file is not what it should be.
+    """
+    module = _module(path, IMPORTS)
+    try:
+        table: Table = module.read(path)
+    except ForeignFormatError as error:
+        raise ForeignFormatError(f"{path}: {error}") from error
+    except OSError as error:
+        raise ForeignFormatError(f"{path}: cannot be read: {error.strerror or error}") from error
+    except Exception as error:  # the libraries meet a damaged file with errors of every kind
+        kind = path.suffix.lower().removeprefix(".")
+        raise ForeignFormatError(f"{path}: is not a {kind} file that can be read: {error}") from error
+    if table.n_rows == 0:
+        raise ForeignFormatError(f"{path}: holds no columns of numbers")
+    return table
+
+
+def write_table(path: Path, table: Table, on_progress: Progress = untold) -> None:
+    """Write a table to a new file; its suffix tells the format.
+
+    ``on_progress`` is told the part that is written, 0 to 1, as far as the format's library lets it be known.
+
+    Raises
+    ------
+    ForeignFormatError
+        Where the format is not known, its library is missing, the file exists or cannot be written.
+    """
+    module = _module(path, EXPORTS)
+    if path.exists():
+        raise ForeignFormatError(f"{path}: exists already; nothing is written over")
+    try:
+        with draft_of(path) as draft:
+            module.write(draft, table, on_progress)
+    except OSError as error:
+        raise ForeignFormatError(f"{path}: cannot be written: {error.strerror or error}") from error
+
+
+def _module(path: Path, known: dict[str, str]) -> Any:
+    name = known.get(path.suffix.lower())
+    if name is None:
+        raise ForeignFormatError(f"{path}: suffix {path.suffix!r}, expected one of {', '.join(known)}")
+    try:
+        return import_module(f"recordings.exchange.{name}_file")
+    except ModuleNotFoundError as error:
+        raise ForeignFormatError(
+            f"{path}: the library {error.name} is missing; install the extra: pip install 'rig-service[formats]'"
+        ) from error

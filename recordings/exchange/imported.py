@@ -1,0 +1,81 @@
+"""Foreign samples as a recording's: codes with the scaling that brings back the values of the file."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd, SourceItem
+from analysis.signals.header import Calibration, Channel
+from recordings.errors import ForeignFormatError
+from recordings.exchange.table import Column
+
+STEPS = 65_532
+"""From -32766 to 32766: none of an imported value is at the converter's rails, where it would count as clipped."""
+BLOCK = 0.1
+VOLTS = {"V": 1.0, "mV": 1e-3}
+METRES = {"um": 1e-6, "mm": 1e-3, "m": 1.0}
+UNITS = (*VOLTS, *METRES)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ImportedChannel:
+    """A channel and its codes."""
+
+    channel: Channel
+    codes: NDArray[np.int16]
+
+
+def imported_channel(column: Column, channel: Channel, unit: str, factor: float) -> ImportedChannel:
+    """Return a column's values as codes.
+
+    Values of 16 bits stay as they are. Others are divided into 65,532 steps from the smallest to the largest: they come
+    back within half a step. Where they are a displacement, one volt of the recording stands for one micrometre of it.
+
+    Parameters
+    ----------
+    column : Column
+        Values times `factor` are in `unit`: volts at the input, or displacement towards the probe.
+    channel : Channel
+        What it is; its scaling is replaced, and for displacements its calibration.
+    unit : str
+        One of UNITS.
+    factor : float
+        See `column`.
+
+    Raises
+    ------
+    ForeignFormatError
+        Where values are not finite.
+    """
+    scale = factor * (VOLTS[unit] if unit in VOLTS else METRES[unit] / METRES["um"])
+    if column.values.dtype == np.int16:
+        codes, scaling = column.values.astype(np.int16), (0.0, scale)
+    else:
+        values = column.values.astype(np.float64) * scale
+        if not np.isfinite(values).all():
+            raise ForeignFormatError(f"column {column.name!r}: holds values that are not finite")
+        low, high = float(values.min()), float(values.max())
+        step = (high - low) / STEPS or max(abs(low), 1.0) * 1e-9
+        middle = (low + high) / 2
+        codes, scaling = np.round((values - middle) / step).astype(np.int16), (middle, step)
+    if not scaling[1] > 0:
+        raise ForeignFormatError(f"column {column.name!r}: factor {factor:g}, expected a positive one")
+    ends = [scaling[0] + scaling[1] * code for code in (-32768, 32767)]
+    channel = replace(channel, scaling=scaling, range_low=ends[0], range_high=ends[1])
+    if unit in METRES:
+        calibration = Calibration((0.0, -METRES["um"]), ends[0], ends[1], date="")
+        channel = replace(channel, calibration=calibration, gap_low=-math.inf, gap_high=math.inf)
+    return ImportedChannel(channel, codes)
+
+
+def imported_items(channels: list[ImportedChannel], rate: float, host_time_ns: int) -> Iterator[SourceItem]:
+    """Yield the samples as the blocks of one segment, and its end."""
+    codes = np.stack([channel.codes for channel in channels])
+    n_samples, size = codes.shape[1], max(1, round(BLOCK * rate))
+    for first in range(0, n_samples, size):
+        block = np.ascontiguousarray(codes[:, first : first + size])
+        yield SampleBlock(block, 0, first, host_time_ns)
+    yield SegmentEnd(0, n_samples, EndReason.FINISHED)

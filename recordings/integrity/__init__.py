@@ -1,0 +1,1 @@
+"""Verification and recovery of recordings."""

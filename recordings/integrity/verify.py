@@ -1,0 +1,288 @@
+"""Whether a recording is whole: every record, checksum, index, sample and count of its file is looked at."""
+
+import zlib
+from collections import Counter, defaultdict
+from collections.abc import Iterator
+from dataclasses import dataclass
+from enum import StrEnum
+from pathlib import Path
+
+from mcap.opcode import Opcode
+
+from analysis.signals.header import RunHeader
+from recordings.errors import DamagedError, RecordingError
+from recordings.integrity.calibration_check import check_acquisition
+from recordings.integrity.continuity import Continuity
+from recordings.integrity.findings import Check, Finding
+from recordings.integrity.index_check import IndexCheck
+from recordings.integrity.pulse_check import PulseCheck
+from recordings.mcap.container import RECORD, Container, StoredMessage
+from recordings.mcap.front import header_of, read_header
+from recordings.mcap.layout import CONFIG_ATTACHMENT, END_RECORD, RUN_RECORD, TOPICS, unsealed
+from recordings.mcap.markers import decode_mark
+from recordings.mcap.messages import decode_block, decode_segment_end, parsed
+from recordings.mcap.reader import end_from_document
+from recordings.mcap.schema.rig_pb2 import Features, OrderFrame
+from recordings.progress import Progress, untold
+
+WINDOW = 4 << 20
+WALK = 0.9  # of the work: going through the records; the rest is the checksum over all of them
+SAMPLES_ID, END_ID, FEATURES_ID, FRAME_ID, MARK_ID, PULSES_ID = range(1, 7)
+MOST_FINDINGS = 100
+
+
+class Verdict(StrEnum):
+    """What an inspection came to."""
+
+    SOUND = "sound"
+    NOT_WHOLE = "not whole"
+
+
+@dataclass(frozen=True, slots=True)
+class Verification:
+    """What was found in a recording's file.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    run : str
+        Id of the run.
+    size : int
+        Bytes.
+    chunks : int
+        Chunks that are intact.
+    segments, samples : int
+        Segments that have their end, and samples per channel, that are there.
+    pulses : int
+        Edges of the tacho that a counter stamped.
+    findings : tuple of Finding
+        Faults and what is worth knowing, in the order of looking.
+    """
+
+    path: Path
+    run: str
+    size: int
+    chunks: int
+    segments: int
+    samples: int
+    pulses: int
+    findings: tuple[Finding, ...]
+
+    @property
+    def faults(self) -> tuple[Finding, ...]:
+        """What makes the recording not whole."""
+        return tuple(finding for finding in self.findings if finding.is_fault)
+
+    @property
+    def is_sound(self) -> bool:
+        """Whether the recording is whole."""
+        return not self.faults
+
+    @property
+    def verdict(self) -> Verdict:
+        """What the inspection came to."""
+        return Verdict.SOUND if self.is_sound else Verdict.NOT_WHOLE
+
+
+def verify(path: Path, on_progress: Progress = untold) -> Verification:
+    """Inspect a recording.
+
+    Parameters
+    ----------
+    path : Path
+        Its file.
+    on_progress : callable
+        Told the part that is done, 0 to 1.
+
+    Raises
+    ------
+    NotFoundError, StorageError
+        Where there is no such file or it cannot be read.
+    DamagedError, UnknownFormatError
+        Where it is no recording, or nothing of its header is left.
+    """
+    container = Container(path)
+    try:
+        return _Inspection(container, read_header(container), on_progress).verification()
+    finally:
+        container.close()
+
+
+class _Inspection:
+    """One look through a file."""
+
+    def __init__(self, container: Container, header: RunHeader, told: Progress) -> None:
+        self._file = container
+        self._told = told
+        self._header = header
+        self._continuity = Continuity(header.acquisition)
+        self._pulses = PulseCheck(header.acquisition)
+        self._index = IndexCheck(container)
+        self._places = {place.offset: place for place in container.chunks}
+        self._chunks = 0
+        self._messages: Counter[int] = Counter()
+        self._attachments: Counter[str] = Counter()
+        self._metadata: dict[str, list[str]] = defaultdict(list)
+
+    def verification(self) -> Verification:
+        findings: list[Finding] = []
+        for finding in self._all():
+            if len(findings) == MOST_FINDINGS:
+                findings.append(Finding(finding.check, finding.where, "and more: the list ends here"))
+                break
+            findings.append(finding)
+        return Verification(
+            path=self._file.path,
+            run=self._header.run,
+            size=self._file.size,
+            chunks=self._chunks,
+            segments=len(self._continuity.ends),
+            samples=self._continuity.samples,
+            pulses=self._pulses.stamps,
+            findings=tuple(findings),
+        )
+
+    def _all(self) -> Iterator[Finding]:
+        if not self._file.has_magic:
+            yield Finding(Check.FILE, "byte 0", "the first bytes are not MCAP's")
+        if not self._file.is_finished:
+            yield Finding(Check.FILE, "end of file", "the index at the end is missing or does not match its checksum")
+        yield from self._records()
+        yield from self._continuity.finish()
+        yield from self._header_copies()
+        yield from check_acquisition(self._header.acquisition)
+        if self._file.is_finished:
+            yield from self._run_end()
+            yield from self._index.finish(self._messages)
+
+    def _records(self) -> Iterator[Finding]:
+        """Walk the records of the data section."""
+        stop = 8
+        for record in self._file.records():
+            start = record.offset - RECORD.size
+            if start > stop:
+                what = f"the records break off; the index leads on after {start - stop} bytes, at byte {start}"
+                yield Finding(Check.FILE, f"byte {stop}", what)
+            where, stop = f"byte {start}", record.offset + record.length
+            self._told(WALK * stop / self._file.size)
+            if record.opcode == Opcode.CHUNK:
+                yield from self._chunk(record.offset, record.length, where)
+            elif record.opcode == Opcode.MESSAGE_INDEX:
+                yield from self._index.message_index(self._file.read(record.offset, record.length), where)
+            elif record.opcode == Opcode.METADATA:
+                yield from self._metadata_record(record.offset, record.length, where)
+            elif record.opcode == Opcode.ATTACHMENT:
+                yield from self._attachment(record.offset, record.length, where)
+            elif record.opcode not in (Opcode.HEADER, Opcode.SCHEMA, Opcode.CHANNEL):
+                yield Finding(Check.FILE, where, f"a record of kind {record.opcode}, expected none of that kind here")
+        yield from self._data_end(stop)
+
+    def _data_end(self, stop: int) -> Iterator[Finding]:
+        """Check that the records led to the end of the data, and its checksum."""
+        head = self._file.read(stop, 13)
+        if len(head) < 13 or RECORD.unpack_from(head) != (Opcode.DATA_END, 4):
+            yield Finding(Check.FILE, f"byte {stop}", f"the records break off, {self._file.size - stop} bytes are left")
+            return
+        expected, crc, offset = int.from_bytes(head[9:13], "little"), 0, 0
+        while offset < stop:
+            window = self._file.read(offset, min(WINDOW, stop - offset))
+            crc = zlib.crc32(window, crc)
+            offset += len(window)
+            self._told(WALK + (1.0 - WALK) * offset / stop)
+        if crc != expected:
+            yield Finding(Check.CRC, f"bytes 0 to {stop}", "the data do not match their checksum")
+
+    def _chunk(self, offset: int, length: int, where: str) -> Iterator[Finding]:
+        place = self._places.get(offset)
+        if place is None or place.length != length:
+            yield Finding(Check.INDEX, where, "a chunk that the index at the end does not name")
+            return
+        try:
+            messages = list(self._file.messages(place))
+        except DamagedError:
+            yield Finding(Check.CRC, where, f"a chunk of {length} bytes does not match its checksum")
+            self._index.pass_over()
+            return
+        self._chunks += 1
+        yield from self._index.chunk(place, messages, where)
+        for message in messages:
+            self._messages[message.channel] += 1
+            try:
+                yield from self._message(message, where)
+            except ValueError as error:
+                yield Finding(Check.FILE, where, f"a message of channel {message.channel} cannot be read: {error}")
+
+    def _message(self, message: StoredMessage, where: str) -> Iterator[Finding]:
+        if message.channel == SAMPLES_ID:
+            block = decode_block(message.data)
+            yield from self._continuity.block(block, where)
+            yield from self._pulses.block(block, where)
+        elif message.channel == END_ID:
+            yield from self._continuity.segment_end(decode_segment_end(message.data), where)
+        elif message.channel == FEATURES_ID:
+            parsed(Features(), message.data)
+        elif message.channel == FRAME_ID:
+            parsed(OrderFrame(), message.data)
+        elif message.channel == MARK_ID:
+            decode_mark(message.data)
+        elif message.channel == PULSES_ID:
+            yield from self._pulses.pulses(message.data, where)
+        else:
+            what = f"a message of channel {message.channel}, expected 1 to {len(TOPICS)}"
+            yield Finding(Check.INDEX, where, what, is_fault=False)
+
+    def _metadata_record(self, offset: int, length: int, where: str) -> Iterator[Finding]:
+        record = self._file.metadata_at(offset, length)
+        if record is None:
+            yield Finding(Check.HEADER, where, "a metadata record that cannot be read")
+            return
+        self._metadata[record.name].append(where)
+        try:
+            if record.name == RUN_RECORD and header_of(self._file.path, record.metadata) != self._header:
+                yield Finding(Check.HEADER, where, f"{RUN_RECORD} differs from the copy before")
+            elif "crc32" in record.metadata:
+                unsealed(self._file.path, record.name, record.metadata)
+        except RecordingError as error:
+            yield Finding(Check.CRC, where, str(error).removeprefix(f"{self._file.path}: "))
+
+    def _attachment(self, offset: int, length: int, where: str) -> Iterator[Finding]:
+        content = self._file.read(offset, length)
+        if zlib.crc32(content[:-4]) != int.from_bytes(content[-4:], "little"):
+            yield Finding(Check.CRC, where, "an attachment does not match its checksum")
+        elif content[20 : 20 + len(CONFIG_ATTACHMENT)] == CONFIG_ATTACHMENT.encode():
+            self._attachments[CONFIG_ATTACHMENT] += 1
+            if not content[:-4].endswith(self._header.config_toml.encode()):
+                yield Finding(Check.HEADER, where, f"{CONFIG_ATTACHMENT} is not the configuration of the header")
+
+    def _header_copies(self) -> Iterator[Finding]:
+        if not self._metadata[RUN_RECORD]:
+            yield Finding(Check.HEADER, "start of file", f"the record {RUN_RECORD} is not where it belongs")
+        if not self._attachments[CONFIG_ATTACHMENT]:
+            yield Finding(Check.HEADER, "start of file", f"the attachment {CONFIG_ATTACHMENT} is missing")
+
+    def _run_end(self) -> Iterator[Finding]:
+        """Compare what the run came to with what is there."""
+        entries = self._file.metadata(END_RECORD)
+        try:
+            document = unsealed(self._file.path, END_RECORD, entries[-1]) if entries else {}
+        except RecordingError:
+            document = {}  # its own record has been reported
+        if not document:
+            yield Finding(Check.COUNTS, "end of file", f"the record {END_RECORD} is missing")
+            return
+        ends = tuple(end_from_document(end) for end in document["segments"])
+        if document["samples"] != self._continuity.samples:
+            what = f"{self._continuity.samples} samples per channel, expected {document['samples']}"
+            yield Finding(Check.COUNTS, "whole file", what)
+        if document.get("pulses", 0) != self._pulses.stamps:  # older files have none
+            what = f"{self._pulses.stamps} stamps of the tacho's counter, expected {document.get('pulses', 0)}"
+            yield Finding(Check.COUNTS, "whole file", what)
+        if ends != self._continuity.ends:
+            what = f"{len(self._continuity.ends)} ends of segments are not the {len(ends)} of {END_RECORD}"
+            yield Finding(Check.COUNTS, "whole file", what)
+        if not document["complete"]:
+            yield Finding(Check.COUNTS, END_RECORD, "the run was closed inside a segment")
+        if document["skipped_samples"]:
+            what = f"the live analysis skipped {document['skipped_samples']} samples; they are in the file"
+            yield Finding(Check.COUNTS, END_RECORD, what, is_fault=False)

@@ -1,0 +1,1 @@
+"""Recordings as MCAP files: writer, reader, header, results."""

@@ -1,0 +1,278 @@
+"""A run's header as a JSON document and back, bit for bit: SI values, the unit in every name."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+from analysis.signals.header import (
+    Acquisition,
+    AnalysisSettings,
+    Calibration,
+    Channel,
+    Device,
+    Edge,
+    Limits,
+    Role,
+    RunHeader,
+    RunOutSettings,
+    Tacho,
+    TachoCounter,
+)
+from recordings.mcap.section import Section
+
+Document = dict[str, Any]
+
+_WATCHED = {  # limits that are missing where they are not watched
+    "order_1x_peak_alarm_m": "order_1x_alarm",
+    "order_1x_peak_danger_m": "order_1x_danger",
+    "below_1x_peak_alarm_m": "below_1x_alarm",
+    "below_1x_peak_danger_m": "below_1x_danger",
+    "speed_alarm_rad_per_s": "speed_alarm",
+    "speed_danger_rad_per_s": "speed_danger",
+}
+
+
+def header_document(header: RunHeader) -> Document:
+    """Return all of a header as a document that JSON can hold."""
+    return {
+        "run": header.run,
+        "rig": header.rig,
+        "started_ns": header.started_ns,
+        "program": header.program,
+        "note": header.note,
+        "acquisition": _acquisition_document(header.acquisition),
+        "analysis": {
+            "update_interval_s": header.settings.update_interval,
+            "revolutions": header.settings.revolutions,
+            "points_per_revolution": header.settings.points_per_revolution,
+            "highest_order": header.settings.highest_order,
+            "orbit_revolutions": header.settings.orbit_revolutions,
+            "runout": _runout_document(header.settings.runout),
+        },
+        "limits": {
+            "peak_to_peak_alarm_m": header.limits.peak_to_peak_alarm,
+            "peak_to_peak_danger_m": header.limits.peak_to_peak_danger,
+            "clearance_m": header.limits.clearance,
+            "speed_rad_per_s": header.limits.speed,
+            "hysteresis_fraction": header.limits.hysteresis,
+            "hold_s": header.limits.hold,
+            "latch": header.limits.latch,
+            **{key: limit for key, name in _WATCHED.items() if math.isfinite(limit := getattr(header.limits, name))},
+        },
+        "config_toml": header.config_toml,
+    }
+
+
+def calibration_document(calibration: Calibration) -> Document:
+    """Return a probe's calibration: gap in metres = sum of gap_m_per_v_to_k[k] * volts**k."""
+    return {
+        "gap_m_per_v_to_k": list(calibration.coefficients),
+        "volts_low_v": calibration.volts_low,
+        "volts_high_v": calibration.volts_high,
+        "residual_m": calibration.residual,
+        "sensor": calibration.sensor,
+        "conditioner": calibration.conditioner,
+        "date": calibration.date,
+        "target": calibration.target,
+        "operator": calibration.operator,
+    }
+
+
+def header_from_document(document: Mapping[str, Any]) -> RunHeader:
+    """Return the header that a document holds; DamagedError names the key that is missing or wrong."""
+    top = Section("header", document)
+    analysis, limits = top.section("analysis"), top.section("limits")
+    return RunHeader(
+        run=top.text("run"),
+        rig=top.text("rig"),
+        started_ns=top.whole("started_ns"),
+        acquisition=_acquisition(top.section("acquisition")),
+        settings=AnalysisSettings(
+            update_interval=analysis.number("update_interval_s"),
+            revolutions=analysis.whole("revolutions"),
+            points_per_revolution=analysis.whole("points_per_revolution"),
+            highest_order=analysis.number("highest_order"),
+            orbit_revolutions=analysis.whole("orbit_revolutions"),
+            runout=_runout(analysis.section("runout")) if analysis.has("runout") else RunOutSettings(),
+        ),
+        limits=_limits(limits),
+        config_toml=top.text("config_toml"),
+        program=top.text("program"),
+        note=top.text("note"),
+    )
+
+
+def _runout_document(runout: RunOutSettings) -> Document:
+    return {
+        "slow_roll_speed_rad_per_s": runout.slow_roll_speed,
+        "vectors": [
+            {"order": order, "x_real_m": x.real, "x_imag_m": x.imag, "y_real_m": y.real, "y_imag_m": y.imag}
+            for order, x, y in runout.vectors
+        ],
+        "sigma_m": list(runout.sigma),
+        "source": runout.source,
+        "from_orbit": runout.from_orbit,
+    }
+
+
+def _runout(section: Section) -> RunOutSettings:
+    sigma_1x, sigma_2x = section.numbers("sigma_m")
+    return RunOutSettings(
+        slow_roll_speed=section.number("slow_roll_speed_rad_per_s"),
+        vectors=tuple(
+            (
+                vector.whole("order"),
+                complex(vector.number("x_real_m"), vector.number("x_imag_m")),
+                complex(vector.number("y_real_m"), vector.number("y_imag_m")),
+            )
+            for vector in section.sections("vectors")
+        ),
+        sigma=(sigma_1x, sigma_2x),
+        source=section.text("source"),
+        from_orbit=section.flag("from_orbit"),
+    )
+
+
+def _limits(section: Section) -> Limits:
+    known = Limits(
+        peak_to_peak_alarm=section.number("peak_to_peak_alarm_m"),
+        peak_to_peak_danger=section.number("peak_to_peak_danger_m"),
+        clearance=section.number("clearance_m"),
+        speed=section.number("speed_rad_per_s"),
+    )
+    if not section.has("hold_s"):  # an older file: alarms as they are by default
+        return known
+    return replace(
+        known,
+        hysteresis=section.number("hysteresis_fraction"),
+        hold=section.number("hold_s"),
+        latch=section.flag("latch"),
+        **{name: section.number(key) for key, name in _WATCHED.items() if section.has(key)},
+    )
+
+
+def _acquisition_document(acquisition: Acquisition) -> Document:
+    device, tacho = acquisition.device, acquisition.tacho
+    return {
+        "device": {
+            "backend": device.backend,
+            "product": device.product,
+            "serial": device.serial,
+            "driver": device.driver,
+            "simulated": device.simulated,
+        },
+        "rate_hz": acquisition.rate,
+        "convert_rate_hz": acquisition.convert_rate,
+        "buffer_samples": acquisition.buffer,
+        "channels": [_channel_document(channel) for channel in acquisition.channels],
+        "tacho": {
+            "threshold_v": tacho.threshold,
+            "hysteresis_v": tacho.hysteresis,
+            "edge": tacho.edge.value,
+            "pulses_per_revolution": tacho.pulses_per_revolution,
+            "mark_fraction": tacho.mark_fraction,
+            "response_time_s": tacho.response_time,
+            "delay_s": tacho.delay,
+        }
+        | ({} if tacho.counter is None else {"counter": _counter_document(tacho.counter)}),
+    }
+
+
+def _counter_document(counter: TachoCounter) -> Document:
+    return {
+        "counter": counter.counter,
+        "terminal": counter.terminal,
+        "edge": counter.edge.value,
+        "timebase_hz": counter.timebase,
+        "is_reference": counter.is_reference,
+        "agreement_s": counter.agreement,
+    }
+
+
+def _channel_document(channel: Channel) -> Document:
+    return {
+        "name": channel.name,
+        "role": channel.role.value,
+        "physical": channel.physical,
+        "range_low_v": channel.range_low,
+        "range_high_v": channel.range_high,
+        "scaling_v_per_code_to_k": list(channel.scaling),
+        "calibration": None if channel.calibration is None else calibration_document(channel.calibration),
+        "angle_rad": channel.angle,
+        "gap_low_v": _finite(channel.gap_low),
+        "gap_high_v": _finite(channel.gap_high),
+    }
+
+
+def _acquisition(section: Section) -> Acquisition:
+    device, tacho = section.section("device"), section.section("tacho")
+    return Acquisition(
+        device=Device(
+            backend=device.text("backend"),
+            product=device.text("product"),
+            serial=device.text("serial"),
+            driver=device.text("driver"),
+            simulated=device.flag("simulated"),
+        ),
+        rate=section.number("rate_hz"),
+        convert_rate=section.number("convert_rate_hz"),
+        channels=tuple(_channel(channel) for channel in section.sections("channels")),
+        tacho=Tacho(
+            threshold=tacho.number("threshold_v"),
+            hysteresis=tacho.number("hysteresis_v"),
+            edge=tacho.choice("edge", Edge),
+            pulses_per_revolution=tacho.whole("pulses_per_revolution"),
+            mark_fraction=tacho.number("mark_fraction"),
+            response_time=tacho.number("response_time_s"),
+            delay=tacho.number("delay_s"),
+            counter=_counter(tacho.section("counter")) if tacho.has("counter") else None,
+        ),
+        buffer=section.whole("buffer_samples") if section.has("buffer_samples") else 0,  # older files do not tell
+    )
+
+
+def _counter(section: Section) -> TachoCounter:
+    return TachoCounter(
+        counter=section.text("counter"),
+        terminal=section.text("terminal"),
+        edge=section.choice("edge", Edge),
+        timebase=section.number("timebase_hz"),
+        is_reference=section.flag("is_reference"),
+        agreement=section.number("agreement_s"),
+    )
+
+
+def _channel(section: Section) -> Channel:
+    calibration = None if section.is_null("calibration") else _calibration(section.section("calibration"))
+    return Channel(
+        name=section.text("name"),
+        role=section.choice("role", Role),
+        physical=section.text("physical"),
+        range_low=section.number("range_low_v"),
+        range_high=section.number("range_high_v"),
+        scaling=section.numbers("scaling_v_per_code_to_k"),
+        calibration=calibration,
+        angle=section.number("angle_rad"),
+        gap_low=-math.inf if section.is_null("gap_low_v") else section.number("gap_low_v"),
+        gap_high=math.inf if section.is_null("gap_high_v") else section.number("gap_high_v"),
+    )
+
+
+def _calibration(section: Section) -> Calibration:
+    return Calibration(
+        coefficients=section.numbers("gap_m_per_v_to_k"),
+        volts_low=section.number("volts_low_v"),
+        volts_high=section.number("volts_high_v"),
+        residual=section.number("residual_m"),
+        sensor=section.text("sensor"),
+        conditioner=section.text("conditioner"),
+        date=section.text("date"),
+        target=section.text("target") if section.has("target") else "",  # older files have neither
+        operator=section.text("operator") if section.has("operator") else "",
+    )
+
+
+def _finite(value: float) -> float | None:
+    """Return the value, or None for an open end: JSON has no infinity."""
+    return value if math.isfinite(value) else None

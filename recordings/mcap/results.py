@@ -1,0 +1,314 @@
+"""Snapshots as messages for a run's file, and back bit for bit."""
+
+import cmath
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.signals.header import RunHeader
+from analysis.signals.snapshot import (
+    ComplexArray,
+    CounterReport,
+    OrderFrame,
+    RunOut,
+    Snapshot,
+    TachoReport,
+    TachoState,
+    Trace,
+    Whirl,
+)
+from recordings.mcap.layout import FEATURES, NANOSECONDS, ORDER_FRAME
+from recordings.mcap.schema import rig_pb2
+
+MICRO = 1e-6
+RPM = 2 * math.pi / 60
+
+
+@dataclass(frozen=True, slots=True)
+class EncodedResult:
+    """A message ready to be written.
+
+    Parameters
+    ----------
+    topic : str
+        Its topic.
+    log_time_ns : int
+        ns since 1970, as if its segment had begun with the run; the writer adds where the segment began.
+    data : bytes
+        The serialised message.
+    segment : int
+        The segment it belongs to.
+    """
+
+    topic: str
+    log_time_ns: int
+    data: bytes
+    segment: int = 0
+
+
+def encode_snapshot(snapshot: Snapshot, header: RunHeader) -> list[EncodedResult]:
+    """Return the messages that keep a snapshot, all but its trace (the samples are in the same file).
+
+    Parameters
+    ----------
+    snapshot : Snapshot
+        What the analyser said.
+    header : RunHeader
+        The run that it belongs to.
+
+    Returns
+    -------
+    list of EncodedResult
+        The order frame, if there is one, and the features; to be written in this order.
+    """
+    messages: list[tuple[str, rig_pb2.OrderFrame | rig_pb2.Features]] = [(FEATURES, _features(snapshot))]
+    if snapshot.frame is not None:
+        messages.insert(0, (ORDER_FRAME, _order_frame(snapshot, snapshot.frame)))
+    log_time_ns = header.started_ns + round(snapshot.time * NANOSECONDS)
+    return [
+        EncodedResult(topic, log_time_ns, message.SerializeToString(), snapshot.segment) for topic, message in messages
+    ]
+
+
+def decode_snapshot(features: rig_pb2.Features, frame: rig_pb2.OrderFrame | None) -> Snapshot:
+    """Return the snapshot that a pair of messages keeps; its trace is empty.
+
+    Raises
+    ------
+    ValueError
+        Where the messages do not fit each other or hold what no analyser says.
+    """
+    if features.has_order_frame != (frame is not None):
+        raise ValueError(f"features of sample {features.sample}: the order frame is missing")
+    return Snapshot(
+        segment=features.segment,
+        sample=features.sample,
+        time=features.time_s,
+        speed=features.speed_rad_per_s,
+        tacho=TachoReport(
+            state=TachoState(features.tacho_state),
+            pulses=features.tacho_pulses,
+            filled=features.tacho_filled,
+            rejected=features.tacho_rejected,
+            jitter=features.tacho_jitter_s,
+            mark_is_arbitrary=features.tacho_mark_is_arbitrary,
+        ),
+        gap_volts=_floats([features.gap_x_v, features.gap_y_v]),
+        gap_ok=np.array([features.gap_x_ok, features.gap_y_ok], dtype=np.bool_),
+        peak_to_peak=_floats([features.peak_to_peak_x_m, features.peak_to_peak_y_m]),
+        clipped=np.array(features.clipped, dtype=np.int64),
+        frame=None if frame is None else _decoded_frame(frame),
+        trace=Trace(time=np.empty(0), displacement=np.empty((2, 0)), tacho=np.empty(0)),
+        beyond_calibration=np.array(features.beyond_calibration or (0, 0), dtype=np.int64),  # older files have none
+        counter=_decoded_check(features.counter) if features.HasField("counter") else None,
+    )
+
+
+def _features(snapshot: Snapshot) -> rig_pb2.Features:
+    tacho = snapshot.tacho
+    message = rig_pb2.Features(
+        segment=snapshot.segment,
+        sample=snapshot.sample,
+        time_s=snapshot.time,
+        speed_rpm=snapshot.speed / RPM,
+        speed_rad_per_s=snapshot.speed,
+        tacho_state=tacho.state.value,
+        tacho_pulses=tacho.pulses,
+        tacho_filled=tacho.filled,
+        tacho_rejected=tacho.rejected,
+        tacho_jitter_s=tacho.jitter,
+        tacho_mark_is_arbitrary=tacho.mark_is_arbitrary,
+        gap_x_v=snapshot.gap_volts[0],
+        gap_y_v=snapshot.gap_volts[1],
+        gap_x_ok=bool(snapshot.gap_ok[0]),
+        gap_y_ok=bool(snapshot.gap_ok[1]),
+        peak_to_peak_x_um=snapshot.peak_to_peak[0] / MICRO,
+        peak_to_peak_y_um=snapshot.peak_to_peak[1] / MICRO,
+        peak_to_peak_x_m=snapshot.peak_to_peak[0],
+        peak_to_peak_y_m=snapshot.peak_to_peak[1],
+        clipped=snapshot.clipped.tolist(),
+        beyond_calibration=snapshot.beyond_calibration.tolist(),
+        has_order_frame=snapshot.frame is not None,
+        counter=None if snapshot.counter is None else _check(snapshot.counter),
+    )
+    if snapshot.frame is not None:
+        _add_orders(message, snapshot.frame)
+    return message
+
+
+def _check(counter: CounterReport) -> rig_pb2.CounterCheck:
+    return rig_pb2.CounterCheck(
+        is_working=counter.is_working,
+        compared=counter.compared,
+        missing=counter.missing,
+        extra=counter.extra,
+        apart=counter.apart,
+        mean_s=counter.mean,
+        largest_s=counter.largest,
+        recent=counter.recent,
+        recent_odd=counter.recent_odd,
+    )
+
+
+def _decoded_check(message: rig_pb2.CounterCheck) -> CounterReport:
+    return CounterReport(
+        is_working=message.is_working,
+        compared=message.compared,
+        missing=message.missing,
+        extra=message.extra,
+        apart=message.apart,
+        mean=message.mean_s,
+        largest=message.largest_s,
+        recent=message.recent,
+        recent_odd=message.recent_odd,
+    )
+
+
+def _add_orders(message: rig_pb2.Features, frame: OrderFrame) -> None:
+    (x_1x, y_1x), (x_2x, y_2x) = frame.vectors.tolist()
+    message.x_1x_um, message.x_1x_lag_deg = abs(x_1x) / MICRO, _lag(x_1x)
+    message.y_1x_um, message.y_1x_lag_deg = abs(y_1x) / MICRO, _lag(y_1x)
+    message.x_2x_um, message.x_2x_lag_deg = abs(x_2x) / MICRO, _lag(x_2x)
+    message.y_2x_um, message.y_2x_lag_deg = abs(y_2x) / MICRO, _lag(y_2x)
+    message.noise_um = frame.noise / MICRO
+    message.sigma_1x_um, message.sigma_2x_um = (frame.sigma / MICRO).tolist()
+    message.x_1x_lag_sigma_deg, message.y_1x_lag_sigma_deg = np.degrees(frame.phase_sigma[0]).tolist()
+    message.whirls = len(frame.whirls)
+    if frame.whirl is not None:
+        message.whirl_order = frame.whirl.order
+        message.whirl_um = frame.whirl.amplitude / MICRO
+        message.whirl_is_forward = frame.whirl.is_forward
+        message.whirl_sigma_um = frame.whirl.sigma / MICRO
+    if frame.compensated is not None and np.isfinite(frame.compensated[0]).all():
+        x, y = frame.compensated[0].tolist()
+        message.x_1x_compensated_um, message.x_1x_compensated_lag_deg = abs(x) / MICRO, _lag(x)
+        message.y_1x_compensated_um, message.y_1x_compensated_lag_deg = abs(y) / MICRO, _lag(y)
+
+
+def _lag(vector: complex) -> float:
+    """Return the phase lag of a vector, degrees from 0 to 360."""
+    return -math.degrees(cmath.phase(vector)) % 360.0
+
+
+def _order_frame(snapshot: Snapshot, frame: OrderFrame) -> rig_pb2.OrderFrame:
+    (x_1x, y_1x), (x_2x, y_2x) = frame.vectors.tolist()
+    message = rig_pb2.OrderFrame(
+        segment=snapshot.segment,
+        sample=snapshot.sample,
+        time_s=snapshot.time,
+        speed_rad_per_s=frame.speed,
+        acceleration_rad_per_s2=frame.acceleration,
+        orders=frame.orders.tolist(),
+        spectrum_x_real_m=frame.spectrum[0].real.tolist(),
+        spectrum_x_imag_m=frame.spectrum[0].imag.tolist(),
+        spectrum_y_real_m=frame.spectrum[1].real.tolist(),
+        spectrum_y_imag_m=frame.spectrum[1].imag.tolist(),
+        x_1x=_vector(x_1x),
+        y_1x=_vector(y_1x),
+        x_2x=_vector(x_2x),
+        y_2x=_vector(y_2x),
+        noise_m=frame.noise,
+        whirl=None if frame.whirl is None else _whirl(frame.whirl),
+        orbit_x_m=frame.orbit[0].tolist(),
+        orbit_y_m=frame.orbit[1].tolist(),
+        weaker_whirls=[_whirl(whirl) for whirl in frame.whirls[1:]],
+        sigma_1x_m=frame.sigma[0],
+        sigma_2x_m=frame.sigma[1],
+        angle_sigma_rad=frame.angle_sigma,
+        runout=None if frame.runout is None else _runout(frame.runout),
+        spectrum_x_um=(np.abs(frame.spectrum[0]) / MICRO).tolist(),
+        spectrum_y_um=(np.abs(frame.spectrum[1]) / MICRO).tolist(),
+        orbit_x_um=(frame.orbit[0] / MICRO).tolist(),
+        orbit_y_um=(frame.orbit[1] / MICRO).tolist(),
+    )
+    if frame.compensated_orbit is not None:
+        message.compensated_orbit_x_m.extend(frame.compensated_orbit[0].tolist())
+        message.compensated_orbit_y_m.extend(frame.compensated_orbit[1].tolist())
+    return message
+
+
+def _runout(runout: RunOut) -> rig_pb2.RunOut:
+    x, y = ([_vector(value) for value in of_probe] for of_probe in runout.vectors.T.tolist())
+    return rig_pb2.RunOut(x=x, y=y, sigma_1x_m=runout.sigma[0], sigma_2x_m=runout.sigma[1])
+
+
+def _whirl(whirl: Whirl) -> rig_pb2.Whirl:
+    x, y = whirl.vectors.tolist()
+    return rig_pb2.Whirl(
+        order=whirl.order,
+        forward_m=whirl.forward,
+        backward_m=whirl.backward,
+        x=_vector(x),
+        y=_vector(y),
+        order_sigma=whirl.order_sigma,
+        sigma_m=whirl.sigma,
+    )
+
+
+def _vector(value: complex) -> rig_pb2.Vector:
+    return rig_pb2.Vector(real_m=value.real, imag_m=value.imag)
+
+
+def _decoded_frame(message: rig_pb2.OrderFrame) -> OrderFrame:
+    whirls = [*([message.whirl] if message.HasField("whirl") else []), *message.weaker_whirls]
+    has_sigma = message.HasField("sigma_1x_m")  # older files tell none
+    has_orbit = len(message.compensated_orbit_x_m) > 0
+    return OrderFrame(
+        speed=message.speed_rad_per_s,
+        acceleration=message.acceleration_rad_per_s2,
+        orders=_floats(message.orders),
+        spectrum=np.stack(
+            [
+                _complex(message.spectrum_x_real_m, message.spectrum_x_imag_m),
+                _complex(message.spectrum_y_real_m, message.spectrum_y_imag_m),
+            ]
+        ),
+        vectors=_vectors([message.x_1x, message.y_1x, message.x_2x, message.y_2x]).reshape(2, 2),
+        noise=message.noise_m,
+        whirls=tuple(_decoded_whirl(whirl) for whirl in whirls),
+        orbit=_rows(message.orbit_x_m, message.orbit_y_m),
+        sigma=_floats([message.sigma_1x_m, message.sigma_2x_m]) if has_sigma else np.full(2, np.nan),
+        angle_sigma=message.angle_sigma_rad if has_sigma else math.nan,
+        runout=_decoded_runout(message.runout) if message.HasField("runout") else None,
+        compensated_orbit=_rows(message.compensated_orbit_x_m, message.compensated_orbit_y_m) if has_orbit else None,
+    )
+
+
+def _decoded_whirl(message: rig_pb2.Whirl) -> Whirl:
+    has_sigma = message.HasField("sigma_m")
+    return Whirl(
+        order=message.order,
+        forward=message.forward_m,
+        backward=message.backward_m,
+        vectors=_vectors([message.x, message.y]),
+        order_sigma=message.order_sigma if has_sigma else math.nan,
+        sigma=message.sigma_m if has_sigma else math.nan,
+    )
+
+
+def _decoded_runout(message: rig_pb2.RunOut) -> RunOut:
+    vectors = np.stack([_vectors(message.x), _vectors(message.y)], axis=1)
+    if len(vectors) < 2:
+        raise ValueError(f"run-out of {len(vectors)} orders, expected at least 2")
+    return RunOut(vectors, _floats([message.sigma_1x_m, message.sigma_2x_m]))
+
+
+def _vectors(messages: Sequence[rig_pb2.Vector]) -> ComplexArray:
+    return np.array([complex(message.real_m, message.imag_m) for message in messages], dtype=np.complex128)
+
+
+def _complex(real: Sequence[float], imag: Sequence[float]) -> ComplexArray:
+    values = np.empty(len(real), dtype=np.complex128)  # built by parts: a sum would lose the sign of a zero
+    values.real, values.imag = real, imag
+    return values
+
+
+def _rows(x: Sequence[float], y: Sequence[float]) -> NDArray[np.float64]:
+    return np.stack([_floats(x), _floats(y)])
+
+
+def _floats(values: Sequence[float]) -> NDArray[np.float64]:
+    return np.array(values, dtype=np.float64)

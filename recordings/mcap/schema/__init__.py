@@ -1,0 +1,1 @@
+"""Protocol buffer messages of a recording; generated code."""

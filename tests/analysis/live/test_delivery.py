@@ -1,0 +1,29 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from analysis.live.delivery import Delivery, DeliveryWatch
+from analysis.signals.blocks import SampleBlock
+from analysis.signals.header import Acquisition, RunHeader
+
+START = 1_795_000_000_000_000_000
+
+
+def watched(acquisition: Acquisition, *backlogs: tuple[int, int]) -> Delivery:
+    """Watch a block for each pair of segment and backlog."""
+    watch = DeliveryWatch(acquisition)
+    for segment, backlog in backlogs:
+        watch.block(SampleBlock(np.zeros((3, 100), np.int16), segment, 0, START, backlog))
+    return watch.delivery()
+
+
+def test_largest_backlog_of_all_segments_is_told_beside_the_buffer(header: RunHeader) -> None:
+    card = replace(header.acquisition, buffer=round(4 * header.acquisition.rate))
+    found = watched(card, (0, 10), (0, 700), (1, 300))
+    assert found.backlog == pytest.approx(700 / card.rate)
+    assert found.buffer == pytest.approx(4.0)
+
+
+def test_backlog_of_a_device_without_a_buffer_is_not_known(header: RunHeader) -> None:
+    assert watched(replace(header.acquisition, buffer=0), (0, 700)) == Delivery()

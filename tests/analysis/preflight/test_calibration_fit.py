@@ -1,0 +1,71 @@
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from analysis.preflight.calibration_fit import fit_calibration, usual_order
+
+TRUE = (12e-6, 96.5e-6, 0.55e-6, -0.03e-6)
+VOLTS = np.linspace(0.5, 9.5, 10)
+GAPS = np.asarray(np.polynomial.polynomial.polyval(VOLTS, TRUE), dtype=np.float64)
+
+
+def test_fit_finds_the_polynomial_that_made_the_points_in_any_sequence() -> None:
+    shuffled = np.random.default_rng(1).permutation(VOLTS.size)
+    fit = fit_calibration(GAPS[shuffled], VOLTS[shuffled], 3)
+    assert fit.coefficients == pytest.approx(TRUE, rel=1e-6, abs=1e-12)
+    assert (fit.volts_low, fit.volts_high, fit.order) == (0.5, 9.5, 3)
+    assert fit.residual < 1e-12
+
+
+def test_residual_is_the_farthest_that_a_point_lies_off() -> None:
+    moved = GAPS.copy()
+    moved[4] += 5e-6
+    fit = fit_calibration(moved, VOLTS, 3)
+    values = np.polynomial.polynomial.polyval(VOLTS, fit.coefficients)
+    assert fit.residuals == pytest.approx(values - moved, abs=1e-12)
+    assert fit.residual == pytest.approx(np.max(np.abs(values - moved)), rel=1e-6)
+    assert 1e-6 < fit.residual < 5e-6
+    assert int(np.argmax(np.abs(fit.residuals))) == 4
+
+
+def test_fit_of_too_low_an_order_shows_a_residual() -> None:
+    assert fit_calibration(GAPS, VOLTS, 1).residual > 10 * fit_calibration(GAPS, VOLTS, 3).residual
+
+
+def test_usual_order_falls_with_the_number_of_points() -> None:
+    assert [usual_order(n) for n in (2, 3, 4, 5, 20)] == [1, 1, 2, 3, 3]
+
+
+@pytest.mark.parametrize(
+    ("gaps", "volts", "order", "message"),
+    [
+        (GAPS[:4], VOLTS[:4], 3, "4 points, expected at least 5"),
+        (GAPS, VOLTS, 8, "order 8, expected 1 to 7"),
+        (GAPS, VOLTS[:5], 1, "expected the same"),
+        (GAPS, -VOLTS, 1, "expected a voltage that rises with the gap"),
+        (np.full(10, 1e-4), VOLTS, 1, "expected a voltage that rises with the gap"),
+        (np.where(np.arange(10) == 3, np.nan, GAPS), VOLTS, 1, "not a finite number"),
+        (np.array([0, 1, 2, 3, 9, 9.1, 9.2, 9.3]) * 1e-6, np.arange(8.0), 5, "try a lower order"),
+    ],
+    ids=["few", "order", "shapes", "falls", "one gap", "nan", "wiggles"],
+)
+def test_points_that_make_no_calibration_are_refused(
+    gaps: NDArray[np.float64], volts: NDArray[np.float64], order: int, message: str
+) -> None:
+    with pytest.raises(ValueError, match=message):
+        fit_calibration(gaps, volts, order)
+
+
+def test_misread_step_is_named_by_its_gaps() -> None:
+    swapped = VOLTS.copy()
+    swapped[[4, 5]] = swapped[[5, 4]]
+    with pytest.raises(ValueError, match=r"^5\.500 V at 454\.\d+ µm, 4\.500 V at 554\.\d+ µm"):
+        fit_calibration(GAPS, swapped, 3)
+
+
+def test_point_that_bends_the_polynomial_is_named() -> None:
+    gaps = 1e-4 * np.arange(1.0, 8.0)
+    volts = 1e4 * gaps
+    beyond = np.append(gaps, 50e-4), np.append(volts, 8.4)
+    with pytest.raises(ValueError, match="try a lower order, or leave out the point at 5000 µm"):
+        fit_calibration(*beyond, 3)

@@ -1,0 +1,39 @@
+"""Extremes without a few samples at either end are those that a full ranking gives."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from analysis.shaft.extremes import trimmed_extremes
+
+
+@settings(max_examples=200, deadline=None)
+@given(
+    st.lists(st.floats(-1e3, 1e3) | st.integers(-3, 3).map(float), min_size=1, max_size=400),
+    st.integers(0, 30),
+    st.integers(1, 40),
+)
+def test_any_samples_give_what_ranking_all_of_them_gives(values: list[float], spare: int, repeats: int) -> None:
+    row = np.tile(values, repeats)
+    spare = min(spare, (row.size - 1) // 2)
+    ranked = np.sort(row)
+    low, high = trimmed_extremes(row[None], spare)
+    assert (low[0], high[0]) == (ranked[spare], ranked[row.size - 1 - spare])
+
+
+def test_motion_with_glitches_gives_what_ranking_gives_for_each_row() -> None:
+    random = np.random.default_rng(1)
+    rows = np.sin(np.linspace(0.0, 600.0, 10_000)) * [[1.0], [2.0]] + 0.01 * random.standard_normal((2, 10_000))
+    rows[:, random.integers(0, 10_000, 12)] += 30.0 * random.standard_normal((2, 12))
+    low, high = trimmed_extremes(rows, 20)
+    ranked = np.sort(rows, axis=1)
+    np.testing.assert_array_equal(low, ranked[:, 20])
+    np.testing.assert_array_equal(high, ranked[:, -21])
+    assert np.ptp(rows[1]) > 2.0 * float(high[1] - low[1])
+
+
+@pytest.mark.parametrize(("shape", "spare"), [((2, 10), 5), ((10,), 0), ((2, 10), -1)])
+def test_more_spared_than_there_are_is_refused(shape: tuple[int, ...], spare: int) -> None:
+    with pytest.raises(ValueError, match="samples, spare"):
+        trimmed_extremes(np.zeros(shape), spare)

@@ -1,0 +1,54 @@
+"""Orbits of chosen orders."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from analysis.resampling.angular_record import AngularRecord
+from analysis.shaft.orbit import direct_orbit, filtered_orbit, orbit_without
+from analysis.signals.errors import RecordTooShortError
+
+Maker = Callable[..., AngularRecord]
+
+
+def test_a_filtered_orbit_is_its_order_alone_with_the_mark_at_its_begin(make_angular: Maker) -> None:
+    record = make_angular((20.0, 1.0, 0.4), (4.0, -1.0, 0.0), (8.0, 0.5, 0.0), (3.0, 2.0, 1.0))
+    orbit = filtered_orbit(record, (1.0,))
+    truth = 20 * np.exp(1j * (2 * np.pi * np.arange(64) / 64 + 0.4)) + 4 * np.exp(-2j * np.pi * np.arange(64) / 64)
+    np.testing.assert_allclose(orbit.motion[0, 0] + 1j * orbit.motion[1, 0], truth, atol=1e-6)
+    np.testing.assert_allclose(orbit.marks[:, 0], [truth[0].real, truth[0].imag], atol=1e-6)
+    assert orbit.ellipses[0].major == pytest.approx(24.0)
+    assert orbit.ellipses[0].minor == pytest.approx(16.0)
+    assert orbit.speed == pytest.approx(2 * np.pi * 100)
+    assert np.diff(orbit.times[0]) == pytest.approx(1 / 6400)
+
+
+def test_filtered_and_rest_make_the_direct_orbit(make_angular: Maker) -> None:
+    record = make_angular((20.0, 1.0, 0.4), (8.0, 0.47, 0.0), noise=0.1)
+    kept = filtered_orbit(record, (1.0,), revolutions=4)
+    left = orbit_without(record, (1.0,), revolutions=4)
+    direct = direct_orbit(record, 4)
+    rest = direct.motion - kept.motion - left.motion
+    assert np.ptp(rest, axis=(1, 2)).max() < 1e-9  # but for a constant, the mean being taken off each
+    assert left.peak_to_peak == pytest.approx([16.0, 16.0], abs=1.0)
+    assert 0.001 < kept.sigma < 0.05
+
+
+def test_several_orders_can_be_kept_together(make_angular: Maker) -> None:
+    record = make_angular((20.0, 1.0, 0.4), (3.0, 2.0, 1.0), (8.0, 0.5, 0.0))
+    both = filtered_orbit(record, (1.0, 2.0), revolutions=2)
+    assert len(both.ellipses) == 2
+    assert orbit_without(record, (1.0, 2.0, 0.5)).peak_to_peak.max() < 1e-3
+
+
+def test_too_few_revolutions_are_refused(make_angular: Maker) -> None:
+    record = make_angular((20.0, 1.0, 0.4), revolutions=8)
+    with pytest.raises(RecordTooShortError):
+        filtered_orbit(record, (1.0,))
+    with pytest.raises(RecordTooShortError):
+        direct_orbit(record, 9)
+    with pytest.raises(ValueError, match="orders"):
+        filtered_orbit(record, (), averaged=8)
+    with pytest.raises(ValueError, match="revolutions"):
+        direct_orbit(record, 0)

@@ -1,0 +1,57 @@
+"""Overall vibration of a record."""
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from analysis.resampling.angular_record import probe_displacement
+from analysis.shaft.overall import overall
+from analysis.signals.errors import RecordTooShortError
+
+if TYPE_CHECKING:
+    from tests.analysis.conftest import Bench
+
+MICRO = 1e-6
+RATE = 100_000.0
+TIME = np.arange(100_000) / RATE
+
+
+def test_the_peak_to_peak_is_that_of_the_waveform_and_not_of_its_largest_line() -> None:
+    one, whirl = np.cos(2 * np.pi * 200.0 * TIME), np.cos(2 * np.pi * 94.0 * TIME + 1.0)
+    found = overall(np.stack([20 * one + 8 * whirl, 20 * one]) * MICRO, RATE, 100 * MICRO)
+    np.testing.assert_allclose(found.peak_to_peak[0], 56 * MICRO, rtol=0.02)
+    np.testing.assert_allclose(found.peak_to_peak[1], 40 * MICRO, rtol=1e-3)
+    np.testing.assert_allclose(found.clearance_part[1], 0.2, rtol=1e-3)
+    np.testing.assert_allclose(found.times, 0.05 + 0.1 * np.arange(10))
+
+
+def test_what_is_left_out_for_glitches_costs_what_is_told() -> None:
+    sine = np.cos(2 * np.pi * 203.7 * TIME) * np.ones((2, 1))
+    found = overall(sine, RATE, 1.0)
+    assert found.left_out == 20
+    lost = 1.0 - found.peak_to_peak / 2.0
+    np.testing.assert_allclose(lost, (np.pi * 20 / 10_000) ** 2 / 2, rtol=0.3)
+    spiked = sine.copy()
+    spiked[0, 5_000:5_010] = 50.0
+    assert overall(spiked, RATE, 1.0).peak_to_peak[0, 0] == pytest.approx(2.0, rel=1e-3)
+
+
+def test_a_whole_record_gives_what_was_told_live(make_bench: Callable[..., "Bench"]) -> None:
+    bench = make_bench()
+    codes = bench.codes(
+        bench.ramp(50.0, 150.0, 2.0), bench.circles((20 * MICRO, 1.0, 0.0), (5 * MICRO, 0.47, 0.0)), 2.0
+    )
+    live = [snapshot.peak_to_peak for snapshot in bench.snapshots(codes)]
+    found = overall(probe_displacement(bench.acquisition, codes), bench.acquisition.rate, 100 * MICRO)
+    np.testing.assert_array_equal(found.peak_to_peak.T, live)
+
+
+def test_misuse_is_refused() -> None:
+    with pytest.raises(RecordTooShortError):
+        overall(np.zeros((2, 100)), RATE, 1.0)
+    with pytest.raises(ValueError, match="finite"):
+        overall(np.full((2, 20_000), np.nan), RATE, 1.0)
+    with pytest.raises(ValueError, match="clearance"):
+        overall(np.zeros((2, 20_000)), RATE, 0.0)

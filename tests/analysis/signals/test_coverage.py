@@ -1,0 +1,148 @@
+"""Two standard deviations that a result states cover the truth in 90 to 99 of 100 runs, for every result, 500 runs."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from analysis.resampling.angular_record import AngularRecord
+from analysis.resampling.synchronous_average import synchronous_average
+from analysis.shaft.centreline import centreline
+from analysis.shaft.orbit import filtered_orbit
+from analysis.signals.orbit import ProbePair
+from analysis.spectra.disturbances import drift, mains_hum
+from analysis.spectra.frequency_spectrum import frequency_spectrum
+from analysis.spectra.full_spectrum import probe_mismatch
+from analysis.spectra.order_map import order_map
+from analysis.spectra.tacholess_speed import speed_from_ridge
+from analysis.vectors.order_track import track_order
+from analysis.vectors.runout import slow_roll
+from analysis.vectors.speed_curve import speed_curves
+from analysis.vectors.vold_kalman import order_envelopes
+from analysis.whirl.tracks import subsynchronous_tracks
+
+FloatArray = NDArray[np.float64]
+Circle = tuple[float, float, float]  # radius, order (negative: backward), phase
+RUNS = 500
+POINTS = 64
+
+
+def record_of(
+    random: np.random.Generator, *circles: Circle, revolutions: int = 64, noise: float = 0.5
+) -> AngularRecord:
+    """Return circles and noise, both in units of 1, at 100 revolutions a second."""
+    theta = 2 * np.pi * np.arange(revolutions * POINTS) / POINTS
+    z = np.zeros(theta.size, dtype=np.complex128)
+    for radius, order, phase in circles:
+        z += radius * np.exp(1j * np.sign(order) * (abs(order) * theta + phase))
+    motion = np.stack([z.real, z.imag]).reshape(2, revolutions, POINTS)
+    motion += noise * random.standard_normal(motion.shape)
+    times = np.arange(revolutions + 1) / 100.0
+    return AngularRecord(motion, 0, times, ProbePair(0.0, np.pi / 2), 0.0, np.zeros(times.size))
+
+
+def order_vectors(random: np.random.Generator) -> list[float]:
+    """1X and 2X beside a whirl: ellipse, amplitude and phase of a window and of the mean over a bin of speed."""
+    one, back, two, three = random.uniform(0.0, 2 * np.pi, 4)
+    record = record_of(random, (20.0, 1.0, one), (5.0, -1.0, back), (4.0, 2.0, two), (3.0, 0.47, three), revolutions=40)
+    orbit = filtered_orbit(record, (1.0,))
+    track = track_order(record, 2.0)
+    (curve,) = speed_curves(track, 20.0)
+    truth = 4.0 * np.exp(1j * two)
+    return [
+        (orbit.ellipses[0].major - 25.0) / orbit.sigma,
+        (orbit.ellipses[0].minor - 15.0) / orbit.sigma,
+        (abs(track.vectors[0, 3]) - 4.0) / track.sigma[0, 3],
+        float(np.angle(track.vectors[0, 3] / truth)) / track.phase_sigma[0, 3],
+        (curve.amplitudes[0, 0] - 4.0) / curve.sigma[0, 0],
+        float(np.angle(curve.vectors[0, 0] / truth)) / curve.phase_sigma[0, 0],
+    ]
+
+
+def averages(random: np.random.Generator) -> list[float]:
+    """Average revolution, slow roll and centreline."""
+    phase = float(random.uniform(0.0, 2 * np.pi))
+    record = record_of(random, (20.0, 1.0, phase))
+    average, roll = synchronous_average(record), slow_roll(record, 0.0, 1e4)
+    line = centreline(record, np.zeros(2), 100.0, parked_at=(0.0, 0.0))
+    return [
+        (average.waveform[0, 17] - 20.0 * np.cos(2 * np.pi * 17 / POINTS + phase)) / average.sigma[0],
+        (roll.waveform[1, 5] - 20.0 * np.sin(2 * np.pi * 5 / POINTS + phase)) / roll.sigma[1],
+        (abs(roll.vectors(1)[0]) - 20.0) / roll.vector_sigma[0],
+        line.positions[0, 0] / line.sigma[0, 0],
+    ]
+
+
+def unequal_probes(random: np.random.Generator) -> list[float]:
+    """Gain and skew of a pair where noise decides, not the calibration's allowance."""
+    one, half, two = random.uniform(0.0, 2 * np.pi, 3)
+    record = record_of(random, (20.0, 1.0, one), (20.0, 0.5, half), (15.0, 2.0, two), noise=4.0)
+    waveform = record.waveform.copy()
+    waveform[1] = 1.02 * waveform[1] + 0.01 * waveform[0]
+    found = probe_mismatch(order_map(record.with_waveform(waveform)))
+    if not found.is_told:
+        return [0.0, 0.0]  # held against it only by the number of runs in which it is told
+    return [(found.gain - 0.02) / found.sigma, (found.skew - 0.01) / found.sigma]
+
+
+def below_one_x(random: np.random.Generator) -> list[float]:
+    """Order and amplitude of a steady whirl, exponent of one whose order wanders on a run-up."""
+    one, whirl = random.uniform(0.0, 2 * np.pi, 2)
+    (track,) = subsynchronous_tracks(order_map(record_of(random, (20.0, 1.0, one), (4.0, 0.45, whirl))))
+    plain = record_of(random, (20.0, 1.0, one), revolutions=160)
+    orders = 0.45 + 0.01 * np.repeat(random.standard_normal(160), POINTS)
+    z = 4.0 * np.exp(2j * np.pi * np.cumsum(orders) / POINTS)
+    waveform = plain.waveform + np.stack([z.real, z.imag]).reshape(plain.waveform.shape)
+    times = (np.sqrt(100.0**2 + 2 * 15.0 * np.arange(161)) - 100.0) / 15.0
+    wandering = max(
+        subsynchronous_tracks(order_map(replace(plain, waveform=waveform, times=times))),
+        key=lambda found: found.times.size,
+    )
+    return [
+        (track.orders[3] - 0.45) / track.order_sigma[3],
+        (track.forward[3] - 4.0) / track.sigma[3],
+        (wandering.exponent - 1.0) / wandering.exponent_sigma,
+    ]
+
+
+def in_time(random: np.random.Generator) -> list[float]:
+    """Vold-Kalman envelopes, drift, hum, and a noise line of an averaged spectrum."""
+    rate, n = 500.0, 700
+    time = np.arange(n) / rate
+    angle = 2 * np.pi * (30.0 * time + 5.0 * time**2)
+    wave = 20.0 * np.cos(angle + 0.4) + 5.0 * np.cos(2 * angle) + random.standard_normal(n)
+    found = order_envelopes(wave, angle, rate, (1.0, 2.0), bandwidth=8.0)
+    slope = drift(0.1 * time + random.standard_normal(n), rate)
+    hum = mains_hum(2.0 * np.sin(2 * np.pi * 50.0 * time + random.uniform(0.0, 6.0)) + random.standard_normal(n), rate)
+    noise = frequency_spectrum(random.standard_normal(2_000), rate, resolution=10.0)
+    truth = np.sqrt(2 * noise.noise_bandwidth * 2.0 / rate)
+    return [
+        (abs(found.envelopes[0, 400]) - 20.0) / found.sigma[0, 400],
+        (abs(found.envelopes[1, 300]) - 5.0) / found.sigma[1, 300],
+        (slope.slope - 0.1) / slope.sigma,
+        (hum.amplitude - 2.0) / hum.sigma,
+        (noise.amplitudes[7] / truth - 1.0) / noise.relative_sigma,
+    ]
+
+
+def without_tacho(random: np.random.Generator) -> list[float]:
+    """Speed from the ridge of 1X."""
+    rate, n = 1_000.0, 1_200
+    turn_rate = float(random.uniform(100.0, 103.0))
+    z = 10.0 * np.exp(2j * np.pi * turn_rate * np.arange(n) / rate)
+    displacement = np.stack([z.real, z.imag]) + random.standard_normal((2, n))
+    ridge = speed_from_ridge(displacement, rate, 2 * np.pi * 70.0, 2 * np.pi * 150.0)
+    return [(ridge.speeds[3] - 2 * np.pi * turn_rate) / ridge.sigma[3]]
+
+
+@pytest.mark.parametrize("of", [order_vectors, averages, unequal_probes, below_one_x, in_time, without_tacho])
+def test_two_standard_deviations_cover_the_truth(of: Callable[[np.random.Generator], list[float]]) -> None:
+    errors = np.array([of(np.random.default_rng(seed)) for seed in range(RUNS)])
+    told = np.any(errors != 0.0, axis=1)
+    covered = np.mean(np.abs(errors[told]) < 2.0, axis=0)
+    print(f"\n{of.__doc__} covered in {np.round(100 * covered, 1)} % of {np.count_nonzero(told)}")
+    assert np.count_nonzero(told) > 0.95 * RUNS
+    assert (covered >= 0.90).all()
+    assert (covered <= 0.99).all()

@@ -1,0 +1,54 @@
+"""Frequency spectra, and the average revolution with what it leaves."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from analysis.resampling.angular_record import AngularRecord
+from analysis.resampling.synchronous_average import synchronous_average, synchronous_rest
+from analysis.signals.errors import RecordTooShortError
+from analysis.spectra.frequency_spectrum import frequency_spectrum
+from analysis.spectra.order_map import Window, order_map
+
+Maker = Callable[..., AngularRecord]
+RATE = 1_000.0
+
+
+@pytest.mark.parametrize("window", list(Window))
+def test_a_line_and_a_noise_read_what_they_are(window: Window) -> None:
+    time = np.arange(200_000) / RATE
+    wave = 3.0 * np.cos(2 * np.pi * 100.0 * time) + np.random.default_rng(0).standard_normal(time.size)
+    spectrum = frequency_spectrum(wave, RATE, resolution=2.0, window=window)
+    assert spectrum.amplitudes[50] == pytest.approx(3.0, rel=0.02)
+    away = (np.abs(spectrum.frequencies - 100.0) > 20) & (spectrum.frequencies > 20) & (spectrum.frequencies < 490)
+    assert np.mean(spectrum.density[away]) == pytest.approx(2.0 / RATE, rel=0.03)
+    assert np.std(spectrum.amplitudes[away]) / np.mean(spectrum.amplitudes[away]) < 1.1 * spectrum.relative_sigma
+    assert spectrum.frames > 700
+
+
+def test_a_short_waveform_is_refused() -> None:
+    with pytest.raises(RecordTooShortError):
+        frequency_spectrum(np.zeros(100), RATE)
+    with pytest.raises(ValueError, match="resolution"):
+        frequency_spectrum(np.zeros(100), RATE, resolution=600.0)
+
+
+def test_the_average_revolution_keeps_what_repeats(make_angular: Maker) -> None:
+    record = make_angular((20.0, 1.0, 0.4), (5.0, 3.0, 0.0), noise=0.5, revolutions=400, mean=(7.0, 0.0))
+    average = synchronous_average(record)
+    clean = make_angular((20.0, 1.0, 0.4), (5.0, 3.0, 0.0), revolutions=1, mean=(7.0, 0.0)).waveform[:, 0]
+    assert average.sigma[0] == pytest.approx(0.5 / 20, rel=0.02)
+    assert np.std(average.waveform - clean) == pytest.approx(float(average.sigma[0]), rel=0.15)
+
+
+def test_the_rest_keeps_the_whirl_and_nothing_else(make_angular: Maker) -> None:
+    record = make_angular((20.0, 1.0, 0.4), (5.0, 3.0, 0.0), (8.0, 0.47, 0.0), revolutions=200)
+    lines = order_map(synchronous_rest(record, 17).part(20, 180)).amplitudes()
+    whirl = order_map(record).amplitudes()
+    assert lines[:, :, [16, 48]].max() < 0.05
+    assert lines[:, :, 7:9].max() == pytest.approx(whirl[:, :, 7:9].max(), rel=0.06)
+    with pytest.raises(RecordTooShortError):
+        synchronous_rest(make_angular(revolutions=8))
+    with pytest.raises(ValueError, match="revolutions"):
+        synchronous_rest(record, 1)

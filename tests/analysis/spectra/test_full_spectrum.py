@@ -1,0 +1,144 @@
+"""Forward and backward circles, and what unequal probes make of them."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from analysis.resampling.angular_record import AngularRecord, angular_record, tacho_edges
+from analysis.shaft.orbit import filtered_orbit
+from analysis.signals.orbit import ProbePair
+from analysis.spectra.full_spectrum import full_cascade, full_spectrum, probe_mismatch
+from analysis.spectra.order_map import order_map
+from analysis.tacho.pulse_record import pulse_record
+from analysis.tacho.shaft_angle import shaft_angle
+
+if TYPE_CHECKING:
+    from tests.analysis.conftest import Bench
+
+Maker = Callable[..., AngularRecord]
+MICRO = 1e-6
+FORWARD = ((20 * MICRO, 1.0, 0.4), (8 * MICRO, 0.5, 0.0), (3 * MICRO, 2.0, 1.0))
+
+
+def seen(record: AngularRecord, gain: float = 0.0, skew: float = 0.0) -> AngularRecord:
+    """Return a record as a probe y sees it that is too sensitive and looks askew."""
+    waveform = record.waveform.copy()
+    waveform[1] = (1.0 + gain) * waveform[1] + skew * waveform[0]
+    return record.with_waveform(waveform)
+
+
+def test_forward_and_backward_do_not_leak_into_one_another(make_angular: Maker) -> None:
+    frames = order_map(make_angular((20.0, 1.0, 0.4), (5.0, -2.0, 0.1), (8.0, 0.5, 0.0)))
+    spectrum = full_spectrum(frames.orders, frames.spectrum, frames.pair)
+    assert np.abs(spectrum.backward[:, 16]).max() / 20.0 < 1e-10
+    assert np.abs(spectrum.forward[:, 32]).max() / 5.0 < 1e-10
+    assert np.abs(spectrum.backward[:, 8]).max() / 8.0 < 1e-10
+    np.testing.assert_allclose(np.abs(spectrum.forward[:, 16]), 20.0)
+    np.testing.assert_allclose(np.abs(spectrum.backward[:, 32]), 5.0)
+
+
+@pytest.mark.parametrize("angles", [(0.0, np.pi / 2), (np.pi / 4, 3 * np.pi / 4), (0.3, 1.4), (np.pi / 2, 0.0)])
+def test_circles_do_not_depend_on_where_the_probes_sit(make_angular: Maker, angles: tuple[float, float]) -> None:
+    plain = make_angular((20.0, 1.0, 0.4), (5.0, -2.0, 0.1))
+    pair = ProbePair(*angles)
+    turned = replace(plain, waveform=pair.to_probes(plain.waveform), pair=pair)
+    frames = order_map(turned)
+    spectrum = full_spectrum(frames.orders, frames.spectrum, pair)
+    np.testing.assert_allclose(spectrum.forward[:, 16], 20.0 * np.exp(0.4j), atol=1e-9)
+    np.testing.assert_allclose(np.abs(spectrum.backward[:, 32]), 5.0, atol=1e-9)
+
+
+def test_the_axis_runs_from_backward_to_forward(make_angular: Maker) -> None:
+    frames = order_map(make_angular((20.0, 1.0, 0.4), (5.0, -2.0, 0.1)))
+    spectrum = full_spectrum(frames.orders, frames.spectrum, frames.pair)
+    amplitudes = spectrum.amplitudes[0]
+    strong = spectrum.axis[1:-1][
+        (amplitudes[1:-1] > amplitudes[:-2]) & (amplitudes[1:-1] > amplitudes[2:]) & (amplitudes[1:-1] > 1)
+    ]
+    assert spectrum.axis.size == spectrum.amplitudes.shape[1]
+    np.testing.assert_allclose(strong, [-2.0, 1.0])
+
+
+@pytest.mark.parametrize(("gain", "skew"), [(0.01, 0.0), (-0.02, 0.0), (0.0, 0.01), (0.01, -0.005)])
+def test_a_mismatch_of_the_probes_is_told_and_not_shown_as_backward_whirl(
+    make_angular: Maker, gain: float, skew: float
+) -> None:
+    frames = order_map(seen(make_angular(*FORWARD, revolutions=200, noise=0.1 * MICRO), gain, skew))
+    mismatch = probe_mismatch(frames)
+    assert mismatch.is_told
+    assert mismatch.gain == pytest.approx(gain, abs=3 * mismatch.sigma)
+    assert mismatch.skew == pytest.approx(skew, abs=3 * mismatch.sigma)
+    assert mismatch.sigma < 0.001
+    untold = full_spectrum(frames.orders, frames.spectrum, frames.pair)
+    told = full_spectrum(frames.orders, frames.spectrum, frames.pair, mismatch)
+    assert np.abs(untold.backward[:, 16].mean()) / (20 * MICRO) > 0.004
+    assert np.abs(told.backward[:, 16].mean()) / (20 * MICRO) < 3e-4
+    assert untold.uncertain[:, 16].all()
+    assert told.uncertain[:, 16].all()
+
+
+def test_a_mismatch_is_taken_off_the_record_before_orbits_are_drawn(make_angular: Maker) -> None:
+    true = make_angular(*FORWARD, revolutions=200, noise=0.05 * MICRO)
+    record = seen(true, 0.02, 0.01)
+    mismatch = probe_mismatch(order_map(record))
+    ellipse = filtered_orbit(mismatch.off_record(record), (1.0,)).ellipses[0]
+    assert abs(ellipse.backward) < 0.001 * 20 * MICRO
+    assert abs(filtered_orbit(record, (1.0,)).ellipses[0].backward) > 0.01 * 20 * MICRO
+    alone = make_angular((20 * MICRO, 1.0, 0.0), noise=0.1 * MICRO)
+    assert probe_mismatch(order_map(alone)).off_record(alone) is alone
+
+
+def test_circles_through_card_and_tacho_do_not_leak_into_one_another(make_bench: Callable[..., "Bench"]) -> None:
+    bench = make_bench(noise=0.0, tacho={"response_time": 1e-5}, angles=(np.pi / 4, 3 * np.pi / 4))
+    ramp, motion = bench.ramp(100.0, 1000.0, 4.0), bench.circles((20 * MICRO, 1.0, 0.4), (5 * MICRO, -2.0, 0.1))
+    edges = tacho_edges(bench.acquisition, bench.codes(ramp, motion, 4.0))
+    skews = (0.0, 1.0 / bench.acquisition.convert_rate)  # y is sampled later; here without the converter's steps
+    seconds = np.arange(400_000) / 1e5 + np.array(skews)[:, None]
+    pair = ProbePair(np.pi / 4, 3 * np.pi / 4)
+    displacement = np.stack([pair.to_probes(np.stack(motion(ramp(seconds[row]))))[row] for row in (0, 1)])
+    angle = shaft_angle(pulse_record(edges, bench.acquisition.tacho))
+    frames = order_map(angular_record(displacement, 1e5, angle, pair, skews=skews))
+    found = full_spectrum(frames.orders, frames.spectrum, pair)
+    assert np.abs(found.backward[:, 16]).max() < 1e-4 * 20 * MICRO
+    assert np.abs(found.forward[:, 32]).max() < 1e-4 * 5 * MICRO
+
+
+def test_a_mirrored_pair_tells_the_same_gain(make_angular: Maker) -> None:
+    plain = make_angular(*FORWARD, revolutions=200, noise=0.1 * MICRO)
+    pair = ProbePair(np.pi / 2, 0.0)
+    turned = replace(plain, waveform=pair.to_probes(plain.waveform), pair=pair)
+    mismatch = probe_mismatch(order_map(seen(turned, 0.01, 0.005)))
+    assert mismatch.gain == pytest.approx(0.01, abs=0.001)
+    assert mismatch.skew == pytest.approx(0.005, abs=0.001)
+
+
+def test_an_elliptic_shaft_is_not_taken_for_a_mismatch(make_angular: Maker) -> None:
+    frames = order_map(make_angular(*FORWARD, (1 * MICRO, -1.0, 0.0), revolutions=200, noise=0.1 * MICRO))
+    mismatch = probe_mismatch(frames)
+    assert not mismatch.is_told
+    spectrum = full_spectrum(frames.orders, frames.spectrum, frames.pair, mismatch)
+    np.testing.assert_allclose(np.abs(spectrum.backward[:, 16]), 1 * MICRO, rtol=0.05)
+    assert not spectrum.uncertain[:, 16].any()  # 5 % of the forward circle: more than probes may differ
+
+
+def test_one_component_alone_cannot_tell(make_angular: Maker) -> None:
+    frames = order_map(seen(make_angular((20 * MICRO, 1.0, 0.0), noise=0.1 * MICRO), 0.01))
+    mismatch = probe_mismatch(frames)
+    assert (mismatch.is_told, mismatch.components) == (False, 1)
+    assert full_spectrum(frames.orders, frames.spectrum, frames.pair, mismatch).uncertain[:, 16].all()
+
+
+def test_a_full_cascade_holds_the_largest_circles_of_each_speed(make_angular: Maker) -> None:
+    slow, fast = make_angular((5.0, 1.0, 0.0)), make_angular((9.0, 1.0, 0.0), (2.0, -1.0, 0.0))
+    waveform = np.concatenate([slow.waveform, fast.waveform], axis=1)
+    times = np.concatenate([slow.times, slow.times[-1] + fast.times[1:] / 3.0])  # 100, then 300 turns a second
+    record = replace(slow, waveform=waveform, times=times, time_sigma=np.zeros(times.size))
+    speeds, cascade = full_cascade(order_map(record, overlap=0.0), 2 * np.pi * 10.0)
+    np.testing.assert_allclose(speeds, 2 * np.pi * np.array([100.0, 300.0]))
+    np.testing.assert_allclose(np.abs(cascade.forward[:, 16]), [5.0, 9.0])
+    np.testing.assert_allclose(np.abs(cascade.backward[:, 16]), [0.0, 2.0], atol=1e-9)
+    with pytest.raises(ValueError, match="width"):
+        full_cascade(order_map(record), 0.0)

@@ -1,0 +1,77 @@
+"""The angle of a whole record against one that is known."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from analysis.signals.header import Tacho
+from analysis.tacho.pulse_record import PulseRecord, pulse_record
+from analysis.tacho.shaft_angle import shaft_angle
+
+TACHO = Tacho(threshold=2.0, hysteresis=1.0, response_time=1e-5)
+
+
+def run_up(turns: int, jitter: float = 0.0, marks: tuple[float, ...] = (0.0,)) -> PulseRecord:
+    """Return the pulses of a run-up from 100 turns a second by 90 a second squared, marks at parts of a turn."""
+    at = np.concatenate([turn + np.array(marks) for turn in range(turns)])
+    times = (np.sqrt(100.0**2 + 180.0 * at) - 100.0) / 90.0
+    times += jitter * np.random.default_rng(0).standard_normal(times.size)
+    return pulse_record(times, replace(TACHO, pulses_per_revolution=len(marks)))
+
+
+def test_a_run_up_is_followed_to_a_hundredth_of_a_degree() -> None:
+    angle = shaft_angle(run_up(2000))
+    turns = np.linspace(3.0, 1990.0, 5001)
+    truth = (np.sqrt(100.0**2 + 180.0 * turns) - 100.0) / 90.0
+    assert np.abs((angle.time(turns) - truth) * angle.speed(turns)).max() < np.radians(0.01)
+    assert angle.speed(np.array([1000.0]))[0] == pytest.approx(2 * np.pi * np.sqrt(100.0**2 + 180_000.0), rel=1e-5)
+    np.testing.assert_allclose(angle.turns(truth), turns, atol=1e-4)
+    assert np.isnan(angle.turns(np.array([-1.0, 1e3]))).all()
+    assert angle.measured
+
+
+def test_jitter_is_told_and_averaged_out() -> None:
+    angle = shaft_angle(run_up(2000, jitter=2e-6))
+    assert angle.jitter == pytest.approx(2e-6, rel=0.1)
+    turns = np.linspace(20.0, 1980.0, 5001)
+    truth = (np.sqrt(100.0**2 + 180.0 * turns) - 100.0) / 90.0
+    assert np.std(angle.time(turns) - truth) < 0.5 * 2e-6
+
+
+def test_what_is_stated_of_the_times_is_their_scatter_over_many_runs() -> None:
+    clean = run_up(120)
+    turns = np.array([0.0, 1.0, 4.0, 11.0, 37.5, 60.0, 100.0, 117.0, 119.0])
+    random = np.random.default_rng(0)
+    noises = 2e-6 * random.standard_normal((400, clean.times.size))
+    angles = [shaft_angle(replace(clean, times=clean.times + noise)) for noise in noises]
+    seen = np.std([angle.time(turns) for angle in angles], axis=0)
+    stated = np.mean([angle.time_sigma(turns) for angle in angles], axis=0)
+    np.testing.assert_allclose(stated, seen, rtol=0.15)
+    assert stated[0] > 1.5 * stated[4]
+
+
+def test_a_pulse_far_off_is_left_out() -> None:
+    clean = run_up(500)
+    times = clean.times.copy()
+    times[250] += 3e-4
+    angle = shaft_angle(replace(clean, times=times))
+    assert angle.outliers == 1
+    assert abs(angle.time(250.0) - clean.times[250]) < 1e-7
+
+
+def test_unequal_marks_are_located_and_do_not_bend_the_angle() -> None:
+    marks = (0.0, 0.26, 0.49, 0.75)
+    angle = shaft_angle(run_up(500, marks=marks))
+    np.testing.assert_allclose(angle.mark_angles, 2 * np.pi * np.array(marks), atol=2e-3)
+    turns = np.linspace(5.0, 490.0, 1001)
+    truth = (np.sqrt(100.0**2 + 180.0 * turns) - 100.0) / 90.0
+    assert np.abs((angle.time(turns) - truth) * angle.speed(turns)).max() < np.radians(0.1)
+
+
+def test_cubics_are_the_spline_within_each_turn() -> None:
+    angle = shaft_angle(run_up(200))
+    cubics = angle.cubics(np.arange(10, 150))
+    part = 0.37
+    values = cubics[0] + part * (cubics[1] + part * (cubics[2] + part * cubics[3]))
+    np.testing.assert_allclose(values, angle.time(np.arange(10, 150) + part), atol=1e-12)

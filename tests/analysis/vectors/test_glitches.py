@@ -1,0 +1,65 @@
+"""Glitches among samples, and what is none."""
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from analysis.signals.header import Tacho
+from analysis.tacho.pulse_record import pulse_record
+from analysis.tacho.shaft_angle import ShaftAngle, shaft_angle
+from analysis.vectors.glitches import find_glitches
+
+FloatArray = NDArray[np.float64]
+MICRO = 1e-6
+RATE, SAMPLES = 20_000.0, 20_000
+
+
+def angle() -> ShaftAngle:
+    tacho = Tacho(threshold=2.0, hysteresis=1.0, response_time=1e-5)
+    return shaft_angle(pulse_record(np.arange(0.0, 1.0, 0.01), tacho))
+
+
+def motion() -> FloatArray:
+    """Return 1X with a scratch on the shaft, a whirl and noise."""
+    turns = 100.0 * np.arange(SAMPLES) / RATE
+    z = 20 * MICRO * np.exp(2j * np.pi * turns) + 4 * MICRO * np.exp(2j * np.pi * 0.47 * turns)
+    scratch = -15 * MICRO * (np.abs(turns % 1.0 - 0.3) < 0.006)
+    noise = 0.1 * MICRO * np.random.default_rng(0).standard_normal((2, SAMPLES))
+    return np.asarray(np.stack([z.real, z.imag]) + scratch + noise)
+
+
+def test_a_scratch_that_comes_with_every_turn_is_the_shafts_own() -> None:
+    found = find_glitches(motion(), RATE, angle())
+    assert found.part.max() < 0.002
+    np.testing.assert_array_equal(found.left, (0, 0))
+
+
+def test_short_glitches_are_counted_and_bridged() -> None:
+    clean = motion()
+    spoiled = clean.copy()
+    places = np.array([2_050, 5_555, 9_001, 14_003])
+    before = find_glitches(clean, RATE, angle())
+    for width, place in zip((1, 2, 3, 1), places, strict=True):
+        spoiled[0, place : place + width] += 120 * MICRO
+    found = find_glitches(spoiled, RATE, angle())
+    assert found.count[0] == before.count[0] + 4
+    assert found.count[1] == before.count[1]
+    assert found.repaired[0, places].all()
+    assert np.abs(found.displacement[0] - clean[0])[places].max() < 6 * MICRO
+    untouched = ~found.repaired
+    np.testing.assert_array_equal(found.displacement[untouched], spoiled[untouched])
+
+
+def test_long_ones_are_told_and_left() -> None:
+    spoiled = motion()
+    spoiled[1, 7_000:7_010] += 150 * MICRO
+    found = find_glitches(spoiled, RATE, angle())
+    assert found.left[1] >= 1
+    np.testing.assert_array_equal(found.displacement[1, 7_000:7_010], spoiled[1, 7_000:7_010])
+    assert found.flagged[1, 7_000:7_010].all()
+
+
+def test_silence_and_constants_have_none() -> None:
+    assert find_glitches(np.ones((2, SAMPLES)), RATE, angle()).count == (0, 0)
+    with pytest.raises(ValueError, match="displacement"):
+        find_glitches(np.ones((3, 10)), RATE, angle())

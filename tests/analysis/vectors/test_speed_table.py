@@ -1,0 +1,110 @@
+"""The table against speed, fed with snapshots of a bench."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from analysis.signals.header import RunOutSettings
+from analysis.signals.ramp import Direction
+from analysis.vectors.speed_table import BIN_WIDTH, SpeedTable
+
+if TYPE_CHECKING:
+    from tests.analysis.conftest import Bench
+
+MICRO = 1e-6
+
+
+def test_rows_hold_the_complex_mean_by_speed(make_bench: Callable[..., "Bench"]) -> None:
+    bench = make_bench()
+    motion = bench.circles((20 * MICRO, 1.0, 0.4), (3 * MICRO, 2.0, -0.7), (6 * MICRO, 0.4, 0.0))
+    table = SpeedTable()
+    for snapshot in bench.snapshots(bench.codes(bench.ramp(40.0, 80.0, 4.0), motion, 4.0)):
+        table.snapshot(snapshot)
+    rows = table.rows()
+    assert 8 <= len(rows) <= 13
+    assert np.all(np.diff([row.speed for row in rows]) > 0)
+    for row in rows:
+        assert abs(row.vectors[0, 0] - 20 * MICRO * np.exp(0.4j)) < 0.03 * MICRO
+        assert abs(row.vectors[1, 1] + 3j * MICRO * np.exp(-0.7j)) < 0.03 * MICRO
+        assert row.scatter.max() < 0.05 * MICRO
+        assert row.whirl_order == pytest.approx(0.4, abs=0.003)
+        assert row.whirl_amplitude == pytest.approx(6 * MICRO, rel=0.01)
+        assert np.all(row.peak_to_peak <= row.largest_peak_to_peak)
+        assert 40 * MICRO < row.peak_to_peak[0] < 60 * MICRO
+        assert 0 < row.noise < 0.02 * MICRO
+
+
+def test_scatter_is_the_spread_of_the_vectors(make_bench: Callable[..., "Bench"]) -> None:
+    bench = make_bench()
+    codes = bench.codes(bench.steady(100.0), bench.circles((20 * MICRO, 1.0, 0.0)), 0.4)
+    snapshot = bench.snapshots(codes)[-1]
+    assert snapshot.frame is not None
+    table = SpeedTable()
+    for factor in (0.9, 1.1):
+        table.snapshot(replace(snapshot, frame=replace(snapshot.frame, vectors=factor * snapshot.frame.vectors)))
+    (row,) = table.rows()
+    np.testing.assert_allclose(row.vectors, snapshot.frame.vectors)
+    np.testing.assert_allclose(row.scatter, 0.1 * np.abs(snapshot.frame.vectors), rtol=1e-6)
+    assert np.isnan(row.whirl_order)
+    assert row.frames == 2
+
+
+def test_snapshots_without_speed_or_frame_make_no_row(make_bench: Callable[..., "Bench"]) -> None:
+    bench = make_bench()
+    codes = bench.codes(bench.steady(100.0), bench.circles((20 * MICRO, 1.0, 0.0)), 0.4)
+    table = SpeedTable(BIN_WIDTH)
+    for snapshot in bench.snapshots(codes):
+        table.snapshot(replace(snapshot, frame=None))
+        table.snapshot(replace(snapshot, frame=None, speed=np.nan))
+    assert table.rows() == ()
+    with pytest.raises(ValueError, match="width"):
+        SpeedTable(0.0)
+
+
+def test_run_up_and_run_down_are_apart_to_the_frame(make_bench: Callable[..., "Bench"]) -> None:
+    bench = make_bench(rate=20_000.0)
+    motion = bench.circles((20 * MICRO, 1.0, 0.4))
+    course = [*bench.snapshots(bench.codes(bench.ramp(60.0, 120.0, 3.0), motion, 3.0))]
+    course += bench.snapshots(bench.codes(bench.ramp(120.0, 60.0, 3.0), motion, 3.0))
+    frames = [snapshot.frame for snapshot in course if snapshot.frame is not None]
+    turn = max(range(len(frames)), key=lambda k: frames[k].speed)
+    table = SpeedTable()
+    for snapshot in course:
+        table.snapshot(snapshot)
+    rows = {direction: [row for row in table.rows() if row.direction is direction] for direction in Direction}
+    assert all(len(of_direction) > 12 for of_direction in rows.values())
+    assert sum(row.frames for row in rows[Direction.UP]) == pytest.approx(turn + 1, abs=2)
+    assert sum(row.frames for row in table.rows()) == len(frames)
+    speeds = [(round(row.speed / BIN_WIDTH), row.direction is Direction.DOWN) for row in table.rows()]
+    assert speeds == sorted(speeds)
+
+
+def test_asking_for_rows_in_between_changes_nothing(make_bench: Callable[..., "Bench"]) -> None:
+    bench = make_bench(rate=20_000.0)
+    motion = bench.circles((20 * MICRO, 1.0, 0.4))
+    course = bench.snapshots(bench.codes(bench.ramp(120.0, 60.0, 3.0), motion, 3.0))
+    asked, left = SpeedTable(), SpeedTable()
+    for snapshot in course:
+        asked.snapshot(snapshot)
+        left.snapshot(snapshot)
+        asked.rows()
+    assert {row.direction for row in left.rows()} == {Direction.DOWN}
+    for one, other in zip(asked.rows(), left.rows(), strict=True):
+        assert one.vectors.tobytes() == other.vectors.tobytes()
+        assert (one.direction, one.frames) == (other.direction, other.frames)
+
+
+def test_rows_hold_the_mean_of_what_run_out_left(make_bench: Callable[..., "Bench"]) -> None:
+    runout = RunOutSettings(vectors=((1, 2 * MICRO + 0j, 1j * MICRO),))
+    bench = make_bench(rate=20_000.0, runout=runout)
+    table = SpeedTable()
+    for snapshot in bench.snapshots(bench.codes(bench.steady(100.0), bench.circles((20 * MICRO, 1.0, 0.0)), 1.0)):
+        table.snapshot(snapshot)
+    (row,) = table.rows()
+    np.testing.assert_allclose(row.vectors[0] - row.compensated[0], [2 * MICRO, 1j * MICRO], rtol=1e-9)
+    assert np.isnan(row.compensated[1]).all()
+    np.testing.assert_array_equal(row.motion[0], row.compensated[0])
+    np.testing.assert_array_equal(row.motion[1], row.vectors[1])

@@ -1,0 +1,100 @@
+"""What is told of a run whose tacho is stamped by a counter: before it, while it goes, and afterwards."""
+
+import datetime as dt
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from analysis.preflight.verdict import Verdict
+from analysis.signals.snapshot import CounterState
+from daq.cli.progress import frame_line
+from daq.cli.summary_text import summary_lines
+from daq.schemas.summary import summary_document
+from daq.session.live_update import LiveFrame, RunState, Status
+from daq.session.offline import summarise
+from daq.session.preflight.preflight import Plan, preflight
+from recordings.errors import ForeignFormatError
+from recordings.exchange.export import pulses_table
+from recordings.mcap.reader import RunReader
+from tests.daq.support.counted_bench import (
+    RISING,
+    RigFactory,
+    analysed,
+    counted,
+    header_of,
+    items_of,
+    recorded,
+    ticks_of,
+)
+
+
+@pytest.fixture(name="counted")
+def counted_rigs(rig: RigFactory) -> RigFactory:
+    return partial(counted, rig)
+
+
+def test_counter_that_stamps_the_other_edge_is_told(rig: RigFactory, tmp_path: Path) -> None:
+    wrong = rig(tacho={"counter": {"edge": "falling"}}, simulation=RISING)
+    snapshot = analysed(header_of(wrong, tmp_path), items_of(wrong))[-1]
+    assert snapshot.counter is not None
+    assert snapshot.counter.state is not CounterState.AGREES
+    assert snapshot.counter.largest > 1e-3
+
+
+@pytest.mark.parametrize("miswiring", ["tacho silent", "tacho reversed", "tacho weak"])
+def test_counter_is_as_silent_as_the_tacho_at_its_line(counted: RigFactory, miswiring: str) -> None:
+    rig = counted(simulation={**RISING, "miswiring": miswiring})
+    assert ticks_of(items_of(rig)).size == 0
+
+
+def test_stamps_are_exported_with_their_times(counted: RigFactory, tmp_path: Path) -> None:
+    rig = counted()
+    path = recorded(rig, tmp_path)
+    truth = ticks_of(items_of(rig))
+    with RunReader(path) as reader:
+        whole, part = pulses_table(reader), pulses_table(reader, 1.0, 2.0)
+        np.testing.assert_array_equal(whole.column("ticks").values, truth)
+        np.testing.assert_array_equal(whole.column("time_s").values, truth / 80e6)
+        times = part.column("time_s").values.astype(np.float64)
+        assert 0 < times.size < truth.size
+        assert ((times >= 1.0) & (times < 2.0)).all()
+        with pytest.raises(ForeignFormatError, match="no stamps of a counter"):
+            pulses_table(reader, 100.0, 200.0)
+
+
+def test_run_without_a_counter_has_no_stamps_to_export(rig: RigFactory, tmp_path: Path) -> None:
+    with (
+        RunReader(recorded(rig(), tmp_path)) as reader,
+        pytest.raises(ForeignFormatError, match="no stamps of a counter"),
+    ):
+        pulses_table(reader)
+
+
+def test_preflight_looks_at_the_counter(counted: RigFactory, tmp_path: Path) -> None:
+    good = preflight(counted(), Plan(tmp_path), dt.date(2026, 11, 22), lambda _: None)
+    (check,) = (check for check in good.checks if check.name == "tacho counter")
+    assert check.verdict is Verdict.GOOD
+    silent = counted(simulation={**RISING, "miswiring": "tacho silent"})
+    bad = preflight(silent, Plan(tmp_path), dt.date(2026, 11, 22), lambda _: None)
+    assert [check.verdict for check in bad.checks if check.name == "tacho counter"] == [Verdict.WARN]
+
+
+def test_summary_says_what_speed_comes_from(counted: RigFactory, tmp_path: Path) -> None:
+    with RunReader(recorded(counted(), tmp_path)) as reader:
+        document = summary_document(summarise(reader), None)
+    assert document.tacho is not None
+    assert document.tacho.reference == "counter"
+    assert document.tacho.counter is not None
+    assert (document.tacho.counter.state, document.tacho.counter.told) == (CounterState.AGREES, "")
+    assert any("speed and phase from the counter" in line for line in summary_lines(document))
+
+
+def test_running_line_names_a_counter_that_differs(rig: RigFactory, tmp_path: Path) -> None:
+    for edge, is_named in (("rising", False), ("falling", True)):
+        chosen = rig(tacho={"counter": {"edge": edge}}, simulation=RISING)
+        header = header_of(chosen, tmp_path)
+        frame = LiveFrame(header, Status(RunState.RECORDING), analysed(header, items_of(chosen))[-1])
+        assert ("tacho counter: count differs, " in frame_line(frame)) is is_named
+        assert (" in the last 10 s" in frame_line(frame)) is is_named

@@ -1,0 +1,258 @@
+"""However a recording is ended, its file is finished and the device released."""
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import closing
+from multiprocessing import Pipe
+from pathlib import Path
+
+import pytest
+
+from analysis.signals.blocks import EndReason, SourceItem
+from analysis.signals.header import Acquisition
+from daq.cli.following import follow
+from daq.cli.progress import Console
+from daq.config.rig import Rig
+from daq.drivers.factory import open_source
+from daq.drivers.source import Source
+from daq.session.live_update import LiveFrame
+from daq.session.recording.messages import Acquired, Closed, Opened
+from daq.session.recording.recorder import _Recorder, run_header
+from daq.session.recording.ring import BlockRing
+from daq.session.recording.statistics import Gauges
+from daq.session.run import Outcome
+from daq.stop_flag import StopFlag
+from recordings.mcap.parts import PartLimits, PartWriter
+from recordings.mcap.reader import RunReader
+from recordings.mcap.results import EncodedResult
+from tests.daq.session.recording.test_killed_recording import recorded_samples
+from tests.daq.session.recording.test_recorded_run import Screen, order, recorded
+
+RigFiles = Callable[..., Path]
+RigFactory = Callable[..., Rig]
+
+PROFILE = [{"time_s": 0, "speed_rpm": 3000}, {"time_s": 60, "speed_rpm": 3000}]
+SLOW = {"profile": PROFILE, "pace": "real time"}
+POSIX = pytest.mark.skipif(sys.platform == "win32", reason="signals and terminals of POSIX")
+PAGE = re.compile(r"page (http://[\d.:]+)/")
+ENOUGH = 6_000  # samples per channel that are recorded before the end is asked for
+
+
+@pytest.fixture
+def environment(tmp_path: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    cache = str(tmp_path_factory.getbasetemp() / "cache")
+    return os.environ | {"RIG_DATA": str(tmp_path / "data"), "RIG_CACHE": cache}
+
+
+def command(rig: Path) -> list[str]:
+    return [sys.executable, "-m", "daq.cli.main", "record", str(rig), "--no-view", "--port", "0"]
+
+
+def wait_for_samples(address: str) -> None:
+    deadline = time.monotonic() + 60
+    while recorded_samples(address) < ENOUGH:
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+
+
+def whole_run(folder: Path) -> RunReader:
+    (path,) = folder.glob("*.mcap")
+    return RunReader(path)
+
+
+@POSIX
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_signal_to_all_processes_of_the_command_ends_it_with_a_whole_file(
+    number: signal.Signals, rig_file: RigFiles, tmp_path: Path, environment: dict[str, str]
+) -> None:
+    rig = rig_file(simulation=SLOW, limits={"speed_rpm": 4000.0})
+    process = subprocess.Popen(
+        command(rig), env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
+    )
+    assert process.stderr is not None
+    told = ""
+    for line in process.stderr:
+        told += line
+        if found := PAGE.search(line):
+            wait_for_samples(found[1])
+            break
+    os.killpg(process.pid, number)
+    out, more = process.communicate(timeout=120)
+    assert process.returncode == 130, told + more
+    assert "gap-free" in out
+    with whole_run(tmp_path / "data") as reader:
+        assert reader.is_gap_free
+        assert reader.n_samples >= ENOUGH
+
+
+@POSIX
+def test_terminal_that_is_closed_ends_the_recording_with_a_whole_file(
+    rig_file: RigFiles, tmp_path: Path, environment: dict[str, str]
+) -> None:
+    import pty  # noqa: PLC0415 - POSIX only
+
+    rig = rig_file(simulation=SLOW, limits={"speed_rpm": 4000.0})
+    process, terminal = pty.fork()
+    if process == 0:
+        os.execve(sys.executable, command(rig), environment)  # noqa: S606 - the terminal is this process's own
+    seen = b""
+    while (found := PAGE.search(seen.decode(errors="replace"))) is None:
+        seen += os.read(terminal, 4096)
+    wait_for_samples(found[1])
+    os.close(terminal)
+    deadline = time.monotonic() + 120
+    while os.waitpid(process, os.WNOHANG)[0] == 0:
+        assert time.monotonic() < deadline
+        time.sleep(0.1)
+    with whole_run(tmp_path / "data") as reader:
+        assert reader.is_gap_free
+        assert reader.n_samples >= ENOUGH
+
+
+class Failing:
+    """A source that meets a fault of the program after three blocks."""
+
+    def __init__(self, source: Source) -> None:
+        self._source = source
+        self.closed = False
+
+    @property
+    def acquisition(self) -> Acquisition:
+        return self._source.acquisition
+
+    def blocks(self) -> Iterator[SourceItem]:
+        for count, item in enumerate(self._source.blocks()):
+            if count == 3:
+                raise ZeroDivisionError("in the midst of a run")
+            yield item
+
+    def stop(self) -> None:
+        self._source.stop()
+
+    def close(self) -> None:
+        self.closed = True
+        self._source.close()
+
+
+@pytest.fixture
+def own_handlers() -> Iterator[None]:
+    before = signal.getsignal(signal.SIGTERM)
+    yield
+    signal.signal(signal.SIGTERM, before)
+
+
+@pytest.mark.usefixtures("own_handlers")
+def test_fault_of_the_program_in_the_recorder_finishes_the_file_and_releases_the_device(
+    rig: RigFactory, tmp_path: Path
+) -> None:
+    made = order(rig(), tmp_path)
+    source = Failing(open_source(made.rig))
+    header = run_header(made, source)
+    here, there = Pipe()
+    ring = BlockRing.create(3, 2001, 16)
+    with closing(here):
+        recorder = _Recorder(
+            made, source, PartWriter(made.path, header, PartLimits()), ring, Gauges(Gauges.shared()), there
+        )
+        threading.Timer(0.5, here.send, ["not an order"]).start()
+        threading.Timer(1.0, here.close).start()
+        recorder.run()
+    assert source.closed
+    with RunReader(made.path) as reader:
+        assert reader.n_samples == 3 * 2000
+        assert [end.reason for end in reader.segment_ends] == [EndReason.CUT]
+
+
+@pytest.mark.usefixtures("own_handlers")
+def test_fault_of_the_program_in_the_recorder_is_told(rig: RigFactory, tmp_path: Path) -> None:
+    made = order(rig(), tmp_path)
+    source = Failing(open_source(made.rig))
+    header = run_header(made, source)
+    here, there = Pipe()
+    ring = BlockRing.create(3, 2001, 16)
+    told: list[object] = []
+
+    def watch() -> None:
+        while not any(isinstance(message, Acquired) for message in told):
+            told.append(here.recv())
+        here.send("anything but an order, which is passed over")
+        here.close()
+
+    watching = threading.Thread(target=watch)
+    watching.start()
+    recorder = _Recorder(
+        made, source, PartWriter(made.path, header, PartLimits()), ring, Gauges(Gauges.shared()), there
+    )
+    recorder.run()
+    watching.join(5)
+    assert [type(message) for message in told] == [Opened, Acquired]
+    assert "stopped by a fault of the program: ZeroDivisionError: in the midst of a run" in recorder._message
+
+
+@pytest.mark.usefixtures("own_handlers")
+def test_fault_of_the_program_in_the_recorders_listener_finishes_the_file_and_is_told(
+    rig: RigFactory, tmp_path: Path
+) -> None:
+    made = order(rig(simulation=SLOW, limits={"speed_rpm": 4000.0}), tmp_path)
+    source = open_source(made.rig)
+    here, there = Pipe()
+    ring = BlockRing.create(3, 2001, 16)
+    told: list[object] = []
+
+    def watch() -> None:
+        told.append(here.recv())
+        here.send(EncodedResult("/nonsense", 0, b"", 0))
+        while not isinstance(told[-1], Closed):
+            told.append(here.recv())
+
+    watching = threading.Thread(target=watch)
+    watching.start()
+    with closing(here):
+        header = run_header(made, source)
+        writer = PartWriter(made.path, header, PartLimits())
+        _Recorder(made, source, writer, ring, Gauges(Gauges.shared()), there).run()
+        watching.join(10)
+    closed = told[-1]
+    assert isinstance(closed, Closed)
+    assert closed.message.startswith("recording stopped by a fault of the program: ValueError: topic: '/nonsense'")
+    with RunReader(made.path) as reader:
+        assert reader.is_complete
+        assert [end.reason for end in reader.segment_ends] == [EndReason.STOPPED]
+
+
+def test_screen_that_fails_at_every_frame_does_not_stop_the_recording(rig: RigFactory, tmp_path: Path) -> None:
+    class Broken(Screen):
+        def offer(self, frame: LiveFrame) -> None:
+            raise ZeroDivisionError("a screen that fails")
+
+    run = recorded(rig(simulation={"pace": "real time"}), tmp_path, Broken())
+    assert run.wait(60)
+    assert run.close().exit_code == 0
+    with RunReader(run.path) as reader:
+        assert reader.n_samples == 40_000
+
+
+def test_fault_of_the_terminal_side_closes_the_run() -> None:
+    class Watched:
+        closed = False
+
+        def wait(self, timeout: float) -> bool:
+            return False
+
+        def latest(self) -> LiveFrame:
+            raise ZeroDivisionError("while the line is made")
+
+        def close(self) -> Outcome:
+            self.closed = True
+            return Outcome(())
+
+    run = Watched()
+    with pytest.raises(ZeroDivisionError):
+        follow(run, StopFlag(), Console())  # type: ignore[arg-type] # a run in all that is used here
+    assert run.closed

@@ -1,0 +1,89 @@
+"""`[tacho.counter]`: what a rig file may say of the counter, and what is said of it."""
+
+import pytest
+
+from analysis.signals.header import Edge
+from daq.cli.main import main
+from daq.config.load import load_rig, read_config
+from tests.daq.config.test_loader import faults_of
+from tests.daq.conftest import RigFactory, RigFiles
+
+Captured = pytest.CaptureFixture[str]
+
+
+def test_rig_without_the_table_has_no_counter(rig: RigFactory) -> None:
+    assert rig().tacho.counter is None
+    assert rig().tacho.reference == "samples"
+
+
+def test_empty_table_is_the_counter_of_the_card_with_the_edge_of_the_tacho(rig: RigFactory) -> None:
+    counter = rig(tacho={"edge": "falling", "counter": {}}).tacho.counter
+    assert counter is not None
+    assert (counter.counter, counter.terminal, counter.edge) == ("ctr0", "PFI0", Edge.FALLING)
+    assert counter.timebase == 80e6
+    assert counter.agreement == pytest.approx(50e-6)
+    assert not counter.is_reference
+
+
+def test_edge_at_the_line_may_be_the_other_one(rig: RigFactory) -> None:
+    counter = rig(tacho={"edge": "falling", "counter": {"edge": "rising"}}).tacho.counter
+    assert counter is not None
+    assert counter.edge is Edge.RISING
+
+
+def test_counter_is_in_the_configuration_that_a_recording_carries(rig: RigFactory) -> None:
+    loaded = rig(tacho={"counter": {"reference": "counter", "terminal": "PFI9"}})
+    assert "[tacho.counter]" in loaded.toml
+    assert read_config(loaded.toml, "a recording") == loaded.config
+
+
+@pytest.mark.parametrize(
+    ("counter", "fault"),
+    [
+        ({"counter": "ctr2"}, 'tacho.counter.counter = "ctr2": expected ctr0 or ctr1, the counters of the card'),
+        ({"counter": "gpctr0"}, 'tacho.counter.counter = "gpctr0": expected a counter of the card, as "ctr0"'),
+        ({"terminal": "PFI16"}, 'tacho.counter.terminal = "PFI16": expected PFI0 to PFI15, the lines of the card'),
+        ({"terminal": "ai0"}, 'tacho.counter.terminal = "ai0": expected a line of the card, as "PFI0"'),
+        (
+            {"timebase_hz": 1e6},
+            "tacho.counter.timebase_hz = 1e+06: expected one of the card's clocks, 80000000, 20000000, 100000",
+        ),
+        (
+            {"reference": "both"},
+            "tacho.counter.reference = \"both\": expected 'samples' or 'counter'",
+        ),
+        ({"agreement_us": 0}, "tacho.counter.agreement_us = 0: expected more than 0"),
+        ({"teminal": "PFI0"}, 'tacho.counter.teminal = "PFI0": unknown key, did you mean terminal?'),
+    ],
+)
+def test_fault_of_the_counter_is_told_with_what_was_expected(
+    rig_file: RigFiles, counter: dict[str, object], fault: str
+) -> None:
+    assert faults_of(rig_file(tacho={"counter": counter})) == [fault]
+
+
+def test_buffer_must_be_shorter_than_the_count_of_32_bits(rig_file: RigFiles) -> None:
+    timing = {"rate_hz": 20_000.0, "block_s": 0.1, "buffer_s": 50.0}
+    expected = "timing.buffer_s = 50: expected at most 43.7: a count of 32 bits begins again every 53.7 s"
+    assert faults_of(rig_file(timing=timing, tacho={"counter": {}})) == [expected]
+    load_rig(rig_file(timing=timing, tacho={"counter": {"timebase_hz": 20e6}}))
+
+
+def test_simulated_tacho_must_pass_the_levels_of_the_line(rig_file: RigFiles) -> None:
+    (fault,) = faults_of(
+        rig_file(
+            tacho={"threshold_v": 1.2, "hysteresis_v": 0.5, "counter": {}},
+            simulation={"tacho_high_v": 2.0},
+        )
+    )
+    assert (
+        fault == "simulation.tacho_high_v = 2: expected at least 2.2, and tacho_low_v at most 0.8: the levels of PFI0"
+    )
+
+
+def test_check_says_what_speed_will_come_from(rig_file: RigFiles, capsys: Captured) -> None:
+    assert main(["check", str(rig_file(tacho={"counter": {"reference": "counter"}}))]) == 0
+    told = capsys.readouterr().out
+    assert "edges stamped by ctr0 on PFI0 to 12.5 ns; speed and phase from the counter" in told
+    assert main(["check", "--json", str(rig_file(tacho={"counter": None}))]) == 0
+    assert '"counter_resolution_ns": null' in capsys.readouterr().out

@@ -1,0 +1,93 @@
+"""The rotor that rig.toml names: read beside it, checked with it, and whole in what a recording carries."""
+
+import math
+from collections.abc import Callable
+from importlib.resources import files
+from pathlib import Path
+
+import pytest
+
+from daq.config.load import load_rig, read_config
+from daq.config.rig import Rig
+from daq.config.rotor import configured_rotor, rotor_parameters
+from daq.config.rotor_file import default_rotor
+from daq.errors import ConfigError
+from model.rotor.gj90c import gj90c
+from model.rotor.parameters import Imbalance
+
+RigFiles = Callable[..., Path]
+RigFactory = Callable[..., Rig]
+
+GJ90C = files("model.rotor").joinpath("gj90c.toml").read_text(encoding="utf-8")
+SEATS = (math.pi / 4, 3 * math.pi / 4)  # of the test rig's probes
+
+
+def beside(rig: Path, text: str) -> Path:
+    rig.with_name("rotor.toml").write_text(text, encoding="utf-8")
+    return rig
+
+
+def faults_of(path: Path) -> list[str]:
+    with pytest.raises(ConfigError) as caught:
+        load_rig(path)
+    return caught.value.faults
+
+
+def test_rig_that_names_no_rotor_has_the_default_one(rig: RigFactory) -> None:
+    assert rotor_parameters(rig()) == gj90c(probe_angles=SEATS)
+
+
+def test_rotor_is_read_beside_the_rig_and_the_recording_carries_it(rig_file: RigFiles) -> None:
+    path = beside(rig_file(model={"rotor": "rotor.toml"}), GJ90C.replace("mass_kg = 0.07", "mass_kg = 0.08"))
+    loaded = load_rig(path)
+    path.with_name("rotor.toml").unlink()
+    for parameters in (rotor_parameters(loaded), configured_rotor(read_config(loaded.toml, "a recording"))):
+        assert parameters.rotor.discs[4].mass == 0.08
+        assert parameters.probe_angles == pytest.approx(SEATS)
+
+
+def test_recording_carries_the_default_rotor_too(rig: RigFactory) -> None:
+    assert read_config(rig().toml, "a recording").rotor == default_rotor()
+
+
+def test_recording_of_before_there_were_rotor_files_has_the_default_one(rig: RigFactory) -> None:
+    old = rig().config.model_copy(update={"rotor": {}})
+    assert configured_rotor(old) == gj90c(probe_angles=SEATS)
+
+
+def test_model_section_says_what_differs_from_the_rotors_file(rig_file: RigFiles) -> None:
+    more = GJ90C + "\n[[imbalance]]\nstation = 2\nmagnitude_g_mm = 0.1\nphase_deg = 90\n"
+    changes = {"imbalance_kg_m": 2e-7, "inner_clearance_um": 25.0}
+    parameters = rotor_parameters(load_rig(beside(rig_file(model={"rotor": "rotor.toml"} | changes), more)))
+    assert parameters.imbalances == (Imbalance(5, 2e-7), Imbalance(2, 1e-7, math.pi / 2))
+    assert parameters.floating_ring.inner_clearance == pytest.approx(25e-6)
+    assert parameters.floating_ring.outer_clearance == 80e-6
+
+
+def test_every_fault_of_the_rotor_is_named_with_its_file(rig_file: RigFiles) -> None:
+    wrong = GJ90C.replace("mass_kg = 0.07", "mass_kg = -0.07").replace("radius_mm = 4", "radius_inch = 4")
+    faults = faults_of(beside(rig_file(model={"rotor": "rotor.toml"}, storage={"reserve_gb": -1.0}), wrong))
+    units = "radius_mm or radius_m or radius_um"
+    assert faults == [
+        "storage.reserve_gb = -1.0: expected at least 0",
+        f'model.rotor = "rotor.toml": segment[2].radius_inch = 4: unknown unit inch, expected {units}',
+        'model.rotor = "rotor.toml": disc[4].mass_kg = -0.07 kg: expected a finite value above 0',
+    ]
+
+
+def test_rotor_without_films_cannot_be_laid_over_a_measurement(rig_file: RigFiles) -> None:
+    bare = GJ90C.split("[bearing]")[0] + "[[imbalance]]" + GJ90C.split("[[imbalance]]")[1]
+    (fault,) = faults_of(beside(rig_file(model={"rotor": "rotor.toml"}), bare))
+    assert fault.endswith("bearing: none, expected a rotor on oil films, with [bearing] in its file")
+
+
+def test_rotor_that_cannot_be_read_is_a_fault_of_the_rig(rig_file: RigFiles) -> None:
+    path = rig_file(model={"rotor": "rotor.toml"})
+    assert faults_of(path) == ['model.rotor = "rotor.toml": no such file']
+    assert faults_of(beside(path, "radius 5"))[0].startswith('model.rotor = "rotor.toml": not TOML: ')
+
+
+def test_rotor_may_stand_in_the_rigs_own_file_but_not_twice(rig_file: RigFiles) -> None:
+    assert rotor_parameters(load_rig(rig_file(rotor=default_rotor()))) == gj90c(probe_angles=SEATS)
+    (fault,) = faults_of(beside(rig_file(rotor=default_rotor(), model={"rotor": "rotor.toml"}), GJ90C))
+    assert fault == 'model.rotor = "rotor.toml": expected none beside the file\'s own [rotor]'

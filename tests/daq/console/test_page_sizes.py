@@ -1,0 +1,134 @@
+"""The page in windows from a telephone's to a bench screen's."""
+
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from analysis.signals.header import Severity
+from daq.session.live_update import LiveFrame
+from tests.daq.support.driven_browser import Page, driven_page
+from tests.daq.support.frames import make_frames, with_alarm
+from tests.daq.support.recorded_bench import open_recorded_bench
+from tests.daq.support.service_bench import Bench, open_bench
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+pytestmark = [pytest.mark.browser, pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium here")]
+
+FRAME = with_alarm(make_frames(200)[150], Severity.DANGER)
+STATE = {True: "idle", False: "recording"}
+# Of every tile, banner and bar in sight: which stick out of the window, which lie over another, whose words are cut.
+FAULTS = """(() => {
+  const parts = [...document.querySelectorAll('.tile, .view, .status, .banner, .runs details')];
+  const boxes = parts.filter((one) => one.offsetParent)
+    .map((one) => [one.id || one.className, one.getBoundingClientRect(), one]);
+  const faults = document.documentElement.scrollWidth > innerWidth ? ['the page is wider than the window'] : [];
+  for (const [name, box, node] of boxes) {
+    if (box.right > innerWidth + 1) faults.push(`${name} sticks out`);
+    if (node.matches('.tile, .status') && node.scrollHeight > node.clientHeight + 3) faults.push(`${name} is cut`);
+    for (const [other, its] of boxes) {
+      const beside = box.right <= its.left + 1 || its.right <= box.left + 1;
+      const above = box.bottom <= its.top + 1 || its.bottom <= box.top + 1;
+      if (other !== name && !beside && !above) faults.push(`${name} lies over ${other}`);
+    }
+  }
+  return faults;
+})()"""
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
+    with driven_page(str(CHROMIUM), tmp_path_factory.mktemp("profile"), "about:blank") as one:
+        yield one
+
+
+@pytest.fixture
+def bench() -> Iterator[Bench]:
+    served = open_bench()
+    yield served
+    served.close()
+
+
+def shown(page: Page, bench: Bench, frame: LiveFrame | None) -> None:
+    """Show the page with a run that goes on, or none, and wait until it is drawn."""
+    bench.live.frame = frame
+    page.show(bench.server.url)
+    page.until(f"document.querySelector('#runs details') && document.body.dataset.state === '{STATE[frame is None]}'")
+
+
+@pytest.mark.parametrize("size", [(390, 844), (844, 390), (768, 1024), (1024, 768), (1366, 768), (1920, 1080)])
+def test_nothing_sticks_out_is_cut_or_lies_over_something_else(size: tuple[int, int], page: Page, bench: Bench) -> None:
+    page.resize(*size)
+    for frame in (None, FRAME):
+        shown(page, bench, frame)
+        assert page.value(FAULTS) == []
+
+
+def test_page_without_a_run_begins_with_the_recorded_ones(page: Page, bench: Bench) -> None:
+    page.resize(1366, 768)
+    shown(page, bench, None)
+    assert page.value("document.querySelector('#runs details').getBoundingClientRect().bottom < innerHeight")
+
+
+def test_bench_screen_shows_all_that_goes_on_without_scrolling(page: Page, bench: Bench) -> None:
+    for size in ((1366, 768), (1920, 1080)):
+        page.resize(*size)
+        shown(page, bench, FRAME)
+        assert page.value("document.getElementById('status').getBoundingClientRect().bottom <= innerHeight")
+
+
+def test_page_without_a_run_asks_for_none_while_its_socket_is_open(page: Page, bench: Bench) -> None:
+    shown(page, bench, None)
+    page.until("performance.now() > 2500")
+    asked = "performance.getEntriesByType('resource').filter((one) => one.name.endsWith('/live')).length"
+    assert page.value(asked) == 0
+    assert page.value("document.getElementById('connection').hidden")
+    bench.live.frame = FRAME
+    page.until("document.body.dataset.state === 'recording'")
+
+
+def test_service_that_is_gone_is_told_with_a_run_and_without(page: Page) -> None:
+    for frame in (None, FRAME):
+        bench = open_bench()
+        try:
+            shown(page, bench, frame)
+        finally:
+            bench.close()
+        page.until("document.getElementById('connection').offsetParent !== null")
+        told = page.value("document.getElementById('connection').textContent")
+        assert told.startswith("CONNECTION LOST: no answer from the service for 00:")
+
+
+def test_wrong_token_is_told_and_the_right_one_lets_in(page: Page) -> None:
+    word = "two words"  # no name of a protocol, so that no socket can carry it
+    bench = open_bench(token=word)
+    try:
+        page.show(bench.server.url)
+        page.until("document.getElementById('token').offsetParent !== null")
+        for typed, then in (
+            ("wrong", "textContent.startsWith('That is not')"),
+            (word, "offsetParent === null"),
+        ):
+            page.value(f"document.getElementById('token-value').value = '{typed}'")
+            page.value("document.querySelector('#token button').click()")
+            page.until(f"document.getElementById('token-label').{then}")
+        page.until("document.querySelector('#runs details') !== null")
+    finally:
+        bench.close()
+
+
+def test_run_is_stopped_by_a_second_press_and_by_no_single_one(page: Page, tmp_path: Path) -> None:
+    bench = open_recorded_bench(tmp_path)
+    try:
+        bench.live.frame = FRAME
+        page.show(str(bench.client.base_url))
+        page.until("!document.getElementById('stop').hidden")
+        page.value("document.getElementById('stop').click()")
+        page.until("document.getElementById('stop').textContent === 'Press again to stop'")
+        assert bench.steered.stopped == []
+        page.value("document.getElementById('stop').click()")
+        page.until("document.getElementById('stop').textContent === 'Stopping …'")
+        assert bench.steered.stopped == [FRAME.header.run]
+    finally:
+        bench.close()

@@ -1,0 +1,29 @@
+"""The card at a stand-in device server: the real nidaqmx, over a real wire."""
+
+from collections.abc import Iterator
+
+import pytest
+
+from daq.drivers.ni import Usb6251, open_usb6251
+from daq.drivers.simulation.card import SimulatedCard
+from tests.daq.drivers.ni.bench import bench
+from tests.daq.support.device_server import DeviceServer, serving
+from tests.daq.support.ni_driver import NiDriver
+
+
+@pytest.fixture
+def driver() -> NiDriver:
+    return NiDriver(lambda: SimulatedCard(bench()))
+
+
+@pytest.fixture
+def server(driver: NiDriver) -> Iterator[DeviceServer]:
+    with serving(driver) as running:
+        yield running
+
+
+@pytest.fixture
+def card(server: DeviceServer) -> Iterator[Usb6251]:
+    source = open_usb6251(bench(server.target))
+    yield source
+    source.close()

@@ -1,0 +1,222 @@
+"""The tacho's edges stamped by a counter of the card: bit for bit, through wraps, silences and faults."""
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd, SourceItem
+from daq.config.schema import CounterSection
+from daq.drivers.ni import Usb6251, open_usb6251
+from daq.drivers.ni.unwrapping import WRAP, Unwrapping
+from daq.drivers.simulation.card import SimulatedCard
+from daq.errors import DeviceFault
+from tests.daq.drivers.ni.bench import bench, ends_of, refused, take
+from tests.daq.support.device_server import DeviceServer, serving
+from tests.daq.support.ni_driver import NiDriver
+
+COUNTER = CounterSection(reference="counter")
+READ = "ReadCounterU32Ex"
+
+
+@pytest.fixture
+def server() -> Iterator[DeviceServer]:
+    with serving(NiDriver(lambda: SimulatedCard(bench(counter=COUNTER)))) as running:
+        yield running
+
+
+@pytest.fixture
+def card(server: DeviceServer) -> Iterator[Usb6251]:
+    source = open_usb6251(bench(server.target, counter=COUNTER))
+    yield source
+    source.close()
+
+
+def ticks_of(items: list[SourceItem], segment: int = 0) -> NDArray[np.int64]:
+    blocks = [item for item in items if isinstance(item, SampleBlock) and item.segment == segment]
+    return np.concatenate([np.empty(0, np.int64), *(block.ticks for block in blocks if block.ticks is not None)])
+
+
+def test_stamps_are_the_true_moments_of_the_edges_in_whole_ticks(card: Usb6251) -> None:
+    items = take(card, 20)
+    n = ends_of(items)[0].samples
+    np.testing.assert_array_equal(ticks_of(items), SimulatedCard(bench(counter=COUNTER)).ticks(0, n))
+    assert ticks_of(items).size > 40
+    assert card.acquisition.tacho.counter is not None
+    assert card.acquisition.tacho.reference == "counter"
+
+
+def test_each_stamp_comes_with_the_block_in_which_it_lies(card: Usb6251) -> None:
+    per_sample = card.acquisition.ticks_per_sample
+    for item in take(card, 10):
+        if isinstance(item, SampleBlock):
+            assert item.ticks is not None
+            assert ((item.ticks >= item.first_sample * per_sample) & (item.ticks < item.end * per_sample)).all()
+
+
+def test_counter_is_started_before_the_samples_and_waits_for_them(card: Usb6251, server: DeviceServer) -> None:
+    take(card, 2)
+    counter, inputs = (server.log.index(call) for call in ("CreateCICountEdgesChan", "CreateAIVoltageChan"))
+    assert inputs < counter
+    starts = [k for k, call in enumerate(server.log) if call == "StartTask"]
+    assert len(starts) == 2
+    assert server.log.index("ReadBinaryI16") > starts[1]
+
+
+def test_no_task_is_left_after_a_run_with_a_counter(card: Usb6251, server: DeviceServer) -> None:
+    assert sorted(server.tasks) == ["rig-Dev1", "rig-Dev1-counter"]
+    take(card, 2)
+    assert server.tasks == []
+
+
+def test_counter_runs_through_three_wraps_and_silences_longer_than_one() -> None:
+    course = ((0, 600), (30, 600), (30.1, 0), (100, 0), (101, 900), (235, 900))  # still for 70 s; a wrap takes 53.7 s
+    slow = bench(counter=COUNTER, rate=500.0, profile=course)
+    with serving(NiDriver(lambda: SimulatedCard(slow))) as server:
+        rig = bench(server.target, counter=COUNTER, rate=500.0, profile=course)
+        config = rig.config.model_copy(update={"timing": rig.config.timing.model_copy(update={"block_s": 0.8})})
+        source = open_usb6251(type(rig)(rig.path, config, rig.calibrations, rig.toml))
+        items = take(source, 290)
+        source.close()
+    ticks = ticks_of(items)
+    np.testing.assert_array_equal(ticks, SimulatedCard(slow).ticks(0, ends_of(items)[0].samples))
+    assert ticks[-1] > 4 * WRAP
+    assert np.diff(ticks).max() > WRAP
+    assert ends_of(items)[0].detail == ""
+
+
+@pytest.mark.parametrize("code", [-200279, -200141, -200545])
+def test_counter_that_fails_costs_its_stamps_and_no_sample(card: Usb6251, server: DeviceServer, code: int) -> None:
+    server.faults[READ].extend([0, 0, 0, code])
+    items = take(card, 8)
+    blocks = [item for item in items if isinstance(item, SampleBlock)]
+    (end,) = ends_of(items)
+    assert (end.reason, end.samples, end.is_gap_free) == (EndReason.STOPPED, 8 * 1499, True)
+    assert [block.ticks is None for block in blocks] == [False] * 3 + [True] * 5
+    assert f"the tacho's counter ctr0 gave no stamps from sample {4 * 1499} on" in end.detail
+    assert f"the driver's text of {code}" in end.detail
+    assert server.tasks == []
+
+
+def test_counter_whose_buffer_overflows_costs_no_sample(server: DeviceServer) -> None:
+    card = open_usb6251(bench(server.target, counter=COUNTER))
+    items: list[SourceItem] = []
+    for item in card.blocks():
+        items.append(item)
+        if len(items) == 2:
+            (task,) = (task for task in server.rpcs.tasks.values() if task.counter is not None)
+            assert task.counter is not None
+            task.counter.latched += range(task.counter.latched[-1] + 1, task.counter.latched[-1] + task.buffer + 2)
+        if len(items) == 6:
+            card.stop()
+    card.close()
+    (end,) = ends_of(items)
+    assert (end.samples, end.is_gap_free) == (6 * 1499, True)
+    assert "the buffer was overwritten" in end.detail
+
+
+def test_overrun_of_the_samples_begins_a_new_count(card: Usb6251, server: DeviceServer) -> None:
+    server.faults["ReadBinaryI16"].extend([0, 0, 0, -200279])
+    items = take(card, 8)
+    first, second = ends_of(items)
+    assert (first.reason, second.detail) == (EndReason.OVERRUN, "")
+    truth = SimulatedCard(bench(counter=COUNTER))
+    for end in (first, second):
+        np.testing.assert_array_equal(ticks_of(items, end.segment), truth.ticks(0, end.samples))
+
+
+def test_counter_that_failed_works_again_in_the_next_segment(card: Usb6251, server: DeviceServer) -> None:
+    server.faults[READ].extend([0, -200279])
+    server.faults["ReadBinaryI16"].extend([0, 0, 0, -200279])
+    items = take(card, 8)
+    first, second = ends_of(items)
+    assert "gave no stamps from sample 2998 on" in first.detail
+    assert second.detail == ""
+    assert ticks_of(items, 1).size > 0
+
+
+def test_last_block_has_its_stamps_though_the_question_for_the_backlog_fails(
+    card: Usb6251, server: DeviceServer
+) -> None:
+    server.faults["GetReadAttributeUInt32"].extend([0, 0, -200545])
+    items = list(card.blocks())
+    (end,) = ends_of(items)
+    assert end.samples == 3 * 1499
+    assert "gave no stamps" not in end.detail
+    np.testing.assert_array_equal(ticks_of(items), SimulatedCard(bench(counter=COUNTER)).ticks(0, end.samples))
+
+
+def test_counter_that_does_not_start_costs_no_sample(card: Usb6251, server: DeviceServer) -> None:
+    server.faults["StartTask"].append(-200545)
+    items = take(card, 3)
+    (end,) = ends_of(items)
+    assert (end.samples, end.is_gap_free) == (3 * 1499, True)
+    assert "gave no stamps from sample 0 on" in end.detail
+    assert all(item.ticks is None for item in items if isinstance(item, SampleBlock))
+
+
+def test_counter_of_another_clock_is_found_out(card: Usb6251, server: DeviceServer) -> None:
+    items: list[SourceItem] = []
+    for item in card.blocks():
+        items.append(item)
+        if len(items) == 3:
+            (task,) = (task for task in server.rpcs.tasks.values() if task.counter is not None)
+            assert task.counter is not None
+            task.counter.latched.append(task.counter.latched[-1] + 10 * 80_000_000)
+        if len(items) == 6:
+            card.stop()
+    (end,) = ends_of(items)
+    assert "another clock, or not begun with them" in end.detail
+    assert end.is_gap_free
+
+
+def test_counter_that_another_program_holds_is_said_and_nothing_stays_reserved(server: DeviceServer) -> None:
+    server.driver.counter_held_elsewhere = True
+    error = refused(bench(server.target, counter=COUNTER))
+    assert error.fault is DeviceFault.BUSY
+    assert server.tasks == []
+
+
+@pytest.mark.parametrize("code", [-89120, -200077, -200220])
+def test_counter_that_cannot_be_set_up_leaves_nothing_reserved(server: DeviceServer, code: int) -> None:
+    server.faults["CreateCICountEdgesChan"].append(code)
+    assert str(code) in str(refused(bench(server.target, counter=COUNTER)))
+    assert server.tasks == []
+
+
+def test_server_that_freezes_ends_a_run_with_a_counter_and_both_tasks_are_cleared(
+    card: Usb6251, server: DeviceServer
+) -> None:
+    items: list[SourceItem] = []
+    for item in card.blocks():
+        items.append(item)
+        if len(items) == 3:
+            server.freeze()
+    (end,) = ends_of(items)
+    assert (end.reason, end.samples) == (EndReason.DEVICE_ERROR, 3 * 1499)
+    card.close()
+    server.thaw()
+    again = open_usb6251(bench(server.target, counter=COUNTER))
+    assert isinstance(take(again, 1)[-1], SegmentEnd)
+    again.close()
+    assert server.tasks == []
+
+
+def test_counts_go_on_rising_through_every_wrap() -> None:
+    rng = np.random.default_rng(7)
+    truth = np.cumsum(rng.integers(1, WRAP, 200))
+    unwrapping = Unwrapping()
+    for part in np.array_split(truth, 23):
+        np.testing.assert_array_equal(unwrapping.ticks((part % WRAP).astype(np.uint32)), part)
+
+
+def test_counts_after_a_silence_of_many_wraps_lie_where_the_samples_are() -> None:
+    unwrapping = Unwrapping()
+    assert unwrapping.ticks(np.array([17], np.uint32)).tolist() == [17]
+    for wraps in (1, 2, 5, 1000):
+        tick = wraps * WRAP + 5
+        unwrapping.none_before(tick - 1000)
+        assert unwrapping.ticks(np.array([5], np.uint32)).tolist() == [tick]
+    assert math.isclose(WRAP / 80e6, 53.687, abs_tol=1e-3)

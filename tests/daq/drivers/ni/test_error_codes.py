@@ -1,0 +1,78 @@
+"""What the driver's codes are taken for, held against nidaqmx's own list of their names."""
+
+import re
+
+import pytest
+from nidaqmx.error_codes import DAQmxErrors
+
+from daq.drivers.ni.faults import (
+    ABSENT_CODES,
+    BUSY_CODES,
+    OTHER_CODES,
+    OVERRUN_CODES,
+    bench_words,
+    device_fault,
+    driver_words,
+)
+from daq.errors import DeviceFault
+
+OVERRUNS = (
+    r"INPUT_FIFO_OVERFLOW(_\d)?|ACQ_STOPPED_.*|SAMPLES_NO_LONGER_AVAILABLE|AI_OVERRUN|ADC_OVERRUN|.*_OVERWRITTEN.*"
+)
+ABSENT = (
+    r"DEV_ABSENT_OR_UNAVAILABLE.*|DEVICE_REMOVED|DEV_CANNOT_BE_ACCESSED|INVALID_DEVICE_ID|HW_UNEXPECTEDLY_POWERED.*"
+)
+OF_OUTPUTS_OR_RECORDS = {"CO_PREV_DA_QMX_WRITE_SETTINGS_OVERWRITTEN", "RECORD_OVERWRITTEN", "TIME_STAMP_OVERWRITTEN"}
+
+
+def named(pattern: str) -> set[int]:
+    return {
+        code.value
+        for code in DAQmxErrors
+        if re.fullmatch(pattern, code.name) and code.name not in OF_OUTPUTS_OR_RECORDS
+    }
+
+
+def test_every_code_by_which_the_driver_tells_an_overrun_of_inputs_is_one() -> None:
+    assert named(OVERRUNS) <= set(OVERRUN_CODES)
+
+
+def test_every_code_by_which_the_driver_tells_that_a_device_is_away_is_one() -> None:
+    assert named(ABSENT) <= set(ABSENT_CODES)
+
+
+def test_each_code_is_the_drivers_and_has_one_meaning() -> None:
+    tables = (OVERRUN_CODES, ABSENT_CODES, BUSY_CODES, OTHER_CODES)
+    codes = [code for table in tables for code in table]
+    assert len(codes) == len(set(codes))
+    assert set(codes) <= {code.value for code in DAQmxErrors}
+
+
+@pytest.mark.parametrize(
+    ("code", "fault"),
+    [
+        (-200077, DeviceFault.REJECTED),
+        (-200332, DeviceFault.REJECTED),
+        (-200324, DeviceFault.MISSING),
+        (-200194, DeviceFault.MISSING),
+        (-50103, DeviceFault.BUSY),
+        (-200284, DeviceFault.TIMEOUT),
+        (-200088, DeviceFault.OTHER),
+        (-200279, DeviceFault.OTHER),
+        (-50405, DeviceFault.OTHER),
+    ],
+)
+def test_code_is_a_fault_that_is_waited_for_or_not(code: int, fault: DeviceFault) -> None:
+    assert device_fault(code, known=True) is fault
+
+
+def test_what_the_driver_says_a_setting_is_about_is_kept_without_task_and_code() -> None:
+    text = (
+        "Requested value is not a supported value\nfor this property.\n\nProperty: DAQmx_SampClk_Rate\n"
+        "Requested Value:  400.0e3\nMaximum Value:  333.3e3\n\nTask Name: rig-Dev1\n\nStatus Code: -200077\n"
+    )
+    told = "Requested value is not a supported value for this property."
+    about = "Property: DAQmx_SampClk_Rate, Requested Value: 400.0e3, Maximum Value: 333.3e3"
+    assert driver_words(text) == f"{told} ({about})"
+    assert bench_words(-200077, text) == f"the driver says: {told} ({about})"
+    assert driver_words("") == ""

@@ -1,0 +1,96 @@
+"""Edges that are missing or doubled: counter and waveform come to the same speed, angle and report."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from analysis.signals.blocks import SampleBlock, SourceItem
+from analysis.signals.header import Acquisition, Role
+from analysis.signals.snapshot import CounterState, TachoState
+from tests.daq.support.counted_bench import RISING, RigFactory, analysed, counted, header_of, items_of, ticks_of
+
+EVERY = 20  # edges from one that is harmed to the next
+COURSE = {**RISING, "speed_fluctuation": 0.0, "tacho_jitter_us": 2.0, "tacho_noise_v": 0.0}
+Codes = NDArray[np.int16]
+Ticks = NDArray[np.int64]
+Harm = Callable[[Codes, Ticks, Acquisition], Ticks]
+
+
+def without(codes: Codes, ticks: Ticks, acquisition: Acquisition) -> Ticks:
+    """Hide the mark at every so-manieth edge from the waveform, and return the stamps without it."""
+    row, chosen = acquisition.row(Role.TACHO), slice(EVERY, ticks.size - 1, EVERY)
+    edges = ticks / acquisition.ticks_per_sample
+    for edge, following in zip(edges[:-1][chosen], edges[1:][chosen], strict=False):
+        codes[row, int(edge) - 3 : int(following - 0.25 * (following - edge))] = codes[row].min()
+    return np.delete(ticks, chosen)
+
+
+def doubled(codes: Codes, ticks: Ticks, acquisition: Acquisition) -> Ticks:
+    """Let the light fail for a moment after every so-manieth edge, and return the stamps with its coming back."""
+    row, more = acquisition.row(Role.TACHO), []
+    channel, lag = acquisition.channels[row], row / acquisition.convert_rate * acquisition.rate
+    edges = ticks / acquisition.ticks_per_sample
+    for edge, following in zip(edges[EVERY:-1:EVERY], edges[EVERY + 1 :: EVERY], strict=False):
+        back = int(edge + 0.2 * (following - edge))
+        codes[row, back - 4 : back] = codes[row].min()
+        dark, light = channel.volts(codes[row, back - 1 : back + 1])
+        crossing = back - 1 + (acquisition.tacho.threshold - dark) / (light - dark) + lag
+        more.append(round(crossing * acquisition.ticks_per_sample))
+    return np.sort(np.concatenate([ticks, more])).astype(np.int64)
+
+
+def doubled_at_the_counter_alone(codes: Codes, ticks: Ticks, acquisition: Acquisition) -> Ticks:
+    """Return the stamps with doubles that the waveform does not show."""
+    return doubled(codes.copy(), ticks, acquisition)
+
+
+def harmed(items: list[SourceItem], acquisition: Acquisition, harm: Harm) -> list[SourceItem]:
+    """Return a run's items with another waveform and other stamps, in blocks as before."""
+    codes = np.concatenate([item.codes for item in items if isinstance(item, SampleBlock)], axis=1)
+    ticks = harm(codes, ticks_of(items), acquisition)
+    changed: list[SourceItem] = []
+    for item in items:
+        if isinstance(item, SampleBlock):
+            low, high = item.first_sample * acquisition.ticks_per_sample, item.end * acquisition.ticks_per_sample
+            own = np.ascontiguousarray(codes[:, item.first_sample : item.end])
+            changed.append(replace(item, codes=own, ticks=ticks[(ticks >= low) & (ticks < high)]))
+        else:
+            changed.append(item)
+    return changed
+
+
+@pytest.mark.parametrize(("harm", "filled", "rejected"), [(without, 19, 0), (doubled, 0, 19)])
+def test_counter_and_samples_come_to_the_same_through_missing_and_doubled_edges(
+    rig: RigFactory, tmp_path: Path, harm: Harm, filled: int, rejected: int
+) -> None:
+    found = []
+    for reference in ("counter", "samples"):
+        chosen = counted(rig, reference, simulation=COURSE)
+        header = header_of(chosen, tmp_path)
+        found.append(analysed(header, harmed(items_of(chosen), header.acquisition, harm)))
+    for by_counter, by_samples in zip(*found, strict=True):
+        assert by_counter.tacho.state is by_samples.tacho.state is TachoState.GOOD
+        assert by_counter.speed == pytest.approx(by_samples.speed, rel=5e-4)
+        assert (by_counter.frame is None) is (by_samples.frame is None)
+        if by_counter.frame is not None and by_samples.frame is not None:
+            np.testing.assert_allclose(by_counter.frame.vectors[0], by_samples.frame.vectors[0], rtol=1e-2)
+    for snapshots in found:
+        last = snapshots[-1]
+        assert (last.tacho.pulses, last.tacho.filled, last.tacho.rejected) == (400 - filled, filled, rejected)
+        assert last.counter is not None
+        assert (last.counter.state, last.counter.recent_odd) == (CounterState.AGREES, 0)
+
+
+def test_doubles_that_the_counter_alone_has_are_rejected_and_told(rig: RigFactory, tmp_path: Path) -> None:
+    chosen = counted(rig, simulation=COURSE)
+    header, items = header_of(chosen, tmp_path), items_of(chosen)
+    last = analysed(header, harmed(items, header.acquisition, doubled_at_the_counter_alone))[-1]
+    clean = analysed(header, items)[-1]
+    assert last.counter is not None
+    assert (last.tacho.rejected, last.counter.extra, last.counter.missing) == (19, 16, 0)  # the last are compared later
+    assert last.counter.told_lately.startswith("16 of ")
+    assert last.speed == pytest.approx(clean.speed, rel=1e-9)

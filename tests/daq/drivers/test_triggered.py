@@ -1,0 +1,333 @@
+"""Recordings that start and stop by themselves."""
+
+import re
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd, SourceItem
+from analysis.signals.header import Acquisition
+from daq.config.rig import Rig
+from daq.config.trigger import with_trigger
+from daq.config.trigger_condition import Condition, read_condition
+from daq.drivers.factory import open_source, triggered
+from daq.drivers.simulation.card import SimulatedCard
+from daq.drivers.source import Source
+from daq.drivers.triggered import Begun, Trigger, Triggered
+from daq.errors import ConfigError
+from daq.session.live_update import RunState
+from recordings.mcap.parts import file_names
+from recordings.mcap.reader import RunReader
+from tests.daq.session.recording.test_health import seen_within
+from tests.daq.session.recording.test_recorded_run import recorded
+
+RigFactory = Callable[..., Rig]
+
+
+class Watch:
+    """Keeps what a trigger tells."""
+
+    def __init__(self) -> None:
+        self.speeds: list[float] = []
+        self.waited_for: list[int] = []
+        self.n_passed = 0
+        self.events: list[Begun] = []
+
+    def waiting(self, event: int, speed: float) -> None:
+        self.waited_for.append(event)
+        self.speeds.append(speed)
+
+    def passed(self, samples: int) -> None:
+        self.n_passed += samples
+
+    def begun(self, begun: Begun) -> None:
+        self.events.append(begun)
+
+
+def opened(rig: Rig, watch: Watch | None = None) -> Source:
+    return triggered(open_source(rig), rig.config.trigger, watch or Watch())
+
+
+RATE = 20_000
+RAMP = {
+    "profile": [{"time_s": 0, "speed_rpm": 3000}, {"time_s": 6, "speed_rpm": 6000}, {"time_s": 12, "speed_rpm": 3000}],
+    "speed_fluctuation": 0.0,
+}
+
+
+def run_of(source: Source) -> tuple[list[SampleBlock], list[SegmentEnd]]:
+    with closing(source):
+        items = list(source.blocks())
+    ends = [item for item in items if isinstance(item, SegmentEnd)]
+    return [item for item in items if isinstance(item, SampleBlock)], ends
+
+
+def test_run_lies_between_its_conditions_with_what_came_before(rig: RigFactory) -> None:
+    ramp = rig(simulation=RAMP, trigger={"hold_s": 0.1, "start": "speed > 4000", "stop": "speed < 3500", "pre_s": 1.0})
+    watch = Watch()
+    with closing(opened(ramp, watch)) as source:
+        blocks, (end,) = run_of(source)
+    codes = np.concatenate([block.codes for block in blocks], axis=1)
+    truth = SimulatedCard(ramp).next_codes(12 * RATE)
+    (first,) = [k for k in range(0, truth.shape[1], 2000) if np.array_equal(truth[:, k : k + 2000], codes[:, :2000])]
+    np.testing.assert_array_equal(codes, truth[:, first : first + codes.shape[1]])
+    assert (2.0 - 1.0 - 0.2) * RATE <= first <= (2.0 - 1.0 + 0.3) * RATE  # 4000 r/min is reached after 2 s
+    assert 11.0 * RATE <= first + codes.shape[1] <= 11.5 * RATE  # 3500 r/min is fallen below after 11 s
+    assert end == SegmentEnd(0, codes.shape[1], EndReason.FINISHED, detail="stopped by speed < 3500 r/min")
+    assert [block.first_sample for block in blocks] == [2000 * k for k in range(len(blocks))]
+    assert watch.speeds == sorted(watch.speeds)
+    assert watch.speeds[-1] == pytest.approx(4000, rel=0.03)
+    assert watch.n_passed == first
+    (begun,) = watch.events
+    assert (begun.event, begun.segment, str(begun.start)) == (1, 0, "speed > 4000 r/min")
+    assert first + begun.sample == pytest.approx(2.0 * RATE, abs=0.3 * RATE)
+
+
+def test_stop_by_time_counts_from_the_start(rig: RigFactory) -> None:
+    trigger = {"hold_s": 0.0, "start": "time > 1", "stop": "time > 2", "pre_s": 0.5}
+    blocks, (end,) = run_of(opened(rig(simulation=RAMP, trigger=trigger)))
+    assert end.samples == pytest.approx((0.5 + 2.0) * RATE, abs=2 * 2000)
+    assert sum(block.n_samples for block in blocks) == end.samples
+
+
+def test_level_of_a_channel_starts_a_run(rig: RigFactory) -> None:
+    ramp = rig(simulation=RAMP, trigger={"hold_s": 0.0, "start": "tacho > 3.5", "stop": "time > 0.2", "pre_s": 0.0})
+    blocks, _ = run_of(opened(ramp))
+    highest = np.array([blocks[0].codes[2].max()])
+    assert 3.5 < SimulatedCard(ramp).acquisition.channels[2].volts(highest)[0] < 4.5
+
+
+def test_start_that_never_comes_leaves_an_empty_segment_that_says_so(rig: RigFactory) -> None:
+    blocks, ends = run_of(opened(rig(simulation=RAMP, trigger={"start": "speed > 9000"})))
+    assert blocks == []
+    assert ends == [SegmentEnd(0, 0, EndReason.STOPPED, detail="speed > 9000 r/min was not reached")]
+
+
+class Scripted:
+    """A source that gives what it was made with."""
+
+    def __init__(self, acquisition: Acquisition, items: list[SourceItem]) -> None:
+        self.acquisition, self._items = acquisition, items
+
+    def blocks(self) -> Iterator[SourceItem]:
+        yield from self._items
+
+    def stop(self) -> None: ...
+
+    def close(self) -> None: ...
+
+
+ABOVE = Condition("x", is_above=True, value=2.0)
+BELOW = Condition("x", is_above=False, value=-2.0)
+
+
+def scripted(
+    rig: Rig, levels: Sequence[float | None], *, hold: float, trigger: Trigger | None = None, watch: Watch | None = None
+) -> Triggered:
+    """Return a source of 0.1 s blocks of a level of x, V; None is an overrun."""
+    acquisition = SimulatedCard(rig).acquisition
+    items: list[SourceItem] = []
+    segment = first = 0
+    for level in levels:
+        if level is None:
+            items.append(SegmentEnd(segment, first, EndReason.OVERRUN, 7))
+            segment, first = segment + 1, 0
+            continue
+        codes = np.zeros((3, 2000), np.int16)
+        codes[0, 700] = round(level / 10 * 32767)
+        codes[1] = len(items)
+        items.append(SampleBlock(codes, segment, first, 0))
+        first += 2000
+    items.append(SegmentEnd(segment, first, EndReason.STOPPED))
+    trigger = replace(trigger or Trigger(ABOVE, None, before=0.3), hold=hold)
+    return Triggered(Scripted(acquisition, items), trigger, watch or Watch())
+
+
+def test_glitch_shorter_than_the_hold_starts_nothing(rig: RigFactory) -> None:
+    blocks, ends = run_of(scripted(rig(), [0, 0, 0, 0, 0, 3, 0, 3, 3, 0, 0], hold=0.2))
+    seen = [bool(block.codes[0].max() > 0) for block in blocks]
+    assert seen == [False, False, True, False, True, True, False, False]  # what is held, 0.3 s before it, and the rest
+    assert ends == [SegmentEnd(0, 8 * 2000, EndReason.STOPPED)]
+
+
+def test_samples_from_before_a_gap_are_not_given_as_what_came_before(rig: RigFactory) -> None:
+    blocks, ends = run_of(scripted(rig(), [0, 0, 0, None, 0, 3, 0, None, 0], hold=0.0))
+    assert [(block.segment, block.first_sample) for block in blocks] == [(1, 0), (1, 2000), (1, 4000), (2, 0)]
+    told = "while x > 2 V was waited for: overrun"
+    assert ends == [
+        SegmentEnd(0, 0, EndReason.OVERRUN, 7, detail=told),
+        SegmentEnd(1, 6000, EndReason.OVERRUN, 7),
+        SegmentEnd(2, 2000, EndReason.STOPPED),
+    ]
+
+
+def given_levels(blocks: Sequence[SampleBlock]) -> list[tuple[int, int]]:
+    """Return segment and number in the script of each block that was given."""
+    return [(block.segment, int(block.codes[1, 0])) for block in blocks]
+
+
+def test_trigger_is_armed_again_after_each_stop_up_to_so_many_events(rig: RigFactory) -> None:
+    watch = Watch()
+    levels = [0, 0, 0, 3, 0, -3, 0, 0, 0, 3, -3, 3, -3, 0, 3, 0]
+    trigger = Trigger(ABOVE, BELOW, before=0.2, events=3)
+    blocks, ends = run_of(scripted(rig(), levels, hold=0.0, trigger=trigger, watch=watch))
+    one, two, three = [1, 2, 3, 4, 5], [7, 8, 9, 10], [11, 12]  # what came before reaches back to the last stop at most
+    assert given_levels(blocks) == [(0, k) for k in one] + [(1, k) for k in two] + [(2, k) for k in three]
+    assert ends == [
+        SegmentEnd(k, 2000 * n, EndReason.FINISHED, detail="stopped by x < -2 V")
+        for k, n in enumerate(map(len, (one, two, three)))
+    ]
+    assert [(event.event, event.segment, event.sample) for event in watch.events] == [
+        (1, 0, 2 * 2000),
+        (2, 1, 2 * 2000),
+        (3, 2, 0),
+    ]
+    assert watch.n_passed == 2 * 2000  # the 0th and the 6th; what follows the last stop is not acquired any more
+    assert set(watch.waited_for) == {1, 2}
+
+
+def test_no_start_is_looked_for_during_the_hold_off(rig: RigFactory) -> None:
+    levels = [3, -3, 3, 3, 3, 0, 3, -3]
+    trigger = Trigger(ABOVE, BELOW, hold_off=0.25, events=0)
+    blocks, ends = run_of(scripted(rig(), levels, hold=0.0, trigger=trigger))
+    assert given_levels(blocks) == [(0, 0), (0, 1), (1, 6), (1, 7)]
+    trigger = replace(trigger, before=0.3)
+    blocks, ends = run_of(scripted(rig(), levels, hold=0.0, trigger=trigger))
+    assert given_levels(blocks) == [(0, 0), (0, 1), (1, 3), (1, 4), (1, 5), (1, 6), (1, 7)]
+    assert [end.reason for end in ends] == [EndReason.FINISHED, EndReason.FINISHED]
+
+
+def test_device_that_fails_while_a_start_is_waited_for_is_told(rig: RigFactory) -> None:
+    acquisition = SimulatedCard(rig()).acquisition
+    end = SegmentEnd(0, 0, EndReason.UNPLUGGED, detail="the card is gone")
+    source = Triggered(Scripted(acquisition, [end]), Trigger(ABOVE, None), Watch())
+    assert [*source.blocks()] == [
+        replace(end, detail="while x > 2 V was waited for: the card is gone"),
+        SegmentEnd(1, 0, EndReason.STOPPED, detail="x > 2 V was not reached"),
+    ]
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_every_sample_is_given_once_or_counted_as_let_pass(rig: RigFactory, seed: int) -> None:
+    draw = np.random.default_rng(seed)
+    levels = [None if level > 4 else level for level in draw.choice([0.0, 0.0, 3.0, -3.0, 5.0], 60).tolist()]
+    before, hold, hold_off = draw.choice([0.0, 0.1, 0.25, 0.4], 3).tolist()
+    watch = Watch()
+    trigger = Trigger(ABOVE, BELOW, before=before, hold_off=hold_off, events=0)
+    blocks, ends = run_of(scripted(rig(), levels, hold=hold, trigger=trigger, watch=watch))
+    numbers = [number for _, number in given_levels(blocks)]
+    assert numbers == sorted(set(numbers))
+    assert 2000 * len(numbers) + watch.n_passed == 2000 * sum(level is not None for level in levels)
+    assert sum(end.lost for end in ends) == 7 * levels.count(None)
+    assert [end.segment for end in ends] == [*range(len(ends))]
+    for end in ends:
+        mine = [block for block in blocks if block.segment == end.segment]
+        assert [block.first_sample for block in mine] == [*range(0, end.samples, 2000)]
+        stretch = [number for segment, number in given_levels(blocks) if segment == end.segment]
+        assert stretch == [*range(stretch[0], stretch[0] + len(stretch))] if stretch else not end.samples
+
+
+def test_each_event_is_a_recording_and_the_run_ends_after_as_many(rig: RigFactory, tmp_path: Path) -> None:
+    swing = [{"time_s": 2 * k, "speed_rpm": 3000 + 3000 * (k % 2)} for k in range(7)]
+    trigger = {"start": "speed > 5000", "stop": "speed < 4000", "pre_s": 0.3, "hold_s": 0.1, "events": 2}
+    run = recorded(rig(simulation={"profile": swing, "speed_fluctuation": 0.0}, trigger=trigger), tmp_path)
+    assert run.wait(60)
+    outcome = run.close()
+    assert outcome.exit_code == 0
+    assert [end.detail for end in outcome.ends] == ["stopped by speed < 4000 r/min"] * 2
+    names = [*file_names(run.path)]
+    assert names == [run.path.stem, f"{run.path.stem}-event2"]
+    passed = 0
+    for name, end in zip(names, outcome.ends, strict=True):
+        with RunReader(tmp_path / f"{name}.mcap") as reader:
+            assert reader.is_gap_free
+            assert reader.is_complete
+            assert reader.n_samples == end.samples
+            assert 2.2 < reader.duration < 2.8
+            (mark,) = reader.marks()
+            assert 0.2 < mark.sample / RATE < 0.6
+            found = re.fullmatch(r"start: speed > 5000 r/min, after ([\d,]+) samples \([\d.]+ s\) let pass", mark.text)
+            assert found is not None
+            passed += int(found[1].replace(",", ""))
+            begun = (reader.header.started_ns - run.header.started_ns) / 1e9
+    assert begun == pytest.approx((passed + outcome.ends[0].samples) / RATE, abs=1e-8)
+
+
+def test_run_that_is_armed_again_ends_when_it_is_stopped(rig: RigFactory, tmp_path: Path) -> None:
+    swing = [{"time_s": 0, "speed_rpm": 5500}, {"time_s": 1, "speed_rpm": 3000}, {"time_s": 60, "speed_rpm": 3000}]
+    trigger = {"start": "speed > 5000", "stop": "speed < 4000", "pre_s": 0.0, "hold_s": 0.1, "events": 0}
+    bench = rig(simulation={"profile": swing, "speed_fluctuation": 0.0, "pace": "real time"}, trigger=trigger)
+    run = recorded(bench, tmp_path)
+    armed = seen_within(run, 60, RunState.ARMED)
+    while "1 recorded" not in armed.detail:
+        armed = seen_within(run, 60, RunState.ARMED)
+    with RunReader(run.path) as reader:
+        assert reader.is_complete  # while the next is waited for
+    run.stop()
+    assert run.wait(60)
+    assert run.close().exit_code == 130
+    assert [*file_names(run.path)] == [run.path.stem]
+
+
+def test_events_without_a_start_and_a_stop_are_refused(rig: RigFactory) -> None:
+    with pytest.raises(ConfigError, match=r"trigger\.events = 0: expected 1 where not both start and stop are given"):
+        rig(trigger={"events": 0, "start": "speed > 2000"})
+    with pytest.raises(ConfigError, match=r"trigger\.events = 3: expected 1"):
+        with_trigger(rig(), stop="speed < 2000", events=3)
+    with pytest.raises(ConfigError, match=r"trigger\.events = -1: "):
+        with_trigger(rig(), events=-1)
+    with pytest.raises(ValueError, match="events: 0, expected 1 without"):
+        Triggered(open_source(rig()), Trigger(ABOVE, None, events=0), Watch())
+
+
+def test_operator_sees_that_a_run_is_armed_and_the_file_holds_what_followed(rig: RigFactory, tmp_path: Path) -> None:
+    ramp = rig(simulation={**RAMP, "pace": "real time"}, trigger={"hold_s": 0.1})
+    run = recorded(with_trigger(ramp, start="speed > 3800", stop="speed > 4200", pre_s=0.5), tmp_path)
+    armed = seen_within(run, 60, RunState.ARMED)
+    assert "armed: the start is waited for, 3," in armed.detail
+    seen_within(run, 60, RunState.RECORDING)
+    assert run.wait(60)
+    outcome = run.close()
+    assert outcome.exit_code == 0
+    with RunReader(run.path) as reader:
+        assert reader.is_gap_free
+        assert 0.9 < reader.duration < 1.9
+        assert 'start = "speed > 3800"' in reader.header.config_toml
+
+
+@pytest.mark.parametrize(
+    ("text", "condition"),
+    [
+        ("speed > 2000", Condition("speed", is_above=True, value=2000.0)),
+        (" x<-4.5 ", Condition("x", is_above=False, value=-4.5)),
+        ("time > 2_000", Condition("time", is_above=True, value=2000.0)),
+        ("speed > 12,500", Condition("speed", is_above=True, value=12_500.0)),
+        ("", None),
+    ],
+)
+def test_condition_is_read_as_it_is_written(text: str, condition: Condition | None) -> None:
+    assert read_condition(text) == condition
+
+
+@pytest.mark.parametrize("text", ["fast", "speed => 3", "speed > ", "speed > nan", "> 3", "x > 4,5", "x > 1,50"])
+def test_what_is_no_condition_is_refused_with_an_example(rig: RigFactory, text: str) -> None:
+    with pytest.raises(ConfigError, match=r'expected a condition such as "speed > 2000"'):
+        rig(trigger={"start": text})
+    with pytest.raises(ConfigError, match=r'expected a condition such as "speed > 2000"'):
+        with_trigger(rig(), start=text)
+
+
+def test_condition_on_a_channel_that_is_not_there_is_refused(rig: RigFactory) -> None:
+    with pytest.raises(ConfigError, match=r'trigger\.stop = "z > 3": expected a condition on one of speed, time, x, y'):
+        with_trigger(rig(), stop="z > 3")
+    with pytest.raises(ConfigError, match=r"trigger\.start"):
+        rig(trigger={"start": "z > 3"})
+
+
+def test_condition_on_a_voltage_that_the_input_never_shows_is_refused(rig: RigFactory) -> None:
+    with pytest.raises(ConfigError, match=r'trigger\.stop = "x > 45": expected a voltage within the range of ±10 V'):
+        with_trigger(rig(), stop="x > 45")

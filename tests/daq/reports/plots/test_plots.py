@@ -1,0 +1,105 @@
+"""Plots in the conventions that operators know: lags, the mark, run-up and run-down apart, compensated where known."""
+
+import math
+from xml.etree import ElementTree as ET
+
+import numpy as np
+import pytest
+
+from analysis.signals.ramp import Direction
+from analysis.vectors.speed_table import SpeedRow
+from daq.reports.plots.layouts import orbit, spectrum
+from daq.reports.plots.panel import Panel
+from daq.reports.plots.recorded import panels_of
+from daq.reports.plots.svg import drawing
+from daq.schemas.results import OrderVectorsDocument
+from daq.schemas.summary import speed_row_document
+
+RPM = math.pi / 30
+PROBES = (0.0, math.pi / 2)
+UNKNOWN = np.full((2, 2), complex(math.nan))
+
+
+def row(direction: Direction, speed_rpm: float, compensated: complex | None) -> SpeedRow:
+    vectors = np.full((2, 2), 10e-6 + 0j)
+    less = UNKNOWN if compensated is None else np.full((2, 2), compensated)
+    two = np.array([30e-6, 31e-6])
+    return SpeedRow(
+        direction, speed_rpm * RPM, 3, vectors, np.zeros((2, 2)), two, two, 5e-8, 0.0, math.nan, compensated=less
+    )
+
+
+def document(*rows: SpeedRow) -> OrderVectorsDocument:
+    return OrderVectorsDocument(run="there-and-back", by_speed=tuple(speed_row_document(each) for each in rows))
+
+
+def test_run_up_and_run_down_are_curves_of_their_own() -> None:
+    both = [(way, speed) for way in Direction for speed in (1000.0, 2000.0)]
+    lag, size = panels_of(document(*(row(way, speed, None) for way, speed in both)), "bode", PROBES)
+    assert [curve.name for curve in size.curves] == ["x ▲", "y ▲", "x ▼", "y ▼"]
+    assert [curve.name for curve in lag.curves] == ["x ▲", "y ▲", "x ▼", "y ▼"]
+    assert all(len(curve.x) == 2 for curve in size.curves)
+    alone = panels_of(document(row(Direction.UP, 1000.0, None)), "bode", PROBES)[0]
+    assert [curve.name for curve in alone.curves] == ["x", "y"]
+    polar = panels_of(document(*(row(way, speed, None) for way, speed in both)), "polar", PROBES)
+    assert [[curve.name for curve in panel.curves] for panel in polar] == [["▲", "▼"]] * 2
+
+
+def test_lag_grows_downwards_and_breaks_where_a_turn_is_full() -> None:
+    def drawn(*lags: float) -> Panel:
+        vectors = [2e-6 * np.exp(-1j * np.radians(lag)) for lag in lags]
+        rows = [row(Direction.UP, 1000.0 * k, vector) for k, vector in enumerate(vectors, 1)]
+        return panels_of(document(*rows), "bode", PROBES)[0]
+
+    across = drawn(350.0, 10.0)
+    assert across.y_is_lag
+    assert across.ranges()[1] == (270.0, 630.0), "an axis that leaves the curve whole"
+    assert [words for _, words in across.steps()[1]] == ["270", "0", "90", "180", "270"]
+    assert list(across.curves[0].y) == pytest.approx([350.0, 370.0])
+    all_round = drawn(10.0, 130.0, 250.0, 370.0, 490.0)
+    assert [len(stretch) for stretch in all_round.curves[0].stretches()] == [3, 2]
+
+
+def test_what_run_out_left_is_drawn_and_called_compensated() -> None:
+    rows = [row(Direction.UP, 500.0, None), row(Direction.UP, 2000.0, 4e-6j)]
+    lag, size = panels_of(document(*rows), "bode", PROBES)
+    assert lag.title == "there-and-back"
+    assert size.title == "amplitude of 1X compensated"
+    at_x, _ = size.curves
+    assert list(at_x.x) == [pytest.approx(2000.0)]
+    assert list(at_x.y) == [pytest.approx(4.0)]
+    assert list(lag.curves[0].y) == [pytest.approx(270.0)]
+
+
+def test_polar_plot_has_no_lag_where_the_probe_sits_and_lags_go_against_the_rotation() -> None:
+    rows = [row(Direction.UP, 1000.0 * k, 2e-6 * np.exp(-1j * np.radians(lag))) for k, lag in enumerate((0.0, 90.0), 1)]
+    at_x, at_y = panels_of(document(*rows), "polar", PROBES)
+    assert (at_x.polar_zero, at_y.polar_zero) == PROBES
+    assert list(at_x.curves[0].x) == pytest.approx([2.0, 0.0], abs=1e-6)
+    assert list(at_x.curves[0].y) == pytest.approx([0.0, -2.0], abs=1e-6), "90 degrees later is clockwise"
+    assert list(at_y.curves[0].x) == pytest.approx([0.0, 2.0], abs=1e-6)
+    assert list(at_y.curves[0].y) == pytest.approx([2.0, 0.0], abs=1e-6)
+
+
+def test_orbit_goes_from_blank_to_bright_at_the_mark() -> None:
+    angle = np.linspace(0.0, 2 * np.pi, 64, endpoint=False)
+    turn = (3.0 * np.cos(angle)).tolist(), (3.0 * np.sin(angle)).tolist()
+    panel = orbit("two turns", [turn, turn], PROBES)
+    path, marks = panel.curves
+    assert [len(stretch) for stretch in path.stretches()] == [61, 61], "blank just before the mark"
+    assert path.stretches()[1][0] == marks.stretches()[0][1] == (3.0, 0.0)
+    (x_low, x_high), (y_low, y_high) = panel.ranges()
+    assert x_high == y_high == -x_low == -y_low > 3.0, "one scale, zero in the middle"
+    assert [words for words, _, _ in panel.notes] == ["probe x", "probe y"]
+    assert panel.notes[1][2] > 3.0, "above"
+
+
+def test_spectrum_names_its_largest_lines() -> None:
+    orders = [k / 16 for k in range(65)]
+    sizes = [0.001] * 65
+    for order, size in ((0.5, 12.0), (1.0, 20.0), (2.0, 0.1)):
+        sizes[int(16 * order)] = size
+    (panel,) = spectrum("title", "order", "µm", orders, [("", sizes)])
+    assert [words for words, _, _ in panel.notes] == ["1X 20", "0.5X 12"], "what is below a hundredth is not"
+    svg = ET.fromstring(drawing([panel]))  # noqa: S314 - our own
+    assert "1X 20" in {text.text for text in svg.iter("{http://www.w3.org/2000/svg}text")}

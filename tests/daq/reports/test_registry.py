@@ -1,0 +1,462 @@
+"""Analyses of a whole run: the same numbers from the library, the command line, REST and a job."""
+
+import io
+import json
+import re
+import time
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from analysis.resampling.angular_record import AngularRecord, probe_displacement, record_of_codes
+from analysis.resampling.synchronous_average import synchronous_average
+from analysis.shaft.centreline import centreline
+from analysis.shaft.orbit import direct_orbit
+from analysis.shaft.overall import overall
+from analysis.shaft.poincare import bifurcation, poincare_section
+from analysis.signals.header import Acquisition
+from analysis.spectra.frequency_spectrum import frequency_spectrum
+from analysis.spectra.full_spectrum import full_cascade, full_spectrum, probe_mismatch
+from analysis.spectra.order_map import order_map
+from analysis.vectors.order_track import track_order
+from analysis.vectors.runout import slow_roll
+from analysis.vectors.speed_curve import speed_curves
+from analysis.vectors.vold_kalman import probe_envelopes
+from analysis.whirl.tracks import subsynchronous_tracks
+from daq.cli.main import main
+from daq.config.load import load_rig
+from daq.config.toml_writer import to_toml
+from daq.reports.analysis_schema import AnalysisDocument
+from daq.reports.kinds.envelopes import OrderFilter, solved
+from daq.reports.registry import KINDS
+from daq.reports.run_samples import RunSamples, Stretch
+from recordings.mcap.reader import RunReader
+from tests.daq.conftest import CALIBRATION, TABLES, merged
+from tests.daq.support.recorded_bench import API, RUN, RecordedBench, open_recorded_bench, record_run
+
+FloatArray = NDArray[np.float64]
+Codes = NDArray[np.int16]
+
+RPM = np.pi / 30.0
+UP_AND_DOWN = {
+    "profile": [{"time_s": at, "speed_rpm": rpm} for at, rpm in ((0.0, 1500), (0.6, 1500), (3.0, 9000), (5.0, 2000))],
+    "whirl": [{"order": 0.45, "onset_rpm": 5000, "end_rpm": 20_000, "amplitude_um": 12, "forward": True}],
+    "run_out_um": 2.0,
+}
+OFTEN = {"order-spectrum", "orbit", "cascade", "envelopes", "overall"}  # the others in the campaign
+ASKED: dict[str, dict[str, Any]] = {"envelopes": {"orders": "0.45,1,2"}, "slow-roll": {"slow_roll_rpm": 1550}}
+OF_A_MOMENT = {"order-spectrum", "full-spectrum", "orbit", "waveforms", "average", "poincare"}
+WITHOUT_TACHO = {"overall", "frequency-spectrum"}
+
+
+def record(folder: Path, run: str, **simulation: Any) -> None:
+    for name in ("probe-x.toml", "probe-y.toml"):
+        (folder / name).write_text(to_toml({"calibration": CALIBRATION}), encoding="utf-8")
+    (folder / "rig.toml").write_text(to_toml(merged(TABLES, {"simulation": simulation})), encoding="utf-8")
+    record_run(load_rig(folder / "rig.toml"), folder, run)
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RecordedBench]:
+    folder = tmp_path_factory.mktemp("analyses")
+    record(folder, RUN, **UP_AND_DOWN)
+    served = open_recorded_bench(folder)
+    yield served
+    served.close()
+
+
+@pytest.fixture(scope="module")
+def reader(bench: RecordedBench) -> Iterator[RunReader]:
+    with RunReader(bench.folder / f"{RUN}.mcap") as opened:
+        yield opened
+
+
+@pytest.fixture(scope="module")
+def silent(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("silent")
+    record(folder, RUN, miswiring="tacho silent", profile=[{"time_s": t, "speed_rpm": 6000.0} for t in (0.0, 1.0)])
+    return folder
+
+
+def given(bench: RecordedBench, kind: str, **asked: Any) -> Mapping[str, NDArray[Any]]:
+    """Ask for an analysis in full precision."""
+    answer = bench.get(f"/analyses/{kind}", format="npz", **asked)
+    assert answer.status_code == 200, answer.text
+    with np.load(io.BytesIO(answer.content)) as archive:
+        return dict(archive)
+
+
+def untold(_doing: str, _part: float | None) -> None:
+    """Tell nobody."""
+
+
+def whole(reader: RunReader) -> tuple[Acquisition, Codes]:
+    return reader.header.acquisition, reader.samples(0, 0, reader.n_samples)
+
+
+def moment(reader: RunReader, revolutions: int, **at: float) -> AngularRecord:
+    """Return what the library makes of the samples about a moment."""
+    run = RunSamples(reader, untold)
+    stretch, end = run.moment(0, at.get("time_s"), at.get("speed_rpm"), revolutions)
+    made = record_of_codes(reader.header.acquisition, reader.samples(0, stretch.first, stretch.stop))
+    last = int(np.searchsorted(made.times + stretch.first / run.rate, end + 0.5 / run.rate)) - 1
+    return made.part(last - revolutions, last)
+
+
+def close(found: NDArray[Any], expected: NDArray[Any], *, rtol: float = 1e-6, atol: float = 1e-9) -> None:
+    np.testing.assert_allclose(np.asarray(found, float), expected, rtol=rtol, atol=atol)
+
+
+@pytest.mark.parametrize(
+    "kind", [kind if kind in OFTEN else pytest.param(kind, marks=pytest.mark.campaign) for kind in KINDS]
+)
+def test_command_and_address_give_the_same_numbers(
+    bench: RecordedBench, kind: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    asked = ASKED.get(kind, {})
+    answer = bench.get(f"/analyses/{kind}", **asked)
+    assert answer.status_code == 200, answer.text
+    document = AnalysisDocument.model_validate_json(answer.content)
+    assert tuple(document.columns) == KINDS[kind].columns
+    assert document.meanings.keys() == {*document.columns, *document.figures}
+    assert document.figures, "how good it is"
+    options = [part for name, value in asked.items() for part in (f"--{name.replace('_', '-')}", str(value))]
+    place = ["--folder", str(bench.folder), "--json"]
+    assert main(["analyse", kind, RUN, *options, *place]) == 0
+    assert json.loads(capsys.readouterr().out) == answer.json()
+
+
+def test_spectra_about_a_moment_are_the_librarys(bench: RecordedBench, reader: RunReader) -> None:
+    lines = order_map(moment(reader, 16, speed_rpm=6000.0), overlap=0.0)
+    found = given(bench, "order-spectrum", speed_rpm=6000)
+    close(found["order"], lines.orders)
+    for row, probe in enumerate("xy"):
+        close(found[f"amplitude_peak_{probe}_um"], np.abs(lines.spectrum[row, 0]) * 1e6)
+        strong = np.abs(lines.spectrum[row, 0]) > 1e-8
+        close(found[f"lag_{probe}_deg"][strong], np.degrees(-np.angle(lines.spectrum[row, 0, strong])) % 360, rtol=1e-5)
+    assert found["order"][np.argmax(found["amplitude_peak_x_um"])] == pytest.approx(0.45, abs=0.0625)
+    full = full_spectrum(lines.orders, lines.spectrum[:, 0], lines.pair, probe_mismatch(lines))
+    found = given(bench, "full-spectrum", speed_rpm=6000)
+    close(found["order"], full.axis)
+    close(found["amplitude_peak_um"], full.amplitudes * 1e6)
+
+
+def test_spectrum_is_scaled_and_weighted_as_asked(bench: RecordedBench) -> None:
+    peak = given(bench, "order-spectrum", time_s=2.0, window="flat top")
+    double = given(bench, "order-spectrum", time_s=2.0, window="flat top", scaling="peak-to-peak")
+    close(double["amplitude_peak_to_peak_x_um"], 2.0 * peak["amplitude_peak_x_um"])
+    hann = given(bench, "order-spectrum", time_s=2.0)
+    assert np.abs(hann["amplitude_peak_x_um"] - peak["amplitude_peak_x_um"]).max() > 0.01
+
+
+def test_frequency_spectrum_and_overall_are_the_librarys(bench: RecordedBench, reader: RunReader) -> None:
+    acquisition, codes = whole(reader)
+    displacement = probe_displacement(acquisition, codes)
+    lines = frequency_spectrum(displacement, acquisition.rate, resolution=2.0)
+    found = given(bench, "frequency-spectrum")
+    kept = lines.frequencies <= 2000.0
+    close(found["frequency_hz"], lines.frequencies[kept])
+    close(found["amplitude_peak_y_um"], lines.amplitudes[1, kept] * 1e6)
+    level = overall(displacement, acquisition.rate, reader.header.limits.clearance)
+    found = given(bench, "overall")
+    close(found["time_s"], level.times)
+    close(found["peak_to_peak_x_um"], level.peak_to_peak[0] * 1e6)
+    close(found["clearance_part_y"], level.clearance_part[1])
+    middle = (found["time_s"] > 1.0) & (found["time_s"] < 2.5)
+    close(found["speed_rpm"][middle], 1500 + 3125 * (found["time_s"][middle] - 0.6), rtol=0.02)
+
+
+def test_cascade_and_waterfall_are_the_librarys(bench: RecordedBench, reader: RunReader) -> None:
+    lines = order_map(record_of_codes(*whole(reader)), highest_order=4.0)
+    speeds, rows = full_cascade(lines, 200.0 * RPM, probe_mismatch(lines))
+    found = given(bench, "cascade", lines="full")
+    close(np.unique(found["speed_rpm"]), speeds / RPM)
+    close(found["amplitude_peak_um"].reshape(speeds.size, -1), rows.amplitudes * 1e6, rtol=1e-5, atol=1e-6)
+    found = given(bench, "waterfall", rows=400)
+    assert np.unique(found["time_s"]).size <= 400
+    largest = lines.amplitudes().max(axis=(0, 1)) * 1e6
+    close(found["amplitude_peak_um"].reshape(-1, lines.orders.size).max(axis=0), largest, rtol=1e-5, atol=1e-6)
+    hertz = given(bench, "waterfall", lines="frequencies")
+    times = np.unique(hertz["time_s"])
+    then = hertz["time_s"] == times[np.argmin(np.abs(times - 2.6))]
+    strongest = hertz["frequency_hz"][then][np.argmax(hertz["amplitude_peak_um"][then])]
+    assert strongest == pytest.approx(0.45 * 7750 / 60, abs=4.0), "the whirl follows the speed"
+
+
+@pytest.mark.parametrize("order", [1.0, 2.0, 0.45])
+def test_vectors_over_speed_are_the_librarys_run_up_and_run_down_apart(
+    bench: RecordedBench, reader: RunReader, order: float
+) -> None:
+    curves = speed_curves(track_order(record_of_codes(*whole(reader)), order), 100.0 * RPM)
+    found = given(bench, "bode", order=order)
+    assert set(found["course"]) == {"run-up", "run-down"}
+    for curve in curves:
+        here = found["course"] == curve.direction.value
+        close(found["speed_rpm"][here], curve.speeds / RPM)
+        for row, probe in enumerate("xy"):
+            close(found[f"amplitude_peak_{probe}_um"][here], curve.amplitudes[row] * 1e6, rtol=1e-4, atol=1e-5)
+            close(found[f"sigma_peak_{probe}_um"][here], curve.sigma[row] * 1e6, rtol=1e-3, atol=1e-5)
+    drawn = given(bench, "polar", order=order)
+    close(drawn["lag_x_deg"], np.asarray(found["lag_x_deg"]))
+
+
+def test_run_out_of_the_slow_roll_is_taken_off_where_that_is_asked(bench: RecordedBench, reader: RunReader) -> None:
+    record = record_of_codes(*whole(reader))
+    begin = int(np.argmax(record.times > 0.7))
+    roll = slow_roll(record.part(0, begin), 0.0, 1550.0 * RPM)
+    found = given(bench, "slow-roll", slow_roll_rpm=1550)
+    close(found["runout_x_um"], roll.waveform[0] * 1e6, rtol=0.02, atol=0.03)
+    assert np.ptp(found["runout_x_um"]) > 3.0
+    asked = {"order": 1.0, "duration_s": 3.0}
+    measured = given(bench, "bode", **asked)
+    left = given(bench, "bode", **asked, slow_roll_rpm=1550)
+    vectors = [one["amplitude_peak_x_um"] * np.exp(-1j * np.radians(one["lag_x_deg"])) for one in (measured, left)]
+    np.testing.assert_allclose((vectors[0] - vectors[1]) / 1e6, roll.vectors(1)[0], atol=0.06e-6)
+    answer = bench.get("/analyses/bode", slow_roll_rpm=1550, format="svg")
+    assert "compensated" in answer.text
+
+
+def test_orbits_are_the_librarys_and_parts_of_each_other(bench: RecordedBench, reader: RunReader) -> None:
+    made = direct_orbit(moment(reader, 16, speed_rpm=7000.0))
+    direct = given(bench, "orbit", speed_rpm=7000)
+    close(direct["X_um"], made.motion[0].ravel() * 1e6, atol=1e-6)
+    one = given(bench, "orbit", speed_rpm=7000, filter="orders", orders="1")
+    rest = given(bench, "orbit", speed_rpm=7000, filter="rest", orders="1")
+    total = one["Y_um"] + rest["Y_um"]
+    close(total - total.mean(), direct["Y_um"] - direct["Y_um"].mean(), atol=1e-6)
+    figures = bench.get("/analyses/orbit", speed_rpm=7000, filter="orders").json()["figures"]
+    assert np.hypot(one["X_um"], one["Y_um"]).max() == pytest.approx(figures["major_peak_um"], rel=0.01)
+    assert figures["sigma_peak_um"] < 0.1
+
+
+def test_revolutions_and_points_at_the_mark_are_the_librarys(bench: RecordedBench, reader: RunReader) -> None:
+    mean = synchronous_average(moment(reader, 32, time_s=2.5))
+    found = given(bench, "average", time_s=2.5, revolutions=32)
+    expected = mean.waveform - mean.waveform.mean(axis=1, keepdims=True)
+    close(found["average_x_um"], expected[0] * 1e6, atol=1e-6)
+    section = poincare_section(moment(reader, 64, time_s=2.5))
+    found = given(bench, "poincare", time_s=2.5, revolutions=64)
+    close(found["X_um"], section.points[0] * 1e6, atol=1e-6)
+    speeds, positions = bifurcation(record_of_codes(*whole(reader)))
+    found = given(bench, "bifurcation")
+    close(found["speed_rpm"], speeds / RPM)
+    close(found["Y_um"], positions[1] * 1e6, atol=1e-6)
+
+
+def test_centreline_and_components_below_1x_are_the_librarys(bench: RecordedBench, reader: RunReader) -> None:
+    record = record_of_codes(*whole(reader))
+    line = centreline(record, np.array([-450e-6, -430e-6]), reader.header.limits.clearance)
+    found = given(bench, "centreline", parked_x_um=-450, parked_y_um=-430)
+    close(found["X_um"], line.positions[0] * 1e6, atol=1e-6)
+    close(found["eccentricity"], line.eccentricity)
+    tracks = subsynchronous_tracks(order_map(record, highest_order=2.0))
+    found = given(bench, "sub-synchronous")
+    assert len(tracks) >= 1
+    close(found["order"], np.array([track.order for track in tracks]), rtol=1e-5)
+    close(found["onset_rpm"], np.array([track.onset_speed for track in tracks]) / RPM)
+    assert found["behaviour"].tolist() == [track.behaviour.value for track in tracks]
+    assert found["onset_rpm"][0] == pytest.approx(5000, rel=0.05)
+
+
+def test_envelopes_are_the_librarys_and_waveforms_their_sum_of_parts(bench: RecordedBench, reader: RunReader) -> None:
+    acquisition, codes = whole(reader)
+    run = RunSamples(reader, untold)
+    angle = run.angle(Stretch(0, 0, reader.n_samples))[1]
+    displacement = probe_displacement(acquisition, codes)
+    times, (x, _) = probe_envelopes(displacement, acquisition.rate, angle, (0.45, 1.0), bandwidth=6.0)
+    found = given(bench, "envelopes", orders="0.45,1", bandwidth_hz=6, entries=200)
+    shown = found["time_s"][found["order"] == 1.0]
+    assert shown.size == 200
+    inner = slice(1, -1)  # the ends lie between no two of the library's
+    for row, order in enumerate((0.45, 1.0)):
+        here = found["order"] == order
+        expected = np.interp(shown, times, np.abs(x.envelopes[row])) * 1e6
+        close(found["amplitude_peak_x_um"][here][inner], expected[inner], rtol=1e-3, atol=1e-3)
+        sigma = np.interp(shown, times, x.sigma[row]) * 1e6
+        close(found["sigma_peak_x_um"][here][inner], sigma[inner], rtol=1e-3)
+    waves = given(bench, "waveforms", orders="0.45,1", time_s=2.6, bandwidth_hz=6)
+    size = np.ptp(waves["displacement_x_um"][waves["order"] == 0.45]) / 2
+    assert size == pytest.approx(12.0, rel=0.05)
+
+
+def test_envelopes_solved_for_in_pieces_are_those_of_all_at_once(reader: RunReader) -> None:
+    told: list[float | None] = []
+    run = RunSamples(reader, lambda doing, part: told.append(part) if doing.startswith("solving") else None)
+    stretch, chosen = run.stretch(0), OrderFilter((0.45, 1.0), 20.0, None)
+    angle, wanted = run.angle(stretch)[1], np.linspace(0.5, 4.5, 300)
+    once = solved(run, stretch, angle, wanted, chosen, least=10.0)
+    assert told == [1.0]
+    pieces = solved(run, stretch, angle, wanted, chosen, least=0.5)
+    assert told[1:] == [0.5, 1.0]
+    np.testing.assert_allclose(pieces.envelopes, once.envelopes, atol=2e-11)
+
+
+def test_samples_read_in_pieces_give_the_record_of_all_at_once(reader: RunReader) -> None:
+    pieces = RunSamples(reader, untold, piece=7_000).record(Stretch(0, 0, reader.n_samples))
+    once = record_of_codes(*whole(reader))
+    assert pieces.first_turn == once.first_turn
+    np.testing.assert_allclose(pieces.times, once.times, atol=1e-12)
+    np.testing.assert_allclose(pieces.waveform, once.waveform, atol=1e-13)
+    assert pieces.clipped == once.clipped
+
+
+def test_part_of_a_run_is_that_part(bench: RecordedBench) -> None:
+    part = given(bench, "bifurcation", from_s=2.0, duration_s=1.0)
+    everything = given(bench, "bifurcation")
+    assert part["time_s"].min() >= 2.0
+    assert part["time_s"].max() <= 3.0
+    same = np.isin(np.round(everything["time_s"], 4), np.round(part["time_s"], 4))
+    assert same.sum() > 100
+
+
+def test_progress_rises_while_samples_are_read(reader: RunReader) -> None:
+    told: list[tuple[str, float | None]] = []
+    run = RunSamples(reader, lambda doing, part: told.append((doing, part)), piece=10_000)
+    KINDS["bifurcation"].make(run, KINDS["bifurcation"].question())
+    parts = [part for doing, part in told if doing == "reading samples against angle" and part is not None]
+    assert len(parts) > 5
+    assert parts == sorted(parts)
+    assert parts[-1] == 1.0
+
+
+def done(bench: RecordedBench, **order: object) -> Any:
+    """Have a job done; return its result's answer."""
+    begun = bench.client.post(f"{API}/jobs", json={"kind": "answer", "run": RUN, **order})
+    assert begun.status_code == 202, begun.text
+    place = begun.headers["location"]
+    until = time.monotonic() + 120.0
+    while (job := bench.client.get(place).json())["state"] in {"waiting", "running"} and time.monotonic() < until:
+        time.sleep(0.05)
+    assert job["state"] == "done", job
+    return bench.client.get(job["result"])
+
+
+def test_job_makes_the_very_answer_of_an_address_and_draws_it(bench: RecordedBench) -> None:
+    asked = {"orders": "0.45,1,2"}
+    made = done(bench, address="analyses/envelopes", parameters=asked)
+    assert made.json() == bench.get("/analyses/envelopes", **asked).json()
+    drawn = done(bench, address="analyses/bifurcation", parameters={"format": "svg"})
+    assert drawn.headers["content-type"] == "image/svg+xml"
+    assert drawn.text == bench.get("/analyses/bifurcation", format="svg").text
+    wrong = {"kind": "answer", "run": RUN, "address": "analyses/bode", "parameters": {"order": -1}}
+    assert bench.client.post(f"{API}/jobs", json=wrong).status_code == 422
+
+
+def test_forms_are_sent_as_asked_for_by_parameter_or_header(bench: RecordedBench) -> None:
+    pa = pytest.importorskip("pyarrow.ipc", reason="the extra `formats` is not installed")
+    sent = bench.get("/analyses/bode", {"Accept": "application/vnd.apache.arrow.stream"})
+    table = pa.open_stream(sent.content).read_all()
+    assert table.schema.field("speed_rpm").metadata[b"unit"].decode() == "r/min"
+    assert table.column("speed_rpm").to_pylist() == given(bench, "bode")["speed_rpm"].tolist()
+    assert "Accept" in sent.headers["vary"]
+    assert bench.get("/analyses/bode", {"Accept": "image/png"}).content.startswith(b"\x89PNG")
+    assert bench.get("/analyses/bode", {"Accept": "text/html"}).status_code == 406
+    tag = bench.get("/analyses/bode", format="svg").headers["etag"]
+    assert bench.get("/analyses/bode", {"If-None-Match": tag}, format="svg").status_code == 304
+
+
+@pytest.mark.parametrize(
+    ("kind", "asked", "status", "said"),
+    [
+        ("bode", {"order": 60}, 409, "order 60 reaches 8,967 Hz"),
+        ("poincare", {"revolutions": 4000}, 409, "expected at least 4000"),
+        ("orbit", {"speed_rpm": 19_000}, 404, "there are some from"),
+        ("bode", {"from_s": 60}, 404, "nothing from 60 s"),
+        ("slow-roll", {"slow_roll_rpm": 100}, 409, "never turned as slowly as 100 r/min"),
+        ("envelopes", {"bandwidth_hz": 0.001}, 409, "bandwidth"),
+        ("envelopes", {"orders": "1,1"}, 409, "all different"),
+        ("orbit", {"orders": "one"}, 422, ""),
+    ],
+)
+def test_what_the_samples_do_not_tell_is_said(
+    bench: RecordedBench, kind: str, asked: dict[str, Any], status: int, said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    answer = bench.get(f"/analyses/{kind}", **asked)
+    assert answer.status_code == status, answer.text
+    assert said in answer.json()["detail"]
+    options = [part for name, value in asked.items() for part in (f"--{name.replace('_', '-')}", str(value))]
+    assert main(["analyse", kind, RUN, *options, "--folder", str(bench.folder)]) == (1 if status == 409 else 2)
+    told = capsys.readouterr().err
+    assert said in told
+    assert told.startswith("rig: ")
+    assert len(told.splitlines()) == 1
+
+
+def test_run_without_a_tacho_tells_what_needs_none(silent: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for kind in KINDS:
+        code = main(["analyse", kind, RUN, "--folder", str(silent)])
+        told = capsys.readouterr()
+        if kind in WITHOUT_TACHO:
+            assert code == 0
+            assert RUN in told.out
+        else:
+            assert code == 1, kind
+            assert told.err.startswith("rig: ")
+            assert re.search("tacho|speed is not known", told.err)
+            assert len(told.err.splitlines()) == 1
+
+
+def test_command_draws_and_keeps_and_writes_nothing_over(
+    bench: RecordedBench, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    names = ("orbit.svg", "orbit.png", "orbit.csv", "orbit.parquet")
+    files = [part for name in names for part in ("-o", str(tmp_path / name))]
+    asked = ["analyse", "orbit", RUN, "--time-s", "2.5", "--folder", str(bench.folder)]
+    assert main([*asked, *files]) == 0
+    out = capsys.readouterr().out
+    assert "24 of 256 rows" in out
+    assert "jitter_us" in out
+    assert (tmp_path / "orbit.svg").read_text(encoding="utf-8") == bench.get(
+        "/analyses/orbit", time_s=2.5, format="svg"
+    ).text
+    rows = np.loadtxt(tmp_path / "orbit.csv", delimiter=",", skiprows=_heading(tmp_path / "orbit.csv"))
+    np.testing.assert_array_equal(rows[:, 3], given(bench, "orbit", time_s=2.5)["X_um"])
+    kept = (tmp_path / "orbit.csv").read_bytes()
+    for file, said in (
+        ("orbit.csv", "exists already"),
+        ("orbit.pdf", "expected a name that ends with"),
+        ("no/a.svg", "no folder"),
+    ):
+        assert main([*asked, "-o", str(tmp_path / file)]) == 2
+        assert said in capsys.readouterr().err
+    assert (tmp_path / "orbit.csv").read_bytes() == kept
+
+
+def _heading(file: Path) -> int:
+    """Return how many lines stand before the numbers."""
+    lines = file.read_text(encoding="utf-8").splitlines()
+    return 1 + next(number for number, line in enumerate(lines) if not line.startswith("#"))
+
+
+def test_every_wrong_option_is_named(bench: RecordedBench, capsys: pytest.CaptureFixture[str]) -> None:
+    wrong = ["--order", "abc", "--width-rpm", "-5", "--from-s", "inf"]
+    assert main(["analyse", "bode", RUN, *wrong, "--folder", str(bench.folder)]) == 2
+    told = capsys.readouterr().err
+    assert all(option in told for option in ("--order abc", "--width-rpm -5", "--from-s inf"))
+    assert main(["analyse", "orbit", RUN, "--orders", "1;2", "--folder", str(bench.folder)]) == 2
+    assert "expected numbers with commas" in capsys.readouterr().err
+    assert main(["analyse", "orbit", "no-such-run", "--folder", str(bench.folder)]) == 2
+    assert "no-such-run" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("kind", sorted(KINDS))
+def test_help_of_every_kind_names_its_options(kind: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(["analyse", kind, "--help"])
+    assert ended.value.code == 0
+    told = " ".join(capsys.readouterr().out.split())
+    for field in KINDS[kind].question.model_fields:
+        assert (f"--{field.replace('_', '-')}" in told) == (field != "format")
+    assert "404" not in told
+    assert "`" not in told
+
+
+def test_moments_without_a_name_are_those_of_the_largest_vibration(bench: RecordedBench) -> None:
+    largest = bench.get("/orbit").json()["frame"]
+    for kind in OF_A_MOMENT:
+        title = bench.get(f"/analyses/{kind}").json()["title"]
+        assert f"at {largest['time_s']:.1f} s" in title or f"to {largest['time_s']:.1f} s" in title

@@ -1,0 +1,167 @@
+"""Documents: units, phase, what is not known, and that JSON never holds what JSON has not."""
+
+import json
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from analysis.signals.snapshot import Whirl
+from daq.schemas import live_document, run_document, summary_document
+from daq.schemas.units import finite, lag_degrees, micrometres, moment, rpm
+from daq.session.live_update import LiveFrame
+from tests.daq.support.frames import RPM, make_frames
+from tests.daq.support.service_fakes import make_agreement, make_entries, make_summary
+
+FRAME = make_frames(200)[150]
+ANY = st.floats(allow_nan=True, allow_infinity=True)
+
+
+def strict(text: str) -> object:
+    """What JSON says; a NaN or an infinity is none."""
+
+    def refuse(word: str) -> object:
+        raise ValueError(word)
+
+    return json.loads(text, parse_constant=refuse)
+
+
+def test_units_turn_si_into_what_the_bench_reads() -> None:
+    assert micrometres(12.34567e-6) == 12.3457
+    assert rpm(1000.0 * RPM) == 1000.0
+    assert moment(1_795_511_527_250_000_999).isoformat() == "2026-11-24T09:12:07.250000+00:00"
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
+def test_units_turn_what_is_not_finite_into_none(value: float) -> None:
+    assert (finite(value), micrometres(value), rpm(value), lag_degrees(complex(value, 1.0))) == (None,) * 4
+
+
+@pytest.mark.parametrize(("angle", "lag"), [(-90.0, 90.0), (90.0, 270.0), (0.0, 0.0), (180.0, 180.0), (1e-9, 0.0)])
+def test_lag_is_minus_the_argument_from_0_up_to_360(angle: float, lag: float) -> None:
+    assert lag_degrees(np.exp(1j * math.radians(angle))) == pytest.approx(lag)
+
+
+@given(st.floats(-1e3, 1e3), st.floats(-1e3, 1e3))
+def test_lag_never_reaches_360(real: float, imaginary: float) -> None:
+    lag = lag_degrees(complex(real, imaginary))
+    assert lag is None or 0.0 <= lag < 360.0
+
+
+def test_vector_without_length_has_no_lag() -> None:
+    assert lag_degrees(0j) is None
+
+
+def test_live_document_tells_the_measurement_in_its_units() -> None:
+    snapshot = FRAME.snapshot
+    assert snapshot is not None
+    assert snapshot.frame is not None
+    measured = live_document(FRAME).measured
+    assert measured is not None
+    assert measured.order_1x is not None
+    vector = snapshot.frame.vectors[0, 1]
+    assert measured.speed_rpm == pytest.approx(snapshot.speed / RPM, abs=1e-4)
+    assert measured.order_1x.amplitude_peak_y_um == pytest.approx(abs(vector) * 1e6, abs=1e-4)
+    assert measured.order_1x.lag_y_deg == pytest.approx(math.degrees(-np.angle(vector)) % 360.0, abs=1e-4)
+    assert measured.peak_to_peak_x_um == pytest.approx(snapshot.peak_to_peak[0] * 1e6, abs=1e-4)
+    assert measured.probe_x.gap_v == 5.1
+
+
+def test_live_document_tells_a_whirls_frequency_size_and_direction() -> None:
+    snapshot = FRAME.snapshot
+    assert snapshot is not None
+    assert snapshot.frame is not None
+    backward = Whirl(0.5, 1e-6, 3e-6, np.zeros(2, dtype=np.complex128))
+    frame = replace(
+        FRAME, snapshot=replace(snapshot, frame=replace(snapshot.frame, whirls=(backward,), speed=6000.0 * RPM))
+    )
+    measured = live_document(frame).measured
+    assert measured is not None
+    assert measured.whirl is not None
+    assert measured.whirl.frequency_hz == pytest.approx(50.0)
+    assert measured.whirl.amplitude_peak_um == pytest.approx(4.0)
+    assert measured.whirl.direction == "backward"
+
+
+def test_live_document_before_the_first_result_has_none() -> None:
+    document = live_document(LiveFrame(FRAME.header, FRAME.status))
+    assert document.measured is None
+    assert document.predicted is None
+    assert document.status.samples == FRAME.status.samples
+
+
+@given(ANY, ANY, ANY, ANY)
+def test_live_document_is_json_whatever_the_numbers_are(speed: float, level: float, real: float, order: float) -> None:
+    snapshot, prediction = FRAME.snapshot, FRAME.prediction
+    assert snapshot is not None
+    assert snapshot.frame is not None
+    assert prediction is not None
+    vectors = np.array([[complex(real, level), complex(level, real)]] * 2)
+    whirl = Whirl(order, level, real, vectors[0])
+    frame = LiveFrame(
+        FRAME.header,
+        replace(FRAME.status, backlog=level, disk_left=speed),
+        replace(
+            snapshot,
+            speed=speed,
+            gap_volts=np.array([level, real]),
+            peak_to_peak=np.array([real, level]),
+            frame=replace(snapshot.frame, speed=speed, vectors=vectors, whirls=(whirl,), noise=level),
+        ),
+        replace(prediction, speed=speed, vectors=vectors, whirl_order=order, whirl_amplitude=level, growth_rate=real),
+    )
+    with np.errstate(over="ignore", invalid="ignore"):
+        document = live_document(frame)
+    assert strict(document.model_dump_json()) == document.model_dump(mode="json")
+
+
+def test_summary_document_has_none_for_what_is_not_known_and_is_json() -> None:
+    document = summary_document(make_summary())
+    assert document.highest_speed_rpm is None
+    assert document.probes[1].gap_mean_v is None
+    assert document.probes[1].largest_at is None
+    assert document.tacho is not None
+    assert document.tacho.jitter_us is None
+    assert document.by_speed[0].whirl_order is None
+    assert document.by_speed[0].whirl_peak_um is None
+    assert document.by_speed[0].order_2x.amplitude_peak_y_um is None
+    assert strict(document.model_dump_json()) == document.model_dump(mode="json")
+
+
+def test_summary_document_tells_where_the_model_agrees_and_where_not() -> None:
+    agreement = summary_document(make_summary(), make_agreement()).agreement
+    assert agreement is not None
+    assert agreement.synchronous is not None
+    assert agreement.synchronous.agrees_to_rpm == pytest.approx(14_000.0)
+    assert agreement.synchronous.worst_lag_difference_deg == pytest.approx(-24.0)
+    seen, missed = agreement.whirls
+    assert (seen.predicted_order, seen.measured_order) == (0.7, 0.49)
+    assert seen.onset_ratio == pytest.approx(10_980.0 / 9500.0, abs=1e-4)
+    assert (missed.was_reached, missed.measured_onset_rpm, missed.onset_ratio) == (False, None, None)
+    assert agreement.instability_onset_rpm is None
+
+
+def test_summary_document_without_a_prediction_has_no_agreement() -> None:
+    assert summary_document(make_summary()).agreement is None
+
+
+def test_summary_document_reads_back_as_it_was_written() -> None:
+    document = summary_document(make_summary(), make_agreement())
+    assert type(document).model_validate_json(document.model_dump_json()) == document
+    assert type(document).model_validate(document.model_dump(mode="json")) == document
+
+
+def test_summary_document_tells_losses_that_are_a_lower_bound() -> None:
+    document = summary_document(make_summary())
+    assert (document.is_gap_free, document.lost_samples, document.lost_is_exact) == (False, 2000, False)
+    assert document.segments[0].end_reason == "overrun"
+    assert document.segments[0].detail == "driver code -200279"
+
+
+def test_run_document_of_a_file_that_cannot_be_read_says_so_and_nothing_else() -> None:
+    document = run_document(make_entries()[-1])
+    assert document.fault
+    assert {document.rig, document.note, document.device, document.duration_s, document.samples} == {None}

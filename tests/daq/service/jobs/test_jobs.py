@@ -1,0 +1,330 @@
+"""Jobs over REST: begun, followed, cancelled, their results fetched, over a real loopback socket."""
+
+import io
+import json
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from daq.cli.main import main
+from daq.config.load import load_rig
+from daq.config.toml_writer import to_toml
+from daq.schemas import summary_document
+from daq.service.jobs import job_work
+from daq.service.jobs.queue import DataPlace, Progress
+from daq.service.schemas.jobs import JobDocument
+from daq.session.offline import summarise
+from recordings.catalogue.catalogue import Catalogue
+from recordings.mcap.reader import RunReader
+from tests.daq.conftest import CALIBRATION, TABLES, merged
+from tests.daq.support.frames import make_frames
+from tests.daq.support.recorded_bench import API, RUN, RecordedBench, open_recorded_bench, record_run
+
+LINEAR = {"calibration": {"coefficients_um": [0.0, 250.0], "volts_low": 0.5, "volts_high": 9.0, "date": "2026-11-24"}}
+SPEEDS = {"from_rad_s": 200.0, "to_rad_s": 600.0, "count": 3}
+LONG = "2026-11-24T10-00-00-test-rig"  # of a rig that turns so fast that its model takes long
+
+
+@pytest.fixture(scope="module")
+def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RecordedBench]:
+    folder = tmp_path_factory.mktemp("jobs")
+    for name in ("probe-x.toml", "probe-y.toml"):
+        (folder / name).write_text(to_toml({"calibration": CALIBRATION}), encoding="utf-8")
+    for run, seconds, limit in ((RUN, 2.0, 5000.0), (LONG, 0.2, 20_000.0)):
+        profile = [{"time_s": 0.0, "speed_rpm": 3000.0}, {"time_s": seconds, "speed_rpm": 4500.0}]
+        tables = merged(TABLES, {"simulation": {"profile": profile}, "limits": {"speed_rpm": limit}})
+        (folder / "rig.toml").write_text(to_toml(tables), encoding="utf-8")
+        record_run(load_rig(folder / "rig.toml"), folder, run)
+    opened = open_recorded_bench(folder)
+    yield opened
+    opened.close()
+
+
+@pytest.fixture
+def bench(served: RecordedBench) -> Iterator[RecordedBench]:
+    """The bench without jobs, before and after."""
+    yield served
+    served.live.frame = None
+    for job in served.client.get(f"{API}/jobs").json()["jobs"]:
+        served.client.delete(f"{API}/jobs/{job['job']}")
+
+
+def begun(bench: RecordedBench, **order: object) -> str:
+    """Begin a job; return its address."""
+    response = bench.client.post(f"{API}/jobs", json=order)
+    assert response.status_code == 202, response.text
+    assert JobDocument.model_validate_json(response.content).state in {"waiting", "running"}
+    return response.headers["location"]
+
+
+def ended(bench: RecordedBench, place: str) -> JobDocument:
+    """Wait for a job."""
+    until = time.monotonic() + 120.0
+    while time.monotonic() < until:
+        job = JobDocument.model_validate_json(bench.client.get(place).content)
+        if job.state.is_final:
+            return job
+        time.sleep(0.05)
+    raise AssertionError(f"{place} did not end")
+
+
+def result(bench: RecordedBench, **order: object) -> Any:
+    """Do a job and return its result."""
+    place = begun(bench, **order)
+    job = ended(bench, place)
+    assert job.state == "done", job.detail
+    assert job.result == f"{place}/result"
+    return bench.client.get(job.result)
+
+
+def data_of(lines: Iterator[str]) -> Iterator[Any]:
+    """The documents of a stream of events."""
+    return (json.loads(line.removeprefix("data: ")) for line in lines if line.startswith("data: "))
+
+
+def problem(response: Any) -> tuple[int, str]:
+    assert response.headers["content-type"] == "application/problem+json"
+    return response.status_code, response.json()["type"].removeprefix("/docs#")
+
+
+def test_job_makes_the_very_answer_of_an_address(bench: RecordedBench) -> None:
+    made = result(bench, kind="answer", run=RUN, address="cascade", parameters={"rows": 20})
+    assert made.headers["content-type"] == "application/json"
+    assert made.json() == bench.get("/cascade", rows=20).json()
+
+
+def test_job_sums_a_run_up_as_address_and_command_do(bench: RecordedBench, capsys: pytest.CaptureFixture[str]) -> None:
+    made = result(bench, kind="answer", run=RUN, address="summary").json()
+    assert made["agreement"] is not None, "a job has time for the model"
+    assert bench.get("/summary").json() == made
+    assert main(["summary", RUN, "--folder", str(bench.folder), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out) == made
+
+
+def test_job_analyses_samples_anew_and_finds_what_was_found_live(bench: RecordedBench) -> None:
+    with RunReader(bench.folder / f"{RUN}.mcap") as reader:
+        expected = summary_document(summarise(reader)).model_dump(mode="json")
+    made = result(bench, kind="analysis", run=RUN).json()
+    assert made["by_speed"] == expected["by_speed"]
+
+
+def test_job_analyses_with_a_corrected_calibration(bench: RecordedBench) -> None:
+    plain = bench.get("/order-vectors").json()["by_speed"][0]["order_1x"]
+    doubled = {
+        "calibration": {"coefficients_um": [0.0, 250.0], "volts_low": 0.5, "volts_high": 9.0, "date": "2026-11-24"}
+    }
+    made = result(bench, kind="analysis", run=RUN, calibrations={"x": doubled}).json()["by_speed"][0]["order_1x"]
+    assert made["amplitude_peak_x_um"] != plain["amplitude_peak_x_um"]
+    assert made["amplitude_peak_y_um"] == pytest.approx(plain["amplitude_peak_y_um"], rel=0.05)
+
+
+def test_job_computes_the_model_over_speed_with_other_parameters(bench: RecordedBench) -> None:
+    plain, thick = (
+        result(bench, kind="prediction", run=RUN, **changes).json() for changes in ({}, {"viscosity_pa_s": 0.05})
+    )
+    speeds = [row["speed_rpm"] for row in plain["by_speed"]]
+    assert (speeds[0], speeds[-1]) == (500.0, 5000.0)
+    assert speeds == [row["speed_rpm"] for row in thick["by_speed"]]
+    assert plain["by_speed"][-1]["order_1x"] != thick["by_speed"][-1]["order_1x"]
+
+
+def test_study_is_of_the_rotor_of_a_run_s_rig_with_the_numbers_of_the_command(
+    bench: RecordedBench, capsys: pytest.CaptureFixture[str]
+) -> None:
+    made = result(bench, kind="onset", run=RUN, speeds=SPEEDS).json()
+    assert main(["model", "onset", str(bench.folder / "rig.toml"), "--speeds", "200:600:3", "--json"]) == 0
+    assert made == json.loads(capsys.readouterr().out)
+
+
+@pytest.mark.parametrize(
+    ("order", "named"),
+    [
+        ({"kind": "onset", "speeds": {**SPEEDS, "to_rad_s": 100.0}}, "expected more than from_rad_s 200"),
+        ({"kind": "onset", "speeds": {**SPEEDS, "from_rad_s": 0.0}}, "greater than 0"),
+        ({"kind": "response", "speeds": {**SPEEDS, "count": 100_000}}, "less than or equal to 2000"),
+        ({"kind": "modes", "stiffness_n_m": -1.0}, "greater than 0"),
+        ({"kind": "critical", "stiffnesses": {"from_n_m": 2.0, "to_n_m": 1.0, "count": 2}}, "expected more than"),
+        ({"kind": "campbell", "station": 1}, "extra inputs"),
+    ],
+)
+def test_study_that_cannot_be_is_refused_with_what_is_expected(
+    bench: RecordedBench, order: dict[str, object], named: str
+) -> None:
+    refused = bench.client.post(f"{API}/jobs", json=order)
+    assert refused.status_code == 422
+    assert named in refused.json()["detail"]
+    assert bench.client.post(f"{API}/jobs", json={"kind": "modes", "run": "no-such"}).status_code == 404
+
+
+def test_export_is_sent_whole_and_by_ranges(bench: RecordedBench) -> None:
+    answer = result(bench, kind="export", run=RUN, format="csv", until_s=0.01)
+    assert f'filename="{RUN}.csv"' in answer.headers["content-disposition"]
+    rows = [line for line in answer.text.splitlines() if not line.startswith("#")]
+    assert rows[0].split(",")[0].strip('"').startswith("time_s")
+    with RunReader(bench.folder / f"{RUN}.mcap") as reader:
+        assert len(rows) - 1 == round(0.01 * reader.header.acquisition.rate)
+    part = bench.client.get(answer.request.url.path, headers={"Range": "bytes=10-19"})
+    assert part.status_code == 206
+    assert part.content == answer.content[10:20]
+
+
+def test_verification_is_kept_in_the_catalogue(bench: RecordedBench) -> None:
+    made = result(bench, kind="verification", run=RUN).json()
+    assert made["verdict"] == "sound"
+    assert Catalogue(bench.folder).run(RUN).verdict == "sound"
+
+
+def test_recovery_lists_a_copy_of_what_is_intact(bench: RecordedBench) -> None:
+    whole = (bench.folder / f"{RUN}.mcap").read_bytes()
+    (bench.folder / "cut.mcap").write_bytes(whole[: len(whole) * 2 // 3])
+    made = result(bench, kind="recovery", run="cut").json()
+    assert made["samples"] > 0
+    listed = bench.client.get(f"{API}/runs/cut-recovered").json()
+    assert listed["samples"] == made["samples"]
+    again = ended(bench, begun(bench, kind="recovery", run="cut"))
+    assert again.state == "failed"
+    assert "such a run already" in again.detail
+
+
+def test_index_says_what_is_new(bench: RecordedBench) -> None:
+    made = result(bench, kind="index", verify=True).json()
+    assert RUN not in made["vanished"]
+    assert Catalogue(bench.folder).run(RUN).verdict == "sound"
+
+
+def test_events_tell_of_the_job_until_it_ends(bench: RecordedBench) -> None:
+    place = begun(bench, kind="answer", run=RUN, address="findings")
+    with bench.client.stream("GET", f"{place}/events") as response:
+        assert response.headers["content-type"].startswith("text/event-stream")
+        states = [told["state"] for told in data_of(response.iter_lines())]
+    assert states[-1] == "done"
+    assert states == sorted(states, key=["waiting", "running", "done"].index)
+
+
+def test_deleted_job_is_cancelled_and_forgotten_and_makes_room_for_the_next(bench: RecordedBench) -> None:
+    slow = begun(bench, kind="prediction", run=LONG, viscosity_pa_s=0.0123)
+    behind = begun(bench, kind="answer", run=RUN, address="findings")
+    until = time.monotonic() + 60.0
+    while bench.client.get(slow).json()["state"] != "running" and time.monotonic() < until:
+        time.sleep(0.05)
+    with bench.client.stream("GET", f"{slow}/events") as response:
+        lines = response.iter_lines()
+        assert next(lines) == "event: job"
+        cancelled = bench.client.delete(slow)
+        assert cancelled.json()["state"] == "cancelled"
+        assert list(data_of(lines))[-1]["state"] == "cancelled"
+    assert problem(bench.client.get(slow)) == (404, "job-not-found")
+    assert problem(bench.client.delete(slow)) == (404, "job-not-found")
+    assert ended(bench, behind).state == "done"
+    assert [job["job"] for job in bench.client.get(f"{API}/jobs").json()["jobs"]] == [behind.rpartition("/")[2]]
+
+
+def test_result_of_a_job_that_failed_or_has_not_ended_is_a_conflict(bench: RecordedBench) -> None:
+    failing = begun(bench, kind="export", run=RUN, format="csv", segment=7)
+    waiting = begun(bench, kind="answer", run=RUN, address="findings")
+    assert problem(bench.client.get(f"{waiting}/result")) == (409, "no-result")
+    failed = ended(bench, failing)
+    assert failed.state == "failed"
+    assert "segment 7" in failed.detail
+    assert problem(bench.client.get(f"{failing}/result")) == (409, "no-result")
+
+
+@pytest.mark.parametrize(
+    ("order", "expected"),
+    [
+        ({"kind": "answer", "run": "no-such-run", "address": "trend"}, (404, "run-not-found")),
+        ({"kind": "answer", "run": RUN, "address": "trend", "parameters": {"entries": 0}}, (422, "bad-parameter")),
+        ({"kind": "answer", "run": RUN, "address": "findings", "parameters": {"rows": 3}}, (422, "bad-parameter")),
+        ({"kind": "washing", "run": RUN}, (422, "bad-parameter")),
+        ({"kind": "analysis", "run": RUN, "calibrations": {"x": {"point": []}}}, (422, "bad-parameter")),
+        ({"kind": "analysis", "run": RUN, "calibrations": {"z": LINEAR}}, (422, "bad-parameter")),
+        ({"kind": "prediction", "run": RUN, "viscosity_pa_s": -1}, (422, "bad-parameter")),
+    ],
+)  # fmt: skip
+def test_order_that_cannot_be_followed_is_refused(
+    bench: RecordedBench, order: dict[str, object], expected: tuple[int, str]
+) -> None:
+    assert problem(bench.client.post(f"{API}/jobs", json=order)) == expected
+
+
+def test_answer_that_takes_too_long_names_the_job_that_makes_it(served: RecordedBench, tmp_path: Path) -> None:
+    (tmp_path / f"{RUN}.mcap").write_bytes((served.folder / f"{RUN}.mcap").read_bytes())
+    hasty = open_recorded_bench(tmp_path, answer_limit=0.0)
+    try:
+        refused = hasty.get("/plots/cascade.svg", rows=20)
+        assert problem(refused) == (503, "takes-too-long")
+        order = refused.json()["job"]
+        assert order == {"kind": "answer", "run": RUN, "address": "cascade", "parameters": {"rows": 20}}
+        assert result(hasty, **order).json() == served.get("/cascade", rows=20).json()
+    finally:
+        hasty.close()
+
+
+def test_job_about_the_run_under_way_is_refused(bench: RecordedBench) -> None:
+    bench.live.frame = make_frames(2)[1]
+    order = {"kind": "verification", "run": bench.live.frame.header.run}
+    assert problem(bench.client.post(f"{API}/jobs", json=order)) == (409, "run-under-way")
+
+
+def test_order_that_is_too_large_or_hides_its_size_is_refused_unread(bench: RecordedBench) -> None:
+    json_type = {"Content-Type": "application/json"}
+    portions = (b" " for _ in range(3))
+    assert problem(bench.client.post(f"{API}/jobs", content=b" " * 2**21, headers=json_type)) == (413, "too-large")
+    assert problem(bench.client.post(f"{API}/jobs", content=portions, headers=json_type)) == (413, "too-large")
+    assert bench.client.get(f"{API}/jobs").status_code == 200
+
+
+def test_too_many_jobs_are_turned_away(bench: RecordedBench) -> None:
+    statuses = [
+        bench.client.post(f"{API}/jobs", json={"kind": "prediction", "run": LONG, "viscosity_pa_s": 0.01 + k / 1e4})
+        for k in range(9)
+    ]
+    assert [answer.status_code for answer in statuses] == [202] * 8 + [429]
+    assert problem(statuses[-1]) == (429, "too-many-jobs")
+
+
+def test_service_ends_at_once_beside_a_job_that_goes_on_and_is_followed(served: RecordedBench, tmp_path: Path) -> None:
+    (tmp_path / f"{LONG}.mcap").write_bytes((served.folder / f"{LONG}.mcap").read_bytes())
+    bench = open_recorded_bench(tmp_path)
+    place = begun(bench, kind="prediction", run=LONG, viscosity_pa_s=0.0125)
+    until = time.monotonic() + 60.0
+    while bench.client.get(place).json()["state"] != "running" and time.monotonic() < until:
+        time.sleep(0.05)
+    with bench.client.stream("GET", f"{place}/events") as response:
+        next(response.iter_lines())
+        begun_at = time.monotonic()
+        bench.close()
+    assert time.monotonic() - begun_at < 6.0
+    assert list((bench.folder / ".rig" / "jobs").glob("*")) == []
+
+
+def test_numbers_of_an_exported_table_are_those_of_the_samples(bench: RecordedBench) -> None:
+    answer = result(bench, kind="export", run=RUN, format="parquet", until_s=0.02)
+    parquet = pytest.importorskip("pyarrow.parquet")
+    table = parquet.read_table(io.BytesIO(answer.content))
+    shown = np.load(io.BytesIO(bench.get("/samples", from_s=0.0, duration_s=0.02, format="npz").content))
+    assert np.allclose(table.column("x_um").to_numpy(), shown["channel:x"])
+
+
+def test_stamps_of_a_run_that_has_none_cannot_be_exported(bench: RecordedBench) -> None:
+    failed = ended(bench, begun(bench, kind="export", run=RUN, format="csv", content="pulses"))
+    assert failed.state == "failed"
+    assert "holds no stamps of a counter" in failed.detail
+
+
+def test_verifying_and_exporting_tell_what_part_is_done(bench: RecordedBench, tmp_path: Path) -> None:
+    verifying: list[Progress] = []
+    job_work.verification(verifying.append, tmp_path / "verification.json", DataPlace(bench.folder), RUN)
+    exporting: list[Progress] = []
+    path, part = bench.folder / f"{RUN}.mcap", job_work.part_of(0.0, None, None)
+    job_work.export(exporting.append, tmp_path / "run.csv", path, job_work.TABLES["samples"], part)
+    assert {told.doing for told in verifying} == {"verifying"}
+    assert exporting[0].doing == "reading"
+    assert exporting[-1].doing == "writing 40,000 rows"
+    for told in verifying + exporting:
+        assert told.part is not None
+        assert 0.0 <= told.part <= 1.0

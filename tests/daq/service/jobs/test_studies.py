@@ -1,0 +1,66 @@
+"""Studies of the model as a service does them: the very numbers of `rig model … --json`."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from pydantic import TypeAdapter
+
+from daq.cli.main import main
+from daq.schemas.study import StudyOrder
+from daq.service.jobs.queue import Progress
+from daq.service.jobs.studies import study, study_task
+from model.errors import ModelError
+
+Captured = pytest.CaptureFixture[str]
+SLOW = {"from_rad_s": 200.0, "to_rad_s": 600.0, "count": 3}
+
+
+def done(order: dict[str, object], folder: Path) -> Any:
+    """Do what a job does, and return its result."""
+    told: list[Progress] = []
+    wanted: StudyOrder = TypeAdapter(StudyOrder).validate_python(order)
+    task = study_task(wanted, None)
+    assert task.work is study
+    study(told.append, folder / task.file, *task.arguments)  # type: ignore[arg-type]  # as a process is handed them
+    assert told == [Progress("computing")]
+    return json.loads((folder / task.file).read_text(encoding="utf-8"))
+
+
+@pytest.mark.parametrize(
+    ("order", "command"),
+    [
+        ({"kind": "modes"}, ["modes"]),
+        ({"kind": "modes", "stiffness_n_m": 1e7, "speed_rad_s": 500.0, "count": 6},
+         ["modes", "--stiffness-n-m", "1e7", "--speed", "500", "--count", "6"]),
+        ({"kind": "campbell"}, ["campbell"]),
+        ({"kind": "critical", "stiffnesses": {"from_n_m": 1e5, "to_n_m": 1e7, "count": 5}},
+         ["critical", "--stiffness-n-m", "1e5:1e7:5:log"]),
+        ({"kind": "response", "speeds": SLOW, "station": 2}, ["response", "--speeds", "200:600:3", "--station", "2"]),
+        ({"kind": "response", "speeds": SLOW, "stiffness_n_m": 1e7},
+         ["response", "--speeds", "200:600:3", "--stiffness-n-m", "1e7"]),
+        ({"kind": "onset", "speeds": SLOW}, ["onset", "--speeds", "200:600:3"]),
+    ],
+)  # fmt: skip
+def test_study_gives_the_numbers_of_the_command(
+    tmp_path: Path, capsys: Captured, order: dict[str, object], command: list[str]
+) -> None:
+    made = done(order, tmp_path)
+    assert main(["model", *command, "--json"]) == 0
+    assert made == json.loads(capsys.readouterr().out)
+
+
+@pytest.mark.parametrize("kind", ["campbell", "critical", "response", "onset"])
+def test_study_has_the_defaults_of_the_command(kind: str) -> None:
+    order: StudyOrder = TypeAdapter(StudyOrder).validate_python({"kind": kind})
+    ranges = {name: value for name, value in order.model_dump().items() if isinstance(value, dict)}
+    assert list(ranges.values()) == {
+        "campbell": [{"from_rad_s": 0.0, "to_rad_s": 8000.0, "count": 81}],
+        "critical": [{"from_n_m": 1e3, "to_n_m": 1e10, "count": 71}],
+    }.get(kind, [{"from_rad_s": 100.0, "to_rad_s": 4000.0, "count": 79}])
+
+
+def test_study_that_the_model_refuses_says_why(tmp_path: Path) -> None:
+    with pytest.raises((ValueError, ModelError), match="999"):
+        done({"kind": "response", "speeds": SLOW, "station": 999}, tmp_path)

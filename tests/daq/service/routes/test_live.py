@@ -1,0 +1,222 @@
+"""Following the live run, and ending it: events, WebSocket, and who may."""
+
+import json
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack
+from dataclasses import replace
+from ipaddress import IPv4Address
+from pathlib import Path
+
+import pytest
+from websockets.exceptions import InvalidStatus
+from websockets.sync.client import connect
+from websockets.typing import Origin, Subprotocol
+
+from analysis.signals.header import Severity
+from daq.schemas import LiveDocument
+from daq.service.hub import MOST_CLIENTS, MOST_WAITING
+from tests.daq.support.frames import make_frames, with_alarm, with_further_alarms
+from tests.daq.support.recorded_bench import API, RecordedBench, open_recorded_bench
+
+WORD = "correct-horse"
+FRAMES = make_frames(30)
+NOTEBOOK = "http://notebook.lab:8888"
+JSON = {"Content-Type": "application/json"}
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> Iterator[RecordedBench]:
+    served = open_recorded_bench(tmp_path, origins=(NOTEBOOK,))
+    yield served
+    served.close()
+
+
+@pytest.fixture
+def guarded(tmp_path: Path) -> Iterator[RecordedBench]:
+    served = open_recorded_bench(tmp_path, host=str(IPv4Address(0)), token=WORD)
+    yield served
+    served.close()
+
+
+def address(bench: RecordedBench, path: str = "/live/socket") -> str:
+    return f"ws://127.0.0.1:{bench.client.base_url.port}{API}{path}"
+
+
+def test_events_tell_of_every_change_of_the_live_run(bench: RecordedBench) -> None:
+    with bench.client.stream("GET", f"{API}/live/events") as response:
+        assert response.headers["content-type"].startswith("text/event-stream")
+        lines = response.iter_lines()
+        assert [next(lines), next(lines), next(lines)] == ["event: live", "data: null", ""]
+        for frame in FRAMES[:3]:
+            bench.live.frame = frame
+            assert next(lines) == "event: live"
+            document = LiveDocument.model_validate_json(next(lines).removeprefix("data: "))
+            assert document.status.elapsed_s == pytest.approx(frame.status.elapsed)
+            assert next(lines) == ""
+
+
+def test_socket_sends_the_live_document_and_then_what_changes(bench: RecordedBench) -> None:
+    bench.live.frame = FRAMES[0]
+    with connect(address(bench)) as socket:
+        first = json.loads(socket.recv(60.0))
+        assert first == bench.client.get(f"{API}/live").json()
+        bench.live.frame = FRAMES[1]
+        assert json.loads(socket.recv(60.0))["measured"]["sample"] == 20_000
+        bench.live.frame = None
+        assert json.loads(socket.recv(60.0)) is None
+
+
+def test_picture_is_told_by_events_and_socket_when_it_changes(bench: RecordedBench) -> None:
+    bench.live.frame = FRAMES[0]
+    with (
+        connect(address(bench, "/live/picture/socket")) as socket,
+        bench.client.stream("GET", f"{API}/live/picture/events") as response,
+    ):
+        lines = response.iter_lines()
+        first = json.loads(socket.recv(60.0))
+        assert first == bench.client.get(f"{API}/live/picture").json()
+        assert [next(lines), json.loads(next(lines).removeprefix("data: ")), next(lines)] == [
+            "event: picture",
+            first,
+            "",
+        ]
+        same = FRAMES[0]
+        bench.live.frame = replace(same, status=replace(same.status, elapsed=99.0))
+        with pytest.raises(TimeoutError):  # the picture is the same, whatever the clock says
+            socket.recv(0.8)
+        bench.live.frame = FRAMES[-1]
+        assert json.loads(socket.recv(60.0)) == bench.client.get(f"{API}/live/picture").json() != first
+        bench.live.frame = None
+        assert json.loads(socket.recv(60.0)) is None
+
+
+def test_client_that_does_not_read_holds_up_nobody_and_loses_the_oldest(bench: RecordedBench) -> None:
+    with bench.client.stream("GET", f"{API}/live/events"), connect(address(bench)) as quick:
+        quick.recv(60.0)
+        for frame in FRAMES:
+            bench.live.frame = frame
+            assert json.loads(quick.recv(60.0))["status"]["elapsed_s"] == pytest.approx(frame.status.elapsed)
+        assert bench.client.get(f"{API}/live", timeout=60.0).status_code == 200
+    assert len(FRAMES) > MOST_WAITING
+
+
+def test_one_client_too_many_is_asked_to_come_again(bench: RecordedBench) -> None:
+    with ExitStack() as open_sockets:
+        for _ in range(MOST_CLIENTS):
+            open_sockets.enter_context(connect(address(bench))).recv(60.0)
+        with pytest.raises(InvalidStatus) as refused:
+            open_sockets.enter_context(connect(address(bench)))
+        assert refused.value.response.status_code == 503
+        response = bench.client.get(f"{API}/live/events")
+        assert (response.status_code, response.headers["retry-after"]) == (503, "2")
+
+
+def test_service_ends_though_somebody_follows(tmp_path: Path) -> None:
+    bench = open_recorded_bench(tmp_path)
+    with connect(address(bench)) as socket:
+        socket.recv(60.0)
+        begun = time.monotonic()
+        bench.close()
+        assert time.monotonic() - begun < 2.5
+
+
+def test_head_of_the_events_ends_at_once(bench: RecordedBench) -> None:
+    assert bench.client.head(f"{API}/live/events").status_code == 200
+
+
+def test_run_under_way_is_ended_once_asked(bench: RecordedBench) -> None:
+    assert bench.client.post(f"{API}/live/stop", json={}).status_code == 404
+    bench.live.frame = FRAMES[0]
+    response = bench.client.post(f"{API}/live/stop", json={})
+    assert (response.status_code, response.json()) == (202, {"run": FRAMES[0].header.run})
+    assert bench.steered.stopped == [FRAMES[0].header.run]
+
+
+def test_alarms_of_1x_of_what_is_below_it_and_of_the_speed_have_their_own_units(bench: RecordedBench) -> None:
+    bench.live.frame = with_further_alarms(FRAMES[0])
+    live = bench.client.get(f"{API}/live").json()
+    one, below, speed = live["status"]["alarms"]
+    assert (one["quantity"], one["probe"], one["limit_peak_um"], one["largest_peak_um"]) == ("1X", "x", 20.0, 24.04)
+    assert one["limit_peak_to_peak_um"] is one["limit_rpm"] is None
+    assert (below["name"], below["told"]) == ("below 1X alarm at y", "14.1 µm peak, limit 12.5")
+    assert (speed["quantity"], speed["probe"], speed["limit_rpm"], speed["largest_rpm"]) == (
+        "speed",
+        None,
+        19_500.0,
+        19_642.0,
+    )
+    assert (speed["name"], speed["told"]) == ("speed danger", "19,642 r/min, limit 19,500")
+    assert live["limits"]["order_1x_peak_danger_um"] == 30.0
+    assert live["limits"]["below_1x_peak_danger_um"] is None
+    assert live["limits"]["speed_alarm_rpm"] == 18_000.0
+
+
+def test_alarms_in_sight_are_told_and_acknowledged(bench: RecordedBench) -> None:
+    assert bench.client.post(f"{API}/live/acknowledge", json={}).status_code == 404
+    bench.live.frame = with_alarm(FRAMES[0], Severity.DANGER)
+    (told,) = bench.client.get(f"{API}/live").json()["status"]["alarms"]
+    assert (told["probe"], told["severity"], told["limit_peak_to_peak_um"]) == ("x", "danger", 90.0)
+    assert (told["begin"]["time_s"], told["end"]["time_s"]) == (10.0, 12.0)
+    response = bench.client.post(f"{API}/live/acknowledge", json={})
+    assert (response.status_code, response.json()["alarms"]) == (200, [told])
+    assert bench.client.post(f"{API}/live/acknowledge", json={"who": "me"}).status_code == 422
+
+
+@pytest.mark.parametrize(
+    ("headers", "status"),
+    [
+        ({}, 415),
+        ({"Content-Type": "text/plain"}, 415),
+        ({"Content-Type": "application/x-www-form-urlencoded"}, 415),
+        ({**JSON, "Origin": "http://evil.example"}, 403),
+        ({**JSON, "Origin": "null"}, 403),
+        ({**JSON, "Origin": "http://127.0.0.1:1"}, 403),
+        ({**JSON, "Sec-Fetch-Site": "cross-site"}, 403),
+        ({**JSON, "Sec-Fetch-Site": "same-site"}, 403),
+        ({**JSON, "Sec-Fetch-Site": "same-origin"}, 202),
+        ({**JSON, "Origin": NOTEBOOK}, 202),
+    ],
+)
+def test_only_the_services_own_page_may_end_a_run(bench: RecordedBench, headers: dict[str, str], status: int) -> None:
+    bench.live.frame = FRAMES[0]
+    response = bench.client.post(f"{API}/live/stop", headers=headers, content=b"{}")
+    assert response.status_code == status
+    assert bool(bench.steered.stopped) == (status == 202)
+
+
+def test_page_from_elsewhere_cannot_open_a_socket(bench: RecordedBench) -> None:
+    with pytest.raises(InvalidStatus) as refused, connect(address(bench), origin=Origin("http://evil.example")):
+        pass
+    assert refused.value.response.status_code == 403
+
+
+@pytest.mark.parametrize("protocols", [[], ["rig.live"], ["rig.live", "token.wrong"]])
+def test_socket_without_the_token_is_turned_away_without_a_word_at_the_terminal(
+    guarded: RecordedBench, protocols: list[str], caplog: pytest.LogCaptureFixture
+) -> None:
+    offered = [Subprotocol(name) for name in protocols] or None
+    with pytest.raises(InvalidStatus) as refused, connect(address(guarded), subprotocols=offered):
+        pass
+    assert refused.value.response.status_code == 401
+    guarded.client.get(f"{API}/health")  # what was to be logged has been
+    assert caplog.records == []
+
+
+def test_socket_opens_with_the_token_as_header_or_protocol(guarded: RecordedBench) -> None:
+    with connect(address(guarded), additional_headers={"Authorization": f"Bearer {WORD}"}) as socket:
+        assert socket.recv(60.0) == "null"
+    protocols = [Subprotocol("rig.live"), Subprotocol(f"token.{WORD}")]
+    with connect(address(guarded), subprotocols=protocols) as socket:
+        assert socket.subprotocol == "rig.live"
+        assert socket.recv(60.0) == "null"
+
+
+def test_other_sites_are_told_of_only_where_they_are_configured(bench: RecordedBench, guarded: RecordedBench) -> None:
+    preflight = {"Origin": NOTEBOOK, "Access-Control-Request-Method": "POST"}
+    assert bench.client.options(f"{API}/live/stop", headers=preflight).status_code == 200
+    answer = bench.client.get(f"{API}/runs", headers={"Origin": NOTEBOOK})
+    assert answer.headers["access-control-allow-origin"] == NOTEBOOK
+    for served, origin in ((bench, "http://evil.example"), (guarded, NOTEBOOK)):
+        answer = served.client.get(f"{API}/runs", headers={"Origin": origin, "Authorization": f"Bearer {WORD}"})
+        assert "access-control-allow-origin" not in answer.headers

@@ -1,0 +1,332 @@
+"""What REST says of a recorded run, against the library, over a real loopback socket."""
+
+import gzip
+import io
+from collections.abc import Iterator
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree as ET
+
+import numpy as np
+import pytest
+
+from analysis.live.summary import RunSummary
+from analysis.signals.header import Role
+from analysis.signals.snapshot import Snapshot
+from daq.config.load import load_rig
+from daq.config.toml_writer import to_toml
+from daq.schemas import summary_document
+from daq.schemas.units import micrometres, rpm
+from daq.session.live_update import RunState
+from daq.session.offline import summarise
+from recordings.mcap.reader import RunReader
+from tests.daq.conftest import CALIBRATION, TABLES, merged
+from tests.daq.support.frames import make_frames
+from tests.daq.support.recorded_bench import API, RUN, RecordedBench, open_recorded_bench, record_run
+
+RPM = np.pi / 30.0
+PROFILE = [{"time_s": 0.0, "speed_rpm": 3000.0}, {"time_s": 4.0, "speed_rpm": 9000.0}]
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RecordedBench]:
+    folder = tmp_path_factory.mktemp("data")
+    for name in ("probe-x.toml", "probe-y.toml"):
+        (folder / name).write_text(to_toml({"calibration": CALIBRATION}), encoding="utf-8")
+    (folder / "rig.toml").write_text(to_toml(merged(TABLES, {"simulation": {"profile": PROFILE}})), encoding="utf-8")
+    record_run(load_rig(folder / "rig.toml"), folder)
+    served = open_recorded_bench(folder)
+    yield served
+    served.close()
+
+
+@pytest.fixture(scope="module")
+def path(bench: RecordedBench) -> Path:
+    return bench.folder / f"{RUN}.mcap"
+
+
+@pytest.fixture(scope="module")
+def summary(path: Path) -> RunSummary:
+    with RunReader(path) as reader:
+        return summarise(reader)
+
+
+@pytest.fixture(scope="module")
+def snapshots(path: Path) -> list[Snapshot]:
+    with RunReader(path) as reader:
+        return list(reader.snapshots())
+
+
+def told(bench: RecordedBench, tail: str, **parameters: str | float) -> Any:
+    response = bench.get(tail, **parameters)
+    assert response.status_code == 200, response.text
+    return response.json()
+
+
+def problem(bench: RecordedBench, tail: str, **parameters: str | float) -> tuple[int, str]:
+    response = bench.get(tail, **parameters)
+    assert response.headers["content-type"] == "application/problem+json"
+    return response.status_code, response.json()["type"].removeprefix("/docs#")
+
+
+def test_vectors_and_findings_are_those_of_the_library_and_the_command_line(
+    bench: RecordedBench, summary: RunSummary
+) -> None:
+    expected = summary_document(summary).model_dump(mode="json")
+    assert len(expected["by_speed"]) > 20
+    assert told(bench, "/order-vectors")["by_speed"] == expected["by_speed"]
+    assert told(bench, "/findings")["sub_synchronous"] == expected["sub_synchronous"]
+    served = told(bench, "/summary")
+    assert served["by_speed"] == expected["by_speed"]
+
+
+def test_order_spectrum_at_a_time_is_that_of_the_recorded_frame(
+    bench: RecordedBench, snapshots: list[Snapshot]
+) -> None:
+    snapshot = next(each for each in snapshots if each.time == 2.0)
+    frame = snapshot.frame
+    assert frame is not None
+    document = told(bench, "/order-spectrum", time_s=2.04)
+    assert document["frame"]["sample"] == snapshot.sample
+    assert document["frame"]["speed_rpm"] == rpm(frame.speed)
+    assert document["amplitude_peak_y_um"] == [micrometres(value) for value in np.abs(frame.spectrum[1])]
+    assert document["orders"] == frame.orders.tolist()
+
+
+def test_orbit_at_a_speed_is_that_of_the_nearest_frame(bench: RecordedBench, snapshots: list[Snapshot]) -> None:
+    frames = [each.frame for each in snapshots if each.frame is not None]
+    nearest = min(frames, key=lambda frame: abs(frame.speed - 5000.0 * RPM))
+    document = told(bench, "/orbit", speed_rpm=5000.0)
+    assert document["frame"]["speed_rpm"] == rpm(nearest.speed)
+    assert document["orbit_x_um"] == [micrometres(value) for value in nearest.orbit[0]]
+
+
+def test_moment_without_time_and_speed_is_that_of_the_largest_vibration(
+    bench: RecordedBench, snapshots: list[Snapshot]
+) -> None:
+    largest = max((s for s in snapshots if s.frame is not None), key=lambda s: s.peak_to_peak.max())
+    assert told(bench, "/orbit")["frame"]["sample"] == largest.sample
+
+
+def test_full_spectrum_of_a_forward_orbit_stands_at_plus_one(bench: RecordedBench) -> None:
+    document = told(bench, "/full-spectrum", speed_rpm=8000.0)
+    largest = int(np.argmax(document["amplitude_peak_um"]))
+    assert document["orders"][largest] == 1.0
+    minus = document["orders"].index(-1.0)
+    assert document["amplitude_peak_um"][minus] < document["amplitude_peak_um"][largest]
+    assert document["uncertain"][largest] is False
+
+
+def test_trend_keeps_every_extreme_however_it_is_thinned(bench: RecordedBench, snapshots: list[Snapshot]) -> None:
+    every = told(bench, "/trend")
+    assert every["results_per_entry"] == 1
+    assert every["peak_to_peak_most_x_um"] == [micrometres(s.peak_to_peak[0]) for s in snapshots]
+    few = told(bench, "/trend", entries=5)
+    assert len(few["time_s"]) == 5
+    for name, pick in (("least", min), ("most", max)):
+        for what in (f"peak_to_peak_{name}_x_um", f"order_1x_{name}_y_um"):
+            assert pick(v for v in few[what] if v is not None) == pick(v for v in every[what] if v is not None)
+    part = told(bench, "/trend", from_s=1.0, duration_s=1.0)
+    assert (part["time_s"][0], part["time_s"][-1]) == (1.0, 2.0)
+    assert told(bench, "/trend", segment=7)["time_s"] == []
+
+
+def test_cascade_is_no_larger_than_the_screen_and_keeps_the_largest_line(
+    bench: RecordedBench, snapshots: list[Snapshot]
+) -> None:
+    document = told(bench, "/cascade", rows=20, columns=16)
+    assert len(document["speeds_rpm"]) <= 20
+    assert len(document["orders"]) <= 16
+    assert {len(row) for row in document["amplitude_peak_um"]} == {len(document["orders"])}
+    largest = max(np.abs(s.frame.spectrum).max() for s in snapshots if s.frame is not None)
+    assert max(map(max, document["amplitude_peak_um"])) == micrometres(largest)
+
+
+def test_waterfall_stands_at_its_times_and_keeps_the_largest_line(
+    bench: RecordedBench, snapshots: list[Snapshot]
+) -> None:
+    document = told(bench, "/waterfall", from_s=1.0, duration_s=2.0, rows=10, columns=64)
+    assert document["times_s"] == sorted(document["times_s"])
+    assert document["speeds_rpm"] == sorted(document["speeds_rpm"]), "the shaft runs up"
+    assert 1.0 < document["times_s"][0] < document["times_s"][-1] < 3.0
+    frames = [s.frame for s in snapshots if s.frame is not None and 1.0 <= s.time <= 3.0]
+    largest = max(np.abs(frame.spectrum).max() for frame in frames)
+    assert max(map(max, document["amplitude_peak_um"])) == micrometres(largest)
+
+
+@pytest.mark.parametrize("what", ["cascade", "waterfall"])
+def test_full_spectra_over_speed_and_time_show_the_way_that_the_shaft_goes(bench: RecordedBench, what: str) -> None:
+    document = told(bench, f"/{what}", full=True, rows=5, columns=512, highest_order=3.0)
+    orders = document["orders"]
+    assert (min(orders), max(orders)) == (-3.0, 3.0)
+    row = document["amplitude_peak_um"][-1]
+    assert row[orders.index(1.0)] == max(row)
+    assert row[orders.index(-1.0)] < row[orders.index(1.0)]
+
+
+def test_samples_are_those_of_the_file_in_every_form_and_unit(bench: RecordedBench, path: Path) -> None:
+    with RunReader(path) as reader:
+        codes, channels = reader.samples(0, 20_000, 20_200), reader.header.acquisition.channels
+        x = channels[reader.header.acquisition.row(Role.PROBE_X)]
+    stretch: dict[str, str | float] = {"from_s": 1.0, "duration_s": 0.01}
+    document = told(bench, "/samples", **stretch, unit="codes")
+    assert (document["first_sample"], document["samples"], document["rate_hz"]) == (20_000, 200, 20_000.0)
+    assert [channel["values"] for channel in document["channels"]] == codes.tolist()
+    archive = np.load(io.BytesIO(bench.get("/samples", **stretch, format="npz").content))
+    np.testing.assert_array_equal(archive["channel:x"], x.displacement(codes[0]) * 1e6)
+    assert dict(archive["about"].tolist())["unit:x"] == "µm"
+    arrow = bench.get("/samples", {"Accept": "application/vnd.apache.arrow.stream"}, **stretch, unit="volts")
+    ipc: Any = import_module("pyarrow.ipc")
+    table = ipc.open_stream(arrow.content).read_all()
+    np.testing.assert_array_equal(table["tacho"].to_numpy(), channels[2].volts(codes[2]))
+
+
+@pytest.mark.parametrize(
+    ("tail", "parameters", "expected"),
+    [
+        ("/orbit", {"time_s": 400.0}, (404, "no-such-moment")),
+        ("/orbit", {"speed_rpm": 40_000.0}, (404, "no-such-moment")),
+        ("/orbit", {"segment": 3}, (404, "no-such-moment")),
+        ("/orbit", {"time_s": -1.0}, (422, "bad-parameter")),
+        ("/orbit", {"time": 1.0}, (422, "bad-parameter")),
+        ("/orbit", {"time_s": "nan"}, (422, "bad-parameter")),
+        ("/cascade", {"rows": 401}, (422, "bad-parameter")),
+        ("/waterfall", {"segment": 1}, (404, "no-such-moment")),
+        ("/samples", {"from_s": 4.0}, (404, "no-such-moment")),
+        ("/samples", {"duration_s": 4.0}, (413, "too-much")),
+        ("/prediction", {}, (422, "bad-parameter")),
+        ("/prediction", {"speed_rpm": 30_000.0}, (404, "no-such-moment")),
+        ("/comparison", {"speed_rpm": 15_000.0}, (404, "no-such-moment")),
+    ],
+)
+def test_what_the_run_does_not_hold_is_told_as_what_it_is(
+    bench: RecordedBench, tail: str, parameters: dict[str, str | float], expected: tuple[int, str]
+) -> None:
+    assert problem(bench, tail, **parameters) == expected
+
+
+def test_form_that_nobody_can_send_is_refused(bench: RecordedBench) -> None:
+    assert bench.get("/samples", {"Accept": "image/png"}).status_code == 406
+
+
+def test_comparison_lays_the_model_beside_the_measured_bin(bench: RecordedBench, summary: RunSummary) -> None:
+    row = min(summary.rows, key=lambda row: abs(row.speed - 6000.0 * RPM))
+    document = told(bench, "/comparison", speed_rpm=6000.0)
+    assert document["measured"]["speed_rpm"] == document["predicted"]["speed_rpm"] == rpm(row.speed)
+    predicted = document["predicted"]["order_1x"]["amplitude_peak_x_um"]
+    measured = document["measured"]["order_1x"]["amplitude_peak_x_um"]
+    assert document["amplitude_ratio_x"] == pytest.approx(measured / predicted, rel=1e-3)
+    lags = [document[part]["order_1x"]["lag_x_deg"] for part in ("measured", "predicted")]
+    turned = document["lag_difference_x_deg"] - (lags[0] - lags[1])
+    assert abs((turned + 180.0) % 360.0 - 180.0) < 1e-3
+
+
+def test_answer_that_is_known_is_not_sent_again(bench: RecordedBench) -> None:
+    first = bench.get("/trend")
+    assert first.headers["content-encoding"] == "gzip"
+    again = bench.get("/trend", {"If-None-Match": f'"other", {first.headers["etag"]}'})
+    assert (again.status_code, again.content) == (304, b"")
+    plain = bench.get("/trend", {"If-None-Match": first.headers["etag"], "Accept-Encoding": "identity"})
+    assert plain.status_code == 200
+    assert "content-encoding" not in plain.headers
+    assert plain.json() == first.json()
+
+
+def test_file_comes_whole_and_in_ranges(bench: RecordedBench, path: Path) -> None:
+    content = path.read_bytes()
+    whole = bench.get("/file")
+    assert (whole.status_code, whole.content) == (200, content)
+    tag, size = whole.headers["etag"], len(content)
+    for sent, begin, end in (("0-7", 0, 8), ("100-", 100, size), ("-5", size - 5, size), ("7-9999999999", 7, size)):
+        part = bench.get("/file", {"Range": f"bytes={sent}", "If-Range": tag})
+        assert (part.status_code, part.content) == (206, content[begin:end])
+        assert part.headers["content-range"] == f"bytes {begin}-{end - 1}/{size}"
+    assert bench.get("/file", {"Range": "bytes=0-7", "If-Range": '"another"'}).status_code == 200
+    assert bench.get("/file", {"If-None-Match": tag}).status_code == 304
+    for passed_over in ("bytes=9-3", "bytes=0-1,4-5", "lines=0-7", "bytes=-", "bytes=a-b"):
+        assert bench.get("/file", {"Range": passed_over}).status_code == 200
+    beyond = bench.get("/file", {"Range": f"bytes={size}-"})
+    assert (beyond.status_code, beyond.headers["content-range"]) == (416, f"bytes */{size}")
+
+
+def test_file_is_the_one_that_was_asked_for_whatever_takes_its_place(tmp_path: Path, path: Path) -> None:
+    content = path.read_bytes()
+    file = tmp_path / f"{RUN}.mcap"
+    file.write_bytes(content + bytes(20_000_000))  # more than sockets hold
+    served = open_recorded_bench(tmp_path)
+    try:
+        with served.client.stream("GET", f"{API}/runs/{RUN}/file") as response:
+            pieces = response.iter_raw()
+            received = next(pieces)
+            (tmp_path / "other").write_bytes(b"another file")
+            (tmp_path / "other").replace(file)
+            assert received + b"".join(pieces) == content + bytes(20_000_000)
+        refused = served.get("/file")
+        assert (refused.status_code, refused.json()["type"]) == (409, "/docs#run-damaged")
+    finally:
+        served.close()
+
+
+def test_file_that_is_no_recording_is_not_sent_nor_what_lies_behind_a_link(tmp_path: Path) -> None:
+    (tmp_path / "secret").write_text("root:x:0:0")
+    folder = tmp_path / "data"
+    folder.mkdir()
+    (folder / "link.mcap").symlink_to(tmp_path / "secret")
+    (folder / "nowhere.mcap").symlink_to(tmp_path / "nothing")
+    (folder / "circle.mcap").symlink_to("circle.mcap")
+    (folder / "folder.mcap").mkdir()
+    (folder / "Läufer.mcap").write_bytes(b"x")
+    served = open_recorded_bench(folder)
+    try:
+        assert [run["run"] for run in served.client.get(f"{API}/runs").json()["runs"]] == ["link"]
+        answers = {
+            name: served.client.get(f"{API}/runs/{name}/file") for name in ("link", "nowhere", "circle", "folder")
+        }
+        assert {name: answer.status_code for name, answer in answers.items()} == {
+            "link": 409, "nowhere": 404, "circle": 404, "folder": 404,
+        }  # fmt: skip
+        assert not any("root:x" in answer.text for answer in answers.values())
+    finally:
+        served.close()
+
+
+def test_head_of_a_file_tells_what_is_there(bench: RecordedBench, path: Path) -> None:
+    whole, part = (bench.client.head(f"{API}/runs/{RUN}/file", headers=h) for h in ({}, {"Range": "bytes=0-7"}))
+    assert (whole.status_code, whole.headers["content-length"]) == (200, str(path.stat().st_size))
+    assert (part.status_code, part.headers["content-length"]) == (206, "8")
+    assert bench.get("/file", {"If-None-Match": "*"}).status_code == 304
+
+
+def test_run_under_way_is_not_read(bench: RecordedBench) -> None:
+    frame = make_frames(1)[0]
+    assert frame.status.state is RunState.RECORDING
+    bench.live.frame = frame
+    try:
+        for tail in ("/trend", "/orbit", "/file", "/samples", "/comparison?speed_rpm=6000"):
+            assert bench.client.get(f"{API}/runs/{frame.header.run}{tail}").status_code == 409
+    finally:
+        bench.live.frame = None
+
+
+def test_gzipped_answer_is_what_it_says(bench: RecordedBench) -> None:
+    with bench.client.stream("GET", f"{API}/runs/{RUN}/order-vectors") as response:
+        assert gzip.decompress(b"".join(response.iter_raw())).startswith(b'{"run":')
+
+
+@pytest.mark.parametrize("what", ["order-spectrum", "full-spectrum", "orbit", "bode", "cascade", "waterfall", "polar"])
+def test_plot_is_an_svg_of_curves_that_lie_inside_it(bench: RecordedBench, what: str) -> None:
+    response = bench.get(f"/plots/{what}.svg")
+    assert response.headers["content-type"] == "image/svg+xml"
+    root = ET.fromstring(response.text)  # noqa: S314 - the service's own
+    lines = root.findall(".//{http://www.w3.org/2000/svg}polyline")
+    assert lines
+    for line in lines:
+        points = np.array([point.split(",") for point in line.attrib["points"].split()], dtype=np.float64)
+        assert points.min() >= 0.0
+        assert points[:, 0].max() <= 640.0
+        assert points[:, 1].max() <= 640.0
+    assert RUN in response.text
+    drawn = bench.get(f"/plots/{what}.png")
+    assert drawn.headers["content-type"] == "image/png"
+    assert drawn.content.startswith(b"\x89PNG")

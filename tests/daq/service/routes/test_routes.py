@@ -1,0 +1,369 @@
+"""REST: every address, asked well and badly, over a real loopback socket."""
+
+import json
+import threading
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
+
+import httpx
+import pytest
+
+from daq.schemas import LiveDocument, PictureDocument, ProblemDocument, RunDocument, SummaryDocument
+from daq.session.live_update import RunState
+from recordings.errors import DamagedError, RecordingError, StorageError, UnknownFormatError
+from tests.daq.support.frames import make_frames
+from tests.daq.support.service_bench import API, Bench, faults, open_bench
+from tests.daq.support.service_fakes import CUT, NEWEST, OTHER_RIG, UNREADABLE
+
+
+@pytest.fixture(scope="module")
+def served() -> Iterator[Bench]:
+    opened = open_bench()
+    yield opened
+    opened.close()
+
+
+@pytest.fixture
+def bench(served: Bench) -> Iterator[Bench]:
+    yield served
+    served.tidy()
+
+
+def problem(response: httpx.Response) -> ProblemDocument:
+    """The problem that an answer tells of, checked for form."""
+    assert response.headers["content-type"] == "application/problem+json"
+    document = ProblemDocument.model_validate_json(response.content)
+    assert document.status == response.status_code
+    assert document.detail
+    return document
+
+
+def runs_of(response: httpx.Response) -> list[str]:
+    assert response.status_code == 200, response.text
+    return [run["run"] for run in response.json()["runs"]]
+
+
+def test_runs_are_listed_newest_first_with_what_is_wrong_with_them(bench: Bench) -> None:
+    response = bench.get("/runs")
+    assert runs_of(response) == [NEWEST, CUT, OTHER_RIG, UNREADABLE]
+    unreadable = response.json()["runs"][-1]
+    assert unreadable["fault"] == "u.mcap: 12 bytes, no MCAP file"
+    assert unreadable["rig"] is None
+    assert unreadable["samples"] is None
+
+
+def test_runs_are_chosen_by_rig_and_by_whether_they_are_complete(bench: Bench) -> None:
+    assert runs_of(bench.get("/runs", rig="bench2")) == [OTHER_RIG]
+    assert runs_of(bench.get("/runs", complete="false")) == [CUT, UNREADABLE]
+    assert runs_of(bench.get("/runs", complete="true", rig="gj90c")) == [NEWEST]
+    assert runs_of(bench.get("/runs", rig="none-such")) == []
+
+
+def test_pages_of_runs_join_to_the_whole_list_and_tell_its_length(bench: Bench) -> None:
+    first, second, beyond = (bench.get("/runs", limit=3, offset=offset) for offset in (0, 3, 6))
+    assert runs_of(first) + runs_of(second) == [NEWEST, CUT, OTHER_RIG, UNREADABLE]
+    assert runs_of(beyond) == []
+    assert {page.json()["total"] for page in (first, second, beyond)} == {4}
+    assert (second.json()["limit"], second.json()["offset"]) == (3, 3)
+
+
+@pytest.mark.parametrize(
+    ("query", "parameter"),
+    [
+        ("limit=0", "query.limit"),
+        ("limit=201", "query.limit"),
+        ("limit=many", "query.limit"),
+        ("offset=-1", "query.offset"),
+        ("complete=perhaps", "query.complete"),
+        ("page=2", "query.page"),
+    ],
+)
+def test_bad_parameter_of_the_list_is_named_with_its_value(bench: Bench, query: str, parameter: str) -> None:
+    response = bench.client.get(f"{API}/runs?{query}")
+    told = problem(response)
+    assert told.status == 422
+    assert told.type == "/docs#bad-parameter"
+    assert [fault.parameter for fault in told.faults] == [parameter]
+    assert query.partition("=")[2] in told.faults[0].detail
+
+
+def test_every_bad_parameter_is_told_in_one_go(bench: Bench) -> None:
+    told = problem(bench.client.get(f"{API}/runs?limit=0&offset=-1"))
+    assert {fault.parameter for fault in told.faults} == {"query.limit", "query.offset"}
+
+
+def test_run_is_given_by_its_id(bench: Bench) -> None:
+    response = bench.get(f"/runs/{NEWEST}")
+    assert response.status_code == 200
+    run = RunDocument.model_validate_json(response.content)
+    assert (run.run, run.rig, run.duration_s, run.note) == (NEWEST, "gj90c", 300.0, "after the oil change")
+
+
+def test_run_that_cannot_be_read_is_still_given(bench: Bench) -> None:
+    assert bench.get(f"/runs/{UNREADABLE}").json()["fault"]
+
+
+@pytest.mark.parametrize("tail", ["", "/summary"])
+@pytest.mark.parametrize(
+    "run_id",
+    [
+        "no-such-run",
+        "..",
+        "%2e%2e",
+        "..%2fsecret",
+        "%2e%2e%2fsecret",
+        "..%5csecret",
+        "%252e%252e%252fsecret",
+        "..%00",
+        "%00",
+        "a%0d%0ab",
+        "....//secret",
+        "%2fetc%2fpasswd",
+        "C:%5cWindows%5cwin.ini",
+        "%c0%ae%c0%ae",
+        "%20",
+        "x" * 4000,
+    ],
+)
+def test_unknown_or_climbing_run_id_is_not_found(bench: Bench, run_id: str, tail: str) -> None:
+    status, headers, content = bench.raw(f"{API}/runs/{run_id}{tail}")
+    assert status == 404
+    assert headers["content-type"] == "application/problem+json"
+    assert ProblemDocument.model_validate_json(content).type in {"/docs#run-not-found", "/docs#not-found"}
+    assert b"Traceback" not in content
+
+
+def test_summary_is_given_with_its_losses_and_components(bench: Bench) -> None:
+    response = bench.get(f"/runs/{NEWEST}/summary")
+    assert response.status_code == 200
+    summary = SummaryDocument.model_validate_json(response.content)
+    assert summary.is_gap_free is False
+    assert (summary.lost_samples, summary.lost_is_exact) == (2000, False)
+    assert summary.sub_synchronous[0].begin.speed_rpm == pytest.approx(10_980.0)
+
+
+@pytest.mark.parametrize(
+    ("error", "status", "kind"),
+    [
+        (DamagedError("r.mcap: cut before the first samples"), 409, "run-damaged"),
+        (UnknownFormatError("r.mcap: format 7, expected 1"), 409, "run-format-unknown"),
+        (StorageError("data: cannot be read: permission denied"), 503, "storage-unavailable"),
+        (RecordingError("r.mcap: something else"), 500, "internal"),
+    ],
+)
+def test_summary_that_cannot_be_given_says_why(bench: Bench, error: RecordingError, status: int, kind: str) -> None:
+    bench.summaries.trouble = error
+    told = problem(bench.get(f"/runs/{NEWEST}/summary"))
+    assert (told.status, told.type, told.detail) == (status, f"/docs#{kind}", str(error))
+    assert told.instance == f"{API}/runs/{NEWEST}/summary"
+
+
+def test_summary_of_the_run_under_way_is_a_conflict_until_it_has_ended(bench: Bench) -> None:
+    frame = make_frames(1)[0]
+    bench.live.frame = frame
+    told = problem(bench.get(f"/runs/{NEWEST}/summary"))
+    assert (told.status, told.type) == (409, "/docs#run-under-way")
+    assert bench.get(f"/runs/{CUT}/summary").status_code == 200
+    bench.live.frame = replace(frame, status=replace(frame.status, state=RunState.FINISHED))
+    assert bench.get(f"/runs/{NEWEST}/summary").status_code == 200
+
+
+def test_fault_of_the_program_is_told_without_its_inside_and_logged_with_it(
+    bench: Bench, caplog: pytest.LogCaptureFixture
+) -> None:
+    bench.summaries.trouble = LookupError("secret inside")
+    told = problem(bench.get(f"/runs/{NEWEST}/summary"))
+    assert (told.status, told.type) == (500, "/docs#internal")
+    assert "secret" not in told.detail
+    assert "secret inside" in caplog.text
+    assert f"GET {API}/runs/{NEWEST}/summary failed" in caplog.text
+    assert bench.get("/runs").status_code == 200
+
+
+def test_data_folder_that_cannot_be_read_makes_the_list_unavailable_and_health_troubled(bench: Bench) -> None:
+    bench.catalogue.trouble = StorageError("data: the data folder cannot be read: gone")
+    response = bench.get("/runs")
+    assert problem(response).status == 503
+    assert int(response.headers["retry-after"]) > 0
+    health = bench.get("/health")
+    assert health.status_code == 200
+    assert health.json()["health"] == "trouble"
+    assert health.json()["runs"] is None
+    assert "gone" in health.json()["detail"]
+
+
+def test_live_is_not_found_while_nothing_is_under_way(bench: Bench) -> None:
+    told = problem(bench.get("/live"))
+    assert (told.status, told.type) == (404, "/docs#no-live-run")
+
+
+def test_live_gives_measurement_and_model_side_by_side_and_is_never_kept(bench: Bench) -> None:
+    bench.live.frame = make_frames(200)[150]
+    response = bench.get("/live")
+    assert response.status_code == 200
+    assert response.headers["cache-control"] == "no-store"
+    live = LiveDocument.model_validate_json(response.content)
+    assert live.measured is not None
+    assert live.predicted is not None
+    assert live.measured.speed_rpm == pytest.approx(live.predicted.speed_rpm)
+    assert live.measured.whirl is not None
+    assert live.measured.whirl.order == 0.49
+
+
+def test_live_picture_gives_orbit_and_spectrum_with_the_models_beside_them(bench: Bench) -> None:
+    assert problem(bench.get("/live/picture")).type == "/docs#no-live-run"
+    frame = make_frames(200)[150]
+    bench.live.frame = frame
+    picture = PictureDocument.model_validate_json(bench.get("/live/picture").content)
+    assert frame.snapshot is not None
+    assert frame.snapshot.frame is not None
+    assert picture.measured is not None
+    assert picture.predicted is not None
+    assert picture.measured.orbit_x_um == pytest.approx(frame.snapshot.frame.orbit[0] * 1e6, abs=1e-4)
+    assert len(picture.measured.orbit_y_um) == 4 * picture.points_per_revolution
+    first = picture.measured.orders.index(1.0)
+    assert picture.measured.spectrum_peak_x_um[first] == pytest.approx(
+        abs(frame.snapshot.frame.spectrum[0, first]) * 1e6, abs=1e-4
+    )
+    bench.live.frame = replace(frame, snapshot=None, prediction=None)
+    empty = PictureDocument.model_validate_json(bench.get("/live/picture").content)
+    assert (empty.measured, empty.predicted) == (None, None)
+
+
+def test_health_names_the_run_under_way_and_a_failed_one(bench: Bench) -> None:
+    assert bench.get("/health").json()["live_run"] is None
+    frame = make_frames(1)[0]
+    bench.live.frame = frame
+    health = bench.get("/health").json()
+    assert (health["live_run"], health["health"], health["runs"]) == (NEWEST, "good", 4)
+    bench.live.frame = replace(frame, status=replace(frame.status, state=RunState.FAILED, detail="card unplugged"))
+    health = bench.get("/health").json()
+    assert (health["live_run"], health["health"]) == (None, "trouble")
+    assert "card unplugged" in health["detail"]
+
+
+@pytest.mark.parametrize("path", ["/", "/nothing", "/runs/", f"/runs/{NEWEST}/", f"/runs/{NEWEST}/samples", "/v2"])
+def test_address_that_does_not_exist_is_a_problem_too(bench: Bench, path: str) -> None:
+    assert problem(bench.get(path)).status == 404
+
+
+@pytest.mark.parametrize("path", [f"{API}/runs", f"{API}/live", "/", "/page.js", "/openapi.json"])
+def test_head_is_answered_as_get_without_the_content(bench: Bench, path: str) -> None:
+    head, get = bench.client.head(path), bench.client.get(path)
+    assert head.content == b""
+    assert head.status_code == get.status_code
+    assert {**head.headers, "date": ""} == {**get.headers, "date": ""}
+
+
+@pytest.mark.parametrize("method", ["POST", "PUT", "DELETE", "PATCH"])
+def test_what_is_read_only_says_so(bench: Bench, method: str) -> None:
+    response = bench.client.request(method, f"{API}/runs")
+    assert problem(response).status == 405
+    assert response.headers["allow"] == "GET"
+
+
+def test_waiting_summaries_keep_neither_live_nor_the_list_waiting_and_too_many_are_turned_away(bench: Bench) -> None:
+    bench.live.frame = make_frames(1)[0]
+    bench.summaries.gate.clear()
+    answers: list[int] = []
+
+    def ask() -> None:
+        with httpx.Client(base_url=bench.server.url, timeout=60.0) as client:
+            answers.append(client.get(f"{API}/runs/{CUT}/summary").status_code)
+
+    askers = [threading.Thread(target=ask) for _ in range(24)]
+    for asker in askers:
+        asker.start()
+    deadline = time.monotonic() + 60.0
+    while len(answers) < 6 and time.monotonic() < deadline:
+        time.sleep(0.01)
+    assert answers == [503] * 6  # 2 are read, 16 wait
+    assert bench.get("/live").elapsed.total_seconds() < 30.0
+    assert bench.get("/runs").status_code == 200
+    bench.summaries.gate.set()
+    for asker in askers:
+        asker.join(60.0)
+    assert answers.count(200) == 18
+
+
+@pytest.fixture
+def schema(bench: Bench) -> dict[str, Any]:
+    document: dict[str, Any] = bench.client.get("/openapi.json").json()
+    return document
+
+
+def test_every_answer_fits_the_schema_that_is_given_for_it(bench: Bench, schema: dict[str, Any]) -> None:
+    def check(response: httpx.Response, path: str, status: int) -> None:
+        assert response.status_code == status, response.text
+        content = schema["paths"][API + path]["get"]["responses"][str(status)]["content"]
+        media_type = response.headers["content-type"]
+        assert list(content) == [media_type]
+        assert faults(response.json(), content[media_type]["schema"], schema["components"]["schemas"]) == []
+
+    check(bench.get("/live"), "/live", 404)
+    for frame in make_frames(40)[::13]:
+        bench.live.frame = frame
+        check(bench.get("/live"), "/live", 200)
+        check(bench.get("/live/picture"), "/live/picture", 200)
+    bench.live.frame = replace(frame, snapshot=None, prediction=None)
+    check(bench.get("/live"), "/live", 200)
+    check(bench.get("/health"), "/health", 200)
+    check(bench.get("/runs"), "/runs", 200)
+    check(bench.get("/runs", limit=0), "/runs", 422)
+    check(bench.get(f"/runs/{UNREADABLE}"), "/runs/{run}", 200)
+    check(bench.get("/runs/none"), "/runs/{run}", 404)
+    check(bench.get(f"/runs/{CUT}/summary"), "/runs/{run}/summary", 200)
+    check(bench.get(f"/runs/{NEWEST}/summary"), "/runs/{run}/summary", 409)
+    check(bench.get("/runs/none/summary"), "/runs/{run}/summary", 404)
+    bench.summaries.trouble = ValueError("inside")
+    check(bench.get(f"/runs/{CUT}/summary"), "/runs/{run}/summary", 500)
+    bench.catalogue.trouble = StorageError("gone")
+    check(bench.get("/runs"), "/runs", 503)
+
+
+def test_schema_checker_finds_what_does_not_fit(schema: dict[str, Any]) -> None:
+    schemas = schema["components"]["schemas"]
+    health = {"health": "fine", "detail": 1, "version": "1", "uptime_s": 1.0, "runs": -1, "more": True}
+    found = faults(health, schemas["HealthDocument"], schemas)
+    assert {fault.partition(":")[0].partition(" ")[0] for fault in found} == {
+        "$.health", "$.detail", "$.runs", "$.live_run", "$.more",
+    }  # fmt: skip
+
+
+def test_schema_names_every_operation_and_points_nowhere_unknown(schema: dict[str, Any]) -> None:
+    operations = [operation for path in schema["paths"].values() for operation in path.values()]
+    assert [operation["operationId"] for operation in operations] == [
+        "list_runs", "get_run", "get_run_summary", "get_live", "get_live_picture", "get_health", "follow_live",
+        "follow_live_picture",
+    ]  # fmt: skip
+    assert {tag for operation in operations for tag in operation["tags"]} == {tag["name"] for tag in schema["tags"]}
+    text = json.dumps(schema)
+    references = {part.split('"')[0] for part in text.split('"#/components/schemas/')[1:]}
+    assert references <= set(schema["components"]["schemas"])
+    assert "HTTPValidationError" not in text
+
+
+def test_schema_describes_every_field_and_gives_an_example_of_every_value(schema: dict[str, Any]) -> None:
+    for name, document in schema["components"]["schemas"].items():
+        if "properties" not in document:
+            continue
+        assert document["additionalProperties"] is False, name
+        assert set(document["required"]) == set(document["properties"]), name
+        for field, content in document["properties"].items():
+            is_value = "$ref" not in json.dumps(content) or content.get("examples")
+            assert content.get("description") or "$ref" in content, f"{name}.{field}"
+            assert content.get("examples") or not is_value, f"{name}.{field}"
+
+
+def test_schema_writes_units_into_names(schema: dict[str, Any]) -> None:
+    suffixes = {"µm": "_um", "r/min": ("_rpm", "_rpm_per_s"), "degrees": "_deg", "Hz": "_hz", "µs": "_us", "V": "_v"}
+    for name, document in schema["components"]["schemas"].items():
+        for field, content in document.get("properties", {}).items():
+            words = content.get("description", "").replace(",", " ").replace(";", " ").split()
+            if content.get("type") == "string" or "$ref" in content:
+                continue
+            for unit, suffix in suffixes.items():
+                if unit in words:
+                    assert field.endswith(suffix), f"{name}.{field}: {content['description']}"

@@ -1,0 +1,76 @@
+"""The list of runs over REST: filtered, sorted, in pages, against a real catalogue."""
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from daq.config.rig import Rig
+from daq.session.offline import summarise
+from recordings.catalogue.catalogue import Catalogue
+from tests.daq.support.recorded_bench import API, RecordedBench, open_recorded_bench, record_run
+
+RigFactory = Callable[..., Rig]
+Question = dict[str, str | int | list[str]]
+SLOW, FAST = "2026-11-23T08-00-00-slow", "2026-11-24T09-12-07-fast"
+
+
+def ramp(low: float, high: float, seconds: float) -> dict[str, Any]:
+    """A run-up."""
+    return {"profile": [{"time_s": 0.0, "speed_rpm": low}, {"time_s": seconds, "speed_rpm": high}]}
+
+
+@pytest.fixture
+def bench(tmp_path: Path, rig: RigFactory) -> Iterator[RecordedBench]:
+    folder = tmp_path / "data"
+    folder.mkdir()
+    record_run(rig(simulation=ramp(3000.0, 4000.0, 2.0)), folder, SLOW)
+    record_run(rig(simulation=ramp(8000.0, 9000.0, 1.0)), folder, FAST)
+    catalogue = Catalogue(folder)
+    catalogue.index(summarise)
+    catalogue.annotate(FAST, remark="new bearing", tags=("good", "reference"))
+    served = open_recorded_bench(folder)
+    yield served
+    served.close()
+
+
+def listed(bench: RecordedBench, **question: str | int | list[str]) -> list[str]:
+    """The ids that a question finds."""
+    response = bench.client.get(f"{API}/runs", params=question)
+    assert response.status_code == 200, response.text
+    return [run["run"] for run in response.json()["runs"]]
+
+
+def test_runs_are_found_by_what_was_measured_said_and_calibrated(bench: RecordedBench) -> None:
+    run = bench.client.get(f"{API}/runs/{FAST}").json()
+    assert (run["remark"], run["tags"]) == ("new bearing", ["good", "reference"])
+    both = [SLOW, FAST]
+    assert sorted(listed(bench)) == both
+    assert sorted(listed(bench, calibration=run["calibration"][:6], rig=run["rig"])) == both
+    assert listed(bench, calibration="nobody") == listed(bench, rig="nobody") == listed(bench, device="nobody") == []
+    assert listed(bench, speed_from_rpm=5000) == listed(bench, text="BEARING fast") == [FAST]
+    assert listed(bench, speed_to_rpm=5000) == [SLOW]
+    assert listed(bench, tag=["good", "reference"]) == [FAST]
+    assert listed(bench, tag=["good", "odd"]) == []
+    assert sorted(listed(bench, since="2026-11-01", before="2027-01-01T00:00:00Z")) == both
+    assert listed(bench, since="9999-12-31T23:59:59Z") == listed(bench, before="0001-01-01T00:00:00Z") == []
+    assert listed(bench, onset_below_rpm=9000) == []
+
+
+def test_runs_are_sorted_and_given_in_pages(bench: RecordedBench) -> None:
+    assert listed(bench, sort="-duration") == listed(bench, sort="-size") == [SLOW, FAST]
+    assert listed(bench, sort="duration") == listed(bench, sort="size") == [FAST, SLOW]
+    assert listed(bench, sort="started") == listed(bench, sort="-started")[::-1]
+    assert listed(bench, sort="duration", limit=1, offset=1) == [SLOW]
+    assert bench.client.get(f"{API}/runs", params={"text": "fast", "limit": 1}).json()["total"] == 1
+
+
+@pytest.mark.parametrize(
+    "question",
+    [{"sort": "colour"}, {"since": "yesterday"}, {"speed_from_rpm": -1}, {"text": "\x00"}, {"speed": 3}],
+)  # fmt: skip
+def test_question_that_is_none_is_refused(bench: RecordedBench, question: Question) -> None:
+    response = bench.client.get(f"{API}/runs", params=question)
+    assert response.status_code == 422, response.text
+    assert response.json()["faults"]

@@ -1,0 +1,181 @@
+"""Who is let in: names of this machine, and tokens where others can ask too."""
+
+import http.client
+from collections.abc import Iterator
+from ipaddress import IPv4Address
+from pathlib import Path
+
+import pytest
+
+from daq.errors import ServiceError
+from daq.schemas import ProblemDocument, SummaryDocument
+from daq.service.app import create_app
+from daq.service.guard import host_name, is_loopback
+from daq.service.pages import PUBLIC_PATHS
+from daq.service.server import ServiceServer
+from recordings.catalogue.catalogue import Catalogue
+from tests.daq.support.service_bench import API, Bench, open_bench
+from tests.daq.support.service_fakes import FakeCatalogue, FakeLive, FakeSummaries, make_entries
+
+WORD = "correct-horse"
+EVERYWHERE = str(IPv4Address(0))
+
+
+@pytest.fixture(scope="module")
+def local() -> Iterator[Bench]:
+    bench = open_bench()
+    yield bench
+    bench.close()
+
+
+@pytest.fixture(scope="module")
+def open_to_others() -> Iterator[Bench]:
+    bench = open_bench(host=EVERYWHERE, token=WORD)
+    yield bench
+    bench.close()
+
+
+@pytest.mark.parametrize("name", ["localhost", "127.0.0.1", "[::1]", "LOCALHOST"])
+@pytest.mark.parametrize("port", ["", ":8080"])
+def test_local_service_answers_to_the_names_of_its_machine(local: Bench, name: str, port: str) -> None:
+    assert local.raw(f"{API}/runs", {"Host": name + port})[0] == 200
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "evil.example",
+        "127.0.0.1.evil.example",
+        "localhost.evil.example:8080",
+        "evil.example:127.0.0.1",
+        "[::1",
+        "[::2]",
+        "",
+    ],
+)
+@pytest.mark.parametrize("path", [f"{API}/live", "/", "/openapi.json"])
+def test_local_service_turns_away_any_other_name(local: Bench, name: str, path: str) -> None:
+    status, headers, content = local.raw(path, {"Host": name})
+    assert status == 421
+    assert headers["content-type"] == "application/problem+json"
+    assert ProblemDocument.model_validate_json(content).type == "/docs#host-not-allowed"
+
+
+@pytest.mark.parametrize("scheme", ["Bearer", "bearer", "BEARER "])
+def test_service_for_others_answers_to_any_name_that_bears_the_token(open_to_others: Bench, scheme: str) -> None:
+    headers = {"Host": "bench.lab.example:8000", "Authorization": f"{scheme} {WORD}"}
+    assert open_to_others.raw(f"{API}/runs", headers)[0] == 200
+
+
+@pytest.mark.parametrize(
+    "authorization",
+    [None, "", "Bearer", "Bearer ", f"Bearer {WORD}x", f"Bearer {WORD[:-1]}", WORD, f"Basic {WORD}", "Bearer é"],
+)
+@pytest.mark.parametrize("path", ["/runs", "/live", "/health", "/nothing", "/runs/x/summary"])
+def test_request_without_the_token_is_turned_away(open_to_others: Bench, authorization: str | None, path: str) -> None:
+    headers = {} if authorization is None else {"Authorization": authorization}
+    status, answered, content = open_to_others.raw(API + path, headers)
+    assert status == 401
+    assert answered["www-authenticate"].startswith("Bearer")
+    assert ProblemDocument.model_validate_json(content).type == "/docs#token-needed"
+    assert WORD.encode() not in content
+
+
+@pytest.mark.parametrize(
+    "target",
+    [
+        "//api/v1/runs",
+        "/API/v1/runs",
+        "/api/v1/../../page.css",
+        "/%61pi/v1/runs",
+        "/docs/",
+        f"/api/v1/runs?token={WORD}",
+        f"/api/v1/runs?access_token={WORD}",
+        f"/api/v1/live/socket?token={WORD}",
+    ],
+)
+def test_no_spelling_of_a_path_passes_by_the_token(open_to_others: Bench, target: str) -> None:
+    assert open_to_others.raw(target)[0] == 401
+
+
+@pytest.mark.parametrize("path", sorted(PUBLIC_PATHS))
+def test_page_comes_without_the_token_and_tells_nothing_of_the_rig(open_to_others: Bench, path: str) -> None:
+    status, _, content = open_to_others.raw(path)
+    assert status == 200
+    assert WORD.encode() not in content
+
+
+def test_schema_tells_of_the_token_where_one_is_needed(local: Bench, open_to_others: Bench) -> None:
+    needed, free = (bench.client.get("/openapi.json").json() for bench in (open_to_others, local))
+    assert needed["security"] == [{"token": []}]
+    assert needed["components"]["securitySchemes"]["token"]["scheme"] == "bearer"
+    assert "401" in needed["paths"][f"{API}/runs"]["get"]["responses"]
+    assert "security" not in free
+    assert "401" not in free["paths"][f"{API}/runs"]["get"]["responses"]
+
+
+@pytest.mark.parametrize("host", [EVERYWHERE, "", "192.168.1.7", "bench.lab.example", "::"])
+def test_service_for_others_without_a_token_is_refused(host: str) -> None:
+    catalogue = FakeCatalogue(make_entries())
+    with pytest.raises(ServiceError, match="token"):
+        create_app(catalogue, FakeLive(), FakeSummaries(catalogue), None, host=host)
+
+
+@pytest.mark.parametrize("token", ["", " ", " x", "a\nb", "tökèn"])
+def test_token_that_no_header_can_carry_is_refused(token: str) -> None:
+    catalogue = FakeCatalogue(make_entries())
+    with pytest.raises(ServiceError, match="printable"):
+        create_app(catalogue, FakeLive(), FakeSummaries(catalogue), None, token=token)
+
+
+def test_answers_say_that_nothing_is_guessed_embedded_or_kept(local: Bench) -> None:
+    for path in (f"{API}/runs", f"{API}/live", "/openapi.json", f"{API}/none"):
+        headers = local.client.get(path).headers
+        assert headers["content-security-policy"] == "default-src 'none'; frame-ancestors 'none'"
+        assert headers["x-content-type-options"] == "nosniff"
+        assert headers["cache-control"] == "no-store"
+        assert "access-control-allow-origin" not in headers
+        assert "server" not in headers
+
+
+@pytest.mark.parametrize("tail", ["", "/summary"])
+@pytest.mark.parametrize(
+    "run_id", ["..%2fsecret", "%2e%2e%2fsecret", "..%5csecret", "../secret", "data/../../secret", "%2e%2e", "."]
+)
+def test_no_run_id_leads_out_of_the_data_folder(tmp_path: Path, run_id: str, tail: str) -> None:
+    folder = tmp_path / "data"
+    folder.mkdir()
+    (tmp_path / "secret.mcap").write_bytes(b"secret")
+    catalogue = Catalogue(folder)
+
+    class FromFile:
+        def summary(self, run_id: str) -> SummaryDocument:
+            raise AssertionError(catalogue.path(run_id).read_bytes())
+
+    server = ServiceServer(create_app(catalogue, FakeLive(), FromFile(), None))
+    server.start()
+    connection = http.client.HTTPConnection("127.0.0.1", server.port, timeout=60)
+    connection.request("GET", f"{API}/runs/{run_id}{tail}")
+    answer = connection.getresponse()
+    assert answer.status == 404
+    assert b"secret.mcap" not in answer.read()
+    connection.close()
+    server.close()
+
+
+@pytest.mark.parametrize("host", ["127.0.0.1", "127.0.1.1", "localhost", "Localhost", "::1", "[::1]"])
+def test_loopback_address_is_known_as_one(host: str) -> None:
+    assert is_loopback(host)
+
+
+@pytest.mark.parametrize("host", [EVERYWHERE, "10.0.0.1", "::", "127.evil.example", "127", ""])
+def test_address_that_others_reach_is_not_taken_for_loopback(host: str) -> None:
+    assert not is_loopback(host)
+
+
+@pytest.mark.parametrize(
+    ("header", "name"),
+    [("LocalHost:80", "localhost"), ("[::1]:80", "[::1]"), ("[::1", ""), ("", ""), ("10.0.0.1", "10.0.0.1")],
+)
+def test_host_name_is_read_without_its_port(header: str, name: str) -> None:
+    assert host_name(header) == name

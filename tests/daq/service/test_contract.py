@@ -1,0 +1,84 @@
+"""The service against its own schema: schemathesis with all its checks, over a real socket."""
+
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from daq.config.rig import Rig
+from tests.daq.support.frames import run_up
+from tests.daq.support.recorded_bench import RecordedBench, open_recorded_bench, record_run
+
+RigFactory = Callable[..., Rig]
+CONFIG = Path(__file__).with_name("schemathesis.toml")
+SHORT = {"profile": [{"time_s": 0.0, "speed_rpm": 10_000.0}, {"time_s": 1.0, "speed_rpm": 12_000.0}]}
+KNOWN = "2026-11-24T09-12-07-gj90c"  # what the schema's examples name
+LEAST_CAMPAIGN = 20_000
+PUTTING_AWAY = "put_run_away"  # comes last: it takes away what is asked about
+ANALYSES = r"/analyses/(?!(orbit|cascade|envelopes)$)"  # all but three: they are asked and answered alike
+PNG = r"\.png$"  # drawn in half a second each, of the same questions and answers as SVG
+
+
+@pytest.fixture
+def bench(tmp_path: Path, rig: RigFactory) -> Iterator[RecordedBench]:
+    folder = tmp_path / "data"
+    folder.mkdir()
+    file = record_run(rig(simulation=SHORT), folder, KNOWN)
+    (folder / "trash").mkdir()
+    shutil.copy(file, folder / "trash")
+    served = open_recorded_bench(folder, job_limit=2.0)  # what jobs come to is not tried here
+    served.live.frame = list(run_up(3, "under-way"))[2]
+    served.client.get(f"/api/v1/runs/{KNOWN}/cascade")  # a process that reads for the first time has modules to load
+    yield served
+    served.close()
+
+
+def cases(bench: RecordedBench, *options: str, timeout: float) -> int:
+    """Try the service; return the number of cases, none of which may have found a fault."""
+    done = subprocess.run(
+        [
+            str(Path(sys.executable).with_name("schemathesis")),
+            f"--config-file={CONFIG}",
+            "run",
+            str(bench.client.base_url.join("/openapi.json")),
+            "--checks=all",
+            "--exclude-path=/api/v1/live/events",  # has no end
+            "--exclude-path=/api/v1/live/picture/events",  # nor has this
+            "--request-timeout=60",
+            "--max-response-time=30",  # after which the service itself says that it takes too long
+            "--no-color",
+            *options,
+        ],
+        capture_output=True,
+        text=True,
+        timeout=timeout,
+        cwd=bench.folder.parent,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout[-8000:] + done.stderr[-2000:]
+    generated = re.search(r"(\d+) generated", done.stdout)
+    assert generated is not None, done.stdout[-2000:]
+    print(done.stdout[-600:])
+    return int(generated.group(1))
+
+
+def test_service_keeps_to_its_schema_in_a_quick_look(bench: RecordedBench) -> None:
+    quick = ("--phases=examples,fuzzing", "--max-examples=4", "--seed=1", f"--exclude-path-regex={ANALYSES}")
+    assert cases(bench, *quick, f"--exclude-operation-id={PUTTING_AWAY}", timeout=400.0) > 90
+    assert cases(bench, *quick, f"--include-operation-id={PUTTING_AWAY}", timeout=200.0) > 0
+
+
+@pytest.mark.campaign
+def test_service_keeps_to_its_schema_in_twenty_thousand_cases(bench: RecordedBench) -> None:
+    phases = "--phases=examples,coverage,fuzzing,stateful"
+    kept = (f"--exclude-path-regex={PNG}", f"--exclude-operation-id={PUTTING_AWAY}")
+    total = cases(bench, phases, "--max-examples=700", *kept, "--workers=2", timeout=7200.0)
+    total += cases(bench, phases, "--max-examples=20", f"--include-path-regex={PNG}", timeout=3600.0)
+    assert bench.client.get(f"/api/v1/runs/{KNOWN}/cascade").status_code == 200, "what is asked about is still there"
+    total += cases(bench, phases, "--max-examples=500", f"--include-operation-id={PUTTING_AWAY}", timeout=3600.0)
+    print(f"{total:,} cases")
+    assert total >= LEAST_CAMPAIGN

@@ -1,0 +1,132 @@
+"""The page and the reference: whole, from memory, and with nothing from elsewhere."""
+
+import re
+from collections.abc import Iterator
+from html.parser import HTMLParser
+
+import pytest
+
+from daq.service.pages import ASSETS, origin
+from daq.service.problem_types import Kind
+from tests.daq.support.service_bench import Bench, open_bench
+
+VIEWER = "http://127.0.0.1:9090/?url=rerun%2Bhttp%3A%2F%2F127.0.0.1%3A9876%2Fproxy&theme=dark"
+
+
+class Links(HTMLParser):
+    """Collects what a page refers to, its ids and its inline scripts and styles."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.targets: list[str] = []
+        self.ids: list[str] = []
+        self.inline: list[str] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        for name, value in attrs:
+            if name in {"href", "src", "action"}:
+                self.targets.append(value or "")
+            if name == "id":
+                self.ids.append(value or "")
+            if name == "style" or name.startswith("on"):
+                self.inline.append(f"{tag} {name}")
+        if tag == "style" or (tag == "script" and "src" not in dict(attrs)):
+            self.inline.append(tag)
+
+
+def read(text: str) -> Links:
+    links = Links()
+    links.feed(text)
+    return links
+
+
+@pytest.fixture(scope="module")
+def bench() -> Iterator[Bench]:
+    served = open_bench(VIEWER)
+    yield served
+    served.close()
+
+
+@pytest.mark.parametrize("path", ["/", "/docs"])
+def test_page_refers_to_nothing_but_the_service_itself(bench: Bench, path: str) -> None:
+    response = bench.client.get(path)
+    assert response.headers["content-type"] == "text/html; charset=utf-8"
+    links = read(response.text)
+    assert links.targets
+    assert links.inline == []
+    for target in links.targets:
+        if target.startswith("#"):
+            assert target[1:] in links.ids
+        else:
+            assert target.startswith("/")
+            assert bench.client.get(target).status_code == 200, target
+
+
+@pytest.mark.parametrize("name", [*ASSETS, "", "docs"])
+def test_no_file_of_the_page_has_an_external_address(bench: Bench, name: str) -> None:
+    text = bench.client.get(f"/{name}").text.replace(VIEWER.replace("&", "&amp;"), "")
+    addresses = set(re.findall(r"(?:https?:)?//[A-Za-z0-9.\-]+\.[a-z]{2,}[^\s\"']*", text))
+    assert addresses <= {"http://www.w3.org/2000/svg"}  # a name, never fetched
+
+
+@pytest.mark.parametrize("name", ASSETS)
+def test_every_file_of_the_page_has_its_type(bench: Bench, name: str) -> None:
+    kinds = {"js": "text/javascript; charset=utf-8", "css": "text/css; charset=utf-8", "svg": "image/svg+xml"}
+    assert bench.client.get(f"/{name}").headers["content-type"] == kinds[name.rpartition(".")[2]]
+
+
+def test_scripts_import_only_files_that_are_served_and_name_only_elements_that_exist(bench: Bench) -> None:
+    ids = set(read(bench.client.get("/").text).ids)
+    scripts = {name: bench.client.get(f"/{name}").text for name in ASSETS if name.endswith(".js")}
+    for name, text in scripts.items():
+        assert set(re.findall(r'from "\./([^"]+)"', text)) <= set(scripts), name
+        named = set(re.findall(r'(?:element|getElementById|write|mark|banner|fill)\("([a-z0-9-]+)"', text))
+        assert named <= ids, name
+
+
+def test_page_embeds_the_viewer_and_allows_frames_of_its_origin_alone(bench: Bench) -> None:
+    response = bench.client.get("/")
+    assert f'data-viewer="{VIEWER.replace("&", "&amp;")}"' in response.text
+    policy = dict(part.strip().split(" ", 1) for part in response.headers["content-security-policy"].split(";"))
+    assert policy["frame-src"] == "http://127.0.0.1:9090"
+    assert policy["default-src"] == "'none'"
+    assert {policy[name] for name in ("script-src", "style-src", "connect-src")} == {"'self'"}
+    assert policy["img-src"] == "'self' blob:", "drawings are fetched with the token, then shown"
+    assert policy["frame-ancestors"] == "'none'"
+    assert response.headers["origin-agent-cluster"] == "?1"
+
+
+def test_page_without_a_viewer_allows_no_frame() -> None:
+    bench = open_bench(None)
+    response = bench.client.get("/")
+    assert 'data-viewer=""' in response.text
+    assert "frame-src 'none'" in response.headers["content-security-policy"]
+    bench.close()
+
+
+@pytest.mark.parametrize(
+    "url", ["javascript:alert(1)", "viewer", "http://", "http://a b/", "http://x; script-src *", 'http://x"><script>']
+)
+def test_viewer_address_that_is_none_is_refused(url: str) -> None:
+    with pytest.raises(ValueError, match="viewer_url"):
+        origin(url)
+
+
+def test_reference_explains_every_problem_field_and_address(bench: Bench) -> None:
+    text = bench.client.get("/docs").text
+    ids = read(text).ids
+    schema = bench.client.get("/openapi.json").json()
+    assert {kind.slug for kind in Kind} <= set(ids)
+    assert len(ids) == len(set(ids))
+    for path, methods in schema["paths"].items():
+        assert path in text
+        assert methods["get"]["operationId"] in ids
+    for name, document in schema["components"]["schemas"].items():
+        for field in document.get("properties", {}):
+            assert f"<code>{field}</code>" in text, f"{name}.{field}"
+
+
+def test_reference_shows_examples_put_together_from_the_fields(bench: Bench) -> None:
+    text = bench.client.get("/docs").text
+    assert "&quot;speed_rpm&quot;: 11042.1" in text
+    assert "<script" not in text

@@ -1,0 +1,230 @@
+"""The server: its address, its thread, its end."""
+
+import asyncio
+import signal
+import socket
+import threading
+import time
+from collections.abc import Iterator
+from ipaddress import IPv4Address
+
+import httpx
+import pytest
+from starlette.types import Receive, Scope, Send
+
+from daq.errors import ServiceError
+from daq.schemas import ProblemDocument
+from daq.service.connection import Connection
+from daq.service.last_resort import LastResort
+from daq.service.server import ServiceServer
+
+
+class Hello:
+    """An application that answers after ``delay`` s."""
+
+    def __init__(self, delay: float = 0.0) -> None:
+        self.delay = delay
+        self.asked = threading.Event()
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        self.asked.set()
+        if self.delay:
+            await asyncio.sleep(self.delay)
+        await send({"type": "http.response.start", "status": 200, "headers": []})
+        await send({"type": "http.response.body", "body": b"hello"})
+
+
+def test_server_answers_at_a_free_port_from_start_to_close() -> None:
+    server = ServiceServer(Hello())
+    server.start()
+    port = server.port
+    assert port > 0
+    assert server.url == f"http://127.0.0.1:{port}"
+    assert httpx.get(server.url).text == "hello"
+    server.close()
+    with pytest.raises(httpx.ConnectError):
+        httpx.get(f"http://127.0.0.1:{port}")
+
+
+def test_server_leaves_no_thread_and_no_signal_handler_behind() -> None:
+    threads, handlers = set(threading.enumerate()), [signal.getsignal(s) for s in (signal.SIGINT, signal.SIGTERM)]
+    server = ServiceServer(Hello())
+    server.start()
+    assert [signal.getsignal(s) for s in (signal.SIGINT, signal.SIGTERM)] == handlers
+    server.close()
+    server.close()
+    assert set(threading.enumerate()) == threads
+
+
+def test_taken_address_is_named() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        with pytest.raises(ServiceError, match=f"127.0.0.1:{port}.*in use"):
+            ServiceServer(Hello(), port=port).start()
+
+
+def test_taken_address_can_be_had_when_it_is_free_again() -> None:
+    first = ServiceServer(Hello())
+    first.start()
+    httpx.get(first.url)
+    second = ServiceServer(Hello(), port=first.port)
+    with pytest.raises(ServiceError, match="in use"):
+        second.start()
+    first.close()
+    second.start()
+    assert httpx.get(second.url).text == "hello"
+    second.close()
+
+
+@pytest.mark.parametrize(("host", "port"), [("203.0.113.7", 0), ("no such host", 0), ("127.0.0.1", 70_000)])
+def test_address_that_cannot_be_had_is_named(host: str, port: int) -> None:
+    with pytest.raises(ServiceError, match=f"cannot listen at {host}:{port}"):
+        ServiceServer(Hello(), host, port).start()
+
+
+def test_close_waits_for_an_answer_under_way() -> None:
+    application = Hello(delay=0.3)
+    server = ServiceServer(application)
+    server.start()
+    answers: list[str] = []
+    asker = threading.Thread(target=lambda: answers.append(httpx.get(server.url).text))
+    asker.start()
+    assert application.asked.wait(60.0)
+    server.close()
+    asker.join(60.0)
+    assert answers == ["hello"]
+
+
+def test_close_does_not_wait_for_a_browser_that_keeps_its_connection() -> None:
+    server = ServiceServer(Hello())
+    server.start()
+    with httpx.Client(base_url=server.url) as client:
+        client.get("/")
+        began = time.monotonic()
+        server.close(deadline=60.0)
+        assert time.monotonic() - began < 30.0
+
+
+def test_close_does_not_wait_longer_than_its_deadline(caplog: pytest.LogCaptureFixture) -> None:
+    application = Hello(delay=60.0)
+    server = ServiceServer(application)
+    server.start()
+    with socket.create_connection(("127.0.0.1", server.port)) as asker:
+        asker.sendall(b"GET / HTTP/1.1\r\nHost: localhost\r\n\r\n")
+        assert application.asked.wait(60.0)
+        began = time.monotonic()
+        server.close(deadline=0.3)
+        assert time.monotonic() - began < 30.0
+    assert not caplog.records
+
+
+def test_started_server_is_not_started_again() -> None:
+    server = ServiceServer(Hello())
+    server.start()
+    with pytest.raises(ValueError, match="started already"):
+        server.start()
+    server.close()
+
+
+def test_answers_in_two_writes_do_not_wait_for_acknowledgement() -> None:
+    server = ServiceServer(Hello())
+    server.start()
+    took = []
+    with httpx.Client(base_url=server.url) as client:
+        for _ in range(60):
+            began = time.monotonic()
+            client.get("/")
+            took.append(time.monotonic() - began)
+    server.close()
+    assert min(took[30:]) < 0.03  # Nagle's rule and a late acknowledgement together make 0.04 s of each
+
+
+@pytest.mark.parametrize(
+    ("host", "url"),
+    [
+        (str(IPv4Address(0)), "http://127.0.0.1:80"),
+        ("::", "http://[::1]:80"),
+        ("::1", "http://[::1]:80"),
+        ("bench", "http://bench:80"),
+    ],
+)
+def test_url_is_one_that_a_browser_here_can_open(host: str, url: str) -> None:
+    assert ServiceServer(Hello(), host, 80).url == url
+
+
+def test_answer_that_breaks_off_after_it_began_is_not_passed_off_as_whole() -> None:
+    class BreaksOff:
+        async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+            await send({"type": "http.response.start", "status": 200, "headers": [(b"content-length", b"10")]})
+            await send({"type": "http.response.body", "body": b"half", "more_body": True})
+            raise ValueError("broke off")
+
+    server = ServiceServer(LastResort(BreaksOff()))
+    server.start()
+    with pytest.raises(httpx.RemoteProtocolError):
+        httpx.get(server.url)
+    server.close()
+
+
+class Hasty(Connection):
+    """A connection of a server for few and quick clients."""
+
+    most = 3
+    patience = 0.3
+
+
+@pytest.fixture
+def hasty() -> Iterator[ServiceServer]:
+    server = ServiceServer(Hello(), connection=Hasty)
+    server.start()
+    yield server
+    server.close()
+
+
+def sends(server: ServiceServer, text: bytes) -> socket.socket:
+    client = socket.create_connection(("127.0.0.1", server.port), timeout=10.0)
+    client.sendall(text)
+    return client
+
+
+def left(client: socket.socket) -> bytes:
+    """What still comes until the server closes the connection."""
+    with client:
+        return b"".join(iter(lambda: client.recv(65_536), b""))
+
+
+@pytest.mark.parametrize("begun", [b"", b"GET / HTTP/1.1\r\nHost: localhost\r\nX-"])
+def test_client_that_does_not_come_to_the_point_is_let_go(hasty: ServiceServer, begun: bytes) -> None:
+    assert left(sends(hasty, begun)) == b""
+
+
+def test_next_request_has_its_time_too(hasty: ServiceServer) -> None:
+    request = b"GET / HTTP/1.1\r\nHost: localhost\r\n\r\n"
+    client, answered = sends(hasty, request), b""
+    while not answered.endswith(b"0\r\n\r\n"):
+        answered += client.recv(65_536)
+    client.sendall(request[:9])
+    assert left(client) == b""
+
+
+def trickle(client: socket.socket) -> None:
+    """Send letter by letter."""
+    for _ in range(600):
+        client.sendall(b"X")
+        time.sleep(0.1)
+
+
+def test_client_that_sends_letter_by_letter_is_let_go(hasty: ServiceServer) -> None:
+    with sends(hasty, b"GET / HTTP/1.1\r\n") as client, pytest.raises(ConnectionError):
+        trickle(client)
+
+
+def test_client_too_many_is_asked_to_come_again_and_finds_room_later(hasty: ServiceServer) -> None:
+    idle = [sends(hasty, b"") for _ in range(Hasty.most)]
+    refused = left(sends(hasty, b""))
+    assert refused.startswith(b"HTTP/1.1 503 Service Unavailable\r\n")
+    problem = ProblemDocument.model_validate_json(refused.partition(b"\r\n\r\n")[2])
+    assert problem.type == "/docs#busy"
+    for client in idle:
+        assert left(client) == b""
+    assert httpx.get(hasty.url).status_code == 200

@@ -1,0 +1,199 @@
+"""Processes that read for the service: what they return, what they raise, and that they end."""
+
+import gc
+import os
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from multiprocessing.connection import Connection
+
+import psutil
+import pytest
+
+from daq.errors import ConfigError, DeviceError, DeviceFault
+from daq.service.worker_pool import OverdueError, ReadingProcess, ReadingProcesses, ReadingStoppedError
+from model.rotor.tables import DocumentError
+from recordings.errors import DamagedError
+
+PATIENCE = 60.0  # s: a process starts
+
+
+def until(said: Callable[[], bool]) -> None:
+    end = time.monotonic() + PATIENCE
+    while not said():
+        assert time.monotonic() < end
+        time.sleep(0.01)
+
+
+@pytest.fixture
+def processes() -> Iterator[ReadingProcesses]:
+    with ReadingProcesses(1, deadline=PATIENCE) as started:
+        yield started
+
+
+def fail(message: str) -> None:
+    raise DamagedError(message)
+
+
+def test_work_is_done_elsewhere_with_less_priority(processes: ReadingProcesses) -> None:
+    assert processes.run(os.getpid) != os.getpid()
+    if sys.platform != "win32":
+        assert processes.run(os.nice, 0) > os.nice(0)
+
+
+def test_process_is_the_same_from_one_piece_of_work_to_the_next(processes: ReadingProcesses) -> None:
+    assert processes.run(os.getpid) == processes.run(os.getpid)
+
+
+def test_what_the_work_raises_is_raised_where_it_was_asked_for(processes: ReadingProcesses) -> None:
+    with pytest.raises(DamagedError, match=r"r\.mcap"):
+        processes.run(fail, "r.mcap: cut")
+    assert processes.run(len, "abc") == 3
+
+
+class UnsendableError(Exception):
+    """Made of more than its words."""
+
+    def __init__(self, file: str, line: int) -> None:
+        super().__init__(f"{file}: line {line}")
+
+
+def wrong_configuration() -> None:
+    raise ConfigError("rig.toml", ["one", "two"])
+
+
+def wrong_rotor() -> None:
+    raise DocumentError(["one", "two"])
+
+
+def wrong_device() -> None:
+    raise DeviceError(DeviceFault.BUSY, "Dev1 is in use", -50103)
+
+
+def wrong_beyond_words() -> None:
+    raise UnsendableError("rig.toml", 7)
+
+
+@pytest.mark.parametrize(
+    ("work", "error", "words"),
+    [
+        (wrong_configuration, ConfigError, "rig.toml: 2 faults\n  one\n  two"),
+        (wrong_rotor, DocumentError, "one; two"),
+        (wrong_device, DeviceError, "Dev1 is in use (driver code -50103)"),
+        (wrong_beyond_words, RuntimeError, "UnsendableError: rig.toml: line 7"),
+    ],
+)
+def test_error_comes_with_all_that_it_tells(
+    processes: ReadingProcesses, work: Callable[[], None], error: type[Exception], words: str
+) -> None:
+    with pytest.raises(error) as raised:
+        processes.run(work)
+    assert str(raised.value) == words
+
+
+def test_process_that_goes_away_is_told_and_replaced(processes: ReadingProcesses) -> None:
+    with pytest.raises(ReadingStoppedError):
+        processes.run(os._exit, 3)
+    assert processes.run(len, "abc") == 3
+
+
+def test_work_that_takes_too_long_is_given_up() -> None:
+    with ReadingProcesses(1, deadline=PATIENCE) as processes:
+        processes.run(len, "")  # begun, so that the deadline below is the work's alone
+        processes._deadline = 0.5
+        with pytest.raises(OverdueError, match=r"0\.5 s"):
+            processes.run(time.sleep, 60.0)
+        assert processes.run(time.sleep, 0.6, deadline=PATIENCE) is None
+
+
+def count(tell: Callable[[int], None], numbers: int) -> str:
+    for number in range(numbers):
+        tell(number)
+    return "done"
+
+
+def test_work_tells_how_it_goes() -> None:
+    process, told = ReadingProcess(), list[int]()
+    assert process.run(count, (3,), PATIENCE, told.append) == "done"
+    assert told == [0, 1, 2]
+    process.join()
+
+
+def chatter(tell: Callable[[int], None]) -> None:
+    while True:
+        tell(0)
+        time.sleep(0.01)
+
+
+def test_work_that_talks_and_talks_is_given_up_in_time() -> None:
+    process = ReadingProcess()
+    process.run(count, (1,), PATIENCE, lambda _: None)
+    with pytest.raises(OverdueError):
+        process.run(chatter, (), 0.5, lambda _: None)
+
+
+def test_closing_gives_up_what_is_under_way() -> None:
+    processes = ReadingProcesses(1, deadline=60.0)
+    processes.run(len, "")
+    told: list[str] = []
+
+    def wait() -> None:
+        try:
+            processes.run(time.sleep, 60.0)
+        except ReadingStoppedError as error:
+            told.append(str(error))
+
+    threads = [threading.Thread(target=wait) for _ in range(2)]
+    for thread in threads:
+        thread.start()
+    until(processes._free.empty)
+    processes.close()
+    for thread in threads:
+        thread.join(PATIENCE)
+    assert told == ["the service ends"] * 2
+
+
+def stand_still() -> None:
+    os.kill(os.getpid(), signal.SIGSTOP)
+
+
+def stand_still_in_the_midst_of_an_answer() -> None:
+    (pipe,) = (one for one in gc.get_objects() if isinstance(one, Connection))
+    os.write(pipe.fileno(), (1 << 20).to_bytes(4, "big") + bytes(1000))
+    stand_still()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no such signal there")
+def test_process_that_stands_still_is_ended_when_its_time_is_over() -> None:
+    process = ReadingProcess()
+    process.run(len, ("",), PATIENCE)
+    child = process._process
+    assert child is not None
+    with pytest.raises(OverdueError):
+        process.run(stand_still, (), 0.1)
+    assert not child.is_alive()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no such signal there")
+def test_closing_ends_a_process_that_stands_still_in_the_midst_of_an_answer() -> None:
+    processes = ReadingProcesses(1, deadline=PATIENCE)
+    told: list[str] = []
+
+    def wait() -> None:
+        try:
+            processes.run(stand_still_in_the_midst_of_an_answer)
+        except ReadingStoppedError as error:
+            told.append(str(error))
+
+    thread = threading.Thread(target=wait)
+    thread.start()
+    (process,) = processes._all
+    until(lambda: process._process is not None and psutil.Process(process._process.pid).status() == "stopped")
+    child = process._process
+    assert child is not None
+    processes.close()
+    thread.join(PATIENCE)
+    assert told[0].startswith("the reading process went away")
+    assert not child.is_alive()

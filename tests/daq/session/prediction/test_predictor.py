@@ -1,0 +1,212 @@
+import os
+import signal
+import sys
+import threading
+import time
+from multiprocessing import Pipe
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from analysis.signals.header import AnalysisSettings
+from daq.session.prediction.kept_maps import cache_folder
+from daq.session.prediction.predictor import Predictor
+from model.prediction.prediction_map import compute_prediction_map
+from model.rotor.gj90c import gj90c
+
+SETTINGS = AnalysisSettings(revolutions=8)
+SPEEDS = np.array([500.0, 560.0, 620.0])
+PATIENCE = 100.0  # s: the first computation on a machine compiles
+
+
+def predictor(folder: Path, viscosity: float = 0.015, speeds: list[float] | None = None) -> Predictor:
+    return Predictor(gj90c(viscosity=viscosity), SETTINGS, SPEEDS if speeds is None else np.array(speeds), folder)
+
+
+@pytest.fixture(scope="module")
+def filled(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A cache in which a predictor has kept its map."""
+    folder = tmp_path_factory.mktemp("cache") / "not" / "there" / "yet"
+    with predictor(folder) as computing:
+        assert computing.wait(PATIENCE) is not None
+    return folder
+
+
+def test_map_is_computed_beside_and_nobody_waits_for_it(tmp_path: Path) -> None:
+    with predictor(tmp_path) as computing:
+        assert computing.state.startswith("computing")
+        assert computing.at(530.0) is None
+        assert computing.map is None
+        told: list[str] = []
+        found = computing.wait(PATIENCE, told.append)
+        assert told[0].startswith("computing")
+        assert told[-1] == computing.state == "ready"
+        assert found is not None
+        expected = compute_prediction_map(gj90c(), SPEEDS, SETTINGS, lambda _done, _total: None)
+        assert np.array_equal(found.vectors, expected.vectors)
+        assert computing.at(530.0) is not None
+        assert computing.at(499.0) is None
+        assert computing.at(621.0) is None
+        assert computing.at(float("nan")) is None
+    assert [file.suffix for file in tmp_path.iterdir()] == [".npz"]
+
+
+def test_map_in_the_cache_is_ready_at_once(filled: Path) -> None:
+    with predictor(filled) as ready:
+        assert ready.state == "ready"
+        assert ready.remark == ""
+        assert ready.at(530.0) is not None
+        assert ready.wait(0.0) is ready.map
+
+
+def test_other_parameters_are_not_served_from_the_cache(filled: Path) -> None:
+    with predictor(filled, viscosity=0.016) as computing:
+        assert computing.state.startswith("computing")
+    assert computing.state == "off: stopped"
+
+
+@pytest.mark.parametrize("content", [b"", b"no archive", b"PK\x03\x04 cut short", b"\x93NUMPY\x01\x00"])
+def test_damaged_file_is_said_once_and_computed_anew(filled: Path, tmp_path: Path, content: bytes) -> None:
+    kept = next(filled.iterdir())
+    (tmp_path / kept.name).write_bytes(content)
+    with predictor(tmp_path) as computing:
+        assert computing.state.startswith("computing")
+        assert "no readable prediction" in computing.remark
+        told: list[str] = []
+        computing.wait(0.0, told.append)
+        assert told[0] == computing.remark
+
+
+def test_shortened_file_is_replaced_by_a_whole_one(filled: Path, tmp_path: Path) -> None:
+    whole = next(filled.iterdir()).read_bytes()
+    damaged = tmp_path / next(filled.iterdir()).name
+    damaged.write_bytes(whole[: len(whole) // 2])
+    with predictor(tmp_path) as computing:
+        assert computing.remark
+        assert computing.wait(PATIENCE) is not None
+    with predictor(tmp_path) as ready:
+        assert ready.state == "ready"
+
+
+def test_closing_ends_the_computation(tmp_path: Path) -> None:
+    computing = predictor(tmp_path, speeds=list(np.linspace(200, 2000, 400)))
+    process = computing._process
+    assert process is not None
+    pid = process.pid
+    assert pid is not None
+    computing.close()
+    computing.close()
+    assert computing.state == "off: stopped"
+    assert computing.wait(1.0) is None
+    if sys.platform != "win32":
+        with pytest.raises(ProcessLookupError):
+            os.kill(pid, 0)
+
+
+def test_motion_that_fails_switches_the_model_off_with_the_reason(tmp_path: Path) -> None:
+    with predictor(tmp_path, viscosity=1e-7, speeds=[10.0, 11.0]) as failing:
+        assert failing.wait(PATIENCE) is None
+        assert failing.state.startswith("off: eccentricity: the ring came to")
+
+
+def test_computation_that_is_killed_switches_the_model_off(tmp_path: Path) -> None:
+    with predictor(tmp_path, speeds=list(np.linspace(200, 2000, 400))) as killed:
+        process = killed._process
+        assert process is not None
+        process.kill()
+        killed.wait(PATIENCE)
+        assert killed.state == "off: the computation ended without a result"
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no such signal there")
+def test_computation_that_stands_still_holds_up_nobody_and_is_ended(tmp_path: Path) -> None:
+    computing = predictor(tmp_path, speeds=list(np.linspace(200, 2000, 400)))
+    process = computing._process
+    assert process is not None
+    assert process.pid is not None
+    os.kill(process.pid, signal.SIGSTOP)
+    assert computing.state.startswith("computing")
+    assert computing.at(530.0) is None
+    assert computing.wait(0.1) is None
+    computing.close()
+    assert not process.is_alive()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="a pipe of POSIX")
+def test_map_that_stops_in_its_midst_holds_up_nobody(filled: Path) -> None:
+    with predictor(filled) as listening:
+        here, there = Pipe(duplex=False)
+        listening._map, listening._finished = None, False
+        thread = threading.Thread(target=listening._listen, args=(here,))
+        thread.start()
+        os.write(there.fileno(), (1 << 20).to_bytes(4, "big") + bytes(1000))
+        assert listening.state == "computing 0 %"
+        assert listening.wait(0.1) is None
+        there.close()
+        thread.join(PATIENCE)
+        assert listening.state == "off: the computation ended without a result"
+
+
+def test_folder_that_cannot_be_written_costs_only_the_cache(tmp_path: Path) -> None:
+    blocked = tmp_path / "file"
+    blocked.write_text("no folder")
+    with predictor(blocked / "cache") as computing:
+        assert computing.wait(PATIENCE) is not None
+        assert computing.state == "ready"
+    assert blocked.read_text() == "no folder"
+
+
+def test_speed_that_stays_is_refined_and_the_map_answers_meanwhile(filled: Path) -> None:
+    with predictor(filled) as ready:
+        prediction_map = ready.map
+        assert prediction_map is not None
+        first = ready.at(530.0)
+        assert first is not None
+        assert not first.is_exact
+        assert np.array_equal(first.vectors, prediction_map.at(530.0).vectors)
+        end = time.monotonic() + PATIENCE
+        while not (now := ready.at(530.0)) or not now.is_exact:
+            assert time.monotonic() < end
+            time.sleep(0.01)
+        assert now.speed == 530.0
+        assert ready.state == "ready"
+        beside = ready.at(540.0)
+        assert beside is not None
+        assert not beside.is_exact
+    assert ready.at(530.0) is not None
+
+
+def test_refinement_that_ends_leaves_the_map_and_says_so(filled: Path) -> None:
+    with predictor(filled) as ready:
+        ready.at(530.0)
+        refiner = ready._refiner
+        assert refiner is not None
+        refiner._remark = "the process that computes it went away (EOFError)"
+        assert ready.state == "ready, not exact: the process that computes it went away (EOFError)"
+        assert ready.at(530.0) is not None
+
+
+def test_several_may_ask_while_one_waits(tmp_path: Path) -> None:
+    with predictor(tmp_path) as computing:
+        waiting = threading.Thread(target=computing.wait, args=(PATIENCE,))
+        waiting.start()
+        states = set()
+        while waiting.is_alive():
+            states.add(computing.state.split()[0])
+            time.sleep(0.01)
+        assert states <= {"computing", "ready"}
+        assert computing.wait(PATIENCE) is not None
+
+
+def test_cache_lies_where_the_environment_says() -> None:
+    kept = dict(os.environ)
+    try:
+        os.environ["RIG_CACHE"] = "somewhere"
+        assert cache_folder() == Path("somewhere")
+        del os.environ["RIG_CACHE"]
+        assert cache_folder().name in {"rig", "cache"}
+        assert cache_folder().is_absolute()
+    finally:
+        os.environ.clear()
+        os.environ.update(kept)

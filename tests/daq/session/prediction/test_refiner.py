@@ -1,0 +1,173 @@
+"""The exact prediction beside the live picture, with the real process that computes it."""
+
+import os
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from analysis.signals.header import AnalysisSettings
+from daq.session.prediction.refiner import RENEWED, SHOWN, Refiner
+from model.errors import ModelError
+from model.prediction.live_prediction import predict, refine
+from model.prediction.prediction import Prediction
+from model.prediction.prediction_map import PredictionMap, compute_prediction_map
+from model.rotor.gj90c import gj90c
+
+SETTINGS = AnalysisSettings(revolutions=8)
+PATIENCE = 60.0  # s: a process starts, and on a fresh machine compiles
+
+
+@pytest.fixture(scope="module")
+def known() -> PredictionMap:
+    return compute_prediction_map(gj90c(), np.array([500.0, 526.0, 552.0]), SETTINGS, lambda _done, _total: None)
+
+
+@pytest.fixture
+def refiner(known: PredictionMap) -> Iterator[Refiner]:
+    refiner = Refiner(gj90c(), SETTINGS, known)
+    yield refiner
+    refiner.close()
+
+
+def until(said: Callable[[], bool]) -> None:
+    end = time.monotonic() + PATIENCE
+    while not said():
+        assert time.monotonic() < end
+        time.sleep(0.01)
+
+
+def settled(refiner: Refiner, speed: float) -> Prediction:
+    """Ask for a speed until nothing better comes."""
+    until(lambda: refiner.at(speed) is not None and refiner._wanted is None)
+    exact = refiner.at(speed)
+    assert exact is not None
+    return exact
+
+
+def test_speed_that_stays_is_computed_exactly(refiner: Refiner, known: PredictionMap) -> None:
+    assert refiner.at(511.0) is None
+    exact = settled(refiner, 511.0)
+    *_, expected = refine(gj90c(), 511.0, known, SETTINGS)
+    assert exact.is_exact
+    assert exact.speed == 511.0
+    assert np.array_equal(exact.orbit, expected.orbit)
+    assert np.array_equal(exact.vectors, expected.vectors)
+    assert not np.array_equal(exact.vectors, known.at(511.0).vectors)
+    assert refiner.at(511.0 * (1 + 0.9 * SHOWN)) is exact
+    assert refiner.at(511.0 * (1 + 1.1 * SHOWN)) is None
+    assert refiner.remark == ""
+
+
+def test_speed_that_wanders_is_followed_and_the_last_prediction_stands_meanwhile(refiner: Refiner) -> None:
+    first = settled(refiner, 511.0)
+    slightly = 511.0 * (1 + 0.5 * RENEWED)
+    assert refiner.at(slightly) is first
+    assert not refiner._wanted
+    further = 511.0 * (1 + 2 * RENEWED)
+    assert refiner.at(further) is first
+    assert refiner._wanted == further
+    assert settled(refiner, further).speed == further
+
+
+def test_speed_that_changes_is_not_computed(refiner: Refiner) -> None:
+    for speed in np.linspace(500.0, 550.0, 30):
+        assert refiner.at(float(speed)) is None
+    assert refiner._wanted is None
+    assert refiner._process is None
+
+
+def test_speed_asked_for_last_is_computed_first(refiner: Refiner) -> None:
+    for speed in (505.0, 520.0, 535.0, 545.0):
+        refiner.at(speed)
+        refiner.at(speed)
+    assert refiner._wanted == 545.0
+    assert settled(refiner, 545.0).speed == 545.0
+    assert settled(refiner, 505.0).speed == 505.0
+
+
+def test_process_that_is_killed_leaves_the_map_alone(refiner: Refiner) -> None:
+    settled(refiner, 511.0)
+    process = refiner._process
+    assert process is not None
+    process.kill()
+    refiner.at(530.0)
+    refiner.at(530.0)
+    until(lambda: refiner.remark != "")
+    assert refiner.remark.startswith("the process that computes it went away")
+    refiner._thread.join(PATIENCE)
+    assert not refiner._thread.is_alive()
+    assert refiner.at(530.0) is None
+
+
+def test_motion_that_fails_is_said_once_and_other_speeds_go_on(known: PredictionMap) -> None:
+    beyond_the_wall = replace(known, states=100 * known.states)
+    with pytest.raises((ModelError, ValueError)) as raised:
+        predict(gj90c(), 511.0, beyond_the_wall, SETTINGS)
+    failing = Refiner(gj90c(), SETTINGS, beyond_the_wall)
+    try:
+        failing.at(511.0)
+        failing.at(511.0)
+        until(lambda: failing.remark != "")
+        assert failing.remark == str(raised.value)
+        assert failing.at(511.0) is None
+        assert failing._wanted is None
+        process = failing._process
+        assert process is not None
+        assert process.is_alive()
+        failing.at(530.0)
+        failing.at(530.0)
+        assert failing._wanted == 530.0
+    finally:
+        failing.close()
+
+
+@pytest.mark.parametrize("asked", [0, 2])
+def test_closing_joins_thread_and_process_whatever_they_do(known: PredictionMap, asked: int) -> None:
+    refiner = Refiner(gj90c(), SETTINGS, known)
+    for _ in range(asked):
+        refiner.at(511.0)
+    refiner.close()
+    refiner.close()
+    assert not refiner._thread.is_alive()
+    assert refiner._process is None
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no such signal there")
+def test_process_that_stands_still_is_ended_too(known: PredictionMap) -> None:
+    refiner = Refiner(gj90c(), SETTINGS, known)
+    settled(refiner, 511.0)
+    process = refiner._process
+    assert process is not None
+    pid = process.pid
+    assert pid is not None
+    os.kill(pid, signal.SIGSTOP)
+    refiner.at(530.0)
+    assert refiner.at(530.0) is None
+    assert refiner.remark == ""
+    refiner.close()
+    with pytest.raises(ProcessLookupError):
+        os.kill(pid, 0)
+    assert "refiner" not in {thread.name for thread in threading.enumerate()}
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no such signal there")
+def test_process_that_stands_still_is_said_and_given_up(known: PredictionMap) -> None:
+    refiner = Refiner(gj90c(), SETTINGS, known)
+    settled(refiner, 511.0)
+    process = refiner._process
+    assert process is not None
+    assert process.pid is not None
+    os.kill(process.pid, signal.SIGSTOP)
+    refiner._patience = 0.1
+    refiner.at(530.0)
+    assert refiner.at(530.0) is None
+    until(lambda: refiner.remark == "the process that computes it has not answered for 0.1 s")
+    refiner._thread.join(PATIENCE)
+    assert not refiner._thread.is_alive()
+    assert not process.is_alive()

@@ -1,0 +1,156 @@
+"""What the operator is told of how samples come, before any are lost."""
+
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd
+from daq.cli.progress import frame_line
+from daq.config.rig import Rig
+from daq.config.schema import TimingSection
+from daq.drivers.simulation.card import SimulatedCard
+from daq.session.live_update import RunState, Status
+from daq.session.recording.health import alertness, loss
+from daq.session.recording.recorded_run import RecordedRun
+from daq.session.recording.statistics import Gauges
+from recordings.mcap.reader import RunReader
+from tests.daq.session.recording.test_recorded_run import recorded
+from tests.daq.support.device_server import serving
+from tests.daq.support.ni_driver import NiDriver
+
+RigFactory = Callable[..., Rig]
+
+RATE = 1000.0
+TIMING = TimingSection(rate_hz=RATE, block_s=0.1, buffer_s=4)
+LONG = [{"time_s": 0.0, "speed_rpm": 6000.0}, {"time_s": 60.0, "speed_rpm": 6000.0}]
+
+
+def gauges_after(backlog: int) -> Gauges:
+    gauges = Gauges(Gauges.shared())
+    gauges.begin()
+    gauges.add_block(SampleBlock(np.zeros((1, 100), np.int16), 0, 0, 0, backlog))
+    return gauges
+
+
+def test_backlog_is_told_from_half_the_buffer_on() -> None:
+    assert alertness(gauges_after(2000), RATE, TIMING) == (RunState.RECORDING, "")
+    state, told = alertness(gauges_after(2001), RATE, TIMING)
+    assert state is RunState.DEGRADED
+    assert told.startswith("2.0 s wait in the card's buffer of 4 s: samples are about to be lost")
+
+
+def test_loss_is_told_with_its_segment_and_a_good_end_is_not() -> None:
+    assert loss(SegmentEnd(0, 1000, EndReason.STOPPED)) == ""
+    assert loss(SegmentEnd(0, 1000, EndReason.FINISHED, detail="stopped by speed < 2000 r/min")) == ""
+    told = loss(SegmentEnd(2, 12_000, EndReason.OVERRUN, 345, lost_is_exact=False, detail="too late"))
+    assert told == "segment 2 ended after 12,000 samples: overrun, at least 345 samples lost; too late"
+    assert "unplugged, 0 samples lost" in loss(SegmentEnd(0, 5, EndReason.UNPLUGGED))
+
+
+def test_clipping_is_counted_by_channel_and_block_and_stays_told() -> None:
+    gauges = Gauges(Gauges.shared())
+    quiet = np.zeros((3, 100), np.int16)
+    clipped = quiet.copy()
+    clipped[0, 5:8], clipped[2, 9] = 32767, -32768
+    for k, codes in enumerate((quiet, clipped, clipped, quiet)):
+        gauges.add_block(SampleBlock(codes, 0, 100 * k, 0))
+    assert [gauges.clipped(row) for row in range(3)] == [(6, 2, 300), (0, 0, 0), (2, 2, 300)]
+
+
+def test_operator_sees_which_channel_was_clipped_and_where(rig: RigFactory, tmp_path: Path) -> None:
+    run = recorded(rig(simulation={"miswiring": "probe y out of reach"}), tmp_path)
+    assert run.wait(60)
+    run.close()
+    (clipped,) = run.latest().status.clipped
+    with RunReader(run.path) as reader:
+        blocks = [item.codes[1] for item in reader.items() if isinstance(item, SampleBlock)]
+    rails = [int(np.count_nonzero((codes == 32767) | (codes == -32768))) for codes in blocks]
+    assert (clipped.channel, clipped.samples, clipped.blocks) == ("y", sum(rails), int(np.count_nonzero(rails)))
+    assert clipped.last == pytest.approx(2000 * (1 + max(np.flatnonzero(rails))) / 20_000)
+    assert f"y CLIPPED {sum(rails):,} in {np.count_nonzero(rails):,} blocks" in frame_line(run.latest())
+
+
+def test_nothing_is_told_before_blocks_are_expected() -> None:
+    assert alertness(Gauges(Gauges.shared()), RATE, TIMING) == (RunState.RECORDING, "")
+
+
+def seen_within(run: RecordedRun, seconds: float, state: RunState) -> Status:
+    deadline = time.monotonic() + seconds
+    while (status := run.latest().status).state is not state:
+        assert time.monotonic() < deadline, status
+        time.sleep(0.01)
+    return status
+
+
+def test_operator_sees_buffer_silence_and_recovery_of_a_run_over_the_wire(rig: RigFactory, tmp_path: Path) -> None:
+    simulated = rig(simulation={"profile": LONG})
+    with serving(NiDriver(lambda: SimulatedCard(simulated), real_time=True)) as server:
+        device = {"backend": "nidaqmx", "target": server.target, "deadline_s": 0.4}
+        run = recorded(rig(device=device, simulation={"profile": LONG}, session={"retry_s": 0.2}), tmp_path)
+        seen_within(run, 60, RunState.RECORDING)
+        filling = run.latest().status
+        stalled = time.monotonic()
+        while filling.state is not RunState.DEGRADED:  # the reader catches up at once: on a busy machine unseen
+            if time.monotonic() > stalled:
+                stalled = time.monotonic() + 1.0
+                server.driver.stall(30_000)  # of the 40,000 that the card holds
+            filling = run.latest().status
+        assert 1.0 < filling.backlog <= 2.0
+        assert "samples are about to be lost" in filling.detail
+        assert "samples are about to be lost" in frame_line(replace(run.latest(), status=filling))
+        assert filling.lost == 0
+        seen_within(run, 60, RunState.RECORDING)  # the reader has caught up
+        server.freeze()
+        silent = seen_within(run, 60, RunState.INTERRUPTED)
+        assert silent.detail.startswith("no samples for ")
+        while "did not answer within its deadline" not in run.latest().status.detail:
+            assert not run.wait(0.01)
+        assert "it is waited for, 60 s at most" in run.latest().status.detail
+        server.thaw()
+        seen_within(run, 60, RunState.RECORDING)
+        while not (lost := run.latest().status.last_loss):
+            assert not run.wait(0.01)
+        assert lost.startswith("segment 0 ended after ")
+        run.stop()
+        assert run.wait(60)
+        outcome = run.close()
+        assert server.tasks == []
+    assert [end.segment for end in outcome.ends] == [0, 1]
+    assert outcome.exit_code == 5
+    with RunReader(run.path) as reader:
+        assert reader.is_complete
+        assert not reader.is_gap_free
+
+
+def test_who_asks_while_the_recorder_counts_gets_numbers_that_belong_together() -> None:
+    memory = Gauges.shared()
+    counting, asking = Gauges(memory), Gauges(memory)
+    codes = np.zeros((1, 100), np.int16)
+    ends = threading.Event()
+
+    def count() -> None:
+        for segment in range(300):
+            for k in range(3):
+                counting.add_block(SampleBlock(codes, segment, 100 * k, 0))
+            counting.add_end(SegmentEnd(segment, 300, EndReason.OVERRUN))
+        ends.set()
+
+    thread = threading.Thread(target=count)
+    thread.start()
+    seen = []
+    while not ends.is_set():
+        seen.append(asking.place)
+    thread.join(60)
+    assert seen == sorted(seen)
+    assert asking.place == (300, 0)
+
+
+def test_recorder_that_ended_in_the_midst_of_a_count_holds_nobody_up() -> None:
+    gauges = gauges_after(7)
+    gauges._words[0] += 1  # its first step
+    assert gauges.place == (0, 100)

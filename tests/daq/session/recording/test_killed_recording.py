@@ -1,0 +1,152 @@
+"""A live recording that is killed at any moment loses a quarter second at most, and what is left can be recovered."""
+
+import json
+import multiprocessing
+import os
+import random
+import re
+import subprocess
+import sys
+import time
+import urllib.request
+from collections.abc import Callable
+from contextlib import ExitStack
+from ctypes import c_int64
+from multiprocessing.sharedctypes import Synchronized
+from pathlib import Path
+
+import numpy as np
+import psutil
+import pytest
+
+from analysis.signals.blocks import EndReason, SampleBlock
+from daq.config.load import load_rig
+from daq.drivers.factory import open_source
+from daq.session.recording.messages import Order
+from daq.session.recording.recorder import run_header
+from recordings.integrity.recover import recover
+from recordings.integrity.verify import Verdict, verify
+from recordings.mcap.reader import RunReader
+from recordings.mcap.writer import RunWriter
+
+RATE = 50_000.0
+BLOCK = 0.05
+
+
+def record_for_ever(rig_toml: Path, path: Path, taken: "Synchronized[int]") -> None:
+    """Carry a simulated rig's samples into a file, as the recorder does, and count what was taken from the source."""
+    rig = load_rig(rig_toml)
+    order = Order(rig=rig, run=path.stem, started_ns=time.time_ns(), note="", program="rig", path=path, duration=None)
+    source = open_source(rig)
+    writer = RunWriter(path, run_header(order, source))
+    for item in source.blocks():
+        if isinstance(item, SampleBlock):
+            with taken.get_lock():
+                taken.value += item.n_samples
+            writer.block(item)
+
+
+@pytest.mark.parametrize("n_kills", [2, pytest.param(100, marks=pytest.mark.campaign)], ids=["few", "full"])
+def test_a_killed_recording_loses_a_quarter_second_at_most(
+    rig_file: Callable[..., Path], tmp_path: Path, n_kills: int
+) -> None:
+    profile = [{"time_s": 0.0, "speed_rpm": 6000.0}, {"time_s": 600.0, "speed_rpm": 6000.0}]
+    rig_toml = rig_file(timing={"rate_hz": RATE}, simulation={"pace": "real time", "profile": profile})
+    context = multiprocessing.get_context("spawn")
+    chance = random.Random(17)  # noqa: S311 - moments, not secrets
+    losses = []
+    for k in range(n_kills):
+        path = tmp_path / f"run-{k}.mcap"
+        taken: Synchronized[int] = context.Value(c_int64, 0)
+        process = context.Process(target=record_for_ever, args=(rig_toml, path, taken))
+        process.start()
+        deadline = time.monotonic() + 60
+        while taken.value < RATE / 2:
+            assert time.monotonic() < deadline
+            assert process.is_alive()
+            time.sleep(0.01)
+        time.sleep(chance.uniform(0.0, 0.5))
+        process.kill()
+        process.join()
+        with RunReader(path) as reader:
+            losses.append((taken.value - reader.n_samples) / RATE)
+            assert not reader.is_complete
+            assert reader.segment_ends[-1].reason is EndReason.CUT
+            kept = reader.n_samples
+        assert verify(path).verdict is Verdict.NOT_WHOLE
+        recovery = recover(path, tmp_path / "copy.mcap")
+        assert recovery.samples == kept
+        assert verify(recovery.target).verdict is Verdict.SOUND
+        recovery.target.unlink()
+        path.unlink()
+    print(f"{n_kills} kills: worst loss {max(losses):.3f} s, mean {sum(losses) / n_kills:.3f} s")
+    assert min(losses) >= 0
+    assert max(losses) <= 0.25
+
+
+def recorded_samples(address: str) -> int:
+    """Return the samples per channel that the page tells as recorded; 0 before the run has begun."""
+    with urllib.request.urlopen(f"{address}/api/v1/live", timeout=10) as answer:  # noqa: S310 - loopback
+        status = json.load(answer)["status"]
+    return int(status["samples"])
+
+
+def taken_before_kill(leader: psutil.Process) -> int:
+    """Kill a process with all its children and return the samples per channel that had gone through the ring.
+
+    Nothing of the ring is left in the system then; what is read is held by its open file.
+    """
+    processes = [leader, *leader.children(recursive=True)]
+    for process in processes:
+        process.suspend()  # all at one moment, so that none sees another die
+    shared = [path for path in Path(f"/proc/{leader.pid}/fd").iterdir() if "/pym-" in str(path.readlink())]
+    with ExitStack() as stack:
+        files = [stack.enter_context(path.open("rb")) for path in shared]
+        ring = max(files, key=lambda file: os.fstat(file.fileno()).st_size)  # the other is the gauges'
+        for process in processes:
+            process.kill()
+        _, alive = psutil.wait_procs(processes, timeout=60)
+        assert not alive
+        assert os.fstat(ring.fileno()).st_nlink == 0
+        return int(np.fromfile(ring, dtype=np.int64, count=6)[-1])  # the last word of its heading
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="SIGKILL is POSIX, and shared memory is found as Linux shows it")
+@pytest.mark.parametrize("n_kills", [1, pytest.param(100, marks=pytest.mark.campaign)], ids=["one", "full"])
+def test_a_command_killed_with_all_its_processes_loses_a_quarter_second_at_most(
+    rig_file: Callable[..., Path], tmp_path: Path, tmp_path_factory: pytest.TempPathFactory, n_kills: int
+) -> None:
+    profile = [{"time_s": 0.0, "speed_rpm": 3000.0}, {"time_s": 600.0, "speed_rpm": 3000.0}]
+    simulation = {"pace": "real time", "profile": profile}
+    rig_toml = rig_file(timing={"block_s": BLOCK}, simulation=simulation, limits={"speed_rpm": 4000.0})
+    rate = load_rig(rig_toml).config.timing.rate_hz
+    cache = str(tmp_path_factory.getbasetemp() / "cache")
+    environment = os.environ | {"RIG_DATA": str(tmp_path / "data"), "RIG_CACHE": cache}
+    command = [sys.executable, "-m", "daq.cli.main", "record", str(rig_toml), "--no-view", "--port", "0"]
+    chance = random.Random(18)  # noqa: S311 - moments, not secrets
+    losses = []
+    for _ in range(n_kills):
+        with subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True) as started:
+            assert started.stderr is not None
+            address = next(
+                found[1] for line in started.stderr if (found := re.search(r"page (http://[\d.:]+)", line)) is not None
+            )
+            leader = psutil.Process(started.pid)
+            stop_at = time.monotonic() + chance.uniform(1.0, 2.0)
+            while recorded_samples(address) < rate or time.monotonic() < stop_at:
+                time.sleep(0.01)
+            taken = taken_before_kill(leader)
+        (path,) = (tmp_path / "data").glob("*.mcap")
+        with RunReader(path) as reader:
+            losses.append((taken - reader.n_samples) / rate)
+            assert not reader.is_complete
+            assert reader.segment_ends[-1].reason is EndReason.CUT
+            kept = reader.n_samples
+        recovery = recover(path, tmp_path / "copy.mcap")
+        assert recovery.samples == kept
+        assert verify(recovery.target).verdict is Verdict.SOUND
+        recovery.target.unlink()
+        path.unlink()
+    print(f"{n_kills} kills of all processes: worst loss {max(losses):.3f} s, mean {sum(losses) / n_kills:.3f} s")
+    assert min(losses) >= -BLOCK  # a block is in the file before it is in the ring
+    assert max(losses) <= 0.25

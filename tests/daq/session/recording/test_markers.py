@@ -1,0 +1,144 @@
+"""Moments that are named while a run is recorded: over REST, at the terminal, in the file and in the summary."""
+
+import os
+import re
+import socket
+import sys
+from collections.abc import Callable
+from contextlib import closing
+from pathlib import Path
+
+import httpx
+import pytest
+
+from daq.cli.main import main
+from daq.config.rig import Rig
+from daq.drivers.replay import open_replay
+from daq.session.live_update import PlacedMark
+from daq.session.recording.recorded_run import RecordedRun
+from daq.session.replayed_run import ReplayedRun
+from recordings.integrity.verify import verify
+from recordings.mcap.reader import RunReader
+from tests.daq.cli.test_shutdown import POSIX, SLOW, command
+from tests.daq.session.recording.test_recorded_run import REAL_TIME, NoModel, Screen, recorded
+from tests.daq.support.service_bench import open_bench
+
+RigFiles = Callable[..., Path]
+RigFactory = Callable[..., Rig]
+RATE = 20_000.0
+JSON = {"Content-Type": "application/json"}
+
+
+def after(run: RecordedRun, samples: int) -> int:
+    """Wait until so many samples are recorded, and return how many are."""
+    while (recorded := run.status().samples) < samples:
+        assert not run.wait(0.01)
+    return recorded
+
+
+def test_marks_are_in_the_file_at_the_moment_they_were_made(rig: RigFactory, tmp_path: Path) -> None:
+    run = recorded(rig(simulation=SLOW), tmp_path)
+    before = after(run, 6_000)
+    first = run.mark("  knocking\nbegins ")
+    between = after(run, run.status().samples + 4_000)
+    second = run.mark("")
+    last = run.status().samples
+    run.stop()
+    assert run.wait(60)
+    run.close()
+    assert run.mark("too late") is None
+    with RunReader(run.path) as reader:
+        assert reader.marks() == (first, second)
+    assert first is not None
+    assert second is not None
+    assert (first.segment, first.text, second.text) == (0, "knocking begins", "mark")
+    assert before <= first.sample <= between - 4_000
+    assert between <= second.sample <= last
+    assert second.host_time_ns > first.host_time_ns
+    assert verify(run.path).findings == ()
+
+
+def test_mark_is_shown_live_from_its_moment_on_and_again_in_a_replay(rig: RigFactory, tmp_path: Path) -> None:
+    run = recorded(rig(simulation=REAL_TIME), tmp_path)
+    assert run.latest().status.marks == ()
+    after(run, 10_000)
+    made = run.mark("knocking")
+    assert made is not None
+    (shown,) = run.latest().status.marks
+    assert shown == PlacedMark(made, made.sample / RATE, made.sample / RATE)
+    assert run.wait(60)
+    run.close()
+    screen = Screen()
+    with RunReader(run.path) as reader:
+        marks = reader.marks()
+    with closing(open_replay(run.path, None)) as source:
+        replayed = ReplayedRun(run.header, source, NoModel(), [screen], marks)
+        assert replayed.wait(60)
+        replayed.close()
+    for frame in screen.frames:
+        assert frame.status.marks == ((shown,) if frame.status.samples >= made.sample else ())
+    assert {frame.status.marks for frame in screen.frames} == {(), (shown,)}
+
+
+@POSIX
+def test_marks_come_by_rest_by_command_and_by_the_terminal_and_are_told_in_the_summary(
+    rig_file: RigFiles,
+    tmp_path: Path,
+    tmp_path_factory: pytest.TempPathFactory,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    import pty  # noqa: PLC0415 - POSIX only
+
+    places = {"RIG_DATA": tmp_path / "data", "RIG_CACHE": tmp_path_factory.getbasetemp() / "cache"}
+    rig = rig_file(simulation=SLOW, limits={"speed_rpm": 4000.0})
+    process, terminal = pty.fork()
+    if process == 0:
+        os.execve(sys.executable, command(rig), os.environ | {name: str(place) for name, place in places.items()})  # noqa: S606 - it has the terminal
+    seen = b""
+    while b"lost 0" not in seen:
+        seen += os.read(terminal, 4096)
+    found = re.search(rb"REST (http://[^ ,]+)", seen)
+    assert found is not None
+    url = found[1].decode() + "/live/marks"
+    assert httpx.post(url, json={"text": "by REST"}).status_code == 201
+    assert httpx.post(url, content=b'{"text": "a form"}', headers={"Content-Type": "text/plain"}).status_code == 415
+    assert httpx.post(url, json={"text": "x", "who": "y"}).status_code == 422
+    acknowledged = httpx.post(url.replace("marks", "acknowledge"), json={})
+    assert (acknowledged.status_code, acknowledged.json()["alarms"]) == (200, [])
+    port = ["--port", url.split(":")[2].split("/")[0]]
+    assert main(["mark", "by", "command", *port]) == 0
+    assert re.fullmatch(r"marked “by command” at \d+\.\d s of segment 0\n", capsys.readouterr().out)
+    assert main(["acknowledge", *port]) == 0
+    assert capsys.readouterr().out == "no new alarm\n"
+    os.write(terminal, b"ack\nby hand\n")
+    while "marked “by hand”" not in seen.decode(errors="replace"):
+        seen += os.read(terminal, 4096)
+    os.write(terminal, b"\x03")
+    try:
+        while True:
+            seen += os.read(terminal, 4096)
+    except OSError:  # the other side is closed
+        pass
+    os.waitpid(process, 0)
+    told = seen.decode(errors="replace")
+    assert "no new alarm" in told
+    assert "marked “by hand”" in told
+    assert re.search(r"mark +\d\.\d s  “by REST”", told)
+    assert re.search(r"mark +\d\.\d s  “by hand”", told)
+    (path,) = (tmp_path / "data").glob("*.mcap")
+    with RunReader(path) as reader:
+        assert [mark.text for mark in reader.marks()] == ["by REST", "by command", "by hand"]
+
+
+def test_mark_without_a_recording_says_what_is_missing(capsys: pytest.CaptureFixture[str]) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as nobody:
+        port = str(nobody.getsockname()[1])
+    assert main(["mark", "--port", port]) == 2
+    assert re.search(rf"127\.0\.0\.1:{port} does not answer \(.+\): is rig record running", capsys.readouterr().err)
+    bench = open_bench()
+    try:
+        port = bench.server.url.rpartition(":")[2]
+        assert main(["mark", "--port", port]) == 2
+    finally:
+        bench.close()
+    assert f"127.0.0.1:{port}: there is nothing at" in capsys.readouterr().err  # it serves recorded runs alone

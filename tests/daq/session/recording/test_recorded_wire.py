@@ -1,0 +1,65 @@
+"""The whole path of the real card, from nidaqmx over a wire into a file, against the simulator recorded directly."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from analysis.signals.blocks import EndReason
+from daq.config.rig import Rig
+from daq.drivers.simulation.card import SimulatedCard
+from daq.errors import StoppedError
+from daq.session.recording.recorded_run import RecordedRun
+from recordings.mcap.reader import RunReader
+from tests.daq.session.recording.test_recorded_run import NoModel, codes_of, order, recorded
+from tests.daq.support.device_server import serving
+from tests.daq.support.ni_driver import NiDriver
+
+RigFactory = Callable[..., Rig]
+
+
+def test_run_over_the_wire_holds_the_codes_of_the_run_of_the_simulator(rig: RigFactory, tmp_path: Path) -> None:
+    simulated = rig()
+    direct = recorded(simulated, folder(tmp_path, "direct"))
+    assert direct.wait(60)
+    direct.close()
+    with serving(NiDriver(lambda: SimulatedCard(simulated))) as server:
+        wired = rig(device={"backend": "nidaqmx", "target": server.target})
+        run = recorded(wired, folder(tmp_path, "wire"), duration=1.0)
+        assert run.wait(60)
+        outcome = run.close()
+        assert not server.tasks
+    assert outcome.exit_code == 0
+    assert outcome.ends[0].reason is EndReason.FINISHED
+    got, expected = codes_of(run.path), codes_of(direct.path)
+    assert got.shape[1] >= 20_000
+    np.testing.assert_array_equal(got, expected[:, : got.shape[1]])
+    with RunReader(run.path) as over_wire, RunReader(direct.path) as by_hand:
+        assert over_wire.header.acquisition.device.backend == "nidaqmx"
+        same_device = replace(over_wire.header.acquisition, device=by_hand.header.acquisition.device)
+        assert same_device == by_hand.header.acquisition
+
+
+@pytest.mark.parametrize("is_frozen", [True, False])
+def test_end_asked_for_while_the_device_is_opened_leaves_nothing_behind(
+    rig: RigFactory, tmp_path: Path, *, is_frozen: bool
+) -> None:
+    simulated = rig()
+    with serving(NiDriver(lambda: SimulatedCard(simulated))) as server:
+        wired = rig(device={"backend": "nidaqmx", "target": server.target, "deadline_s": 2.0})
+        if is_frozen:
+            server.freeze()
+        with pytest.raises(StoppedError, match="nothing was recorded") as caught:
+            RecordedRun(order(wired, tmp_path), NoModel(), (), lambda: True)
+        server.thaw()
+        assert not server.tasks
+    assert caught.value.exit_code == 130
+    assert not list(tmp_path.glob("*.mcap"))
+
+
+def folder(tmp_path: Path, name: str) -> Path:
+    made = tmp_path / name
+    made.mkdir()
+    return made

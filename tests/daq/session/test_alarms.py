@@ -1,0 +1,154 @@
+"""Alarms of a run: while it is recorded, in its file, in its summary, and in its replay."""
+
+import json
+import re
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from analysis.signals.header import Severity
+from daq.cli.main import main
+from daq.cli.progress import frame_line
+from daq.config.rig import Rig
+from daq.drivers.replay import open_replay
+from daq.session.alarms import acknowledgement, alarm_name, alarm_text
+from daq.session.offline import summarise
+from daq.session.replayed_run import ReplayedRun
+from daq.view.wording import worst_alarm
+from recordings.integrity.verify import verify
+from recordings.mcap.markers import MarkKind
+from recordings.mcap.reader import RunReader
+from tests.daq.session.recording.test_recorded_run import REAL_TIME, NoModel, Screen, recorded
+from tests.daq.support.frames import RPM, make_frames, with_alarm, with_further_alarms
+from tests.daq.support.recorded_bench import open_recorded_bench
+
+RigFactory = Callable[..., Rig]
+
+SOON = {"peak_to_peak_alarm_um": 1.0, "peak_to_peak_danger_um": 90.0, "hold_s": 0.3}
+
+
+def until(condition: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + 30.0
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+
+
+def test_an_alarm_comes_after_its_hold_time_is_recorded_and_is_acknowledged(rig: RigFactory, tmp_path: Path) -> None:
+    screen = Screen()
+    run = recorded(rig(simulation=REAL_TIME, limits=SOON), tmp_path, screen)
+    until(lambda: len(run.latest().status.alarms) == 2)
+    assert {alarm.probe for alarm in run.latest().status.alarms} == {"x", "y"}
+    noted = run.acknowledge()
+    assert [alarm.number for alarm in noted] == [1, 2]
+    assert run.acknowledge() == ()
+    assert run.wait(60)
+    run.close()
+    first = next(frame for frame in screen.frames if frame.status.alarms)
+    assert first.snapshot is not None
+    assert first.snapshot.time == pytest.approx(0.4)  # 0.1 s after the run began it was passed
+    last = run.latest().status
+    assert (last.severity, last.latched) == (Severity.ALARM, Severity.ALARM)  # it lasts
+    assert last.acknowledged == 2
+    with RunReader(run.path) as reader:
+        marks = reader.marks()
+        summary = summarise(reader)
+    assert [mark.kind for mark in marks] == [MarkKind.ALARM, MarkKind.ALARM, MarkKind.ACKNOWLEDGED]
+    assert marks[0].sample == 8000
+    assert marks[0].text.startswith("alarm at ")
+    assert "µm peak-to-peak, limit 1, at " in marks[0].text
+    assert marks[2].text == f"acknowledged alarm at {noted[0].probe}, alarm at {noted[1].probe}"
+    assert [(alarm.probe, alarm.begin.time) for alarm in summary.alarms] == [("x", 0.4), ("y", 0.4)]
+    assert summary.alarms == run.summary().alarms
+    assert verify(run.path).findings == ()
+
+
+def test_a_replay_gives_the_same_alarms_not_yet_acknowledged(rig: RigFactory, tmp_path: Path) -> None:
+    run = recorded(rig(limits=SOON), tmp_path)
+    assert run.wait(60)
+    run.acknowledge()
+    run.close()
+    with RunReader(run.path) as reader:
+        header, expected = reader.header, summarise(reader).alarms
+    source = open_replay(run.path, None)
+    replayed = ReplayedRun(header, source, NoModel())
+    assert replayed.wait(60)
+    assert replayed.summary().alarms == expected
+    assert replayed.latest().status.alarms == expected
+    assert len(replayed.acknowledge()) == 2
+    assert replayed.latest().status.acknowledged == 2
+    replayed.close()
+
+
+@pytest.mark.parametrize(("latch", "latched"), [(True, Severity.ALARM), (False, Severity.NORMAL)])
+def test_an_alarm_that_is_over_stays_in_sight_where_the_rig_says_so(
+    rig: RigFactory, tmp_path: Path, *, latch: bool, latched: Severity
+) -> None:
+    profile = [(0.0, 9000.0), (1.0, 9000.0), (2.0, 2000.0), (3.0, 2000.0)]
+    falling = {"profile": [{"time_s": time_s, "speed_rpm": speed_rpm} for time_s, speed_rpm in profile]}
+    first = recorded(rig(simulation=falling), tmp_path)
+    assert first.wait(60)
+    first.close()
+    overall = [float(row.largest_peak_to_peak.max()) * 1e6 for row in first.summary().rows]
+    limits = {"peak_to_peak_alarm_um": 0.5 * (min(overall) + max(overall)), "hold_s": 0.0, "latch": latch}
+    (tmp_path / "again").mkdir()
+    run = recorded(rig(simulation=falling, limits=limits), tmp_path / "again")
+    assert run.wait(60)
+    run.close()
+    status = run.latest().status
+    assert (status.severity, status.latched) == (Severity.NORMAL, latched)
+    assert [alarm.lasts for alarm in run.summary().alarms] == [False] * len(run.summary().alarms)
+    assert run.summary().alarms
+
+
+def test_alarms_are_named_by_what_they_watch() -> None:
+    frame = with_further_alarms(make_frames(1)[0])
+    one, below, speed = frame.status.alarms
+    assert alarm_text(one) == "1X alarm at x: 24 µm peak, limit 20, at 12,000 r/min"
+    assert alarm_text(below) == "below 1X alarm at y: 14.1 µm peak, limit 12.5, at 12,000 r/min"
+    assert alarm_text(speed) == "speed danger: 19,642 r/min, limit 19,500"
+    assert acknowledgement((one, speed), 0, 1, 2).text == "acknowledged 1X alarm at x, speed danger"
+    assert worst_alarm((one, below, speed)) == "DANGER 19,642 r/min"
+    assert worst_alarm((one, below)) == "ALARM 1X x 24 µm"
+    assert worst_alarm((below,)) == "ALARM below 1X y 14 µm"
+    assert "pp  DANGER speed" in frame_line(frame)
+
+
+def test_overspeed_and_1x_alarms_come_in_the_run_its_summary_and_on_the_terminal(
+    rig: RigFactory, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    profile = [(0.0, 3000.0), (1.0, 9000.0), (2.0, 9000.0), (3.5, 2000.0)]
+    course = {"profile": [{"time_s": time_s, "speed_rpm": speed_rpm} for time_s, speed_rpm in profile]}
+    limits = {"speed_danger_rpm": 8_000.0, "order_1x_peak_alarm_um": 0.5, "hold_s": 0.2}
+    run = recorded(rig(simulation=course, limits=limits), tmp_path)
+    assert run.wait(60)
+    run.close()
+    by_name = {alarm_name(alarm): alarm for alarm in run.summary().alarms}
+    assert {"1X alarm at x", "1X alarm at y", "speed danger"} == set(by_name)
+    overspeed = by_name["speed danger"]
+    assert overspeed.begin.time == pytest.approx(0.9)  # 8,000 r/min at 0.83 s, told at once
+    assert overspeed.end is not None
+    assert overspeed.end.speed < 0.95 * 8_000.0 * RPM
+    with RunReader(run.path) as reader:
+        texts = [mark.text for mark in reader.marks()]
+        assert summarise(reader).alarms == run.summary().alarms
+    assert any(text.startswith("speed danger: ") and text.endswith("r/min, limit 8,000") for text in texts)
+    assert main(["summary", str(run.path)]) == 0
+    told = capsys.readouterr().out
+    assert re.search(
+        r"alarm +speed DANGER from 0\.9 s, 8,\d+ r/min until \d\.\d s, up to 9,0\d\d r/min, limit 8,000", told
+    )
+    assert re.search(r"alarm +1X ALARM at x from .* µm peak, limit 0\.5", told)
+
+
+def test_alarms_are_acknowledged_by_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    bench = open_recorded_bench(tmp_path)
+    bench.live.frame = with_alarm(make_frames(1)[0], Severity.DANGER)
+    port = ["--port", str(bench.client.base_url.port)]
+    assert main(["acknowledge", *port]) == 0
+    assert capsys.readouterr().out == "acknowledged danger at x: 92 µm peak-to-peak, limit 90\n"
+    assert main(["acknowledge", "--json", *port]) == 0
+    assert json.loads(capsys.readouterr().out)["alarms"][0]["probe"] == "x"
+    bench.close()

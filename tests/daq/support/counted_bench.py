@@ -1,0 +1,65 @@
+"""A rig whose tacho is stamped by a counter, and its runs as items, as a file and as results."""
+
+from collections.abc import Callable, Iterable
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.live.analyser import Analyser
+from analysis.signals.blocks import SampleBlock, SegmentEnd, SourceItem
+from analysis.signals.header import RunHeader
+from analysis.signals.snapshot import Snapshot
+from daq.config.rig import Rig
+from daq.drivers.factory import open_source
+from daq.session.recording.recorder import run_header
+from recordings.mcap.analysed import write_analysed
+from recordings.mcap.results import encode_snapshot
+from tests.daq.session.recording.test_recorded_run import order
+
+RigFactory = Callable[..., Rig]
+RISING = {"profile": [{"time_s": 0.0, "speed_rpm": 3000.0}, {"time_s": 4.0, "speed_rpm": 9000.0}]}
+
+
+def counted(rig: RigFactory, reference: str = "counter", **sections: object) -> Rig:
+    """Load a rig whose tacho is stamped by a counter too, which is the reference unless said."""
+    tacho = {"delay_s": 4e-4, "counter": {"reference": reference}}
+    return rig(**({"simulation": RISING} | sections | {"tacho": tacho}))
+
+
+def items_of(rig: Rig) -> list[SourceItem]:
+    source = open_source(rig)
+    items = list(source.blocks())
+    source.close()
+    return items
+
+
+def header_of(rig: Rig, folder: Path) -> RunHeader:
+    source = open_source(rig)
+    source.close()
+    return run_header(order(rig, folder), source)
+
+
+def recorded(rig: Rig, folder: Path, items: Iterable[SourceItem] | None = None) -> Path:
+    header = header_of(rig, folder)
+    path = folder / f"{header.run}.mcap"
+    write_analysed(path, header, items_of(rig) if items is None else items, {})
+    return path
+
+
+def analysed(header: RunHeader, items: Iterable[SourceItem]) -> list[Snapshot]:
+    analyser = Analyser(header.acquisition, header.settings)
+    snapshots: list[Snapshot] = []
+    for item in items:
+        snapshots += analyser.segment_end(item) if isinstance(item, SegmentEnd) else analyser.block(item)
+    return snapshots
+
+
+def kept(header: RunHeader, snapshots: Iterable[Snapshot]) -> list[bytes]:
+    """Return snapshots to the last bit, as a file keeps them."""
+    return [message.data for snapshot in snapshots for message in encode_snapshot(snapshot, header)]
+
+
+def ticks_of(items: Iterable[SourceItem]) -> NDArray[np.int64]:
+    parts = [item.ticks for item in items if isinstance(item, SampleBlock) and item.ticks is not None]
+    return np.concatenate([np.empty(0, np.int64), *parts])

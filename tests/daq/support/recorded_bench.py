@@ -1,0 +1,126 @@
+"""A service over a folder that holds one real recording, made in a second from the simulated card."""
+
+from collections.abc import Callable
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+
+import httpx
+
+from analysis.signals.header import RunHeader
+from daq.config.rig import Rig
+from daq.drivers.factory import open_source
+from daq.reports.summaries import Summaries
+from daq.schemas.alarm import AcknowledgedDocument, alarm_document
+from daq.schemas.mark import MarkDocument
+from daq.schemas.units import moment
+from daq.service.abilities import Abilities
+from daq.service.app import create_app
+from daq.service.jobs.queue import DataPlace, Jobs
+from daq.service.routes.live_routes import Desk
+from daq.service.run_reader import Readings
+from daq.service.server import ServiceServer
+from daq.session.prediction.predictors import Predictors
+from daq.session.recording.messages import Order
+from daq.session.recording.recorder import run_header
+from model.prediction.prediction import Prediction
+from recordings.catalogue.catalogue import Catalogue
+from recordings.mcap.analysed import write_analysed
+from recordings.mcap.markers import MarkKind
+from tests.daq.support.frames import make_prediction
+from tests.daq.support.service_fakes import FakeLive
+
+RUN = "2026-11-24T09-12-07-test-rig"
+API = "/api/v1"
+HIGHEST = 20_000.0  # r/min that the model knows
+
+
+def record_run(rig: Rig, folder: Path, run: str = RUN) -> Path:
+    """Record a simulated run with its results into a folder; return its file."""
+    path = folder / f"{run}.mcap"
+    order = Order(rig, run, 1_795_000_000_000_000_000, "first light", "rig test", path, None)
+    with closing(open_source(rig)) as source:
+        write_analysed(path, run_header(order, source), source.blocks(), {})
+    return path
+
+
+class Steered:
+    """Ends the run that the live fake shows."""
+
+    def __init__(self, live: FakeLive) -> None:
+        self.live = live
+        self.stopped: list[str] = []
+
+    def stop(self) -> str | None:
+        if self.live.frame is None:
+            return None
+        self.stopped.append(self.live.frame.header.run)
+        return self.live.frame.header.run
+
+    def mark(self, text: str) -> MarkDocument | None:
+        if self.live.frame is None:
+            return None
+        return MarkDocument(kind=MarkKind.WORD, text=text, segment=0, time_s=1.0, at=moment(1_795_511_527_250_000_000))
+
+    def acknowledge(self) -> AcknowledgedDocument | None:
+        frame = self.live.frame
+        if frame is None:
+            return None
+        alarms = tuple(alarm_document(alarm) for alarm in frame.status.alarms)
+        return AcknowledgedDocument(run=frame.header.run, alarms=alarms)
+
+
+class KnownModels:
+    """A model that is ready, up to 20,000 r/min."""
+
+    def prediction_for(self, header: RunHeader, speed: float) -> Prediction | None:
+        if speed * 30 / 3.141592653589793 > HIGHEST:
+            raise ValueError(f"speed: {speed:g} rad/s, expected less")
+        return make_prediction(speed, header.settings)
+
+
+@dataclass
+class RecordedBench:
+    """A served data folder and a client."""
+
+    folder: Path
+    live: FakeLive
+    steered: Steered
+    client: httpx.Client
+    close: Callable[[], None]
+
+    def get(self, tail: str, headers: dict[str, str] | None = None, /, **parameters: str | float) -> httpx.Response:
+        """Ask for something of the recorded run."""
+        return self.client.get(f"{API}/runs/{RUN}{tail}", params=parameters, headers=headers)
+
+
+def open_recorded_bench(
+    folder: Path,
+    *,
+    host: str = "127.0.0.1",
+    token: str | None = None,
+    origins: tuple[str, ...] = (),
+    desk: Desk | None = None,
+    job_limit: float = 60.0,
+    answer_limit: float = 60.0,
+) -> RecordedBench:
+    """Serve the runs of a folder at a free port of this machine, as if bound to ``host``."""
+    catalogue, live, predictors = Catalogue(folder), FakeLive(), Predictors()
+    readings = Readings(KnownModels(), deadline=answer_limit)
+    steered = Steered(live)
+    jobs = Jobs(DataPlace(folder), limit=job_limit)
+    abilities = Abilities(readings, steered, desk, catalogue, jobs, origins)
+    summaries = Summaries(catalogue, predictors, readings.summary)
+    app = create_app(catalogue, live, summaries, None, abilities=abilities, host=host, token=token)
+    server = ServiceServer(app)
+    server.start()
+    client = httpx.Client(base_url=server.url, timeout=120.0)
+
+    def close() -> None:
+        client.close()
+        server.close()
+        jobs.close()
+        readings.close()
+        predictors.close()
+
+    return RecordedBench(folder, live, steered, client, close)

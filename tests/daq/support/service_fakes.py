@@ -1,0 +1,183 @@
+"""What the service is given in its tests: a catalogue, a live run and summaries, as a test wants them."""
+
+import math
+import threading
+from pathlib import Path
+
+import numpy as np
+
+from analysis.live.summary import ProbeSummary, RunSummary
+from analysis.signals.blocks import EndReason, SegmentEnd
+from analysis.signals.header import Severity
+from analysis.signals.ramp import Direction
+from analysis.signals.snapshot import TachoReport, TachoState
+from analysis.vectors.speed_table import SpeedRow
+from analysis.whirl.findings import Moment, WhirlFinding
+from daq.schemas import SummaryDocument, summary_document
+from daq.session.live_update import LiveFrame
+from model.prediction.comparison import Agreement, PredictedWhirl, SynchronousAgreement, WhirlAgreement
+from recordings.catalogue.catalogue import RunEntry
+from recordings.catalogue.search import Search
+from recordings.errors import NotFoundError
+from tests.daq.support.frames import RPM, make_header
+
+NEWEST = "2026-11-24T09-12-07-gj90c"
+CUT = "2026-11-23T10-00-00-gj90c"
+OTHER_RIG = "2026-11-22T10-00-00-bench2"
+UNREADABLE = "2026-11-21T10-00-00-gj90c"
+
+
+def make_entry(run: str = NEWEST, *, rig: str = "gj90c", is_complete: bool = True, fault: str = "") -> RunEntry:
+    """A run as the catalogue lists it."""
+    header = make_header(run)
+    return RunEntry(
+        id=run,
+        path=Path(f"{run}.mcap"),
+        size=154_000_000,
+        changed_ns=header.started_ns,
+        header=type(header)(
+            run=run,
+            rig=rig,
+            started_ns=header.started_ns,
+            acquisition=header.acquisition,
+            settings=header.settings,
+            limits=header.limits,
+            config_toml="",
+            program="rig 0.1.0",
+            note="after the oil change",
+        ),
+        duration=300.0,
+        samples=60_000_000,
+        is_complete=is_complete,
+        is_gap_free=is_complete,
+        fault=fault,
+    )
+
+
+def make_entries() -> list[RunEntry]:
+    """Four runs: one whole, one cut short, one of another rig, one that cannot be read."""
+    unreadable = RunEntry(
+        UNREADABLE, Path("u.mcap"), 12, 1_795_000_000_000_000_000, fault="u.mcap: 12 bytes, no MCAP file"
+    )
+    return [
+        make_entry(),
+        make_entry(CUT, is_complete=False, fault="not finished"),
+        make_entry(OTHER_RIG, rig="bench2"),
+        unreadable,
+    ]
+
+
+def make_summary() -> RunSummary:
+    """A run-up with one component below 1X; some of its values are not known."""
+
+    def at(time: float, speed_rpm: float) -> Moment:
+        return Moment(0, time, speed_rpm * RPM)
+
+    def row(speed_rpm: float, order: float, amplitude: float) -> SpeedRow:
+        vectors = np.array([[10e-6 * np.exp(-0.5j), 11e-6 * np.exp(1j)], [1e-6, complex(math.nan, 0.0)]])
+        two = np.array([30e-6, 31e-6])
+        scatter, compensated = np.full((2, 2), 4e-7), np.full((2, 2), complex(math.nan))
+        sizes = (two, 1.1 * two, 5e-8, amplitude, order)
+        return SpeedRow(Direction.UP, speed_rpm * RPM, 24, vectors, scatter, *sizes, compensated)
+
+    return RunSummary(
+        run=NEWEST,
+        rig="gj90c",
+        note="after the oil change",
+        started_ns=1_795_511_527_000_000_000,
+        duration=300.0,
+        samples=60_000_000,
+        lost=2000,
+        lost_is_exact=False,
+        segments=(
+            SegmentEnd(0, 40_000_000, EndReason.OVERRUN, 2000, lost_is_exact=False, detail="driver code -200279"),
+            SegmentEnd(1, 20_000_000, EndReason.FINISHED),
+        ),
+        lowest_speed=1004.0 * RPM,
+        highest_speed=math.nan,
+        probes=(
+            ProbeSummary("x", 5.02, 4.97, 5.08, True, 96.1e-6, at(280.0, 15_060.0), Severity.DANGER),
+            ProbeSummary("y", math.nan, math.nan, math.nan, False, 0.0, None, Severity.NORMAL),
+        ),
+        clipped=(0, 3, 0),
+        snapshots=3000,
+        frames=2950,
+        tacho=TachoReport(TachoState.GOOD, 40_210, 1, 2, math.nan),
+        tacho_states={"good": 2980, "no pulses": 20},
+        rows=(row(10_000.0, math.nan, 0.0), row(11_025.0, 0.49, 12.1e-6)),
+        whirls=(
+            WhirlFinding(0.49, 0.492, at(98.0, 10_980.0), at(150.0, 13_900.0), 14.2e-6, at(140.0, 13_500.0), True, 212),
+        ),
+    )
+
+
+def make_agreement() -> Agreement:
+    """The model against that run: 1X agrees up to 14,000 r/min, one whirl of two was measured."""
+    return Agreement(
+        synchronous=SynchronousAgreement(
+            speeds=52,
+            median_ratio=0.97,
+            worst_ratio=1.31,
+            worst_ratio_speed=14_800.0 * RPM,
+            median_phase=math.radians(3.2),
+            worst_phase=math.radians(-24.0),
+            worst_phase_speed=14_900.0 * RPM,
+            agrees_to=14_000.0 * RPM,
+            within_ratio=0.08,
+            within_phase=math.radians(11.0),
+        ),
+        whirls=(
+            WhirlAgreement(PredictedWhirl(0.7, 9500.0 * RPM, 18_000.0 * RPM, 22e-6), make_summary().whirls[0], True),
+            WhirlAgreement(PredictedWhirl(0.2, 18_100.0 * RPM, 20_000.0 * RPM, 60e-6), None, False),
+        ),
+        instability_onset=math.nan,
+    )
+
+
+class FakeCatalogue:
+    """Holds entries; raises ``trouble`` where there is one."""
+
+    def __init__(self, entries: list[RunEntry]) -> None:
+        self.entries = entries
+        self.trouble: Exception | None = None
+
+    def runs(self) -> list[RunEntry]:
+        if self.trouble is not None:
+            raise self.trouble
+        return self.entries
+
+    def search(self, search: Search) -> list[RunEntry]:
+        return [entry for entry in self.runs() if search.text in entry.id]
+
+    def run(self, run_id: str) -> RunEntry:
+        for entry in self.runs():
+            if entry.id == run_id:
+                return entry
+        raise NotFoundError(f"run {run_id!r}: there is no such run in data")
+
+
+class FakeLive:
+    """Holds a frame."""
+
+    def __init__(self) -> None:
+        self.frame: LiveFrame | None = None
+
+    def latest(self) -> LiveFrame | None:
+        return self.frame
+
+
+class FakeSummaries:
+    """Knows one summary; raises ``trouble`` where there is one, and waits for ``gate``."""
+
+    def __init__(self, catalogue: FakeCatalogue) -> None:
+        self.catalogue = catalogue
+        self.trouble: Exception | None = None
+        self.gate = threading.Event()
+        self.gate.set()
+
+    def summary(self, run_id: str) -> SummaryDocument:
+        self.catalogue.run(run_id)
+        self.gate.wait(60.0)
+        if self.trouble is not None:
+            raise self.trouble
+        return summary_document(make_summary(), make_agreement())

@@ -1,0 +1,51 @@
+"""What a reader of a drawn study must be able to tell."""
+
+import numpy as np
+import pytest
+
+pytest.importorskip("matplotlib", reason="the extra `plots` is not installed")
+
+from daq.cli.model.figures import draw
+from daq.cli.model.report import captioned
+from model.studies.study import Plot, Series
+from model.studies.thesis.report import Curve, Figure
+
+X = np.linspace(0.0, 1.0, 50)
+
+
+def test_legend_stands_beside_the_lines() -> None:
+    figure = draw([Plot("title", "x", "y", (Series("one", X, X), Series("two", X, 1 - X)))])
+    figure.draw_without_rendering()
+    (axes,) = figure.axes
+    legend = axes.get_legend()
+    assert legend is not None
+    assert legend.get_window_extent().x0 >= axes.get_window_extent().x1
+    assert legend.get_window_extent().x1 <= figure.bbox.x1
+
+
+def test_numbers_on_axes_are_whole() -> None:
+    figure = draw([Plot("title", "x", "y", (Series("", 8000 * X, 89.99 + 1e-3 * X),))])
+    figure.draw_without_rendering()
+    (axes,) = figure.axes
+    assert axes.yaxis.get_offset_text().get_text() == ""
+    assert all(label.get_text().startswith(("89.98", "89.99")) for label in axes.get_yticklabels())
+    assert "8,000" in {label.get_text() for label in axes.get_xticklabels()}
+
+
+def test_plot_without_lines_says_why() -> None:
+    nothing = np.array([])
+    _, (plot,) = captioned(Figure("3.5", "rupture", "x", "y", (Curve("10 N", nothing, nothing),), "no cavity"))
+    (axes,) = draw([plot]).axes
+    assert [text.get_text() for text in axes.texts] == ["no cavity"]
+    assert axes.get_xticks().size == 0
+
+
+def test_equal_curves_can_be_told_apart() -> None:
+    _, (plot,) = captioned(Figure("3.4", "equal", "x", "y", tuple(Curve(name, X, X) for name in "abc")))
+    (axes,) = draw([plot]).axes
+    assert len({str(line.get_linestyle()) + str(line.get_linewidth()) for line in axes.lines}) == 3
+
+
+def test_trajectory_has_one_scale_in_both_directions() -> None:
+    (axes,) = draw([Plot("title", "x", "y", (Series("", X, 3 * X),), is_square=True)]).axes
+    assert axes.get_aspect() == 1.0

@@ -1,0 +1,252 @@
+"""Linear supports and walls in the motion: closed forms, the linear solution, and an explicit integration."""
+
+import itertools
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
+
+from model.dynamics.modal_system import ModalSystem
+from model.dynamics.motion import ShaftMotion
+from model.dynamics.synchronous import synchronous_response
+from model.errors import WallContactError
+from model.linear.linear_system import linear_system
+from model.linear.response import imbalance_response, static_deflection
+from model.rotor.gj90c import gj90c
+from model.rotor.parameters import Imbalance, ModelParameters
+from model.rotor.rotor import Disc, Rotor, Segment
+from model.rotor.rub import Rub
+from model.rotor.supports import Coefficients, StaticLoad, Support
+from model.studies.varied_parameters import varied
+from tests.model.dynamics.equations import at_rest, constrained_rates
+
+FloatArray = NDArray[np.float64]
+
+SPRINGS = tuple(Support(station, Coefficients.isotropic(1e6, 100.0)) for station in (2, 3))
+ELLIPTIC = (
+    Support(1, Coefficients(((1e6, 2e5), (-1e5, 3e6)), ((100.0, 0.0), (0.0, 60.0)))),
+    Support(
+        4,
+        Coefficients(((2e6, 0.0), (0.0, 1e6)), ((80.0, 0.0), (0.0, 60.0))),
+        Coefficients(((5e6, 0.0), (0.0, 4e6)), ((200.0, 0.0), (0.0, 200.0))),
+        0.05,
+    ),
+)
+SOFT = (
+    Support(1, Coefficients(((1e5, 2e4), (-1e4, 3e5)), ((10.0, 0.0), (0.0, 6.0)))),
+    Support(
+        4,
+        Coefficients(((2e5, 0.0), (0.0, 1e5)), ((8.0, 0.0), (0.0, 6.0))),
+        Coefficients(((5e5, 0.0), (0.0, 4e5)), ((20.0, 0.0), (0.0, 20.0))),
+        0.05,
+    ),
+)
+
+
+WALL = Rub(4, 12e-6, 3e5, 20e-3, 0.05, 0.2)  # soft: the shaft stays on it
+
+
+def rotor(masses: tuple[float, ...] = (0.07, 0.015, 0.02, 0.08)) -> Rotor:
+    """Four stations, the inner two journals: few enough modes for all to be kept by both solvers."""
+    return Rotor(
+        segments=tuple(Segment(length, 5e-3) for length in (25e-3, 30e-3, 25e-3)),
+        discs=tuple(Disc(station, mass, 5e-6, 8e-6) for station, mass in enumerate(masses, 1)),
+        bearing_stations=(2, 3),
+    )
+
+
+def shaken(**changes: object) -> ModelParameters:
+    found = replace(gj90c(), rotor=rotor(), imbalances=(Imbalance(4, 2e-6, 0.3), Imbalance(1, 2e-7, 2.0)))
+    return replace(found, **changes)  # type: ignore[arg-type]  # any field
+
+
+def dry(**changes: object) -> ModelParameters:
+    """The same without weight and as good as without films."""
+    found = shaken(gravity=0.0, **changes)
+    return replace(found, bearing=replace(found.floating_ring, viscosity=1e-12))
+
+
+def first_order(turns: FloatArray, points: int) -> NDArray[np.complex128]:
+    back = np.exp(-2j * math.pi * np.arange(turns.shape[-1]) / points)
+    return np.asarray(2 * (turns * back).mean(axis=-1))
+
+
+@pytest.mark.parametrize("supports", [SPRINGS, ELLIPTIC], ids=["round", "elliptic"])
+@pytest.mark.parametrize("speed", [700.0, 1600.0])
+def test_on_linear_supports_alone_the_motion_is_the_linear_solution(
+    supports: tuple[Support, ...], speed: float
+) -> None:
+    parameters = dry(supports=supports, imbalances=(Imbalance(4, 5e-7, 0.3), Imbalance(1, 2e-7, 2.0)))
+    expected = imbalance_response(linear_system(parameters.rotor, supports), parameters.imbalances, [speed])[0]
+    motion = ShaftMotion(parameters, speed, 60)
+    motion.turns(100, 256)
+    found = first_order(motion.turns_of_all(4, 256), 256).T
+    assert np.abs(found - expected).max() < 1e-3 * np.abs(expected).max()
+    response = synchronous_response(parameters, speed)
+    assert np.abs(response.stations - expected).max() < 1e-3 * np.abs(expected).max()
+    assert response.vectors == pytest.approx(expected[:, 0], rel=1e-3)
+
+
+@pytest.mark.parametrize("supports", [SPRINGS, ELLIPTIC], ids=["round", "elliptic"])
+def test_beside_films_the_synchronous_response_is_the_motion(supports: tuple[Support, ...]) -> None:
+    parameters = shaken(supports=supports, gravity=0.0)
+    response = synchronous_response(parameters, 1500.0)
+    assert response.growth_rate < 0
+    motion = ShaftMotion(parameters, 1500.0, 100)
+    motion.turns(50, 256)
+    found = first_order(motion.turns_of_all(4, 256), 256).T
+    assert np.abs(found - response.stations).max() < 1e-3 * np.abs(found).max()
+    free = synchronous_response(shaken(gravity=0.0), 1500.0)
+    assert abs(free.circle - response.circle) > 0.2 * abs(free.circle)
+
+
+def test_on_a_wall_all_the_way_round_the_synchronous_response_is_the_motion() -> None:
+    parameters = shaken(gravity=0.0, rubs=(WALL,))
+    response = synchronous_response(parameters, 1500.0)
+    assert response.growth_rate < 0
+    assert abs(response.stations[0, 3]) > 1.5 * WALL.clearance
+    motion = ShaftMotion(parameters, 1500.0, 150)
+    motion.turns(60, 256)
+    found = first_order(motion.turns_of_all(4, 256), 256).T
+    assert np.abs(found - response.stations).max() < 1e-3 * np.abs(found).max()
+
+
+@pytest.mark.parametrize(
+    ("supports", "rubs"),
+    [
+        ((), (Rub(1, 25e-6, 1e6, 20e-3, 0.1, 0.5), Rub(4, 30e-6, 1e6, 20e-3, 0.2))),
+        (SOFT, (Rub(1, 15e-6, 1e6, 10e-3, 0.1, 0.5),)),
+    ],
+    ids=["bouncing", "held and rubbing"],
+)
+def test_motion_is_that_of_a_tight_explicit_integration(supports: tuple[Support, ...], rubs: tuple[Rub, ...]) -> None:
+    speed, steps, turns = 1500.0, 256, 5
+    parameters = shaken(supports=supports, rubs=rubs)
+    system = ModalSystem.of(parameters)
+    modes, rings = system.shaft.squares.size, system.rings.mass.size
+    times = 2 * math.pi / (speed * steps) * np.arange(turns * steps)
+    path = ShaftMotion(parameters, speed, 0).turns_of_all(turns, steps)
+    rates, start = constrained_rates(parameters, speed, modes), at_rest(modes, rings)
+    solution = solve_ivp(rates, (0.0, float(times[-1])), start, "LSODA", times, rtol=1e-9, atol=1e-13)
+    assert solution.success
+    expected = system.stations @ np.ascontiguousarray(solution.y.T).view(np.complex128)[:, :modes].T
+    for rub in rubs:
+        touches = np.abs(expected[rub.station - 1]) > rub.clearance
+        assert 0.01 < touches.mean() < 0.9
+        assert np.abs(np.diff(touches.astype(int))).sum() >= 2
+    assert np.abs(path[:, 0] + 1j * path[:, 1] - expected).max() < 0.05e-6
+
+
+def test_error_falls_with_the_square_of_the_step_while_the_shaft_stays_on_the_wall() -> None:
+    # all the way round, and steps short enough that none is divided
+    parameters = shaken(gravity=0.0, rubs=(WALL,))
+
+    def after_two_turns(steps: int) -> FloatArray:
+        motion = ShaftMotion(parameters, 1500.0, 100)
+        return motion.turns_of_all(3, steps)[:, :, ::steps]
+
+    assert np.linalg.norm(after_two_turns(128)[3], axis=0).min() > WALL.clearance
+    paths = [after_two_turns(steps) for steps in (128, 256, 512, 1024)]
+    errors = [float(np.abs(a - b).max()) for a, b in itertools.pairwise(paths)]
+    orders = np.log2(np.array(errors[:-1]) / np.array(errors[1:]))
+    assert orders == pytest.approx([2, 2], abs=0.25)
+
+
+def test_shaft_pressed_onto_a_wall_rests_where_the_forces_balance() -> None:
+    load, wall = 5.0, Rub(4, 5e-6, 1e6, 10e-3, 0.3)
+    parameters = dry(supports=SPRINGS, rubs=(wall,), loads=(StaticLoad(4, load, 0.0),), imbalances=())
+    motion = ShaftMotion(parameters, 300.0, 40)
+    found = complex(*motion.turns_of_all(1)[3].mean(axis=1))
+    # z = s (W - (1 + i mu) k (|z| - c) z / |z|): springs give the compliance s
+    compliance = static_deflection(linear_system(parameters.rotor, SPRINGS), [StaticLoad(4, 1.0, 0.0)])[0, 3]
+
+    def pressed(size: float) -> complex:
+        return complex(1 + compliance * (1 + 1j * wall.friction) * wall.stiffness * (1 - wall.clearance / size))
+
+    size = brentq(lambda size: size * abs(pressed(size)) - compliance * load, wall.clearance, 1e-4, xtol=1e-18)
+    assert size > 1.2 * wall.clearance
+    assert found == pytest.approx(compliance * load / pressed(size), rel=1e-4)
+
+
+def bounce(parameters: ModelParameters, velocity: float, step: float, steps: int) -> list[NDArray[np.complex128]]:
+    """States of a shaft that is thrown sideways without turning itself over: its first mode, in X."""
+    motion = ShaftMotion(parameters, 50.0, 0)
+    system = ModalSystem.of(parameters)
+    modes = system.shaft.squares.size
+    standing = np.zeros((2, modes + system.rings.mass.size), np.complex128)
+    standing[1, 0] = velocity / system.stations[0, 0] / motion.speed
+    motion.stand(standing.ravel().view(np.float64))
+    states = []
+    for number in range(1, steps + 1):
+        motion.advance(np.array([motion.speed * step * number]), np.array([motion.speed]), step)
+        states.append(motion.state)
+    return states
+
+
+def test_smooth_undamped_wall_gives_an_impacts_energy_back() -> None:
+    rub = Rub(1, 5e-6, 1e6, 10e-3)
+    parameters = dry(rubs=(rub,), imbalances=())
+    system = ModalSystem.of(parameters)
+    energies, depths = [], []
+    for state in bounce(parameters, 0.01, 2e-6, 900):
+        q, v = state[:2, : system.shaft.squares.size]
+        depths.append(max(abs(complex(system.stations[0] @ q)) - rub.clearance, 0.0))
+        kept = (np.abs(v) ** 2).sum() + (system.shaft.squares * np.abs(q) ** 2).sum()
+        energies.append(0.5 * float(kept) + 0.5 * rub.stiffness * depths[-1] ** 2)
+    assert max(depths) > 1e-6
+    assert depths[0] == depths[-1] == 0
+    assert energies == pytest.approx([energies[0]] * len(energies), rel=2e-3)
+    assert energies[-1] == pytest.approx(energies[0], rel=5e-4)
+
+
+def test_damped_wall_throws_the_shaft_back_as_hunt_and_crossley_say() -> None:
+    speed, damping = 2e-3, 250.0
+    walls = tuple(Rub(station, 5e-6, 1e4, 10e-3, 0.0, damping) for station in (1, 4))
+    alike = dry(rubs=walls, imbalances=())
+    parameters = replace(alike, rotor=rotor((0.05, 0.05, 0.05, 0.05)))
+    last = bounce(parameters, speed, 1e-4, 150)[-1]
+    system = ModalSystem.of(parameters)
+    rebound = -float((system.stations[0, 0] * last[1, 0]).real)
+    assert abs(system.stations[0, 0] * last[0, 0]) < walls[0].clearance
+
+    def left(v: float) -> float:  # v - ln(1 + lambda v) / lambda is the same when it leaves as when it came
+        return v - math.log1p(damping * v) / damping
+
+    expected = brentq(lambda v: left(-v) - left(speed), 0.0, 0.999 / damping)
+    assert 0.3 * speed < expected < 0.9 * speed
+    assert rebound == pytest.approx(expected, rel=0.01)
+
+
+def test_friction_that_drives_the_shaft_without_end_is_told() -> None:
+    parameters = replace(gj90c(imbalance=2e-7), rubs=(Rub(6, 1e-6, 7e8, 25e-3, 0.45),))
+    with pytest.raises(
+        WallContactError, match=r"rub: the shaft bounces at .* m/s on the wall of station 6 at 1834\.0 rad"
+    ):
+        ShaftMotion(parameters, 1834.0, 100)
+    ShaftMotion(replace(parameters, rubs=(Rub(6, 1e-6, 7e8, 25e-3, 0.1),)), 1834.0, 10)
+
+
+def test_sweep_changes_the_first_wall_and_support() -> None:
+    found = varied(
+        shaken(supports=SOFT, rubs=(WALL,)),
+        {"rub_clearance_um": 30.0, "rub_friction": 0.2, "rub_stiffness_n_m": 1e6, "support_stiffness_n_m": 4e5},
+    )
+    (rub,) = found.rubs
+    assert rub.clearance == pytest.approx(30e-6)
+    assert replace(rub, clearance=1.0) == Rub(4, 1.0, 1e6, 20e-3, 0.2, WALL.damping)
+    assert found.supports[0].inner == Coefficients(((4e5, 0.0), (0.0, 4e5)), SOFT[0].inner.damping)
+    assert found.supports[1] == SOFT[1]
+    for name in ("rub_damping_s_m", "support_stiffness_n_m"):
+        with pytest.raises(ValueError, match=r"(rub|support): none, expected a rotor with a"):
+            varied(gj90c(), {name: 1.0})
+
+
+def test_default_rotor_has_no_constraints_and_keeps_its_six_modes() -> None:
+    system = ModalSystem.of(gj90c())
+    assert system.constraints is None
+    assert system.shaft.squares.size == 6
+    assert ModalSystem.of(replace(gj90c(), rubs=(Rub(2, 1e-4, 1e6, 1e-2),))).shaft.squares.size == 12

@@ -1,0 +1,166 @@
+"""The short film's force laws against quadrature of its pressure and against each other."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from model.dynamics.forces import capone_force
+from model.films.film import Film
+from model.films.short_film import Capone, Half, capone, half_film, short_film_pressure
+
+ComplexArray = NDArray[np.complex128]
+FILM = Film(radius=5e-3, length=10e-3, clearance=20e-6, viscosity=0.015)
+SPEED = 1000.0
+
+
+class States(NamedTuple):
+    position: ComplexArray
+    velocity: ComplexArray
+
+
+def random_states(count: int, largest: float = 0.9, spread: float = 0.3) -> States:
+    rng = np.random.default_rng(7)
+    position = rng.uniform(0.01, largest, count) * np.exp(1j * rng.uniform(0, 2 * math.pi, count))
+    velocity = SPEED * spread * (rng.normal(size=count) + 1j * rng.normal(size=count))
+    return States(position, np.asarray(velocity, dtype=np.complex128))
+
+
+def integrated(position: complex, velocity: complex, speed: float) -> complex:
+    """Force from the pressure, by Gauss's rule along and, where the film carries, around."""
+    x, weight = np.polynomial.legendre.leggauss(16)
+    A = speed * position.real - 2 * velocity.imag
+    B = speed * position.imag + 2 * velocity.real
+    start = math.atan2(-B, -A)  # the carrying half begins where the film neither wedges nor closes
+    edges = np.linspace(start, start + math.pi, 41)
+    middle, half = (edges[1:] + edges[:-1]) / 2, (edges[1:] - edges[:-1]) / 2
+    theta = middle[:, np.newaxis] + half[:, np.newaxis] * x
+    pressure = short_film_pressure(position, velocity, speed, theta[..., np.newaxis], x / 2)
+    along = pressure @ weight / 2
+    return complex(-4 * np.sum(along * np.exp(1j * theta) * weight * half[:, np.newaxis]))
+
+
+def test_exact_force_equals_quadrature_of_the_pressure_at_1000_random_states() -> None:
+    states = random_states(1000, largest=0.95)
+    force = capone(states.position, states.velocity, SPEED)
+    expected = np.array([integrated(z, v, SPEED) for z, v in zip(*states, strict=True)])
+    assert np.max(np.abs(force - expected) / np.abs(expected)) < 1e-9
+
+
+def test_no_pressure_lies_outside_the_half_that_the_quadrature_takes() -> None:
+    for z, v in zip(*random_states(50), strict=True):
+        start = math.atan2(-(SPEED * z.imag + 2 * v.real), -(SPEED * z.real - 2 * v.imag))
+        outside = start - np.linspace(0.0, math.pi, 60)
+        assert np.max(short_film_pressure(z, v, SPEED, outside, 0.0)) < 1e-9 * SPEED
+
+
+def test_compiled_force_equals_the_exact_one() -> None:
+    states = random_states(200)
+    compiled = [capone_force(complex(z), complex(v), 1.0, SPEED, 1.0) for z, v in zip(*states, strict=True)]
+    assert capone(states.position, states.velocity, SPEED) == pytest.approx(np.array(compiled), rel=1e-12)
+
+
+def test_printed_force_equals_the_exact_one_at_rest_and_only_there() -> None:
+    states = random_states(1000)
+    at_rest = capone(states.position, 0j, SPEED, Capone.AS_PRINTED)
+    assert at_rest == pytest.approx(capone(states.position, 0j, SPEED), rel=1e-9)
+    exact = capone(states.position, states.velocity, SPEED)
+    error = np.abs(capone(states.position, states.velocity, SPEED, Capone.AS_PRINTED) - exact) / np.abs(exact)
+    assert 0.003 < np.median(error) < 0.02
+    assert np.max(error) > 2
+
+
+def test_printed_force_departs_from_the_exact_one_in_the_second_order_of_the_velocity() -> None:
+    z, v = 0.5 * np.exp(0.4j), (0.7 - 0.4j) * SPEED
+    errors = [
+        abs(complex(capone(z, s * v, SPEED) - capone(z, s * v, SPEED, Capone.AS_PRINTED))) for s in (1e-2, 5e-3, 2.5e-3)
+    ]
+    assert errors[0] / errors[1] == pytest.approx(4, rel=0.1)
+    assert errors[1] / errors[2] == pytest.approx(4, rel=0.05)
+
+
+def test_film_gives_either_force_in_newtons() -> None:
+    z, v = 0.6 * np.exp(1j) * FILM.clearance, (3 + 2j) * 1e-3
+    relative = z / FILM.clearance, v / FILM.clearance, SPEED
+    assert FILM.force(z, v, SPEED) == pytest.approx(complex(FILM.factor * capone(*relative)), rel=1e-12)
+    printed = FILM.force(z, v, SPEED, Capone.AS_PRINTED)
+    assert printed == pytest.approx(complex(FILM.factor * capone(*relative, Capone.AS_PRINTED)), rel=1e-12)
+    assert abs(printed - FILM.force(z, v, SPEED)) > 1e-4 * abs(printed)
+
+
+@pytest.mark.parametrize("form", list(Capone))
+def test_force_is_none_where_nothing_moves_and_finite_where_the_surfaces_stand(form: Capone) -> None:
+    assert complex(capone(0.4, 0j, 0.0, form)) == 0
+    assert complex(capone(0j, 0j, SPEED, form)) == 0
+    squeezed = complex(capone(0.4, 100 + 0j, 0.0, form))
+    assert squeezed.real < 0
+    assert squeezed.imag == pytest.approx(0, abs=1e-9 * abs(squeezed))
+
+
+def test_moving_half_film_in_polar_coordinates_is_capones_force() -> None:
+    z, v = random_states(500, largest=0.95)
+    turned = v * np.exp(-1j * np.angle(z))
+    polar = half_film(np.abs(z), turned.real, turned.imag / np.abs(z), SPEED, Half.MOVING)
+    assert polar * np.exp(1j * np.angle(z)) == pytest.approx(capone(z, v, SPEED), rel=1e-11)
+
+
+def test_extent_of_the_moving_half_film_is_the_thesis_delta() -> None:
+    # (2.9) integrates 1/(1 + eps cos) over its half: Delta / sqrt(1 - eps²)
+    x, weight = np.polynomial.legendre.leggauss(60)
+    eps, rate, sweep = 0.6, 130.0, 0.6 * 700.0
+    start = math.atan2(rate, sweep / 2)
+    theta = start + math.pi / 2 * (1 + x)
+    integral = math.pi / 2 * np.sum(weight / (1 + eps * np.cos(theta)))
+    A = math.hypot(rate, sweep / 2)
+    delta = 2 * (math.pi / 2 + math.atan(eps * rate / (A * math.sqrt(1 - eps**2))))
+    assert integral == pytest.approx(delta / math.sqrt(1 - eps**2), rel=1e-12)
+
+
+def test_fixed_and_moving_half_films_agree_without_squeeze() -> None:
+    eps = np.linspace(0, 0.95, 40)
+    fixed, moving = (half_film(eps, 0.0, 120.0, SPEED, half) for half in Half)
+    assert fixed == pytest.approx(moving, rel=1e-10)
+
+
+def test_fixed_half_film_equals_quadrature_over_its_half() -> None:
+    x, weight = np.polynomial.legendre.leggauss(80)
+    theta = math.pi / 2 * (1 + x)
+    rng = np.random.default_rng(5)
+    for _ in range(100):
+        eps, rate, whirl = rng.uniform(0.01, 0.9), 300 * rng.normal(), 300 * rng.normal()
+        pressure = (eps * (SPEED - 2 * whirl) / 2 * np.sin(theta) - rate * np.cos(theta)) / (
+            1 + eps * np.cos(theta)
+        ) ** 3
+        expected = 4 * math.pi / 2 * np.sum(weight * pressure * (np.cos(theta) + 1j * np.sin(theta)))
+        assert complex(half_film(eps, rate, whirl, SPEED, Half.FIXED)) == pytest.approx(complex(expected), rel=1e-9)
+
+
+@pytest.mark.parametrize("half", list(Half))
+@pytest.mark.parametrize("eccentricity", [1.0, 1.5, -0.1, math.nan])
+def test_polar_films_name_an_eccentricity_that_reaches_the_wall(half: Half, eccentricity: float) -> None:
+    with pytest.raises(ValueError, match=r"eccentricity: .* of the clearance, expected 0 or more and below 1"):
+        half_film(eccentricity, 0.0, 0.0, SPEED, half)
+
+
+def test_capone_names_the_state_of_many_that_reaches_the_wall() -> None:
+    with pytest.raises(ValueError, match=r"eccentricity: 1\.2 of the clearance"):
+        capone([0.1, 1.2j], 0j, SPEED)
+
+
+@pytest.mark.parametrize("form", list(Capone))
+def test_forces_name_a_velocity_or_speed_that_is_not_finite(form: Capone) -> None:
+    with pytest.raises(ValueError, match=r"velocity: .*nan.* clearances/s, expected a finite value"):
+        capone(0.5, [0j, complex(math.nan, 0)], SPEED, form)
+    with pytest.raises(ValueError, match="surface_speed: inf rad/s"):
+        capone(0.5, 0j, math.inf, form)
+    with pytest.raises(ValueError, match="eccentricity_rate: nan 1/s"):
+        half_film(0.5, math.nan, 0.0, SPEED, Half.MOVING)
+    with pytest.raises(ValueError, match=r"velocity, surface_speed: .*expected finite values"):
+        FILM.force(0j, complex(0, math.inf), SPEED, form)
+
+
+def test_pressure_names_a_position_at_the_wall() -> None:
+    with pytest.raises(ValueError, match=r"eccentricity: 1 of the clearance"):
+        short_film_pressure(1 + 0j, 0j, SPEED, 0.0, 0.0)

@@ -1,0 +1,138 @@
+"""The folder's own database is a convenience: a folder that cannot take it is no fault."""
+
+import shutil
+import socket
+import sqlite3
+from collections.abc import Callable
+from contextlib import closing
+from pathlib import Path
+from uuid import uuid4
+
+import pytest
+
+from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd
+from analysis.signals.header import RunHeader
+from recordings.catalogue import annotations
+from recordings.catalogue.catalogue import Catalogue
+from recordings.catalogue.database import Database
+from recordings.catalogue.tables import VERSION
+from recordings.errors import StorageError
+from recordings.mcap.writer import RunWriter
+from tests.recordings.postgresql import free_port, new_schema, server
+
+
+def test_a_folder_that_takes_no_catalogue_is_no_fault(
+    tmp_path: Path, header: RunHeader, make_block: Callable[..., SampleBlock]
+) -> None:
+    writer = RunWriter(tmp_path / "run.mcap", header)
+    writer.block(make_block(0, 0, 2000))
+    writer.close()
+    (tmp_path / ".rig").write_text("a file in its place")
+    catalogue = Catalogue(tmp_path)
+    assert [entry.id for entry in catalogue.runs()] == ["run"]
+    catalogue.store_document("run", "summary", {"a": 1})
+    assert catalogue.load_document("run", "summary") == {"a": 1}
+    assert Catalogue(tmp_path).load_document("run", "summary") is None
+
+
+def test_a_catalogue_that_another_process_holds_is_left_alone(tmp_path: Path) -> None:
+    with Database(tmp_path).reading():
+        pass
+    file = tmp_path / ".rig" / "catalogue.sqlite"
+    before = file.stat().st_ino
+    with closing(sqlite3.connect(file, isolation_level=None)) as other:
+        other.execute("BEGIN IMMEDIATE")
+        with (
+            pytest.raises(StorageError, match=r"catalogue\.sqlite: database is locked"),
+            Database(tmp_path, patience=0.1).writing(),
+        ):
+            pass
+    assert file.stat().st_ino == before
+    with Database(tmp_path).reading():
+        pass
+
+
+def test_a_spoilt_catalogue_is_made_anew(tmp_path: Path) -> None:
+    (tmp_path / ".rig").mkdir()
+    (tmp_path / ".rig" / "catalogue.sqlite").write_bytes(b"SQLite format 3\0" + bytes(range(256)) * 40)
+    with Database(tmp_path).reading() as connection:
+        assert connection.dialect.name == "sqlite"
+    with closing(sqlite3.connect(tmp_path / ".rig" / "catalogue.sqlite")) as read:
+        assert read.execute("SELECT version FROM rig_schema").fetchall() == [(VERSION,)]
+
+
+def test_a_server_that_takes_a_call_and_says_nothing_is_given_up() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        address = f"postgresql+psycopg://rig@127.0.0.1:{silent.getsockname()[1]}/runs?connect_timeout=2"
+        with pytest.raises(StorageError, match="timeout"), Database(Path(), address).reading():
+            pass
+
+
+def test_a_writer_of_a_server_waits_for_its_turn_no_longer_than_it_may(postgresql: str, tmp_path: Path) -> None:
+    address = new_schema(postgresql, f"test_{uuid4().hex}")
+    with Database(tmp_path, address).writing(), pytest.raises(StorageError, match="lock timeout"):  # noqa: SIM117
+        with Database(tmp_path, address, patience=0.2).writing():
+            pass
+    with Database(tmp_path, address, patience=0.2).writing():
+        pass
+
+
+@pytest.mark.campaign
+def test_a_catalogue_goes_on_when_its_server_comes_back(
+    tmp_path: Path, header: RunHeader, make_block: Callable[..., SampleBlock]
+) -> None:
+    writer = RunWriter(tmp_path / "run.mcap", header)
+    writer.block(make_block(0, 0, 2000))
+    writer.close()
+    port = free_port()
+    catalogue = Catalogue(tmp_path, f"postgresql+psycopg://rig@127.0.0.1:{port}/postgres")
+    with server(port):
+        assert [entry.id for entry in catalogue.runs()] == ["run"]
+        catalogue.annotate("run", remark="cold oil")
+    with pytest.raises(StorageError, match="catalogue postgresql"):
+        catalogue.runs()
+    with server(port):  # another, empty: the files are the truth
+        assert [(entry.id, entry.remark) for entry in catalogue.runs()] == [("run", "cold oil")]
+
+
+@pytest.mark.parametrize("thrown", [".rig", ".rig/catalogue.sqlite"])
+def test_a_catalogue_that_is_thrown_away_while_it_is_used_is_made_anew(
+    tmp_path: Path, header: RunHeader, make_block: Callable[..., SampleBlock], thrown: str
+) -> None:
+    writer = RunWriter(tmp_path / "run.mcap", header)
+    writer.block(make_block(0, 0, 2000))
+    writer.close()
+    catalogue, other = Catalogue(tmp_path), Catalogue(tmp_path)
+    assert [entry.id for entry in catalogue.runs()] == [entry.id for entry in other.runs()] == ["run"]
+    place = tmp_path / thrown
+    if place.is_dir():
+        shutil.rmtree(place)
+    else:
+        place.unlink()
+    for each in (catalogue, other):
+        assert [entry.id for entry in each.runs()] == ["run"]
+    assert place.exists()
+
+
+def test_runs_are_listed_and_put_away_though_the_catalogue_takes_no_more(
+    tmp_path: Path, header: RunHeader, make_block: Callable[..., SampleBlock]
+) -> None:
+    catalogue = Catalogue(tmp_path)
+    for name in ("first", "second"):
+        writer = RunWriter(tmp_path / f"{name}.mcap", header)
+        writer.block(make_block(0, 0, 2000))
+        writer.segment_end(SegmentEnd(0, 2000, EndReason.STOPPED))
+        writer.close()
+        assert name in {entry.id for entry in catalogue.runs()}
+        with closing(sqlite3.connect(tmp_path / ".rig" / "catalogue.sqlite")) as full:
+            for number, change in enumerate(("INSERT", "UPDATE", "DELETE")):
+                when = f"BEFORE {change} ON rig_run BEGIN SELECT RAISE(ABORT, 'disk is full'); END"
+                full.execute(f"CREATE TRIGGER IF NOT EXISTS full_{number} {when}")
+            full.commit()
+    annotations.store(tmp_path / "first.mcap", annotations.Annotations("cold oil", ("good",)))
+    for each in (catalogue, Catalogue(tmp_path)):
+        found = {entry.id: (entry.remark, entry.tags, entry.is_complete) for entry in each.runs()}
+        assert found == {"first": ("cold oil", ("good",), True), "second": ("", (), True)}
+        assert each.run("second").id == "second"
+    assert catalogue.put_away("first").exists()
+    assert [entry.id for entry in catalogue.runs()] == ["second"]

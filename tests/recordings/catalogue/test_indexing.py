@@ -1,0 +1,312 @@
+"""The catalogue notices what changed, answers searches, is shared by processes, and can be thrown away."""
+
+import math
+import multiprocessing
+import os
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from analysis.live.summary import RunSummary, SummaryBuilder
+from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd
+from analysis.signals.header import RunHeader
+from analysis.whirl.findings import Moment, WhirlFinding
+from recordings.catalogue.calibration_identity import calibration_identity
+from recordings.catalogue.catalogue import Catalogue
+from recordings.catalogue.search import Search
+from recordings.errors import NotFoundError, StorageError
+from recordings.mcap.markers import Mark, encode_mark
+from recordings.mcap.reader import RunReader
+from recordings.mcap.writer import RunWriter
+
+MakeBlock = Callable[..., SampleBlock]
+Record = Callable[..., Path]
+SECOND = 1_000_000_000
+RPM = 2 * math.pi / 60
+
+pytestmark = pytest.mark.usefixtures("database")
+
+
+@pytest.fixture
+def record(tmp_path: Path, header: RunHeader, make_block: MakeBlock) -> Record:
+    """Return a recorder of short runs in the data folder."""
+
+    def write(run_id: str, started_s: int = 1, note: str = "") -> Path:
+        path = tmp_path / f"{run_id}.mcap"
+        writer = RunWriter(path, replace(header, run=run_id, started_ns=started_s * SECOND, note=note))
+        writer.block(make_block(0, 0, 2000))
+        writer.segment_end(SegmentEnd(0, 2000, EndReason.STOPPED))
+        writer.close()
+        os.utime(path, (started_s + 100, started_s + 100))
+        return path
+
+    return write
+
+
+def summarise(reader: RunReader) -> RunSummary:
+    """Return a summary with speeds and a whirl that follow from when the run began: 1000 s is 1000 r/min."""
+    speed = reader.header.started_ns / SECOND * RPM
+    begin, end = Moment(0, 1.0, 10 * speed), Moment(0, 2.0, 11 * speed)
+    whirl = WhirlFinding(0.48, 0.49, begin, end, 14e-6, end, is_forward=True, frames=5)
+    summary = SummaryBuilder(reader.header).summary()
+    return replace(summary, lowest_speed=speed, highest_speed=12 * speed, whirls=(whirl,))
+
+
+def test_a_run_is_found_by_a_moment_that_was_named(tmp_path: Path, header: RunHeader, make_block: MakeBlock) -> None:
+    writer = RunWriter(tmp_path / "run.mcap", header)
+    writer.block(make_block(0, 0, 2000))
+    writer.result(encode_mark(Mark(0, 1000, "oil valve opened", 7), header))
+    writer.segment_end(SegmentEnd(0, 2000, EndReason.STOPPED))
+    writer.close()
+    catalogue = Catalogue(tmp_path)
+    assert catalogue.search(Search(text="valve")) == []
+    catalogue.index(summarise)
+    assert ids([*catalogue.search(Search(text="VALVE oil"))]) == ["run"]
+    assert catalogue.search(Search(text="closed")) == []
+
+
+def ids(found: list[object]) -> list[str]:
+    return [str(getattr(entry, "id", entry)) for entry in found]
+
+
+def test_the_index_tells_new_changed_damaged_and_vanished_files(tmp_path: Path, record: Record) -> None:
+    catalogue = Catalogue(tmp_path)
+    for name in ("a", "b", "c"):
+        record(name)
+    report = catalogue.index(summarise)
+    assert (report.new, report.changed, report.vanished, report.damaged) == (("a", "b", "c"), (), (), ())
+    again = catalogue.index(summarise)
+    assert (again.new, again.changed, again.vanished, again.damaged, again.unchanged) == ((), (), (), (), 3)
+
+    a = tmp_path / "a.mcap"
+    a.write_bytes(a.read_bytes()[:-1000])
+    os.utime(a, (200, 200))
+    (tmp_path / "b.mcap").unlink()
+    record("d")
+    (tmp_path / "text.mcap").write_text("no recording")
+    os.utime(tmp_path / "text.mcap", (200, 200))
+    for looker in (Catalogue(tmp_path), catalogue):
+        report = looker.index(summarise)
+        if looker is not catalogue:  # what one has noticed is known to all
+            assert (report.new, report.changed, report.vanished) == (("d", "text"), ("a",), ("b",))
+        else:
+            assert (report.new, report.changed, report.vanished, report.unchanged) == ((), (), (), 4)
+        assert report.damaged == ("a", "text")
+
+
+def test_what_was_known_of_a_file_is_forgotten_when_it_changes(tmp_path: Path, record: Record) -> None:
+    catalogue = Catalogue(tmp_path)
+    path = record("run", 1000)
+    catalogue.index(summarise, verifying=True)
+    assert catalogue.run("run").verdict == "sound"
+    assert ids([*catalogue.search(Search(onset_below=10_001 * RPM))]) == ["run"]
+    path.write_bytes(path.read_bytes()[:-1000])
+    os.utime(path, (5000, 5000))
+    assert catalogue.run("run").verdict == ""
+    assert catalogue.search(Search(onset_below=10_001 * RPM)) == []
+    catalogue.index(summarise, verifying=True)
+    assert catalogue.run("run").verdict == "not whole"
+    path.write_text("nothing")
+    os.utime(path, (6000, 6000))
+    catalogue.index(summarise, verifying=True)
+    assert catalogue.run("run").verdict == "unreadable"
+
+
+def test_a_summary_of_a_file_that_changed_meanwhile_is_not_kept(tmp_path: Path, record: Record) -> None:
+    path = record("run", 1000)
+
+    def summarise_slowly(reader: RunReader) -> RunSummary:
+        os.utime(path, (7000, 7000))
+        assert ids([*Catalogue(tmp_path).runs()]) == ["run"], "another process looks at the file as it is now"
+        return summarise(reader)
+
+    catalogue = Catalogue(tmp_path)
+    catalogue.index(summarise_slowly)
+    assert catalogue.search(Search(onset_below=10_001 * RPM)) == []
+    catalogue.index(summarise)
+    assert ids([*catalogue.search(Search(onset_below=10_001 * RPM))]) == ["run"]
+
+
+def test_an_index_that_is_stopped_keeps_what_it_has_summed_up(tmp_path: Path, record: Record) -> None:
+    for name, started_s in (("late", 2000), ("early", 1000)):
+        record(name, started_s)
+
+    def summarise_once(reader: RunReader) -> RunSummary:
+        if reader.path.stem == "early":
+            raise KeyboardInterrupt
+        return summarise(reader)
+
+    with pytest.raises(KeyboardInterrupt):
+        Catalogue(tmp_path).index(summarise_once)
+    assert ids([*Catalogue(tmp_path).search(Search(onset_below=30_000 * RPM))]) == ["late"]
+
+
+def test_searches_find_what_they_ask_for(tmp_path: Path, record: Record) -> None:
+    catalogue = Catalogue(tmp_path)
+    for name, started_s, note in (
+        ("slow", 100, "Cold oil 20 %"),
+        ("middle", 500, "warm oil"),
+        ("fast", 1000, "WARM_oil"),
+    ):
+        record(name, started_s, note=note)
+    catalogue.index(summarise)
+    catalogue.annotate("slow", tags=["reference", "good"], remark="bearing new")
+    catalogue.annotate("fast", tags=["good"])
+
+    def found(search: Search) -> set[str]:
+        listed = [entry.id for entry in catalogue.search(search)]
+        assert len(listed) == len(set(listed))
+        return set(listed)
+
+    everything = {"slow", "middle", "fast"}
+    assert found(Search()) == everything
+    assert [entry.id for entry in catalogue.search(Search())] == ["fast", "middle", "slow"]
+    assert found(Search(started_from_ns=500 * SECOND)) == {"middle", "fast"}
+    assert found(Search(started_before_ns=500 * SECOND)) == {"slow"}
+    assert found(Search(speed_low=5999 * RPM)) == {"middle", "fast"}
+    assert found(Search(speed_high=999 * RPM)) == {"slow", "middle"}
+    assert found(Search(speed_low=1100 * RPM, speed_high=1300 * RPM)) == {"slow", "middle", "fast"}
+    assert found(Search(text="oil")) == everything
+    assert found(Search(text="OIL warm")) == {"middle", "fast"}
+    assert found(Search(text="20 %")) == {"slow"}
+    assert found(Search(text="m_o")) == {"fast"}, "_ stands for itself"
+    assert found(Search(text="bearing")) == {"slow"}
+    assert found(Search(tags=("good",))) == {"slow", "fast"}
+    assert found(Search(tags=("good", "reference"))) == {"slow"}
+    assert found(Search(onset_below=5001 * RPM)) == {"slow", "middle"}
+    assert found(Search(is_complete=False)) == set()
+    assert found(Search(text="'; DROP TABLE rig_run; --")) == set()
+    assert found(Search(text="oil", tags=("good",), onset_below=9000 * RPM)) == {"slow"}
+
+
+def test_remarks_and_tags_lie_beside_the_run_and_are_seen_by_all(tmp_path: Path, record: Record) -> None:
+    before = record("run").read_bytes()
+    one, other = Catalogue(tmp_path), Catalogue(tmp_path)
+    assert other.run("run").tags == ()
+    entry = one.annotate("run", remark="  oil changed ", tags=["b", "a", "b"])
+    assert (entry.remark, entry.tags) == ("oil changed", ("a", "b"))
+    assert one.annotate("run", tags=["c"]).remark == "oil changed"
+    assert other.run("run").tags == ("c",)
+    assert [entry.tags for entry in other.runs()] == [("c",)]
+    assert (tmp_path / "run.mcap").read_bytes() == before
+    assert sorted(path.name for path in tmp_path.iterdir() if path.name != ".rig") == ["run.mcap", "run.notes.json"]
+    (tmp_path / "run.notes.json").unlink()
+    assert one.run("run").tags == other.run("run").tags == ()
+
+
+@pytest.mark.parametrize("tag", ["", " ", " a", "a\n", "x" * 65])
+def test_a_tag_that_cannot_be_one_is_refused(tmp_path: Path, record: Record, tag: str) -> None:
+    record("run")
+    with pytest.raises(ValueError, match="tag: "):
+        Catalogue(tmp_path).annotate("run", tags=["good", tag])
+    assert not (tmp_path / "run.notes.json").exists()
+
+
+def test_only_runs_that_are_there_can_be_annotated(tmp_path: Path) -> None:
+    with pytest.raises(NotFoundError):
+        Catalogue(tmp_path).annotate("run", tags=["good"])
+    with pytest.raises(NotFoundError):
+        Catalogue(tmp_path).annotate("../run", tags=["good"])
+
+
+@pytest.mark.parametrize("text", ["", "[]", "{", '{"tags": 3, "remark": ""}', '{"remark": ""}'])
+def test_spoilt_annotations_are_none(tmp_path: Path, record: Record, text: str) -> None:
+    record("run")
+    (tmp_path / "run.notes.json").write_text(text)
+    assert Catalogue(tmp_path).run("run").tags == ()
+
+
+def test_a_catalogue_that_was_thrown_away_is_built_again_from_the_files(
+    tmp_path: Path, record: Record, database: str
+) -> None:
+    catalogue = Catalogue(tmp_path)
+    for k, name in enumerate(("a", "b", "c")):
+        record(name, 100 * (k + 1))
+    catalogue.annotate("b", tags=["good"], remark="words")
+    catalogue.index(summarise, verifying=True)
+    before = catalogue.runs()
+    wanted = Search(onset_below=2001 * RPM, tags=("good",))
+    found = catalogue.search(wanted)
+    assert ids([*found]) == ["b"]
+    if database == "sqlite":
+        (tmp_path / ".rig" / "catalogue.sqlite").unlink()
+        (tmp_path / ".rig" / "catalogue.sqlite").write_bytes(b"not a database, but long enough to look like one" * 100)
+    else:
+        from sqlalchemy import create_engine  # noqa: PLC0415  # to do what no code of ours does
+
+        from recordings.catalogue.tables import METADATA  # noqa: PLC0415
+
+        engine = create_engine(os.environ["RIG_CATALOGUE"])
+        METADATA.drop_all(engine)
+        engine.dispose()
+    fresh = Catalogue(tmp_path)
+    fresh.index(summarise, verifying=True)
+    assert fresh.runs() == before
+    assert fresh.search(wanted) == found
+
+
+def test_a_catalogue_of_another_version_is_built_again(tmp_path: Path, record: Record) -> None:
+    from sqlalchemy import create_engine, text  # noqa: PLC0415  # to do what no code of ours does
+
+    record("run")
+    Catalogue(tmp_path).index(summarise)
+    url = os.environ.get("RIG_CATALOGUE") or f"sqlite:///{tmp_path / '.rig' / 'catalogue.sqlite'}"
+    engine = create_engine(url)
+    with engine.begin() as connection:
+        connection.execute(text("UPDATE rig_schema SET version = 0"))
+        connection.execute(text("ALTER TABLE rig_run DROP COLUMN remark"))
+    engine.dispose()
+    assert Catalogue(tmp_path).index(summarise).new == ("run",)
+
+
+def test_equal_calibrations_have_equal_identities(header: RunHeader) -> None:
+    x, y, tacho = header.acquisition.channels
+    assert x.calibration is not None
+    other = replace(x, calibration=replace(x.calibration, date="2026-03-03"))
+    same = calibration_identity(header.acquisition)
+    assert same == calibration_identity(replace(header.acquisition, rate=1.0))
+    assert same != calibration_identity(replace(header.acquisition, channels=(other, y, tacho)))
+
+
+def hammer(folder: Path, number: int) -> None:
+    """List, annotate, index and keep documents for a while."""
+    catalogue = Catalogue(folder)
+    for k in range(5):
+        entries = catalogue.runs()
+        catalogue.annotate(entries[k % len(entries)].id, tags=[*entries[k % len(entries)].tags, f"tag-{number}-{k}"])
+        catalogue.store_document(entries[0].id, f"document-{number}", {"k": k})
+        catalogue.index(summarise)
+        catalogue.search(Search(text="oil"))
+
+
+def test_several_processes_share_a_catalogue(tmp_path: Path, record: Record) -> None:
+    for k in range(5):
+        record(f"run-{k}", k + 1)
+    context = multiprocessing.get_context("spawn")
+    processes = [context.Process(target=hammer, args=(tmp_path, number)) for number in range(2)]
+    for process in processes:
+        process.start()
+    for process in processes:
+        process.join(60)
+    assert [process.exitcode for process in processes] == [0, 0]
+    catalogue = Catalogue(tmp_path)
+    assert len(catalogue.runs()) == 5
+    assert [catalogue.load_document("run-4", f"document-{number}") for number in range(2)] == [{"k": 4}] * 2
+    assert len(catalogue.search(Search(onset_below=math.inf))) == 5
+
+
+def test_a_database_that_cannot_be_reached_is_named_without_its_password(tmp_path: Path, record: Record) -> None:
+    record("run")
+    catalogue = Catalogue(tmp_path, "postgresql+psycopg://rig:secret@127.0.0.1:1/none")
+    with pytest.raises(
+        StorageError, match=r"catalogue postgresql\+psycopg://rig:\*\*\*@127\.0\.0\.1:1/none: "
+    ) as caught:
+        catalogue.runs()
+    assert "secret" not in str(caught.value)
+    catalogue.store_document("run", "summary", {})
+    assert catalogue.load_document("run", "summary") is None
+    assert catalogue.path("run").exists()
+    with pytest.raises(StorageError, match="catalogue"):
+        Catalogue(tmp_path, "nonsense").runs()

@@ -1,0 +1,74 @@
+"""The table of chunks says of each what its index says, and finds the one where a time begins."""
+
+import pytest
+from mcap.records import ChunkIndex
+
+from recordings.mcap.chunk_table import ChunkPlace, ChunkTable
+from recordings.mcap.chunked import encoded
+from recordings.mcap.container import RECORD
+
+BILLION_YEARS = 1 << 63
+
+
+def content(offset: int, start_ns: int, channels: list[int]) -> bytes:
+    """Return what a file's summary says of a chunk."""
+    index = ChunkIndex(
+        chunk_length=100,
+        chunk_start_offset=offset,
+        compression="zstd",
+        compressed_size=60,
+        message_end_time=start_ns + 1,
+        message_index_length=26,
+        message_index_offsets=dict.fromkeys(channels, offset + 100),
+        message_start_time=start_ns,
+        uncompressed_size=90,
+    )
+    return encoded(index)[RECORD.size :]
+
+
+CASES = [
+    (10, 5, [1]),
+    (210, 7, [1, 2]),
+    (410, 6, [3, 4]),
+    (610, BILLION_YEARS + 1, [2, 1]),
+    (810, 9, []),
+    (1010, 10, [513, 1, 65535]),
+]
+
+
+def test_a_table_says_what_the_indexes_say() -> None:
+    table = ChunkTable.from_index([content(*case) for case in CASES])
+    assert len(table) == len(CASES)
+    assert [*table] == [
+        ChunkPlace(offset + RECORD.size, 100 - RECORD.size, start_ns, frozenset(channels))
+        for offset, start_ns, channels in CASES
+    ]
+    assert [*table.starting_at(4)] == [table[4], table[5]]
+    assert [place.offset for place in reversed(table)] == [place.offset for place in table][::-1]
+
+
+def test_a_table_of_places_gives_them_back() -> None:
+    places = [
+        ChunkPlace(9, 100, 5, frozenset({1})),
+        ChunkPlace(200, 50, 7, None),
+        ChunkPlace(300, 50, 8, frozenset({1})),
+    ]
+    table = ChunkTable.of(places)
+    assert [*table] == places
+    assert [place.may_hold(frozenset({2})) for place in table] == [False, True, False]
+
+
+def test_the_chunk_is_found_in_which_a_time_lies_whatever_lies_between() -> None:
+    samples, results = frozenset({1}), frozenset({3, 4})
+    starts = [(0, [1]), (10, [1]), (3, [3]), (20, [1, 2]), (13, [3, 4]), (30, [1])]
+    table = ChunkTable.from_index([content(100 * k, start, channels) for k, (start, channels) in enumerate(starts)])
+    found = {0: 0, 9: 0, 10: 1, 19: 1, 20: 3, 29: 3, 30: 5, 1000: 5, -1: 0}
+    assert {time_ns: table.last_before(samples, time_ns) for time_ns in found} == found
+    assert [table.last_before(results, time_ns) for time_ns in (0, 3, 12, 13, 99)] == [2, 2, 2, 4, 4]
+    assert table.last_before(frozenset({7}), 10) == 0
+
+
+@pytest.mark.parametrize("table", [ChunkTable.from_index([]), ChunkTable.of([])], ids=["index", "walk"])
+def test_a_table_of_nothing_is_empty(table: ChunkTable) -> None:
+    assert [*table] == []
+    assert table.last_before(frozenset({1}), 5) == 0

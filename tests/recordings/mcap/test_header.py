@@ -1,0 +1,114 @@
+"""A header survives its way through JSON, and a wrong document is named."""
+
+import json
+import math
+from copy import deepcopy
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from analysis.signals.header import RunHeader, RunOutSettings
+from recordings.errors import DamagedError
+from recordings.mcap.header import header_document, header_from_document
+
+
+def test_header_comes_back_from_json_bit_for_bit(header: RunHeader) -> None:
+    text = json.dumps(header_document(header), allow_nan=False)
+    assert header_from_document(json.loads(text)) == header
+
+
+def test_header_of_an_older_file_names_neither_target_nor_operator(header: RunHeader) -> None:
+    document = header_document(header)
+    calibration = document["acquisition"]["channels"][0]["calibration"]
+    assert calibration.pop("target") == "42CrMo4, diameter 10 mm"
+    assert calibration.pop("operator") == "M. Curie"
+    old = header_from_document(document).acquisition.channels[0].calibration
+    assert old is not None
+    assert (old.target, old.operator) == ("", "")
+
+
+def test_open_gap_windows_come_back_as_infinite(header: RunHeader) -> None:
+    tacho = header_from_document(header_document(header)).acquisition.channels[2]
+    assert (tacho.gap_low, tacho.gap_high) == (-math.inf, math.inf)
+
+
+def test_numbers_in_the_document_have_their_unit_in_the_name(header: RunHeader) -> None:
+    document = header_document(header)
+    units = ("_s", "_m", "_v", "_hz", "_rad", "_ns", "_rad_per_s", "_to_k")
+    fractions = {"mark_fraction", "hysteresis_fraction"}
+    plain = {"revolutions", "points_per_revolution", "highest_order", "orbit_revolutions"} | fractions
+    counts = {"pulses_per_revolution", "buffer_samples"}
+
+    def check(part: Any) -> None:
+        for key, value in part.items():
+            if isinstance(value, dict):
+                check(value)
+            elif isinstance(value, list) and (not value or isinstance(value[0], dict)):
+                for entry in value:
+                    check(entry)
+            elif isinstance(value, int | float | list) and not isinstance(value, bool):
+                assert key.endswith(units) or key in plain | counts, key
+
+    check(document)
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "message"),
+    [
+        (("run",), 3, r"header\.run: 3, expected a text"),
+        (("started_ns",), 1.5, r"header\.started_ns: 1\.5, expected a whole number"),
+        (("acquisition", "rate_hz"), "fast", r"header\.acquisition\.rate_hz: 'fast', expected a number"),
+        (("acquisition", "channels"), {}, r"header\.acquisition\.channels: \{\}, expected a list"),
+        (("acquisition", "channels", 1, "role"), "z", r"channels\[1\]\.role: 'z', expected one of probe_x, probe_y"),
+        (("acquisition", "device", "simulated"), 0, r"device\.simulated: 0, expected true or false"),
+        (("acquisition", "tacho"), [], r"header\.acquisition\.tacho: \[\], expected a group"),
+        (("limits", "clearance_m"), True, r"header\.limits\.clearance_m: True, expected a number"),
+    ],
+)
+def test_a_wrong_value_is_named(header: RunHeader, path: tuple[str | int, ...], value: object, message: str) -> None:
+    document = deepcopy(header_document(header))
+    part: Any = document
+    for key in path[:-1]:
+        part = part[key]
+    part[path[-1]] = value
+    with pytest.raises(DamagedError, match=message):
+        header_from_document(document)
+
+
+def test_a_missing_value_is_named(header: RunHeader) -> None:
+    document = header_document(header)
+    del document["acquisition"]["tacho"]["edge"]
+    with pytest.raises(DamagedError, match=r"header\.acquisition\.tacho: edge is missing"):
+        header_from_document(document)
+
+
+def test_a_header_with_another_note_is_another_header(header: RunHeader) -> None:
+    other = replace(header, note="warm")
+    assert header_from_document(header_document(other)) == other != header
+
+
+def test_run_out_that_was_known_before_comes_back_bit_for_bit(header: RunHeader) -> None:
+    vectors = ((1, 1e-6 / 3 + 1e-7j, -1e-6j / 7), (3, 1e-7 + 0j, complex(-0.0, 1e-8 / 3)))
+    runout = RunOutSettings(60.0, vectors, (1e-8 / 3, 0.0), "run 2026-11-20T08-00-00-gj90c", from_orbit=True)
+    told = replace(header, settings=replace(header.settings, runout=runout))
+    assert header_from_document(json.loads(json.dumps(header_document(told)))) == told
+
+
+def test_limits_that_are_watched_come_back_bit_for_bit_and_the_others_are_not_written(header: RunHeader) -> None:
+    limits = replace(header.limits, order_1x_alarm=1e-4 / 3, below_1x_danger=2e-5 / 7, speed_danger=6283.185307179586)
+    told = replace(header, limits=limits)
+    document = json.loads(json.dumps(header_document(told)))
+    assert header_from_document(document) == told
+    assert "order_1x_peak_danger_m" not in document["limits"]
+    assert document["limits"]["speed_danger_rad_per_s"] == 6283.185307179586
+
+
+def test_header_of_before_there_was_run_out_has_none_and_alarms_by_default(header: RunHeader) -> None:
+    document = header_document(replace(header, limits=replace(header.limits, hold=3.0)))
+    del document["analysis"]["runout"]
+    for key in ("hysteresis_fraction", "hold_s", "latch"):
+        del document["limits"][key]
+    read = header_from_document(document)
+    assert not read.settings.runout.is_asked
+    assert (read.limits.hysteresis, read.limits.hold, read.limits.latch) == (0.05, 1.0, True)

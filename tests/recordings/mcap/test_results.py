@@ -1,0 +1,92 @@
+"""Snapshots survive their way through the messages to the last bit."""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from analysis.signals.header import RunHeader
+from analysis.signals.snapshot import Snapshot
+from recordings.mcap.results import decode_snapshot, encode_snapshot
+from recordings.mcap.schema import rig_pb2
+
+MakeSnapshot = Callable[..., Snapshot]
+
+
+def bits(value: object) -> object:
+    """Return a value in a form in which == means equal bits, all but the trace."""
+    if isinstance(value, np.ndarray):
+        return (value.dtype.str, value.shape, value.tobytes())
+    if isinstance(value, float):
+        return np.float64(value).tobytes()
+    if isinstance(value, tuple):
+        return tuple(map(bits, value))
+    slots = getattr(type(value), "__dataclass_fields__", None)
+    if slots is not None:
+        return {name: bits(getattr(value, name)) for name in slots if name != "trace"}
+    return value
+
+
+@pytest.fixture
+def decode() -> Callable[[Snapshot, RunHeader], Snapshot]:
+    def through_messages(snapshot: Snapshot, header: RunHeader) -> Snapshot:
+        results = encode_snapshot(snapshot, header)
+        features = rig_pb2.Features.FromString(results[-1].data)
+        frame = rig_pb2.OrderFrame.FromString(results[0].data) if len(results) > 1 else None
+        return decode_snapshot(features, frame)
+
+    return through_messages
+
+
+@pytest.mark.parametrize(("with_frame", "with_whirl"), [(True, True), (True, False), (False, False)])
+def test_snapshot_comes_back_bit_for_bit(
+    header: RunHeader,
+    make_snapshot: MakeSnapshot,
+    decode: Callable[[Snapshot, RunHeader], Snapshot],
+    *,
+    with_frame: bool,
+    with_whirl: bool,
+) -> None:
+    snapshot = make_snapshot(2, 66_667, with_frame=with_frame, with_whirl=with_whirl)
+    assert bits(decode(snapshot, header)) == bits(snapshot)
+
+
+def test_the_trace_is_left_out(
+    header: RunHeader, make_snapshot: MakeSnapshot, decode: Callable[[Snapshot, RunHeader], Snapshot]
+) -> None:
+    trace = decode(make_snapshot(0, 2000), header).trace
+    assert (trace.time.size, trace.displacement.shape, trace.tacho.size) == (0, (2, 0), 0)
+
+
+def test_features_hold_what_an_operator_reads(header: RunHeader, make_snapshot: MakeSnapshot) -> None:
+    snapshot = make_snapshot(0, 2000)
+    features = rig_pb2.Features.FromString(encode_snapshot(snapshot, header)[-1].data)
+    assert snapshot.frame is not None
+    assert snapshot.frame.whirl is not None
+    vector = snapshot.frame.vectors[0, 0]
+    assert features.speed_rpm == pytest.approx(snapshot.speed * 30 / math.pi)
+    assert features.x_1x_um == pytest.approx(abs(vector) * 1e6)
+    assert features.x_1x_lag_deg == pytest.approx(-math.degrees(np.angle(vector)) % 360)
+    assert features.y_1x_lag_deg == pytest.approx(180.0)
+    assert features.peak_to_peak_y_um == pytest.approx(snapshot.peak_to_peak[1] * 1e6)
+    assert features.whirl_um == pytest.approx(snapshot.frame.whirl.amplitude * 1e6)
+    assert features.whirl_order == snapshot.frame.whirl.order
+    assert features.whirls == 2
+    assert snapshot.frame.compensated is not None
+    assert features.x_1x_compensated_um == pytest.approx(abs(snapshot.frame.compensated[0, 0]) * 1e6)
+    assert features.sigma_1x_um == pytest.approx(1e-2 / 3)
+    assert features.x_1x_lag_sigma_deg == pytest.approx(np.degrees(snapshot.frame.phase_sigma[0, 0]))
+
+
+def test_features_without_a_frame_lack_the_orders(header: RunHeader, make_snapshot: MakeSnapshot) -> None:
+    (result,) = encode_snapshot(make_snapshot(0, 2000, with_frame=False), header)
+    features = rig_pb2.Features.FromString(result.data)
+    assert not features.HasField("x_1x_um")
+    assert math.isnan(features.speed_rpm)
+
+
+def test_features_whose_frame_is_missing_are_refused(header: RunHeader, make_snapshot: MakeSnapshot) -> None:
+    features = rig_pb2.Features.FromString(encode_snapshot(make_snapshot(0, 2000), header)[-1].data)
+    with pytest.raises(ValueError, match="sample 2000: the order frame is missing"):
+        decode_snapshot(features, None)

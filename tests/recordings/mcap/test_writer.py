@@ -1,0 +1,327 @@
+"""The writer never writes over a file, loses a quarter second at most when killed, and says what it cannot do."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+from numpy.typing import NDArray
+
+from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd
+from analysis.signals.header import RunHeader
+from analysis.signals.snapshot import Snapshot
+from recordings.errors import StorageError
+from recordings.mcap.header import header_document
+from recordings.mcap.reader import RunReader
+from recordings.mcap.results import EncodedResult, encode_snapshot
+from recordings.mcap.writer import RunWriter
+
+MakeBlock = Callable[..., SampleBlock]
+MakeSnapshot = Callable[..., Snapshot]
+ROOT = Path(__file__).resolve().parents[3]
+IS_ROOT = hasattr(os, "geteuid") and os.geteuid() == 0
+
+
+def test_a_file_that_exists_is_never_written_over(tmp_path: Path, header: RunHeader) -> None:
+    path = tmp_path / "run.mcap"
+    path.write_bytes(b"precious")
+    with pytest.raises(StorageError, match=r"run\.mcap: exists already"):
+        RunWriter(path, header)
+    assert path.read_bytes() == b"precious"
+
+
+def test_a_missing_folder_is_named(tmp_path: Path, header: RunHeader) -> None:
+    with pytest.raises(StorageError, match=r"there is no folder .*nowhere"):
+        RunWriter(tmp_path / "nowhere" / "run.mcap", header)
+
+
+def test_a_file_in_the_place_of_the_folder_is_named(tmp_path: Path, header: RunHeader) -> None:
+    (tmp_path / "data").write_text("")
+    with pytest.raises(StorageError, match=r"data/run\.mcap|data\\run\.mcap"):
+        RunWriter(tmp_path / "data" / "run.mcap", header)
+
+
+@pytest.fixture
+def read_only_folder(tmp_path: Path) -> Iterator[Path]:
+    """A folder that cannot be written to; root can write anywhere but on a file system that is mounted so."""
+    if sys.platform == "win32":
+        pytest.skip("Windows writes into read-only folders")
+    folder = tmp_path / "data"
+    folder.mkdir(mode=0o500)
+    if IS_ROOT:
+        command = ["mount", "-t", "tmpfs", "-o", "ro", "tmpfs", str(folder)]
+        mounted = subprocess.run(command, capture_output=True, text=True, check=False)
+        if mounted.returncode != 0:
+            pytest.skip(f"a read-only file system cannot be mounted here: {mounted.stderr.strip()}")
+    yield folder
+    if IS_ROOT:
+        subprocess.run(["umount", str(folder)], check=True)
+
+
+def test_a_read_only_folder_is_named(read_only_folder: Path, header: RunHeader) -> None:
+    told = r"run\.mcap: cannot be created: (Permission denied|Read-only file system)"
+    with pytest.raises(StorageError, match=told):
+        RunWriter(read_only_folder / "run.mcap", header)
+
+
+def test_a_block_that_does_not_follow_is_refused(tmp_path: Path, header: RunHeader, make_block: MakeBlock) -> None:
+    writer = RunWriter(tmp_path / "run.mcap", header)
+    writer.block(make_block(0, 0, 100))
+    with pytest.raises(ValueError, match="segment 0 from sample 200, expected segment 0 from sample 100"):
+        writer.block(make_block(0, 200, 100))
+    with pytest.raises(ValueError, match="segment 1 from sample 0"):
+        writer.block(make_block(1, 0, 100))
+    with pytest.raises(ValueError, match="block of 2 channels, expected 3"):
+        writer.block(make_block(0, 100, 100, n_channels=2))
+    with pytest.raises(ValueError, match="end of segment 0 after 300 samples, expected segment 0 after 100"):
+        writer.segment_end(SegmentEnd(0, 300, EndReason.STOPPED))
+    writer.close()
+
+
+def test_a_result_of_an_unknown_topic_is_refused(tmp_path: Path, header: RunHeader) -> None:
+    writer = RunWriter(tmp_path / "run.mcap", header)
+    with pytest.raises(ValueError, match="topic: '/weather'"):
+        writer.result(EncodedResult("/weather", 0, b""))
+    writer.close()
+
+
+def test_a_result_of_a_segment_that_never_began_does_not_stop_the_recording(
+    tmp_path: Path, header: RunHeader, make_block: MakeBlock, make_snapshot: MakeSnapshot
+) -> None:
+    writer = RunWriter(tmp_path / "run.mcap", header)
+    for result in encode_snapshot(make_snapshot(7, 2000), header):
+        writer.result(result)
+    writer.block(make_block(0, 0, 2000))
+    writer.segment_end(SegmentEnd(0, 2000, EndReason.STOPPED))
+    writer.close()
+    with RunReader(writer.path) as reader:
+        assert [snapshot.segment for snapshot in reader.snapshots()] == [7]
+        assert reader.is_complete
+
+
+def test_closing_twice_is_harmless(tmp_path: Path, header: RunHeader, make_block: MakeBlock) -> None:
+    writer = RunWriter(tmp_path / "run.mcap", header)
+    writer.block(make_block(0, 0, 100))
+    writer.segment_end(SegmentEnd(0, 100, EndReason.STOPPED))
+    writer.close(skipped_samples=7)
+    size = writer.path.stat().st_size
+    writer.close()
+    assert writer.path.stat().st_size == size
+    with RunReader(writer.path) as reader:
+        assert reader.skipped_samples == 7
+
+
+def test_file_tells_the_largest_backlog_and_the_buffer_that_it_stood_in(
+    tmp_path: Path, header: RunHeader, make_block: MakeBlock
+) -> None:
+    card = replace(header, acquisition=replace(header.acquisition, buffer=160_000))
+    writer = RunWriter(tmp_path / "run.mcap", card)
+    for first, backlog in ((0, 40), (100, 3000), (200, 0)):
+        writer.block(replace(make_block(0, first, 100), backlog=backlog))
+    writer.segment_end(SegmentEnd(0, 300, EndReason.STOPPED))
+    writer.close()
+    with RunReader(writer.path) as reader:
+        assert reader.header == card
+        assert reader.delivery.backlog == 3000 / card.acquisition.rate
+        assert reader.delivery.buffer == 160_000 / card.acquisition.rate
+
+
+def test_closing_within_a_segment_leaves_the_run_incomplete(
+    tmp_path: Path, header: RunHeader, make_block: MakeBlock
+) -> None:
+    writer = RunWriter(tmp_path / "run.mcap", header)
+    writer.block(make_block(0, 0, 100))
+    writer.close()
+    with RunReader(writer.path) as reader:
+        assert not reader.is_complete
+        assert reader.segment_ends[0].reason is EndReason.CUT
+        assert reader.n_samples == 100
+
+
+def test_results_from_another_thread_are_all_kept_in_order(
+    tmp_path: Path, header: RunHeader, make_block: MakeBlock, make_snapshot: MakeSnapshot
+) -> None:
+    writer = RunWriter(tmp_path / "run.mcap", header)
+
+    def analyse() -> None:
+        for k in range(1, 201):
+            for result in encode_snapshot(make_snapshot(0, 2000 * k), header):
+                writer.result(result)
+
+    thread = threading.Thread(target=analyse)
+    thread.start()
+    for k in range(200):
+        writer.block(make_block(0, 2000 * k, 2000))
+    thread.join()
+    writer.segment_end(SegmentEnd(0, 400_000, EndReason.STOPPED))
+    writer.close()
+    with RunReader(writer.path) as reader:
+        assert [snapshot.sample for snapshot in reader.snapshots()] == [2000 * k for k in range(1, 201)]
+        assert reader.samples(0, 0, 400_000).shape == (3, 400_000)
+
+
+WRITE_FOR_EVER = """
+    import sys
+    from pathlib import Path
+    import numpy as np
+    from analysis.signals.blocks import SampleBlock
+    from recordings.mcap.header import header_from_document
+    from recordings.mcap.writer import RunWriter
+    import json
+    header = header_from_document(json.loads(sys.stdin.readline()))
+    writer = RunWriter(Path(sys.argv[1]), header)
+    first = 0
+    while True:
+        codes = np.arange(first, first + 2000, dtype=np.int64).astype(np.int16)
+        block = SampleBlock(np.stack([codes, codes, codes]), 0, first, 0)
+        writer.block(block)
+        first = block.end
+        print(first, flush=True)
+        sys.stdin.readline()
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="SIGKILL is POSIX")
+def test_a_killed_writer_loses_at_most_a_quarter_second(tmp_path: Path, header: RunHeader) -> None:
+    path = tmp_path / "run.mcap"
+    for n_blocks in (2, 9, 10, 11, 12):
+        path.unlink(missing_ok=True)
+        with subprocess.Popen(
+            [sys.executable, "-c", textwrap.dedent(WRITE_FOR_EVER), str(path)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            cwd=ROOT,
+        ) as writer:
+            assert writer.stdin is not None
+            assert writer.stdout is not None
+            writer.stdin.write(json.dumps(header_document(header)).encode() + b"\n")
+            for _ in range(n_blocks - 1):
+                writer.stdin.write(b"\n")
+            writer.stdin.flush()
+            written = [int(writer.stdout.readline()) for _ in range(n_blocks)][-1]
+            writer.send_signal(signal.SIGKILL)
+        with RunReader(path) as reader:
+            assert not reader.is_complete
+            assert written - reader.n_samples <= 0.25 * header.acquisition.rate
+            assert reader.segment_ends[0].reason is EndReason.CUT
+            assert reader.samples(0, 0, reader.n_samples)[2, -1] == reader.n_samples % 65536 - 1
+
+
+@contextmanager
+def room_for(n_bytes: int) -> Iterator[None]:
+    """Let no file of this process grow beyond so many bytes: writing then fails as it does on a full disk."""
+    import resource  # noqa: PLC0415  # it exists on POSIX only
+
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (n_bytes, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+
+
+needs_limits = pytest.mark.skipif(sys.platform == "win32", reason="limits of file size are POSIX")
+
+
+@needs_limits
+@pytest.mark.parametrize("limit", [100_000, 100_001, 133_333])
+def test_a_full_disk_is_said_and_what_was_written_stays_readable(
+    tmp_path: Path, header: RunHeader, make_block: MakeBlock, codes_of: Callable[..., NDArray[np.int16]], limit: int
+) -> None:
+    path = tmp_path / "run.mcap"
+    writer = RunWriter(path, header)
+    handed_over = 0
+
+    def write_on() -> None:
+        nonlocal handed_over
+        while True:
+            writer.block(make_block(0, handed_over, 2000))
+            handed_over += 2000
+
+    with room_for(limit), pytest.raises(StorageError) as first:
+        write_on()
+    assert str(first.value) == f"{path}: cannot be written: File too large"
+    with pytest.raises(StorageError) as again:
+        writer.block(make_block(0, handed_over, 2000))
+    assert str(again.value) == str(first.value)
+    writer.segment_end(SegmentEnd(0, handed_over, EndReason.RECORDER))
+    writer.close()
+    with RunReader(path) as reader:
+        assert not reader.is_complete
+        assert handed_over - reader.n_samples <= 0.25 * header.acquisition.rate
+        np.testing.assert_array_equal(reader.samples(0, 0, reader.n_samples), codes_of(0, 0, reader.n_samples))
+
+
+@needs_limits
+def test_a_disk_without_room_for_the_header_leaves_no_file(tmp_path: Path, header: RunHeader) -> None:
+    path = tmp_path / "run.mcap"
+    with room_for(100), pytest.raises(StorageError, match="cannot be written: File too large"):
+        RunWriter(path, header)
+    assert not path.exists()
+
+
+@needs_limits
+def test_a_disk_that_fills_at_the_end_of_a_segment_is_said(
+    tmp_path: Path, header: RunHeader, make_block: MakeBlock
+) -> None:
+    writer = RunWriter(tmp_path / "run.mcap", header)
+    writer.block(make_block(0, 0, 2000))
+    with room_for(10), pytest.raises(StorageError, match="File too large"):
+        writer.segment_end(SegmentEnd(0, 2000, EndReason.STOPPED))
+
+
+@needs_limits
+def test_a_disk_that_fills_on_closing_loses_no_sample(tmp_path: Path, header: RunHeader, make_block: MakeBlock) -> None:
+    writer = RunWriter(tmp_path / "run.mcap", header)
+    writer.block(make_block(0, 0, 2000))
+    writer.segment_end(SegmentEnd(0, 2000, EndReason.STOPPED))
+    with room_for(10), pytest.raises(StorageError, match="File too large"):
+        writer.close()
+    with RunReader(writer.path) as reader:
+        assert reader.segment_ends == (SegmentEnd(0, 2000, EndReason.STOPPED),)
+        assert not reader.is_complete
+    writer.abandon()
+    assert not writer.path.exists()
+
+
+def test_a_long_run_keeps_memory_flat(tmp_path: Path, header: RunHeader, make_block: MakeBlock) -> None:
+    psutil = pytest.importorskip("psutil")
+    process = psutil.Process()
+    writer = RunWriter(tmp_path / "run.mcap", header)
+    blocks = [make_block(0, 0, 2000)]
+    sizes = []
+    for k in range(6000):  # ten minutes
+        writer.block(SampleBlock(blocks[0].codes, 0, 2000 * k, 0))
+        if k in (1000, 5999):
+            sizes.append(process.memory_info().rss)
+    writer.segment_end(SegmentEnd(0, 12_000_000, EndReason.FINISHED))
+    writer.close()
+    assert sizes[1] - sizes[0] < 10_000_000
+    with RunReader(writer.path) as reader:
+        before = process.memory_info().rss
+        assert sum(item.n_samples for item in reader.items() if isinstance(item, SampleBlock)) == 12_000_000
+        assert process.memory_info().rss - before < 20_000_000
+
+
+def test_times_in_the_file_are_the_run_s_start_plus_sample_time(
+    tmp_path: Path, header: RunHeader, make_block: MakeBlock
+) -> None:
+    writer = RunWriter(tmp_path / "run.mcap", header)
+    writer.block(make_block(0, 0, 3000))
+    writer.segment_end(SegmentEnd(0, 3000, EndReason.OVERRUN, lost=1000))
+    writer.block(make_block(1, 0, 3000))
+    writer.segment_end(SegmentEnd(1, 3000, EndReason.STOPPED))
+    writer.close()
+    with writer.path.open("rb") as file:
+        times = [message.log_time - header.started_ns for _, _, message in make_reader(file).iter_messages()]
+    assert times == [0, 150_000_000, 200_000_000, 350_000_000]
