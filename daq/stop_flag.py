@@ -1,9 +1,18 @@
 """The request for the end, which may come at any instant: from a thread, and from the handler of a signal."""
 
+import signal
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import FrameType
 
 NAP = 0.05
 """So long, s, a request may go unnoticed by one who waits."""
+
+STOPPED = 130
+"""Exit code of what was stopped by hand."""
+
+_NAMES = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")  # SIGHUP: POSIX only; SIGBREAK: Windows only
 
 
 class StopFlag:
@@ -33,3 +42,25 @@ class StopFlag:
         while not self.is_set() and (left := due - time.monotonic()) > 0:
             time.sleep(min(left, NAP))
         return self.is_set()
+
+
+def heeded() -> list[signal.Signals]:
+    """Return the signals that ask for the end; not SIGHUP where the command was begun with nohup."""
+    known = [getattr(signal, name) for name in _NAMES if hasattr(signal, name)]
+    return [number for number in known if number.name != "SIGHUP" or signal.getsignal(number) != signal.SIG_IGN]
+
+
+@contextmanager
+def stop_requested() -> Iterator[StopFlag]:
+    """Give a flag that is set when the operator or the system asks for the end."""
+    flag = StopFlag()
+
+    def ask(_number: int, _frame: FrameType | None) -> None:
+        flag.set()
+
+    before = {number: signal.signal(number, ask) for number in heeded()}
+    try:
+        yield flag
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

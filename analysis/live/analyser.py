@@ -6,13 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.live.order_frame import SPARE_TURNS, FrameBuilder
-from analysis.shaft.extremes import glitch_samples, trimmed_extremes
+from analysis.shaft.overall import glitch_samples, trimmed_extremes
 from analysis.signals.blocks import SampleBlock, SegmentEnd
 from analysis.signals.header import CODE_MAX, CODE_MIN, Acquisition, AnalysisSettings, Channel, Role
 from analysis.signals.snapshot import OrderFrame, Snapshot, TachoReport, TachoState, Trace
-from analysis.tacho.angle import smooth_angle
 from analysis.tacho.edge_input import TachoInput
 from analysis.tacho.pulse_train import SILENCE, PulseTrain
+from analysis.tacho.shaft_angle import smooth_angle
 
 FloatArray = NDArray[np.float64]
 

@@ -6,13 +6,13 @@ from numpy.typing import NDArray
 from analysis.resampling.decimation import Pyramid
 from analysis.resampling.interpolation import HALF, interpolate
 from analysis.signals.header import Acquisition, AnalysisSettings, Role
-from analysis.signals.orbit import ProbePair
+from analysis.signals.probes import ProbePair
 from analysis.signals.snapshot import OrderFrame, RunOut
 from analysis.signals.uncertainty import sigma_of_floor
 from analysis.spectra.order_spectrum import order_spectrum, order_vectors
-from analysis.tacho.angle import SmoothAngle
 from analysis.tacho.edge_input import LATE
-from analysis.vectors.slow_roll import RunOutWatch
+from analysis.tacho.shaft_angle import SmoothAngle
+from analysis.vectors.runout import RunOutWatch
 from analysis.whirl.components import find_whirls, noise_floor, quantile
 
 FloatArray = NDArray[np.float64]

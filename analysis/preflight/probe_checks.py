@@ -5,10 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.preflight.verdict import Check, Finding
-from analysis.preflight.wiring_limits import MICRO, WiringLimits
+from analysis.preflight.checks import MICRO, Check, Finding, WiringLimits
 from analysis.signals.header import CODE_MAX, CODE_MIN, Calibration, Channel
-from analysis.spectra.slow_lines import SlowSignal
+from analysis.spectra.disturbances import SlowSignal
 
 FloatArray = NDArray[np.float64]
 

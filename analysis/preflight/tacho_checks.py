@@ -5,9 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.preflight.checks import Check, Finding, WiringLimits
 from analysis.preflight.switching_levels import Levels, two_levels
-from analysis.preflight.verdict import Check, Finding
-from analysis.preflight.wiring_limits import WiringLimits
 from analysis.signals.header import Channel, Edge, Tacho
 from analysis.tacho.edges import EdgeDetector
 

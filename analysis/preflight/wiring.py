@@ -3,13 +3,12 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.preflight.checks import MICRO, Check, Finding, Verdict, WiringLimits
 from analysis.preflight.probe_checks import ProbeSignal, calibrated_check, clipping_check, gap_check, hum_check
 from analysis.preflight.switching_levels import two_levels
 from analysis.preflight.tacho_checks import TachoSignal, tacho_checks
-from analysis.preflight.verdict import Check, Finding, Verdict
-from analysis.preflight.wiring_limits import MICRO, WiringLimits
 from analysis.signals.header import Acquisition, Channel, Role
-from analysis.spectra.slow_lines import SlowSignal
+from analysis.spectra.disturbances import SlowSignal
 
 FloatArray = NDArray[np.float64]
 

@@ -7,10 +7,9 @@ from numpy.typing import NDArray
 
 from analysis.resampling.decimation import Pyramid
 from analysis.resampling.interpolation import HALF, interpolate
-from analysis.signals.displacement import require_displacement
 from analysis.signals.errors import AnalysisError, RecordTooShortError
 from analysis.signals.header import CODE_MAX, CODE_MIN, Acquisition, Role
-from analysis.signals.orbit import ProbePair
+from analysis.signals.probes import ProbePair, require_displacement
 from analysis.tacho.edges import EdgeDetector
 from analysis.tacho.pulse_record import PulseRecord, pulse_record
 from analysis.tacho.shaft_angle import ShaftAngle, shaft_angle

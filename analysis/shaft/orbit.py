@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from analysis.resampling.angular_record import AngularRecord
 from analysis.signals.errors import RecordTooShortError
-from analysis.signals.orbit import Ellipse
+from analysis.signals.probes import Ellipse
 from analysis.vectors.order_track import track_order
 
 FloatArray = NDArray[np.float64]

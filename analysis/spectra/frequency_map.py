@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.signals.displacement import require_displacement
+from analysis.signals.probes import require_displacement
 from analysis.signals.uncertainty import sigma_of_floor
 from analysis.spectra.frequency_spectrum import FrequencyFrames
 from analysis.spectra.order_map import Window

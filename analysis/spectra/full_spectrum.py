@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.resampling.angular_record import AngularRecord
-from analysis.signals.orbit import ProbePair
+from analysis.signals.probes import ProbePair
 from analysis.spectra.order_map import OrderMap
 
 FloatArray = NDArray[np.float64]

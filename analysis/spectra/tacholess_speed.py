@@ -11,13 +11,12 @@ from scipy.interpolate import PchipInterpolator, make_interp_spline
 
 from analysis.resampling.angular_record import AngularRecord, probe_displacement, record_of_codes
 from analysis.resampling.decimation import Pyramid
-from analysis.signals.displacement import require_displacement
 from analysis.signals.errors import RecordTooShortError, TachoRefusedError
 from analysis.signals.header import Acquisition
+from analysis.signals.probes import require_displacement
 from analysis.signals.uncertainty import order_sigma
 from analysis.spectra.order_spectrum import hann
-from analysis.tacho.angle import DEGREE
-from analysis.tacho.shaft_angle import ShaftAngle
+from analysis.tacho.shaft_angle import DEGREE, ShaftAngle
 
 FloatArray = NDArray[np.float64]
 

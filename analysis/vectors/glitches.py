@@ -5,9 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.signals.displacement import require_displacement
-from analysis.tacho.angle import MAD_TO_SIGMA
-from analysis.tacho.shaft_angle import ShaftAngle
+from analysis.signals.probes import require_displacement
+from analysis.tacho.shaft_angle import MAD_TO_SIGMA, ShaftAngle
 
 FloatArray = NDArray[np.float64]
 

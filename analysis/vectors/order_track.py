@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from analysis.resampling.angular_record import AngularRecord
 from analysis.signals.uncertainty import phase_sigma, sigma_of_floor
-from analysis.spectra.frames import Frames
+from analysis.spectra.order_map import Frames
 from analysis.spectra.order_spectrum import hann
 
 FloatArray = NDArray[np.float64]

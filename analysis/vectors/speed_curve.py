@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.signals.ramp import Direction
-from analysis.spectra.frames import independent_hann_frames
+from analysis.spectra.order_map import independent_hann_frames
 from analysis.vectors.order_track import OrderTrack
 
 FloatArray = NDArray[np.float64]

@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, solveh_banded
 
 from analysis.resampling.decimation import Pyramid
-from analysis.signals.displacement import require_displacement
 from analysis.signals.errors import RecordTooShortError
+from analysis.signals.probes import require_displacement
 from analysis.tacho.shaft_angle import ShaftAngle
 
 FloatArray = NDArray[np.float64]

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.signals.orbit import ProbePair
+from analysis.signals.probes import ProbePair
 from analysis.signals.snapshot import Whirl
 from analysis.signals.uncertainty import order_sigma, sigma_of_floor
 

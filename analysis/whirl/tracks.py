@@ -7,8 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.signals.uncertainty import sigma_of_floor
-from analysis.spectra.frames import independent_hann_frames
-from analysis.spectra.order_map import OrderMap, Window
+from analysis.spectra.order_map import OrderMap, Window, independent_hann_frames
 from analysis.whirl.components import Components, Search
 
 FloatArray = NDArray[np.float64]

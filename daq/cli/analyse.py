@@ -11,24 +11,22 @@ from typing import Any
 from pydantic import ValidationError
 from pydantic.fields import FieldInfo
 
-from daq.cli.aligned import Cell, aligned, number
 from daq.cli.arguments import add_folder, show_examples
-from daq.cli.progress import Console
-from daq.cli.replay import found
-from daq.cli.summary_text import print_json
-from daq.cli.terminal import show
+from daq.cli.output.progress import Console
+from daq.cli.output.summary_text import print_json
+from daq.cli.output.terminal import Cell, aligned, number, show
+from daq.cli.runs import found
 from daq.errors import UsageError
-from daq.reports.analyses_questions import MOST_ORDERS, AnalysisForm
 from daq.reports.analysis import Analysis
 from daq.reports.analysis_schema import analysis_document
 from daq.reports.columns import QUANTITIES
+from daq.reports.export import content, table
+from daq.reports.parameters import MOST_ORDERS, AnalysisForm, Question
 from daq.reports.plots.png import NoPngError, require_png
-from daq.reports.questions import Question
 from daq.reports.records import NoSuchMomentError
 from daq.reports.registry import KINDS
 from daq.reports.run_samples import RunSamples
 from daq.reports.samples import TooMuchError
-from daq.reports.sending import content, table
 from recordings.exchange.formats import write_table
 from recordings.mcap.reader import RunReader
 

@@ -2,9 +2,13 @@
 
 import argparse
 import textwrap
+from collections.abc import Callable
 from pathlib import Path
 
 _WIDTH = 78  # of a description: a help page is read on the smallest terminal
+
+
+AddCommand = Callable[[str, Callable[[argparse.Namespace], int], str], argparse.ArgumentParser]
 
 
 def show_examples(command: argparse.ArgumentParser, *examples: str) -> None:

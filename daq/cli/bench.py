@@ -1,10 +1,148 @@
-"""The commands for the bench before a run."""
+"""The commands for the bench before a run.
+
+`rig check`: whether a rig file and the calibrations that it names are good, without any hardware.
+`rig devices`: what is connected.
+`rig preflight`: whether the rig is ready.
+"""
 
 import argparse
-from collections.abc import Callable
+import datetime as dt
+import sys
+import textwrap
+from collections.abc import Iterator
+from pathlib import Path
 
-from daq.cli import calibrate, check, devices, preflight
-from daq.cli.arguments import address, duration, speed
+from analysis.preflight.checks import Verdict
+from daq.cli.arguments import AddCommand, address, duration, speed
+from daq.cli.output.progress import RPM, Console
+from daq.cli.output.summary_text import print_json
+from daq.cli.output.terminal import show, width_of
+from daq.config.loader import load_rig
+from daq.config.rig import Rig
+from daq.config.schema import Backend, DeviceSection
+from daq.drivers.ni import FoundDevice, connected_devices
+from daq.drivers.simulation import converter
+from daq.errors import ConfigError
+from daq.schemas.preflight import faulty_document, found_device_document, good_document, preflight_document
+from daq.session.preflight.preflight import Plan, Preflight, preflight
+from daq.session.preflight.rig_checks import disk_rate
+from recordings.catalogue.catalogue import data_folder
+
+
+def run_check(chosen: argparse.Namespace) -> int:
+    """Check a rig file; return the exit code."""
+    try:
+        rig = load_rig(Path(chosen.config))
+    except ConfigError as error:
+        if not chosen.json:
+            raise
+        print_json(faulty_document(error))
+        return error.exit_code
+    rate = converter.coerced_rate(rig.config.timing.rate_hz)
+    convert_rate = converter.convert_rate(rate, len(rig.config.channel))
+    if chosen.json:
+        print_json(good_document(rig, rate=rate, convert_rate=convert_rate, disk_rate=disk_rate(rig, rate)))
+    else:
+        show(_lines(rig, rate, convert_rate))
+    return 0
+
+
+def _lines(rig: Rig, rate: float, convert_rate: float) -> Iterator[str]:
+    """Yield what was understood; rates in Hz."""
+    device = rig.config.device
+    card = f"simulated {device.product}" if device.backend is Backend.SIMULATED else device.product
+    if device.backend is Backend.NIDAQMX:
+        card += f" serial number {device.serial}" if device.serial else f" as {device.name}"
+    inputs = ", ".join(f"{channel.name} on {channel.physical}" for channel in rig.config.channel)
+    yield f"{rig.path}: good"
+    yield f"  rig      {rig.config.rig} on {card}"
+    yield f"  inputs   {inputs}"
+    between = f"convert clock {convert_rate / 1e3:.4g} kHz ({1e6 / convert_rate:.2f} µs between channels)"
+    yield f"  rate     {rate / 1e3:g} kS/s each, {between}"
+    counter = rig.tacho.counter
+    if counter is not None:
+        stamped = f"edges stamped by {counter.counter} on {counter.terminal} to {1e9 / counter.timebase:g} ns"
+        yield f"  tacho    {stamped}; speed and phase from the {rig.tacho.reference}"
+    yield f"  disk     at most {disk_rate(rig, rate) * 3600 / 1e9:.2g} GB an hour"
+
+
+_STATES = {True: "busy: another program holds it", False: "free", None: "no analog input"}
+
+
+def run_devices(chosen: argparse.Namespace) -> int:
+    """List what is connected; return the exit code."""
+    devices = connected_devices(DeviceSection(backend=Backend.NIDAQMX, target=chosen.target or ""))
+    if chosen.json:
+        print_json([found_device_document(device) for device in devices])
+    elif devices:
+        print(devices[0].driver)
+        for device in devices:
+            print(_row(device))
+    else:
+        print("no device is connected: check the card's own supply (it is not listed without) and its USB cable")
+    return 0
+
+
+def _row(device: FoundDevice) -> str:
+    kind = "simulated" if device.simulated else "real"
+    return f"{device.name:8}  {device.product:12}  serial number {device.serial:10}  {kind:9}  {_STATES[device.busy]}"
+
+
+NOT_READY = 4  # exit code
+_WIDTH = 112  # at most
+_COLUMN = 34  # of what is found, at most: what is longer pushes what is expected aside
+_NARROW = 24  # the same on a terminal of 80
+_LEAST = 16  # columns for what is expected
+
+
+def run_preflight(chosen: argparse.Namespace) -> int:
+    """Check and print the table; return the exit code."""
+    console = Console()
+    rig = load_rig(Path(chosen.config))
+    plan = Plan(
+        folder=data_folder(rig.config.storage.folder),
+        duration=chosen.duration,
+        speed=None if chosen.speed_rpm is None else chosen.speed_rpm * RPM,
+    )
+    found = preflight(rig, plan, dt.datetime.now().astimezone().date(), console.progress)
+    console.clear()
+    if chosen.json:
+        print_json(preflight_document(rig.config.rig, found))
+    else:
+        show(table(found, width_of(sys.stdout) or _WIDTH + 1))
+    if found.trouble is not None:
+        return found.trouble.exit_code
+    return NOT_READY if found.verdict is Verdict.FAIL else 0
+
+
+def table(found: Preflight, width: int) -> Iterator[str]:
+    """Yield the checks line by line, with what to do under those that are not good, and the verdict last."""
+    width = min(width - 1, _WIDTH)
+    names = max(len(check.name) for check in found.checks)
+    values = min(max(len(check.value) for check in found.checks), _COLUMN if width > 2 * names + _COLUMN else _NARROW)
+    for check in found.checks:
+        row = f"{check.verdict.value}  {check.name:{names}}  {check.value:{values}}  "
+        if len(row) > width - _LEAST:  # what is expected has a line of its own
+            yield row.rstrip()
+            row = " " * (len(row) - len(check.value) + min(len(check.value), values))
+        yield from _hung(row, check.limit, width)
+        if check.advice:
+            yield from textwrap.wrap(check.advice, width, initial_indent="      → ", subsequent_indent="        ")
+    failed = sum(check.verdict is Verdict.FAIL for check in found.checks)
+    warned = sum(check.verdict is Verdict.WARN for check in found.checks)
+    warnings = f"{warned} warning{'' if warned == 1 else 's'}"
+    if failed:
+        yield f"NOT READY: {failed} of {len(found.checks)} checks failed, {warnings}"
+    else:
+        yield f"ready: {len(found.checks)} checks, {warnings if warned else 'all good'}"
+
+
+def _hung(row: str, limit: str, width: int) -> Iterator[str]:
+    """Yield a row with its last column, which goes on below itself."""
+    for part in textwrap.wrap(limit, max(width - len(row), _LEAST), break_long_words=False) or [""]:
+        yield (row + part).rstrip()
+        row = " " * len(row)
+
 
 _PREFLIGHT = """\
 Look at the rig before a run, and say what is not as it should be and what to
@@ -32,25 +170,19 @@ exit codes: 0 ready, perhaps with warnings; 2 rig file wrong;
             3 device missing, busy or failed; 4 not ready
 example:    rig preflight rigs/usb6251.toml --for 5min --speed 15000
 """
-_STEPS_END = """\
-examples:   rig calibrate gap rigs/usb6251.toml x --operator "M. Curie"
-            rig calibrate gap rigs/usb6251.toml x --points sheet.csv --order 4
-"""
-
-AddCommand = Callable[[str, Callable[[argparse.Namespace], int], str], argparse.ArgumentParser]
 
 
 def add_bench_commands(add: AddCommand) -> None:
     """Add the commands with `add`, which takes name, function and description."""
     command = add(
         "check",
-        check.run,
+        run_check,
         "Check a rig file and the calibrations that it names, without hardware: every fault at once.",
     )
     command.add_argument("config", metavar="RIG.TOML", help="the rig")
     command.add_argument("--json", action="store_true", help="as JSON, also where there are faults")
 
-    command = add("devices", devices.run, "List what is connected: product, serial number, simulated or real, busy.")
+    command = add("devices", run_devices, "List what is connected: product, serial number, simulated or real, busy.")
     command.add_argument(
         "--target",
         type=address,
@@ -59,7 +191,7 @@ def add_bench_commands(add: AddCommand) -> None:
     )
     command.add_argument("--json", action="store_true", help="as JSON")
 
-    command = add("preflight", preflight.run, "Look at the rig before a run, and say what to do about what is wrong.")
+    command = add("preflight", run_preflight, "Look at the rig before a run, and say what to do about what is wrong.")
     command.description, command.epilog = _PREFLIGHT, _PREFLIGHT_END
     command.formatter_class = argparse.RawDescriptionHelpFormatter
     command.add_argument("config", metavar="RIG.TOML", help="the rig")
@@ -67,37 +199,4 @@ def add_bench_commands(add: AddCommand) -> None:
     command.add_argument(
         "--speed", dest="speed_rpm", type=speed, metavar="RPM", help="planned highest speed (default: the rig's limit)"
     )
-    command.add_argument("--json", action="store_true", help="as JSON on standard output")
-
-    _add_calibrate(add("calibrate", calibrate.gap, "Calibrate a probe's gap, or find the tacho's switching levels."))
-
-
-def _add_calibrate(parser: argparse.ArgumentParser) -> None:
-    """Add the kinds of calibration to the command's parser."""
-    kinds = parser.add_subparsers(dest="kind", required=True, metavar="KIND")
-    text = (
-        "Calibrate a probe: step the gap with a micrometer, or give a file of points.\n"
-        "Fits gap over voltage, shows how far the points lie off, and writes a new\n"
-        "record; none is ever overwritten."
-    )
-    command = kinds.add_parser("gap", help="a probe's curve, from micrometer steps", description=text)
-    command.epilog, command.formatter_class = _STEPS_END, argparse.RawDescriptionHelpFormatter
-    command.set_defaults(run=calibrate.gap)
-    command.add_argument("config", metavar="RIG.TOML", help="the rig")
-    command.add_argument("channel", metavar="CHANNEL", help="name of the probe's channel, as x")
-    command.add_argument("--points", default="", metavar="FILE.CSV", help="points instead of steps: gap in µm, volts")
-    command.add_argument(
-        "--order", type=int, choices=range(1, 8), metavar="N", help="of the polynomial, 1 to 7 (default: 3)"
-    )
-    command.add_argument("-o", dest="output", default="", metavar="NEW.TOML", help="the record (default: a new file)")
-    command.add_argument("--sensor", default="", help="serial number (default: as in the present record)")
-    command.add_argument("--conditioner", default="", help="serial number (default: as in the present record)")
-    command.add_argument("--target", default="", help="material and diameter (default: as in the present record)")
-    command.add_argument("--operator", default="", help="who calibrates")
-    command.add_argument("--note", default="", help="anything else")
-    command.add_argument("--json", action="store_true", help="as JSON on standard output")
-    text = "Propose the tacho's threshold and hysteresis from a second of its signal; the shaft must turn."
-    command = kinds.add_parser("tacho", help="the tacho's switching levels", description=text)
-    command.set_defaults(run=calibrate.tacho)
-    command.add_argument("config", metavar="RIG.TOML", help="the rig")
     command.add_argument("--json", action="store_true", help="as JSON on standard output")

@@ -1,8 +1,13 @@
-"""`rig calibrate`: a probe's curve from micrometer steps, and the tacho's switching levels from its signal."""
+"""`rig calibrate`: a probe's curve from micrometer steps, and the tacho's switching levels from its signal.
+
+The dialog of `rig calibrate gap`: the gap of each micrometer step is asked for, and its voltage measured.
+"""
 
 import argparse
+import csv
 import datetime as dt
 import math
+import sys
 from collections.abc import Iterator, Sequence
 from itertools import count
 from pathlib import Path
@@ -10,15 +15,103 @@ from pathlib import Path
 import numpy as np
 
 from analysis.preflight.calibration_fit import CalibrationFit, fit_calibration, usual_order
-from daq.cli.gap_steps import keep, stepped
-from daq.cli.preflight import NOT_READY
-from daq.cli.summary_text import print_json
+from daq.cli.arguments import AddCommand
+from daq.cli.bench import NOT_READY
+from daq.cli.output.summary_text import print_json
 from daq.config.calibration import CalibrationRecord, Papers, fitted_record, load_calibration, load_record, write_record
-from daq.config.load import load_rig
+from daq.config.loader import load_rig
 from daq.config.rig import MICRO, Rig
-from daq.errors import UsageError
-from daq.schemas.calibration import gap_document, tacho_document
-from daq.session.preflight.calibration import Point, points_of, probe_row, tacho_levels
+from daq.errors import DeviceError, UsageError
+from daq.schemas.preflight import gap_document, tacho_document
+from daq.session.preflight.calibration import Point, measured_point, points_of, probe_row, tacho_levels
+
+_STEPS_END = """\
+examples:   rig calibrate gap rigs/usb6251.toml x --operator "M. Curie"
+            rig calibrate gap rigs/usb6251.toml x --points sheet.csv --order 4
+"""
+
+
+def stepped(rig: Rig, name: str, path: Path) -> list[Point]:
+    """Ask for the gap of each micrometer step, and measure it.
+
+    Parameters
+    ----------
+    rig : Rig
+        The rig.
+    name : str
+        Of the probe's channel.
+    path : Path
+        The record to be written; beside it the points are kept where the dialog breaks off.
+
+    Raises
+    ------
+    DeviceError
+        The first step cannot be measured; what fails later can be tried again.
+    """
+    physical = rig.config.channel[probe_row(rig, name)].physical
+    _say(
+        f"probe {name} on {physical}: set the micrometer, wait until it is still, and enter the gap in µm (0 where the "
+        "tip touches).\nAn empty line ends; a - takes the last step back."
+    )
+    points: list[Point] = []
+    try:
+        while answer := _asked(len(points) + 1):
+            _take(answer, points, rig, name)
+    except KeyboardInterrupt:
+        if points:
+            _say(f"\nthe {len(points)} points are kept in {keep(path, points)}: give them with --points")
+        raise
+    _say("")
+    return points
+
+
+def keep(path: Path, points: Sequence[Point]) -> Path:
+    """Write points as CSV beside a record of theirs, over nothing that is there; return the file."""
+    stems = (path.stem if number == 1 else f"{path.stem}-{number}" for number in count(1))
+    saved = next(file for file in (path.with_name(f"{stem}.csv") for stem in stems) if not file.exists())
+    saved.parent.mkdir(parents=True, exist_ok=True)
+    with saved.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(["gap_um", "volts"])
+        writer.writerows((f"{point.gap / MICRO:g}", f"{point.volts:.6f}") for point in points)
+    return saved
+
+
+def _asked(step: int) -> str:
+    print(f"step {step}, gap in µm: ", end="", file=sys.stderr, flush=True)
+    return sys.stdin.readline().strip()
+
+
+def _take(answer: str, points: list[Point], rig: Rig, name: str) -> None:
+    """Do what an answer says: take the last step back, or measure one."""
+    if answer == "-":
+        del points[-1:]
+        return
+    gap_um = _gap(answer)
+    if gap_um is None:
+        _say(f"{answer!r}: expected a gap in µm, 0 or more, such as 250")
+        return
+    try:
+        points.append(measured_point(rig, name, gap_um * MICRO))
+    except DeviceError as error:
+        if not points:
+            raise
+        _say(f"  not measured: {error}")
+    else:
+        _say(f"  {points[-1].volts:.4f} V, scatter {1e3 * points[-1].scatter:.1f} mV rms")
+
+
+def _gap(answer: str) -> float | None:
+    try:
+        value = float(answer.replace(",", "."))
+    except ValueError:
+        return None
+    return value if 0.0 <= value < math.inf else None
+
+
+def _say(text: str) -> None:
+    print(text, file=sys.stderr, flush=True)
+
 
 _HALF_PLOT = 15  # characters to either side of zero
 
@@ -130,3 +223,35 @@ def _told(points: Sequence[Point], fit: CalibrationFit) -> Iterator[str]:
         f"order {fit.order}: gap_um = [{coefficients}] · volts^k from {fit.volts_low:.3f} to {fit.volts_high:.3f} V, "
         f"rising, {fit.residual / MICRO:.2f} µm off at most"
     )
+
+
+def add_calibrate_command(add: AddCommand) -> None:
+    """Add the command with `add`, which takes name, function and description."""
+    parser = add("calibrate", gap, "Calibrate a probe's gap, or find the tacho's switching levels.")
+    kinds = parser.add_subparsers(dest="kind", required=True, metavar="KIND")
+    text = (
+        "Calibrate a probe: step the gap with a micrometer, or give a file of points.\n"
+        "Fits gap over voltage, shows how far the points lie off, and writes a new\n"
+        "record; none is ever overwritten."
+    )
+    command = kinds.add_parser("gap", help="a probe's curve, from micrometer steps", description=text)
+    command.epilog, command.formatter_class = _STEPS_END, argparse.RawDescriptionHelpFormatter
+    command.set_defaults(run=gap)
+    command.add_argument("config", metavar="RIG.TOML", help="the rig")
+    command.add_argument("channel", metavar="CHANNEL", help="name of the probe's channel, as x")
+    command.add_argument("--points", default="", metavar="FILE.CSV", help="points instead of steps: gap in µm, volts")
+    command.add_argument(
+        "--order", type=int, choices=range(1, 8), metavar="N", help="of the polynomial, 1 to 7 (default: 3)"
+    )
+    command.add_argument("-o", dest="output", default="", metavar="NEW.TOML", help="the record (default: a new file)")
+    command.add_argument("--sensor", default="", help="serial number (default: as in the present record)")
+    command.add_argument("--conditioner", default="", help="serial number (default: as in the present record)")
+    command.add_argument("--target", default="", help="material and diameter (default: as in the present record)")
+    command.add_argument("--operator", default="", help="who calibrates")
+    command.add_argument("--note", default="", help="anything else")
+    command.add_argument("--json", action="store_true", help="as JSON on standard output")
+    text = "Propose the tacho's threshold and hysteresis from a second of its signal; the shaft must turn."
+    command = kinds.add_parser("tacho", help="the tacho's switching levels", description=text)
+    command.set_defaults(run=tacho)
+    command.add_argument("config", metavar="RIG.TOML", help="the rig")
+    command.add_argument("--json", action="store_true", help="as JSON on standard output")

@@ -5,14 +5,12 @@ from dataclasses import replace
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
-from daq.cli.progress import Console
+from daq.cli.output.progress import Console
 from daq.errors import ServiceError, UsageError
 from daq.reports.summaries import Summaries
-from daq.schemas.alarm import AcknowledgedDocument, alarm_document
-from daq.schemas.mark import MarkDocument, mark_document
-from daq.service.abilities import Abilities
-from daq.service.app import create_app
-from daq.service.guard import is_loopback
+from daq.schemas.events import AcknowledgedDocument, MarkDocument, alarm_document, mark_document
+from daq.service.access import is_loopback
+from daq.service.app import Abilities, create_app
 from daq.service.jobs.queue import DataPlace, Jobs
 from daq.service.run_reader import Readings
 from daq.service.server import ServiceServer

@@ -9,7 +9,7 @@ import time
 from collections.abc import Sequence
 from types import FrameType
 
-from daq.cli.signals import STOPPED, heeded
+from daq.stop_flag import STOPPED, heeded
 
 GRACE = 10.0  # s in which a command that was interrupted tidies up, and is not interrupted again
 
@@ -41,7 +41,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     asked = _Asked()
     before = {number: signal.signal(number, asked) for number in heeded()}
     try:
-        from daq.cli.command import run  # noqa: PLC0415 - takes a second, in which Ctrl-C is heeded already
+        from daq.cli.commands import run  # noqa: PLC0415 - takes a second, in which Ctrl-C is heeded already
 
         asked.interrupts = True
         return STOPPED if asked.is_noted else run(arguments)

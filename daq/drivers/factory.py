@@ -5,10 +5,9 @@ from daq.config.schema import Backend, TriggerSection
 from daq.config.trigger_condition import read_condition
 from daq.drivers.ni import open_usb6251
 from daq.drivers.reconnecting import Reconnecting
-from daq.drivers.restarts import Restarts
 from daq.drivers.simulation.card import SimulatedCard
 from daq.drivers.simulation.source import SimulatedSource
-from daq.drivers.source import Source
+from daq.drivers.source import Restarts, Source
 from daq.drivers.triggered import Trigger, Triggered, TriggerWatch
 from daq.errors import DeviceError, DeviceFault
 from model.errors import ModelError

@@ -6,8 +6,7 @@ from dataclasses import replace
 
 from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd, SourceItem
 from analysis.signals.header import Acquisition
-from daq.drivers.restarts import Restarts
-from daq.drivers.source import Source
+from daq.drivers.source import Restarts, Source
 from daq.errors import DeviceError, DeviceFault
 from daq.stop_flag import StopFlag
 

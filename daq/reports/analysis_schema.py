@@ -6,7 +6,7 @@ from pydantic import Field
 
 from daq.reports.analysis import Analysis
 from daq.reports.columns import QUANTITIES, Column
-from daq.schemas.document import Document
+from daq.schemas.units import Document
 
 DIGITS = 9  # that count: finer than what probes and tacho resolve
 

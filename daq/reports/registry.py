@@ -4,8 +4,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Final
 
-from daq.reports import analyses_questions as questions
-from daq.reports.analyses_questions import Asked
+from daq.reports import parameters as questions
 from daq.reports.analysis import Analysis
 from daq.reports.kinds.envelopes import envelopes, waveforms
 from daq.reports.kinds.orbits import orbit_of, poincare
@@ -16,6 +15,7 @@ from daq.reports.kinds.spectra import frequency_spectrum_of, full_spectrum_of, o
 from daq.reports.kinds.spectral_maps import cascade, waterfall
 from daq.reports.kinds.sub_synchronous import sub_synchronous
 from daq.reports.kinds.vectors import bode_of, polar_of
+from daq.reports.parameters import Asked
 
 VECTORS: Final = (
     "course",

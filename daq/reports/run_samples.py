@@ -12,7 +12,7 @@ from scipy.interpolate import BSpline
 from analysis.resampling.angular_record import PASSED, AngularRecord, angular_record, probe_displacement
 from analysis.signals.errors import RecordTooShortError
 from analysis.signals.header import CODE_MAX, CODE_MIN, Role, RunHeader
-from analysis.signals.orbit import ProbePair
+from analysis.signals.probes import ProbePair
 from analysis.tacho.edges import EdgeDetector
 from analysis.tacho.pulse_record import PulseRecord, pulse_record
 from analysis.tacho.shaft_angle import ShaftAngle, shaft_angle

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.signals.header import Channel
-from daq.reports.questions import SampleFormat, SamplesQuery, SampleUnit
+from daq.reports.parameters import SampleFormat, SamplesQuery, SampleUnit
 from daq.reports.records import NoSuchMomentError
 from daq.schemas.results import ChannelSamplesDocument, SamplesDocument
 from daq.schemas.units import finite

@@ -10,11 +10,10 @@ from pydantic import ValidationError
 from analysis.live.delivery import Delivery
 from analysis.live.summary import RunSummary
 from analysis.signals.header import Calibration, RunHeader
-from daq.schemas import SummaryDocument, summary_document
-from daq.schemas.mark import mark_document
-from daq.session.offline import summarise
+from daq.schemas.events import mark_document
+from daq.schemas.summary import SummaryDocument, summary_document
+from daq.session.offline import corrected_header, summarise
 from daq.session.prediction.predictors import PATIENCE
-from daq.session.reevaluation import corrected_header
 from model.prediction.comparison import compare
 from model.prediction.prediction_map import PredictionMap
 from recordings.catalogue.catalogue import Catalogue

@@ -8,13 +8,17 @@ from pydantic import Field
 
 from analysis.signals.header import Role, RunHeader, Severity
 from analysis.signals.snapshot import OrderFrame, Snapshot, TachoState, Whirl
-from daq.schemas.alarm import AlarmDocument, alarm_document
-from daq.schemas.counter import CounterDocument, counter_document
-from daq.schemas.document import Document
-from daq.schemas.header import DeviceDocument, LimitsDocument, device_document, limits_document
-from daq.schemas.mark import LiveMarkDocument, live_mark_document
-from daq.schemas.runout import RunOutDocument, runout_document
-from daq.schemas.units import finite, micrometres, moment, rpm
+from daq.schemas.agreement import CounterDocument, counter_document
+from daq.schemas.events import AlarmDocument, LiveMarkDocument, alarm_document, live_mark_document
+from daq.schemas.header import (
+    DeviceDocument,
+    LimitsDocument,
+    RunOutDocument,
+    device_document,
+    limits_document,
+    runout_document,
+)
+from daq.schemas.units import Document, finite, micrometres, moment, rpm
 from daq.schemas.vibration import (
     Direction,
     MeasuredProbesDocument,
@@ -24,7 +28,7 @@ from daq.schemas.vibration import (
     probes_document,
 )
 from daq.session.live_update import LiveFrame, RunState, Status
-from model.prediction.prediction import Prediction
+from model.prediction.prediction_map import Prediction
 
 Count = Annotated[int, Field(ge=0)]
 Speed = Annotated[float | None, Field(description="Shaft speed, r/min", examples=[11042.1])]

@@ -4,9 +4,9 @@ from typing import Annotated
 
 from pydantic import Field
 
-from daq.schemas.document import Document
 from daq.schemas.live import PredictedDocument
 from daq.schemas.summary import SpeedRowDocument, SubSynchronousDocument
+from daq.schemas.units import Document
 
 Count = Annotated[int, Field(ge=0)]
 Values = tuple[float | None, ...]

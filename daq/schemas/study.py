@@ -5,8 +5,8 @@ from typing import Annotated, Literal, Self, TypeAlias
 
 from pydantic import Field, model_validator
 
-from daq.schemas.document import Document
-from daq.schemas.run import RunId
+from daq.schemas.runs import RunId
+from daq.schemas.units import Document
 from model.studies.study import Cell, Study
 
 MOST_SPEEDS = 2000

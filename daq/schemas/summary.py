@@ -6,8 +6,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from analysis.live.clock import PPM
-from analysis.live.delivery import Delivery
+from analysis.live.delivery import PPM, Delivery
 from analysis.live.summary import ProbeSummary, RunSummary
 from analysis.signals.blocks import EndReason, SegmentEnd
 from analysis.signals.header import Severity
@@ -15,16 +14,18 @@ from analysis.signals.ramp import Direction as SpeedDirection
 from analysis.signals.snapshot import TachoState
 from analysis.vectors.speed_table import SpeedRow
 from analysis.whirl.findings import WhirlFinding, WhirlHysteresis, whirl_hysteresis
-from daq.schemas.agreement import AgreementDocument, agreement_document
-from daq.schemas.alarm import AlarmDocument, alarm_document
-from daq.schemas.counter import CounterDocument, counter_document
-from daq.schemas.document import Document
-from daq.schemas.mark import MarkDocument
-from daq.schemas.place import MomentDocument, place_document
-from daq.schemas.runout import RunOutDocument, runout_document
-from daq.schemas.standard import StandardDocument, standard_documents
-from daq.schemas.units import finite, micrometres, moment, rpm
-from daq.schemas.vibration import Direction, ProbesDocument, direction, probes_document
+from daq.schemas.agreement import AgreementDocument, CounterDocument, agreement_document, counter_document
+from daq.schemas.events import AlarmDocument, MarkDocument, MomentDocument, alarm_document, place_document
+from daq.schemas.header import RunOutDocument, runout_document
+from daq.schemas.units import Document, finite, micrometres, moment, rpm
+from daq.schemas.vibration import (
+    Direction,
+    ProbesDocument,
+    StandardDocument,
+    direction,
+    probes_document,
+    standard_documents,
+)
 from model.prediction.comparison import Agreement
 
 Count = Annotated[int, Field(ge=0)]

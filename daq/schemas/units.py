@@ -1,11 +1,22 @@
 """From SI and radians to the units of the documents: µm, r/min, degrees of lag.
 
 Numbers are rounded to four decimals, far below what the probes resolve; NaN and infinity become None.
+
+The form that all documents share.
 """
 
 import cmath
 import math
 from datetime import UTC, datetime
+
+from pydantic import BaseModel, ConfigDict
+
+
+class Document(BaseModel):
+    """A JSON document: its fields are all there, always, and no other; what is not known is null."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
 
 DECIMALS = 4
 

@@ -1,7 +1,7 @@
 """Whether a recording is whole, and what a recovery brought back, as documents."""
 
-from daq.schemas.document import Document
-from recordings.integrity.findings import Check, Finding
+from daq.schemas.units import Document
+from recordings.integrity.checks import Check, Finding
 from recordings.integrity.recover import Recovery
 from recordings.integrity.verify import Verdict, Verification
 

@@ -1,33 +1,64 @@
-"""The service: REST under /api/v1, the operator's page at /, the reference at /docs."""
+"""The service: REST under /api/v1, the operator's page at /, the reference at /docs.
+
+What a service can do beside telling of runs and of the live one.
+"""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from importlib.metadata import version
-from typing import Any
+from typing import Any, Final
 
 from fastapi import APIRouter, FastAPI
 from fastapi.middleware.cors import CORSMiddleware
 
 from daq.errors import ServiceError
-from daq.schemas import ProblemDocument
-from daq.service.abilities import TELLING, Abilities
-from daq.service.guard import Guard, is_loopback
-from daq.service.head import HeadAsGet
-from daq.service.last_resort import LastResort
-from daq.service.live_run import Live
-from daq.service.pages import PUBLIC_PATHS, Pages
-from daq.service.problem_types import Kind
-from daq.service.problems import install
-from daq.service.reference import reference_page
+from daq.service.access import Guard, SafeHeaders, is_loopback
+from daq.service.jobs.queue import Jobs
+from daq.service.pages import PUBLIC_PATHS, Pages, reference_page
+from daq.service.problem_types import Kind, ProblemDocument
+from daq.service.problems import LastResort, install
 from daq.service.routes.catalogue import Catalogue, Routes, Summaries
-from daq.service.routes.changes import ChangeRoutes
-from daq.service.routes.following_routes import FollowingRoutes
+from daq.service.routes.changes import ChangeRoutes, ChangingCatalogue
 from daq.service.routes.jobs import JobRoutes
-from daq.service.routes.live_routes import LiveRoutes
+from daq.service.routes.live import Desk, FollowingRoutes, LiveRoutes, Steering
 from daq.service.routes.runs import RunRoutes
 from daq.service.routes.uploads import UploadRoutes
-from daq.service.routing import PREFIX, Routing
-from daq.service.safe_headers import SafeHeaders
+from daq.service.routing import PREFIX, HeadAsGet, Routing
+from daq.service.run_reader import Readings
+from daq.service.stream import Live
 from daq.service.uploads import Uploads
+
+
+@dataclass(frozen=True, slots=True)
+class Abilities:
+    """What a service can do; what is None it cannot, and has no addresses for.
+
+    Parameters
+    ----------
+    readings : Readings or None
+        Answers what is asked of recorded runs beyond their summaries.
+    steering : Steering or None
+        Ends the run under way.
+    desk : Desk or None
+        Starts runs.
+    folder : ChangingCatalogue or None
+        Takes words on runs, puts runs away, takes runs in; only beside `readings`.
+    jobs : Jobs or None
+        Does what takes too long to wait for.
+    origins : tuple of str
+        Other sites whose pages may ask (CORS), as ``http://notebook.lab:8888``.
+    """
+
+    readings: Readings | None = None
+    steering: Steering | None = None
+    desk: Desk | None = None
+    folder: ChangingCatalogue | None = None
+    jobs: Jobs | None = None
+    origins: tuple[str, ...] = ()
+
+
+TELLING: Final = Abilities()
+
 
 DISTRIBUTION = "rig-service"
 SCHEMA = "#/components/schemas/{model}"

@@ -1,12 +1,18 @@
-"""The page and its files, read once and served from memory; nothing of them comes from elsewhere."""
+"""The page and its files, read once and served from memory; nothing of them comes from elsewhere.
+
+The REST reference as a plain page, made from the OpenAPI document: it needs no script and nothing from elsewhere.
+"""
 
 import html
-from collections.abc import Awaitable, Callable
+import json
+from collections.abc import Awaitable, Callable, Iterator, Mapping
 from importlib.resources import files
-from typing import Final
+from typing import Any, Final, TypeAlias
 from urllib.parse import urlsplit
 
 from fastapi import APIRouter, Response
+
+from daq.service.problem_types import Kind
 
 MEDIA_TYPES: Final = {
     "html": "text/html; charset=utf-8",
@@ -86,3 +92,141 @@ def origin(url: str) -> str:
     if parts.scheme not in {"http", "https"} or not parts.hostname or set(url) & set(" ;,'\""):
         raise ValueError(f"viewer_url: {url!r}, expected http://host:port/...")
     return f"{parts.scheme}://{parts.netloc}"
+
+
+Schema: TypeAlias = Mapping[str, Any]
+
+
+def reference_page(openapi: Schema) -> str:
+    """Return the reference, HTML.
+
+    Parameters
+    ----------
+    openapi : mapping
+        The application's OpenAPI document.
+    """
+    schemas: Schema = openapi["components"]["schemas"]
+    operations = [
+        _operation(method, path, operation, schemas)
+        for path, methods in openapi["paths"].items()
+        for method, operation in methods.items()
+    ]
+    info = openapi["info"]
+    body = [
+        f"<h1>{_text(info['title'])} <small>{_text(info['version'])}</small></h1>",
+        f"<p>{_text(info['description'])}</p>",
+        '<p><a href="/">The page</a> · <a href="/openapi.json">OpenAPI document</a></p>',
+        *operations,
+        "<h2>Problems</h2>",
+        "<p>Errors are <code>application/problem+json</code> (RFC 9457); <code>type</code> names the kind.</p>",
+        _problems(),
+        "<h2>Documents</h2>",
+        "<p>Every field is always there; what is not known is null.</p>",
+        *(_document(name, schema) for name, schema in sorted(schemas.items())),
+    ]
+    return (
+        '<!doctype html><html lang="en"><head><meta charset="utf-8"><meta name="color-scheme" content="dark">'
+        '<meta name="viewport" content="width=device-width, initial-scale=1"><title>REST reference</title>'
+        '<link rel="icon" href="/icon.svg" type="image/svg+xml"><link rel="stylesheet" href="/reference.css"></head>'
+        f"<body><main>{''.join(body)}</main></body></html>"
+    )
+
+
+def example(schema: Schema, schemas: Schema) -> object:
+    """Return an example of a schema, put together from its fields' own."""
+    if schema.get("examples"):
+        return schema["examples"][0]
+    if "$ref" in schema:
+        return example(schemas[_name(schema["$ref"])], schemas)
+    if "anyOf" in schema:
+        return example(schema["anyOf"][0], schemas)
+    if "properties" in schema:
+        return {name: example(field, schemas) for name, field in schema["properties"].items()}
+    if schema.get("type") == "array":
+        return [example(schema["items"], schemas)]
+    return schema.get("enum", [None])[0]
+
+
+def _operation(method: str, path: str, operation: Schema, schemas: Schema) -> str:
+    parts = [
+        f'<section id="{_text(operation["operationId"])}"><h2><code>{method.upper()} {_text(path)}</code></h2>',
+        f"<p><strong>{_text(operation['summary'])}.</strong> {_prose(operation['description'])}</p>",
+    ]
+    if operation.get("parameters"):
+        rows = (
+            f"<tr><td><code>{_text(parameter['name'])}</code></td><td>{parameter['in']}</td>"
+            f"<td>{_kind(parameter['schema'])}</td><td>{_prose(parameter.get('description', ''))}</td></tr>"
+            for parameter in operation["parameters"]
+        )
+        parts.append(_table("Parameter", "In", "Type", "Meaning", rows=rows))
+    parts.append(_table("Status", "Answer", "Type", rows=_answers(operation["responses"])))
+    for status, response in operation["responses"].items():
+        answer = response.get("content", {}).get("application/json")
+        if status.startswith("2") and answer is not None:
+            shown = json.dumps(example(answer["schema"], schemas), indent=2, ensure_ascii=False)
+            parts.append(f"<details><summary>Example</summary><pre>{_text(shown)}</pre></details>")
+    return "".join((*parts, "</section>"))
+
+
+def _answers(responses: Schema) -> Iterator[str]:
+    for status, response in sorted(responses.items()):
+        for media_type, content in response.get("content", {"–": {"schema": {"type": "no content"}}}).items():
+            yield (
+                f"<tr><td>{status}</td><td>{_prose(response['description'])}</td>"
+                f"<td>{_kind(content['schema'])} <small>{_text(media_type)}</small></td></tr>"
+            )
+
+
+def _problems() -> str:
+    rows = (
+        f'<tr id="{kind.slug}"><td><code>{kind.slug}</code></td><td>{kind.status}</td>'
+        f"<td>{_text(kind.title)}. {_prose(kind.explanation)}</td></tr>"
+        for kind in Kind
+    )
+    return _table("Name", "Status", "Meaning", rows=rows)
+
+
+def _document(name: str, schema: Schema) -> str:
+    meaning = _prose(schema.get("description", ""))
+    if "properties" not in schema:
+        return f'<section id="{_text(name)}"><h3>{_text(name)}</h3><p>{meaning}</p><p>{_kind(schema)}</p></section>'
+    rows = (
+        f"<tr><td><code>{_text(field)}</code></td><td>{_kind(content)}</td>"
+        f"<td>{_prose(content.get('description', ''))}</td></tr>"
+        for field, content in schema["properties"].items()
+    )
+    table = _table("Field", "Type", "Meaning", rows=rows)
+    return f'<section id="{_text(name)}"><h3>{_text(name)}</h3><p>{meaning}</p>{table}</section>'
+
+
+def _kind(schema: Schema) -> str:
+    if "$ref" in schema:
+        name = _text(_name(schema["$ref"]))
+        return f'<a href="#{name}">{name}</a>'
+    if "anyOf" in schema:
+        return " or ".join(_kind(option) for option in schema["anyOf"])
+    if "enum" in schema:
+        return " or ".join(f"<code>{_text(value)}</code>" for value in schema["enum"])
+    if schema.get("type") == "array":
+        return f"list of {_kind(schema['items'])}"
+    return _text(schema.get("format", schema.get("type", "any")))
+
+
+def _table(*heads: str, rows: Iterator[str]) -> str:
+    head = "".join(f'<th scope="col">{name}</th>' for name in heads)
+    return f"<table><thead><tr>{head}</tr></thead><tbody>{''.join(rows)}</tbody></table>"
+
+
+def _name(reference: str) -> str:
+    return reference.rpartition("/")[2]
+
+
+def _text(value: object) -> str:
+    return html.escape(str(value), quote=True)
+
+
+def _prose(value: str) -> str:
+    """Return Markdown's code spans and paragraphs as HTML."""
+    parts = _text(value).split("`")
+    marked = "".join(f"<code>{part}</code>" if k % 2 else part for k, part in enumerate(parts))
+    return marked.replace("\n\n", "<br>")

@@ -10,22 +10,20 @@ import numpy as np
 
 from analysis.live.summary import RunSummary
 from analysis.signals.header import Role, RunHeader
-from daq.reports.analyses_questions import Asked
-from daq.reports.making import ADDRESS, analysis_answer
+from daq.reports.export import ADDRESS, analysis_answer
+from daq.reports.parameters import Asked, At, TrendQuery
 from daq.reports.plots.png import picture
 from daq.reports.plots.recorded import panels_of
 from daq.reports.plots.svg import drawing
-from daq.reports.questions import At, TrendQuery
+from daq.reports.recorded_spectra import cascade, trend_document, waterfall
 from daq.reports.records import Records, records, snapshot_at, status_of
-from daq.reports.spectra import cascade, waterfall
-from daq.reports.trend import trend_document
-from daq.schemas.document import Document
-from daq.schemas.moment import full_spectrum_document, orbit_document, order_spectrum_document
 from daq.schemas.results import (
     FindingsDocument,
     OrderVectorsDocument,
 )
+from daq.schemas.snapshot import full_spectrum_document, orbit_document, order_spectrum_document
 from daq.schemas.summary import speed_row_document, sub_synchronous_document
+from daq.schemas.units import Document
 
 RPM = np.pi / 30.0
 ANSWERS_KEPT = 128

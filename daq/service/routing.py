@@ -1,17 +1,71 @@
-"""How an address is made known to the application and its schema."""
+"""How an address is made known to the application and its schema.
+
+HEAD requests: answered as GET, without the content.
+Threads for work that waits on files, so that the event loop never does.
+"""
 
 from collections.abc import Callable, Coroutine, Mapping
 from dataclasses import dataclass
-from typing import Annotated, Any, Final
+from typing import Annotated, Any, Final, TypeVar
 
-from anyio import fail_after
+from anyio import CapacityLimiter, fail_after, to_thread
 from fastapi import APIRouter, Header, Path, Request, Response
 from fastapi.datastructures import Default
 from fastapi.responses import JSONResponse
 from fastapi.routing import APIRoute
+from starlette.types import ASGIApp, Receive, Scope, Send
 
 from daq.service.problem_types import Kind
 from daq.service.problems import ProblemError, openapi_responses
+
+
+class HeadAsGet:
+    """Hands HEAD on as GET; the server, which knows what was asked, leaves the content out.
+
+    Parameters
+    ----------
+    app : ASGI application
+        Who answers.
+    """
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Pass the request on."""
+        is_head = scope["type"] == "http" and scope["method"] == "HEAD"
+        await self._app({**scope, "method": "GET", "rig.head": True} if is_head else scope, receive, send)
+
+
+T = TypeVar("T")
+
+
+class Workers:
+    """A bounded number of threads with a bounded queue before them.
+
+    Parameters
+    ----------
+    threads : int
+        How many pieces of work go on at once.
+    waiting : int
+        How many may wait; one more is turned away.
+    """
+
+    def __init__(self, threads: int, waiting: int) -> None:
+        self._limiter = CapacityLimiter(threads)
+        self._room = threads + waiting
+        self._inside = 0
+
+    async def run(self, work: Callable[[], T]) -> T:
+        """Return what ``work`` returns, done in a thread; ProblemError (busy) where too many are waiting already."""
+        if self._inside >= self._room:
+            raise ProblemError(Kind.BUSY, f"{self._inside} requests for files are under way or waiting already")
+        self._inside += 1  # here and not in the limiter, which counts only when the event loop comes round
+        try:
+            return await to_thread.run_sync(work, limiter=self._limiter)
+        finally:
+            self._inside -= 1
+
 
 PREFIX: Final = "/api/v1"
 RunId = Annotated[

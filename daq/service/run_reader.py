@@ -13,8 +13,8 @@ from analysis.signals.header import RunHeader
 from daq.errors import RigError
 from daq.reports import samples as sample_answers
 from daq.reports.errors import NotToldError
+from daq.reports.parameters import SampleFormat, SamplesQuery
 from daq.reports.plots.png import NoPngError
-from daq.reports.questions import SampleFormat, SamplesQuery
 from daq.reports.records import NoSuchMomentError
 from daq.reports.samples import NoArrowError, TooMuchError
 from daq.schemas.live import predicted_document
@@ -26,7 +26,7 @@ from daq.service.problem_types import Kind
 from daq.service.problems import JobHint, ProblemError
 from daq.service.schemas.uploads import ColumnsDocument, columns_document
 from daq.service.worker_pool import DEADLINE, OverdueError, ReadingProcesses, ReadingStoppedError
-from model.prediction.prediction import Prediction
+from model.prediction.prediction_map import Prediction
 from recordings.catalogue.arrival import require_whole
 from recordings.catalogue.catalogue import RunEntry
 from recordings.errors import DamagedError, ForeignFormatError, UnknownFormatError

@@ -14,8 +14,7 @@ from types import TracebackType
 from typing import Any, Self, TypeVar
 
 from daq.errors import ServiceError
-from daq.session.child import JOIN_TIME, begin, end, leave_to_parent
-from daq.session.priority import give_way
+from daq.session.processes import JOIN_TIME, begin, end, give_way, leave_to_parent
 
 T = TypeVar("T")
 DEADLINE = 30.0  # s that one piece of work may take

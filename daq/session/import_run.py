@@ -10,7 +10,7 @@ from pathlib import Path
 from analysis.signals.blocks import SampleBlock, SourceItem
 from analysis.signals.header import Acquisition, Channel, Device, Role, RunHeader
 from daq.config.import_mapping import ColumnsMapping, load_mapping
-from daq.config.load import load_rig
+from daq.config.loader import load_rig
 from daq.config.rig import Rig
 from daq.config.schema import ChannelSection
 from daq.errors import ConfigError
@@ -19,8 +19,8 @@ from recordings.catalogue.arrival import settle
 from recordings.catalogue.catalogue import Catalogue
 from recordings.exchange.formats import read_table
 from recordings.exchange.imported import METRES, ImportedChannel, imported_channel, imported_items
-from recordings.mcap.analysed import write_analysed
 from recordings.mcap.layout import IMPORTED_RECORD
+from recordings.mcap.writer import write_analysed
 
 IMPORTED = "imported"
 """What has delivered the samples of a run that was imported."""

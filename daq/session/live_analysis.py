@@ -12,7 +12,7 @@ from analysis.signals.blocks import SegmentEnd, SourceItem
 from analysis.signals.header import RunHeader
 from analysis.signals.snapshot import RunOut, Snapshot
 from daq.session.live_update import FrameSink, LiveFrame, PlacedMark, Status
-from model.prediction.prediction import Prediction
+from model.prediction.prediction_map import Prediction
 
 MOST_MARKS = 20  # shown live, the last ones
 

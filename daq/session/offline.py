@@ -1,12 +1,17 @@
-"""What a recorded run was, from its file: the results that lie beside the samples, or the samples analysed again."""
+"""What a recorded run was, from its file: the results that lie beside the samples, or the samples analysed again.
 
-from collections.abc import Callable, Iterator
+A recorded run's header with calibrations that were corrected since; `summarise` takes it.
+"""
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 
 from analysis.live.analyser import Analyser
 from analysis.live.summary import RunSummary, SummaryBuilder
 from analysis.signals.blocks import SampleBlock, SegmentEnd
-from analysis.signals.header import RunHeader
+from analysis.signals.header import Calibration, Role, RunHeader
 from analysis.signals.snapshot import Snapshot
+from daq.errors import UsageError
 from recordings.mcap.reader import RunReader
 
 Progress = Callable[[float], None]
@@ -78,3 +83,29 @@ def _analysed(reader: RunReader, header: RunHeader) -> Iterator[Snapshot | Segme
         else:
             yield from analyser.segment_end(item)
             yield item
+
+
+def corrected_header(header: RunHeader, calibrations: Mapping[str, Calibration]) -> RunHeader:
+    """Return a run's header with other calibrations.
+
+    Parameters
+    ----------
+    header : RunHeader
+        Of the run.
+    calibrations : mapping of str to Calibration
+        By the name of the probe's channel; probes that are not named keep theirs.
+
+    Raises
+    ------
+    UsageError
+        The run has no probe of a name.
+    """
+    channels = header.acquisition.channels
+    probes = [channel.name for channel in channels if channel.role is not Role.TACHO]
+    for name in calibrations:
+        if name not in probes:
+            raise UsageError(f"run {header.run} has no probe {name!r}: expected {' or '.join(probes)}")
+    corrected = tuple(
+        replace(channel, calibration=calibrations.get(channel.name, channel.calibration)) for channel in channels
+    )
+    return replace(header, acquisition=replace(header.acquisition, channels=corrected))

@@ -10,7 +10,7 @@ from analysis.signals.blocks import SegmentEnd
 from analysis.signals.header import Acquisition, RunOutSettings
 from analysis.signals.snapshot import RunOut
 from analysis.spectra.order_spectrum import order_vectors
-from analysis.vectors.slow_roll import RunOutWatch
+from analysis.vectors.runout import RunOutWatch
 from daq.config.rig import Rig
 from daq.config.schema import RunOutSection, RunOutVector
 from daq.config.toml_writer import to_toml

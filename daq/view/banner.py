@@ -5,10 +5,9 @@ import math
 from analysis.signals.header import Role, Severity
 from analysis.signals.snapshot import TachoState
 from daq.session.live_update import LiveFrame, RunState, Status
-from daq.view.drawing import Anchor, Drawing
-from daq.view.lettering import text_width
+from daq.view.drawing import Anchor, Drawing, text_width
 from daq.view.palette import ALARM, DANGER, GOOD, GRID, INK, MEASURED_X, MEASURED_Y, QUIET, TEXT, Color
-from daq.view.wording import clock, hours, rpm, worst_alarm
+from daq.view.status_text import clock, hours, rpm, worst_alarm
 
 BOUNDS = ((0.0, 1900.0), (8.0, 180.0))
 _STEADY = 3.0 * math.pi / 30.0  # rad/s²: slower than 3 r/min each second is called steady

@@ -12,8 +12,7 @@ import rerun as rr
 
 from daq.errors import ServiceError
 from daq.session.live_update import LiveFrame
-from daq.view.blueprint import operator_blueprint
-from daq.view.presenter import Presenter
+from daq.view.presenter import Presenter, operator_blueprint
 from daq.view.viewer_pages import ViewerPages
 
 _APPLICATION = "rig"

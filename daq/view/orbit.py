@@ -8,7 +8,7 @@ from analysis.signals.snapshot import OrderFrame
 from daq.view.axes import Axis, Plot, Reach
 from daq.view.drawing import Anchor, Drawing
 from daq.view.palette import CLEARANCE, MEASURED_X, MODEL, PAPER, QUIET, TACHO, Color, dimmed
-from model.prediction.prediction import Prediction
+from model.prediction.prediction_map import Prediction
 
 FloatArray = NDArray[np.float64]
 

@@ -1,23 +1,83 @@
-"""Turns frames of a run into what the viewer draws; the same live and in replay."""
+"""Turns frames of a run into what the viewer draws; the same live and in replay.
+
+What stands where on the operator's screen.
+"""
 
 from collections.abc import Callable, Hashable
 
 import rerun as rr
+import rerun.blueprint as rrb
 
 from analysis.signals.header import RunHeader
 from daq.session.live_update import LiveFrame
-from daq.view.banner import banner
-from daq.view.blueprint import timeline
+from daq.view import banner, bode, orbit, spectral_maps, spectrum, status_text, traces
 from daq.view.bode import BodePlot
-from daq.view.cascade import CascadePlot
-from daq.view.details import details
 from daq.view.drawing import Drawing
 from daq.view.orbit import OrbitPlot
+from daq.view.palette import PAPER
+from daq.view.spectral_maps import CascadePlot, WaterfallPlot
 from daq.view.spectrum import SpectrumPlot
-from daq.view.traces import TracePlot
-from daq.view.trend import TrendPlot
-from daq.view.waterfall import WaterfallPlot
-from daq.view.words import words
+from daq.view.status_text import details, words
+from daq.view.traces import TracePlot, TrendPlot
+
+_Bounds = tuple[tuple[float, float], tuple[float, float]]
+
+
+def timeline(header: RunHeader) -> str:
+    """Return the name of the timeline on which a run is shown: its sample time."""
+    return f"time in {header.run}"
+
+
+def operator_blueprint(header: RunHeader) -> rrb.Blueprint:
+    """Return the layout for a run: status over orbit, spectrum and cascade over Bode plot, traces and words."""
+    return rrb.Blueprint(
+        rrb.Vertical(
+            _drawn("banner", "Rig", banner.BOUNDS, titlebar=False),
+            rrb.Horizontal(
+                _drawn("orbit", "Orbit (µm, seen from the compressor end)", orbit.BOUNDS),
+                _drawn("spectrum", "Order spectrum (µm peak over shaft orders)", spectrum.BOUNDS),
+                rrb.Tabs(
+                    _drawn("cascade", "Cascade (spectra over speed, r/min)", spectral_maps.MAP_BOUNDS),
+                    _drawn("waterfall", "Waterfall (spectra over time, s)", spectral_maps.MAP_BOUNDS),
+                    active_tab=0,
+                ),
+                column_shares=[1.05, 1.35, 1.4],
+            ),
+            rrb.Horizontal(
+                _drawn("bode", "1X and 2X against speed (µm peak, ° lag)", bode.BOUNDS),
+                rrb.Tabs(
+                    _drawn("traces", "Traces (µm and V over ms)", traces.TRACE_BOUNDS),
+                    _drawn("trend", "Trend (µm peak-to-peak and r/min over time)", traces.TREND_BOUNDS),
+                    active_tab=0,
+                ),
+                rrb.Tabs(
+                    _drawn("words", "Signals", status_text.BOUNDS),
+                    rrb.TextDocumentView(origin="/details", name="In words"),
+                    active_tab=0,
+                ),
+                column_shares=[1.25, 1.25, 1.1],
+            ),
+            row_shares=[1.0, 2.75, 2.25],
+        ),
+        rrb.TopPanel(state="hidden"),
+        rrb.BlueprintPanel(state="hidden"),
+        rrb.SelectionPanel(state="hidden"),
+        rrb.TimePanel(state="hidden", timeline=timeline(header), play_state="following"),  # "playing" falls behind
+        auto_layout=False,
+        auto_views=False,
+    )
+
+
+def _drawn(origin: str, name: str, bounds: _Bounds, *, titlebar: bool = True) -> rrb.Spatial2DView:
+    across, down = bounds
+    return rrb.Spatial2DView(
+        origin=f"/{origin}",
+        name=name,
+        titlebar=titlebar,
+        background=PAPER,
+        visual_bounds=rrb.VisualBounds2D(x_range=across, y_range=down),
+    )
+
 
 _UNDER, _OVER, _TOP = 10.0, 20.0, 30.0  # what is drawn over what
 # Every how many frames, of ten a second, things are drawn. A browser without a graphics card takes in some twenty-five
@@ -66,7 +126,7 @@ class Presenter:
             self._bode.add(snapshot.frame, frame.prediction)
             self._trend.add(snapshot, frame.prediction, frame.status.elapsed)
         if self._count % _FAST == 0:
-            banner(frame).log(self._stream, "banner")
+            banner.banner(frame).log(self._stream, "banner")
             self._show_orbit(frame)
         if self._count % _MIDDLE == 0:
             self._show_spectrum(frame)

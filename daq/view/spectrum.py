@@ -8,11 +8,10 @@ import numpy as np
 
 from analysis.signals.snapshot import OrderFrame
 from daq.view.axes import Axis, Plot, Reach
-from daq.view.drawing import Anchor, Drawing
-from daq.view.lettering import text_width
+from daq.view.drawing import Anchor, Drawing, text_width
 from daq.view.palette import MEASURED_X, MEASURED_Y, MODEL, MODEL_DASH, TEXT, Color, dimmed
-from daq.view.wording import micrometres
-from model.prediction.prediction import Prediction
+from daq.view.status_text import micrometres
+from model.prediction.prediction_map import Prediction
 
 BOUNDS = ((-34.0, 308.0), (-18.0, 214.0))
 HIGHEST_ORDER = 3.0

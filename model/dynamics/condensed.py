@@ -9,27 +9,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.compiling import Compiler
-from model.dynamics import forces
-from model.dynamics import modal_system as systems
-from model.dynamics import state as states
-from model.dynamics.forces import (
-    WALL,
-    capone_force,
-    film_stiffness,
-    support_force,
-    support_stiffness,
-    wall_force,
-    wall_stiffness,
-)
+from model.dynamics import forces, modal_system, state
+from model.dynamics.forces import support_force, support_stiffness, wall_force, wall_stiffness
 from model.dynamics.modal_system import Constraints, Films
 from model.dynamics.state import State, Work
+from model.films import capone_kernel
+from model.films.capone_kernel import WALL, capone_force, film_stiffness
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 NEWTON_ITERATIONS = 25
 
-compiler = Compiler(forces, states, systems)
+compiler = Compiler(capone_kernel, forces, state, modal_system)
 
 
 @compiler.inlined

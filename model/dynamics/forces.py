@@ -1,4 +1,4 @@
-"""The forces on shaft and rings, compiled: an oil film's, a linear support's, a touched wall's, and their slopes.
+"""The forces on shaft and rings, compiled: a linear support's, a touched wall's, and their slopes.
 
 Complex numbers are vectors in the bench's plane, ``X + i Y``. Nothing is compiled when the file is imported.
 """
@@ -11,79 +11,9 @@ from model.compiling import Compiler
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
-WALL = 1e-4  # smallest 1 - eccentricity² that is computed: beyond it the film's equations lose their digits
 SLIP = 1e-3  # m/s: sliding slower than this rubs less, in proportion, so that friction does not jump where it turns
 
 compiler = Compiler()
-
-
-@compiler.compiled
-def capone_force(
-    position: complex, velocity: complex, clearance: float, surface_speed: float, factor: float
-) -> complex:
-    """Return the force of a short film, cavitated where its pressure falls below zero, on the inner body, N.
-
-    Capone's closed form, thesis eq. (4.38), with one correction: F = q / (1 - q²). The printed q / (1 - x² - y²) is
-    equal only without squeeze and wrong by up to fifteen times at large velocities.
-
-    Parameters
-    ----------
-    position : complex
-        Of the inner body from the outer one, m; less than the clearance.
-    velocity : complex
-        Of the inner body against the outer one, m/s.
-    clearance : float
-        Radial, m.
-    surface_speed : float
-        Sum of the angular speeds of both surfaces, rad/s.
-    factor : float
-        mu R L³ / (4 C²), N s.
-
-    Returns
-    -------
-    complex
-        N; 0 where nothing moves.
-    """
-    x, y = position.real / clearance, position.imag / clearance
-    A = surface_speed * x - 2 * velocity.imag / clearance
-    B = surface_speed * y + 2 * velocity.real / clearance
-    s = np.sqrt(A * A + B * B)
-    if s == 0.0:
-        return 0j
-    cos_a, sin_a = -A / s, -B / s  # alpha = arctan(B/A) - pi/2 sign(B/A) - pi/2 sign(B), without its 0/0
-    u = 1 - x * x - y * y
-    root = np.sqrt(u)
-    p = y * cos_a - x * sin_a
-    q = x * cos_a + y * sin_a
-    G = 2 / root * (0.5 * np.pi + np.arctan(p / root))
-    V = (2 + p * G) / u
-    F = q / (1 - q * q)  # printed q / (1 - x² - y²)
-    scale = -factor * s / u
-    return complex(
-        scale * (3 * x * V - sin_a * G - 2 * cos_a * F),
-        scale * (3 * y * V + cos_a * G - 2 * sin_a * F),
-    )  # Eq. (4.38)
-
-
-@compiler.compiled
-def film_stiffness(
-    drag: complex, position: complex, velocity: complex, clearance: float, surface_speed: float, factor: float
-) -> tuple[complex, complex]:
-    """Return the change of a film's force with the position in X and in Y, N/m, by finite differences.
-
-    Parameters
-    ----------
-    drag : complex
-        Change of velocity per change of position, 1/s: 2 / step in the march, i Omega in the turning frame.
-    position, velocity, clearance, surface_speed, factor : complex and float
-        As for ``capone_force``.
-    """
-    start = capone_force(position, velocity, clearance, surface_speed, factor)
-    in_x = -1e-7 * clearance if position.real > 0 else 1e-7 * clearance  # never towards the wall
-    in_y = -1e-7 * clearance if position.imag > 0 else 1e-7 * clearance
-    of_x = capone_force(position + in_x, velocity + drag * in_x, clearance, surface_speed, factor)
-    of_y = capone_force(position + 1j * in_y, velocity + drag * 1j * in_y, clearance, surface_speed, factor)
-    return (of_x - start) / in_x, (of_y - start) / in_y
 
 
 @compiler.compiled

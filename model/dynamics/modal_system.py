@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from model.dynamics.forces import WALL
 from model.dynamics.state import NO_LEVEL, Levels, State
+from model.films.capone_kernel import WALL
 from model.linear.modes import free_modes
 from model.rotor.parameters import FloatingRing, ModelParameters
 from model.rotor.supports import Coefficients

@@ -8,12 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.compiling import Compiler
-from model.dynamics import condensed, forces
-from model.dynamics import modal_system as systems
-from model.dynamics import state as states
+from model.dynamics import condensed, forces, modal_system, state
 from model.dynamics.condensed import solve
 from model.dynamics.modal_system import Constraints, Parts, Rings, Shaft
 from model.dynamics.state import NO_LEVEL, Levels, State, Work
+from model.films import capone_kernel
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -21,7 +20,7 @@ ComplexArray = NDArray[np.complex128]
 NO_FAILURE = -1
 LARGEST_TURN = 2 * np.pi / 48  # that the shaft may make in one step, rad
 
-compiler = Compiler(condensed, forces, states, systems)
+compiler = Compiler(condensed, capone_kernel, forces, state, modal_system)
 
 
 @compiler.inlined

@@ -4,7 +4,7 @@ import cmath
 import math
 from dataclasses import dataclass
 
-from model.dynamics.forces import WALL, capone_force
+from model.films.capone_kernel import WALL, capone_force
 from model.films.short_film import Capone, capone
 from model.rotor.parameters import FloatingRing
 from model.rotor.rotor import require_positive

@@ -7,8 +7,7 @@ from numpy.typing import NDArray
 
 from analysis.signals.header import AnalysisSettings
 from model.dynamics.motion import ShaftMotion
-from model.prediction.prediction import Prediction
-from model.prediction.prediction_map import PredictionMap, look_at
+from model.prediction.prediction_map import Prediction, PredictionMap, look_at
 from model.rotor.parameters import ModelParameters
 
 ComplexArray = NDArray[np.complex128]

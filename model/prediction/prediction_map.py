@@ -1,4 +1,7 @@
-"""What the model says over speed: computed once, then looked up in microseconds."""
+"""What the model says over speed: computed once, then looked up in microseconds.
+
+What the model says the probes will see at a speed, in the terms in which the measurement is given.
+"""
 
 import hashlib
 import json
@@ -10,18 +13,58 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.signals.header import AnalysisSettings
-from analysis.signals.orbit import ProbePair
+from analysis.signals.probes import ProbePair
 from analysis.spectra.order_spectrum import order_spectrum, order_vectors
 from analysis.whirl.components import find_whirl, noise_floor
 from model.dynamics.motion import STEPS_PER_TURN, ShaftMotion
 from model.dynamics.stability import SynchronousOrbit, synchronous_orbit
 from model.errors import ModelError
-from model.prediction.prediction import Prediction
 from model.rotor.parameters import ModelParameters
 from model.rotor.rotor import require_rising
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Prediction:
+    """Predicted steady motion at the probes.
+
+    Parameters
+    ----------
+    speed : float
+        Shaft speed, rad/s.
+    orders : ndarray of float64, shape (n_orders,)
+        Order axis, from 0.
+    spectrum : ndarray of float64, shape (2, n_orders)
+        Hann-windowed order spectrum at the probes x and y, m peak.
+    vectors : ndarray of complex128, shape (2, 2)
+        ``vectors[k - 1, probe]``: the kX vector, k = 1, 2, m peak, x(t) = Re[X exp(i k theta)].
+    whirl_order : float
+        Order of the strongest sub-synchronous component; NaN where there is none.
+    whirl_amplitude : float
+        Its half major axis, m peak; 0 where there is none.
+    peak_to_peak : ndarray of float64, shape (2,)
+        Overall, at the probes, m peak-to-peak.
+    orbit : ndarray of float64, shape (2, n_points)
+        Motion in X and Y over a few whole revolutions from theta = 0, mean removed, m.
+    growth_rate : float
+        Of the synchronous motion's least stable whirl, 1/s; positive where the film lets go.
+    is_exact : bool
+        Whether it is integrated at this very speed; else it lies between two speeds of a map.
+    """
+
+    speed: float
+    orders: FloatArray
+    spectrum: FloatArray
+    vectors: ComplexArray
+    whirl_order: float
+    whirl_amplitude: float
+    peak_to_peak: FloatArray
+    orbit: FloatArray
+    growth_rate: float
+    is_exact: bool = False
+
 
 MODEL_VERSION = 4  # to be raised with every change of the model's results
 NUMERICAL_FLOOR = 5e-9  # m peak: what rounding and the end of settling leave between the lines

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from model.dynamics.forces import wall_force
 from model.rotor.rotor import require_positive
 
 FloatArray = NDArray[np.float64]
@@ -60,22 +59,3 @@ class Rub:
     def sizes(self) -> FloatArray:
         """Clearance, stiffness, friction, damping and radius, (5,), as `forces.wall_force` takes them."""
         return np.array([self.clearance, self.stiffness, self.friction, self.damping, self.radius])
-
-    def force(self, position: complex, velocity: complex, speed: float) -> complex:
-        """Return the force on the shaft.
-
-        Parameters
-        ----------
-        position : complex
-            Of its centre from the wall's, X + i Y, m.
-        velocity : complex
-            Of its centre, m/s.
-        speed : float
-            Of the shaft, counter-clockwise, rad/s.
-
-        Returns
-        -------
-        complex
-            X + i Y, N; 0 without contact. Friction is against the sliding, in full above some mm/s.
-        """
-        return wall_force(complex(position), complex(velocity), float(speed), self.sizes)

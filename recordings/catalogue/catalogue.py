@@ -15,8 +15,7 @@ from typing import Any
 from recordings.catalogue import annotations, trash
 from recordings.catalogue.database import Database
 from recordings.catalogue.entry import RunEntry
-from recordings.catalogue.indexing import IndexReport, Summarise, compare, verdict_of
-from recordings.catalogue.known_run import KnownRun, holds
+from recordings.catalogue.indexing import IndexReport, KnownRun, Summarise, compare, holds, verdict_of
 from recordings.catalogue.run_file import RunFile
 from recordings.catalogue.run_store import Shelf
 from recordings.catalogue.run_summary import SummedUp

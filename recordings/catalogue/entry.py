@@ -1,12 +1,28 @@
-"""A run as the catalogue lists it."""
+"""A run as the catalogue lists it.
 
+What tells whether two runs were measured with the same calibrations.
+"""
+
+import hashlib
+import json
 from dataclasses import dataclass
 from pathlib import Path
 
-from analysis.signals.header import RunHeader
-from recordings.catalogue.calibration_identity import calibration_identity
+from analysis.signals.header import Acquisition, RunHeader
 from recordings.errors import RecordingError
+from recordings.mcap.header import calibration_document
 from recordings.mcap.reader import RunReader
+
+
+def calibration_identity(acquisition: Acquisition) -> str:
+    """Return what is equal for equal calibrations of the probes, and only then: hexadecimal digits."""
+    documents = {
+        channel.name: calibration_document(channel.calibration)
+        for channel in acquisition.channels
+        if channel.calibration is not None
+    }
+    return hashlib.sha256(json.dumps(documents, sort_keys=True).encode()).hexdigest()[:16]
+
 
 NOT_FINISHED = "not finished: it is still being written, or its writer was ended by force"
 
@@ -44,7 +60,7 @@ class RunEntry:
     verdict : str
         What the last verification of the file as it is came to (a `Verdict`); empty where there was none.
     calibration : str
-        Identity of the probes' calibrations (`recordings.catalogue.calibration_identity`).
+        Identity of the probes' calibrations (`recordings.catalogue.entry`).
     """
 
     id: str

@@ -35,7 +35,7 @@ class Search:
     serial : str
         Serial number of the device.
     calibration : str
-        Identity of the probes' calibrations (`recordings.catalogue.calibration_identity`), or its first digits.
+        Identity of the probes' calibrations (`recordings.catalogue.entry`), or its first digits.
     """
 
     started_from_ns: int | None = None

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recordings.errors import ForeignFormatError
-from recordings.exchange.ending import require_ended
-from recordings.exchange.table import Column, Table, rate_of
+from recordings.exchange.table import Column, Table, rate_of, require_ended
 from recordings.progress import Progress
 
 TIME = "time_s"

@@ -7,8 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from recordings.errors import ForeignFormatError
-from recordings.exchange.ending import require_ended
-from recordings.exchange.table import Column, Table
+from recordings.exchange.table import Column, Table, require_ended
 
 END = "***End_of_Header***"
 FIRST_LINE = "LabVIEW Measurement"

@@ -1,7 +1,12 @@
-"""What foreign files hold: columns of equal length, taken at one rate or at times of their own."""
+"""What foreign files hold: columns of equal length, taken at one rate or at times of their own.
 
+Whether a text of numbers was written to its end: a number that is cut is still a number, but another one.
+"""
+
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -83,3 +88,16 @@ def rate_of(times: NDArray[np.float64], name: str) -> float:
         raise ForeignFormatError(f"times in {name!r}: not evenly spaced; samples must have been taken at one rate")
     rate = 1 / float(step)
     return float(round(rate)) if abs(rate - round(rate)) < 1e-6 * rate else rate
+
+
+def require_ended(path: Path, line: int) -> None:
+    """Raise ForeignFormatError where the last line of a file, the one of this number, has no end."""
+    with path.open("rb") as file:
+        if file.seek(0, os.SEEK_END) == 0:
+            return
+        file.seek(-1, os.SEEK_END)
+        if file.read() not in b"\r\n":
+            raise ForeignFormatError(
+                f"line {line}, the last, has no end: the file may be cut inside its last number; "
+                "take that line off, or end it where it is whole"
+            )

@@ -6,7 +6,7 @@ import numpy as np
 
 from analysis.signals.blocks import SampleBlock, SegmentEnd
 from analysis.signals.header import CODE_MAX, CODE_MIN, Acquisition
-from recordings.integrity.findings import Check, Finding
+from recordings.integrity.checks import Check, Finding
 
 
 class Continuity:

@@ -7,10 +7,8 @@ from pathlib import Path
 from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd, SourceItem
 from analysis.signals.header import RunHeader
 from recordings.errors import DamagedError, RecordingError
-from recordings.mcap.analysed import write_analysed
 from recordings.mcap.chunk_table import ChunkPlace
 from recordings.mcap.container import Container
-from recordings.mcap.front import read_header
 from recordings.mcap.layout import (
     CHANNEL_IDS,
     END_RECORD,
@@ -25,7 +23,8 @@ from recordings.mcap.markers import Mark, decode_mark
 from recordings.mcap.messages import decode_block, decode_segment_end
 from recordings.mcap.pulses import PulseJoin
 from recordings.mcap.reader import end_from_document
-from recordings.mcap.salvage import search_chunks
+from recordings.mcap.salvage import read_header, search_chunks
+from recordings.mcap.writer import write_analysed
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,17 +11,14 @@ from mcap.opcode import Opcode
 
 from analysis.signals.header import RunHeader
 from recordings.errors import DamagedError, RecordingError
-from recordings.integrity.calibration_check import check_acquisition
+from recordings.integrity.checks import Check, Finding, IndexCheck, PulseCheck, check_acquisition
 from recordings.integrity.continuity import Continuity
-from recordings.integrity.findings import Check, Finding
-from recordings.integrity.index_check import IndexCheck
-from recordings.integrity.pulse_check import PulseCheck
 from recordings.mcap.container import RECORD, Container, StoredMessage
-from recordings.mcap.front import header_of, read_header
 from recordings.mcap.layout import CONFIG_ATTACHMENT, END_RECORD, RUN_RECORD, TOPICS, unsealed
 from recordings.mcap.markers import decode_mark
 from recordings.mcap.messages import decode_block, decode_segment_end, parsed
 from recordings.mcap.reader import end_from_document
+from recordings.mcap.salvage import header_of, read_header
 from recordings.mcap.schema.rig_pb2 import Features, OrderFrame
 from recordings.progress import Progress, untold
 

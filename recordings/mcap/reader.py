@@ -9,15 +9,13 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.live.clock import PPM, ClockError
-from analysis.live.delivery import Delivery
+from analysis.live.delivery import PPM, ClockError, Delivery
 from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd, SourceItem
 from analysis.signals.header import RunHeader
 from analysis.signals.snapshot import Snapshot
 from recordings.errors import DamagedError
 from recordings.mcap.chunk_table import ChunkPlace
 from recordings.mcap.container import Container, StoredMessage
-from recordings.mcap.front import read_header
 from recordings.mcap.layout import (
     CHANNEL_IDS,
     END_RECORD,
@@ -28,6 +26,8 @@ from recordings.mcap.layout import (
     PULSES,
     SAMPLES,
     SEGMENT_END,
+    Sequence,
+    cut_end,
     sample_time_ns,
     unsealed,
 )
@@ -35,8 +35,8 @@ from recordings.mcap.markers import Mark, decode_mark
 from recordings.mcap.messages import block_span, decode_block, decode_segment_end, parsed
 from recordings.mcap.pulses import PulseJoin
 from recordings.mcap.results import decode_snapshot
+from recordings.mcap.salvage import read_header
 from recordings.mcap.schema import rig_pb2
-from recordings.mcap.sequence import Sequence, cut_end
 
 SAMPLE_CHANNEL = frozenset({CHANNEL_IDS[SAMPLES]})
 END_CHANNEL = frozenset({CHANNEL_IDS[SEGMENT_END]})

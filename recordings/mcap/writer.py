@@ -1,21 +1,24 @@
-"""Writing a run's file as the run goes."""
+"""Writing a run's file as the run goes.
+
+A whole run written at once from samples that are there already, with the results of their analysis.
+"""
 
 import json
 from collections import deque
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 from mcap.records import Channel, Message, Schema
 from mcap.well_known import MessageEncoding, SchemaEncoding
 
-from analysis.live.clock import PPM
-from analysis.live.delivery import DeliveryWatch
-from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd
+from analysis.live.analyser import Analyser
+from analysis.live.delivery import PPM, DeliveryWatch
+from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd, SourceItem
 from analysis.signals.header import RunHeader
+from analysis.signals.snapshot import Snapshot
 from recordings.errors import StorageError
-from recordings.mcap.appended import AppendedFile
-from recordings.mcap.chunked import ChunkedFile
+from recordings.mcap.chunk_writer import AppendedFile, ChunkedFile
 from recordings.mcap.header import calibration_document, header_document
 from recordings.mcap.layout import (
     CALIBRATION_RECORD,
@@ -31,9 +34,10 @@ from recordings.mcap.layout import (
     sample_time_ns,
     sealed,
 )
+from recordings.mcap.markers import Mark, encode_mark
 from recordings.mcap.messages import definitions, encode_block, encode_segment_end
 from recordings.mcap.pulses import PulseTeller
-from recordings.mcap.results import EncodedResult
+from recordings.mcap.results import EncodedResult, encode_snapshot
 
 CHUNK_BYTES = 1 << 20
 FLUSH_INTERVAL = 0.2
@@ -337,3 +341,59 @@ class RunWriter:
 def _message(topic: str, log_time: int, data: bytes, sequence: int = 0) -> Message:
     """Return a message published when it was logged: by the run's own time, not by the host's clock."""
     return Message(CHANNEL_IDS[topic], log_time, data, log_time, sequence)
+
+
+def write_analysed(
+    path: Path,
+    header: RunHeader,
+    items: Iterable[SourceItem],
+    remarks: Mapping[str, Mapping[str, Any]],
+    marks: Iterable[Mark] = (),
+) -> None:
+    """Write a run; nothing is left of it where that fails.
+
+    Parameters
+    ----------
+    path : Path
+        File to be created; it must not exist, its folder must.
+    header : RunHeader
+        Of the run.
+    items : iterable of SampleBlock and SegmentEnd
+        Its samples, in order; every segment has its end.
+    remarks : mapping of str to mapping
+        Further records by name, written when all samples have been taken.
+
+    marks : iterable of Mark
+        Named moments, taken when all samples have been.
+
+    Raises
+    ------
+    StorageError
+        Where it cannot be written.
+    RecordingError
+        Where the items cannot be read on.
+    """
+    writer = RunWriter(path, header)
+    try:
+        analyser = Analyser(header.acquisition, header.settings)
+        for item in items:
+            if isinstance(item, SampleBlock):
+                writer.block(item)
+                _keep(writer, header, analyser.block(item))
+            else:
+                _keep(writer, header, analyser.segment_end(item))
+                writer.segment_end(item)
+        for mark in marks:
+            writer.result(encode_mark(mark, header))
+        for name, document in remarks.items():
+            writer.record(name, document)
+        writer.close()
+    except BaseException:
+        writer.abandon()
+        raise
+
+
+def _keep(writer: RunWriter, header: RunHeader, snapshots: list[Snapshot]) -> None:
+    for snapshot in snapshots:
+        for result in encode_snapshot(snapshot, header):
+            writer.result(result)

@@ -22,7 +22,7 @@ from analysis.signals.header import (
     RunHeader,
     Tacho,
 )
-from analysis.signals.orbit import ProbePair
+from analysis.signals.probes import ProbePair
 from analysis.signals.snapshot import OrderFrame, Snapshot
 
 FloatArray = NDArray[np.float64]

@@ -17,13 +17,13 @@ from numpy.typing import NDArray
 
 from analysis.signals.blocks import EndReason
 from analysis.signals.header import Acquisition
-from daq.config.load import load_rig
+from daq.config.loader import load_rig
 from daq.config.rig import Rig
 from daq.config.schema import Backend, DeviceSection
 from daq.drivers.simulation.card import SimulatedCard
 from daq.session.recording.messages import Order
 from daq.session.recording.recorded_run import RecordedRun
-from model.prediction.prediction import Prediction
+from model.prediction.prediction_map import Prediction
 from recordings.mcap.reader import RunReader
 from tests.daq.support.device_server import serving
 from tests.daq.support.ni_driver import NiDriver

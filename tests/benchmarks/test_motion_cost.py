@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from analysis.signals.header import AnalysisSettings
-from model.dynamics.forces import capone_force
 from model.dynamics.modal_system import ModalSystem
 from model.dynamics.motion import STEPS_PER_TURN, ShaftMotion
+from model.films.capone_kernel import capone_force
 from model.prediction.prediction_map import compute_prediction_map, default_speeds
 from model.rotor.gj90c import gj90c
 

@@ -12,11 +12,10 @@ import httpx
 import numpy as np
 import pytest
 
-from daq.config.load import load_rig
+from daq.config.loader import load_rig
 from daq.config.rig import Rig
 from daq.reports.summaries import Summaries
-from daq.service.abilities import Abilities
-from daq.service.app import create_app
+from daq.service.app import Abilities, create_app
 from daq.service.run_reader import Readings
 from daq.service.server import ServiceServer
 from daq.session.live_update import LiveFrame

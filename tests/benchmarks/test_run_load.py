@@ -7,7 +7,7 @@ from pathlib import Path
 import psutil
 import pytest
 
-from daq.config.load import load_rig
+from daq.config.loader import load_rig
 from daq.config.rig import Rig
 from daq.reports.summaries import Summaries
 from daq.service.app import create_app

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from daq.config.load import load_rig
+from daq.config.loader import load_rig
 from daq.config.rig import Rig
 from daq.config.toml_writer import to_toml
 

@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 from daq.config.rig import Rig
-from daq.session.recording.outbox import Outbox
+from daq.session.recording.messages import Outbox
 from daq.session.recording.recorded_run import RecordedRun
 from daq.stop_flag import StopFlag
 from recordings.mcap.reader import RunReader

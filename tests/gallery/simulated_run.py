@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from analysis.resampling.angular_record import AngularRecord, angular_record
 from analysis.signals.header import Tacho
-from analysis.signals.orbit import ProbePair
+from analysis.signals.probes import ProbePair
 from analysis.spectra.full_spectrum import ProbeMismatch, probe_mismatch
 from analysis.spectra.order_map import OrderMap, order_map
 from analysis.tacho.pulse_record import pulse_record

@@ -15,7 +15,7 @@ with event.install_recorder("numba:compile") as compiled:
     {act}
 print(len(compiled.buffer))
 """
-ONE_FORCE = "from model.dynamics.forces import capone_force; capone_force(1e-6, 0j, 20e-6, 100.0, 1.0)"
+ONE_FORCE = "from model.films.capone_kernel import capone_force; capone_force(1e-6, 0j, 20e-6, 100.0, 1.0)"
 FORCES = """
     import numpy as np
     from model.dynamics.condensed import forces_on
@@ -72,7 +72,7 @@ def test_code_that_is_built_on_a_changed_file_is_compiled_anew(site: Path, tmp_p
     home.mkdir()
     assert compilations(FORCES, site, home, tmp_path) > 0
     assert compilations(FORCES, site, home, tmp_path) == 0
-    changed = site / "model" / "dynamics" / "forces.py"
+    changed = site / "model" / "films" / "capone_kernel.py"
     text = changed.read_text(encoding="utf-8")
     changed.write_text(text.replace("scale = -factor * s / u", "scale = -2 * factor * s / u"), encoding="utf-8")
     assert compilations(FORCES, site, home, tmp_path) > 0

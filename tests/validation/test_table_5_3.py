@@ -9,7 +9,7 @@ import pytest
 
 from model.linear.modes import critical_speeds, natural_frequencies
 from model.rotor.gj90c import gj90c_rotor
-from model.studies.thesis.thesis_table_5_3 import PRINTED, reason
+from model.studies.thesis.chapter_5 import PRINTED, reason
 
 BEARING_STIFFNESS = 1e4  # N/m
 TOLERANCE = 0.8  # Hz

@@ -11,6 +11,7 @@ from model.dynamics.whirl import FilmName
 from model.studies.onset import stability
 from model.studies.run_up import RunUp, run_up
 from model.studies.study import Plot, Surface
+from model.studies.thesis.chapter_5 import chapter_5_comparisons, chapter_5_figures
 from model.studies.thesis.chapter_6 import (
     CASES,
     Outcome,
@@ -20,7 +21,6 @@ from model.studies.thesis.chapter_6 import (
     trends,
 )
 from model.studies.thesis.chapter_6_spectra import Component, Look
-from model.studies.thesis.thesis_chapter_5 import chapter_5_comparisons, chapter_5_figures
 
 INNER, OUTER = FilmName.INNER, FilmName.OUTER
 

@@ -3,9 +3,9 @@
 import argparse
 from pathlib import Path
 
-from daq.cli.aligned import aligned
 from daq.cli.model.figures import require_drawing, save
-from daq.cli.summary_text import print_json
+from daq.cli.output.summary_text import print_json
+from daq.cli.output.terminal import aligned
 from daq.schemas.study import study_document
 from model.studies.study import Study
 

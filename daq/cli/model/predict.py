@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-from daq.cli.progress import RPM, Console
-from daq.cli.summary_text import print_json
-from daq.config.load import load_rig
+from daq.cli.output.progress import RPM, Console
+from daq.cli.output.summary_text import print_json
+from daq.config.loader import load_rig
 from daq.config.rig import Rig
 from daq.config.rotor import rotor_parameters
 from daq.errors import RigError, UsageError
@@ -16,8 +16,7 @@ from daq.schemas.live import predicted_document
 from daq.session.prediction.predictors import PATIENCE, Predictors
 from model.errors import ModelError
 from model.prediction.live_prediction import refine
-from model.prediction.prediction import Prediction
-from model.prediction.prediction_map import PredictionMap
+from model.prediction.prediction_map import Prediction, PredictionMap
 
 _STEP = 1000 * RPM  # rad/s between the rows of the table
 

@@ -5,9 +5,8 @@ from collections.abc import Callable
 
 import numpy as np
 
+from daq.cli.model.arguments import counting, model_errors, not_negative, parameters_of, positive, rising, values
 from daq.cli.model.output import add_output, check_output, show
-from daq.cli.model.ranges import counting, not_negative, positive, rising, values
-from daq.cli.model.rotor import model_errors, parameters_of
 from daq.errors import UsageError
 from model.films.grid import Grid
 from model.films.lubrication import Lubrication, nominal, thesis_like

@@ -7,11 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
+from daq.cli.model.arguments import FloatArray, counting, model_errors, parameters_of, values
 from daq.cli.model.figures import require_drawing, save
 from daq.cli.model.output import show
-from daq.cli.model.ranges import FloatArray, counting, values
-from daq.cli.model.rotor import model_errors, parameters_of
-from daq.cli.progress import Console
+from daq.cli.output.progress import Console
 from daq.errors import UsageError
 from daq.session.sweep.run import grid, run_sweep
 from daq.session.sweep.workers import DaskWorkers, LocalWorkers

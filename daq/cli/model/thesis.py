@@ -6,10 +6,11 @@ from pathlib import Path
 
 from daq.cli.model.figures import require_drawing
 from daq.cli.model.report import Part, captioned, counts, page
-from daq.cli.progress import Console
+from daq.cli.output.progress import Console
 from daq.errors import UsageError
 from daq.session.sweep.workers import LocalWorkers
 from model.studies.thesis.chapter_3 import chapter_3
+from model.studies.thesis.chapter_5 import chapter_5_comparisons, chapter_5_figures
 from model.studies.thesis.chapter_6 import (
     CASES,
     Outcome,
@@ -19,7 +20,6 @@ from model.studies.thesis.chapter_6 import (
     run_case,
     trends,
 )
-from model.studies.thesis.thesis_chapter_5 import chapter_5_comparisons, chapter_5_figures
 from recordings.atomic_file import draft_of
 
 NAME = "thesis.html"

@@ -20,7 +20,7 @@ from daq.config.rig import Rig
 from daq.config.schema import ChannelSection
 from daq.drivers.ni.connection import Connection
 from daq.drivers.ni.counter import NiCounter
-from daq.drivers.ni.faults import ABSENT_CODES, NOT_YET_AVAILABLE
+from daq.drivers.ni.error_codes import ABSENT_CODES, NOT_YET_AVAILABLE
 from daq.errors import DeviceError, DeviceFault
 
 PATIENCE = 1.0  # s that a block may come late before the device is asked what is wrong

@@ -15,8 +15,7 @@ from nidaqmx.system.system import System
 from nidaqmx.task import Task
 
 from daq.config.schema import DeviceSection
-from daq.drivers.ni.faults import bench_words, device_fault
-from daq.drivers.ni.warned import Warned
+from daq.drivers.ni.error_codes import Warned, bench_words, device_fault
 from daq.errors import DeviceError, DeviceFault
 
 CHANNEL_OPTIONS = (

@@ -11,9 +11,9 @@ from nidaqmx.task import Task
 from numpy.typing import NDArray
 
 from analysis.signals.header import Edge, TachoCounter
-from daq.config.counter import TIMEBASES
+from daq.config.checks import TIMEBASES
 from daq.config.schema import RigConfig
-from daq.drivers.ni.faults import NOT_YET_AVAILABLE
+from daq.drivers.ni.error_codes import NOT_YET_AVAILABLE
 
 ROOM = 4.0  # times the marks at full speed that are fetched at once: doubles and a shaft that runs away
 LEAST = 64  # stamps

@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING
 from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd, SourceItem
 from analysis.signals.header import Acquisition
 from daq.config.rig import Rig
-from daq.drivers.ni.extra import card_extra
-from daq.drivers.ni.faults import ABSENT_CODES, OVERRUN_CODES
-from daq.drivers.ni.stamps import Stamps
-from daq.drivers.restarts import Restarts
+from daq.drivers.ni.counter_stamps import Stamps
+from daq.drivers.ni.error_codes import ABSENT_CODES, OVERRUN_CODES, card_extra
+from daq.drivers.source import Restarts
 from daq.errors import DeviceError
 from daq.stop_flag import StopFlag
 

@@ -12,7 +12,7 @@ from daq.drivers.simulation import converter
 from daq.drivers.simulation.motion import Instants, Motion
 from daq.drivers.simulation.probe import SimulatedProbe
 from daq.drivers.simulation.random_streams import Purpose, draws
-from daq.drivers.simulation.simulated_shaft import shaft_motion
+from daq.drivers.simulation.shaft import shaft_motion
 from daq.drivers.simulation.speed import SpeedCourse, speed_course
 from daq.drivers.simulation.tacho import SimulatedTacho, TachoSignal
 from daq.drivers.simulation.wiring import SimulatedWiring

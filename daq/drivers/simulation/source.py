@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd, SourceItem
 from analysis.signals.header import Acquisition
-from daq.drivers.restarts import Restarts
 from daq.drivers.simulation.card import SimulatedCard
+from daq.drivers.source import Restarts
 from daq.stop_flag import StopFlag
 from model.errors import WallContactError
 

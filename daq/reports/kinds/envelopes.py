@@ -8,12 +8,12 @@ from numpy.typing import NDArray
 
 from analysis.tacho.shaft_angle import ShaftAngle
 from analysis.vectors.vold_kalman import PASSED, SLOW_TURNS, probe_envelopes
-from daq.reports.analyses_questions import EnvelopesQuery, WaveformsQuery
 from daq.reports.analysis import Analysis
 from daq.reports.columns import columns
 from daq.reports.errors import NotToldError, told_or_refused
 from daq.reports.kinds.orbits import orders_of
 from daq.reports.kinds.preparation import MICRO, RPM, in_degrees
+from daq.reports.parameters import EnvelopesQuery, WaveformsQuery
 from daq.reports.plots.layouts import OTHERS, SPEED
 from daq.reports.plots.panel import Curve, Panel, Style
 from daq.reports.run_samples import ALIGNED, RunSamples, Stretch, moved

@@ -6,11 +6,11 @@ import numpy as np
 
 from analysis.shaft.orbit import FilteredOrbit, direct_orbit, filtered_orbit, orbit_without
 from analysis.shaft.poincare import Pattern, PoincareSection, poincare_section
-from daq.reports.analyses_questions import OrbitFilter, OrbitQuery, PoincareQuery
 from daq.reports.analysis import Analysis
 from daq.reports.columns import columns
 from daq.reports.errors import told_or_refused
 from daq.reports.kinds.preparation import MICRO, Taken, taken_before
+from daq.reports.parameters import OrbitFilter, OrbitQuery, PoincareQuery
 from daq.reports.plots.layouts import orbit
 from daq.reports.plots.panel import Curve, Panel, Style
 from daq.reports.run_samples import RunSamples

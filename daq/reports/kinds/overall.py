@@ -3,11 +3,11 @@
 import numpy as np
 
 from analysis.shaft.overall import Overall, overall
-from daq.reports.analyses_questions import OverallQuery
 from daq.reports.analysis import Analysis
 from daq.reports.columns import columns
 from daq.reports.errors import NotToldError, told_or_refused
 from daq.reports.kinds.preparation import MICRO, RPM
+from daq.reports.parameters import OverallQuery
 from daq.reports.plots.layouts import SPEED
 from daq.reports.plots.panel import Curve, Panel, Style
 from daq.reports.run_samples import RunSamples, Stretch

@@ -4,11 +4,11 @@ import numpy as np
 
 from analysis.shaft.centreline import centreline
 from analysis.shaft.poincare import bifurcation
-from daq.reports.analyses_questions import BifurcationQuery, CentrelineQuery
 from daq.reports.analysis import Analysis
 from daq.reports.columns import columns
 from daq.reports.errors import told_or_refused
 from daq.reports.kinds.preparation import MICRO, RPM, Taken, taken_over
+from daq.reports.parameters import BifurcationQuery, CentrelineQuery
 from daq.reports.plots.panel import Curve, Panel, Style
 from daq.reports.run_samples import RunSamples
 

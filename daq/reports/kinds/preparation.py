@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.resampling.angular_record import AngularRecord
-from daq.reports.analyses_questions import Moment, Over
+from daq.reports.parameters import Moment, Over
 from daq.reports.run_samples import RunSamples
 
 FloatArray: TypeAlias = NDArray[np.float64]

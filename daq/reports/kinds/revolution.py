@@ -4,11 +4,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.resampling.synchronous_average import synchronous_average
-from daq.reports.analyses_questions import AverageQuery, SlowRollQuery
 from daq.reports.analysis import Analysis
 from daq.reports.columns import columns
 from daq.reports.errors import told_or_refused
 from daq.reports.kinds.preparation import MICRO, RPM, taken_before
+from daq.reports.parameters import AverageQuery, SlowRollQuery
 from daq.reports.plots.panel import Curve, Panel
 from daq.reports.run_samples import POINTS, RunSamples
 

@@ -7,11 +7,11 @@ from analysis.signals.uncertainty import phase_sigma, sigma_of_floor
 from analysis.spectra.frequency_spectrum import frequency_spectrum
 from analysis.spectra.full_spectrum import full_spectrum, probe_mismatch
 from analysis.spectra.order_map import Scaling, order_map
-from daq.reports.analyses_questions import FrequencySpectrumQuery, FullSpectrumQuery, OrderSpectrumQuery
 from daq.reports.analysis import Analysis
 from daq.reports.columns import columns
 from daq.reports.errors import told_or_refused
 from daq.reports.kinds.preparation import MICRO, in_degrees, taken_before
+from daq.reports.parameters import FrequencySpectrumQuery, FullSpectrumQuery, OrderSpectrumQuery
 from daq.reports.plots.layouts import BOTH_WAYS, spectrum
 from daq.reports.run_samples import RunSamples
 

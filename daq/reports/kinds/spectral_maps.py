@@ -9,11 +9,11 @@ from analysis.signals.uncertainty import sigma_of_floor
 from analysis.spectra.frequency_map import frequency_map
 from analysis.spectra.full_spectrum import full_spectrum, probe_mismatch
 from analysis.spectra.order_map import order_map
-from daq.reports.analyses_questions import CascadeQuery, MapLines, MapQuery, WaterfallQuery
 from daq.reports.analysis import Analysis
 from daq.reports.columns import columns
 from daq.reports.errors import NotToldError, told_or_refused
 from daq.reports.kinds.preparation import MICRO, RPM, taken_over
+from daq.reports.parameters import CascadeQuery, MapLines, MapQuery, WaterfallQuery
 from daq.reports.plots.layouts import BOTH_WAYS, stacked
 from daq.reports.plots.panel import Curve, Style
 from daq.reports.run_samples import RunSamples

@@ -6,11 +6,11 @@ import numpy as np
 
 from analysis.spectra.order_map import order_map
 from analysis.whirl.tracks import SubsynchronousTrack, subsynchronous_tracks
-from daq.reports.analyses_questions import SubSynchronousQuery
 from daq.reports.analysis import Analysis
 from daq.reports.columns import columns
 from daq.reports.errors import told_or_refused
 from daq.reports.kinds.preparation import MICRO, RPM, taken_over
+from daq.reports.parameters import SubSynchronousQuery
 from daq.reports.plots.layouts import OTHERS
 from daq.reports.plots.panel import Curve, Panel, Style
 from daq.reports.run_samples import RunSamples

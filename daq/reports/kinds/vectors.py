@@ -7,11 +7,11 @@ import numpy as np
 from analysis.signals.ramp import Direction
 from analysis.vectors.order_track import track_order
 from analysis.vectors.speed_curve import Resonance, SpeedCurve, speed_curves
-from daq.reports.analyses_questions import VectorsQuery
 from daq.reports.analysis import Analysis
 from daq.reports.columns import columns
 from daq.reports.errors import told_or_refused
 from daq.reports.kinds.preparation import MICRO, RPM, in_degrees, taken_over
+from daq.reports.parameters import VectorsQuery
 from daq.reports.plots.layouts import Course, bode, polar
 from daq.reports.plots.panel import Panel, Values
 from daq.reports.run_samples import RunSamples

@@ -3,9 +3,9 @@
 from analysis.signals.ramp import Direction as SpeedDirection
 from daq.reports.plots.layouts import BOTH_WAYS, Course, bode, orbit, polar, spectrum, stacked
 from daq.reports.plots.panel import Panel, Values
-from daq.schemas.document import Document
-from daq.schemas.moment import FullSpectrumDocument, OrbitDocument, OrderSpectrumDocument
 from daq.schemas.results import CascadeDocument, OrderVectorsDocument, WaterfallDocument
+from daq.schemas.snapshot import FullSpectrumDocument, OrbitDocument, OrderSpectrumDocument
+from daq.schemas.units import Document
 
 PEAK = "µm zero-to-peak"
 

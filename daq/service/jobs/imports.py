@@ -4,13 +4,13 @@ from pathlib import Path
 
 from analysis.signals.header import RunHeader
 from daq.config.calibration import calibration_of
-from daq.config.load import read_config, rig_in_text
+from daq.config.loader import read_config, rig_in_text
 from daq.config.rig import Rig
 from daq.config.toml_writer import to_toml
 from daq.errors import ConfigError
-from daq.schemas.run import run_document
+from daq.schemas.runs import run_document
 from daq.service.jobs.queue import DataPlace, Progress, Task, Tell
-from daq.service.jobs.sparing import parts_told
+from daq.service.jobs.work import parts_told
 from daq.service.schemas.importing import ImportOrder, RigInText
 from daq.service.uploads import Upload
 from daq.session.import_run import IMPORTED, Foreign, imported_run, require_fit

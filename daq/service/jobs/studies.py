@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.signals.header import RunHeader
-from daq.config.load import read_config
+from daq.config.loader import read_config
 from daq.config.rotor import configured_rotor
 from daq.schemas.study import (
     CampbellOrder,

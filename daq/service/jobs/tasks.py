@@ -10,14 +10,19 @@ from pydantic import ValidationError
 from analysis.signals.header import Calibration, RunHeader
 from daq.config.calibration import calibration_of
 from daq.errors import ConfigError, UsageError
-from daq.reports.analyses_questions import AnalysisForm, Asked
-from daq.reports.questions import At, CascadeQuery, Question, TrendQuery, WaterfallQuery
+from daq.reports.parameters import (
+    AnalysisForm,
+    Asked,
+    At,
+    Question,
+    RecordedCascadeQuery,
+    RecordedWaterfallQuery,
+    TrendQuery,
+)
 from daq.reports.registry import KINDS
-from daq.service.jobs import job_work
+from daq.service.jobs import work as job_work
 from daq.service.jobs.queue import DataPlace, Task
-from daq.service.problem_types import Kind
-from daq.service.problems import ProblemError
-from daq.service.schemas.jobs import (
+from daq.service.jobs.schemas import (
     Address,
     AnalysisOrder,
     AnswerOrder,
@@ -28,14 +33,16 @@ from daq.service.schemas.jobs import (
     RunOrder,
     VerificationOrder,
 )
-from daq.session.reevaluation import corrected_header
+from daq.service.problem_types import Kind
+from daq.service.problems import ProblemError
+from daq.session.offline import corrected_header
 from recordings.catalogue.catalogue import RunEntry
 
 ANALYSES: Final = "analyses/"
 QUESTIONS: Final[Mapping[Address, type[Question]]] = {
     Address.TREND: TrendQuery,
-    Address.CASCADE: CascadeQuery,
-    Address.WATERFALL: WaterfallQuery,
+    Address.CASCADE: RecordedCascadeQuery,
+    Address.WATERFALL: RecordedWaterfallQuery,
     Address.ORDER_SPECTRUM: At,
     Address.FULL_SPECTRUM: At,
     Address.ORBIT: At,

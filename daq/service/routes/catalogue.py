@@ -7,26 +7,17 @@ from typing import Annotated, Protocol
 
 from fastapi import Query, Request, Response
 
-from daq.schemas import (
-    HealthDocument,
-    LiveDocument,
-    PictureDocument,
-    RunDocument,
-    RunListDocument,
-    SummaryDocument,
-    health_document,
-    live_document,
-    picture_document,
-    run_document,
-    run_list_document,
-)
-from daq.service.live_run import Live, require_ended
+from daq.schemas.live import LiveDocument, live_document
+from daq.schemas.runs import RunDocument, RunListDocument, run_document, run_list_document
+from daq.schemas.snapshot import PictureDocument, picture_document
+from daq.schemas.summary import SummaryDocument
 from daq.service.problem_types import Kind
 from daq.service.problems import ProblemError
+from daq.service.responses import NOT_MODIFIED, document_tag, is_known
 from daq.service.routes.run_query import RunQuery
-from daq.service.routing import Routing, RunId
-from daq.service.tags import NOT_MODIFIED, document_tag, is_known
-from daq.service.workers import Workers
+from daq.service.routing import Routing, RunId, Workers
+from daq.service.schemas.health import HealthDocument, health_document
+from daq.service.stream import Live, require_ended
 from daq.session.live_update import LiveFrame
 from recordings.catalogue.catalogue import RunEntry
 from recordings.catalogue.search import Search

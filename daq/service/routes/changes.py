@@ -7,23 +7,21 @@ from typing import Annotated, Final, Protocol
 from fastapi import Path as PathParameter
 from fastapi import Request, Response
 
-from daq.schemas import RunDocument, run_document
-from daq.service.file_answers import OCTETS
-from daq.service.incoming import Incoming
-from daq.service.live_run import Live, require_ended
+from daq.schemas.runs import RunDocument, run_document
 from daq.service.problem_types import Kind
 from daq.service.problems import ProblemError
-from daq.service.routing import PREFIX, IfMatch, Routing, RunId
+from daq.service.responses import OCTETS, document_tag, is_meant
+from daq.service.routing import PREFIX, IfMatch, Routing, RunId, Workers
 from daq.service.run_reader import Readings
-from daq.service.schemas.change import (
+from daq.service.schemas.runs import (
     PutAwayDocument,
     TakeBackDocument,
     TrashDocument,
     TrashedDocument,
     WordsDocument,
 )
-from daq.service.tags import document_tag, is_meant
-from daq.service.workers import Workers
+from daq.service.stream import Live, require_ended
+from daq.service.uploads import Incoming
 from recordings.catalogue.arrival import RunExistsError
 from recordings.catalogue.catalogue import RunEntry
 from recordings.catalogue.trash import PutAway

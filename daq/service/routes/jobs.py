@@ -12,21 +12,19 @@ from fastapi.responses import StreamingResponse
 
 from daq.errors import ConfigError
 from daq.schemas.study import RotorOrder
-from daq.service.file_answers import OCTETS, file_answer
 from daq.service.jobs.imports import import_task, rig_of_run, rig_of_text
 from daq.service.jobs.queue import Job, JobNotFoundError, Jobs, JobsFullError, Task
+from daq.service.jobs.schemas import IndexOrder, JobDocument, JobListDocument, Order, job_document
 from daq.service.jobs.studies import study_task
 from daq.service.jobs.tasks import header_of, index_task, run_task
-from daq.service.live_run import Live, require_ended
 from daq.service.problem_types import Kind
 from daq.service.problems import ProblemError
-from daq.service.routes.plot_routes import CONTENT, PLOT_TYPES
-from daq.service.routing import EVENTS, PREFIX, Routing, event_stream
+from daq.service.responses import NOT_MODIFIED, OCTETS, file_answer
+from daq.service.routes.analyses import CONTENT, PLOT_TYPES
+from daq.service.routing import EVENTS, PREFIX, Routing, Workers, event_stream
 from daq.service.schemas.importing import ImportOrder, RigInText, RigOfRun
-from daq.service.schemas.jobs import IndexOrder, JobDocument, JobListDocument, Order, job_document
-from daq.service.tags import NOT_MODIFIED
+from daq.service.stream import Live, require_ended
 from daq.service.uploads import UploadNotFoundError, Uploads
-from daq.service.workers import Workers
 from recordings.catalogue.catalogue import RunEntry
 
 LOOK: Final = 0.2  # s between two looks at a job that is followed

@@ -8,7 +8,7 @@ from typing import Annotated, Final
 
 from pydantic import BeforeValidator, Field
 
-from daq.reports.questions import FASTEST, Question
+from daq.reports.parameters import FASTEST, Question
 from recordings.catalogue.catalogue import RunEntry
 from recordings.catalogue.search import Search
 

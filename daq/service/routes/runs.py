@@ -7,19 +7,17 @@ from typing import Annotated, Protocol
 import numpy as np
 from fastapi import Query, Request, Response
 
-from daq.reports.analyses_questions import Asked
-from daq.reports.questions import (
+from daq.reports.parameters import (
+    Asked,
     At,
-    CascadeQuery,
     Question,
+    RecordedCascadeQuery,
+    RecordedWaterfallQuery,
     SampleFormat,
     SamplesQuery,
     Speed,
     TrendQuery,
-    WaterfallQuery,
 )
-from daq.schemas.document import Document
-from daq.schemas.moment import FullSpectrumDocument, OrbitDocument, OrderSpectrumDocument
 from daq.schemas.results import (
     CascadeDocument,
     ComparisonDocument,
@@ -30,17 +28,15 @@ from daq.schemas.results import (
     TrendDocument,
     WaterfallDocument,
 )
-from daq.service.acceptance import accepts_gzip, best_type
-from daq.service.file_answers import OCTETS, file_answer
-from daq.service.live_run import Live, require_ended
+from daq.schemas.snapshot import FullSpectrumDocument, OrbitDocument, OrderSpectrumDocument
+from daq.schemas.units import Document
 from daq.service.problem_types import READING, Kind
 from daq.service.problems import ProblemError
-from daq.service.routes.analysis_routes import ARROW, NPZ, add_analyses
-from daq.service.routes.plot_routes import PLOT_TYPES, add_plots
-from daq.service.routing import Routing, RunId
+from daq.service.responses import NOT_MODIFIED, OCTETS, accepts_gzip, best_type, entity_tag, file_answer, is_known
+from daq.service.routes.analyses import ARROW, NPZ, PLOT_TYPES, add_analyses, add_plots
+from daq.service.routing import Routing, RunId, Workers
 from daq.service.run_reader import Readings
-from daq.service.tags import NOT_MODIFIED, entity_tag, is_known
-from daq.service.workers import Workers
+from daq.service.stream import Live, require_ended
 from recordings.catalogue.catalogue import RunEntry
 from recordings.mcap.container import MAGIC
 
@@ -146,11 +142,13 @@ class RunRoutes:
         """Give speed, overall vibration, 1X and whirl over time; what is thinned keeps its extremes."""
         return await self._answer(request, run, "trend", query)
 
-    async def cascade(self, request: Request, run: RunId, query: Annotated[CascadeQuery, Query()]) -> Response:
+    async def cascade(self, request: Request, run: RunId, query: Annotated[RecordedCascadeQuery, Query()]) -> Response:
         """Give the largest amplitude of every cell of speed and order, as many as a screen shows."""
         return await self._answer(request, run, "cascade", query)
 
-    async def waterfall(self, request: Request, run: RunId, query: Annotated[WaterfallQuery, Query()]) -> Response:
+    async def waterfall(
+        self, request: Request, run: RunId, query: Annotated[RecordedWaterfallQuery, Query()]
+    ) -> Response:
         """Give the largest amplitude of every cell of time and order, as many as a screen shows."""
         return await self._answer(request, run, "waterfall", query)
 

@@ -6,12 +6,11 @@ from typing import Annotated, Final
 
 from fastapi import Path, Query, Request, Response
 
-from daq.reports.questions import Question
-from daq.service.file_answers import OCTETS
-from daq.service.incoming import Incoming
+from daq.reports.parameters import Question
 from daq.service.problem_types import Kind
 from daq.service.problems import ProblemError
-from daq.service.routing import PREFIX, Routing
+from daq.service.responses import OCTETS
+from daq.service.routing import PREFIX, Routing, Workers
 from daq.service.run_reader import Readings
 from daq.service.schemas.uploads import (
     ColumnsDocument,
@@ -19,8 +18,15 @@ from daq.service.schemas.uploads import (
     UploadListDocument,
     upload_document,
 )
-from daq.service.uploads import MOST_BYTES, MOST_LETTERS, Upload, UploadNotFoundError, Uploads, UploadsFullError
-from daq.service.workers import Workers
+from daq.service.uploads import (
+    MOST_BYTES,
+    MOST_LETTERS,
+    Incoming,
+    Upload,
+    UploadNotFoundError,
+    Uploads,
+    UploadsFullError,
+)
 
 CONTENT: Final = {"content": {OCTETS: {"schema": {"type": "string", "format": "binary"}}}, "required": True}
 

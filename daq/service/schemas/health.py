@@ -4,7 +4,7 @@ from enum import StrEnum
 
 from pydantic import Field
 
-from daq.schemas.document import Document
+from daq.schemas.units import Document
 from daq.session.live_update import LiveFrame, RunState
 
 

@@ -1,14 +1,36 @@
-"""Another program's file that is to become a run: of which rig, and which columns are which channels."""
+"""Another program's file that is to become a run: of which rig, and which columns are which channels.
 
+Content of files as a part of a document, taken as strictly as the files are: a text is no number.
+"""
+
+import json
+from collections.abc import Callable
 from typing import Annotated, Literal
 
-from pydantic import BeforeValidator, Field
+from pydantic import BaseModel, BeforeValidator, Field, ValidationError
+from pydantic_core import ErrorDetails
 
 from daq.config.calibration import CalibrationRecord
 from daq.config.import_mapping import ColumnsMapping
-from daq.schemas.document import Document
-from daq.schemas.run import RunId
-from daq.service.schemas.strict import as_a_file
+from daq.schemas.runs import RunId
+from daq.schemas.units import Document
+
+
+def as_a_file(model: type[BaseModel]) -> Callable[[object], object]:
+    """Return what takes a value as a file of this model is read; ValueError tells every fault."""
+
+    def taken(value: object) -> object:
+        try:
+            return model.model_validate_json(json.dumps(value), strict=True)
+        except ValidationError as error:
+            raise ValueError("; ".join(map(_said, error.errors()))) from error
+
+    return taken
+
+
+def _said(fault: ErrorDetails) -> str:
+    return f"{'.'.join(map(str, fault['loc']))}: {fault['msg'].removeprefix('Value error, ')}"
+
 
 MOST_TOML = 200_000  # letters
 

@@ -5,8 +5,7 @@ from datetime import UTC, datetime
 
 from pydantic import Field
 
-from daq.schemas.document import Document
-from daq.schemas.units import moment
+from daq.schemas.units import Document, moment
 from daq.service.uploads import Upload
 from recordings.exchange.table import Column, Table
 

@@ -17,13 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.signals.header import AnalysisSettings
-from daq.session.child import JOIN_TIME, begin, end, leave_to_parent
-from daq.session.prediction.kept_maps import cache_folder, kept_or_computed, map_file, read_map
+from daq.session.prediction.map_cache import cache_folder, kept_or_computed, map_file, read_map
 from daq.session.prediction.refiner import Refiner
-from daq.session.priority import give_way
+from daq.session.processes import JOIN_TIME, begin, end, give_way, leave_to_parent
 from model.errors import ModelError
-from model.prediction.prediction import Prediction
-from model.prediction.prediction_map import PredictionMap, compute_prediction_map, model_key
+from model.prediction.prediction_map import Prediction, PredictionMap, compute_prediction_map, model_key
 from model.rotor.parameters import ModelParameters
 
 FloatArray = NDArray[np.float64]

@@ -5,12 +5,11 @@ from types import TracebackType
 from typing import Self
 
 from analysis.signals.header import AnalysisSettings, Limits, RunHeader
-from daq.config.load import read_config
+from daq.config.loader import read_config
 from daq.config.rig import Rig
 from daq.config.rotor import configured_rotor, rotor_parameters
 from daq.session.prediction.predictor import Predictor
-from model.prediction.prediction import Prediction
-from model.prediction.prediction_map import default_speeds, model_key
+from model.prediction.prediction_map import Prediction, default_speeds, model_key
 from model.rotor.parameters import ModelParameters
 
 PATIENCE = 120.0  # s between two words of a computation before it is given up

@@ -7,12 +7,10 @@ from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 
 from analysis.signals.header import AnalysisSettings
-from daq.session.child import JOIN_TIME, begin, end, leave_to_parent
-from daq.session.priority import give_way
+from daq.session.processes import JOIN_TIME, begin, end, give_way, leave_to_parent
 from model.errors import ModelError
 from model.prediction.live_prediction import refine
-from model.prediction.prediction import Prediction
-from model.prediction.prediction_map import PredictionMap
+from model.prediction.prediction_map import Prediction, PredictionMap
 from model.rotor.parameters import ModelParameters
 
 STAYS = 2e-3  # of the speed: what it may change from call to call where it stays; cold air is steady to 0.2 % rms

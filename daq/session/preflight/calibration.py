@@ -15,7 +15,7 @@ from daq.config.rig import MICRO, Rig
 from daq.config.schema import Backend, ProfilePoint
 from daq.drivers.factory import open_source
 from daq.errors import DeviceError, DeviceFault, UsageError
-from daq.session.preflight.look import look
+from daq.session.preflight.preflight import look
 
 STEP = 0.5  # s of samples at a step: whole periods of 50 and 60 Hz
 TACHO_LOOK = 1.0  # s

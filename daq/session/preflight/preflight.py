@@ -1,4 +1,7 @@
-"""Is the rig ready? A second of its samples, and all that is known before, as a table of verdicts."""
+"""Is the rig ready? A second of its samples, and all that is known before, as a table of verdicts.
+
+A short look at what a source gives.
+"""
 
 import datetime as dt
 import shutil
@@ -7,17 +10,21 @@ from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.preflight.checks import Check, Verdict, worst
 from analysis.preflight.counter_check import counter_check
 from analysis.preflight.tacho_checks import speed_limit_check
-from analysis.preflight.verdict import Check, Verdict, worst
 from analysis.preflight.wiring import wiring_checks
+from analysis.signals.blocks import SampleBlock, SegmentEnd
 from analysis.signals.header import Acquisition
 from daq.config.rig import Rig
 from daq.config.schema import Backend
 from daq.drivers.factory import open_source
 from daq.drivers.ni import self_test
+from daq.drivers.source import Source
 from daq.errors import DeviceError
-from daq.session.preflight.look import Look, look
 from daq.session.preflight.rig_checks import (
     calibration_checks,
     device_checks,
@@ -27,6 +34,48 @@ from daq.session.preflight.rig_checks import (
     self_calibration_checks,
     trouble_check,
 )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Look:
+    """A stretch of samples from a source.
+
+    Parameters
+    ----------
+    blocks : tuple of SampleBlock
+        Of the first segment, as they came.
+    end : SegmentEnd or None
+        Of that segment; None where the source ended without one.
+    """
+
+    blocks: tuple[SampleBlock, ...]
+    end: SegmentEnd | None
+
+    @property
+    def codes(self) -> NDArray[np.int16]:
+        """All samples, shape (n_channels, n); n = 0 where none came."""
+        if not self.blocks:
+            return np.empty((0, 0), dtype=np.int16)
+        return np.concatenate([block.codes for block in self.blocks], axis=1)
+
+    @property
+    def ticks(self) -> NDArray[np.int64] | None:
+        """What a counter stamped of the tacho's edges; None where none did throughout."""
+        stamped = [block.ticks for block in self.blocks if block.ticks is not None]
+        return np.concatenate(stamped) if stamped and len(stamped) == len(self.blocks) else None
+
+
+def look(source: Source, samples: int) -> Look:
+    """Take at least so many samples per channel from a source, and stop it; it is left to be closed."""
+    blocks: list[SampleBlock] = []
+    for item in source.blocks():
+        if isinstance(item, SegmentEnd):
+            return Look(tuple(blocks), item)
+        blocks.append(item)
+        if item.end >= samples:
+            source.stop()
+    return Look(tuple(blocks), None)
+
 
 LOOK = 1.0  # s of samples
 

@@ -18,12 +18,11 @@ from daq.config.rig import Rig
 from daq.drivers.reconnecting import BROKEN
 from daq.errors import DeviceError, DeviceFault, RigError, StoppedError
 from daq.session.alarms import acknowledgement, alarm_mark
-from daq.session.child import begin
 from daq.session.live_analysis import LiveAnalysis
 from daq.session.live_update import Clipping, FrameSink, LiveFrame, PlacedMark, RunState, Status
+from daq.session.processes import begin
 from daq.session.recording.health import alertness, loss
-from daq.session.recording.messages import Acquired, Closed, Done, Opened, Order, Refused, Stop
-from daq.session.recording.outbox import Outbox
+from daq.session.recording.messages import Acquired, Closed, Done, Opened, Order, Outbox, Refused, Stop
 from daq.session.recording.recorder import RESULTS_DEADLINE, record
 from daq.session.recording.ring import BlockRing
 from daq.session.recording.statistics import Gauges

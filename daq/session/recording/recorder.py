@@ -19,10 +19,9 @@ from daq.drivers.factory import open_source, triggered
 from daq.drivers.source import Source
 from daq.drivers.triggered import Begun
 from daq.errors import RigError, StoppedError, UsageError
-from daq.session.child import ignore_terminal
+from daq.session.processes import ignore_terminal
 from daq.session.recording.messages import Acquired, Closed, Done, Opened, Order, Refused, Stop
-from daq.session.recording.ring import BlockRing
-from daq.session.recording.shared_memory import SharedBytes
+from daq.session.recording.ring import BlockRing, SharedBytes
 from daq.session.recording.statistics import Gauges
 from recordings.errors import RecordingError
 from recordings.mcap.markers import Mark, encode_mark

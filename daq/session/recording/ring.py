@@ -2,17 +2,35 @@
 
 One writer, any number of readers, each with its own place. The writer never waits: a reader that falls a whole ring
 behind finds its place overwritten, moves on to the oldest block still there and is told how many samples it missed.
+
+Memory that a process shares with those that it starts, and with nobody else.
 """
 
 import json
 from collections.abc import Iterator
+from ctypes import Array, c_char
 from dataclasses import asdict
+from multiprocessing import get_context
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd, SourceItem
-from daq.session.recording.shared_memory import SharedBytes, bytes_of, shared_bytes
+
+SharedBytes: TypeAlias = "Array[c_char]"
+"""Given to a process when it is started, and in no other way."""
+
+
+def shared_bytes(size: int) -> SharedBytes:
+    """Return so many zeroed bytes, aligned to words."""
+    return get_context("spawn").RawArray(c_char, size)
+
+
+def bytes_of(memory: SharedBytes) -> NDArray[np.uint8]:
+    """Return shared memory as it is, not a copy."""
+    return np.frombuffer(memoryview(memory), dtype=np.uint8)
+
 
 _HEADER = 6  # int64 words at the front: published, closed, channels, slot capacity, slots, samples put
 # int64 words before a slot's data: kind, segment, first, samples, host time, backlog, bytes, ticks, put before, ticket

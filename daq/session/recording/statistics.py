@@ -12,7 +12,7 @@ import numpy as np
 
 from analysis.signals.blocks import SampleBlock, SegmentEnd
 from analysis.signals.header import CODE_MAX, CODE_MIN
-from daq.session.recording.shared_memory import SharedBytes, bytes_of, shared_bytes
+from daq.session.recording.ring import SharedBytes, bytes_of, shared_bytes
 
 MOST_CHANNELS = 16  # of a card
 # the first is odd while those that belong together change, and goes up by two each time

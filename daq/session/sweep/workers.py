@@ -10,8 +10,7 @@ from multiprocessing.context import SpawnContext, SpawnProcess
 from typing import Any, Protocol, TypeVar
 
 from daq.errors import RigError, UsageError
-from daq.session.child import end, ignore_terminal, out_of_reach
-from daq.session.priority import give_way
+from daq.session.processes import end, give_way, ignore_terminal, out_of_reach
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from analysis.live.clock import PPM, ClockFit
+from analysis.live.delivery import PPM, ClockFit
 from analysis.signals.blocks import SampleBlock
 
 RATE, BLOCK = 1000.0, 100

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from analysis.preflight.checks import Check, Finding, Verdict
 from analysis.preflight.counter_check import counter_check
-from analysis.preflight.verdict import Check, Finding, Verdict
 from analysis.signals.header import Acquisition, Channel, Device, Edge, Role, Tacho, TachoCounter
 
 RATE, TIMEBASE = 100_000.0, 80e6

@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from analysis.preflight.checks import Check, Finding, Verdict, WiringLimits, worst
 from analysis.preflight.tacho_checks import TachoSignal, speed_limit_check, tacho_checks
-from analysis.preflight.verdict import Check, Finding, Verdict, worst
 from analysis.preflight.wiring import wiring_checks
-from analysis.preflight.wiring_limits import WiringLimits
 from analysis.signals.header import Acquisition, Calibration, Channel, Device, Edge, Role, Tacho
 
 FloatArray = NDArray[np.float64]

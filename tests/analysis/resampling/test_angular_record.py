@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from analysis.resampling.angular_record import AngularRecord, angular_record, record_of_codes, tacho_edges
 from analysis.signals.errors import AnalysisError, RecordTooShortError, TachoRefusedError
 from analysis.signals.header import Tacho
-from analysis.signals.orbit import ProbePair
+from analysis.signals.probes import ProbePair
 from analysis.spectra.order_map import order_map
 from analysis.tacho.pulse_record import pulse_record
 from analysis.tacho.shaft_angle import ShaftAngle, shaft_angle

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from analysis.shaft.extremes import trimmed_extremes
+from analysis.shaft.overall import trimmed_extremes
 
 
 @settings(max_examples=200, deadline=None)

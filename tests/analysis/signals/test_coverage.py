@@ -11,7 +11,7 @@ from analysis.resampling.angular_record import AngularRecord
 from analysis.resampling.synchronous_average import synchronous_average
 from analysis.shaft.centreline import centreline
 from analysis.shaft.orbit import filtered_orbit
-from analysis.signals.orbit import ProbePair
+from analysis.signals.probes import ProbePair
 from analysis.spectra.disturbances import drift, mains_hum
 from analysis.spectra.frequency_spectrum import frequency_spectrum
 from analysis.spectra.full_spectrum import probe_mismatch

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from analysis.signals.orbit import Ellipse, ProbePair
+from analysis.signals.probes import Ellipse, ProbePair
 
 DIRECTIONS = st.floats(-np.pi, np.pi)
 

@@ -5,7 +5,7 @@ import pytest
 
 from analysis.resampling.angular_record import angular_record
 from analysis.signals.header import Tacho
-from analysis.signals.orbit import ProbePair
+from analysis.signals.probes import ProbePair
 from analysis.signals.uncertainty import order_sigma, phase_sigma, sigma_of_floor
 from analysis.spectra.order_map import order_map
 from analysis.tacho.pulse_record import pulse_record

@@ -9,7 +9,7 @@ import pytest
 
 from analysis.resampling.angular_record import AngularRecord, angular_record, tacho_edges
 from analysis.shaft.orbit import filtered_orbit
-from analysis.signals.orbit import ProbePair
+from analysis.signals.probes import ProbePair
 from analysis.spectra.full_spectrum import full_cascade, full_spectrum, probe_mismatch
 from analysis.spectra.order_map import order_map
 from analysis.tacho.pulse_record import pulse_record

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from analysis.spectra.slow_lines import SlowSignal
+from analysis.spectra.disturbances import SlowSignal
 
 RATE = 20_000.0
 TIME = np.arange(20_000) / RATE

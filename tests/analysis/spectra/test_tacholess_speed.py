@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from analysis.resampling.angular_record import angular_record, record_of_codes
 from analysis.signals.errors import RecordTooShortError, TachoRefusedError
-from analysis.signals.orbit import ProbePair
+from analysis.signals.probes import ProbePair
 from analysis.spectra.order_map import order_map
 from analysis.spectra.tacholess_speed import record_without_tacho, speed_from_ridge
 from analysis.vectors.order_track import track_order

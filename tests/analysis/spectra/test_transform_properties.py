@@ -16,7 +16,7 @@ from analysis.shaft.centreline import centreline
 from analysis.shaft.orbit import direct_orbit, filtered_orbit, orbit_without
 from analysis.shaft.poincare import bifurcation, poincare_section
 from analysis.signals.header import Tacho
-from analysis.signals.orbit import ProbePair
+from analysis.signals.probes import ProbePair
 from analysis.spectra.disturbances import drift, mains_hum
 from analysis.spectra.frequency_map import frequency_map
 from analysis.spectra.frequency_spectrum import frequency_spectrum

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from analysis.tacho.angle import smooth_angle
+from analysis.tacho.shaft_angle import smooth_angle
 
 FloatArray = NDArray[np.float64]
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from analysis.signals.orbit import ProbePair
+from analysis.signals.probes import ProbePair
 from analysis.signals.snapshot import Whirl
 from analysis.spectra.order_spectrum import order_spectrum
 from analysis.whirl.components import find_whirl, find_whirls, noise_floor, without_synchronous

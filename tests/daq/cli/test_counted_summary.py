@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.preflight.verdict import Verdict
+from analysis.preflight.checks import Verdict
 from analysis.signals.snapshot import CounterState
-from daq.cli.progress import frame_line
-from daq.cli.summary_text import summary_lines
+from daq.cli.output.progress import frame_line
+from daq.cli.output.summary_text import summary_lines
 from daq.schemas.summary import summary_document
 from daq.session.live_update import LiveFrame, RunState, Status
 from daq.session.offline import summarise

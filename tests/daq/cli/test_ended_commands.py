@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 
 from daq.cli.main import _Asked
-from daq.cli.signals import heeded
-from daq.config.load import load_rig
+from daq.config.loader import load_rig
 from daq.config.toml_writer import to_toml
+from daq.stop_flag import heeded
 from recordings.integrity.verify import Verdict, verify
 from tests.daq.conftest import CALIBRATION, TABLES, merged
 from tests.daq.support.ended import Asked, Left, ended

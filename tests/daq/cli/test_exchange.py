@@ -20,8 +20,8 @@ from daq.session.recording.messages import Order
 from daq.session.recording.recorder import run_header
 from recordings.exchange.export import results_table, samples_table
 from recordings.integrity.verify import Verdict, verify
-from recordings.mcap.analysed import write_analysed
 from recordings.mcap.reader import RunReader
+from recordings.mcap.writer import write_analysed
 
 Captured = pytest.CaptureFixture[str]
 MakeMapping = Callable[..., Path]

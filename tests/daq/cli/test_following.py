@@ -3,8 +3,8 @@
 import io
 from dataclasses import replace
 
-from daq.cli.following import follow
-from daq.cli.progress import Console
+from daq.cli.output.progress import Console
+from daq.cli.recording import follow
 from daq.session.live_update import LiveFrame, RunState, Status
 from daq.session.run import Outcome
 from daq.stop_flag import StopFlag

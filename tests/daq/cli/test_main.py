@@ -13,7 +13,7 @@ import httpx
 import pytest
 
 from daq.cli.main import main
-from daq.schemas import SummaryDocument
+from daq.schemas.summary import SummaryDocument
 from recordings.mcap.reader import RunReader
 
 RigFiles = Callable[..., Path]

@@ -14,9 +14,9 @@ from daq.config.rig import Rig
 from daq.drivers.factory import open_source
 from daq.session.recording.messages import Order
 from daq.session.recording.recorder import run_header
-from recordings.mcap.analysed import write_analysed
 from recordings.mcap.container import Container
 from recordings.mcap.reader import RunReader
+from recordings.mcap.writer import write_analysed
 
 Captured = pytest.CaptureFixture[str]
 RUN = "2026-11-24T09-12-07-gj90c"

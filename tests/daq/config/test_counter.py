@@ -4,7 +4,7 @@ import pytest
 
 from analysis.signals.header import Edge
 from daq.cli.main import main
-from daq.config.load import load_rig, read_config
+from daq.config.loader import load_rig, read_config
 from tests.daq.config.test_loader import faults_of
 from tests.daq.conftest import RigFactory, RigFiles
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from analysis.signals.header import Role
-from daq.config.load import load_rig, read_config
+from daq.config.loader import load_rig, read_config
 from daq.config.rig import Rig
 from daq.config.rotor import configured_rotor, rotor_parameters
 from daq.config.schema import Backend

@@ -8,7 +8,7 @@ from typing import Any
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from daq.config.load import read_config
+from daq.config.loader import read_config
 from daq.config.toml_writer import to_toml
 from daq.errors import ConfigError
 

@@ -9,7 +9,7 @@ import pytest
 from pydantic import BaseModel
 
 from analysis.signals.header import Role
-from daq.config.load import load_rig
+from daq.config.loader import load_rig
 from daq.config.schema import RigConfig
 from daq.drivers.simulation.card import SimulatedCard
 

@@ -7,10 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from daq.config.load import load_rig, read_config
+from daq.config.loader import load_rig, read_config
 from daq.config.rig import Rig
-from daq.config.rotor import configured_rotor, rotor_parameters
-from daq.config.rotor_file import default_rotor
+from daq.config.rotor import configured_rotor, default_rotor, rotor_parameters
 from daq.errors import ConfigError
 from model.rotor.gj90c import gj90c
 from model.rotor.parameters import Imbalance

@@ -10,7 +10,7 @@ from analysis.signals.blocks import SampleBlock
 from analysis.signals.header import Acquisition
 from daq.config.rig import Rig
 from daq.drivers.simulation.card import SimulatedCard
-from daq.drivers.speed_estimate import SpeedEstimate
+from daq.drivers.triggered import SpeedEstimate
 
 RigFactory = Callable[..., Rig]
 

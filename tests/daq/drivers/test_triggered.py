@@ -11,8 +11,8 @@ import pytest
 
 from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd, SourceItem
 from analysis.signals.header import Acquisition
+from daq.config.loader import with_trigger
 from daq.config.rig import Rig
-from daq.config.trigger import with_trigger
 from daq.config.trigger_condition import Condition, read_condition
 from daq.drivers.factory import open_source, triggered
 from daq.drivers.simulation.card import SimulatedCard

@@ -28,7 +28,7 @@ from analysis.vectors.speed_curve import speed_curves
 from analysis.vectors.vold_kalman import probe_envelopes
 from analysis.whirl.tracks import subsynchronous_tracks
 from daq.cli.main import main
-from daq.config.load import load_rig
+from daq.config.loader import load_rig
 from daq.config.toml_writer import to_toml
 from daq.reports.analysis_schema import AnalysisDocument
 from daq.reports.kinds.envelopes import OrderFilter, solved

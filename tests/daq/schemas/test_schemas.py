@@ -10,7 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from analysis.signals.snapshot import Whirl
-from daq.schemas import live_document, run_document, summary_document
+from daq.schemas.live import live_document
+from daq.schemas.runs import run_document
+from daq.schemas.summary import summary_document
 from daq.schemas.units import finite, lag_degrees, micrometres, moment, rpm
 from daq.session.live_update import LiveFrame
 from tests.daq.support.frames import RPM, make_frames

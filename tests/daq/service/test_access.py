@@ -8,10 +8,11 @@ from pathlib import Path
 import pytest
 
 from daq.errors import ServiceError
-from daq.schemas import ProblemDocument, SummaryDocument
+from daq.schemas.summary import SummaryDocument
+from daq.service.access import host_name, is_loopback
 from daq.service.app import create_app
-from daq.service.guard import host_name, is_loopback
 from daq.service.pages import PUBLIC_PATHS
+from daq.service.problem_types import ProblemDocument
 from daq.service.server import ServiceServer
 from recordings.catalogue.catalogue import Catalogue
 from tests.daq.support.service_bench import API, Bench, open_bench

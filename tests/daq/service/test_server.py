@@ -13,10 +13,9 @@ import pytest
 from starlette.types import Receive, Scope, Send
 
 from daq.errors import ServiceError
-from daq.schemas import ProblemDocument
-from daq.service.connection import Connection
-from daq.service.last_resort import LastResort
-from daq.service.server import ServiceServer
+from daq.service.problem_types import ProblemDocument
+from daq.service.problems import LastResort
+from daq.service.server import Connection, ServiceServer
 
 
 class Hello:

@@ -10,13 +10,13 @@ import pytest
 
 from analysis.signals.header import Severity
 from daq.cli.main import main
-from daq.cli.progress import frame_line
+from daq.cli.output.progress import frame_line
 from daq.config.rig import Rig
 from daq.drivers.replay import open_replay
 from daq.session.alarms import acknowledgement, alarm_name, alarm_text
 from daq.session.offline import summarise
 from daq.session.replayed_run import ReplayedRun
-from daq.view.wording import worst_alarm
+from daq.view.status_text import worst_alarm
 from recordings.integrity.verify import verify
 from recordings.mcap.markers import MarkKind
 from recordings.mcap.reader import RunReader

@@ -13,8 +13,7 @@ from daq.cli.main import main
 from daq.config.rig import Rig
 from daq.drivers.factory import open_source
 from daq.errors import UsageError
-from daq.session.offline import summarise
-from daq.session.reevaluation import corrected_header
+from daq.session.offline import corrected_header, summarise
 from recordings.mcap.reader import RunReader
 from recordings.mcap.writer import RunWriter
 

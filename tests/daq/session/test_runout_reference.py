@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from daq.config.load import load_rig
+from daq.config.loader import load_rig
 from daq.config.rig import Rig
 from daq.errors import ConfigError, UsageError
 from daq.session.runout_reference import with_known_runout

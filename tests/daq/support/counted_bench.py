@@ -13,8 +13,8 @@ from analysis.signals.snapshot import Snapshot
 from daq.config.rig import Rig
 from daq.drivers.factory import open_source
 from daq.session.recording.recorder import run_header
-from recordings.mcap.analysed import write_analysed
 from recordings.mcap.results import encode_snapshot
+from recordings.mcap.writer import write_analysed
 from tests.daq.session.recording.test_recorded_run import order
 
 RigFactory = Callable[..., Rig]

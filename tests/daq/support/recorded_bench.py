@@ -11,22 +11,20 @@ from analysis.signals.header import RunHeader
 from daq.config.rig import Rig
 from daq.drivers.factory import open_source
 from daq.reports.summaries import Summaries
-from daq.schemas.alarm import AcknowledgedDocument, alarm_document
-from daq.schemas.mark import MarkDocument
+from daq.schemas.events import AcknowledgedDocument, MarkDocument, alarm_document
 from daq.schemas.units import moment
-from daq.service.abilities import Abilities
-from daq.service.app import create_app
+from daq.service.app import Abilities, create_app
 from daq.service.jobs.queue import DataPlace, Jobs
-from daq.service.routes.live_routes import Desk
+from daq.service.routes.live import Desk
 from daq.service.run_reader import Readings
 from daq.service.server import ServiceServer
 from daq.session.prediction.predictors import Predictors
 from daq.session.recording.messages import Order
 from daq.session.recording.recorder import run_header
-from model.prediction.prediction import Prediction
+from model.prediction.prediction_map import Prediction
 from recordings.catalogue.catalogue import Catalogue
-from recordings.mcap.analysed import write_analysed
 from recordings.mcap.markers import MarkKind
+from recordings.mcap.writer import write_analysed
 from tests.daq.support.frames import make_prediction
 from tests.daq.support.service_fakes import FakeLive
 

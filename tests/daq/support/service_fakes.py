@@ -13,7 +13,7 @@ from analysis.signals.ramp import Direction
 from analysis.signals.snapshot import TachoReport, TachoState
 from analysis.vectors.speed_table import SpeedRow
 from analysis.whirl.findings import Moment, WhirlFinding
-from daq.schemas import SummaryDocument, summary_document
+from daq.schemas.summary import SummaryDocument, summary_document
 from daq.session.live_update import LiveFrame
 from model.prediction.comparison import Agreement, PredictedWhirl, SynchronousAgreement, WhirlAgreement
 from recordings.catalogue.catalogue import RunEntry

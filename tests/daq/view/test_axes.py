@@ -7,9 +7,9 @@ import pytest
 
 from daq.view.axes import Axis, Plot, Reach, tick_step
 from daq.view.bode import phase_lag
-from daq.view.lettering import text_strokes, text_width
+from daq.view.drawing import text_strokes, text_width
+from daq.view.status_text import clock, hours, legible, micrometres, rpm, vector
 from daq.view.traces import thinned
-from daq.view.wording import clock, hours, legible, micrometres, rpm, vector
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ from daq.drivers.replay import open_replay
 from daq.schemas.live import live_document
 from daq.session.prediction.predictor import Predictor
 from daq.session.replayed_run import ReplayedRun
-from daq.view.details import details
+from daq.view.status_text import details
 from model.rotor.gj90c import gj90c
 from recordings.mcap.reader import RunReader
 from tests.daq.conftest import RigFactory

@@ -16,14 +16,12 @@ from rerun.chunk import RrdReader
 from analysis.signals.header import Severity
 from analysis.signals.snapshot import TachoState
 from daq.session.live_update import Clipping, LiveFrame, PlacedMark, RunState, Status
-from daq.view.blueprint import timeline
-from daq.view.colour_map import COLUMNS, HIGHEST_ORDER, ROWS
-from daq.view.drawing import Drawing
-from daq.view.lettering import text_strokes, text_width
+from daq.view.drawing import Drawing, text_strokes, text_width
 from daq.view.palette import ALARM, DANGER, MARK, MEASURED_X, MEASURED_Y, MODEL, MODEL_DASH, TACHO, Color
-from daq.view.presenter import Presenter
+from daq.view.presenter import Presenter, timeline
+from daq.view.spectral_maps import COLUMNS, HIGHEST_ORDER, ROWS
 from daq.view.spectrum import LETTERS, SpectrumPlot
-from daq.view.trend import TrendPlot
+from daq.view.traces import TrendPlot
 from recordings.mcap.markers import Mark, MarkKind
 from tests.daq.support.frames import RATE, make_frames, make_header, with_alarm, with_runout, with_second_whirl
 

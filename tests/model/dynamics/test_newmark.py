@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 import model.dynamics.condensed as condensed_module
 import model.dynamics.forces as forces_module
 import model.dynamics.newmark as kernel_module
+import model.films.capone_kernel as capone_module
 from model.compiling import Compiler
 from model.dynamics.modal_system import ModalSystem
 from model.dynamics.newmark import LARGEST_TURN, NO_FAILURE, march
@@ -26,7 +27,7 @@ ROOT = Path(__file__).parents[3]
 def interpreted() -> Callable[..., int]:
     """The kernel's march with everything it calls run by the interpreter instead of compiled code."""
     names: dict[str, object] = {}
-    for module in (forces_module, condensed_module, kernel_module):
+    for module in (capone_module, forces_module, condensed_module, kernel_module):
         names |= vars(module)
     for name, value in list(names.items()):
         plain = inspect.unwrap(value) if callable(value) and hasattr(value, "py_func") else None

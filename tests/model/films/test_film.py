@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from model.dynamics.forces import capone_force, film_stiffness
+from model.films.capone_kernel import capone_force, film_stiffness
 from model.films.film import Film, films_of
 from model.rotor.gj90c import gj90c
 

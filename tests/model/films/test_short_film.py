@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from model.dynamics.forces import capone_force
+from model.films.capone_kernel import capone_force
 from model.films.film import Film
 from model.films.short_film import Capone, Half, capone, half_film, short_film_pressure
 

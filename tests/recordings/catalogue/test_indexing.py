@@ -13,8 +13,8 @@ from analysis.live.summary import RunSummary, SummaryBuilder
 from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd
 from analysis.signals.header import RunHeader
 from analysis.whirl.findings import Moment, WhirlFinding
-from recordings.catalogue.calibration_identity import calibration_identity
 from recordings.catalogue.catalogue import Catalogue
+from recordings.catalogue.entry import calibration_identity
 from recordings.catalogue.search import Search
 from recordings.errors import NotFoundError, StorageError
 from recordings.mcap.markers import Mark, encode_mark

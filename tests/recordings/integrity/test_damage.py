@@ -15,11 +15,11 @@ from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd
 from analysis.signals.header import RunHeader
 from analysis.signals.snapshot import Snapshot
 from recordings.errors import DamagedError, RecordingError
-from recordings.mcap.chunked import encoded
+from recordings.mcap.chunk_writer import encoded
 from recordings.mcap.container import RECORD, Container
+from recordings.mcap.layout import Sequence
 from recordings.mcap.reader import RunReader
 from recordings.mcap.results import encode_snapshot
-from recordings.mcap.sequence import Sequence
 from recordings.mcap.writer import RunWriter
 
 MakeBlock = Callable[..., SampleBlock]

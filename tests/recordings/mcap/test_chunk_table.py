@@ -4,7 +4,7 @@ import pytest
 from mcap.records import ChunkIndex
 
 from recordings.mcap.chunk_table import ChunkPlace, ChunkTable
-from recordings.mcap.chunked import encoded
+from recordings.mcap.chunk_writer import encoded
 from recordings.mcap.container import RECORD
 
 BILLION_YEARS = 1 << 63

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 
-from recordings.mcap.codec import pack, unpack
+from recordings.mcap.messages import pack, unpack
 from recordings.mcap.schema.rig_pb2 import CODEC_DELTA_SHUFFLE, CODEC_INT16, CODEC_UNSPECIFIED
 
 shapes = st.tuples(st.integers(1, 4), st.integers(0, 50))

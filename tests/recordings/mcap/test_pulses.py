@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd
 from analysis.signals.header import Edge, RunHeader, TachoCounter
 from analysis.signals.snapshot import CounterReport, Snapshot
-from recordings.integrity.findings import Check, Finding
-from recordings.integrity.pulse_check import PulseCheck
+from recordings.integrity.checks import Check, Finding, PulseCheck
 from recordings.integrity.verify import verify
 from recordings.mcap.header import header_document, header_from_document
 from recordings.mcap.pulses import PulseJoin, PulseTeller

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd, SourceItem
 from daq.config.schema import CounterSection
 from daq.drivers.ni import Usb6251, open_usb6251
-from daq.drivers.ni.unwrapping import WRAP, Unwrapping
+from daq.drivers.ni.counter_stamps import WRAP, Unwrapping
 from daq.drivers.simulation.card import SimulatedCard
 from daq.errors import DeviceFault
 from tests.daq.drivers.ni.bench import bench, ends_of, refused, take

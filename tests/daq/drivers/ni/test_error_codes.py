@@ -5,7 +5,7 @@ import re
 import pytest
 from nidaqmx.error_codes import DAQmxErrors
 
-from daq.drivers.ni.faults import (
+from daq.drivers.ni.error_codes import (
     ABSENT_CODES,
     BUSY_CODES,
     OTHER_CODES,

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd, SourceItem
 from daq.config.rig import Rig
 from daq.drivers.factory import open_source
-from daq.drivers.restarts import Restarts
 from daq.drivers.simulation.card import SimulatedCard
 from daq.drivers.simulation.source import SimulatedSource
+from daq.drivers.source import Restarts
 from daq.errors import DeviceError
 from model.errors import WallContactError
 

@@ -13,12 +13,11 @@ from fastapi import Request
 from scipy.io import wavfile
 
 from daq.cli.main import main
-from daq.config.load import load_rig
+from daq.config.loader import load_rig
 from daq.config.toml_writer import to_toml
-from daq.service.incoming import Incoming
+from daq.service.jobs.schemas import JobDocument
 from daq.service.problems import ProblemError
-from daq.service.schemas.jobs import JobDocument
-from daq.service.uploads import Uploads, UploadsFullError
+from daq.service.uploads import Incoming, Uploads, UploadsFullError
 from recordings.exchange.formats import write_table
 from recordings.exchange.table import Column, Table
 from recordings.integrity.verify import Verdict, verify

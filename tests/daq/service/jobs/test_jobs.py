@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 from daq.cli.main import main
-from daq.config.load import load_rig
+from daq.config.loader import load_rig
 from daq.config.toml_writer import to_toml
-from daq.schemas import summary_document
-from daq.service.jobs import job_work
+from daq.schemas.summary import summary_document
+from daq.service.jobs import work as job_work
 from daq.service.jobs.queue import DataPlace, Progress
-from daq.service.schemas.jobs import JobDocument
+from daq.service.jobs.schemas import JobDocument
 from daq.session.offline import summarise
 from recordings.catalogue.catalogue import Catalogue
 from recordings.mcap.reader import RunReader

@@ -14,8 +14,8 @@ from websockets.sync.client import connect
 from websockets.typing import Origin, Subprotocol
 
 from analysis.signals.header import Severity
-from daq.schemas import LiveDocument
-from daq.service.hub import MOST_CLIENTS, MOST_WAITING
+from daq.schemas.live import LiveDocument
+from daq.service.stream import MOST_CLIENTS, MOST_WAITING
 from tests.daq.support.frames import make_frames, with_alarm, with_further_alarms
 from tests.daq.support.recorded_bench import API, RecordedBench, open_recorded_bench
 

@@ -14,9 +14,9 @@ import pytest
 from analysis.live.summary import RunSummary
 from analysis.signals.header import Role
 from analysis.signals.snapshot import Snapshot
-from daq.config.load import load_rig
+from daq.config.loader import load_rig
 from daq.config.toml_writer import to_toml
-from daq.schemas import summary_document
+from daq.schemas.summary import summary_document
 from daq.schemas.units import micrometres, rpm
 from daq.session.live_update import RunState
 from daq.session.offline import summarise

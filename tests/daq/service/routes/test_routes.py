@@ -10,7 +10,11 @@ from typing import Any
 import httpx
 import pytest
 
-from daq.schemas import LiveDocument, PictureDocument, ProblemDocument, RunDocument, SummaryDocument
+from daq.schemas.live import LiveDocument
+from daq.schemas.runs import RunDocument
+from daq.schemas.snapshot import PictureDocument
+from daq.schemas.summary import SummaryDocument
+from daq.service.problem_types import ProblemDocument
 from daq.session.live_update import RunState
 from recordings.errors import DamagedError, RecordingError, StorageError, UnknownFormatError
 from tests.daq.support.frames import make_frames

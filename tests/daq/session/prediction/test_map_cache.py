@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from daq.session.prediction.file_lock import Claim
-from daq.session.prediction.kept_maps import Told, kept_or_computed, read_map
+from daq.session.prediction.map_cache import Told, kept_or_computed, read_map
 from model.prediction.prediction_map import PredictionMap
 
 DEADLINE = 60.0  # s

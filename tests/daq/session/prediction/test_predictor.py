@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from analysis.signals.header import AnalysisSettings
-from daq.session.prediction.kept_maps import cache_folder
+from daq.session.prediction.map_cache import cache_folder
 from daq.session.prediction.predictor import Predictor
 from model.prediction.prediction_map import compute_prediction_map
 from model.rotor.gj90c import gj90c

@@ -15,8 +15,7 @@ from analysis.signals.header import AnalysisSettings
 from daq.session.prediction.refiner import RENEWED, SHOWN, Refiner
 from model.errors import ModelError
 from model.prediction.live_prediction import predict, refine
-from model.prediction.prediction import Prediction
-from model.prediction.prediction_map import PredictionMap, compute_prediction_map
+from model.prediction.prediction_map import Prediction, PredictionMap, compute_prediction_map
 from model.rotor.gj90c import gj90c
 
 SETTINGS = AnalysisSettings(revolutions=8)

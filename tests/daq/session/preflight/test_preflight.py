@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.preflight.verdict import Check, Finding, Verdict
+from analysis.preflight.checks import Check, Finding, Verdict
 from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd
 from daq.cli.main import main
 from daq.config.rig import RPM, Rig

@@ -17,7 +17,7 @@ from pathlib import Path
 import psutil
 import pytest
 
-from daq.config.load import load_rig
+from daq.config.loader import load_rig
 from recordings.integrity.verify import Verdict, verify
 from tests.daq.support.ended import PATIENCE, remaining
 from tests.daq.support.recorded_bench import RUN, record_run

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd
-from daq.cli.progress import frame_line
+from daq.cli.output.progress import frame_line
 from daq.config.rig import Rig
 from daq.config.schema import TimingSection
 from daq.drivers.simulation.card import SimulatedCard

@@ -20,7 +20,7 @@ import psutil
 import pytest
 
 from analysis.signals.blocks import EndReason, SampleBlock
-from daq.config.load import load_rig
+from daq.config.loader import load_rig
 from daq.drivers.factory import open_source
 from daq.session.recording.messages import Order
 from daq.session.recording.recorder import run_header

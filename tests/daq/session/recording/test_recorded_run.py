@@ -29,7 +29,7 @@ from daq.session.recording.recorded_run import RecordedRun
 from daq.session.recording.recorder import _Recorder, run_header
 from daq.session.recording.ring import BlockRing
 from daq.session.recording.statistics import Gauges
-from model.prediction.prediction import Prediction
+from model.prediction.prediction_map import Prediction
 from recordings.mcap.parts import PartLimits, PartWriter, file_names
 from recordings.mcap.reader import RunReader
 
@@ -273,7 +273,7 @@ def test_recorder_finishes_the_file_when_the_watching_process_is_killed(rig: Rig
         sys.path.insert(0, {str(Path(__file__).parent)!r})
         from pathlib import Path
         from test_recorded_run import NoModel, order
-        from daq.config.load import load_rig
+        from daq.config.loader import load_rig
         from daq.session.recording.recorded_run import RecordedRun
         if __name__ == "__main__":
             run = RecordedRun(order(load_rig(Path({str(small.path)!r})), Path({str(tmp_path)!r})), NoModel())

@@ -1,0 +1,117 @@
+"""Ranges as the commands take them: FIRST:LAST:COUNT, and values of the studies' options.
+
+The parameters that a study is made for, and the model's errors in the words of the command line.
+"""
+
+import argparse
+import math
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from daq.config.loader import load_rig
+from daq.config.rotor import read_rotor, rotor_of, rotor_parameters
+from daq.errors import ConfigError, RigError, UsageError
+from model.errors import ModelError
+from model.rotor.gj90c import gj90c
+from model.rotor.parameters import ModelParameters
+from model.rotor.tables import DocumentError
+
+
+def parameters_of(config: str | None) -> ModelParameters:
+    """Return the parameters that a rig file asks for, or a rotor's own file; the thesis's rotor without one.
+
+    Raises
+    ------
+    ConfigError
+        Where the file cannot be read or is wrong.
+    """
+    if config is None:
+        return gj90c()
+    file = Path(config)
+    tables = read_rotor(file)
+    if "station" not in tables:  # no rig has stations, no rotor is without
+        return rotor_parameters(load_rig(file))
+    try:
+        return rotor_of(tables)
+    except DocumentError as error:
+        raise ConfigError(config, list(error.faults)) from error
+
+
+@contextmanager
+def model_errors() -> Iterator[None]:
+    """Turn what the model refuses or cannot answer into one message of the command."""
+    try:
+        yield
+    except ValueError as error:
+        raise UsageError(str(error)) from error
+    except ModelError as error:
+        raise RigError(str(error)) from error
+
+
+FloatArray = NDArray[np.float64]
+
+MOST = 1_000_000  # values in a range
+
+
+def values(text: str) -> FloatArray:
+    """Return the values of FIRST:LAST:COUNT, of FIRST:LAST:COUNT:log, or of A,B,C."""
+    try:
+        found = _range(*text.split(":")) if ":" in text else np.array([float(part) for part in text.split(",")])
+    except (TypeError, ValueError):
+        found = np.empty(0)
+    if not (found.size and np.isfinite(found).all()):
+        raise argparse.ArgumentTypeError(
+            f"{text!r}: expected FIRST:LAST:COUNT (count 2 or more), FIRST:LAST:COUNT:log, or values with commas"
+        )
+    return found
+
+
+def _range(first: str, last: str, count: str, scale: str = "") -> FloatArray:
+    """Return a range; none where it makes no sense."""
+    start, stop, number = float(first), float(last), int(count)
+    if not (math.isfinite(start) and math.isfinite(stop)):
+        return np.empty(0)
+    if not 2 <= number <= MOST or scale not in {"", "log"} or (scale == "log" and not (start > 0 and stop > 0)):
+        return np.empty(0)
+    return np.geomspace(start, stop, number) if scale == "log" else np.linspace(start, stop, number)
+
+
+def rising(text: str) -> FloatArray:
+    """Return rising values above 0, two or more."""
+    found = values(text)
+    if found.size < 2 or not found[0] > 0 or np.any(np.diff(found) <= 0):
+        raise argparse.ArgumentTypeError(f"{text!r}: expected two or more rising values above 0, as 100:2000:40")
+    return found
+
+
+def positive(text: str) -> float:
+    """Return a number above 0."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0.0
+    if not (math.isfinite(value) and value > 0):
+        raise argparse.ArgumentTypeError(f"{text!r}: expected a number above 0")
+    return value
+
+
+def not_negative(text: str) -> float:
+    """Return a number, 0 or more."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = -1.0
+    if not (math.isfinite(value) and value >= 0):
+        raise argparse.ArgumentTypeError(f"{text!r}: expected a number, 0 or more")
+    return value
+
+
+def counting(text: str) -> int:
+    """Return a whole number above 0."""
+    if not text.isdigit() or int(text) == 0:
+        raise argparse.ArgumentTypeError(f"{text!r}: expected a whole number above 0")
+    return int(text)

@@ -1,0 +1,139 @@
+"""What the commands print while a run goes: one line, rewritten on a terminal, repeated now and then elsewhere."""
+
+import math
+import sys
+import time
+from contextlib import suppress
+from typing import TextIO
+
+from analysis.signals.header import Severity
+from analysis.signals.snapshot import Snapshot
+from daq.cli.output.terminal import fitted, width_of, wrapped
+from daq.session.live_update import LiveFrame, Status
+
+RPM = 2 * math.pi / 60
+_QUIET_INTERVAL = 5.0  # s between lines where they cannot be rewritten
+_STEADY = 20 * RPM  # rad/s²: below it the speed counts as held
+
+
+class Console:
+    """Prints progress to a stream.
+
+    Parameters
+    ----------
+    stream : TextIO
+        Where to; standard error, so that `--json` owns standard output.
+    """
+
+    def __init__(self, stream: TextIO | None = None) -> None:
+        self._stream = sys.stderr if stream is None else stream
+        self._rewrites = self._stream.isatty()
+        self._last = -math.inf
+        self._width = 0
+
+    def line(self, text: str) -> None:
+        """Print a line that stays."""
+        self.clear()
+        width = width_of(self._stream)
+        self._print("\n".join(wrapped(line, width) for line in text.split("\n")))
+
+    def progress(self, text: str, part: float | None = None) -> None:
+        """Show where things stand, with the part that is done, 0 to 1; on a terminal it replaces what was there."""
+        if part is not None:
+            text = f"{text}: {100 * part:.0f} %"
+        now = time.monotonic()
+        if self._rewrites:
+            text = fitted(text, width_of(self._stream))
+            self._print("\r" + text.ljust(self._width), end="")
+            self._width = len(text)
+        elif (part is None or part >= 0.01) and now - self._last >= _QUIET_INTERVAL:
+            self._last = now
+            self._print(text)
+
+    def done(self) -> None:
+        """End the progress line, keeping what it says."""
+        if self._width:
+            self._print("")
+            self._width = 0
+
+    def clear(self) -> None:
+        """Take the progress line away."""
+        if self._width:
+            self._print("\r" + " " * self._width + "\r", end="")
+            self._width = 0
+
+    def _print(self, text: str, end: str = "\n") -> None:
+        with suppress(OSError, ValueError):  # a terminal that was closed takes nothing; the run goes on to its end
+            print(text, end=end, file=self._stream, flush=True)
+
+
+def frame_line(frame: LiveFrame) -> str:
+    """Return a frame as one line, what matters most first: a narrow terminal has no room for its end."""
+    status, snapshot = frame.status, frame.snapshot
+    minutes, seconds = divmod(int(status.elapsed), 60)
+    parts = [f"{minutes:02d}:{seconds:02d}"]
+    if snapshot is None:
+        parts.append("waiting for the first samples")
+    else:
+        parts.append(_speed(frame))
+        x, y = snapshot.peak_to_peak * 1e6
+        parts.append(f"x {x:.0f} µm  y {y:.0f} µm pp{_alarms(status)}")
+    parts += [f"{each.channel} CLIPPED {each.samples:,} in {each.blocks:,} blocks" for each in status.clipped]
+    parts.append(f"lost {'' if status.lost_is_exact else '≥ '}{status.lost:,}")
+    parts.append(status.detail)
+    if snapshot is not None:
+        parts += [_counter(snapshot), *_whirl(frame)]
+    if status.skipped:
+        parts.append(f"live analysis skipped {status.skipped:,}")
+    parts.append(f"backlog {status.backlog:.1f} s")
+    if math.isfinite(status.disk_left):
+        parts.append(f"disk {duration(status.disk_left)}")
+    if status.model != "ready":
+        parts.append(f"model {status.model}")
+    return "  ".join(part for part in parts if part)
+
+
+def _counter(snapshot: Snapshot) -> str:
+    """Return that the tacho's counter differs from its samples, where it does."""
+    counter = snapshot.counter
+    if counter is None or not counter.told:
+        return ""
+    return f"tacho counter: {', '.join(filter(None, (counter.state.value, counter.told_lately)))}"
+
+
+def _alarms(status: Status) -> str:
+    """Return the worst severity in sight and what is at it."""
+    if status.latched is Severity.NORMAL:
+        return ""
+    worst = dict.fromkeys(alarm.quantity.value for alarm in status.alarms if alarm.severity is status.latched)
+    return f"  {status.latched.value.upper()} {', '.join(worst)}"
+
+
+def _speed(frame: LiveFrame) -> str:
+    snapshot = frame.snapshot
+    if snapshot is None or math.isnan(snapshot.speed):
+        state = "" if snapshot is None else snapshot.tacho.state.value
+        return f"speed ? ({state})"
+    trend = " "
+    if snapshot.frame is not None and abs(snapshot.frame.acceleration) > _STEADY:
+        trend = "▲" if snapshot.frame.acceleration > 0 else "▼"
+    return f"{snapshot.speed / RPM:6,.0f} r/min {trend}"
+
+
+def _whirl(frame: LiveFrame) -> list[str]:
+    """Return what is measured below 1X, and what the model has there."""
+    snapshot, prediction = frame.snapshot, frame.prediction
+    whirl = None if snapshot is None or snapshot.frame is None else snapshot.frame.whirl
+    parts = [] if whirl is None else [f"{whirl.order:.2f}X {whirl.amplitude * 1e6:.0f} µm"]
+    if prediction is not None and not math.isnan(prediction.whirl_order):
+        parts.append(f"(model {prediction.whirl_order:.2f}X {prediction.whirl_amplitude * 1e6:.0f} µm)")
+    return parts
+
+
+def duration(seconds: float) -> str:
+    """Return a duration in the largest unit that suits, as "41 h"."""
+    if seconds < 120:
+        return f"{seconds:.0f} s"
+    if seconds < 7200:
+        return f"{seconds / 60:.0f} min"
+    return f"{seconds / 3600:.0f} h"

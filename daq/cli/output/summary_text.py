@@ -1,0 +1,265 @@
+"""A run's summary in the words of the bench."""
+
+import codecs
+import json
+import sys
+from collections.abc import Iterator
+from itertools import groupby
+from typing import Any
+
+from analysis.signals.header import Severity
+from analysis.signals.ramp import Direction as SpeedDirection
+from daq.cli.output.terminal import show
+from daq.schemas.agreement import AgreementDocument
+from daq.schemas.events import AlarmDocument
+from daq.schemas.summary import SpeedRowDocument, SummaryDocument, TachoSummaryDocument
+from daq.schemas.units import Document
+from daq.session.recording.health import FULL
+from recordings.mcap.markers import MarkKind
+
+
+def print_json(content: Document | list[Document] | dict[str, Any]) -> None:
+    """Print a document, a list of them or what a service answered as JSON; where UTF-8 is not read, in ASCII."""
+    plain: object = content
+    if isinstance(content, list):
+        plain = [each.model_dump(mode="json") for each in content]
+    elif isinstance(content, Document):
+        plain = json.loads(content.model_dump_json())
+    is_utf8 = codecs.lookup(sys.stdout.encoding or "ascii").name == "utf-8"
+    print(json.dumps(plain, ensure_ascii=not is_utf8, indent=2))
+
+
+def tell(summary: SummaryDocument, *, as_json: bool) -> None:
+    """Print what a run was on standard output: as JSON, or in a few lines."""
+    if as_json:
+        print_json(summary)
+    else:
+        show(summary_lines(summary))
+
+
+def summary_lines(summary: SummaryDocument) -> Iterator[str]:
+    """Yield a summary in the words of the bench, line by line."""
+    yield f"run {summary.run}  {summary.duration_s:.1f} s  {summary.samples:,} samples a channel" + (
+        f"  “{summary.note}”" if summary.note else ""
+    )
+    if not summary.samples:
+        yield f"{_verdict(summary)}  nothing was recorded"
+        yield from _segments(summary)
+        yield from _marks(summary)
+        return
+    yield "  ".join((_verdict(summary), _speeds(summary), _largest(summary)))
+    yield from _segments(summary)
+    if summary.clock_error_ppm is not None:
+        uncertainty = _number(summary.clock_uncertainty_ppm, 1)
+        yield f"clock            the card's {summary.clock_error_ppm:+,.1f} ± {uncertainty} ppm against this computer's"
+    yield from _backlog(summary)
+    yield from _tacho(summary)
+    for alarm in summary.alarms:
+        yield f"alarm            {_alarm(alarm)}"
+    yield from _standards(summary)
+    yield from _marks(summary)
+    for fault in _oddities(summary):
+        yield f"unusual          {fault}"
+    yield from _runout(summary)
+    yield from _table(summary)
+    if not summary.sub_synchronous:
+        yield "sub-synchronous  none"
+    for k, whirl in enumerate(summary.sub_synchronous):
+        label = "sub-synchronous" if k == 0 else ""
+        begin, end = _speed(whirl.begin.speed_rpm, whirl.begin_course), _speed(whirl.end.speed_rpm, whirl.end_course)
+        order, size, way = _number(whirl.order, 2), _number(whirl.largest_peak_um, 1), whirl.direction.value
+        yield f"{label:15}  {order}X from {begin} to {end} r/min, {way}, up to {size} µm"
+    for each in summary.hysteresis:
+        came, went, width = _number(each.onset_rpm), _number(each.end_rpm), each.width_rpm or 0.0
+        apart = f"{_number(abs(width))} r/min {'lower' if width >= 0.0 else 'higher'}"
+        order = _number(each.order, 2)
+        yield f"hysteresis       {order}X came at {came} running up, went at {went} running down: {apart}"
+    if summary.agreement is None:
+        yield "model            not compared: its prediction was not ready"
+    else:
+        for k, line in enumerate(_model(summary.agreement)):
+            yield f"{'model' if k == 0 else '':15}  {line}"
+
+
+def _backlog(summary: SummaryDocument) -> Iterator[str]:
+    """Yield how near the card's buffer came to losing samples."""
+    most, holds = summary.largest_backlog_s, summary.buffer_s
+    if most is not None and holds:
+        part = most / holds
+        near = "; close other programs or lower timing.rate_hz" if part > FULL else ""
+        yield f"backlog          at most {most:.2f} s in the card's buffer of {holds:.3g} s, {100 * part:.0f} %{near}"
+
+
+def _tacho(summary: SummaryDocument) -> Iterator[str]:
+    """Yield what speed and phase rest on, where there is a choice."""
+    if summary.tacho is not None and summary.tacho.counter is not None:
+        compared = f"{summary.tacho.counter.compared:,} edges by counter and samples are compared"
+        yield f"tacho            speed and phase from the {summary.tacho.reference}; {compared}"
+
+
+def _standards(summary: SummaryDocument) -> Iterator[str]:
+    """Yield the standards' figures at the speed of the largest vibration; scope and source are in the document."""
+    known = [each for each in summary.standards if each.limit_peak_to_peak_um is not None]
+    if known:
+        told = "; ".join(
+            f"{standard} {', '.join(f'{each.name} {_number(each.limit_peak_to_peak_um)}' for each in figures)}"
+            for standard, figures in groupby(known, key=lambda each: each.standard)
+        ).replace("zone boundary ", "")
+        yield f"for information  {told} µm pp at that speed; none is written for floating rings"
+
+
+def _runout(summary: SummaryDocument) -> Iterator[str]:
+    """Yield what was taken off as run-out, or why nothing was."""
+    runout = summary.runout
+    if runout is None:
+        return
+    below = "" if runout.slow_roll_rpm is None else f" up to {_number(runout.slow_roll_rpm)} r/min"
+    if runout.order_1x is None:
+        yield f"run-out          not known: no {runout.source}{below}; 1X and 2X are as measured"
+        return
+    one = runout.order_1x
+    x = f"x {_number(one.amplitude_peak_x_um, 1)} µm ∠{_number(one.lag_x_deg)}°"
+    y = f"y {_number(one.amplitude_peak_y_um, 1)} µm ∠{_number(one.lag_y_deg)}°"
+    yield f"run-out          at 1X {x}, {y}, from {runout.source}{below}; taken off where it says compensated"
+
+
+def _alarm(alarm: AlarmDocument) -> str:
+    """Say which limit of what was passed where, when, by how much and until when."""
+    speed = "" if alarm.begin.speed_rpm is None else f", {_number(alarm.begin.speed_rpm)} r/min"
+    end = "to the end" if alarm.end is None else f"until {_number(alarm.end.time_s, 1)} s"
+    name = alarm.name.replace(alarm.severity.value, alarm.severity.value.upper())
+    return f"{name} from {_number(alarm.begin.time_s, 1)} s{speed} {end}, up to {alarm.told}"
+
+
+def _model(agreement: AgreementDocument) -> Iterator[str]:
+    """Yield how far the run agrees with the model."""
+    one = agreement.synchronous
+    if one is None:
+        yield "1X not compared: no steady speed within the model's range"
+    elif one.agrees_to_rpm is None:
+        median, lag = _number(one.median_amplitude_ratio, 2), _number(one.median_lag_difference_deg)
+        worst, at = _number(one.worst_amplitude_ratio, 2), _number(one.worst_amplitude_at_rpm)
+        yield f"1X measured over predicted {median} and {lag}° more lag in the median; worst {worst} at {at} r/min"
+    else:
+        part, lag = 100 * (one.within_amplitude_ratio or 0.0), _number(one.within_lag_difference_deg)
+        yield f"1X within {part:.0f} % and {lag}° up to {_number(one.agrees_to_rpm)} r/min"
+    for whirl in agreement.whirls:
+        predicted = (
+            "none predicted"
+            if whirl.predicted_order is None
+            else f"predicted from {_number(whirl.predicted_onset_rpm)} r/min ({_number(whirl.predicted_order, 2)}X)"
+        )
+        if whirl.measured_order is not None:
+            measured = f"measured from {_number(whirl.measured_onset_rpm)} ({_number(whirl.measured_order, 2)}X)"
+        else:
+            measured = "not measured" if whirl.was_reached else "not reached"
+        yield f"whirl {predicted}, {measured}"
+
+
+def _table(summary: SummaryDocument) -> Iterator[str]:
+    """Yield a few rows of amplitude and phase by speed; the whole table is in the document."""
+    up = [row for row in summary.by_speed if row.frames and row.course is SpeedDirection.UP]
+    down = [row for row in reversed(summary.by_speed) if row.frames and row.course is SpeedDirection.DOWN]
+    rows = _picked(up, 5) + _picked(down, 5) if up and down else _picked(up + down, 8)
+    compensated = any(row.order_1x_compensated for row in rows)
+    if rows:
+        note = "   compensated: less run-out" if compensated else ""
+        yield f"   r/min     1X x µm∠lag   1X y µm∠lag   2X x, y µm   overall x, y µm pp{note}"
+    for row in rows:
+        one, two = row.order_1x_compensated or row.order_1x, row.order_2x_compensated or row.order_2x
+        x = f"{_number(one.amplitude_peak_x_um, 1)}∠{_number(one.lag_x_deg)}°"
+        y = f"{_number(one.amplitude_peak_y_um, 1)}∠{_number(one.lag_y_deg)}°"
+        second = f"{_number(two.amplitude_peak_x_um, 1)}, {_number(two.amplitude_peak_y_um, 1)}"
+        overall = f"{_number(row.largest_peak_to_peak_x_um)}, {_number(row.largest_peak_to_peak_y_um)}"
+        which = "   compensated" if row.order_1x_compensated else "   as measured" if compensated else ""
+        yield f"{_speed(row.speed_rpm, row.course):>10}   {x:>11}   {y:>11}   {second:>10}   {overall:>18}{which}"
+
+
+def _speed(speed_rpm: float | None, course: SpeedDirection) -> str:
+    """Say a speed, and which way it went."""
+    return f"{_number(speed_rpm)} {'▲' if course is SpeedDirection.UP else '▼'}"
+
+
+def _verdict(summary: SummaryDocument) -> str:
+    if summary.is_gap_free:
+        return "gap-free"
+    if not summary.segments:
+        return "NO END: the recording breaks off"
+    bound = "" if summary.lost_is_exact else "at least "
+    return f"NOT GAP-FREE: {bound}{summary.lost_samples:,} samples lost"
+
+
+def _segments(summary: SummaryDocument) -> Iterator[str]:
+    """Yield what ended a run, and the segments of one that is not gap-free with why each ended."""
+    if summary.is_gap_free:
+        yield from (f"{'end':15}  {segment.detail}" for segment in summary.segments if segment.detail)
+        return
+    for segment in summary.segments:
+        bound = "" if segment.lost_is_exact else "at least "
+        lost = f", {bound}{segment.lost_samples:,} lost" if segment.lost_samples or bound else ""
+        detail = f": {segment.detail}" if segment.detail else ""
+        yield f"segment {segment.segment:<8} {segment.samples:,} samples, then {segment.end_reason.value}{lost}{detail}"
+
+
+def _marks(summary: SummaryDocument) -> Iterator[str]:
+    for mark in summary.marks:
+        if mark.kind is MarkKind.ALARM:  # told as an alarm
+            continue
+        where = f"segment {mark.segment}, " if len(summary.segments) > 1 else ""
+        yield f"mark             {where}{_number(mark.time_s, 1)} s  “{mark.text}”"
+
+
+def _speeds(summary: SummaryDocument) -> str:
+    if summary.lowest_speed_rpm is None:
+        return "speed unknown: the tacho never told"
+    return f"{_number(summary.lowest_speed_rpm)}–{_number(summary.highest_speed_rpm)} r/min"
+
+
+def _largest(summary: SummaryDocument) -> str:
+    worst = max(summary.probes, key=lambda probe: probe.largest_peak_to_peak_um or 0.0, default=None)
+    if worst is None or worst.largest_at is None:
+        return "no vibration measured"
+    at = worst.largest_at
+    where = f"at {_number(at.speed_rpm)} r/min" if at.speed_rpm is not None else f"at {at.time_s:.1f} s"
+    verdict = "" if summary.severity is Severity.NORMAL else f" ({summary.severity.value.upper()})"
+    part = f"{100.0 * (worst.largest_of_clearance or 0.0):.0f} % of the clearance"
+    return f"max {_number(worst.largest_peak_to_peak_um)} µm pp on {worst.name} {where}, {part}{verdict}"
+
+
+def _tacho_oddities(tacho: TachoSummaryDocument) -> Iterator[str]:
+    others = {state: count for state, count in tacho.snapshots_by_state.items() if state.value != "good"}
+    total = sum(tacho.snapshots_by_state.values())
+    for state, count in others.items():
+        if count > 0.02 * total:
+            yield f"tacho: {state.value} for {100 * count / total:.0f} % of the run"
+    if tacho.filled or tacho.rejected:
+        yield f"tacho: {tacho.pulses:,} pulses, {tacho.filled:,} filled in, {tacho.rejected:,} edges rejected"
+    if tacho.mark_is_arbitrary:
+        yield "tacho: the marks cannot be told apart: phases are from the first one seen, and compare with no other run"
+    if tacho.counter is not None and tacho.counter.told:
+        yield f"tacho: {tacho.counter.told}"
+
+
+def _oddities(summary: SummaryDocument) -> Iterator[str]:
+    for probe in summary.probes:
+        if not probe.gap_ok:
+            least, most = _number(probe.gap_least_v, 2), _number(probe.gap_most_v, 2)
+            yield f"probe {probe.name}: gap voltage {least} to {most} V left its window"
+        if probe.samples_beyond_calibration:
+            part = 100 * probe.samples_beyond_calibration / max(summary.samples, 1)
+            yield f"probe {probe.name}: {part:.2g} % of the samples lie beyond its calibration: extrapolated"
+    if any(summary.clipped_samples):
+        yield f"clipped samples by channel: {', '.join(f'{n:,}' for n in summary.clipped_samples)}"
+    if summary.tacho is not None:
+        yield from _tacho_oddities(summary.tacho)
+
+
+def _picked(rows: list[SpeedRowDocument], most: int) -> list[SpeedRowDocument]:
+    """Return at most so many rows, evenly spread, the last among them."""
+    if len(rows) <= most:
+        return rows
+    return [rows[round(k * (len(rows) - 1) / (most - 1))] for k in range(most)]
+
+
+def _number(value: float | None, decimals: int = 0) -> str:
+    return "?" if value is None else f"{value:,.{decimals}f}"

@@ -1,0 +1,184 @@
+"""A run's values over time, thinned so that no extreme is lost.
+
+Many order spectra in one picture: against speed (cascade) or time (waterfall), thinned to what a screen shows.
+"""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.signals.header import Role, RunHeader
+from analysis.signals.probes import ProbePair
+from analysis.signals.snapshot import OrderFrame, Snapshot
+from analysis.spectra.full_spectrum import full_spectrum
+from analysis.spectra.waterfall import order_axis
+from daq.reports.parameters import RecordedCascadeQuery, RecordedWaterfallQuery
+from daq.reports.records import NoSuchMomentError, Records
+from daq.schemas.results import CascadeDocument, TrendDocument, Values, WaterfallDocument
+from daq.schemas.units import finite, lag_degrees, micrometres, rpm
+from daq.session.offline import results
+from recordings.mcap.reader import RunReader
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.intp]
+
+
+def cascade(path: Path, found: Records, query: RecordedCascadeQuery) -> CascadeDocument:
+    """Return spectra over speed, from 0 to the highest."""
+    has_frame = np.isfinite(found.frame_speed)
+    if not has_frame.any():
+        raise NoSuchMomentError("no order spectrum in the run")
+    width = found.frame_speed[has_frame].max() / query.rows
+    orders, amplitudes, rows = _largest(path, found, _bins(found.frame_speed, width, query.rows), query)
+    return CascadeDocument(
+        run=found.header.run,
+        speeds_rpm=tuple(rpm(speed) for speed in ((rows + 0.5) * width).tolist()),
+        orders=orders,
+        amplitude_peak_um=amplitudes,
+    )
+
+
+def waterfall(path: Path, found: Records, query: RecordedWaterfallQuery) -> WaterfallDocument:
+    """Return spectra over time, from the begin of the stretch that is asked for to its end."""
+    of_segment = (found.segment == query.segment) & np.isfinite(found.frame_speed)
+    end = np.inf if query.duration_s is None else query.from_s + query.duration_s
+    chosen = of_segment & (found.time >= query.from_s) & (found.time <= end)
+    if not chosen.any():
+        raise NoSuchMomentError(f"no order spectrum in segment {query.segment} from {query.from_s:g} s")
+    passed = np.where(chosen, found.time - query.from_s, np.nan)
+    width = max(np.nanmax(passed) / query.rows, 1e-9)
+    row_of = _bins(passed, width, query.rows)
+    orders, amplitudes, rows = _largest(path, found, row_of, query)
+    speeds = [found.frame_speed[row_of == row].mean() for row in rows]
+    return WaterfallDocument(
+        run=found.header.run,
+        segment=query.segment,
+        times_s=tuple(finite(time) for time in (query.from_s + (rows + 0.5) * width).tolist()),
+        speeds_rpm=tuple(rpm(speed) for speed in speeds),
+        orders=orders,
+        amplitude_peak_um=amplitudes,
+    )
+
+
+def _bins(values: FloatArray, width: float, rows: int) -> IntArray:
+    """Return the row that each value falls into, the highest into the last; -1 for NaN."""
+    row = np.minimum(np.nan_to_num(values / width, nan=-1.0), rows - 1)
+    return np.floor(row).astype(np.intp)
+
+
+def _largest(
+    path: Path, found: Records, row_of: IntArray, query: RecordedCascadeQuery | RecordedWaterfallQuery
+) -> tuple[Values, tuple[Values, ...], IntArray]:
+    """Return the orders of the columns, the largest amplitude of every cell, and which rows there are.
+
+    Parameters
+    ----------
+    path : Path
+        The run's file.
+    found : Records
+        Its results.
+    row_of : ndarray of int, shape (n,)
+        Row of each of its snapshots; -1 for none.
+    query : RecordedCascadeQuery or RecordedWaterfallQuery
+        How many rows and columns, and whether of full spectra.
+    """
+    orders, amplitude = _spectrum_of(found.header, full=query.full)
+    cells = np.zeros((query.rows, orders.size))
+    with RunReader(path) as reader:
+        snapshots = (item for item in results(reader) if isinstance(item, Snapshot))
+        for row, snapshot in zip(row_of.tolist(), snapshots, strict=False):
+            if row >= 0 and snapshot.frame is not None:
+                np.maximum(cells[row], amplitude(snapshot.frame), out=cells[row])
+    rows = np.unique(row_of[row_of >= 0])
+    shown = np.abs(orders) <= (np.inf if query.highest_order is None else query.highest_order)
+    orders, cells = orders[shown], cells[:, shown]
+    starts = np.arange(0, orders.size, -(-orders.size // query.columns))
+    thinned = np.maximum.reduceat(cells[rows], starts, axis=1)
+    table = tuple(tuple(micrometres(value) for value in row) for row in thinned.tolist())
+    return tuple(finite(order) for order in orders[starts].tolist()), table, rows
+
+
+def _spectrum_of(header: RunHeader, *, full: bool) -> tuple[FloatArray, Callable[[OrderFrame], FloatArray]]:
+    """Return the orders of a spectrum, and what gives a frame's amplitudes, m peak: the larger probe's, or circles."""
+    orders = order_axis(header.settings)
+    if not full:
+        return orders, lambda frame: np.abs(frame.spectrum).max(axis=0)
+    x, y = (header.acquisition.channels[header.acquisition.row(role)] for role in (Role.PROBE_X, Role.PROBE_Y))
+    pair = ProbePair(x.angle, y.angle)
+    axis = np.concatenate([-orders[:0:-1], orders])
+    return axis, lambda frame: full_spectrum(frame.orders, frame.spectrum, pair).amplitudes
+
+
+def trend_document(found: Records, segment: int | None, begin: float, end: float, entries: int) -> TrendDocument:
+    """Return values over time as a document.
+
+    Parameters
+    ----------
+    found : Records
+        The run's results.
+    segment : int or None
+        Only this segment.
+    begin, end : float
+        Only results of this time in their segment, s.
+    entries : int
+        About so many at most; a segment begins one of its own.
+    """
+    chosen = (found.time >= begin) & (found.time <= end)
+    if segment is not None:
+        chosen &= found.segment == segment
+    index = np.flatnonzero(chosen)
+    width = max(-(-index.size // entries), 1)
+    position = np.arange(index.size)
+    segments = found.segment[index]
+    new_segment = np.flatnonzero(np.diff(segments, prepend=segments[:1] - 1))
+    begun = new_segment[np.searchsorted(new_segment, position, side="right") - 1] if index.size else position
+    starts = np.flatnonzero((position - begun) % width == 0)
+    last = np.append(starts[1:], index.size) - 1 if index.size else starts
+    one_x, one_y = np.abs(found.vectors)
+
+    def least(values: FloatArray) -> list[float]:
+        return np.fmin.reduceat(values[index], starts).tolist() if index.size else []
+
+    def most(values: FloatArray) -> list[float]:
+        return np.fmax.reduceat(values[index], starts).tolist() if index.size else []
+
+    order, size = _largest_whirls(found.whirl_order[index], found.whirl_amplitude[index], starts)
+    lag_x, lag_y = (_all_lags(vector[index][last]) for vector in found.vectors)
+    return TrendDocument(
+        run=found.header.run,
+        results_per_entry=width,
+        segment=tuple(segments[last].tolist()),
+        time_s=tuple(finite(value) for value in found.time[index][last].tolist()),
+        speed_least_rpm=tuple(map(rpm, least(found.speed))),
+        speed_most_rpm=tuple(map(rpm, most(found.speed))),
+        peak_to_peak_least_x_um=tuple(map(micrometres, least(found.peak_to_peak[0]))),
+        peak_to_peak_most_x_um=tuple(map(micrometres, most(found.peak_to_peak[0]))),
+        peak_to_peak_least_y_um=tuple(map(micrometres, least(found.peak_to_peak[1]))),
+        peak_to_peak_most_y_um=tuple(map(micrometres, most(found.peak_to_peak[1]))),
+        order_1x_least_x_um=tuple(map(micrometres, least(one_x))),
+        order_1x_most_x_um=tuple(map(micrometres, most(one_x))),
+        order_1x_least_y_um=tuple(map(micrometres, least(one_y))),
+        order_1x_most_y_um=tuple(map(micrometres, most(one_y))),
+        order_1x_lag_x_deg=lag_x,
+        order_1x_lag_y_deg=lag_y,
+        whirl_order=tuple(map(finite, order)),
+        whirl_peak_um=tuple(map(micrometres, size)),
+    )
+
+
+def _all_lags(vectors: NDArray[np.complex128]) -> Values:
+    return tuple(map(lag_degrees, vectors.tolist()))
+
+
+def _largest_whirls(
+    orders: FloatArray, amplitudes: FloatArray, starts: NDArray[np.intp]
+) -> tuple[list[float], list[float]]:
+    """Return order and size of the largest whirl of each stretch; NaN where there is none."""
+    stops = np.append(starts[1:], orders.size)
+    found = []
+    for start, stop in zip(starts.tolist(), stops.tolist(), strict=False):
+        largest = start + int(np.argmax(np.nan_to_num(amplitudes[start:stop], nan=-1.0)))
+        found.append((float(orders[largest]), float(amplitudes[largest])))
+    return [order for order, _ in found], [size for _, size in found]

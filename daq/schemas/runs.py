@@ -1,0 +1,110 @@
+"""What the catalogue knows of the runs, as documents.
+
+A run in the list of runs.
+"""
+
+from collections.abc import Sequence
+from datetime import datetime
+from typing import Annotated
+
+from pydantic import Field
+
+from daq.schemas.header import ChannelDocument, DeviceDocument, channel_document, device_document
+from daq.schemas.units import Document, finite, moment
+from recordings.catalogue.catalogue import RunEntry
+from recordings.catalogue.indexing import IndexReport
+
+Count = Annotated[int, Field(ge=0)]
+RunId = Annotated[str, Field(description="Id of the run", max_length=200, examples=["2026-11-24T09-12-07-gj90c"])]
+
+
+class RunDocument(Document):
+    """A recorded run; where its file cannot be read, what the file would tell is null."""
+
+    run: str = Field(description="Its id", examples=["2026-11-24T09-12-07-gj90c"])
+    rig: str | None = Field(description="Name of the rig", examples=["gj90c"])
+    note: str | None = Field(description="The operator's words", examples=["after the oil change"])
+    device: DeviceDocument | None = Field(description="What delivered the samples")
+    channels: tuple[ChannelDocument, ...] | None = Field(description="What was sampled, in the order of the samples")
+    started_at: datetime = Field(
+        description="Wall clock at the start, UTC; the file's last change where it cannot be read",
+        examples=["2026-11-24T09:12:07.250000Z"],
+    )
+    duration_s: float | None = Field(description="Sampled time, s", examples=[300.0])
+    sample_rate_hz: float | None = Field(description="Samples per channel and second, Hz", examples=[200_000.0])
+    samples: Count | None = Field(description="Samples per channel", examples=[60_000_000])
+    is_complete: bool = Field(description="Whether the recording was finished in order", examples=[True])
+    is_gap_free: bool = Field(description="Whether it is one stretch of which no sample was lost", examples=[True])
+    size_bytes: Count = Field(description="Size of the file, bytes", examples=[154_000_000])
+    fault: str = Field(description="What is wrong with the file; empty where nothing is", examples=[""])
+    calibration: str | None = Field(
+        description="Identity of the probes' calibrations: equal where they are equal, hexadecimal",
+        examples=["5d41402abc4b2a76"],
+    )
+    remark: str = Field(description="Words added afterwards", examples=["bearing changed after this run"])
+    tags: tuple[str, ...] = Field(description="Tags given afterwards", examples=[["reference"]])
+    verdict: str = Field(
+        description="What the last verification of the file came to: sound, not whole, unreadable; empty without one",
+        examples=["sound"],
+    )
+
+
+class RunListDocument(Document):
+    """A page of the list of runs."""
+
+    runs: tuple[RunDocument, ...] = Field(description="In the order asked for")
+    total: Count = Field(description="Runs that fit the question, on all pages", examples=[12])
+    limit: Count = Field(description="At most so many on a page", examples=[20])
+    offset: Count = Field(description="So many of the first were passed over", examples=[0])
+
+
+def run_document(entry: RunEntry) -> RunDocument:
+    """Return a run of the catalogue as a document."""
+    header = entry.header
+    return RunDocument(
+        run=entry.id,
+        rig=None if header is None else header.rig,
+        note=None if header is None else header.note,
+        device=None if header is None else device_document(header.acquisition.device),
+        channels=None if header is None else tuple(map(channel_document, header.acquisition.channels)),
+        started_at=moment(entry.started_ns),
+        duration_s=None if header is None else finite(entry.duration),
+        sample_rate_hz=None if header is None else finite(header.acquisition.rate),
+        samples=None if header is None else entry.samples,
+        is_complete=entry.is_complete,
+        is_gap_free=entry.is_gap_free,
+        size_bytes=entry.size,
+        fault=entry.fault,
+        calibration=None if header is None else entry.calibration,
+        remark=entry.remark,
+        tags=entry.tags,
+        verdict=entry.verdict,
+    )
+
+
+def run_list_document(entries: Sequence[RunEntry], total: int, limit: int, offset: int) -> RunListDocument:
+    """Return a page of runs, of ``total`` on all pages, as a document."""
+    return RunListDocument(
+        runs=tuple(run_document(entry) for entry in entries), total=total, limit=limit, offset=offset
+    )
+
+
+class IndexDocument(Document):
+    """How the files differ from what was known of them, by their runs' ids."""
+
+    new: tuple[str, ...]
+    changed: tuple[str, ...]
+    vanished: tuple[str, ...]
+    damaged: tuple[str, ...]
+    unchanged: int
+
+
+def index_document(report: IndexReport) -> IndexDocument:
+    """Return what an index found as a document."""
+    return IndexDocument(
+        new=report.new,
+        changed=report.changed,
+        vanished=report.vanished,
+        damaged=report.damaged,
+        unchanged=report.unchanged,
+    )

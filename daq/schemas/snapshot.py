@@ -1,0 +1,224 @@
+"""What can be drawn of the shaft at this moment: its orbit and its order spectrum, the model's beside them.
+
+One moment of a recorded run: its order spectrum, its full spectrum, its orbit.
+"""
+
+from typing import Annotated
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from analysis.signals.header import Role, RunHeader
+from analysis.signals.probes import ProbePair
+from analysis.signals.snapshot import OrderFrame, Snapshot
+from analysis.spectra.full_spectrum import full_spectrum
+from daq.schemas.units import Document, finite, lag_degrees, micrometres, rpm
+from daq.session.live_update import LiveFrame
+from model.prediction.prediction_map import Prediction
+
+Count = Annotated[int, Field(ge=0)]
+Values = tuple[float | None, ...]
+
+
+class FrameDocument(Document):
+    """Which order frame of the run was taken."""
+
+    segment: Count = Field(description="Gap-free stretch of the run, from 0", examples=[0])
+    sample: Count = Field(description="One past the last sample used, in the segment", examples=[32_230_000])
+    time_s: float = Field(description="Sample time in the segment, s", examples=[161.15])
+    speed_rpm: float | None = Field(description="Mean shaft speed over the frame, r/min", examples=[11042.1])
+    acceleration_rpm_per_s: float | None = Field(
+        description="Mean rate of change of speed over the frame, r/min per s", examples=[48.5]
+    )
+
+
+class OrderSpectrumDocument(Document):
+    """The order spectrum at one moment."""
+
+    run: str = Field(description="Id of the run", examples=["2026-11-24T09-12-07-gj90c"])
+    frame: FrameDocument
+    orders: Values = Field(description="Frequency over the shaft's", examples=[[0.0, 0.0625, 0.125]])
+    amplitude_peak_x_um: Values = Field(
+        description="At probe x by order, Hann window, µm zero-to-peak", examples=[[0.05, 0.04, 0.06]]
+    )
+    amplitude_peak_y_um: Values = Field(
+        description="At probe y by order, Hann window, µm zero-to-peak", examples=[[0.05, 0.05, 0.04]]
+    )
+    lag_x_deg: Values = Field(description="Phase lag at probe x, 0 to 360 degrees", examples=[[12.0, 340.1, 77.5]])
+    lag_y_deg: Values = Field(description="Phase lag at probe y, 0 to 360 degrees", examples=[[102.0, 70.1, 167.5]])
+    noise_peak_um: float | None = Field(
+        description="Floor of the spectrum between its lines, µm zero-to-peak", examples=[0.05]
+    )
+
+
+class FullSpectrumDocument(Document):
+    """Circles with the shaft's rotation (positive orders) and against it (negative ones) at one moment."""
+
+    run: str = Field(description="Id of the run", examples=["2026-11-24T09-12-07-gj90c"])
+    frame: FrameDocument
+    orders: Values = Field(
+        description="Frequency over the shaft's; negative: against the rotation", examples=[[-1.0, 0.0, 1.0]]
+    )
+    amplitude_peak_um: Values = Field(description="Radius of the circle, µm", examples=[[0.8, 0.1, 15.0]])
+    uncertain: tuple[bool, ...] = Field(
+        description="Whether probes within their tolerance could have made this circle of its counterpart",
+        examples=[[True, False, False]],
+    )
+
+
+class OrbitDocument(Document):
+    """The shaft's path at one moment."""
+
+    run: str = Field(description="Id of the run", examples=["2026-11-24T09-12-07-gj90c"])
+    frame: FrameDocument
+    points_per_revolution: Count = Field(
+        description="From the first point on, every such point lies on the tacho's mark", examples=[64]
+    )
+    orbit_x_um: Values = Field(
+        description="Displacement in the bench's X (to the right), mean removed, µm", examples=[[15.2, 15.1, 14.9]]
+    )
+    orbit_y_um: Values = Field(
+        description="Displacement in the bench's Y (up) at the same points, µm", examples=[[0.1, 1.6, 3.1]]
+    )
+    compensated_orbit_x_um: Values | None = Field(
+        description="The same in X less run-out, µm; null where that was not asked for or not known",
+        examples=[[14.2, 14.1, 13.9]],
+    )
+    compensated_orbit_y_um: Values | None = Field(
+        description="The same in Y less run-out, µm; null likewise", examples=[[0.2, 1.5, 3.0]]
+    )
+    clearance_um: float | None = Field(
+        description="Radius of the circle that the shaft can move in, µm", examples=[100.0]
+    )
+
+
+def frame_document(snapshot: Snapshot, frame: OrderFrame) -> FrameDocument:
+    """Return where a frame is as a document."""
+    return FrameDocument(
+        segment=snapshot.segment,
+        sample=snapshot.sample,
+        time_s=finite(snapshot.time) or 0.0,
+        speed_rpm=rpm(frame.speed),
+        acceleration_rpm_per_s=rpm(frame.acceleration),
+    )
+
+
+def order_spectrum_document(header: RunHeader, snapshot: Snapshot, frame: OrderFrame) -> OrderSpectrumDocument:
+    """Return the order spectrum of a frame as a document."""
+    x, y = np.abs(frame.spectrum)
+    return OrderSpectrumDocument(
+        run=header.run,
+        frame=frame_document(snapshot, frame),
+        orders=tuple(finite(order) for order in frame.orders.tolist()),
+        amplitude_peak_x_um=tuple(micrometres(value) for value in x.tolist()),
+        amplitude_peak_y_um=tuple(micrometres(value) for value in y.tolist()),
+        lag_x_deg=tuple(lag_degrees(value) for value in frame.spectrum[0].tolist()),
+        lag_y_deg=tuple(lag_degrees(value) for value in frame.spectrum[1].tolist()),
+        noise_peak_um=micrometres(frame.noise),
+    )
+
+
+def full_spectrum_document(header: RunHeader, snapshot: Snapshot, frame: OrderFrame) -> FullSpectrumDocument:
+    """Return the full spectrum of a frame as a document."""
+    channels = header.acquisition.channels
+    x, y = (channels[header.acquisition.row(role)] for role in (Role.PROBE_X, Role.PROBE_Y))
+    full = full_spectrum(frame.orders, frame.spectrum, ProbePair(x.angle, y.angle))
+    forward, backward = np.abs(full.forward), np.abs(full.backward)
+    doubtful = full.uncertain & (backward <= forward), full.uncertain & (forward <= backward)
+    return FullSpectrumDocument(
+        run=header.run,
+        frame=frame_document(snapshot, frame),
+        orders=tuple(finite(order) for order in full.axis.tolist()),
+        amplitude_peak_um=tuple(micrometres(value) for value in full.amplitudes.tolist()),
+        uncertain=tuple(np.concatenate([doubtful[0][:0:-1], doubtful[1]]).tolist()),
+    )
+
+
+def orbit_document(header: RunHeader, snapshot: Snapshot, frame: OrderFrame) -> OrbitDocument:
+    """Return the orbit of a frame as a document."""
+    compensated = frame.compensated_orbit
+    rows = (None, None) if compensated is None else tuple(tuple(map(micrometres, row)) for row in compensated.tolist())
+    return OrbitDocument(
+        run=header.run,
+        frame=frame_document(snapshot, frame),
+        points_per_revolution=header.settings.points_per_revolution,
+        orbit_x_um=tuple(micrometres(value) for value in frame.orbit[0].tolist()),
+        orbit_y_um=tuple(micrometres(value) for value in frame.orbit[1].tolist()),
+        compensated_orbit_x_um=rows[0],
+        compensated_orbit_y_um=rows[1],
+        clearance_um=micrometres(header.limits.clearance),
+    )
+
+
+class CurvesDocument(Document):
+    """Orbit and order spectrum, measured or predicted."""
+
+    orbit_x_um: Values = Field(
+        description="Displacement in the bench's X (to the right) over the last whole revolutions, mean removed, µm",
+        examples=[[15.2, 15.1, 14.9]],
+    )
+    orbit_y_um: Values = Field(
+        description="Displacement in the bench's Y (up) at the same points, µm", examples=[[0.1, 1.6, 3.1]]
+    )
+    compensated_orbit_x_um: Values | None = Field(
+        description="The same in X less run-out, µm; null where that is not asked for or not known",
+        examples=[[14.2, 14.1, 13.9]],
+    )
+    compensated_orbit_y_um: Values | None = Field(
+        description="The same in Y less run-out, µm; null likewise", examples=[[0.2, 1.5, 3.0]]
+    )
+    orders: Values = Field(
+        description="Axis of the spectrum: frequency over the shaft's", examples=[[0.0, 0.0625, 0.125]]
+    )
+    spectrum_peak_x_um: Values = Field(
+        description="Amplitude at probe x by order, Hann window, zero-to-peak, µm", examples=[[0.05, 0.04, 0.06]]
+    )
+    spectrum_peak_y_um: Values = Field(
+        description="Amplitude at probe y by order, Hann window, zero-to-peak, µm", examples=[[0.05, 0.05, 0.04]]
+    )
+
+
+class PictureDocument(Document):
+    """The shaft's orbit and order spectrum at one moment."""
+
+    run: str = Field(description="Id of the run", examples=["2026-11-24T09-12-07-gj90c"])
+    points_per_revolution: int = Field(
+        description="Points of an orbit in a revolution; from the first on, every such point lies on the tacho's mark",
+        examples=[64],
+    )
+    clearance_um: float | None = Field(
+        description="Radius of the circle that the shaft can move in, µm", examples=[100.0]
+    )
+    measured: CurvesDocument | None = Field(description="Null until there are enough whole revolutions")
+    predicted: CurvesDocument | None = Field(description="Null where speed or model are not known")
+
+
+def picture_document(frame: LiveFrame) -> PictureDocument:
+    """Return what can be drawn of one moment of a run as a document."""
+    header, prediction = frame.header, frame.prediction
+    measured = None if frame.snapshot is None else frame.snapshot.frame
+    return PictureDocument(
+        run=header.run,
+        points_per_revolution=header.settings.points_per_revolution,
+        clearance_um=micrometres(header.limits.clearance),
+        measured=None if measured is None else _curves(measured),
+        predicted=None if prediction is None else _curves(prediction),
+    )
+
+
+def _curves(source: OrderFrame | Prediction) -> CurvesDocument:
+    compensated = source.compensated_orbit if isinstance(source, OrderFrame) else None
+    return CurvesDocument(
+        orbit_x_um=_micrometres(source.orbit[0]),
+        orbit_y_um=_micrometres(source.orbit[1]),
+        compensated_orbit_x_um=None if compensated is None else _micrometres(compensated[0]),
+        compensated_orbit_y_um=None if compensated is None else _micrometres(compensated[1]),
+        orders=tuple(finite(order) for order in source.orders.tolist()),
+        spectrum_peak_x_um=_micrometres(np.abs(source.spectrum[0])),
+        spectrum_peak_y_um=_micrometres(np.abs(source.spectrum[1])),
+    )
+
+
+def _micrometres(lengths: NDArray[np.float64]) -> Values:
+    return tuple(micrometres(length) for length in lengths.tolist())

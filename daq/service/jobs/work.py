@@ -1,0 +1,164 @@
+"""What jobs do; each function is the work of a process of its own and writes its result to a file.
+
+Words on how a job goes, no more often than anybody looks.
+"""
+
+import math
+import shutil
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from analysis.signals.header import Calibration, RunHeader
+from daq.config.loader import read_config
+from daq.config.rotor import configured_rotor
+from daq.reports.export import analysis_made, content
+from daq.reports.parameters import AnalysisForm, Asked
+from daq.reports.records import read_records
+from daq.reports.summaries import Summaries, Waiting
+from daq.schemas.live import predicted_document
+from daq.schemas.runs import index_document
+from daq.schemas.units import Document
+from daq.schemas.verification import recovery_document, verification_document
+from daq.service.jobs.queue import DataPlace, Progress, Tell
+from daq.service.jobs.schemas import PredictionMapDocument
+from daq.service.rendering import document_of
+from daq.session.offline import summarise
+from daq.session.prediction.map_cache import MapHere, MapsHere
+from recordings.catalogue.arrival import RunExistsError, settle
+from recordings.errors import ForeignFormatError, StorageError
+from recordings.exchange.export import pulses_table, results_table, samples_table
+from recordings.exchange.formats import write_table
+from recordings.exchange.table import Table
+from recordings.integrity.recover import recover
+from recordings.integrity.verify import verify
+from recordings.mcap.reader import RunReader
+
+PAUSE = 0.1  # s between two words on how it goes
+
+
+class Sparing:
+    """Tells no more often than anybody looks.
+
+    Parameters
+    ----------
+    tell : Tell
+        Who is told.
+    """
+
+    def __init__(self, tell: Tell) -> None:
+        self._tell = tell
+        self._doing = ""
+        self._told = -math.inf
+
+    def words(self, doing: str, part: float | None) -> None:
+        """Tell what is done, and what part of it, 0 to 1; None where that cannot be told."""
+        now = time.monotonic()
+        if doing != self._doing or now - self._told >= PAUSE:
+            self._doing, self._told = doing, now
+            self._tell(Progress(doing, part))
+
+
+def parts_told(tell: Tell, doing: str) -> Callable[[float], None]:
+    """Return what takes the part of something that is done, 0 to 1, and tells it."""
+    words = Sparing(tell).words
+    return lambda part: words(doing, part)
+
+
+RESERVE = 1024**3  # bytes that stay free on the disk: a run may be recorded on it
+BYTES_A_NUMBER = 24  # at most, in any form
+
+
+def answer(tell: Tell, target: Path, path: Path, what: str, query: object) -> None:
+    """Make the document of an address of a run's results."""
+    found = read_records(path, parts_told(tell, "reading"))
+    tell(Progress("putting together"))
+    _write(target, document_of(path, what, query, found))
+
+
+def analysis(tell: Tell, target: Path, path: Path, kind: str, query: Asked) -> None:
+    """Analyse a run's samples as a whole, in the form that the target's suffix tells."""
+    run, made = analysis_made(path, kind, query, _waiting(tell))
+    tell(Progress("writing"))
+    target.write_bytes(content(made, run, kind, AnalysisForm(target.suffix.removeprefix("."))))
+
+
+def summary(tell: Tell, target: Path, place: DataPlace, run: str) -> None:
+    """Sum a run up and keep its summary."""
+    _write(target, Summaries(place.catalogue(), MapsHere()).patiently(run, _waiting(tell)))
+
+
+def analyse(tell: Tell, target: Path, place: DataPlace, run: str, calibrations: Mapping[str, Calibration]) -> None:
+    """Analyse a run's samples anew."""
+    _write(target, Summaries(place.catalogue(), MapsHere()).reevaluated(run, calibrations, _waiting(tell)))
+
+
+def predict(tell: Tell, target: Path, header: RunHeader, changes: Mapping[str, float]) -> None:
+    """Compute the model over speed for the rig of a run, with other values of its `[model]`."""
+    config = read_config(header.config_toml, f"configuration of run {header.run}")
+    config = config.model_copy(update={"model": config.model.model_copy(update=dict(changes))})
+    parts = parts_told(tell, "computing speed by speed")
+    wanted = MapHere(configured_rotor(config), header.settings, header.limits)
+    found = wanted.computed(lambda done, total: parts(done / total))
+    by_speed = tuple(predicted_document(found.at(speed)) for speed in found.speeds.tolist())
+    _write(target, PredictionMapDocument(run=header.run, by_speed=by_speed))
+
+
+def export(tell: Tell, target: Path, path: Path, made: Callable[..., Table], part: Mapping[str, Any]) -> None:
+    """Write a run or a part of it in the form of another program."""
+    with RunReader(path) as reader:
+        table = made(reader, **part, on_progress=parts_told(tell, "reading"))
+    size, free = BYTES_A_NUMBER * table.n_rows * len(table.columns), shutil.disk_usage(target.parent).free
+    if size > free - RESERVE:
+        raise StorageError(f"{target.name}: up to {size:,} bytes, expected at most {max(free - RESERVE, 0):,}")
+    doing = f"writing {table.n_rows:,} rows"
+    tell(Progress(doing, 0.0))
+    try:
+        write_table(target, table, parts_told(tell, doing))
+    except ForeignFormatError as error:
+        raise ForeignFormatError(str(error).replace(str(target), target.name)) from error
+
+
+def verification(tell: Tell, target: Path, place: DataPlace, run: str) -> None:
+    """Look through a recording's file and keep the verdict."""
+    catalogue = place.catalogue()
+    found = verify(catalogue.path(run), parts_told(tell, "verifying"))
+    catalogue.judge(run, found.verdict.value)
+    _write(target, verification_document(found))
+
+
+def recovery(tell: Tell, target: Path, place: DataPlace, run: str) -> None:
+    """Copy what is intact of a recording; the copy is listed when it is whole."""
+    tell(Progress("copying what is intact"))
+    catalogue = place.catalogue()
+    copy = catalogue.place_for(f"{run}-recovered")
+    if copy.exists():
+        raise RunExistsError(f"{copy.name}: there is such a run already")
+    draft = target.with_name(copy.name)
+    found = recover(catalogue.path(run), draft)
+    settle(draft, copy)
+    _write(target, recovery_document(replace(found, target=copy)))
+
+
+def index(tell: Tell, target: Path, place: DataPlace, verifying: bool) -> None:  # noqa: FBT001 - sent through a pipe
+    """Bring the catalogue up to date."""
+    report = place.catalogue().index(summarise, verifying=verifying, told=lambda words: tell(Progress(words)))
+    _write(target, index_document(report))
+
+
+def part_of(start: float, stop: float | None, segment: int | None) -> dict[str, Any]:
+    """Return which part of a run is exported, as `samples_table` and `results_table` take it."""
+    return {"start": start, "stop": math.inf if stop is None else stop, "segment": segment}
+
+
+TABLES = {"samples": samples_table, "results": results_table, "pulses": pulses_table}
+
+
+def _write(target: Path, document: Document) -> None:
+    target.write_text(document.model_dump_json(), encoding="utf-8")
+
+
+def _waiting(tell: Tell) -> Waiting:
+    return Sparing(tell).words

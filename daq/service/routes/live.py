@@ -1,0 +1,247 @@
+"""Following the live run instead of asking again and again: as events, or over a WebSocket.
+
+Starting a run, ending it, and naming its moments.
+"""
+
+import asyncio
+from collections.abc import AsyncIterator
+from contextlib import suppress
+from functools import partial
+from typing import Final, Protocol
+
+from fastapi import Request, Response, WebSocket, WebSocketDisconnect
+from fastapi.responses import StreamingResponse
+
+from analysis.signals.header import RunHeader
+from daq.errors import RigError
+from daq.schemas.events import AcknowledgedDocument, AcknowledgeDocument, MarkDocument, MarkOrder
+from daq.schemas.live import live_document
+from daq.schemas.snapshot import picture_document
+from daq.schemas.units import moment
+from daq.service.problem_types import Kind
+from daq.service.problems import ProblemError, problem_response
+from daq.service.routing import EVENTS, Routing, Workers, event_stream
+from daq.service.schemas.runs import OrderDocument, StartedDocument, StopDocument, StoppingDocument
+from daq.service.stream import Hub, Live
+
+
+class Steering(Protocol):
+    """Who can end the run that is under way."""
+
+    def stop(self) -> str | None:
+        """Ask for its end; return its id, None where no run is under way."""
+        ...
+
+    def mark(self, text: str) -> MarkDocument | None:
+        """Name the present moment of the run that is recorded; None where none is."""
+        ...
+
+    def acknowledge(self) -> AcknowledgedDocument | None:
+        """Take note of the alarms of the run that is shown; None where none is."""
+        ...
+
+
+class Desk(Protocol):
+    """Who starts runs, one at a time."""
+
+    @property
+    def rigs(self) -> tuple[str, ...]:
+        """Names of the rigs that may be chosen."""
+        ...
+
+    def start(self, rig: str, note: str, duration: float | None) -> RunHeader:
+        """Begin a run and return its header once samples come; RigError where it cannot be."""
+        ...
+
+
+class LiveRoutes:
+    """The beginning of a run, its end, and what is said to it.
+
+    Parameters
+    ----------
+    steering : Steering or None
+        Who can end it; None: nobody here.
+    desk : Desk or None
+        Who can start one; None: nobody here.
+    """
+
+    def __init__(self, steering: Steering | None, desk: Desk | None) -> None:
+        self._desk = desk
+        self._starting = Workers(threads=1, waiting=0)
+        self._steering = steering
+
+    def add_to(self, routing: Routing) -> None:
+        """Make the addresses known."""
+        if self._steering is not None:
+            routing.add(
+                "POST /live/stop", self.stop, "stop_live", "live", "End the run under way",
+                Kind.NO_LIVE_RUN, status=202,
+            )  # fmt: skip
+            routing.add(
+                "POST /live/marks", self.mark, "mark_live", "live", "Name this moment of the run under way",
+                Kind.NO_LIVE_RUN, status=201,
+            )  # fmt: skip
+            routing.add(
+                "POST /live/acknowledge", self.acknowledge, "acknowledge_live", "live", "Take note of the alarms",
+                Kind.NO_LIVE_RUN,
+            )  # fmt: skip
+
+        if self._desk is not None:
+            routing.add(
+                "POST /runs", self.start, "start_run", "runs", "Start a run",
+                Kind.RUN_NOT_POSSIBLE, Kind.BUSY, Kind.STORAGE_UNAVAILABLE, status=201,
+            )  # fmt: skip
+
+    async def start(self, order: OrderDocument, response: Response) -> StartedDocument:
+        """Start a run with a rig that the service was started with, and answer when samples come, which takes seconds.
+
+        One run goes at a time. `/live` follows it, `/live/stop` ends it, and so does the service's own end.
+        """
+        if self._desk is None:
+            raise ProblemError(Kind.RUN_NOT_POSSIBLE, "this service starts no runs")
+        rig = order.rig or self._desk.rigs[0]
+        if rig not in self._desk.rigs:
+            raise ProblemError(Kind.RUN_NOT_POSSIBLE, f"rig: {rig!r}, expected one of {', '.join(self._desk.rigs)}")
+        try:
+            header = await self._starting.run(partial(self._desk.start, rig, order.note, order.duration_s))
+        except RigError as error:
+            raise ProblemError(Kind.RUN_NOT_POSSIBLE, str(error)) from error
+        response.headers["Location"] = f"/api/v1/runs/{header.run}"
+        return StartedDocument(run=header.run, rig=header.rig, started_at=moment(header.started_ns))
+
+    async def stop(self, _order: StopDocument) -> StoppingDocument:
+        """Ask for the end, as Ctrl-C at the bench does: the file is finished and kept. `/live` tells when that is done.
+
+        What is sent is `{}`, as `application/json`; pages of other sites are turned away.
+        """
+        run = None if self._steering is None else self._steering.stop()
+        if run is None:
+            raise ProblemError(Kind.NO_LIVE_RUN, "no run is under way")
+        return StoppingDocument(run=run)
+
+    async def mark(self, order: MarkOrder) -> MarkDocument:
+        """Keep a word on this moment in the recording, as a line typed at the command's terminal does.
+
+        It is in the run's summary when the run has ended. A run that is replayed takes none.
+        """
+        made = None if self._steering is None else self._steering.mark(order.text)
+        if made is None:
+            raise ProblemError(Kind.NO_LIVE_RUN, "no run is being recorded")
+        return made
+
+    async def acknowledge(self, _order: AcknowledgeDocument) -> AcknowledgedDocument:
+        """Take note of the alarms in sight: those that are over go, those that last stay until they are over.
+
+        It is kept in the recording and told among the summary's marks; a replay forgets it. What is sent is `{}`.
+        """
+        noted = None if self._steering is None else self._steering.acknowledge()
+        if noted is None:
+            raise ProblemError(Kind.NO_LIVE_RUN, "there is no run whose alarms could be acknowledged")
+        return noted
+
+
+PROTOCOL: Final = "rig.live"
+PICTURE_INTERVAL: Final = 0.25  # s
+
+
+class FollowingRoutes:
+    """The live run's values and its picture, whenever they change.
+
+    Parameters
+    ----------
+    live : Live
+        The run under way.
+    """
+
+    def __init__(self, live: Live) -> None:
+        self._values = _Followed(Hub(live, live_document), "live")
+        self._picture = _Followed(Hub(live, picture_document, PICTURE_INTERVAL), "picture")
+
+    def add_to(self, routing: Routing) -> None:
+        """Make the addresses known."""
+        routing.add(
+            "/live/events", self.events, "follow_live", "live", "The run under way, whenever it changes", Kind.BUSY,
+            answers=event_stream("live"),
+        )  # fmt: skip
+        routing.router.add_api_websocket_route("/live/socket", self._values.socket, name="follow_live_socket")
+        routing.add(
+            "/live/picture/events", self.picture_events, "follow_live_picture", "live",
+            "Orbit and order spectrum, whenever they change", Kind.BUSY, answers=event_stream("picture"),
+        )  # fmt: skip
+        routing.router.add_api_websocket_route(
+            "/live/picture/socket", self._picture.socket, name="follow_live_picture_socket"
+        )
+
+    async def events(self, request: Request) -> Response:
+        """Send server-sent events of type `live` whose data is the document of `/live`, or `null` without a run.
+
+        A client that is slow is sent the newest and not all between; every 15 s without news comes a comment. The
+        WebSocket `/api/v1/live/socket` sends the same documents as text messages; where a token is needed, a browser
+        names the subprotocols `rig.live` and `token.<token>`.
+        """
+        return self._values.events(request)
+
+    async def picture_events(self, request: Request) -> Response:
+        """Send server-sent events of type `picture` whose data is the document of `/live/picture`, or `null`.
+
+        Up to four times a second; the WebSocket `/api/v1/live/picture/socket` sends the same.
+        """
+        return self._picture.events(request)
+
+    def end(self) -> None:
+        """Let all who follow go."""
+        self._values.end()
+        self._picture.end()
+
+
+class _Followed:
+    """What a hub tells, as answers.
+
+    Parameters
+    ----------
+    hub : Hub
+        Who looks at the run.
+    name : str
+        Of the events.
+    """
+
+    def __init__(self, hub: Hub, name: str) -> None:
+        self._hub = hub
+        self._name = name
+        self.end = hub.end
+
+    def events(self, request: Request) -> Response:
+        """Return the stream of events."""
+        self._hub.require_room()
+        if request.scope.get("rig.head"):
+            return Response(media_type=EVENTS)
+        return StreamingResponse(self._events(), media_type=EVENTS, headers={"X-Accel-Buffering": "no"})
+
+    async def _events(self) -> AsyncIterator[str]:
+        with suppress(ProblemError):  # the last place was taken in between: the stream ends, and the client comes again
+            async for text in self._hub.moments():
+                yield f"event: {self._name}\ndata: {text}\n\n" if text else ": still here\n\n"
+
+    async def socket(self, socket: WebSocket) -> None:
+        """Send the live document as text whenever it changes."""
+        try:
+            self._hub.require_room()
+        except ProblemError as error:
+            await socket.send_denial_response(problem_response(error.kind, error.detail, socket.url.path))
+            return
+        await socket.accept(PROTOCOL if PROTOCOL in socket.scope.get("subprotocols", ()) else None)
+        sending = asyncio.create_task(self._send(socket))
+        try:
+            while True:
+                await socket.receive()
+        except (WebSocketDisconnect, RuntimeError):  # gone, or told so already
+            sending.cancel()
+            with suppress(asyncio.CancelledError):
+                await sending
+
+    async def _send(self, socket: WebSocket) -> None:
+        with suppress(WebSocketDisconnect, ProblemError, RuntimeError):
+            async for text in self._hub.moments():
+                if text:
+                    await socket.send_text(text)
+            await socket.close(1001)

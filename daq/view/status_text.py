@@ -1,0 +1,280 @@
+"""The table beside the plots: what moves below 1X, 1X and 2X beside the model's, and the state of every signal.
+
+How quantities are written for the operator.
+The page of text beside the plots: everything that is known, in words.
+"""
+
+import cmath
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from analysis.live.alarms import Alarm, Watched
+from analysis.signals.snapshot import ComplexArray, OrderFrame, Snapshot, TachoState
+from daq.session.live_update import LiveFrame
+from daq.view.bode import phase_lag
+from daq.view.drawing import Anchor, Drawing, text_width
+from daq.view.palette import ALARM, FRAME, GOOD, MEASURED_X, MEASURED_Y, MODEL, QUIET, TEXT, Color
+from model.prediction.prediction_map import Prediction
+
+
+def rpm(speed: float) -> str:
+    """Return a speed, rad/s, in whole r/min."""
+    return f"{speed * 30.0 / math.pi:,.0f}"
+
+
+def clock(elapsed: float) -> str:
+    """Return a time, s, as 02:41 or 1:02:41."""
+    seconds = max(0, int(elapsed))
+    minutes, seconds = divmod(seconds, 60)
+    if minutes < 60:
+        return f"{minutes:02d}:{seconds:02d}"
+    return f"{minutes // 60}:{minutes % 60:02d}:{seconds:02d}"
+
+
+def worst_alarm(alarms: Sequence[Alarm]) -> str:
+    """Return the alarm that passed the worst limit by most, as DANGER x 96 µm or ALARM 1X y 24 µm."""
+    worst = max(alarms, key=lambda alarm: (alarm.severity.rank, alarm.largest / alarm.limit))
+    word = worst.severity.value.upper()
+    if worst.quantity is Watched.SPEED:
+        return f"{word} {rpm(worst.largest)} r/min"
+    which = "" if worst.quantity is Watched.OVERALL else f"{worst.quantity.value} "
+    return f"{word} {which}{worst.probe} {worst.largest * 1e6:.0f} µm"
+
+
+def hours(left: float) -> str:
+    """Return how long the disk lasts, s, as 41 h or 25 min."""
+    if not math.isfinite(left):
+        return "not written"
+    return f"{left / 3600.0:,.0f} h" if left >= 7200.0 else f"{left / 60.0:.0f} min"
+
+
+def micrometres(length: float) -> str:
+    """Return a length, m, in µm with as many digits as can be trusted at a glance."""
+    return f"{length * 1e6:.0f} µm" if abs(length) >= 9.95e-6 else f"{length * 1e6:.1f} µm"
+
+
+def basis(prediction: Prediction) -> str:
+    """Return what a prediction is in a word: integrated at exactly its speed, or interpolated between others."""
+    return f"exact at {rpm(prediction.speed)} r/min" if prediction.is_exact else "interpolated"
+
+
+def sigma(value: float) -> str:
+    """Return a standard deviation, any unit, with the one digit that counts."""
+    return f"{float(f'{max(value, 0.001):.1g}'):g}"
+
+
+def vector(value: complex) -> str:
+    """Return a vector, m peak, as amplitude and phase lag."""
+    return f"{micrometres(abs(value))}, {float(phase_lag(np.asarray(value))):.0f}°"
+
+
+_LAST_LATIN = 0x24F
+
+
+def legible(text: str) -> str:
+    """Return the text with a question mark for every letter that the viewer's only fount lacks.
+
+    The viewer may break down over such a letter, and names, notes and messages come from outside.
+    """
+    return "".join(c if c == "\n" or (c.isprintable() and ord(c) <= _LAST_LATIN) or c in "–—…" else "?" for c in text)
+
+
+def details(frame: LiveFrame) -> str:
+    """Return the page for one moment, markdown."""
+    lines = [f"# {_below_synchronous(frame)}", "", "| | x | y |", "|---|---|---|"]
+    if frame.snapshot is not None:
+        lines += _shaft(frame, frame.snapshot)
+    lines += ["", *_system(frame)]
+    return legible("\n".join(lines))
+
+
+def _below_synchronous(frame: LiveFrame) -> str:
+    """Say what moves below 1X, and what the model expects there."""
+    order_frame = frame.snapshot.frame if frame.snapshot is not None else None
+    whirl = order_frame.whirl if order_frame is not None else None
+    said = "nothing below 1X" if order_frame is not None else "no spectrum yet"
+    if whirl is not None:
+        way = "forward" if whirl.is_forward else "backward"
+        said = f"{whirl.order:.2f}X {micrometres(whirl.amplitude)} {way}"
+    for other in () if order_frame is None else order_frame.whirls[1:]:
+        said += f", {other.order:.2f}X {micrometres(other.amplitude)} {'forward' if other.is_forward else 'backward'}"
+    prediction = frame.prediction
+    if prediction is None:
+        return said
+    if prediction.whirl_amplitude > 0.0:
+        return f"{said} (model {prediction.whirl_order:.2f}X {micrometres(prediction.whirl_amplitude)})"
+    return f"{said} (model: none)"
+
+
+def _shaft(frame: LiveFrame, snapshot: Snapshot) -> list[str]:
+    rows = [_row("**peak-to-peak**", [micrometres(float(v)) for v in snapshot.peak_to_peak])]
+    prediction = frame.prediction
+    if prediction is not None:
+        rows.append(_row("model", [micrometres(float(v)) for v in prediction.peak_to_peak]))
+    if snapshot.frame is not None:
+        for order in (1, 2):
+            rows.append(
+                _row(f"**{order}X** peak, lag", [vector(complex(v)) for v in snapshot.frame.vectors[order - 1]])
+            )
+            if snapshot.frame.compensated is not None:
+                compensated = [complex(v) for v in snapshot.frame.compensated[order - 1]]
+                rows.append(_row("compensated", ["unknown" if cmath.isnan(v) else vector(v) for v in compensated]))
+            if prediction is not None:
+                rows.append(_row("model", [vector(complex(v)) for v in prediction.vectors[order - 1]]))
+    gaps = [
+        f"{volts:.2f} V {'ok' if ok else '**OUT OF WINDOW**'}"
+        for volts, ok in zip(snapshot.gap_volts, snapshot.gap_ok, strict=True)
+    ]
+    rows.append(_row("gap voltage", gaps))
+    return rows
+
+
+def _row(name: str, values: list[str]) -> str:
+    return f"| {name} | {' | '.join(values)} |"
+
+
+def _system(frame: LiveFrame) -> list[str]:
+    status = frame.status
+    lines = [f"## {status.state.value} · {frame.header.run}"]
+    if status.detail:
+        lines.append(f"**{status.detail}**")
+    lines.append(f"- **{status.samples:,}** samples a channel, lost **{_lost(frame)}**, backlog {status.backlog:.2f} s")
+    lines.append(
+        f"- disk {hours(status.disk_left)}; not analysed live {status.skipped:,}; not drawn {status.dropped_frames:,}"
+    )
+    if frame.snapshot is not None:
+        lines += _signals(frame, frame.snapshot)
+    lines.append(f"- model: {status.model}{_model(frame.prediction)}")
+    return lines
+
+
+def _lost(frame: LiveFrame) -> str:
+    return f"{'' if frame.status.lost_is_exact else 'at least '}{frame.status.lost:,}"
+
+
+def _signals(frame: LiveFrame, snapshot: Snapshot) -> list[str]:
+    tacho = snapshot.tacho
+    state = tacho.state.value if tacho.state is TachoState.GOOD else f"**{tacho.state.value.upper()}**"
+    speed = f"{rpm(snapshot.speed)} r/min" if math.isfinite(snapshot.speed) else "no speed"
+    lines = [f"- tacho {state}, {speed}, {tacho.pulses:,} pulses, {tacho.filled} filled in, {tacho.rejected} rejected"]
+    if tacho.mark_is_arbitrary:
+        lines.append("- its marks cannot be told apart: phases are from the first one seen")
+    if snapshot.counter is not None:
+        told = "; ".join(filter(None, (snapshot.counter.told, snapshot.counter.told_lately)))
+        compared = f"**{told}**" if told else "counter and samples agree"
+        lines.append(f"- speed and phase from the {frame.header.acquisition.tacho.reference}; {compared}")
+    channels = frame.header.acquisition.channels
+    clipped = [f"{channel.name} {count:,}" for channel, count in zip(channels, snapshot.clipped, strict=True) if count]
+    lines.append(f"- **CLIPPED** {', '.join(clipped)} samples" if clipped else "- clipping none")
+    return lines
+
+
+def _model(prediction: Prediction | None) -> str:
+    if prediction is None:
+        return ""
+    said = f"; {basis(prediction)}"
+    if math.isfinite(prediction.growth_rate):
+        said += "; film lets go at this speed" if prediction.growth_rate > 0.0 else "; film stable at this speed"
+    return said
+
+
+BOUNDS = ((0.0, 300.0), (0.0, 200.0))
+_SIZE = 8.0
+_LEFT, _X, _Y = 4.0, 186.0, 296.0  # of the table: names, and the right ends of both columns
+
+
+def words(frame: LiveFrame) -> Drawing:
+    """Return the table for one moment."""
+    drawing = Drawing()
+    order_frame = frame.snapshot.frame if frame.snapshot is not None else None
+    whirl = order_frame.whirl if order_frame is not None else None
+    said, color = "nothing below 1X" if order_frame is not None else "no spectrum yet", QUIET
+    if whirl is not None:
+        way = "forward" if whirl.is_forward else "backward"
+        said, color = f"{whirl.order:.2f}X {micrometres(whirl.amplitude)} {way}", TEXT
+    drawing.text(said, (_LEFT, 22.0), 13.0, color)
+    if order_frame is not None and len(order_frame.whirls) > 1:
+        others = ", ".join(f"{one.order:.2f}X {micrometres(one.amplitude)}" for one in order_frame.whirls[1:])
+        text = f"also {others}"
+        drawing.text(text, (_Y, 39.0), min(_SIZE, 124.0 / text_width(text)), TEXT, Anchor.RIGHT)
+    drawing.text(_expected(frame.prediction), (_LEFT, 39.0), _SIZE, MODEL)
+    drawing.line([(_LEFT, 46.0), (_Y, 46.0)], FRAME, 0.7)
+    at = _vectors(drawing, frame, 59.0) + 7.0
+    drawing.line([(_LEFT, at - 13.0), (_Y, at - 13.0)], FRAME, 0.7)
+    if frame.snapshot is not None:
+        at = _signal_rows(drawing, frame, frame.snapshot, at)
+    status = frame.status
+    missed = f"not analysed live {status.skipped:,}   not drawn {status.dropped_frames:,}"
+    _line(drawing, at, missed, ALARM if status.skipped else QUIET)
+    basis_said = "" if frame.prediction is None else f", {basis(frame.prediction)}"
+    _line(drawing, at + 14.0, f"model {status.model}{basis_said}", MODEL)
+    return drawing
+
+
+def _expected(prediction: Prediction | None) -> str:
+    if prediction is None:
+        return "model: no prediction"
+    stable = ", film let go" if prediction.growth_rate > 0.0 else ", film stable"
+    if math.isnan(prediction.growth_rate):
+        stable = ""
+    if prediction.whirl_amplitude > 0.0:
+        return f"model {prediction.whirl_order:.2f}X {micrometres(prediction.whirl_amplitude)}{stable}"
+    return f"model: nothing below 1X{stable}"
+
+
+def _vectors(drawing: Drawing, frame: LiveFrame, at: float) -> float:
+    """Write the vectors' table from line ``at`` on; return the line after it."""
+    order_frame = frame.snapshot.frame if frame.snapshot is not None else None
+    drawing.text(f"peak, lag{_sure(order_frame)}", (_LEFT, at), _SIZE, QUIET)
+    drawing.text("x", (_X, at), _SIZE, MEASURED_X, Anchor.RIGHT)
+    drawing.text("y", (_Y, at), _SIZE, MEASURED_Y, Anchor.RIGHT)
+    known = order_frame is not None and order_frame.runout is not None
+    rows: list[tuple[str, Color, ComplexArray | None, tuple[Color, Color]]] = []
+    for order in (1, 2):
+        name = f"{order}X compensated" if known else f"{order}X"
+        motion = None if order_frame is None else order_frame.motion[order - 1]
+        rows.append((name, TEXT, motion, (MEASURED_X, MEASURED_Y)))
+        if known and order == 1 and order_frame is not None:
+            rows.append(("1X as measured", QUIET, order_frame.vectors[0], (QUIET, QUIET)))
+        predicted = None if frame.prediction is None else frame.prediction.vectors[order - 1]
+        rows.append((f"{order}X model", MODEL, predicted, (MODEL, MODEL)))
+    for name, ink, vectors, colors in rows:
+        at += 14.0
+        drawing.text(name, (_LEFT, at), _SIZE, ink)
+        if vectors is not None:
+            for value, right, color in zip(vectors.tolist(), (_X, _Y), colors, strict=True):
+                drawing.text(vector(value), (right, at), _SIZE, color, Anchor.RIGHT)
+    return at + 14.0
+
+
+def _sure(order_frame: OrderFrame | None) -> str:
+    """Say how sure 1X is, in standard deviations."""
+    if order_frame is None or not math.isfinite(float(order_frame.compensated_sigma[0])):
+        return ""
+    amplitude, lag = order_frame.compensated_sigma[0] * 1e6, order_frame.compensated_phase_sigma[0].max()
+    return f"  ± {sigma(float(amplitude))} µm  ± {sigma(math.degrees(float(lag)))}°"
+
+
+def _signal_rows(drawing: Drawing, frame: LiveFrame, snapshot: Snapshot, at: float) -> float:
+    """Write what is to be said of gaps, tacho and clipping from line ``at`` on; return the line after it."""
+    drawing.text("gap", (_LEFT, at), _SIZE, QUIET)
+    for volts, ok, right in zip(snapshot.gap_volts, snapshot.gap_ok, (_X, _Y), strict=True):
+        text = f"{volts:.2f} V {'ok' if ok else 'OUT'}"
+        drawing.text(text, (right, at), _SIZE, GOOD if ok else ALARM, Anchor.RIGHT)
+    good = snapshot.tacho.state is TachoState.GOOD
+    source = "" if snapshot.counter is None else f" by {frame.header.acquisition.tacho.reference}"
+    _line(drawing, at + 14.0, f"tacho {snapshot.tacho.state.value}{source}", GOOD if good else ALARM)
+    clipped = [
+        f"{channel.name} {count:,}"
+        for channel, count in zip(frame.header.acquisition.channels, snapshot.clipped, strict=True)
+        if count
+    ]
+    text = f"CLIPPED {', '.join(clipped)}" if clipped else "no clipping"
+    drawing.text(text, (_Y, at + 14.0), _SIZE, ALARM if clipped else GOOD, Anchor.RIGHT)
+    return at + 28.0
+
+
+def _line(drawing: Drawing, at: float, text: str, color: Color) -> None:
+    drawing.text(text, (_LEFT, at), _SIZE, color)

@@ -1,0 +1,120 @@
+"""What is printed fits the terminal that it is printed on: its width and its letters."""
+
+import argparse
+import contextlib
+import io
+import json
+import os
+import re
+from collections.abc import Iterator
+from dataclasses import replace
+
+import pytest
+
+from daq.cli.commands import rig_parser
+from daq.cli.main import main
+from daq.cli.output.progress import Console, frame_line
+from daq.cli.output.summary_text import print_json
+from daq.cli.output.terminal import fitted, show, use_known_letters, wrapped
+from tests.daq.support.frames import make_frames
+
+FRAME = make_frames(150)[-1]
+
+
+class Terminal(io.StringIO):
+    """A terminal that does not tell how wide it is: of 80 columns."""
+
+    def isatty(self) -> bool:
+        return True
+
+
+def parsers(parser: argparse.ArgumentParser) -> Iterator[argparse.ArgumentParser]:
+    """Yield a command and those below it."""
+    yield parser
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            for below in action.choices.values():
+                yield from parsers(below)
+
+
+def test_running_line_is_rewritten_within_the_terminal_and_keeps_what_matters_most() -> None:
+    long = replace(FRAME, status=replace(FRAME.status, model="computing 43 %", skipped=12_345))
+    terminal = Terminal()
+    console = Console(terminal)
+    for _ in range(3):
+        console.progress(frame_line(long))
+    lines = terminal.getvalue().split("\r")[1:]
+    assert len(frame_line(long)) > 80
+    assert [len(line) < 80 for line in lines] == [True] * 3
+    assert re.match(r"\d\d:\d\d +[\d,]+ r/min . +x \d+ µm  y \d+ µm pp  .*lost 0", lines[0])
+    assert lines[0].rstrip().endswith("…")
+    console.clear()
+    assert terminal.getvalue().endswith(" \r")
+
+
+def test_line_has_all_its_parts_where_there_is_room_for_them() -> None:
+    line = "00:15  12,015 r/min ▲  x 32 µm  y 32 µm pp  lost 0  0.49X 13 µm  disk 33 h"
+    assert fitted(line, None) == fitted(line, 120) == line
+    assert fitted(line, 70) == "00:15  12,015 r/min ▲  x 32 µm  y 32 µm pp  lost 0  0.49X 13 µm …"
+    assert fitted(line, 64) == "00:15  12,015 r/min ▲  x 32 µm  y 32 µm pp  lost 0  disk 33 h …"
+    assert fitted("one sentence that is longer than that", 20) == "one sentence that …"
+
+
+def test_long_lines_go_on_below_their_own_words() -> None:
+    line = "model            whirl predicted from 18,000 r/min (0.21X), measured from 14,703 r/min (0.17X)"
+    first, second = wrapped(line, 80).split("\n")
+    assert first.endswith("measured from")
+    assert second == " " * 17 + "14,703 r/min (0.17X)"
+    assert wrapped(line, None) == line
+
+
+def test_lines_in_a_file_are_whole(capsys: pytest.CaptureFixture[str]) -> None:
+    show(["word " * 40])
+    assert capsys.readouterr().out == "word " * 40 + "\n"
+
+
+def test_progress_in_a_file_begins_when_there_is_some() -> None:
+    file = io.StringIO()
+    console = Console(file)
+    for part in (0.001, 0.25, 0.5):
+        console.progress("reading", part)
+    assert file.getvalue() == "reading: 25 %\n"
+
+
+@pytest.mark.parametrize(
+    ("encoding", "told"),
+    [("utf-8", "∠µ° ± × ▲ ≥ … é"), ("cp1252", "<µ° ± × ^ >= … é"), ("ascii", "<udeg +/- x ^ >= ... ?")],
+)
+def test_letters_that_a_terminal_does_not_know_are_written_with_those_it_knows(encoding: str, told: str) -> None:
+    written = io.BytesIO()
+    with io.TextIOWrapper(written, encoding=encoding) as stream:
+        use_known_letters(stream)
+        print("∠µ° ± × ▲ ≥ … é", end="", file=stream, flush=True)
+        assert written.getvalue().decode(encoding) == told
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "cp1252", "ascii"])
+def test_json_is_read_as_utf_8_whatever_the_terminal_writes(encoding: str) -> None:
+    written = io.BytesIO()
+    with io.TextIOWrapper(written, encoding=encoding) as stream, contextlib.redirect_stdout(stream):
+        print_json({"told": "31 µm ∠ 45°"})
+        stream.flush()
+        assert json.loads(written.getvalue().decode("utf-8")) == {"told": "31 µm ∠ 45°"}
+
+
+def test_every_help_page_fits_a_terminal_of_80_columns() -> None:
+    before = os.environ.get("COLUMNS")
+    os.environ["COLUMNS"] = "80"
+    try:
+        pages = {parser.prog: parser.format_help() for parser in parsers(rig_parser())}
+    finally:
+        os.environ.pop("COLUMNS")
+        if before is not None:
+            os.environ["COLUMNS"] = before
+    assert len(pages) > 30
+    assert [line for page in pages.values() for line in page.splitlines() if len(line) > 80] == []
+
+
+def test_rig_alone_shows_what_there_is(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([]) == 2
+    assert "preflight  Look at the rig before a run" in capsys.readouterr().err
