@@ -12,7 +12,7 @@ from daq.cli.arguments import add_folder, calibration, show_examples, speed
 from daq.cli.bench import add_bench_commands
 from daq.cli.calibrate import add_calibrate_command
 from daq.cli.model import predict
-from daq.cli.model.commands import add_kinds
+from daq.cli.model.commands import add_model_commands
 from daq.cli.output.terminal import use_known_letters
 from daq.cli.recording import add_run_commands
 from daq.errors import RigError, UsageError
@@ -88,7 +88,7 @@ def _add_model(add: Callable[[str, Callable[[argparse.Namespace], int], str], ar
     command.add_argument("--quiet", action="store_true", help="only see that it is computed, for runs to come")
     show_examples(command, "rig predict rigs/bench.toml --speed 11000")
 
-    add_kinds(
+    add_model_commands(
         add("model", lambda _: 2, "Study the rotor and its films: modes to waterfalls, sweeps, the thesis again.")
     )
 

@@ -13,7 +13,7 @@ from daq.config.rig import runout_faults
 from daq.config.rotor import configured_rotor
 from daq.config.schema import Backend, ChannelSection, RigConfig, TachoSection
 from daq.config.trigger_condition import SPEED, TIME, read_condition
-from model.rotor.tables import DocumentError
+from model.rotor.tables import TableError
 
 TIMEBASES = {80e6: "80MHzTimebase", 20e6: "20MHzTimebase", 100e3: "100kHzTimebase"}
 """Rates, Hz, and the driver's names of the clocks that an M Series card can count."""
@@ -272,7 +272,7 @@ def _model(config: RigConfig) -> Iterator[Fault]:
     """Return what the model itself says of its parameters."""
     try:
         configured_rotor(config)
-    except DocumentError as error:
+    except TableError as error:
         file = f'model.rotor = "{config.model.rotor}"' if config.model.rotor else "rotor"
         for fault in error.faults:
             yield Fault(("rotor", "model.rotor"), f"{file}: {fault}")

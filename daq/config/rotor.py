@@ -15,7 +15,7 @@ from daq.config.messages import read_tables, read_text
 from daq.config.rig import MICRO, Rig
 from daq.config.schema import ModelSection, RigConfig
 from model.rotor.parameters import FloatingRing, Imbalance, ModelParameters
-from model.rotor.rotor_file import rotor_from
+from model.rotor.rotor_file import parse_rotor
 
 
 def read_rotor(path: Path | str) -> dict[str, object]:
@@ -30,13 +30,13 @@ def default_rotor() -> dict[str, object]:
 
 
 def rotor_of(document: Mapping[str, object]) -> ModelParameters:
-    """Return what a rotor file says, the GJ90C where it says nothing; DocumentError where it is wrong."""
-    return rotor_from(document) if document else _gj90c()
+    """Return what a rotor file says, the GJ90C where it says nothing; TableError where it is wrong."""
+    return parse_rotor(document) if document else _gj90c()
 
 
 @cache
 def _gj90c() -> ModelParameters:
-    return rotor_from(default_rotor())
+    return parse_rotor(default_rotor())
 
 
 def rotor_parameters(rig: Rig) -> ModelParameters:

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from analysis.signals.header import AnalysisSettings
 from model.dynamics.motion import ShaftMotion
-from model.prediction.prediction_map import Prediction, PredictionMap, look_at
+from model.prediction.prediction_map import Prediction, PredictionMap, analyse_motion
 from model.rotor.parameters import ModelParameters
 
 ComplexArray = NDArray[np.complex128]
@@ -62,7 +62,7 @@ def refine(
     motion.turns(FIRST_TURNS)
     size = 0.0
     for _ in range(LOOKS):
-        seen = look_at(motion, parameters, settings, interpolated.growth_rate)
+        seen = analyse_motion(motion, parameters, settings, interpolated.growth_rate)
         yield seen
         last, size = size, float(seen.peak_to_peak.max())
         if abs(size - last) < CHANGE * size:

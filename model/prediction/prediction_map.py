@@ -188,7 +188,7 @@ class PredictionMap:
         return cls(**{name: np.asarray(arrays[name]) for name in names})
 
 
-def default_speeds(highest: float) -> FloatArray:
+def default_map_speeds(highest: float) -> FloatArray:
     """Return the speeds of a map up to ``highest``, rad/s: from 500 r/min in steps of about 250 r/min."""
     rpm = 2 * math.pi / 60
     lowest = 500 * rpm
@@ -198,7 +198,7 @@ def default_speeds(highest: float) -> FloatArray:
     return np.linspace(lowest, highest, steps + 1)
 
 
-def model_key(parameters: ModelParameters, speeds: FloatArray, settings: AnalysisSettings) -> str:
+def prediction_map_key(parameters: ModelParameters, speeds: FloatArray, settings: AnalysisSettings) -> str:
     """Return a hash, hexadecimal, of all that a map depends on and of the model's version."""
     inputs = {
         "version": MODEL_VERSION,
@@ -260,7 +260,7 @@ def compute_prediction_map(
         if synchronous is not None and not is_whirling:
             motion.stand(synchronous.standing + (nudge if growth_rate > 0 else 0.0) * synchronous.disturbance)
         is_whirling = _settle(motion, SHORTEST_UNSTABLE if growth_rate > 0 else SHORTEST_STABLE, nudge)
-        predictions.append(look_at(motion, parameters, settings, growth_rate))
+        predictions.append(analyse_motion(motion, parameters, settings, growth_rate))
         states.append(motion.state)
         on_progress(done, speeds.size)
     return PredictionMap(
@@ -290,7 +290,7 @@ def _settle(motion: ShaftMotion, shortest: int, nudge: float) -> bool:
     return float(np.ptp(marks, axis=1).max()) > nudge
 
 
-def look_at(
+def analyse_motion(
     motion: ShaftMotion, parameters: ModelParameters, settings: AnalysisSettings, growth_rate: float
 ) -> Prediction:
     """Return what the next turns show, reduced as the analysis reduces measured ones.

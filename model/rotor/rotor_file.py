@@ -10,7 +10,7 @@ from model.rotor.parameters import GRAVITY, FloatingRing, Imbalance, ModelParame
 from model.rotor.rotor import Beam, Disc, Rotor, Segment, ShaftMass
 from model.rotor.rub import Rub
 from model.rotor.supports import Coefficients, StaticLoad, Support
-from model.rotor.tables import DocumentError, Table
+from model.rotor.tables import TableError, Table
 
 T = TypeVar("T")
 
@@ -24,7 +24,7 @@ class _Material:
     poissons_ratio: float
 
 
-def rotor_from(document: Mapping[str, object]) -> ModelParameters:
+def parse_rotor(tables: Mapping[str, object]) -> ModelParameters:
     """Return the model's parameters from a rotor's document.
 
     Parameters
@@ -39,13 +39,13 @@ def rotor_from(document: Mapping[str, object]) -> ModelParameters:
 
     Raises
     ------
-    DocumentError
+    TableError
         A ValueError with every fault: unknown keys (the nearest is named) and units, missing quantities, sizes that
         are not above 0, stations out of order, supports, walls, discs or imbalances at no station, an imbalance
         beyond the clearance.
     """
     faults: list[str] = []
-    whole = Table(document, "", faults)
+    whole = Table(tables, "", faults)
     whole.text("name", "")
     gravity = whole.number("gravity", "acceleration", GRAVITY, "not negative")
     rotor = _rotor(whole, faults)
@@ -63,7 +63,7 @@ def rotor_from(document: Mapping[str, object]) -> ModelParameters:
         probes.finish()
     whole.finish()
     if faults or rotor is None:
-        raise DocumentError(faults)
+        raise TableError(faults)
     try:
         return ModelParameters(
             rotor=rotor,
@@ -77,7 +77,7 @@ def rotor_from(document: Mapping[str, object]) -> ModelParameters:
             rubs=tuple(one for one in rubs if one is not None),
         )
     except ValueError as error:
-        raise DocumentError([str(error)]) from error
+        raise TableError([str(error)]) from error
 
 
 def _built(table: Table, faults: list[str], make: Callable[[], T]) -> T | None:

@@ -43,7 +43,7 @@ HUGE: Final = 1e300
 Limit = str  # "positive", "not negative" or "any"
 
 
-class DocumentError(ValueError):
+class TableError(ValueError):
     """A document is wrong.
 
     Parameters
@@ -56,7 +56,7 @@ class DocumentError(ValueError):
         super().__init__("; ".join(faults))
         self.faults = tuple(faults)
 
-    def __reduce__(self) -> tuple[type["DocumentError"], tuple[tuple[str, ...]]]:
+    def __reduce__(self) -> tuple[type["TableError"], tuple[tuple[str, ...]]]:
         """Return what makes it anew in another process."""
         return type(self), (self.faults,)
 

@@ -49,7 +49,7 @@ class Quantity:
 
 
 @dataclass(frozen=True, slots=True)
-class Point:
+class SweepPoint:
     """A point of a sweep.
 
     Parameters
@@ -78,7 +78,7 @@ class Point:
 
 
 @dataclass(frozen=True, slots=True)
-class Outcome:
+class SweepResult:
     """What a point came to.
 
     Parameters
@@ -96,7 +96,7 @@ class Outcome:
     fault: str = ""
 
 
-def outcome_of(point: Point) -> Outcome:
+def compute_point(point: SweepPoint) -> SweepResult:
     """Return what a point comes to; what the model refuses or cannot answer is told in it, never raised."""
     quantity = QUANTITIES[point.quantity]
     values = dict(point.values)
@@ -104,17 +104,17 @@ def outcome_of(point: Point) -> Outcome:
     try:
         changed = {name: value for name, value in values.items() if name not in quantity.options}
         parameters = varied(point.parameters, changed)
-        return Outcome(point.key(), quantity.compute(parameters, options))
+        return SweepResult(point.key(), quantity.compute(parameters, options))
     except (ModelError, ValueError) as error:
-        return Outcome(point.key(), (math.nan,) * len(quantity.results), str(error))
+        return SweepResult(point.key(), (math.nan,) * len(quantity.results), str(error))
 
 
-def outcomes_of(points: tuple[Point, ...]) -> tuple[Outcome, ...]:
+def compute_points(points: tuple[SweepPoint, ...]) -> tuple[SweepResult, ...]:
     """Return what each of some points comes to: the unit of work that is sent to another process."""
-    return tuple(outcome_of(point) for point in points)
+    return tuple(compute_point(point) for point in points)
 
 
-def names_of(quantity: str, parameters: ModelParameters) -> tuple[str, ...]:
+def variable_names(quantity: str, parameters: ModelParameters) -> tuple[str, ...]:
     """Return what may be varied with a quantity of a rotor.
 
     Raises

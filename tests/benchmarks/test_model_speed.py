@@ -22,7 +22,7 @@ from model.dynamics.synchronous import SynchronousResponse, synchronous_response
 from model.linear.campbell import campbell
 from model.linear.linear_system import linear_system
 from model.prediction.live_prediction import predict
-from model.prediction.prediction_map import PredictionMap, compute_prediction_map, default_speeds, model_key
+from model.prediction.prediction_map import PredictionMap, compute_prediction_map, default_map_speeds, prediction_map_key
 from model.rotor.gj90c import gj90c
 from model.rotor.supports import Coefficients, Support
 from tests.model.dynamics.equations import Rates, at_rest, compiled_rates, numpy_rates
@@ -155,7 +155,7 @@ def test_synchronous_motion_with_its_stability_takes_a_millisecond() -> None:
 
 @pytest.fixture(scope="module")
 def prediction_map() -> PredictionMap:
-    speeds = default_speeds(20_000 * RPM)
+    speeds = default_map_speeds(20_000 * RPM)
     return compute_prediction_map(gj90c(), speeds, AnalysisSettings(), lambda _done, _total: None)
 
 
@@ -174,7 +174,7 @@ def test_prediction_from_the_map_takes_a_tenth_of_a_millisecond(prediction_map: 
 @pytest.mark.benchmark
 def test_live_view_never_waits_while_the_exact_speed_is_computed(prediction_map: PredictionMap, tmp_path: Path) -> None:
     parameters, settings, speeds = gj90c(), AnalysisSettings(), prediction_map.speeds
-    file = tmp_path / f"prediction-{model_key(parameters, speeds, settings)}.npz"
+    file = tmp_path / f"prediction-{prediction_map_key(parameters, speeds, settings)}.npz"
     np.savez(file, **prediction_map.to_arrays())  # type: ignore[arg-type]  # the stub takes names for an option
     times, answers, latest = [], 0, []
     with Predictor(parameters, settings, speeds, tmp_path) as predictor:

@@ -12,7 +12,7 @@ from analysis.signals.header import AnalysisSettings
 from model.dynamics.modal_system import ModalSystem
 from model.dynamics.motion import STEPS_PER_TURN, ShaftMotion
 from model.films.capone_kernel import capone_force
-from model.prediction.prediction_map import compute_prediction_map, default_speeds
+from model.prediction.prediction_map import compute_prediction_map, default_map_speeds
 from model.rotor.gj90c import gj90c
 
 SPEED = 1100.0
@@ -66,7 +66,7 @@ def test_default_map_takes_seconds() -> None:
     compute_prediction_map(gj90c(), np.array([500.0, 510.0]), AnalysisSettings(), lambda _done, _total: None)
     begin = time.process_time()
     found = compute_prediction_map(
-        gj90c(), default_speeds(20_000 * math.pi / 30), AnalysisSettings(), lambda _done, _total: None
+        gj90c(), default_map_speeds(20_000 * math.pi / 30), AnalysisSettings(), lambda _done, _total: None
     )
     used = time.process_time() - begin
     begin = time.perf_counter()

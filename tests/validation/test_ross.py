@@ -18,7 +18,7 @@ from model.linear.linear_system import LinearSystem, linear_system, whirl_modes
 from model.linear.response import imbalance_response
 from model.rotor.parameters import ModelParameters
 from model.rotor.rotor import Beam, ShaftMass
-from model.rotor.rotor_file import rotor_from
+from model.rotor.rotor_file import parse_rotor
 from model.rotor.supports import Coefficients, Support
 
 HERE = Path(__file__).parent / "ross"
@@ -30,7 +30,7 @@ ROTORS = ("gj90c", "pump", "turbo")
 
 def parameters_of(name: str) -> ModelParameters:
     folder = files("model.rotor") if name == "gj90c" else HERE
-    return rotor_from(tomllib.loads(folder.joinpath(f"{name}.toml").read_text(encoding="utf-8")))
+    return parse_rotor(tomllib.loads(folder.joinpath(f"{name}.toml").read_text(encoding="utf-8")))
 
 
 def system_of(parameters: ModelParameters) -> LinearSystem:

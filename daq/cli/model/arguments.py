@@ -18,7 +18,7 @@ from daq.errors import ConfigError, RigError, UsageError
 from model.errors import ModelError
 from model.rotor.gj90c import gj90c
 from model.rotor.parameters import ModelParameters
-from model.rotor.tables import DocumentError
+from model.rotor.tables import TableError
 
 
 def parameters_of(config: str | None) -> ModelParameters:
@@ -37,7 +37,7 @@ def parameters_of(config: str | None) -> ModelParameters:
         return rotor_parameters(load_rig(file))
     try:
         return rotor_of(tables)
-    except DocumentError as error:
+    except TableError as error:
         raise ConfigError(config, list(error.faults)) from error
 
 

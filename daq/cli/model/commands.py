@@ -14,7 +14,7 @@ or FILE.png draws it.
 """
 
 
-def add_kinds(parser: argparse.ArgumentParser) -> None:
+def add_model_commands(parser: argparse.ArgumentParser) -> None:
     """Add the kinds of study to the command's parser."""
     parser.epilog = _EPILOG
     parser.formatter_class = argparse.RawDescriptionHelpFormatter

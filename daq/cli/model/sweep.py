@@ -16,7 +16,7 @@ from daq.session.sweep.run import grid, run_sweep
 from daq.session.sweep.workers import DaskWorkers, LocalWorkers
 from model.rotor.tables import SHOWN as SHOWN_UNITS
 from model.studies.study import Plot, Series, Study, Style
-from model.studies.sweep_quantities import QUANTITIES, Outcome, Point
+from model.studies.sweep_quantities import QUANTITIES, SweepResult, SweepPoint
 from model.studies.varied_parameters import CHANGES
 
 SHOWN = 40  # points in the table that is printed
@@ -111,7 +111,7 @@ def run(chosen: argparse.Namespace) -> int:
     return show(study if chosen.json else _shortened(study), chosen)
 
 
-def _study(points: list[Point], outcomes: list[Outcome], file: Path) -> Study:
+def _study(points: list[SweepPoint], outcomes: list[SweepResult], file: Path) -> Study:
     names = [name for name, _ in points[0].values]
     results = QUANTITIES[points[0].quantity].results
     columns: dict[str, FloatArray | tuple[str, ...]] = {

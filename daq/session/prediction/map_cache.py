@@ -21,7 +21,7 @@ from daq.config.loader import read_config
 from daq.config.rotor import configured_rotor
 from daq.session.prediction.file_lock import Claim
 from model.errors import ModelError
-from model.prediction.prediction_map import PredictionMap, compute_prediction_map, default_speeds, model_key
+from model.prediction.prediction_map import PredictionMap, compute_prediction_map, default_map_speeds, prediction_map_key
 from model.rotor.parameters import ModelParameters
 from recordings.atomic_file import draft_of
 
@@ -44,7 +44,7 @@ def cache_folder() -> Path:
 
 
 def map_file(folder: Path, key: str) -> Path:
-    """Return the file of the map with a key of `model_key`."""
+    """Return the file of the map with a key of `prediction_map_key`."""
     return folder / f"prediction-{key}.npz"
 
 
@@ -142,8 +142,8 @@ class MapHere:
     def __init__(self, parameters: ModelParameters, settings: AnalysisSettings, limits: Limits) -> None:
         self._parameters = parameters
         self._settings = settings
-        self._speeds = default_speeds(limits.speed)
-        self._file = map_file(cache_folder(), model_key(parameters, self._speeds, settings))
+        self._speeds = default_map_speeds(limits.speed)
+        self._file = map_file(cache_folder(), prediction_map_key(parameters, self._speeds, settings))
         self._map, _ = read_map(self._file)
 
     @property

@@ -21,7 +21,7 @@ from daq.session.prediction.map_cache import cache_folder, kept_or_computed, map
 from daq.session.prediction.refiner import Refiner
 from daq.session.processes import JOIN_TIME, begin, end, give_way, leave_to_parent
 from model.errors import ModelError
-from model.prediction.prediction_map import Prediction, PredictionMap, compute_prediction_map, model_key
+from model.prediction.prediction_map import Prediction, PredictionMap, compute_prediction_map, prediction_map_key
 from model.rotor.parameters import ModelParameters
 
 FloatArray = NDArray[np.float64]
@@ -75,7 +75,7 @@ class Predictor:
         self._parameters, self._settings = parameters, settings
         self._refiner: Refiner | None = None
         self._starting = threading.Lock()  # it, once
-        self._file = map_file(folder, model_key(parameters, speeds, settings))
+        self._file = map_file(folder, prediction_map_key(parameters, speeds, settings))
         self._percent = 0
         self._off = ""
         self._is_closed = False

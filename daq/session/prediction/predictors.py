@@ -9,7 +9,7 @@ from daq.config.loader import read_config
 from daq.config.rig import Rig
 from daq.config.rotor import configured_rotor, rotor_parameters
 from daq.session.prediction.predictor import Predictor
-from model.prediction.prediction_map import Prediction, default_speeds, model_key
+from model.prediction.prediction_map import Prediction, default_map_speeds, prediction_map_key
 from model.rotor.parameters import ModelParameters
 
 PATIENCE = 120.0  # s between two words of a computation before it is given up
@@ -43,8 +43,8 @@ class Predictors:
         return None if known is None else known.at(speed)
 
     def _for(self, parameters: ModelParameters, settings: AnalysisSettings, limits: Limits) -> Predictor:
-        speeds = default_speeds(limits.speed)
-        key = model_key(parameters, speeds, settings)
+        speeds = default_map_speeds(limits.speed)
+        key = prediction_map_key(parameters, speeds, settings)
         with self._lock:
             if key not in self._by_key:
                 self._by_key[key] = Predictor(parameters, settings, speeds)

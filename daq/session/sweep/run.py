@@ -8,7 +8,7 @@ from pathlib import Path
 from daq.session.sweep.store import SweepStore
 from daq.session.sweep.workers import Workers
 from model.rotor.parameters import ModelParameters
-from model.studies.sweep_quantities import QUANTITIES, Outcome, Point, names_of, outcomes_of
+from model.studies.sweep_quantities import QUANTITIES, SweepResult, SweepPoint, variable_names, compute_points
 
 KEEP_INTERVAL = 2.0  # s between two parts
 PORTIONS = 200  # into which a sweep is cut, so that progress and resuming are fine enough
@@ -17,7 +17,7 @@ LARGEST_PORTION = 50  # points
 
 def grid(
     parameters: ModelParameters, quantity: str, vary: Mapping[str, Sequence[float]], most: int = 10_000_000
-) -> list[Point]:
+) -> list[SweepPoint]:
     """Return the points of all combinations, the last name varying fastest.
 
     Parameters
@@ -36,7 +36,7 @@ def grid(
     ValueError
         Where a name or the quantity is unknown, the rotor has no films for it, or the points are too many.
     """
-    names = names_of(quantity, parameters)
+    names = variable_names(quantity, parameters)
     for name in vary:
         if name not in names:
             raise ValueError(f"vary {name}: unknown, expected one of {', '.join(names)}")
@@ -46,17 +46,17 @@ def grid(
     if count > most:
         raise ValueError(f"sweep: {count:,} points, expected at most {most:,}")
     combinations = itertools.product(*([(name, float(value)) for value in values] for name, values in vary.items()))
-    return [Point(parameters, quantity, combination) for combination in combinations]
+    return [SweepPoint(parameters, quantity, combination) for combination in combinations]
 
 
 def run_sweep(
-    points: Sequence[Point], workers: Workers, file: Path, on_progress: Callable[[int, int], None]
-) -> list[Outcome]:
+    points: Sequence[SweepPoint], workers: Workers, file: Path, on_progress: Callable[[int, int], None]
+) -> list[SweepResult]:
     """Compute what is not known of a sweep, and write all of it.
 
     Parameters
     ----------
-    points : sequence of Point
+    points : sequence of SweepPoint
         Of one quantity, one or more, with the same names varied.
     workers : Workers
         Who computes them.
@@ -67,7 +67,7 @@ def run_sweep(
 
     Returns
     -------
-    list of Outcome
+    list of SweepResult
         In the order of the points.
     """
     store = SweepStore(file, QUANTITIES[points[0].quantity].results)
@@ -76,11 +76,11 @@ def run_sweep(
     missing = list({key: point for key, point in zip(keys, points, strict=True) if key not in found}.values())
     size = max(1, min(LARGEST_PORTION, len(missing) // PORTIONS))
     portions = [tuple(missing[first : first + size]) for first in range(0, len(missing), size)]
-    fresh: list[Outcome] = []
+    fresh: list[SweepResult] = []
     kept_at = time.monotonic()
     on_progress(len(found), len(points))
     try:
-        for _, outcomes in workers.run(outcomes_of, portions):
+        for _, outcomes in workers.run(compute_points, portions):
             fresh += outcomes
             found |= {outcome.key: outcome for outcome in outcomes}
             on_progress(len(found), len(points))

@@ -6,7 +6,7 @@ from pathlib import Path
 from uuid import uuid4
 
 from daq.errors import UsageError
-from model.studies.sweep_quantities import Outcome
+from model.studies.sweep_quantities import SweepResult
 from recordings.atomic_file import draft_of
 
 
@@ -37,7 +37,7 @@ class SweepStore:
         self._file, self._results = file, results
         self._parts = file.with_name(file.name + ".parts")
 
-    def known(self, keys: Iterable[str]) -> dict[str, Outcome]:
+    def known(self, keys: Iterable[str]) -> dict[str, SweepResult]:
         """Return what is kept of these points, from the file and from parts of a sweep that was stopped."""
         wanted, found = set(keys), {}
         parts = sorted(self._parts.glob("*.parquet")) if self._parts.is_dir() else []
@@ -47,12 +47,12 @@ class SweepStore:
                     found[outcome.key] = outcome
         return found
 
-    def keep(self, outcomes: Sequence[Outcome]) -> None:
+    def keep(self, outcomes: Sequence[SweepResult]) -> None:
         """Keep some outcomes at once, as a part."""
         if outcomes:
             self._write({}, outcomes, self._parts / f"{uuid4().hex}.parquet")
 
-    def finish(self, values: Mapping[str, Sequence[float]], outcomes: Sequence[Outcome]) -> None:
+    def finish(self, values: Mapping[str, Sequence[float]], outcomes: Sequence[SweepResult]) -> None:
         """Write the whole sweep, values beside results in the order of its points, and remove the parts."""
         self._write(values, outcomes, self._file)
         if self._parts.is_dir():
@@ -60,7 +60,7 @@ class SweepStore:
                 part.unlink()
             self._parts.rmdir()
 
-    def _write(self, values: Mapping[str, Sequence[float]], outcomes: Sequence[Outcome], file: Path) -> None:
+    def _write(self, values: Mapping[str, Sequence[float]], outcomes: Sequence[SweepResult], file: Path) -> None:
         import pyarrow as pa  # noqa: PLC0415  # an extra, slow to import
         from pyarrow import parquet  # noqa: PLC0415  # an extra, slow to import
 
@@ -76,7 +76,7 @@ class SweepStore:
         except OSError as error:
             raise UsageError(f"{file}: cannot be written ({error.strerror or error})") from error
 
-    def _read(self, file: Path) -> list[Outcome]:
+    def _read(self, file: Path) -> list[SweepResult]:
         from pyarrow import ArrowException, parquet  # noqa: PLC0415  # an extra, slow to import
 
         try:
@@ -86,4 +86,4 @@ class SweepStore:
         if not {"key", "fault", *self._results} <= set(table.column_names):
             raise UsageError(f"{file}: holds something else than this sweep's quantity; choose another file")
         columns = [table.column(name).to_pylist() for name in ("key", "fault", *self._results)]
-        return [Outcome(key, tuple(results), fault) for key, fault, *results in zip(*columns, strict=True)]
+        return [SweepResult(key, tuple(results), fault) for key, fault, *results in zip(*columns, strict=True)]

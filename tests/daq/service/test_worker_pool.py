@@ -14,7 +14,7 @@ import pytest
 
 from daq.errors import ConfigError, DeviceError, DeviceFault
 from daq.service.worker_pool import OverdueError, ReadingProcess, ReadingProcesses, ReadingStoppedError
-from model.rotor.tables import DocumentError
+from model.rotor.tables import TableError
 from recordings.errors import DamagedError
 
 PATIENCE = 60.0  # s: a process starts
@@ -65,7 +65,7 @@ def wrong_configuration() -> None:
 
 
 def wrong_rotor() -> None:
-    raise DocumentError(["one", "two"])
+    raise TableError(["one", "two"])
 
 
 def wrong_device() -> None:
@@ -80,7 +80,7 @@ def wrong_beyond_words() -> None:
     ("work", "error", "words"),
     [
         (wrong_configuration, ConfigError, "rig.toml: 2 faults\n  one\n  two"),
-        (wrong_rotor, DocumentError, "one; two"),
+        (wrong_rotor, TableError, "one; two"),
         (wrong_device, DeviceError, "Dev1 is in use (driver code -50103)"),
         (wrong_beyond_words, RuntimeError, "UnsendableError: rig.toml: line 7"),
     ],

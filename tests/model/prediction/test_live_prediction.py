@@ -5,7 +5,7 @@ from analysis.signals.header import AnalysisSettings
 from model.dynamics.motion import ShaftMotion
 from model.prediction.comparison import instability_onset
 from model.prediction.live_prediction import predict, refine
-from model.prediction.prediction_map import PredictionMap, compute_prediction_map, look_at
+from model.prediction.prediction_map import PredictionMap, compute_prediction_map, analyse_motion
 from model.rotor.gj90c import gj90c
 
 SETTINGS = AnalysisSettings()
@@ -58,7 +58,7 @@ def test_whirl_settles_where_a_long_motion_shows_it(coarse: PredictionMap) -> No
     motion = ShaftMotion(gj90c(), 1052.0, 0)
     motion.resume(coarse.states[2], 1040.0)
     motion.turns(3000)
-    long = look_at(motion, gj90c(), SETTINGS, 0.0)
+    long = analyse_motion(motion, gj90c(), SETTINGS, 0.0)
     assert last.whirl_order == pytest.approx(long.whirl_order, abs=2e-3)
     assert last.whirl_amplitude == pytest.approx(long.whirl_amplitude, rel=0.01)
     assert last.peak_to_peak == pytest.approx(long.peak_to_peak, rel=0.01)

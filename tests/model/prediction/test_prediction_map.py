@@ -6,7 +6,7 @@ import pytest
 from numpy.typing import NDArray
 
 from analysis.signals.header import AnalysisSettings
-from model.prediction.prediction_map import PredictionMap, compute_prediction_map, default_speeds, model_key
+from model.prediction.prediction_map import PredictionMap, compute_prediction_map, default_map_speeds, prediction_map_key
 from model.rotor.gj90c import gj90c
 from model.rotor.parameters import Imbalance, ModelParameters
 
@@ -119,11 +119,11 @@ def test_speeds_that_do_not_rise_are_refused(speeds: list[float]) -> None:
 
 
 def test_default_speeds_reach_the_rigs_limit_in_steps_of_250_rpm() -> None:
-    rpm = default_speeds(20_000 * math.pi / 30) * 30 / math.pi
+    rpm = default_map_speeds(20_000 * math.pi / 30) * 30 / math.pi
     assert rpm[[0, -1]] == pytest.approx([500, 20_000])
     assert np.diff(rpm) == pytest.approx(np.full(rpm.size - 1, 250.0))
     with pytest.raises(ValueError, match="highest: 10 rad/s, expected more than"):
-        default_speeds(10.0)
+        default_map_speeds(10.0)
 
 
 @pytest.mark.parametrize(
@@ -139,11 +139,11 @@ def test_default_speeds_reach_the_rigs_limit_in_steps_of_250_rpm() -> None:
 def test_key_tells_every_input_apart(
     parameters: ModelParameters, speeds: NDArray[np.float64], settings: AnalysisSettings
 ) -> None:
-    assert model_key(parameters, speeds, settings) != model_key(gj90c(), SPEEDS, SETTINGS)
+    assert prediction_map_key(parameters, speeds, settings) != prediction_map_key(gj90c(), SPEEDS, SETTINGS)
 
 
 def test_key_is_the_same_for_the_same_inputs() -> None:
-    key = model_key(gj90c(), SPEEDS, SETTINGS)
-    assert key == model_key(gj90c(), SPEEDS.copy(), replace(SETTINGS))
+    key = prediction_map_key(gj90c(), SPEEDS, SETTINGS)
+    assert key == prediction_map_key(gj90c(), SPEEDS.copy(), replace(SETTINGS))
     assert len(key) == 64
     assert int(key, 16) > 0

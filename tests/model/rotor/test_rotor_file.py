@@ -7,10 +7,10 @@ import pytest
 
 from model.rotor.gj90c import gj90c
 from model.rotor.rotor import Beam, ShaftMass
-from model.rotor.rotor_file import rotor_from
+from model.rotor.rotor_file import parse_rotor
 from model.rotor.rub import Rub
 from model.rotor.supports import Coefficients, StaticLoad, Support
-from model.rotor.tables import DocumentError
+from model.rotor.tables import TableError
 
 RUB = {"station": 2, "clearance_um": 50, "stiffness_n_m": 1e7}
 
@@ -21,14 +21,14 @@ def document() -> dict[str, Any]:
 
 
 def faults_of(document: dict[str, Any]) -> tuple[str, ...]:
-    with pytest.raises(DocumentError) as caught:
-        rotor_from(document)
+    with pytest.raises(TableError) as caught:
+        parse_rotor(document)
     assert str(caught.value) == "; ".join(caught.value.faults)
     return caught.value.faults
 
 
 def test_default_document_is_the_default_rotor_to_the_last_digit(document: dict[str, Any]) -> None:
-    assert rotor_from(document) == gj90c()
+    assert parse_rotor(document) == gj90c()
 
 
 def test_any_unit_of_a_quantity_says_the_same(document: dict[str, Any]) -> None:
@@ -39,7 +39,7 @@ def test_any_unit_of_a_quantity_says_the_same(document: dict[str, Any]) -> None:
     other["bearing"]["viscosity_cp"] = 15
     del other["bearing"]["viscosity_pa_s"]
     other["imbalance"][0] = {"station": 5, "magnitude_g_mm": 0.5}
-    assert rotor_from(other) == rotor_from(document)
+    assert parse_rotor(other) == parse_rotor(document)
 
 
 def test_walls_come_through_and_rub_at_the_shafts_radius_where_none_is_given(document: dict[str, Any]) -> None:
@@ -54,23 +54,23 @@ def test_walls_come_through_and_rub_at_the_shafts_radius_where_none_is_given(doc
             "damping_s_m": 0.5,
         },
     ]
-    assert rotor_from(document).rubs == (Rub(4, 60e-6, 2e7, 7e-3), Rub(2, 50e-6, 1e7, 22e-3, 0.1, 0.5))
+    assert parse_rotor(document).rubs == (Rub(4, 60e-6, 2e7, 7e-3), Rub(2, 50e-6, 1e7, 22e-3, 0.1, 0.5))
 
 
 def test_rotor_on_supports_alone_needs_neither_bearing_nor_journals(document: dict[str, Any]) -> None:
     del document["bearing"]
     document["support"] = [{"station": 3, "stiffness_n_m": 1e7}, {"station": 4, "stiffness_n_m": 1e7}]
-    assert rotor_from(document).bearing is None
-    assert rotor_from(document).rotor.journal_stations == (3, 4)  # where springs may stand
+    assert parse_rotor(document).bearing is None
+    assert parse_rotor(document).rotor.journal_stations == (3, 4)  # where springs may stand
     del document["journal"]
-    parameters = rotor_from(document)
+    parameters = parse_rotor(document)
     assert parameters.rotor.bearing_stations == ()
     with pytest.raises(ValueError, match=r"bearing: none, expected a rotor on oil films, with \[bearing\] in its file"):
         _ = parameters.floating_ring
     with pytest.raises(ValueError, match="journal: none, expected two stations where bearings or springs can stand"):
         _ = parameters.rotor.journals
     document["imbalance"][0]["magnitude_kg_m"] = 1.0  # there is no clearance that it could exceed
-    assert rotor_from(document).imbalances[0].magnitude == 1.0
+    assert parse_rotor(document).imbalances[0].magnitude == 1.0
 
 
 def test_supports_loads_and_the_shafts_own_mass_come_through(document: dict[str, Any]) -> None:
@@ -92,7 +92,7 @@ def test_supports_loads_and_the_shafts_own_mass_come_through(document: dict[str,
     }
     document["segment"][2] |= {"inner_radius_mm": 1, "density_g_cm3": 4.5}
     document["bearing"]["static_load_n"] = 2
-    parameters = rotor_from(document)
+    parameters = parse_rotor(document)
     rotor = parameters.rotor
     assert (rotor.beam, rotor.shaft_mass) == (Beam.TIMOSHENKO, ShaftMass.CONSISTENT)
     assert [segment.density for segment in rotor.segments] == [7800, 7800, 4500, 7800, 7800]

@@ -23,7 +23,7 @@ from daq.session.sweep.run import grid, run_sweep
 from daq.session.sweep.store import SweepStore
 from daq.session.sweep.workers import DaskWorkers, LocalWorkers, Workers
 from model.rotor.gj90c import gj90c
-from model.studies.sweep_quantities import QUANTITIES, Outcome, Point
+from model.studies.sweep_quantities import QUANTITIES, SweepResult, SweepPoint
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")
@@ -48,7 +48,7 @@ def silent(_done: int, _total: int) -> None:
     pass
 
 
-def points(count: int) -> list[Point]:
+def points(count: int) -> list[SweepPoint]:
     vary = {
         "viscosity_pa_s": np.linspace(0.005, 0.035, count // 10).tolist(),
         "imbalance_kg_m": np.geomspace(2.5e-7, 2.5e-6, 5).tolist(),
@@ -57,7 +57,7 @@ def points(count: int) -> list[Point]:
     return grid(gj90c(), "response", vary)
 
 
-def bits(outcomes: Sequence[Outcome]) -> bytes:
+def bits(outcomes: Sequence[SweepResult]) -> bytes:
     assert not any(outcome.fault for outcome in outcomes)
     return np.array([outcome.results for outcome in outcomes]).tobytes()
 
@@ -78,10 +78,10 @@ def test_grid_holds_all_combinations_the_last_name_fastest() -> None:
 
 
 def test_key_changes_with_parameters_and_values_and_with_nothing_else() -> None:
-    one = Point(gj90c(), "response", (("viscosity_pa_s", 0.01), ("speed_rad_s", 1.0)))
-    assert one.key() == Point(gj90c(), "response", one.values[::-1]).key()
-    assert one.key() != Point(gj90c(imbalance=6e-7), "response", one.values).key()
-    assert one.key() != Point(gj90c(), "onset", one.values).key()
+    one = SweepPoint(gj90c(), "response", (("viscosity_pa_s", 0.01), ("speed_rad_s", 1.0)))
+    assert one.key() == SweepPoint(gj90c(), "response", one.values[::-1]).key()
+    assert one.key() != SweepPoint(gj90c(imbalance=6e-7), "response", one.values).key()
+    assert one.key() != SweepPoint(gj90c(), "onset", one.values).key()
 
 
 def test_sweep_names_an_unknown_parameter() -> None:
@@ -226,7 +226,7 @@ def test_2000_points_on_two_dask_workers_give_the_same_bits_though_one_is_killed
 
 
 def _compare_with_cluster(
-    chosen: list[Point],
+    chosen: list[SweepPoint],
     cluster: distributed.LocalCluster,
     folder: Path,
     on_progress: Callable[[int, int], None],
