@@ -10,7 +10,7 @@ from model.rotor.parameters import GRAVITY, FloatingRing, Imbalance, ModelParame
 from model.rotor.rotor import Beam, Disc, Rotor, Segment, ShaftMass
 from model.rotor.rub import Rub
 from model.rotor.supports import Coefficients, StaticLoad, Support
-from model.rotor.tables import TableError, Table
+from model.rotor.tables import Table, TableError
 
 T = TypeVar("T")
 

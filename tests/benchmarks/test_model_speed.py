@@ -22,7 +22,12 @@ from model.dynamics.synchronous import SynchronousResponse, synchronous_response
 from model.linear.campbell import campbell
 from model.linear.linear_system import linear_system
 from model.prediction.live_prediction import predict
-from model.prediction.prediction_map import PredictionMap, compute_prediction_map, default_map_speeds, prediction_map_key
+from model.prediction.prediction_map import (
+    PredictionMap,
+    compute_prediction_map,
+    default_map_speeds,
+    prediction_map_key,
+)
 from model.rotor.gj90c import gj90c
 from model.rotor.supports import Coefficients, Support
 from tests.model.dynamics.equations import Rates, at_rest, compiled_rates, numpy_rates

@@ -16,7 +16,7 @@ from daq.session.sweep.run import grid, run_sweep
 from daq.session.sweep.workers import DaskWorkers, LocalWorkers
 from model.rotor.tables import SHOWN as SHOWN_UNITS
 from model.studies.study import Plot, Series, Study, Style
-from model.studies.sweep_quantities import QUANTITIES, SweepResult, SweepPoint
+from model.studies.sweep_quantities import QUANTITIES, SweepPoint, SweepResult
 from model.studies.varied_parameters import CHANGES
 
 SHOWN = 40  # points in the table that is printed

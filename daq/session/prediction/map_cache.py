@@ -21,7 +21,12 @@ from daq.config.loader import read_config
 from daq.config.rotor import configured_rotor
 from daq.session.prediction.file_lock import Claim
 from model.errors import ModelError
-from model.prediction.prediction_map import PredictionMap, compute_prediction_map, default_map_speeds, prediction_map_key
+from model.prediction.prediction_map import (
+    PredictionMap,
+    compute_prediction_map,
+    default_map_speeds,
+    prediction_map_key,
+)
 from model.rotor.parameters import ModelParameters
 from recordings.atomic_file import draft_of
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from daq.session.sweep.store import SweepStore
 from daq.session.sweep.workers import Workers
 from model.rotor.parameters import ModelParameters
-from model.studies.sweep_quantities import QUANTITIES, SweepResult, SweepPoint, variable_names, compute_points
+from model.studies.sweep_quantities import QUANTITIES, SweepPoint, SweepResult, compute_points, variable_names
 
 KEEP_INTERVAL = 2.0  # s between two parts
 PORTIONS = 200  # into which a sweep is cut, so that progress and resuming are fine enough

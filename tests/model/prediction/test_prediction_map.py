@@ -6,7 +6,12 @@ import pytest
 from numpy.typing import NDArray
 
 from analysis.signals.header import AnalysisSettings
-from model.prediction.prediction_map import PredictionMap, compute_prediction_map, default_map_speeds, prediction_map_key
+from model.prediction.prediction_map import (
+    PredictionMap,
+    compute_prediction_map,
+    default_map_speeds,
+    prediction_map_key,
+)
 from model.rotor.gj90c import gj90c
 from model.rotor.parameters import Imbalance, ModelParameters
 

@@ -23,7 +23,7 @@ from daq.session.sweep.run import grid, run_sweep
 from daq.session.sweep.store import SweepStore
 from daq.session.sweep.workers import DaskWorkers, LocalWorkers, Workers
 from model.rotor.gj90c import gj90c
-from model.studies.sweep_quantities import QUANTITIES, SweepResult, SweepPoint
+from model.studies.sweep_quantities import QUANTITIES, SweepPoint, SweepResult
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")
