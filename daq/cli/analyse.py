@@ -18,7 +18,7 @@ from daq.cli.output.terminal import Cell, aligned, number, show
 from daq.cli.runs import found
 from daq.errors import UsageError
 from daq.reports.analysis import Analysis
-from daq.reports.analysis_schema import analysis_document
+from daq.reports.analysis_schema import analysis_schema
 from daq.reports.columns import QUANTITIES
 from daq.reports.export import content, table
 from daq.reports.parameters import MOST_ORDERS, AnalysisForm, Question
@@ -97,7 +97,7 @@ def run(chosen: argparse.Namespace) -> int:
     for file in chosen.output:
         _write(file, analysis, run_id, chosen.kind)
     if chosen.json:
-        print_json(analysis_document(run_id, chosen.kind, analysis))
+        print_json(analysis_schema(run_id, chosen.kind, analysis))
     else:
         show(_lines(analysis))
     return 0

@@ -23,7 +23,7 @@ from daq.config.schema import Backend, DeviceSection
 from daq.drivers.ni import FoundDevice, connected_devices
 from daq.drivers.simulation import converter
 from daq.errors import ConfigError
-from daq.schemas.preflight import faulty_document, found_device_document, good_document, preflight_document
+from daq.schemas.preflight import found_device_schema, invalid_rig_schema, preflight_schema, valid_rig_schema
 from daq.session.preflight.preflight import Plan, Preflight, preflight
 from daq.session.preflight.rig_checks import disk_rate
 from recordings.catalogue.catalogue import data_folder
@@ -36,12 +36,12 @@ def run_check(chosen: argparse.Namespace) -> int:
     except ConfigError as error:
         if not chosen.json:
             raise
-        print_json(faulty_document(error))
+        print_json(invalid_rig_schema(error))
         return error.exit_code
     rate = converter.coerced_rate(rig.config.timing.rate_hz)
     convert_rate = converter.convert_rate(rate, len(rig.config.channel))
     if chosen.json:
-        print_json(good_document(rig, rate=rate, convert_rate=convert_rate, disk_rate=disk_rate(rig, rate)))
+        print_json(valid_rig_schema(rig, rate=rate, convert_rate=convert_rate, disk_rate=disk_rate(rig, rate)))
     else:
         show(_lines(rig, rate, convert_rate))
     return 0
@@ -73,7 +73,7 @@ def run_devices(chosen: argparse.Namespace) -> int:
     """List what is connected; return the exit code."""
     devices = connected_devices(DeviceSection(backend=Backend.NIDAQMX, target=chosen.target or ""))
     if chosen.json:
-        print_json([found_device_document(device) for device in devices])
+        print_json([found_device_schema(device) for device in devices])
     elif devices:
         print(devices[0].driver)
         for device in devices:
@@ -107,7 +107,7 @@ def run_preflight(chosen: argparse.Namespace) -> int:
     found = preflight(rig, plan, dt.datetime.now().astimezone().date(), console.progress)
     console.clear()
     if chosen.json:
-        print_json(preflight_document(rig.config.rig, found))
+        print_json(preflight_schema(rig.config.rig, found))
     else:
         show(table(found, width_of(sys.stdout) or _WIDTH + 1))
     if found.trouble is not None:

@@ -22,7 +22,7 @@ from daq.config.calibration import CalibrationRecord, Papers, fitted_record, loa
 from daq.config.loader import load_rig
 from daq.config.rig import MICRO, Rig
 from daq.errors import DeviceError, UsageError
-from daq.schemas.preflight import gap_document, tacho_document
+from daq.schemas.preflight import gap_calibration_schema, tacho_calibration_schema
 from daq.session.preflight.calibration import Point, measured_point, points_of, probe_row, tacho_levels
 
 _STEPS_END = """\
@@ -130,7 +130,7 @@ def gap(chosen: argparse.Namespace) -> int:
     write_record(path, record)
     load_calibration(path)  # what was written is what a rig will read
     if chosen.json:
-        print_json(gap_document(chosen.channel, path, record, fit))
+        print_json(gap_calibration_schema(chosen.channel, path, record, fit))
     else:
         print("\n".join(_told(points, fit)))
         print(f'{path}: written; in {rig.path} name it at the channel: calibration = "{_named(path, rig)}"')
@@ -142,7 +142,7 @@ def tacho(chosen: argparse.Namespace) -> int:
     rig = load_rig(Path(chosen.config))
     levels = tacho_levels(rig)
     if chosen.json:
-        print_json(tacho_document(rig.tacho, levels))
+        print_json(tacho_calibration_schema(rig.tacho, levels))
         return NOT_READY if levels is None else 0
     if levels is None:
         print("the tacho does not switch between two levels: turn the shaft, by hand if need be, and look at its mark")

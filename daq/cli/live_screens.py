@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Self
 from daq.cli.output.progress import Console
 from daq.errors import ServiceError, UsageError
 from daq.reports.summaries import Summaries
-from daq.schemas.events import AcknowledgedDocument, MarkDocument, alarm_document, mark_document
+from daq.schemas.events import AcknowledgedAlarmsSchema, MarkerSchema, alarm_schema, marker_schema
 from daq.service.access import is_loopback
 from daq.service.app import Abilities, create_app
 from daq.service.jobs.queue import DataPlace, Jobs
@@ -122,18 +122,18 @@ class Screens:
         run.stop()
         return run.header.run
 
-    def mark(self, text: str) -> MarkDocument | None:
+    def mark(self, text: str) -> MarkerSchema | None:
         """Name the present moment of the run that is recorded; None where none is."""
         run = self._shown
         mark = run.mark(text) if run is not None and isinstance(run, Marked) else None
-        return None if run is None or mark is None else mark_document(mark, run.header.acquisition.rate)
+        return None if run is None or mark is None else marker_schema(mark, run.header.acquisition.rate)
 
-    def acknowledge(self) -> AcknowledgedDocument | None:
+    def acknowledge(self) -> AcknowledgedAlarmsSchema | None:
         """Take note of the alarms of the run that is shown; None where none is."""
         run = self._shown
         if run is None:
             return None
-        return AcknowledgedDocument(run=run.header.run, alarms=tuple(alarm_document(a) for a in run.acknowledge()))
+        return AcknowledgedAlarmsSchema(run=run.header.run, alarms=tuple(alarm_schema(a) for a in run.acknowledge()))
 
     @property
     def _shown(self) -> Run | None:

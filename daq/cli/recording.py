@@ -25,7 +25,7 @@ from daq.config.rig import Rig
 from daq.config.schema import StorageSection
 from daq.drivers.replay import open_replay
 from daq.reports.summaries import Summaries
-from daq.schemas.runs import run_document
+from daq.schemas.runs import run_schema
 from daq.service.run_reader import Readings
 from daq.session.live_update import RunState, Status
 from daq.session.prediction.predictors import PATIENCE, Predictors
@@ -136,7 +136,7 @@ def run_record(chosen: argparse.Namespace) -> int:
         names = list(file_names(order.path))
         if len(names) > FEW and not chosen.json:
             for name in names:
-                print(run_line(run_document(catalogue.run(name))))
+                print(run_line(run_schema(catalogue.run(name))))
             print(f"{len(names)} recordings; rig summary RUN tells more of each")
             return outcome.exit_code
         try:

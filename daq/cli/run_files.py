@@ -14,7 +14,7 @@ from daq.cli.output.progress import Console
 from daq.cli.output.summary_text import print_json
 from daq.cli.output.terminal import show
 from daq.cli.runs import found
-from daq.schemas.verification import recovery_document, verification_document
+from daq.schemas.verification import recovery_schema, verification_schema
 from daq.session.import_run import import_run
 from recordings.catalogue.catalogue import SUFFIX, Catalogue, data_folder
 from recordings.exchange.export import pulses_table, results_table, samples_table
@@ -132,7 +132,7 @@ def run(chosen: argparse.Namespace) -> int:
     verification = verify(catalogue.path(run_id), partial(console.progress, f"verifying {run_id}"))
     console.done()
     if chosen.json:
-        print_json(verification_document(verification))
+        print_json(verification_schema(verification))
     else:
         show(_lines(verification))
     return 0 if verification.verdict is Verdict.SOUND else NOT_WHOLE
@@ -158,7 +158,7 @@ def run_recover(chosen: argparse.Namespace) -> int:
     target = Path(chosen.output) if chosen.output else source.with_name(f"{source.stem}-recovered{SUFFIX}")
     recovery = recover(source, target)
     if chosen.json:
-        print_json(recovery_document(recovery))
+        print_json(recovery_schema(recovery))
     else:
         print(
             f"{recovery.target}: {recovery.samples:,} samples a channel in {len(recovery.stretches)} "

@@ -14,7 +14,7 @@ from daq.cli.output.summary_text import print_json, tell
 from daq.config.calibration import load_calibration
 from daq.errors import UsageError
 from daq.reports.summaries import Summaries
-from daq.schemas.runs import RunDocument, index_document, run_document
+from daq.schemas.runs import RunSchema, index_report_schema, run_schema
 from daq.session.offline import summarise
 from daq.session.prediction.predictors import Predictors
 from recordings.catalogue.catalogue import SUFFIX, Catalogue, data_folder
@@ -42,7 +42,7 @@ def found(recording: str, folder: str) -> tuple[Catalogue, str]:
     return catalogue, run_id
 
 
-def run_line(run: RunDocument) -> str:
+def run_line(run: RunSchema) -> str:
     """Return what there is to say of a run in a line of a list."""
     state = "complete" if run.is_complete else "cut short"
     if run.is_complete and not run.is_gap_free:
@@ -53,7 +53,7 @@ def run_line(run: RunDocument) -> str:
     return "  ".join((run.run, f"{run.duration_s or 0.0:8.1f} s", size, run.fault or state, *said_of(run)))
 
 
-def said_of(run: RunDocument) -> list[str]:
+def said_of(run: RunSchema) -> list[str]:
     """Return what people say of a run: tags, note, remark."""
     words = [" ".join(text.split()) for text in (run.note or "", run.remark)]
     return [*(f"#{tag}" for tag in run.tags), *(f"“{text}”" for text in words if text)]
@@ -131,7 +131,7 @@ def index(chosen: argparse.Namespace) -> int:
     faults = {entry.id: entry.fault or entry.verdict for entry in catalogue.runs()}
     unsound = [run_id for run_id, fault in faults.items() if fault not in ("", "sound")]
     if chosen.json:
-        print_json(index_document(report))
+        print_json(index_report_schema(report))
     else:
         for name, run_ids in (("new", report.new), ("changed", report.changed), ("vanished", report.vanished)):
             for run_id in run_ids:
@@ -160,10 +160,10 @@ def runs(chosen: argparse.Namespace) -> int:
     catalogue = Catalogue(data_folder(chosen.folder))
     entries = catalogue.search(search) if search != Search() else catalogue.runs()
     if chosen.json:
-        print_json([run_document(entry) for entry in entries])
+        print_json([run_schema(entry) for entry in entries])
     elif entries:
         for entry in entries:
-            print(run_line(run_document(entry)))
+            print(run_line(run_schema(entry)))
     else:
         print(f"no {'such ' if search != Search() else ''}runs in {catalogue.folder}")
     return 0
@@ -181,9 +181,9 @@ def annotate(chosen: argparse.Namespace) -> int:
     except ValueError as error:
         raise UsageError(str(error)) from error
     if chosen.json:
-        print_json(run_document(entry))
+        print_json(run_schema(entry))
     else:
-        print("  ".join((entry.id, *said_of(run_document(entry)))))
+        print("  ".join((entry.id, *said_of(run_schema(entry)))))
     return 0
 
 

@@ -6,12 +6,12 @@ from pydantic import Field
 
 from daq.reports.analysis import Analysis
 from daq.reports.columns import QUANTITIES, Column
-from daq.schemas.units import Document
+from daq.schemas.units import Schema
 
 DIGITS = 9  # that count: finer than what probes and tacho resolve
 
 
-class AnalysisDocument(Document):
+class AnalysisSchema(Schema):
     """A table in columns of one length, and single figures; every name carries its unit."""
 
     run: str = Field(description="Id of the run", examples=["2026-11-24T09-12-07-gj90c"])
@@ -36,10 +36,10 @@ class AnalysisDocument(Document):
     )
 
 
-def analysis_document(run: str, kind: str, analysis: Analysis) -> AnalysisDocument:
+def analysis_schema(run: str, kind: str, analysis: Analysis) -> AnalysisSchema:
     """Return an analysis as a document."""
     names = dict.fromkeys([*(column.name for column in analysis.columns), *analysis.figures])
-    return AnalysisDocument(
+    return AnalysisSchema(
         run=run,
         analysis=kind,
         title=analysis.title,

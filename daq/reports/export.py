@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from daq.reports.analysis import Analysis, Tell
-from daq.reports.analysis_schema import analysis_document
+from daq.reports.analysis_schema import analysis_schema
 from daq.reports.parameters import AnalysisForm, Asked
 from daq.reports.plots.png import picture
 from daq.reports.plots.svg import drawing
@@ -54,7 +54,7 @@ def content(analysis: Analysis, run: str, kind: str, form: AnalysisForm) -> byte
     """Return an analysis in a form; NoPngError or NoArrowError where a package for it is not installed here."""
     match form:
         case AnalysisForm.JSON:
-            return analysis_document(run, kind, analysis).model_dump_json().encode()
+            return analysis_schema(run, kind, analysis).model_dump_json().encode()
         case AnalysisForm.NPZ:
             return _npz(analysis, run)
         case AnalysisForm.ARROW:

@@ -16,7 +16,7 @@ from analysis.spectra.full_spectrum import full_spectrum
 from analysis.spectra.waterfall import order_axis
 from daq.reports.parameters import RecordedCascadeQuery, RecordedWaterfallQuery
 from daq.reports.records import NoSuchMomentError, Records
-from daq.schemas.results import CascadeDocument, TrendDocument, Values, WaterfallDocument
+from daq.schemas.results import CascadeSchema, TrendSchema, Values, WaterfallSchema
 from daq.schemas.units import finite, lag_degrees, micrometres, rpm
 from daq.session.offline import results
 from recordings.mcap.reader import RunReader
@@ -25,14 +25,14 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
 
 
-def cascade(path: Path, found: Records, query: RecordedCascadeQuery) -> CascadeDocument:
+def cascade(path: Path, found: Records, query: RecordedCascadeQuery) -> CascadeSchema:
     """Return spectra over speed, from 0 to the highest."""
     has_frame = np.isfinite(found.frame_speed)
     if not has_frame.any():
         raise NoSuchMomentError("no order spectrum in the run")
     width = found.frame_speed[has_frame].max() / query.rows
     orders, amplitudes, rows = _largest(path, found, _bins(found.frame_speed, width, query.rows), query)
-    return CascadeDocument(
+    return CascadeSchema(
         run=found.header.run,
         speeds_rpm=tuple(rpm(speed) for speed in ((rows + 0.5) * width).tolist()),
         orders=orders,
@@ -40,7 +40,7 @@ def cascade(path: Path, found: Records, query: RecordedCascadeQuery) -> CascadeD
     )
 
 
-def waterfall(path: Path, found: Records, query: RecordedWaterfallQuery) -> WaterfallDocument:
+def waterfall(path: Path, found: Records, query: RecordedWaterfallQuery) -> WaterfallSchema:
     """Return spectra over time, from the begin of the stretch that is asked for to its end."""
     of_segment = (found.segment == query.segment) & np.isfinite(found.frame_speed)
     end = np.inf if query.duration_s is None else query.from_s + query.duration_s
@@ -52,7 +52,7 @@ def waterfall(path: Path, found: Records, query: RecordedWaterfallQuery) -> Wate
     row_of = _bins(passed, width, query.rows)
     orders, amplitudes, rows = _largest(path, found, row_of, query)
     speeds = [found.frame_speed[row_of == row].mean() for row in rows]
-    return WaterfallDocument(
+    return WaterfallSchema(
         run=found.header.run,
         segment=query.segment,
         times_s=tuple(finite(time) for time in (query.from_s + (rows + 0.5) * width).tolist()),
@@ -111,7 +111,7 @@ def _spectrum_of(header: RunHeader, *, full: bool) -> tuple[FloatArray, Callable
     return axis, lambda frame: full_spectrum(frame.orders, frame.spectrum, pair).amplitudes
 
 
-def trend_document(found: Records, segment: int | None, begin: float, end: float, entries: int) -> TrendDocument:
+def trend_schema(found: Records, segment: int | None, begin: float, end: float, entries: int) -> TrendSchema:
     """Return values over time as a document.
 
     Parameters
@@ -146,7 +146,7 @@ def trend_document(found: Records, segment: int | None, begin: float, end: float
 
     order, size = _largest_whirls(found.whirl_order[index], found.whirl_amplitude[index], starts)
     lag_x, lag_y = (_all_lags(vector[index][last]) for vector in found.vectors)
-    return TrendDocument(
+    return TrendSchema(
         run=found.header.run,
         results_per_entry=width,
         segment=tuple(segments[last].tolist()),

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from analysis.signals.header import Channel
 from daq.reports.parameters import SampleFormat, SamplesQuery, SampleUnit
 from daq.reports.records import NoSuchMomentError
-from daq.schemas.results import ChannelSamplesDocument, SamplesDocument
+from daq.schemas.results import ChannelSamplesSchema, SamplesSchema
 from daq.schemas.units import finite
 from recordings.mcap.reader import RunReader
 
@@ -62,14 +62,14 @@ def samples(path: Path, query: SamplesQuery, form: SampleFormat, packed: bool) -
     channels = header.acquisition.channels
     scaled = [_scaled(channel, row, query.unit) for channel, row in zip(channels, codes, strict=True)]
     if form is SampleFormat.JSON:
-        document = SamplesDocument(
+        document = SamplesSchema(
             run=header.run,
             segment=query.segment,
             first_sample=first,
             samples=stop - first,
             rate_hz=rate,
             channels=tuple(
-                ChannelSamplesDocument(name=channel.name, unit=unit, values=tuple(map(finite, row.tolist())))
+                ChannelSamplesSchema(name=channel.name, unit=unit, values=tuple(map(finite, row.tolist())))
                 for channel, (row, unit) in zip(channels, scaled, strict=True)
             ),
         )

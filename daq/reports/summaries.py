@@ -10,8 +10,8 @@ from pydantic import ValidationError
 from analysis.live.delivery import Delivery
 from analysis.live.summary import RunSummary
 from analysis.signals.header import Calibration, RunHeader
-from daq.schemas.events import mark_document
-from daq.schemas.summary import SummaryDocument, summary_document
+from daq.schemas.events import marker_schema
+from daq.schemas.summary import SummarySchema, summary_schema
 from daq.session.offline import corrected_header, summarise
 from daq.session.prediction.predictors import PATIENCE
 from model.prediction.comparison import compare
@@ -65,7 +65,7 @@ class Summaries:
         self._maps = maps
         self._read = read
 
-    def summary(self, run_id: str) -> SummaryDocument:
+    def summary(self, run_id: str) -> SummarySchema:
         """Return a run's summary; the agreement is null as long as the model's map is being computed.
 
         Raises
@@ -75,11 +75,11 @@ class Summaries:
         """
         return self._kept(run_id) or self._made(run_id, None)
 
-    def patiently(self, run_id: str, waiting: Waiting) -> SummaryDocument:
+    def patiently(self, run_id: str, waiting: Waiting) -> SummarySchema:
         """Return a run's summary with the agreement, however long the model takes; `waiting` is told what goes on."""
         return self._kept(run_id) or self._made(run_id, waiting)
 
-    def reevaluated(self, run_id: str, calibrations: Mapping[str, Calibration], waiting: Waiting) -> SummaryDocument:
+    def reevaluated(self, run_id: str, calibrations: Mapping[str, Calibration], waiting: Waiting) -> SummarySchema:
         """Return the summary that a run has with other calibrations, by probe; its kept summary stays as it is.
 
         Raises
@@ -99,23 +99,23 @@ class Summaries:
 
     def document(
         self, summary: RunSummary, header: RunHeader, delivery: Delivery, marks: tuple[Mark, ...] = ()
-    ) -> SummaryDocument:
+    ) -> SummarySchema:
         """Return a summary with how it agrees with the model of the run's rig, null where its map is not ready."""
         prediction_map = self._maps.of(header).map
         agreement = None if prediction_map is None else compare(summary, prediction_map)
         rate = header.acquisition.rate
-        return summary_document(summary, agreement, delivery, tuple(mark_document(mark, rate) for mark in marks))
+        return summary_schema(summary, agreement, delivery, tuple(marker_schema(mark, rate) for mark in marks))
 
-    def _kept(self, run_id: str) -> SummaryDocument | None:
+    def _kept(self, run_id: str) -> SummarySchema | None:
         document = self._catalogue.load_document(run_id, KEPT_AS)
         if document is None:
             return None
         try:
-            return SummaryDocument.model_validate(document)
+            return SummarySchema.model_validate(document)
         except ValidationError:  # kept by another version of the program
             return None
 
-    def _made(self, run_id: str, waiting: Waiting | None) -> SummaryDocument:
+    def _made(self, run_id: str, waiting: Waiting | None) -> SummarySchema:
         with RunReader(self._catalogue.path(run_id)) as reader:
             header, is_complete, delivery = reader.header, reader.is_complete, reader.delivery
             marks = reader.marks()

@@ -8,13 +8,13 @@ from typing import Annotated
 from pydantic import Field
 
 from analysis.signals.snapshot import CounterReport, CounterState
-from daq.schemas.units import Document, degrees, finite, micrometres, rpm
+from daq.schemas.units import Schema, degrees, finite, micrometres, rpm
 from model.prediction.comparison import Agreement, SynchronousAgreement, WhirlAgreement
 
 Count = Annotated[int, Field(ge=0)]
 
 
-class SynchronousAgreementDocument(Document):
+class SynchronousAgreementSchema(Schema):
     """Measured against predicted 1X; both probes count alike."""
 
     speeds: Count = Field(description="Number of measured speeds that are compared", examples=[52])
@@ -44,7 +44,7 @@ class SynchronousAgreementDocument(Document):
     )
 
 
-class WhirlAgreementDocument(Document):
+class WhirlAgreementSchema(Schema):
     """Predicted and measured whirl of one rank: the first to come with rising speed, the second, and so on."""
 
     predicted_order: float | None = Field(
@@ -75,31 +75,31 @@ class WhirlAgreementDocument(Document):
     )
 
 
-class AgreementDocument(Document):
+class AgreementSchema(Schema):
     """A run against the model."""
 
-    synchronous: SynchronousAgreementDocument | None = Field(
+    synchronous: SynchronousAgreementSchema | None = Field(
         description="1X by speed; null where no measured speed can be compared"
     )
-    whirls: tuple[WhirlAgreementDocument, ...] = Field(description="Below 1X, in rising order of onset")
+    whirls: tuple[WhirlAgreementSchema, ...] = Field(description="Below 1X, in rising order of onset")
     instability_onset_rpm: float | None = Field(
         description="Lowest speed from which the model's 1X motion is unstable, r/min; null where it never is",
         examples=[9320.0],
     )
 
 
-def agreement_document(agreement: Agreement) -> AgreementDocument:
+def agreement_schema(agreement: Agreement) -> AgreementSchema:
     """Return how far a run agrees with the model as a document."""
     synchronous = agreement.synchronous
-    return AgreementDocument(
+    return AgreementSchema(
         synchronous=None if synchronous is None else _synchronous(synchronous),
         whirls=tuple(_whirl(whirl) for whirl in agreement.whirls),
         instability_onset_rpm=rpm(agreement.instability_onset),
     )
 
 
-def _synchronous(one: SynchronousAgreement) -> SynchronousAgreementDocument:
-    return SynchronousAgreementDocument(
+def _synchronous(one: SynchronousAgreement) -> SynchronousAgreementSchema:
+    return SynchronousAgreementSchema(
         speeds=one.speeds,
         median_amplitude_ratio=finite(one.median_ratio),
         worst_amplitude_ratio=finite(one.worst_ratio),
@@ -113,9 +113,9 @@ def _synchronous(one: SynchronousAgreement) -> SynchronousAgreementDocument:
     )
 
 
-def _whirl(whirl: WhirlAgreement) -> WhirlAgreementDocument:
+def _whirl(whirl: WhirlAgreement) -> WhirlAgreementSchema:
     predicted, measured = whirl.predicted, whirl.measured
-    return WhirlAgreementDocument(
+    return WhirlAgreementSchema(
         predicted_order=None if predicted is None else finite(predicted.order),
         predicted_onset_rpm=None if predicted is None else rpm(predicted.onset),
         predicted_largest_peak_um=None if predicted is None else micrometres(predicted.amplitude),
@@ -127,7 +127,7 @@ def _whirl(whirl: WhirlAgreement) -> WhirlAgreementDocument:
     )
 
 
-class CounterDocument(Document):
+class CounterSchema(Schema):
     """The tacho's counter against its waveform since the run began."""
 
     state: CounterState = Field(description="The verdict", examples=["agrees"])
@@ -148,11 +148,11 @@ class CounterDocument(Document):
     )
 
 
-def counter_document(counter: CounterReport | None) -> CounterDocument | None:
+def counter_schema(counter: CounterReport | None) -> CounterSchema | None:
     """Return a comparison as a document; None where no counter stamps."""
     if counter is None:
         return None
-    return CounterDocument(
+    return CounterSchema(
         state=counter.state,
         compared=counter.compared,
         missing=counter.missing,

@@ -12,13 +12,13 @@ from pydantic import BaseModel, ConfigDict, Field
 from analysis.live.alarms import Alarm, Watched
 from analysis.signals.header import Severity
 from analysis.whirl.findings import Moment
-from daq.schemas.units import Document, finite, micrometres, moment, rpm
+from daq.schemas.units import Schema, finite, micrometres, moment, rpm
 from daq.session.alarms import alarm_name, alarm_size
 from daq.session.live_update import PlacedMark
 from recordings.mcap.markers import MOST_LETTERS, Mark, MarkKind
 
 
-class MomentDocument(Document):
+class TimeInRunSchema(Schema):
     """A place in a run."""
 
     segment: int = Field(description="Gap-free stretch of the run, from 0", examples=[0], ge=0)
@@ -26,12 +26,12 @@ class MomentDocument(Document):
     speed_rpm: float | None = Field(description="Shaft speed there, r/min; null where unknown", examples=[10_980.0])
 
 
-def place_document(place: Moment) -> MomentDocument:
+def time_in_run_schema(place: Moment) -> TimeInRunSchema:
     """Return a place in a run as a document."""
-    return MomentDocument(segment=place.segment, time_s=finite(place.time) or 0.0, speed_rpm=rpm(place.speed))
+    return TimeInRunSchema(segment=place.segment, time_s=finite(place.time) or 0.0, speed_rpm=rpm(place.speed))
 
 
-class MarkDocument(Document):
+class MarkerSchema(Schema):
     """A moment and its name."""
 
     kind: MarkKind = Field(
@@ -45,13 +45,13 @@ class MarkDocument(Document):
     at: datetime = Field(description="Wall clock of the host, UTC", examples=["2026-11-24T09:12:19.550000Z"])
 
 
-class LiveMarkDocument(MarkDocument):
+class LiveMarkerSchema(MarkerSchema):
     """A moment of the run under way."""
 
     elapsed_s: float | None = Field(description="Sample time since the run began, s", examples=[12.3])
 
 
-class MarkOrder(BaseModel):
+class MarkerRequest(BaseModel):
     """What the present moment is to be called."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -59,9 +59,9 @@ class MarkOrder(BaseModel):
     text: Annotated[str, Field(description="Its name", examples=["knocking begins"], max_length=MOST_LETTERS)] = "mark"
 
 
-def mark_document(mark: Mark, rate: float) -> MarkDocument:
+def marker_schema(mark: Mark, rate: float) -> MarkerSchema:
     """Return a mark as a document, for the run's sample rate, Hz."""
-    return MarkDocument(
+    return MarkerSchema(
         kind=mark.kind,
         text=mark.text,
         segment=mark.segment,
@@ -70,9 +70,9 @@ def mark_document(mark: Mark, rate: float) -> MarkDocument:
     )
 
 
-def live_mark_document(placed: PlacedMark) -> LiveMarkDocument:
+def live_marker_schema(placed: PlacedMark) -> LiveMarkerSchema:
     """Return a mark of the run under way as a document."""
-    return LiveMarkDocument(
+    return LiveMarkerSchema(
         kind=placed.mark.kind,
         text=placed.mark.text,
         segment=placed.mark.segment,
@@ -82,7 +82,7 @@ def live_mark_document(placed: PlacedMark) -> LiveMarkDocument:
     )
 
 
-class AlarmDocument(Document):
+class AlarmSchema(Schema):
     """A limit that was passed: by vibration for as long as the rig's `limits.hold_s` asks, by the speed at all."""
 
     number: int = Field(description="In the order in which they came, from 1", examples=[2], ge=1)
@@ -98,7 +98,7 @@ class AlarmDocument(Document):
     )
     limit_peak_um: float | None = Field(description="Limit of 1X or of what is below it, µm peak", examples=[None])
     limit_rpm: float | None = Field(description="Limit of the speed, r/min", examples=[None])
-    begin: MomentDocument = Field(description="When the alarm came")
+    begin: TimeInRunSchema = Field(description="When the alarm came")
     largest_peak_to_peak_um: float | None = Field(
         description="Largest overall vibration since the limit was passed, µm peak-to-peak", examples=[97.2]
     )
@@ -106,8 +106,8 @@ class AlarmDocument(Document):
         description="Largest 1X, or sum of the amplitudes below it, since then, µm peak", examples=[None]
     )
     largest_rpm: float | None = Field(description="Highest speed since then, r/min", examples=[None])
-    largest_at: MomentDocument = Field(description="Where that was")
-    end: MomentDocument | None = Field(
+    largest_at: TimeInRunSchema = Field(description="Where that was")
+    end: TimeInRunSchema | None = Field(
         description="When the value had fallen below the limit by the rig's hysteresis; null while it lasts, or "
         "where it lasted to the run's end"
     )
@@ -117,22 +117,22 @@ class AlarmDocument(Document):
     )
 
 
-class AcknowledgeDocument(Document):
+class AcknowledgeRequest(Schema):
     """An order to take note of the alarms in sight; it has no fields."""
 
 
-class AcknowledgedDocument(Document):
+class AcknowledgedAlarmsSchema(Schema):
     """Alarms that somebody has taken note of."""
 
     run: str = Field(description="Id of the run", examples=["2026-11-24T09-12-07-gj90c"])
-    alarms: tuple[AlarmDocument, ...] = Field(description="Those that were new; those that last stay in sight")
+    alarms: tuple[AlarmSchema, ...] = Field(description="Those that were new; those that last stay in sight")
 
 
-def alarm_document(alarm: Alarm) -> AlarmDocument:
+def alarm_schema(alarm: Alarm) -> AlarmSchema:
     """Return an alarm as a document."""
     is_overall, is_speed = alarm.quantity is Watched.OVERALL, alarm.quantity is Watched.SPEED
     is_peak = not is_overall and not is_speed
-    return AlarmDocument(
+    return AlarmSchema(
         number=alarm.number,
         quantity=alarm.quantity,
         probe=alarm.probe or None,
@@ -140,12 +140,12 @@ def alarm_document(alarm: Alarm) -> AlarmDocument:
         limit_peak_to_peak_um=micrometres(alarm.limit) if is_overall else None,
         limit_peak_um=micrometres(alarm.limit) if is_peak else None,
         limit_rpm=rpm(alarm.limit) if is_speed else None,
-        begin=place_document(alarm.begin),
+        begin=time_in_run_schema(alarm.begin),
         largest_peak_to_peak_um=micrometres(alarm.largest) if is_overall else None,
         largest_peak_um=micrometres(alarm.largest) if is_peak else None,
         largest_rpm=rpm(alarm.largest) if is_speed else None,
-        largest_at=place_document(alarm.largest_at),
-        end=None if alarm.end is None else place_document(alarm.end),
+        largest_at=time_in_run_schema(alarm.largest_at),
+        end=None if alarm.end is None else time_in_run_schema(alarm.end),
         name=alarm_name(alarm),
         told=alarm_size(alarm),
     )

@@ -7,11 +7,11 @@ from pydantic import Field
 
 from analysis.signals.header import Channel, Device, Limits, Role, RunOutSettings
 from analysis.signals.snapshot import RunOut
-from daq.schemas.units import Document, degrees, micrometres, rpm
-from daq.schemas.vibration import ProbesDocument, probes_document
+from daq.schemas.units import Schema, degrees, micrometres, rpm
+from daq.schemas.vibration import ProbeVectorsSchema, probe_vectors_schema
 
 
-class DeviceDocument(Document):
+class DeviceSchema(Schema):
     """What delivered the samples."""
 
     backend: str = Field(description="The driver behind it", examples=["nidaqmx"])
@@ -20,7 +20,7 @@ class DeviceDocument(Document):
     simulated: bool = Field(description="Whether it is simulated: no real shaft turned", examples=[False])
 
 
-class ChannelDocument(Document):
+class ChannelSchema(Schema):
     """An input and what is wired to it."""
 
     name: str = Field(description="The operator's name for it", examples=["x"])
@@ -31,7 +31,7 @@ class ChannelDocument(Document):
     )
 
 
-class LimitsDocument(Document):
+class LimitsSchema(Schema):
     """What the operator must not pass, and the room there is."""
 
     peak_to_peak_alarm_um: float | None = Field(
@@ -61,22 +61,22 @@ class LimitsDocument(Document):
     speed_danger_rpm: float | None = Field(description="The same for danger, r/min", examples=[19_500.0])
 
 
-def channel_document(channel: Channel) -> ChannelDocument:
+def channel_schema(channel: Channel) -> ChannelSchema:
     """Return a channel as a document."""
     angle = None if channel.role is Role.TACHO else degrees(channel.angle)
-    return ChannelDocument(name=channel.name, role=channel.role, angle_deg=angle)
+    return ChannelSchema(name=channel.name, role=channel.role, angle_deg=angle)
 
 
-def device_document(device: Device) -> DeviceDocument:
+def device_schema(device: Device) -> DeviceSchema:
     """Return a device as a document."""
-    return DeviceDocument(
+    return DeviceSchema(
         backend=device.backend, product=device.product, serial=device.serial, simulated=device.simulated
     )
 
 
-def limits_document(limits: Limits) -> LimitsDocument:
+def limits_schema(limits: Limits) -> LimitsSchema:
     """Return limits as a document."""
-    return LimitsDocument(
+    return LimitsSchema(
         peak_to_peak_alarm_um=micrometres(limits.peak_to_peak_alarm),
         peak_to_peak_danger_um=micrometres(limits.peak_to_peak_danger),
         clearance_um=micrometres(limits.clearance),
@@ -90,7 +90,7 @@ def limits_document(limits: Limits) -> LimitsDocument:
     )
 
 
-class RunOutDocument(Document):
+class RunOutSchema(Schema):
     """What the probes see of the surface; what is called compensated is less by it, all else is as measured."""
 
     source: str = Field(description="Where it is known from", examples=["slow roll of this run", "rig.toml"])
@@ -99,20 +99,20 @@ class RunOutDocument(Document):
     )
     is_known: bool = Field(description="Whether it is known: a slow roll must come first", examples=[True])
     from_orbit: bool = Field(description="Whether it is taken off the orbit too", examples=[False])
-    order_1x: ProbesDocument | None = Field(description="The run-out at running speed; null until it is known")
-    order_2x: ProbesDocument | None = Field(description="The run-out at twice running speed; null likewise")
+    order_1x: ProbeVectorsSchema | None = Field(description="The run-out at running speed; null until it is known")
+    order_2x: ProbeVectorsSchema | None = Field(description="The run-out at twice running speed; null likewise")
 
 
-def runout_document(settings: RunOutSettings, runout: RunOut | None) -> RunOutDocument | None:
+def runout_schema(settings: RunOutSettings, runout: RunOut | None) -> RunOutSchema | None:
     """Return what is taken off as a document; None where nothing is to be."""
     if not settings.is_asked:
         return None
     told_by_run = settings.slow_roll_speed > 0.0
-    return RunOutDocument(
+    return RunOutSchema(
         source="slow roll of this run" if told_by_run else settings.source,
         slow_roll_rpm=rpm(settings.slow_roll_speed) if told_by_run else None,
         is_known=runout is not None,
         from_orbit=settings.from_orbit,
-        order_1x=None if runout is None else probes_document(runout.vectors[0].tolist()),
-        order_2x=None if runout is None else probes_document(runout.vectors[1].tolist()),
+        order_1x=None if runout is None else probe_vectors_schema(runout.vectors[0].tolist()),
+        order_2x=None if runout is None else probe_vectors_schema(runout.vectors[1].tolist()),
     )

@@ -8,24 +8,24 @@ from pydantic import Field
 
 from analysis.signals.header import Role, RunHeader, Severity
 from analysis.signals.snapshot import OrderFrame, Snapshot, TachoState, Whirl
-from daq.schemas.agreement import CounterDocument, counter_document
-from daq.schemas.events import AlarmDocument, LiveMarkDocument, alarm_document, live_mark_document
+from daq.schemas.agreement import CounterSchema, counter_schema
+from daq.schemas.events import AlarmSchema, LiveMarkerSchema, alarm_schema, live_marker_schema
 from daq.schemas.header import (
-    DeviceDocument,
-    LimitsDocument,
-    RunOutDocument,
-    device_document,
-    limits_document,
-    runout_document,
+    DeviceSchema,
+    LimitsSchema,
+    RunOutSchema,
+    device_schema,
+    limits_schema,
+    runout_schema,
 )
-from daq.schemas.units import Document, finite, micrometres, moment, rpm
+from daq.schemas.units import Schema, finite, micrometres, moment, rpm
 from daq.schemas.vibration import (
     Direction,
-    MeasuredProbesDocument,
-    ProbesDocument,
+    MeasuredProbeVectorsSchema,
+    ProbeVectorsSchema,
     direction,
-    measured_probes_document,
-    probes_document,
+    measured_probe_vectors_schema,
+    probe_vectors_schema,
 )
 from daq.session.live_update import LiveFrame, RunState, Status
 from model.prediction.prediction_map import Prediction
@@ -34,7 +34,7 @@ Count = Annotated[int, Field(ge=0)]
 Speed = Annotated[float | None, Field(description="Shaft speed, r/min", examples=[11042.1])]
 
 
-class ClippingDocument(Document):
+class ClippingSchema(Schema):
     """What a channel lost at the ends of the converter's range since the run began."""
 
     channel: str = Field(description="Its name", examples=["x"])
@@ -45,7 +45,7 @@ class ClippingDocument(Document):
     )
 
 
-class StatusDocument(Document):
+class StatusSchema(Schema):
     """The state of the recording."""
 
     state: RunState = Field(description="Where the run stands", examples=["recording"])
@@ -63,18 +63,18 @@ class StatusDocument(Document):
     dropped_frames: Count = Field(description="Pictures that the view could not draw in time", examples=[0])
     severity: Severity = Field(description="The worst of the alarms that last", examples=["normal"])
     latched_severity: Severity = Field(description="The worst of the alarms in sight", examples=["normal"])
-    alarms: tuple[AlarmDocument, ...] = Field(
+    alarms: tuple[AlarmSchema, ...] = Field(
         description="Alarms in sight: they last, or nobody has acknowledged them (where the rig latches alarms)"
     )
     acknowledged_alarm: Count = Field(
         description="Number of the last alarm that somebody has acknowledged; 0 for none", examples=[0]
     )
-    marks: tuple[LiveMarkDocument, ...] = Field(description="The last moments that were marked, in their order")
+    marks: tuple[LiveMarkerSchema, ...] = Field(description="The last moments that were marked, in their order")
     model: str = Field(
         description='"ready", "ready, not exact: " and why, "computing 34 %", or why there is no prediction',
         examples=["ready"],
     )
-    clipped: tuple[ClippingDocument, ...] = Field(
+    clipped: tuple[ClippingSchema, ...] = Field(
         description="The channels that have been clipped, counted as they are recorded; empty in a replay"
     )
     last_loss: str = Field(
@@ -84,7 +84,7 @@ class StatusDocument(Document):
     detail: str = Field(description="What went wrong; empty where all is well", examples=[""])
 
 
-class TachoDocument(Document):
+class TachoSchema(Schema):
     """What the tacho gives, and what was seen of it since the run began."""
 
     state: TachoState = Field(description="The verdict on the last update interval", examples=["good"])
@@ -103,12 +103,12 @@ class TachoDocument(Document):
         description='What speed and phase are taken from: "samples" of the tacho, or a "counter" that stamps its edges',
         examples=["samples"],
     )
-    counter: CounterDocument | None = Field(
+    counter: CounterSchema | None = Field(
         description="How the counter and the samples compare; null where no counter stamps"
     )
 
 
-class WhirlDocument(Document):
+class WhirlSchema(Schema):
     """A component below 1X."""
 
     order: float = Field(description="Its frequency over the shaft's", examples=[0.49])
@@ -123,7 +123,7 @@ class WhirlDocument(Document):
     direction: Direction = Field(description="Whether it goes round with the shaft", examples=["forward"])
 
 
-class PredictedWhirlDocument(Document):
+class PredictedWhirlSchema(Schema):
     """The strongest component below 1X that the model expects."""
 
     order: float = Field(description="Its frequency over the shaft's", examples=[0.7])
@@ -133,7 +133,7 @@ class PredictedWhirlDocument(Document):
     )
 
 
-class ProbeDocument(Document):
+class ProbeSchema(Schema):
     """One probe as it stands."""
 
     name: str = Field(description="The operator's name for it", examples=["x"])
@@ -142,7 +142,7 @@ class ProbeDocument(Document):
     clipped_samples: Count = Field(description="Samples at the converter's rails since the run began", examples=[0])
 
 
-class MeasuredDocument(Document):
+class MeasurementSchema(Schema):
     """The shaft as the probes and the tacho see it."""
 
     segment: Count = Field(description="Gap-free stretch of the run, from 0", examples=[0])
@@ -152,34 +152,36 @@ class MeasuredDocument(Document):
     acceleration_rpm_per_s: float | None = Field(
         description="Mean rate of change of speed over the order frame, r/min per s", examples=[48.5]
     )
-    tacho: TachoDocument
-    probe_x: ProbeDocument
-    probe_y: ProbeDocument
+    tacho: TachoSchema
+    probe_x: ProbeSchema
+    probe_y: ProbeSchema
     peak_to_peak_x_um: float | None = Field(description="Overall at probe x, µm peak-to-peak", examples=[38.4])
     peak_to_peak_y_um: float | None = Field(description="Overall at probe y, µm peak-to-peak", examples=[41.0])
     peak_to_peak_of_clearance: float | None = Field(
         description="The larger of both over the clearance's diameter: 1 is all the room there is", examples=[0.205]
     )
-    order_1x: MeasuredProbesDocument | None = Field(
+    order_1x: MeasuredProbeVectorsSchema | None = Field(
         description="At running speed, as measured; null until there are enough revolutions"
     )
-    order_2x: MeasuredProbesDocument | None = Field(description="At twice running speed, as measured; null likewise")
-    order_1x_compensated: MeasuredProbesDocument | None = Field(
+    order_2x: MeasuredProbeVectorsSchema | None = Field(
+        description="At twice running speed, as measured; null likewise"
+    )
+    order_1x_compensated: MeasuredProbeVectorsSchema | None = Field(
         description="At running speed less run-out; null where no run-out is known"
     )
-    order_2x_compensated: MeasuredProbesDocument | None = Field(
+    order_2x_compensated: MeasuredProbeVectorsSchema | None = Field(
         description="At twice running speed less run-out; null where no run-out is known"
     )
     noise_peak_um: float | None = Field(
         description="Floor of the order spectrum between its lines, µm zero-to-peak", examples=[0.05]
     )
-    whirl: WhirlDocument | None = Field(description="Strongest component below 1X; null where none stands out")
-    whirls: tuple[WhirlDocument, ...] = Field(
+    whirl: WhirlSchema | None = Field(description="Strongest component below 1X; null where none stands out")
+    whirls: tuple[WhirlSchema, ...] = Field(
         description="All components below 1X that stand out, at most four, the strongest first"
     )
 
 
-class PredictedDocument(Document):
+class PredictedVibrationSchema(Schema):
     """What the model says the probes should see at the measured speed."""
 
     speed_rpm: Speed
@@ -189,51 +191,49 @@ class PredictedDocument(Document):
     )
     peak_to_peak_x_um: float | None = Field(description="Overall at probe x, µm peak-to-peak", examples=[52.0])
     peak_to_peak_y_um: float | None = Field(description="Overall at probe y, µm peak-to-peak", examples=[53.1])
-    order_1x: ProbesDocument = Field(description="At running speed")
-    order_2x: ProbesDocument = Field(description="At twice running speed")
-    whirl: PredictedWhirlDocument | None = Field(
-        description="Strongest component below 1X; null where none is expected"
-    )
+    order_1x: ProbeVectorsSchema = Field(description="At running speed")
+    order_2x: ProbeVectorsSchema = Field(description="At twice running speed")
+    whirl: PredictedWhirlSchema | None = Field(description="Strongest component below 1X; null where none is expected")
     growth_rate_per_s: float | None = Field(
         description="Growth rate of the least stable whirl about 1X motion, 1/s; positive: the oil film lets go",
         examples=[14.2],
     )
 
 
-class LiveDocument(Document):
+class LiveSchema(Schema):
     """One moment of the run that is under way, or of the last one while the service stays up."""
 
     run: str = Field(description="Id of the run", examples=["2026-11-24T09-12-07-gj90c"])
     rig: str = Field(description="Name of the rig", examples=["gj90c"])
     started_at: datetime = Field(description="Wall clock at the start, UTC", examples=["2026-11-24T09:12:07.250000Z"])
-    device: DeviceDocument
-    limits: LimitsDocument
-    runout: RunOutDocument | None = Field(description="What is taken off as run-out; null where nothing is to be")
-    status: StatusDocument
-    measured: MeasuredDocument | None = Field(description="The shaft; null before the first result")
-    predicted: PredictedDocument | None = Field(
+    device: DeviceSchema
+    limits: LimitsSchema
+    runout: RunOutSchema | None = Field(description="What is taken off as run-out; null where nothing is to be")
+    status: StatusSchema
+    measured: MeasurementSchema | None = Field(description="The shaft; null before the first result")
+    predicted: PredictedVibrationSchema | None = Field(
         description="The model at the measured speed; null where speed or model are not known"
     )
 
 
-def live_document(frame: LiveFrame) -> LiveDocument:
+def live_schema(frame: LiveFrame) -> LiveSchema:
     """Return one moment of a run as a document."""
     header, snapshot, prediction = frame.header, frame.snapshot, frame.prediction
-    return LiveDocument(
+    return LiveSchema(
         run=header.run,
         rig=header.rig,
         started_at=moment(header.started_ns),
-        device=device_document(header.acquisition.device),
-        limits=limits_document(header.limits),
-        runout=runout_document(header.settings.runout, frame.runout),
+        device=device_schema(header.acquisition.device),
+        limits=limits_schema(header.limits),
+        runout=runout_schema(header.settings.runout, frame.runout),
         status=_status(frame.status),
         measured=None if snapshot is None else _measured(snapshot, header),
-        predicted=None if prediction is None else predicted_document(prediction),
+        predicted=None if prediction is None else predicted_vibration_schema(prediction),
     )
 
 
-def _status(status: Status) -> StatusDocument:
-    return StatusDocument(
+def _status(status: Status) -> StatusSchema:
+    return StatusSchema(
         state=status.state,
         elapsed_s=finite(status.elapsed) or 0.0,
         samples=status.samples,
@@ -245,12 +245,12 @@ def _status(status: Status) -> StatusDocument:
         dropped_frames=status.dropped_frames,
         severity=status.severity,
         latched_severity=status.latched,
-        alarms=tuple(alarm_document(alarm) for alarm in status.alarms),
+        alarms=tuple(alarm_schema(alarm) for alarm in status.alarms),
         acknowledged_alarm=status.acknowledged,
-        marks=tuple(live_mark_document(mark) for mark in status.marks),
+        marks=tuple(live_marker_schema(mark) for mark in status.marks),
         model=status.model,
         clipped=tuple(
-            ClippingDocument(channel=each.channel, samples=each.samples, blocks=each.blocks, last_s=finite(each.last))
+            ClippingSchema(channel=each.channel, samples=each.samples, blocks=each.blocks, last_s=finite(each.last))
             for each in status.clipped
         ),
         last_loss=status.last_loss,
@@ -258,16 +258,16 @@ def _status(status: Status) -> StatusDocument:
     )
 
 
-def _measured(snapshot: Snapshot, header: RunHeader) -> MeasuredDocument:
+def _measured(snapshot: Snapshot, header: RunHeader) -> MeasurementSchema:
     frame = snapshot.frame
     tacho = snapshot.tacho
-    return MeasuredDocument(
+    return MeasurementSchema(
         segment=snapshot.segment,
         sample=snapshot.sample,
         time_s=finite(snapshot.time) or 0.0,
         speed_rpm=rpm(snapshot.speed),
         acceleration_rpm_per_s=None if frame is None else rpm(frame.acceleration),
-        tacho=TachoDocument(
+        tacho=TachoSchema(
             state=tacho.state,
             pulses=tacho.pulses,
             filled=tacho.filled,
@@ -275,7 +275,7 @@ def _measured(snapshot: Snapshot, header: RunHeader) -> MeasuredDocument:
             jitter_us=finite(tacho.jitter * 1e6),
             mark_is_arbitrary=tacho.mark_is_arbitrary,
             reference=header.acquisition.tacho.reference,
-            counter=counter_document(snapshot.counter),
+            counter=counter_schema(snapshot.counter),
         ),
         probe_x=_probe(snapshot, header, 0),
         probe_y=_probe(snapshot, header, 1),
@@ -292,26 +292,26 @@ def _measured(snapshot: Snapshot, header: RunHeader) -> MeasuredDocument:
     )
 
 
-def _line(frame: OrderFrame, order: int) -> MeasuredProbesDocument:
+def _line(frame: OrderFrame, order: int) -> MeasuredProbeVectorsSchema:
     which = order - 1
-    return measured_probes_document(frame.vectors[which], frame.sigma[which], frame.phase_sigma[which])
+    return measured_probe_vectors_schema(frame.vectors[which], frame.sigma[which], frame.phase_sigma[which])
 
 
-def _compensated_line(frame: OrderFrame, order: int) -> MeasuredProbesDocument | None:
+def _compensated_line(frame: OrderFrame, order: int) -> MeasuredProbeVectorsSchema | None:
     which, compensated = order - 1, frame.compensated
     if compensated is None or np.isnan(compensated[which]).any():
         return None
     sigma, phase = frame.compensated_sigma[which], frame.compensated_phase_sigma[which]
-    return measured_probes_document(compensated[which], sigma, phase)
+    return measured_probe_vectors_schema(compensated[which], sigma, phase)
 
 
-def _whirls(frame: OrderFrame) -> tuple[WhirlDocument, ...]:
+def _whirls(frame: OrderFrame) -> tuple[WhirlSchema, ...]:
     return tuple(told for whirl in frame.whirls if (told := _whirl(whirl, frame)) is not None)
 
 
-def _probe(snapshot: Snapshot, header: RunHeader, probe: int) -> ProbeDocument:
+def _probe(snapshot: Snapshot, header: RunHeader, probe: int) -> ProbeSchema:
     row = header.acquisition.row((Role.PROBE_X, Role.PROBE_Y)[probe])
-    return ProbeDocument(
+    return ProbeSchema(
         name=header.acquisition.channels[row].name,
         gap_v=finite(snapshot.gap_volts[probe]),
         gap_ok=bool(snapshot.gap_ok[probe]),
@@ -319,11 +319,11 @@ def _probe(snapshot: Snapshot, header: RunHeader, probe: int) -> ProbeDocument:
     )
 
 
-def _whirl(whirl: Whirl, frame: OrderFrame) -> WhirlDocument | None:
+def _whirl(whirl: Whirl, frame: OrderFrame) -> WhirlSchema | None:
     order = finite(whirl.order)
     if order is None:
         return None
-    return WhirlDocument(
+    return WhirlSchema(
         order=order,
         order_sigma=finite(whirl.order_sigma),
         frequency_hz=_frequency(whirl.order, frame.speed),
@@ -333,23 +333,23 @@ def _whirl(whirl: Whirl, frame: OrderFrame) -> WhirlDocument | None:
     )
 
 
-def predicted_document(prediction: Prediction) -> PredictedDocument:
+def predicted_vibration_schema(prediction: Prediction) -> PredictedVibrationSchema:
     """Return what the model says at a speed as a document."""
     order = finite(prediction.whirl_order)
     whirl = None
     if order is not None:
-        whirl = PredictedWhirlDocument(
+        whirl = PredictedWhirlSchema(
             order=order,
             frequency_hz=_frequency(order, prediction.speed),
             amplitude_peak_um=micrometres(prediction.whirl_amplitude),
         )
-    return PredictedDocument(
+    return PredictedVibrationSchema(
         speed_rpm=rpm(prediction.speed),
         is_exact=prediction.is_exact,
         peak_to_peak_x_um=micrometres(prediction.peak_to_peak[0]),
         peak_to_peak_y_um=micrometres(prediction.peak_to_peak[1]),
-        order_1x=probes_document(prediction.vectors[0]),
-        order_2x=probes_document(prediction.vectors[1]),
+        order_1x=probe_vectors_schema(prediction.vectors[0]),
+        order_2x=probe_vectors_schema(prediction.vectors[1]),
         whirl=whirl,
         growth_rate_per_s=finite(prediction.growth_rate),
     )

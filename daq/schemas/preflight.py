@@ -19,12 +19,12 @@ from daq.config.calibration import CalibrationRecord
 from daq.config.rig import Rig
 from daq.drivers.ni import FoundDevice
 from daq.errors import ConfigError
-from daq.schemas.header import DeviceDocument, device_document
-from daq.schemas.units import Document, finite
+from daq.schemas.header import DeviceSchema, device_schema
+from daq.schemas.units import Schema, finite
 from daq.session.preflight.preflight import Preflight
 
 
-class CalibratedPointDocument(Document):
+class CalibratedPointSchema(Schema):
     """A point and how well the polynomial meets it."""
 
     gap_um: float = Field(description="Set with the micrometer, µm")
@@ -32,7 +32,7 @@ class CalibratedPointDocument(Document):
     off_um: float | None = Field(description="The polynomial's gap less the point's, µm")
 
 
-class GapCalibrationDocument(Document):
+class GapCalibrationSchema(Schema):
     """A probe's new calibration."""
 
     channel: str = Field(description="The probe", examples=["x"])
@@ -41,10 +41,10 @@ class GapCalibrationDocument(Document):
     volts_low: float | None = Field(description="Lower end of the calibrated span, V")
     volts_high: float | None = Field(description="Upper end of the calibrated span, V")
     residual_um: float | None = Field(description="Largest deviation of a point, µm")
-    points: tuple[CalibratedPointDocument, ...] = Field(description="As they were measured")
+    points: tuple[CalibratedPointSchema, ...] = Field(description="As they were measured")
 
 
-class TachoCalibrationDocument(Document):
+class TachoCalibrationSchema(Schema):
     """Switching levels for the tacho; the proposal is null where its signal does not switch."""
 
     level_low_v: float | None = Field(description="Lower level of the signal, V")
@@ -57,10 +57,12 @@ class TachoCalibrationDocument(Document):
     present_hysteresis_v: float = Field(description="As the rig file has it, V")
 
 
-def gap_document(channel: str, path: Path, record: CalibrationRecord, fit: CalibrationFit) -> GapCalibrationDocument:
+def gap_calibration_schema(
+    channel: str, path: Path, record: CalibrationRecord, fit: CalibrationFit
+) -> GapCalibrationSchema:
     """Return a probe's new calibration as a document."""
     table = record.calibration
-    return GapCalibrationDocument(
+    return GapCalibrationSchema(
         channel=channel,
         file=str(path),
         coefficients_um=table.coefficients_um or (),
@@ -68,15 +70,15 @@ def gap_document(channel: str, path: Path, record: CalibrationRecord, fit: Calib
         volts_high=table.volts_high,
         residual_um=table.residual_um,
         points=tuple(
-            CalibratedPointDocument(gap_um=point.gap_um, volts=point.volts, off_um=finite(float(off) * 1e6))
+            CalibratedPointSchema(gap_um=point.gap_um, volts=point.volts, off_um=finite(float(off) * 1e6))
             for point, off in zip(record.point, fit.residuals, strict=True)
         ),
     )
 
 
-def tacho_document(tacho: Tacho, levels: Levels | None) -> TachoCalibrationDocument:
+def tacho_calibration_schema(tacho: Tacho, levels: Levels | None) -> TachoCalibrationSchema:
     """Return the tacho's levels and what they ask for as a document."""
-    return TachoCalibrationDocument(
+    return TachoCalibrationSchema(
         level_low_v=None if levels is None else finite(levels.low),
         level_high_v=None if levels is None else finite(levels.high),
         noise_v=None if levels is None else finite(levels.scatter),
@@ -88,7 +90,7 @@ def tacho_document(tacho: Tacho, levels: Levels | None) -> TachoCalibrationDocum
     )
 
 
-class CheckDocument(Document):
+class PreflightCheckSchema(Schema):
     """One line of the table."""
 
     name: str = Field(description="What was looked at", examples=["probe y gap"])
@@ -99,32 +101,32 @@ class CheckDocument(Document):
     advice: str = Field(description="What it means at the bench and what to do; empty where nothing is to be done")
 
 
-class PreflightDocument(Document):
+class PreflightSchema(Schema):
     """Whether a rig is ready."""
 
     rig: str = Field(description="Name of the rig", examples=["gj90c"])
     verdict: Verdict = Field(description="The worst of all checks; FAIL stands against a run")
-    device: DeviceDocument | None = Field(description="What delivered the samples; null where nothing did")
+    device: DeviceSchema | None = Field(description="What delivered the samples; null where nothing did")
     sample_rate_hz: float | None = Field(description="Samples per channel and second as the card does it, Hz")
     convert_rate_hz: float | None = Field(description="Clock of the multiplexer between channels, Hz")
-    checks: tuple[CheckDocument, ...] = Field(description="In the order in which an operator would look")
+    checks: tuple[PreflightCheckSchema, ...] = Field(description="In the order in which an operator would look")
 
 
-def preflight_document(rig: str, found: Preflight) -> PreflightDocument:
+def preflight_schema(rig: str, found: Preflight) -> PreflightSchema:
     """Return what was found as a document."""
     acquisition = found.acquisition
-    return PreflightDocument(
+    return PreflightSchema(
         rig=rig,
         verdict=found.verdict,
-        device=None if acquisition is None else device_document(acquisition.device),
+        device=None if acquisition is None else device_schema(acquisition.device),
         sample_rate_hz=None if acquisition is None else acquisition.rate,
         convert_rate_hz=None if acquisition is None else acquisition.convert_rate,
-        checks=tuple(_check_document(check) for check in found.checks),
+        checks=tuple(_check_schema(check) for check in found.checks),
     )
 
 
-def _check_document(check: Check) -> CheckDocument:
-    return CheckDocument(
+def _check_schema(check: Check) -> PreflightCheckSchema:
+    return PreflightCheckSchema(
         name=check.name,
         verdict=check.verdict,
         finding=check.finding,
@@ -134,7 +136,7 @@ def _check_document(check: Check) -> CheckDocument:
     )
 
 
-class FoundDeviceDocument(Document):
+class FoundDeviceSchema(Schema):
     """A device that the driver lists."""
 
     name: str = Field(description="The driver's name for it, which moves with the port", examples=["Dev1"])
@@ -145,9 +147,9 @@ class FoundDeviceDocument(Document):
     driver: str = Field(description="Name and version of the driver, and where it is", examples=["NI-DAQmx 24.5.1"])
 
 
-def found_device_document(device: FoundDevice) -> FoundDeviceDocument:
+def found_device_schema(device: FoundDevice) -> FoundDeviceSchema:
     """Return a device as a document."""
-    return FoundDeviceDocument(
+    return FoundDeviceSchema(
         name=device.name,
         product=device.product,
         serial=device.serial,
@@ -157,7 +159,7 @@ def found_device_document(device: FoundDevice) -> FoundDeviceDocument:
     )
 
 
-class CheckedChannelDocument(Document):
+class CheckedChannelSchema(Schema):
     """One input and what is wired to it."""
 
     name: str = Field(description="The operator's name for it", examples=["x"])
@@ -166,14 +168,14 @@ class CheckedChannelDocument(Document):
     calibration: str = Field(description="The calibration file as the rig file names it; empty for the tacho")
 
 
-class RigCheckDocument(Document):
+class RigCheckSchema(Schema):
     """Whether a rig file is good; what was understood is null, and channels are none, where it is not."""
 
     file: str = Field(description="The rig file")
     is_good: bool = Field(description="Whether there is no fault in it or in a file that it names")
     faults: tuple[str, ...] = Field(description="Every fault, with key, value and what was expected")
     rig: str | None = Field(description="Name of the rig", examples=["gj90c"])
-    channels: tuple[CheckedChannelDocument, ...] = Field(description="In the order in which they are sampled")
+    channels: tuple[CheckedChannelSchema, ...] = Field(description="In the order in which they are sampled")
     sample_rate_hz: float | None = Field(description="Samples per channel and second that the card will do, Hz")
     convert_rate_hz: float | None = Field(description="Clock of the multiplexer to be expected, Hz")
     tacho_reference: str | None = Field(
@@ -185,9 +187,9 @@ class RigCheckDocument(Document):
     )
 
 
-def faulty_document(error: ConfigError) -> RigCheckDocument:
+def invalid_rig_schema(error: ConfigError) -> RigCheckSchema:
     """Return the faults of a rig file as a document."""
-    return RigCheckDocument(
+    return RigCheckSchema(
         file=error.file,
         is_good=False,
         faults=tuple(error.faults),
@@ -201,15 +203,15 @@ def faulty_document(error: ConfigError) -> RigCheckDocument:
     )
 
 
-def good_document(rig: Rig, *, rate: float, convert_rate: float, disk_rate: float) -> RigCheckDocument:
+def valid_rig_schema(rig: Rig, *, rate: float, convert_rate: float, disk_rate: float) -> RigCheckSchema:
     """Return what was understood of a rig file as a document; rates in Hz, the disk's in bytes a second."""
-    return RigCheckDocument(
+    return RigCheckSchema(
         file=str(rig.path),
         is_good=True,
         faults=(),
         rig=rig.config.rig,
         channels=tuple(
-            CheckedChannelDocument(
+            CheckedChannelSchema(
                 name=channel.name, role=channel.role, physical=channel.physical, calibration=channel.calibration
             )
             for channel in rig.config.channel

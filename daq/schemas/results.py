@@ -4,31 +4,31 @@ from typing import Annotated
 
 from pydantic import Field
 
-from daq.schemas.live import PredictedDocument
-from daq.schemas.summary import SpeedRowDocument, SubSynchronousDocument
-from daq.schemas.units import Document
+from daq.schemas.live import PredictedVibrationSchema
+from daq.schemas.summary import SpeedRowSchema, SubSynchronousSchema
+from daq.schemas.units import Schema
 
 Count = Annotated[int, Field(ge=0)]
 Values = tuple[float | None, ...]
 
 
-class OrderVectorsDocument(Document):
+class OrderVectorsSchema(Schema):
     """1X and 2X over speed, each the mean of the frames in a bin of 200 r/min, with their scatter."""
 
     run: str = Field(description="Id of the run", examples=["2026-11-24T09-12-07-gj90c"])
-    by_speed: tuple[SpeedRowDocument, ...] = Field(description="In rising order of speed, as in the summary")
+    by_speed: tuple[SpeedRowSchema, ...] = Field(description="In rising order of speed, as in the summary")
 
 
-class FindingsDocument(Document):
+class WhirlFindingsSchema(Schema):
     """What was found below 1X."""
 
     run: str = Field(description="Id of the run", examples=["2026-11-24T09-12-07-gj90c"])
-    sub_synchronous: tuple[SubSynchronousDocument, ...] = Field(
+    sub_synchronous: tuple[SubSynchronousSchema, ...] = Field(
         description="Components below 1X in the order in which they began, as in the summary"
     )
 
 
-class TrendDocument(Document):
+class TrendSchema(Schema):
     """Values over time, in columns; each entry stands for the smallest and the largest of so many results."""
 
     run: str = Field(description="Id of the run", examples=["2026-11-24T09-12-07-gj90c"])
@@ -70,7 +70,7 @@ Orders = Annotated[
 ]
 
 
-class CascadeDocument(Document):
+class CascadeSchema(Schema):
     """Order spectra over speed, thinned to what a screen shows: of every cell the largest amplitude."""
 
     run: str = Field(description="Id of the run", examples=["2026-11-24T09-12-07-gj90c"])
@@ -84,7 +84,7 @@ class CascadeDocument(Document):
     )
 
 
-class WaterfallDocument(Document):
+class WaterfallSchema(Schema):
     """Order spectra over time, thinned to what a screen shows: of every cell the largest amplitude."""
 
     run: str = Field(description="Id of the run", examples=["2026-11-24T09-12-07-gj90c"])
@@ -100,7 +100,7 @@ class WaterfallDocument(Document):
     )
 
 
-class ChannelSamplesDocument(Document):
+class ChannelSamplesSchema(Schema):
     """Samples of one channel."""
 
     name: str = Field(description="The operator's name for it", examples=["x"])
@@ -108,7 +108,7 @@ class ChannelSamplesDocument(Document):
     values: Values = Field(description="One a sample", examples=[[-402.1, -402.3]])
 
 
-class SamplesDocument(Document):
+class SamplesSchema(Schema):
     """A stretch of samples."""
 
     run: str = Field(description="Id of the run", examples=["2026-11-24T09-12-07-gj90c"])
@@ -116,22 +116,22 @@ class SamplesDocument(Document):
     first_sample: Count = Field(description="Index of the first one in the segment", examples=[20_000])
     samples: Count = Field(description="How many of each channel", examples=[2])
     rate_hz: float = Field(description="Samples per channel and second, Hz", examples=[200_000.0])
-    channels: tuple[ChannelSamplesDocument, ...] = Field(description="In the order of the card")
+    channels: tuple[ChannelSamplesSchema, ...] = Field(description="In the order of the card")
 
 
-class PredictionDocument(Document):
+class PredictionSchema(Schema):
     """What the model says of the run's rig at a speed."""
 
     run: str = Field(description="Id of the run", examples=["2026-11-24T09-12-07-gj90c"])
-    predicted: PredictedDocument
+    predicted: PredictedVibrationSchema
 
 
-class ComparisonDocument(Document):
+class ComparisonSchema(Schema):
     """The measurement at a speed beside the model's prediction for it."""
 
     run: str = Field(description="Id of the run", examples=["2026-11-24T09-12-07-gj90c"])
-    measured: SpeedRowDocument = Field(description="The bin of speed that is nearest")
-    predicted: PredictedDocument = Field(description="The model at that bin's mean speed")
+    measured: SpeedRowSchema = Field(description="The bin of speed that is nearest")
+    predicted: PredictedVibrationSchema = Field(description="The model at that bin's mean speed")
     amplitude_ratio_x: float | None = Field(
         description="Measured (less run-out where known) over predicted 1X at probe x; null where nothing is predicted",
         examples=[0.97],

@@ -9,8 +9,8 @@ from typing import Annotated
 
 from pydantic import Field
 
-from daq.schemas.header import ChannelDocument, DeviceDocument, channel_document, device_document
-from daq.schemas.units import Document, finite, moment
+from daq.schemas.header import ChannelSchema, DeviceSchema, channel_schema, device_schema
+from daq.schemas.units import Schema, finite, moment
 from recordings.catalogue.catalogue import RunEntry
 from recordings.catalogue.indexing import IndexReport
 
@@ -18,14 +18,14 @@ Count = Annotated[int, Field(ge=0)]
 RunId = Annotated[str, Field(description="Id of the run", max_length=200, examples=["2026-11-24T09-12-07-gj90c"])]
 
 
-class RunDocument(Document):
+class RunSchema(Schema):
     """A recorded run; where its file cannot be read, what the file would tell is null."""
 
     run: str = Field(description="Its id", examples=["2026-11-24T09-12-07-gj90c"])
     rig: str | None = Field(description="Name of the rig", examples=["gj90c"])
     note: str | None = Field(description="The operator's words", examples=["after the oil change"])
-    device: DeviceDocument | None = Field(description="What delivered the samples")
-    channels: tuple[ChannelDocument, ...] | None = Field(description="What was sampled, in the order of the samples")
+    device: DeviceSchema | None = Field(description="What delivered the samples")
+    channels: tuple[ChannelSchema, ...] | None = Field(description="What was sampled, in the order of the samples")
     started_at: datetime = Field(
         description="Wall clock at the start, UTC; the file's last change where it cannot be read",
         examples=["2026-11-24T09:12:07.250000Z"],
@@ -49,24 +49,24 @@ class RunDocument(Document):
     )
 
 
-class RunListDocument(Document):
+class RunListSchema(Schema):
     """A page of the list of runs."""
 
-    runs: tuple[RunDocument, ...] = Field(description="In the order asked for")
+    runs: tuple[RunSchema, ...] = Field(description="In the order asked for")
     total: Count = Field(description="Runs that fit the question, on all pages", examples=[12])
     limit: Count = Field(description="At most so many on a page", examples=[20])
     offset: Count = Field(description="So many of the first were passed over", examples=[0])
 
 
-def run_document(entry: RunEntry) -> RunDocument:
+def run_schema(entry: RunEntry) -> RunSchema:
     """Return a run of the catalogue as a document."""
     header = entry.header
-    return RunDocument(
+    return RunSchema(
         run=entry.id,
         rig=None if header is None else header.rig,
         note=None if header is None else header.note,
-        device=None if header is None else device_document(header.acquisition.device),
-        channels=None if header is None else tuple(map(channel_document, header.acquisition.channels)),
+        device=None if header is None else device_schema(header.acquisition.device),
+        channels=None if header is None else tuple(map(channel_schema, header.acquisition.channels)),
         started_at=moment(entry.started_ns),
         duration_s=None if header is None else finite(entry.duration),
         sample_rate_hz=None if header is None else finite(header.acquisition.rate),
@@ -82,14 +82,12 @@ def run_document(entry: RunEntry) -> RunDocument:
     )
 
 
-def run_list_document(entries: Sequence[RunEntry], total: int, limit: int, offset: int) -> RunListDocument:
+def run_list_schema(entries: Sequence[RunEntry], total: int, limit: int, offset: int) -> RunListSchema:
     """Return a page of runs, of ``total`` on all pages, as a document."""
-    return RunListDocument(
-        runs=tuple(run_document(entry) for entry in entries), total=total, limit=limit, offset=offset
-    )
+    return RunListSchema(runs=tuple(run_schema(entry) for entry in entries), total=total, limit=limit, offset=offset)
 
 
-class IndexDocument(Document):
+class IndexReportSchema(Schema):
     """How the files differ from what was known of them, by their runs' ids."""
 
     new: tuple[str, ...]
@@ -99,9 +97,9 @@ class IndexDocument(Document):
     unchanged: int
 
 
-def index_document(report: IndexReport) -> IndexDocument:
+def index_report_schema(report: IndexReport) -> IndexReportSchema:
     """Return what an index found as a document."""
-    return IndexDocument(
+    return IndexReportSchema(
         new=report.new,
         changed=report.changed,
         vanished=report.vanished,

@@ -13,7 +13,7 @@ from analysis.signals.header import Role, RunHeader
 from analysis.signals.probes import ProbePair
 from analysis.signals.snapshot import OrderFrame, Snapshot
 from analysis.spectra.full_spectrum import full_spectrum
-from daq.schemas.units import Document, finite, lag_degrees, micrometres, rpm
+from daq.schemas.units import Schema, finite, lag_degrees, micrometres, rpm
 from daq.session.live_update import LiveFrame
 from model.prediction.prediction_map import Prediction
 
@@ -21,7 +21,7 @@ Count = Annotated[int, Field(ge=0)]
 Values = tuple[float | None, ...]
 
 
-class FrameDocument(Document):
+class OrderFrameSchema(Schema):
     """Which order frame of the run was taken."""
 
     segment: Count = Field(description="Gap-free stretch of the run, from 0", examples=[0])
@@ -33,11 +33,11 @@ class FrameDocument(Document):
     )
 
 
-class OrderSpectrumDocument(Document):
+class OrderSpectrumSchema(Schema):
     """The order spectrum at one moment."""
 
     run: str = Field(description="Id of the run", examples=["2026-11-24T09-12-07-gj90c"])
-    frame: FrameDocument
+    frame: OrderFrameSchema
     orders: Values = Field(description="Frequency over the shaft's", examples=[[0.0, 0.0625, 0.125]])
     amplitude_peak_x_um: Values = Field(
         description="At probe x by order, Hann window, µm zero-to-peak", examples=[[0.05, 0.04, 0.06]]
@@ -52,11 +52,11 @@ class OrderSpectrumDocument(Document):
     )
 
 
-class FullSpectrumDocument(Document):
+class FullSpectrumSchema(Schema):
     """Circles with the shaft's rotation (positive orders) and against it (negative ones) at one moment."""
 
     run: str = Field(description="Id of the run", examples=["2026-11-24T09-12-07-gj90c"])
-    frame: FrameDocument
+    frame: OrderFrameSchema
     orders: Values = Field(
         description="Frequency over the shaft's; negative: against the rotation", examples=[[-1.0, 0.0, 1.0]]
     )
@@ -67,11 +67,11 @@ class FullSpectrumDocument(Document):
     )
 
 
-class OrbitDocument(Document):
+class OrbitSchema(Schema):
     """The shaft's path at one moment."""
 
     run: str = Field(description="Id of the run", examples=["2026-11-24T09-12-07-gj90c"])
-    frame: FrameDocument
+    frame: OrderFrameSchema
     points_per_revolution: Count = Field(
         description="From the first point on, every such point lies on the tacho's mark", examples=[64]
     )
@@ -93,9 +93,9 @@ class OrbitDocument(Document):
     )
 
 
-def frame_document(snapshot: Snapshot, frame: OrderFrame) -> FrameDocument:
+def order_frame_schema(snapshot: Snapshot, frame: OrderFrame) -> OrderFrameSchema:
     """Return where a frame is as a document."""
-    return FrameDocument(
+    return OrderFrameSchema(
         segment=snapshot.segment,
         sample=snapshot.sample,
         time_s=finite(snapshot.time) or 0.0,
@@ -104,12 +104,12 @@ def frame_document(snapshot: Snapshot, frame: OrderFrame) -> FrameDocument:
     )
 
 
-def order_spectrum_document(header: RunHeader, snapshot: Snapshot, frame: OrderFrame) -> OrderSpectrumDocument:
+def order_spectrum_schema(header: RunHeader, snapshot: Snapshot, frame: OrderFrame) -> OrderSpectrumSchema:
     """Return the order spectrum of a frame as a document."""
     x, y = np.abs(frame.spectrum)
-    return OrderSpectrumDocument(
+    return OrderSpectrumSchema(
         run=header.run,
-        frame=frame_document(snapshot, frame),
+        frame=order_frame_schema(snapshot, frame),
         orders=tuple(finite(order) for order in frame.orders.tolist()),
         amplitude_peak_x_um=tuple(micrometres(value) for value in x.tolist()),
         amplitude_peak_y_um=tuple(micrometres(value) for value in y.tolist()),
@@ -119,29 +119,29 @@ def order_spectrum_document(header: RunHeader, snapshot: Snapshot, frame: OrderF
     )
 
 
-def full_spectrum_document(header: RunHeader, snapshot: Snapshot, frame: OrderFrame) -> FullSpectrumDocument:
+def full_spectrum_schema(header: RunHeader, snapshot: Snapshot, frame: OrderFrame) -> FullSpectrumSchema:
     """Return the full spectrum of a frame as a document."""
     channels = header.acquisition.channels
     x, y = (channels[header.acquisition.row(role)] for role in (Role.PROBE_X, Role.PROBE_Y))
     full = full_spectrum(frame.orders, frame.spectrum, ProbePair(x.angle, y.angle))
     forward, backward = np.abs(full.forward), np.abs(full.backward)
     doubtful = full.uncertain & (backward <= forward), full.uncertain & (forward <= backward)
-    return FullSpectrumDocument(
+    return FullSpectrumSchema(
         run=header.run,
-        frame=frame_document(snapshot, frame),
+        frame=order_frame_schema(snapshot, frame),
         orders=tuple(finite(order) for order in full.axis.tolist()),
         amplitude_peak_um=tuple(micrometres(value) for value in full.amplitudes.tolist()),
         uncertain=tuple(np.concatenate([doubtful[0][:0:-1], doubtful[1]]).tolist()),
     )
 
 
-def orbit_document(header: RunHeader, snapshot: Snapshot, frame: OrderFrame) -> OrbitDocument:
+def orbit_schema(header: RunHeader, snapshot: Snapshot, frame: OrderFrame) -> OrbitSchema:
     """Return the orbit of a frame as a document."""
     compensated = frame.compensated_orbit
     rows = (None, None) if compensated is None else tuple(tuple(map(micrometres, row)) for row in compensated.tolist())
-    return OrbitDocument(
+    return OrbitSchema(
         run=header.run,
-        frame=frame_document(snapshot, frame),
+        frame=order_frame_schema(snapshot, frame),
         points_per_revolution=header.settings.points_per_revolution,
         orbit_x_um=tuple(micrometres(value) for value in frame.orbit[0].tolist()),
         orbit_y_um=tuple(micrometres(value) for value in frame.orbit[1].tolist()),
@@ -151,7 +151,7 @@ def orbit_document(header: RunHeader, snapshot: Snapshot, frame: OrderFrame) -> 
     )
 
 
-class CurvesDocument(Document):
+class OrbitAndSpectrumSchema(Schema):
     """Orbit and order spectrum, measured or predicted."""
 
     orbit_x_um: Values = Field(
@@ -179,7 +179,7 @@ class CurvesDocument(Document):
     )
 
 
-class PictureDocument(Document):
+class PictureSchema(Schema):
     """The shaft's orbit and order spectrum at one moment."""
 
     run: str = Field(description="Id of the run", examples=["2026-11-24T09-12-07-gj90c"])
@@ -190,15 +190,15 @@ class PictureDocument(Document):
     clearance_um: float | None = Field(
         description="Radius of the circle that the shaft can move in, µm", examples=[100.0]
     )
-    measured: CurvesDocument | None = Field(description="Null until there are enough whole revolutions")
-    predicted: CurvesDocument | None = Field(description="Null where speed or model are not known")
+    measured: OrbitAndSpectrumSchema | None = Field(description="Null until there are enough whole revolutions")
+    predicted: OrbitAndSpectrumSchema | None = Field(description="Null where speed or model are not known")
 
 
-def picture_document(frame: LiveFrame) -> PictureDocument:
+def picture_schema(frame: LiveFrame) -> PictureSchema:
     """Return what can be drawn of one moment of a run as a document."""
     header, prediction = frame.header, frame.prediction
     measured = None if frame.snapshot is None else frame.snapshot.frame
-    return PictureDocument(
+    return PictureSchema(
         run=header.run,
         points_per_revolution=header.settings.points_per_revolution,
         clearance_um=micrometres(header.limits.clearance),
@@ -207,9 +207,9 @@ def picture_document(frame: LiveFrame) -> PictureDocument:
     )
 
 
-def _curves(source: OrderFrame | Prediction) -> CurvesDocument:
+def _curves(source: OrderFrame | Prediction) -> OrbitAndSpectrumSchema:
     compensated = source.compensated_orbit if isinstance(source, OrderFrame) else None
-    return CurvesDocument(
+    return OrbitAndSpectrumSchema(
         orbit_x_um=_micrometres(source.orbit[0]),
         orbit_y_um=_micrometres(source.orbit[1]),
         compensated_orbit_x_um=None if compensated is None else _micrometres(compensated[0]),

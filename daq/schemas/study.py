@@ -6,7 +6,7 @@ from typing import Annotated, Literal, Self, TypeAlias
 from pydantic import Field, model_validator
 
 from daq.schemas.runs import RunId
-from daq.schemas.units import Document
+from daq.schemas.units import Schema
 from model.studies.study import Cell, Study
 
 MOST_SPEEDS = 2000
@@ -21,7 +21,7 @@ SpringStiffness = Annotated[float, Field(strict=True, gt=0, le=STIFFEST)]
 SPRINGS = "Of a spring at each journal in the film's place, N/m; null: "
 
 
-class Speeds(Document):
+class Speeds(Schema):
     """Evenly spaced speeds of the shaft, both ends with them; they rise."""
 
     from_rad_s: Annotated[float, Field(strict=True, ge=0, le=FASTEST)] = Field(
@@ -47,7 +47,7 @@ class TurningSpeeds(Speeds):
     )
 
 
-class Stiffnesses(Document):
+class Stiffnesses(Schema):
     """Stiffnesses of equal ratio, both ends with them; they rise."""
 
     from_n_m: SpringStiffness = Field(description="Lowest, N/m", examples=[1e3])
@@ -66,7 +66,7 @@ THESIS_SPEEDS = TurningSpeeds(from_rad_s=100.0, to_rad_s=4000.0, count=79)
 ALL_STIFFNESSES = Stiffnesses(from_n_m=1e3, to_n_m=1e10, count=71)
 
 
-class RotorOrder(Document):
+class RotorStudyRequest(Schema):
     """Of which rotor a study is."""
 
     run: RunId | None = Field(
@@ -74,7 +74,7 @@ class RotorOrder(Document):
     )
 
 
-class ModesOrder(RotorOrder):
+class ModesRequest(RotorStudyRequest):
     """Natural frequencies and mode shapes, free or on springs: `rig model modes`."""
 
     kind: Literal["modes"]
@@ -87,7 +87,7 @@ class ModesOrder(RotorOrder):
     count: Count = Field(10, description="How many modes")
 
 
-class CampbellOrder(RotorOrder):
+class CampbellRequest(RotorStudyRequest):
     """Natural frequencies over speed, each mode followed, and critical speeds: `rig model campbell`."""
 
     kind: Literal["campbell"]
@@ -98,7 +98,7 @@ class CampbellOrder(RotorOrder):
     count: Count = Field(10, description="How many branches, both senses")
 
 
-class CriticalOrder(RotorOrder):
+class CriticalSpeedsRequest(RotorStudyRequest):
     """Undamped critical speeds over the stiffness of the bearings: `rig model critical`."""
 
     kind: Literal["critical"]
@@ -110,7 +110,7 @@ class CriticalOrder(RotorOrder):
     )
 
 
-class ResponseOrder(RotorOrder):
+class ResponseRequest(RotorStudyRequest):
     """1X over speed, run-up and run-down on the films, or linear on springs: `rig model response`."""
 
     kind: Literal["response"]
@@ -121,7 +121,7 @@ class ResponseOrder(RotorOrder):
     station: Station = None
 
 
-class OnsetOrder(RotorOrder):
+class InstabilityOnsetRequest(RotorStudyRequest):
     """Where the films let go: growth of the least stable whirl over speed: `rig model onset`."""
 
     kind: Literal["onset"]
@@ -130,10 +130,12 @@ class OnsetOrder(RotorOrder):
     )
 
 
-StudyOrder: TypeAlias = ModesOrder | CampbellOrder | CriticalOrder | ResponseOrder | OnsetOrder
+StudyRequest: TypeAlias = (
+    ModesRequest | CampbellRequest | CriticalSpeedsRequest | ResponseRequest | InstabilityOnsetRequest
+)
 
 
-class StudyDocument(Document):
+class StudySchema(Schema):
     """What came of a study: a table, the same that `rig model … --json` gives, unrounded."""
 
     title: str = Field(description="What was studied", examples=["Campbell diagram, springs of 1e+04 N/m"])
@@ -144,10 +146,10 @@ class StudyDocument(Document):
     remarks: tuple[str, ...] = Field(description="What must be known to read the table", examples=[[]])
 
 
-def study_document(study: Study) -> StudyDocument:
+def study_schema(study: Study) -> StudySchema:
     """Return a study as a document."""
     rows = tuple({name: _plain(cell) for name, cell in row.items()} for row in study.rows())
-    return StudyDocument(title=study.title, rows=rows, remarks=study.remarks)
+    return StudySchema(title=study.title, rows=rows, remarks=study.remarks)
 
 
 def _plain(cell: Cell) -> Cell | None:

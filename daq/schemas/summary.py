@@ -14,24 +14,24 @@ from analysis.signals.ramp import Direction as SpeedDirection
 from analysis.signals.snapshot import TachoState
 from analysis.vectors.speed_table import SpeedRow
 from analysis.whirl.findings import WhirlFinding, WhirlHysteresis, whirl_hysteresis
-from daq.schemas.agreement import AgreementDocument, CounterDocument, agreement_document, counter_document
-from daq.schemas.events import AlarmDocument, MarkDocument, MomentDocument, alarm_document, place_document
-from daq.schemas.header import RunOutDocument, runout_document
-from daq.schemas.units import Document, finite, micrometres, moment, rpm
+from daq.schemas.agreement import AgreementSchema, CounterSchema, agreement_schema, counter_schema
+from daq.schemas.events import AlarmSchema, MarkerSchema, TimeInRunSchema, alarm_schema, time_in_run_schema
+from daq.schemas.header import RunOutSchema, runout_schema
+from daq.schemas.units import Schema, finite, micrometres, moment, rpm
 from daq.schemas.vibration import (
     Direction,
-    ProbesDocument,
-    StandardDocument,
+    ProbeVectorsSchema,
+    StandardSchema,
     direction,
-    probes_document,
-    standard_documents,
+    probe_vectors_schema,
+    standard_schemas,
 )
 from model.prediction.comparison import Agreement
 
 Count = Annotated[int, Field(ge=0)]
 
 
-class SegmentDocument(Document):
+class SegmentEndSchema(Schema):
     """A gap-free stretch of the run and how it ended."""
 
     segment: Count = Field(description="Its number, from 0", examples=[0])
@@ -42,7 +42,7 @@ class SegmentDocument(Document):
     detail: str = Field(description="What the driver said; empty where all was well", examples=[""])
 
 
-class ProbeSummaryDocument(Document):
+class ProbeSummarySchema(Schema):
     """One probe over the whole run."""
 
     name: str = Field(description="The operator's name for it", examples=["x"])
@@ -56,7 +56,7 @@ class ProbeSummaryDocument(Document):
     largest_of_clearance: float | None = Field(
         description="That over the clearance's diameter: 1 is all the room there is", examples=[0.48]
     )
-    largest_at: MomentDocument | None = Field(description="Where that was; null where nothing was measured")
+    largest_at: TimeInRunSchema | None = Field(description="Where that was; null where nothing was measured")
     severity: Severity = Field(description="The largest vibration against the limits", examples=["danger"])
     samples_beyond_calibration: Count = Field(
         description="Samples whose voltage lay outside the calibrated span: their displacement is extrapolated",
@@ -64,7 +64,7 @@ class ProbeSummaryDocument(Document):
     )
 
 
-class TachoSummaryDocument(Document):
+class TachoSummarySchema(Schema):
     """What was seen of the tacho over the whole run."""
 
     pulses: Count = Field(description="Pulses accepted", examples=[40_210])
@@ -86,23 +86,23 @@ class TachoSummaryDocument(Document):
         description='What speed and phase are taken from: "samples" of the tacho, or a "counter" that stamps its edges',
         examples=["samples"],
     )
-    counter: CounterDocument | None = Field(
+    counter: CounterSchema | None = Field(
         description="How the counter and the samples compare; null where no counter stamps"
     )
 
 
-class SpeedRowDocument(Document):
+class SpeedRowSchema(Schema):
     """What the results in one bin of speed said, of a run-up or of a run-down."""
 
     course: SpeedDirection = Field(description="Whether the shaft was running up or down", examples=["run-up"])
     speed_rpm: float | None = Field(description="Mean shaft speed, r/min", examples=[11_025.0])
     frames: Count = Field(description="Number of order spectra in the bin", examples=[24])
-    order_1x: ProbesDocument = Field(description="At running speed, mean of the vectors as measured")
-    order_2x: ProbesDocument = Field(description="At twice running speed, mean of the vectors as measured")
-    order_1x_compensated: ProbesDocument | None = Field(
+    order_1x: ProbeVectorsSchema = Field(description="At running speed, mean of the vectors as measured")
+    order_2x: ProbeVectorsSchema = Field(description="At twice running speed, mean of the vectors as measured")
+    order_1x_compensated: ProbeVectorsSchema | None = Field(
         description="The mean of 1X less run-out; null where no run-out was known"
     )
-    order_2x_compensated: ProbesDocument | None = Field(
+    order_2x_compensated: ProbeVectorsSchema | None = Field(
         description="The mean of 2X less run-out; null where no run-out was known"
     )
     scatter_1x_peak_x_um: float | None = Field(
@@ -126,30 +126,30 @@ class SpeedRowDocument(Document):
     noise_peak_um: float | None = Field(description="Mean floor of the order spectra, µm zero-to-peak", examples=[0.05])
 
 
-class SubSynchronousDocument(Document):
+class SubSynchronousSchema(Schema):
     """A component below 1X from its beginning to its end."""
 
     order: float | None = Field(
         description="Its frequency over the shaft's, mean weighted with amplitude", examples=[0.49]
     )
     order_at_begin: float | None = Field(description="The same over its first results", examples=[0.492])
-    begin: MomentDocument = Field(description="The first result that showed it")
+    begin: TimeInRunSchema = Field(description="The first result that showed it")
     begin_course: SpeedDirection = Field(
         description="Whether the shaft was running up or down then", examples=["run-up"]
     )
-    end: MomentDocument = Field(description="The last result that showed it")
+    end: TimeInRunSchema = Field(description="The last result that showed it")
     end_course: SpeedDirection = Field(
         description="Whether the shaft was running up or down then", examples=["run-down"]
     )
     largest_peak_um: float | None = Field(
         description="Its largest size, half the major axis of its ellipse, µm zero-to-peak", examples=[14.2]
     )
-    largest_at: MomentDocument = Field(description="Where that was")
+    largest_at: TimeInRunSchema = Field(description="Where that was")
     direction: Direction = Field(description="Whether it went round with the shaft", examples=["forward"])
     frames: Count = Field(description="Number of order spectra that showed it", examples=[212])
 
 
-class HysteresisDocument(Document):
+class HysteresisSchema(Schema):
     """How much longer a component below 1X stays on the run-down than the run-up took to bring it."""
 
     order: float | None = Field(description="Its frequency over the shaft's when it came", examples=[0.492])
@@ -160,7 +160,7 @@ class HysteresisDocument(Document):
     )
 
 
-class SummaryDocument(Document):
+class SummarySchema(Schema):
     """What a run was."""
 
     run: str = Field(description="Id of the run", examples=["2026-11-24T09-12-07-gj90c"])
@@ -175,8 +175,8 @@ class SummaryDocument(Document):
     clipped_samples: tuple[Count, ...] = Field(
         description="Samples at the converter's rails, for each channel in the order of the card", examples=[[0, 0, 0]]
     )
-    segments: tuple[SegmentDocument, ...] = Field(description="The run's gap-free stretches")
-    marks: tuple[MarkDocument, ...] = Field(
+    segments: tuple[SegmentEndSchema, ...] = Field(description="The run's gap-free stretches")
+    marks: tuple[MarkerSchema, ...] = Field(
         description="Moments that were marked while the run was recorded, in order: words, alarms, acknowledgements"
     )
     clock_error_ppm: float | None = Field(
@@ -206,37 +206,37 @@ class SummaryDocument(Document):
         description="Largest overall vibration of either probe, µm peak-to-peak", examples=[96.1]
     )
     severity: Severity = Field(description="That against the limits, held or not", examples=["danger"])
-    alarms: tuple[AlarmDocument, ...] = Field(
+    alarms: tuple[AlarmSchema, ...] = Field(
         description="Limits that were passed for long enough, in the order in which their alarms came"
     )
-    standards: tuple[StandardDocument, ...] = Field(
+    standards: tuple[StandardSchema, ...] = Field(
         description="What standards say of the largest vibration, for information; empty where its speed is unknown"
     )
-    probes: tuple[ProbeSummaryDocument, ...] = Field(description="The probes x and y")
-    tacho: TachoSummaryDocument | None = Field(description="The tacho; null where nothing was measured")
+    probes: tuple[ProbeSummarySchema, ...] = Field(description="The probes x and y")
+    tacho: TachoSummarySchema | None = Field(description="The tacho; null where nothing was measured")
     snapshots: Count = Field(description="Number of results", examples=[3000])
     frames: Count = Field(description="Number of results with an order spectrum", examples=[2950])
-    by_speed: tuple[SpeedRowDocument, ...] = Field(
+    by_speed: tuple[SpeedRowSchema, ...] = Field(
         description="Amplitude, phase and peak-to-peak by speed, run-up and run-down apart, in rising order of speed"
     )
-    runout: RunOutDocument | None = Field(description="What was taken off as run-out; null where nothing was to be")
-    sub_synchronous: tuple[SubSynchronousDocument, ...] = Field(
+    runout: RunOutSchema | None = Field(description="What was taken off as run-out; null where nothing was to be")
+    sub_synchronous: tuple[SubSynchronousSchema, ...] = Field(
         description="Components below 1X in the order in which they began"
     )
-    hysteresis: tuple[HysteresisDocument, ...] = Field(
+    hysteresis: tuple[HysteresisSchema, ...] = Field(
         description="Of the components that came on a run-up and went on a run-down"
     )
-    agreement: AgreementDocument | None = Field(
+    agreement: AgreementSchema | None = Field(
         description="How far the model agrees; null where it is off or its prediction is still being computed"
     )
 
 
-def summary_document(
+def summary_schema(
     summary: RunSummary,
     agreement: Agreement | None = None,
     delivery: Delivery | None = None,
-    marks: tuple[MarkDocument, ...] = (),
-) -> SummaryDocument:
+    marks: tuple[MarkerSchema, ...] = (),
+) -> SummarySchema:
     """Return what a run was as a document.
 
     Parameters
@@ -247,12 +247,12 @@ def summary_document(
         How far the model agrees; None where there is no prediction for it.
     delivery : Delivery or None
         How the samples came from the device; None where nobody knows.
-    marks : tuple of MarkDocument
+    marks : tuple of MarkerSchema
         Moments that somebody named.
     """
     tacho, delivery = summary.tacho, delivery or Delivery()
     clock = delivery.clock
-    return SummaryDocument(
+    return SummarySchema(
         run=summary.run,
         rig=summary.rig,
         note=summary.note,
@@ -273,12 +273,12 @@ def summary_document(
         highest_speed_rpm=rpm(summary.highest_speed),
         largest_peak_to_peak_um=micrometres(summary.largest_peak_to_peak),
         severity=summary.severity,
-        alarms=tuple(alarm_document(alarm) for alarm in summary.alarms),
-        standards=standard_documents(summary.probes),
+        alarms=tuple(alarm_schema(alarm) for alarm in summary.alarms),
+        standards=standard_schemas(summary.probes),
         probes=tuple(_probe(probe) for probe in summary.probes),
         tacho=None
         if tacho is None
-        else TachoSummaryDocument(
+        else TachoSummarySchema(
             pulses=tacho.pulses,
             filled=tacho.filled,
             rejected=tacho.rejected,
@@ -286,20 +286,20 @@ def summary_document(
             mark_is_arbitrary=tacho.mark_is_arbitrary,
             snapshots_by_state={TachoState(state): count for state, count in summary.tacho_states.items()},
             reference=summary.tacho_reference,
-            counter=counter_document(summary.counter),
+            counter=counter_schema(summary.counter),
         ),
         snapshots=summary.snapshots,
         frames=summary.frames,
-        by_speed=tuple(speed_row_document(row) for row in summary.rows),
-        runout=runout_document(summary.runout_settings, summary.runout),
-        sub_synchronous=tuple(sub_synchronous_document(finding) for finding in summary.whirls),
+        by_speed=tuple(speed_row_schema(row) for row in summary.rows),
+        runout=runout_schema(summary.runout_settings, summary.runout),
+        sub_synchronous=tuple(sub_synchronous_schema(finding) for finding in summary.whirls),
         hysteresis=tuple(_hysteresis(each) for each in whirl_hysteresis(summary.whirls)),
-        agreement=None if agreement is None else agreement_document(agreement),
+        agreement=None if agreement is None else agreement_schema(agreement),
     )
 
 
-def _segment(end: SegmentEnd) -> SegmentDocument:
-    return SegmentDocument(
+def _segment(end: SegmentEnd) -> SegmentEndSchema:
+    return SegmentEndSchema(
         segment=end.segment,
         samples=end.samples,
         end_reason=end.reason,
@@ -309,8 +309,8 @@ def _segment(end: SegmentEnd) -> SegmentDocument:
     )
 
 
-def _probe(probe: ProbeSummary) -> ProbeSummaryDocument:
-    return ProbeSummaryDocument(
+def _probe(probe: ProbeSummary) -> ProbeSummarySchema:
+    return ProbeSummarySchema(
         name=probe.name,
         gap_mean_v=finite(probe.gap_mean),
         gap_least_v=finite(probe.gap_least),
@@ -318,14 +318,14 @@ def _probe(probe: ProbeSummary) -> ProbeSummaryDocument:
         gap_ok=probe.gap_ok,
         largest_peak_to_peak_um=micrometres(probe.largest_peak_to_peak),
         largest_of_clearance=finite(probe.clearance_part),
-        largest_at=None if probe.largest is None else place_document(probe.largest),
+        largest_at=None if probe.largest is None else time_in_run_schema(probe.largest),
         severity=probe.severity,
         samples_beyond_calibration=probe.beyond_calibration,
     )
 
 
-def _hysteresis(hysteresis: WhirlHysteresis) -> HysteresisDocument:
-    return HysteresisDocument(
+def _hysteresis(hysteresis: WhirlHysteresis) -> HysteresisSchema:
+    return HysteresisSchema(
         order=finite(hysteresis.order),
         onset_rpm=rpm(hysteresis.onset),
         end_rpm=rpm(hysteresis.end),
@@ -333,20 +333,20 @@ def _hysteresis(hysteresis: WhirlHysteresis) -> HysteresisDocument:
     )
 
 
-def _compensated(row: SpeedRow, order: int) -> ProbesDocument | None:
+def _compensated(row: SpeedRow, order: int) -> ProbeVectorsSchema | None:
     vectors = row.compensated[order - 1]
-    return None if np.isnan(vectors).any() else probes_document(vectors.tolist())
+    return None if np.isnan(vectors).any() else probe_vectors_schema(vectors.tolist())
 
 
-def speed_row_document(row: SpeedRow) -> SpeedRowDocument:
+def speed_row_schema(row: SpeedRow) -> SpeedRowSchema:
     """Return what one bin of speed said as a document."""
     order = finite(row.whirl_order)
-    return SpeedRowDocument(
+    return SpeedRowSchema(
         course=row.direction,
         speed_rpm=rpm(row.speed),
         frames=row.frames,
-        order_1x=probes_document(row.vectors[0]),
-        order_2x=probes_document(row.vectors[1]),
+        order_1x=probe_vectors_schema(row.vectors[0]),
+        order_2x=probe_vectors_schema(row.vectors[1]),
         order_1x_compensated=_compensated(row, 1),
         order_2x_compensated=_compensated(row, 2),
         scatter_1x_peak_x_um=micrometres(row.scatter[0, 0]),
@@ -361,17 +361,17 @@ def speed_row_document(row: SpeedRow) -> SpeedRowDocument:
     )
 
 
-def sub_synchronous_document(finding: WhirlFinding) -> SubSynchronousDocument:
+def sub_synchronous_schema(finding: WhirlFinding) -> SubSynchronousSchema:
     """Return a component below 1X as a document."""
-    return SubSynchronousDocument(
+    return SubSynchronousSchema(
         order=finite(finding.order),
         order_at_begin=finite(finding.order_at_begin),
-        begin=place_document(finding.begin),
+        begin=time_in_run_schema(finding.begin),
         begin_course=finding.begin_direction,
-        end=place_document(finding.end),
+        end=time_in_run_schema(finding.end),
         end_course=finding.end_direction,
         largest_peak_um=micrometres(finding.amplitude),
-        largest_at=place_document(finding.largest),
+        largest_at=time_in_run_schema(finding.largest),
         direction=direction(is_forward=finding.is_forward),
         frames=finding.frames,
     )

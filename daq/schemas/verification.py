@@ -1,12 +1,12 @@
 """Whether a recording is whole, and what a recovery brought back, as documents."""
 
-from daq.schemas.units import Document
+from daq.schemas.units import Schema
 from recordings.integrity.checks import Check, Finding
 from recordings.integrity.recover import Recovery
 from recordings.integrity.verify import Verdict, Verification
 
 
-class FindingDocument(Document):
+class VerificationFindingSchema(Schema):
     """Something found in a recording's file."""
 
     check: Check
@@ -15,7 +15,7 @@ class FindingDocument(Document):
     is_fault: bool
 
 
-class VerificationDocument(Document):
+class VerificationSchema(Schema):
     """What an inspection of a recording's file came to."""
 
     run: str
@@ -26,10 +26,10 @@ class VerificationDocument(Document):
     segments: int
     samples: int
     pulses: int
-    findings: list[FindingDocument]
+    findings: list[VerificationFindingSchema]
 
 
-class MissingDocument(Document):
+class MissingSamplesSchema(Schema):
     """Samples of a segment that a recovery did not bring back; null where nobody knows how far the segment went."""
 
     segment: int
@@ -38,7 +38,7 @@ class MissingDocument(Document):
     samples: int | None
 
 
-class StretchDocument(Document):
+class RecoveredSegmentSchema(Schema):
     """A segment of the copy and where its samples lay in the damaged recording."""
 
     segment: int
@@ -47,20 +47,20 @@ class StretchDocument(Document):
     stop_sample: int
 
 
-class RecoveryDocument(Document):
+class RecoverySchema(Schema):
     """What a recovery brought back."""
 
     source: str
     target: str
     samples: int
     damaged_chunks: int
-    segments: list[StretchDocument]
-    missing: list[MissingDocument]
+    segments: list[RecoveredSegmentSchema]
+    missing: list[MissingSamplesSchema]
 
 
-def verification_document(verification: Verification) -> VerificationDocument:
+def verification_schema(verification: Verification) -> VerificationSchema:
     """Return an inspection as a document."""
-    return VerificationDocument(
+    return VerificationSchema(
         run=verification.run,
         path=str(verification.path),
         verdict=verification.verdict,
@@ -73,15 +73,15 @@ def verification_document(verification: Verification) -> VerificationDocument:
     )
 
 
-def recovery_document(recovery: Recovery) -> RecoveryDocument:
+def recovery_schema(recovery: Recovery) -> RecoverySchema:
     """Return a recovery as a document."""
-    return RecoveryDocument(
+    return RecoverySchema(
         source=str(recovery.source),
         target=str(recovery.target),
         samples=recovery.samples,
         damaged_chunks=recovery.damaged_chunks,
         segments=[
-            StretchDocument(
+            RecoveredSegmentSchema(
                 segment=stretch.segment,
                 from_segment=stretch.from_segment,
                 first_sample=stretch.first,
@@ -90,11 +90,13 @@ def recovery_document(recovery: Recovery) -> RecoveryDocument:
             for stretch in recovery.stretches
         ],
         missing=[
-            MissingDocument(segment=gap.segment, first_sample=gap.first, stop_sample=gap.stop, samples=gap.samples)
+            MissingSamplesSchema(segment=gap.segment, first_sample=gap.first, stop_sample=gap.stop, samples=gap.samples)
             for gap in recovery.missing
         ],
     )
 
 
-def _finding(finding: Finding) -> FindingDocument:
-    return FindingDocument(check=finding.check, where=finding.where, what=finding.what, is_fault=finding.is_fault)
+def _finding(finding: Finding) -> VerificationFindingSchema:
+    return VerificationFindingSchema(
+        check=finding.check, where=finding.where, what=finding.what, is_fault=finding.is_fault
+    )

@@ -11,7 +11,7 @@ from pydantic import Field
 
 from analysis.live.summary import ProbeSummary
 from analysis.signals.standards import figures
-from daq.schemas.units import Document, degrees, finite, lag_degrees, micrometres
+from daq.schemas.units import Schema, degrees, finite, lag_degrees, micrometres
 
 
 class Direction(StrEnum):
@@ -26,7 +26,7 @@ def direction(*, is_forward: bool) -> Direction:
     return Direction.FORWARD if is_forward else Direction.BACKWARD
 
 
-class ProbesDocument(Document):
+class ProbeVectorsSchema(Schema):
     """One line of the order spectrum at the two probes."""
 
     amplitude_peak_x_um: float | None = Field(description="Amplitude at probe x, µm zero-to-peak", examples=[15.2])
@@ -39,10 +39,10 @@ class ProbesDocument(Document):
     )
 
 
-def probes_document(vectors: Sequence[complex]) -> ProbesDocument:
+def probe_vectors_schema(vectors: Sequence[complex]) -> ProbeVectorsSchema:
     """Return the complex peak amplitudes of one line at the probes x and y, m, as a document."""
     x, y = (complex(vector) for vector in vectors)
-    return ProbesDocument(
+    return ProbeVectorsSchema(
         amplitude_peak_x_um=micrometres(math.hypot(x.real, x.imag)),
         lag_x_deg=lag_degrees(x),
         amplitude_peak_y_um=micrometres(math.hypot(y.real, y.imag)),
@@ -50,7 +50,7 @@ def probes_document(vectors: Sequence[complex]) -> ProbesDocument:
     )
 
 
-class MeasuredProbesDocument(ProbesDocument):
+class MeasuredProbeVectorsSchema(ProbeVectorsSchema):
     """One line of the measured order spectrum at the two probes, and how sure it is."""
 
     amplitude_sigma_um: float | None = Field(
@@ -63,12 +63,12 @@ class MeasuredProbesDocument(ProbesDocument):
     lag_sigma_y_deg: float | None = Field(description="The same at probe y, degrees", examples=[0.3])
 
 
-def measured_probes_document(
+def measured_probe_vectors_schema(
     vectors: Sequence[complex], sigma: float, phase_sigma: Sequence[float]
-) -> MeasuredProbesDocument:
+) -> MeasuredProbeVectorsSchema:
     """Return a line with the standard deviations of its amplitudes, m, and of its phases at x and y, rad."""
-    return MeasuredProbesDocument(
-        **probes_document(vectors).model_dump(),
+    return MeasuredProbeVectorsSchema(
+        **probe_vectors_schema(vectors).model_dump(),
         amplitude_sigma_um=micrometres(sigma),
         lag_sigma_x_deg=degrees(phase_sigma[0]),
         lag_sigma_y_deg=degrees(phase_sigma[1]),
@@ -78,7 +78,7 @@ def measured_probes_document(
 VIBRATION = ("ISO 20816-3", "API 617")  # whose figures are limits of overall vibration
 
 
-class StandardDocument(Document):
+class StandardSchema(Schema):
     """A figure of a standard beside the largest vibration, for information: none is written for floating rings."""
 
     standard: str = Field(description="Where it stands", examples=["ISO 20816-3"])
@@ -99,13 +99,13 @@ class StandardDocument(Document):
     )
 
 
-def standard_documents(probes: tuple[ProbeSummary, ...]) -> tuple[StandardDocument, ...]:
+def standard_schemas(probes: tuple[ProbeSummary, ...]) -> tuple[StandardSchema, ...]:
     """Return the figures at the speed of the largest vibration; none where that or its speed is unknown."""
     worst = max(probes, key=lambda probe: probe.largest_peak_to_peak, default=None)
     if worst is None or worst.largest is None or not 0.0 < worst.largest.speed < math.inf:
         return ()
     return tuple(
-        StandardDocument(
+        StandardSchema(
             standard=figure.standard,
             name=figure.name,
             limit_peak_to_peak_um=micrometres(figure.limit),

@@ -15,7 +15,7 @@ from daq.errors import ServiceError
 from daq.service.access import Guard, SafeHeaders, is_loopback
 from daq.service.jobs.queue import Jobs
 from daq.service.pages import PUBLIC_PATHS, Pages, reference_page
-from daq.service.problem_types import Kind, ProblemDocument
+from daq.service.problem_types import Kind, ProblemSchema
 from daq.service.problems import LastResort, install
 from daq.service.routes.catalogue import Catalogue, Routes, Summaries
 from daq.service.routes.changes import ChangeRoutes, ChangingCatalogue
@@ -190,9 +190,9 @@ class Service(FastAPI):
         used = {tag for path in schema["paths"].values() for operation in path.values() for tag in operation["tags"]}
         schema["tags"] = [tag for tag in TAGS if tag["name"] in used]
         components = schema["components"]
-        if ProblemDocument.__name__ not in components["schemas"]:
-            problem = ProblemDocument.model_json_schema(ref_template=SCHEMA, mode="serialization")
-            components["schemas"] |= problem.pop("$defs") | {ProblemDocument.__name__: problem}
+        if ProblemSchema.__name__ not in components["schemas"]:
+            problem = ProblemSchema.model_json_schema(ref_template=SCHEMA, mode="serialization")
+            components["schemas"] |= problem.pop("$defs") | {ProblemSchema.__name__: problem}
             if self._with_token:
                 components["securitySchemes"] = {"token": {"type": "http", "scheme": "bearer"}}
                 schema["security"] = [{"token": []}]

@@ -8,10 +8,10 @@ from typing import Any
 
 from pydantic import Field
 
-from daq.schemas.units import Document
+from daq.schemas.units import Schema
 
 
-class Fault(Document):
+class Fault(Schema):
     """One parameter that is wrong."""
 
     parameter: str = Field(description="Where it stands: query or path, and its name", examples=["query.limit"])
@@ -21,7 +21,7 @@ class Fault(Document):
     )
 
 
-class ProblemDocument(Document):
+class ProblemSchema(Schema):
     """A request that could not be answered (RFC 9457, application/problem+json)."""
 
     type: str = Field(

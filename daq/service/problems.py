@@ -13,7 +13,7 @@ from starlette.exceptions import HTTPException
 from starlette.routing import Match
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from daq.service.problem_types import Fault, Kind, ProblemDocument
+from daq.service.problem_types import Fault, Kind, ProblemSchema
 from recordings.errors import DamagedError, NotFoundError, RecordingError, StorageError, UnknownFormatError
 
 PROBLEM_TYPE: Final = "application/problem+json"
@@ -113,7 +113,7 @@ def openapi_responses(*kinds: Kind) -> dict[int | str, dict[str, Any]]:
 
 
 def _no_examples() -> dict[str, Any]:
-    return {"schema": {"$ref": "#/components/schemas/ProblemDocument"}, "examples": {}}
+    return {"schema": {"$ref": "#/components/schemas/ProblemSchema"}, "examples": {}}
 
 
 def _document(
@@ -123,8 +123,8 @@ def _document(
     faults: tuple[Fault, ...] = (),
     status: int | None = None,
     job: JobHint | None = None,
-) -> ProblemDocument:
-    return ProblemDocument(
+) -> ProblemSchema:
+    return ProblemSchema(
         type=REFERENCE + kind.slug,
         title=kind.title,
         status=status or kind.status,

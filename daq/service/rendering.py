@@ -15,15 +15,15 @@ from daq.reports.parameters import Asked, At, TrendQuery
 from daq.reports.plots.png import picture
 from daq.reports.plots.recorded import panels_of
 from daq.reports.plots.svg import drawing
-from daq.reports.recorded_spectra import cascade, trend_document, waterfall
+from daq.reports.recorded_spectra import cascade, trend_schema, waterfall
 from daq.reports.records import Records, records, snapshot_at, status_of
 from daq.schemas.results import (
-    FindingsDocument,
-    OrderVectorsDocument,
+    OrderVectorsSchema,
+    WhirlFindingsSchema,
 )
-from daq.schemas.snapshot import full_spectrum_document, orbit_document, order_spectrum_document
-from daq.schemas.summary import speed_row_document, sub_synchronous_document
-from daq.schemas.units import Document
+from daq.schemas.snapshot import full_spectrum_schema, orbit_schema, order_spectrum_schema
+from daq.schemas.summary import speed_row_schema, sub_synchronous_schema
+from daq.schemas.units import Schema
 
 RPM = np.pi / 30.0
 ANSWERS_KEPT = 128
@@ -32,37 +32,35 @@ PLOTTED = {"bode": "order-vectors", "polar": "order-vectors"}  # of what plots a
 LEVEL = 4  # of gzip: beyond it nothing is gained but time spent
 
 
-def order_vectors(_path: Path, found: Records) -> Document:
+def order_vectors(_path: Path, found: Records) -> Schema:
     """Return 1X and 2X over speed."""
-    return OrderVectorsDocument(
-        run=found.header.run, by_speed=tuple(speed_row_document(row) for row in found.summary.rows)
-    )
+    return OrderVectorsSchema(run=found.header.run, by_speed=tuple(speed_row_schema(row) for row in found.summary.rows))
 
 
-def findings(_path: Path, found: Records) -> Document:
+def findings(_path: Path, found: Records) -> Schema:
     """Return what was found below 1X."""
-    return FindingsDocument(
+    return WhirlFindingsSchema(
         run=found.header.run,
-        sub_synchronous=tuple(sub_synchronous_document(finding) for finding in found.summary.whirls),
+        sub_synchronous=tuple(sub_synchronous_schema(finding) for finding in found.summary.whirls),
     )
 
 
-def trend(_path: Path, found: Records, query: TrendQuery) -> Document:
+def trend(_path: Path, found: Records, query: TrendQuery) -> Schema:
     """Return values over time."""
     begin = query.from_s
     end = np.inf if query.duration_s is None else begin + query.duration_s
-    return trend_document(found, query.segment, begin, end, query.entries)
+    return trend_schema(found, query.segment, begin, end, query.entries)
 
 
-def moment(path: Path, found: Records, at: At, *, what: str) -> Document:
+def moment(path: Path, found: Records, at: At, *, what: str) -> Schema:
     """Return order spectrum, full spectrum or orbit of the frame nearest to a moment."""
     index = found.nearest(at.segment, at.time_s, None if at.speed_rpm is None else at.speed_rpm * RPM)
     snapshot, frame = snapshot_at(path, found, index)
     if what == "order-spectrum":
-        return order_spectrum_document(found.header, snapshot, frame)
+        return order_spectrum_schema(found.header, snapshot, frame)
     if what == "full-spectrum":
-        return full_spectrum_document(found.header, snapshot, frame)
-    return orbit_document(found.header, snapshot, frame)
+        return full_spectrum_schema(found.header, snapshot, frame)
+    return orbit_schema(found.header, snapshot, frame)
 
 
 def summary(path: Path) -> RunSummary:
@@ -70,7 +68,7 @@ def summary(path: Path) -> RunSummary:
     return records(path).summary
 
 
-ANSWERS: dict[str, Callable[..., Document]] = {
+ANSWERS: dict[str, Callable[..., Schema]] = {
     "order-vectors": order_vectors,
     "findings": findings,
     "trend": trend,
@@ -82,7 +80,7 @@ ANSWERS: dict[str, Callable[..., Document]] = {
 }
 
 
-def document_of(path: Path, what: str, query: object, found: Records | None = None) -> Document:
+def document_of(path: Path, what: str, query: object, found: Records | None = None) -> Schema:
     """Return the document of an address; of records that were read already where they are given."""
     asked = () if query is None else (query,)
     return ANSWERS[what](path, records(path) if found is None else found, *asked)

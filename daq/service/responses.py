@@ -16,7 +16,7 @@ from anyio import to_thread
 from fastapi import Request, Response
 from fastapi.responses import StreamingResponse
 
-from daq.schemas.units import Document
+from daq.schemas.units import Schema
 from daq.service.problem_types import Kind
 from daq.service.problems import problem_response
 from recordings.catalogue.catalogue import RunEntry
@@ -90,7 +90,7 @@ def is_meant(sent: str | None, tag: str) -> bool:
     return sent is None or not {"*", tag}.isdisjoint(name.strip() for name in sent.split(","))
 
 
-def document_tag(document: Document) -> str:
+def document_tag(document: Schema) -> str:
     """Return the strong tag of a document, which changes with whatever it says."""
     return f'"{hashlib.sha256(document.model_dump_json().encode()).hexdigest()[:32]}"'
 

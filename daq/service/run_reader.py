@@ -17,14 +17,14 @@ from daq.reports.parameters import SampleFormat, SamplesQuery
 from daq.reports.plots.png import NoPngError
 from daq.reports.records import NoSuchMomentError
 from daq.reports.samples import NoArrowError, TooMuchError
-from daq.schemas.live import predicted_document
-from daq.schemas.results import ComparisonDocument, PredictionDocument
-from daq.schemas.summary import speed_row_document
+from daq.schemas.live import predicted_vibration_schema
+from daq.schemas.results import ComparisonSchema, PredictionSchema
+from daq.schemas.summary import speed_row_schema
 from daq.schemas.units import degrees, finite, rpm
 from daq.service import rendering as answers
 from daq.service.problem_types import Kind
 from daq.service.problems import JobHint, ProblemError
-from daq.service.schemas.uploads import ColumnsDocument, columns_document
+from daq.service.schemas.uploads import ColumnsSchema, columns_schema
 from daq.service.worker_pool import DEADLINE, OverdueError, ReadingProcesses, ReadingStoppedError
 from model.prediction.prediction_map import Prediction
 from recordings.catalogue.arrival import require_whole
@@ -63,9 +63,9 @@ def answer_job(run: str, address: str, query: BaseModel | None) -> JobHint:
     return {"kind": "answer", "run": run, "address": address, "parameters": parameters}
 
 
-def foreign_columns(path: Path, name: str) -> ColumnsDocument:
+def foreign_columns(path: Path, name: str) -> ColumnsSchema:
     """Return what is in another program's file of a name."""
-    return columns_document(name, read_table(path))
+    return columns_schema(name, read_table(path))
 
 
 class Readings:
@@ -98,7 +98,7 @@ class Readings:
         """Return what the run of a file was."""
         return self._run(answers.summary, path, job=answer_job(path.stem, "summary", None))
 
-    def columns(self, path: Path, name: str) -> ColumnsDocument:
+    def columns(self, path: Path, name: str) -> ColumnsSchema:
         """Return what is in another program's file; ProblemError where it cannot be read."""
         try:
             return self._run(foreign_columns, path, name)
@@ -112,11 +112,11 @@ class Readings:
         except (DamagedError, UnknownFormatError) as error:
             raise ProblemError(Kind.NO_RECORDING, str(error).replace(str(draft), "what was sent")) from error
 
-    def prediction(self, run: RunEntry, speed: float) -> PredictionDocument:
+    def prediction(self, run: RunEntry, speed: float) -> PredictionSchema:
         """Return what the model says of a run's rig at a speed, rad/s."""
-        return PredictionDocument(run=run.id, predicted=predicted_document(self._predicted(run, speed)))
+        return PredictionSchema(run=run.id, predicted=predicted_vibration_schema(self._predicted(run, speed)))
 
-    def comparison(self, run: RunEntry, speed: float) -> ComparisonDocument:
+    def comparison(self, run: RunEntry, speed: float) -> ComparisonSchema:
         """Return the measurement nearest to a speed, rad/s, beside the prediction at the measured speed."""
         rows = self.summary(run.path).rows
         row = min(rows, key=lambda row: abs(row.speed - speed), default=None)
@@ -127,10 +127,10 @@ class Readings:
         seen = np.abs(predicted) > 0.0
         ratio = np.where(seen, np.abs(measured) / np.where(seen, np.abs(predicted), 1.0), np.nan)
         later = np.where(seen, -np.angle(measured * np.conj(predicted)), np.nan)
-        return ComparisonDocument(
+        return ComparisonSchema(
             run=run.id,
-            measured=speed_row_document(row),
-            predicted=predicted_document(prediction),
+            measured=speed_row_schema(row),
+            predicted=predicted_vibration_schema(prediction),
             amplitude_ratio_x=finite(ratio[0]),
             amplitude_ratio_y=finite(ratio[1]),
             lag_difference_x_deg=degrees(later[0]),

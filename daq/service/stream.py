@@ -9,7 +9,7 @@ from collections.abc import AsyncIterator, Callable
 from contextlib import suppress
 from typing import Protocol
 
-from daq.schemas.units import Document
+from daq.schemas.units import Schema
 from daq.service.problem_types import Kind
 from daq.service.problems import ProblemError
 from daq.session.live_update import LiveFrame
@@ -49,7 +49,7 @@ class Hub:
         s between two looks.
     """
 
-    def __init__(self, live: Live, told: Callable[[LiveFrame], Document], interval: float = INTERVAL) -> None:
+    def __init__(self, live: Live, told: Callable[[LiveFrame], Schema], interval: float = INTERVAL) -> None:
         self._live = live
         self._told = told
         self._interval = interval

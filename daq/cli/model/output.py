@@ -6,7 +6,7 @@ from pathlib import Path
 from daq.cli.model.figures import require_drawing, save
 from daq.cli.output.summary_text import print_json
 from daq.cli.output.terminal import aligned
-from daq.schemas.study import study_document
+from daq.schemas.study import study_schema
 from model.studies.study import Study
 
 
@@ -33,7 +33,7 @@ def show(study: Study, chosen: argparse.Namespace) -> int:
     if chosen.output is not None:
         save(study.plots, chosen.output)
     if chosen.json:
-        print_json(study_document(study))
+        print_json(study_schema(study))
     else:
         print("\n".join(table_lines(study)))
     return 0

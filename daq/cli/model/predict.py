@@ -12,7 +12,7 @@ from daq.config.loader import load_rig
 from daq.config.rig import Rig
 from daq.config.rotor import rotor_parameters
 from daq.errors import RigError, UsageError
-from daq.schemas.live import predicted_document
+from daq.schemas.live import predicted_vibration_schema
 from daq.session.prediction.predictors import PATIENCE, Predictors
 from model.errors import ModelError
 from model.prediction.live_prediction import refine
@@ -36,7 +36,7 @@ def run(chosen: argparse.Namespace) -> int:
         return 0
     predictions = _over_speed(found) if chosen.speed_rpm is None else [_exactly(rig, found, chosen.speed_rpm * RPM)]
     if chosen.json:
-        print_json([predicted_document(prediction) for prediction in predictions])
+        print_json([predicted_vibration_schema(prediction) for prediction in predictions])
     else:
         print(_HEAD)
         for prediction in predictions:

@@ -10,26 +10,26 @@ from typing import Any
 from analysis.signals.header import Severity
 from analysis.signals.ramp import Direction as SpeedDirection
 from daq.cli.output.terminal import show
-from daq.schemas.agreement import AgreementDocument
-from daq.schemas.events import AlarmDocument
-from daq.schemas.summary import SpeedRowDocument, SummaryDocument, TachoSummaryDocument
-from daq.schemas.units import Document
+from daq.schemas.agreement import AgreementSchema
+from daq.schemas.events import AlarmSchema
+from daq.schemas.summary import SpeedRowSchema, SummarySchema, TachoSummarySchema
+from daq.schemas.units import Schema
 from daq.session.recording.health import FULL
 from recordings.mcap.markers import MarkKind
 
 
-def print_json(content: Document | list[Document] | dict[str, Any]) -> None:
+def print_json(content: Schema | list[Schema] | dict[str, Any]) -> None:
     """Print a document, a list of them or what a service answered as JSON; where UTF-8 is not read, in ASCII."""
     plain: object = content
     if isinstance(content, list):
         plain = [each.model_dump(mode="json") for each in content]
-    elif isinstance(content, Document):
+    elif isinstance(content, Schema):
         plain = json.loads(content.model_dump_json())
     is_utf8 = codecs.lookup(sys.stdout.encoding or "ascii").name == "utf-8"
     print(json.dumps(plain, ensure_ascii=not is_utf8, indent=2))
 
 
-def tell(summary: SummaryDocument, *, as_json: bool) -> None:
+def tell(summary: SummarySchema, *, as_json: bool) -> None:
     """Print what a run was on standard output: as JSON, or in a few lines."""
     if as_json:
         print_json(summary)
@@ -37,7 +37,7 @@ def tell(summary: SummaryDocument, *, as_json: bool) -> None:
         show(summary_lines(summary))
 
 
-def summary_lines(summary: SummaryDocument) -> Iterator[str]:
+def summary_lines(summary: SummarySchema) -> Iterator[str]:
     """Yield a summary in the words of the bench, line by line."""
     yield f"run {summary.run}  {summary.duration_s:.1f} s  {summary.samples:,} samples a channel" + (
         f"  “{summary.note}”" if summary.note else ""
@@ -81,7 +81,7 @@ def summary_lines(summary: SummaryDocument) -> Iterator[str]:
             yield f"{'model' if k == 0 else '':15}  {line}"
 
 
-def _backlog(summary: SummaryDocument) -> Iterator[str]:
+def _backlog(summary: SummarySchema) -> Iterator[str]:
     """Yield how near the card's buffer came to losing samples."""
     most, holds = summary.largest_backlog_s, summary.buffer_s
     if most is not None and holds:
@@ -90,14 +90,14 @@ def _backlog(summary: SummaryDocument) -> Iterator[str]:
         yield f"backlog          at most {most:.2f} s in the card's buffer of {holds:.3g} s, {100 * part:.0f} %{near}"
 
 
-def _tacho(summary: SummaryDocument) -> Iterator[str]:
+def _tacho(summary: SummarySchema) -> Iterator[str]:
     """Yield what speed and phase rest on, where there is a choice."""
     if summary.tacho is not None and summary.tacho.counter is not None:
         compared = f"{summary.tacho.counter.compared:,} edges by counter and samples are compared"
         yield f"tacho            speed and phase from the {summary.tacho.reference}; {compared}"
 
 
-def _standards(summary: SummaryDocument) -> Iterator[str]:
+def _standards(summary: SummarySchema) -> Iterator[str]:
     """Yield the standards' figures at the speed of the largest vibration; scope and source are in the document."""
     known = [each for each in summary.standards if each.limit_peak_to_peak_um is not None]
     if known:
@@ -108,7 +108,7 @@ def _standards(summary: SummaryDocument) -> Iterator[str]:
         yield f"for information  {told} µm pp at that speed; none is written for floating rings"
 
 
-def _runout(summary: SummaryDocument) -> Iterator[str]:
+def _runout(summary: SummarySchema) -> Iterator[str]:
     """Yield what was taken off as run-out, or why nothing was."""
     runout = summary.runout
     if runout is None:
@@ -123,7 +123,7 @@ def _runout(summary: SummaryDocument) -> Iterator[str]:
     yield f"run-out          at 1X {x}, {y}, from {runout.source}{below}; taken off where it says compensated"
 
 
-def _alarm(alarm: AlarmDocument) -> str:
+def _alarm(alarm: AlarmSchema) -> str:
     """Say which limit of what was passed where, when, by how much and until when."""
     speed = "" if alarm.begin.speed_rpm is None else f", {_number(alarm.begin.speed_rpm)} r/min"
     end = "to the end" if alarm.end is None else f"until {_number(alarm.end.time_s, 1)} s"
@@ -131,7 +131,7 @@ def _alarm(alarm: AlarmDocument) -> str:
     return f"{name} from {_number(alarm.begin.time_s, 1)} s{speed} {end}, up to {alarm.told}"
 
 
-def _model(agreement: AgreementDocument) -> Iterator[str]:
+def _model(agreement: AgreementSchema) -> Iterator[str]:
     """Yield how far the run agrees with the model."""
     one = agreement.synchronous
     if one is None:
@@ -156,7 +156,7 @@ def _model(agreement: AgreementDocument) -> Iterator[str]:
         yield f"whirl {predicted}, {measured}"
 
 
-def _table(summary: SummaryDocument) -> Iterator[str]:
+def _table(summary: SummarySchema) -> Iterator[str]:
     """Yield a few rows of amplitude and phase by speed; the whole table is in the document."""
     up = [row for row in summary.by_speed if row.frames and row.course is SpeedDirection.UP]
     down = [row for row in reversed(summary.by_speed) if row.frames and row.course is SpeedDirection.DOWN]
@@ -180,7 +180,7 @@ def _speed(speed_rpm: float | None, course: SpeedDirection) -> str:
     return f"{_number(speed_rpm)} {'▲' if course is SpeedDirection.UP else '▼'}"
 
 
-def _verdict(summary: SummaryDocument) -> str:
+def _verdict(summary: SummarySchema) -> str:
     if summary.is_gap_free:
         return "gap-free"
     if not summary.segments:
@@ -189,7 +189,7 @@ def _verdict(summary: SummaryDocument) -> str:
     return f"NOT GAP-FREE: {bound}{summary.lost_samples:,} samples lost"
 
 
-def _segments(summary: SummaryDocument) -> Iterator[str]:
+def _segments(summary: SummarySchema) -> Iterator[str]:
     """Yield what ended a run, and the segments of one that is not gap-free with why each ended."""
     if summary.is_gap_free:
         yield from (f"{'end':15}  {segment.detail}" for segment in summary.segments if segment.detail)
@@ -201,7 +201,7 @@ def _segments(summary: SummaryDocument) -> Iterator[str]:
         yield f"segment {segment.segment:<8} {segment.samples:,} samples, then {segment.end_reason.value}{lost}{detail}"
 
 
-def _marks(summary: SummaryDocument) -> Iterator[str]:
+def _marks(summary: SummarySchema) -> Iterator[str]:
     for mark in summary.marks:
         if mark.kind is MarkKind.ALARM:  # told as an alarm
             continue
@@ -209,13 +209,13 @@ def _marks(summary: SummaryDocument) -> Iterator[str]:
         yield f"mark             {where}{_number(mark.time_s, 1)} s  “{mark.text}”"
 
 
-def _speeds(summary: SummaryDocument) -> str:
+def _speeds(summary: SummarySchema) -> str:
     if summary.lowest_speed_rpm is None:
         return "speed unknown: the tacho never told"
     return f"{_number(summary.lowest_speed_rpm)}–{_number(summary.highest_speed_rpm)} r/min"
 
 
-def _largest(summary: SummaryDocument) -> str:
+def _largest(summary: SummarySchema) -> str:
     worst = max(summary.probes, key=lambda probe: probe.largest_peak_to_peak_um or 0.0, default=None)
     if worst is None or worst.largest_at is None:
         return "no vibration measured"
@@ -226,7 +226,7 @@ def _largest(summary: SummaryDocument) -> str:
     return f"max {_number(worst.largest_peak_to_peak_um)} µm pp on {worst.name} {where}, {part}{verdict}"
 
 
-def _tacho_oddities(tacho: TachoSummaryDocument) -> Iterator[str]:
+def _tacho_oddities(tacho: TachoSummarySchema) -> Iterator[str]:
     others = {state: count for state, count in tacho.snapshots_by_state.items() if state.value != "good"}
     total = sum(tacho.snapshots_by_state.values())
     for state, count in others.items():
@@ -240,7 +240,7 @@ def _tacho_oddities(tacho: TachoSummaryDocument) -> Iterator[str]:
         yield f"tacho: {tacho.counter.told}"
 
 
-def _oddities(summary: SummaryDocument) -> Iterator[str]:
+def _oddities(summary: SummarySchema) -> Iterator[str]:
     for probe in summary.probes:
         if not probe.gap_ok:
             least, most = _number(probe.gap_least_v, 2), _number(probe.gap_most_v, 2)
@@ -254,7 +254,7 @@ def _oddities(summary: SummaryDocument) -> Iterator[str]:
         yield from _tacho_oddities(summary.tacho)
 
 
-def _picked(rows: list[SpeedRowDocument], most: int) -> list[SpeedRowDocument]:
+def _picked(rows: list[SpeedRowSchema], most: int) -> list[SpeedRowSchema]:
     """Return at most so many rows, evenly spread, the last among them."""
     if len(rows) <= most:
         return rows

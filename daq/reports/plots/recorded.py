@@ -3,14 +3,14 @@
 from analysis.signals.ramp import Direction as SpeedDirection
 from daq.reports.plots.layouts import BOTH_WAYS, Course, bode, orbit, polar, spectrum, stacked
 from daq.reports.plots.panel import Panel, Values
-from daq.schemas.results import CascadeDocument, OrderVectorsDocument, WaterfallDocument
-from daq.schemas.snapshot import FullSpectrumDocument, OrbitDocument, OrderSpectrumDocument
-from daq.schemas.units import Document
+from daq.schemas.results import CascadeSchema, OrderVectorsSchema, WaterfallSchema
+from daq.schemas.snapshot import FullSpectrumSchema, OrbitSchema, OrderSpectrumSchema
+from daq.schemas.units import Schema
 
 PEAK = "µm zero-to-peak"
 
 
-def panels_of(document: Document, what: str, directions: tuple[float, float]) -> list[Panel]:
+def panels_of(document: Schema, what: str, directions: tuple[float, float]) -> list[Panel]:
     """Return a document as panels of a drawing; ValueError where it is none that can be drawn.
 
     Parameters
@@ -23,12 +23,12 @@ def panels_of(document: Document, what: str, directions: tuple[float, float]) ->
         Where the probes x and y sit, rad from X.
     """
     match document:
-        case OrderSpectrumDocument():
+        case OrderSpectrumSchema():
             rows = (("x", document.amplitude_peak_x_um), ("y", document.amplitude_peak_y_um))
             return spectrum(_title(document), "order", PEAK, document.orders, rows)
-        case FullSpectrumDocument():
+        case FullSpectrumSchema():
             return spectrum(_title(document), BOTH_WAYS, PEAK, document.orders, (("", document.amplitude_peak_um),))
-        case OrbitDocument():
+        case OrbitSchema():
             turns = _turns(document, document.orbit_x_um, document.orbit_y_um)
             measured = orbit(_title(document), turns, directions)
             across, up = document.compensated_orbit_x_um, document.compensated_orbit_y_um
@@ -36,30 +36,30 @@ def panels_of(document: Document, what: str, directions: tuple[float, float]) ->
                 return [measured]
             less = _turns(document, across, up)
             return [orbit(_title(document), less, directions, "compensated: less run-out"), measured]
-        case OrderVectorsDocument():
+        case OrderVectorsSchema():
             what_of, courses = _courses(document)
             if what == "polar":
                 return polar(document.run, what_of, PEAK, courses, directions)
             return bode(document.run, what_of, PEAK, courses)
-        case CascadeDocument():
+        case CascadeSchema():
             return [_stacked(document, "cascade", document.speeds_rpm, "r/min")]
-        case WaterfallDocument():
+        case WaterfallSchema():
             return [_stacked(document, "waterfall", document.times_s, "s")]
         case _:
             raise ValueError(f"document: {type(document).__name__}, expected one that can be drawn")
 
 
-def _title(document: OrderSpectrumDocument | FullSpectrumDocument | OrbitDocument) -> str:
+def _title(document: OrderSpectrumSchema | FullSpectrumSchema | OrbitSchema) -> str:
     frame = document.frame
     return f"{document.run} · {frame.speed_rpm or 0.0:,.0f} r/min at {frame.time_s:.1f} s"
 
 
-def _turns(document: OrbitDocument, xs: Values, ys: Values) -> list[tuple[Values, Values]]:
+def _turns(document: OrbitSchema, xs: Values, ys: Values) -> list[tuple[Values, Values]]:
     points = document.points_per_revolution
     return [(xs[k : k + points], ys[k : k + points]) for k in range(0, len(xs), points)]
 
 
-def _courses(document: OrderVectorsDocument) -> tuple[str, list[Course]]:
+def _courses(document: OrderVectorsSchema) -> tuple[str, list[Course]]:
     """Return what is drawn of 1X, and its vectors by speed, run-up and run-down apart, each with its arrow.
 
     Where run-out was known, what it left is drawn, and nothing of the speeds before it was.
@@ -84,7 +84,7 @@ def _courses(document: OrderVectorsDocument) -> tuple[str, list[Course]]:
     return "1X compensated" if compensated else "1X", courses
 
 
-def _stacked(document: CascadeDocument | WaterfallDocument, name: str, feet: Values, label: str) -> Panel:
+def _stacked(document: CascadeSchema | WaterfallSchema, name: str, feet: Values, label: str) -> Panel:
     is_full = any((order or 0.0) < 0.0 for order in document.orders)
     title, across = f"{document.run} · {name}", BOTH_WAYS if is_full else "order"
     return stacked(title, across, label, document.orders, feet, document.amplitude_peak_um, PEAK)

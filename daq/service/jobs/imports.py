@@ -8,7 +8,7 @@ from daq.config.loader import read_config, rig_in_text
 from daq.config.rig import Rig
 from daq.config.toml_writer import to_toml
 from daq.errors import ConfigError
-from daq.schemas.runs import run_document
+from daq.schemas.runs import run_schema
 from daq.service.jobs.queue import DataPlace, Progress, Task, Tell
 from daq.service.jobs.work import parts_told
 from daq.service.schemas.importing import ImportOrder, RigInText
@@ -38,7 +38,7 @@ def import_upload(tell: Tell, target: Path, place: DataPlace, foreign: Foreign, 
         run, _ = imported_run(foreign, rig, catalogue, target.parent, parts_told(tell, "writing and analysing"))
     except ForeignFormatError as error:
         raise ForeignFormatError(str(error).replace(str(foreign.path), foreign.name)) from error
-    target.write_text(run_document(catalogue.run(run)).model_dump_json(), encoding="utf-8")
+    target.write_text(run_schema(catalogue.run(run)).model_dump_json(), encoding="utf-8")
 
 
 def rig_of_run(header: RunHeader) -> Rig:

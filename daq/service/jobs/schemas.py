@@ -8,10 +8,10 @@ from pydantic import BeforeValidator, Field
 
 from daq.config.calibration import CalibrationRecord
 from daq.reports.parameters import LONGEST
-from daq.schemas.live import PredictedDocument
+from daq.schemas.live import PredictedVibrationSchema
 from daq.schemas.runs import RunId
-from daq.schemas.study import StudyOrder
-from daq.schemas.units import Document
+from daq.schemas.study import StudyRequest
+from daq.schemas.units import Schema
 from daq.service.jobs.queue import Job, JobState
 from daq.service.schemas.importing import ImportOrder, as_a_file
 
@@ -70,7 +70,7 @@ class ExportContent(StrEnum):
     PULSES = "pulses"
 
 
-class AnswerOrder(Document):
+class AnswerOrder(Schema):
     """Make the answer of a run's address, without the time limit that it has."""
 
     kind: Literal["answer"]
@@ -81,7 +81,7 @@ class AnswerOrder(Document):
     )
 
 
-class AnalysisOrder(Document):
+class AnalysisOrder(Schema):
     """Analyse a run's samples anew, with corrected calibrations where some are given; the recording stays as it is."""
 
     kind: Literal["analysis"]
@@ -93,7 +93,7 @@ class AnalysisOrder(Document):
     )
 
 
-class PredictionOrder(Document):
+class PredictionOrder(Schema):
     """Compute the model over speed for a run's rig, with other parameters where some are given."""
 
     kind: Literal["prediction"]
@@ -112,7 +112,7 @@ class PredictionOrder(Document):
     )
 
 
-class ExportOrder(Document):
+class ExportOrder(Schema):
     """Write a run, or a part of it, in the form of another program."""
 
     kind: Literal["export"]
@@ -134,21 +134,21 @@ class ExportOrder(Document):
     )
 
 
-class VerificationOrder(Document):
+class VerificationOrder(Schema):
     """Look through a recording's whole file and keep the verdict."""
 
     kind: Literal["verification"]
     run: RunId
 
 
-class RecoveryOrder(Document):
+class RecoveryOrder(Schema):
     """Copy all that is intact of a damaged recording into a run of its own, RUN-recovered."""
 
     kind: Literal["recovery"]
     run: RunId
 
 
-class IndexOrder(Document):
+class IndexOrder(Schema):
     """Bring the catalogue up to date with the files, and sum up the runs that have not been."""
 
     kind: Literal["index"]
@@ -158,10 +158,10 @@ class IndexOrder(Document):
 
 
 RunOrder: TypeAlias = AnswerOrder | AnalysisOrder | PredictionOrder | ExportOrder | VerificationOrder | RecoveryOrder
-Order: TypeAlias = Annotated[RunOrder | IndexOrder | ImportOrder | StudyOrder, Field(discriminator="kind")]
+Order: TypeAlias = Annotated[RunOrder | IndexOrder | ImportOrder | StudyRequest, Field(discriminator="kind")]
 
 
-class JobDocument(Document):
+class JobSchema(Schema):
     """A job as it stands."""
 
     job: str = Field(description="Its id", examples=["9f3c0f6e2d1b4a57"])
@@ -186,23 +186,25 @@ class JobDocument(Document):
     )
 
 
-class JobListDocument(Document):
+class JobListSchema(Schema):
     """All jobs that are known."""
 
-    jobs: tuple[JobDocument, ...] = Field(description="The one asked for last first")
+    jobs: tuple[JobSchema, ...] = Field(description="The one asked for last first")
 
 
-class PredictionMapDocument(Document):
+class PredictionMapSchema(Schema):
     """The model over speed."""
 
     run: RunId
-    by_speed: tuple[PredictedDocument, ...] = Field(description="In rising order of speed, about every 250 r/min")
+    by_speed: tuple[PredictedVibrationSchema, ...] = Field(
+        description="In rising order of speed, about every 250 r/min"
+    )
 
 
-def job_document(job: Job) -> JobDocument:
+def job_schema(job: Job) -> JobSchema:
     """Return a job as a document."""
     place = f"{JOBS}/{job.id}"
-    return JobDocument(
+    return JobSchema(
         job=job.id,
         kind=job.task.kind,
         about=job.task.about,

@@ -9,14 +9,14 @@ from analysis.signals.header import RunHeader
 from daq.config.loader import read_config
 from daq.config.rotor import configured_rotor
 from daq.schemas.study import (
-    CampbellOrder,
-    CriticalOrder,
-    ModesOrder,
-    OnsetOrder,
-    ResponseOrder,
+    CampbellRequest,
+    CriticalSpeedsRequest,
+    InstabilityOnsetRequest,
+    ModesRequest,
+    ResponseRequest,
     Speeds,
-    StudyOrder,
-    study_document,
+    StudyRequest,
+    study_schema,
 )
 from daq.service.jobs.queue import Progress, Task, Tell
 from model.rotor.gj90c import gj90c
@@ -29,18 +29,18 @@ from model.studies.synchronous import response_study
 FloatArray = NDArray[np.float64]
 
 
-def study_task(order: StudyOrder, header: RunHeader | None) -> Task:
+def study_task(order: StudyRequest, header: RunHeader | None) -> Task:
     """Return what an order is to do, for the rotor of the rig of a run, or without one for the thesis's."""
     whose = "the thesis's rotor" if header is None else f"the rotor of {header.run}"
     run = "" if header is None else header.run
     return Task(order.kind, f"{order.kind} of {whose}", run, study, (header, order), f"{order.kind}.json")
 
 
-def study(tell: Tell, target: Path, header: RunHeader | None, order: StudyOrder) -> None:
+def study(tell: Tell, target: Path, header: RunHeader | None, order: StudyRequest) -> None:
     """Compute a study."""
     tell(Progress("computing"))
     found = computed(_parameters(header), order)
-    target.write_text(study_document(found).model_dump_json(), encoding="utf-8")
+    target.write_text(study_schema(found).model_dump_json(), encoding="utf-8")
 
 
 def _parameters(header: RunHeader | None) -> ModelParameters:
@@ -49,20 +49,20 @@ def _parameters(header: RunHeader | None) -> ModelParameters:
     return configured_rotor(read_config(header.config_toml, f"configuration of run {header.run}"))
 
 
-def computed(parameters: ModelParameters, order: StudyOrder) -> Study:
+def computed(parameters: ModelParameters, order: StudyRequest) -> Study:
     """Return the study that is asked for; ValueError, ModelError where there is none."""
     match order:
-        case ModesOrder():
+        case ModesRequest():
             return modes_study(parameters, order.stiffness_n_m, order.speed_rad_s, order.count)
-        case CampbellOrder():
+        case CampbellRequest():
             stiffness = campbell_stiffness(parameters) if order.stiffness_n_m is None else order.stiffness_n_m
             return campbell_study(parameters, stiffness, _spaced(order.speeds), order.count)
-        case CriticalOrder(stiffnesses=range_):
+        case CriticalSpeedsRequest(stiffnesses=range_):
             stiffnesses = np.geomspace(range_.from_n_m, range_.to_n_m, range_.count)
             return critical_study(parameters, stiffnesses, order.highest_rad_s)
-        case ResponseOrder():
+        case ResponseRequest():
             return response_study(parameters, _spaced(order.speeds), order.stiffness_n_m, order.station)
-        case OnsetOrder():
+        case InstabilityOnsetRequest():
             return onset_study(parameters, _spaced(order.speeds))
 
 

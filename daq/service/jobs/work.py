@@ -18,12 +18,12 @@ from daq.reports.export import analysis_made, content
 from daq.reports.parameters import AnalysisForm, Asked
 from daq.reports.records import read_records
 from daq.reports.summaries import Summaries, Waiting
-from daq.schemas.live import predicted_document
-from daq.schemas.runs import index_document
-from daq.schemas.units import Document
-from daq.schemas.verification import recovery_document, verification_document
+from daq.schemas.live import predicted_vibration_schema
+from daq.schemas.runs import index_report_schema
+from daq.schemas.units import Schema
+from daq.schemas.verification import recovery_schema, verification_schema
 from daq.service.jobs.queue import DataPlace, Progress, Tell
-from daq.service.jobs.schemas import PredictionMapDocument
+from daq.service.jobs.schemas import PredictionMapSchema
 from daq.service.rendering import document_of
 from daq.session.offline import summarise
 from daq.session.prediction.map_cache import MapHere, MapsHere
@@ -102,8 +102,8 @@ def predict(tell: Tell, target: Path, header: RunHeader, changes: Mapping[str, f
     parts = parts_told(tell, "computing speed by speed")
     wanted = MapHere(configured_rotor(config), header.settings, header.limits)
     found = wanted.computed(lambda done, total: parts(done / total))
-    by_speed = tuple(predicted_document(found.at(speed)) for speed in found.speeds.tolist())
-    _write(target, PredictionMapDocument(run=header.run, by_speed=by_speed))
+    by_speed = tuple(predicted_vibration_schema(found.at(speed)) for speed in found.speeds.tolist())
+    _write(target, PredictionMapSchema(run=header.run, by_speed=by_speed))
 
 
 def export(tell: Tell, target: Path, path: Path, made: Callable[..., Table], part: Mapping[str, Any]) -> None:
@@ -126,7 +126,7 @@ def verification(tell: Tell, target: Path, place: DataPlace, run: str) -> None:
     catalogue = place.catalogue()
     found = verify(catalogue.path(run), parts_told(tell, "verifying"))
     catalogue.judge(run, found.verdict.value)
-    _write(target, verification_document(found))
+    _write(target, verification_schema(found))
 
 
 def recovery(tell: Tell, target: Path, place: DataPlace, run: str) -> None:
@@ -139,13 +139,13 @@ def recovery(tell: Tell, target: Path, place: DataPlace, run: str) -> None:
     draft = target.with_name(copy.name)
     found = recover(catalogue.path(run), draft)
     settle(draft, copy)
-    _write(target, recovery_document(replace(found, target=copy)))
+    _write(target, recovery_schema(replace(found, target=copy)))
 
 
 def index(tell: Tell, target: Path, place: DataPlace, verifying: bool) -> None:  # noqa: FBT001 - sent through a pipe
     """Bring the catalogue up to date."""
     report = place.catalogue().index(summarise, verifying=verifying, told=lambda words: tell(Progress(words)))
-    _write(target, index_document(report))
+    _write(target, index_report_schema(report))
 
 
 def part_of(start: float, stop: float | None, segment: int | None) -> dict[str, Any]:
@@ -156,7 +156,7 @@ def part_of(start: float, stop: float | None, segment: int | None) -> dict[str, 
 TABLES = {"samples": samples_table, "results": results_table, "pulses": pulses_table}
 
 
-def _write(target: Path, document: Document) -> None:
+def _write(target: Path, document: Schema) -> None:
     target.write_text(document.model_dump_json(), encoding="utf-8")
 
 

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Final, Protocol, TypeAlias
 
 from fastapi import Query, Request, Response
 
-from daq.reports.analysis_schema import AnalysisDocument
+from daq.reports.analysis_schema import AnalysisSchema
 from daq.reports.columns import QUANTITIES
 from daq.reports.parameters import AnalysisForm, Asked, At, Question, RecordedCascadeQuery, RecordedWaterfallQuery
 from daq.reports.registry import KINDS, AnalysisKind
@@ -117,7 +117,7 @@ def add_analyses(routing: Routing, answer: Answer) -> None:
         endpoint.__doc__ = _told(kind)
         routing.add(
             f"/runs/{{run}}/analyses/{name}", endpoint, f"analyse_run_{name.replace('-', '_')}", "analyses", kind.title,
-            *READING, Kind.NO_SUCH_MOMENT, Kind.NOT_TOLD, Kind.TOO_MUCH, Kind.NOT_ACCEPTABLE, model=AnalysisDocument,
+            *READING, Kind.NO_SUCH_MOMENT, Kind.NOT_TOLD, Kind.TOO_MUCH, Kind.NOT_ACCEPTABLE, model=AnalysisSchema,
             answers={200: {"content": FORMS}, **NOT_MODIFIED},
         )  # fmt: skip
 

@@ -7,16 +7,16 @@ from typing import Annotated, Protocol
 
 from fastapi import Query, Request, Response
 
-from daq.schemas.live import LiveDocument, live_document
-from daq.schemas.runs import RunDocument, RunListDocument, run_document, run_list_document
-from daq.schemas.snapshot import PictureDocument, picture_document
-from daq.schemas.summary import SummaryDocument
+from daq.schemas.live import LiveSchema, live_schema
+from daq.schemas.runs import RunListSchema, RunSchema, run_list_schema, run_schema
+from daq.schemas.snapshot import PictureSchema, picture_schema
+from daq.schemas.summary import SummarySchema
 from daq.service.problem_types import Kind
 from daq.service.problems import ProblemError
 from daq.service.responses import NOT_MODIFIED, document_tag, is_known
 from daq.service.routes.run_query import RunQuery
 from daq.service.routing import Routing, RunId, Workers
-from daq.service.schemas.health import HealthDocument, health_document
+from daq.service.schemas.health import HealthSchema, health_schema
 from daq.service.stream import Live, require_ended
 from daq.session.live_update import LiveFrame
 from recordings.catalogue.catalogue import RunEntry
@@ -43,7 +43,7 @@ class Catalogue(Protocol):
 class Summaries(Protocol):
     """What runs were."""
 
-    def summary(self, run_id: str) -> SummaryDocument:
+    def summary(self, run_id: str) -> SummarySchema:
         """Return a run's summary; it may read the whole recording. RecordingError where it cannot be read."""
         ...
 
@@ -77,7 +77,7 @@ class Routes:
         listing = (Kind.BAD_PARAMETER, Kind.STORAGE_UNAVAILABLE, Kind.BUSY)
         routing.add("/runs", self.runs, "list_runs", "runs", "List the runs", *listing)
         routing.add(
-            "/runs/{run}", self.run, "get_run", "runs", "One run", Kind.RUN_NOT_FOUND, *listing, model=RunDocument,
+            "/runs/{run}", self.run, "get_run", "runs", "One run", Kind.RUN_NOT_FOUND, *listing, model=RunSchema,
             answers=NOT_MODIFIED,
         )  # fmt: skip
         routing.add(
@@ -91,7 +91,7 @@ class Routes:
         )
         routing.add("/health", self.health, "get_health", "service", "Whether the service is well", Kind.BUSY)
 
-    async def runs(self, query: Annotated[RunQuery, Query()]) -> RunListDocument:
+    async def runs(self, query: Annotated[RunQuery, Query()]) -> RunListSchema:
         """List the data folder; runs under way or cut short too, with `is_complete` false.
 
         What was measured (speed, onset) is known of runs that the job `index` or `rig index` has summed up.
@@ -99,17 +99,17 @@ class Routes:
         search = query.search()
         found = partial(self._catalogue.search, search) if search != Search() else self._catalogue.runs
         chosen = query.chosen(await self._lookups.run(found))
-        return run_list_document(chosen[query.offset :][: query.limit], len(chosen), query.limit, query.offset)
+        return run_list_schema(chosen[query.offset :][: query.limit], len(chosen), query.limit, query.offset)
 
     async def run(self, request: Request, run: RunId) -> Response:
         """Answers from the recording's header and end alone, in milliseconds."""
-        document = run_document(await self._lookups.run(partial(self._catalogue.run, run)))
+        document = run_schema(await self._lookups.run(partial(self._catalogue.run, run)))
         headers = {"ETag": document_tag(document), "Cache-Control": "private, no-cache"}
         if is_known(request.headers.get("if-none-match"), headers["ETag"]):
             return Response(status_code=304, headers=headers)
         return Response(document.model_dump_json(), headers=headers, media_type="application/json")
 
-    async def summary(self, run: RunId) -> SummaryDocument:
+    async def summary(self, run: RunId) -> SummarySchema:
         """Speeds, amplitudes, phases, sub-synchronous components, losses, and the agreement with the model.
 
         A summary that was not made when the run ended is made now from the whole recording, which takes a while.
@@ -117,16 +117,16 @@ class Routes:
         require_ended(self._live, run)
         return await self._readings.run(partial(self._summaries.summary, run))
 
-    async def live(self) -> LiveDocument:
+    async def live(self) -> LiveSchema:
         """Measured values, the model's beside them, and the state of the recording; meant to be asked for often.
 
         When a run has ended its last moment stays, with `state` finished or failed, until the next one begins.
         """
-        return live_document(self._frame())
+        return live_schema(self._frame())
 
-    async def picture(self) -> PictureDocument:
+    async def picture(self) -> PictureSchema:
         """Give the curves of the last whole revolutions, measured and predicted, as `/live` gives the numbers."""
-        return picture_document(self._frame())
+        return picture_schema(self._frame())
 
     def _frame(self) -> LiveFrame:
         frame = self._live.latest()
@@ -134,11 +134,11 @@ class Routes:
             raise ProblemError(Kind.NO_LIVE_RUN, "nothing is recorded or replayed now")
         return frame
 
-    async def health(self) -> HealthDocument:
+    async def health(self) -> HealthSchema:
         """Answer at all; `health` says whether data folder and live run are well too."""
         trouble, runs = "", None
         try:
             runs = len(await self._lookups.run(self._catalogue.runs))
         except RecordingError as error:
             trouble = str(error)
-        return health_document(self._version, time.monotonic() - self._made, runs, self._live.latest(), trouble)
+        return health_schema(self._version, time.monotonic() - self._made, runs, self._live.latest(), trouble)

@@ -7,18 +7,18 @@ from typing import Annotated, Final, Protocol
 from fastapi import Path as PathParameter
 from fastapi import Request, Response
 
-from daq.schemas.runs import RunDocument, run_document
+from daq.schemas.runs import RunSchema, run_schema
 from daq.service.problem_types import Kind
 from daq.service.problems import ProblemError
 from daq.service.responses import OCTETS, document_tag, is_meant
 from daq.service.routing import PREFIX, IfMatch, Routing, RunId, Workers
 from daq.service.run_reader import Readings
 from daq.service.schemas.runs import (
-    PutAwayDocument,
-    TakeBackDocument,
-    TrashDocument,
-    TrashedDocument,
-    WordsDocument,
+    AnnotationRequest,
+    RestoreRequest,
+    TrashedRunSchema,
+    TrashEntrySchema,
+    TrashSchema,
 )
 from daq.service.stream import Live, require_ended
 from daq.service.uploads import Incoming
@@ -111,8 +111,8 @@ class ChangeRoutes:
         )  # fmt: skip
 
     async def annotate(
-        self, run: RunId, words: WordsDocument, response: Response, if_match: IfMatch = None
-    ) -> RunDocument:
+        self, run: RunId, words: AnnotationRequest, response: Response, if_match: IfMatch = None
+    ) -> RunSchema:
         """Change what is said of the run; it is kept in a file beside the recording, which never changes."""
 
         def changed() -> RunEntry:
@@ -120,13 +120,13 @@ class ChangeRoutes:
             return self._catalogue.annotate(run, remark=words.remark, tags=words.tags)
 
         try:
-            document = run_document(await self._changes.run(changed))
+            document = run_schema(await self._changes.run(changed))
         except ValueError as error:
             raise ProblemError(Kind.BAD_PARAMETER, str(error)) from error
         response.headers["ETag"] = document_tag(document)
         return document
 
-    async def put_away(self, run: RunId, if_match: IfMatch = None) -> PutAwayDocument:
+    async def put_away(self, run: RunId, if_match: IfMatch = None) -> TrashedRunSchema:
         """Move the recording into the folder `trash` of the data folder; nothing is deleted."""
         require_ended(self._live, run)
 
@@ -135,19 +135,19 @@ class ChangeRoutes:
             return self._catalogue.put_away(run)
 
         place = await self._changes.run(moved)
-        return PutAwayDocument(run=run, trash=f"{place.parent.name}/{place.name}", name=place.stem)
+        return TrashedRunSchema(run=run, trash=f"{place.parent.name}/{place.name}", name=place.stem)
 
     def _require_meant(self, run: str, if_match: str | None) -> None:
         """Raise ProblemError where a run is no longer what a change rests on."""
-        if if_match is not None and not is_meant(if_match, document_tag(run_document(self._catalogue.run(run)))):
+        if if_match is not None and not is_meant(if_match, document_tag(run_schema(self._catalogue.run(run)))):
             raise ProblemError(Kind.CHANGED_MEANWHILE, f"run {run} has changed")
 
-    async def trash(self) -> TrashDocument:
+    async def trash(self) -> TrashSchema:
         """List what was put away; nothing is ever deleted by the service."""
         found = await self._changes.run(self._catalogue.put_away_runs)
-        return TrashDocument(runs=tuple(TrashedDocument(name=each.name, size_bytes=each.size) for each in found))
+        return TrashSchema(runs=tuple(TrashEntrySchema(name=each.name, size_bytes=each.size) for each in found))
 
-    async def take_back(self, name: TrashName, order: TakeBackDocument, response: Response) -> RunDocument:
+    async def take_back(self, name: TrashName, order: RestoreRequest, response: Response) -> RunSchema:
         """Move a run and what was said of it back into the data folder, never in place of another."""
         try:
             entry = await self._changes.run(partial(self._catalogue.take_back, name, order.run or ""))
@@ -156,9 +156,9 @@ class ChangeRoutes:
         except RunExistsError as error:
             raise ProblemError(Kind.RUN_EXISTS, str(error)) from error
         response.headers["Location"] = f"{PREFIX}/runs/{entry.id}"
-        return run_document(entry)
+        return run_schema(entry)
 
-    async def arrive(self, request: Request, run: RunId, response: Response) -> RunDocument:
+    async def arrive(self, request: Request, run: RunId, response: Response) -> RunSchema:
         """Keep a recording under the id of the address, once it is whole and every checksum in it holds.
 
         What is there already is never written over, and of what is refused nothing is left.
@@ -166,4 +166,4 @@ class ChangeRoutes:
         place = self._catalogue.place_for(run)
         await self._incoming.take(request, place, self._readings.require_whole)
         response.headers["Location"] = f"{PREFIX}/runs/{run}"
-        return run_document(await self._changes.run(partial(self._catalogue.run, run)))
+        return run_schema(await self._changes.run(partial(self._catalogue.run, run)))

@@ -11,10 +11,10 @@ from fastapi import Body, Path, Request, Response
 from fastapi.responses import StreamingResponse
 
 from daq.errors import ConfigError
-from daq.schemas.study import RotorOrder
+from daq.schemas.study import RotorStudyRequest
 from daq.service.jobs.imports import import_task, rig_of_run, rig_of_text
 from daq.service.jobs.queue import Job, JobNotFoundError, Jobs, JobsFullError, Task
-from daq.service.jobs.schemas import IndexOrder, JobDocument, JobListDocument, Order, job_document
+from daq.service.jobs.schemas import IndexOrder, JobListSchema, JobSchema, Order, job_schema
 from daq.service.jobs.studies import study_task
 from daq.service.jobs.tasks import header_of, index_task, run_task
 from daq.service.problem_types import Kind
@@ -107,7 +107,7 @@ class JobRoutes:
         """Let all who follow jobs go."""
         self._ended.set()
 
-    async def begin(self, order: Annotated[Order, Body()], response: Response) -> JobDocument:
+    async def begin(self, order: Annotated[Order, Body()], response: Response) -> JobSchema:
         """Take on what would take too long to wait for, and answer at once; `Location` tells where it stands.
 
         One job is done at a time, in a process of its own at low priority, so that a run that is recorded is not
@@ -119,7 +119,7 @@ class JobRoutes:
         except JobsFullError as error:
             raise ProblemError(Kind.TOO_MANY_JOBS, str(error)) from error
         response.headers["Location"] = f"{PREFIX}/jobs/{job.id}"
-        return job_document(job)
+        return job_schema(job)
 
     async def _task(self, order: Order) -> Task:
         """Return what is to be done."""
@@ -128,7 +128,7 @@ class JobRoutes:
                 return index_task(order, self._jobs.place)
             case ImportOrder():
                 return await self._import(order)
-            case RotorOrder():
+            case RotorStudyRequest():
                 return study_task(order, None if order.run is None else header_of(await self._run(order.run)))
             case _:
                 return run_task(order, await self._run(order.run), self._jobs.place)
@@ -152,19 +152,19 @@ class JobRoutes:
         require_ended(self._live, run)
         return await self._lookups.run(partial(self._catalogue.run, run))
 
-    async def all(self) -> JobListDocument:
+    async def all(self) -> JobListSchema:
         """List the jobs that wait, go on, or ended not long ago."""
         jobs = await self._lookups.run(self._jobs.all)
-        return JobListDocument(jobs=tuple(map(job_document, jobs)))
+        return JobListSchema(jobs=tuple(map(job_schema, jobs)))
 
-    async def job(self, job: JobId) -> JobDocument:
+    async def job(self, job: JobId) -> JobSchema:
         """Tell how far the job is, and once it is done, where its result is."""
-        return job_document(await self._known(job))
+        return job_schema(await self._known(job))
 
-    async def remove(self, job: JobId) -> JobDocument:
+    async def remove(self, job: JobId) -> JobSchema:
         """End the job's process where it has not ended, forget the job and its result, and tell how it stood last."""
         try:
-            return job_document(await self._lookups.run(partial(self._jobs.remove, job)))
+            return job_schema(await self._lookups.run(partial(self._jobs.remove, job)))
         except JobNotFoundError as error:
             raise ProblemError(Kind.JOB_NOT_FOUND, str(error)) from error
 
@@ -221,4 +221,4 @@ class JobRoutes:
 
 
 def _event(job: Job) -> str:
-    return f"event: job\ndata: {job_document(job).model_dump_json()}\n\n"
+    return f"event: job\ndata: {job_schema(job).model_dump_json()}\n\n"

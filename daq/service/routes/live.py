@@ -14,14 +14,14 @@ from fastapi.responses import StreamingResponse
 
 from analysis.signals.header import RunHeader
 from daq.errors import RigError
-from daq.schemas.events import AcknowledgedDocument, AcknowledgeDocument, MarkDocument, MarkOrder
-from daq.schemas.live import live_document
-from daq.schemas.snapshot import picture_document
+from daq.schemas.events import AcknowledgedAlarmsSchema, AcknowledgeRequest, MarkerRequest, MarkerSchema
+from daq.schemas.live import live_schema
+from daq.schemas.snapshot import picture_schema
 from daq.schemas.units import moment
 from daq.service.problem_types import Kind
 from daq.service.problems import ProblemError, problem_response
 from daq.service.routing import EVENTS, Routing, Workers, event_stream
-from daq.service.schemas.runs import OrderDocument, StartedDocument, StopDocument, StoppingDocument
+from daq.service.schemas.runs import StartedRunSchema, StartRequest, StoppingRunSchema, StopRequest
 from daq.service.stream import Hub, Live
 
 
@@ -32,11 +32,11 @@ class Steering(Protocol):
         """Ask for its end; return its id, None where no run is under way."""
         ...
 
-    def mark(self, text: str) -> MarkDocument | None:
+    def mark(self, text: str) -> MarkerSchema | None:
         """Name the present moment of the run that is recorded; None where none is."""
         ...
 
-    def acknowledge(self) -> AcknowledgedDocument | None:
+    def acknowledge(self) -> AcknowledgedAlarmsSchema | None:
         """Take note of the alarms of the run that is shown; None where none is."""
         ...
 
@@ -92,7 +92,7 @@ class LiveRoutes:
                 Kind.RUN_NOT_POSSIBLE, Kind.BUSY, Kind.STORAGE_UNAVAILABLE, status=201,
             )  # fmt: skip
 
-    async def start(self, order: OrderDocument, response: Response) -> StartedDocument:
+    async def start(self, order: StartRequest, response: Response) -> StartedRunSchema:
         """Start a run with a rig that the service was started with, and answer when samples come, which takes seconds.
 
         One run goes at a time. `/live` follows it, `/live/stop` ends it, and so does the service's own end.
@@ -107,9 +107,9 @@ class LiveRoutes:
         except RigError as error:
             raise ProblemError(Kind.RUN_NOT_POSSIBLE, str(error)) from error
         response.headers["Location"] = f"/api/v1/runs/{header.run}"
-        return StartedDocument(run=header.run, rig=header.rig, started_at=moment(header.started_ns))
+        return StartedRunSchema(run=header.run, rig=header.rig, started_at=moment(header.started_ns))
 
-    async def stop(self, _order: StopDocument) -> StoppingDocument:
+    async def stop(self, _order: StopRequest) -> StoppingRunSchema:
         """Ask for the end, as Ctrl-C at the bench does: the file is finished and kept. `/live` tells when that is done.
 
         What is sent is `{}`, as `application/json`; pages of other sites are turned away.
@@ -117,9 +117,9 @@ class LiveRoutes:
         run = None if self._steering is None else self._steering.stop()
         if run is None:
             raise ProblemError(Kind.NO_LIVE_RUN, "no run is under way")
-        return StoppingDocument(run=run)
+        return StoppingRunSchema(run=run)
 
-    async def mark(self, order: MarkOrder) -> MarkDocument:
+    async def mark(self, order: MarkerRequest) -> MarkerSchema:
         """Keep a word on this moment in the recording, as a line typed at the command's terminal does.
 
         It is in the run's summary when the run has ended. A run that is replayed takes none.
@@ -129,7 +129,7 @@ class LiveRoutes:
             raise ProblemError(Kind.NO_LIVE_RUN, "no run is being recorded")
         return made
 
-    async def acknowledge(self, _order: AcknowledgeDocument) -> AcknowledgedDocument:
+    async def acknowledge(self, _order: AcknowledgeRequest) -> AcknowledgedAlarmsSchema:
         """Take note of the alarms in sight: those that are over go, those that last stay until they are over.
 
         It is kept in the recording and told among the summary's marks; a replay forgets it. What is sent is `{}`.
@@ -154,8 +154,8 @@ class FollowingRoutes:
     """
 
     def __init__(self, live: Live) -> None:
-        self._values = _Followed(Hub(live, live_document), "live")
-        self._picture = _Followed(Hub(live, picture_document, PICTURE_INTERVAL), "picture")
+        self._values = _Followed(Hub(live, live_schema), "live")
+        self._picture = _Followed(Hub(live, picture_schema, PICTURE_INTERVAL), "picture")
 
     def add_to(self, routing: Routing) -> None:
         """Make the addresses known."""

@@ -19,17 +19,17 @@ from daq.reports.parameters import (
     TrendQuery,
 )
 from daq.schemas.results import (
-    CascadeDocument,
-    ComparisonDocument,
-    FindingsDocument,
-    OrderVectorsDocument,
-    PredictionDocument,
-    SamplesDocument,
-    TrendDocument,
-    WaterfallDocument,
+    CascadeSchema,
+    ComparisonSchema,
+    OrderVectorsSchema,
+    PredictionSchema,
+    SamplesSchema,
+    TrendSchema,
+    WaterfallSchema,
+    WhirlFindingsSchema,
 )
-from daq.schemas.snapshot import FullSpectrumDocument, OrbitDocument, OrderSpectrumDocument
-from daq.schemas.units import Document
+from daq.schemas.snapshot import FullSpectrumSchema, OrbitSchema, OrderSpectrumSchema
+from daq.schemas.units import Schema
 from daq.service.problem_types import READING, Kind
 from daq.service.problems import ProblemError
 from daq.service.responses import NOT_MODIFIED, OCTETS, accepts_gzip, best_type, entity_tag, file_answer, is_known
@@ -80,15 +80,15 @@ class RunRoutes:
 
     def add_to(self, routing: Routing) -> None:
         """Make the addresses known."""
-        results: tuple[tuple[str, Callable[..., object], str, type[Document]], ...] = (
-            ("order-vectors", self.order_vectors, "1X and 2X over speed", OrderVectorsDocument),
-            ("findings", self.findings, "What was found below 1X", FindingsDocument),
-            ("trend", self.trend, "Speed and vibration over time", TrendDocument),
-            ("cascade", self.cascade, "Order spectra over speed", CascadeDocument),
-            ("waterfall", self.waterfall, "Order spectra over time", WaterfallDocument),
-            ("order-spectrum", self.order_spectrum, "The order spectrum of a moment", OrderSpectrumDocument),
-            ("full-spectrum", self.full_spectrum, "Forward and backward circles of a moment", FullSpectrumDocument),
-            ("orbit", self.orbit, "The orbit of a moment", OrbitDocument),
+        results: tuple[tuple[str, Callable[..., object], str, type[Schema]], ...] = (
+            ("order-vectors", self.order_vectors, "1X and 2X over speed", OrderVectorsSchema),
+            ("findings", self.findings, "What was found below 1X", WhirlFindingsSchema),
+            ("trend", self.trend, "Speed and vibration over time", TrendSchema),
+            ("cascade", self.cascade, "Order spectra over speed", CascadeSchema),
+            ("waterfall", self.waterfall, "Order spectra over time", WaterfallSchema),
+            ("order-spectrum", self.order_spectrum, "The order spectrum of a moment", OrderSpectrumSchema),
+            ("full-spectrum", self.full_spectrum, "Forward and backward circles of a moment", FullSpectrumSchema),
+            ("orbit", self.orbit, "The orbit of a moment", OrbitSchema),
         )
         for what, endpoint, meaning, model in results:
             name = f"get_run_{what.replace('-', '_')}"
@@ -113,7 +113,7 @@ class RunRoutes:
         )  # fmt: skip
         routing.add(
             "/runs/{run}/samples", self.samples, "get_run_samples", "results", "Samples of a stretch of time",
-            *READING, Kind.NO_SUCH_MOMENT, Kind.TOO_MUCH, Kind.NOT_ACCEPTABLE, model=SamplesDocument,
+            *READING, Kind.NO_SUCH_MOMENT, Kind.TOO_MUCH, Kind.NOT_ACCEPTABLE, model=SamplesSchema,
             answers={200: {"content": {NPZ: BINARY, ARROW: BINARY}}, **NOT_MODIFIED},
         )  # fmt: skip
         routing.add(
@@ -164,12 +164,12 @@ class RunRoutes:
         """Give the path of the last whole revolutions of the recorded frame that is nearest."""
         return await self._answer(request, run, "orbit", at)
 
-    async def prediction(self, run: RunId, at: Annotated[Speed, Query()]) -> PredictionDocument:
+    async def prediction(self, run: RunId, at: Annotated[Speed, Query()]) -> PredictionSchema:
         """Give what the model expects of the run's rig, as its configuration was then."""
         entry = await self._entry(run)
         return await self._makings.run(partial(self._readings.prediction, entry, at.speed_rpm * RPM))
 
-    async def comparison(self, run: RunId, at: Annotated[Speed, Query()]) -> ComparisonDocument:
+    async def comparison(self, run: RunId, at: Annotated[Speed, Query()]) -> ComparisonSchema:
         """Give the measured bin of speed that is nearest, within 300 r/min, beside the model at its mean speed."""
         entry = await self._entry(run)
         return await self._makings.run(partial(self._readings.comparison, entry, at.speed_rpm * RPM))

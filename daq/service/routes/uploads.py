@@ -13,10 +13,10 @@ from daq.service.responses import OCTETS
 from daq.service.routing import PREFIX, Routing, Workers
 from daq.service.run_reader import Readings
 from daq.service.schemas.uploads import (
-    ColumnsDocument,
-    UploadDocument,
-    UploadListDocument,
-    upload_document,
+    ColumnsSchema,
+    UploadListSchema,
+    UploadSchema,
+    upload_schema,
 )
 from daq.service.uploads import (
     MOST_BYTES,
@@ -86,9 +86,7 @@ class UploadRoutes:
             *known, Kind.CROSS_SITE,
         )  # fmt: skip
 
-    async def arrive(
-        self, request: Request, query: Annotated[NameQuery, Query()], response: Response
-    ) -> UploadDocument:
+    async def arrive(self, request: Request, query: Annotated[NameQuery, Query()], response: Response) -> UploadSchema:
         """Keep a TDMS, LVM, CSV, MATLAB, UFF or WAV file for an hour; a job of kind `import` makes it into a run.
 
         Up to 2 GiB. Nothing is looked at yet, and nothing of its name reaches the disk but the suffix.
@@ -105,25 +103,25 @@ class UploadRoutes:
         except ValueError as error:
             raise ProblemError(Kind.BAD_PARAMETER, str(error)) from error
         response.headers["Location"] = f"{PREFIX}/uploads/{upload.id}"
-        return upload_document(upload)
+        return upload_schema(upload)
 
-    async def all(self) -> UploadListDocument:
+    async def all(self) -> UploadListSchema:
         """List the files that were sent in during the last hour."""
-        return UploadListDocument(uploads=tuple(map(upload_document, await self._lookups.run(self._uploads.all))))
+        return UploadListSchema(uploads=tuple(map(upload_schema, await self._lookups.run(self._uploads.all))))
 
-    async def upload(self, upload: UploadId) -> UploadDocument:
+    async def upload(self, upload: UploadId) -> UploadSchema:
         """Tell what the file is called, and until when it is kept."""
-        return upload_document(await self._known(upload))
+        return upload_schema(await self._known(upload))
 
-    async def columns(self, upload: UploadId) -> ColumnsDocument:
+    async def columns(self, upload: UploadId) -> ColumnsSchema:
         """Read the file and tell what a mapping must choose from: names, units and ends of its columns, its rate."""
         known = await self._known(upload)
         return await self._makings.run(partial(self._readings.columns, known.path, known.name))
 
-    async def remove(self, upload: UploadId) -> UploadDocument:
+    async def remove(self, upload: UploadId) -> UploadSchema:
         """Delete the file and tell what it was."""
         try:
-            return upload_document(await self._lookups.run(partial(self._uploads.remove, upload)))
+            return upload_schema(await self._lookups.run(partial(self._uploads.remove, upload)))
         except UploadNotFoundError as error:
             raise ProblemError(Kind.UPLOAD_NOT_FOUND, str(error)) from error
 

@@ -4,7 +4,7 @@ from enum import StrEnum
 
 from pydantic import Field
 
-from daq.schemas.units import Document
+from daq.schemas.units import Schema
 from daq.session.live_update import LiveFrame, RunState
 
 
@@ -15,7 +15,7 @@ class Health(StrEnum):
     TROUBLE = "trouble"  # it answers, but the data folder cannot be read or the run has failed
 
 
-class HealthDocument(Document):
+class HealthSchema(Schema):
     """The service's own state."""
 
     health: Health = Field(description="good, or trouble with the reason in `detail`", examples=["good"])
@@ -28,9 +28,9 @@ class HealthDocument(Document):
     )
 
 
-def health_document(
+def health_schema(
     version: str, uptime: float, runs: int | None, frame: LiveFrame | None, trouble: str = ""
-) -> HealthDocument:
+) -> HealthSchema:
     """Return the state of a service.
 
     Parameters
@@ -48,14 +48,14 @@ def health_document(
 
     Returns
     -------
-    HealthDocument
+    HealthSchema
         Trouble where the folder cannot be read or the live run has failed.
     """
     failed = frame is not None and frame.status.state is RunState.FAILED
     reasons = [trouble] if trouble else []
     if frame is not None and failed:
         reasons.append(f"run {frame.header.run} failed: {frame.status.detail or 'no reason was given'}")
-    return HealthDocument(
+    return HealthSchema(
         health=Health.TROUBLE if reasons else Health.GOOD,
         detail="; ".join(reasons),
         version=version,

@@ -13,7 +13,7 @@ from pydantic_core import ErrorDetails
 from daq.config.calibration import CalibrationRecord
 from daq.config.import_mapping import ColumnsMapping
 from daq.schemas.runs import RunId
-from daq.schemas.units import Document
+from daq.schemas.units import Schema
 
 
 def as_a_file(model: type[BaseModel]) -> Callable[[object], object]:
@@ -35,14 +35,14 @@ def _said(fault: ErrorDetails) -> str:
 MOST_TOML = 200_000  # letters
 
 
-class RigOfRun(Document):
+class RigOfRun(Schema):
     """The rig of a run: its channels, calibrations, tacho and limits as they were then."""
 
     of: Literal["run"]
     run: RunId
 
 
-class RigInText(Document):
+class RigInText(Schema):
     """A rig in words: no file that the text names is read."""
 
     of: Literal["text"]
@@ -55,7 +55,7 @@ class RigInText(Document):
     )
 
 
-class ImportOrder(Document):
+class ImportOrder(Schema):
     """Make a file that was sent in to `/api/v1/uploads` into a run, as `rig import` does; the result tells which."""
 
     kind: Literal["import"]

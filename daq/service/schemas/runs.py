@@ -9,10 +9,10 @@ from typing import Annotated
 from pydantic import Field
 
 from daq.schemas.runs import RunId
-from daq.schemas.units import Document
+from daq.schemas.units import Schema
 
 
-class WordsDocument(Document):
+class AnnotationRequest(Schema):
     """Words and tags for a run; what is left out or null stays as it is."""
 
     remark: str | None = Field(
@@ -24,7 +24,7 @@ class WordsDocument(Document):
     )  # fmt: skip
 
 
-class PutAwayDocument(Document):
+class TrashedRunSchema(Schema):
     """A run that was moved into the trash."""
 
     run: str = Field(description="Id of the run", examples=["2026-11-24T09-12-07-gj90c"])
@@ -35,7 +35,7 @@ class PutAwayDocument(Document):
     name: str = Field(description="Its name in the trash", examples=["2026-11-24T09-12-07-gj90c"])
 
 
-class TrashedDocument(Document):
+class TrashEntrySchema(Schema):
     """A run in the trash."""
 
     name: str = Field(
@@ -45,13 +45,13 @@ class TrashedDocument(Document):
     size_bytes: int = Field(description="Size of its file, bytes", ge=0, examples=[154_000_000])
 
 
-class TrashDocument(Document):
+class TrashSchema(Schema):
     """What was put away."""
 
-    runs: tuple[TrashedDocument, ...] = Field(description="By name")
+    runs: tuple[TrashEntrySchema, ...] = Field(description="By name")
 
 
-class TakeBackDocument(Document):
+class RestoreRequest(Schema):
     """What a run that is taken back is to be called."""
 
     run: str | None = Field(
@@ -59,7 +59,7 @@ class TakeBackDocument(Document):
     )
 
 
-class OrderDocument(Document):
+class StartRequest(Schema):
     """What is to be recorded."""
 
     rig: str | None = Field(
@@ -73,7 +73,7 @@ class OrderDocument(Document):
     )  # fmt: skip
 
 
-class StartedDocument(Document):
+class StartedRunSchema(Schema):
     """A run that has begun."""
 
     run: RunId
@@ -81,11 +81,11 @@ class StartedDocument(Document):
     started_at: datetime = Field(description="Wall clock at the start, UTC", examples=["2026-11-24T09:12:07.250000Z"])
 
 
-class StopDocument(Document):
+class StopRequest(Schema):
     """An order to end the run under way; it has no fields."""
 
 
-class StoppingDocument(Document):
+class StoppingRunSchema(Schema):
     """A run that is ending."""
 
     run: RunId

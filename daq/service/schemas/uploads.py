@@ -5,14 +5,14 @@ from datetime import UTC, datetime
 
 from pydantic import Field
 
-from daq.schemas.units import Document, moment
+from daq.schemas.units import Schema, moment
 from daq.service.uploads import Upload
 from recordings.exchange.table import Column, Table
 
 UPLOADS = "/api/v1/uploads"
 
 
-class UploadDocument(Document):
+class UploadSchema(Schema):
     """A file that was sent in; an order of kind `import` makes it into a run."""
 
     upload: str = Field(description="Its id", examples=["5d41402abc4b2a76"])
@@ -23,13 +23,13 @@ class UploadDocument(Document):
     columns: str = Field(description="Address of what is in it", examples=[f"{UPLOADS}/5d41402abc4b2a76/columns"])
 
 
-class UploadListDocument(Document):
+class UploadListSchema(Schema):
     """All files that were sent in."""
 
-    uploads: tuple[UploadDocument, ...] = Field(description="The one sent last first")
+    uploads: tuple[UploadSchema, ...] = Field(description="The one sent last first")
 
 
-class ColumnDocument(Document):
+class ColumnSchema(Schema):
     """A column of numbers."""
 
     name: str = Field(description="As a mapping names it", examples=["group/Kaman 1"])
@@ -38,7 +38,7 @@ class ColumnDocument(Document):
     highest: float | None = Field(description="Its largest number, in that unit; null: not finite", examples=[1.31])
 
 
-class ColumnsDocument(Document):
+class ColumnsSchema(Schema):
     """What is in a file of another program."""
 
     name: str = Field(description="What the file is called", examples=["run-up.tdms"])
@@ -47,12 +47,12 @@ class ColumnsDocument(Document):
     started_at: datetime | None = Field(
         description="Wall clock at the first row, UTC; null: the file does not tell", examples=["2012-05-01T08:30:00Z"]
     )
-    columns: tuple[ColumnDocument, ...] = Field(description="In the file's order")
+    columns: tuple[ColumnSchema, ...] = Field(description="In the file's order")
 
 
-def upload_document(upload: Upload) -> UploadDocument:
+def upload_schema(upload: Upload) -> UploadSchema:
     """Return an upload as a document."""
-    return UploadDocument(
+    return UploadSchema(
         upload=upload.id,
         name=upload.name,
         size_bytes=upload.size,
@@ -62,9 +62,9 @@ def upload_document(upload: Upload) -> UploadDocument:
     )
 
 
-def columns_document(name: str, table: Table) -> ColumnsDocument:
+def columns_schema(name: str, table: Table) -> ColumnsSchema:
     """Return what is in a file of a name."""
-    return ColumnsDocument(
+    return ColumnsSchema(
         name=name,
         rows=table.n_rows,
         rate_hz=table.rate,
@@ -73,7 +73,7 @@ def columns_document(name: str, table: Table) -> ColumnsDocument:
     )
 
 
-def _column(column: Column) -> ColumnDocument:
+def _column(column: Column) -> ColumnSchema:
     ends = float(column.values.min()), float(column.values.max())
     lowest, highest = (end if math.isfinite(end) else None for end in ends)
-    return ColumnDocument(name=column.name, unit=column.unit, lowest=lowest, highest=highest)
+    return ColumnSchema(name=column.name, unit=column.unit, lowest=lowest, highest=highest)

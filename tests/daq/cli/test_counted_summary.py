@@ -11,7 +11,7 @@ from analysis.preflight.checks import Verdict
 from analysis.signals.snapshot import CounterState
 from daq.cli.output.progress import frame_line
 from daq.cli.output.summary_text import summary_lines
-from daq.schemas.summary import summary_document
+from daq.schemas.summary import summary_schema
 from daq.session.live_update import LiveFrame, RunState, Status
 from daq.session.offline import summarise
 from daq.session.preflight.preflight import Plan, preflight
@@ -83,7 +83,7 @@ def test_preflight_looks_at_the_counter(counted: RigFactory, tmp_path: Path) -> 
 
 def test_summary_says_what_speed_comes_from(counted: RigFactory, tmp_path: Path) -> None:
     with RunReader(recorded(counted(), tmp_path)) as reader:
-        document = summary_document(summarise(reader), None)
+        document = summary_schema(summarise(reader), None)
     assert document.tacho is not None
     assert document.tacho.reference == "counter"
     assert document.tacho.counter is not None

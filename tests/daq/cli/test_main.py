@@ -13,7 +13,7 @@ import httpx
 import pytest
 
 from daq.cli.main import main
-from daq.schemas.summary import SummaryDocument
+from daq.schemas.summary import SummarySchema
 from recordings.mcap.reader import RunReader
 
 RigFiles = Callable[..., Path]
@@ -34,11 +34,11 @@ def places(tmp_path: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator
     os.environ.update(before)
 
 
-def recorded_run(rig_file: RigFiles, capsys: pytest.CaptureFixture[str]) -> SummaryDocument:
+def recorded_run(rig_file: RigFiles, capsys: pytest.CaptureFixture[str]) -> SummarySchema:
     """Record the short run, and return its summary as the command printed it."""
     path = rig_file(simulation=SHORT, limits=LIMITS)
     assert main(["record", str(path), "--no-view", "--port", "0", "--json", "--note", "a word"]) == 0
-    return SummaryDocument.model_validate_json(capsys.readouterr().out)
+    return SummarySchema.model_validate_json(capsys.readouterr().out)
 
 
 def test_record_prints_a_summary_that_summary_and_replay_repeat(
@@ -50,9 +50,9 @@ def test_record_prints_a_summary_that_summary_and_replay_repeat(
     assert summary.agreement is not None
     assert [path.stem for path in places.glob("*.mcap")] == [summary.run]
     assert main(["summary", summary.run, "--json"]) == 0
-    assert SummaryDocument.model_validate_json(capsys.readouterr().out) == summary
+    assert SummarySchema.model_validate_json(capsys.readouterr().out) == summary
     assert main(["replay", summary.run, "--pace", "max", "--no-view", "--no-serve", "--json"]) == 0
-    assert SummaryDocument.model_validate_json(capsys.readouterr().out) == summary
+    assert SummarySchema.model_validate_json(capsys.readouterr().out) == summary
 
 
 def test_summary_and_runs_speak_to_people_too(rig_file: RigFiles, capsys: pytest.CaptureFixture[str]) -> None:
@@ -153,7 +153,7 @@ def test_recording_that_is_cut_short_is_summed_up_as_far_as_it_goes(
     whole = (places / f"{run}.mcap").read_bytes()
     (places / "cut.mcap").write_bytes(whole[: len(whole) // 3])
     assert main(["summary", "cut", "--json"]) == 5
-    summary = SummaryDocument.model_validate_json(capsys.readouterr().out)
+    summary = SummarySchema.model_validate_json(capsys.readouterr().out)
     assert not summary.is_gap_free
     assert 0 < summary.samples < 40_000
 
@@ -236,7 +236,7 @@ def test_serve_stays_up_until_it_is_stopped(rig_file: RigFiles, capsys: pytest.C
     command = Command("serve", "--port", "0")
     try:
         served = httpx.get(f"{command.url}/api/v1/runs/{summary.run}/summary", timeout=30).json()
-        assert SummaryDocument.model_validate_json(json.dumps(served)) == summary
+        assert SummarySchema.model_validate_json(json.dumps(served)) == summary
         assert httpx.get(f"{command.url}/api/v1/live").status_code == 404
         assert "text/html" in httpx.get(f"{command.url}/").headers["content-type"]
     finally:

@@ -30,7 +30,7 @@ from analysis.whirl.tracks import subsynchronous_tracks
 from daq.cli.main import main
 from daq.config.loader import load_rig
 from daq.config.toml_writer import to_toml
-from daq.reports.analysis_schema import AnalysisDocument
+from daq.reports.analysis_schema import AnalysisSchema
 from daq.reports.kinds.envelopes import OrderFilter, solved
 from daq.reports.registry import KINDS
 from daq.reports.run_samples import RunSamples, Stretch
@@ -120,7 +120,7 @@ def test_command_and_address_give_the_same_numbers(
     asked = ASKED.get(kind, {})
     answer = bench.get(f"/analyses/{kind}", **asked)
     assert answer.status_code == 200, answer.text
-    document = AnalysisDocument.model_validate_json(answer.content)
+    document = AnalysisSchema.model_validate_json(answer.content)
     assert tuple(document.columns) == KINDS[kind].columns
     assert document.meanings.keys() == {*document.columns, *document.figures}
     assert document.figures, "how good it is"

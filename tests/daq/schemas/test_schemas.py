@@ -10,9 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from analysis.signals.snapshot import Whirl
-from daq.schemas.live import live_document
-from daq.schemas.runs import run_document
-from daq.schemas.summary import summary_document
+from daq.schemas.live import live_schema
+from daq.schemas.runs import run_schema
+from daq.schemas.summary import summary_schema
 from daq.schemas.units import finite, lag_degrees, micrometres, moment, rpm
 from daq.session.live_update import LiveFrame
 from tests.daq.support.frames import RPM, make_frames
@@ -61,7 +61,7 @@ def test_live_document_tells_the_measurement_in_its_units() -> None:
     snapshot = FRAME.snapshot
     assert snapshot is not None
     assert snapshot.frame is not None
-    measured = live_document(FRAME).measured
+    measured = live_schema(FRAME).measured
     assert measured is not None
     assert measured.order_1x is not None
     vector = snapshot.frame.vectors[0, 1]
@@ -80,7 +80,7 @@ def test_live_document_tells_a_whirls_frequency_size_and_direction() -> None:
     frame = replace(
         FRAME, snapshot=replace(snapshot, frame=replace(snapshot.frame, whirls=(backward,), speed=6000.0 * RPM))
     )
-    measured = live_document(frame).measured
+    measured = live_schema(frame).measured
     assert measured is not None
     assert measured.whirl is not None
     assert measured.whirl.frequency_hz == pytest.approx(50.0)
@@ -89,7 +89,7 @@ def test_live_document_tells_a_whirls_frequency_size_and_direction() -> None:
 
 
 def test_live_document_before_the_first_result_has_none() -> None:
-    document = live_document(LiveFrame(FRAME.header, FRAME.status))
+    document = live_schema(LiveFrame(FRAME.header, FRAME.status))
     assert document.measured is None
     assert document.predicted is None
     assert document.status.samples == FRAME.status.samples
@@ -116,12 +116,12 @@ def test_live_document_is_json_whatever_the_numbers_are(speed: float, level: flo
         replace(prediction, speed=speed, vectors=vectors, whirl_order=order, whirl_amplitude=level, growth_rate=real),
     )
     with np.errstate(over="ignore", invalid="ignore"):
-        document = live_document(frame)
+        document = live_schema(frame)
     assert strict(document.model_dump_json()) == document.model_dump(mode="json")
 
 
 def test_summary_document_has_none_for_what_is_not_known_and_is_json() -> None:
-    document = summary_document(make_summary())
+    document = summary_schema(make_summary())
     assert document.highest_speed_rpm is None
     assert document.probes[1].gap_mean_v is None
     assert document.probes[1].largest_at is None
@@ -134,7 +134,7 @@ def test_summary_document_has_none_for_what_is_not_known_and_is_json() -> None:
 
 
 def test_summary_document_tells_where_the_model_agrees_and_where_not() -> None:
-    agreement = summary_document(make_summary(), make_agreement()).agreement
+    agreement = summary_schema(make_summary(), make_agreement()).agreement
     assert agreement is not None
     assert agreement.synchronous is not None
     assert agreement.synchronous.agrees_to_rpm == pytest.approx(14_000.0)
@@ -147,23 +147,23 @@ def test_summary_document_tells_where_the_model_agrees_and_where_not() -> None:
 
 
 def test_summary_document_without_a_prediction_has_no_agreement() -> None:
-    assert summary_document(make_summary()).agreement is None
+    assert summary_schema(make_summary()).agreement is None
 
 
 def test_summary_document_reads_back_as_it_was_written() -> None:
-    document = summary_document(make_summary(), make_agreement())
+    document = summary_schema(make_summary(), make_agreement())
     assert type(document).model_validate_json(document.model_dump_json()) == document
     assert type(document).model_validate(document.model_dump(mode="json")) == document
 
 
 def test_summary_document_tells_losses_that_are_a_lower_bound() -> None:
-    document = summary_document(make_summary())
+    document = summary_schema(make_summary())
     assert (document.is_gap_free, document.lost_samples, document.lost_is_exact) == (False, 2000, False)
     assert document.segments[0].end_reason == "overrun"
     assert document.segments[0].detail == "driver code -200279"
 
 
 def test_run_document_of_a_file_that_cannot_be_read_says_so_and_nothing_else() -> None:
-    document = run_document(make_entries()[-1])
+    document = run_schema(make_entries()[-1])
     assert document.fault
     assert {document.rig, document.note, document.device, document.duration_s, document.samples} == {None}

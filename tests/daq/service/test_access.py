@@ -8,11 +8,11 @@ from pathlib import Path
 import pytest
 
 from daq.errors import ServiceError
-from daq.schemas.summary import SummaryDocument
+from daq.schemas.summary import SummarySchema
 from daq.service.access import host_name, is_loopback
 from daq.service.app import create_app
 from daq.service.pages import PUBLIC_PATHS
-from daq.service.problem_types import ProblemDocument
+from daq.service.problem_types import ProblemSchema
 from daq.service.server import ServiceServer
 from recordings.catalogue.catalogue import Catalogue
 from tests.daq.support.service_bench import API, Bench, open_bench
@@ -59,7 +59,7 @@ def test_local_service_turns_away_any_other_name(local: Bench, name: str, path: 
     status, headers, content = local.raw(path, {"Host": name})
     assert status == 421
     assert headers["content-type"] == "application/problem+json"
-    assert ProblemDocument.model_validate_json(content).type == "/docs#host-not-allowed"
+    assert ProblemSchema.model_validate_json(content).type == "/docs#host-not-allowed"
 
 
 @pytest.mark.parametrize("scheme", ["Bearer", "bearer", "BEARER "])
@@ -78,7 +78,7 @@ def test_request_without_the_token_is_turned_away(open_to_others: Bench, authori
     status, answered, content = open_to_others.raw(API + path, headers)
     assert status == 401
     assert answered["www-authenticate"].startswith("Bearer")
-    assert ProblemDocument.model_validate_json(content).type == "/docs#token-needed"
+    assert ProblemSchema.model_validate_json(content).type == "/docs#token-needed"
     assert WORD.encode() not in content
 
 
@@ -150,7 +150,7 @@ def test_no_run_id_leads_out_of_the_data_folder(tmp_path: Path, run_id: str, tai
     catalogue = Catalogue(folder)
 
     class FromFile:
-        def summary(self, run_id: str) -> SummaryDocument:
+        def summary(self, run_id: str) -> SummarySchema:
             raise AssertionError(catalogue.path(run_id).read_bytes())
 
     server = ServiceServer(create_app(catalogue, FakeLive(), FromFile(), None))

@@ -13,7 +13,7 @@ import pytest
 from starlette.types import Receive, Scope, Send
 
 from daq.errors import ServiceError
-from daq.service.problem_types import ProblemDocument
+from daq.service.problem_types import ProblemSchema
 from daq.service.problems import LastResort
 from daq.service.server import Connection, ServiceServer
 
@@ -222,7 +222,7 @@ def test_client_too_many_is_asked_to_come_again_and_finds_room_later(hasty: Serv
     idle = [sends(hasty, b"") for _ in range(Hasty.most)]
     refused = left(sends(hasty, b""))
     assert refused.startswith(b"HTTP/1.1 503 Service Unavailable\r\n")
-    problem = ProblemDocument.model_validate_json(refused.partition(b"\r\n\r\n")[2])
+    problem = ProblemSchema.model_validate_json(refused.partition(b"\r\n\r\n")[2])
     assert problem.type == "/docs#busy"
     for client in idle:
         assert left(client) == b""

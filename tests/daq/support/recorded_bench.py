@@ -11,7 +11,7 @@ from analysis.signals.header import RunHeader
 from daq.config.rig import Rig
 from daq.drivers.factory import open_source
 from daq.reports.summaries import Summaries
-from daq.schemas.events import AcknowledgedDocument, MarkDocument, alarm_document
+from daq.schemas.events import AcknowledgedAlarmsSchema, MarkerSchema, alarm_schema
 from daq.schemas.units import moment
 from daq.service.app import Abilities, create_app
 from daq.service.jobs.queue import DataPlace, Jobs
@@ -55,17 +55,17 @@ class Steered:
         self.stopped.append(self.live.frame.header.run)
         return self.live.frame.header.run
 
-    def mark(self, text: str) -> MarkDocument | None:
+    def mark(self, text: str) -> MarkerSchema | None:
         if self.live.frame is None:
             return None
-        return MarkDocument(kind=MarkKind.WORD, text=text, segment=0, time_s=1.0, at=moment(1_795_511_527_250_000_000))
+        return MarkerSchema(kind=MarkKind.WORD, text=text, segment=0, time_s=1.0, at=moment(1_795_511_527_250_000_000))
 
-    def acknowledge(self) -> AcknowledgedDocument | None:
+    def acknowledge(self) -> AcknowledgedAlarmsSchema | None:
         frame = self.live.frame
         if frame is None:
             return None
-        alarms = tuple(alarm_document(alarm) for alarm in frame.status.alarms)
-        return AcknowledgedDocument(run=frame.header.run, alarms=alarms)
+        alarms = tuple(alarm_schema(alarm) for alarm in frame.status.alarms)
+        return AcknowledgedAlarmsSchema(run=frame.header.run, alarms=alarms)
 
 
 class KnownModels:

@@ -13,7 +13,7 @@ from analysis.signals.ramp import Direction
 from analysis.signals.snapshot import TachoReport, TachoState
 from analysis.vectors.speed_table import SpeedRow
 from analysis.whirl.findings import Moment, WhirlFinding
-from daq.schemas.summary import SummaryDocument, summary_document
+from daq.schemas.summary import SummarySchema, summary_schema
 from daq.session.live_update import LiveFrame
 from model.prediction.comparison import Agreement, PredictedWhirl, SynchronousAgreement, WhirlAgreement
 from recordings.catalogue.catalogue import RunEntry
@@ -175,9 +175,9 @@ class FakeSummaries:
         self.gate = threading.Event()
         self.gate.set()
 
-    def summary(self, run_id: str) -> SummaryDocument:
+    def summary(self, run_id: str) -> SummarySchema:
         self.catalogue.run(run_id)
         self.gate.wait(60.0)
         if self.trouble is not None:
             raise self.trouble
-        return summary_document(make_summary(), make_agreement())
+        return summary_schema(make_summary(), make_agreement())

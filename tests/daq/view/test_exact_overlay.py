@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from daq.drivers.replay import open_replay
-from daq.schemas.live import live_document
+from daq.schemas.live import live_schema
 from daq.session.prediction.predictor import Predictor
 from daq.session.replayed_run import ReplayedRun
 from daq.view.status_text import details
@@ -36,7 +36,7 @@ def test_frames_of_a_shaft_that_stays_at_a_speed_carry_the_exact_prediction(rig:
         replayed = ReplayedRun(header, open_replay(path, None), model)
         assert replayed.wait(30.0)
         with closing(replayed):
-            document = live_document(replayed.latest())
+            document = live_schema(replayed.latest())
     assert document.predicted is not None
     assert document.measured is not None
     assert document.predicted.is_exact

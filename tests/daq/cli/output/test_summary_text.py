@@ -11,7 +11,7 @@ from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd
 from daq.cli.output.summary_text import summary_lines
 from daq.config.rig import Rig
 from daq.drivers.factory import open_source
-from daq.schemas.summary import SummaryDocument, summary_document
+from daq.schemas.summary import SummarySchema, summary_schema
 from daq.session.offline import summarise
 from daq.session.recording.recorder import run_header
 from recordings.mcap.reader import RunReader
@@ -30,9 +30,9 @@ BENCH = {
 }
 
 
-def told(rig: Rig, folder: Path) -> tuple[SummaryDocument, list[str]]:
+def told(rig: Rig, folder: Path) -> tuple[SummarySchema, list[str]]:
     with RunReader(record_run(rig, folder)) as reader:
-        document = summary_document(summarise(reader))
+        document = summary_schema(summarise(reader))
     return document, list(summary_lines(document))
 
 
@@ -99,7 +99,7 @@ def ended(rig: Rig, path: Path, *ends: SegmentEnd, backlog: int = 0) -> list[str
     writer.close()
     source.close()
     with RunReader(path) as reader:
-        return list(summary_lines(summary_document(summarise(reader), delivery=reader.delivery)))
+        return list(summary_lines(summary_schema(summarise(reader), delivery=reader.delivery)))
 
 
 def test_what_ended_a_run_is_told_segment_by_segment(rig: RigFactory, tmp_path: Path) -> None:

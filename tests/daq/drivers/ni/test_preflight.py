@@ -12,7 +12,7 @@ from analysis.preflight.checks import Finding, Verdict
 from analysis.signals.header import Calibration
 from daq.cli.main import main
 from daq.config.rig import Rig
-from daq.schemas.preflight import preflight_document
+from daq.schemas.preflight import preflight_schema
 from daq.session.preflight.preflight import Plan, Preflight, preflight
 from tests.daq.drivers.ni.bench import bench
 from tests.daq.support.device_server import DeviceServer
@@ -102,7 +102,7 @@ def test_card_that_gives_no_samples_is_a_failed_check_and_the_rest_is_judged(
     assert found.trouble is not None
     assert found.trouble.exit_code == 3
     assert {"planned speed", "probe x calibration", "disk"} <= {check.name for check in found.checks}
-    assert preflight_document("gj90c", found).device is None
+    assert preflight_schema("gj90c", found).device is None
     assert server.tasks == []
 
 

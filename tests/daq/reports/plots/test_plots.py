@@ -12,8 +12,8 @@ from daq.reports.plots.layouts import orbit, spectrum
 from daq.reports.plots.panel import Panel
 from daq.reports.plots.recorded import panels_of
 from daq.reports.plots.svg import drawing
-from daq.schemas.results import OrderVectorsDocument
-from daq.schemas.summary import speed_row_document
+from daq.schemas.results import OrderVectorsSchema
+from daq.schemas.summary import speed_row_schema
 
 RPM = math.pi / 30
 PROBES = (0.0, math.pi / 2)
@@ -29,8 +29,8 @@ def row(direction: Direction, speed_rpm: float, compensated: complex | None) -> 
     )
 
 
-def document(*rows: SpeedRow) -> OrderVectorsDocument:
-    return OrderVectorsDocument(run="there-and-back", by_speed=tuple(speed_row_document(each) for each in rows))
+def document(*rows: SpeedRow) -> OrderVectorsSchema:
+    return OrderVectorsSchema(run="there-and-back", by_speed=tuple(speed_row_schema(each) for each in rows))
 
 
 def test_run_up_and_run_down_are_curves_of_their_own() -> None:

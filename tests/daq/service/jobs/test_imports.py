@@ -15,7 +15,7 @@ from scipy.io import wavfile
 from daq.cli.main import main
 from daq.config.loader import load_rig
 from daq.config.toml_writer import to_toml
-from daq.service.jobs.schemas import JobDocument
+from daq.service.jobs.schemas import JobSchema
 from daq.service.problems import ProblemError
 from daq.service.uploads import Incoming, Uploads, UploadsFullError
 from recordings.exchange.formats import write_table
@@ -81,12 +81,12 @@ def ordered(bench: RecordedBench, upload: str, rig: object = OF_RUN, **mapping: 
     return bench.client.post(f"{API}/jobs", json=order)
 
 
-def ended(bench: RecordedBench, response: httpx.Response) -> JobDocument:
+def ended(bench: RecordedBench, response: httpx.Response) -> JobSchema:
     """Follow a job to its end."""
     assert response.status_code == 202, response.text
     with bench.client.stream("GET", response.json()["events"]) as stream:
         told = [line.removeprefix("data: ") for line in stream.iter_lines() if line.startswith("data: ")]
-    return JobDocument.model_validate_json(told[-1])
+    return JobSchema.model_validate_json(told[-1])
 
 
 def imported(bench: RecordedBench, response: httpx.Response) -> dict[str, Any]:

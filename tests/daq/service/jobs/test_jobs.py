@@ -13,10 +13,10 @@ import pytest
 from daq.cli.main import main
 from daq.config.loader import load_rig
 from daq.config.toml_writer import to_toml
-from daq.schemas.summary import summary_document
+from daq.schemas.summary import summary_schema
 from daq.service.jobs import work as job_work
 from daq.service.jobs.queue import DataPlace, Progress
-from daq.service.jobs.schemas import JobDocument
+from daq.service.jobs.schemas import JobSchema
 from daq.session.offline import summarise
 from recordings.catalogue.catalogue import Catalogue
 from recordings.mcap.reader import RunReader
@@ -57,15 +57,15 @@ def begun(bench: RecordedBench, **order: object) -> str:
     """Begin a job; return its address."""
     response = bench.client.post(f"{API}/jobs", json=order)
     assert response.status_code == 202, response.text
-    assert JobDocument.model_validate_json(response.content).state in {"waiting", "running"}
+    assert JobSchema.model_validate_json(response.content).state in {"waiting", "running"}
     return response.headers["location"]
 
 
-def ended(bench: RecordedBench, place: str) -> JobDocument:
+def ended(bench: RecordedBench, place: str) -> JobSchema:
     """Wait for a job."""
     until = time.monotonic() + 120.0
     while time.monotonic() < until:
-        job = JobDocument.model_validate_json(bench.client.get(place).content)
+        job = JobSchema.model_validate_json(bench.client.get(place).content)
         if job.state.is_final:
             return job
         time.sleep(0.05)
@@ -107,7 +107,7 @@ def test_job_sums_a_run_up_as_address_and_command_do(bench: RecordedBench, capsy
 
 def test_job_analyses_samples_anew_and_finds_what_was_found_live(bench: RecordedBench) -> None:
     with RunReader(bench.folder / f"{RUN}.mcap") as reader:
-        expected = summary_document(summarise(reader)).model_dump(mode="json")
+        expected = summary_schema(summarise(reader)).model_dump(mode="json")
     made = result(bench, kind="analysis", run=RUN).json()
     assert made["by_speed"] == expected["by_speed"]
 

@@ -8,7 +8,7 @@ import pytest
 from pydantic import TypeAdapter
 
 from daq.cli.main import main
-from daq.schemas.study import StudyOrder
+from daq.schemas.study import StudyRequest
 from daq.service.jobs.queue import Progress
 from daq.service.jobs.studies import study, study_task
 from model.errors import ModelError
@@ -20,7 +20,7 @@ SLOW = {"from_rad_s": 200.0, "to_rad_s": 600.0, "count": 3}
 def done(order: dict[str, object], folder: Path) -> Any:
     """Do what a job does, and return its result."""
     told: list[Progress] = []
-    wanted: StudyOrder = TypeAdapter(StudyOrder).validate_python(order)
+    wanted: StudyRequest = TypeAdapter(StudyRequest).validate_python(order)
     task = study_task(wanted, None)
     assert task.work is study
     study(told.append, folder / task.file, *task.arguments)  # type: ignore[arg-type]  # as a process is handed them
@@ -53,7 +53,7 @@ def test_study_gives_the_numbers_of_the_command(
 
 @pytest.mark.parametrize("kind", ["campbell", "critical", "response", "onset"])
 def test_study_has_the_defaults_of_the_command(kind: str) -> None:
-    order: StudyOrder = TypeAdapter(StudyOrder).validate_python({"kind": kind})
+    order: StudyRequest = TypeAdapter(StudyRequest).validate_python({"kind": kind})
     ranges = {name: value for name, value in order.model_dump().items() if isinstance(value, dict)}
     assert list(ranges.values()) == {
         "campbell": [{"from_rad_s": 0.0, "to_rad_s": 8000.0, "count": 81}],

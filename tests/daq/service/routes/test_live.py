@@ -14,7 +14,7 @@ from websockets.sync.client import connect
 from websockets.typing import Origin, Subprotocol
 
 from analysis.signals.header import Severity
-from daq.schemas.live import LiveDocument
+from daq.schemas.live import LiveSchema
 from daq.service.stream import MOST_CLIENTS, MOST_WAITING
 from tests.daq.support.frames import make_frames, with_alarm, with_further_alarms
 from tests.daq.support.recorded_bench import API, RecordedBench, open_recorded_bench
@@ -51,7 +51,7 @@ def test_events_tell_of_every_change_of_the_live_run(bench: RecordedBench) -> No
         for frame in FRAMES[:3]:
             bench.live.frame = frame
             assert next(lines) == "event: live"
-            document = LiveDocument.model_validate_json(next(lines).removeprefix("data: "))
+            document = LiveSchema.model_validate_json(next(lines).removeprefix("data: "))
             assert document.status.elapsed_s == pytest.approx(frame.status.elapsed)
             assert next(lines) == ""
 

@@ -16,7 +16,7 @@ from analysis.signals.header import Role
 from analysis.signals.snapshot import Snapshot
 from daq.config.loader import load_rig
 from daq.config.toml_writer import to_toml
-from daq.schemas.summary import summary_document
+from daq.schemas.summary import summary_schema
 from daq.schemas.units import micrometres, rpm
 from daq.session.live_update import RunState
 from daq.session.offline import summarise
@@ -73,7 +73,7 @@ def problem(bench: RecordedBench, tail: str, **parameters: str | float) -> tuple
 def test_vectors_and_findings_are_those_of_the_library_and_the_command_line(
     bench: RecordedBench, summary: RunSummary
 ) -> None:
-    expected = summary_document(summary).model_dump(mode="json")
+    expected = summary_schema(summary).model_dump(mode="json")
     assert len(expected["by_speed"]) > 20
     assert told(bench, "/order-vectors")["by_speed"] == expected["by_speed"]
     assert told(bench, "/findings")["sub_synchronous"] == expected["sub_synchronous"]

@@ -10,11 +10,11 @@ from typing import Any
 import httpx
 import pytest
 
-from daq.schemas.live import LiveDocument
-from daq.schemas.runs import RunDocument
-from daq.schemas.snapshot import PictureDocument
-from daq.schemas.summary import SummaryDocument
-from daq.service.problem_types import ProblemDocument
+from daq.schemas.live import LiveSchema
+from daq.schemas.runs import RunSchema
+from daq.schemas.snapshot import PictureSchema
+from daq.schemas.summary import SummarySchema
+from daq.service.problem_types import ProblemSchema
 from daq.session.live_update import RunState
 from recordings.errors import DamagedError, RecordingError, StorageError, UnknownFormatError
 from tests.daq.support.frames import make_frames
@@ -35,10 +35,10 @@ def bench(served: Bench) -> Iterator[Bench]:
     served.tidy()
 
 
-def problem(response: httpx.Response) -> ProblemDocument:
+def problem(response: httpx.Response) -> ProblemSchema:
     """The problem that an answer tells of, checked for form."""
     assert response.headers["content-type"] == "application/problem+json"
-    document = ProblemDocument.model_validate_json(response.content)
+    document = ProblemSchema.model_validate_json(response.content)
     assert document.status == response.status_code
     assert document.detail
     return document
@@ -101,7 +101,7 @@ def test_every_bad_parameter_is_told_in_one_go(bench: Bench) -> None:
 def test_run_is_given_by_its_id(bench: Bench) -> None:
     response = bench.get(f"/runs/{NEWEST}")
     assert response.status_code == 200
-    run = RunDocument.model_validate_json(response.content)
+    run = RunSchema.model_validate_json(response.content)
     assert (run.run, run.rig, run.duration_s, run.note) == (NEWEST, "gj90c", 300.0, "after the oil change")
 
 
@@ -135,14 +135,14 @@ def test_unknown_or_climbing_run_id_is_not_found(bench: Bench, run_id: str, tail
     status, headers, content = bench.raw(f"{API}/runs/{run_id}{tail}")
     assert status == 404
     assert headers["content-type"] == "application/problem+json"
-    assert ProblemDocument.model_validate_json(content).type in {"/docs#run-not-found", "/docs#not-found"}
+    assert ProblemSchema.model_validate_json(content).type in {"/docs#run-not-found", "/docs#not-found"}
     assert b"Traceback" not in content
 
 
 def test_summary_is_given_with_its_losses_and_components(bench: Bench) -> None:
     response = bench.get(f"/runs/{NEWEST}/summary")
     assert response.status_code == 200
-    summary = SummaryDocument.model_validate_json(response.content)
+    summary = SummarySchema.model_validate_json(response.content)
     assert summary.is_gap_free is False
     assert (summary.lost_samples, summary.lost_is_exact) == (2000, False)
     assert summary.sub_synchronous[0].begin.speed_rpm == pytest.approx(10_980.0)
@@ -208,7 +208,7 @@ def test_live_gives_measurement_and_model_side_by_side_and_is_never_kept(bench: 
     response = bench.get("/live")
     assert response.status_code == 200
     assert response.headers["cache-control"] == "no-store"
-    live = LiveDocument.model_validate_json(response.content)
+    live = LiveSchema.model_validate_json(response.content)
     assert live.measured is not None
     assert live.predicted is not None
     assert live.measured.speed_rpm == pytest.approx(live.predicted.speed_rpm)
@@ -220,7 +220,7 @@ def test_live_picture_gives_orbit_and_spectrum_with_the_models_beside_them(bench
     assert problem(bench.get("/live/picture")).type == "/docs#no-live-run"
     frame = make_frames(200)[150]
     bench.live.frame = frame
-    picture = PictureDocument.model_validate_json(bench.get("/live/picture").content)
+    picture = PictureSchema.model_validate_json(bench.get("/live/picture").content)
     assert frame.snapshot is not None
     assert frame.snapshot.frame is not None
     assert picture.measured is not None
@@ -232,7 +232,7 @@ def test_live_picture_gives_orbit_and_spectrum_with_the_models_beside_them(bench
         abs(frame.snapshot.frame.spectrum[0, first]) * 1e6, abs=1e-4
     )
     bench.live.frame = replace(frame, snapshot=None, prediction=None)
-    empty = PictureDocument.model_validate_json(bench.get("/live/picture").content)
+    empty = PictureSchema.model_validate_json(bench.get("/live/picture").content)
     assert (empty.measured, empty.predicted) == (None, None)
 
 
@@ -330,7 +330,7 @@ def test_every_answer_fits_the_schema_that_is_given_for_it(bench: Bench, schema:
 def test_schema_checker_finds_what_does_not_fit(schema: dict[str, Any]) -> None:
     schemas = schema["components"]["schemas"]
     health = {"health": "fine", "detail": 1, "version": "1", "uptime_s": 1.0, "runs": -1, "more": True}
-    found = faults(health, schemas["HealthDocument"], schemas)
+    found = faults(health, schemas["HealthSchema"], schemas)
     assert {fault.partition(":")[0].partition(" ")[0] for fault in found} == {
         "$.health", "$.detail", "$.runs", "$.live_run", "$.more",
     }  # fmt: skip

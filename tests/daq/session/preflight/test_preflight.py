@@ -15,7 +15,7 @@ from daq.cli.main import main
 from daq.config.rig import RPM, Rig
 from daq.config.schema import Miswiring
 from daq.errors import ConfigError
-from daq.schemas.preflight import PreflightDocument
+from daq.schemas.preflight import PreflightSchema
 from daq.session.preflight.preflight import Plan, Preflight, preflight
 from daq.session.preflight.rig_checks import calibration_checks, disk_check, planned_speed_check, sample_checks
 
@@ -240,7 +240,7 @@ def test_command_prints_a_table_and_ends_with_0_or_4(rig_file: RigFiles, capsys:
 def test_command_gives_programs_the_same(rig_file: RigFiles, capsys: pytest.CaptureFixture[str]) -> None:
     path = rig_file(simulation=steady(2000.0, miswiring="mains hum"))
     assert main(["preflight", str(path), "--for", "1min", "--speed", "12000", "--json"]) == 4
-    document = PreflightDocument.model_validate_json(capsys.readouterr().out)
+    document = PreflightSchema.model_validate_json(capsys.readouterr().out)
     assert document.verdict is Verdict.FAIL
     assert document.device is not None
     assert document.device.simulated
