@@ -13,8 +13,7 @@ from pydantic.fields import FieldInfo
 
 from daq.cli.arguments import add_folder, show_examples
 from daq.cli.output.progress import Console
-from daq.cli.output.summary_text import print_json
-from daq.cli.output.terminal import Cell, aligned, number, show
+from daq.cli.output.terminal import Cell, align_columns, number, print_json, show
 from daq.cli.runs import found
 from daq.errors import UsageError
 from daq.reports.analysis import Analysis
@@ -171,7 +170,7 @@ def _lines(analysis: Analysis) -> Iterator[str]:
     if rows.size:
         names = [column.name for column in analysis.columns]
         cells = zip(*(_cells(column.values[rows].tolist()) for column in analysis.columns), strict=True)
-        yield from aligned(names, list(cells), stacked=True)
+        yield from align_columns(names, list(cells), stacked=True)
     if rows.size < analysis.n_rows:
         yield f"{rows.size} of {analysis.n_rows:,} rows; all with --json, or -o FILE.csv"
     for name, value in analysis.figures.items():

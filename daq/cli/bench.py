@@ -15,8 +15,7 @@ from pathlib import Path
 from analysis.preflight.checks import Verdict
 from daq.cli.arguments import AddCommand, address, duration, speed
 from daq.cli.output.progress import RPM, Console
-from daq.cli.output.summary_text import print_json
-from daq.cli.output.terminal import show, width_of
+from daq.cli.output.terminal import print_json, show, width_of
 from daq.config.loader import load_rig
 from daq.config.rig import Rig
 from daq.config.schema import Backend, DeviceSection

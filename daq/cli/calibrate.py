@@ -17,7 +17,7 @@ import numpy as np
 from analysis.preflight.calibration_fit import CalibrationFit, fit_calibration, usual_order
 from daq.cli.arguments import AddCommand
 from daq.cli.bench import NOT_READY
-from daq.cli.output.summary_text import print_json
+from daq.cli.output.terminal import print_json
 from daq.config.calibration import CalibrationRecord, Papers, fitted_record, load_calibration, load_record, write_record
 from daq.config.loader import load_rig
 from daq.config.rig import MICRO, Rig

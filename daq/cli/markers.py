@@ -19,7 +19,7 @@ from http import HTTPStatus
 from typing import Any
 
 from daq.cli.output.progress import Console
-from daq.cli.output.summary_text import print_json
+from daq.cli.output.terminal import print_json
 from daq.errors import UsageError
 from daq.session.alarms import alarm_text
 from daq.session.run import Marked

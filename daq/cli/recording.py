@@ -17,8 +17,9 @@ from daq.cli import markers
 from daq.cli.arguments import AddCommand, add_folder, duration, pace, port, show_examples
 from daq.cli.live_screens import Screens
 from daq.cli.markers import take_marks
-from daq.cli.output.progress import Console, frame_line
-from daq.cli.output.summary_text import print_json, tell
+from daq.cli.output.progress import Console, status_line
+from daq.cli.output.summary_text import tell
+from daq.cli.output.terminal import print_json
 from daq.cli.runs import found, run_line
 from daq.config.loader import load_rig, with_trigger
 from daq.config.rig import Rig
@@ -51,13 +52,13 @@ def follow(run: Run, stop: StopFlag, console: Console) -> Outcome:
         while not run.wait(_LOOK):
             frame = run.latest()
             telling.take(frame.status)
-            console.progress(frame_line(frame))
+            console.progress(status_line(frame))
             if stop.is_set() and not asked:
                 asked = True
                 run.stop()
         if stop.is_set() and not asked:  # the recorder was told as well, and was faster
             run.stop()
-        console.progress(frame_line(run.latest()))
+        console.progress(status_line(run.latest()))
         console.done()
     finally:  # whatever happens here, the recorder is not left alone with an open file
         outcome = run.close()

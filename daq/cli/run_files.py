@@ -11,8 +11,7 @@ from pathlib import Path
 
 from daq.cli.arguments import add_folder, show_examples
 from daq.cli.output.progress import Console
-from daq.cli.output.summary_text import print_json
-from daq.cli.output.terminal import show
+from daq.cli.output.terminal import print_json, show
 from daq.cli.runs import found
 from daq.schemas.verification import recovery_schema, verification_schema
 from daq.session.import_run import import_run

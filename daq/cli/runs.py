@@ -10,7 +10,8 @@ from pathlib import Path
 
 from daq.cli.arguments import add_folder, show_examples, speed
 from daq.cli.output.progress import RPM, Console
-from daq.cli.output.summary_text import print_json, tell
+from daq.cli.output.summary_text import tell
+from daq.cli.output.terminal import print_json
 from daq.config.calibration import load_calibration
 from daq.errors import UsageError
 from daq.reports.summaries import Summaries

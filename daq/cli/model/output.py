@@ -4,8 +4,7 @@ import argparse
 from pathlib import Path
 
 from daq.cli.model.figures import require_drawing, save
-from daq.cli.output.summary_text import print_json
-from daq.cli.output.terminal import aligned
+from daq.cli.output.terminal import align_columns, print_json
 from daq.schemas.study import study_schema
 from model.studies.study import Study
 
@@ -42,4 +41,4 @@ def show(study: Study, chosen: argparse.Namespace) -> int:
 def table_lines(study: Study) -> list[str]:
     """Return a study as lines of text."""
     rows = [list(row.values()) for row in study.rows()]
-    return [study.title, *aligned(list(study.columns), rows), *study.remarks]
+    return [study.title, *align_columns(list(study.columns), rows), *study.remarks]

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from daq.cli.output.progress import RPM, Console
-from daq.cli.output.summary_text import print_json
+from daq.cli.output.terminal import print_json
 from daq.config.loader import load_rig
 from daq.config.rig import Rig
 from daq.config.rotor import rotor_parameters

@@ -67,7 +67,7 @@ class Console:
             print(text, end=end, file=self._stream, flush=True)
 
 
-def frame_line(frame: LiveFrame) -> str:
+def status_line(frame: LiveFrame) -> str:
     """Return a frame as one line, what matters most first: a narrow terminal has no room for its end."""
     status, snapshot = frame.status, frame.snapshot
     minutes, seconds = divmod(int(status.elapsed), 60)

@@ -1,32 +1,16 @@
 """A run's summary in the words of the bench."""
 
-import codecs
-import json
-import sys
 from collections.abc import Iterator
 from itertools import groupby
-from typing import Any
 
 from analysis.signals.header import Severity
 from analysis.signals.ramp import Direction as SpeedDirection
-from daq.cli.output.terminal import show
+from daq.cli.output.terminal import print_json, show
 from daq.schemas.agreement import AgreementSchema
 from daq.schemas.events import AlarmSchema
 from daq.schemas.summary import SpeedRowSchema, SummarySchema, TachoSummarySchema
-from daq.schemas.units import Schema
 from daq.session.recording.health import FULL
 from recordings.mcap.markers import MarkKind
-
-
-def print_json(content: Schema | list[Schema] | dict[str, Any]) -> None:
-    """Print a document, a list of them or what a service answered as JSON; where UTF-8 is not read, in ASCII."""
-    plain: object = content
-    if isinstance(content, list):
-        plain = [each.model_dump(mode="json") for each in content]
-    elif isinstance(content, Schema):
-        plain = json.loads(content.model_dump_json())
-    is_utf8 = codecs.lookup(sys.stdout.encoding or "ascii").name == "utf-8"
-    print(json.dumps(plain, ensure_ascii=not is_utf8, indent=2))
 
 
 def tell(summary: SummarySchema, *, as_json: bool) -> None:

@@ -5,18 +5,21 @@ Tables for people: numbers with the digits that count, columns that stand below 
 
 import codecs
 import io
+import json
 import math
 import os
 import re
 import sys
 import textwrap
 from collections.abc import Iterable, Sequence
-from typing import TextIO
+from typing import Any, TextIO
+
+from daq.schemas.units import Schema
 
 Cell = float | str
 
 
-def aligned(names: Sequence[str], rows: Sequence[Sequence[Cell]], *, stacked: bool = False) -> list[str]:
+def align_columns(names: Sequence[str], rows: Sequence[Sequence[Cell]], *, stacked: bool = False) -> list[str]:
     """Return a table as lines; ``stacked`` writes the words of its long names one above the other."""
     cells = [[number(cell) for cell in row] for row in rows]
     heads = [name.split("_") if stacked else [name] for name in names]
@@ -120,3 +123,14 @@ def show(lines: Iterable[str]) -> None:
     width = width_of(sys.stdout)
     for line in lines:
         print(wrapped(line, width))
+
+
+def print_json(content: Schema | list[Schema] | dict[str, Any]) -> None:
+    """Print a document, a list of them or what a service answered as JSON; where UTF-8 is not read, in ASCII."""
+    plain: object = content
+    if isinstance(content, list):
+        plain = [each.model_dump(mode="json") for each in content]
+    elif isinstance(content, Schema):
+        plain = json.loads(content.model_dump_json())
+    is_utf8 = codecs.lookup(sys.stdout.encoding or "ascii").name == "utf-8"
+    print(json.dumps(plain, ensure_ascii=not is_utf8, indent=2))

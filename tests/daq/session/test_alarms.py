@@ -10,7 +10,7 @@ import pytest
 
 from analysis.signals.header import Severity
 from daq.cli.main import main
-from daq.cli.output.progress import frame_line
+from daq.cli.output.progress import status_line
 from daq.config.rig import Rig
 from daq.drivers.replay import open_replay
 from daq.session.alarms import acknowledgement, alarm_name, alarm_text
@@ -113,7 +113,7 @@ def test_alarms_are_named_by_what_they_watch() -> None:
     assert worst_alarm((one, below, speed)) == "DANGER 19,642 r/min"
     assert worst_alarm((one, below)) == "ALARM 1X x 24 µm"
     assert worst_alarm((below,)) == "ALARM below 1X y 14 µm"
-    assert "pp  DANGER speed" in frame_line(frame)
+    assert "pp  DANGER speed" in status_line(frame)
 
 
 def test_overspeed_and_1x_alarms_come_in_the_run_its_summary_and_on_the_terminal(

@@ -13,9 +13,8 @@ import pytest
 
 from daq.cli.commands import rig_parser
 from daq.cli.main import main
-from daq.cli.output.progress import Console, frame_line
-from daq.cli.output.summary_text import print_json
-from daq.cli.output.terminal import fitted, show, use_known_letters, wrapped
+from daq.cli.output.progress import Console, status_line
+from daq.cli.output.terminal import fitted, print_json, show, use_known_letters, wrapped
 from tests.daq.support.frames import make_frames
 
 FRAME = make_frames(150)[-1]
@@ -42,9 +41,9 @@ def test_running_line_is_rewritten_within_the_terminal_and_keeps_what_matters_mo
     terminal = Terminal()
     console = Console(terminal)
     for _ in range(3):
-        console.progress(frame_line(long))
+        console.progress(status_line(long))
     lines = terminal.getvalue().split("\r")[1:]
-    assert len(frame_line(long)) > 80
+    assert len(status_line(long)) > 80
     assert [len(line) < 80 for line in lines] == [True] * 3
     assert re.match(r"\d\d:\d\d +[\d,]+ r/min . +x \d+ µm  y \d+ µm pp  .*lost 0", lines[0])
     assert lines[0].rstrip().endswith("…")

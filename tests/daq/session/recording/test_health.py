@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd
-from daq.cli.output.progress import frame_line
+from daq.cli.output.progress import status_line
 from daq.config.rig import Rig
 from daq.config.schema import TimingSection
 from daq.drivers.simulation.card import SimulatedCard
@@ -72,7 +72,7 @@ def test_operator_sees_which_channel_was_clipped_and_where(rig: RigFactory, tmp_
     rails = [int(np.count_nonzero((codes == 32767) | (codes == -32768))) for codes in blocks]
     assert (clipped.channel, clipped.samples, clipped.blocks) == ("y", sum(rails), int(np.count_nonzero(rails)))
     assert clipped.last == pytest.approx(2000 * (1 + max(np.flatnonzero(rails))) / 20_000)
-    assert f"y CLIPPED {sum(rails):,} in {np.count_nonzero(rails):,} blocks" in frame_line(run.latest())
+    assert f"y CLIPPED {sum(rails):,} in {np.count_nonzero(rails):,} blocks" in status_line(run.latest())
 
 
 def test_nothing_is_told_before_blocks_are_expected() -> None:
@@ -102,7 +102,7 @@ def test_operator_sees_buffer_silence_and_recovery_of_a_run_over_the_wire(rig: R
             filling = run.latest().status
         assert 1.0 < filling.backlog <= 2.0
         assert "samples are about to be lost" in filling.detail
-        assert "samples are about to be lost" in frame_line(replace(run.latest(), status=filling))
+        assert "samples are about to be lost" in status_line(replace(run.latest(), status=filling))
         assert filling.lost == 0
         seen_within(run, 60, RunState.RECORDING)  # the reader has caught up
         server.freeze()
