@@ -14,9 +14,9 @@ from daq.service.app import Abilities, create_app
 from daq.service.jobs.queue import DataPlace, Jobs
 from daq.service.run_reader import Readings
 from daq.service.server import ServiceServer
-from daq.session.live_update import FrameSink, LiveFrame
-from daq.session.run import Marked, Run
-from daq.session.run_manager import RunDesk
+from daq.session.live_update import LiveUpdate, LiveUpdateSink
+from daq.session.run import Run, SupportsMarkers
+from daq.session.run_manager import RunManager
 from daq.view import open_live_view
 from recordings.catalogue.catalogue import Catalogue
 
@@ -39,7 +39,7 @@ class Screens:
         Where addresses are printed.
     readings : Readings or None
         Who answers what is asked of recorded runs beyond their summaries.
-    desk : RunDesk or None
+    desk : RunManager or None
         Who starts runs that are asked for over REST; None where none can be.
 
     Raises
@@ -57,7 +57,7 @@ class Screens:
         summaries: Summaries,
         console: Console,
         readings: Readings | None = None,
-        desk: RunDesk | None = None,
+        desk: RunManager | None = None,
     ) -> None:
         if not is_loopback(chosen.host) and not chosen.token:
             raise UsageError(f"--host {chosen.host} lets other machines in: --token SECRET must be given with it")
@@ -95,7 +95,7 @@ class Screens:
             return None
 
     @property
-    def sinks(self) -> tuple[FrameSink, ...]:
+    def sinks(self) -> tuple[LiveUpdateSink, ...]:
         """Who is offered frames."""
         return () if self._view is None else (self._view,)
 
@@ -103,7 +103,7 @@ class Screens:
         """Make this the run that is shown as live."""
         self._run = run
 
-    def latest(self) -> LiveFrame | None:
+    def latest(self) -> LiveUpdate | None:
         """Return the present frame of the run that is shown; None where there is none."""
         run = self._shown
         if run is None:
@@ -125,7 +125,7 @@ class Screens:
     def mark(self, text: str) -> MarkerSchema | None:
         """Name the present moment of the run that is recorded; None where none is."""
         run = self._shown
-        mark = run.mark(text) if run is not None and isinstance(run, Marked) else None
+        mark = run.mark(text) if run is not None and isinstance(run, SupportsMarkers) else None
         return None if run is None or mark is None else marker_schema(mark, run.header.acquisition.rate)
 
     def acknowledge(self) -> AcknowledgedAlarmsSchema | None:

@@ -22,7 +22,7 @@ from daq.cli.output.progress import Console
 from daq.cli.output.terminal import print_json
 from daq.errors import UsageError
 from daq.session.alarms import alarm_text
-from daq.session.run import Marked
+from daq.session.run import SupportsMarkers
 
 DEADLINE = 5.0  # s for the answer
 
@@ -97,7 +97,7 @@ ACKNOWLEDGE = "ack"
 """Typed alone, this names no moment but takes note of the alarms."""
 
 
-def take_marks(run: Marked, console: Console) -> bool:
+def take_marks(run: SupportsMarkers, console: Console) -> bool:
     """Let every line that is typed name a moment, or acknowledge; return whether there is a terminal to type at.
 
     The lines are read until the run has ended or the terminal is closed, past Python's own buffer: a thread that waits
@@ -111,7 +111,7 @@ def take_marks(run: Marked, console: Console) -> bool:
     return True
 
 
-def _take(terminal: int, run: Marked, console: Console) -> None:
+def _take(terminal: int, run: SupportsMarkers, console: Console) -> None:
     encoding = (os.device_encoding(terminal) if sys.platform == "win32" else None) or "utf-8"  # Windows: a code page
     with suppress(OSError):  # the terminal is gone, or somebody else's
         while typed := os.read(terminal, 1024):

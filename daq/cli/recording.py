@@ -30,12 +30,12 @@ from daq.schemas.runs import run_schema
 from daq.service.run_reader import Readings
 from daq.session.live_update import RunState, Status
 from daq.session.prediction.predictors import PATIENCE, Predictors
-from daq.session.recording.messages import Order
+from daq.session.recording.messages import RecordingRequest
 from daq.session.recording.recorded_run import RecordedRun
 from daq.session.replayed_run import ReplayedRun
 from daq.session.run import Outcome, Run
-from daq.session.run_manager import RunDesk
-from daq.session.runout_reference import with_known_runout
+from daq.session.run_manager import RunManager
+from daq.session.runout_reference import with_reference_runout
 from daq.stop_flag import STOPPED, StopFlag, stop_requested
 from recordings.catalogue.catalogue import Catalogue, data_folder
 from recordings.mcap.parts import file_names
@@ -87,12 +87,12 @@ class _Telling:
 FEW = 3  # files of a run that are each summed up at its end
 
 
-def order_for(catalogue: Catalogue, rig: Rig, note: str, duration: float | None) -> Order:
+def order_for(catalogue: Catalogue, rig: Rig, note: str, duration: float | None) -> RecordingRequest:
     """Return the order for a run that begins now."""
     started_ns = time.time_ns()
     run_id, path = catalogue.new_run(rig.config.rig, started_ns)
-    return Order(
-        rig=with_known_runout(rig, catalogue.folder),
+    return RecordingRequest(
+        rig=with_reference_runout(rig, catalogue.folder),
         run=run_id,
         started_ns=started_ns,
         note=note,
@@ -194,7 +194,7 @@ def run_serve(chosen: argparse.Namespace) -> int:
                 order = order_for(catalogue, rig, note, duration)
                 return RecordedRun(order, predictors.for_rig(rig), is_stopping=stop.is_set)
 
-            desk = stack.enter_context(RunDesk({rig.config.rig: rig}, begin))
+            desk = stack.enter_context(RunManager({rig.config.rig: rig}, begin))
         summaries = Summaries(catalogue, predictors, readings.summary)
         with Screens(chosen, catalogue, summaries, console, readings, desk) as screens:
             console.line(screens.addresses())

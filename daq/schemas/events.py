@@ -14,7 +14,7 @@ from analysis.signals.header import Severity
 from analysis.whirl.findings import Moment
 from daq.schemas.units import Schema, finite, micrometres, moment, rpm
 from daq.session.alarms import alarm_name, alarm_size
-from daq.session.live_update import PlacedMark
+from daq.session.live_update import TimedMarker
 from recordings.mcap.markers import MOST_LETTERS, Mark, MarkKind
 
 
@@ -70,7 +70,7 @@ def marker_schema(mark: Mark, rate: float) -> MarkerSchema:
     )
 
 
-def live_marker_schema(placed: PlacedMark) -> LiveMarkerSchema:
+def live_marker_schema(placed: TimedMarker) -> LiveMarkerSchema:
     """Return a mark of the run under way as a document."""
     return LiveMarkerSchema(
         kind=placed.mark.kind,

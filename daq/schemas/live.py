@@ -27,7 +27,7 @@ from daq.schemas.vibration import (
     measured_probe_vectors_schema,
     probe_vectors_schema,
 )
-from daq.session.live_update import LiveFrame, RunState, Status
+from daq.session.live_update import LiveUpdate, RunState, Status
 from model.prediction.prediction_map import Prediction
 
 Count = Annotated[int, Field(ge=0)]
@@ -216,7 +216,7 @@ class LiveSchema(Schema):
     )
 
 
-def live_schema(frame: LiveFrame) -> LiveSchema:
+def live_schema(frame: LiveUpdate) -> LiveSchema:
     """Return one moment of a run as a document."""
     header, snapshot, prediction = frame.header, frame.snapshot, frame.prediction
     return LiveSchema(

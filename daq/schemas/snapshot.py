@@ -14,7 +14,7 @@ from analysis.signals.probes import ProbePair
 from analysis.signals.snapshot import OrderFrame, Snapshot
 from analysis.spectra.full_spectrum import full_spectrum
 from daq.schemas.units import Schema, finite, lag_degrees, micrometres, rpm
-from daq.session.live_update import LiveFrame
+from daq.session.live_update import LiveUpdate
 from model.prediction.prediction_map import Prediction
 
 Count = Annotated[int, Field(ge=0)]
@@ -194,7 +194,7 @@ class PictureSchema(Schema):
     predicted: OrbitAndSpectrumSchema | None = Field(description="Null where speed or model are not known")
 
 
-def picture_schema(frame: LiveFrame) -> PictureSchema:
+def picture_schema(frame: LiveUpdate) -> PictureSchema:
     """Return what can be drawn of one moment of a run as a document."""
     header, prediction = frame.header, frame.prediction
     measured = None if frame.snapshot is None else frame.snapshot.frame

@@ -12,13 +12,13 @@ from typing import Protocol
 from daq.schemas.units import Schema
 from daq.service.problem_types import Kind
 from daq.service.problems import ProblemError
-from daq.session.live_update import LiveFrame
+from daq.session.live_update import LiveUpdate
 
 
 class Live(Protocol):
     """The run that is under way."""
 
-    def latest(self) -> LiveFrame | None:
+    def latest(self) -> LiveUpdate | None:
         """Return its latest moment at once; None where there is no run."""
         ...
 
@@ -49,14 +49,14 @@ class Hub:
         s between two looks.
     """
 
-    def __init__(self, live: Live, told: Callable[[LiveFrame], Schema], interval: float = INTERVAL) -> None:
+    def __init__(self, live: Live, told: Callable[[LiveUpdate], Schema], interval: float = INTERVAL) -> None:
         self._live = live
         self._told = told
         self._interval = interval
         self._clients: set[asyncio.Queue[str | None]] = set()
         self._following: asyncio.Task[None] | None = None
         self._ended = threading.Event()
-        self._last: LiveFrame | None = None
+        self._last: LiveUpdate | None = None
         self._text = "null"
 
     async def moments(self) -> AsyncIterator[str]:

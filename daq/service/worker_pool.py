@@ -14,7 +14,7 @@ from types import TracebackType
 from typing import Any, Self, TypeVar
 
 from daq.errors import ServiceError
-from daq.session.processes import JOIN_TIME, begin, end, give_way, leave_to_parent
+from daq.session.processes import JOIN_TIME, begin, end, leave_signals_to_parent, lower_priority
 
 T = TypeVar("T")
 DEADLINE = 30.0  # s that one piece of work may take
@@ -205,8 +205,8 @@ class ReadingProcesses:
 
 def _serve(pipe: Connection) -> None:
     """Do what is asked for until nobody asks any more; the entry point of the process."""
-    leave_to_parent()
-    give_way(STEPS)
+    leave_signals_to_parent()
+    lower_priority(STEPS)
 
     def tell(words: object) -> None:
         pipe.send((_Word.TOLD, words))

@@ -14,7 +14,7 @@ from daq.config.loader import load_rig
 from daq.config.rig import Rig
 from daq.config.schema import ChannelSection
 from daq.errors import ConfigError
-from daq.session.runout_reference import with_known_runout
+from daq.session.runout_reference import with_reference_runout
 from recordings.catalogue.arrival import settle
 from recordings.catalogue.catalogue import Catalogue
 from recordings.exchange.formats import read_table
@@ -63,7 +63,7 @@ def import_run(file: Path, mapping_file: Path, catalogue: Catalogue) -> tuple[st
         Where the file cannot be read or the run cannot be written.
     """
     mapping, text = load_mapping(mapping_file)
-    rig = with_known_runout(load_rig(mapping_file.parent / mapping.rig), catalogue.folder)
+    rig = with_reference_runout(load_rig(mapping_file.parent / mapping.rig), catalogue.folder)
     return imported_run(Foreign(file, file.name, mapping, str(mapping_file), text), rig, catalogue)
 
 

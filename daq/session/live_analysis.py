@@ -11,7 +11,7 @@ from analysis.live.summary import RunSummary, SummaryBuilder
 from analysis.signals.blocks import SegmentEnd, SourceItem
 from analysis.signals.header import RunHeader
 from analysis.signals.snapshot import RunOut, Snapshot
-from daq.session.live_update import FrameSink, LiveFrame, PlacedMark, Status
+from daq.session.live_update import LiveUpdate, LiveUpdateSink, Status, TimedMarker
 from model.prediction.prediction_map import Prediction
 
 MOST_MARKS = 20  # shown live, the last ones
@@ -28,7 +28,7 @@ class LiveAnalysis:
         The run.
     predict : callable
         The model's prediction at a speed, rad/s, at once; None where there is none.
-    sinks : sequence of FrameSink
+    sinks : sequence of LiveUpdateSink
         Who shows the frames.
     keep : callable or None
         Takes every snapshot, to write it beside the samples.
@@ -40,7 +40,7 @@ class LiveAnalysis:
         self,
         header: RunHeader,
         predict: Predict,
-        sinks: Sequence[FrameSink],
+        sinks: Sequence[LiveUpdateSink],
         keep: Callable[[Snapshot], None] | None = None,
         keep_alarm: Callable[[Alarm], None] | None = None,
     ) -> None:
@@ -56,7 +56,7 @@ class LiveAnalysis:
         self._prediction: Prediction | None = None
         self._runout: RunOut | None = None
         self._alarms: tuple[Alarm, ...] = ()
-        self._marks: deque[PlacedMark] = deque(maxlen=MOST_MARKS)
+        self._marks: deque[TimedMarker] = deque(maxlen=MOST_MARKS)
         self._acknowledged = 0  # number of the last alarm that somebody has acknowledged
 
     def take(self, item: SourceItem, status: Status) -> None:
@@ -84,7 +84,7 @@ class LiveAnalysis:
     def _shown(self) -> tuple[Alarm, ...]:
         return shown_alarms(self._alarms, self._acknowledged, latch=self._header.limits.latch)
 
-    def mark(self, mark: PlacedMark) -> None:
+    def mark(self, mark: TimedMarker) -> None:
         """Show a mark with the frames from now on, with as many of those before it as are shown."""
         with self._lock:
             self._marks.append(mark)
@@ -96,7 +96,7 @@ class LiveAnalysis:
             self._acknowledged = max((alarm.number for alarm in noted), default=self._acknowledged)
         return noted
 
-    def frame(self, status: Status) -> LiveFrame:
+    def frame(self, status: Status) -> LiveUpdate:
         """Return the latest frame with this status."""
         with self._lock:
             shown, acknowledged = self._shown(), self._acknowledged
@@ -109,7 +109,7 @@ class LiveAnalysis:
                 acknowledged=acknowledged,
                 marks=tuple(self._marks),
             )
-            return LiveFrame(self._header, status, self._snapshot, self._prediction, self._runout)
+            return LiveUpdate(self._header, status, self._snapshot, self._prediction, self._runout)
 
     def offer(self, status: Status) -> None:
         """Offer the latest frame to everybody who shows one."""

@@ -30,7 +30,7 @@ class RunState(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class PlacedMark:
+class TimedMarker:
     """A mark, and when in the run it lies.
 
     Parameters
@@ -98,7 +98,7 @@ class Status:
         The worst of the alarms that last.
     latched : Severity
         The worst of the alarms in sight.
-    marks : tuple of PlacedMark
+    marks : tuple of TimedMarker
         The last moments that were marked, in their order.
     model : str
         "ready", "ready, not exact: " and why, "computing 34 %", or why there is no prediction.
@@ -131,11 +131,11 @@ class Status:
     detail: str = ""
     alarms: tuple[Alarm, ...] = ()
     acknowledged: int = 0
-    marks: tuple[PlacedMark, ...] = ()
+    marks: tuple[TimedMarker, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class LiveFrame:
+class LiveUpdate:
     """One moment of a run.
 
     Parameters
@@ -159,9 +159,9 @@ class LiveFrame:
     runout: RunOut | None = None
 
 
-class FrameSink(Protocol):
+class LiveUpdateSink(Protocol):
     """Whoever shows frames. It takes them at once and may forget all but the latest; it never blocks."""
 
-    def offer(self, frame: LiveFrame) -> None:
+    def offer(self, frame: LiveUpdate) -> None:
         """Show this frame when there is time."""
         ...

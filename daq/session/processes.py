@@ -15,7 +15,7 @@ from types import FrameType
 BELOW_NORMAL = 0x4000  # Windows' BELOW_NORMAL_PRIORITY_CLASS
 
 
-def give_way(steps: int = 5) -> None:
+def lower_priority(steps: int = 5) -> None:
     """Lower the priority of this process.
 
     Parameters
@@ -35,7 +35,7 @@ _OF_THE_TERMINAL = ("SIGINT", "SIGHUP", "SIGBREAK")  # go to all its processes; 
 
 
 @contextmanager
-def out_of_reach() -> Iterator[None]:
+def terminal_signals_blocked() -> Iterator[None]:
     """Keep from processes that are started here what the terminal sends, until they can ignore it themselves.
 
     Ctrl-C would end a process that still imports what it needs with a traceback. On Windows it does.
@@ -56,18 +56,18 @@ def out_of_reach() -> Iterator[None]:
 
 
 def begin(process: BaseProcess) -> None:
-    """Start a process whose work begins with `leave_to_parent` or `ignore_terminal`."""
-    with out_of_reach():
+    """Start a process whose work begins with `leave_signals_to_parent` or `ignore_terminal_signals`."""
+    with terminal_signals_blocked():
         process.start()
 
 
-def leave_to_parent() -> None:
+def leave_signals_to_parent() -> None:
     """Let the parent decide what Ctrl-C and a closed terminal mean, and end tidily when it ends this process."""
-    ignore_terminal()
+    ignore_terminal_signals()
     signal.signal(signal.SIGTERM, _exit)
 
 
-def ignore_terminal() -> None:
+def ignore_terminal_signals() -> None:
     """Let the parent decide what Ctrl-C and a closed terminal mean."""
     for name in _OF_THE_TERMINAL:
         if hasattr(signal, name):

@@ -9,7 +9,7 @@ from analysis.signals.blocks import SampleBlock, SegmentEnd, SourceItem
 from analysis.signals.header import RunHeader
 from daq.drivers.source import Source
 from daq.session.live_analysis import LiveAnalysis
-from daq.session.live_update import FrameSink, LiveFrame, PlacedMark, RunState, Status
+from daq.session.live_update import LiveUpdate, LiveUpdateSink, RunState, Status, TimedMarker
 from daq.session.run import Model, Outcome
 from recordings.mcap.markers import Mark
 
@@ -25,7 +25,7 @@ class ReplayedRun:
         Its replay; closed with the run.
     model : Model
         Whose prediction is laid over it.
-    sinks : sequence of FrameSink
+    sinks : sequence of LiveUpdateSink
         Who shows it.
     marks : sequence of Mark
         What was marked in it; each is shown when the replay comes to it.
@@ -36,7 +36,7 @@ class ReplayedRun:
         header: RunHeader,
         source: Source,
         model: Model,
-        sinks: Sequence[FrameSink] = (),
+        sinks: Sequence[LiveUpdateSink] = (),
         marks: Sequence[Mark] = (),
     ) -> None:
         self._header = header
@@ -89,9 +89,9 @@ class ReplayedRun:
         rate = self._header.acquisition.rate
         while self._marks and (self._marks[-1].segment, self._marks[-1].sample) <= (item.segment, end):
             mark = self._marks.pop()
-            self._analysis.mark(PlacedMark(mark, mark.sample / rate, (self._samples - end + mark.sample) / rate))
+            self._analysis.mark(TimedMarker(mark, mark.sample / rate, (self._samples - end + mark.sample) / rate))
 
-    def latest(self) -> LiveFrame:
+    def latest(self) -> LiveUpdate:
         """Return the present frame."""
         return self._analysis.frame(self.status())
 

@@ -6,7 +6,7 @@ from typing import Protocol, runtime_checkable
 from analysis.live.alarms import Alarm
 from analysis.signals.blocks import EndReason, SegmentEnd
 from analysis.signals.header import RunHeader
-from daq.session.live_update import LiveFrame
+from daq.session.live_update import LiveUpdate
 from model.prediction.prediction_map import Prediction
 from recordings.mcap.markers import Mark
 
@@ -64,7 +64,7 @@ class Run(Protocol):
         """The run's header."""
         ...
 
-    def latest(self) -> LiveFrame:
+    def latest(self) -> LiveUpdate:
         """Return the present frame."""
         ...
 
@@ -86,7 +86,7 @@ class Run(Protocol):
 
 
 @runtime_checkable
-class Marked(Protocol):
+class SupportsMarkers(Protocol):
     """A run in which moments can be named and alarms be acknowledged for good: one that is recorded."""
 
     def mark(self, text: str) -> Mark | None:

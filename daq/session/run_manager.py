@@ -13,11 +13,11 @@ from daq.session.run import Run
 Begin = Callable[[Rig, str, float | None], Run]
 
 
-class DeskBusyError(RigError):
+class RunInProgressError(RigError):
     """A run is under way already."""
 
 
-class RunDesk:
+class RunManager:
     """Owns at most one run.
 
     Parameters
@@ -59,7 +59,7 @@ class RunDesk:
 
         Raises
         ------
-        DeskBusyError
+        RunInProgressError
             A run is under way, or being started or ended.
         RigError
             It cannot be started.
@@ -67,13 +67,13 @@ class RunDesk:
         if rig not in self._rigs:
             raise UsageError(f"rig: {rig!r}, expected one of {', '.join(self._rigs)}")
         if not self._changing.acquire(blocking=False):
-            raise DeskBusyError("a run is being started already")
+            raise RunInProgressError("a run is being started already")
         try:
             if self._is_closed:
-                raise DeskBusyError("the service ends")
+                raise RunInProgressError("the service ends")
             if self._run is not None:
                 if not self._run.wait(0.0):
-                    raise DeskBusyError(f"run {self._run.header.run} is under way")
+                    raise RunInProgressError(f"run {self._run.header.run} is under way")
                 self._run.close()
             self._run = self._begin(self._rigs[rig], note, duration)
             return self._run.header

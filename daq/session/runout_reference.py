@@ -24,7 +24,7 @@ MICRO = 1e-6
 RPM = 2 * math.pi / 60
 
 
-def with_known_runout(rig: Rig, folder: Path) -> Rig:
+def with_reference_runout(rig: Rig, folder: Path) -> Rig:
     """Return the rig with the run-out of the earlier run that it names; the rig itself where it names none.
 
     Parameters

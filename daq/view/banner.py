@@ -4,7 +4,7 @@ import math
 
 from analysis.signals.header import Role, Severity
 from analysis.signals.snapshot import TachoState
-from daq.session.live_update import LiveFrame, RunState, Status
+from daq.session.live_update import LiveUpdate, RunState, Status
 from daq.view.drawing import Anchor, Drawing, text_width
 from daq.view.palette import ALARM, DANGER, GOOD, GRID, INK, MEASURED_X, MEASURED_Y, QUIET, TEXT, Color
 from daq.view.status_text import clock, hours, rpm, worst_alarm
@@ -18,7 +18,7 @@ _BLOCKS: dict[Severity, tuple[str, Color, Color]] = {
 }
 
 
-def banner(frame: LiveFrame) -> Drawing:
+def banner(frame: LiveUpdate) -> Drawing:
     """Return the strip for one moment."""
     drawing = Drawing()
     _speed(drawing, frame)
@@ -28,7 +28,7 @@ def banner(frame: LiveFrame) -> Drawing:
     return drawing
 
 
-def _speed(drawing: Drawing, frame: LiveFrame) -> None:
+def _speed(drawing: Drawing, frame: LiveUpdate) -> None:
     snapshot = frame.snapshot
     if snapshot is None or not math.isfinite(snapshot.speed):
         drawing.text("--", (535.0, 140.0), 105.0, QUIET, Anchor.RIGHT)
@@ -42,7 +42,7 @@ def _speed(drawing: Drawing, frame: LiveFrame) -> None:
         drawing.text("▲" if acceleration > 0.0 else "▼", (562.0, 86.0), 50.0, TEXT)
 
 
-def _overall(drawing: Drawing, frame: LiveFrame) -> None:
+def _overall(drawing: Drawing, frame: LiveUpdate) -> None:
     drawing.text("µm peak-to-peak", (735.0, 38.0), 22.0, QUIET)
     for name, row, color, left in (("x", 0, MEASURED_X, 735.0), ("y", 1, MEASURED_Y, 940.0)):
         value = "--" if frame.snapshot is None else f"{frame.snapshot.peak_to_peak[row] * 1e6:.0f}"
@@ -53,7 +53,7 @@ def _overall(drawing: Drawing, frame: LiveFrame) -> None:
     drawing.text(text, (735.0, 160.0), 20.0, QUIET)
 
 
-def _severity(drawing: Drawing, frame: LiveFrame) -> None:
+def _severity(drawing: Drawing, frame: LiveUpdate) -> None:
     status = frame.status
     now, paper, ink = _BLOCKS[status.severity]
     if frame.snapshot is None:
@@ -85,7 +85,7 @@ _STATES: dict[RunState, tuple[str, Color]] = {
 }
 
 
-def _trouble(frame: LiveFrame) -> str:
+def _trouble(frame: LiveUpdate) -> str:
     """Return what went wrong, or else why what is measured cannot be trusted as it stands; empty where all is well."""
     status, snapshot = frame.status, frame.snapshot
     if status.detail or snapshot is None:

@@ -11,7 +11,7 @@ from urllib.parse import quote
 import rerun as rr
 
 from daq.errors import ServiceError
-from daq.session.live_update import LiveFrame
+from daq.session.live_update import LiveUpdate
 from daq.view.presenter import Presenter, operator_blueprint
 from daq.view.viewer_pages import ViewerPages
 
@@ -61,7 +61,7 @@ class LiveView:
             newest_first=True,
             cors_allow_origin=[*(f"http://{name}:{self._pages.port}" for name in names), *origins],
         )
-        self._slot: LiveFrame | None = None
+        self._slot: LiveUpdate | None = None
         self._wake = threading.Condition()
         self._closing = False
         self._dropped = 0
@@ -91,7 +91,7 @@ class LiveView:
         """Why nothing is drawn any more, for the operator; empty where all is well."""
         return self._failure or self._pages.failure
 
-    def offer(self, frame: LiveFrame) -> None:
+    def offer(self, frame: LiveUpdate) -> None:
         """Show this frame when there is time; never blocks."""
         with self._wake:
             if self._slot is not None:
@@ -118,7 +118,7 @@ class LiveView:
         self._thread.join(timeout)
         return not self._thread.is_alive()
 
-    def _take(self) -> LiveFrame | None:
+    def _take(self) -> LiveUpdate | None:
         """Wait for the next frame; None at the end."""
         with self._wake:
             self._wake.wait_for(lambda: self._slot is not None or self._closing)

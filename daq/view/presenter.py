@@ -9,7 +9,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from analysis.signals.header import RunHeader
-from daq.session.live_update import LiveFrame
+from daq.session.live_update import LiveUpdate
 from daq.view import banner, bode, orbit, spectral_maps, spectrum, status_text, traces
 from daq.view.bode import BodePlot
 from daq.view.drawing import Drawing
@@ -116,7 +116,7 @@ class Presenter:
         self._trend = TrendPlot()
         self._model_points = header.settings.points_per_revolution
 
-    def show(self, frame: LiveFrame) -> None:
+    def show(self, frame: LiveUpdate) -> None:
         """Log what is due of a frame, at its time in the run."""
         self._stream.set_time(self._timeline, duration=frame.status.elapsed)
         snapshot = frame.snapshot
@@ -140,13 +140,13 @@ class Presenter:
             self._stream.log("details", rr.TextDocument(details(frame), media_type=rr.MediaType.MARKDOWN))
         self._count += 1
 
-    def _show_orbit(self, frame: LiveFrame) -> None:
+    def _show_orbit(self, frame: LiveUpdate) -> None:
         order_frame = frame.snapshot.frame if frame.snapshot is not None else None
         self._axes("orbit/axes", self._orbit.follow(order_frame, frame.prediction), self._orbit.axes)
         self._orbit.model(frame.prediction, self._model_points).log(self._stream, "orbit/model", draw_order=_OVER)
         self._orbit.measured(order_frame).log(self._stream, "orbit/measured", draw_order=_TOP)
 
-    def _show_spectrum(self, frame: LiveFrame) -> None:
+    def _show_spectrum(self, frame: LiveUpdate) -> None:
         order_frame = frame.snapshot.frame if frame.snapshot is not None else None
         self._axes("spectrum/axes", self._spectrum.follow(order_frame, frame.prediction), self._spectrum.axes)
         self._spectrum.model(frame.prediction).log(self._stream, "spectrum/model", draw_order=_OVER)
@@ -154,11 +154,11 @@ class Presenter:
         names = self._spectrum.names(order_frame, frame.prediction)
         names.log(self._stream, "spectrum/names", draw_order=_TOP + 1.0)
 
-    def _show_traces(self, frame: LiveFrame) -> None:
+    def _show_traces(self, frame: LiveUpdate) -> None:
         self._axes("traces/axes", self._traces.follow(frame.snapshot), self._traces.axes)
         self._traces.lines(frame.snapshot, frame.status.marks).log(self._stream, "traces/lines", draw_order=_OVER)
 
-    def _show_by_speed(self, frame: LiveFrame) -> None:
+    def _show_by_speed(self, frame: LiveUpdate) -> None:
         order_frame = frame.snapshot.frame if frame.snapshot is not None else None
         self._axes("cascade/axes", 0, self._cascade.axes)
         self._stream.log("cascade/measured", self._cascade.picture())
@@ -167,13 +167,13 @@ class Presenter:
         self._bode.model().log(self._stream, "bode/model", draw_order=_OVER)
         self._bode.measured().log(self._stream, "bode/measured", draw_order=_TOP)
 
-    def _show_waterfall(self, frame: LiveFrame) -> None:
+    def _show_waterfall(self, frame: LiveUpdate) -> None:
         self._axes("waterfall/axes", 0, self._waterfall.axes)
         self._stream.log("waterfall/measured", self._waterfall.picture())
         lines = self._waterfall.lines(frame.status.elapsed, frame.status.marks)
         lines.log(self._stream, "waterfall/model", draw_order=_TOP)
 
-    def _show_trend(self, frame: LiveFrame) -> None:
+    def _show_trend(self, frame: LiveUpdate) -> None:
         elapsed = frame.status.elapsed
         self._axes("trend/axes", self._trend.follow(elapsed), lambda: self._trend.axes(elapsed))
         self._trend.lines(elapsed, frame.status.marks).log(self._stream, "trend/lines", draw_order=_OVER)

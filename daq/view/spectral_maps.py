@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from analysis.signals.header import RunHeader
 from analysis.signals.snapshot import OrderFrame, Snapshot
 from analysis.spectra.waterfall import Cascade, Waterfall
-from daq.session.live_update import PlacedMark
+from daq.session.live_update import TimedMarker
 from daq.view.axes import Axis, Plot
 from daq.view.drawing import Anchor, Drawing
 from daq.view.palette import CLEARANCE, MODEL, QUIET, TEXT, dimmed, shades
@@ -158,7 +158,7 @@ class WaterfallPlot:
         """Return the colours."""
         return map_picture(self._waterfall.orders, self._waterfall.amplitudes)
 
-    def lines(self, elapsed: float, marks: Sequence[PlacedMark] = ()) -> Drawing:
+    def lines(self, elapsed: float, marks: Sequence[TimedMarker] = ()) -> Drawing:
         """Return the predicted whirl of the last minute, and its marks."""
         drawing = Drawing()
         recent = np.array([(order, time - elapsed) for time, order in self._predicted if time >= elapsed - _SPAN])

@@ -12,7 +12,7 @@ import numpy as np
 
 from analysis.live.alarms import Alarm, Watched
 from analysis.signals.snapshot import ComplexArray, OrderFrame, Snapshot, TachoState
-from daq.session.live_update import LiveFrame
+from daq.session.live_update import LiveUpdate
 from daq.view.bode import phase_lag
 from daq.view.drawing import Anchor, Drawing, text_width
 from daq.view.palette import ALARM, FRAME, GOOD, MEASURED_X, MEASURED_Y, MODEL, QUIET, TEXT, Color
@@ -81,7 +81,7 @@ def legible(text: str) -> str:
     return "".join(c if c == "\n" or (c.isprintable() and ord(c) <= _LAST_LATIN) or c in "–—…" else "?" for c in text)
 
 
-def details(frame: LiveFrame) -> str:
+def details(frame: LiveUpdate) -> str:
     """Return the page for one moment, markdown."""
     lines = [f"# {_below_synchronous(frame)}", "", "| | x | y |", "|---|---|---|"]
     if frame.snapshot is not None:
@@ -90,7 +90,7 @@ def details(frame: LiveFrame) -> str:
     return legible("\n".join(lines))
 
 
-def _below_synchronous(frame: LiveFrame) -> str:
+def _below_synchronous(frame: LiveUpdate) -> str:
     """Say what moves below 1X, and what the model expects there."""
     order_frame = frame.snapshot.frame if frame.snapshot is not None else None
     whirl = order_frame.whirl if order_frame is not None else None
@@ -108,7 +108,7 @@ def _below_synchronous(frame: LiveFrame) -> str:
     return f"{said} (model: none)"
 
 
-def _shaft(frame: LiveFrame, snapshot: Snapshot) -> list[str]:
+def _shaft(frame: LiveUpdate, snapshot: Snapshot) -> list[str]:
     rows = [_row("**peak-to-peak**", [micrometres(float(v)) for v in snapshot.peak_to_peak])]
     prediction = frame.prediction
     if prediction is not None:
@@ -135,7 +135,7 @@ def _row(name: str, values: list[str]) -> str:
     return f"| {name} | {' | '.join(values)} |"
 
 
-def _system(frame: LiveFrame) -> list[str]:
+def _system(frame: LiveUpdate) -> list[str]:
     status = frame.status
     lines = [f"## {status.state.value} · {frame.header.run}"]
     if status.detail:
@@ -150,11 +150,11 @@ def _system(frame: LiveFrame) -> list[str]:
     return lines
 
 
-def _lost(frame: LiveFrame) -> str:
+def _lost(frame: LiveUpdate) -> str:
     return f"{'' if frame.status.lost_is_exact else 'at least '}{frame.status.lost:,}"
 
 
-def _signals(frame: LiveFrame, snapshot: Snapshot) -> list[str]:
+def _signals(frame: LiveUpdate, snapshot: Snapshot) -> list[str]:
     tacho = snapshot.tacho
     state = tacho.state.value if tacho.state is TachoState.GOOD else f"**{tacho.state.value.upper()}**"
     speed = f"{rpm(snapshot.speed)} r/min" if math.isfinite(snapshot.speed) else "no speed"
@@ -185,7 +185,7 @@ _SIZE = 8.0
 _LEFT, _X, _Y = 4.0, 186.0, 296.0  # of the table: names, and the right ends of both columns
 
 
-def words(frame: LiveFrame) -> Drawing:
+def words(frame: LiveUpdate) -> Drawing:
     """Return the table for one moment."""
     drawing = Drawing()
     order_frame = frame.snapshot.frame if frame.snapshot is not None else None
@@ -224,7 +224,7 @@ def _expected(prediction: Prediction | None) -> str:
     return f"model: nothing below 1X{stable}"
 
 
-def _vectors(drawing: Drawing, frame: LiveFrame, at: float) -> float:
+def _vectors(drawing: Drawing, frame: LiveUpdate, at: float) -> float:
     """Write the vectors' table from line ``at`` on; return the line after it."""
     order_frame = frame.snapshot.frame if frame.snapshot is not None else None
     drawing.text(f"peak, lag{_sure(order_frame)}", (_LEFT, at), _SIZE, QUIET)
@@ -257,7 +257,7 @@ def _sure(order_frame: OrderFrame | None) -> str:
     return f"  ± {sigma(float(amplitude))} µm  ± {sigma(math.degrees(float(lag)))}°"
 
 
-def _signal_rows(drawing: Drawing, frame: LiveFrame, snapshot: Snapshot, at: float) -> float:
+def _signal_rows(drawing: Drawing, frame: LiveUpdate, snapshot: Snapshot, at: float) -> float:
     """Write what is to be said of gaps, tacho and clipping from line ``at`` on; return the line after it."""
     drawing.text("gap", (_LEFT, at), _SIZE, QUIET)
     for volts, ok, right in zip(snapshot.gap_volts, snapshot.gap_ok, (_X, _Y), strict=True):

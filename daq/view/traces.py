@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.signals.snapshot import Snapshot
-from daq.session.live_update import PlacedMark
+from daq.session.live_update import TimedMarker
 from daq.view.axes import Axis, Plot, Reach
 from daq.view.drawing import Anchor, Drawing, text_width
 from daq.view.palette import ALARM, MARK, MEASURED_X, MEASURED_Y, MODEL, MODEL_DASH, QUIET, TACHO, TEXT, Color
@@ -23,7 +23,7 @@ _COLORS = {MarkKind.WORD: MARK, MarkKind.ALARM: ALARM, MarkKind.ACKNOWLEDGED: QU
 _FLAG_LETTERS = 26  # of a word, at most
 
 
-def draw_upright(drawing: Drawing, plots: Sequence[Plot], at: float, mark: PlacedMark) -> None:
+def draw_upright(drawing: Drawing, plots: Sequence[Plot], at: float, mark: TimedMarker) -> None:
     """Draw a mark across plots that share their x axis, upright at ``at`` of it, its word in the first."""
     color, word = _look(mark)
     for plot in plots:
@@ -36,7 +36,7 @@ def draw_upright(drawing: Drawing, plots: Sequence[Plot], at: float, mark: Place
         drawing.text(word, (x + 0.5 * size, first.top + 1.2 * size), size, color)
 
 
-def draw_level(drawing: Drawing, plot: Plot, at: float, mark: PlacedMark) -> None:
+def draw_level(drawing: Drawing, plot: Plot, at: float, mark: TimedMarker) -> None:
     """Draw a mark across a plot, level, at ``at`` of its y axis, its word above the line."""
     color, word = _look(mark)
     line = plot.place([plot.x.low, plot.x.high], [at, at])
@@ -45,7 +45,7 @@ def draw_level(drawing: Drawing, plot: Plot, at: float, mark: PlacedMark) -> Non
     drawing.text(word, place, 0.85 * plot.letters, color, Anchor.RIGHT)
 
 
-def _look(mark: PlacedMark) -> tuple[Color, str]:
+def _look(mark: TimedMarker) -> tuple[Color, str]:
     text = mark.mark.text
     return _COLORS[mark.mark.kind], text if len(text) <= _FLAG_LETTERS else f"{text[: _FLAG_LETTERS - 3]}..."
 
@@ -101,7 +101,7 @@ class TracePlot:
             right -= drawing.text(name, (right, -0.8 * _LETTERS), _LETTERS, color, Anchor.RIGHT) + 8.0
         return drawing
 
-    def lines(self, snapshot: Snapshot | None, marks: Sequence[PlacedMark] = ()) -> Drawing:
+    def lines(self, snapshot: Snapshot | None, marks: Sequence[TimedMarker] = ()) -> Drawing:
         """Return the three lines, and the marks that lie in what they show."""
         drawing = Drawing()
         if snapshot is None or snapshot.trace.time.size < 2:
@@ -175,7 +175,7 @@ class TrendPlot:
             right -= drawing.text(name, (right, -0.8 * _TREND_LETTERS), _TREND_LETTERS, color, Anchor.RIGHT) + 8.0
         return drawing
 
-    def lines(self, elapsed: float, marks: Sequence[PlacedMark]) -> Drawing:
+    def lines(self, elapsed: float, marks: Sequence[TimedMarker]) -> Drawing:
         """Return the lines up to a time of the run, s, and its marks."""
         drawing = Drawing()
         upper, lower = self._plots(elapsed)

@@ -21,7 +21,7 @@ from daq.config.loader import load_rig
 from daq.config.rig import Rig
 from daq.config.schema import Backend, DeviceSection
 from daq.drivers.simulation.card import SimulatedCard
-from daq.session.recording.messages import Order
+from daq.session.recording.messages import RecordingRequest
 from daq.session.recording.recorded_run import RecordedRun
 from model.prediction.prediction_map import Prediction
 from recordings.mcap.reader import RunReader
@@ -95,7 +95,7 @@ def test_full_rate_over_the_wire_is_gap_free_for_ten_minutes(tmp_path: Path) -> 
     server.start()
     rig = full_rate_rig(str(here.recv()))
     path = tmp_path / f"{RUN}.mcap"
-    run = RecordedRun(Order(rig, RUN, time.time_ns(), "", "rig bench", path, SECONDS), NoModel())
+    run = RecordedRun(RecordingRequest(rig, RUN, time.time_ns(), "", "rig bench", path, SECONDS), NoModel())
     watching = psutil.Process()
     (recorder,) = (
         child for child in watching.children() if child.pid != server.pid and "spawn_main" in " ".join(child.cmdline())

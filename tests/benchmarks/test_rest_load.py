@@ -18,9 +18,9 @@ from daq.reports.summaries import Summaries
 from daq.service.app import Abilities, create_app
 from daq.service.run_reader import Readings
 from daq.service.server import ServiceServer
-from daq.session.live_update import LiveFrame
+from daq.session.live_update import LiveUpdate
 from daq.session.prediction.predictors import Predictors
-from daq.session.recording.messages import Order
+from daq.session.recording.messages import RecordingRequest
 from daq.session.recording.recorded_run import RecordedRun
 from recordings.catalogue.catalogue import Catalogue
 from recordings.mcap.reader import RunReader
@@ -46,8 +46,8 @@ def rig_with(folder: Path, *changes: tuple[str, str]) -> Rig:
     return load_rig(path)
 
 
-def order(rig: Rig, folder: Path, run: str, duration: float) -> Order:
-    return Order(rig, run, time.time_ns(), "", "rig bench", folder / f"{run}.mcap", duration)
+def order(rig: Rig, folder: Path, run: str, duration: float) -> RecordingRequest:
+    return RecordingRequest(rig, run, time.time_ns(), "", "rig bench", folder / f"{run}.mcap", duration)
 
 
 class Live:
@@ -55,7 +55,7 @@ class Live:
 
     run: RecordedRun | None = None
 
-    def latest(self) -> LiveFrame | None:
+    def latest(self) -> LiveUpdate | None:
         return None if self.run is None else self.run.latest()
 
 

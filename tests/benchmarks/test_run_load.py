@@ -12,9 +12,9 @@ from daq.config.rig import Rig
 from daq.reports.summaries import Summaries
 from daq.service.app import create_app
 from daq.service.server import ServiceServer
-from daq.session.live_update import LiveFrame
+from daq.session.live_update import LiveUpdate
 from daq.session.prediction.predictors import Predictors
-from daq.session.recording.messages import Order
+from daq.session.recording.messages import RecordingRequest
 from daq.session.recording.recorded_run import RecordedRun
 from daq.view.live_view import LiveView
 from recordings.catalogue.catalogue import Catalogue
@@ -37,8 +37,8 @@ def rig_with(folder: Path, *changes: tuple[str, str]) -> Rig:
     return load_rig(path)
 
 
-def order(rig: Rig, folder: Path) -> Order:
-    return Order(rig, RUN, time.time_ns(), "", "rig bench", folder / f"{RUN}.mcap", None)
+def order(rig: Rig, folder: Path) -> RecordingRequest:
+    return RecordingRequest(rig, RUN, time.time_ns(), "", "rig bench", folder / f"{RUN}.mcap", None)
 
 
 class Live:
@@ -46,7 +46,7 @@ class Live:
 
     run: RecordedRun | None = None
 
-    def latest(self) -> LiveFrame | None:
+    def latest(self) -> LiveUpdate | None:
         return None if self.run is None else self.run.latest()
 
 

@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 from daq.config.rig import Rig
-from daq.session.recording.messages import Outbox
+from daq.session.recording.messages import MessageSender
 from daq.session.recording.recorded_run import RecordedRun
 from daq.stop_flag import StopFlag
 from recordings.mcap.reader import RunReader
@@ -88,7 +88,7 @@ def test_recorder_that_does_not_heed_the_stop_is_ended_and_its_file_serves(rig: 
 
 def test_messages_wait_for_nobody_and_keep_their_order() -> None:
     here, there = get_context("spawn").Pipe()
-    outbox = Outbox(here)
+    outbox = MessageSender(here)
     sent = [b"%d" % k + b" " * 10_000 for k in range(100)]  # more than a pipe holds
     for message in sent:
         outbox.send(message)
@@ -102,7 +102,7 @@ def test_messages_wait_for_nobody_and_keep_their_order() -> None:
 def test_messages_to_a_process_that_is_gone_are_dropped() -> None:
     here, there = get_context("spawn").Pipe()
     there.close()
-    outbox = Outbox(here)
+    outbox = MessageSender(here)
     outbox.send("to nobody")
     assert outbox.close(60)
     here.close()

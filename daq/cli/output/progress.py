@@ -9,7 +9,7 @@ from typing import TextIO
 from analysis.signals.header import Severity
 from analysis.signals.snapshot import Snapshot
 from daq.cli.output.terminal import fitted, width_of, wrapped
-from daq.session.live_update import LiveFrame, Status
+from daq.session.live_update import LiveUpdate, Status
 
 RPM = 2 * math.pi / 60
 _QUIET_INTERVAL = 5.0  # s between lines where they cannot be rewritten
@@ -67,7 +67,7 @@ class Console:
             print(text, end=end, file=self._stream, flush=True)
 
 
-def status_line(frame: LiveFrame) -> str:
+def status_line(frame: LiveUpdate) -> str:
     """Return a frame as one line, what matters most first: a narrow terminal has no room for its end."""
     status, snapshot = frame.status, frame.snapshot
     minutes, seconds = divmod(int(status.elapsed), 60)
@@ -109,7 +109,7 @@ def _alarms(status: Status) -> str:
     return f"  {status.latched.value.upper()} {', '.join(worst)}"
 
 
-def _speed(frame: LiveFrame) -> str:
+def _speed(frame: LiveUpdate) -> str:
     snapshot = frame.snapshot
     if snapshot is None or math.isnan(snapshot.speed):
         state = "" if snapshot is None else snapshot.tacho.state.value
@@ -120,7 +120,7 @@ def _speed(frame: LiveFrame) -> str:
     return f"{snapshot.speed / RPM:6,.0f} r/min {trend}"
 
 
-def _whirl(frame: LiveFrame) -> list[str]:
+def _whirl(frame: LiveUpdate) -> list[str]:
     """Return what is measured below 1X, and what the model has there."""
     snapshot, prediction = frame.snapshot, frame.prediction
     whirl = None if snapshot is None or snapshot.frame is None else snapshot.frame.whirl

@@ -14,7 +14,7 @@ from daq.service.jobs.work import parts_told
 from daq.service.schemas.importing import ImportOrder, RigInText
 from daq.service.uploads import Upload
 from daq.session.import_run import IMPORTED, Foreign, imported_run, require_fit
-from daq.session.runout_reference import with_known_runout
+from daq.session.runout_reference import with_reference_runout
 from recordings.catalogue.catalogue import SUFFIX, Catalogue
 from recordings.errors import ForeignFormatError
 
@@ -34,7 +34,7 @@ def import_upload(tell: Tell, target: Path, place: DataPlace, foreign: Foreign, 
     tell(Progress("reading"))
     catalogue = place.catalogue()
     try:
-        rig = with_known_runout(_without_paths(rig, catalogue), catalogue.folder)
+        rig = with_reference_runout(_without_paths(rig, catalogue), catalogue.folder)
         run, _ = imported_run(foreign, rig, catalogue, target.parent, parts_told(tell, "writing and analysing"))
     except ForeignFormatError as error:
         raise ForeignFormatError(str(error).replace(str(foreign.path), foreign.name)) from error

@@ -26,7 +26,7 @@ from daq.service.jobs.queue import DataPlace, Progress, Tell
 from daq.service.jobs.schemas import PredictionMapSchema
 from daq.service.rendering import document_of
 from daq.session.offline import summarise
-from daq.session.prediction.map_cache import MapHere, MapsHere
+from daq.session.prediction.map_cache import CachedPredictionMap, CachedPredictionMaps
 from recordings.catalogue.arrival import RunExistsError, settle
 from recordings.errors import ForeignFormatError, StorageError
 from recordings.exchange.export import pulses_table, results_table, samples_table
@@ -87,12 +87,12 @@ def analysis(tell: Tell, target: Path, path: Path, kind: str, query: Asked) -> N
 
 def summary(tell: Tell, target: Path, place: DataPlace, run: str) -> None:
     """Sum a run up and keep its summary."""
-    _write(target, Summaries(place.catalogue(), MapsHere()).patiently(run, _waiting(tell)))
+    _write(target, Summaries(place.catalogue(), CachedPredictionMaps()).patiently(run, _waiting(tell)))
 
 
 def analyse(tell: Tell, target: Path, place: DataPlace, run: str, calibrations: Mapping[str, Calibration]) -> None:
     """Analyse a run's samples anew."""
-    _write(target, Summaries(place.catalogue(), MapsHere()).reevaluated(run, calibrations, _waiting(tell)))
+    _write(target, Summaries(place.catalogue(), CachedPredictionMaps()).reevaluated(run, calibrations, _waiting(tell)))
 
 
 def predict(tell: Tell, target: Path, header: RunHeader, changes: Mapping[str, float]) -> None:
@@ -100,7 +100,7 @@ def predict(tell: Tell, target: Path, header: RunHeader, changes: Mapping[str, f
     config = read_config(header.config_toml, f"configuration of run {header.run}")
     config = config.model_copy(update={"model": config.model.model_copy(update=dict(changes))})
     parts = parts_told(tell, "computing speed by speed")
-    wanted = MapHere(configured_rotor(config), header.settings, header.limits)
+    wanted = CachedPredictionMap(configured_rotor(config), header.settings, header.limits)
     found = wanted.computed(lambda done, total: parts(done / total))
     by_speed = tuple(predicted_vibration_schema(found.at(speed)) for speed in found.speeds.tolist())
     _write(target, PredictionMapSchema(run=header.run, by_speed=by_speed))

@@ -18,7 +18,7 @@ from daq.service.routes.run_query import RunQuery
 from daq.service.routing import Routing, RunId, Workers
 from daq.service.schemas.health import HealthSchema, health_schema
 from daq.service.stream import Live, require_ended
-from daq.session.live_update import LiveFrame
+from daq.session.live_update import LiveUpdate
 from recordings.catalogue.catalogue import RunEntry
 from recordings.catalogue.search import Search
 from recordings.errors import RecordingError
@@ -128,7 +128,7 @@ class Routes:
         """Give the curves of the last whole revolutions, measured and predicted, as `/live` gives the numbers."""
         return picture_schema(self._frame())
 
-    def _frame(self) -> LiveFrame:
+    def _frame(self) -> LiveUpdate:
         frame = self._live.latest()
         if frame is None:
             raise ProblemError(Kind.NO_LIVE_RUN, "nothing is recorded or replayed now")

@@ -5,7 +5,7 @@ from enum import StrEnum
 from pydantic import Field
 
 from daq.schemas.units import Schema
-from daq.session.live_update import LiveFrame, RunState
+from daq.session.live_update import LiveUpdate, RunState
 
 
 class Health(StrEnum):
@@ -29,7 +29,7 @@ class HealthSchema(Schema):
 
 
 def health_schema(
-    version: str, uptime: float, runs: int | None, frame: LiveFrame | None, trouble: str = ""
+    version: str, uptime: float, runs: int | None, frame: LiveUpdate | None, trouble: str = ""
 ) -> HealthSchema:
     """Return the state of a service.
 
@@ -41,7 +41,7 @@ def health_schema(
         Since it was made, s.
     runs : int or None
         Runs in the data folder, None where it cannot be read.
-    frame : LiveFrame or None
+    frame : LiveUpdate or None
         The latest of the live run.
     trouble : str
         What is wrong with the data folder; empty where nothing is.

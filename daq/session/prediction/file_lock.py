@@ -15,7 +15,7 @@ else:
 BEYOND = 2**30  # bytes: Windows keeps others from reading what is locked, so that lies behind all that is written
 
 
-class Claim:
+class FileLock:
     """A file that is locked as long as the work goes on, with a word in it on how far that is.
 
     Parameters

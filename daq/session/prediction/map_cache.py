@@ -19,7 +19,7 @@ import numpy as np
 from analysis.signals.header import AnalysisSettings, Limits, RunHeader
 from daq.config.loader import read_config
 from daq.config.rotor import configured_rotor
-from daq.session.prediction.file_lock import Claim
+from daq.session.prediction.file_lock import FileLock
 from model.errors import ModelError
 from model.prediction.prediction_map import (
     PredictionMap,
@@ -71,7 +71,7 @@ def write_map(file: Path, prediction_map: PredictionMap) -> None:
         np.savez(part, **prediction_map.to_arrays())  # type: ignore[arg-type]  # the stub takes names for an option
 
 
-def kept_or_computed(
+def load_or_compute_map(
     file: Path, compute: Callable[[Told], PredictionMap], told: Told, still: float = STILL
 ) -> PredictionMap:
     """Return the map that is kept in a file, or compute and keep it; of several that want it one computes.
@@ -92,7 +92,7 @@ def kept_or_computed(
     ModelError, ValueError
         The motion cannot be computed.
     """
-    with Claim(file.with_suffix(".claim")) as claim:
+    with FileLock(file.with_suffix(".claim")) as claim:
         with suppress(OSError):  # a full or read-only disk, on which no map can be kept either
             file.parent.mkdir(parents=True, exist_ok=True)
         _await(claim, told, still)
@@ -110,7 +110,7 @@ def kept_or_computed(
         return computed
 
 
-def _await(claim: Claim, told: Told, still: float) -> None:
+def _await(claim: FileLock, told: Told, still: float) -> None:
     """Return when the claim is held, when there can be none, or when whoever holds it stands still."""
     last, since = "", time.monotonic()
     while not _is_free(claim) and time.monotonic() - since < still:
@@ -123,7 +123,7 @@ def _await(claim: Claim, told: Told, still: float) -> None:
         time.sleep(LOOK)
 
 
-def _is_free(claim: Claim) -> bool:
+def _is_free(claim: FileLock) -> bool:
     """Take a claim; return whether there is nobody to be waited for."""
     try:
         return claim.take()
@@ -131,7 +131,7 @@ def _is_free(claim: Claim) -> bool:
         return True
 
 
-class MapHere:
+class CachedPredictionMap:
     """One rig's map.
 
     Parameters
@@ -170,7 +170,7 @@ class MapHere:
             The motion cannot be computed.
         """
         if self._map is None:
-            self._map = kept_or_computed(
+            self._map = load_or_compute_map(
                 self._file, partial(compute_prediction_map, self._parameters, self._speeds, self._settings), on_progress
             )
         return self._map
@@ -182,15 +182,15 @@ class MapHere:
         return None
 
 
-class MapsHere:
+class CachedPredictionMaps:
     """Maps by the rigs of runs."""
 
     def __init__(self) -> None:
-        self._by_run: dict[str, MapHere] = {}
+        self._by_run: dict[str, CachedPredictionMap] = {}
 
-    def of(self, header: RunHeader) -> MapHere:
+    def of(self, header: RunHeader) -> CachedPredictionMap:
         """Return the map for the rig of a run, as its configuration was then."""
         if header.run not in self._by_run:
             config = read_config(header.config_toml, f"configuration of run {header.run}")
-            self._by_run[header.run] = MapHere(configured_rotor(config), header.settings, header.limits)
+            self._by_run[header.run] = CachedPredictionMap(configured_rotor(config), header.settings, header.limits)
         return self._by_run[header.run]

@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.signals.header import AnalysisSettings
-from daq.session.prediction.map_cache import cache_folder, kept_or_computed, map_file, read_map
+from daq.session.prediction.map_cache import cache_folder, load_or_compute_map, map_file, read_map
 from daq.session.prediction.refiner import Refiner
-from daq.session.processes import JOIN_TIME, begin, end, give_way, leave_to_parent
+from daq.session.processes import JOIN_TIME, begin, end, leave_signals_to_parent, lower_priority
 from model.errors import ModelError
 from model.prediction.prediction_map import Prediction, PredictionMap, compute_prediction_map, prediction_map_key
 from model.rotor.parameters import ModelParameters
@@ -208,11 +208,11 @@ def _compute(
     reports: Connection, parameters: ModelParameters, speeds: FloatArray, settings: AnalysisSettings, file: Path
 ) -> None:
     """Compute, keep and send a map, or send that of another process: the body of the process."""
-    leave_to_parent()
-    give_way()
+    leave_signals_to_parent()
+    lower_priority()
     with suppress(BrokenPipeError):  # nobody listens any more
         try:
-            prediction_map = kept_or_computed(
+            prediction_map = load_or_compute_map(
                 file,
                 partial(compute_prediction_map, parameters, speeds, settings),
                 lambda done, total: reports.send(_Progress(done, total)),

@@ -7,7 +7,7 @@ from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 
 from analysis.signals.header import AnalysisSettings
-from daq.session.processes import JOIN_TIME, begin, end, give_way, leave_to_parent
+from daq.session.processes import JOIN_TIME, begin, end, leave_signals_to_parent, lower_priority
 from model.errors import ModelError
 from model.prediction.live_prediction import refine
 from model.prediction.prediction_map import Prediction, PredictionMap
@@ -150,8 +150,8 @@ def _is_within(part: float, speed: float, other: float) -> bool:
 
 def _answer(pipe: Connection) -> None:
     """Answer speeds with looks until nobody asks any more; the body of the process."""
-    leave_to_parent()
-    give_way(STEPS)
+    leave_signals_to_parent()
+    lower_priority(STEPS)
     try:
         parameters, settings, prediction_map = pipe.recv()
         speed: float | None = None

@@ -4,7 +4,7 @@ from analysis.signals.blocks import SegmentEnd
 from daq.config.schema import TimingSection
 from daq.drivers.reconnecting import BROKEN
 from daq.session.live_update import RunState
-from daq.session.recording.statistics import Gauges
+from daq.session.recording.statistics import RecorderStatistics
 
 SILENCE = 1.0
 """So much later, s, than a block is due its absence is told."""
@@ -20,12 +20,12 @@ def loss(end: SegmentEnd) -> str:
     return f"segment {end.segment} ended after {end.samples:,} samples: {end.reason.value}, {lost}; {end.detail}"
 
 
-def alertness(gauges: Gauges, rate: float, timing: TimingSection) -> tuple[RunState, str]:
+def alertness(gauges: RecorderStatistics, rate: float, timing: TimingSection) -> tuple[RunState, str]:
     """Return how a recording goes, and what is to be said to the operator; nothing where all is well.
 
     Parameters
     ----------
-    gauges : Gauges
+    gauges : RecorderStatistics
         What the recorder keeps.
     rate : float
         Sample rate, Hz.

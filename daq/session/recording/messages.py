@@ -15,7 +15,7 @@ from daq.config.rig import Rig
 
 
 @dataclass(frozen=True, slots=True)
-class Order:
+class RecordingRequest:
     """What is to be recorded.
 
     Parameters
@@ -84,7 +84,7 @@ class Done:
     skipped_samples: int
 
 
-class Outbox:
+class MessageSender:
     """Sends messages in their order from a thread of its own: a process that is stuck holds up nobody else.
 
     Parameters

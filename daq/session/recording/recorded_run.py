@@ -19,13 +19,22 @@ from daq.drivers.reconnecting import BROKEN
 from daq.errors import DeviceError, DeviceFault, RigError, StoppedError
 from daq.session.alarms import acknowledgement, alarm_mark
 from daq.session.live_analysis import LiveAnalysis
-from daq.session.live_update import Clipping, FrameSink, LiveFrame, PlacedMark, RunState, Status
+from daq.session.live_update import Clipping, LiveUpdate, LiveUpdateSink, RunState, Status, TimedMarker
 from daq.session.processes import begin
 from daq.session.recording.health import alertness, loss
-from daq.session.recording.messages import Acquired, Closed, Done, Opened, Order, Outbox, Refused, Stop
+from daq.session.recording.messages import (
+    Acquired,
+    Closed,
+    Done,
+    MessageSender,
+    Opened,
+    RecordingRequest,
+    Refused,
+    Stop,
+)
 from daq.session.recording.recorder import RESULTS_DEADLINE, record
 from daq.session.recording.ring import BlockRing
-from daq.session.recording.statistics import Gauges
+from daq.session.recording.statistics import RecorderStatistics
 from daq.session.run import Model, Outcome
 from recordings.mcap.markers import MOST_LETTERS, Mark, encode_mark
 from recordings.mcap.results import encode_snapshot
@@ -48,7 +57,7 @@ class RecordedRun:
         What is to be recorded.
     model : Model
         Whose prediction is laid over it.
-    sinks : sequence of FrameSink
+    sinks : sequence of LiveUpdateSink
         Who shows it.
     is_stopping : callable
         Asked, while the device is being opened, whether the end has been asked for.
@@ -65,9 +74,9 @@ class RecordedRun:
 
     def __init__(
         self,
-        order: Order,
+        order: RecordingRequest,
         model: Model,
-        sinks: Sequence[FrameSink] = (),
+        sinks: Sequence[LiveUpdateSink] = (),
         is_stopping: Callable[[], bool] = lambda: False,
         stop_deadline: float = STOP_DEADLINE,
     ) -> None:
@@ -76,14 +85,14 @@ class RecordedRun:
         rig: Rig = order.rig
         timing = rig.config.timing
         capacity = math.ceil(timing.rate_hz * timing.block_s) + 1
-        self._gauges_memory = Gauges.shared()
-        self._gauges = Gauges(self._gauges_memory)
+        self._gauges_memory = RecorderStatistics.shared()
+        self._gauges = RecorderStatistics(self._gauges_memory)
         self._ring = BlockRing.create(
             len(rig.config.channel), capacity, max(16, math.ceil(RING_SECONDS / timing.block_s))
         )
         self._reader = self._ring.reader()
         self._pipe, self._process = self._spawn()
-        self._outbox = Outbox(self._pipe)
+        self._outbox = MessageSender(self._pipe)
         self._stop_deadline = stop_deadline
         self._end_at = math.inf  # on the monotonic clock
         self._ends: tuple[SegmentEnd, ...] = ()
@@ -163,7 +172,7 @@ class RecordedRun:
         """Show a mark, and send it to be written beside the samples."""
         (segment, sample), samples = self._gauges.place, self._gauges.samples
         since = mark.sample if mark.segment == segment else 0  # of a segment that is over: where the present one began
-        self._shown.mark(PlacedMark(mark, mark.sample / self._rate, (samples - sample + since) / self._rate))
+        self._shown.mark(TimedMarker(mark, mark.sample / self._rate, (samples - sample + since) / self._rate))
         self._outbox.send(encode_mark(mark, self._header))
 
     def _tell_to_stop(self) -> None:
@@ -288,7 +297,7 @@ class RecordedRun:
     def _outcome(self) -> Outcome:
         return Outcome(self._ends, self._message, self._by_hand, self._reader.skipped)
 
-    def latest(self) -> LiveFrame:
+    def latest(self) -> LiveUpdate:
         """Return the present frame."""
         return self._shown.frame(self.status())
 

@@ -19,10 +19,10 @@ from daq.drivers.factory import open_source, triggered
 from daq.drivers.source import Source
 from daq.drivers.triggered import Begun
 from daq.errors import RigError, StoppedError, UsageError
-from daq.session.processes import ignore_terminal
-from daq.session.recording.messages import Acquired, Closed, Done, Opened, Order, Refused, Stop
+from daq.session.processes import ignore_terminal_signals
+from daq.session.recording.messages import Acquired, Closed, Done, Opened, RecordingRequest, Refused, Stop
 from daq.session.recording.ring import BlockRing, SharedBytes
-from daq.session.recording.statistics import Gauges
+from daq.session.recording.statistics import RecorderStatistics
 from recordings.errors import RecordingError
 from recordings.mcap.markers import Mark, encode_mark
 from recordings.mcap.parts import PartLimits, PartWriter
@@ -31,10 +31,10 @@ from recordings.mcap.results import EncodedResult
 RESULTS_DEADLINE = 15.0  # s that the finished acquisition waits for the last results before the file is closed without
 
 
-def record(order: Order, ring_memory: SharedBytes, gauge_memory: SharedBytes, pipe: Connection) -> None:
+def record(order: RecordingRequest, ring_memory: SharedBytes, gauge_memory: SharedBytes, pipe: Connection) -> None:
     """Run the recorder; the entry point of its process."""
-    ignore_terminal()  # the watching process decides
-    ring, gauges = BlockRing(ring_memory), Gauges(gauge_memory)
+    ignore_terminal_signals()  # the watching process decides
+    ring, gauges = BlockRing(ring_memory), RecorderStatistics(gauge_memory)
     with ExitStack() as stack:
         try:
             _require_room(order)
@@ -52,33 +52,33 @@ def record(order: Order, ring_memory: SharedBytes, gauge_memory: SharedBytes, pi
             _Recorder(order, source, writer, ring, gauges, pipe).run()
 
 
-def _part_limits(order: Order, header: RunHeader) -> PartLimits:
+def _part_limits(order: RecordingRequest, header: RunHeader) -> PartLimits:
     """Return when a run goes on in a further file, as the rig says."""
     storage = order.rig.config.storage
     samples = round(60 * storage.split_min * header.acquisition.rate) or None
     return PartLimits(samples, round(1e9 * storage.split_gb) or None, order.rig.config.trigger.events != 1)
 
 
-def _require_room(order: Order) -> None:
+def _require_room(order: RecordingRequest) -> None:
     """Raise UsageError where the disk holds less than the reserve already."""
     free, reserve = _room(order)
     if free < reserve:
         raise UsageError(_too_little(order, free, reserve))
 
 
-def _room(order: Order) -> tuple[int, int]:
+def _room(order: RecordingRequest) -> tuple[int, int]:
     """Return the bytes that are free where the run goes, and those that must stay free."""
     return shutil.disk_usage(order.path.parent).free, int(order.rig.config.storage.reserve_gb * 1e9)
 
 
-def _too_little(order: Order, free: int, reserve: int) -> str:
+def _too_little(order: RecordingRequest, free: int, reserve: int) -> str:
     return (
         f"{order.path.parent}: {free / 1e9:.2f} GB free, expected more than storage.reserve_gb = {reserve / 1e9:g}: "
         "make room or record elsewhere (storage.folder, RIG_DATA)"
     )
 
 
-def run_header(order: Order, source: Source) -> RunHeader:
+def run_header(order: RecordingRequest, source: Source) -> RunHeader:
     """Return the header of the run, with the acquisition as the opened device reports it."""
     return RunHeader(
         run=order.run,
@@ -101,7 +101,13 @@ class _Recorder:
     """Source → file and ring, until the end; results on the side."""
 
     def __init__(
-        self, order: Order, source: Source, writer: PartWriter, ring: BlockRing, gauges: Gauges, pipe: Connection
+        self,
+        order: RecordingRequest,
+        source: Source,
+        writer: PartWriter,
+        ring: BlockRing,
+        gauges: RecorderStatistics,
+        pipe: Connection,
     ) -> None:
         self._order = order
         self._header = run_header(order, source)

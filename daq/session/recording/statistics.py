@@ -22,7 +22,7 @@ _EACH = 3
 _LOOKS = 1000  # at words that keep changing: their writer may have ended in the midst of it
 
 
-class Gauges:
+class RecorderStatistics:
     """Counts of a recording: one process writes them, any may read.
 
     Parameters

@@ -10,7 +10,7 @@ from multiprocessing.context import SpawnContext, SpawnProcess
 from typing import Any, Protocol, TypeVar
 
 from daq.errors import RigError, UsageError
-from daq.session.processes import end, give_way, ignore_terminal, out_of_reach
+from daq.session.processes import end, ignore_terminal_signals, lower_priority, terminal_signals_blocked
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")
@@ -82,7 +82,7 @@ class _Member(SpawnProcess):
     """A process that is out of reach of the terminal when it is started."""
 
     def start(self) -> None:
-        with out_of_reach():
+        with terminal_signals_blocked():
             super().start()
 
 
@@ -165,8 +165,8 @@ def usable_processors() -> int:
 
 
 def _begin() -> None:
-    ignore_terminal()
-    give_way()
+    ignore_terminal_signals()
+    lower_priority()
     threading.Thread(target=_leave_with_parent, name="parent", daemon=True).start()
 
 

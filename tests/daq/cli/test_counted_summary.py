@@ -12,7 +12,7 @@ from analysis.signals.snapshot import CounterState
 from daq.cli.output.progress import status_line
 from daq.cli.output.summary_text import summary_lines
 from daq.schemas.summary import summary_schema
-from daq.session.live_update import LiveFrame, RunState, Status
+from daq.session.live_update import LiveUpdate, RunState, Status
 from daq.session.offline import summarise
 from daq.session.preflight.preflight import Plan, preflight
 from recordings.errors import ForeignFormatError
@@ -95,6 +95,6 @@ def test_running_line_names_a_counter_that_differs(rig: RigFactory, tmp_path: Pa
     for edge, is_named in (("rising", False), ("falling", True)):
         chosen = rig(tacho={"counter": {"edge": edge}}, simulation=RISING)
         header = header_of(chosen, tmp_path)
-        frame = LiveFrame(header, Status(RunState.RECORDING), analysed(header, items_of(chosen))[-1])
+        frame = LiveUpdate(header, Status(RunState.RECORDING), analysed(header, items_of(chosen))[-1])
         assert ("tacho counter: count differs, " in status_line(frame)) is is_named
         assert (" in the last 10 s" in status_line(frame)) is is_named

@@ -16,7 +16,7 @@ from daq.cli.main import main
 from daq.config.rig import Rig
 from daq.config.toml_writer import to_toml
 from daq.drivers.factory import open_source
-from daq.session.recording.messages import Order
+from daq.session.recording.messages import RecordingRequest
 from daq.session.recording.recorder import run_header
 from recordings.exchange.export import results_table, samples_table
 from recordings.integrity.verify import Verdict, verify
@@ -47,7 +47,9 @@ def folder(tmp_path: Path) -> Iterator[Path]:
 def run(folder: Path, rig: Callable[..., Rig]) -> Path:
     """Return the file of a run of 2 s at 6000 r/min."""
     path, loaded = folder / f"{RUN}.mcap", rig()
-    order = Order(rig=loaded, run=RUN, started_ns=STARTED_NS, note="cold oil", program="rig", path=path, duration=None)
+    order = RecordingRequest(
+        rig=loaded, run=RUN, started_ns=STARTED_NS, note="cold oil", program="rig", path=path, duration=None
+    )
     with closing(open_source(loaded)) as source:
         write_analysed(path, run_header(order, source), source.blocks(), {})
     return path

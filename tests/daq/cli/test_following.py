@@ -5,7 +5,7 @@ from dataclasses import replace
 
 from daq.cli.output.progress import Console
 from daq.cli.recording import follow
-from daq.session.live_update import LiveFrame, RunState, Status
+from daq.session.live_update import LiveUpdate, RunState, Status
 from daq.session.run import Outcome
 from daq.stop_flag import StopFlag
 from tests.daq.support.frames import make_frames
@@ -20,7 +20,7 @@ class Played:
         self._statuses = [*statuses, statuses[-1]]
         self.stopped = 0
 
-    def latest(self) -> LiveFrame:
+    def latest(self) -> LiveUpdate:
         return replace(FRAME, status=self._statuses.pop(0) if len(self._statuses) > 1 else self._statuses[0])
 
     def wait(self, timeout: float) -> bool:

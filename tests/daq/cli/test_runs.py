@@ -12,7 +12,7 @@ import pytest
 from daq.cli.main import main
 from daq.config.rig import Rig
 from daq.drivers.factory import open_source
-from daq.session.recording.messages import Order
+from daq.session.recording.messages import RecordingRequest
 from daq.session.recording.recorder import run_header
 from recordings.mcap.container import Container
 from recordings.mcap.reader import RunReader
@@ -40,7 +40,9 @@ def run(folder: Path, rig: Callable[..., Rig]) -> Path:
     """Return the file of a run of 2 s at 6000 r/min."""
     path = folder / f"{RUN}.mcap"
     loaded = rig()
-    order = Order(rig=loaded, run=RUN, started_ns=STARTED_NS, note="cold oil", program="rig", path=path, duration=None)
+    order = RecordingRequest(
+        rig=loaded, run=RUN, started_ns=STARTED_NS, note="cold oil", program="rig", path=path, duration=None
+    )
     with closing(open_source(loaded)) as source:
         write_analysed(path, run_header(order, source), source.blocks(), {})
     os.utime(path, (1_795_511_530, 1_795_511_530))

@@ -21,11 +21,11 @@ from daq.cli.recording import follow
 from daq.config.rig import Rig
 from daq.drivers.factory import open_source
 from daq.drivers.source import Source
-from daq.session.live_update import LiveFrame
+from daq.session.live_update import LiveUpdate
 from daq.session.recording.messages import Acquired, Closed, Opened
 from daq.session.recording.recorder import _Recorder, run_header
 from daq.session.recording.ring import BlockRing
-from daq.session.recording.statistics import Gauges
+from daq.session.recording.statistics import RecorderStatistics
 from daq.session.run import Outcome
 from daq.stop_flag import StopFlag
 from recordings.mcap.parts import PartLimits, PartWriter
@@ -158,7 +158,12 @@ def test_fault_of_the_program_in_the_recorder_finishes_the_file_and_releases_the
     ring = BlockRing.create(3, 2001, 16)
     with closing(here):
         recorder = _Recorder(
-            made, source, PartWriter(made.path, header, PartLimits()), ring, Gauges(Gauges.shared()), there
+            made,
+            source,
+            PartWriter(made.path, header, PartLimits()),
+            ring,
+            RecorderStatistics(RecorderStatistics.shared()),
+            there,
         )
         threading.Timer(0.5, here.send, ["not an order"]).start()
         threading.Timer(1.0, here.close).start()
@@ -187,7 +192,12 @@ def test_fault_of_the_program_in_the_recorder_is_told(rig: RigFactory, tmp_path:
     watching = threading.Thread(target=watch)
     watching.start()
     recorder = _Recorder(
-        made, source, PartWriter(made.path, header, PartLimits()), ring, Gauges(Gauges.shared()), there
+        made,
+        source,
+        PartWriter(made.path, header, PartLimits()),
+        ring,
+        RecorderStatistics(RecorderStatistics.shared()),
+        there,
     )
     recorder.run()
     watching.join(5)
@@ -216,7 +226,7 @@ def test_fault_of_the_program_in_the_recorders_listener_finishes_the_file_and_is
     with closing(here):
         header = run_header(made, source)
         writer = PartWriter(made.path, header, PartLimits())
-        _Recorder(made, source, writer, ring, Gauges(Gauges.shared()), there).run()
+        _Recorder(made, source, writer, ring, RecorderStatistics(RecorderStatistics.shared()), there).run()
         watching.join(10)
     closed = told[-1]
     assert isinstance(closed, Closed)
@@ -228,7 +238,7 @@ def test_fault_of_the_program_in_the_recorders_listener_finishes_the_file_and_is
 
 def test_screen_that_fails_at_every_frame_does_not_stop_the_recording(rig: RigFactory, tmp_path: Path) -> None:
     class Broken(Screen):
-        def offer(self, frame: LiveFrame) -> None:
+        def offer(self, frame: LiveUpdate) -> None:
             raise ZeroDivisionError("a screen that fails")
 
     run = recorded(rig(simulation={"pace": "real time"}), tmp_path, Broken())
@@ -245,7 +255,7 @@ def test_fault_of_the_terminal_side_closes_the_run() -> None:
         def wait(self, timeout: float) -> bool:
             return False
 
-        def latest(self) -> LiveFrame:
+        def latest(self) -> LiveUpdate:
             raise ZeroDivisionError("while the line is made")
 
         def close(self) -> Outcome:

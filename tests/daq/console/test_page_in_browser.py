@@ -14,7 +14,7 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 from analysis.signals.header import Severity
 from daq.service.app import create_app
 from daq.service.server import ServiceServer
-from daq.session.live_update import Clipping, LiveFrame, PlacedMark, RunState
+from daq.session.live_update import Clipping, LiveUpdate, RunState, TimedMarker
 from recordings.mcap.markers import Mark
 from tests.daq.conftest import RigFactory
 from tests.daq.support.driven_browser import driven_page
@@ -80,7 +80,7 @@ def test_page_says_at_which_speed_the_overlay_is_exact(bench: Bench, tmp_path: P
 def test_page_draws_a_mark_in_the_trend_and_takes_new_ones_while_a_run_is_recorded(
     bench: Bench, tmp_path: Path
 ) -> None:
-    placed = PlacedMark(Mark(0, 100_000, "knocking begins", 0), 1.0, FRAME.status.elapsed - 1.0)
+    placed = TimedMarker(Mark(0, 100_000, "knocking begins", 0), 1.0, FRAME.status.elapsed - 1.0)
     bench.live.frame = replace(FRAME, status=replace(FRAME.status, marks=(placed,)))
     page = seen(bench.server.url, tmp_path)
     assert re.search(r'class="flag word"', page)
@@ -157,7 +157,7 @@ def test_page_says_that_nothing_is_under_way_and_lists_the_runs(bench: Bench, tm
 
 
 def test_page_says_why_a_run_failed(bench: Bench, tmp_path: Path) -> None:
-    bench.live.frame = LiveFrame(FRAME.header, replace(FRAME.status, state=RunState.FAILED, detail="card unplugged"))
+    bench.live.frame = LiveUpdate(FRAME.header, replace(FRAME.status, state=RunState.FAILED, detail="card unplugged"))
     page = seen(bench.server.url, tmp_path)
     assert 'data-state="failed"' in page
     assert "card unplugged" in text_of(page, "trouble")

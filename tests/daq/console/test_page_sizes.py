@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from analysis.signals.header import Severity
-from daq.session.live_update import LiveFrame
+from daq.session.live_update import LiveUpdate
 from tests.daq.support.driven_browser import Page, driven_page
 from tests.daq.support.frames import make_frames, with_alarm
 from tests.daq.support.recorded_bench import open_recorded_bench
@@ -50,7 +50,7 @@ def bench() -> Iterator[Bench]:
     served.close()
 
 
-def shown(page: Page, bench: Bench, frame: LiveFrame | None) -> None:
+def shown(page: Page, bench: Bench, frame: LiveUpdate | None) -> None:
     """Show the page with a run that goes on, or none, and wait until it is drawn."""
     bench.live.frame = frame
     page.show(bench.server.url)

@@ -14,7 +14,7 @@ from daq.schemas.live import live_schema
 from daq.schemas.runs import run_schema
 from daq.schemas.summary import summary_schema
 from daq.schemas.units import finite, lag_degrees, micrometres, moment, rpm
-from daq.session.live_update import LiveFrame
+from daq.session.live_update import LiveUpdate
 from tests.daq.support.frames import RPM, make_frames
 from tests.daq.support.service_fakes import make_agreement, make_entries, make_summary
 
@@ -89,7 +89,7 @@ def test_live_document_tells_a_whirls_frequency_size_and_direction() -> None:
 
 
 def test_live_document_before_the_first_result_has_none() -> None:
-    document = live_schema(LiveFrame(FRAME.header, FRAME.status))
+    document = live_schema(LiveUpdate(FRAME.header, FRAME.status))
     assert document.measured is None
     assert document.predicted is None
     assert document.status.samples == FRAME.status.samples
@@ -103,7 +103,7 @@ def test_live_document_is_json_whatever_the_numbers_are(speed: float, level: flo
     assert prediction is not None
     vectors = np.array([[complex(real, level), complex(level, real)]] * 2)
     whirl = Whirl(order, level, real, vectors[0])
-    frame = LiveFrame(
+    frame = LiveUpdate(
         FRAME.header,
         replace(FRAME.status, backlog=level, disk_left=speed),
         replace(

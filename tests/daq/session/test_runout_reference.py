@@ -10,7 +10,7 @@ import pytest
 from daq.config.loader import load_rig
 from daq.config.rig import Rig
 from daq.errors import ConfigError, UsageError
-from daq.session.runout_reference import with_known_runout
+from daq.session.runout_reference import with_reference_runout
 from recordings.mcap.reader import RunReader
 from tests.daq.support.recorded_bench import record_run
 
@@ -76,7 +76,7 @@ def test_an_earlier_run_tells_the_run_out_of_a_later_one(rig: RigFactory, tmp_pa
     earlier = rig(simulation=SLOW_THEN_FAST)
     record_run(earlier, tmp_path, "earlier")
     asked = rig(simulation=FAST, runout={"slow_roll_rpm": 700.0, "from_run": "earlier", "orbit": True})
-    later = with_known_runout(asked, tmp_path)
+    later = with_reference_runout(asked, tmp_path)
     runout = later.settings.runout
     assert runout.source == "slow roll of earlier up to 700 r/min"
     assert runout.slow_roll_speed == 0.0
@@ -87,17 +87,17 @@ def test_an_earlier_run_tells_the_run_out_of_a_later_one(rig: RigFactory, tmp_pa
         assert reader.header.settings.runout == runout
         frames = [snapshot.frame for snapshot in reader.snapshots() if snapshot.frame is not None]
     assert all(frame.compensated is not None and frame.compensated_orbit is not None for frame in frames)
-    assert with_known_runout(earlier, tmp_path) is earlier
+    assert with_reference_runout(earlier, tmp_path) is earlier
 
 
 def test_an_earlier_run_that_cannot_tell_is_refused(rig: RigFactory, tmp_path: Path) -> None:
     record_run(rig(simulation=FAST), tmp_path, "fast")
     missing = rig(runout={"slow_roll_rpm": 700.0, "from_run": "missing"})
     with pytest.raises(UsageError, match=r"runout\.from_run: .*missing"):
-        with_known_runout(missing, tmp_path)
+        with_reference_runout(missing, tmp_path)
     never_slow = rig(runout={"slow_roll_rpm": 700.0, "from_run": "fast"})
     with pytest.raises(UsageError, match="fast holds no order spectrum up to 700 r/min"):
-        with_known_runout(never_slow, tmp_path)
+        with_reference_runout(never_slow, tmp_path)
 
 
 def test_an_earlier_run_with_other_probes_or_marks_is_refused(rig: RigFactory, tmp_path: Path) -> None:
@@ -105,9 +105,9 @@ def test_an_earlier_run_with_other_probes_or_marks_is_refused(rig: RigFactory, t
     asked = {"slow_roll_rpm": 700.0, "from_run": "earlier"}
     falling = rig(runout=asked, tacho={"edge": "falling"})
     with pytest.raises(UsageError, match="timed the rising edge of 1 marks, expected falling of 1"):
-        with_known_runout(falling, tmp_path)
+        with_reference_runout(falling, tmp_path)
     turned = rig(runout=asked)
     channels = tuple(c.model_copy(update={"angle_deg": c.angle_deg + 10.0}) for c in turned.config.channel)
     turned = Rig(turned.path, turned.config.model_copy(update={"channel": channels}), turned.calibrations, turned.toml)
     with pytest.raises(UsageError, match="probe x sat at 45 degrees, expected 55"):
-        with_known_runout(turned, tmp_path)
+        with_reference_runout(turned, tmp_path)

@@ -23,7 +23,7 @@ from analysis.signals.header import (
 )
 from analysis.signals.snapshot import OrderFrame, RunOut, Snapshot, TachoReport, TachoState, Trace, Whirl
 from analysis.whirl.findings import Moment
-from daq.session.live_update import LiveFrame, RunState, Status
+from daq.session.live_update import LiveUpdate, RunState, Status
 from model.prediction.prediction_map import Prediction
 
 RATE = 100_000.0
@@ -176,7 +176,7 @@ def make_snapshot(time: float, speed: float, settings: AnalysisSettings, noise: 
     )
 
 
-def run_up(count: int, run: str = "2026-11-24T09-12-07-gj90c") -> Iterator[LiveFrame]:
+def run_up(count: int, run: str = "2026-11-24T09-12-07-gj90c") -> Iterator[LiveUpdate]:
     """``count`` frames, one every 0.1 s, from 1,000 to 15,600 r/min: 1X, 2X, then 0.49X, then 0.17X."""
     header = make_header(run)
     noise = np.random.default_rng(7)
@@ -198,15 +198,15 @@ def run_up(count: int, run: str = "2026-11-24T09-12-07-gj90c") -> Iterator[LiveF
             model="ready",
             alarms=alarms,
         )
-        yield LiveFrame(header, status, snapshot, make_prediction(speed, header.settings))
+        yield LiveUpdate(header, status, snapshot, make_prediction(speed, header.settings))
 
 
-def make_frames(count: int) -> list[LiveFrame]:
+def make_frames(count: int) -> list[LiveUpdate]:
     """``run_up`` as a list."""
     return list(run_up(count))
 
 
-def with_alarm(frame: LiveFrame, severity: Severity) -> LiveFrame:
+def with_alarm(frame: LiveUpdate, severity: Severity) -> LiveUpdate:
     """Return a frame with a latched alarm that is over."""
     limits, place = frame.header.limits, Moment(0, 10.0, 12_000.0 * RPM)
     limit = limits.peak_to_peak_danger if severity is Severity.DANGER else limits.peak_to_peak_alarm
@@ -216,7 +216,7 @@ def with_alarm(frame: LiveFrame, severity: Severity) -> LiveFrame:
     return replace(frame, status=status)
 
 
-def with_further_alarms(frame: LiveFrame) -> LiveFrame:
+def with_further_alarms(frame: LiveUpdate) -> LiveUpdate:
     """Return a frame of a rig that watches 1X, what is below it, and the speed: all passed, 1X no more."""
     place, over = Moment(0, 10.0, 12_000.0 * RPM), Moment(0, 12.0, 12_500.0 * RPM)
     limits = replace(
@@ -236,7 +236,7 @@ def with_further_alarms(frame: LiveFrame) -> LiveFrame:
     return replace(frame, header=replace(frame.header, limits=limits), status=status)
 
 
-def with_runout(frame: LiveFrame) -> LiveFrame:
+def with_runout(frame: LiveUpdate) -> LiveUpdate:
     """Return a frame from which a run-out of 2 µm at 1X, known from a slow roll, was taken off, the orbit's too."""
     assert frame.snapshot is not None
     assert frame.snapshot.frame is not None
@@ -251,7 +251,7 @@ def with_runout(frame: LiveFrame) -> LiveFrame:
     return replace(frame, header=header, snapshot=replace(frame.snapshot, frame=order_frame), runout=runout)
 
 
-def with_second_whirl(frame: LiveFrame) -> LiveFrame:
+def with_second_whirl(frame: LiveUpdate) -> LiveUpdate:
     """Return a frame with a weaker backward component at 0.31X beside what it shows."""
     assert frame.snapshot is not None
     assert frame.snapshot.frame is not None

@@ -19,7 +19,7 @@ from daq.service.routes.live import Desk
 from daq.service.run_reader import Readings
 from daq.service.server import ServiceServer
 from daq.session.prediction.predictors import Predictors
-from daq.session.recording.messages import Order
+from daq.session.recording.messages import RecordingRequest
 from daq.session.recording.recorder import run_header
 from model.prediction.prediction_map import Prediction
 from recordings.catalogue.catalogue import Catalogue
@@ -36,7 +36,7 @@ HIGHEST = 20_000.0  # r/min that the model knows
 def record_run(rig: Rig, folder: Path, run: str = RUN) -> Path:
     """Record a simulated run with its results into a folder; return its file."""
     path = folder / f"{run}.mcap"
-    order = Order(rig, run, 1_795_000_000_000_000_000, "first light", "rig test", path, None)
+    order = RecordingRequest(rig, run, 1_795_000_000_000_000_000, "first light", "rig test", path, None)
     with closing(open_source(rig)) as source:
         write_analysed(path, run_header(order, source), source.blocks(), {})
     return path

@@ -14,7 +14,7 @@ from analysis.signals.snapshot import TachoReport, TachoState
 from analysis.vectors.speed_table import SpeedRow
 from analysis.whirl.findings import Moment, WhirlFinding
 from daq.schemas.summary import SummarySchema, summary_schema
-from daq.session.live_update import LiveFrame
+from daq.session.live_update import LiveUpdate
 from model.prediction.comparison import Agreement, PredictedWhirl, SynchronousAgreement, WhirlAgreement
 from recordings.catalogue.catalogue import RunEntry
 from recordings.catalogue.search import Search
@@ -160,9 +160,9 @@ class FakeLive:
     """Holds a frame."""
 
     def __init__(self) -> None:
-        self.frame: LiveFrame | None = None
+        self.frame: LiveUpdate | None = None
 
-    def latest(self) -> LiveFrame | None:
+    def latest(self) -> LiveUpdate | None:
         return self.frame
 
 

@@ -22,7 +22,7 @@ from rerun.experimental import ViewerClient
 
 from analysis.signals.header import RunHeader
 from daq.errors import ServiceError
-from daq.session.live_update import LiveFrame
+from daq.session.live_update import LiveUpdate
 from daq.view import open_live_view
 from daq.view.live_view import LiveView
 from tests.daq.support.frames import make_frames, make_header
@@ -55,7 +55,7 @@ def view() -> Iterator[LiveView]:
     live.close(60.0)
 
 
-def _drawn(view: LiveView, frames: list[LiveFrame]) -> None:
+def _drawn(view: LiveView, frames: list[LiveUpdate]) -> None:
     """Offer frames one after the other, each as soon as the one before was taken."""
     for frame in frames:
         view.offer(frame)

@@ -15,7 +15,7 @@ from rerun.chunk import RrdReader
 
 from analysis.signals.header import Severity
 from analysis.signals.snapshot import TachoState
-from daq.session.live_update import Clipping, LiveFrame, PlacedMark, RunState, Status
+from daq.session.live_update import Clipping, LiveUpdate, RunState, Status, TimedMarker
 from daq.view.drawing import Drawing, text_strokes, text_width
 from daq.view.palette import ALARM, DANGER, MARK, MEASURED_X, MEASURED_Y, MODEL, MODEL_DASH, TACHO, Color
 from daq.view.presenter import Presenter, timeline
@@ -47,7 +47,7 @@ DRAWN = {
 class Logged:
     """What a presenter logged of some frames, read back from a file."""
 
-    def __init__(self, frames: Iterable[LiveFrame], path: Path) -> None:
+    def __init__(self, frames: Iterable[LiveUpdate], path: Path) -> None:
         stream = rr.RecordingStream("rig")
         stream.set_sinks(rr.FileSink(path))
         presenter = Presenter(stream, make_header())
@@ -223,7 +223,7 @@ def test_sequence_without_snapshot_or_model_or_speed_is_drawn(tmp_path: Path) ->
     frame = make_frames(1)[0]
     assert frame.snapshot is not None
     still = replace(frame.snapshot, speed=math.nan, frame=None)
-    starting = LiveFrame(frame.header, Status(RunState.STARTING))
+    starting = LiveUpdate(frame.header, Status(RunState.STARTING))
     logged = Logged(
         [starting] * 20 + [replace(frame, snapshot=still, prediction=None)] * 20 + [frame], tmp_path / "few.rrd"
     )
@@ -238,15 +238,15 @@ def test_alarm_stays_on_the_banner_when_it_is_over(tmp_path: Path) -> None:
     assert latched.strips("/banner", ALARM)
 
 
-def marked(frames: list[LiveFrame], *marks: PlacedMark) -> list[LiveFrame]:
+def marked(frames: list[LiveUpdate], *marks: TimedMarker) -> list[LiveUpdate]:
     return [replace(frame, status=replace(frame.status, marks=marks)) for frame in frames]
 
 
 def test_mark_is_a_line_with_its_word_in_trend_and_waterfall_at_its_time(tmp_path: Path) -> None:
     frames = make_frames(120)[:97]  # trend and waterfall are drawn with every 24th, so with the last
     elapsed = frames[-1].status.elapsed
-    word = PlacedMark(Mark(0, round((elapsed - 3.0) * RATE), "knocking", 0), elapsed - 3.0, elapsed - 3.0)
-    came = PlacedMark(Mark(0, 0, "alarm at x", 0, MarkKind.ALARM), elapsed - 5.0, elapsed - 5.0)
+    word = TimedMarker(Mark(0, round((elapsed - 3.0) * RATE), "knocking", 0), elapsed - 3.0, elapsed - 3.0)
+    came = TimedMarker(Mark(0, 0, "alarm at x", 0, MarkKind.ALARM), elapsed - 5.0, elapsed - 5.0)
     logged = Logged(marked(frames, word, came), tmp_path / "marked.rrd")
     unmarked = Logged(frames, tmp_path / "unmarked.rrd")
     for color, before in ((MARK, 3.0), (ALARM, 5.0)):
@@ -265,8 +265,8 @@ def test_mark_is_drawn_over_the_traces_where_they_show_its_moment(tmp_path: Path
     assert frame.snapshot is not None
     trace = frame.snapshot.trace
     at = float(trace.time[-1]) - 0.01
-    mark = PlacedMark(Mark(frame.snapshot.segment, round(at * RATE), "now", 0), at, frame.status.elapsed - 0.01)
-    other = PlacedMark(Mark(frame.snapshot.segment + 1, round(at * RATE), "elsewhere", 0), at, frame.status.elapsed)
+    mark = TimedMarker(Mark(frame.snapshot.segment, round(at * RATE), "now", 0), at, frame.status.elapsed - 0.01)
+    other = TimedMarker(Mark(frame.snapshot.segment + 1, round(at * RATE), "elsewhere", 0), at, frame.status.elapsed)
     here = Logged(marked([frame], mark), tmp_path / "here.rrd")
     assert len([line for line in here.strips("/traces/lines", MARK) if np.ptp(line[:, 1]) > 30.0]) == 2
     assert not Logged(marked([frame], other), tmp_path / "there.rrd").strips("/traces/lines", MARK)

@@ -17,9 +17,9 @@ from analysis.live.alarms import Alarm
 from analysis.signals.header import RunHeader
 from daq.config.rig import Rig
 from daq.errors import DeviceError, DeviceFault
-from daq.session.live_update import LiveFrame
+from daq.session.live_update import LiveUpdate
 from daq.session.run import Outcome
-from daq.session.run_manager import RunDesk
+from daq.session.run_manager import RunManager
 from tests.daq.support.frames import make_frames
 from tests.daq.support.recorded_bench import API, RUN, RecordedBench, open_recorded_bench, record_run
 
@@ -36,7 +36,7 @@ class FakeRun:
         self.ended = threading.Event()
         self.closed = False
 
-    def latest(self) -> LiveFrame:
+    def latest(self) -> LiveUpdate:
         return self.frame
 
     def acknowledge(self) -> tuple[Alarm, ...]:
@@ -226,7 +226,7 @@ def test_run_is_started_one_at_a_time_and_joined_in_the_end(tmp_path: Path, rig:
         made.append(FakeRun(note))
         return made[-1]
 
-    with RunDesk({"test-rig": rig()}, begin) as desk:
+    with RunManager({"test-rig": rig()}, begin) as desk:
         bench = open_recorded_bench(tmp_path, desk=desk)
         first = bench.client.post(f"{API}/runs", json={"note": "warm", "duration_s": 5.0})
         assert (first.status_code, first.json()["run"]) == (201, made[0].header.run)

@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from daq.session.prediction.file_lock import Claim
-from daq.session.prediction.map_cache import Told, kept_or_computed, read_map
+from daq.session.prediction.file_lock import FileLock
+from daq.session.prediction.map_cache import Told, load_or_compute_map, read_map
 from model.prediction.prediction_map import PredictionMap
 
 DEADLINE = 60.0  # s
@@ -67,7 +67,7 @@ class Wanting(threading.Thread):
         self.start()
 
     def run(self) -> None:
-        self.found = kept_or_computed(self.file, self.computing, lambda *progress: self.heard.append(progress))
+        self.found = load_or_compute_map(self.file, self.computing, lambda *progress: self.heard.append(progress))
 
 
 def test_one_computes_and_the_other_waits_and_is_told_how_far_it_is(tmp_path: Path) -> None:
@@ -91,7 +91,7 @@ def test_one_computes_and_the_other_waits_and_is_told_how_far_it_is(tmp_path: Pa
 
 def hold(path: Path, said: Connection) -> None:
     """Take a claim and stand still."""
-    claim = Claim(path)
+    claim = FileLock(path)
     assert claim.take()
     said.send("held")
     time.sleep(10 * DEADLINE)
@@ -108,7 +108,7 @@ def test_nobody_waits_for_who_was_killed_or_stands_still(tmp_path: Path, number:
         os.kill(holder.pid or 0, number)
         computing = Computing(3.0)
         computing.go_on.set()
-        found = kept_or_computed(tmp_path / "map.npz", computing, lambda *_progress: None, still=0.5)
+        found = load_or_compute_map(tmp_path / "map.npz", computing, lambda *_progress: None, still=0.5)
         assert found.vectors[0, 0, 0] == 3.0
         kept, _ = read_map(tmp_path / "map.npz")
         assert kept is not None
@@ -121,7 +121,7 @@ def test_map_is_computed_where_none_can_be_kept(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("no folder")
     computing = Computing()
     computing.go_on.set()
-    found = kept_or_computed(tmp_path / "file" / "map.npz", computing, lambda *_progress: None)
+    found = load_or_compute_map(tmp_path / "file" / "map.npz", computing, lambda *_progress: None)
     assert found.vectors[0, 0, 0] == 1.0
 
 
@@ -131,5 +131,5 @@ def test_who_fails_lets_the_next_one_try(tmp_path: Path) -> None:
 
     for _ in range(2):
         with pytest.raises(ValueError, match="no motion"):
-            kept_or_computed(tmp_path / "map.npz", fails, lambda *_progress: None)
+            load_or_compute_map(tmp_path / "map.npz", fails, lambda *_progress: None)
     assert list(tmp_path.iterdir()) == []

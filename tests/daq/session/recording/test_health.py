@@ -17,7 +17,7 @@ from daq.drivers.simulation.card import SimulatedCard
 from daq.session.live_update import RunState, Status
 from daq.session.recording.health import alertness, loss
 from daq.session.recording.recorded_run import RecordedRun
-from daq.session.recording.statistics import Gauges
+from daq.session.recording.statistics import RecorderStatistics
 from recordings.mcap.reader import RunReader
 from tests.daq.session.recording.test_recorded_run import recorded
 from tests.daq.support.device_server import serving
@@ -30,8 +30,8 @@ TIMING = TimingSection(rate_hz=RATE, block_s=0.1, buffer_s=4)
 LONG = [{"time_s": 0.0, "speed_rpm": 6000.0}, {"time_s": 60.0, "speed_rpm": 6000.0}]
 
 
-def gauges_after(backlog: int) -> Gauges:
-    gauges = Gauges(Gauges.shared())
+def gauges_after(backlog: int) -> RecorderStatistics:
+    gauges = RecorderStatistics(RecorderStatistics.shared())
     gauges.begin()
     gauges.add_block(SampleBlock(np.zeros((1, 100), np.int16), 0, 0, 0, backlog))
     return gauges
@@ -53,7 +53,7 @@ def test_loss_is_told_with_its_segment_and_a_good_end_is_not() -> None:
 
 
 def test_clipping_is_counted_by_channel_and_block_and_stays_told() -> None:
-    gauges = Gauges(Gauges.shared())
+    gauges = RecorderStatistics(RecorderStatistics.shared())
     quiet = np.zeros((3, 100), np.int16)
     clipped = quiet.copy()
     clipped[0, 5:8], clipped[2, 9] = 32767, -32768
@@ -76,7 +76,7 @@ def test_operator_sees_which_channel_was_clipped_and_where(rig: RigFactory, tmp_
 
 
 def test_nothing_is_told_before_blocks_are_expected() -> None:
-    assert alertness(Gauges(Gauges.shared()), RATE, TIMING) == (RunState.RECORDING, "")
+    assert alertness(RecorderStatistics(RecorderStatistics.shared()), RATE, TIMING) == (RunState.RECORDING, "")
 
 
 def seen_within(run: RecordedRun, seconds: float, state: RunState) -> Status:
@@ -128,8 +128,8 @@ def test_operator_sees_buffer_silence_and_recovery_of_a_run_over_the_wire(rig: R
 
 
 def test_who_asks_while_the_recorder_counts_gets_numbers_that_belong_together() -> None:
-    memory = Gauges.shared()
-    counting, asking = Gauges(memory), Gauges(memory)
+    memory = RecorderStatistics.shared()
+    counting, asking = RecorderStatistics(memory), RecorderStatistics(memory)
     codes = np.zeros((1, 100), np.int16)
     ends = threading.Event()
 

@@ -22,7 +22,7 @@ import pytest
 from analysis.signals.blocks import EndReason, SampleBlock
 from daq.config.loader import load_rig
 from daq.drivers.factory import open_source
-from daq.session.recording.messages import Order
+from daq.session.recording.messages import RecordingRequest
 from daq.session.recording.recorder import run_header
 from recordings.integrity.recover import recover
 from recordings.integrity.verify import Verdict, verify
@@ -36,7 +36,9 @@ BLOCK = 0.05
 def record_for_ever(rig_toml: Path, path: Path, taken: "Synchronized[int]") -> None:
     """Carry a simulated rig's samples into a file, as the recorder does, and count what was taken from the source."""
     rig = load_rig(rig_toml)
-    order = Order(rig=rig, run=path.stem, started_ns=time.time_ns(), note="", program="rig", path=path, duration=None)
+    order = RecordingRequest(
+        rig=rig, run=path.stem, started_ns=time.time_ns(), note="", program="rig", path=path, duration=None
+    )
     source = open_source(rig)
     writer = RunWriter(path, run_header(order, source))
     for item in source.blocks():

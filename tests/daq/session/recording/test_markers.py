@@ -14,7 +14,7 @@ import pytest
 from daq.cli.main import main
 from daq.config.rig import Rig
 from daq.drivers.replay import open_replay
-from daq.session.live_update import PlacedMark
+from daq.session.live_update import TimedMarker
 from daq.session.recording.recorded_run import RecordedRun
 from daq.session.replayed_run import ReplayedRun
 from recordings.integrity.verify import verify
@@ -65,7 +65,7 @@ def test_mark_is_shown_live_from_its_moment_on_and_again_in_a_replay(rig: RigFac
     made = run.mark("knocking")
     assert made is not None
     (shown,) = run.latest().status.marks
-    assert shown == PlacedMark(made, made.sample / RATE, made.sample / RATE)
+    assert shown == TimedMarker(made, made.sample / RATE, made.sample / RATE)
     assert run.wait(60)
     run.close()
     screen = Screen()

@@ -22,13 +22,13 @@ from daq.drivers.replay import open_replay
 from daq.drivers.simulation.card import SimulatedCard
 from daq.errors import RigError
 from daq.session.live_analysis import LiveAnalysis
-from daq.session.live_update import LiveFrame, RunState, Status
+from daq.session.live_update import LiveUpdate, RunState, Status
 from daq.session.offline import summarise
-from daq.session.recording.messages import Done, Order
+from daq.session.recording.messages import Done, RecordingRequest
 from daq.session.recording.recorded_run import RecordedRun
 from daq.session.recording.recorder import _Recorder, run_header
 from daq.session.recording.ring import BlockRing
-from daq.session.recording.statistics import Gauges
+from daq.session.recording.statistics import RecorderStatistics
 from model.prediction.prediction_map import Prediction
 from recordings.mcap.parts import PartLimits, PartWriter, file_names
 from recordings.mcap.reader import RunReader
@@ -50,16 +50,16 @@ class Screen:
     """Keeps every frame; may be told to stall at each, as no screen should."""
 
     def __init__(self, stall: float = 0.0) -> None:
-        self.frames: list[LiveFrame] = []
+        self.frames: list[LiveUpdate] = []
         self._stall = stall
 
-    def offer(self, frame: LiveFrame) -> None:
+    def offer(self, frame: LiveUpdate) -> None:
         self.frames.append(frame)
         time.sleep(self._stall)
 
 
-def order(rig: Rig, folder: Path, *, duration: float | None = None) -> Order:
-    return Order(
+def order(rig: Rig, folder: Path, *, duration: float | None = None) -> RecordingRequest:
+    return RecordingRequest(
         rig=rig, run=RUN, started_ns=1_795_000_000_000_000_000, note="", program="rig test",
         path=folder / f"{RUN}.mcap", duration=duration,
     )  # fmt: skip
@@ -193,7 +193,7 @@ def test_stalled_analysis_loses_no_sample_and_says_what_it_skipped(rig: RigFacto
 
 def test_analysis_that_fails_is_told_and_the_recording_goes_on(rig: RigFactory, tmp_path: Path) -> None:
     class Broken(Screen):
-        def offer(self, frame: LiveFrame) -> None:
+        def offer(self, frame: LiveUpdate) -> None:
             if frame.status.state is RunState.RECORDING and not frame.status.detail:
                 raise ZeroDivisionError("a screen that fails")
 
@@ -252,7 +252,7 @@ def test_disk_that_fills_up_ends_the_recording_cleanly(rig: RigFactory, tmp_path
         header = run_header(full, source)
         threading.Timer(1.0, here.send, [Done(0)]).start()
         writer = PartWriter(full.path, header, PartLimits())
-        _Recorder(full, source, writer, ring, Gauges(Gauges.shared()), there).run()
+        _Recorder(full, source, writer, ring, RecorderStatistics(RecorderStatistics.shared()), there).run()
     signal.signal(signal.SIGTERM, before)
     with RunReader(full.path) as reader:
         assert reader.is_complete
