@@ -15,7 +15,8 @@ from nidaqmx.system.system import System
 from nidaqmx.task import Task
 
 from daq.config.schema import DeviceSection
-from daq.drivers.ni.error_codes import Warned, bench_words, device_fault
+from daq.drivers.ni.driver_warnings import Warned
+from daq.drivers.ni.error_codes import bench_words, device_fault
 from daq.errors import DeviceError, DeviceFault
 
 CHANNEL_OPTIONS = (

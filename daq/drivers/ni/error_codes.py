@@ -1,17 +1,11 @@
-"""The optional extra that the card needs, and what is said where it is not installed.
+"""What the driver's codes mean at the bench.
 
-What the driver's codes mean at the bench.
-What the driver warns of, kept for the operator: Python would print it across the screen, at every read anew.
+The numbers are NI-DAQmx's own (`nidaqmx.error_codes.DAQmxErrors`), repeated here so that they can be read without it.
 """
 
 import os
-import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
-from contextvars import ContextVar
-from typing import TextIO
-
-from nidaqmx.errors import DaqWarning
 
 from daq.errors import DeviceError, DeviceFault
 
@@ -90,63 +84,6 @@ def driver_words(text: str) -> str:
     lines = [" ".join(line.split()) for paragraph in details for line in paragraph.splitlines()]
     about = [line for line in lines if line and not line.startswith(("Task Name:", "Status Code:"))]
     return " ".join(sentence.split()) + (f" ({', '.join(about)})" if about else "")
-
-
-_heard_by: ContextVar["Warned | None"] = ContextVar("heard_by", default=None)
-_passed_on = warnings.showwarning
-
-
-class Warned:
-    """The driver's warnings, each once."""
-
-    def __init__(self) -> None:
-        self._texts: dict[int, str] = {}
-        self._told = 0
-
-    @contextmanager
-    def hearing(self) -> Iterator[None]:
-        """Keep what the driver warns of in this block and thread."""
-        _listen()
-        token = _heard_by.set(self)
-        try:
-            yield
-        finally:
-            _heard_by.reset(token)
-
-    def add(self, warning: DaqWarning) -> None:
-        """Keep a warning."""
-        code = int(warning.error_code)
-        text = str(warning).removeprefix(f"\nWarning {code} occurred.\n\n")
-        self._texts.setdefault(code, f"the driver warns: {driver_words(text)} (driver code {code})")
-
-    def news(self) -> list[str]:
-        """Return the warnings that have come since this was last asked."""
-        texts = list(self._texts.values())[self._told :]
-        self._told += len(texts)
-        return texts
-
-
-def _listen() -> None:
-    """See to it that this file is shown every warning first, whoever else has come to show them since."""
-    global _passed_on  # noqa: PLW0603 - Python has one place where warnings are shown
-    if warnings.showwarning is not _show:
-        _passed_on = warnings.showwarning
-        warnings.showwarning = _show
-
-
-def _show(
-    message: Warning | str,
-    category: type[Warning],
-    filename: str,
-    lineno: int,
-    file: TextIO | None = None,
-    line: str | None = None,
-) -> None:
-    warned = _heard_by.get()
-    if warned is not None and isinstance(message, DaqWarning):
-        warned.add(message)
-    else:
-        _passed_on(message, category, filename, lineno, file, line)
 
 
 @contextmanager

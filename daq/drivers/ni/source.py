@@ -1,14 +1,18 @@
 """The card as a source: fixed-size blocks, read by the caller's thread, and every gap told."""
 
+import datetime as dt
 import time
 from collections.abc import Generator, Iterator
+from contextlib import closing
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd, SourceItem
 from analysis.signals.header import Acquisition
 from daq.config.rig import Rig
+from daq.config.schema import DeviceSection
 from daq.drivers.ni.counter_stamps import Stamps
+from daq.drivers.ni.devices import FoundDevice
 from daq.drivers.ni.error_codes import ABSENT_CODES, OVERRUN_CODES, card_extra
 from daq.drivers.source import Restarts
 from daq.errors import DeviceError
@@ -44,6 +48,39 @@ def open_usb6251(rig: Rig, restarts: Restarts | None = None) -> "Usb6251":
     with card_extra():
         from daq.drivers.ni.card import NiCard  # noqa: PLC0415 - an optional extra, and slow to import
     return Usb6251(NiCard(rig), restarts or Restarts(rig.config.session.restarts_per_minute))
+
+
+def connected_devices(section: DeviceSection) -> list[FoundDevice]:
+    """Return what is connected to this machine, or to the device server that a section names.
+
+    Raises
+    ------
+    DeviceError
+        Package or driver not installed, server out of reach.
+    """
+    with card_extra():
+        from daq.drivers.ni.system import NiSystem  # noqa: PLC0415 - an optional extra, and slow to import
+    with closing(NiSystem(section)) as system:
+        return system.devices()
+
+
+def self_test(section: DeviceSection) -> dt.date | None:
+    """Let the card that a section names test itself; it must be idle.
+
+    Returns
+    -------
+    date or None
+        When it last calibrated itself; None where it does not tell.
+
+    Raises
+    ------
+    DeviceError
+        Package or driver not installed, server out of reach, card missing, busy or failed.
+    """
+    with card_extra():
+        from daq.drivers.ni.system import NiSystem  # noqa: PLC0415 - an optional extra, and slow to import
+    with closing(NiSystem(section)) as system:
+        return system.self_test()
 
 
 class Usb6251:
