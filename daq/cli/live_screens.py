@@ -122,11 +122,11 @@ class Screens:
         run.stop()
         return run.header.run
 
-    def mark(self, text: str) -> MarkerSchema | None:
+    def add_marker(self, text: str) -> MarkerSchema | None:
         """Name the present moment of the run that is recorded; None where none is."""
         run = self._shown
-        mark = run.mark(text) if run is not None and isinstance(run, SupportsMarkers) else None
-        return None if run is None or mark is None else marker_schema(mark, run.header.acquisition.rate)
+        marker = run.add_marker(text) if run is not None and isinstance(run, SupportsMarkers) else None
+        return None if run is None or marker is None else marker_schema(marker, run.header.acquisition.rate)
 
     def acknowledge(self) -> AcknowledgedAlarmsSchema | None:
         """Take note of the alarms of the run that is shown; None where none is."""

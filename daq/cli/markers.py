@@ -85,7 +85,7 @@ def run_acknowledge(chosen: argparse.Namespace) -> int:
 
 def run_mark(chosen: argparse.Namespace) -> int:
     """Ask the recording's service to keep a word; return the exit code."""
-    made = order(chosen, "marks", {"text": " ".join(chosen.word) or "mark"})
+    made = order(chosen, "markers", {"text": " ".join(chosen.word) or "mark"})
     if chosen.json:
         print_json(made)
         return 0
@@ -97,7 +97,7 @@ ACKNOWLEDGE = "ack"
 """Typed alone, this names no moment but takes note of the alarms."""
 
 
-def take_marks(run: SupportsMarkers, console: Console) -> bool:
+def take_markers(run: SupportsMarkers, console: Console) -> bool:
     """Let every line that is typed name a moment, or acknowledge; return whether there is a terminal to type at.
 
     The lines are read until the run has ended or the terminal is closed, past Python's own buffer: a thread that waits
@@ -107,7 +107,7 @@ def take_marks(run: SupportsMarkers, console: Console) -> bool:
         return False
     if hasattr(signal, "SIGTTIN"):  # POSIX: a command in the background is told no, not put to sleep
         signal.signal(signal.SIGTTIN, signal.SIG_IGN)
-    threading.Thread(target=_take, args=(sys.stdin.fileno(), run, console), name="marks", daemon=True).start()
+    threading.Thread(target=_take, args=(sys.stdin.fileno(), run, console), name="markers", daemon=True).start()
     return True
 
 
@@ -120,7 +120,7 @@ def _take(terminal: int, run: SupportsMarkers, console: Console) -> None:
                 noted = run.acknowledge()
                 console.line("\n".join(f"acknowledged {alarm_text(alarm)}" for alarm in noted) or "no new alarm")
                 continue
-            mark = run.mark(text)
-            if mark is None:
+            marker = run.add_marker(text)
+            if marker is None:
                 return
-            console.line(f"marked “{mark.text}”")
+            console.line(f"marked “{marker.text}”")

@@ -16,7 +16,7 @@ from pathlib import Path
 from daq.cli import markers
 from daq.cli.arguments import AddCommand, add_folder, duration, pace, port, show_examples
 from daq.cli.live_screens import Screens
-from daq.cli.markers import take_marks
+from daq.cli.markers import take_markers
 from daq.cli.output.progress import Console, status_line
 from daq.cli.output.summary_text import tell
 from daq.cli.output.terminal import print_json
@@ -127,7 +127,7 @@ def run_record(chosen: argparse.Namespace) -> int:
                     f"run {order.run}  {device.product} ({which})  {n_channels} × {rate / 1e3:g} kS/s  {order.path}"
                 )
                 console.line(screens.addresses())
-                if take_marks(recorded, console):
+                if take_markers(recorded, console):
                     console.line(
                         "type a word and Enter to mark a moment, ack to acknowledge alarms; Ctrl-C ends the run"
                     )
@@ -160,13 +160,13 @@ def run_replay(chosen: argparse.Namespace) -> int:
     catalogue, run_id = found(chosen.recording, chosen.folder)
     path = catalogue.path(run_id)
     with RunReader(path) as reader:
-        header, delivery, marks = reader.header, reader.delivery, reader.marks()
+        header, delivery, markers = reader.header, reader.delivery, reader.markers()
     with Predictors() as predictors, Readings(predictors) as readings:
         summaries = Summaries(catalogue, predictors, readings.summary)
         model = predictors.of(header)
         with stop_requested() as stop, Screens(chosen, catalogue, summaries, console, readings) as screens:
             source = open_replay(path, chosen.pace)
-            replayed = ReplayedRun(header, source, model, screens.sinks, marks)
+            replayed = ReplayedRun(header, source, model, screens.sinks, markers)
             screens.show(replayed)
             pace = "as fast as it goes" if chosen.pace is None else f"at {chosen.pace:g} × its own pace"
             console.line(f"replay of {run_id} {pace}")
@@ -174,7 +174,7 @@ def run_replay(chosen: argparse.Namespace) -> int:
             outcome = follow(replayed, stop, console)
         model.wait(PATIENCE, lambda state: console.progress(f"model {state}"))
         console.done()
-        document = summaries.document(replayed.summary(), header, delivery, marks)
+        document = summaries.document(replayed.summary(), header, delivery, markers)
     tell(document, as_json=chosen.json)
     return outcome.exit_code
 

@@ -151,7 +151,7 @@ async function markMoment(event) {
   event.preventDefault();
   const word = element("mark-text");
   try {
-    const made = await send("/api/v1/live/marks", { text: word.value.trim() || "mark" });
+    const made = await send("/api/v1/live/markers", { text: word.value.trim() || "mark" });
     word.value = "";
     word.placeholder = `marked “${made.text}”`;
   } catch (error) {

@@ -6,22 +6,22 @@ import { draw, follow, plane } from "./picture.js";
 const [WIDTH, HEIGHT] = [1600, 260];
 const SPANS = [60, 300, 1800]; // s: the shortest that holds the run, or the longest
 const INTERVAL = 0.5; // s between two points
-const LETTERS = 30; // of a mark's word, at most
+const LETTERS = 30; // of a marker's word, at most
 
 let run = null;
 let points = [];
-let marks = [];
+let markers = [];
 let now = 0;
 let level = 10;
 let pace = 1000;
 
-// Takes a moment of the run; says whether there is something to draw that no picture may come with: a run, a mark.
+// Takes a moment of the run; says whether there is something to draw that no picture may come with: a run, a marker.
 export function addToTrend({ run: id, status, measured }) {
-  const isNews = id !== run || status.marks.length !== marks.length;
+  const isNews = id !== run || status.markers.length !== markers.length;
   if (id !== run || status.elapsed_s < now) points = [];
   run = id;
   now = status.elapsed_s;
-  marks = status.marks;
+  markers = status.markers;
   if (!measured) return isNews;
   const [x, y, speed] = [measured.peak_to_peak_x_um, measured.peak_to_peak_y_um, measured.speed_rpm];
   const last = points.at(-1);
@@ -58,11 +58,11 @@ export function drawTrend(parent) {
     const path = curve.map((point) => `${across(point.at).toFixed(1)},${(HEIGHT * (1 - point[name] / full)).toFixed(1)}`);
     draw(svg, "polyline", { points: path.join(" "), class: `curve ${name}` });
   }
-  for (const mark of marks.filter((one) => known(one.elapsed_s) && one.elapsed_s >= now - span)) {
-    const x = across(mark.elapsed_s);
-    const word = mark.text.length > LETTERS ? `${mark.text.slice(0, LETTERS - 1)}…` : mark.text;
-    draw(svg, "path", { d: `M${x} 0V${HEIGHT}`, class: `flag ${mark.kind}` });
+  for (const marker of markers.filter((one) => known(one.elapsed_s) && one.elapsed_s >= now - span)) {
+    const x = across(marker.elapsed_s);
+    const word = marker.text.length > LETTERS ? `${marker.text.slice(0, LETTERS - 1)}…` : marker.text;
+    draw(svg, "path", { d: `M${x} 0V${HEIGHT}`, class: `flag ${marker.kind}` });
     const isFarLeft = x < WIDTH / 4; // the word would run out of the picture
-    draw(svg, "text", { x: isFarLeft ? x + 6 : x - 6, y: 22, class: `label ${isFarLeft ? "" : "end"} ${mark.kind}` }, word);
+    draw(svg, "text", { x: isFarLeft ? x + 6 : x - 6, y: 22, class: `label ${isFarLeft ? "" : "end"} ${marker.kind}` }, word);
   }
 }

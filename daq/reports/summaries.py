@@ -17,7 +17,7 @@ from daq.session.prediction.predictors import PATIENCE
 from model.prediction.comparison import compare
 from model.prediction.prediction_map import PredictionMap
 from recordings.catalogue.catalogue import Catalogue
-from recordings.mcap.markers import Mark
+from recordings.mcap.markers import Marker
 from recordings.mcap.reader import RunReader
 
 KEPT_AS = "summary"
@@ -91,20 +91,20 @@ class Summaries:
         """
         with RunReader(self._catalogue.path(run_id)) as reader:
             header, delivery = corrected_header(reader.header, calibrations), reader.delivery
-            marks = reader.marks()
+            markers = reader.markers()
             predictor = self._maps.of(header)
             summary = summarise(reader, partial(waiting, f"analysing {run_id} anew"), header)
         predictor.wait(PATIENCE, lambda state: waiting(f"model {state}", None))
-        return self.document(summary, header, delivery, marks)
+        return self.document(summary, header, delivery, markers)
 
     def document(
-        self, summary: RunSummary, header: RunHeader, delivery: Delivery, marks: tuple[Mark, ...] = ()
+        self, summary: RunSummary, header: RunHeader, delivery: Delivery, markers: tuple[Marker, ...] = ()
     ) -> SummarySchema:
         """Return a summary with how it agrees with the model of the run's rig, null where its map is not ready."""
         prediction_map = self._maps.of(header).map
         agreement = None if prediction_map is None else compare(summary, prediction_map)
         rate = header.acquisition.rate
-        return summary_schema(summary, agreement, delivery, tuple(marker_schema(mark, rate) for mark in marks))
+        return summary_schema(summary, agreement, delivery, tuple(marker_schema(marker, rate) for marker in markers))
 
     def _kept(self, run_id: str) -> SummarySchema | None:
         document = self._catalogue.load_document(run_id, KEPT_AS)
@@ -118,13 +118,13 @@ class Summaries:
     def _made(self, run_id: str, waiting: Waiting | None) -> SummarySchema:
         with RunReader(self._catalogue.path(run_id)) as reader:
             header, is_complete, delivery = reader.header, reader.is_complete, reader.delivery
-            marks = reader.marks()
+            markers = reader.markers()
             told = None if waiting is None else partial(waiting, f"reading {run_id}")
             predictor = self._maps.of(header)
             summary = self._read(reader.path) if self._read is not None and waiting is None else summarise(reader, told)
         if waiting is not None:
             predictor.wait(PATIENCE, lambda state: waiting(f"model {state}", None))
-        document = self.document(summary, header, delivery, marks)
+        document = self.document(summary, header, delivery, markers)
         if is_complete and predictor.map is not None:
             self._catalogue.store_document(run_id, KEPT_AS, document.model_dump(mode="json"))
         return document

@@ -15,7 +15,7 @@ from analysis.whirl.findings import Moment
 from daq.schemas.units import Schema, finite, micrometres, moment, rpm
 from daq.session.alarms import alarm_name, alarm_size
 from daq.session.live_update import TimedMarker
-from recordings.mcap.markers import MOST_LETTERS, Mark, MarkKind
+from recordings.mcap.markers import MAX_MARKER_LENGTH, Marker, MarkerKind
 
 
 class TimeInRunSchema(Schema):
@@ -34,7 +34,7 @@ def time_in_run_schema(place: Moment) -> TimeInRunSchema:
 class MarkerSchema(Schema):
     """A moment and its name."""
 
-    kind: MarkKind = Field(
+    kind: MarkerKind = Field(
         description="A word of somebody, an alarm that came, or the acknowledgement of alarms", examples=["word"]
     )
     text: str = Field(description="Its name", examples=["knocking begins"])
@@ -56,28 +56,30 @@ class MarkerRequest(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    text: Annotated[str, Field(description="Its name", examples=["knocking begins"], max_length=MOST_LETTERS)] = "mark"
+    text: Annotated[str, Field(description="Its name", examples=["knocking begins"], max_length=MAX_MARKER_LENGTH)] = (
+        "mark"
+    )
 
 
-def marker_schema(mark: Mark, rate: float) -> MarkerSchema:
-    """Return a mark as a document, for the run's sample rate, Hz."""
+def marker_schema(marker: Marker, rate: float) -> MarkerSchema:
+    """Return a marker as a document, for the run's sample rate, Hz."""
     return MarkerSchema(
-        kind=mark.kind,
-        text=mark.text,
-        segment=mark.segment,
-        time_s=finite(mark.sample / rate),
-        at=moment(mark.host_time_ns),
+        kind=marker.kind,
+        text=marker.text,
+        segment=marker.segment,
+        time_s=finite(marker.sample / rate),
+        at=moment(marker.host_time_ns),
     )
 
 
 def live_marker_schema(placed: TimedMarker) -> LiveMarkerSchema:
-    """Return a mark of the run under way as a document."""
+    """Return a marker of the run under way as a document."""
     return LiveMarkerSchema(
-        kind=placed.mark.kind,
-        text=placed.mark.text,
-        segment=placed.mark.segment,
+        kind=placed.marker.kind,
+        text=placed.marker.text,
+        segment=placed.marker.segment,
         time_s=finite(placed.time),
-        at=moment(placed.mark.host_time_ns),
+        at=moment(placed.marker.host_time_ns),
         elapsed_s=finite(placed.elapsed),
     )
 

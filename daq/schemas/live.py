@@ -69,7 +69,7 @@ class StatusSchema(Schema):
     acknowledged_alarm: Count = Field(
         description="Number of the last alarm that somebody has acknowledged; 0 for none", examples=[0]
     )
-    marks: tuple[LiveMarkerSchema, ...] = Field(description="The last moments that were marked, in their order")
+    markers: tuple[LiveMarkerSchema, ...] = Field(description="The last moments that were marked, in their order")
     model: str = Field(
         description='"ready", "ready, not exact: " and why, "computing 34 %", or why there is no prediction',
         examples=["ready"],
@@ -247,7 +247,7 @@ def _status(status: Status) -> StatusSchema:
         latched_severity=status.latched,
         alarms=tuple(alarm_schema(alarm) for alarm in status.alarms),
         acknowledged_alarm=status.acknowledged,
-        marks=tuple(live_marker_schema(mark) for mark in status.marks),
+        markers=tuple(live_marker_schema(marker) for marker in status.markers),
         model=status.model,
         clipped=tuple(
             ClippingSchema(channel=each.channel, samples=each.samples, blocks=each.blocks, last_s=finite(each.last))

@@ -176,7 +176,7 @@ class SummarySchema(Schema):
         description="Samples at the converter's rails, for each channel in the order of the card", examples=[[0, 0, 0]]
     )
     segments: tuple[SegmentEndSchema, ...] = Field(description="The run's gap-free stretches")
-    marks: tuple[MarkerSchema, ...] = Field(
+    markers: tuple[MarkerSchema, ...] = Field(
         description="Moments that were marked while the run was recorded, in order: words, alarms, acknowledgements"
     )
     clock_error_ppm: float | None = Field(
@@ -235,7 +235,7 @@ def summary_schema(
     summary: RunSummary,
     agreement: Agreement | None = None,
     delivery: Delivery | None = None,
-    marks: tuple[MarkerSchema, ...] = (),
+    markers: tuple[MarkerSchema, ...] = (),
 ) -> SummarySchema:
     """Return what a run was as a document.
 
@@ -247,7 +247,7 @@ def summary_schema(
         How far the model agrees; None where there is no prediction for it.
     delivery : Delivery or None
         How the samples came from the device; None where nobody knows.
-    marks : tuple of MarkerSchema
+    markers : tuple of MarkerSchema
         Moments that somebody named.
     """
     tacho, delivery = summary.tacho, delivery or Delivery()
@@ -264,7 +264,7 @@ def summary_schema(
         lost_is_exact=summary.lost_is_exact,
         clipped_samples=summary.clipped,
         segments=tuple(_segment(end) for end in summary.segments),
-        marks=marks,
+        markers=markers,
         clock_error_ppm=None if clock is None else finite(clock.error / PPM),
         clock_uncertainty_ppm=None if clock is None else finite(clock.uncertainty / PPM),
         largest_backlog_s=None if delivery.backlog is None else finite(delivery.backlog),

@@ -23,7 +23,7 @@ from recordings.exchange.formats import IMPORTS
 
 MOST_KEPT: Final = 16
 MOST_BYTES: Final = 2 * 1024**3  # of one file
-MOST_LETTERS: Final = 200
+MAX_MARKER_LENGTH: Final = 200
 KEPT_FOR: Final = 3600.0  # s
 ABANDONED: Final = 24 * 3600.0  # s: what is so old is of a service that was ended by force
 
@@ -64,7 +64,7 @@ class Upload:
 
 def require_name(name: str) -> None:
     """Raise ValueError where a file cannot be called so: a plain name of a format that can be imported."""
-    if not name.isprintable() or not 0 < len(name) <= MOST_LETTERS or set(name) & set("/\\:"):
+    if not name.isprintable() or not 0 < len(name) <= MAX_MARKER_LENGTH or set(name) & set("/\\:"):
         raise ValueError(f"name {name[:60]!r}: expected a file's name without its folders")
     if PurePath(name).suffix.lower() not in IMPORTS:
         raise ValueError(f"name {name[-60:]!r}: expected one that ends with {', '.join(IMPORTS)}")

@@ -1,10 +1,10 @@
-"""Alarms as the operator reads them and as marks keep them."""
+"""Alarms as the operator reads them and as markers keep them."""
 
 import math
 from collections.abc import Sequence
 
 from analysis.live.alarms import Alarm, Watched
-from recordings.mcap.markers import MOST_LETTERS, Mark, MarkKind
+from recordings.mcap.markers import MAX_MARKER_LENGTH, Marker, MarkerKind
 
 MICRO = 1e-6
 RPM = 2 * math.pi / 60
@@ -31,13 +31,13 @@ def alarm_text(alarm: Alarm) -> str:
     return f"{alarm_name(alarm)}: {alarm_size(alarm)}{at}"
 
 
-def alarm_mark(alarm: Alarm, rate: float, host_time_ns: int) -> Mark:
-    """Return the mark of an alarm that has come, for a sample rate, Hz, and the host's clock, ns since 1970."""
+def alarm_marker(alarm: Alarm, rate: float, host_time_ns: int) -> Marker:
+    """Return the marker of an alarm that has come, for a sample rate, Hz, and the host's clock, ns since 1970."""
     sample = round(alarm.begin.time * rate)
-    return Mark(alarm.begin.segment, sample, alarm_text(alarm)[:MOST_LETTERS], host_time_ns, MarkKind.ALARM)
+    return Marker(alarm.begin.segment, sample, alarm_text(alarm)[:MAX_MARKER_LENGTH], host_time_ns, MarkerKind.ALARM)
 
 
-def acknowledgement(alarms: Sequence[Alarm], segment: int, sample: int, host_time_ns: int) -> Mark:
-    """Return the mark of the moment at which somebody took note of alarms."""
+def acknowledgement(alarms: Sequence[Alarm], segment: int, sample: int, host_time_ns: int) -> Marker:
+    """Return the marker of the moment at which somebody took note of alarms."""
     named = ", ".join(alarm_name(alarm) for alarm in alarms)
-    return Mark(segment, sample, f"acknowledged {named}"[:MOST_LETTERS], host_time_ns, MarkKind.ACKNOWLEDGED)
+    return Marker(segment, sample, f"acknowledged {named}"[:MAX_MARKER_LENGTH], host_time_ns, MarkerKind.ACKNOWLEDGED)

@@ -14,7 +14,7 @@ from analysis.signals.snapshot import RunOut, Snapshot
 from daq.session.live_update import LiveUpdate, LiveUpdateSink, Status, TimedMarker
 from model.prediction.prediction_map import Prediction
 
-MOST_MARKS = 20  # shown live, the last ones
+MAX_LIVE_MARKERS = 20  # shown live, the last ones
 
 Predict = Callable[[float], Prediction | None]
 
@@ -56,7 +56,7 @@ class LiveAnalysis:
         self._prediction: Prediction | None = None
         self._runout: RunOut | None = None
         self._alarms: tuple[Alarm, ...] = ()
-        self._marks: deque[TimedMarker] = deque(maxlen=MOST_MARKS)
+        self._markers: deque[TimedMarker] = deque(maxlen=MAX_LIVE_MARKERS)
         self._acknowledged = 0  # number of the last alarm that somebody has acknowledged
 
     def take(self, item: SourceItem, status: Status) -> None:
@@ -84,10 +84,10 @@ class LiveAnalysis:
     def _shown(self) -> tuple[Alarm, ...]:
         return shown_alarms(self._alarms, self._acknowledged, latch=self._header.limits.latch)
 
-    def mark(self, mark: TimedMarker) -> None:
-        """Show a mark with the frames from now on, with as many of those before it as are shown."""
+    def add_marker(self, marker: TimedMarker) -> None:
+        """Show a marker with the frames from now on, with as many of those before it as are shown."""
         with self._lock:
-            self._marks.append(mark)
+            self._markers.append(marker)
 
     def acknowledge(self) -> tuple[Alarm, ...]:
         """Take note of the alarms so far, and return those that were in sight and new; what lasts stays in sight."""
@@ -107,7 +107,7 @@ class LiveAnalysis:
                 latched=worst(shown),
                 alarms=shown,
                 acknowledged=acknowledged,
-                marks=tuple(self._marks),
+                markers=tuple(self._markers),
             )
             return LiveUpdate(self._header, status, self._snapshot, self._prediction, self._runout)
 

@@ -8,7 +8,7 @@ from analysis.live.alarms import Alarm
 from analysis.signals.header import RunHeader, Severity
 from analysis.signals.snapshot import RunOut, Snapshot
 from model.prediction.prediction_map import Prediction
-from recordings.mcap.markers import Mark
+from recordings.mcap.markers import Marker
 
 
 class RunState(StrEnum):
@@ -31,19 +31,19 @@ class RunState(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class TimedMarker:
-    """A mark, and when in the run it lies.
+    """A marker, and when in the run it lies.
 
     Parameters
     ----------
-    mark : Mark
-        The mark.
+    marker : Marker
+        The marker.
     time : float
         Sample time in its segment, s.
     elapsed : float
         Sample time since the run began, s.
     """
 
-    mark: Mark
+    marker: Marker
     time: float
     elapsed: float
 
@@ -98,7 +98,7 @@ class Status:
         The worst of the alarms that last.
     latched : Severity
         The worst of the alarms in sight.
-    marks : tuple of TimedMarker
+    markers : tuple of TimedMarker
         The last moments that were marked, in their order.
     model : str
         "ready", "ready, not exact: " and why, "computing 34 %", or why there is no prediction.
@@ -131,7 +131,7 @@ class Status:
     detail: str = ""
     alarms: tuple[Alarm, ...] = ()
     acknowledged: int = 0
-    marks: tuple[TimedMarker, ...] = ()
+    markers: tuple[TimedMarker, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)

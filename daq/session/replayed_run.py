@@ -11,7 +11,7 @@ from daq.drivers.source import Source
 from daq.session.live_analysis import LiveAnalysis
 from daq.session.live_update import LiveUpdate, LiveUpdateSink, RunState, Status, TimedMarker
 from daq.session.run import Model, Outcome
-from recordings.mcap.markers import Mark
+from recordings.mcap.markers import Marker
 
 
 class ReplayedRun:
@@ -27,7 +27,7 @@ class ReplayedRun:
         Whose prediction is laid over it.
     sinks : sequence of LiveUpdateSink
         Who shows it.
-    marks : sequence of Mark
+    markers : sequence of Marker
         What was marked in it; each is shown when the replay comes to it.
     """
 
@@ -37,7 +37,7 @@ class ReplayedRun:
         source: Source,
         model: Model,
         sinks: Sequence[LiveUpdateSink] = (),
-        marks: Sequence[Mark] = (),
+        markers: Sequence[Marker] = (),
     ) -> None:
         self._header = header
         self._source = source
@@ -45,7 +45,9 @@ class ReplayedRun:
         self._analysis = LiveAnalysis(header, model.at, sinks)
         self._ends: list[SegmentEnd] = []
         self._samples = 0
-        self._marks = sorted(marks, key=lambda mark: (mark.segment, mark.sample), reverse=True)  # the next one last
+        self._markers = sorted(
+            markers, key=lambda marker: (marker.segment, marker.sample), reverse=True
+        )  # the next one last
         self._state = RunState.REPLAYING
         self._by_hand = False
         self._fault: BaseException | None = None
@@ -75,7 +77,7 @@ class ReplayedRun:
                     self._samples += item.n_samples
                 else:
                     self._ends.append(item)
-                self._pass_marks(item)
+                self._show_markers(item)
                 self._analysis.take(item, self.status())
             self._state = RunState.FINISHED
         except Exception as error:  # noqa: BLE001 - carried to whoever closes the run
@@ -83,13 +85,15 @@ class ReplayedRun:
             self._state = RunState.FAILED
         self._analysis.offer(self.status())
 
-    def _pass_marks(self, item: SourceItem) -> None:
-        """Show the marks up to the end of an item."""
+    def _show_markers(self, item: SourceItem) -> None:
+        """Show the markers up to the end of an item."""
         end = item.end if isinstance(item, SampleBlock) else item.samples
         rate = self._header.acquisition.rate
-        while self._marks and (self._marks[-1].segment, self._marks[-1].sample) <= (item.segment, end):
-            mark = self._marks.pop()
-            self._analysis.mark(TimedMarker(mark, mark.sample / rate, (self._samples - end + mark.sample) / rate))
+        while self._markers and (self._markers[-1].segment, self._markers[-1].sample) <= (item.segment, end):
+            marker = self._markers.pop()
+            self._analysis.add_marker(
+                TimedMarker(marker, marker.sample / rate, (self._samples - end + marker.sample) / rate)
+            )
 
     def latest(self) -> LiveUpdate:
         """Return the present frame."""

@@ -8,7 +8,7 @@ from analysis.signals.blocks import EndReason, SegmentEnd
 from analysis.signals.header import RunHeader
 from daq.session.live_update import LiveUpdate
 from model.prediction.prediction_map import Prediction
-from recordings.mcap.markers import Mark
+from recordings.mcap.markers import Marker
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +89,7 @@ class Run(Protocol):
 class SupportsMarkers(Protocol):
     """A run in which moments can be named and alarms be acknowledged for good: one that is recorded."""
 
-    def mark(self, text: str) -> Mark | None:
+    def add_marker(self, text: str) -> Marker | None:
         """Name the present moment; return None where the run has ended."""
         ...
 

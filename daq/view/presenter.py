@@ -156,7 +156,7 @@ class Presenter:
 
     def _show_traces(self, frame: LiveUpdate) -> None:
         self._axes("traces/axes", self._traces.follow(frame.snapshot), self._traces.axes)
-        self._traces.lines(frame.snapshot, frame.status.marks).log(self._stream, "traces/lines", draw_order=_OVER)
+        self._traces.lines(frame.snapshot, frame.status.markers).log(self._stream, "traces/lines", draw_order=_OVER)
 
     def _show_by_speed(self, frame: LiveUpdate) -> None:
         order_frame = frame.snapshot.frame if frame.snapshot is not None else None
@@ -170,13 +170,13 @@ class Presenter:
     def _show_waterfall(self, frame: LiveUpdate) -> None:
         self._axes("waterfall/axes", 0, self._waterfall.axes)
         self._stream.log("waterfall/measured", self._waterfall.picture())
-        lines = self._waterfall.lines(frame.status.elapsed, frame.status.marks)
+        lines = self._waterfall.lines(frame.status.elapsed, frame.status.markers)
         lines.log(self._stream, "waterfall/model", draw_order=_TOP)
 
     def _show_trend(self, frame: LiveUpdate) -> None:
         elapsed = frame.status.elapsed
         self._axes("trend/axes", self._trend.follow(elapsed), lambda: self._trend.axes(elapsed))
-        self._trend.lines(elapsed, frame.status.marks).log(self._stream, "trend/lines", draw_order=_OVER)
+        self._trend.lines(elapsed, frame.status.markers).log(self._stream, "trend/lines", draw_order=_OVER)
 
     def _axes(self, path: str, state: Hashable, draw: Callable[[], Drawing]) -> None:
         """Log a plot's frame where its scale has changed, and now and then."""

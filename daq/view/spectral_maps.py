@@ -158,8 +158,8 @@ class WaterfallPlot:
         """Return the colours."""
         return map_picture(self._waterfall.orders, self._waterfall.amplitudes)
 
-    def lines(self, elapsed: float, marks: Sequence[TimedMarker] = ()) -> Drawing:
-        """Return the predicted whirl of the last minute, and its marks."""
+    def lines(self, elapsed: float, markers: Sequence[TimedMarker] = ()) -> Drawing:
+        """Return the predicted whirl of the last minute, and its markers."""
         drawing = Drawing()
         recent = np.array([(order, time - elapsed) for time, order in self._predicted if time >= elapsed - _SPAN])
         if recent.size:
@@ -167,7 +167,7 @@ class WaterfallPlot:
             if math.isfinite(recent[-1, 0]):
                 at = self._plot.place(recent[-1:, 0], recent[-1:, 1])[0]
                 drawing.text("model", (float(at[0]) + 2.0, float(at[1]) + 1.5 * LETTERS), LETTERS, MODEL)
-        for mark in marks:
-            if elapsed - _SPAN <= mark.elapsed <= elapsed:
-                draw_level(drawing, self._plot, mark.elapsed - elapsed, mark)
+        for marker in markers:
+            if elapsed - _SPAN <= marker.elapsed <= elapsed:
+                draw_level(drawing, self._plot, marker.elapsed - elapsed, marker)
         return drawing

@@ -17,15 +17,15 @@ from daq.view.axes import Axis, Plot, Reach
 from daq.view.drawing import Anchor, Drawing, text_width
 from daq.view.palette import ALARM, MARK, MEASURED_X, MEASURED_Y, MODEL, MODEL_DASH, QUIET, TACHO, TEXT, Color
 from model.prediction.prediction_map import Prediction
-from recordings.mcap.markers import MarkKind
+from recordings.mcap.markers import MarkerKind
 
-_COLORS = {MarkKind.WORD: MARK, MarkKind.ALARM: ALARM, MarkKind.ACKNOWLEDGED: QUIET}
+_COLORS = {MarkerKind.WORD: MARK, MarkerKind.ALARM: ALARM, MarkerKind.ACKNOWLEDGED: QUIET}
 _FLAG_LETTERS = 26  # of a word, at most
 
 
-def draw_upright(drawing: Drawing, plots: Sequence[Plot], at: float, mark: TimedMarker) -> None:
-    """Draw a mark across plots that share their x axis, upright at ``at`` of it, its word in the first."""
-    color, word = _look(mark)
+def draw_upright(drawing: Drawing, plots: Sequence[Plot], at: float, marker: TimedMarker) -> None:
+    """Draw a marker across plots that share their x axis, upright at ``at`` of it, its word in the first."""
+    color, word = _look(marker)
     for plot in plots:
         drawing.line(plot.place([at, at], [plot.y.low, plot.y.high]), color, 0.12 * plot.letters)
     first = plots[0]
@@ -36,18 +36,18 @@ def draw_upright(drawing: Drawing, plots: Sequence[Plot], at: float, mark: Timed
         drawing.text(word, (x + 0.5 * size, first.top + 1.2 * size), size, color)
 
 
-def draw_level(drawing: Drawing, plot: Plot, at: float, mark: TimedMarker) -> None:
-    """Draw a mark across a plot, level, at ``at`` of its y axis, its word above the line."""
-    color, word = _look(mark)
+def draw_level(drawing: Drawing, plot: Plot, at: float, marker: TimedMarker) -> None:
+    """Draw a marker across a plot, level, at ``at`` of its y axis, its word above the line."""
+    color, word = _look(marker)
     line = plot.place([plot.x.low, plot.x.high], [at, at])
     drawing.line(line, color, 0.12 * plot.letters)
     place = (float(line[1, 0]) - plot.letters, float(line[1, 1]) - 0.4 * plot.letters)
     drawing.text(word, place, 0.85 * plot.letters, color, Anchor.RIGHT)
 
 
-def _look(mark: TimedMarker) -> tuple[Color, str]:
-    text = mark.mark.text
-    return _COLORS[mark.mark.kind], text if len(text) <= _FLAG_LETTERS else f"{text[: _FLAG_LETTERS - 3]}..."
+def _look(marker: TimedMarker) -> tuple[Color, str]:
+    text = marker.marker.text
+    return _COLORS[marker.marker.kind], text if len(text) <= _FLAG_LETTERS else f"{text[: _FLAG_LETTERS - 3]}..."
 
 
 FloatArray = NDArray[np.float64]
@@ -101,8 +101,8 @@ class TracePlot:
             right -= drawing.text(name, (right, -0.8 * _LETTERS), _LETTERS, color, Anchor.RIGHT) + 8.0
         return drawing
 
-    def lines(self, snapshot: Snapshot | None, marks: Sequence[TimedMarker] = ()) -> Drawing:
-        """Return the three lines, and the marks that lie in what they show."""
+    def lines(self, snapshot: Snapshot | None, markers: Sequence[TimedMarker] = ()) -> Drawing:
+        """Return the three lines, and the markers that lie in what they show."""
         drawing = Drawing()
         if snapshot is None or snapshot.trace.time.size < 2:
             return drawing
@@ -116,10 +116,10 @@ class TracePlot:
             drawing.line(upper.place(milliseconds[index], values), color, 1.5)
         index, values = thinned(trace.tacho[shown], _POINTS)
         drawing.line(lower.place(milliseconds[index], values), TACHO, 1.3)
-        for mark in marks:
-            at = mark.time - float(trace.time[-1])
-            if mark.mark.segment == snapshot.segment and -self._span <= at <= 0.0:
-                draw_upright(drawing, (upper, lower), at * 1e3, mark)
+        for marker in markers:
+            at = marker.time - float(trace.time[-1])
+            if marker.marker.segment == snapshot.segment and -self._span <= at <= 0.0:
+                draw_upright(drawing, (upper, lower), at * 1e3, marker)
         return drawing
 
     def _plots(self) -> tuple[Plot, Plot]:
@@ -175,8 +175,8 @@ class TrendPlot:
             right -= drawing.text(name, (right, -0.8 * _TREND_LETTERS), _TREND_LETTERS, color, Anchor.RIGHT) + 8.0
         return drawing
 
-    def lines(self, elapsed: float, marks: Sequence[TimedMarker]) -> Drawing:
-        """Return the lines up to a time of the run, s, and its marks."""
+    def lines(self, elapsed: float, markers: Sequence[TimedMarker]) -> Drawing:
+        """Return the lines up to a time of the run, s, and its markers."""
         drawing = Drawing()
         upper, lower = self._plots(elapsed)
         span = self._span(elapsed)
@@ -191,9 +191,9 @@ class TrendPlot:
         ):
             index, values = thinned(points[:, column], _POINTS)
             drawing.line(plot.place(since[index], values), color, 1.5, dash)
-        for mark in marks:
-            if elapsed - span <= mark.elapsed <= elapsed:
-                draw_upright(drawing, (upper, lower), (mark.elapsed - elapsed) / unit, mark)
+        for marker in markers:
+            if elapsed - span <= marker.elapsed <= elapsed:
+                draw_upright(drawing, (upper, lower), (marker.elapsed - elapsed) / unit, marker)
         return drawing
 
     def _shown(self, elapsed: float) -> FloatArray:

@@ -344,7 +344,7 @@ class Catalogue:
                     continue
                 told(f"reading {entry.id}")
                 with suppress(RecordingError), RunReader(entry.path) as reader:
-                    found.append(SummedUp(entry, summarise(reader), reader.marks()))
+                    found.append(SummedUp(entry, summarise(reader), reader.markers()))
                 if time.monotonic() > written_at + WRITING_INTERVAL:
                     self._shelf.summarise(found)
                     found, written_at = [], time.monotonic()

@@ -132,7 +132,7 @@ class Shelf:
                 entry, key = one.entry, {"folder": self._name, "id": one.entry.id}
                 same = and_(self._is(RUN, entry.id), RUN.c.size == entry.size, RUN.c.changed_ns == entry.changed_ns)
                 if connection.execute(update(RUN).where(same).values(one.columns())).rowcount:
-                    for table, rows in ((FINDING, one.finding_rows()), (MARK, one.mark_rows())):
+                    for table, rows in ((FINDING, one.finding_rows()), (MARK, one.marker_rows())):
                         connection.execute(delete(table).where(self._is(table, entry.id)))
                         self._database.put(connection, table, [key | row for row in rows])
 

@@ -7,7 +7,7 @@ from typing import Any
 from analysis.live.summary import RunSummary
 from recordings.catalogue.entry import RunEntry
 from recordings.catalogue.search import RPM
-from recordings.mcap.markers import Mark
+from recordings.mcap.markers import Marker
 
 MICRO = 1e-6
 
@@ -22,13 +22,13 @@ class SummedUp:
         The run as its file was when it was read.
     summary : RunSummary
         Its summary.
-    marks : tuple of Mark
+    markers : tuple of Marker
         Its named moments.
     """
 
     entry: RunEntry
     summary: RunSummary
-    marks: tuple[Mark, ...]
+    markers: tuple[Marker, ...]
 
     def columns(self) -> dict[str, Any]:
         """Return what is kept in the run's own row."""
@@ -56,11 +56,11 @@ class SummedUp:
             if math.isfinite(whirl.begin.speed) and math.isfinite(whirl.end.speed)
         ]
 
-    def mark_rows(self) -> list[dict[str, Any]]:
+    def marker_rows(self) -> list[dict[str, Any]]:
         """Return a row for every named moment."""
         return [
-            {"number": number, "segment": mark.segment, "sample": mark.sample, "text": mark.text}
-            for number, mark in enumerate(self.marks)
+            {"number": number, "segment": marker.segment, "sample": marker.sample, "text": marker.text}
+            for number, marker in enumerate(self.markers)
         ]
 
 

@@ -23,7 +23,7 @@ class Search:
     speed_low, speed_high : float or None
         The run went through some speed of this range, rad/s.
     text : str
-        Words that all stand somewhere in id, rig, note, remark or a mark, whatever their case.
+        Words that all stand somewhere in id, rig, note, remark or a marker, whatever their case.
     tags : tuple of str
         Tags that it all has.
     onset_below : float or None

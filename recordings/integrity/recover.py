@@ -19,7 +19,7 @@ from recordings.mcap.layout import (
     SEGMENT_END,
     unsealed,
 )
-from recordings.mcap.markers import Mark, decode_mark
+from recordings.mcap.markers import Marker, decode_marker
 from recordings.mcap.messages import decode_block, decode_segment_end
 from recordings.mcap.pulses import PulseJoin
 from recordings.mcap.reader import end_from_document
@@ -128,7 +128,7 @@ def recover(source: Path, target: Path) -> Recovery:
             raise DamagedError(f"{source}: nothing to recover: it holds no intact samples")
         told: dict[str, object] = {}
         items = _told(salvage, source, told)
-        write_analysed(target, header, items, {RECOVERED_RECORD: told}, salvage.marks())
+        write_analysed(target, header, items, {RECOVERED_RECORD: told}, salvage.markers())
         return Recovery(source, target, salvage.damaged, tuple(salvage.stretches), tuple(salvage.missing))
     finally:
         container.close()
@@ -160,7 +160,7 @@ class _Salvage:
         self.damaged = 0
         self.stretches: list[Stretch] = []
         self.missing: list[Missing] = []
-        self._marks: list[Mark] = []
+        self._markers: list[Marker] = []
         self._segment = 0  # of the copy
         self._from_segment, self._first, self._next_sample = 0, 0, 0
         self._is_open = True
@@ -168,24 +168,24 @@ class _Salvage:
     def read(self) -> Iterator[SampleBlock | SegmentEnd]:
         """Yield all blocks and ends of segments that can be read, in the order of the file."""
         self.damaged = 0
-        self._marks = []
+        self._markers = []
         self._join = PulseJoin(self._acquisition)
         for place in self._places:
             yield from self._chunk(place)
 
-    def marks(self) -> Iterator[Mark]:
-        """Yield the marks where they lie in the copy, once all items have come; one in a hole is at its beginning."""
-        for mark in self._marks:
+    def markers(self) -> Iterator[Marker]:
+        """Yield the markers where they lie in the copy, once all items have come; one in a hole is at its beginning."""
+        for marker in self._markers:
             before = [
                 stretch
                 for stretch in self.stretches
-                if (stretch.from_segment, stretch.first) <= (mark.segment, mark.sample)
+                if (stretch.from_segment, stretch.first) <= (marker.segment, marker.sample)
             ]
             if before:
                 stretch = before[-1]
-                same = stretch.from_segment == mark.segment
-                sample = min(mark.sample, stretch.stop) - stretch.first if same else stretch.stop - stretch.first
-                yield replace(mark, segment=stretch.segment, sample=sample)
+                same = stretch.from_segment == marker.segment
+                sample = min(marker.sample, stretch.stop) - stretch.first if same else stretch.stop - stretch.first
+                yield replace(marker, segment=stretch.segment, sample=sample)
 
     def items(self) -> Iterator[SourceItem]:
         """Yield what is intact as segments without a gap, each with its end."""
@@ -261,7 +261,7 @@ class _Salvage:
                 elif message.channel == CHANNEL_IDS[SEGMENT_END]:
                     yield decode_segment_end(message.data)
                 elif message.channel == CHANNEL_IDS[MARK]:
-                    self._marks.append(decode_mark(message.data))
+                    self._markers.append(decode_marker(message.data))
             except ValueError:  # intact, but no message of ours
                 continue
 

@@ -15,7 +15,7 @@ from recordings.integrity.checks import Check, Finding, IndexCheck, PulseCheck, 
 from recordings.integrity.continuity import Continuity
 from recordings.mcap.container import RECORD, Container, StoredMessage
 from recordings.mcap.layout import CONFIG_ATTACHMENT, END_RECORD, RUN_RECORD, TOPICS, unsealed
-from recordings.mcap.markers import decode_mark
+from recordings.mcap.markers import decode_marker
 from recordings.mcap.messages import decode_block, decode_segment_end, parsed
 from recordings.mcap.reader import end_from_document
 from recordings.mcap.salvage import header_of, read_header
@@ -24,7 +24,7 @@ from recordings.progress import Progress, untold
 
 WINDOW = 4 << 20
 WALK = 0.9  # of the work: going through the records; the rest is the checksum over all of them
-SAMPLES_ID, END_ID, FEATURES_ID, FRAME_ID, MARK_ID, PULSES_ID = range(1, 7)
+SAMPLES_ID, END_ID, FEATURES_ID, FRAME_ID, MARKER_ID, PULSES_ID = range(1, 7)
 MOST_FINDINGS = 100
 
 
@@ -221,8 +221,8 @@ class _Inspection:
             parsed(Features(), message.data)
         elif message.channel == FRAME_ID:
             parsed(OrderFrame(), message.data)
-        elif message.channel == MARK_ID:
-            decode_mark(message.data)
+        elif message.channel == MARKER_ID:
+            decode_marker(message.data)
         elif message.channel == PULSES_ID:
             yield from self._pulses.pulses(message.data, where)
         else:

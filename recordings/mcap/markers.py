@@ -9,11 +9,11 @@ from recordings.mcap.messages import parsed
 from recordings.mcap.results import EncodedResult
 from recordings.mcap.schema import rig_pb2
 
-MOST_LETTERS = 200
-"""A mark's text is cut off after so many."""
+MAX_MARKER_LENGTH = 200
+"""A marker's text is cut off after so many."""
 
 
-class MarkKind(StrEnum):
+class MarkerKind(StrEnum):
     """Why a moment is marked."""
 
     WORD = "word"  # somebody named it
@@ -22,7 +22,7 @@ class MarkKind(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Mark:
+class Marker:
     """A moment and its name.
 
     Parameters
@@ -35,7 +35,7 @@ class Mark:
         Its name.
     host_time_ns : int
         Wall clock of the host when it came, ns since 1970.
-    kind : MarkKind
+    kind : MarkerKind
         Why it is marked.
     """
 
@@ -43,26 +43,26 @@ class Mark:
     sample: int
     text: str
     host_time_ns: int
-    kind: MarkKind = MarkKind.WORD
+    kind: MarkerKind = MarkerKind.WORD
 
 
-def encode_mark(mark: Mark, header: RunHeader) -> EncodedResult:
-    """Return the message that keeps a mark."""
+def encode_marker(marker: Marker, header: RunHeader) -> EncodedResult:
+    """Return the message that keeps a marker."""
     rate = header.acquisition.rate
     message = rig_pb2.Mark(
-        segment=mark.segment,
-        sample=mark.sample,
-        time_s=mark.sample / rate,
-        text=mark.text[:MOST_LETTERS],
-        host_time_ns=mark.host_time_ns,
-        kind=mark.kind.value,
+        segment=marker.segment,
+        sample=marker.sample,
+        time_s=marker.sample / rate,
+        text=marker.text[:MAX_MARKER_LENGTH],
+        host_time_ns=marker.host_time_ns,
+        kind=marker.kind.value,
     )
-    log_time_ns = header.started_ns + sample_time_ns(mark.sample, rate)
-    return EncodedResult(MARK, log_time_ns, message.SerializeToString(), mark.segment)
+    log_time_ns = header.started_ns + sample_time_ns(marker.sample, rate)
+    return EncodedResult(MARK, log_time_ns, message.SerializeToString(), marker.segment)
 
 
-def decode_mark(data: bytes) -> Mark:
-    """Return the mark of a message; ValueError where the bytes are none."""
+def decode_marker(data: bytes) -> Marker:
+    """Return the marker of a message; ValueError where the bytes are none."""
     message = parsed(rig_pb2.Mark(), data)
-    kind = MarkKind(message.kind or MarkKind.WORD)
-    return Mark(message.segment, message.sample, message.text, message.host_time_ns, kind)
+    kind = MarkerKind(message.kind or MarkerKind.WORD)
+    return Marker(message.segment, message.sample, message.text, message.host_time_ns, kind)

@@ -9,7 +9,7 @@ from pathlib import Path
 from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd
 from analysis.signals.header import RunHeader
 from recordings.mcap.layout import MARK, sample_time_ns
-from recordings.mcap.markers import decode_mark, encode_mark
+from recordings.mcap.markers import decode_marker, encode_marker
 from recordings.mcap.results import EncodedResult
 from recordings.mcap.writer import RunWriter
 
@@ -151,11 +151,11 @@ class PartWriter:
         self._writer.close(skipped_samples if self._files == 1 else self._samples)
 
     def _moved(self, result: EncodedResult) -> EncodedResult:
-        """Return a mark with its place in the present file."""
-        mark = decode_mark(result.data)
-        first = self._first if mark.segment == self._segment else 0
-        moved = replace(mark, segment=max(mark.segment - self._segment, 0), sample=max(mark.sample - first, 0))
-        return encode_mark(moved, self._header)
+        """Return a marker with its place in the present file."""
+        marker = decode_marker(result.data)
+        first = self._first if marker.segment == self._segment else 0
+        moved = replace(marker, segment=max(marker.segment - self._segment, 0), sample=max(marker.sample - first, 0))
+        return encode_marker(moved, self._header)
 
     def _is_full(self) -> bool:
         limits = self._limits
@@ -203,6 +203,6 @@ class PartWriter:
             self._is_over = False
             self._segment, self._first = place
             held, self._held = self._held, []
-            for mark in held:
-                self._writer.result(self._moved(mark))
+            for marker in held:
+                self._writer.result(self._moved(marker))
         self._samples = self._elapsed_ns = 0

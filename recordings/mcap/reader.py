@@ -31,7 +31,7 @@ from recordings.mcap.layout import (
     sample_time_ns,
     unsealed,
 )
-from recordings.mcap.markers import Mark, decode_mark
+from recordings.mcap.markers import Marker, decode_marker
 from recordings.mcap.messages import block_span, decode_block, decode_segment_end, parsed
 from recordings.mcap.pulses import PulseJoin
 from recordings.mcap.results import decode_snapshot
@@ -42,8 +42,8 @@ SAMPLE_CHANNEL = frozenset({CHANNEL_IDS[SAMPLES]})
 END_CHANNEL = frozenset({CHANNEL_IDS[SEGMENT_END]})
 PULSE_CHANNEL = frozenset({CHANNEL_IDS[PULSES]})
 LATEST = 1.0  # s by which a stamp may come later than the sample that it belongs to
-MARK_CHANNEL = frozenset({CHANNEL_IDS[MARK]})
-MARKS_LEAD_NS = 2 * NANOSECONDS  # by which a mark may be earlier than the results that share its chunk
+MARKER_CHANNEL = frozenset({CHANNEL_IDS[MARK]})
+MARKERS_LEAD_NS = 2 * NANOSECONDS  # by which a marker may be earlier than the results that share its chunk
 RESULT_CHANNELS = frozenset({CHANNEL_IDS[FEATURES], CHANNEL_IDS[ORDER_FRAME]})
 
 
@@ -220,14 +220,14 @@ class RunReader:
         low, high = first * acquisition.ticks_per_sample, stop * acquisition.ticks_per_sample
         return ticks[(ticks >= low) & (ticks < high)]
 
-    def marks(self) -> tuple[Mark, ...]:
+    def markers(self) -> tuple[Marker, ...]:
         """Return the moments that were named while the run was recorded; those in damaged places are left out."""
-        marks = []
-        for message in self._messages(MARK_CHANNEL):
-            if message.channel in MARK_CHANNEL:
+        markers = []
+        for message in self._messages(MARKER_CHANNEL):
+            if message.channel in MARKER_CHANNEL:
                 with suppress(ValueError):
-                    marks.append(decode_mark(message.data))
-        return tuple(sorted(marks, key=lambda mark: (mark.segment, mark.sample)))
+                    markers.append(decode_marker(message.data))
+        return tuple(sorted(markers, key=lambda marker: (marker.segment, marker.sample)))
 
     def snapshots(self) -> Iterator[Snapshot]:
         """Yield the snapshots as recorded, with an empty trace; those in damaged places are left out."""
@@ -255,7 +255,7 @@ class RunReader:
         if segment not in self._starts_ns:
             return None
         time_ns = self._starts_ns[segment] + sample_time_ns(sample, self.header.acquisition.rate)
-        first = self._container.chunks.last_before(RESULT_CHANNELS, time_ns - MARKS_LEAD_NS)
+        first = self._container.chunks.last_before(RESULT_CHANNELS, time_ns - MARKERS_LEAD_NS)
         for snapshot in self._snapshots(first):
             if (snapshot.segment, snapshot.sample) == (segment, sample):
                 return snapshot

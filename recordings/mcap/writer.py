@@ -34,7 +34,7 @@ from recordings.mcap.layout import (
     sample_time_ns,
     sealed,
 )
-from recordings.mcap.markers import Mark, encode_mark
+from recordings.mcap.markers import Marker, encode_marker
 from recordings.mcap.messages import definitions, encode_block, encode_segment_end
 from recordings.mcap.pulses import PulseTeller
 from recordings.mcap.results import EncodedResult, encode_snapshot
@@ -348,7 +348,7 @@ def write_analysed(
     header: RunHeader,
     items: Iterable[SourceItem],
     remarks: Mapping[str, Mapping[str, Any]],
-    marks: Iterable[Mark] = (),
+    markers: Iterable[Marker] = (),
 ) -> None:
     """Write a run; nothing is left of it where that fails.
 
@@ -363,7 +363,7 @@ def write_analysed(
     remarks : mapping of str to mapping
         Further records by name, written when all samples have been taken.
 
-    marks : iterable of Mark
+    markers : iterable of Marker
         Named moments, taken when all samples have been.
 
     Raises
@@ -383,8 +383,8 @@ def write_analysed(
             else:
                 _keep(writer, header, analyser.segment_end(item))
                 writer.segment_end(item)
-        for mark in marks:
-            writer.result(encode_mark(mark, header))
+        for marker in markers:
+            writer.result(encode_marker(marker, header))
         for name, document in remarks.items():
             writer.record(name, document)
         writer.close()

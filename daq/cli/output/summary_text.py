@@ -10,7 +10,7 @@ from daq.schemas.agreement import AgreementSchema
 from daq.schemas.events import AlarmSchema
 from daq.schemas.summary import SpeedRowSchema, SummarySchema, TachoSummarySchema
 from daq.session.recording.health import FULL
-from recordings.mcap.markers import MarkKind
+from recordings.mcap.markers import MarkerKind
 
 
 def tell(summary: SummarySchema, *, as_json: bool) -> None:
@@ -29,7 +29,7 @@ def summary_lines(summary: SummarySchema) -> Iterator[str]:
     if not summary.samples:
         yield f"{_verdict(summary)}  nothing was recorded"
         yield from _segments(summary)
-        yield from _marks(summary)
+        yield from _markers(summary)
         return
     yield "  ".join((_verdict(summary), _speeds(summary), _largest(summary)))
     yield from _segments(summary)
@@ -41,7 +41,7 @@ def summary_lines(summary: SummarySchema) -> Iterator[str]:
     for alarm in summary.alarms:
         yield f"alarm            {_alarm(alarm)}"
     yield from _standards(summary)
-    yield from _marks(summary)
+    yield from _markers(summary)
     for fault in _oddities(summary):
         yield f"unusual          {fault}"
     yield from _runout(summary)
@@ -185,12 +185,12 @@ def _segments(summary: SummarySchema) -> Iterator[str]:
         yield f"segment {segment.segment:<8} {segment.samples:,} samples, then {segment.end_reason.value}{lost}{detail}"
 
 
-def _marks(summary: SummarySchema) -> Iterator[str]:
-    for mark in summary.marks:
-        if mark.kind is MarkKind.ALARM:  # told as an alarm
+def _markers(summary: SummarySchema) -> Iterator[str]:
+    for marker in summary.markers:
+        if marker.kind is MarkerKind.ALARM:  # told as an alarm
             continue
-        where = f"segment {mark.segment}, " if len(summary.segments) > 1 else ""
-        yield f"mark             {where}{_number(mark.time_s, 1)} s  “{mark.text}”"
+        where = f"segment {marker.segment}, " if len(summary.segments) > 1 else ""
+        yield f"mark             {where}{_number(marker.time_s, 1)} s  “{marker.text}”"
 
 
 def _speeds(summary: SummarySchema) -> str:

@@ -32,7 +32,7 @@ class Steering(Protocol):
         """Ask for its end; return its id, None where no run is under way."""
         ...
 
-    def mark(self, text: str) -> MarkerSchema | None:
+    def add_marker(self, text: str) -> MarkerSchema | None:
         """Name the present moment of the run that is recorded; None where none is."""
         ...
 
@@ -78,7 +78,7 @@ class LiveRoutes:
                 Kind.NO_LIVE_RUN, status=202,
             )  # fmt: skip
             routing.add(
-                "POST /live/marks", self.mark, "mark_live", "live", "Name this moment of the run under way",
+                "POST /live/markers", self.add_marker, "add_marker", "live", "Name this moment of the run under way",
                 Kind.NO_LIVE_RUN, status=201,
             )  # fmt: skip
             routing.add(
@@ -119,12 +119,12 @@ class LiveRoutes:
             raise ProblemError(Kind.NO_LIVE_RUN, "no run is under way")
         return StoppingRunSchema(run=run)
 
-    async def mark(self, order: MarkerRequest) -> MarkerSchema:
+    async def add_marker(self, order: MarkerRequest) -> MarkerSchema:
         """Keep a word on this moment in the recording, as a line typed at the command's terminal does.
 
         It is in the run's summary when the run has ended. A run that is replayed takes none.
         """
-        made = None if self._steering is None else self._steering.mark(order.text)
+        made = None if self._steering is None else self._steering.add_marker(order.text)
         if made is None:
             raise ProblemError(Kind.NO_LIVE_RUN, "no run is being recorded")
         return made
@@ -132,7 +132,7 @@ class LiveRoutes:
     async def acknowledge(self, _order: AcknowledgeRequest) -> AcknowledgedAlarmsSchema:
         """Take note of the alarms in sight: those that are over go, those that last stay until they are over.
 
-        It is kept in the recording and told among the summary's marks; a replay forgets it. What is sent is `{}`.
+        It is kept in the recording and told among the summary's markers; a replay forgets it. What is sent is `{}`.
         """
         noted = None if self._steering is None else self._steering.acknowledge()
         if noted is None:

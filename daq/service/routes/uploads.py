@@ -19,8 +19,8 @@ from daq.service.schemas.uploads import (
     upload_schema,
 )
 from daq.service.uploads import (
+    MAX_MARKER_LENGTH,
     MOST_BYTES,
-    MOST_LETTERS,
     Incoming,
     Upload,
     UploadNotFoundError,
@@ -42,7 +42,7 @@ class NameQuery(Question):
         str,
         Query(
             description="What the file is called, without folders; its suffix tells the format",
-            min_length=1, max_length=MOST_LETTERS, examples=["run-up.tdms"],
+            min_length=1, max_length=MAX_MARKER_LENGTH, examples=["run-up.tdms"],
         ),
     ]  # fmt: skip
 

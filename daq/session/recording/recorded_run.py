@@ -17,7 +17,7 @@ from analysis.signals.snapshot import Snapshot
 from daq.config.rig import Rig
 from daq.drivers.reconnecting import BROKEN
 from daq.errors import DeviceError, DeviceFault, RigError, StoppedError
-from daq.session.alarms import acknowledgement, alarm_mark
+from daq.session.alarms import acknowledgement, alarm_marker
 from daq.session.live_analysis import LiveAnalysis
 from daq.session.live_update import Clipping, LiveUpdate, LiveUpdateSink, RunState, Status, TimedMarker
 from daq.session.processes import begin
@@ -36,7 +36,7 @@ from daq.session.recording.recorder import RESULTS_DEADLINE, record
 from daq.session.recording.ring import BlockRing
 from daq.session.recording.statistics import RecorderStatistics
 from daq.session.run import Model, Outcome
-from recordings.mcap.markers import MOST_LETTERS, Mark, encode_mark
+from recordings.mcap.markers import MAX_MARKER_LENGTH, Marker, encode_marker
 from recordings.mcap.results import encode_snapshot
 
 OPEN_DEADLINE = 120.0  # s: the simulated rig compiles its model the first time
@@ -166,14 +166,16 @@ class RecordedRun:
 
     def _keep_alarm(self, alarm: Alarm) -> None:
         """Send an alarm that has come to be written beside the samples."""
-        self._note_mark(alarm_mark(alarm, self._rate, time.time_ns()))
+        self._add_marker(alarm_marker(alarm, self._rate, time.time_ns()))
 
-    def _note_mark(self, mark: Mark) -> None:
-        """Show a mark, and send it to be written beside the samples."""
+    def _add_marker(self, marker: Marker) -> None:
+        """Show a marker, and send it to be written beside the samples."""
         (segment, sample), samples = self._gauges.place, self._gauges.samples
-        since = mark.sample if mark.segment == segment else 0  # of a segment that is over: where the present one began
-        self._shown.mark(TimedMarker(mark, mark.sample / self._rate, (samples - sample + since) / self._rate))
-        self._outbox.send(encode_mark(mark, self._header))
+        since = (
+            marker.sample if marker.segment == segment else 0
+        )  # of a segment that is over: where the present one began
+        self._shown.add_marker(TimedMarker(marker, marker.sample / self._rate, (samples - sample + since) / self._rate))
+        self._outbox.send(encode_marker(marker, self._header))
 
     def _tell_to_stop(self) -> None:
         """Stop the recorder; from now on its time is limited."""
@@ -310,21 +312,21 @@ class RecordedRun:
         self._by_hand = True
         self._tell_to_stop()
 
-    def mark(self, text: str) -> Mark | None:
-        """Name the present moment; return the mark, which is in the file soon, or None where the run has ended."""
+    def add_marker(self, text: str) -> Marker | None:
+        """Name the present moment; return the marker, which is in the file soon, or None where the run has ended."""
         if not self._thread.is_alive() or self._ring.is_closed:
             return None
         segment, sample = self._gauges.place
-        mark = Mark(segment, sample, " ".join(text.split())[:MOST_LETTERS] or "mark", time.time_ns())
-        self._note_mark(mark)
-        return mark
+        marker = Marker(segment, sample, " ".join(text.split())[:MAX_MARKER_LENGTH] or "mark", time.time_ns())
+        self._add_marker(marker)
+        return marker
 
     def acknowledge(self) -> tuple[Alarm, ...]:
         """Take note of the alarms so far, which is in the file soon; return those that were new."""
         noted = self._shown.acknowledge()
         if noted and self._thread.is_alive():
             segment, sample = self._gauges.place
-            self._note_mark(acknowledgement(noted, segment, sample, time.time_ns()))
+            self._add_marker(acknowledgement(noted, segment, sample, time.time_ns()))
         return noted
 
     def wait(self, timeout: float) -> bool:

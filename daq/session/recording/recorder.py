@@ -24,7 +24,7 @@ from daq.session.recording.messages import Acquired, Closed, Done, Opened, Recor
 from daq.session.recording.ring import BlockRing, SharedBytes
 from daq.session.recording.statistics import RecorderStatistics
 from recordings.errors import RecordingError
-from recordings.mcap.markers import Mark, encode_mark
+from recordings.mcap.markers import Marker, encode_marker
 from recordings.mcap.parts import PartLimits, PartWriter
 from recordings.mcap.results import EncodedResult
 
@@ -185,8 +185,8 @@ class _Recorder:
         """Mark the moment at which an event began; as a `TriggerWatch`."""
         text = f"start: {begun.start}, after {self._passed:,} samples ({self._passed / self._rate:,.1f} s) let pass"
         self._passed = 0
-        mark = Mark(begun.segment, begun.sample, text, time.time_ns())
-        self._writer.result(encode_mark(mark, self._header))
+        marker = Marker(begun.segment, begun.sample, text, time.time_ns())
+        self._writer.result(encode_marker(marker, self._header))
 
     def _give_up(self, item: SampleBlock | SegmentEnd, message: str) -> None:
         """Stop when the file takes no more; what came after the last good block is counted as lost."""

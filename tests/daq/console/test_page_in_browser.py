@@ -15,7 +15,7 @@ from analysis.signals.header import Severity
 from daq.service.app import create_app
 from daq.service.server import ServiceServer
 from daq.session.live_update import Clipping, LiveUpdate, RunState, TimedMarker
-from recordings.mcap.markers import Mark
+from recordings.mcap.markers import Marker
 from tests.daq.conftest import RigFactory
 from tests.daq.support.driven_browser import driven_page
 from tests.daq.support.frames import make_frames, with_alarm, with_further_alarms, with_runout, with_second_whirl
@@ -80,8 +80,8 @@ def test_page_says_at_which_speed_the_overlay_is_exact(bench: Bench, tmp_path: P
 def test_page_draws_a_mark_in_the_trend_and_takes_new_ones_while_a_run_is_recorded(
     bench: Bench, tmp_path: Path
 ) -> None:
-    placed = TimedMarker(Mark(0, 100_000, "knocking begins", 0), 1.0, FRAME.status.elapsed - 1.0)
-    bench.live.frame = replace(FRAME, status=replace(FRAME.status, marks=(placed,)))
+    placed = TimedMarker(Marker(0, 100_000, "knocking begins", 0), 1.0, FRAME.status.elapsed - 1.0)
+    bench.live.frame = replace(FRAME, status=replace(FRAME.status, markers=(placed,)))
     page = seen(bench.server.url, tmp_path)
     assert re.search(r'class="flag word"', page)
     assert ">knocking begins</text>" in page

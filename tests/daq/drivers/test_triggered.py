@@ -248,9 +248,11 @@ def test_each_event_is_a_recording_and_the_run_ends_after_as_many(rig: RigFactor
             assert reader.is_complete
             assert reader.n_samples == end.samples
             assert 2.2 < reader.duration < 2.8
-            (mark,) = reader.marks()
-            assert 0.2 < mark.sample / RATE < 0.6
-            found = re.fullmatch(r"start: speed > 5000 r/min, after ([\d,]+) samples \([\d.]+ s\) let pass", mark.text)
+            (marker,) = reader.markers()
+            assert 0.2 < marker.sample / RATE < 0.6
+            found = re.fullmatch(
+                r"start: speed > 5000 r/min, after ([\d,]+) samples \([\d.]+ s\) let pass", marker.text
+            )
             assert found is not None
             passed += int(found[1].replace(",", ""))
             begun = (reader.header.started_ns - run.header.started_ns) / 1e9

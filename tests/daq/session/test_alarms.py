@@ -18,7 +18,7 @@ from daq.session.offline import summarise
 from daq.session.replayed_run import ReplayedRun
 from daq.view.status_text import worst_alarm
 from recordings.integrity.verify import verify
-from recordings.mcap.markers import MarkKind
+from recordings.mcap.markers import MarkerKind
 from recordings.mcap.reader import RunReader
 from tests.daq.session.recording.test_recorded_run import REAL_TIME, NoModel, Screen, recorded
 from tests.daq.support.frames import RPM, make_frames, with_alarm, with_further_alarms
@@ -53,13 +53,13 @@ def test_an_alarm_comes_after_its_hold_time_is_recorded_and_is_acknowledged(rig:
     assert (last.severity, last.latched) == (Severity.ALARM, Severity.ALARM)  # it lasts
     assert last.acknowledged == 2
     with RunReader(run.path) as reader:
-        marks = reader.marks()
+        markers = reader.markers()
         summary = summarise(reader)
-    assert [mark.kind for mark in marks] == [MarkKind.ALARM, MarkKind.ALARM, MarkKind.ACKNOWLEDGED]
-    assert marks[0].sample == 8000
-    assert marks[0].text.startswith("alarm at ")
-    assert "µm peak-to-peak, limit 1, at " in marks[0].text
-    assert marks[2].text == f"acknowledged alarm at {noted[0].probe}, alarm at {noted[1].probe}"
+    assert [marker.kind for marker in markers] == [MarkerKind.ALARM, MarkerKind.ALARM, MarkerKind.ACKNOWLEDGED]
+    assert markers[0].sample == 8000
+    assert markers[0].text.startswith("alarm at ")
+    assert "µm peak-to-peak, limit 1, at " in markers[0].text
+    assert markers[2].text == f"acknowledged alarm at {noted[0].probe}, alarm at {noted[1].probe}"
     assert [(alarm.probe, alarm.begin.time) for alarm in summary.alarms] == [("x", 0.4), ("y", 0.4)]
     assert summary.alarms == run.summary().alarms
     assert verify(run.path).findings == ()
@@ -132,7 +132,7 @@ def test_overspeed_and_1x_alarms_come_in_the_run_its_summary_and_on_the_terminal
     assert overspeed.end is not None
     assert overspeed.end.speed < 0.95 * 8_000.0 * RPM
     with RunReader(run.path) as reader:
-        texts = [mark.text for mark in reader.marks()]
+        texts = [marker.text for marker in reader.markers()]
         assert summarise(reader).alarms == run.summary().alarms
     assert any(text.startswith("speed danger: ") and text.endswith("r/min, limit 8,000") for text in texts)
     assert main(["summary", str(run.path)]) == 0

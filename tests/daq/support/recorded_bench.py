@@ -23,7 +23,7 @@ from daq.session.recording.messages import RecordingRequest
 from daq.session.recording.recorder import run_header
 from model.prediction.prediction_map import Prediction
 from recordings.catalogue.catalogue import Catalogue
-from recordings.mcap.markers import MarkKind
+from recordings.mcap.markers import MarkerKind
 from recordings.mcap.writer import write_analysed
 from tests.daq.support.frames import make_prediction
 from tests.daq.support.service_fakes import FakeLive
@@ -55,10 +55,12 @@ class Steered:
         self.stopped.append(self.live.frame.header.run)
         return self.live.frame.header.run
 
-    def mark(self, text: str) -> MarkerSchema | None:
+    def add_marker(self, text: str) -> MarkerSchema | None:
         if self.live.frame is None:
             return None
-        return MarkerSchema(kind=MarkKind.WORD, text=text, segment=0, time_s=1.0, at=moment(1_795_511_527_250_000_000))
+        return MarkerSchema(
+            kind=MarkerKind.WORD, text=text, segment=0, time_s=1.0, at=moment(1_795_511_527_250_000_000)
+        )
 
     def acknowledge(self) -> AcknowledgedAlarmsSchema | None:
         frame = self.live.frame

@@ -22,7 +22,7 @@ from daq.view.presenter import Presenter, timeline
 from daq.view.spectral_maps import COLUMNS, HIGHEST_ORDER, ROWS
 from daq.view.spectrum import LETTERS, SpectrumPlot
 from daq.view.traces import TrendPlot
-from recordings.mcap.markers import Mark, MarkKind
+from recordings.mcap.markers import Marker, MarkerKind
 from tests.daq.support.frames import RATE, make_frames, make_header, with_alarm, with_runout, with_second_whirl
 
 RUN = timeline(make_header())
@@ -238,15 +238,15 @@ def test_alarm_stays_on_the_banner_when_it_is_over(tmp_path: Path) -> None:
     assert latched.strips("/banner", ALARM)
 
 
-def marked(frames: list[LiveUpdate], *marks: TimedMarker) -> list[LiveUpdate]:
-    return [replace(frame, status=replace(frame.status, marks=marks)) for frame in frames]
+def marked(frames: list[LiveUpdate], *markers: TimedMarker) -> list[LiveUpdate]:
+    return [replace(frame, status=replace(frame.status, markers=markers)) for frame in frames]
 
 
 def test_mark_is_a_line_with_its_word_in_trend_and_waterfall_at_its_time(tmp_path: Path) -> None:
     frames = make_frames(120)[:97]  # trend and waterfall are drawn with every 24th, so with the last
     elapsed = frames[-1].status.elapsed
-    word = TimedMarker(Mark(0, round((elapsed - 3.0) * RATE), "knocking", 0), elapsed - 3.0, elapsed - 3.0)
-    came = TimedMarker(Mark(0, 0, "alarm at x", 0, MarkKind.ALARM), elapsed - 5.0, elapsed - 5.0)
+    word = TimedMarker(Marker(0, round((elapsed - 3.0) * RATE), "knocking", 0), elapsed - 3.0, elapsed - 3.0)
+    came = TimedMarker(Marker(0, 0, "alarm at x", 0, MarkerKind.ALARM), elapsed - 5.0, elapsed - 5.0)
     logged = Logged(marked(frames, word, came), tmp_path / "marked.rrd")
     unmarked = Logged(frames, tmp_path / "unmarked.rrd")
     for color, before in ((MARK, 3.0), (ALARM, 5.0)):
@@ -265,9 +265,9 @@ def test_mark_is_drawn_over_the_traces_where_they_show_its_moment(tmp_path: Path
     assert frame.snapshot is not None
     trace = frame.snapshot.trace
     at = float(trace.time[-1]) - 0.01
-    mark = TimedMarker(Mark(frame.snapshot.segment, round(at * RATE), "now", 0), at, frame.status.elapsed - 0.01)
-    other = TimedMarker(Mark(frame.snapshot.segment + 1, round(at * RATE), "elsewhere", 0), at, frame.status.elapsed)
-    here = Logged(marked([frame], mark), tmp_path / "here.rrd")
+    marker = TimedMarker(Marker(frame.snapshot.segment, round(at * RATE), "now", 0), at, frame.status.elapsed - 0.01)
+    other = TimedMarker(Marker(frame.snapshot.segment + 1, round(at * RATE), "elsewhere", 0), at, frame.status.elapsed)
+    here = Logged(marked([frame], marker), tmp_path / "here.rrd")
     assert len([line for line in here.strips("/traces/lines", MARK) if np.ptp(line[:, 1]) > 30.0]) == 2
     assert not Logged(marked([frame], other), tmp_path / "there.rrd").strips("/traces/lines", MARK)
 

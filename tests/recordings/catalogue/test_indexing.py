@@ -17,7 +17,7 @@ from recordings.catalogue.catalogue import Catalogue
 from recordings.catalogue.entry import calibration_identity
 from recordings.catalogue.search import Search
 from recordings.errors import NotFoundError, StorageError
-from recordings.mcap.markers import Mark, encode_mark
+from recordings.mcap.markers import Marker, encode_marker
 from recordings.mcap.reader import RunReader
 from recordings.mcap.writer import RunWriter
 
@@ -57,7 +57,7 @@ def summarise(reader: RunReader) -> RunSummary:
 def test_a_run_is_found_by_a_moment_that_was_named(tmp_path: Path, header: RunHeader, make_block: MakeBlock) -> None:
     writer = RunWriter(tmp_path / "run.mcap", header)
     writer.block(make_block(0, 0, 2000))
-    writer.result(encode_mark(Mark(0, 1000, "oil valve opened", 7), header))
+    writer.result(encode_marker(Marker(0, 1000, "oil valve opened", 7), header))
     writer.segment_end(SegmentEnd(0, 2000, EndReason.STOPPED))
     writer.close()
     catalogue = Catalogue(tmp_path)

@@ -18,7 +18,7 @@ from recordings.errors import DamagedError, StorageError
 from recordings.integrity.recover import Missing, Stretch, recover
 from recordings.integrity.verify import Verdict, verify
 from recordings.mcap.container import Container
-from recordings.mcap.markers import Mark, encode_mark
+from recordings.mcap.markers import Marker, encode_marker
 from recordings.mcap.messages import decode_block
 from recordings.mcap.reader import RunReader
 from recordings.mcap.writer import RunWriter
@@ -174,17 +174,17 @@ def test_marks_stay_at_their_moments(tmp_path: Path, header: RunHeader, make_blo
             writer.block(make_block(segment, k * BLOCK, BLOCK))
         for of_segment, sample, text in moments:
             if of_segment == segment:
-                writer.result(encode_mark(Mark(segment, sample, text, 7), header))
+                writer.result(encode_marker(Marker(segment, sample, text, 7), header))
         writer.segment_end(SegmentEnd(segment, N, EndReason.OVERRUN))
     writer.close()
     whole = recover(writer.path, tmp_path / "whole.mcap").target
     with RunReader(writer.path) as one, RunReader(whole) as other:
-        assert other.marks() == one.marks() == tuple(Mark(*moment, 7) for moment in moments)
+        assert other.markers() == one.markers() == tuple(Marker(*moment, 7) for moment in moments)
     spoil(writer.path, (0, 7500))
     recovery = recover(writer.path, tmp_path / "copy.mcap")
     first, second = recovery.stretches[:2]
     with RunReader(recovery.target) as reader:
-        assert [(mark.segment, mark.sample) for mark in reader.marks()] == [
+        assert [(marker.segment, marker.sample) for marker in reader.markers()] == [
             (0, 500),
             (0, first.stop),
             (1, 15_000 - second.first),

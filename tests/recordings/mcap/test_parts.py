@@ -20,7 +20,7 @@ from analysis.signals.header import (
 )
 from recordings.catalogue.catalogue import Catalogue
 from recordings.integrity.verify import verify
-from recordings.mcap.markers import Mark, encode_mark
+from recordings.mcap.markers import Marker, encode_marker
 from recordings.mcap.parts import PartLimits, PartWriter, file_names
 from recordings.mcap.reader import RunReader
 from recordings.mcap.writer import RunWriter
@@ -56,7 +56,7 @@ def written(folder: Path, header: RunHeader, limits: PartLimits, *, blocks: int 
         writer.block(SampleBlock(codes(k * BLOCK), segment, first, 0))
         first += BLOCK
         if k == 8:
-            writer.result(encode_mark(Mark(segment, first, "here", 5), header))
+            writer.result(encode_marker(Marker(segment, first, "here", 5), header))
     writer.segment_end(SegmentEnd(segment, first, EndReason.STOPPED))
     writer.close()
     return writer
@@ -98,7 +98,7 @@ def test_parts_say_where_they_go_on_and_when_they_began(tmp_path: Path, header: 
 def test_mark_lies_in_its_part(tmp_path: Path, header: RunHeader) -> None:
     written(tmp_path, header, PartLimits(samples=300))
     with RunReader(tmp_path / "run-part3.mcap") as reader:
-        assert reader.marks() == (Mark(1, 200, "here", 5),)
+        assert reader.markers() == (Marker(1, 200, "here", 5),)
 
 
 def test_part_that_is_full_at_the_end_of_a_segment_ends_with_it(tmp_path: Path, header: RunHeader) -> None:
@@ -128,7 +128,7 @@ def test_run_without_limits_is_one_file_as_ever(tmp_path: Path, header: RunHeade
     assert written(tmp_path, header, PartLimits()).files == 1
     with RunReader(tmp_path / "run.mcap") as reader:
         assert reader.skipped_samples == 0
-        assert reader.marks() == (Mark(1, 200, "here", 5),)
+        assert reader.markers() == (Marker(1, 200, "here", 5),)
 
 
 def event(
@@ -199,11 +199,11 @@ def test_mark_between_two_events_lies_at_the_beginning_of_the_next(
 ) -> None:
     writer = PartWriter(tmp_path / "run.mcap", header, PartLimits(is_rearmed=True))
     event(writer, 0, 1)
-    writer.result(encode_mark(Mark(1, 0, "between", 5), header))
+    writer.result(encode_marker(Marker(1, 0, "between", 5), header))
     if comes:
         event(writer, 1, 1)
     writer.close()
     with RunReader(tmp_path / "run-event2.mcap") as reader:
         assert reader.is_complete
         assert reader.n_samples == (100 if comes else 0)
-        assert reader.marks() == (Mark(0, 0, "between", 5),)
+        assert reader.markers() == (Marker(0, 0, "between", 5),)

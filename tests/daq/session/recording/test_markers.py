@@ -39,16 +39,16 @@ def after(run: RecordedRun, samples: int) -> int:
 def test_marks_are_in_the_file_at_the_moment_they_were_made(rig: RigFactory, tmp_path: Path) -> None:
     run = recorded(rig(simulation=SLOW), tmp_path)
     before = after(run, 6_000)
-    first = run.mark("  knocking\nbegins ")
+    first = run.add_marker("  knocking\nbegins ")
     between = after(run, run.status().samples + 4_000)
-    second = run.mark("")
+    second = run.add_marker("")
     last = run.status().samples
     run.stop()
     assert run.wait(60)
     run.close()
-    assert run.mark("too late") is None
+    assert run.add_marker("too late") is None
     with RunReader(run.path) as reader:
-        assert reader.marks() == (first, second)
+        assert reader.markers() == (first, second)
     assert first is not None
     assert second is not None
     assert (first.segment, first.text, second.text) == (0, "knocking begins", "mark")
@@ -60,24 +60,24 @@ def test_marks_are_in_the_file_at_the_moment_they_were_made(rig: RigFactory, tmp
 
 def test_mark_is_shown_live_from_its_moment_on_and_again_in_a_replay(rig: RigFactory, tmp_path: Path) -> None:
     run = recorded(rig(simulation=REAL_TIME), tmp_path)
-    assert run.latest().status.marks == ()
+    assert run.latest().status.markers == ()
     after(run, 10_000)
-    made = run.mark("knocking")
+    made = run.add_marker("knocking")
     assert made is not None
-    (shown,) = run.latest().status.marks
+    (shown,) = run.latest().status.markers
     assert shown == TimedMarker(made, made.sample / RATE, made.sample / RATE)
     assert run.wait(60)
     run.close()
     screen = Screen()
     with RunReader(run.path) as reader:
-        marks = reader.marks()
+        markers = reader.markers()
     with closing(open_replay(run.path, None)) as source:
-        replayed = ReplayedRun(run.header, source, NoModel(), [screen], marks)
+        replayed = ReplayedRun(run.header, source, NoModel(), [screen], markers)
         assert replayed.wait(60)
         replayed.close()
     for frame in screen.frames:
-        assert frame.status.marks == ((shown,) if frame.status.samples >= made.sample else ())
-    assert {frame.status.marks for frame in screen.frames} == {(), (shown,)}
+        assert frame.status.markers == ((shown,) if frame.status.samples >= made.sample else ())
+    assert {frame.status.markers for frame in screen.frames} == {(), (shown,)}
 
 
 @POSIX
@@ -99,11 +99,11 @@ def test_marks_come_by_rest_by_command_and_by_the_terminal_and_are_told_in_the_s
         seen += os.read(terminal, 4096)
     found = re.search(rb"REST (http://[^ ,]+)", seen)
     assert found is not None
-    url = found[1].decode() + "/live/marks"
+    url = found[1].decode() + "/live/markers"
     assert httpx.post(url, json={"text": "by REST"}).status_code == 201
     assert httpx.post(url, content=b'{"text": "a form"}', headers={"Content-Type": "text/plain"}).status_code == 415
     assert httpx.post(url, json={"text": "x", "who": "y"}).status_code == 422
-    acknowledged = httpx.post(url.replace("marks", "acknowledge"), json={})
+    acknowledged = httpx.post(url.replace("markers", "acknowledge"), json={})
     assert (acknowledged.status_code, acknowledged.json()["alarms"]) == (200, [])
     port = ["--port", url.split(":")[2].split("/")[0]]
     assert main(["mark", "by", "command", *port]) == 0
@@ -127,7 +127,7 @@ def test_marks_come_by_rest_by_command_and_by_the_terminal_and_are_told_in_the_s
     assert re.search(r"mark +\d\.\d s  “by hand”", told)
     (path,) = (tmp_path / "data").glob("*.mcap")
     with RunReader(path) as reader:
-        assert [mark.text for mark in reader.marks()] == ["by REST", "by command", "by hand"]
+        assert [marker.text for marker in reader.markers()] == ["by REST", "by command", "by hand"]
 
 
 def test_mark_without_a_recording_says_what_is_missing(capsys: pytest.CaptureFixture[str]) -> None:
