@@ -31,15 +31,12 @@ from daq.stop_flag import StopFlag
 from recordings.mcap.parts import PartLimits, PartWriter
 from recordings.mcap.reader import RunReader
 from recordings.mcap.results import EncodedResult
-from tests.daq.session.recording.test_killed_recording import recorded_samples
 from tests.daq.session.recording.test_recorded_run import Screen, order, recorded
+from tests.daq.support.commands import POSIX, REAL_TIME_MINUTE, record_command, recorded_samples
 
 RigFiles = Callable[..., Path]
 RigFactory = Callable[..., Rig]
 
-PROFILE = [{"time_s": 0, "speed_rpm": 3000}, {"time_s": 60, "speed_rpm": 3000}]
-SLOW = {"profile": PROFILE, "pace": "real time"}
-POSIX = pytest.mark.skipif(sys.platform == "win32", reason="signals and terminals of POSIX")
 PAGE = re.compile(r"page (http://[\d.:]+)/")
 ENOUGH = 6_000  # samples per channel that are recorded before the end is asked for
 
@@ -48,10 +45,6 @@ ENOUGH = 6_000  # samples per channel that are recorded before the end is asked 
 def environment(tmp_path: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     cache = str(tmp_path_factory.getbasetemp() / "cache")
     return os.environ | {"RIG_DATA": str(tmp_path / "data"), "RIG_CACHE": cache}
-
-
-def command(rig: Path) -> list[str]:
-    return [sys.executable, "-m", "daq.cli.main", "record", str(rig), "--no-view", "--port", "0"]
 
 
 def wait_for_samples(address: str) -> None:
@@ -71,9 +64,14 @@ def whole_run(folder: Path) -> RunReader:
 def test_signal_to_all_processes_of_the_command_ends_it_with_a_whole_file(
     number: signal.Signals, rig_file: RigFiles, tmp_path: Path, environment: dict[str, str]
 ) -> None:
-    rig = rig_file(simulation=SLOW, limits={"speed_rpm": 4000.0})
+    rig = rig_file(simulation=REAL_TIME_MINUTE, limits={"speed_rpm": 4000.0})
     process = subprocess.Popen(
-        command(rig), env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
+        record_command(rig),
+        env=environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
     )
     assert process.stderr is not None
     told = ""
@@ -97,10 +95,10 @@ def test_terminal_that_is_closed_ends_the_recording_with_a_whole_file(
 ) -> None:
     import pty  # noqa: PLC0415 - POSIX only
 
-    rig = rig_file(simulation=SLOW, limits={"speed_rpm": 4000.0})
+    rig = rig_file(simulation=REAL_TIME_MINUTE, limits={"speed_rpm": 4000.0})
     process, terminal = pty.fork()
     if process == 0:
-        os.execve(sys.executable, command(rig), environment)  # noqa: S606 - the terminal is this process's own
+        os.execve(sys.executable, record_command(rig), environment)  # noqa: S606 - the terminal is this process's own
     seen = b""
     while (found := PAGE.search(seen.decode(errors="replace"))) is None:
         seen += os.read(terminal, 4096)
@@ -209,7 +207,7 @@ def test_fault_of_the_program_in_the_recorder_is_told(rig: RigFactory, tmp_path:
 def test_fault_of_the_program_in_the_recorders_listener_finishes_the_file_and_is_told(
     rig: RigFactory, tmp_path: Path
 ) -> None:
-    made = order(rig(simulation=SLOW, limits={"speed_rpm": 4000.0}), tmp_path)
+    made = order(rig(simulation=REAL_TIME_MINUTE, limits={"speed_rpm": 4000.0}), tmp_path)
     source = open_source(made.rig)
     here, there = Pipe()
     ring = BlockRing.create(3, 2001, 16)

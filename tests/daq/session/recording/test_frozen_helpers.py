@@ -19,7 +19,7 @@ import pytest
 
 from daq.config.loader import load_rig
 from recordings.integrity.verify import Verdict, verify
-from tests.daq.support.ended import PATIENCE, remaining
+from tests.daq.support.commands import TIMEOUT, remaining_processes
 from tests.daq.support.recorded_bench import RUN, record_run
 
 pytestmark = [
@@ -49,7 +49,7 @@ class Recording:
 
     def asked(self, tail: str) -> dict[str, object]:
         """Return the answer of an address."""
-        with urllib.request.urlopen(f"{self.address}/api/v1/{tail}", timeout=PATIENCE) as answer:  # noqa: S310 - loopback
+        with urllib.request.urlopen(f"{self.address}/api/v1/{tail}", timeout=TIMEOUT) as answer:  # noqa: S310 - loopback
             document: dict[str, object] = json.load(answer)
         return document
 
@@ -76,7 +76,7 @@ class Recording:
 
 
 def until(said: Callable[[], bool]) -> None:
-    end = time.monotonic() + PATIENCE
+    end = time.monotonic() + TIMEOUT
     while not said():
         assert time.monotonic() < end
         time.sleep(0.01)
@@ -97,7 +97,7 @@ def recording(rig: Path, environment: dict[str, str], *options: str) -> Iterator
     finally:
         process.kill()
         process.wait()
-        listening.join(PATIENCE)
+        listening.join(TIMEOUT)
         process.stderr.close()
 
 
@@ -128,8 +128,8 @@ def test_recording_goes_on_and_ends_whole_whatever_becomes_of_a_process_beside_i
         until(lambda: verify(path).verdict is Verdict.SOUND)
         if kind == "predictor" and number == signal.SIGSTOP:  # its map is waited for, until this is enough
             until(lambda: ends_when_asked(made.process))
-        assert made.process.wait(PATIENCE) == 130, made.told
-        assert not remaining(made.process.pid), made.told
+        assert made.process.wait(TIMEOUT) == 130, made.told
+        assert not remaining_processes(made.process.pid), made.told
     told = "".join(made.told)
     assert "Traceback" not in told, told[told.index("Traceback") :]
 

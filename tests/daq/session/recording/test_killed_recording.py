@@ -1,6 +1,5 @@
 """A live recording that is killed at any moment loses a quarter second at most, and what is left can be recovered."""
 
-import json
 import multiprocessing
 import os
 import random
@@ -8,7 +7,6 @@ import re
 import subprocess
 import sys
 import time
-import urllib.request
 from collections.abc import Callable
 from contextlib import ExitStack
 from ctypes import c_int64
@@ -28,6 +26,7 @@ from recordings.integrity.recover import recover
 from recordings.integrity.verify import Verdict, verify
 from recordings.mcap.reader import RunReader
 from recordings.mcap.writer import RunWriter
+from tests.daq.support.commands import recorded_samples
 
 RATE = 50_000.0
 BLOCK = 0.05
@@ -84,13 +83,6 @@ def test_a_killed_recording_loses_a_quarter_second_at_most(
     print(f"{n_kills} kills: worst loss {max(losses):.3f} s, mean {sum(losses) / n_kills:.3f} s")
     assert min(losses) >= 0
     assert max(losses) <= 0.25
-
-
-def recorded_samples(address: str) -> int:
-    """Return the samples per channel that the page tells as recorded; 0 before the run has begun."""
-    with urllib.request.urlopen(f"{address}/api/v1/live", timeout=10) as answer:  # noqa: S310 - loopback
-        status = json.load(answer)["status"]
-    return int(status["samples"])
 
 
 def taken_before_kill(leader: psutil.Process) -> int:

@@ -19,8 +19,8 @@ from daq.session.recording.recorded_run import RecordedRun
 from daq.session.replayed_run import ReplayedRun
 from recordings.integrity.verify import verify
 from recordings.mcap.reader import RunReader
-from tests.daq.cli.test_shutdown import POSIX, SLOW, command
 from tests.daq.session.recording.test_recorded_run import REAL_TIME, NoModel, Screen, recorded
+from tests.daq.support.commands import POSIX, REAL_TIME_MINUTE, record_command
 from tests.daq.support.service_bench import open_bench
 
 RigFiles = Callable[..., Path]
@@ -37,7 +37,7 @@ def after(run: RecordedRun, samples: int) -> int:
 
 
 def test_marks_are_in_the_file_at_the_moment_they_were_made(rig: RigFactory, tmp_path: Path) -> None:
-    run = recorded(rig(simulation=SLOW), tmp_path)
+    run = recorded(rig(simulation=REAL_TIME_MINUTE), tmp_path)
     before = after(run, 6_000)
     first = run.add_marker("  knocking\nbegins ")
     between = after(run, run.status().samples + 4_000)
@@ -90,10 +90,11 @@ def test_marks_come_by_rest_by_command_and_by_the_terminal_and_are_told_in_the_s
     import pty  # noqa: PLC0415 - POSIX only
 
     places = {"RIG_DATA": tmp_path / "data", "RIG_CACHE": tmp_path_factory.getbasetemp() / "cache"}
-    rig = rig_file(simulation=SLOW, limits={"speed_rpm": 4000.0})
+    rig = rig_file(simulation=REAL_TIME_MINUTE, limits={"speed_rpm": 4000.0})
     process, terminal = pty.fork()
     if process == 0:
-        os.execve(sys.executable, command(rig), os.environ | {name: str(place) for name, place in places.items()})  # noqa: S606 - it has the terminal
+        environment = os.environ | {name: str(place) for name, place in places.items()}
+        os.execve(sys.executable, record_command(rig), environment)  # noqa: S606 - it has the terminal
     seen = b""
     while b"lost 0" not in seen:
         seen += os.read(terminal, 4096)

@@ -15,7 +15,7 @@ from daq.config.toml_writer import to_toml
 from daq.stop_flag import heeded
 from recordings.integrity.verify import Verdict, verify
 from tests.daq.conftest import CALIBRATION, TABLES, merged
-from tests.daq.support.ended import Asked, Left, ended
+from tests.daq.support.commands import StoppedCommand, StopRequest, run_and_stop
 from tests.daq.support.recorded_bench import RUN, record_run
 
 pytestmark = pytest.mark.skipif(
@@ -81,14 +81,14 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Place:
     return Place(folder, rig, run, environment)
 
 
-def drawn(chance: random.Random) -> Asked:
+def drawn(chance: random.Random) -> StopRequest:
     """Draw how a command is asked for its end."""
     again = chance.choice((None, chance.uniform(0.0, 0.3), chance.uniform(0.0, 3.0)))
     number = chance.choice((signal.SIGINT, signal.SIGTERM))
-    return Asked(number, chance.uniform(0.0, 4.0), again, chance.random() < 0.3)
+    return StopRequest(number, chance.uniform(0.0, 4.0), again, chance.random() < 0.3)
 
 
-def check(command: str, left: Left, folder: Path) -> None:
+def check(command: str, left: StoppedCommand, folder: Path) -> None:
     """See to it that a command was ended as it should be."""
     assert left.code in ({0} if command == "serve" else {0, 130}) | {130}, left
     assert not any(word in left.err for word in NOISE), left
@@ -101,11 +101,11 @@ def check(command: str, left: Left, folder: Path) -> None:
         assert (folder / results[command]).exists() == (left.code == 0), left
 
 
-def tried(place: Place, command: str, seed: int, folder: Path) -> Left:
+def tried(place: Place, command: str, seed: int, folder: Path) -> StoppedCommand:
     """Try a command with a seed, and check what became of it."""
     folder.mkdir()
     asked = drawn(random.Random(f"{command} {seed}"))  # noqa: S311 - reproducible on purpose
-    left = ended(place.arguments(command, folder), place.environment_for(command, folder), folder, asked)
+    left = run_and_stop(place.arguments(command, folder), place.environment_for(command, folder), folder, asked)
     try:
         check(command, left, folder)
     except AssertionError as error:
@@ -117,7 +117,9 @@ COMMANDS = ("record", "record shortly", "replay", "serve", "predict", "thesis", 
 
 
 def test_command_that_is_asked_to_end_while_it_is_loaded_ends_without_a_word(place: Place, tmp_path: Path) -> None:
-    left = ended(place.arguments("export", tmp_path), place.environment, tmp_path, Asked(signal.SIGTERM, 0.0, 0.05))
+    left = run_and_stop(
+        place.arguments("export", tmp_path), place.environment, tmp_path, StopRequest(signal.SIGTERM, 0.0, 0.05)
+    )
     check("export", left, tmp_path)
     assert (left.code, left.out, left.err) == (130, "", "")
 
@@ -151,7 +153,7 @@ def test_command_ends_at_any_moment_tidily_and_without_a_word(command: str, plac
         except AssertionError as error:
             failed.append(str(error))
             continue
-        longest = max(longest, left.took)
+        longest = max(longest, left.stop_time)
         codes.append(left.code)
     print(f"\n{command}: {len(codes)} times, {codes.count(130)} of them stopped, the longest end {longest:.1f} s")
     assert not failed, "\n\n".join(failed)
