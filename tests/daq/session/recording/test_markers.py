@@ -89,11 +89,13 @@ def test_marks_come_by_rest_by_command_and_by_the_terminal_and_are_told_in_the_s
 ) -> None:
     import pty  # noqa: PLC0415 - POSIX only
 
-    places = {"RIG_DATA": tmp_path / "data", "RIG_CACHE": tmp_path_factory.getbasetemp() / "cache"}
+    environment = os.environ | {
+        "RIG_DATA": str(tmp_path / "data"),
+        "RIG_CACHE": str(tmp_path_factory.getbasetemp() / "cache"),
+    }
     rig = rig_file(simulation=REAL_TIME_MINUTE, limits={"speed_rpm": 4000.0})
     process, terminal = pty.fork()
     if process == 0:
-        environment = os.environ | {name: str(place) for name, place in places.items()}
         os.execve(sys.executable, record_command(rig), environment)  # noqa: S606 - it has the terminal
     seen = b""
     while b"lost 0" not in seen:
