@@ -6,10 +6,10 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
 
-NAP = 0.05
+POLL_INTERVAL = 0.05
 """So long, s, a request may go unnoticed by one who waits."""
 
-STOPPED = 130
+EXIT_INTERRUPTED = 130
 """Exit code of what was stopped by hand."""
 
 _NAMES = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")  # SIGHUP: POSIX only; SIGBREAK: Windows only
@@ -40,25 +40,25 @@ class StopFlag:
         """Wait up to `timeout` s, shorter where the end is asked for; return whether it has been."""
         due = time.monotonic() + timeout
         while not self.is_set() and (left := due - time.monotonic()) > 0:
-            time.sleep(min(left, NAP))
+            time.sleep(min(left, POLL_INTERVAL))
         return self.is_set()
 
 
-def heeded() -> list[signal.Signals]:
+def stop_signals() -> list[signal.Signals]:
     """Return the signals that ask for the end; not SIGHUP where the command was begun with nohup."""
     known = [getattr(signal, name) for name in _NAMES if hasattr(signal, name)]
     return [number for number in known if number.name != "SIGHUP" or signal.getsignal(number) != signal.SIG_IGN]
 
 
 @contextmanager
-def stop_requested() -> Iterator[StopFlag]:
+def stop_on_signals() -> Iterator[StopFlag]:
     """Give a flag that is set when the operator or the system asks for the end."""
     flag = StopFlag()
 
     def ask(_number: int, _frame: FrameType | None) -> None:
         flag.set()
 
-    before = {number: signal.signal(number, ask) for number in heeded()}
+    before = {number: signal.signal(number, ask) for number in stop_signals()}
     try:
         yield flag
     finally:

@@ -18,7 +18,14 @@ from analysis.preflight.calibration_fit import CalibrationFit, fit_calibration, 
 from daq.cli.arguments import AddCommand
 from daq.cli.bench import NOT_READY
 from daq.cli.output.terminal import print_json
-from daq.config.calibration import CalibrationRecord, Papers, fitted_record, load_calibration, load_record, write_record
+from daq.config.calibration import (
+    CalibrationMetadata,
+    CalibrationRecord,
+    fitted_record,
+    load_calibration,
+    load_record,
+    write_record,
+)
 from daq.config.loader import load_rig
 from daq.config.rig import MICRO, Rig
 from daq.errors import DeviceError, UsageError
@@ -126,7 +133,7 @@ def gap(chosen: argparse.Namespace) -> int:
     if path.exists():
         raise UsageError(f"{path}: is there already, and a calibration is never overwritten")
     points = points_of(Path(chosen.points)) if chosen.points else stepped(rig, chosen.channel, path)
-    record, fit = _record(points, chosen, _papers(chosen, before, today), path)
+    record, fit = _record(points, chosen, _metadata(chosen, before, today), path)
     write_record(path, record)
     load_calibration(path)  # what was written is what a rig will read
     if chosen.json:
@@ -178,10 +185,10 @@ def _named(path: Path, rig: Rig) -> str:
         return path.resolve().as_posix()
 
 
-def _papers(chosen: argparse.Namespace, before: CalibrationRecord, today: str) -> Papers:
+def _metadata(chosen: argparse.Namespace, before: CalibrationRecord, today: str) -> CalibrationMetadata:
     """Return the papers of the new record: what is not said is as it was."""
     old = before.calibration
-    return Papers(
+    return CalibrationMetadata(
         date=today,
         sensor=chosen.sensor or old.sensor,
         conditioner=chosen.conditioner or old.conditioner,
@@ -192,7 +199,7 @@ def _papers(chosen: argparse.Namespace, before: CalibrationRecord, today: str) -
 
 
 def _record(
-    points: Sequence[Point], chosen: argparse.Namespace, papers: Papers, path: Path
+    points: Sequence[Point], chosen: argparse.Namespace, metadata: CalibrationMetadata, path: Path
 ) -> tuple[CalibrationRecord, CalibrationFit]:
     """Return record and fit of points; where they make no calibration, measured ones are kept in a file."""
     gaps, volts = np.array([point.gap for point in points]), np.array([point.volts for point in points])
@@ -204,7 +211,7 @@ def _record(
         if points and not chosen.points:
             kept = f"; the points are kept in {keep(path, points)}, to be put right there and given with --points"
         raise UsageError(f"the points make no calibration: {error}{kept}") from error
-    return fitted_record(fit, gaps, volts, papers), fit
+    return fitted_record(fit, gaps, volts, metadata), fit
 
 
 def _told(points: Sequence[Point], fit: CalibrationFit) -> Iterator[str]:

@@ -9,7 +9,7 @@ import time
 from collections.abc import Sequence
 from types import FrameType
 
-from daq.stop_flag import STOPPED, heeded
+from daq.stop_flag import EXIT_INTERRUPTED, stop_signals
 
 GRACE = 10.0  # s in which a command that was interrupted tidies up, and is not interrupted again
 
@@ -39,14 +39,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
         Those of the process where they are not given; then the process ends with the command.
     """
     asked = _Asked()
-    before = {number: signal.signal(number, asked) for number in heeded()}
+    before = {number: signal.signal(number, asked) for number in stop_signals()}
     try:
-        from daq.cli.commands import run  # noqa: PLC0415 - takes a second, in which Ctrl-C is heeded already
+        from daq.cli.commands import run  # noqa: PLC0415 - takes a second, in which Ctrl-C already works
 
         asked.interrupts = True
-        return STOPPED if asked.is_noted else run(arguments)
+        return EXIT_INTERRUPTED if asked.is_noted else run(arguments)
     except KeyboardInterrupt:
-        return STOPPED
+        return EXIT_INTERRUPTED
     finally:
         asked.interrupts = False
         if arguments is None:

@@ -36,7 +36,7 @@ from daq.session.replayed_run import ReplayedRun
 from daq.session.run import Outcome, Run
 from daq.session.run_manager import RunManager
 from daq.session.runout_reference import with_reference_runout
-from daq.stop_flag import STOPPED, StopFlag, stop_requested
+from daq.stop_flag import EXIT_INTERRUPTED, StopFlag, stop_on_signals
 from recordings.catalogue.catalogue import Catalogue, data_folder
 from recordings.mcap.parts import file_names
 from recordings.mcap.reader import RunReader
@@ -116,7 +116,7 @@ def run_record(chosen: argparse.Namespace) -> int:
     catalogue = Catalogue(data_folder(rig.config.storage.folder), rig.config.storage.catalogue)
     with Predictors() as predictors, Readings(predictors) as readings:
         summaries = Summaries(catalogue, predictors, readings.summary)
-        with stop_requested() as stop, Screens(chosen, catalogue, summaries, console, readings) as screens:
+        with stop_on_signals() as stop, Screens(chosen, catalogue, summaries, console, readings) as screens:
             order = order_for(catalogue, rig, chosen.note, chosen.duration)
             with closing(RecordedRun(order, predictors.for_rig(rig), screens.sinks, stop.is_set)) as recorded:
                 screens.show(recorded)
@@ -144,7 +144,7 @@ def run_record(chosen: argparse.Namespace) -> int:
             documents = [summaries.patiently(name, console.progress) for name in names]
         except KeyboardInterrupt:  # once more: the run has been ended, now the wait for the model is
             console.line(f"not summed up; rig summary {order.run} does it")
-            return outcome.exit_code or STOPPED
+            return outcome.exit_code or EXIT_INTERRUPTED
         console.done()
     if chosen.json and len(documents) > 1:
         print_json(list(documents))
@@ -164,7 +164,7 @@ def run_replay(chosen: argparse.Namespace) -> int:
     with Predictors() as predictors, Readings(predictors) as readings:
         summaries = Summaries(catalogue, predictors, readings.summary)
         model = predictors.of(header)
-        with stop_requested() as stop, Screens(chosen, catalogue, summaries, console, readings) as screens:
+        with stop_on_signals() as stop, Screens(chosen, catalogue, summaries, console, readings) as screens:
             source = open_replay(path, chosen.pace)
             replayed = ReplayedRun(header, source, model, screens.sinks, markers)
             screens.show(replayed)
@@ -186,7 +186,7 @@ def run_serve(chosen: argparse.Namespace) -> int:
     storage = StorageSection() if rig is None else rig.config.storage
     catalogue = Catalogue(data_folder(chosen.folder or storage.folder), storage.catalogue)
     chosen.no_view = True  # runs are shown by `rig record` and `rig replay`
-    with stop_requested() as stop, Predictors() as predictors, Readings(predictors) as readings, ExitStack() as stack:
+    with stop_on_signals() as stop, Predictors() as predictors, Readings(predictors) as readings, ExitStack() as stack:
         desk = None
         if rig is not None:
 

@@ -11,9 +11,8 @@ from pydantic import AfterValidator, Field, ValidationError
 
 from analysis.preflight.calibration_fit import ORDERS, CalibrationFit, fit_calibration, usual_order
 from analysis.signals.header import Calibration
-from daq.config.messages import plain_json, read_tables, read_text, validation_faults
 from daq.config.schema import NotNegative, Section
-from daq.config.toml_writer import to_toml
+from daq.config.toml_files import plain_json, read_tables, read_text, to_toml, validation_faults
 from daq.errors import ConfigError, UsageError
 
 FloatArray = NDArray[np.float64]
@@ -61,7 +60,7 @@ class CalibrationRecord(Section):
 
 
 @dataclass(frozen=True, slots=True)
-class Papers:
+class CalibrationMetadata:
     """What belongs to a calibration beside its points.
 
     Parameters
@@ -92,10 +91,10 @@ def load_calibration(path: Path) -> Calibration:
     ConfigError
         The file is missing or wrong; names every fault.
     """
-    return calibration_of(load_record(path), str(path))
+    return to_calibration(load_record(path), str(path))
 
 
-def calibration_of(record: CalibrationRecord, file: str) -> Calibration:
+def to_calibration(record: CalibrationRecord, file: str) -> Calibration:
     """Return the calibration that a record says.
 
     Parameters
@@ -201,7 +200,9 @@ def _cross_faults(curve: _Curve, record: CalibrationRecord) -> list[str]:
     return faults
 
 
-def fitted_record(fit: CalibrationFit, gaps: FloatArray, volts: FloatArray, papers: Papers) -> CalibrationRecord:
+def fitted_record(
+    fit: CalibrationFit, gaps: FloatArray, volts: FloatArray, metadata: CalibrationMetadata
+) -> CalibrationRecord:
     """Return the record of a fit.
 
     Parameters
@@ -210,7 +211,7 @@ def fitted_record(fit: CalibrationFit, gaps: FloatArray, volts: FloatArray, pape
         The polynomial.
     gaps, volts : ndarray of float64, shape (n,)
         The points, m and V.
-    papers : Papers
+    papers : CalibrationMetadata
         What belongs to the record beside them.
     """
     table = CalibrationTable(
@@ -218,12 +219,12 @@ def fitted_record(fit: CalibrationFit, gaps: FloatArray, volts: FloatArray, pape
         volts_low=round(fit.volts_low, 6),
         volts_high=round(fit.volts_high, 6),
         residual_um=float(f"{fit.residual / MICRO:.4g}"),
-        sensor=papers.sensor,
-        conditioner=papers.conditioner,
-        date=papers.date,
-        target=papers.target,
-        operator=papers.operator,
-        note=papers.note,
+        sensor=metadata.sensor,
+        conditioner=metadata.conditioner,
+        date=metadata.date,
+        target=metadata.target,
+        operator=metadata.operator,
+        note=metadata.note,
     )
     points = tuple(
         CalibrationPoint(gap_um=round(float(gap) / MICRO, 4), volts=round(float(volt), 6))

@@ -8,11 +8,9 @@ from collections import Counter
 from collections.abc import Iterator
 
 from analysis.signals.header import Role
-from daq.config.messages import Fault
-from daq.config.rig import runout_faults
-from daq.config.rotor import configured_rotor
-from daq.config.schema import Backend, ChannelSection, RigConfig, TachoSection
-from daq.config.trigger_condition import SPEED, TIME, read_condition
+from daq.config.rotor import model_parameters
+from daq.config.schema import SPEED, TIME, Backend, ChannelSection, RigConfig, TachoSection, parse_condition
+from daq.config.toml_files import Fault
 from model.rotor.tables import TableError
 
 TIMEBASES = {80e6: "80MHzTimebase", 20e6: "20MHzTimebase", 100e3: "100kHzTimebase"}
@@ -24,7 +22,7 @@ SLACK = 10.0  # s that must be left of a wrap, for a stamp that comes late and a
 LOW_LEVEL, HIGH_LEVEL = 0.8, 2.2  # V: below and above, a line of the card is sure to see its level
 
 
-def counter_faults(config: RigConfig) -> Iterator[Fault]:
+def _counter(config: RigConfig) -> Iterator[Fault]:
     """Return what is wrong with the counter of a configuration."""
     section, timing = config.tacho.counter, config.timing
     if section is None:
@@ -70,9 +68,9 @@ def cross_faults(config: RigConfig) -> Iterator[Fault]:
         yield from _channel(channel, f"channel[{number}]")
     yield from _timing(config)
     yield from _tacho(config)
-    yield from counter_faults(config)
+    yield from _counter(config)
     yield from _limits(config)
-    yield from runout_faults(config)
+    yield from _runout(config)
     yield from _model(config)
     yield from _storage(config)
     yield from trigger_faults(config)
@@ -240,6 +238,33 @@ def _limits(config: RigConfig) -> Iterator[Fault]:
                 yield _fault(f"limits.{key}", limit, f"at most {most:g}, {why}", f"limits.{why.split(':')[0]}")
 
 
+def _runout(config: RigConfig) -> Iterator[Fault]:
+    """Return every contradiction in what is said of run-out."""
+    runout = config.runout
+    if runout.vector and (runout.slow_roll_rpm or runout.from_run):
+        text = (
+            "runout.vector: expected none beside slow_roll_rpm or from_run: the run-out is given or told by a slow roll"
+        )
+        yield Fault(("runout.vector", "runout.slow_roll_rpm", "runout.from_run"), text)
+    if runout.from_run and not runout.slow_roll_rpm:
+        text = f'runout.from_run = "{runout.from_run}": expected slow_roll_rpm beside it, the speed of its slow roll'
+        yield Fault(("runout.from_run", "runout.slow_roll_rpm"), text)
+    marks = config.tacho.pulses_per_revolution
+    if (runout.vector or runout.slow_roll_rpm) and marks != 1:
+        text = f"tacho.pulses_per_revolution = {marks}: expected 1 with [runout], whose phases need one mark"
+        yield Fault(("tacho.pulses_per_revolution", "runout"), text)
+    seen: set[int] = set()
+    for number, vector in enumerate(runout.vector):
+        key = f"runout.vector[{number}].order"
+        if vector.order in seen:
+            yield Fault((key,), f"{key} = {vector.order}: expected each order once")
+        elif vector.order > config.analysis.highest_order:
+            highest = config.analysis.highest_order
+            expected = f"at most analysis.highest_order = {highest:g}"
+            yield Fault((key, "analysis.highest_order"), f"{key} = {vector.order}: expected {expected}")
+        seen.add(vector.order)
+
+
 def _storage(config: RigConfig) -> Iterator[Fault]:
     storage = config.storage
     for key, value, least in (
@@ -255,7 +280,7 @@ def trigger_faults(config: RigConfig) -> Iterator[Fault]:
     ranges = {channel.name: channel.range_v for channel in config.channel}
     names = [SPEED, TIME, *ranges]
     for key, text in (("trigger.start", config.trigger.start), ("trigger.stop", config.trigger.stop)):
-        condition = read_condition(text)
+        condition = parse_condition(text)
         if condition is None:
             continue
         if condition.quantity not in names:
@@ -271,7 +296,7 @@ def trigger_faults(config: RigConfig) -> Iterator[Fault]:
 def _model(config: RigConfig) -> Iterator[Fault]:
     """Return what the model itself says of its parameters."""
     try:
-        configured_rotor(config)
+        model_parameters(config)
     except TableError as error:
         file = f'model.rotor = "{config.model.rotor}"' if config.model.rotor else "rotor"
         for fault in error.faults:

@@ -6,8 +6,8 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field, ValidationError
 
-from daq.config.messages import plain_json, read_tables, read_text, validation_faults
 from daq.config.schema import Section
+from daq.config.toml_files import plain_json, read_tables, read_text, validation_faults
 from daq.errors import ConfigError
 
 SECOND = 1_000_000_000
@@ -42,7 +42,7 @@ class ColumnMapping(Section):
     )
 
 
-class ColumnsMapping(Section):
+class ChannelMapping(Section):
     """Which columns are which channels, and what the file does not tell of them."""
 
     rate_hz: Annotated[float, Field(gt=0, le=FASTEST)] | None = Field(
@@ -69,7 +69,7 @@ class ColumnsMapping(Section):
         return round(datetime.fromisoformat(self.started).astimezone(UTC).timestamp() * 1e6) * (SECOND // 1_000_000)
 
 
-class ImportMapping(ColumnsMapping):
+class ImportMapping(ChannelMapping):
     """A whole mapping file."""
 
     rig: str  # the rig.toml with channels, calibrations, tacho and limits; relative to this file

@@ -15,11 +15,10 @@ from pydantic import ValidationError
 from analysis.signals.header import Calibration, Role
 from daq.config.calibration import load_calibration
 from daq.config.checks import cross_faults, trigger_faults
-from daq.config.messages import Fault, plain_json, read_tables, read_text, shown, validation_faults
 from daq.config.rig import Rig
 from daq.config.rotor import default_rotor, read_rotor
 from daq.config.schema import ChannelSection, RigConfig, TriggerSection
-from daq.config.toml_writer import to_toml
+from daq.config.toml_files import Fault, plain_json, read_tables, read_text, shown, to_toml, validation_faults
 from daq.errors import ConfigError
 
 Place = tuple[int | str, ...]
@@ -61,7 +60,7 @@ def load_rig(path: Path | str) -> Rig:
     return _rig(path, data, rotor_faults, lambda _, file: load_calibration(path.parent / file))
 
 
-def rig_in_text(text: str, calibrations: Mapping[str, Calibration], file: str) -> Rig:
+def parse_rig(text: str, calibrations: Mapping[str, Calibration], file: str) -> Rig:
     """Return the rig that a TOML text describes; nothing that it names is read from the disk.
 
     Parameters
@@ -116,7 +115,7 @@ def _rig(
     )
 
 
-def read_config(text: str, file: str) -> RigConfig:
+def read_recorded_config(text: str, file: str) -> RigConfig:
     """Return the configuration in a TOML text, as a recording carries it; the files that it names are not read.
 
     It was good when the run was recorded. What this program refuses since (a key that is no more, a narrower range) has

@@ -11,9 +11,9 @@ from importlib.resources import files
 from pathlib import Path
 
 from analysis.signals.header import Role
-from daq.config.messages import read_tables, read_text
-from daq.config.rig import MICRO, Rig
+from daq.config.rig import MICRO
 from daq.config.schema import ModelSection, RigConfig
+from daq.config.toml_files import read_tables, read_text
 from model.rotor.parameters import FloatingRing, Imbalance, ModelParameters
 from model.rotor.rotor_file import parse_rotor
 
@@ -29,7 +29,7 @@ def default_rotor() -> dict[str, object]:
     return read_tables(text, "gj90c.toml")
 
 
-def rotor_of(document: Mapping[str, object]) -> ModelParameters:
+def parameters_from_tables(document: Mapping[str, object]) -> ModelParameters:
     """Return what a rotor file says, the GJ90C where it says nothing; TableError where it is wrong."""
     return parse_rotor(document) if document else _gj90c()
 
@@ -39,12 +39,7 @@ def _gj90c() -> ModelParameters:
     return parse_rotor(default_rotor())
 
 
-def rotor_parameters(rig: Rig) -> ModelParameters:
-    """Return the parameters of the model that is laid over a rig's measurement."""
-    return configured_rotor(rig.config)
-
-
-def configured_rotor(config: RigConfig) -> ModelParameters:
+def model_parameters(config: RigConfig) -> ModelParameters:
     """Return the parameters of the model that a configuration asks for, as of a recording's rig.
 
     The rotor file's, with what `[model]` says in its place.
@@ -54,7 +49,7 @@ def configured_rotor(config: RigConfig) -> ModelParameters:
     ValueError
         The rotor is wrong, or does not go together with what `[model]` says.
     """
-    parameters = rotor_of(config.rotor)
+    parameters = parameters_from_tables(config.rotor)
     seats = {channel.role: math.radians(channel.angle_deg) for channel in config.channel}
     return replace(
         parameters,

@@ -1,14 +1,13 @@
 """Which source a rig asks for, and what of it is recorded."""
 
 from daq.config.rig import Rig
-from daq.config.schema import Backend, TriggerSection
-from daq.config.trigger_condition import read_condition
-from daq.drivers.ni import open_usb6251
-from daq.drivers.reconnecting import Reconnecting
+from daq.config.schema import Backend, TriggerSection, parse_condition
+from daq.drivers.ni import open_ni_source
+from daq.drivers.reconnecting import ReconnectingSource
 from daq.drivers.simulation.card import SimulatedCard
 from daq.drivers.simulation.source import SimulatedSource
-from daq.drivers.source import Restarts, Source
-from daq.drivers.triggered import Trigger, Triggered, TriggerWatch
+from daq.drivers.source import RestartLimiter, Source
+from daq.drivers.triggered import Trigger, TriggeredSource, TriggerListener
 from daq.errors import DeviceError, DeviceFault
 from model.errors import ModelError
 
@@ -27,10 +26,10 @@ def open_source(rig: Rig) -> Source:
         The device, or the software that speaks to it, is missing, busy or refuses the settings.
     """
     session = rig.config.session
-    restarts = Restarts(session.restarts_per_minute)
+    restarts = RestartLimiter(session.restarts_per_minute)
     if rig.config.device.backend is Backend.NIDAQMX:
-        return Reconnecting(
-            lambda: open_usb6251(rig, restarts), restarts, retry=session.retry_s, patience=session.reconnect_s
+        return ReconnectingSource(
+            lambda: open_ni_source(rig, restarts), restarts, retry=session.retry_s, patience=session.reconnect_s
         )
     try:
         card = SimulatedCard(rig)
@@ -46,7 +45,7 @@ def open_source(rig: Rig) -> Source:
     )
 
 
-def triggered(source: Source, section: TriggerSection, watch: TriggerWatch) -> Source:
+def apply_trigger(source: Source, section: TriggerSection, watch: TriggerListener) -> Source:
     """Return an opened source with the conditions from and up to which it is recorded, if there are any.
 
     Parameters
@@ -55,11 +54,11 @@ def triggered(source: Source, section: TriggerSection, watch: TriggerWatch) -> S
         What is acquired.
     section : TriggerSection
         The conditions, which have been found good.
-    watch : TriggerWatch
+    watch : TriggerListener
         Who is told what the trigger does.
     """
-    start, stop = read_condition(section.start), read_condition(section.stop)
+    start, stop = parse_condition(section.start), parse_condition(section.stop)
     if start is None and stop is None:
         return source
     trigger = Trigger(start, stop, section.pre_s, section.hold_s, section.hold_off_s, section.events)
-    return Triggered(source, trigger, watch)
+    return TriggeredSource(source, trigger, watch)

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd, SourceItem
 from analysis.signals.header import Acquisition
-from daq.drivers.source import Restarts, Source
+from daq.drivers.source import RestartLimiter, Source
 from daq.errors import DeviceError, DeviceFault
 from daq.stop_flag import StopFlag
 
@@ -14,7 +14,7 @@ BROKEN = frozenset({EndReason.UNPLUGGED, EndReason.DEVICE_ERROR})
 FINAL = frozenset({DeviceFault.BUSY, DeviceFault.REJECTED, DeviceFault.DRIVER})  # waiting does not help
 
 
-class Reconnecting:
+class ReconnectingSource:
     """A `Source` that opens its device anew when it went away, and goes on with the next segment.
 
     A card that was unplugged or lost its supply, a device server that is gone or frozen: the segment ends with what is
@@ -26,7 +26,7 @@ class Reconnecting:
     ----------
     open_device : callable
         Opens the device; DeviceError where it cannot be opened, which leaves nothing reserved.
-    restarts : Restarts
+    restarts : RestartLimiter
         How often a new segment may begin.
     retry : float
         Time between two attempts, s.
@@ -39,7 +39,9 @@ class Reconnecting:
         The device cannot be opened the first time.
     """
 
-    def __init__(self, open_device: Callable[[], Source], restarts: Restarts, *, retry: float, patience: float) -> None:
+    def __init__(
+        self, open_device: Callable[[], Source], restarts: RestartLimiter, *, retry: float, patience: float
+    ) -> None:
         self._open = open_device
         self._restarts = restarts
         self._retry = retry

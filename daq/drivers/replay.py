@@ -14,7 +14,7 @@ from recordings.errors import RecordingError
 from recordings.mcap.reader import RunReader
 
 
-def open_replay(path: Path, pace: float | None = 1.0, *, block: int | None = None) -> "Replay":
+def open_replay(path: Path, pace: float | None = 1.0, *, block: int | None = None) -> "ReplaySource":
     """Open a recorded run as a source.
 
     Parameters
@@ -28,7 +28,7 @@ def open_replay(path: Path, pace: float | None = 1.0, *, block: int | None = Non
 
     Returns
     -------
-    Replay
+    ReplaySource
         A `Source` whose acquisition is the recorded one to the last bit, device included: the samples are that
         device's, and what is computed from them must not differ.
 
@@ -43,10 +43,10 @@ def open_replay(path: Path, pace: float | None = 1.0, *, block: int | None = Non
         raise ValueError(f"pace: {pace}, expected more than 0, or None for as fast as it goes")
     if block is not None and block < 1:
         raise ValueError(f"block: {block} samples, expected at least 1")
-    return Replay(RunReader(path), pace, block)
+    return ReplaySource(RunReader(path), pace, block)
 
 
-class Replay:
+class ReplaySource:
     """A `Source` that plays a recording.
 
     Parameters

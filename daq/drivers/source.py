@@ -54,7 +54,7 @@ class Sink(Protocol):
 WINDOW = 60.0  # s
 
 
-class Restarts:
+class RestartLimiter:
     """Counts the new segments that a run begins after faults; one thread uses it.
 
     Parameters

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd, SourceItem
 from analysis.signals.header import Acquisition, Role
 from analysis.tacho.edges import EdgeDetector
-from daq.config.trigger_condition import SPEED, TIME, Condition
+from daq.config.schema import SPEED, TIME, TriggerCondition
 from daq.drivers.source import Source
 
 RPM = 60.0  # revolutions a second to r/min
@@ -25,7 +25,7 @@ LEAST_TURNS = 2  # that must agree: two edges alone may be a glitch
 ALIKE = 0.25  # of the median turn by which a turn may differ: one with a doubled or missing edge differs by more
 
 
-class SpeedEstimate:
+class SpeedEstimator:
     """Follows the speed by the tacho's last edges, from the reference that the rig declares.
 
     Where that is the card's counter, its stamps are taken at once, without the waiting of the analysis for late ones;
@@ -96,8 +96,8 @@ class Trigger:
         After so many the run ends; 0 for no end.
     """
 
-    start: Condition | None
-    stop: Condition | None
+    start: TriggerCondition | None
+    stop: TriggerCondition | None
     before: float = 0.0
     hold: float = 0.0
     hold_off: float = 0.0
@@ -105,7 +105,7 @@ class Trigger:
 
 
 @dataclass(frozen=True, slots=True)
-class Begun:
+class TriggerStart:
     """An event that begins with the next block.
 
     Parameters
@@ -119,28 +119,28 @@ class Begun:
     """
 
     event: int
-    start: Condition
+    condition: TriggerCondition
     segment: int
     sample: int
 
 
-class TriggerWatch(Protocol):
+class TriggerListener(Protocol):
     """Who is told what a trigger does, between the items."""
 
-    def waiting(self, event: int, speed: float) -> None:
+    def on_waiting(self, event: int, speed: float) -> None:
         """Take note that the start of an event is waited for, at this speed, r/min."""
         ...
 
-    def passed(self, samples: int) -> None:
+    def on_skipped(self, samples: int) -> None:
         """Count samples per channel that are not given, before the next item that is."""
         ...
 
-    def begun(self, begun: Begun) -> None:
+    def on_start(self, start: TriggerStart) -> None:
         """Take note of an event, before its first block."""
         ...
 
 
-class Triggered:
+class TriggeredSource:
     """A `Source` that gives of another what lies between two conditions, as often as is wanted.
 
     Until the start condition has held for a while the latest samples are only kept; then they are given, as the
@@ -155,7 +155,7 @@ class Triggered:
         What is acquired all along.
     trigger : Trigger
         What of it is given.
-    watch : TriggerWatch
+    watch : TriggerListener
         Who is told.
 
     Raises
@@ -164,13 +164,13 @@ class Triggered:
         A condition is on a channel that does not exist, or there is none to begin or end several events.
     """
 
-    def __init__(self, source: Source, trigger: Trigger, watch: TriggerWatch) -> None:
+    def __init__(self, source: Source, trigger: Trigger, watch: TriggerListener) -> None:
         self._source = source
         self._trigger = trigger
         self._watch = watch
         self._rate = source.acquisition.rate
         self._before = round((trigger.before + trigger.hold) * self._rate)
-        self._speed = SpeedEstimate(source.acquisition)
+        self._speed = SpeedEstimator(source.acquisition)
         self._now = 0.0  # r/min
         self._numbering = _Numbering(source.acquisition.ticks_per_sample)
         self._held: deque[SampleBlock] = deque()
@@ -241,7 +241,7 @@ class Triggered:
         n = sum(block.n_samples for block in self._held)
         if self._trigger.start is not None:
             segment, sample = self._numbering.segment, max(n - self._start.held_for, 0)
-            self._watch.begun(Begun(self._events, self._trigger.start, segment, sample))
+            self._watch.on_start(TriggerStart(self._events, self._trigger.start, segment, sample))
         self._start.reset()
         self._stop.reset()
         while self._held:
@@ -252,11 +252,11 @@ class Triggered:
         n = sum(block.n_samples for block in self._held)
         while self._held and n - self._held[0].n_samples >= self._before:
             n -= self._forget()
-        self._watch.waiting(self._events + 1, self._now)
+        self._watch.on_waiting(self._events + 1, self._now)
 
     def _forget(self) -> int:
         samples = self._held.popleft().n_samples
-        self._watch.passed(samples)
+        self._watch.on_skipped(samples)
         return samples
 
     def _finished(self) -> SegmentEnd:
@@ -278,7 +278,7 @@ class Triggered:
 class _Awaited:
     """A condition that is waited for; none, which never fires."""
 
-    def __init__(self, condition: Condition | None, hold: float, acquisition: Acquisition) -> None:
+    def __init__(self, condition: TriggerCondition | None, hold: float, acquisition: Acquisition) -> None:
         self._condition = condition
         self._rate = acquisition.rate
         self._least = hold * acquisition.rate
@@ -304,7 +304,7 @@ class _Awaited:
         self.held_for = self.held_for + block.n_samples if holds else 0
         return holds and self.held_for >= self._least
 
-    def _value(self, condition: Condition, block: SampleBlock, speed: float) -> float:
+    def _value(self, condition: TriggerCondition, block: SampleBlock, speed: float) -> float:
         """Return the condition's quantity, in the condition's unit."""
         if condition.quantity == SPEED:
             return speed

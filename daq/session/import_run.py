@@ -9,7 +9,7 @@ from pathlib import Path
 
 from analysis.signals.blocks import SampleBlock, SourceItem
 from analysis.signals.header import Acquisition, Channel, Device, Role, RunHeader
-from daq.config.import_mapping import ColumnsMapping, load_mapping
+from daq.config.import_mapping import ChannelMapping, load_mapping
 from daq.config.loader import load_rig
 from daq.config.rig import Rig
 from daq.config.schema import ChannelSection
@@ -39,7 +39,7 @@ class Foreign:
         Where it lies; its suffix tells the format.
     name : str
         What it is called.
-    mapping : ColumnsMapping
+    mapping : ChannelMapping
         Which of its columns are which channels.
     mapping_name, mapping_text : str
         What the mapping is called, and how it was written.
@@ -47,7 +47,7 @@ class Foreign:
 
     path: Path
     name: str
-    mapping: ColumnsMapping
+    mapping: ChannelMapping
     mapping_name: str
     mapping_text: str
 
@@ -73,7 +73,7 @@ def require_fit(foreign: Foreign, rig: Rig) -> None:
         raise ConfigError(foreign.mapping_name, faults)
 
 
-def _misfits(mapping: ColumnsMapping, rig: Rig) -> list[str]:
+def _misfits(mapping: ChannelMapping, rig: Rig) -> list[str]:
     missing = [section.name for section in rig.config.channel if section.name not in mapping.channel]
     unknown = mapping.channel.keys() - {section.name for section in rig.config.channel}
     faults = [f"channel.{name}: is missing, expected the column of the rig's channel" for name in missing]

@@ -13,7 +13,7 @@ from analysis.spectra.order_spectrum import order_vectors
 from analysis.vectors.runout import RunOutWatch
 from daq.config.rig import Rig
 from daq.config.schema import RunOutSection, RunOutVector
-from daq.config.toml_writer import to_toml
+from daq.config.toml_files import to_toml
 from daq.errors import UsageError
 from daq.session.offline import results
 from recordings.catalogue.catalogue import SUFFIX

@@ -7,7 +7,7 @@ import pytest
 
 from daq.config.loader import load_rig
 from daq.config.rig import Rig
-from daq.config.toml_writer import to_toml
+from daq.config.toml_files import to_toml
 
 CALIBRATION: dict[str, object] = {
     "coefficients_um": [12.0, 96.5, 0.55, -0.03],

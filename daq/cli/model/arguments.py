@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from daq.config.loader import load_rig
-from daq.config.rotor import read_rotor, rotor_of, rotor_parameters
+from daq.config.rotor import model_parameters, parameters_from_tables, read_rotor
 from daq.errors import ConfigError, RigError, UsageError
 from model.errors import ModelError
 from model.rotor.gj90c import gj90c
@@ -34,9 +34,9 @@ def parameters_of(config: str | None) -> ModelParameters:
     file = Path(config)
     tables = read_rotor(file)
     if "station" not in tables:  # no rig has stations, no rotor is without
-        return rotor_parameters(load_rig(file))
+        return model_parameters(load_rig(file).config)
     try:
-        return rotor_of(tables)
+        return parameters_from_tables(tables)
     except TableError as error:
         raise ConfigError(config, list(error.faults)) from error
 

@@ -10,7 +10,7 @@ from daq.cli.output.progress import RPM, Console
 from daq.cli.output.terminal import print_json
 from daq.config.loader import load_rig
 from daq.config.rig import Rig
-from daq.config.rotor import rotor_parameters
+from daq.config.rotor import model_parameters
 from daq.errors import RigError, UsageError
 from daq.schemas.live import predicted_vibration_schema
 from daq.session.prediction.predictors import PATIENCE, Predictors
@@ -59,7 +59,7 @@ def _exactly(rig: Rig, found: PredictionMap, speed: float) -> Prediction:
             "up to limits.speed_rpm"
         )
     try:
-        *_, settled = refine(rotor_parameters(rig), speed, found, rig.settings)
+        *_, settled = refine(model_parameters(rig.config), speed, found, rig.settings)
     except ModelError as error:
         raise RigError(f"there is no prediction at {speed / RPM:g} r/min: {error}") from error
     return settled

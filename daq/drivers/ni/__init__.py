@@ -4,6 +4,6 @@ nidaqmx and gRPC are imported when the card is opened: they are the extra `card`
 """
 
 from daq.drivers.ni.devices import FoundDevice
-from daq.drivers.ni.source import Usb6251, connected_devices, open_usb6251, self_test
+from daq.drivers.ni.source import NiSource, connected_devices, open_ni_source, self_test
 
-__all__ = ["FoundDevice", "Usb6251", "connected_devices", "open_usb6251", "self_test"]
+__all__ = ["FoundDevice", "NiSource", "connected_devices", "open_ni_source", "self_test"]

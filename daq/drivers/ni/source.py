@@ -14,7 +14,7 @@ from daq.config.schema import DeviceSection
 from daq.drivers.ni.counter_stamps import Stamps
 from daq.drivers.ni.devices import FoundDevice
 from daq.drivers.ni.error_codes import ABSENT_CODES, OVERRUN_CODES, card_extra
-from daq.drivers.source import Restarts
+from daq.drivers.source import RestartLimiter
 from daq.errors import DeviceError
 from daq.stop_flag import StopFlag
 
@@ -24,19 +24,19 @@ if TYPE_CHECKING:
 COMPARED_EVERY = 1.0  # s of samples, after which our count is compared with the driver's
 
 
-def open_usb6251(rig: Rig, restarts: Restarts | None = None) -> "Usb6251":
+def open_ni_source(rig: Rig, restarts: RestartLimiter | None = None) -> "NiSource":
     """Open the card that a rig names, reserve it and read back what it was really set to.
 
     Parameters
     ----------
     rig : Rig
         A rig whose backend is nidaqmx.
-    restarts : Restarts or None
+    restarts : RestartLimiter or None
         How often a new segment may begin; None for what the rig says.
 
     Returns
     -------
-    Usb6251
+    NiSource
         Ready to deliver blocks.
 
     Raises
@@ -47,7 +47,7 @@ def open_usb6251(rig: Rig, restarts: Restarts | None = None) -> "Usb6251":
     """
     with card_extra():
         from daq.drivers.ni.card import NiCard  # noqa: PLC0415 - an optional extra, and slow to import
-    return Usb6251(NiCard(rig), restarts or Restarts(rig.config.session.restarts_per_minute))
+    return NiSource(NiCard(rig), restarts or RestartLimiter(rig.config.session.restarts_per_minute))
 
 
 def connected_devices(section: DeviceSection) -> list[FoundDevice]:
@@ -83,7 +83,7 @@ def self_test(section: DeviceSection) -> dt.date | None:
         return system.self_test()
 
 
-class Usb6251:
+class NiSource:
     """The card, opened and ready to deliver blocks.
 
     After an overrun the acquisition starts anew, as the next segment; any other fault ends it.
@@ -92,11 +92,11 @@ class Usb6251:
     ----------
     card : NiCard
         The card with its acquisition committed; closed by `close`.
-    restarts : Restarts
+    restarts : RestartLimiter
         How often a new segment may begin.
     """
 
-    def __init__(self, card: "NiCard", restarts: Restarts) -> None:
+    def __init__(self, card: "NiCard", restarts: RestartLimiter) -> None:
         self._card = card
         self._restarts = restarts
         self._stamps = Stamps(card)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from analysis.signals.header import Acquisition, Role
 from daq.config.rig import MICRO, RPM, Rig
-from daq.config.rotor import rotor_parameters
+from daq.config.rotor import model_parameters
 from daq.config.schema import SimulationSection
 from daq.drivers.simulation.motion import (
     Instants,
@@ -132,7 +132,7 @@ def shaft_motion(rig: Rig, course: SpeedCourse, acquisition: Acquisition) -> Mot
         second=circular(bench.second_order_um * MICRO, second, angles),
     )
     if bench.motion == "model":
-        return Together([run_out, ModelMotion(rotor_parameters(rig), course, acquisition.rate, angles)])
+        return Together([run_out, ModelMotion(model_parameters(rig.config), course, acquisition.rate, angles)])
     return Together([run_out, _synchronous(rig, course, angles), *_whirls(bench, angles, phases)])
 
 
@@ -153,7 +153,7 @@ def _whirls(bench: SimulationSection, angles: tuple[float, float], phases: list[
 
 def _synchronous(rig: Rig, course: SpeedCourse, angles: tuple[float, float]) -> SynchronousMotion:
     """Return the model's synchronous motion over the speeds of the run, one branch followed from the lowest up."""
-    parameters = rotor_parameters(rig)
+    parameters = model_parameters(rig.config)
     highest = 1.01 * max(float(course.speeds.max()), SLOWEST)  # a grid also for a run at one speed
     speeds = np.linspace(max(float(course.speeds.min()), SLOWEST), highest, GRID)
     responses = [synchronous_response(parameters, float(speeds[0]))]

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd, SourceItem
 from analysis.signals.header import Acquisition
 from daq.drivers.simulation.card import SimulatedCard
-from daq.drivers.source import Restarts
+from daq.drivers.source import RestartLimiter
 from daq.stop_flag import StopFlag
 from model.errors import WallContactError
 
@@ -30,11 +30,13 @@ class SimulatedSource:
         Samples per channel that the device holds for a late reader.
     real_time : bool
         Whether samples come at the card's rate; else as fast as they are taken.
-    restarts : Restarts
+    restarts : RestartLimiter
         How often a new segment may begin.
     """
 
-    def __init__(self, card: SimulatedCard, *, block: int, buffer: int, real_time: bool, restarts: Restarts) -> None:
+    def __init__(
+        self, card: SimulatedCard, *, block: int, buffer: int, real_time: bool, restarts: RestartLimiter
+    ) -> None:
         self._card = card
         self._block = block
         self._buffer = buffer

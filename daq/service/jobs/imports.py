@@ -3,10 +3,10 @@
 from pathlib import Path
 
 from analysis.signals.header import RunHeader
-from daq.config.calibration import calibration_of
-from daq.config.loader import read_config, rig_in_text
+from daq.config.calibration import to_calibration
+from daq.config.loader import parse_rig, read_recorded_config
 from daq.config.rig import Rig
-from daq.config.toml_writer import to_toml
+from daq.config.toml_files import to_toml
 from daq.errors import ConfigError
 from daq.schemas.runs import run_schema
 from daq.service.jobs.queue import DataPlace, Progress, Task, Tell
@@ -54,13 +54,13 @@ def rig_of_run(header: RunHeader) -> Rig:
         raise ConfigError(name, ["was imported itself: expected a run that was recorded, or the rig in text"])
     channels = header.acquisition.channels
     calibrations = {channel.name: channel.calibration for channel in channels if channel.calibration is not None}
-    return Rig(Path(name), read_config(header.config_toml, name), calibrations, header.config_toml)
+    return Rig(Path(name), read_recorded_config(header.config_toml, name), calibrations, header.config_toml)
 
 
 def rig_of_text(text: RigInText) -> Rig:
     """Return the rig in a text; ConfigError where it is wrong."""
-    given = {name: calibration_of(record, f"calibrations.{name}") for name, record in text.calibrations.items()}
-    return rig_in_text(text.toml, given, "toml")
+    given = {name: to_calibration(record, f"calibrations.{name}") for name, record in text.calibrations.items()}
+    return parse_rig(text.toml, given, "toml")
 
 
 def _without_paths(rig: Rig, catalogue: Catalogue) -> Rig:

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.signals.header import RunHeader
-from daq.config.loader import read_config
-from daq.config.rotor import configured_rotor
+from daq.config.loader import read_recorded_config
+from daq.config.rotor import model_parameters
 from daq.schemas.study import (
     CampbellRequest,
     CriticalSpeedsRequest,
@@ -46,7 +46,7 @@ def study(tell: Tell, target: Path, header: RunHeader | None, order: StudyReques
 def _parameters(header: RunHeader | None) -> ModelParameters:
     if header is None:
         return gj90c()
-    return configured_rotor(read_config(header.config_toml, f"configuration of run {header.run}"))
+    return model_parameters(read_recorded_config(header.config_toml, f"configuration of run {header.run}"))
 
 
 def computed(parameters: ModelParameters, order: StudyRequest) -> Study:

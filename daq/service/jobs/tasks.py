@@ -8,7 +8,7 @@ from fastapi.exceptions import RequestValidationError
 from pydantic import ValidationError
 
 from analysis.signals.header import Calibration, RunHeader
-from daq.config.calibration import calibration_of
+from daq.config.calibration import to_calibration
 from daq.errors import ConfigError, UsageError
 from daq.reports.parameters import (
     AnalysisForm,
@@ -113,7 +113,7 @@ def _asked(order: AnswerOrder) -> Question | None:
 def _calibrations(order: AnalysisOrder, entry: RunEntry) -> dict[str, Calibration]:
     """Return the calibrations of an order; ProblemError where they are none for this run."""
     try:
-        given = {name: calibration_of(record, f"calibrations.{name}") for name, record in order.calibrations.items()}
+        given = {name: to_calibration(record, f"calibrations.{name}") for name, record in order.calibrations.items()}
         corrected_header(header_of(entry), given)
     except (ConfigError, UsageError) as error:
         raise ProblemError(Kind.BAD_PARAMETER, str(error)) from error

@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from analysis.signals.header import Calibration, RunHeader
-from daq.config.loader import read_config
-from daq.config.rotor import configured_rotor
+from daq.config.loader import read_recorded_config
+from daq.config.rotor import model_parameters
 from daq.reports.export import analysis_made, content
 from daq.reports.parameters import AnalysisForm, Asked
 from daq.reports.records import read_records
@@ -97,10 +97,10 @@ def analyse(tell: Tell, target: Path, place: DataPlace, run: str, calibrations: 
 
 def predict(tell: Tell, target: Path, header: RunHeader, changes: Mapping[str, float]) -> None:
     """Compute the model over speed for the rig of a run, with other values of its `[model]`."""
-    config = read_config(header.config_toml, f"configuration of run {header.run}")
+    config = read_recorded_config(header.config_toml, f"configuration of run {header.run}")
     config = config.model_copy(update={"model": config.model.model_copy(update=dict(changes))})
     parts = parts_told(tell, "computing speed by speed")
-    wanted = CachedPredictionMap(configured_rotor(config), header.settings, header.limits)
+    wanted = CachedPredictionMap(model_parameters(config), header.settings, header.limits)
     found = wanted.computed(lambda done, total: parts(done / total))
     by_speed = tuple(predicted_vibration_schema(found.at(speed)) for speed in found.speeds.tolist())
     _write(target, PredictionMapSchema(run=header.run, by_speed=by_speed))

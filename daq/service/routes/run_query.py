@@ -73,11 +73,11 @@ class RunQuery(Question):
     ] = ""
     since: Annotated[
         Moment | None,
-        Field(description="Begun at or after, UTC unless it names its zone", examples=["2026-11-24T09:00:00Z"]),
+        Field(description="TriggerStart at or after, UTC unless it names its zone", examples=["2026-11-24T09:00:00Z"]),
     ] = None
     before: Annotated[
         Moment | None,
-        Field(description="Begun before, UTC unless it names its zone", examples=["2026-11-25T09:00:00Z"]),
+        Field(description="TriggerStart before, UTC unless it names its zone", examples=["2026-11-25T09:00:00Z"]),
     ] = None
     speed_from_rpm: Annotated[
         Speed | None, Field(description="Went through some speed from here, r/min", examples=[9000.0])

@@ -11,7 +11,7 @@ from pydantic import BaseModel, BeforeValidator, Field, ValidationError
 from pydantic_core import ErrorDetails
 
 from daq.config.calibration import CalibrationRecord
-from daq.config.import_mapping import ColumnsMapping
+from daq.config.import_mapping import ChannelMapping
 from daq.schemas.runs import RunId
 from daq.schemas.units import Schema
 
@@ -63,7 +63,7 @@ class ImportOrder(Schema):
     rig: Annotated[RigOfRun | RigInText, Field(discriminator="of")] = Field(
         description="Whose channels they are", examples=[{"of": "run", "run": "2026-11-24T09-12-07-gj90c"}]
     )
-    mapping: Annotated[ColumnsMapping, BeforeValidator(as_a_file(ColumnsMapping))] = Field(
+    mapping: Annotated[ChannelMapping, BeforeValidator(as_a_file(ChannelMapping))] = Field(
         description="Which columns are which channels: what a mapping file of `rig import` says",
         examples=[{"channel": {"x": {"source": "Kaman 1", "unit": "V"}}}],
     )

@@ -17,8 +17,8 @@ from typing import Final, TypeAlias
 import numpy as np
 
 from analysis.signals.header import AnalysisSettings, Limits, RunHeader
-from daq.config.loader import read_config
-from daq.config.rotor import configured_rotor
+from daq.config.loader import read_recorded_config
+from daq.config.rotor import model_parameters
 from daq.session.prediction.file_lock import FileLock
 from model.errors import ModelError
 from model.prediction.prediction_map import (
@@ -191,6 +191,6 @@ class CachedPredictionMaps:
     def of(self, header: RunHeader) -> CachedPredictionMap:
         """Return the map for the rig of a run, as its configuration was then."""
         if header.run not in self._by_run:
-            config = read_config(header.config_toml, f"configuration of run {header.run}")
-            self._by_run[header.run] = CachedPredictionMap(configured_rotor(config), header.settings, header.limits)
+            config = read_recorded_config(header.config_toml, f"configuration of run {header.run}")
+            self._by_run[header.run] = CachedPredictionMap(model_parameters(config), header.settings, header.limits)
         return self._by_run[header.run]

@@ -26,7 +26,7 @@ from model.rotor.parameters import ModelParameters
 
 FloatArray = NDArray[np.float64]
 
-PORTION = 0.2  # s of waiting at a time, so that Ctrl-C is heeded everywhere
+PORTION = 0.2  # s of waiting at a time, so that Ctrl-C works everywhere
 
 
 @dataclass(frozen=True, slots=True)

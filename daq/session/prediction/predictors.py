@@ -5,9 +5,9 @@ from types import TracebackType
 from typing import Self
 
 from analysis.signals.header import AnalysisSettings, Limits, RunHeader
-from daq.config.loader import read_config
+from daq.config.loader import read_recorded_config
 from daq.config.rig import Rig
-from daq.config.rotor import configured_rotor, rotor_parameters
+from daq.config.rotor import model_parameters
 from daq.session.prediction.predictor import Predictor
 from model.prediction.prediction_map import Prediction, default_map_speeds, prediction_map_key
 from model.rotor.parameters import ModelParameters
@@ -24,12 +24,12 @@ class Predictors:
 
     def for_rig(self, rig: Rig) -> Predictor:
         """Return the predictor for a rig."""
-        return self._for(rotor_parameters(rig), rig.settings, rig.limits)
+        return self._for(model_parameters(rig.config), rig.settings, rig.limits)
 
     def of(self, header: RunHeader) -> Predictor:
         """Return the predictor for the rig of a run, as its configuration was then."""
-        config = read_config(header.config_toml, f"configuration of run {header.run}")
-        return self._for(configured_rotor(config), header.settings, header.limits)
+        config = read_recorded_config(header.config_toml, f"configuration of run {header.run}")
+        return self._for(model_parameters(config), header.settings, header.limits)
 
     def prediction_for(self, header: RunHeader, speed: float) -> Prediction | None:
         """Return what the model says of a run's rig at a speed, rad/s, at once.

@@ -15,9 +15,9 @@ from multiprocessing.connection import Connection
 
 from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd
 from analysis.signals.header import RunHeader
-from daq.drivers.factory import open_source, triggered
+from daq.drivers.factory import apply_trigger, open_source
 from daq.drivers.source import Source
-from daq.drivers.triggered import Begun
+from daq.drivers.triggered import TriggerStart
 from daq.errors import RigError, StoppedError, UsageError
 from daq.session.processes import ignore_terminal_signals
 from daq.session.recording.messages import Acquired, Closed, Done, Opened, RecordingRequest, Refused, Stop
@@ -111,8 +111,8 @@ class _Recorder:
     ) -> None:
         self._order = order
         self._header = run_header(order, source)
-        self._source = triggered(source, order.rig.config.trigger, self)
-        self._passed = 0  # samples per channel that a trigger let pass since the last that was given
+        self._source = apply_trigger(source, order.rig.config.trigger, self)
+        self._passed = 0  # samples per channel that the trigger skipped since the last block it delivered
         self._writer = writer
         self._ring = ring
         self._gauges = gauges
@@ -172,20 +172,20 @@ class _Recorder:
                 self._source.stop()
         self._ring.put(item)
 
-    def waiting(self, event: int, speed: float) -> None:
-        """Show that the start of an event is waited for; as a `TriggerWatch`."""
+    def on_waiting(self, event: int, speed: float) -> None:
+        """Show that the start of an event is waited for; as a `TriggerListener`."""
         self._gauges.wait(event, speed)
 
-    def passed(self, samples: int) -> None:
-        """Count what a trigger lets pass; as a `TriggerWatch`."""
+    def on_skipped(self, samples: int) -> None:
+        """Count the samples that a trigger skips; as a `TriggerListener`."""
         self._writer.pass_over(samples)
         self._passed += samples
 
-    def begun(self, begun: Begun) -> None:
-        """Mark the moment at which an event began; as a `TriggerWatch`."""
-        text = f"start: {begun.start}, after {self._passed:,} samples ({self._passed / self._rate:,.1f} s) let pass"
+    def on_start(self, start: TriggerStart) -> None:
+        """Record the start of an event as a marker; as a `TriggerListener`."""
+        text = f"start: {start.condition}, after {self._passed:,} samples ({self._passed / self._rate:,.1f} s) skipped"
         self._passed = 0
-        marker = Marker(begun.segment, begun.sample, text, time.time_ns())
+        marker = Marker(start.segment, start.sample, text, time.time_ns())
         self._writer.result(encode_marker(marker, self._header))
 
     def _give_up(self, item: SampleBlock | SegmentEnd, message: str) -> None:

@@ -14,7 +14,7 @@ from scipy.io import wavfile
 from analysis.signals.header import Role
 from daq.cli.main import main
 from daq.config.rig import Rig
-from daq.config.toml_writer import to_toml
+from daq.config.toml_files import to_toml
 from daq.drivers.factory import open_source
 from daq.session.recording.messages import RecordingRequest
 from daq.session.recording.recorder import run_header

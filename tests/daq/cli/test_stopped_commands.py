@@ -11,8 +11,8 @@ import pytest
 
 from daq.cli.main import _Asked
 from daq.config.loader import load_rig
-from daq.config.toml_writer import to_toml
-from daq.stop_flag import heeded
+from daq.config.toml_files import to_toml
+from daq.stop_flag import stop_signals
 from recordings.integrity.verify import Verdict, verify
 from tests.daq.conftest import CALIBRATION, TABLES, merged
 from tests.daq.support.commands import StoppedCommand, StopRequest, run_and_stop
@@ -137,10 +137,10 @@ def test_request_for_the_end_is_noted_then_interrupts_and_is_passed_over_while_t
 def test_terminal_that_closes_does_not_end_what_was_begun_with_nohup() -> None:
     before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
     try:
-        assert signal.SIGHUP not in heeded()
+        assert signal.SIGHUP not in stop_signals()
     finally:
         signal.signal(signal.SIGHUP, before)
-    assert {signal.SIGHUP, signal.SIGINT, signal.SIGTERM} <= set(heeded())
+    assert {signal.SIGHUP, signal.SIGINT, signal.SIGTERM} <= set(stop_signals())
 
 
 @pytest.mark.campaign

@@ -4,7 +4,7 @@ import pytest
 
 from analysis.signals.header import Edge
 from daq.cli.main import main
-from daq.config.loader import load_rig, read_config
+from daq.config.loader import load_rig, read_recorded_config
 from tests.daq.config.test_loader import faults_of
 from tests.daq.conftest import RigFactory, RigFiles
 
@@ -34,7 +34,7 @@ def test_edge_at_the_line_may_be_the_other_one(rig: RigFactory) -> None:
 def test_counter_is_in_the_configuration_that_a_recording_carries(rig: RigFactory) -> None:
     loaded = rig(tacho={"counter": {"reference": "counter", "terminal": "PFI9"}})
     assert "[tacho.counter]" in loaded.toml
-    assert read_config(loaded.toml, "a recording") == loaded.config
+    assert read_recorded_config(loaded.toml, "a recording") == loaded.config
 
 
 @pytest.mark.parametrize(

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from analysis.signals.header import Role
-from daq.config.loader import load_rig, read_config
+from daq.config.loader import load_rig, read_recorded_config
 from daq.config.rig import Rig
-from daq.config.rotor import configured_rotor, rotor_parameters
+from daq.config.rotor import model_parameters
 from daq.config.schema import Backend
 from daq.errors import ConfigError
 
@@ -75,12 +75,12 @@ def test_load_rig_keeps_what_a_probe_was_calibrated_against_and_by_whom(rig: Rig
 def test_rig_toml_holds_the_whole_configuration_in_force_and_reads_back(rig: RigFactory) -> None:
     loaded = rig(storage={"folder": 'C:\\runs "new"'})
     assert "deadline_s = 3.0" in loaded.toml  # a default that the file does not name
-    assert read_config(loaded.toml, "a recording") == loaded.config
+    assert read_recorded_config(loaded.toml, "a recording") == loaded.config
 
 
 def test_read_config_names_what_it_was_given() -> None:
     with pytest.raises(ConfigError) as caught:
-        read_config("rig = 3", "run 7")
+        read_recorded_config("rig = 3", "run 7")
     assert caught.value.file == "run 7"
     assert any(fault.startswith("channel: missing") for fault in caught.value.faults)
 
@@ -97,8 +97,8 @@ def test_read_config_names_what_it_was_given() -> None:
 def test_recording_stays_readable_whatever_is_refused_since_then(rig: RigFactory, before: str, after: str) -> None:
     loaded = rig()
     assert before in loaded.toml
-    read = read_config(loaded.toml.replace(before, after), "a recording")
-    assert configured_rotor(read) == configured_rotor(loaded.config)
+    read = read_recorded_config(loaded.toml.replace(before, after), "a recording")
+    assert model_parameters(read) == model_parameters(loaded.config)
 
 
 @pytest.mark.parametrize(("before", "after"), [('role = "probe_y"', 'role = "probe_x"'), ("[model]", "[model]\nx = 1")])
@@ -106,16 +106,15 @@ def test_recording_whose_probes_or_model_are_wrong_is_refused(rig: RigFactory, b
     text = rig(model={"viscosity_pa_s": 0.02}).toml
     assert before in text
     with pytest.raises(ConfigError):
-        read_config(text.replace(before, after), "a recording")
+        read_recorded_config(text.replace(before, after), "a recording")
 
 
-def test_rotor_parameters_follow_the_model_section_and_the_probes(rig: RigFactory) -> None:
+def test_model_parameters_follow_the_model_section_and_the_probes(rig: RigFactory) -> None:
     loaded = rig(model={"viscosity_pa_s": 0.02, "outer_clearance_um": 70.0})
-    parameters = rotor_parameters(loaded)
+    parameters = model_parameters(loaded.config)
     assert parameters.floating_ring.viscosity == 0.02
     assert parameters.floating_ring.outer_clearance == pytest.approx(70e-6)
     assert parameters.probe_angles == pytest.approx((math.pi / 4, 3 * math.pi / 4))
-    assert parameters == configured_rotor(loaded.config)
 
 
 @pytest.mark.parametrize(

@@ -8,8 +8,8 @@ from typing import Any
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from daq.config.loader import read_config
-from daq.config.toml_writer import to_toml
+from daq.config.loader import read_recorded_config
+from daq.config.toml_files import to_toml
 from daq.errors import ConfigError
 
 BENCH = tomllib.loads((Path(__file__).parents[3] / "rigs" / "bench.toml").read_text("utf-8"))
@@ -50,7 +50,7 @@ def places(data: object, above: Place = ()) -> list[Place]:
 def told(text: str) -> list[str]:
     """Return the faults that are told of a configuration, none where it is taken as good."""
     try:
-        config = read_config(text, "any.toml")
+        config = read_recorded_config(text, "any.toml")
     except ConfigError as error:
         return error.faults or ["an error without a fault"]
     return [] if len(config.channel) == 3 else ["taken as good without its channels"]

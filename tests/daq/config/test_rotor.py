@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from daq.config.loader import load_rig, read_config
+from daq.config.loader import load_rig, read_recorded_config
 from daq.config.rig import Rig
-from daq.config.rotor import configured_rotor, default_rotor, rotor_parameters
+from daq.config.rotor import default_rotor, model_parameters
 from daq.errors import ConfigError
 from model.rotor.gj90c import gj90c
 from model.rotor.parameters import Imbalance
@@ -33,31 +33,34 @@ def faults_of(path: Path) -> list[str]:
 
 
 def test_rig_that_names_no_rotor_has_the_default_one(rig: RigFactory) -> None:
-    assert rotor_parameters(rig()) == gj90c(probe_angles=SEATS)
+    assert model_parameters(rig().config) == gj90c(probe_angles=SEATS)
 
 
 def test_rotor_is_read_beside_the_rig_and_the_recording_carries_it(rig_file: RigFiles) -> None:
     path = beside(rig_file(model={"rotor": "rotor.toml"}), GJ90C.replace("mass_kg = 0.07", "mass_kg = 0.08"))
     loaded = load_rig(path)
     path.with_name("rotor.toml").unlink()
-    for parameters in (rotor_parameters(loaded), configured_rotor(read_config(loaded.toml, "a recording"))):
+    for parameters in (
+        model_parameters(loaded.config),
+        model_parameters(read_recorded_config(loaded.toml, "a recording")),
+    ):
         assert parameters.rotor.discs[4].mass == 0.08
         assert parameters.probe_angles == pytest.approx(SEATS)
 
 
 def test_recording_carries_the_default_rotor_too(rig: RigFactory) -> None:
-    assert read_config(rig().toml, "a recording").rotor == default_rotor()
+    assert read_recorded_config(rig().toml, "a recording").rotor == default_rotor()
 
 
 def test_recording_of_before_there_were_rotor_files_has_the_default_one(rig: RigFactory) -> None:
     old = rig().config.model_copy(update={"rotor": {}})
-    assert configured_rotor(old) == gj90c(probe_angles=SEATS)
+    assert model_parameters(old) == gj90c(probe_angles=SEATS)
 
 
 def test_model_section_says_what_differs_from_the_rotors_file(rig_file: RigFiles) -> None:
     more = GJ90C + "\n[[imbalance]]\nstation = 2\nmagnitude_g_mm = 0.1\nphase_deg = 90\n"
     changes = {"imbalance_kg_m": 2e-7, "inner_clearance_um": 25.0}
-    parameters = rotor_parameters(load_rig(beside(rig_file(model={"rotor": "rotor.toml"} | changes), more)))
+    parameters = model_parameters(load_rig(beside(rig_file(model={"rotor": "rotor.toml"} | changes), more)).config)
     assert parameters.imbalances == (Imbalance(5, 2e-7), Imbalance(2, 1e-7, math.pi / 2))
     assert parameters.floating_ring.inner_clearance == pytest.approx(25e-6)
     assert parameters.floating_ring.outer_clearance == 80e-6
@@ -87,6 +90,6 @@ def test_rotor_that_cannot_be_read_is_a_fault_of_the_rig(rig_file: RigFiles) -> 
 
 
 def test_rotor_may_stand_in_the_rigs_own_file_but_not_twice(rig_file: RigFiles) -> None:
-    assert rotor_parameters(load_rig(rig_file(rotor=default_rotor()))) == gj90c(probe_angles=SEATS)
+    assert model_parameters(load_rig(rig_file(rotor=default_rotor())).config) == gj90c(probe_angles=SEATS)
     (fault,) = faults_of(beside(rig_file(rotor=default_rotor(), model={"rotor": "rotor.toml"}), GJ90C))
     assert fault == 'model.rotor = "rotor.toml": expected none beside the file\'s own [rotor]'

@@ -10,7 +10,7 @@ from analysis.signals.blocks import SampleBlock
 from analysis.signals.header import Acquisition
 from daq.config.rig import Rig
 from daq.drivers.simulation.card import SimulatedCard
-from daq.drivers.triggered import SpeedEstimate
+from daq.drivers.triggered import SpeedEstimator
 
 RigFactory = Callable[..., Rig]
 
@@ -25,7 +25,7 @@ def acquisition_of(rig: RigFactory, reference: str = "counter", **tacho: object)
 
 def stamped(acquisition: Acquisition, edges: Iterable[float], end: float, *, fails_from: float = np.inf) -> list[float]:
     """Return the speed, r/min, at the end of each block with stamps at these times, s; the waveform is silent."""
-    estimate, speeds = SpeedEstimate(acquisition), []
+    estimate, speeds = SpeedEstimator(acquisition), []
     ticks = np.round(np.array(list(edges)) * 80e6).astype(np.int64)
     silent = np.zeros((3, BLOCK), np.int16)
     for first in range(0, round(end * acquisition.rate), BLOCK):
@@ -48,7 +48,7 @@ def test_speed_comes_from_the_samples_once_the_counter_fails_and_from_it_again_i
 ) -> None:
     chosen = rig(simulation=HELD, tacho={"counter": {"reference": "counter"}})
     card = SimulatedCard(chosen)
-    estimate = SpeedEstimate(card.acquisition)
+    estimate = SpeedEstimator(card.acquisition)
     speeds = []
     for k in range(40):
         codes = card.next_codes(BLOCK)

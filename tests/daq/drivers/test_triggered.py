@@ -13,11 +13,11 @@ from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd, SourceIt
 from analysis.signals.header import Acquisition
 from daq.config.loader import with_trigger
 from daq.config.rig import Rig
-from daq.config.trigger_condition import Condition, read_condition
-from daq.drivers.factory import open_source, triggered
+from daq.config.schema import TriggerCondition, parse_condition
+from daq.drivers.factory import apply_trigger, open_source
 from daq.drivers.simulation.card import SimulatedCard
 from daq.drivers.source import Source
-from daq.drivers.triggered import Begun, Trigger, Triggered
+from daq.drivers.triggered import Trigger, TriggeredSource, TriggerStart
 from daq.errors import ConfigError
 from daq.session.live_update import RunState
 from recordings.mcap.parts import file_names
@@ -35,21 +35,21 @@ class Watch:
         self.speeds: list[float] = []
         self.waited_for: list[int] = []
         self.n_passed = 0
-        self.events: list[Begun] = []
+        self.events: list[TriggerStart] = []
 
-    def waiting(self, event: int, speed: float) -> None:
+    def on_waiting(self, event: int, speed: float) -> None:
         self.waited_for.append(event)
         self.speeds.append(speed)
 
-    def passed(self, samples: int) -> None:
+    def on_skipped(self, samples: int) -> None:
         self.n_passed += samples
 
-    def begun(self, begun: Begun) -> None:
-        self.events.append(begun)
+    def on_start(self, start: TriggerStart) -> None:
+        self.events.append(start)
 
 
 def opened(rig: Rig, watch: Watch | None = None) -> Source:
-    return triggered(open_source(rig), rig.config.trigger, watch or Watch())
+    return apply_trigger(open_source(rig), rig.config.trigger, watch or Watch())
 
 
 RATE = 20_000
@@ -82,9 +82,9 @@ def test_run_lies_between_its_conditions_with_what_came_before(rig: RigFactory) 
     assert watch.speeds == sorted(watch.speeds)
     assert watch.speeds[-1] == pytest.approx(4000, rel=0.03)
     assert watch.n_passed == first
-    (begun,) = watch.events
-    assert (begun.event, begun.segment, str(begun.start)) == (1, 0, "speed > 4000 r/min")
-    assert first + begun.sample == pytest.approx(2.0 * RATE, abs=0.3 * RATE)
+    (start,) = watch.events
+    assert (start.event, start.segment, str(start.condition)) == (1, 0, "speed > 4000 r/min")
+    assert first + start.sample == pytest.approx(2.0 * RATE, abs=0.3 * RATE)
 
 
 def test_stop_by_time_counts_from_the_start(rig: RigFactory) -> None:
@@ -121,13 +121,13 @@ class Scripted:
     def close(self) -> None: ...
 
 
-ABOVE = Condition("x", is_above=True, value=2.0)
-BELOW = Condition("x", is_above=False, value=-2.0)
+ABOVE = TriggerCondition("x", is_above=True, value=2.0)
+BELOW = TriggerCondition("x", is_above=False, value=-2.0)
 
 
 def scripted(
     rig: Rig, levels: Sequence[float | None], *, hold: float, trigger: Trigger | None = None, watch: Watch | None = None
-) -> Triggered:
+) -> TriggeredSource:
     """Return a source of 0.1 s blocks of a level of x, V; None is an overrun."""
     acquisition = SimulatedCard(rig).acquisition
     items: list[SourceItem] = []
@@ -144,7 +144,7 @@ def scripted(
         first += 2000
     items.append(SegmentEnd(segment, first, EndReason.STOPPED))
     trigger = replace(trigger or Trigger(ABOVE, None, before=0.3), hold=hold)
-    return Triggered(Scripted(acquisition, items), trigger, watch or Watch())
+    return TriggeredSource(Scripted(acquisition, items), trigger, watch or Watch())
 
 
 def test_glitch_shorter_than_the_hold_starts_nothing(rig: RigFactory) -> None:
@@ -204,7 +204,7 @@ def test_no_start_is_looked_for_during_the_hold_off(rig: RigFactory) -> None:
 def test_device_that_fails_while_a_start_is_waited_for_is_told(rig: RigFactory) -> None:
     acquisition = SimulatedCard(rig()).acquisition
     end = SegmentEnd(0, 0, EndReason.UNPLUGGED, detail="the card is gone")
-    source = Triggered(Scripted(acquisition, [end]), Trigger(ABOVE, None), Watch())
+    source = TriggeredSource(Scripted(acquisition, [end]), Trigger(ABOVE, None), Watch())
     assert [*source.blocks()] == [
         replace(end, detail="while x > 2 V was waited for: the card is gone"),
         SegmentEnd(1, 0, EndReason.STOPPED, detail="x > 2 V was not reached"),
@@ -250,9 +250,7 @@ def test_each_event_is_a_recording_and_the_run_ends_after_as_many(rig: RigFactor
             assert 2.2 < reader.duration < 2.8
             (marker,) = reader.markers()
             assert 0.2 < marker.sample / RATE < 0.6
-            found = re.fullmatch(
-                r"start: speed > 5000 r/min, after ([\d,]+) samples \([\d.]+ s\) let pass", marker.text
-            )
+            found = re.fullmatch(r"start: speed > 5000 r/min, after ([\d,]+) samples \([\d.]+ s\) skipped", marker.text)
             assert found is not None
             passed += int(found[1].replace(",", ""))
             begun = (reader.header.started_ns - run.header.started_ns) / 1e9
@@ -283,7 +281,7 @@ def test_events_without_a_start_and_a_stop_are_refused(rig: RigFactory) -> None:
     with pytest.raises(ConfigError, match=r"trigger\.events = -1: "):
         with_trigger(rig(), events=-1)
     with pytest.raises(ValueError, match="events: 0, expected 1 without"):
-        Triggered(open_source(rig()), Trigger(ABOVE, None, events=0), Watch())
+        TriggeredSource(open_source(rig()), Trigger(ABOVE, None, events=0), Watch())
 
 
 def test_operator_sees_that_a_run_is_armed_and_the_file_holds_what_followed(rig: RigFactory, tmp_path: Path) -> None:
@@ -304,15 +302,15 @@ def test_operator_sees_that_a_run_is_armed_and_the_file_holds_what_followed(rig:
 @pytest.mark.parametrize(
     ("text", "condition"),
     [
-        ("speed > 2000", Condition("speed", is_above=True, value=2000.0)),
-        (" x<-4.5 ", Condition("x", is_above=False, value=-4.5)),
-        ("time > 2_000", Condition("time", is_above=True, value=2000.0)),
-        ("speed > 12,500", Condition("speed", is_above=True, value=12_500.0)),
+        ("speed > 2000", TriggerCondition("speed", is_above=True, value=2000.0)),
+        (" x<-4.5 ", TriggerCondition("x", is_above=False, value=-4.5)),
+        ("time > 2_000", TriggerCondition("time", is_above=True, value=2000.0)),
+        ("speed > 12,500", TriggerCondition("speed", is_above=True, value=12_500.0)),
         ("", None),
     ],
 )
-def test_condition_is_read_as_it_is_written(text: str, condition: Condition | None) -> None:
-    assert read_condition(text) == condition
+def test_condition_is_read_as_it_is_written(text: str, condition: TriggerCondition | None) -> None:
+    assert parse_condition(text) == condition
 
 
 @pytest.mark.parametrize("text", ["fast", "speed => 3", "speed > ", "speed > nan", "> 3", "x > 4,5", "x > 1,50"])

@@ -29,7 +29,7 @@ from analysis.vectors.vold_kalman import probe_envelopes
 from analysis.whirl.tracks import subsynchronous_tracks
 from daq.cli.main import main
 from daq.config.loader import load_rig
-from daq.config.toml_writer import to_toml
+from daq.config.toml_files import to_toml
 from daq.reports.analysis_schema import AnalysisSchema
 from daq.reports.kinds.envelopes import OrderFilter, solved
 from daq.reports.registry import KINDS

@@ -21,7 +21,7 @@ from daq.config.schema import (
     TachoSection,
     TimingSection,
 )
-from daq.drivers.ni import Usb6251, open_usb6251
+from daq.drivers.ni import NiSource, open_ni_source
 from daq.errors import DeviceError
 
 RATE = 30_000.0  # coerced to 29,985 by the card's 20 MHz
@@ -51,7 +51,7 @@ def bench(
     return Rig(Path("rig.toml"), config, {"x": CALIBRATION, "y": CALIBRATION}, "")
 
 
-def take(source: Usb6251, blocks: int) -> list[SourceItem]:
+def take(source: NiSource, blocks: int) -> list[SourceItem]:
     """Read so many blocks, stop, and read on to the end."""
     items: list[SourceItem] = []
     for item in source.blocks():
@@ -71,5 +71,5 @@ def ends_of(items: list[SourceItem]) -> list[SegmentEnd]:
 
 def refused(rig: Rig) -> DeviceError:
     with pytest.raises(DeviceError) as caught:
-        open_usb6251(rig)
+        open_ni_source(rig)
     return caught.value

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from daq.drivers.ni import Usb6251, open_usb6251
+from daq.drivers.ni import NiSource, open_ni_source
 from daq.drivers.simulation.card import SimulatedCard
 from tests.daq.drivers.ni.bench import bench
 from tests.daq.support.device_server import DeviceServer, serving
@@ -23,7 +23,7 @@ def server(driver: NiDriver) -> Iterator[DeviceServer]:
 
 
 @pytest.fixture
-def card(server: DeviceServer) -> Iterator[Usb6251]:
-    source = open_usb6251(bench(server.target))
+def card(server: DeviceServer) -> Iterator[NiSource]:
+    source = open_ni_source(bench(server.target))
     yield source
     source.close()

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd, SourceItem
 from daq.config.schema import CounterSection
-from daq.drivers.ni import Usb6251, open_usb6251
+from daq.drivers.ni import NiSource, open_ni_source
 from daq.drivers.ni.counter_stamps import WRAP, Unwrapping
 from daq.drivers.simulation.card import SimulatedCard
 from daq.errors import DeviceFault
@@ -28,8 +28,8 @@ def server() -> Iterator[DeviceServer]:
 
 
 @pytest.fixture
-def card(server: DeviceServer) -> Iterator[Usb6251]:
-    source = open_usb6251(bench(server.target, counter=COUNTER))
+def card(server: DeviceServer) -> Iterator[NiSource]:
+    source = open_ni_source(bench(server.target, counter=COUNTER))
     yield source
     source.close()
 
@@ -39,7 +39,7 @@ def ticks_of(items: list[SourceItem], segment: int = 0) -> NDArray[np.int64]:
     return np.concatenate([np.empty(0, np.int64), *(block.ticks for block in blocks if block.ticks is not None)])
 
 
-def test_stamps_are_the_true_moments_of_the_edges_in_whole_ticks(card: Usb6251) -> None:
+def test_stamps_are_the_true_moments_of_the_edges_in_whole_ticks(card: NiSource) -> None:
     items = take(card, 20)
     n = ends_of(items)[0].samples
     np.testing.assert_array_equal(ticks_of(items), SimulatedCard(bench(counter=COUNTER)).ticks(0, n))
@@ -48,7 +48,7 @@ def test_stamps_are_the_true_moments_of_the_edges_in_whole_ticks(card: Usb6251) 
     assert card.acquisition.tacho.reference == "counter"
 
 
-def test_each_stamp_comes_with_the_block_in_which_it_lies(card: Usb6251) -> None:
+def test_each_stamp_comes_with_the_block_in_which_it_lies(card: NiSource) -> None:
     per_sample = card.acquisition.ticks_per_sample
     for item in take(card, 10):
         if isinstance(item, SampleBlock):
@@ -56,7 +56,7 @@ def test_each_stamp_comes_with_the_block_in_which_it_lies(card: Usb6251) -> None
             assert ((item.ticks >= item.first_sample * per_sample) & (item.ticks < item.end * per_sample)).all()
 
 
-def test_counter_is_started_before_the_samples_and_waits_for_them(card: Usb6251, server: DeviceServer) -> None:
+def test_counter_is_started_before_the_samples_and_waits_for_them(card: NiSource, server: DeviceServer) -> None:
     take(card, 2)
     counter, inputs = (server.log.index(call) for call in ("CreateCICountEdgesChan", "CreateAIVoltageChan"))
     assert inputs < counter
@@ -65,7 +65,7 @@ def test_counter_is_started_before_the_samples_and_waits_for_them(card: Usb6251,
     assert server.log.index("ReadBinaryI16") > starts[1]
 
 
-def test_no_task_is_left_after_a_run_with_a_counter(card: Usb6251, server: DeviceServer) -> None:
+def test_no_task_is_left_after_a_run_with_a_counter(card: NiSource, server: DeviceServer) -> None:
     assert sorted(server.tasks) == ["rig-Dev1", "rig-Dev1-counter"]
     take(card, 2)
     assert server.tasks == []
@@ -77,7 +77,7 @@ def test_counter_runs_through_three_wraps_and_silences_longer_than_one() -> None
     with serving(NiDriver(lambda: SimulatedCard(slow))) as server:
         rig = bench(server.target, counter=COUNTER, rate=500.0, profile=course)
         config = rig.config.model_copy(update={"timing": rig.config.timing.model_copy(update={"block_s": 0.8})})
-        source = open_usb6251(type(rig)(rig.path, config, rig.calibrations, rig.toml))
+        source = open_ni_source(type(rig)(rig.path, config, rig.calibrations, rig.toml))
         items = take(source, 290)
         source.close()
     ticks = ticks_of(items)
@@ -88,7 +88,7 @@ def test_counter_runs_through_three_wraps_and_silences_longer_than_one() -> None
 
 
 @pytest.mark.parametrize("code", [-200279, -200141, -200545])
-def test_counter_that_fails_costs_its_stamps_and_no_sample(card: Usb6251, server: DeviceServer, code: int) -> None:
+def test_counter_that_fails_costs_its_stamps_and_no_sample(card: NiSource, server: DeviceServer, code: int) -> None:
     server.faults[READ].extend([0, 0, 0, code])
     items = take(card, 8)
     blocks = [item for item in items if isinstance(item, SampleBlock)]
@@ -101,7 +101,7 @@ def test_counter_that_fails_costs_its_stamps_and_no_sample(card: Usb6251, server
 
 
 def test_counter_whose_buffer_overflows_costs_no_sample(server: DeviceServer) -> None:
-    card = open_usb6251(bench(server.target, counter=COUNTER))
+    card = open_ni_source(bench(server.target, counter=COUNTER))
     items: list[SourceItem] = []
     for item in card.blocks():
         items.append(item)
@@ -117,7 +117,7 @@ def test_counter_whose_buffer_overflows_costs_no_sample(server: DeviceServer) ->
     assert "the buffer was overwritten" in end.detail
 
 
-def test_overrun_of_the_samples_begins_a_new_count(card: Usb6251, server: DeviceServer) -> None:
+def test_overrun_of_the_samples_begins_a_new_count(card: NiSource, server: DeviceServer) -> None:
     server.faults["ReadBinaryI16"].extend([0, 0, 0, -200279])
     items = take(card, 8)
     first, second = ends_of(items)
@@ -127,7 +127,7 @@ def test_overrun_of_the_samples_begins_a_new_count(card: Usb6251, server: Device
         np.testing.assert_array_equal(ticks_of(items, end.segment), truth.ticks(0, end.samples))
 
 
-def test_counter_that_failed_works_again_in_the_next_segment(card: Usb6251, server: DeviceServer) -> None:
+def test_counter_that_failed_works_again_in_the_next_segment(card: NiSource, server: DeviceServer) -> None:
     server.faults[READ].extend([0, -200279])
     server.faults["ReadBinaryI16"].extend([0, 0, 0, -200279])
     items = take(card, 8)
@@ -138,7 +138,7 @@ def test_counter_that_failed_works_again_in_the_next_segment(card: Usb6251, serv
 
 
 def test_last_block_has_its_stamps_though_the_question_for_the_backlog_fails(
-    card: Usb6251, server: DeviceServer
+    card: NiSource, server: DeviceServer
 ) -> None:
     server.faults["GetReadAttributeUInt32"].extend([0, 0, -200545])
     items = list(card.blocks())
@@ -148,7 +148,7 @@ def test_last_block_has_its_stamps_though_the_question_for_the_backlog_fails(
     np.testing.assert_array_equal(ticks_of(items), SimulatedCard(bench(counter=COUNTER)).ticks(0, end.samples))
 
 
-def test_counter_that_does_not_start_costs_no_sample(card: Usb6251, server: DeviceServer) -> None:
+def test_counter_that_does_not_start_costs_no_sample(card: NiSource, server: DeviceServer) -> None:
     server.faults["StartTask"].append(-200545)
     items = take(card, 3)
     (end,) = ends_of(items)
@@ -157,7 +157,7 @@ def test_counter_that_does_not_start_costs_no_sample(card: Usb6251, server: Devi
     assert all(item.ticks is None for item in items if isinstance(item, SampleBlock))
 
 
-def test_counter_of_another_clock_is_found_out(card: Usb6251, server: DeviceServer) -> None:
+def test_counter_of_another_clock_is_found_out(card: NiSource, server: DeviceServer) -> None:
     items: list[SourceItem] = []
     for item in card.blocks():
         items.append(item)
@@ -187,7 +187,7 @@ def test_counter_that_cannot_be_set_up_leaves_nothing_reserved(server: DeviceSer
 
 
 def test_server_that_freezes_ends_a_run_with_a_counter_and_both_tasks_are_cleared(
-    card: Usb6251, server: DeviceServer
+    card: NiSource, server: DeviceServer
 ) -> None:
     items: list[SourceItem] = []
     for item in card.blocks():
@@ -198,7 +198,7 @@ def test_server_that_freezes_ends_a_run_with_a_counter_and_both_tasks_are_cleare
     assert (end.reason, end.samples) == (EndReason.DEVICE_ERROR, 3 * 1499)
     card.close()
     server.thaw()
-    again = open_usb6251(bench(server.target, counter=COUNTER))
+    again = open_ni_source(bench(server.target, counter=COUNTER))
     assert isinstance(take(again, 1)[-1], SegmentEnd)
     again.close()
     assert server.tasks == []

@@ -3,7 +3,7 @@
 import pytest
 
 from daq.config.schema import Backend, DeviceSection
-from daq.drivers.ni import Usb6251, connected_devices, self_test
+from daq.drivers.ni import NiSource, connected_devices, self_test
 from daq.errors import DeviceError, DeviceFault
 from tests.daq.support.device_server import DeviceServer
 
@@ -30,7 +30,7 @@ def test_device_that_another_program_holds_is_listed_as_busy(server: DeviceServe
     assert server.tasks == []
 
 
-def test_device_that_a_recording_holds_is_listed_as_busy(server: DeviceServer, card: Usb6251) -> None:
+def test_device_that_a_recording_holds_is_listed_as_busy(server: DeviceServer, card: NiSource) -> None:
     assert connected_devices(section(server))[0].busy is True
     card.close()
     assert connected_devices(section(server))[0].busy is False

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd, SourceItem
-from daq.drivers.ni import Usb6251, open_usb6251
+from daq.drivers.ni import NiSource, open_ni_source
 from daq.drivers.ni.card import NiCard
 from daq.drivers.simulation.card import SimulatedCard
 from tests.daq.drivers.ni.bench import bench, codes_of, ends_of, take
@@ -15,7 +15,7 @@ from tests.daq.support.device_server import DeviceServer
 
 @pytest.mark.parametrize("code", [-200279, -200222, -200361, -200010, -200019, -200714])
 def test_overrun_ends_the_segment_with_code_and_text_and_the_next_begins(
-    card: Usb6251, server: DeviceServer, code: int
+    card: NiSource, server: DeviceServer, code: int
 ) -> None:
     server.faults["ReadBinaryI16"].extend([0, 0, code])
     items = take(card, 5)
@@ -30,7 +30,7 @@ def test_overrun_ends_the_segment_with_code_and_text_and_the_next_begins(
 
 
 def test_card_that_does_not_start_ends_an_empty_segment_and_is_not_left_reserved(
-    card: Usb6251, server: DeviceServer
+    card: NiSource, server: DeviceServer
 ) -> None:
     server.faults["StartTask"].append(-50103)
     (end,) = list(card.blocks())
@@ -40,7 +40,7 @@ def test_card_that_does_not_start_ends_an_empty_segment_and_is_not_left_reserved
     assert server.tasks == []
 
 
-def test_overrun_tells_at_least_how_many_samples_were_lost(card: Usb6251, server: DeviceServer) -> None:
+def test_overrun_tells_at_least_how_many_samples_were_lost(card: NiSource, server: DeviceServer) -> None:
     items: list[SourceItem] = []
     for item in card.blocks():
         items.append(item)
@@ -55,7 +55,7 @@ def test_overrun_tells_at_least_how_many_samples_were_lost(card: Usb6251, server
     assert not first.is_gap_free
 
 
-def test_overrun_without_an_answer_about_the_loss_is_still_a_gap(card: Usb6251, server: DeviceServer) -> None:
+def test_overrun_without_an_answer_about_the_loss_is_still_a_gap(card: NiSource, server: DeviceServer) -> None:
     server.faults["ReadBinaryI16"].extend([0, -200279])
     server.faults["GetReadAttributeUInt64"].append(-200279)
     first = ends_of(take(card, 2))[0]
@@ -63,7 +63,7 @@ def test_overrun_without_an_answer_about_the_loss_is_still_a_gap(card: Usb6251, 
     assert not first.is_gap_free
 
 
-def test_overrun_again_and_again_ends_the_run(card: Usb6251, server: DeviceServer) -> None:
+def test_overrun_again_and_again_ends_the_run(card: NiSource, server: DeviceServer) -> None:
     server.faults["ReadBinaryI16"].extend([0, -200279] * 20)
     items = list(card.blocks())
     assert [end.segment for end in ends_of(items)] == [0, 1, 2, 3, 4, 5]
@@ -71,7 +71,7 @@ def test_overrun_again_and_again_ends_the_run(card: Usb6251, server: DeviceServe
 
 
 def test_overrun_after_which_the_card_does_not_start_ends_the_run_with_that(
-    card: Usb6251, server: DeviceServer
+    card: NiSource, server: DeviceServer
 ) -> None:
     server.faults["ReadBinaryI16"].extend([0, -200279])
     server.faults["StartTask"].extend([0, -200545])
@@ -82,7 +82,7 @@ def test_overrun_after_which_the_card_does_not_start_ends_the_run_with_that(
 
 
 def test_overrun_after_which_the_card_does_not_even_stop_ends_the_run_with_that(
-    card: Usb6251, server: DeviceServer
+    card: NiSource, server: DeviceServer
 ) -> None:
     server.faults["ReadBinaryI16"].extend([0, -200279])
     server.faults["StopTask"].append(-88710)
@@ -93,7 +93,7 @@ def test_overrun_after_which_the_card_does_not_even_stop_ends_the_run_with_that(
 
 
 @pytest.mark.parametrize("code", [-88710, -88709, -201003, -200220, -50405, -200284])
-def test_card_that_is_no_longer_listed_was_unplugged(card: Usb6251, server: DeviceServer, code: int) -> None:
+def test_card_that_is_no_longer_listed_was_unplugged(card: NiSource, server: DeviceServer, code: int) -> None:
     del server.driver.devices["Dev1"]
     server.faults["ReadBinaryI16"].extend([0, code])
     (end,) = ends_of(list(card.blocks()))
@@ -103,19 +103,21 @@ def test_card_that_is_no_longer_listed_was_unplugged(card: Usb6251, server: Devi
     assert server.tasks == []
 
 
-def test_card_that_is_listed_and_fails_its_test_was_unplugged(card: Usb6251, server: DeviceServer) -> None:
+def test_card_that_is_listed_and_fails_its_test_was_unplugged(card: NiSource, server: DeviceServer) -> None:
     server.driver.answers_tests = False
     server.faults["ReadBinaryI16"].extend([0, -88710])
     assert ends_of(list(card.blocks()))[0].reason is EndReason.UNPLUGGED
 
 
-def test_card_plugged_in_again_at_once_was_unplugged_all_the_same(card: Usb6251, server: DeviceServer) -> None:
+def test_card_plugged_in_again_at_once_was_unplugged_all_the_same(card: NiSource, server: DeviceServer) -> None:
     server.faults["ReadBinaryI16"].extend([0, -201003])
     assert ends_of(list(card.blocks()))[0].reason is EndReason.UNPLUGGED
 
 
 @pytest.mark.parametrize("code", [-88710, -50103, -200077, -200545, -299_999])
-def test_other_faults_of_a_card_that_is_there_are_device_errors(card: Usb6251, server: DeviceServer, code: int) -> None:
+def test_other_faults_of_a_card_that_is_there_are_device_errors(
+    card: NiSource, server: DeviceServer, code: int
+) -> None:
     server.faults["ReadBinaryI16"].extend([0, 0, 0, code])
     items = list(card.blocks())
     (end,) = ends_of(items)
@@ -128,7 +130,7 @@ def test_other_faults_of_a_card_that_is_there_are_device_errors(card: Usb6251, s
 
 
 def test_samples_that_come_before_the_time_out_are_kept_and_reading_goes_on(
-    card: Usb6251, server: DeviceServer
+    card: NiSource, server: DeviceServer
 ) -> None:
     server.driver.late.extend([1499, 700, 1499])
     items = take(card, 4)
@@ -138,21 +140,21 @@ def test_samples_that_come_before_the_time_out_are_kept_and_reading_goes_on(
     assert ends_of(items) == [SegmentEnd(0, 1499 * 3 + 700, EndReason.STOPPED)]
 
 
-def test_card_that_gives_no_samples_at_all_is_a_device_error(card: Usb6251, server: DeviceServer) -> None:
+def test_card_that_gives_no_samples_at_all_is_a_device_error(card: NiSource, server: DeviceServer) -> None:
     server.driver.late.extend([1499, 0])
     (end,) = ends_of(list(card.blocks()))
     assert (end.reason, end.samples) == (EndReason.DEVICE_ERROR, 1499)
     assert "no samples arrived in time" in end.detail
 
 
-def test_block_is_delivered_where_only_the_question_for_the_backlog_fails(card: Usb6251, server: DeviceServer) -> None:
+def test_block_is_delivered_where_only_the_question_for_the_backlog_fails(card: NiSource, server: DeviceServer) -> None:
     server.faults["GetReadAttributeUInt32"].extend([0, -200545])
     items = list(card.blocks())
     assert codes_of(items).shape[1] == ends_of(items)[0].samples == 2 * 1499
     assert ends_of(items)[0].reason is EndReason.DEVICE_ERROR
 
 
-def test_server_that_is_killed_ends_the_segment_and_closing_is_harmless(card: Usb6251, server: DeviceServer) -> None:
+def test_server_that_is_killed_ends_the_segment_and_closing_is_harmless(card: NiSource, server: DeviceServer) -> None:
     items: list[SourceItem] = []
     for item in card.blocks():
         items.append(item)
@@ -165,7 +167,7 @@ def test_server_that_is_killed_ends_the_segment_and_closing_is_harmless(card: Us
 
 
 def test_server_that_freezes_ends_the_segment_by_the_deadline_and_is_cleared_when_it_thaws(
-    card: Usb6251, server: DeviceServer
+    card: NiSource, server: DeviceServer
 ) -> None:
     began = time.monotonic()
     items: list[SourceItem] = []
@@ -179,13 +181,13 @@ def test_server_that_freezes_ends_the_segment_by_the_deadline_and_is_cleared_whe
     assert "did not answer within its deadline" in end.detail
     card.close()
     server.thaw()
-    again = open_usb6251(bench(server.target))
+    again = open_ni_source(bench(server.target))
     assert ends_of(take(again, 1))[0].reason is EndReason.STOPPED
     again.close()
     assert server.tasks == []
 
 
-def test_count_that_differs_from_the_drivers_is_never_passed_over(card: Usb6251, server: DeviceServer) -> None:
+def test_count_that_differs_from_the_drivers_is_never_passed_over(card: NiSource, server: DeviceServer) -> None:
     server.driver.miscount = 17
     (end,) = ends_of(take(card, 2))
     assert (end.reason, end.lost, end.lost_is_exact) == (EndReason.OVERRUN, 17, True)
@@ -193,7 +195,7 @@ def test_count_that_differs_from_the_drivers_is_never_passed_over(card: Usb6251,
 
 
 def test_counts_are_compared_every_second_and_a_difference_ends_the_segment(
-    card: Usb6251, server: DeviceServer
+    card: NiSource, server: DeviceServer
 ) -> None:
     items: list[SourceItem] = []
     for item in card.blocks():
@@ -211,20 +213,20 @@ def test_counts_are_compared_every_second_and_a_difference_ends_the_segment(
 
 
 def test_count_that_differs_from_the_first_comparison_on_is_told_at_the_stop_alone(
-    card: Usb6251, server: DeviceServer
+    card: NiSource, server: DeviceServer
 ) -> None:
     server.driver.miscount = 17
     (end,) = ends_of(take(card, 80))
     assert (end.reason, end.samples, end.lost) == (EndReason.OVERRUN, 80 * 1499, 17)
 
 
-def test_count_below_ours_is_an_error_of_the_device(card: Usb6251, server: DeviceServer) -> None:
+def test_count_below_ours_is_an_error_of_the_device(card: NiSource, server: DeviceServer) -> None:
     server.driver.miscount = -17
     (end,) = ends_of(take(card, 2))
     assert (end.reason, end.is_gap_free) == (EndReason.DEVICE_ERROR, False)
 
 
-def test_count_that_cannot_be_asked_is_said(card: Usb6251, server: DeviceServer) -> None:
+def test_count_that_cannot_be_asked_is_said(card: NiSource, server: DeviceServer) -> None:
     server.faults["GetReadAttributeUInt64"].append(-200545)
     (end,) = ends_of(take(card, 2))
     assert end.reason is EndReason.STOPPED

@@ -22,7 +22,7 @@ from analysis.signals.header import Calibration
 from analysis.signals.blocks import SampleBlock
 from daq.config.rig import Rig
 from daq.config.schema import RigConfig
-from daq.drivers.ni import open_usb6251
+from daq.drivers.ni import open_ni_source
 
 inputs = [("x", "probe_x"), ("y", "probe_y"), ("tacho", "tacho")]
 config = RigConfig.model_validate({
@@ -32,7 +32,7 @@ config = RigConfig.model_validate({
     "channel": [{"name": n, "role": r, "physical": f"ai{k}"} for k, (n, r) in enumerate(inputs)],
 })
 calibration = Calibration((0.0, 1e-4), 0.0, 10.0)
-source = open_usb6251(Rig(Path("rig.toml"), config, {"x": calibration, "y": calibration}, ""))
+source = open_ni_source(Rig(Path("rig.toml"), config, {"x": calibration, "y": calibration}, ""))
 items = []
 for item in source.blocks():
     items.append(item)

@@ -11,7 +11,7 @@ import grpc
 import pytest
 
 from analysis.signals.blocks import EndReason, SourceItem
-from daq.drivers.ni import open_usb6251
+from daq.drivers.ni import open_ni_source
 from daq.errors import DeviceFault
 from tests.daq.drivers.ni.bench import bench, ends_of, refused, take
 from tests.daq.support.device_server import DeviceServer
@@ -22,14 +22,14 @@ from tests.daq.support.ni_driver import NiDriver
 
 def test_card_is_bound_by_its_serial_number_wherever_it_is_plugged(server: DeviceServer) -> None:
     server.driver.devices = {"Dev1": ("USB-6251", 0xABC), "Dev7": ("USB-6251", 0x1A2B3C)}
-    source = open_usb6251(bench(server.target, name="Dev1", serial="0x01a2b3c"))
+    source = open_ni_source(bench(server.target, name="Dev1", serial="0x01a2b3c"))
     (task,) = server.rpcs.tasks.values()
     source.close()
     assert [channel.physical for channel in task.channels] == ["Dev7/ai0", "Dev7/ai1", "Dev7/ai2"]
 
 
 def test_card_is_bound_by_name_where_no_serial_number_is_given(server: DeviceServer) -> None:
-    source = open_usb6251(bench(server.target, name="dev1"))
+    source = open_ni_source(bench(server.target, name="dev1"))
     source.close()
     assert source.acquisition.device.serial == "1A2B3C"
 
@@ -147,9 +147,9 @@ def test_local_card_without_the_ni_driver_says_what_to_install() -> None:
 def test_missing_package_says_which_extra_to_install() -> None:
     program = (
         "import sys; sys.modules['nidaqmx'] = None\n"
-        "from daq.drivers.ni import open_usb6251\n"
+        "from daq.drivers.ni import open_ni_source\n"
         "from daq.errors import DeviceError\n"
-        "try: open_usb6251(None)\n"
+        "try: open_ni_source(None)\n"
         "except DeviceError as error: print(error.fault, error)\n"
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=True)
@@ -161,9 +161,9 @@ def test_missing_package_says_which_extra_to_install() -> None:
 
 
 def test_acquisition_that_a_dead_client_left_is_cleared(server: DeviceServer) -> None:
-    left = open_usb6251(bench(server.target))
+    left = open_ni_source(bench(server.target))
     next(left.blocks())
-    source = open_usb6251(bench(server.target))
+    source = open_ni_source(bench(server.target))
     items = take(source, 2)
     source.close()
     assert ends_of(items)[0].reason is EndReason.STOPPED
@@ -173,7 +173,7 @@ def test_acquisition_that_a_dead_client_left_is_cleared(server: DeviceServer) ->
 
 def test_acquisition_that_another_client_reads_is_left_alone(server: DeviceServer, driver: NiDriver) -> None:
     driver.real_time = True
-    other = open_usb6251(bench(server.target))
+    other = open_ni_source(bench(server.target))
     items: list[SourceItem] = []
     reading = threading.Thread(target=lambda: items.extend(other.blocks()))
     reading.start()

@@ -8,13 +8,13 @@ import pytest
 
 from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd, SourceItem
 from analysis.signals.header import Role
-from daq.drivers.ni import Usb6251, open_usb6251
+from daq.drivers.ni import NiSource, open_ni_source
 from daq.drivers.simulation.card import SimulatedCard
 from tests.daq.drivers.ni.bench import CALIBRATION, RATE, bench, codes_of, ends_of, take
 from tests.daq.support.device_server import DeviceServer
 
 
-def test_codes_that_arrive_are_those_the_card_made_bit_for_bit(card: Usb6251) -> None:
+def test_codes_that_arrive_are_those_the_card_made_bit_for_bit(card: NiSource) -> None:
     items = take(card, 20)
     assert [type(item) for item in items] == [SampleBlock] * 20 + [SegmentEnd]
     got = codes_of(items)
@@ -23,7 +23,7 @@ def test_codes_that_arrive_are_those_the_card_made_bit_for_bit(card: Usb6251) ->
     assert ends_of(items) == [SegmentEnd(0, got.shape[1], EndReason.STOPPED)]
 
 
-def test_blocks_are_of_one_size_contiguous_and_numbered_without_a_gap(card: Usb6251) -> None:
+def test_blocks_are_of_one_size_contiguous_and_numbered_without_a_gap(card: NiSource) -> None:
     before = time.time_ns()
     blocks = [item for item in take(card, 10) if isinstance(item, SampleBlock)]
     size = round(card.acquisition.rate * 0.05)
@@ -33,10 +33,10 @@ def test_blocks_are_of_one_size_contiguous_and_numbered_without_a_gap(card: Usb6
     assert all(np.shares_memory(block.codes, other.codes) == (block is other) for block in blocks for other in blocks)
 
 
-def test_card_opened_anew_counts_from_zero_and_gives_the_same_again(card: Usb6251, server: DeviceServer) -> None:
+def test_card_opened_anew_counts_from_zero_and_gives_the_same_again(card: NiSource, server: DeviceServer) -> None:
     first = take(card, 3)
     card.close()
-    second = open_usb6251(bench(server.target))
+    second = open_ni_source(bench(server.target))
     again = take(second, 3)
     second.close()
     assert isinstance(again[0], SampleBlock)
@@ -44,7 +44,7 @@ def test_card_opened_anew_counts_from_zero_and_gives_the_same_again(card: Usb625
     np.testing.assert_array_equal(codes_of(first), codes_of(again))
 
 
-def test_acquisition_is_read_back_from_the_device_as_it_was_coerced(card: Usb6251, server: DeviceServer) -> None:
+def test_acquisition_is_read_back_from_the_device_as_it_was_coerced(card: NiSource, server: DeviceServer) -> None:
     got, played = card.acquisition, server.driver.acquisition
     assert got.rate == played.rate != RATE
     assert got.convert_rate == played.convert_rate
@@ -64,7 +64,7 @@ def test_acquisition_is_read_back_from_the_device_as_it_was_coerced(card: Usb625
 
 
 def test_channels_keep_the_terminals_and_the_buffer_that_the_rig_asks_for(server: DeviceServer) -> None:
-    source = open_usb6251(bench(server.target))
+    source = open_ni_source(bench(server.target))
     (task,) = server.rpcs.tasks.values()
     source.close()
     assert [channel.terminal for channel in task.channels] == [10106, 10106, 10083]
@@ -72,7 +72,7 @@ def test_channels_keep_the_terminals_and_the_buffer_that_the_rig_asks_for(server
     assert task.continuous
 
 
-def test_block_costs_one_read_and_one_question_for_the_backlog(card: Usb6251, server: DeviceServer) -> None:
+def test_block_costs_one_read_and_one_question_for_the_backlog(card: NiSource, server: DeviceServer) -> None:
     server.log.clear()
     take(card, 5)
     assert server.log == [
@@ -85,7 +85,7 @@ def test_block_costs_one_read_and_one_question_for_the_backlog(card: Usb6251, se
 
 def test_backlog_tells_what_the_card_still_holds(server: DeviceServer) -> None:
     server.driver.real_time = True
-    source = open_usb6251(bench(server.target))
+    source = open_ni_source(bench(server.target))
     stream = source.blocks()
     next(stream)
     server.driver.ahead = 5000
@@ -100,7 +100,7 @@ def test_backlog_tells_what_the_card_still_holds(server: DeviceServer) -> None:
 
 def test_stop_from_another_thread_ends_within_a_block_with_every_sample_read(server: DeviceServer) -> None:
     server.driver.real_time = True
-    source = open_usb6251(bench(server.target))
+    source = open_ni_source(bench(server.target))
     asked: list[int] = []
 
     def ask() -> None:
@@ -122,12 +122,12 @@ def test_stop_from_another_thread_ends_within_a_block_with_every_sample_read(ser
     assert server.tasks == []
 
 
-def test_stop_before_the_start_gives_an_empty_segment(card: Usb6251) -> None:
+def test_stop_before_the_start_gives_an_empty_segment(card: NiSource) -> None:
     card.stop()
     assert list(card.blocks()) == [SegmentEnd(0, 0, EndReason.STOPPED)]
 
 
-def test_close_is_harmless_twice_and_before_reading(card: Usb6251, server: DeviceServer) -> None:
+def test_close_is_harmless_twice_and_before_reading(card: NiSource, server: DeviceServer) -> None:
     card.close()
     card.close()
     assert server.tasks == []
@@ -136,7 +136,7 @@ def test_close_is_harmless_twice_and_before_reading(card: Usb6251, server: Devic
 
 def test_close_from_another_thread_waits_for_the_read_and_ends_the_blocks(server: DeviceServer) -> None:
     server.driver.real_time = True
-    source = open_usb6251(bench(server.target))
+    source = open_ni_source(bench(server.target))
     closing = threading.Thread(target=source.close)
     items: list[SourceItem] = []
     for item in source.blocks():
@@ -150,14 +150,14 @@ def test_close_from_another_thread_waits_for_the_read_and_ends_the_blocks(server
     assert server.tasks == []
 
 
-def test_blocks_that_are_left_unread_release_the_card(card: Usb6251, server: DeviceServer) -> None:
+def test_blocks_that_are_left_unread_release_the_card(card: NiSource, server: DeviceServer) -> None:
     stream = card.blocks()
     next(stream)
     del stream
     assert server.tasks == []
 
 
-def test_blocks_are_iterated_once(card: Usb6251) -> None:
+def test_blocks_are_iterated_once(card: NiSource) -> None:
     take(card, 1)
     with pytest.raises(RuntimeError, match="second time"):
         card.blocks()

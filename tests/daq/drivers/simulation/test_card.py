@@ -11,7 +11,7 @@ from analysis.live.analyser import Analyser
 from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd
 from analysis.signals.header import CODE_MAX, Role
 from daq.config.rig import RPM, Rig
-from daq.config.rotor import rotor_parameters
+from daq.config.rotor import model_parameters
 from daq.drivers.simulation.card import SimulatedCard
 from model.dynamics.synchronous import synchronous_response
 
@@ -143,7 +143,7 @@ def test_shaft_turns_as_the_model_says_on_top_of_its_run_out(rig: RigFactory) ->
     for bench in (with_run_out, without):
         card = SimulatedCard(bench)
         vectors.append(lines(card, displacements(card, taken(card, 40_000)), [1.0, 2.0]))
-    response = synchronous_response(rotor_parameters(without), SPEED * RPM)
+    response = synchronous_response(model_parameters(without.config), SPEED * RPM)
     lag = 1 / (2 * math.pi * 50_000.0)  # of the probes' conditioners
     late = np.exp(-1j * SPEED * RPM * (lag - np.array([0.0, 11e-6])))
     np.testing.assert_allclose(vectors[1][0], response.vectors * late, atol=0.01e-6)

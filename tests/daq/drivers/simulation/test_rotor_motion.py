@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from daq.config.rig import Rig
-from daq.config.rotor import rotor_parameters
+from daq.config.rotor import model_parameters
 from daq.drivers.factory import open_source
 from daq.drivers.simulation.card import SimulatedCard
 from daq.errors import DeviceError, DeviceFault
@@ -33,7 +33,7 @@ def test_shaft_moves_as_the_model_integrated_at_every_sample(rig: RigFactory) ->
 
     rate, course = card.acquisition.rate, card.course
     angle, speed = course.at(np.arange(-4, 6000) / rate)
-    shaft = ShaftMotion(rotor_parameters(bench), float(speed[0]), angle=float(angle[0]))
+    shaft = ShaftMotion(model_parameters(bench.config), float(speed[0]), angle=float(angle[0]))
     path = shaft.advance(angle[1:], speed[1:], 1 / rate)[:, 3:]
     diagonal = np.array([[1.0, 1.0], [-1.0, 1.0]]) / np.sqrt(2.0)  # the probes sit at 45 and 135 degrees
     expected = diagonal @ path - 500e-6

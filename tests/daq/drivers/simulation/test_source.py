@@ -13,7 +13,7 @@ from daq.config.rig import Rig
 from daq.drivers.factory import open_source
 from daq.drivers.simulation.card import SimulatedCard
 from daq.drivers.simulation.source import SimulatedSource
-from daq.drivers.source import Restarts
+from daq.drivers.source import RestartLimiter
 from daq.errors import DeviceError
 from model.errors import WallContactError
 
@@ -37,7 +37,7 @@ def next_block(items: Iterator[SourceItem]) -> SampleBlock:
 
 def paced(rig: RigFactory, *, buffer: int) -> SimulatedSource:
     """Return a source at its own pace with a small buffer, in samples."""
-    return SimulatedSource(SimulatedCard(rig()), block=1000, buffer=buffer, real_time=True, restarts=Restarts(5))
+    return SimulatedSource(SimulatedCard(rig()), block=1000, buffer=buffer, real_time=True, restarts=RestartLimiter(5))
 
 
 def test_blocks_follow_one_another_to_the_end_of_the_profile(rig: RigFactory) -> None:
@@ -146,14 +146,14 @@ class TouchingCard(SimulatedCard):
 
 
 def test_shaft_that_reaches_the_wall_ends_the_run_as_a_fault(rig: RigFactory) -> None:
-    source = SimulatedSource(TouchingCard(rig()), block=1000, buffer=RATE, real_time=False, restarts=Restarts(5))
+    source = SimulatedSource(TouchingCard(rig()), block=1000, buffer=RATE, real_time=False, restarts=RestartLimiter(5))
     blocks, ends = split(list(source.blocks()))
     assert [block.end for block in blocks] == [1000, 2000]
     assert ends == [SegmentEnd(0, 2000, EndReason.DEVICE_ERROR, detail="the shaft touches the wall")]
 
 
 def test_shaft_that_reaches_the_wall_while_nobody_reads_ends_the_next_segment(rig: RigFactory) -> None:
-    source = SimulatedSource(TouchingCard(rig()), block=1000, buffer=500, real_time=True, restarts=Restarts(5))
+    source = SimulatedSource(TouchingCard(rig()), block=1000, buffer=500, real_time=True, restarts=RestartLimiter(5))
     items = source.blocks()
     next_block(items)
     time.sleep(0.2)

@@ -14,7 +14,7 @@ from scipy.io import wavfile
 
 from daq.cli.main import main
 from daq.config.loader import load_rig
-from daq.config.toml_writer import to_toml
+from daq.config.toml_files import to_toml
 from daq.service.jobs.schemas import JobSchema
 from daq.service.problems import ProblemError
 from daq.service.uploads import Incoming, Uploads, UploadsFullError

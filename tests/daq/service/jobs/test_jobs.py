@@ -12,7 +12,7 @@ import pytest
 
 from daq.cli.main import main
 from daq.config.loader import load_rig
-from daq.config.toml_writer import to_toml
+from daq.config.toml_files import to_toml
 from daq.schemas.summary import summary_schema
 from daq.service.jobs import work as job_work
 from daq.service.jobs.queue import DataPlace, Progress

@@ -15,7 +15,7 @@ from analysis.live.summary import RunSummary
 from analysis.signals.header import Role
 from analysis.signals.snapshot import Snapshot
 from daq.config.loader import load_rig
-from daq.config.toml_writer import to_toml
+from daq.config.toml_files import to_toml
 from daq.schemas.summary import summary_schema
 from daq.schemas.units import micrometres, rpm
 from daq.session.live_update import RunState

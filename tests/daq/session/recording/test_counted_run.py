@@ -13,10 +13,10 @@ from analysis.resampling.angular_record import record_of_codes
 from analysis.signals.blocks import SampleBlock, SourceItem
 from analysis.signals.snapshot import CounterState, TachoState
 from daq.config.schema import TriggerSection
-from daq.drivers.factory import open_source, triggered
+from daq.drivers.factory import apply_trigger, open_source
 from daq.drivers.replay import open_replay
 from daq.drivers.simulation.card import SimulatedCard
-from daq.drivers.triggered import Begun
+from daq.drivers.triggered import TriggerStart
 from daq.session.recording.recorded_run import RecordedRun
 from daq.session.recording.ring import BlockRing
 from recordings.integrity.recover import recover
@@ -208,18 +208,18 @@ class Counting:
     def __init__(self) -> None:
         self.samples = 0
 
-    def waiting(self, event: int, speed: float) -> None: ...
+    def on_waiting(self, event: int, speed: float) -> None: ...
 
-    def passed(self, samples: int) -> None:
+    def on_skipped(self, samples: int) -> None:
         self.samples += samples
 
-    def begun(self, begun: Begun) -> None: ...
+    def on_start(self, start: TriggerStart) -> None: ...
 
 
 def test_run_that_is_started_by_speed_counts_from_its_first_sample(counted: RigFactory) -> None:
     rig, watch = counted(), Counting()
     section = TriggerSection(start="speed > 5000", stop="speed > 7000", pre_s=0.3, hold_s=0.1)
-    source = triggered(open_source(rig), section, watch)
+    source = apply_trigger(open_source(rig), section, watch)
     items = []
     for item in source.blocks():
         items.append(item)

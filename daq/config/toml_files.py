@@ -203,3 +203,51 @@ def _nearest(location: tuple[int | str, ...], schema: type[BaseModel]) -> str:
     known = list(_section(location, schema).model_fields)
     near = difflib.get_close_matches(str(location[-1]), known, n=1, cutoff=0.5)
     return f", did you mean {near[0]}?" if near else f", expected one of {', '.join(known)}"
+
+
+def to_toml(data: Mapping[str, object]) -> str:
+    """Return nested mappings, sequences and scalars as TOML.
+
+    Parameters
+    ----------
+    data : mapping
+        Keys are bare; a sequence of mappings becomes an array of tables, any other sequence an inline
+        array, with inline tables where it holds mappings too.
+    """
+    return "\n".join(_table_lines(data, "")).strip() + "\n"
+
+
+def _table_lines(data: Mapping[str, object], name: str) -> list[str]:
+    lines: list[str] = []
+    nested: list[str] = []
+    for key, value in data.items():
+        inner = f"{name}.{key}" if name else key
+        if isinstance(value, Mapping):
+            nested += ["", f"[{inner}]", *_table_lines(value, inner)]
+        elif tables := _tables_in(value):
+            for table in tables:
+                nested += ["", f"[[{inner}]]", *_table_lines(table, inner)]
+        else:
+            lines.append(f"{key} = {_toml_value(value)}")
+    return lines + nested
+
+
+def _tables_in(value: object) -> list[Mapping[str, object]]:
+    """Return the tables of a sequence; none where it holds anything else."""
+    items = value if isinstance(value, list | tuple) else ()
+    tables = [item for item in items if isinstance(item, Mapping)]
+    return tables if len(tables) == len(items) else []
+
+
+def _toml_value(value: object) -> str:
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(_toml_value(item) for item in value)}]"
+    if isinstance(value, Mapping):
+        return f"{{{', '.join(f'{key} = {_toml_value(item)}' for key, item in value.items())}}}"
+    if isinstance(value, int):
+        return str(int(value))
+    if isinstance(value, float):
+        return repr(float(value))
+    return json.dumps(str(value), ensure_ascii=False).replace("\x7f", "\\u007f")

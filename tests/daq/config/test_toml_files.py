@@ -4,7 +4,7 @@ import tomllib
 
 import pytest
 
-from daq.config.toml_writer import to_toml
+from daq.config.toml_files import to_toml
 
 
 @pytest.mark.parametrize(
