@@ -4,17 +4,19 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
+RUNTIME := $(VENV)/ready-run
 READY := $(VENV)/ready
 ORACLE := .venv-oracle/ready
 RIG ?= rigs/bench.toml
+PIP = $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
 
 .PHONY: run serve test coverage check bench campaign oracle numbers proto clean
 
-run: $(READY)
+run: $(RUNTIME)
 	$(BIN)/rig predict $(RIG) --quiet
 	$(BIN)/rig record $(RIG)
 
-serve: $(READY)
+serve: $(RUNTIME)
 	$(BIN)/rig serve $(RIG)
 
 test: $(READY) check
@@ -56,17 +58,22 @@ $(ORACLE): tests/validation/ross/requirements.txt
 proto: $(READY)
 	$(BIN)/python -m grpc_tools.protoc --proto_path=recordings/mcap/schema --python_out=recordings/mcap/schema --pyi_out=recordings/mcap/schema rig.proto
 
-$(READY): pyproject.toml constraints.txt
+# What running needs; the tests' tools come with `make test`.
+$(RUNTIME): pyproject.toml constraints.txt
 	@command -v $(PYTHON) >/dev/null || { echo "$(PYTHON) is missing: apt install python3 python3-venv"; exit 1; }
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
 	    { echo "Python 3.11 or newer is needed, found $$($(PYTHON) --version); set PYTHON=python3.11 or newer"; exit 1; }
 	@$(PYTHON) -c 'import ensurepip' 2>/dev/null || { echo "python3-venv is missing: apt install python3-venv"; exit 1; }
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable ".[card,view,formats,dev]"
-	@touch $(READY)
+	$(PIP) --editable ".[card,view,formats]"
+	@touch $@
+
+$(READY): $(RUNTIME)
+	$(PIP) --editable ".[card,view,formats,dev]"
+	@touch $@
 
 $(VENV)/ready-bench: $(READY)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable ".[bench]"
+	$(PIP) --editable ".[bench]"
 	@touch $@
 
 clean:
