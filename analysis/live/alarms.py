@@ -8,9 +8,9 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.signals.blocks import TimeInRun
 from analysis.signals.header import Limits, Severity
 from analysis.signals.snapshot import Snapshot
-from analysis.whirl.findings import Moment
 
 FloatArray = NDArray[np.float64]
 
@@ -44,13 +44,13 @@ class Alarm:
         Which limit: alarm or danger.
     limit : float
         That limit, m peak-to-peak, m peak or rad/s.
-    begin : Moment
+    begin : TimeInRun
         When it came: the limit had been passed for the whole hold time.
     largest : float
         Largest value since the limit was passed, in the limit's unit.
-    largest_at : Moment
+    largest_at : TimeInRun
         Where that was.
-    end : Moment or None
+    end : TimeInRun or None
         When the value fell below the limit by the hysteresis; None while it lasts.
     """
 
@@ -59,10 +59,10 @@ class Alarm:
     probe: str
     severity: Severity
     limit: float
-    begin: Moment
+    begin: TimeInRun
     largest: float
-    largest_at: Moment
-    end: Moment | None = None
+    largest_at: TimeInRun
+    end: TimeInRun | None = None
 
     @property
     def lasts(self) -> bool:
@@ -90,11 +90,11 @@ class LimitWatch:
                 "0 or more"
             )
         self._limit, self._fall, self._hold = limit, limit * (1.0 - hysteresis), hold
-        self._passed: Moment | None = None  # where the present passing began
+        self._passed: TimeInRun | None = None  # where the present passing began
         self.is_on = False
-        self.largest, self.largest_at = 0.0, Moment(0, 0.0, math.nan)  # of the present passing
+        self.largest, self.largest_at = 0.0, TimeInRun(0, 0.0, math.nan)  # of the present passing
 
-    def update(self, value: float, moment: Moment) -> bool:
+    def update(self, value: float, moment: TimeInRun) -> bool:
         """Take a value later than the one before; return whether the alarm is on.
 
         NaN, not known, changes nothing; over a gap a limit is not held.
@@ -150,7 +150,7 @@ class AlarmWatch:
 
     def snapshot(self, snapshot: Snapshot) -> tuple[Alarm, ...]:
         """Take a snapshot, in the order in which they came; return the alarms that came with it."""
-        moment = Moment(snapshot.segment, snapshot.time, snapshot.speed)
+        moment = TimeInRun(snapshot.segment, snapshot.time, snapshot.speed)
         came, values = [], watched_values(snapshot)
         for key, (quantity, row, probe, severity, limit, watch) in enumerate(self._watches):
             is_on = watch.update(float(values[quantity][row]), moment)

@@ -7,11 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.live.alarms import Alarm, AlarmWatch
-from analysis.signals.blocks import SegmentEnd
+from analysis.signals.blocks import SegmentEnd, TimeInRun
 from analysis.signals.header import Role, RunHeader, RunOutSettings, Severity
 from analysis.signals.snapshot import CounterReport, RunOut, Snapshot, TachoReport
 from analysis.vectors.speed_table import SpeedRow, SpeedTable
-from analysis.whirl.findings import Moment, WhirlFinding, WhirlTracker
+from analysis.whirl.findings import WhirlFinding, WhirlTracker
 
 FloatArray = NDArray[np.float64]
 
@@ -30,7 +30,7 @@ class ProbeSummary:
         Whether it lay in its window throughout.
     largest_peak_to_peak : float
         Largest overall vibration, m peak-to-peak; 0 without snapshots.
-    largest : Moment or None
+    largest : TimeInRun or None
         Where that was; None without snapshots.
     severity : Severity
         The largest vibration against the limits.
@@ -46,7 +46,7 @@ class ProbeSummary:
     gap_most: float
     gap_ok: bool
     largest_peak_to_peak: float
-    largest: Moment | None
+    largest: TimeInRun | None
     severity: Severity
     beyond_calibration: int = 0
     clearance_part: float = 0.0
@@ -151,7 +151,7 @@ class _Probe:
     gap_most: float = -np.inf
     gap_ok: bool = True
     peak_to_peak: float = 0.0
-    largest: Moment | None = None
+    largest: TimeInRun | None = None
     beyond_calibration: int = 0
 
     def add(self, snapshot: Snapshot, probe: int) -> None:
@@ -163,7 +163,7 @@ class _Probe:
         overall = float(snapshot.peak_to_peak[probe])
         if self.largest is None or overall > self.peak_to_peak:
             self.peak_to_peak = overall
-            self.largest = Moment(snapshot.segment, snapshot.time, snapshot.speed)
+            self.largest = TimeInRun(snapshot.segment, snapshot.time, snapshot.speed)
 
 
 class SummaryBuilder:

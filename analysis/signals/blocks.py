@@ -119,3 +119,22 @@ class SegmentEnd:
 
 
 SourceItem = SampleBlock | SegmentEnd
+
+
+@dataclass(frozen=True, slots=True)
+class TimeInRun:
+    """A time within a run, with the shaft speed at that time.
+
+    Parameters
+    ----------
+    segment : int
+        Segment of the run.
+    time : float
+        Time in that segment, s. For an order frame: its middle.
+    speed : float
+        Shaft speed, rad/s; NaN where unknown.
+    """
+
+    segment: int
+    time: float
+    speed: float

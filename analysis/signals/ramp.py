@@ -1,59 +1,59 @@
-"""Which way the speed goes: a run-up or a run-down, told from speeds as they come."""
+"""Ramp direction of a run, run-up or run-down, from shaft speeds in the order of time."""
 
 from enum import StrEnum
 
 import numpy as np
 
 RPM = 2.0 * np.pi / 60.0
-TURN = 100.0 * RPM  # rad/s: going back by more is a turn, by less the air's wandering
-TURN_PART = 0.02  # of the speed, where that is more
+MIN_REVERSAL = 100.0 * RPM  # rad/s: a smaller change back is speed fluctuation
+MIN_REVERSAL_FRACTION = 0.02  # of the speed, where that is more
 
 
-class Direction(StrEnum):
-    """Which way the speed goes."""
+class RampDirection(StrEnum):
+    """Direction in which the speed changes."""
 
-    UP = "run-up"
-    DOWN = "run-down"
-
-
-class Step(StrEnum):
-    """What a speed is to those before it."""
-
-    ONWARD = "onward"  # the furthest so far in the present direction
-    BACK = "back"  # not so far: wandering, or the beginning of a turn
-    TURNED = "turned"  # so far back that the direction has turned, at the furthest speed before
+    RUN_UP = "run-up"
+    RUN_DOWN = "run-down"
 
 
-class Course:
-    """Follows the direction of a run.
+class RampStep(StrEnum):
+    """A speed compared with those before it."""
 
-    A run that holds its speed keeps the direction in which it came there; a run that began with it is a run-up.
+    FURTHEST = "furthest"  # the furthest so far in the present direction
+    WITHIN = "within"  # not so far: speed fluctuation, or the beginning of a reversal
+    REVERSED = "reversed"  # so far back that the direction has reversed, at the furthest speed before
+
+
+class RampTracker:
+    """Tracks the ramp direction of a run.
+
+    At constant speed the direction of the ramp before it stays. A run that starts at constant speed is a run-up.
     """
 
     def __init__(self) -> None:
-        self._low = self._high = np.nan  # since the last turn
-        self._direction: Direction | None = None
+        self._low = self._high = np.nan  # since the last reversal
+        self._direction: RampDirection | None = None
 
     @property
-    def direction(self) -> Direction:
-        """The present one."""
-        return self._direction or Direction.UP
+    def direction(self) -> RampDirection:
+        """Present ramp direction."""
+        return self._direction or RampDirection.RUN_UP
 
-    def update(self, speed: float) -> Step:
-        """Take a speed, rad/s, finite; return what it is to those before."""
+    def update(self, speed: float) -> RampStep:
+        """Add a speed, rad/s, finite; return how it compares with those before."""
         if np.isnan(self._low):
             self._low = self._high = speed
         rises, falls = speed > self._high, speed < self._low
         self._low, self._high = min(self._low, speed), max(self._high, speed)
-        step = max(TURN, TURN_PART * speed)
-        if self._direction is not Direction.DOWN and self._high - speed > step:
-            return self._turn(Direction.DOWN, speed)
-        if self._direction is not Direction.UP and speed - self._low > step:
-            return self._turn(Direction.UP, speed)
-        onward = rises if self._direction is Direction.UP else falls and self._direction is Direction.DOWN
-        return Step.ONWARD if onward else Step.BACK
+        step = max(MIN_REVERSAL, MIN_REVERSAL_FRACTION * speed)
+        if self._direction is not RampDirection.RUN_DOWN and self._high - speed > step:
+            return self._reverse(RampDirection.RUN_DOWN, speed)
+        if self._direction is not RampDirection.RUN_UP and speed - self._low > step:
+            return self._reverse(RampDirection.RUN_UP, speed)
+        is_furthest = rises if self._direction is RampDirection.RUN_UP else falls and self._direction is not None
+        return RampStep.FURTHEST if is_furthest else RampStep.WITHIN
 
-    def _turn(self, direction: Direction, speed: float) -> Step:
+    def _reverse(self, direction: RampDirection, speed: float) -> RampStep:
         self._direction = direction
         self._low = self._high = speed
-        return Step.TURNED
+        return RampStep.REVERSED

@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.signals.ramp import Direction
+from analysis.signals.ramp import RampDirection
 from analysis.spectra.order_map import independent_hann_frames
 from analysis.vectors.order_track import OrderTrack
 
@@ -49,7 +49,7 @@ class SpeedCurve:
     ----------
     order : float
         Frequency over shaft frequency.
-    direction : Direction
+    direction : RampDirection
         Run-up or run-down.
     speeds : ndarray of float64, shape (n,)
         Mean of the frames in each bin, rad/s, rising.
@@ -64,7 +64,7 @@ class SpeedCurve:
     """
 
     order: float
-    direction: Direction
+    direction: RampDirection
     speeds: FloatArray
     vectors: ComplexArray
     sigma: FloatArray
@@ -115,13 +115,13 @@ def speed_curves(track: OrderTrack, width: float) -> tuple[SpeedCurve, ...]:
         raise ValueError(f"width: {width} rad/s, expected more than 0")
     going_up = _directions(track.speeds)
     curves = []
-    for direction, chosen in ((Direction.UP, going_up), (Direction.DOWN, ~going_up)):
+    for direction, chosen in ((RampDirection.RUN_UP, going_up), (RampDirection.RUN_DOWN, ~going_up)):
         if chosen.any():
             curves.append(_curve(track, chosen, direction, width))
     return tuple(curves)
 
 
-def _curve(track: OrderTrack, chosen: NDArray[np.bool_], direction: Direction, width: float) -> SpeedCurve:
+def _curve(track: OrderTrack, chosen: NDArray[np.bool_], direction: RampDirection, width: float) -> SpeedCurve:
     number = np.round(track.speeds / width).astype(np.int64)
     bins = np.unique(number[chosen])
     speeds = np.empty(bins.size)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.signals.ramp import Course, Direction, Step
+from analysis.signals.ramp import RampDirection, RampStep, RampTracker
 from analysis.signals.snapshot import OrderFrame, Snapshot
 
 FloatArray = NDArray[np.float64]
@@ -21,7 +21,7 @@ class SpeedRow:
 
     Parameters
     ----------
-    direction : Direction
+    direction : RampDirection
         Whether the shaft was running up or down.
     speed : float
         Mean speed of the frames in the bin, rad/s.
@@ -45,7 +45,7 @@ class SpeedRow:
         Complex mean of the kX vectors less run-out over the frames whose run-out was known; NaN where none was.
     """
 
-    direction: Direction
+    direction: RampDirection
     speed: float
     frames: int
     vectors: ComplexArray
@@ -114,7 +114,7 @@ class _Bin:
         if amplitude > self.whirl_amplitude:
             self.whirl_amplitude, self.whirl_order = amplitude, order
 
-    def row(self, direction: Direction) -> SpeedRow:
+    def row(self, direction: RampDirection) -> SpeedRow:
         vectors = self.vectors / self.frames
         known = self.compensated_frames > 0
         return SpeedRow(
@@ -151,26 +151,26 @@ class SpeedTable:
         if not width > 0.0:
             raise ValueError(f"width: {width} rad/s, expected more than 0")
         self._width = width
-        self._course = Course()
-        self._settled: dict[Direction, _Bins] = {direction: defaultdict(_Bin) for direction in Direction}
+        self._ramp = RampTracker()
+        self._settled: dict[RampDirection, _Bins] = {direction: defaultdict(_Bin) for direction in RampDirection}
         self._since: _Bins = defaultdict(_Bin)  # since the furthest speed
 
     @property
-    def direction(self) -> Direction:
+    def direction(self) -> RampDirection:
         """Which way the speed goes at present."""
-        return self._course.direction
+        return self._ramp.direction
 
     def snapshot(self, snapshot: Snapshot) -> None:
         """Take a snapshot."""
         if np.isfinite(snapshot.speed):
-            if self._course.update(snapshot.speed) is not Step.BACK:
+            if self._ramp.update(snapshot.speed) is not RampStep.WITHIN:
                 self._settle()
             self._since[round(snapshot.speed / self._width)].peak_to_peak(snapshot.peak_to_peak)
         if snapshot.frame is not None:
             self._since[round(snapshot.frame.speed / self._width)].frame(snapshot.frame)
 
     def _settle(self) -> None:
-        bins = self._settled[self._course.direction]
+        bins = self._settled[self._ramp.direction]
         for number, entry in self._since.items():
             bins[number].add(entry)
         self._since.clear()
@@ -179,7 +179,7 @@ class SpeedTable:
         """Return the bins that hold frames, in rising order of speed, of each the run-up first."""
         rows = []
         for place, (direction, bins) in enumerate(self._settled.items()):
-            since = self._since if direction is self._course.direction else {}
+            since = self._since if direction is self._ramp.direction else {}
             for number in {*bins, *since}:
                 entry = _Bin()
                 for part in (bins, since):

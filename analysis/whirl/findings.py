@@ -4,7 +4,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from analysis.signals.ramp import Direction
+from analysis.signals.blocks import TimeInRun
+from analysis.signals.ramp import RampDirection
 from analysis.signals.snapshot import OrderFrame, Whirl
 
 SAME_ORDER = 0.05  # orders: nearer whirls are one component
@@ -12,25 +13,6 @@ LONGEST_BREAK = 0.5  # s without the component before it has ended
 FEWEST_FRAMES = 3
 MOST_FINDINGS = 256  # the weakest is dropped
 _FOLLOW = 0.3  # how fast the order that is looked for follows
-
-
-@dataclass(frozen=True, slots=True)
-class Moment:
-    """A place in a run; of a frame its middle.
-
-    Parameters
-    ----------
-    segment : int
-        Segment of the run.
-    time : float
-        Time in that segment, s.
-    speed : float
-        Shaft speed there, rad/s; NaN where unknown.
-    """
-
-    segment: int
-    time: float
-    speed: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,30 +25,30 @@ class WhirlFinding:
         Its frequency over the shaft's, mean weighted with amplitude.
     order_at_begin : float
         The same over its first frames.
-    begin, end : Moment
+    begin, end : TimeInRun
         First and last frame that showed it.
     amplitude : float
         Its largest amplitude, half the major axis of its ellipse, m peak.
-    largest : Moment
+    largest : TimeInRun
         Where that was.
     is_forward : bool
         Whether it went round with the shaft, by the sum of its amplitudes.
     frames : int
         Number of frames that showed it.
-    begin_direction, end_direction : Direction
+    begin_direction, end_direction : RampDirection
         Whether the shaft was running up or down when it began, and when it ended.
     """
 
     order: float
     order_at_begin: float
-    begin: Moment
-    end: Moment
+    begin: TimeInRun
+    end: TimeInRun
     amplitude: float
-    largest: Moment
+    largest: TimeInRun
     is_forward: bool
     frames: int
-    begin_direction: Direction = Direction.UP
-    end_direction: Direction = Direction.UP
+    begin_direction: RampDirection = RampDirection.RUN_UP
+    end_direction: RampDirection = RampDirection.RUN_UP
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,8 +78,8 @@ class WhirlHysteresis:
 def whirl_hysteresis(findings: Sequence[WhirlFinding]) -> tuple[WhirlHysteresis, ...]:
     """Return onset on the run-up and end on the run-down of every component that a run showed in both directions."""
     told = []
-    came = [one for one in findings if one.begin_direction is Direction.UP and math.isfinite(one.begin.speed)]
-    went = [one for one in findings if one.end_direction is Direction.DOWN and math.isfinite(one.end.speed)]
+    came = [one for one in findings if one.begin_direction is RampDirection.RUN_UP and math.isfinite(one.begin.speed)]
+    went = [one for one in findings if one.end_direction is RampDirection.RUN_DOWN and math.isfinite(one.end.speed)]
     orders: list[float] = []
     for first in sorted(came, key=lambda one: one.begin.speed):
         ends = [one.end.speed for one in went if abs(one.order - first.order) <= 2.0 * SAME_ORDER]
@@ -112,9 +94,9 @@ class _Track:
     """A component that is being followed: sums over its frames."""
 
     recent_order: float
-    begin: Moment
-    end: Moment
-    largest: Moment
+    begin: TimeInRun
+    end: TimeInRun
+    largest: TimeInRun
     amplitude: float = 0.0
     weight: float = 0.0
     weighted_order: float = 0.0
@@ -123,10 +105,10 @@ class _Track:
     backward: float = 0.0
     frames: int = 0
     frame_time: float = 0.0
-    begin_direction: Direction = Direction.UP
-    end_direction: Direction = Direction.UP
+    begin_direction: RampDirection = RampDirection.RUN_UP
+    end_direction: RampDirection = RampDirection.RUN_UP
 
-    def add(self, whirl: Whirl, moment: Moment, frame_time: float, direction: Direction) -> None:
+    def add(self, whirl: Whirl, moment: TimeInRun, frame_time: float, direction: RampDirection) -> None:
         amplitude = whirl.amplitude
         self.recent_order += _FOLLOW * (whirl.order - self.recent_order)
         self.end, self.end_direction = moment, direction
@@ -176,7 +158,9 @@ class WhirlTracker:
         self._open: list[_Track] = []
         self._closed: list[_Track] = []
 
-    def frame(self, segment: int, time: float, frame: OrderFrame, direction: Direction = Direction.UP) -> None:
+    def frame(
+        self, segment: int, time: float, frame: OrderFrame, direction: RampDirection = RampDirection.RUN_UP
+    ) -> None:
         """Take a frame.
 
         Parameters
@@ -187,12 +171,12 @@ class WhirlTracker:
             Time of the frame's end in it, s.
         frame : OrderFrame
             With its whirls.
-        direction : Direction
+        direction : RampDirection
             Whether the shaft runs up or down.
         """
         resolution = float(frame.orders[1])
         frame_time = 2.0 * math.pi / (frame.speed * resolution)
-        moment = Moment(segment, time - 0.5 * frame_time, frame.speed)
+        moment = TimeInRun(segment, time - 0.5 * frame_time, frame.speed)
         self._close(moment.time - max(LONGEST_BREAK, frame_time))
         near = max(SAME_ORDER, 0.5 * resolution)
         free = list(self._open)

@@ -11,7 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from analysis.live.alarms import Alarm, Watched
 from analysis.signals.header import Severity
-from analysis.whirl.findings import Moment
+from analysis.signals.blocks import TimeInRun
 from daq.schemas.units import Schema, finite, micrometres, moment, rpm
 from daq.session.alarms import alarm_name, alarm_size
 from daq.session.live_update import TimedMarker
@@ -26,7 +26,7 @@ class TimeInRunSchema(Schema):
     speed_rpm: float | None = Field(description="Shaft speed there, r/min; null where unknown", examples=[10_980.0])
 
 
-def time_in_run_schema(place: Moment) -> TimeInRunSchema:
+def time_in_run_schema(place: TimeInRun) -> TimeInRunSchema:
     """Return a place in a run as a document."""
     return TimeInRunSchema(segment=place.segment, time_s=finite(place.time) or 0.0, speed_rpm=rpm(place.speed))
 

@@ -10,7 +10,7 @@ from analysis.live.delivery import PPM, Delivery
 from analysis.live.summary import ProbeSummary, RunSummary
 from analysis.signals.blocks import EndReason, SegmentEnd
 from analysis.signals.header import Severity
-from analysis.signals.ramp import Direction as SpeedDirection
+from analysis.signals.ramp import RampDirection
 from analysis.signals.snapshot import TachoState
 from analysis.vectors.speed_table import SpeedRow
 from analysis.whirl.findings import WhirlFinding, WhirlHysteresis, whirl_hysteresis
@@ -94,7 +94,7 @@ class TachoSummarySchema(Schema):
 class SpeedRowSchema(Schema):
     """What the results in one bin of speed said, of a run-up or of a run-down."""
 
-    course: SpeedDirection = Field(description="Whether the shaft was running up or down", examples=["run-up"])
+    course: RampDirection = Field(description="Whether the shaft was running up or down", examples=["run-up"])
     speed_rpm: float | None = Field(description="Mean shaft speed, r/min", examples=[11_025.0])
     frames: Count = Field(description="Number of order spectra in the bin", examples=[24])
     order_1x: ProbeVectorsSchema = Field(description="At running speed, mean of the vectors as measured")
@@ -134,11 +134,11 @@ class SubSynchronousSchema(Schema):
     )
     order_at_begin: float | None = Field(description="The same over its first results", examples=[0.492])
     begin: TimeInRunSchema = Field(description="The first result that showed it")
-    begin_course: SpeedDirection = Field(
+    begin_course: RampDirection = Field(
         description="Whether the shaft was running up or down then", examples=["run-up"]
     )
     end: TimeInRunSchema = Field(description="The last result that showed it")
-    end_course: SpeedDirection = Field(
+    end_course: RampDirection = Field(
         description="Whether the shaft was running up or down then", examples=["run-down"]
     )
     largest_peak_um: float | None = Field(

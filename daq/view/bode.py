@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.signals.header import RunHeader
-from analysis.signals.ramp import Course, Direction, Step
+from analysis.signals.ramp import RampDirection, RampStep, RampTracker
 from analysis.signals.snapshot import OrderFrame
 from daq.view.axes import Axis, Plot, Reach
 from daq.view.drawing import Anchor, Drawing
@@ -44,8 +44,8 @@ class BodePlot:
     def __init__(self, header: RunHeader) -> None:
         self._top = header.limits.speed * _TO_RPM
         self._speeds = (np.arange(_BINS) + 0.5) * self._top / _BINS
-        self._course = Course()
-        self._measured = {direction: _no_vectors() for direction in Direction}
+        self._ramp = RampTracker()
+        self._measured = {direction: _no_vectors() for direction in RampDirection}
         self._since = _no_vectors()  # the furthest speed
         self._predicted = _no_vectors()
         self._reach = Reach(smallest=2.0, patience=3)
@@ -54,8 +54,8 @@ class BodePlot:
     def add(self, frame: OrderFrame | None, prediction: Prediction | None) -> None:
         """Take what a moment has to say of its speed."""
         if frame is not None and math.isfinite(frame.speed):
-            if self._course.update(frame.speed) is not Step.BACK:
-                self._measured[self._course.direction] = self._in_direction(self._course.direction)
+            if self._ramp.update(frame.speed) is not RampStep.WITHIN:
+                self._measured[self._ramp.direction] = self._in_direction(self._ramp.direction)
                 self._since = _no_vectors()
             self._keep(frame.speed, frame.motion, self._since)
             self._compensated = self._compensated or frame.runout is not None
@@ -66,10 +66,10 @@ class BodePlot:
         if 0.0 <= speed * _TO_RPM < self._top and np.isfinite(vectors).all():
             into[int(speed * _TO_RPM / self._top * _BINS)] = vectors * _MICRO
 
-    def _in_direction(self, direction: Direction) -> ComplexArray:
+    def _in_direction(self, direction: RampDirection) -> ComplexArray:
         """Return what was measured on the way up or down, by speed."""
         settled = self._measured[direction]
-        return settled if direction is not self._course.direction else _over(self._since, settled)
+        return settled if direction is not self._ramp.direction else _over(self._since, settled)
 
     def follow(self) -> tuple[float, bool, bool]:
         """Return the end of the amplitude's scale, µm, and what the legends say, by which a changed frame is known."""
@@ -79,7 +79,7 @@ class BodePlot:
 
     @property
     def _ran_down(self) -> bool:
-        return bool(np.isfinite(self._in_direction(Direction.DOWN)).any())
+        return bool(np.isfinite(self._in_direction(RampDirection.RUN_DOWN)).any())
 
     def axes(self) -> Drawing:
         """Return both frames, numbers and legend."""
@@ -105,7 +105,7 @@ class BodePlot:
     def measured(self) -> Drawing:
         """Return the measured lines."""
         drawing = Drawing()
-        for direction, dash in ((Direction.DOWN, _DASH), (Direction.UP, 0.0)):
+        for direction, dash in ((RampDirection.RUN_DOWN, _DASH), (RampDirection.RUN_UP, 0.0)):
             self._lines(drawing, self._in_direction(direction), (MEASURED_X, MEASURED_Y), 1.7, dash)
         return drawing
 

@@ -10,7 +10,8 @@ from pathlib import Path
 import pytest
 
 from analysis.live.summary import RunSummary, SummaryBuilder
-from analysis.whirl.findings import Moment, WhirlFinding
+from analysis.signals.blocks import TimeInRun
+from analysis.whirl.findings import WhirlFinding
 from recordings.catalogue.catalogue import Catalogue
 from recordings.catalogue.search import Search
 from recordings.mcap.container import Container
@@ -45,7 +46,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def summarise(reader: RunReader) -> RunSummary:
     """Return a summary whose onset follows from the number of the run."""
     speed = float(reader.path.stem.removeprefix("run-")) * RPM
-    begin = Moment(0, 1.0, speed)
+    begin = TimeInRun(0, 1.0, speed)
     whirl = WhirlFinding(0.48, 0.49, begin, begin, 14e-6, begin, is_forward=True, frames=5)
     summary = SummaryBuilder(reader.header).summary()
     return replace(summary, lowest_speed=speed, highest_speed=2 * speed, whirls=(whirl,))

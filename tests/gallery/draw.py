@@ -19,6 +19,7 @@ from analysis.shaft.centreline import centreline
 from analysis.shaft.orbit import FilteredOrbit, direct_orbit, filtered_orbit, orbit_without
 from analysis.shaft.overall import overall
 from analysis.shaft.poincare import bifurcation, poincare_section
+from analysis.signals.blocks import TimeInRun
 from analysis.signals.header import Limits
 from analysis.signals.standards import figures
 from analysis.signals.uncertainty import sigma_of_floor
@@ -31,7 +32,6 @@ from analysis.vectors.glitches import find_glitches
 from analysis.vectors.order_track import track_order
 from analysis.vectors.speed_curve import speed_curves
 from analysis.vectors.vold_kalman import OrderEnvelopes, probe_envelopes
-from analysis.whirl.findings import Moment
 from analysis.whirl.tracks import subsynchronous_tracks
 from tests.gallery.simulated_run import CRITICAL, MICRO, RATE, RPM, Run, simulated
 
@@ -275,7 +275,7 @@ def overall_vibration(axes: Axes, run: Run) -> None:
     watch = LimitWatch(LIMITS.peak_to_peak_alarm, LIMITS.hysteresis, hold=0.2)
     found = overall(run.displacement, RATE, LIMITS.clearance)
     larger = found.peak_to_peak.max(axis=0)
-    states = [watch.update(value, Moment(0, time, np.nan)) for value, time in zip(larger, found.times, strict=True)]
+    states = [watch.update(value, TimeInRun(0, time, np.nan)) for value, time in zip(larger, found.times, strict=True)]
     axes.plot(found.times, larger / MICRO, X, lw=1.0, label="larger of x and y")
     for limit, colour, name in ((50, "#e69f00", "alarm"), (80, "#cc0000", "danger")):
         axes.axhline(limit, color=colour, lw=0.9, label=name)

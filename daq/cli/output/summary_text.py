@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from itertools import groupby
 
 from analysis.signals.header import Severity
-from analysis.signals.ramp import Direction as SpeedDirection
+from analysis.signals.ramp import RampDirection
 from daq.cli.output.terminal import print_json, show
 from daq.schemas.agreement import AgreementSchema
 from daq.schemas.events import AlarmSchema
@@ -142,8 +142,8 @@ def _model(agreement: AgreementSchema) -> Iterator[str]:
 
 def _table(summary: SummarySchema) -> Iterator[str]:
     """Yield a few rows of amplitude and phase by speed; the whole table is in the document."""
-    up = [row for row in summary.by_speed if row.frames and row.course is SpeedDirection.UP]
-    down = [row for row in reversed(summary.by_speed) if row.frames and row.course is SpeedDirection.DOWN]
+    up = [row for row in summary.by_speed if row.frames and row.course is RampDirection.RUN_UP]
+    down = [row for row in reversed(summary.by_speed) if row.frames and row.course is RampDirection.RUN_DOWN]
     rows = _picked(up, 5) + _picked(down, 5) if up and down else _picked(up + down, 8)
     compensated = any(row.order_1x_compensated for row in rows)
     if rows:
@@ -159,9 +159,9 @@ def _table(summary: SummarySchema) -> Iterator[str]:
         yield f"{_speed(row.speed_rpm, row.course):>10}   {x:>11}   {y:>11}   {second:>10}   {overall:>18}{which}"
 
 
-def _speed(speed_rpm: float | None, course: SpeedDirection) -> str:
+def _speed(speed_rpm: float | None, course: RampDirection) -> str:
     """Say a speed, and which way it went."""
-    return f"{_number(speed_rpm)} {'▲' if course is SpeedDirection.UP else '▼'}"
+    return f"{_number(speed_rpm)} {'▲' if course is RampDirection.RUN_UP else '▼'}"
 
 
 def _verdict(summary: SummarySchema) -> str:

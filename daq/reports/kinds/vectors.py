@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from analysis.signals.ramp import Direction
+from analysis.signals.ramp import RampDirection
 from analysis.vectors.order_track import track_order
 from analysis.vectors.speed_curve import Resonance, SpeedCurve, speed_curves
 from daq.reports.analysis import Analysis
@@ -19,7 +19,7 @@ from daq.reports.run_samples import RunSamples
 PEAK = "µm zero-to-peak"
 SURE = np.radians(30.0)  # a lag that is less sure than that is not drawn
 CLEAR, MOST_PEAKS = 20.0, 3  # standard deviations that a peak must have; and how many are told of a curve
-ARROWS = {Direction.UP: "▲", Direction.DOWN: "▼"}
+ARROWS = {RampDirection.RUN_UP: "▲", RampDirection.RUN_DOWN: "▼"}
 
 
 def bode_of(run: RunSamples, query: VectorsQuery) -> Analysis:

@@ -1,6 +1,6 @@
 """What can be drawn of a run: the same documents that REST gives as numbers."""
 
-from analysis.signals.ramp import Direction as SpeedDirection
+from analysis.signals.ramp import RampDirection
 from daq.reports.plots.layouts import BOTH_WAYS, Course, bode, orbit, polar, spectrum, stacked
 from daq.reports.plots.panel import Panel, Values
 from daq.schemas.results import CascadeSchema, OrderVectorsSchema, WaterfallSchema
@@ -66,7 +66,7 @@ def _courses(document: OrderVectorsSchema) -> tuple[str, list[Course]]:
     """
     compensated = any(row.order_1x_compensated is not None for row in document.by_speed)
     ways = []
-    for way, arrow in ((SpeedDirection.UP, "▲"), (SpeedDirection.DOWN, "▼")):
+    for way, arrow in ((RampDirection.RUN_UP, "▲"), (RampDirection.RUN_DOWN, "▼")):
         rows = [row for row in document.by_speed if row.course is way]
         points = [(row.speed_rpm, row.order_1x_compensated if compensated else row.order_1x) for row in rows]
         known = [(speed, line) for speed, line in points if line is not None]

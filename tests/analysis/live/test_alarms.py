@@ -16,9 +16,9 @@ from analysis.live.alarms import (
     watched_values,
     worst,
 )
+from analysis.signals.blocks import TimeInRun
 from analysis.signals.header import Limits, Severity
 from analysis.signals.snapshot import OrderFrame, Snapshot, TachoReport, TachoState, Trace, Whirl
-from analysis.whirl.findings import Moment
 
 MICRO = 1e-6
 LIMITS = Limits(80 * MICRO, 95 * MICRO, 100 * MICRO, 2000.0)
@@ -27,7 +27,7 @@ AT_ONCE = replace(LIMITS, hold=0.0)
 
 def fed(watch: LimitWatch, values: list[float], segment: int = 0) -> list[bool]:
     """Feed overall vibrations in um, two a second."""
-    return [watch.update(value * MICRO, Moment(segment, 0.5 * k, 1000.0)) for k, value in enumerate(values)]
+    return [watch.update(value * MICRO, TimeInRun(segment, 0.5 * k, 1000.0)) for k, value in enumerate(values)]
 
 
 def snapshot(time: float, x: float, y: float, segment: int = 0) -> Snapshot:
@@ -177,7 +177,7 @@ def test_alarms_tell_probe_limit_moment_and_largest_value() -> None:
     assert first.end.time == 2.0
     assert first.largest == pytest.approx(97 * MICRO)
     assert (second.severity, second.begin.time, second.largest_at.time) == (Severity.DANGER, 1.0, 1.0)
-    assert second.end == Moment(0, 1.5, 150.0)
+    assert second.end == TimeInRun(0, 1.5, 150.0)
 
 
 def test_an_alarm_is_told_once_when_it_comes_and_lasts_to_the_end_of_the_run() -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from analysis.signals.ramp import Direction
+from analysis.signals.ramp import RampDirection
 from analysis.vectors.order_track import OrderTrack
 from analysis.vectors.speed_curve import speed_curves
 
@@ -31,7 +31,7 @@ def track_of(speeds: FloatArray, damping: float = 0.05, noise: float = 0.0, step
 def test_a_resonance_is_found_with_amplification_and_phase() -> None:
     (curve,) = speed_curves(track_of(2 * np.pi * np.linspace(100, 300, 800)), WIDTH)
     (resonance,) = curve.resonances(0)
-    assert curve.direction is Direction.UP
+    assert curve.direction is RampDirection.RUN_UP
     assert resonance.speed == pytest.approx(CRITICAL, rel=0.01)
     assert resonance.amplitude == pytest.approx(20 * MICRO, rel=0.01)
     assert resonance.amplification == pytest.approx(10.0, rel=0.03)
@@ -45,7 +45,7 @@ def test_run_up_and_run_down_are_kept_apart() -> None:
     track = track_of(np.concatenate([up, up[::-1]]) + ripple)
     doubled = replace(track, vectors=track.vectors * np.where(np.arange(800) < 400, 1.0, 2.0))
     first, second = speed_curves(doubled, WIDTH)
-    assert (first.direction, second.direction) == (Direction.UP, Direction.DOWN)
+    assert (first.direction, second.direction) == (RampDirection.RUN_UP, RampDirection.RUN_DOWN)
     assert first.amplitudes.max() == pytest.approx(20 * MICRO, rel=0.02)
     assert second.amplitudes.max() == pytest.approx(40 * MICRO, rel=0.02)
     assert first.speeds.size == pytest.approx(100, abs=3)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from analysis.signals.header import RunOutSettings
-from analysis.signals.ramp import Direction
+from analysis.signals.ramp import RampDirection
 from analysis.vectors.speed_table import BIN_WIDTH, SpeedTable
 
 if TYPE_CHECKING:
@@ -74,11 +74,11 @@ def test_run_up_and_run_down_are_apart_to_the_frame(make_bench: Callable[..., "B
     table = SpeedTable()
     for snapshot in course:
         table.snapshot(snapshot)
-    rows = {direction: [row for row in table.rows() if row.direction is direction] for direction in Direction}
+    rows = {direction: [row for row in table.rows() if row.direction is direction] for direction in RampDirection}
     assert all(len(of_direction) > 12 for of_direction in rows.values())
-    assert sum(row.frames for row in rows[Direction.UP]) == pytest.approx(turn + 1, abs=2)
+    assert sum(row.frames for row in rows[RampDirection.RUN_UP]) == pytest.approx(turn + 1, abs=2)
     assert sum(row.frames for row in table.rows()) == len(frames)
-    speeds = [(round(row.speed / BIN_WIDTH), row.direction is Direction.DOWN) for row in table.rows()]
+    speeds = [(round(row.speed / BIN_WIDTH), row.direction is RampDirection.RUN_DOWN) for row in table.rows()]
     assert speeds == sorted(speeds)
 
 
@@ -91,7 +91,7 @@ def test_asking_for_rows_in_between_changes_nothing(make_bench: Callable[..., "B
         asked.snapshot(snapshot)
         left.snapshot(snapshot)
         asked.rows()
-    assert {row.direction for row in left.rows()} == {Direction.DOWN}
+    assert {row.direction for row in left.rows()} == {RampDirection.RUN_DOWN}
     for one, other in zip(asked.rows(), left.rows(), strict=True):
         assert one.vectors.tobytes() == other.vectors.tobytes()
         assert (one.direction, one.frames) == (other.direction, other.frames)

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from analysis.signals.ramp import Direction
+from analysis.signals.ramp import RampDirection
 from analysis.signals.snapshot import OrderFrame, Whirl
 from analysis.whirl.findings import MOST_FINDINGS, WhirlFinding, WhirlTracker, whirl_hysteresis
 
@@ -104,13 +104,13 @@ def test_components_that_are_there_together_are_followed_side_by_side() -> None:
 def test_onset_on_the_run_up_and_end_on_the_run_down_are_told_together() -> None:
     tracker = WhirlTracker()
     up, down = np.arange(900.0, 1500.0, 10.0), np.arange(1500.0, 800.0, -10.0)
-    course = [(speed, Direction.UP, 1100.0 <= speed < 1400.0) for speed in up.tolist()]
-    course += [(speed, Direction.DOWN, 1000.0 < speed <= 1390.0) for speed in down.tolist()]
+    course = [(speed, RampDirection.RUN_UP, 1100.0 <= speed < 1400.0) for speed in up.tolist()]
+    course += [(speed, RampDirection.RUN_DOWN, 1000.0 < speed <= 1390.0) for speed in down.tolist()]
     for number, (speed, direction, there) in enumerate(course):
         tracker.frame(0, HOP * (number + 1), frame(speed, 0.48 if there else None), direction)
     first, second = tracker.findings()
-    assert (first.begin_direction, first.end_direction) == (Direction.UP, Direction.UP)
-    assert (second.begin_direction, second.end_direction) == (Direction.DOWN, Direction.DOWN)
+    assert (first.begin_direction, first.end_direction) == (RampDirection.RUN_UP, RampDirection.RUN_UP)
+    assert (second.begin_direction, second.end_direction) == (RampDirection.RUN_DOWN, RampDirection.RUN_DOWN)
     (told,) = whirl_hysteresis(tracker.findings())
     assert told.order == pytest.approx(0.48)
     assert (told.onset, told.end) == (1100.0, 1010.0)

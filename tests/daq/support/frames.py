@@ -22,7 +22,7 @@ from analysis.signals.header import (
     Tacho,
 )
 from analysis.signals.snapshot import OrderFrame, RunOut, Snapshot, TachoReport, TachoState, Trace, Whirl
-from analysis.whirl.findings import Moment
+from analysis.signals.blocks import TimeInRun
 from daq.session.live_update import LiveUpdate, RunState, Status
 from model.prediction.prediction_map import Prediction
 
@@ -208,9 +208,9 @@ def make_frames(count: int) -> list[LiveUpdate]:
 
 def with_alarm(frame: LiveUpdate, severity: Severity) -> LiveUpdate:
     """Return a frame with a latched alarm that is over."""
-    limits, place = frame.header.limits, Moment(0, 10.0, 12_000.0 * RPM)
+    limits, place = frame.header.limits, TimeInRun(0, 10.0, 12_000.0 * RPM)
     limit = limits.peak_to_peak_danger if severity is Severity.DANGER else limits.peak_to_peak_alarm
-    over = Moment(0, 12.0, 12_500.0 * RPM)
+    over = TimeInRun(0, 12.0, 12_500.0 * RPM)
     alarm = Alarm(1, Watched.OVERALL, "x", severity, limit, place, 1.02 * limit, place, over)
     status = replace(frame.status, severity=Severity.NORMAL, latched=severity, alarms=(alarm,))
     return replace(frame, status=status)
@@ -218,7 +218,7 @@ def with_alarm(frame: LiveUpdate, severity: Severity) -> LiveUpdate:
 
 def with_further_alarms(frame: LiveUpdate) -> LiveUpdate:
     """Return a frame of a rig that watches 1X, what is below it, and the speed: all passed, 1X no more."""
-    place, over = Moment(0, 10.0, 12_000.0 * RPM), Moment(0, 12.0, 12_500.0 * RPM)
+    place, over = TimeInRun(0, 10.0, 12_000.0 * RPM), TimeInRun(0, 12.0, 12_500.0 * RPM)
     limits = replace(
         frame.header.limits,
         order_1x_alarm=20e-6,

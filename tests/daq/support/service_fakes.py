@@ -9,10 +9,11 @@ import numpy as np
 from analysis.live.summary import ProbeSummary, RunSummary
 from analysis.signals.blocks import EndReason, SegmentEnd
 from analysis.signals.header import Severity
-from analysis.signals.ramp import Direction
+from analysis.signals.ramp import RampDirection
 from analysis.signals.snapshot import TachoReport, TachoState
 from analysis.vectors.speed_table import SpeedRow
-from analysis.whirl.findings import Moment, WhirlFinding
+from analysis.signals.blocks import TimeInRun
+from analysis.whirl.findings import WhirlFinding
 from daq.schemas.summary import SummarySchema, summary_schema
 from daq.session.live_update import LiveUpdate
 from model.prediction.comparison import Agreement, PredictedWhirl, SynchronousAgreement, WhirlAgreement
@@ -70,15 +71,15 @@ def make_entries() -> list[RunEntry]:
 def make_summary() -> RunSummary:
     """A run-up with one component below 1X; some of its values are not known."""
 
-    def at(time: float, speed_rpm: float) -> Moment:
-        return Moment(0, time, speed_rpm * RPM)
+    def at(time: float, speed_rpm: float) -> TimeInRun:
+        return TimeInRun(0, time, speed_rpm * RPM)
 
     def row(speed_rpm: float, order: float, amplitude: float) -> SpeedRow:
         vectors = np.array([[10e-6 * np.exp(-0.5j), 11e-6 * np.exp(1j)], [1e-6, complex(math.nan, 0.0)]])
         two = np.array([30e-6, 31e-6])
         scatter, compensated = np.full((2, 2), 4e-7), np.full((2, 2), complex(math.nan))
         sizes = (two, 1.1 * two, 5e-8, amplitude, order)
-        return SpeedRow(Direction.UP, speed_rpm * RPM, 24, vectors, scatter, *sizes, compensated)
+        return SpeedRow(RampDirection.RUN_UP, speed_rpm * RPM, 24, vectors, scatter, *sizes, compensated)
 
     return RunSummary(
         run=NEWEST,

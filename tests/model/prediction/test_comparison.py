@@ -5,9 +5,10 @@ import numpy as np
 import pytest
 
 from analysis.live.summary import RunSummary
-from analysis.signals.ramp import Direction
+from analysis.signals.blocks import TimeInRun
+from analysis.signals.ramp import RampDirection
 from analysis.vectors.speed_table import SpeedRow
-from analysis.whirl.findings import Moment, WhirlFinding
+from analysis.whirl.findings import WhirlFinding
 from model.prediction.comparison import compare, instability_onset, predicted_whirls
 from model.prediction.prediction_map import PredictionMap
 
@@ -42,7 +43,7 @@ def row(model: PredictionMap, speed: float, factor: complex = 1.0) -> SpeedRow:
     """What a run shows whose 1X is ``factor`` times the predicted."""
     predicted = model.at(speed).vectors if 200 <= speed <= 2000 else np.full((2, 2), 1e-6 + 0j)
     return SpeedRow(
-        direction=Direction.UP,
+        direction=RampDirection.RUN_UP,
         speed=speed,
         frames=3,
         vectors=predicted * factor,
@@ -60,10 +61,10 @@ def whirl(order: float, begin: float, end: float, *, is_forward: bool = True) ->
     return WhirlFinding(
         order=order,
         order_at_begin=order,
-        begin=Moment(0, 1.0, begin),
-        end=Moment(0, 2.0, end),
+        begin=TimeInRun(0, 1.0, begin),
+        end=TimeInRun(0, 2.0, end),
         amplitude=12e-6,
-        largest=Moment(0, 1.5, end),
+        largest=TimeInRun(0, 1.5, end),
         is_forward=is_forward,
         frames=20,
     )

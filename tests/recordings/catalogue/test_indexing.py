@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 
 from analysis.live.summary import RunSummary, SummaryBuilder
-from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd
+from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd, TimeInRun
 from analysis.signals.header import RunHeader
-from analysis.whirl.findings import Moment, WhirlFinding
+from analysis.whirl.findings import WhirlFinding
 from recordings.catalogue.catalogue import Catalogue
 from recordings.catalogue.entry import calibration_identity
 from recordings.catalogue.search import Search
@@ -48,7 +48,7 @@ def record(tmp_path: Path, header: RunHeader, make_block: MakeBlock) -> Record:
 def summarise(reader: RunReader) -> RunSummary:
     """Return a summary with speeds and a whirl that follow from when the run began: 1000 s is 1000 r/min."""
     speed = reader.header.started_ns / SECOND * RPM
-    begin, end = Moment(0, 1.0, 10 * speed), Moment(0, 2.0, 11 * speed)
+    begin, end = TimeInRun(0, 1.0, 10 * speed), TimeInRun(0, 2.0, 11 * speed)
     whirl = WhirlFinding(0.48, 0.49, begin, end, 14e-6, end, is_forward=True, frames=5)
     summary = SummaryBuilder(reader.header).summary()
     return replace(summary, lowest_speed=speed, highest_speed=12 * speed, whirls=(whirl,))

@@ -6,7 +6,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pytest
 
-from analysis.signals.ramp import Direction
+from analysis.signals.ramp import RampDirection
 from analysis.vectors.speed_table import SpeedRow
 from daq.reports.plots.layouts import orbit, spectrum
 from daq.reports.plots.panel import Panel
@@ -20,7 +20,7 @@ PROBES = (0.0, math.pi / 2)
 UNKNOWN = np.full((2, 2), complex(math.nan))
 
 
-def row(direction: Direction, speed_rpm: float, compensated: complex | None) -> SpeedRow:
+def row(direction: RampDirection, speed_rpm: float, compensated: complex | None) -> SpeedRow:
     vectors = np.full((2, 2), 10e-6 + 0j)
     less = UNKNOWN if compensated is None else np.full((2, 2), compensated)
     two = np.array([30e-6, 31e-6])
@@ -34,12 +34,12 @@ def document(*rows: SpeedRow) -> OrderVectorsSchema:
 
 
 def test_run_up_and_run_down_are_curves_of_their_own() -> None:
-    both = [(way, speed) for way in Direction for speed in (1000.0, 2000.0)]
+    both = [(way, speed) for way in RampDirection for speed in (1000.0, 2000.0)]
     lag, size = panels_of(document(*(row(way, speed, None) for way, speed in both)), "bode", PROBES)
     assert [curve.name for curve in size.curves] == ["x ▲", "y ▲", "x ▼", "y ▼"]
     assert [curve.name for curve in lag.curves] == ["x ▲", "y ▲", "x ▼", "y ▼"]
     assert all(len(curve.x) == 2 for curve in size.curves)
-    alone = panels_of(document(row(Direction.UP, 1000.0, None)), "bode", PROBES)[0]
+    alone = panels_of(document(row(RampDirection.RUN_UP, 1000.0, None)), "bode", PROBES)[0]
     assert [curve.name for curve in alone.curves] == ["x", "y"]
     polar = panels_of(document(*(row(way, speed, None) for way, speed in both)), "polar", PROBES)
     assert [[curve.name for curve in panel.curves] for panel in polar] == [["▲", "▼"]] * 2
@@ -48,7 +48,7 @@ def test_run_up_and_run_down_are_curves_of_their_own() -> None:
 def test_lag_grows_downwards_and_breaks_where_a_turn_is_full() -> None:
     def drawn(*lags: float) -> Panel:
         vectors = [2e-6 * np.exp(-1j * np.radians(lag)) for lag in lags]
-        rows = [row(Direction.UP, 1000.0 * k, vector) for k, vector in enumerate(vectors, 1)]
+        rows = [row(RampDirection.RUN_UP, 1000.0 * k, vector) for k, vector in enumerate(vectors, 1)]
         return panels_of(document(*rows), "bode", PROBES)[0]
 
     across = drawn(350.0, 10.0)
@@ -61,7 +61,7 @@ def test_lag_grows_downwards_and_breaks_where_a_turn_is_full() -> None:
 
 
 def test_what_run_out_left_is_drawn_and_called_compensated() -> None:
-    rows = [row(Direction.UP, 500.0, None), row(Direction.UP, 2000.0, 4e-6j)]
+    rows = [row(RampDirection.RUN_UP, 500.0, None), row(RampDirection.RUN_UP, 2000.0, 4e-6j)]
     lag, size = panels_of(document(*rows), "bode", PROBES)
     assert lag.title == "there-and-back"
     assert size.title == "amplitude of 1X compensated"
@@ -72,7 +72,10 @@ def test_what_run_out_left_is_drawn_and_called_compensated() -> None:
 
 
 def test_polar_plot_has_no_lag_where_the_probe_sits_and_lags_go_against_the_rotation() -> None:
-    rows = [row(Direction.UP, 1000.0 * k, 2e-6 * np.exp(-1j * np.radians(lag))) for k, lag in enumerate((0.0, 90.0), 1)]
+    rows = [
+        row(RampDirection.RUN_UP, 1000.0 * k, 2e-6 * np.exp(-1j * np.radians(lag)))
+        for k, lag in enumerate((0.0, 90.0), 1)
+    ]
     at_x, at_y = panels_of(document(*rows), "polar", PROBES)
     assert (at_x.polar_zero, at_y.polar_zero) == PROBES
     assert list(at_x.curves[0].x) == pytest.approx([2.0, 0.0], abs=1e-6)
