@@ -10,8 +10,8 @@ from typing import Annotated
 from pydantic import BaseModel, ConfigDict, Field
 
 from analysis.live.alarms import Alarm, Watched
-from analysis.signals.header import Severity
 from analysis.signals.blocks import TimeInRun
+from analysis.signals.header import Severity
 from daq.schemas.units import Schema, finite, micrometres, moment, rpm
 from daq.session.alarms import alarm_name, alarm_size
 from daq.session.live_update import TimedMarker

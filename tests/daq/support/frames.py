@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.live.alarms import Alarm, AlarmWatch, Watched, shown_alarms, worst
+from analysis.signals.blocks import TimeInRun
 from analysis.signals.header import (
     Acquisition,
     AnalysisSettings,
@@ -22,7 +23,6 @@ from analysis.signals.header import (
     Tacho,
 )
 from analysis.signals.snapshot import OrderFrame, RunOut, Snapshot, TachoReport, TachoState, Trace, Whirl
-from analysis.signals.blocks import TimeInRun
 from daq.session.live_update import LiveUpdate, RunState, Status
 from model.prediction.prediction_map import Prediction
 
