@@ -23,7 +23,7 @@ from daq.drivers.ni import FoundDevice, connected_devices
 from daq.drivers.simulation import converter
 from daq.errors import ConfigError
 from daq.schemas.preflight import found_device_schema, invalid_rig_schema, preflight_schema, valid_rig_schema
-from daq.session.preflight.preflight import Plan, Preflight, preflight
+from daq.session.preflight.preflight import PlannedRun, PreflightReport, run_preflight_checks
 from daq.session.preflight.rig_checks import disk_rate
 from recordings.catalogue.catalogue import data_folder
 
@@ -98,23 +98,23 @@ def run_preflight(chosen: argparse.Namespace) -> int:
     """Check and print the table; return the exit code."""
     console = Console()
     rig = load_rig(Path(chosen.config))
-    plan = Plan(
+    plan = PlannedRun(
         folder=data_folder(rig.config.storage.folder),
         duration=chosen.duration,
         speed=None if chosen.speed_rpm is None else chosen.speed_rpm * RPM,
     )
-    found = preflight(rig, plan, dt.datetime.now().astimezone().date(), console.progress)
+    found = run_preflight_checks(rig, plan, dt.datetime.now().astimezone().date(), console.progress)
     console.clear()
     if chosen.json:
         print_json(preflight_schema(rig.config.rig, found))
     else:
         show(table(found, width_of(sys.stdout) or _WIDTH + 1))
-    if found.trouble is not None:
-        return found.trouble.exit_code
+    if found.device_error is not None:
+        return found.device_error.exit_code
     return NOT_READY if found.verdict is Verdict.FAIL else 0
 
 
-def table(found: Preflight, width: int) -> Iterator[str]:
+def table(found: PreflightReport, width: int) -> Iterator[str]:
     """Yield the checks line by line, with what to do under those that are not good, and the verdict last."""
     width = min(width - 1, _WIDTH)
     names = max(len(check.name) for check in found.checks)

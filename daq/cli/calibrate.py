@@ -30,7 +30,13 @@ from daq.config.loader import load_rig
 from daq.config.rig import MICRO, Rig
 from daq.errors import DeviceError, UsageError
 from daq.schemas.preflight import gap_calibration_schema, tacho_calibration_schema
-from daq.session.preflight.calibration import Point, measured_point, points_of, probe_row, tacho_levels
+from daq.session.preflight.calibration import (
+    CalibrationPoint,
+    measure_point,
+    measure_tacho_levels,
+    probe_row,
+    read_points,
+)
 
 _STEPS_END = """\
 examples:   rig calibrate gap rigs/usb6251.toml x --operator "M. Curie"
@@ -38,7 +44,7 @@ examples:   rig calibrate gap rigs/usb6251.toml x --operator "M. Curie"
 """
 
 
-def stepped(rig: Rig, name: str, path: Path) -> list[Point]:
+def stepped(rig: Rig, name: str, path: Path) -> list[CalibrationPoint]:
     """Ask for the gap of each micrometer step, and measure it.
 
     Parameters
@@ -60,7 +66,7 @@ def stepped(rig: Rig, name: str, path: Path) -> list[Point]:
         f"probe {name} on {physical}: set the micrometer, wait until it is still, and enter the gap in µm (0 where the "
         "tip touches).\nAn empty line ends; a - takes the last step back."
     )
-    points: list[Point] = []
+    points: list[CalibrationPoint] = []
     try:
         while answer := _asked(len(points) + 1):
             _take(answer, points, rig, name)
@@ -72,7 +78,7 @@ def stepped(rig: Rig, name: str, path: Path) -> list[Point]:
     return points
 
 
-def keep(path: Path, points: Sequence[Point]) -> Path:
+def keep(path: Path, points: Sequence[CalibrationPoint]) -> Path:
     """Write points as CSV beside a record of theirs, over nothing that is there; return the file."""
     stems = (path.stem if number == 1 else f"{path.stem}-{number}" for number in count(1))
     saved = next(file for file in (path.with_name(f"{stem}.csv") for stem in stems) if not file.exists())
@@ -89,7 +95,7 @@ def _asked(step: int) -> str:
     return sys.stdin.readline().strip()
 
 
-def _take(answer: str, points: list[Point], rig: Rig, name: str) -> None:
+def _take(answer: str, points: list[CalibrationPoint], rig: Rig, name: str) -> None:
     """Do what an answer says: take the last step back, or measure one."""
     if answer == "-":
         del points[-1:]
@@ -99,7 +105,7 @@ def _take(answer: str, points: list[Point], rig: Rig, name: str) -> None:
         _say(f"{answer!r}: expected a gap in µm, 0 or more, such as 250")
         return
     try:
-        points.append(measured_point(rig, name, gap_um * MICRO))
+        points.append(measure_point(rig, name, gap_um * MICRO))
     except DeviceError as error:
         if not points:
             raise
@@ -132,7 +138,7 @@ def gap(chosen: argparse.Namespace) -> int:
     path = _new_path(rig, chosen, today)
     if path.exists():
         raise UsageError(f"{path}: is there already, and a calibration is never overwritten")
-    points = points_of(Path(chosen.points)) if chosen.points else stepped(rig, chosen.channel, path)
+    points = read_points(Path(chosen.points)) if chosen.points else stepped(rig, chosen.channel, path)
     record, fit = _record(points, chosen, _metadata(chosen, before, today), path)
     write_record(path, record)
     load_calibration(path)  # what was written is what a rig will read
@@ -147,7 +153,7 @@ def gap(chosen: argparse.Namespace) -> int:
 def tacho(chosen: argparse.Namespace) -> int:
     """Propose the tacho's switching levels; return the exit code."""
     rig = load_rig(Path(chosen.config))
-    levels = tacho_levels(rig)
+    levels = measure_tacho_levels(rig)
     if chosen.json:
         print_json(tacho_calibration_schema(rig.tacho, levels))
         return NOT_READY if levels is None else 0
@@ -199,7 +205,7 @@ def _metadata(chosen: argparse.Namespace, before: CalibrationRecord, today: str)
 
 
 def _record(
-    points: Sequence[Point], chosen: argparse.Namespace, metadata: CalibrationMetadata, path: Path
+    points: Sequence[CalibrationPoint], chosen: argparse.Namespace, metadata: CalibrationMetadata, path: Path
 ) -> tuple[CalibrationRecord, CalibrationFit]:
     """Return record and fit of points; where they make no calibration, measured ones are kept in a file."""
     gaps, volts = np.array([point.gap for point in points]), np.array([point.volts for point in points])
@@ -214,7 +220,7 @@ def _record(
     return fitted_record(fit, gaps, volts, metadata), fit
 
 
-def _told(points: Sequence[Point], fit: CalibrationFit) -> Iterator[str]:
+def _told(points: Sequence[CalibrationPoint], fit: CalibrationFit) -> Iterator[str]:
     """Yield the points with how far the polynomial lies off, drawn to scale."""
     scale = max(fit.residual, 1e-12)
     yield f"{'gap µm':>9} {'volts':>9} {'scatter mV':>11} {'off µm':>8}  {'0':>{_HALF_PLOT + 1}}"

@@ -33,7 +33,7 @@ from daq.session.prediction.predictors import PATIENCE, Predictors
 from daq.session.recording.messages import RecordingRequest
 from daq.session.recording.recorded_run import RecordedRun
 from daq.session.replayed_run import ReplayedRun
-from daq.session.run import Outcome, Run
+from daq.session.run import Run, RunOutcome
 from daq.session.run_manager import RunManager
 from daq.session.runout_reference import with_reference_runout
 from daq.stop_flag import EXIT_INTERRUPTED, StopFlag, stop_on_signals
@@ -45,7 +45,7 @@ _LOOK = 0.2  # s
 _TROUBLE = frozenset({RunState.DEGRADED, RunState.INTERRUPTED})
 
 
-def follow(run: Run, stop: StopFlag, console: Console) -> Outcome:
+def follow(run: Run, stop: StopFlag, console: Console) -> RunOutcome:
     """Show the run's progress until its end; a set `stop` ends it by hand."""
     asked, telling = False, _Telling(console)
     try:
@@ -163,7 +163,7 @@ def run_replay(chosen: argparse.Namespace) -> int:
         header, delivery, markers = reader.header, reader.delivery, reader.markers()
     with Predictors() as predictors, Readings(predictors) as readings:
         summaries = Summaries(catalogue, predictors, readings.summary)
-        model = predictors.of(header)
+        model = predictors.for_run(header)
         with stop_on_signals() as stop, Screens(chosen, catalogue, summaries, console, readings) as screens:
             source = open_replay(path, chosen.pace)
             replayed = ReplayedRun(header, source, model, screens.sinks, markers)

@@ -42,7 +42,7 @@ class Mapped(Protocol):
 class Maps(Protocol):
     """The model's maps."""
 
-    def of(self, header: RunHeader) -> Mapped:
+    def for_run(self, header: RunHeader) -> Mapped:
         """Return the map of the rig of a run."""
         ...
 
@@ -92,7 +92,7 @@ class Summaries:
         with RunReader(self._catalogue.path(run_id)) as reader:
             header, delivery = corrected_header(reader.header, calibrations), reader.delivery
             markers = reader.markers()
-            predictor = self._maps.of(header)
+            predictor = self._maps.for_run(header)
             summary = summarise(reader, partial(waiting, f"analysing {run_id} anew"), header)
         predictor.wait(PATIENCE, lambda state: waiting(f"model {state}", None))
         return self.document(summary, header, delivery, markers)
@@ -101,7 +101,7 @@ class Summaries:
         self, summary: RunSummary, header: RunHeader, delivery: Delivery, markers: tuple[Marker, ...] = ()
     ) -> SummarySchema:
         """Return a summary with how it agrees with the model of the run's rig, null where its map is not ready."""
-        prediction_map = self._maps.of(header).map
+        prediction_map = self._maps.for_run(header).map
         agreement = None if prediction_map is None else compare(summary, prediction_map)
         rate = header.acquisition.rate
         return summary_schema(summary, agreement, delivery, tuple(marker_schema(marker, rate) for marker in markers))
@@ -120,7 +120,7 @@ class Summaries:
             header, is_complete, delivery = reader.header, reader.is_complete, reader.delivery
             markers = reader.markers()
             told = None if waiting is None else partial(waiting, f"reading {run_id}")
-            predictor = self._maps.of(header)
+            predictor = self._maps.for_run(header)
             summary = self._read(reader.path) if self._read is not None and waiting is None else summarise(reader, told)
         if waiting is not None:
             predictor.wait(PATIENCE, lambda state: waiting(f"model {state}", None))

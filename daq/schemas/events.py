@@ -13,7 +13,7 @@ from analysis.live.alarms import Alarm, Watched
 from analysis.signals.blocks import TimeInRun
 from analysis.signals.header import Severity
 from daq.schemas.units import Schema, finite, micrometres, moment, rpm
-from daq.session.alarms import alarm_name, alarm_size
+from daq.session.alarms import alarm_name, alarm_value_text
 from daq.session.live_update import TimedMarker
 from recordings.mcap.markers import MAX_MARKER_LENGTH, Marker, MarkerKind
 
@@ -149,5 +149,5 @@ def alarm_schema(alarm: Alarm) -> AlarmSchema:
         largest_at=time_in_run_schema(alarm.largest_at),
         end=None if alarm.end is None else time_in_run_schema(alarm.end),
         name=alarm_name(alarm),
-        told=alarm_size(alarm),
+        told=alarm_value_text(alarm),
     )

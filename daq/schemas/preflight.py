@@ -21,7 +21,7 @@ from daq.drivers.ni import FoundDevice
 from daq.errors import ConfigError
 from daq.schemas.header import DeviceSchema, device_schema
 from daq.schemas.units import Schema, finite
-from daq.session.preflight.preflight import Preflight
+from daq.session.preflight.preflight import PreflightReport
 
 
 class CalibratedPointSchema(Schema):
@@ -112,7 +112,7 @@ class PreflightSchema(Schema):
     checks: tuple[PreflightCheckSchema, ...] = Field(description="In the order in which an operator would look")
 
 
-def preflight_schema(rig: str, found: Preflight) -> PreflightSchema:
+def preflight_schema(rig: str, found: PreflightReport) -> PreflightSchema:
     """Return what was found as a document."""
     acquisition = found.acquisition
     return PreflightSchema(

@@ -14,7 +14,7 @@ from types import TracebackType
 from typing import Any, Self, TypeVar
 
 from daq.errors import ServiceError
-from daq.session.processes import JOIN_TIME, begin, end, leave_signals_to_parent, lower_priority
+from daq.session.processes import JOIN_TIMEOUT, end_process, leave_signals_to_parent, lower_priority, start_process
 
 T = TypeVar("T")
 DEADLINE = 30.0  # s that one piece of work may take
@@ -123,7 +123,7 @@ class ReadingProcess:
             pipe, there = context.Pipe()
             process = context.Process(target=_serve, args=(there,), name="rig-reader", daemon=True)
             with there:
-                begin(process)
+                start_process(process)
             self._pipe, self._process = pipe, process
         return self._pipe
 
@@ -131,7 +131,7 @@ class ReadingProcess:
         if self._pipe is not None:
             self._pipe.close()
         if self._process is not None:
-            end(self._process)
+            end_process(self._process)
         self._pipe = self._process = None
 
 
@@ -191,7 +191,7 @@ class ReadingProcesses:
         free = []
         for _ in range(count):
             with suppress(queue.Empty):
-                free.append(self._free.get(timeout=JOIN_TIME))
+                free.append(self._free.get(timeout=JOIN_TIMEOUT))
         return free
 
     def __enter__(self) -> Self:

@@ -16,7 +16,7 @@ def alarm_name(alarm: Alarm) -> str:
     return f"{which}{alarm.severity.value}" + (f" at {alarm.probe}" if alarm.probe else "")
 
 
-def alarm_size(alarm: Alarm) -> str:
+def alarm_value_text(alarm: Alarm) -> str:
     """Return the largest value so far, and the limit: "96 µm peak-to-peak, limit 90"."""
     if alarm.quantity is Watched.SPEED:
         return f"{alarm.largest / RPM:,.0f} r/min, limit {alarm.limit / RPM:,.0f}"
@@ -28,7 +28,7 @@ def alarm_text(alarm: Alarm) -> str:
     """Return what came: which limit of what, how much, at what speed."""
     known = math.isfinite(alarm.begin.speed) and alarm.quantity is not Watched.SPEED
     at = f", at {alarm.begin.speed / RPM:,.0f} r/min" if known else ""
-    return f"{alarm_name(alarm)}: {alarm_size(alarm)}{at}"
+    return f"{alarm_name(alarm)}: {alarm_value_text(alarm)}{at}"
 
 
 def alarm_marker(alarm: Alarm, rate: float, host_time_ns: int) -> Marker:
@@ -37,7 +37,7 @@ def alarm_marker(alarm: Alarm, rate: float, host_time_ns: int) -> Marker:
     return Marker(alarm.begin.segment, sample, alarm_text(alarm)[:MAX_MARKER_LENGTH], host_time_ns, MarkerKind.ALARM)
 
 
-def acknowledgement(alarms: Sequence[Alarm], segment: int, sample: int, host_time_ns: int) -> Marker:
+def acknowledgement_marker(alarms: Sequence[Alarm], segment: int, sample: int, host_time_ns: int) -> Marker:
     """Return the marker of the moment at which somebody took note of alarms."""
     named = ", ".join(alarm_name(alarm) for alarm in alarms)
     return Marker(segment, sample, f"acknowledged {named}"[:MAX_MARKER_LENGTH], host_time_ns, MarkerKind.ACKNOWLEDGED)

@@ -22,15 +22,15 @@ from recordings.exchange.imported import METRES, ImportedChannel, imported_chann
 from recordings.mcap.layout import IMPORTED_RECORD
 from recordings.mcap.writer import write_analysed
 
-IMPORTED = "imported"
+IMPORTED_BACKEND = "imported"
 """What has delivered the samples of a run that was imported."""
-AT_ONCE = 1e12
+SIMULTANEOUS_CONVERT_RATE = 1e12
 """Convert rate, Hz, where nothing is known of a multiplexer: all channels are sampled at once."""
 RATE_TOLERANCE = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
-class Foreign:
+class ForeignFile:
     """A file of another program and what is known of it.
 
     Parameters
@@ -64,10 +64,10 @@ def import_run(file: Path, mapping_file: Path, catalogue: Catalogue) -> tuple[st
     """
     mapping, text = load_mapping(mapping_file)
     rig = with_reference_runout(load_rig(mapping_file.parent / mapping.rig), catalogue.folder)
-    return imported_run(Foreign(file, file.name, mapping, str(mapping_file), text), rig, catalogue)
+    return write_imported_run(ForeignFile(file, file.name, mapping, str(mapping_file), text), rig, catalogue)
 
 
-def require_fit(foreign: Foreign, rig: Rig) -> None:
+def require_mapping_fits(foreign: ForeignFile, rig: Rig) -> None:
     """Raise ConfigError where a mapping does not give every channel of a rig what it needs."""
     if faults := _misfits(foreign.mapping, rig):
         raise ConfigError(foreign.mapping_name, faults)
@@ -85,8 +85,8 @@ def _misfits(mapping: ChannelMapping, rig: Rig) -> list[str]:
     return faults
 
 
-def imported_run(
-    foreign: Foreign,
+def write_imported_run(
+    foreign: ForeignFile,
     rig: Rig,
     catalogue: Catalogue,
     drafts: Path | None = None,
@@ -159,9 +159,9 @@ def _told(items: Iterator[SourceItem], n_rows: int, told: Callable[[float], None
 
 def _header(rig: Rig, run_id: str, started_ns: int, rate: float, channels: list[ImportedChannel]) -> RunHeader:
     acquisition = Acquisition(
-        device=Device(IMPORTED, "", "", "", simulated=False),
+        device=Device(IMPORTED_BACKEND, "", "", "", simulated=False),
         rate=rate,
-        convert_rate=AT_ONCE,
+        convert_rate=SIMULTANEOUS_CONVERT_RATE,
         channels=tuple(each.channel for each in channels),
         tacho=replace(rig.tacho, counter=None),  # its stamps are in no foreign file
     )

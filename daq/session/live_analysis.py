@@ -59,7 +59,7 @@ class LiveAnalysis:
         self._markers: deque[TimedMarker] = deque(maxlen=MAX_LIVE_MARKERS)
         self._acknowledged = 0  # number of the last alarm that somebody has acknowledged
 
-    def take(self, item: SourceItem, status: Status) -> None:
+    def process(self, item: SourceItem, status: Status) -> None:
         """Analyse an item; `status` is the state of the recording that goes with the frames."""
         snapshots = self._analyser.segment_end(item) if isinstance(item, SegmentEnd) else self._analyser.block(item)
         for snapshot in snapshots:

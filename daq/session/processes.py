@@ -30,7 +30,7 @@ def lower_priority(steps: int = 5) -> None:
         os.nice(steps)
 
 
-JOIN_TIME = 2.0  # s that a process has to end by itself
+JOIN_TIMEOUT = 2.0  # s that a process has to end by itself
 _OF_THE_TERMINAL = ("SIGINT", "SIGHUP", "SIGBREAK")  # go to all its processes; SIGHUP: POSIX only, SIGBREAK: Windows
 
 
@@ -55,7 +55,7 @@ def terminal_signals_blocked() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def begin(process: BaseProcess) -> None:
+def start_process(process: BaseProcess) -> None:
     """Start a process whose work begins with `leave_signals_to_parent` or `ignore_terminal_signals`."""
     with terminal_signals_blocked():
         process.start()
@@ -74,13 +74,13 @@ def ignore_terminal_signals() -> None:
             signal.signal(getattr(signal, name), signal.SIG_IGN)
 
 
-def end(process: BaseProcess) -> None:
+def end_process(process: BaseProcess) -> None:
     """End a process that was started and wait until it has, by force where it does not or stands still."""
     process.terminate()
-    process.join(JOIN_TIME)
+    process.join(JOIN_TIMEOUT)
     if process.is_alive():
         process.kill()
-        process.join(JOIN_TIME)
+        process.join(JOIN_TIMEOUT)
 
 
 def _exit(_number: int, _frame: FrameType | None) -> None:

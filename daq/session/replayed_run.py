@@ -10,7 +10,7 @@ from analysis.signals.header import RunHeader
 from daq.drivers.source import Source
 from daq.session.live_analysis import LiveAnalysis
 from daq.session.live_update import LiveUpdate, LiveUpdateSink, RunState, Status, TimedMarker
-from daq.session.run import Model, Outcome
+from daq.session.run import LivePredictor, RunOutcome
 from recordings.mcap.markers import Marker
 
 
@@ -35,7 +35,7 @@ class ReplayedRun:
         self,
         header: RunHeader,
         source: Source,
-        model: Model,
+        model: LivePredictor,
         sinks: Sequence[LiveUpdateSink] = (),
         markers: Sequence[Marker] = (),
     ) -> None:
@@ -49,7 +49,7 @@ class ReplayedRun:
             markers, key=lambda marker: (marker.segment, marker.sample), reverse=True
         )  # the next one last
         self._state = RunState.REPLAYING
-        self._by_hand = False
+        self._is_stopped_by_user = False
         self._fault: BaseException | None = None
         self._thread = threading.Thread(target=self._pump, name="replay", daemon=True)
         self._thread.start()
@@ -78,7 +78,7 @@ class ReplayedRun:
                 else:
                     self._ends.append(item)
                 self._show_markers(item)
-                self._analysis.take(item, self.status())
+                self._analysis.process(item, self.status())
             self._state = RunState.FINISHED
         except Exception as error:  # noqa: BLE001 - carried to whoever closes the run
             self._fault = error
@@ -109,7 +109,7 @@ class ReplayedRun:
 
     def stop(self) -> None:
         """Ask for the end, by hand."""
-        self._by_hand = True
+        self._is_stopped_by_user = True
         self._source.stop()
 
     def wait(self, timeout: float) -> bool:
@@ -117,11 +117,11 @@ class ReplayedRun:
         self._thread.join(timeout)
         return not self._thread.is_alive()
 
-    def close(self) -> Outcome:
+    def close(self) -> RunOutcome:
         """End the replay, join its thread, and say how it ended; what went wrong in it is raised here."""
         self._source.stop()
         self._thread.join(10.0)
         self._source.close()
         if self._fault is not None:
             raise self._fault
-        return Outcome(tuple(self._ends), by_hand=self._by_hand)
+        return RunOutcome(tuple(self._ends), is_stopped_by_user=self._is_stopped_by_user)

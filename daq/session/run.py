@@ -12,7 +12,7 @@ from recordings.mcap.markers import Marker
 
 
 @dataclass(frozen=True, slots=True)
-class Outcome:
+class RunOutcome:
     """How a run ended.
 
     Parameters
@@ -21,7 +21,7 @@ class Outcome:
         Its segments.
     message : str
         What went wrong, for the operator; empty where all is well.
-    by_hand : bool
+    is_stopped_by_user : bool
         Whether somebody stopped it.
     skipped : int
         Samples per channel that the live analysis had to skip.
@@ -29,7 +29,7 @@ class Outcome:
 
     ends: tuple[SegmentEnd, ...]
     message: str = ""
-    by_hand: bool = False
+    is_stopped_by_user: bool = False
     skipped: int = 0
 
     @property
@@ -40,10 +40,10 @@ class Outcome:
             return 5
         if reasons & {EndReason.UNPLUGGED, EndReason.DEVICE_ERROR}:
             return 3
-        return 130 if self.by_hand else 0
+        return 130 if self.is_stopped_by_user else 0
 
 
-class Model(Protocol):
+class LivePredictor(Protocol):
     """What a run asks of the model."""
 
     @property
@@ -80,7 +80,7 @@ class Run(Protocol):
         """Wait up to `timeout` s for the end; return whether it has come."""
         ...
 
-    def close(self) -> Outcome:
+    def close(self) -> RunOutcome:
         """End it, join all that it started, and say how it ended."""
         ...
 

@@ -13,7 +13,7 @@ from daq.service.jobs.queue import DataPlace, Progress, Task, Tell
 from daq.service.jobs.work import parts_told
 from daq.service.schemas.importing import ImportOrder, RigInText
 from daq.service.uploads import Upload
-from daq.session.import_run import IMPORTED, Foreign, imported_run, require_fit
+from daq.session.import_run import IMPORTED_BACKEND, ForeignFile, require_mapping_fits, write_imported_run
 from daq.session.runout_reference import with_reference_runout
 from recordings.catalogue.catalogue import SUFFIX, Catalogue
 from recordings.errors import ForeignFormatError
@@ -24,18 +24,18 @@ MAPPING = "mapping"
 def import_task(order: ImportOrder, upload: Upload, rig: Rig, place: DataPlace) -> Task:
     """Return what an order is to do; ConfigError where the mapping does not give what the rig needs."""
     columns = order.mapping.model_dump(mode="json", exclude_none=True)
-    foreign = Foreign(upload.path, upload.name, order.mapping, MAPPING, to_toml({"rig": rig.config.rig, **columns}))
-    require_fit(foreign, rig)
+    foreign = ForeignFile(upload.path, upload.name, order.mapping, MAPPING, to_toml({"rig": rig.config.rig, **columns}))
+    require_mapping_fits(foreign, rig)
     return Task(order.kind, f"import of {upload.name}", "", import_upload, (place, foreign, rig), "run.json")
 
 
-def import_upload(tell: Tell, target: Path, place: DataPlace, foreign: Foreign, rig: Rig) -> None:
+def import_upload(tell: Tell, target: Path, place: DataPlace, foreign: ForeignFile, rig: Rig) -> None:
     """Make a file into a run and tell which."""
     tell(Progress("reading"))
     catalogue = place.catalogue()
     try:
         rig = with_reference_runout(_without_paths(rig, catalogue), catalogue.folder)
-        run, _ = imported_run(foreign, rig, catalogue, target.parent, parts_told(tell, "writing and analysing"))
+        run, _ = write_imported_run(foreign, rig, catalogue, target.parent, parts_told(tell, "writing and analysing"))
     except ForeignFormatError as error:
         raise ForeignFormatError(str(error).replace(str(foreign.path), foreign.name)) from error
     target.write_text(run_schema(catalogue.run(run)).model_dump_json(), encoding="utf-8")
@@ -50,7 +50,7 @@ def rig_of_run(header: RunHeader) -> Rig:
         The run was imported: where its samples were displacements already, its calibrations are none of the rig's.
     """
     name = f"run {header.run}"
-    if header.acquisition.device.backend == IMPORTED:
+    if header.acquisition.device.backend == IMPORTED_BACKEND:
         raise ConfigError(name, ["was imported itself: expected a run that was recorded, or the rig in text"])
     channels = header.acquisition.channels
     calibrations = {channel.name: channel.calibration for channel in channels if channel.calibration is not None}

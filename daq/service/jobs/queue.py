@@ -24,7 +24,7 @@ KEPT_FOR: Final = 3600.0  # s after its end that a job and its result are kept
 LIMIT: Final = 6 * 3600.0  # s that one job may take
 TIDYING: Final = 60.0  # s between two looks at what is too old
 ABANDONED: Final = 24 * 3600.0  # s: results this old are of a service that was ended by force
-JOIN_TIME: Final = 5.0  # s
+JOIN_TIMEOUT: Final = 5.0  # s
 
 logger = logging.getLogger(__name__)
 
@@ -230,9 +230,9 @@ class Jobs:
         """Give up what is under way, wait for its end, and leave no result behind."""
         self.end()
         if self._thread is not None:
-            self._thread.join(JOIN_TIME)
+            self._thread.join(JOIN_TIMEOUT)
             self._process.kill()  # where it stands still; else it has ended
-            self._thread.join(JOIN_TIME)
+            self._thread.join(JOIN_TIMEOUT)
         with self._changed:
             for job_id in self._jobs:
                 self._discard(job_id)

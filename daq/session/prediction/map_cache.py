@@ -188,7 +188,7 @@ class CachedPredictionMaps:
     def __init__(self) -> None:
         self._by_run: dict[str, CachedPredictionMap] = {}
 
-    def of(self, header: RunHeader) -> CachedPredictionMap:
+    def for_run(self, header: RunHeader) -> CachedPredictionMap:
         """Return the map for the rig of a run, as its configuration was then."""
         if header.run not in self._by_run:
             config = read_recorded_config(header.config_toml, f"configuration of run {header.run}")

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from analysis.signals.header import AnalysisSettings
 from daq.session.prediction.map_cache import cache_folder, load_or_compute_map, map_file, read_map
 from daq.session.prediction.refiner import Refiner
-from daq.session.processes import JOIN_TIME, begin, end, leave_signals_to_parent, lower_priority
+from daq.session.processes import JOIN_TIMEOUT, end_process, leave_signals_to_parent, lower_priority, start_process
 from model.errors import ModelError
 from model.prediction.prediction_map import Prediction, PredictionMap, compute_prediction_map, prediction_map_key
 from model.rotor.parameters import ModelParameters
@@ -89,7 +89,7 @@ class Predictor:
             self._process = context.Process(
                 target=_compute, args=(theirs, parameters, speeds, settings, self._file), name="prediction", daemon=True
             )
-            begin(self._process)
+            start_process(self._process)
             theirs.close()
             self._thread = threading.Thread(target=self._listen, args=(reports,), name="prediction", daemon=True)
             self._thread.start()
@@ -168,8 +168,8 @@ class Predictor:
             return
         if not self._finished:
             self._finish(off="stopped")
-        end(process)
-        self._thread.join(JOIN_TIME)
+        end_process(process)
+        self._thread.join(JOIN_TIMEOUT)
 
     def __enter__(self) -> Self:
         return self

@@ -26,7 +26,7 @@ class Predictors:
         """Return the predictor for a rig."""
         return self._for(model_parameters(rig.config), rig.settings, rig.limits)
 
-    def of(self, header: RunHeader) -> Predictor:
+    def for_run(self, header: RunHeader) -> Predictor:
         """Return the predictor for the rig of a run, as its configuration was then."""
         config = read_recorded_config(header.config_toml, f"configuration of run {header.run}")
         return self._for(model_parameters(config), header.settings, header.limits)
@@ -39,7 +39,7 @@ class Predictors:
         ValueError
             The speed lies outside the rig's map.
         """
-        known = self.of(header).map
+        known = self.for_run(header).map
         return None if known is None else known.at(speed)
 
     def _for(self, parameters: ModelParameters, settings: AnalysisSettings, limits: Limits) -> Predictor:

@@ -7,7 +7,7 @@ from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 
 from analysis.signals.header import AnalysisSettings
-from daq.session.processes import JOIN_TIME, begin, end, leave_signals_to_parent, lower_priority
+from daq.session.processes import JOIN_TIMEOUT, end_process, leave_signals_to_parent, lower_priority, start_process
 from model.errors import ModelError
 from model.prediction.live_prediction import refine
 from model.prediction.prediction_map import Prediction, PredictionMap
@@ -88,8 +88,8 @@ class Refiner:
             self._changed.notify()
             process = self._process
         if process is not None:
-            end(process)  # whatever the thread waits for of it comes to an end as well
-        self._thread.join(2 * JOIN_TIME)
+            end_process(process)  # whatever the thread waits for of it comes to an end as well
+        self._thread.join(2 * JOIN_TIMEOUT)
 
     def _work(self) -> None:
         """Wait for a speed, then have the process compute as long as there is one; the body of the thread."""
@@ -101,7 +101,7 @@ class Refiner:
         with pipe:
             try:
                 with theirs:
-                    begin(process)
+                    start_process(process)
                 if not self._watch(process):
                     pipe.send(self._model)
                     while (speed := self._next()) is not None:
@@ -112,7 +112,7 @@ class Refiner:
             except (EOFError, OSError) as error:
                 self._remark = f"the process that computes it went away ({type(error).__name__})"
         if process.pid is not None:
-            end(process)
+            end_process(process)
         self._process = None
 
     def _watch(self, process: BaseProcess) -> bool:

@@ -15,14 +15,14 @@ from daq.config.rig import MICRO, Rig
 from daq.config.schema import Backend, ProfilePoint
 from daq.drivers.factory import open_source
 from daq.errors import DeviceError, DeviceFault, UsageError
-from daq.session.preflight.preflight import look
+from daq.session.preflight.preflight import capture
 
 STEP = 0.5  # s of samples at a step: whole periods of 50 and 60 Hz
-TACHO_LOOK = 1.0  # s
+TACHO_CAPTURE_DURATION = 1.0  # s
 
 
 @dataclass(frozen=True, slots=True)
-class Point:
+class CalibrationPoint:
     """A measured point of a calibration.
 
     Parameters
@@ -55,7 +55,7 @@ def probe_row(rig: Rig, name: str) -> int:
     raise UsageError(f"{rig.path} has no probe {name!r}: expected {' or '.join(probes)}")
 
 
-def measured_point(rig: Rig, name: str, gap: float) -> Point:
+def measure_point(rig: Rig, name: str, gap: float) -> CalibrationPoint:
     """Return a probe's voltage at a gap, m, that has been set.
 
     With the simulated backend the gap is set here: the shaft stands still, where the micrometer puts it.
@@ -68,7 +68,7 @@ def measured_point(rig: Rig, name: str, gap: float) -> Point:
     set_up = _at_gap(rig, name, gap) if rig.config.device.backend is Backend.SIMULATED else rig
     with closing(open_source(set_up)) as source:
         acquisition = source.acquisition
-        seen = look(source, round(STEP * acquisition.rate))
+        seen = capture(source, round(STEP * acquisition.rate))
     row = [channel.name for channel in acquisition.channels].index(name)
     if seen.codes.size == 0:
         raise DeviceError(DeviceFault.OTHER, f"no samples came{_why(seen.end)}")
@@ -87,10 +87,10 @@ def measured_point(rig: Rig, name: str, gap: float) -> Point:
             f"probe {name} shows not even a sensor's noise at {gap / MICRO:g} µm: unplugged, without supply or out of "
             "its reach",
         )
-    return Point(gap, float(np.mean(volts)), float(np.std(volts)))
+    return CalibrationPoint(gap, float(np.mean(volts)), float(np.std(volts)))
 
 
-def tacho_levels(rig: Rig) -> Levels | None:
+def measure_tacho_levels(rig: Rig) -> Levels | None:
     """Return the levels between which the tacho switches in a second; None where it does not.
 
     Raises
@@ -100,14 +100,14 @@ def tacho_levels(rig: Rig) -> Levels | None:
     """
     with closing(open_source(rig)) as source:
         acquisition = source.acquisition
-        seen = look(source, round(TACHO_LOOK * acquisition.rate))
+        seen = capture(source, round(TACHO_CAPTURE_DURATION * acquisition.rate))
     if seen.codes.size == 0:
         raise DeviceError(DeviceFault.OTHER, f"no samples came{_why(seen.end)}")
     row = acquisition.row(Role.TACHO)
     return two_levels(acquisition.channels[row].volts(seen.codes[row]))
 
 
-def points_of(path: Path) -> list[Point]:
+def read_points(path: Path) -> list[CalibrationPoint]:
     """Return the points in a CSV file: gap in µm, volts; a head line and further columns are passed over.
 
     Raises
@@ -135,7 +135,7 @@ def points_of(path: Path) -> list[Point]:
             if number == 1 and not fields[0][:1].isdigit():
                 continue  # a head line
             raise UsageError(f"{path}, line {number}: {delimiter.join(fields)!r}: expected gap_um, volts") from error
-        points.append(Point(gap * MICRO, volts))
+        points.append(CalibrationPoint(gap * MICRO, volts))
     return points
 
 

@@ -28,16 +28,16 @@ from daq.errors import DeviceError
 from daq.session.preflight.rig_checks import (
     calibration_checks,
     device_checks,
+    device_error_check,
     disk_check,
     planned_speed_check,
     sample_checks,
     self_calibration_checks,
-    trouble_check,
 )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Look:
+class Capture:
     """A stretch of samples from a source.
 
     Parameters
@@ -65,25 +65,25 @@ class Look:
         return np.concatenate(stamped) if stamped and len(stamped) == len(self.blocks) else None
 
 
-def look(source: Source, samples: int) -> Look:
+def capture(source: Source, samples: int) -> Capture:
     """Take at least so many samples per channel from a source, and stop it; it is left to be closed."""
     blocks: list[SampleBlock] = []
     for item in source.blocks():
         if isinstance(item, SegmentEnd):
-            return Look(tuple(blocks), item)
+            return Capture(tuple(blocks), item)
         blocks.append(item)
         if item.end >= samples:
             source.stop()
-    return Look(tuple(blocks), None)
+    return Capture(tuple(blocks), None)
 
 
-LOOK = 1.0  # s of samples
+CAPTURE_DURATION = 1.0  # s of samples
 
 Progress = Callable[[str], None]
 
 
 @dataclass(frozen=True, slots=True)
-class Plan:
+class PlannedRun:
     """The run that is planned.
 
     Parameters
@@ -102,7 +102,7 @@ class Plan:
 
 
 @dataclass(frozen=True, slots=True)
-class Preflight:
+class PreflightReport:
     """What was found.
 
     Parameters
@@ -117,7 +117,7 @@ class Preflight:
 
     acquisition: Acquisition | None
     checks: tuple[Check, ...]
-    trouble: DeviceError | None = None
+    device_error: DeviceError | None = None
 
     @property
     def verdict(self) -> Verdict:
@@ -125,7 +125,7 @@ class Preflight:
         return worst(self.checks)
 
 
-def preflight(rig: Rig, plan: Plan, today: dt.date, told: Progress) -> Preflight:
+def run_preflight_checks(rig: Rig, plan: PlannedRun, today: dt.date, told: Progress) -> PreflightReport:
     """Open the rig's device, look at a second of samples, and judge.
 
     A device that is missing, busy or fails its own test is a check like any other, and what needs no samples is judged.
@@ -141,7 +141,7 @@ def preflight(rig: Rig, plan: Plan, today: dt.date, told: Progress) -> Preflight
     told : callable
         Told what is being done.
     """
-    acquisition, trouble = None, None
+    acquisition, device_error = None, None
     checks: list[Check] = []
     in_self_test = rig.config.device.backend is Backend.NIDAQMX
     try:
@@ -151,13 +151,13 @@ def preflight(rig: Rig, plan: Plan, today: dt.date, told: Progress) -> Preflight
             checks.append(Check.passed("self-test", "passed", "the card's own test"))
             checks += self_calibration_checks(rig, calibrated, today)
             in_self_test = False
-        acquisition, seen = _look_at(rig, told)
+        acquisition, seen = _capture_from(rig, told)
     except DeviceError as error:
-        trouble = error
-        checks.append(trouble_check(rig, error, in_self_test=in_self_test))
+        device_error = error
+        checks.append(device_error_check(rig, error, in_self_test=in_self_test))
     else:
         checks = [*device_checks(rig, acquisition), *checks]
-        checks += sample_checks(seen.blocks, seen.end, round(LOOK * acquisition.rate), rig)
+        checks += sample_checks(seen.blocks, seen.end, round(CAPTURE_DURATION * acquisition.rate), rig)
         if seen.codes.size:
             checks += wiring_checks(acquisition, seen.codes, rig.wiring_limits)
             if rig.tacho.counter is not None:
@@ -167,15 +167,15 @@ def preflight(rig: Rig, plan: Plan, today: dt.date, told: Progress) -> Preflight
     checks += calibration_checks(rig, today)
     rate = rig.config.timing.rate_hz if acquisition is None else acquisition.rate
     checks.append(disk_check(_free(plan.folder), rig, rate, plan.duration))
-    return Preflight(acquisition, tuple(checks), trouble)
+    return PreflightReport(acquisition, tuple(checks), device_error)
 
 
-def _look_at(rig: Rig, told: Progress) -> tuple[Acquisition, Look]:
+def _capture_from(rig: Rig, told: Progress) -> tuple[Acquisition, Capture]:
     """Return a second of the rig's samples; DeviceError where there is no device to give them."""
     told("opening the device")
     with closing(open_source(rig)) as source:
-        told(f"looking at {LOOK:g} s of samples")
-        return source.acquisition, look(source, round(LOOK * source.acquisition.rate))
+        told(f"looking at {CAPTURE_DURATION:g} s of samples")
+        return source.acquisition, capture(source, round(CAPTURE_DURATION * source.acquisition.rate))
 
 
 def _free(folder: Path) -> int:

@@ -50,7 +50,7 @@ def device_checks(rig: Rig, acquisition: Acquisition) -> Iterator[Check]:
         yield Check.warned("sample rate", Finding.RATE, value, limit, advice)
 
 
-def trouble_check(rig: Rig, error: DeviceError, *, in_self_test: bool) -> Check:
+def device_error_check(rig: Rig, error: DeviceError, *, in_self_test: bool) -> Check:
     """Return what is to be said of a card that gives no samples, or fails its own test."""
     section = rig.config.device
     finding = _FINDINGS.get(error.fault)

@@ -12,7 +12,7 @@ FULL = 0.5
 """From this part of the card's buffer on the backlog is told."""
 
 
-def loss(end: SegmentEnd) -> str:
+def loss_message(end: SegmentEnd) -> str:
     """Return what is to be said of the end of a segment with which something went wrong; nothing where all is well."""
     if end.is_gap_free and end.reason not in BROKEN:
         return ""
@@ -20,24 +20,24 @@ def loss(end: SegmentEnd) -> str:
     return f"segment {end.segment} ended after {end.samples:,} samples: {end.reason.value}, {lost}; {end.detail}"
 
 
-def alertness(gauges: RecorderStatistics, rate: float, timing: TimingSection) -> tuple[RunState, str]:
+def recording_health(statistics: RecorderStatistics, rate: float, timing: TimingSection) -> tuple[RunState, str]:
     """Return how a recording goes, and what is to be said to the operator; nothing where all is well.
 
     Parameters
     ----------
-    gauges : RecorderStatistics
+    statistics : RecorderStatistics
         What the recorder keeps.
     rate : float
         Sample rate, Hz.
     timing : TimingSection
         How long a block is, and how much the card holds for a late reader.
     """
-    if gauges.silence > timing.block_s + SILENCE:
-        return RunState.INTERRUPTED, f"no samples for {gauges.silence:.0f} s"
-    if event := gauges.armed_for:
+    if statistics.time_since_block > timing.block_s + SILENCE:
+        return RunState.INTERRUPTED, f"no samples for {statistics.time_since_block:.0f} s"
+    if event := statistics.armed_event:
         again = f" again, {event - 1} recorded" if event > 1 else ""
-        return RunState.ARMED, f"armed{again}: the start is waited for, {gauges.speed_rpm:,} r/min now"
-    backlog = gauges.backlog / rate
+        return RunState.ARMED, f"armed{again}: the start is waited for, {statistics.speed_rpm:,} r/min now"
+    backlog = statistics.backlog / rate
     if backlog > FULL * timing.buffer_s:
         return RunState.DEGRADED, (
             f"{backlog:.1f} s wait in the card's buffer of {timing.buffer_s:g} s: samples are about to be lost; "

@@ -44,14 +44,14 @@ class RecordingRequest:
 
 
 @dataclass(frozen=True, slots=True)
-class Opened:
+class DeviceOpened:
     """The device delivers and the file is there."""
 
     header: RunHeader
 
 
 @dataclass(frozen=True, slots=True)
-class Refused:
+class RecordingRefused:
     """Nothing was recorded."""
 
     message: str
@@ -59,26 +59,26 @@ class Refused:
 
 
 @dataclass(frozen=True, slots=True)
-class Acquired:
+class AcquisitionEnded:
     """The samples have ended; results may still be sent."""
 
     ends: tuple[SegmentEnd, ...]
 
 
 @dataclass(frozen=True, slots=True)
-class Closed:
+class FileClosed:
     """The file is finished; `message` says what went wrong, if anything did."""
 
     message: str
 
 
 @dataclass(frozen=True, slots=True)
-class Stop:
+class StopRequest:
     """Stop the source."""
 
 
 @dataclass(frozen=True, slots=True)
-class Done:
+class ResultsEnded:
     """No more results will come; so many samples were skipped by the live analysis."""
 
     skipped_samples: int

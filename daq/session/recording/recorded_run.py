@@ -17,25 +17,25 @@ from analysis.signals.snapshot import Snapshot
 from daq.config.rig import Rig
 from daq.drivers.reconnecting import BROKEN
 from daq.errors import DeviceError, DeviceFault, RigError, StoppedError
-from daq.session.alarms import acknowledgement, alarm_marker
+from daq.session.alarms import acknowledgement_marker, alarm_marker
 from daq.session.live_analysis import LiveAnalysis
 from daq.session.live_update import Clipping, LiveUpdate, LiveUpdateSink, RunState, Status, TimedMarker
-from daq.session.processes import begin
-from daq.session.recording.health import alertness, loss
+from daq.session.processes import start_process
+from daq.session.recording.health import loss_message, recording_health
 from daq.session.recording.messages import (
-    Acquired,
-    Closed,
-    Done,
+    AcquisitionEnded,
+    DeviceOpened,
+    FileClosed,
     MessageSender,
-    Opened,
+    RecordingRefused,
     RecordingRequest,
-    Refused,
-    Stop,
+    ResultsEnded,
+    StopRequest,
 )
 from daq.session.recording.recorder import RESULTS_DEADLINE, record
 from daq.session.recording.ring import BlockRing
 from daq.session.recording.statistics import RecorderStatistics
-from daq.session.run import Model, Outcome
+from daq.session.run import LivePredictor, RunOutcome
 from recordings.mcap.markers import MAX_MARKER_LENGTH, Marker, encode_marker
 from recordings.mcap.results import encode_snapshot
 
@@ -75,7 +75,7 @@ class RecordedRun:
     def __init__(
         self,
         order: RecordingRequest,
-        model: Model,
+        model: LivePredictor,
         sinks: Sequence[LiveUpdateSink] = (),
         is_stopping: Callable[[], bool] = lambda: False,
         stop_deadline: float = STOP_DEADLINE,
@@ -85,8 +85,8 @@ class RecordedRun:
         rig: Rig = order.rig
         timing = rig.config.timing
         capacity = math.ceil(timing.rate_hz * timing.block_s) + 1
-        self._gauges_memory = RecorderStatistics.shared()
-        self._gauges = RecorderStatistics(self._gauges_memory)
+        self._statistics_memory = RecorderStatistics.allocate()
+        self._statistics = RecorderStatistics(self._statistics_memory)
         self._ring = BlockRing.create(
             len(rig.config.channel), capacity, max(16, math.ceil(RING_SECONDS / timing.block_s))
         )
@@ -102,7 +102,7 @@ class RecordedRun:
         self._note = ""
         self._fault = ""
         self._state = RunState.STARTING
-        self._by_hand = False
+        self._is_stopped_by_user = False
         try:
             self._header = self._opened(is_stopping)
         except BaseException:
@@ -129,9 +129,9 @@ class RecordedRun:
         context = multiprocessing.get_context("spawn")  # the same on every platform, and safe beside threads
         here, there = context.Pipe()
         process = context.Process(
-            target=record, args=(self._order, self._ring.memory, self._gauges_memory, there), name="rig-recorder"
+            target=record, args=(self._order, self._ring.memory, self._statistics_memory, there), name="rig-recorder"
         )
-        begin(process)
+        start_process(process)
         there.close()
         return here, process
 
@@ -139,7 +139,7 @@ class RecordedRun:
         deadline = time.monotonic() + OPEN_DEADLINE
         while not self._pipe.poll(OPENING_LOOK):
             if is_stopping():
-                self._outbox.send(Stop())
+                self._outbox.send(StopRequest())
                 raise _stopped()
             if time.monotonic() > deadline:
                 raise DeviceError(DeviceFault.TIMEOUT, f"the device was not open after {OPEN_DEADLINE:g} s")
@@ -152,11 +152,11 @@ class RecordedRun:
             raise DeviceError(
                 DeviceFault.OTHER, f"the recorder ended before it began (exit code {self._process.exitcode})"
             ) from None
-        if isinstance(message, Refused):
+        if isinstance(message, RecordingRefused):
             error = RigError(message.message)
             error.exit_code = message.exit_code
             raise error
-        opened: Opened = message
+        opened: DeviceOpened = message
         return opened.header
 
     def _keep(self, snapshot: Snapshot) -> None:
@@ -170,7 +170,7 @@ class RecordedRun:
 
     def _add_marker(self, marker: Marker) -> None:
         """Show a marker, and send it to be written beside the samples."""
-        (segment, sample), samples = self._gauges.place, self._gauges.samples
+        (segment, sample), samples = self._statistics.position, self._statistics.samples
         since = (
             marker.sample if marker.segment == segment else 0
         )  # of a segment that is over: where the present one began
@@ -180,25 +180,25 @@ class RecordedRun:
     def _tell_to_stop(self) -> None:
         """Stop the recorder; from now on its time is limited."""
         self._end_at = min(self._end_at, time.monotonic() + self._stop_deadline)
-        self._outbox.send(Stop())
+        self._outbox.send(StopRequest())
 
     def status(self) -> Status:
         """Return the state of the recording."""
-        rate, gauges = self._rate, self._gauges
+        rate, statistics = self._rate, self._statistics
         state, alert = self._state, ""
         if state is RunState.RECORDING and not self._ring.is_closed:
-            state, alert = alertness(gauges, self._header.acquisition.rate, self._order.rig.config.timing)
-            if state is RunState.INTERRUPTED and self._last_end is not None and not gauges.segment_samples:
+            state, alert = recording_health(statistics, self._header.acquisition.rate, self._order.rig.config.timing)
+            if state is RunState.INTERRUPTED and self._last_end is not None and not statistics.segment_samples:
                 alert = f"{alert}: {self._last_end.detail}{self._patience(self._last_end)}"
         bytes_per_second = rate * len(self._header.acquisition.channels) * 2
-        left = gauges.disk_bytes / bytes_per_second if gauges.disk_bytes >= 0 else math.inf
+        left = statistics.disk_bytes_left / bytes_per_second if statistics.disk_bytes_left >= 0 else math.inf
         return Status(
             state=state,
-            elapsed=gauges.samples / rate,
-            samples=gauges.samples,
-            lost=gauges.lost,
-            lost_is_exact=gauges.lost_is_exact,
-            backlog=gauges.backlog / rate,
+            elapsed=statistics.samples / rate,
+            samples=statistics.samples,
+            lost=statistics.lost,
+            lost_is_exact=statistics.lost_is_exact,
+            backlog=statistics.backlog / rate,
             disk_left=left,
             skipped=self._reader.skipped,
             model=self._model.state,
@@ -210,7 +210,7 @@ class RecordedRun:
     def _clipped(self) -> tuple[Clipping, ...]:
         """Return which channels have been clipped, as the recorder counts it."""
         names = [channel.name for channel in self._header.acquisition.channels]
-        counts = [(name, *self._gauges.clipped(row)) for row, name in enumerate(names)]
+        counts = [(name, *self._statistics.clipped(row)) for row, name in enumerate(names)]
         return tuple(
             Clipping(name, samples, blocks, end / self._rate) for name, samples, blocks, end in counts if samples
         )
@@ -228,7 +228,7 @@ class RecordedRun:
         except Exception as error:  # noqa: BLE001 - whatever it is, the recorder is stopped and finishes its file
             self._fault = f"the run was stopped by a fault of the program: {type(error).__name__}: {error}"
             self._tell_to_stop()
-        self._outbox.send(Done(self._reader.skipped))
+        self._outbox.send(ResultsEnded(self._reader.skipped))
         self._farewell()
         self._message = self._message or self._fault
         self._state = RunState.FAILED if self._outcome().exit_code in {3, 5} else RunState.FINISHED
@@ -272,11 +272,11 @@ class RecordedRun:
         for item in self._reader.available():
             seen = True
             if isinstance(item, SegmentEnd):
-                self._last_end, self._last_loss = item, loss(item) or self._last_loss
+                self._last_end, self._last_loss = item, loss_message(item) or self._last_loss
             if self._analysis is None:
                 continue
             try:
-                self._analysis.take(item, self.status())
+                self._analysis.process(item, self.status())
             except Exception as error:  # noqa: BLE001 - a fault of the analysis must not end a recording: it is told
                 self._note = f"live analysis stopped: {type(error).__name__}: {error}; the recording goes on"
                 self._analysis = None
@@ -289,15 +289,15 @@ class RecordedRun:
                 message = self._pipe.recv()
             except (EOFError, OSError):
                 break
-            if isinstance(message, Acquired):
+            if isinstance(message, AcquisitionEnded):
                 self._ends = message.ends
-            elif isinstance(message, Closed):
+            elif isinstance(message, FileClosed):
                 self._message = message.message or self._message
                 return
         self._message = self._message or "the recorder ended without closing its file; it holds all that was flushed"
 
-    def _outcome(self) -> Outcome:
-        return Outcome(self._ends, self._message, self._by_hand, self._reader.skipped)
+    def _outcome(self) -> RunOutcome:
+        return RunOutcome(self._ends, self._message, self._is_stopped_by_user, self._reader.skipped)
 
     def latest(self) -> LiveUpdate:
         """Return the present frame."""
@@ -309,14 +309,14 @@ class RecordedRun:
 
     def stop(self) -> None:
         """Ask for the end, by hand."""
-        self._by_hand = True
+        self._is_stopped_by_user = True
         self._tell_to_stop()
 
     def add_marker(self, text: str) -> Marker | None:
         """Name the present moment; return the marker, which is in the file soon, or None where the run has ended."""
         if not self._thread.is_alive() or self._ring.is_closed:
             return None
-        segment, sample = self._gauges.place
+        segment, sample = self._statistics.position
         marker = Marker(segment, sample, " ".join(text.split())[:MAX_MARKER_LENGTH] or "mark", time.time_ns())
         self._add_marker(marker)
         return marker
@@ -325,8 +325,8 @@ class RecordedRun:
         """Take note of the alarms so far, which is in the file soon; return those that were new."""
         noted = self._shown.acknowledge()
         if noted and self._thread.is_alive():
-            segment, sample = self._gauges.place
-            self._add_marker(acknowledgement(noted, segment, sample, time.time_ns()))
+            segment, sample = self._statistics.position
+            self._add_marker(acknowledgement_marker(noted, segment, sample, time.time_ns()))
         return noted
 
     def wait(self, timeout: float) -> bool:
@@ -334,7 +334,7 @@ class RecordedRun:
         self._thread.join(timeout)
         return not self._thread.is_alive()
 
-    def close(self) -> Outcome:
+    def close(self) -> RunOutcome:
         """End the run, join its thread and process, and say how it ended."""
         if self._thread.is_alive():
             self._tell_to_stop()

@@ -20,7 +20,15 @@ from daq.drivers.source import Source
 from daq.drivers.triggered import TriggerStart
 from daq.errors import RigError, StoppedError, UsageError
 from daq.session.processes import ignore_terminal_signals
-from daq.session.recording.messages import Acquired, Closed, Done, Opened, RecordingRequest, Refused, Stop
+from daq.session.recording.messages import (
+    AcquisitionEnded,
+    DeviceOpened,
+    FileClosed,
+    RecordingRefused,
+    RecordingRequest,
+    ResultsEnded,
+    StopRequest,
+)
 from daq.session.recording.ring import BlockRing, SharedBytes
 from daq.session.recording.statistics import RecorderStatistics
 from recordings.errors import RecordingError
@@ -31,10 +39,10 @@ from recordings.mcap.results import EncodedResult
 RESULTS_DEADLINE = 15.0  # s that the finished acquisition waits for the last results before the file is closed without
 
 
-def record(order: RecordingRequest, ring_memory: SharedBytes, gauge_memory: SharedBytes, pipe: Connection) -> None:
+def record(order: RecordingRequest, ring_memory: SharedBytes, statistics_memory: SharedBytes, pipe: Connection) -> None:
     """Run the recorder; the entry point of its process."""
     ignore_terminal_signals()  # the watching process decides
-    ring, gauges = BlockRing(ring_memory), RecorderStatistics(gauge_memory)
+    ring, statistics = BlockRing(ring_memory), RecorderStatistics(statistics_memory)
     with ExitStack() as stack:
         try:
             _require_room(order)
@@ -45,11 +53,11 @@ def record(order: RecordingRequest, ring_memory: SharedBytes, gauge_memory: Shar
             writer = PartWriter(order.path, header, _part_limits(order, header))
         except RigError as error:
             with suppress(OSError):  # who has stopped it does not wait
-                pipe.send(Refused(str(error), error.exit_code))
+                pipe.send(RecordingRefused(str(error), error.exit_code))
         except RecordingError as error:
-            pipe.send(Refused(str(error), UsageError.exit_code))
+            pipe.send(RecordingRefused(str(error), UsageError.exit_code))
         else:
-            _Recorder(order, source, writer, ring, gauges, pipe).run()
+            _Recorder(order, source, writer, ring, statistics, pipe).run()
 
 
 def _part_limits(order: RecordingRequest, header: RunHeader) -> PartLimits:
@@ -106,7 +114,7 @@ class _Recorder:
         source: Source,
         writer: PartWriter,
         ring: BlockRing,
-        gauges: RecorderStatistics,
+        statistics: RecorderStatistics,
         pipe: Connection,
     ) -> None:
         self._order = order
@@ -115,7 +123,7 @@ class _Recorder:
         self._passed = 0  # samples per channel that the trigger skipped since the last block it delivered
         self._writer = writer
         self._ring = ring
-        self._gauges = gauges
+        self._statistics = statistics
         self._pipe = pipe
         self._ends: list[SegmentEnd] = []
         self._message = ""
@@ -130,9 +138,9 @@ class _Recorder:
         signal.signal(signal.SIGTERM, lambda *_: self._source.stop())
         listener = threading.Thread(target=self._listen, name="recorder-listener", daemon=True)
         try:
-            self._pipe.send(Opened(self._header))
+            self._pipe.send(DeviceOpened(self._header))
             listener.start()
-            self._gauges.begin()
+            self._statistics.start()
             self._pump()
         except Exception as error:  # noqa: BLE001 - whatever it is, the file is finished and the operator is told
             self._message = _fault(error)
@@ -141,7 +149,7 @@ class _Recorder:
             self._ring.finish()
             self._source.close()
             with suppress(OSError):  # the watching process may be gone; the file matters
-                self._pipe.send(Acquired(tuple(self._ends)))
+                self._pipe.send(AcquisitionEnded(tuple(self._ends)))
                 self._done.wait(RESULTS_DEADLINE)
             self._close()
             listener.join(1.0)
@@ -157,24 +165,24 @@ class _Recorder:
     def _take(self, item: SampleBlock | SegmentEnd) -> None:
         if isinstance(item, SegmentEnd):
             if item.reason is EndReason.STOPPED:
-                planned = self._limit is not None and self._gauges.samples >= self._limit
+                planned = self._limit is not None and self._statistics.samples >= self._limit
                 item = replace(
                     item, reason=EndReason.FINISHED if planned else item.reason, detail=self._message or item.detail
                 )
             self._writer.segment_end(item)
-            self._gauges.add_end(item)
+            self._statistics.add_end(item)
             self._ends.append(item)
         else:
             self._writer.block(item)
-            self._gauges.add_block(item)
+            self._statistics.add_block(item)
             self._guard_disk()
-            if self._limit is not None and self._gauges.samples >= self._limit:
+            if self._limit is not None and self._statistics.samples >= self._limit:
                 self._source.stop()
         self._ring.put(item)
 
     def on_waiting(self, event: int, speed: float) -> None:
         """Show that the start of an event is waited for; as a `TriggerListener`."""
-        self._gauges.wait(event, speed)
+        self._statistics.set_armed(event, speed)
 
     def on_skipped(self, samples: int) -> None:
         """Count the samples that a trigger skips; as a `TriggerListener`."""
@@ -194,9 +202,14 @@ class _Recorder:
         self._source.stop()
         lost = item.n_samples if isinstance(item, SampleBlock) else 0
         end = SegmentEnd(
-            item.segment, self._gauges.segment_samples, EndReason.RECORDER, lost, lost_is_exact=False, detail=message
+            item.segment,
+            self._statistics.segment_samples,
+            EndReason.RECORDER,
+            lost,
+            lost_is_exact=False,
+            detail=message,
         )
-        self._gauges.add_end(end)
+        self._statistics.add_end(end)
         self._ends.append(end)
         self._ring.put(end)
 
@@ -206,7 +219,7 @@ class _Recorder:
             return
         self._disk_checked = now
         free, reserve = _room(self._order)
-        self._gauges.disk_bytes = max(0, free - reserve)
+        self._statistics.disk_bytes_left = max(0, free - reserve)
         if free < reserve and not self._message:
             self._message = "recording stopped: " + _too_little(self._order, free, reserve)
             self._source.stop()
@@ -219,9 +232,9 @@ class _Recorder:
                 if isinstance(message, EncodedResult):
                     with suppress(RecordingError):  # the sample path meets the same trouble and tells it
                         self._writer.result(message)
-                elif isinstance(message, Stop):
+                elif isinstance(message, StopRequest):
                     self._source.stop()
-                elif isinstance(message, Done):
+                elif isinstance(message, ResultsEnded):
                     self._skipped = message.skipped_samples
                     return
         except (EOFError, OSError):
@@ -235,9 +248,9 @@ class _Recorder:
     def _close(self) -> None:
         try:
             # without word from the watching process its results may be anything
-            skipped = self._gauges.samples if self._skipped is None else self._skipped
+            skipped = self._statistics.samples if self._skipped is None else self._skipped
             self._writer.close(skipped_samples=skipped)
         except RecordingError as error:
             self._message = self._message or str(error)
         with suppress(OSError):
-            self._pipe.send(Closed(self._message))
+            self._pipe.send(FileClosed(self._message))

@@ -27,7 +27,7 @@ def shared_bytes(size: int) -> SharedBytes:
     return get_context("spawn").RawArray(c_char, size)
 
 
-def bytes_of(memory: SharedBytes) -> NDArray[np.uint8]:
+def byte_view(memory: SharedBytes) -> NDArray[np.uint8]:
     """Return shared memory as it is, not a copy."""
     return np.frombuffer(memoryview(memory), dtype=np.uint8)
 
@@ -67,7 +67,7 @@ class BlockRing:
 
     def __init__(self, memory: SharedBytes) -> None:
         self.memory = memory
-        self._bytes = bytes_of(memory)
+        self._bytes = byte_view(memory)
         self._words: _Words = self._bytes[: _HEADER * 8].view(np.int64)
         self._slot = _slot_bytes(int(self._words[2]), int(self._words[3]))
 
@@ -77,7 +77,7 @@ class BlockRing:
         if min(n_channels, capacity, n_slots) < 1:
             raise ValueError(f"ring of {n_slots} slots × {n_channels} channels × {capacity} samples: expected ≥ 1 each")
         memory = shared_bytes(_HEADER * 8 + n_slots * _slot_bytes(n_channels, capacity))
-        bytes_of(memory)[: _HEADER * 8].view(np.int64)[:] = (0, 0, n_channels, capacity, n_slots, 0)
+        byte_view(memory)[: _HEADER * 8].view(np.int64)[:] = (0, 0, n_channels, capacity, n_slots, 0)
         return cls(memory)
 
     @property

@@ -12,9 +12,9 @@ import numpy as np
 
 from analysis.signals.blocks import SampleBlock, SegmentEnd
 from analysis.signals.header import CODE_MAX, CODE_MIN
-from daq.session.recording.ring import SharedBytes, bytes_of, shared_bytes
+from daq.session.recording.ring import SharedBytes, byte_view, shared_bytes
 
-MOST_CHANNELS = 16  # of a card
+MAX_CHANNELS = 16  # of a card
 # the first is odd while those that belong together change, and goes up by two each time
 _CHANGES, _SAMPLES, _SEGMENT, _LOST, _AT_LEAST, _BACKLOG, _DISK, _BLOCK_AT, _ARMED, _RPM, _NUMBER = range(11)
 _CLIPPED = 11  # from here on for each channel: samples at the converter's rails, blocks with any, the last one's end
@@ -32,13 +32,13 @@ class RecorderStatistics:
     """
 
     def __init__(self, memory: SharedBytes) -> None:
-        self._words = bytes_of(memory).view(np.int64)
+        self._words = byte_view(memory).view(np.int64)
 
     @staticmethod
-    def shared() -> SharedBytes:
-        """Return fresh shared memory for a set of gauges."""
-        memory = shared_bytes(8 * (_CLIPPED + _EACH * MOST_CHANNELS))
-        bytes_of(memory).view(np.int64)[_DISK] = -1
+    def allocate() -> SharedBytes:
+        """Return fresh shared memory for a set of statistics."""
+        memory = shared_bytes(8 * (_CLIPPED + _EACH * MAX_CHANNELS))
+        byte_view(memory).view(np.int64)[_DISK] = -1
         return memory
 
     @contextmanager
@@ -60,11 +60,11 @@ class RecorderStatistics:
                 break
         return found
 
-    def begin(self) -> None:
+    def start(self) -> None:
         """Note that blocks are expected from now on."""
         self._words[_BLOCK_AT] = time.monotonic_ns()
 
-    def wait(self, event: int, speed: float) -> None:
+    def set_armed(self, event: int, speed: float) -> None:
         """Note that the start of an event is waited for, at this speed, r/min."""
         with self._changing():
             self._words[_ARMED] = event
@@ -107,7 +107,7 @@ class RecorderStatistics:
         return int(self._words[_SEGMENT])
 
     @property
-    def place(self) -> tuple[int, int]:
+    def position(self) -> tuple[int, int]:
         """The present segment, and samples per channel recorded of it."""
         segment, samples = self._together(_NUMBER, _SEGMENT)
         return segment, samples
@@ -134,7 +134,7 @@ class RecorderStatistics:
         return int(self._words[_BACKLOG])
 
     @property
-    def armed_for(self) -> int:
+    def armed_event(self) -> int:
         """Number of the event, from 1, whose start is waited for; 0 while samples are recorded."""
         return int(self._words[_ARMED])
 
@@ -144,16 +144,16 @@ class RecorderStatistics:
         return int(self._words[_RPM])
 
     @property
-    def silence(self) -> float:
+    def time_since_block(self) -> float:
         """Time since the last block, s; 0 before blocks are expected."""
         at = int(self._words[_BLOCK_AT])
         return (time.monotonic_ns() - at) / 1e9 if at else 0.0
 
     @property
-    def disk_bytes(self) -> int:
+    def disk_bytes_left(self) -> int:
         """Bytes that may still be written before the reserve is reached; -1 before it was looked at."""
         return int(self._words[_DISK])
 
-    @disk_bytes.setter
-    def disk_bytes(self, value: int) -> None:
+    @disk_bytes_left.setter
+    def disk_bytes_left(self, value: int) -> None:
         self._words[_DISK] = value

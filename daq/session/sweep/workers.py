@@ -10,7 +10,7 @@ from multiprocessing.context import SpawnContext, SpawnProcess
 from typing import Any, Protocol, TypeVar
 
 from daq.errors import RigError, UsageError
-from daq.session.processes import end, ignore_terminal_signals, lower_priority, terminal_signals_blocked
+from daq.session.processes import end_process, ignore_terminal_signals, lower_priority, terminal_signals_blocked
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")
@@ -103,7 +103,7 @@ class _Crew(SpawnContext):
         """End them all."""
         for member in self._members:
             if member.is_alive():
-                end(member)
+                end_process(member)
 
 
 class DaskWorkers:

@@ -14,7 +14,7 @@ from daq.cli.output.summary_text import summary_lines
 from daq.schemas.summary import summary_schema
 from daq.session.live_update import LiveUpdate, RunState, Status
 from daq.session.offline import summarise
-from daq.session.preflight.preflight import Plan, preflight
+from daq.session.preflight.preflight import PlannedRun, run_preflight_checks
 from recordings.errors import ForeignFormatError
 from recordings.exchange.export import pulses_table
 from recordings.mcap.reader import RunReader
@@ -73,11 +73,11 @@ def test_run_without_a_counter_has_no_stamps_to_export(rig: RigFactory, tmp_path
 
 
 def test_preflight_looks_at_the_counter(counted: RigFactory, tmp_path: Path) -> None:
-    good = preflight(counted(), Plan(tmp_path), dt.date(2026, 11, 22), lambda _: None)
+    good = run_preflight_checks(counted(), PlannedRun(tmp_path), dt.date(2026, 11, 22), lambda _: None)
     (check,) = (check for check in good.checks if check.name == "tacho counter")
     assert check.verdict is Verdict.GOOD
     silent = counted(simulation={**RISING, "miswiring": "tacho silent"})
-    bad = preflight(silent, Plan(tmp_path), dt.date(2026, 11, 22), lambda _: None)
+    bad = run_preflight_checks(silent, PlannedRun(tmp_path), dt.date(2026, 11, 22), lambda _: None)
     assert [check.verdict for check in bad.checks if check.name == "tacho counter"] == [Verdict.WARN]
 
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 from daq.cli.output.progress import Console
 from daq.cli.recording import follow
 from daq.session.live_update import LiveUpdate, RunState, Status
-from daq.session.run import Outcome
+from daq.session.run import RunOutcome
 from daq.stop_flag import StopFlag
 from tests.daq.support.frames import make_frames
 
@@ -29,8 +29,8 @@ class Played:
     def stop(self) -> None:
         self.stopped += 1
 
-    def close(self) -> Outcome:
-        return Outcome((), by_hand=self.stopped > 0)
+    def close(self) -> RunOutcome:
+        return RunOutcome((), is_stopped_by_user=self.stopped > 0)
 
 
 def followed(*statuses: Status) -> list[str]:
@@ -56,5 +56,5 @@ def test_stop_is_asked_for_once() -> None:
     run = Played(*[Status(RunState.RECORDING)] * 4)
     stop = StopFlag()
     stop.set()
-    assert follow(run, stop, Console(io.StringIO())).by_hand  # type: ignore[arg-type] # all that is used of a run
+    assert follow(run, stop, Console(io.StringIO())).is_stopped_by_user  # type: ignore[arg-type] # all that is used of a run
     assert run.stopped == 1

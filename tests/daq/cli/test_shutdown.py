@@ -22,11 +22,11 @@ from daq.config.rig import Rig
 from daq.drivers.factory import open_source
 from daq.drivers.source import Source
 from daq.session.live_update import LiveUpdate
-from daq.session.recording.messages import Acquired, Closed, Opened
+from daq.session.recording.messages import AcquisitionEnded, DeviceOpened, FileClosed
 from daq.session.recording.recorder import _Recorder, run_header
 from daq.session.recording.ring import BlockRing
 from daq.session.recording.statistics import RecorderStatistics
-from daq.session.run import Outcome
+from daq.session.run import RunOutcome
 from daq.stop_flag import StopFlag
 from recordings.mcap.parts import PartLimits, PartWriter
 from recordings.mcap.reader import RunReader
@@ -160,7 +160,7 @@ def test_fault_of_the_program_in_the_recorder_finishes_the_file_and_releases_the
             source,
             PartWriter(made.path, header, PartLimits()),
             ring,
-            RecorderStatistics(RecorderStatistics.shared()),
+            RecorderStatistics(RecorderStatistics.allocate()),
             there,
         )
         threading.Timer(0.5, here.send, ["not an order"]).start()
@@ -182,7 +182,7 @@ def test_fault_of_the_program_in_the_recorder_is_told(rig: RigFactory, tmp_path:
     told: list[object] = []
 
     def watch() -> None:
-        while not any(isinstance(message, Acquired) for message in told):
+        while not any(isinstance(message, AcquisitionEnded) for message in told):
             told.append(here.recv())
         here.send("anything but an order, which is passed over")
         here.close()
@@ -194,12 +194,12 @@ def test_fault_of_the_program_in_the_recorder_is_told(rig: RigFactory, tmp_path:
         source,
         PartWriter(made.path, header, PartLimits()),
         ring,
-        RecorderStatistics(RecorderStatistics.shared()),
+        RecorderStatistics(RecorderStatistics.allocate()),
         there,
     )
     recorder.run()
     watching.join(5)
-    assert [type(message) for message in told] == [Opened, Acquired]
+    assert [type(message) for message in told] == [DeviceOpened, AcquisitionEnded]
     assert "stopped by a fault of the program: ZeroDivisionError: in the midst of a run" in recorder._message
 
 
@@ -216,7 +216,7 @@ def test_fault_of_the_program_in_the_recorders_listener_finishes_the_file_and_is
     def watch() -> None:
         told.append(here.recv())
         here.send(EncodedResult("/nonsense", 0, b"", 0))
-        while not isinstance(told[-1], Closed):
+        while not isinstance(told[-1], FileClosed):
             told.append(here.recv())
 
     watching = threading.Thread(target=watch)
@@ -224,10 +224,10 @@ def test_fault_of_the_program_in_the_recorders_listener_finishes_the_file_and_is
     with closing(here):
         header = run_header(made, source)
         writer = PartWriter(made.path, header, PartLimits())
-        _Recorder(made, source, writer, ring, RecorderStatistics(RecorderStatistics.shared()), there).run()
+        _Recorder(made, source, writer, ring, RecorderStatistics(RecorderStatistics.allocate()), there).run()
         watching.join(10)
     closed = told[-1]
-    assert isinstance(closed, Closed)
+    assert isinstance(closed, FileClosed)
     assert closed.message.startswith("recording stopped by a fault of the program: ValueError: topic: '/nonsense'")
     with RunReader(made.path) as reader:
         assert reader.is_complete
@@ -256,9 +256,9 @@ def test_fault_of_the_terminal_side_closes_the_run() -> None:
         def latest(self) -> LiveUpdate:
             raise ZeroDivisionError("while the line is made")
 
-        def close(self) -> Outcome:
+        def close(self) -> RunOutcome:
             self.closed = True
-            return Outcome(())
+            return RunOutcome(())
 
     run = Watched()
     with pytest.raises(ZeroDivisionError):

@@ -13,7 +13,7 @@ from daq.cli.main import main
 from daq.cli.output.progress import status_line
 from daq.config.rig import Rig
 from daq.drivers.replay import open_replay
-from daq.session.alarms import acknowledgement, alarm_name, alarm_text
+from daq.session.alarms import acknowledgement_marker, alarm_name, alarm_text
 from daq.session.offline import summarise
 from daq.session.replayed_run import ReplayedRun
 from daq.view.status_text import worst_alarm
@@ -109,7 +109,7 @@ def test_alarms_are_named_by_what_they_watch() -> None:
     assert alarm_text(one) == "1X alarm at x: 24 µm peak, limit 20, at 12,000 r/min"
     assert alarm_text(below) == "below 1X alarm at y: 14.1 µm peak, limit 12.5, at 12,000 r/min"
     assert alarm_text(speed) == "speed danger: 19,642 r/min, limit 19,500"
-    assert acknowledgement((one, speed), 0, 1, 2).text == "acknowledged 1X alarm at x, speed danger"
+    assert acknowledgement_marker((one, speed), 0, 1, 2).text == "acknowledged 1X alarm at x, speed danger"
     assert worst_alarm((one, below, speed)) == "DANGER 19,642 r/min"
     assert worst_alarm((one, below)) == "ALARM 1X x 24 µm"
     assert worst_alarm((below,)) == "ALARM below 1X y 14 µm"

@@ -13,7 +13,7 @@ from analysis.signals.header import Calibration
 from daq.cli.main import main
 from daq.config.rig import Rig
 from daq.schemas.preflight import preflight_schema
-from daq.session.preflight.preflight import Plan, Preflight, preflight
+from daq.session.preflight.preflight import PlannedRun, PreflightReport, run_preflight_checks
 from tests.daq.drivers.ni.bench import bench
 from tests.daq.support.device_server import DeviceServer
 
@@ -26,8 +26,8 @@ def ready(server: DeviceServer, **device: Any) -> Rig:
     return replace(rig, calibrations={"x": CALIBRATION, "y": other})
 
 
-def looked_at(rig: Rig, folder: Path) -> Preflight:
-    return preflight(rig, Plan(folder, 10.0), dt.date(2026, 11, 24), lambda _text: None)
+def looked_at(rig: Rig, folder: Path) -> PreflightReport:
+    return run_preflight_checks(rig, PlannedRun(folder, 10.0), dt.date(2026, 11, 24), lambda _text: None)
 
 
 def test_preflight_tests_the_card_before_it_acquires_and_leaves_nothing_reserved(
@@ -99,8 +99,8 @@ def test_card_that_gives_no_samples_is_a_failed_check_and_the_rest_is_judged(
     (check,) = (check for check in found.checks if check.verdict is Verdict.FAIL)
     assert (check.name, check.finding) == ("device", finding)
     assert advice in check.advice
-    assert found.trouble is not None
-    assert found.trouble.exit_code == 3
+    assert found.device_error is not None
+    assert found.device_error.exit_code == 3
     assert {"planned speed", "probe x calibration", "disk"} <= {check.name for check in found.checks}
     assert preflight_schema("gj90c", found).device is None
     assert server.tasks == []

@@ -18,7 +18,7 @@ from analysis.signals.header import RunHeader
 from daq.config.rig import Rig
 from daq.errors import DeviceError, DeviceFault
 from daq.session.live_update import LiveUpdate
-from daq.session.run import Outcome
+from daq.session.run import RunOutcome
 from daq.session.run_manager import RunManager
 from tests.daq.support.frames import make_frames
 from tests.daq.support.recorded_bench import API, RUN, RecordedBench, open_recorded_bench, record_run
@@ -48,10 +48,10 @@ class FakeRun:
     def wait(self, timeout: float) -> bool:
         return self.ended.wait(timeout)
 
-    def close(self) -> Outcome:
+    def close(self) -> RunOutcome:
         self.ended.set()
         self.closed = True
-        return Outcome(())
+        return RunOutcome(())
 
 
 @pytest.fixture

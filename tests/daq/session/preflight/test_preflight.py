@@ -16,7 +16,7 @@ from daq.config.rig import RPM, Rig
 from daq.config.schema import Miswiring
 from daq.errors import ConfigError
 from daq.schemas.preflight import PreflightSchema
-from daq.session.preflight.preflight import Plan, Preflight, preflight
+from daq.session.preflight.preflight import PlannedRun, PreflightReport, run_preflight_checks
 from daq.session.preflight.rig_checks import calibration_checks, disk_check, planned_speed_check, sample_checks
 
 RigFactory = Callable[..., Rig]
@@ -46,15 +46,17 @@ def steady(speed_rpm: float, **simulation: object) -> dict[str, object]:
     return {"profile": profile} | simulation
 
 
-def looked_at(rig: Rig, tmp_path: Path, *, duration: float | None = 10.0, speed: float | None = None) -> Preflight:
-    return preflight(rig, Plan(tmp_path / "data", duration, speed), TODAY, lambda _text: None)
+def looked_at(
+    rig: Rig, tmp_path: Path, *, duration: float | None = 10.0, speed: float | None = None
+) -> PreflightReport:
+    return run_preflight_checks(rig, PlannedRun(tmp_path / "data", duration, speed), TODAY, lambda _text: None)
 
 
-def failures(found: Preflight) -> set[tuple[str, Finding | None]]:
+def failures(found: PreflightReport) -> set[tuple[str, Finding | None]]:
     return {(check.name, check.finding) for check in found.checks if check.verdict is Verdict.FAIL}
 
 
-def warnings(found: Preflight) -> set[str]:
+def warnings(found: PreflightReport) -> set[str]:
     return {check.name for check in found.checks if check.verdict is Verdict.WARN}
 
 

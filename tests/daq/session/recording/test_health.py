@@ -15,7 +15,7 @@ from daq.config.rig import Rig
 from daq.config.schema import TimingSection
 from daq.drivers.simulation.card import SimulatedCard
 from daq.session.live_update import RunState, Status
-from daq.session.recording.health import alertness, loss
+from daq.session.recording.health import loss_message, recording_health
 from daq.session.recording.recorded_run import RecordedRun
 from daq.session.recording.statistics import RecorderStatistics
 from recordings.mcap.reader import RunReader
@@ -30,36 +30,36 @@ TIMING = TimingSection(rate_hz=RATE, block_s=0.1, buffer_s=4)
 LONG = [{"time_s": 0.0, "speed_rpm": 6000.0}, {"time_s": 60.0, "speed_rpm": 6000.0}]
 
 
-def gauges_after(backlog: int) -> RecorderStatistics:
-    gauges = RecorderStatistics(RecorderStatistics.shared())
-    gauges.begin()
-    gauges.add_block(SampleBlock(np.zeros((1, 100), np.int16), 0, 0, 0, backlog))
-    return gauges
+def statistics_after(backlog: int) -> RecorderStatistics:
+    statistics = RecorderStatistics(RecorderStatistics.allocate())
+    statistics.start()
+    statistics.add_block(SampleBlock(np.zeros((1, 100), np.int16), 0, 0, 0, backlog))
+    return statistics
 
 
 def test_backlog_is_told_from_half_the_buffer_on() -> None:
-    assert alertness(gauges_after(2000), RATE, TIMING) == (RunState.RECORDING, "")
-    state, told = alertness(gauges_after(2001), RATE, TIMING)
+    assert recording_health(statistics_after(2000), RATE, TIMING) == (RunState.RECORDING, "")
+    state, told = recording_health(statistics_after(2001), RATE, TIMING)
     assert state is RunState.DEGRADED
     assert told.startswith("2.0 s wait in the card's buffer of 4 s: samples are about to be lost")
 
 
 def test_loss_is_told_with_its_segment_and_a_good_end_is_not() -> None:
-    assert loss(SegmentEnd(0, 1000, EndReason.STOPPED)) == ""
-    assert loss(SegmentEnd(0, 1000, EndReason.FINISHED, detail="stopped by speed < 2000 r/min")) == ""
-    told = loss(SegmentEnd(2, 12_000, EndReason.OVERRUN, 345, lost_is_exact=False, detail="too late"))
+    assert loss_message(SegmentEnd(0, 1000, EndReason.STOPPED)) == ""
+    assert loss_message(SegmentEnd(0, 1000, EndReason.FINISHED, detail="stopped by speed < 2000 r/min")) == ""
+    told = loss_message(SegmentEnd(2, 12_000, EndReason.OVERRUN, 345, lost_is_exact=False, detail="too late"))
     assert told == "segment 2 ended after 12,000 samples: overrun, at least 345 samples lost; too late"
-    assert "unplugged, 0 samples lost" in loss(SegmentEnd(0, 5, EndReason.UNPLUGGED))
+    assert "unplugged, 0 samples lost" in loss_message(SegmentEnd(0, 5, EndReason.UNPLUGGED))
 
 
 def test_clipping_is_counted_by_channel_and_block_and_stays_told() -> None:
-    gauges = RecorderStatistics(RecorderStatistics.shared())
+    statistics = RecorderStatistics(RecorderStatistics.allocate())
     quiet = np.zeros((3, 100), np.int16)
     clipped = quiet.copy()
     clipped[0, 5:8], clipped[2, 9] = 32767, -32768
     for k, codes in enumerate((quiet, clipped, clipped, quiet)):
-        gauges.add_block(SampleBlock(codes, 0, 100 * k, 0))
-    assert [gauges.clipped(row) for row in range(3)] == [(6, 2, 300), (0, 0, 0), (2, 2, 300)]
+        statistics.add_block(SampleBlock(codes, 0, 100 * k, 0))
+    assert [statistics.clipped(row) for row in range(3)] == [(6, 2, 300), (0, 0, 0), (2, 2, 300)]
 
 
 def test_operator_sees_which_channel_was_clipped_and_where(rig: RigFactory, tmp_path: Path) -> None:
@@ -76,7 +76,7 @@ def test_operator_sees_which_channel_was_clipped_and_where(rig: RigFactory, tmp_
 
 
 def test_nothing_is_told_before_blocks_are_expected() -> None:
-    assert alertness(RecorderStatistics(RecorderStatistics.shared()), RATE, TIMING) == (RunState.RECORDING, "")
+    assert recording_health(RecorderStatistics(RecorderStatistics.allocate()), RATE, TIMING) == (RunState.RECORDING, "")
 
 
 def seen_within(run: RecordedRun, seconds: float, state: RunState) -> Status:
@@ -128,7 +128,7 @@ def test_operator_sees_buffer_silence_and_recovery_of_a_run_over_the_wire(rig: R
 
 
 def test_who_asks_while_the_recorder_counts_gets_numbers_that_belong_together() -> None:
-    memory = RecorderStatistics.shared()
+    memory = RecorderStatistics.allocate()
     counting, asking = RecorderStatistics(memory), RecorderStatistics(memory)
     codes = np.zeros((1, 100), np.int16)
     ends = threading.Event()
@@ -144,13 +144,13 @@ def test_who_asks_while_the_recorder_counts_gets_numbers_that_belong_together() 
     thread.start()
     seen = []
     while not ends.is_set():
-        seen.append(asking.place)
+        seen.append(asking.position)
     thread.join(60)
     assert seen == sorted(seen)
-    assert asking.place == (300, 0)
+    assert asking.position == (300, 0)
 
 
 def test_recorder_that_ended_in_the_midst_of_a_count_holds_nobody_up() -> None:
-    gauges = gauges_after(7)
-    gauges._words[0] += 1  # its first step
-    assert gauges.place == (0, 100)
+    statistics = statistics_after(7)
+    statistics._words[0] += 1  # its first step
+    assert statistics.position == (0, 100)

@@ -96,7 +96,7 @@ def taken_before_kill(leader: psutil.Process) -> int:
     shared = [path for path in Path(f"/proc/{leader.pid}/fd").iterdir() if "/pym-" in str(path.readlink())]
     with ExitStack() as stack:
         files = [stack.enter_context(path.open("rb")) for path in shared]
-        ring = max(files, key=lambda file: os.fstat(file.fileno()).st_size)  # the other is the gauges'
+        ring = max(files, key=lambda file: os.fstat(file.fileno()).st_size)  # the other is the statistics'
         for process in processes:
             process.kill()
         _, alive = psutil.wait_procs(processes, timeout=60)

@@ -24,7 +24,7 @@ from daq.errors import RigError
 from daq.session.live_analysis import LiveAnalysis
 from daq.session.live_update import LiveUpdate, RunState, Status
 from daq.session.offline import summarise
-from daq.session.recording.messages import Done, RecordingRequest
+from daq.session.recording.messages import RecordingRequest, ResultsEnded
 from daq.session.recording.recorded_run import RecordedRun
 from daq.session.recording.recorder import _Recorder, run_header
 from daq.session.recording.ring import BlockRing
@@ -98,7 +98,7 @@ def snapshots_of(path: Path, block: int | None) -> list[Snapshot]:
         analysis = LiveAnalysis(reader.header, NoModel().at, [], kept.append)
     with closing(open_replay(path, None, block=block)) as source:
         for item in source.blocks():
-            analysis.take(item, Status(RunState.REPLAYING))
+            analysis.process(item, Status(RunState.REPLAYING))
     return kept
 
 
@@ -250,9 +250,9 @@ def test_disk_that_fills_up_ends_the_recording_cleanly(rig: RigFactory, tmp_path
     before = signal.getsignal(signal.SIGTERM)
     with closing(source):
         header = run_header(full, source)
-        threading.Timer(1.0, here.send, [Done(0)]).start()
+        threading.Timer(1.0, here.send, [ResultsEnded(0)]).start()
         writer = PartWriter(full.path, header, PartLimits())
-        _Recorder(full, source, writer, ring, RecorderStatistics(RecorderStatistics.shared()), there).run()
+        _Recorder(full, source, writer, ring, RecorderStatistics(RecorderStatistics.allocate()), there).run()
     signal.signal(signal.SIGTERM, before)
     with RunReader(full.path) as reader:
         assert reader.is_complete
