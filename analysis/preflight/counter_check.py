@@ -77,7 +77,9 @@ def _compared(counter: TachoCounter, report: CounterReport, period: float) -> Ch
             "divider and the shield"
         )
         return _bad(counter, Finding.COUNT, value, advice)
-    advice = "slow edges pass the line's levels at another time than threshold_v: raise agreement_us, or mend the edges"
+    advice = (
+        "slow edges pass the line's levels at another time than threshold_v: raise max_difference_us, or mend the edges"
+    )
     return Check.warned("tacho counter", Finding.SCATTER, report.told, _limit(counter), advice)
 
 

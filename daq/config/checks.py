@@ -59,7 +59,7 @@ LEAST_SPLIT_MIN, LEAST_SPLIT_GB = 0.01, 0.001
 LIGHT_AND_DARK_SAMPLES = 4  # of the tacho, at least, in its shorter phase
 
 
-def cross_faults(config: RigConfig) -> Iterator[Fault]:
+def cross_field_faults(config: RigConfig) -> Iterator[Fault]:
     """Return every contradiction between the keys of a configuration."""
     yield from _roles(config)
     yield from _wiring(config)
@@ -268,7 +268,7 @@ def _runout(config: RigConfig) -> Iterator[Fault]:
 def _storage(config: RigConfig) -> Iterator[Fault]:
     storage = config.storage
     for key, value, least in (
-        ("split_min", storage.split_min, LEAST_SPLIT_MIN),
+        ("split_minutes", storage.split_minutes, LEAST_SPLIT_MIN),
         ("split_gb", storage.split_gb, LEAST_SPLIT_GB),
     ):
         if 0 < value < least:

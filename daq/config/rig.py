@@ -33,7 +33,7 @@ def runout_settings(config: RigConfig) -> RunOutSettings:
         ),
         sigma=(sigmas.get(1, 0.0), sigmas.get(2, 0.0)),
         source=runout.source or ("rig.toml" if runout.vector else ""),
-        from_orbit=runout.orbit,
+        from_orbit=runout.correct_orbit,
     )
 
 
@@ -84,7 +84,7 @@ class Rig:
             edge=section.edge or self.config.tacho.edge,
             timebase=section.timebase_hz,
             is_reference=section.reference == "counter",
-            agreement=section.agreement_us * MICRO,
+            agreement=section.max_difference_us * MICRO,
         )
 
     @property
@@ -115,7 +115,7 @@ class Rig:
             hum_warn=section.hum_warn_um * MICRO,
             hum_fail=section.hum_fail_um * MICRO,
             tacho_scatter=section.tacho_scatter_fraction,
-            mark_tolerance=section.mark_tolerance_fraction,
+            mark_tolerance=section.tacho_mark_tolerance_fraction,
         )
 
     @property

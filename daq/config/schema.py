@@ -88,7 +88,7 @@ class CounterSection(Section):
     edge: Edge | None = None  # at that line; left out: as tacho.edge
     timebase_hz: Positive = 80e6
     reference: Literal["samples", "counter"] = "samples"  # what speed and phase are taken from
-    agreement_us: Positive = 50.0  # how far apart the two may have an edge before it is told
+    max_difference_us: Positive = 50.0  # how far apart the two may have an edge before it is told
 
 
 class TachoSection(Section):
@@ -147,7 +147,7 @@ class RunOutSection(Section):
 
     slow_roll_rpm: NotNegative = 0.0  # frames of a run up to this speed tell its run-out; 0: none does
     from_run: str = ""  # its id or file; empty: of the present run
-    orbit: bool = False  # take it off the orbit too
+    correct_orbit: bool = False  # take it off the orbit too
     vector: tuple[RunOutVector, ...] = ()  # given instead
     source: str = ""  # where the vectors come from, for people
 
@@ -158,7 +158,7 @@ class StorageSection(Section):
     folder: str = ""  # empty: $RIG_DATA, else ./data
     reserve_gb: NotNegative = 1.0  # recording stops cleanly before less is free
     split_gb: NotNegative = 0.0  # a run goes on in a further file when one is so large; 0: never
-    split_min: NotNegative = 0.0  # or holds so many minutes; 0: never
+    split_minutes: NotNegative = 0.0  # or holds so many minutes; 0: never
     catalogue: Annotated[
         str,
         Field(
@@ -250,8 +250,10 @@ class PreflightSection(Section):
     self_calibration_days: Annotated[int, Field(ge=1, le=36_500)] = 365  # how long ago the card calibrated itself
     residual_fraction: Annotated[float, Field(gt=0, le=0.5)] = 0.01  # of the calibrated gap, a fit's worst point
     tacho_scatter_fraction: Annotated[float, Field(gt=0, le=1)] = 0.05  # of the period
-    mark_tolerance_fraction: Annotated[float, Field(gt=0, lt=1)] = 0.15  # of the turn, light against mark_fraction
-    disk_h: NotNegative = 1.0  # that should fit on the disk where no duration is planned
+    tacho_mark_tolerance_fraction: Annotated[float, Field(gt=0, lt=1)] = (
+        0.15  # of the turn, light against mark_fraction
+    )
+    disk_duration_h: NotNegative = 1.0  # that should fit on the disk where no duration is planned
 
 
 class SessionSection(Section):

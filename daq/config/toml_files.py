@@ -1,4 +1,4 @@
-"""What is wrong with a TOML file, in the words of the bench: every fault as "key = value: expected …"."""
+"""Read TOML files, turn pydantic's errors into "key = value: expected …", and write TOML."""
 
 import difflib
 import json
@@ -17,31 +17,34 @@ from pydantic_core import ErrorDetails
 
 from daq.errors import ConfigError
 
+KeyPath = tuple[int | str, ...]
+"""Keys and list indices that lead to a value in nested tables, as `("channel", 2, "range_v")`."""
+
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """One thing that is wrong.
+    """An error in a configuration file.
 
     Parameters
     ----------
     keys : tuple of str
-        The keys that it depends on, with the first the one to name, as "channel[2].range_v".
+        The keys that it depends on, as "channel[2].range_v"; the first is the one to change.
     text : str
-        What the operator reads.
+        Message to the operator.
     """
 
     keys: tuple[str, ...]
     text: str
 
 
-def dotted(location: tuple[int | str, ...]) -> str:
-    """Return a place in nested tables as the operator writes it, as "channel[2].range_v"."""
-    parts = [f"[{part}]" if isinstance(part, int) else f".{part}" for part in location]
+def dotted(path: KeyPath) -> str:
+    """Return a key path as text, as "channel[2].range_v"."""
+    parts = [f"[{part}]" if isinstance(part, int) else f".{part}" for part in path]
     return "".join(parts).lstrip(".")
 
 
-def shown(value: object) -> str:
-    """Return a value as TOML writes it, shortened where it is long."""
+def toml_literal(value: object) -> str:
+    """Return a value as TOML writes it, shortened to 60 characters."""
     if isinstance(value, Mapping):
         return "a table"
     text = str(value) if isinstance(value, date | time) else json.dumps(value, ensure_ascii=False, default=str)
@@ -54,10 +57,10 @@ def read_text(path: Path) -> str:
     Raises
     ------
     ConfigError
-        There is no such file, it is a folder, it cannot be read, or it is not UTF-8.
+        The file does not exist, is a folder, cannot be read, or is not UTF-8.
     """
     try:
-        return path.read_text(encoding="utf-8-sig")  # Windows editors like to put a byte order mark first
+        return path.read_text(encoding="utf-8-sig")  # Windows editors often write a byte order mark
     except FileNotFoundError as error:
         raise ConfigError(str(path), ["no such file"]) from error
     except UnicodeDecodeError as error:
@@ -68,33 +71,54 @@ def read_text(path: Path) -> str:
 
 
 def read_tables(text: str, file: str) -> dict[str, object]:
-    """Return the content of a TOML text.
+    """Return the parsed content of a TOML text.
 
     Raises
     ------
     ConfigError
-        It is not TOML; says at which line.
+        The text is not TOML; names the line.
     """
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise ConfigError(file, [f"not TOML: {error}"]) from error
     except RecursionError as error:
-        raise ConfigError(file, ["not a rig's TOML: tables or lists too deep in one another"]) from error
+        raise ConfigError(file, ["not a rig's TOML: tables or lists are nested too deeply"]) from error
 
 
-def validation_faults(error: ValidationError, schema: type[BaseModel], data: Mapping[str, object]) -> Iterator[Fault]:
-    """Return the faults that pydantic found in data, one for each key."""
+def validation_faults(
+    error: ValidationError,
+    schema: type[BaseModel],
+    data: Mapping[str, object],
+    renamed: Mapping[KeyPath, str] | None = None,
+) -> Iterator[Fault]:
+    """Yield the errors that pydantic found in data, one for each key.
+
+    Parameters
+    ----------
+    error : ValidationError
+        What pydantic raised.
+    schema : type of BaseModel
+        Schema that was validated against.
+    data : mapping
+        The parsed tables.
+    renamed : mapping of KeyPath to str or None
+        Present names of former keys.
+    """
     seen: set[str] = set()
     for details in error.errors():
         key = dotted(details["loc"])
-        if key not in seen:
-            seen.add(key)
+        if key in seen:
+            continue
+        seen.add(key)
+        if details["type"] == "extra_forbidden" and (present := (renamed or {}).get(details["loc"])):
+            yield Fault((key,), f"{key} = {toml_literal(_value_at(details['loc'], data))}: renamed to {present}")
+        else:
             yield Fault((key,), _text(details, key, schema, data))
 
 
 def plain_json(data: Mapping[str, object]) -> str:
-    """Return data as JSON, in which pydantic's strict mode knows TOML's types; days and times become text."""
+    """Return parsed TOML as JSON, for pydantic's strict mode; dates and times become text."""
     return json.dumps(data, default=_time_text)
 
 
@@ -103,24 +127,24 @@ def _time_text(value: date | time | datetime) -> str:
 
 
 def _text(details: ErrorDetails, key: str, schema: type[BaseModel], data: Mapping[str, object]) -> str:
-    kind = details["type"]
+    kind, path = details["type"], details["loc"]
     if kind == "missing":
-        return f"{key}: missing, expected {_wanted(details['loc'], schema)}"
-    value = shown(_found(details["loc"], data))
+        return f"{key}: missing, expected {_expected_content(path, schema)}"
+    value = toml_literal(_value_at(path, data))
     if kind == "extra_forbidden":
-        return f"{key} = {value}: unknown key{_nearest(details['loc'], schema)}"
-    if kind == "tuple_type" and _table_of(_annotation(details["loc"], schema)) is not None:
-        return f"{key} = {value}: expected {_wanted(details['loc'], schema)}"
-    field = _field(details["loc"], schema)
+        return f"{key} = {value}: unknown key{_suggestion(path, schema)}"
+    if kind == "tuple_type" and _table_of(_annotation(path, schema)) is not None:
+        return f"{key} = {value}: expected {_expected_content(path, schema)}"
+    field = _field(path, schema)
     if kind == "string_pattern_mismatch" and field is not None:
         return f"{key} = {value}: expected {field.description}"
     return f"{key} = {value}: expected {_expectation(details)}"
 
 
 def _expectation(details: ErrorDetails) -> str:
-    """Return what pydantic expected, in the operator's words."""
+    """Return what pydantic expected, for the operator."""
     limits = details.get("ctx", {})
-    words = {
+    templates = {
         "float_type": "a number",
         "int_type": "a whole number",
         "int_from_float": "a whole number",
@@ -140,15 +164,15 @@ def _expectation(details: ErrorDetails) -> str:
         "model_type": "a table",
         "model_attributes_type": "a table",
     }
-    if details["type"] in words:
+    if details["type"] in templates:
         plain = {name: f"{limit:g}" if isinstance(limit, float) else limit for name, limit in limits.items()}
-        return words[details["type"]].format(**plain)
+        return templates[details["type"]].format(**plain)
     return details["msg"].removeprefix("Value error, ").removeprefix("expected ")
 
 
-def _found(location: tuple[int | str, ...], data: object) -> object:
-    """Return the value at a place in nested tables."""
-    for part in location:
+def _value_at(path: KeyPath, data: object) -> object:
+    """Return the value at a path in nested tables; None if there is none."""
+    for part in path:
         if isinstance(part, int):
             data = data[part] if isinstance(data, list) and part < len(data) else None
         else:
@@ -156,52 +180,52 @@ def _found(location: tuple[int | str, ...], data: object) -> object:
     return data
 
 
-def _section(location: tuple[int | str, ...], schema: type[BaseModel]) -> type[BaseModel]:
-    """Return the table of the schema in which a place lies."""
+def _section(path: KeyPath, schema: type[BaseModel]) -> type[BaseModel]:
+    """Return the schema of the table that contains a path."""
     section = schema
-    for part in location[:-1]:
+    for part in path[:-1]:
         if isinstance(part, str) and part in section.model_fields:
             inner = _table_of(section.model_fields[part].annotation)
             section = inner or section
     return section
 
 
-def _field(location: tuple[int | str, ...], schema: type[BaseModel]) -> FieldInfo | None:
-    """Return what the schema says of a place; None where it has no such key."""
-    return _section(location, schema).model_fields.get(str(location[-1]))
+def _field(path: KeyPath, schema: type[BaseModel]) -> FieldInfo | None:
+    """Return the schema's field at a path; None if it has no such key."""
+    return _section(path, schema).model_fields.get(str(path[-1]))
 
 
-def _annotation(location: tuple[int | str, ...], schema: type[BaseModel]) -> object:
-    """Return the type that the schema gives to a place; None where it has no such key."""
-    field = _field(location, schema)
+def _annotation(path: KeyPath, schema: type[BaseModel]) -> object:
+    """Return the type that the schema declares at a path; None if it has no such key."""
+    field = _field(path, schema)
     return None if field is None else field.annotation
 
 
 def _table_of(annotation: object) -> type[BaseModel] | None:
-    """Return the table that an annotation holds, itself, in a tuple, or where it may be left out."""
+    """Return the table schema in an annotation: itself, the item of a tuple, or the first member of a union."""
     if get_origin(annotation) in {tuple, UnionType}:
         return _table_of(get_args(annotation)[0])
     return annotation if isinstance(annotation, type) and issubclass(annotation, BaseModel) else None
 
 
-def _wanted(location: tuple[int | str, ...], schema: type[BaseModel]) -> str:
-    """Return what a missing key should hold."""
-    annotation = _annotation(location, schema)
+def _expected_content(path: KeyPath, schema: type[BaseModel]) -> str:
+    """Return a description of what a missing key should hold."""
+    annotation = _annotation(path, schema)
     if _table_of(annotation) is not None:
-        return f"a table: [{dotted(location)}]" if isinstance(annotation, type) else f"tables: [[{dotted(location)}]]"
+        return f"a table: [{dotted(path)}]" if isinstance(annotation, type) else f"tables: [[{dotted(path)}]]"
     if get_origin(annotation) is dict:
-        return f"tables: [{dotted(location)}.NAME]"
+        return f"tables: [{dotted(path)}.NAME]"
     if isinstance(annotation, type) and issubclass(annotation, Enum):
         return " or ".join(f"'{member.value}'" for member in annotation)
     if annotation is str:
         return "a text in quotes"
-    return "a list in brackets" if get_origin(annotation) is tuple and isinstance(location[-1], str) else "a number"
+    return "a list in brackets" if get_origin(annotation) is tuple and isinstance(path[-1], str) else "a number"
 
 
-def _nearest(location: tuple[int | str, ...], schema: type[BaseModel]) -> str:
-    """Return the hint at the known key that an unknown one resembles."""
-    known = list(_section(location, schema).model_fields)
-    near = difflib.get_close_matches(str(location[-1]), known, n=1, cutoff=0.5)
+def _suggestion(path: KeyPath, schema: type[BaseModel]) -> str:
+    """Return a hint at the known key that is most similar to an unknown one."""
+    known = list(_section(path, schema).model_fields)
+    near = difflib.get_close_matches(str(path[-1]), known, n=1, cutoff=0.5)
     return f", did you mean {near[0]}?" if near else f", expected one of {', '.join(known)}"
 
 
@@ -211,8 +235,8 @@ def to_toml(data: Mapping[str, object]) -> str:
     Parameters
     ----------
     data : mapping
-        Keys are bare; a sequence of mappings becomes an array of tables, any other sequence an inline
-        array, with inline tables where it holds mappings too.
+        With bare keys. A sequence of mappings becomes an array of tables, any other sequence an inline array, with
+        its mappings as inline tables.
     """
     return "\n".join(_table_lines(data, "")).strip() + "\n"
 
@@ -233,7 +257,7 @@ def _table_lines(data: Mapping[str, object], name: str) -> list[str]:
 
 
 def _tables_in(value: object) -> list[Mapping[str, object]]:
-    """Return the tables of a sequence; none where it holds anything else."""
+    """Return the items of a sequence of mappings; an empty list for any other value."""
     items = value if isinstance(value, list | tuple) else ()
     tables = [item for item in items if isinstance(item, Mapping)]
     return tables if len(tables) == len(items) else []

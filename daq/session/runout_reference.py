@@ -54,7 +54,7 @@ def with_reference_runout(rig: Rig, folder: Path) -> Rig:
     if found is None:
         raise UsageError(f"runout.from_run: {path.stem} holds no order spectrum up to {asked.slow_roll_rpm:g} r/min")
     vectors = tuple(_vector(order, found) for order in range(1, len(found.vectors) + 1))
-    section = RunOutSection(orbit=asked.orbit, vector=vectors, source=source)
+    section = RunOutSection(correct_orbit=asked.correct_orbit, vector=vectors, source=source)
     config = rig.config.model_copy(update={"runout": section})
     return replace(rig, config=config, toml=to_toml(config.model_dump(mode="json", exclude_none=True)))
 

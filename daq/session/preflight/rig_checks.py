@@ -136,7 +136,7 @@ def disk_check(free: int, rig: Rig, rate: float, duration: float | None) -> Chec
     """
     room = free - rig.config.storage.reserve_gb * 1e9
     lasts = max(room, 0.0) / disk_rate(rig, rate)
-    needed = 3600.0 * rig.config.preflight.disk_h if duration is None else duration
+    needed = 3600.0 * rig.config.preflight.disk_duration_h if duration is None else duration
     value, limit = _span(lasts), _span(needed)
     if lasts >= needed:
         return Check.passed("disk", value, limit)

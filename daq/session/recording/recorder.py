@@ -63,7 +63,7 @@ def record(order: RecordingRequest, ring_memory: SharedBytes, statistics_memory:
 def _part_limits(order: RecordingRequest, header: RunHeader) -> PartLimits:
     """Return when a run goes on in a further file, as the rig says."""
     storage = order.rig.config.storage
-    samples = round(60 * storage.split_min * header.acquisition.rate) or None
+    samples = round(60 * storage.split_minutes * header.acquisition.rate) or None
     return PartLimits(samples, round(1e9 * storage.split_gb) or None, order.rig.config.trigger.events != 1)
 
 

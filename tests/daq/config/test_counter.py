@@ -52,7 +52,7 @@ def test_counter_is_in_the_configuration_that_a_recording_carries(rig: RigFactor
             {"reference": "both"},
             "tacho.counter.reference = \"both\": expected 'samples' or 'counter'",
         ),
-        ({"agreement_us": 0}, "tacho.counter.agreement_us = 0: expected more than 0"),
+        ({"max_difference_us": 0}, "tacho.counter.max_difference_us = 0: expected more than 0"),
         ({"teminal": "PFI0"}, 'tacho.counter.teminal = "PFI0": unknown key, did you mean terminal?'),
     ],
 )

@@ -1,16 +1,19 @@
 """Reading rig.toml: what is right comes through, what is wrong is said, all of it, in the bench's words."""
 
+import copy
 import math
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from analysis.signals.header import Role
-from daq.config.loader import load_rig, read_recorded_config
+from daq.config.loader import RENAMED_KEYS, load_rig, read_recorded_config
 from daq.config.rig import Rig
 from daq.config.rotor import model_parameters
 from daq.config.schema import Backend
+from daq.config.toml_files import dotted
 from daq.errors import ConfigError
 
 RIGS = Path(__file__).parents[3] / "rigs"
@@ -101,6 +104,59 @@ def test_recording_stays_readable_whatever_is_refused_since_then(rig: RigFactory
     assert model_parameters(read) == model_parameters(loaded.config)
 
 
+OLD_KEYS: list[tuple[str, dict[str, object], str]] = [
+    ("tacho.counter.agreement_us", {"tacho": {"counter": {"agreement_us": 20.0}}}, "max_difference_us"),
+    (
+        "preflight.mark_tolerance_fraction",
+        {"preflight": {"mark_tolerance_fraction": 0.2}},
+        "tacho_mark_tolerance_fraction",
+    ),
+    ("preflight.disk_h", {"preflight": {"disk_h": 2.0}}, "disk_duration_h"),
+    ("runout.orbit", {"runout": {"orbit": True}}, "correct_orbit"),
+    ("storage.split_min", {"storage": {"split_min": 10.0}}, "split_minutes"),
+]
+
+
+def test_every_renamed_key_has_a_case_here() -> None:
+    assert {(key, new) for key, _, new in OLD_KEYS} == {(dotted(path), new) for path, new in RENAMED_KEYS.items()}
+
+
+@pytest.mark.parametrize(("key", "sections", "new"), OLD_KEYS)
+def test_renamed_key_in_a_rig_file_is_refused_with_its_new_name(
+    rig_file: RigFiles, key: str, sections: dict[str, dict[str, object]], new: str
+) -> None:
+    (fault,) = faults_of(rig_file(**sections))
+    assert fault.startswith(f"{key} = ")
+    assert fault.endswith(f": renamed to {new}")
+
+
+@pytest.mark.parametrize(("key", "sections", "new"), OLD_KEYS)
+def test_renamed_key_in_a_recording_is_translated(
+    rig: RigFactory, key: str, sections: dict[str, dict[str, object]], new: str
+) -> None:
+    *tables, old = key.split(".")
+    present, value = nested(sections, tables, old, new)
+    text = rig(**present).toml
+    assert f"\n{new} = " in text
+    config: object = read_recorded_config(text.replace(f"\n{new} = ", f"\n{old} = "), "a recording")
+    assert config == rig(**present).config
+    for table in tables:
+        config = getattr(config, table)
+    assert getattr(config, new) == value
+
+
+def nested(
+    sections: dict[str, dict[str, object]], tables: list[str], old: str, new: str
+) -> tuple[dict[str, dict[str, object]], object]:
+    """Return sections with the key `old` renamed to `new`, and its value."""
+    renamed = copy.deepcopy(sections)
+    table: Any = renamed
+    for name in tables:
+        table = table[name]
+    table[new] = table.pop(old)
+    return renamed, table[new]
+
+
 @pytest.mark.parametrize(("before", "after"), [('role = "probe_y"', 'role = "probe_x"'), ("[model]", "[model]\nx = 1")])
 def test_recording_whose_probes_or_model_are_wrong_is_refused(rig: RigFactory, before: str, after: str) -> None:
     text = rig(model={"viscosity_pa_s": 0.02}).toml
@@ -154,15 +210,17 @@ def test_rate_beyond_the_card_is_told_beside_a_wrong_channel(rig_file: RigFiles)
     assert [fault.partition(" = ")[0] for fault in faults_of(wrong)] == ["channel[0].range_v", "timing.rate_hz"]
 
 
-def test_load_rig_refuses_what_is_nested_beyond_all_sense(tmp_path: Path) -> None:
+def test_load_rig_refuses_too_deeply_nested_toml(tmp_path: Path) -> None:
     path = tmp_path / "deep.toml"
     path.write_text(f"rig = {'[' * 5000}{']' * 5000}")
-    assert faults_of(path) == ["not a rig's TOML: tables or lists too deep in one another"]
+    assert faults_of(path) == ["not a rig's TOML: tables or lists are nested too deeply"]
 
 
 def test_load_rig_lists_the_known_keys_where_none_is_near(rig_file: RigFiles) -> None:
     (fault,) = faults_of(rig_file(storage={"xyz": 1}))
-    assert fault == "storage.xyz = 1: unknown key, expected one of folder, reserve_gb, split_gb, split_min, catalogue"
+    assert (
+        fault == "storage.xyz = 1: unknown key, expected one of folder, reserve_gb, split_gb, split_minutes, catalogue"
+    )
 
 
 @pytest.mark.parametrize(
@@ -197,7 +255,10 @@ def test_load_rig_lists_the_known_keys_where_none_is_near(rig_file: RigFiles) ->
             {"timing": {"rate_hz": 6_000.0}, "tacho": {"mark_fraction": 0.1, "response_time_s": 0.0}},
             "timing.rate_hz = 6000: expected at least 13333: 4 samples of the tacho's light and dark at full speed",
         ),
-        ({"storage": {"split_min": 1e-4}}, "storage.split_min = 0.0001: expected 0 for never, or at least 0.01"),
+        (
+            {"storage": {"split_minutes": 1e-4}},
+            "storage.split_minutes = 0.0001: expected 0 for never, or at least 0.01",
+        ),
         ({"storage": {"split_gb": 1e-4}}, "storage.split_gb = 0.0001: expected 0 for never, or at least 0.001"),
         ({"model": {"imbalance_kg_m": 1.0}}, "model: imbalance: 1 kg m at station 5, expected at most 1.85e-05 kg m"),
         ({"analysis": {"points_per_revolution": 16}}, "analysis.highest_order = 8: expected less than half of points"),
@@ -225,7 +286,7 @@ def test_load_rig_names_what_does_not_fit_together(
         ({}, {"angle_deg": 222.0}, {}, "channel[1].angle_deg = 222: expected at least 10 degrees from the line of 'x'"),
         ({"gap_window_v": [6.0, 5.0]}, {}, {}, "channel[0].gap_window_v = [6, 5]: expected the lower voltage first"),
         ({"range_v": 5.0}, {}, {}, "channel[0].gap_window_v = [1, 9]: expected voltages within the range of ±5 V"),
-        ({"gap_window_v": [0.1, 9.0]}, {}, {}, "channel[0].gap_window_v = [0.1, 9]: expected voltages that were"),
+        ({"gap_window_v": [0.1, 9.0]}, {}, {}, "channel[0].gap_window_v = [0.1, 9]: expected voltages in the calibrated"),
         ({"calibration": ""}, {}, {}, "channel[0].calibration: missing, expected a file for a probe"),
         ({}, {}, {"calibration": "probe-x.toml"}, 'channel[2].calibration = "probe-x.toml": expected none for a tacho'),
         ({}, {}, {"range_v": 3.0}, "channel[2].range_v = 3.0: expected one of the card's ranges 0.1, 0.2, 0.5, 1, 2,"),

@@ -32,7 +32,7 @@ VECTOR = {"x_um": 2.0, "x_lag_deg": 90.0, "y_um": 1.0, "y_lag_deg": 0.0}
 
 
 def test_given_run_out_comes_in_si_units_and_says_where_it_is_from(rig: RigFactory) -> None:
-    settings = rig(runout={"vector": [VECTOR | {"sigma_um": 0.1}], "orbit": True}).settings.runout
+    settings = rig(runout={"vector": [VECTOR | {"sigma_um": 0.1}], "correct_orbit": True}).settings.runout
     ((order, x, y),) = settings.vectors
     assert (order, settings.from_orbit, settings.source) == (1, True, "rig.toml")
     assert x == pytest.approx(-2e-6j)
@@ -75,7 +75,7 @@ def test_a_run_tells_its_own_run_out_by_its_slow_roll(rig: RigFactory, tmp_path:
 def test_an_earlier_run_tells_the_run_out_of_a_later_one(rig: RigFactory, tmp_path: Path) -> None:
     earlier = rig(simulation=SLOW_THEN_FAST)
     record_run(earlier, tmp_path, "earlier")
-    asked = rig(simulation=FAST, runout={"slow_roll_rpm": 700.0, "from_run": "earlier", "orbit": True})
+    asked = rig(simulation=FAST, runout={"slow_roll_rpm": 700.0, "from_run": "earlier", "correct_orbit": True})
     later = with_reference_runout(asked, tmp_path)
     runout = later.settings.runout
     assert runout.source == "slow roll of earlier up to 700 r/min"

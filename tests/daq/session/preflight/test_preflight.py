@@ -173,7 +173,7 @@ def test_limits_of_the_rig_file_decide_what_is_still_good(rig: RigFactory, tmp_p
     assert "tacho pulses" in warnings(looked_at(rig(simulation=jittery, preflight=strict), tmp_path))
     assert "tacho pulses" not in warnings(looked_at(rig(simulation=jittery, preflight=lenient), tmp_path))
     other_mark = {"mark_fraction": 0.4}
-    bench = rig(simulation=steady(6000.0), tacho=other_mark, preflight={"mark_tolerance_fraction": 0.02})
+    bench = rig(simulation=steady(6000.0), tacho=other_mark, preflight={"tacho_mark_tolerance_fraction": 0.02})
     assert named(looked_at(bench, tmp_path).checks, "tacho mark").limit == "40 ± 2 %"
     old = rig(
         calibration={"date": "2025-11-20", "residual_um": 15.0},
@@ -183,7 +183,7 @@ def test_limits_of_the_rig_file_decide_what_is_still_good(rig: RigFactory, tmp_p
     assert named(checks, "probe x calibration").verdict is Verdict.GOOD
     assert named(checks, "probe x fit").verdict is Verdict.GOOD
     room = int(old.config.storage.reserve_gb * 1e9) + 60 * 3 * 2 * 20_000
-    assert disk_check(room, rig(preflight={"disk_h": 0.01}), 20_000.0, None).verdict is Verdict.GOOD
+    assert disk_check(room, rig(preflight={"disk_duration_h": 0.01}), 20_000.0, None).verdict is Verdict.GOOD
 
 
 def test_hum_that_stands_against_a_run_before_it_is_told_is_refused(rig: RigFactory) -> None:

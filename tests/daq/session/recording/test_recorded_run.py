@@ -230,7 +230,7 @@ def test_disk_that_is_full_already_is_refused(rig: RigFactory, tmp_path: Path) -
 
 
 def test_run_that_is_split_loses_no_sample_between_its_files(rig: RigFactory, tmp_path: Path) -> None:
-    small = rig(storage={"split_min": 0.01})
+    small = rig(storage={"split_minutes": 0.01})
     run = recorded(small, tmp_path)
     assert run.wait(60)
     assert run.close().exit_code == 0
