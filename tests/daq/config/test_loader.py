@@ -286,7 +286,12 @@ def test_load_rig_names_what_does_not_fit_together(
         ({}, {"angle_deg": 222.0}, {}, "channel[1].angle_deg = 222: expected at least 10 degrees from the line of 'x'"),
         ({"gap_window_v": [6.0, 5.0]}, {}, {}, "channel[0].gap_window_v = [6, 5]: expected the lower voltage first"),
         ({"range_v": 5.0}, {}, {}, "channel[0].gap_window_v = [1, 9]: expected voltages within the range of ±5 V"),
-        ({"gap_window_v": [0.1, 9.0]}, {}, {}, "channel[0].gap_window_v = [0.1, 9]: expected voltages in the calibrated"),
+        (
+            {"gap_window_v": [0.1, 9.0]},
+            {},
+            {},
+            "channel[0].gap_window_v = [0.1, 9]: expected voltages in the calibrated",
+        ),
         ({"calibration": ""}, {}, {}, "channel[0].calibration: missing, expected a file for a probe"),
         ({}, {}, {"calibration": "probe-x.toml"}, 'channel[2].calibration = "probe-x.toml": expected none for a tacho'),
         ({}, {}, {"range_v": 3.0}, "channel[2].range_v = 3.0: expected one of the card's ranges 0.1, 0.2, 0.5, 1, 2,"),
