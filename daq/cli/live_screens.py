@@ -10,9 +10,9 @@ from daq.errors import ServiceError, UsageError
 from daq.reports.summaries import Summaries
 from daq.schemas.events import AcknowledgedAlarmsSchema, MarkerSchema, alarm_schema, marker_schema
 from daq.service.access import is_loopback
-from daq.service.app import Abilities, create_app
-from daq.service.jobs.queue import DataPlace, Jobs
-from daq.service.run_reader import Readings
+from daq.service.app import ServiceFeatures, create_app
+from daq.service.jobs.queue import CatalogueLocation, JobQueue
+from daq.service.results_reader import ResultsReader
 from daq.service.server import ServiceServer
 from daq.session.live_update import LiveUpdate, LiveUpdateSink
 from daq.session.run import Run, SupportsMarkers
@@ -37,7 +37,7 @@ class Screens:
         Who sums runs up.
     console : Console
         Where addresses are printed.
-    readings : Readings or None
+    results : ResultsReader or None
         Who answers what is asked of recorded runs beyond their summaries.
     desk : RunManager or None
         Who starts runs that are asked for over REST; None where none can be.
@@ -56,7 +56,7 @@ class Screens:
         catalogue: Catalogue,
         summaries: Summaries,
         console: Console,
-        readings: Readings | None = None,
+        results: ResultsReader | None = None,
         desk: RunManager | None = None,
     ) -> None:
         if not is_loopback(chosen.host) and not chosen.token:
@@ -65,7 +65,7 @@ class Screens:
         self._desk = desk
         self._view = None if chosen.no_view else self._picture(console)
         self._server: ServiceServer | None = None
-        self._jobs = Jobs(DataPlace(catalogue.folder, catalogue.url))
+        self._jobs = JobQueue(CatalogueLocation(catalogue.folder, catalogue.url))
         if getattr(chosen, "no_serve", False):
             return
         app = create_app(
@@ -73,7 +73,7 @@ class Screens:
             self,
             summaries,
             self._view.url if self._view is not None and is_loopback(chosen.host) else None,
-            abilities=Abilities(readings, self, desk, catalogue, self._jobs, tuple(chosen.cors)),
+            features=ServiceFeatures(results, self, desk, catalogue, self._jobs, tuple(chosen.cors)),
             host=chosen.host,
             token=chosen.token or None,
         )

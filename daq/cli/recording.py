@@ -27,7 +27,7 @@ from daq.config.schema import StorageSection
 from daq.drivers.replay import open_replay
 from daq.reports.summaries import Summaries
 from daq.schemas.runs import run_schema
-from daq.service.run_reader import Readings
+from daq.service.results_reader import ResultsReader
 from daq.session.live_update import RunState, Status
 from daq.session.prediction.predictors import PATIENCE, Predictors
 from daq.session.recording.messages import RecordingRequest
@@ -114,9 +114,9 @@ def run_record(chosen: argparse.Namespace) -> int:
         hold_off_s=chosen.hold_off,
     )
     catalogue = Catalogue(data_folder(rig.config.storage.folder), rig.config.storage.catalogue)
-    with Predictors() as predictors, Readings(predictors) as readings:
-        summaries = Summaries(catalogue, predictors, readings.summary)
-        with stop_on_signals() as stop, Screens(chosen, catalogue, summaries, console, readings) as screens:
+    with Predictors() as predictors, ResultsReader(predictors) as results:
+        summaries = Summaries(catalogue, predictors, results.summary)
+        with stop_on_signals() as stop, Screens(chosen, catalogue, summaries, console, results) as screens:
             order = order_for(catalogue, rig, chosen.note, chosen.duration)
             with closing(RecordedRun(order, predictors.for_rig(rig), screens.sinks, stop.is_set)) as recorded:
                 screens.show(recorded)
@@ -161,10 +161,10 @@ def run_replay(chosen: argparse.Namespace) -> int:
     path = catalogue.path(run_id)
     with RunReader(path) as reader:
         header, delivery, markers = reader.header, reader.delivery, reader.markers()
-    with Predictors() as predictors, Readings(predictors) as readings:
-        summaries = Summaries(catalogue, predictors, readings.summary)
+    with Predictors() as predictors, ResultsReader(predictors) as results:
+        summaries = Summaries(catalogue, predictors, results.summary)
         model = predictors.for_run(header)
-        with stop_on_signals() as stop, Screens(chosen, catalogue, summaries, console, readings) as screens:
+        with stop_on_signals() as stop, Screens(chosen, catalogue, summaries, console, results) as screens:
             source = open_replay(path, chosen.pace)
             replayed = ReplayedRun(header, source, model, screens.sinks, markers)
             screens.show(replayed)
@@ -186,7 +186,12 @@ def run_serve(chosen: argparse.Namespace) -> int:
     storage = StorageSection() if rig is None else rig.config.storage
     catalogue = Catalogue(data_folder(chosen.folder or storage.folder), storage.catalogue)
     chosen.no_view = True  # runs are shown by `rig record` and `rig replay`
-    with stop_on_signals() as stop, Predictors() as predictors, Readings(predictors) as readings, ExitStack() as stack:
+    with (
+        stop_on_signals() as stop,
+        Predictors() as predictors,
+        ResultsReader(predictors) as results,
+        ExitStack() as stack,
+    ):
         desk = None
         if rig is not None:
 
@@ -195,8 +200,8 @@ def run_serve(chosen: argparse.Namespace) -> int:
                 return RecordedRun(order, predictors.for_rig(rig), is_stopping=stop.is_set)
 
             desk = stack.enter_context(RunManager({rig.config.rig: rig}, begin))
-        summaries = Summaries(catalogue, predictors, readings.summary)
-        with Screens(chosen, catalogue, summaries, console, readings, desk) as screens:
+        summaries = Summaries(catalogue, predictors, results.summary)
+        with Screens(chosen, catalogue, summaries, console, results, desk) as screens:
             console.line(screens.addresses())
             while not stop.wait(1.0):  # a wait without end would not let Ctrl-C through everywhere
                 continue

@@ -10,13 +10,13 @@ from typing import Final
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from daq.service.problem_types import Kind
+from daq.service.problem_types import ProblemType
 from daq.service.problems import problem_response
 
 NO_CONTENT: Final = "default-src 'none'; frame-ancestors 'none'"
 
 
-class SafeHeaders:
+class SecurityHeadersMiddleware:
     """Adds what browsers need to know: nothing is guessed, nothing is embedded, nothing is kept.
 
     An answer that sets one of these itself keeps its own.
@@ -62,7 +62,7 @@ def is_loopback(host: str) -> bool:
         return False
 
 
-class Guard:
+class AccessControlMiddleware:
     """Turns away what has no business here, before any route sees it.
 
     A service that is bound to a loopback address answers only requests that name it so: a page from elsewhere whose
@@ -106,25 +106,25 @@ class Guard:
         if refused is None:
             await self._app(scope, receive, send)
         else:
-            kind, detail = refused
-            await problem_response(kind, detail, path)(scope, receive, send)
+            problem_type, detail = refused
+            await problem_response(problem_type, detail, path)(scope, receive, send)
 
-    def _refused(self, scope: Scope, headers: Headers, path: str) -> tuple[Kind, str] | None:
+    def _refused(self, scope: Scope, headers: Headers, path: str) -> tuple[ProblemType, str] | None:
         """Return why a request is turned away; None where it is not."""
         name = host_name(headers.get("host", ""))
         if self._names is not None and name not in self._names:
             return (
-                Kind.HOST_NOT_ALLOWED,
+                ProblemType.HOST_NOT_ALLOWED,
                 f"the request names {name!r}; expected one of {', '.join(sorted(self._names))}",
             )
         if self._token is not None and path not in self._public and not self._bears_token(headers):
             given = "another token was given" if "authorization" in headers else "no token was given"
-            return Kind.TOKEN_NEEDED, f"{given}: send the header Authorization: Bearer <token>"
+            return ProblemType.TOKEN_NEEDED, f"{given}: send the header Authorization: Bearer <token>"
         is_socket = scope["type"] == "websocket"
         if not is_socket and scope["method"] in HARMLESS:
             return None
         if not self._is_own_page(headers):
-            return Kind.CROSS_SITE, f"the request comes from {headers.get('origin') or 'another site'}"
+            return ProblemType.CROSS_SITE, f"the request comes from {headers.get('origin') or 'another site'}"
         return None
 
     def _is_own_page(self, headers: Headers) -> bool:

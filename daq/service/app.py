@@ -12,52 +12,52 @@ from fastapi import APIRouter, FastAPI
 from fastapi.middleware.cors import CORSMiddleware
 
 from daq.errors import ServiceError
-from daq.service.access import Guard, SafeHeaders, is_loopback
-from daq.service.jobs.queue import Jobs
+from daq.service.access import AccessControlMiddleware, SecurityHeadersMiddleware, is_loopback
+from daq.service.jobs.queue import JobQueue
 from daq.service.pages import PUBLIC_PATHS, Pages, reference_page
-from daq.service.problem_types import Kind, ProblemSchema
-from daq.service.problems import LastResort, install
-from daq.service.routes.catalogue import Catalogue, Routes, Summaries
-from daq.service.routes.changes import ChangeRoutes, ChangingCatalogue
+from daq.service.problem_types import ProblemSchema, ProblemType
+from daq.service.problems import UnhandledErrorMiddleware, install
+from daq.service.results_reader import ResultsReader
+from daq.service.routes.catalogue import Catalogue, CatalogueRoutes, Summaries
 from daq.service.routes.jobs import JobRoutes
-from daq.service.routes.live import Desk, FollowingRoutes, LiveRoutes, Steering
+from daq.service.routes.live import LiveStreamRoutes, RunControl, RunControlRoutes, RunStarter
+from daq.service.routes.run_edits import EditableCatalogue, RunEditRoutes
 from daq.service.routes.runs import RunRoutes
 from daq.service.routes.uploads import UploadRoutes
-from daq.service.routing import PREFIX, HeadAsGet, Routing
-from daq.service.run_reader import Readings
-from daq.service.stream import Live
-from daq.service.uploads import Uploads
+from daq.service.routing import PREFIX, HeadAsGetMiddleware, Routing
+from daq.service.stream import LiveFeed
+from daq.service.uploads import UploadStore
 
 
 @dataclass(frozen=True, slots=True)
-class Abilities:
-    """What a service can do; what is None it cannot, and has no addresses for.
+class ServiceFeatures:
+    """Optional parts of the service; routes of a part that is None do not exist.
 
     Parameters
     ----------
-    readings : Readings or None
-        Answers what is asked of recorded runs beyond their summaries.
-    steering : Steering or None
-        Ends the run under way.
-    desk : Desk or None
+    results : ResultsReader or None
+        Results of recorded runs beyond their summaries.
+    run_control : RunControl or None
+        Stops the current run, adds markers to it and acknowledges its alarms.
+    run_starter : RunStarter or None
         Starts runs.
-    folder : ChangingCatalogue or None
-        Takes words on runs, puts runs away, takes runs in; only beside `readings`.
-    jobs : Jobs or None
-        Does what takes too long to wait for.
-    origins : tuple of str
-        Other sites whose pages may ask (CORS), as ``http://notebook.lab:8888``.
+    catalogue : EditableCatalogue or None
+        Edits, trashes, restores and receives runs; used only together with `results`.
+    jobs : JobQueue or None
+        Runs work that takes longer than a request may.
+    cors_origins : tuple of str
+        Other sites whose pages may send requests (CORS), for example ``http://notebook.lab:8888``.
     """
 
-    readings: Readings | None = None
-    steering: Steering | None = None
-    desk: Desk | None = None
-    folder: ChangingCatalogue | None = None
-    jobs: Jobs | None = None
-    origins: tuple[str, ...] = ()
+    results: ResultsReader | None = None
+    run_control: RunControl | None = None
+    run_starter: RunStarter | None = None
+    catalogue: EditableCatalogue | None = None
+    jobs: JobQueue | None = None
+    cors_origins: tuple[str, ...] = ()
 
 
-TELLING: Final = Abilities()
+READ_ONLY: Final = ServiceFeatures()
 
 
 DISTRIBUTION = "rig-service"
@@ -80,11 +80,11 @@ TAGS = [
 
 def create_app(
     catalogue: Catalogue,
-    live: Live,
+    live: LiveFeed,
     summaries: Summaries,
     viewer_url: str | None,
     *,
-    abilities: Abilities = TELLING,
+    features: ServiceFeatures = READ_ONLY,
     host: str = "127.0.0.1",
     token: str | None = None,
 ) -> "Service":
@@ -94,13 +94,13 @@ def create_app(
     ----------
     catalogue : Catalogue
         The recorded runs.
-    live : Live
+    live : LiveFeed
         The run under way.
     summaries : Summaries
         What runs were.
     viewer_url : str or None
         Address of the web viewer that the page embeds; None where there is none.
-    abilities : Abilities
+    features : ServiceFeatures
         What else it can do.
     host : str
         Address that the server is bound to. One of this machine alone answers only to this machine's own names.
@@ -114,40 +114,46 @@ def create_app(
         Others can reach ``host`` and there is no token, or the token cannot be sent in a header.
     """
     _check_access(host, token)
-    following = FollowingRoutes(live)
+    following = LiveStreamRoutes(live)
     app = Service(with_token=token is not None)
     app.ending.append(following.end)
     install(app)
-    always = (Kind.HOST_NOT_ALLOWED, Kind.INTERNAL, *((Kind.TOKEN_NEEDED,) if token is not None else ()))
+    always = (
+        ProblemType.HOST_NOT_ALLOWED,
+        ProblemType.INTERNAL,
+        *((ProblemType.TOKEN_NEEDED,) if token is not None else ()),
+    )
     routing = Routing(APIRouter(prefix=PREFIX), always)
-    Routes(catalogue, live, summaries, app.version).add_to(routing)
+    CatalogueRoutes(catalogue, live, summaries, app.version).add_to(routing)
     following.add_to(routing)
-    LiveRoutes(abilities.steering, abilities.desk).add_to(routing)
-    if abilities.readings is not None:
-        RunRoutes(catalogue, live, abilities.readings, app.version).add_to(routing)
-        if abilities.folder is not None:
-            ChangeRoutes(abilities.folder, live, abilities.readings).add_to(routing)
-    if abilities.jobs is not None:
-        uploads = Uploads(abilities.jobs.place.folder)
-        if abilities.readings is not None and abilities.folder is not None:
-            UploadRoutes(uploads, abilities.readings, abilities.folder.free_bytes).add_to(routing)
-        job_routes = JobRoutes(catalogue, live, abilities.jobs, uploads)
+    RunControlRoutes(features.run_control, features.run_starter).add_to(routing)
+    if features.results is not None:
+        RunRoutes(catalogue, live, features.results, app.version).add_to(routing)
+        if features.catalogue is not None:
+            RunEditRoutes(features.catalogue, live, features.results).add_to(routing)
+    if features.jobs is not None:
+        uploads = UploadStore(features.jobs.place.folder)
+        if features.results is not None and features.catalogue is not None:
+            UploadRoutes(uploads, features.results, features.catalogue.free_bytes).add_to(routing)
+        job_routes = JobRoutes(catalogue, live, features.jobs, uploads)
         job_routes.add_to(routing)
         app.ending += [job_routes.end, uploads.close]
     app.include_router(routing.router)
     app.include_router(Pages(viewer_url, reference_page(app.openapi())).router())
-    app.add_middleware(LastResort)
-    app.add_middleware(Guard, host=host, token=token, public=PUBLIC_PATHS, origins=frozenset(abilities.origins))
-    if abilities.origins:
+    app.add_middleware(UnhandledErrorMiddleware)
+    app.add_middleware(
+        AccessControlMiddleware, host=host, token=token, public=PUBLIC_PATHS, origins=frozenset(features.cors_origins)
+    )
+    if features.cors_origins:
         app.add_middleware(
             CORSMiddleware,
-            allow_origins=abilities.origins,
+            allow_origins=features.cors_origins,
             allow_methods=("GET", "HEAD", "POST", "PATCH", "PUT", "DELETE"),
             allow_headers=("Authorization", "Content-Type", "If-Match", "If-None-Match", "If-Range", "Range"),
             expose_headers=("ETag", "Content-Disposition", "Content-Range", "Retry-After", "Location"),
         )
-    app.add_middleware(HeadAsGet)
-    app.add_middleware(SafeHeaders)
+    app.add_middleware(HeadAsGetMiddleware)
+    app.add_middleware(SecurityHeadersMiddleware)
     return app
 
 

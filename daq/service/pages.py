@@ -12,7 +12,7 @@ from urllib.parse import urlsplit
 
 from fastapi import APIRouter, Response
 
-from daq.service.problem_types import Kind
+from daq.service.problem_types import ProblemType
 
 MEDIA_TYPES: Final = {
     "html": "text/html; charset=utf-8",
@@ -181,7 +181,7 @@ def _problems() -> str:
     rows = (
         f'<tr id="{kind.slug}"><td><code>{kind.slug}</code></td><td>{kind.status}</td>'
         f"<td>{_text(kind.title)}. {_prose(kind.explanation)}</td></tr>"
-        for kind in Kind
+        for kind in ProblemType
     )
     return _table("Name", "Status", "Meaning", rows=rows)
 

@@ -41,7 +41,7 @@ class ProblemSchema(Schema):
     )
 
 
-class Kind(Enum):
+class ProblemType(Enum):
     """A kind of problem: its HTTP status, its title, and when it is met and what to do."""
 
     BAD_PARAMETER = (
@@ -232,13 +232,13 @@ class Kind(Enum):
 
 
 READING = (
-    Kind.RUN_NOT_FOUND,
-    Kind.BAD_PARAMETER,
-    Kind.RUN_UNDER_WAY,
-    Kind.RUN_DAMAGED,
-    Kind.RUN_FORMAT_UNKNOWN,
-    Kind.TAKES_TOO_LONG,
-    Kind.STORAGE_UNAVAILABLE,
-    Kind.BUSY,
+    ProblemType.RUN_NOT_FOUND,
+    ProblemType.BAD_PARAMETER,
+    ProblemType.RUN_UNDER_WAY,
+    ProblemType.RUN_DAMAGED,
+    ProblemType.RUN_FORMAT_UNKNOWN,
+    ProblemType.TAKES_TOO_LONG,
+    ProblemType.STORAGE_UNAVAILABLE,
+    ProblemType.BUSY,
 )
 """How every question about a recorded run can fail."""

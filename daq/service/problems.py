@@ -13,7 +13,7 @@ from starlette.exceptions import HTTPException
 from starlette.routing import Match
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from daq.service.problem_types import Fault, Kind, ProblemSchema
+from daq.service.problem_types import Fault, ProblemSchema, ProblemType
 from recordings.errors import DamagedError, NotFoundError, RecordingError, StorageError, UnknownFormatError
 
 PROBLEM_TYPE: Final = "application/problem+json"
@@ -22,7 +22,13 @@ MOST_ECHOED: Final = 200  # letters of what was sent that an answer repeats
 METHODS: Final = ("DELETE", "GET", "PATCH", "POST", "PUT")
 REFERENCE: Final = "/docs#"
 PASSING: Final = frozenset(
-    {Kind.BUSY, Kind.STORAGE_UNAVAILABLE, Kind.MODEL_NOT_READY, Kind.TOO_MANY_JOBS, Kind.TOO_MANY_UPLOADS}
+    {
+        ProblemType.BUSY,
+        ProblemType.STORAGE_UNAVAILABLE,
+        ProblemType.MODEL_NOT_READY,
+        ProblemType.TOO_MANY_JOBS,
+        ProblemType.TOO_MANY_UPLOADS,
+    }
 )
 """Problems that may be over in a moment: `Retry-After` says when to ask again."""
 
@@ -35,7 +41,7 @@ class ProblemError(Exception):
 
     Parameters
     ----------
-    kind : Kind
+    problem_type : ProblemType
         What kind of problem it is.
     detail : str
         This case.
@@ -43,15 +49,15 @@ class ProblemError(Exception):
         The order for a job that does it; None where none does.
     """
 
-    def __init__(self, kind: Kind, detail: str, job: JobHint | None = None) -> None:
-        self.kind = kind
+    def __init__(self, problem_type: ProblemType, detail: str, job: JobHint | None = None) -> None:
+        self.problem_type = problem_type
         self.detail = detail
         self.job = job
         super().__init__(detail)
 
 
 def problem_response(
-    kind: Kind,
+    problem_type: ProblemType,
     detail: str,
     instance: str,
     *,
@@ -64,7 +70,7 @@ def problem_response(
 
     Parameters
     ----------
-    kind : Kind
+    problem_type : ProblemType
         What kind it is.
     detail, instance : str
         This case, and the path that was asked for.
@@ -77,37 +83,43 @@ def problem_response(
     headers : mapping of str to str or None
         Further headers.
     """
-    document = _document(kind, detail, instance, faults, status, job)
+    document = _document(problem_type, detail, instance, faults, status, job)
     extra = {"Cache-Control": "no-store", **(headers or {})}
-    if kind is Kind.TOKEN_NEEDED:
+    if problem_type is ProblemType.TOKEN_NEEDED:
         extra["WWW-Authenticate"] = 'Bearer realm="rig"'
-    if kind in PASSING:
+    if problem_type in PASSING:
         extra["Retry-After"] = "2"
-    if kind is Kind.BUSY:  # a client that has to come again need not keep its place meanwhile
+    if problem_type is ProblemType.BUSY:  # a client that has to come again need not keep its place meanwhile
         extra["Connection"] = "close"
     return Response(document.model_dump_json(), status_code=document.status, headers=extra, media_type=PROBLEM_TYPE)
 
 
-def recording_problem(error: RecordingError) -> Kind:
+def recording_problem(error: RecordingError) -> ProblemType:
     """Return the kind of problem that an error of the recordings is."""
-    by_error: tuple[tuple[type[RecordingError], Kind], ...] = (
-        (NotFoundError, Kind.RUN_NOT_FOUND),
-        (DamagedError, Kind.RUN_DAMAGED),
-        (UnknownFormatError, Kind.RUN_FORMAT_UNKNOWN),
-        (StorageError, Kind.STORAGE_UNAVAILABLE),
+    by_error: tuple[tuple[type[RecordingError], ProblemType], ...] = (
+        (NotFoundError, ProblemType.RUN_NOT_FOUND),
+        (DamagedError, ProblemType.RUN_DAMAGED),
+        (UnknownFormatError, ProblemType.RUN_FORMAT_UNKNOWN),
+        (StorageError, ProblemType.STORAGE_UNAVAILABLE),
     )
-    return next((kind for error_type, kind in by_error if isinstance(error, error_type)), Kind.INTERNAL)
+    return next(
+        (problem_type for error_type, problem_type in by_error if isinstance(error, error_type)), ProblemType.INTERNAL
+    )
 
 
-def openapi_responses(*kinds: Kind) -> dict[int | str, dict[str, Any]]:
+def openapi_responses(*problem_types: ProblemType) -> dict[int | str, dict[str, Any]]:
     """Return the problems that a route may answer with, as OpenAPI tells them, by status."""
     responses: dict[int | str, dict[str, Any]] = {}
-    for kind in kinds:
-        known = responses.setdefault(kind.status, {"description": "", "content": {PROBLEM_TYPE: _no_examples()}})
-        known["description"] = "; ".join(filter(None, (known["description"], f"{kind.title} (`{kind.slug}`)")))
-        known["content"][PROBLEM_TYPE]["examples"][kind.slug] = {
-            "summary": kind.title,
-            "value": _document(kind, kind.explanation, "/api/v1/…").model_dump(mode="json"),
+    for problem_type in problem_types:
+        known = responses.setdefault(
+            problem_type.status, {"description": "", "content": {PROBLEM_TYPE: _no_examples()}}
+        )
+        known["description"] = "; ".join(
+            filter(None, (known["description"], f"{problem_type.title} (`{problem_type.slug}`)"))
+        )
+        known["content"][PROBLEM_TYPE]["examples"][problem_type.slug] = {
+            "summary": problem_type.title,
+            "value": _document(problem_type, problem_type.explanation, "/api/v1/…").model_dump(mode="json"),
         }
     return responses
 
@@ -117,7 +129,7 @@ def _no_examples() -> dict[str, Any]:
 
 
 def _document(
-    kind: Kind,
+    problem_type: ProblemType,
     detail: str,
     instance: str,
     faults: tuple[Fault, ...] = (),
@@ -125,9 +137,9 @@ def _document(
     job: JobHint | None = None,
 ) -> ProblemSchema:
     return ProblemSchema(
-        type=REFERENCE + kind.slug,
-        title=kind.title,
-        status=status or kind.status,
+        type=REFERENCE + problem_type.slug,
+        title=problem_type.title,
+        status=status or problem_type.status,
         detail=detail,
         instance=_short(instance),
         faults=faults,
@@ -144,7 +156,7 @@ def install(app: FastAPI) -> None:
 
 
 async def _of_problem(request: Request, error: ProblemError) -> Response:
-    return problem_response(error.kind, error.detail, request.url.path, job=error.job)
+    return problem_response(error.problem_type, error.detail, request.url.path, job=error.job)
 
 
 async def _of_recording(request: Request, error: RecordingError) -> Response:
@@ -160,22 +172,26 @@ async def _of_validation(request: Request, error: RequestValidationError) -> Res
         for fault in error.errors()
     )
     detail = "; ".join(f"{fault.parameter} = {fault.detail}" for fault in faults)
-    return problem_response(Kind.BAD_PARAMETER, detail, request.url.path, faults=faults)
+    return problem_response(ProblemType.BAD_PARAMETER, detail, request.url.path, faults=faults)
 
 
 async def _of_http(request: Request, error: HTTPException) -> Response:
     path = request.url.path
-    if error.status_code == Kind.METHOD_NOT_ALLOWED.status:
+    if error.status_code == ProblemType.METHOD_NOT_ALLOWED.status:
         return problem_response(
-            Kind.METHOD_NOT_ALLOWED,
-            Kind.METHOD_NOT_ALLOWED.explanation,
+            ProblemType.METHOD_NOT_ALLOWED,
+            ProblemType.METHOD_NOT_ALLOWED.explanation,
             path,
             headers={"Allow": ", ".join(_methods(request))},
         )
     if error.status_code == UNREADABLE:  # content that is no JSON at all
-        return problem_response(Kind.BAD_PARAMETER, str(error.detail), path)
-    detail = f"there is nothing at {_short(path)}" if error.status_code == Kind.NOT_FOUND.status else str(error.detail)
-    return problem_response(Kind.NOT_FOUND, detail, path, status=error.status_code, headers=error.headers)
+        return problem_response(ProblemType.BAD_PARAMETER, str(error.detail), path)
+    detail = (
+        f"there is nothing at {_short(path)}"
+        if error.status_code == ProblemType.NOT_FOUND.status
+        else str(error.detail)
+    )
+    return problem_response(ProblemType.NOT_FOUND, detail, path, status=error.status_code, headers=error.headers)
 
 
 def _short(text: str) -> str:
@@ -195,7 +211,7 @@ def _methods(request: Request) -> list[str]:
 logger = logging.getLogger(__name__)
 
 
-class LastResort:
+class UnhandledErrorMiddleware:
     """Turns an exception that nobody expected into a problem document and a log entry.
 
     Parameters
@@ -223,4 +239,4 @@ class LastResort:
                 raise
             logger.exception("%s %s failed", scope["method"], scope["path"])
             detail = f"{type(error).__name__}; the service's log tells more"
-            await problem_response(Kind.INTERNAL, detail, scope["path"])(scope, receive, send)
+            await problem_response(ProblemType.INTERNAL, detail, scope["path"])(scope, receive, send)

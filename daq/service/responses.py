@@ -17,7 +17,7 @@ from fastapi import Request, Response
 from fastapi.responses import StreamingResponse
 
 from daq.schemas.units import Schema
-from daq.service.problem_types import Kind
+from daq.service.problem_types import ProblemType
 from daq.service.problems import problem_response
 from recordings.catalogue.catalogue import RunEntry
 
@@ -210,7 +210,7 @@ def _answer(request: Request, file: BinaryIO, name: str, media_type: str, tag: s
         stretch = byte_range(wanted, size)
     except NoSuchRangeError as error:
         where = {"Content-Range": f"bytes */{size}"}
-        return problem_response(Kind.RANGE_NOT_SATISFIABLE, str(error), request.url.path, headers=where)
+        return problem_response(ProblemType.RANGE_NOT_SATISFIABLE, str(error), request.url.path, headers=where)
     begin, end = stretch or (0, size)
     headers["Content-Length"] = str(end - begin)
     if stretch is not None:

@@ -15,11 +15,11 @@ from fastapi.responses import JSONResponse
 from fastapi.routing import APIRoute
 from starlette.types import ASGIApp, Receive, Scope, Send
 
-from daq.service.problem_types import Kind
+from daq.service.problem_types import ProblemType
 from daq.service.problems import ProblemError, openapi_responses
 
 
-class HeadAsGet:
+class HeadAsGetMiddleware:
     """Hands HEAD on as GET; the server, which knows what was asked, leaves the content out.
 
     Parameters
@@ -40,7 +40,7 @@ class HeadAsGet:
 T = TypeVar("T")
 
 
-class Workers:
+class BoundedThreadPool:
     """A bounded number of threads with a bounded queue before them.
 
     Parameters
@@ -59,7 +59,7 @@ class Workers:
     async def run(self, work: Callable[[], T]) -> T:
         """Return what ``work`` returns, done in a thread; ProblemError (busy) where too many are waiting already."""
         if self._inside >= self._room:
-            raise ProblemError(Kind.BUSY, f"{self._inside} requests for files are under way or waiting already")
+            raise ProblemError(ProblemType.BUSY, f"{self._inside} requests for files are under way or waiting already")
         self._inside += 1  # here and not in the limiter, which counts only when the event loop comes round
         try:
             return await to_thread.run_sync(work, limiter=self._limiter)
@@ -81,7 +81,13 @@ IfMatch = Annotated[
 ]
 EVENTS: Final = "text/event-stream"
 WITH_JSON: Final = frozenset({"POST", "PATCH"})
-JSON_PROBLEMS: Final = (Kind.BAD_PARAMETER, Kind.CROSS_SITE, Kind.MEDIA_TYPE, Kind.TOO_LARGE, Kind.TOO_SLOW)
+JSON_PROBLEMS: Final = (
+    ProblemType.BAD_PARAMETER,
+    ProblemType.CROSS_SITE,
+    ProblemType.MEDIA_TYPE,
+    ProblemType.TOO_LARGE,
+    ProblemType.TOO_SLOW,
+)
 MOST_JSON: Final = 1024**2  # bytes
 PATIENCE: Final = 30.0  # s for all of it
 
@@ -104,15 +110,15 @@ class JsonRoute(APIRoute):
         async def checked(request: Request) -> Response:
             sent = request.headers.get("content-type", "")
             if sent.partition(";")[0].strip().lower() != "application/json":
-                raise ProblemError(Kind.MEDIA_TYPE, f"{sent or 'no type'!r}, expected application/json")
+                raise ProblemError(ProblemType.MEDIA_TYPE, f"{sent or 'no type'!r}, expected application/json")
             size = "" if "transfer-encoding" in request.headers else request.headers.get("content-length", "")
             if not size.isdecimal() or int(size) > MOST_JSON:
-                raise ProblemError(Kind.TOO_LARGE, f"{size or 'unknown'} bytes, expected at most {MOST_JSON:,}")
+                raise ProblemError(ProblemType.TOO_LARGE, f"{size or 'unknown'} bytes, expected at most {MOST_JSON:,}")
             try:
                 with fail_after(PATIENCE):
                     await request.body()  # kept for whoever reads it
             except TimeoutError as error:
-                raise ProblemError(Kind.TOO_SLOW, f"{size} bytes did not come within {PATIENCE:g} s") from error
+                raise ProblemError(ProblemType.TOO_SLOW, f"{size} bytes did not come within {PATIENCE:g} s") from error
             return await handle(request)
 
         return checked
@@ -126,12 +132,12 @@ class Routing:
     ----------
     router : APIRouter
         Where they are added.
-    always : tuple of Kind
+    always : tuple of ProblemType
         Problems that every address may answer with.
     """
 
     router: APIRouter
-    always: tuple[Kind, ...]
+    always: tuple[ProblemType, ...]
 
     def add(  # noqa: PLR0913 - each says one thing that the schema says
         self,
@@ -140,7 +146,7 @@ class Routing:
         name: str,
         tag: str,
         summary: str,
-        *kinds: Kind,
+        *problem_types: ProblemType,
         status: int = 200,
         model: type | None = None,
         content: dict[str, Any] | None = None,
@@ -154,7 +160,7 @@ class Routing:
             The path, with the method before it where that is not GET, and who answers.
         name, tag, summary : str
             Its operation, group and meaning in the schema.
-        *kinds : Kind
+        *problem_types : ProblemType
             How it can fail.
         status : int
             Of a good answer.
@@ -168,7 +174,7 @@ class Routing:
         method, _, path = address.rpartition(" ")
         takes_json = method in WITH_JSON and content is None
         if takes_json:
-            kinds = tuple(dict.fromkeys((*kinds, *JSON_PROBLEMS)))
+            problem_types = tuple(dict.fromkeys((*problem_types, *JSON_PROBLEMS)))
         is_raw = model is None and answers is not None and status in answers
         self.router.add_api_route(
             path,
@@ -183,5 +189,5 @@ class Routing:
             response_class=Response if is_raw else JSONResponse,
             response_model=Default(None) if model is None else model,  # without one, what the endpoint says it returns
             openapi_extra=None if content is None else {"requestBody": content},
-            responses={**openapi_responses(*kinds, *self.always), **(answers or {})},
+            responses={**openapi_responses(*problem_types, *self.always), **(answers or {})},
         )

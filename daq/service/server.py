@@ -20,7 +20,7 @@ from starlette.types import ASGIApp
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from daq.errors import ServiceError
-from daq.service.problem_types import Kind
+from daq.service.problem_types import ProblemType
 
 if sys.platform != "win32":
     import resource
@@ -28,9 +28,9 @@ if sys.platform != "win32":
 MOST: Final = 2000
 REFUSAL: Final = json.dumps(
     {
-        "type": f"/docs#{Kind.BUSY.slug}",
-        "title": Kind.BUSY.title,
-        "status": Kind.BUSY.status,
+        "type": f"/docs#{ProblemType.BUSY.slug}",
+        "title": ProblemType.BUSY.title,
+        "status": ProblemType.BUSY.status,
         "detail": "too many clients are connected",
         "instance": "",
         "faults": [],

@@ -10,12 +10,12 @@ from contextlib import suppress
 from typing import Protocol
 
 from daq.schemas.units import Schema
-from daq.service.problem_types import Kind
+from daq.service.problem_types import ProblemType
 from daq.service.problems import ProblemError
 from daq.session.live_update import LiveUpdate
 
 
-class Live(Protocol):
+class LiveFeed(Protocol):
     """The run that is under way."""
 
     def latest(self) -> LiveUpdate | None:
@@ -23,11 +23,11 @@ class Live(Protocol):
         ...
 
 
-def require_ended(live: Live, run: str) -> None:
+def require_ended(live: LiveFeed, run: str) -> None:
     """Raise ProblemError where a run, by its id, is the one that is under way."""
     frame = live.latest()
     if frame is not None and frame.header.run == run and frame.status.state.is_under_way:
-        raise ProblemError(Kind.RUN_UNDER_WAY, f"run {run} is still {frame.status.state.value}")
+        raise ProblemError(ProblemType.RUN_UNDER_WAY, f"run {run} is still {frame.status.state.value}")
 
 
 INTERVAL = 0.1  # s
@@ -36,12 +36,12 @@ MOST_WAITING = 4  # moments that wait for a client
 SILENCE = 15.0  # s without a moment before a client is told that the service is still there
 
 
-class Hub:
+class LiveBroadcaster:
     """Follows the live run as long as anybody listens; lives on one event loop, but may be ended from any thread.
 
     Parameters
     ----------
-    live : Live
+    live : LiveFeed
         The run under way.
     told : callable
         Returns what is told of a moment of it.
@@ -49,7 +49,7 @@ class Hub:
         s between two looks.
     """
 
-    def __init__(self, live: Live, told: Callable[[LiveUpdate], Schema], interval: float = INTERVAL) -> None:
+    def __init__(self, live: LiveFeed, told: Callable[[LiveUpdate], Schema], interval: float = INTERVAL) -> None:
         self._live = live
         self._told = told
         self._interval = interval
@@ -86,7 +86,7 @@ class Hub:
     def require_room(self) -> None:
         """Raise ProblemError (busy) where too many listen already."""
         if len(self._clients) >= MOST_CLIENTS or self._ended.is_set():
-            raise ProblemError(Kind.BUSY, f"{len(self._clients)} clients follow the live run already")
+            raise ProblemError(ProblemType.BUSY, f"{len(self._clients)} clients follow the live run already")
 
     def end(self) -> None:
         """Let all who listen go."""

@@ -16,7 +16,7 @@ from typing import Final
 from anyio import CapacityLimiter, fail_after, to_thread
 from fastapi import Request
 
-from daq.service.problem_types import Kind
+from daq.service.problem_types import ProblemType
 from daq.service.problems import ProblemError
 from recordings.catalogue.arrival import Arrival, RunExistsError
 from recordings.exchange.formats import IMPORTS
@@ -32,7 +32,7 @@ class UploadNotFoundError(LookupError):
     """There is no such upload."""
 
 
-class UploadsFullError(RuntimeError):
+class UploadStoreFullError(RuntimeError):
     """Too many are kept."""
 
 
@@ -70,7 +70,7 @@ def require_name(name: str) -> None:
         raise ValueError(f"name {name[-60:]!r}: expected one that ends with {', '.join(IMPORTS)}")
 
 
-class Uploads:
+class UploadStore:
     """Keeps uploads for a while; may be used from any thread.
 
     Parameters
@@ -94,24 +94,24 @@ class Uploads:
         ------
         ValueError
             It cannot be called so.
-        UploadsFullError
+        UploadStoreFullError
             Too many are kept.
         """
         require_name(name)
         with self._lock:
             self._tidy()
             if len(self._uploads) >= MOST_KEPT:
-                raise UploadsFullError(f"{len(self._uploads)} uploads are kept already")
+                raise UploadStoreFullError(f"{len(self._uploads)} uploads are kept already")
         return self._folder / secrets.token_hex(8) / f"upload{PurePath(name).suffix.lower()}"
 
     def add(self, name: str, path: Path, size: int) -> Upload:
-        """Keep a file that was written where `place` said, and return it; UploadsFullError where too many are kept."""
+        """Register a file written at the path from `place`; return it or raise UploadStoreFullError."""
         now = time.time()
         upload = Upload(path.parent.name, name, path, size, now, now + self._kept_for)
         with self._lock:
             if len(self._uploads) >= MOST_KEPT:
                 _discard(path.parent)
-                raise UploadsFullError(f"{len(self._uploads)} uploads are kept already")
+                raise UploadStoreFullError(f"{len(self._uploads)} uploads are kept already")
             self._uploads[upload.id] = upload
         return upload
 
@@ -174,7 +174,7 @@ LEAST: Final = 64 * 1024  # bytes that must come at a time, but for the last
 PATIENCE: Final = 30.0  # s for them
 
 
-class Incoming:
+class UploadReceiver:
     """Takes the content of requests into files.
 
     Parameters
@@ -214,14 +214,14 @@ class Incoming:
         limit = min(self._most_bytes, await to_thread.run_sync(self._free_bytes) - RESERVE)
         sent = request.headers.get("content-length", "0")
         if sent.isdecimal() and int(sent) > limit:
-            raise ProblemError(Kind.TOO_LARGE, f"{int(sent):,} bytes, expected at most {max(limit, 0):,}")
+            raise ProblemError(ProblemType.TOO_LARGE, f"{int(sent):,} bytes, expected at most {max(limit, 0):,}")
         if self._arriving >= AT_ONCE:
-            raise ProblemError(Kind.BUSY, f"{self._arriving} files are being sent in already")
+            raise ProblemError(ProblemType.BUSY, f"{self._arriving} files are being sent in already")
         self._arriving += 1
         try:
             return await self._take(request, place, limit, look)
         except RunExistsError as error:
-            raise ProblemError(Kind.RUN_EXISTS, str(error)) from error
+            raise ProblemError(ProblemType.RUN_EXISTS, str(error)) from error
         finally:
             self._arriving -= 1
 
@@ -251,9 +251,9 @@ class Incoming:
                         portion += piece or b""
             except TimeoutError as error:
                 told = f"{len(portion):,} bytes in {self._patience:g} s after {size:,}"
-                raise ProblemError(Kind.TOO_SLOW, told) from error
+                raise ProblemError(ProblemType.TOO_SLOW, told) from error
             size += len(portion)
             if size > limit:
-                raise ProblemError(Kind.TOO_LARGE, f"more than {max(limit, 0):,} bytes")
+                raise ProblemError(ProblemType.TOO_LARGE, f"more than {max(limit, 0):,} bytes")
             await to_thread.run_sync(arrival.write, bytes(portion), limiter=self._threads)
         return size

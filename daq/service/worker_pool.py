@@ -23,11 +23,11 @@ LOOK = 0.2  # s between two looks at whether the process is to end
 MESSAGE = 30.0  # s that a message may take once it has begun to come; one that takes longer stands still
 
 
-class ReadingStoppedError(ServiceError):
+class WorkerStoppedError(ServiceError):
     """The work was not finished: it took too long, its process went away, or the service ends."""
 
 
-class OverdueError(ReadingStoppedError):
+class WorkerTimeoutError(WorkerStoppedError):
     """The work took too long."""
 
 
@@ -39,7 +39,7 @@ class _Word(Enum):
     FAILED = "failed"
 
 
-class ReadingProcess:
+class WorkerProcess:
     """One process that does one piece of work at a time; started when first needed, and again where it went away."""
 
     def __init__(self) -> None:
@@ -71,7 +71,7 @@ class ReadingProcess:
                     told(content)
         except (OSError, EOFError) as error:
             self._kill()
-            raise ReadingStoppedError(f"the reading process went away: {error}") from error
+            raise WorkerStoppedError(f"the reading process went away: {error}") from error
         if word is _Word.FAILED:
             raise content
         done: T = content
@@ -84,10 +84,10 @@ class ReadingProcess:
             is_there = pipe.poll(LOOK)
             if self._ending.is_set():
                 self._kill()
-                raise ReadingStoppedError("the service ends")
+                raise WorkerStoppedError("the service ends")
             if time.monotonic() > until:
                 self._kill()
-                raise OverdueError(f"not done after {deadline:g} s")
+                raise WorkerTimeoutError(f"not done after {deadline:g} s")
 
     def _received(self, pipe: Connection) -> tuple[_Word, Any]:
         """Return the message that is there; EOFError or OSError where it stops in its midst."""
@@ -116,7 +116,7 @@ class ReadingProcess:
 
     def _started(self) -> Connection:
         if self._ending.is_set():
-            raise ReadingStoppedError("the service ends")
+            raise WorkerStoppedError("the service ends")
         if self._pipe is None or self._process is None or not self._process.is_alive():
             self._kill()
             context = multiprocessing.get_context("spawn")  # the same on every platform, and safe beside threads
@@ -135,7 +135,7 @@ class ReadingProcess:
         self._pipe = self._process = None
 
 
-class ReadingProcesses:
+class WorkerPool:
     """A fixed number of reading processes; who finds them all busy waits.
 
     Parameters
@@ -147,9 +147,9 @@ class ReadingProcesses:
     """
 
     def __init__(self, count: int = 1, deadline: float = DEADLINE) -> None:
-        self._all = [ReadingProcess() for _ in range(count)]
+        self._all = [WorkerProcess() for _ in range(count)]
         self._deadline = deadline
-        self._free: queue.SimpleQueue[ReadingProcess] = queue.SimpleQueue()
+        self._free: queue.SimpleQueue[WorkerProcess] = queue.SimpleQueue()
         for process in self._all:
             self._free.put(process)
 
@@ -165,7 +165,7 @@ class ReadingProcesses:
 
         Raises
         ------
-        ReadingStoppedError
+        WorkerStoppedError
             It was not finished.
         """
         process = self._free.get()
@@ -186,7 +186,7 @@ class ReadingProcesses:
             process.join()
             self._free.put(process)  # whoever waits for it is told that the service ends
 
-    def _returned(self, count: int) -> list[ReadingProcess]:
+    def _returned(self, count: int) -> list[WorkerProcess]:
         """Return the processes that are free in time."""
         free = []
         for _ in range(count):

@@ -15,8 +15,8 @@ import pytest
 from daq.config.loader import load_rig
 from daq.config.rig import Rig
 from daq.reports.summaries import Summaries
-from daq.service.app import Abilities, create_app
-from daq.service.run_reader import Readings
+from daq.service.app import ServiceFeatures, create_app
+from daq.service.results_reader import ResultsReader
 from daq.service.server import ServiceServer
 from daq.session.live_update import LiveUpdate
 from daq.session.prediction.predictors import Predictors
@@ -99,14 +99,14 @@ def test_fifty_clients_cost_the_recording_no_sample(tmp_path: Path) -> None:
     folder = tmp_path / "data"
     folder.mkdir()
     live = Live()
-    with Predictors() as predictors, Readings(predictors) as readings:
+    with Predictors() as predictors, ResultsReader(predictors) as results:
         predictors.for_rig(rig).wait(120.0)
         before = RecordedRun(order(rig, folder, BEFORE, 10.0), predictors.for_rig(rig))
         assert before.wait(60.0)
         before.close()
         catalogue = Catalogue(folder)
-        summaries = Summaries(catalogue, predictors, readings.summary)
-        server = ServiceServer(create_app(catalogue, live, summaries, None, abilities=Abilities(readings)))
+        summaries = Summaries(catalogue, predictors, results.summary)
+        server = ServiceServer(create_app(catalogue, live, summaries, None, features=ServiceFeatures(results)))
         server.start()
         httpx.get(f"{server.url}/api/v1/runs/{BEFORE}/order-vectors", timeout=60.0)
         live.run = run = RecordedRun(order(rig, folder, RUN, SECONDS + 5.0), predictors.for_rig(rig))

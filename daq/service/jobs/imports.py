@@ -9,8 +9,8 @@ from daq.config.rig import Rig
 from daq.config.toml_files import to_toml
 from daq.errors import ConfigError
 from daq.schemas.runs import run_schema
-from daq.service.jobs.queue import DataPlace, Progress, Task, Tell
-from daq.service.jobs.work import parts_told
+from daq.service.jobs.execution import parts_told
+from daq.service.jobs.queue import CatalogueLocation, Progress, ReportProgress, Task
 from daq.service.schemas.importing import ImportOrder, RigInText
 from daq.service.uploads import Upload
 from daq.session.import_run import IMPORTED_BACKEND, ForeignFile, require_mapping_fits, write_imported_run
@@ -21,7 +21,7 @@ from recordings.errors import ForeignFormatError
 MAPPING = "mapping"
 
 
-def import_task(order: ImportOrder, upload: Upload, rig: Rig, place: DataPlace) -> Task:
+def import_task(order: ImportOrder, upload: Upload, rig: Rig, place: CatalogueLocation) -> Task:
     """Return what an order is to do; ConfigError where the mapping does not give what the rig needs."""
     columns = order.mapping.model_dump(mode="json", exclude_none=True)
     foreign = ForeignFile(upload.path, upload.name, order.mapping, MAPPING, to_toml({"rig": rig.config.rig, **columns}))
@@ -29,7 +29,7 @@ def import_task(order: ImportOrder, upload: Upload, rig: Rig, place: DataPlace) 
     return Task(order.kind, f"import of {upload.name}", "", import_upload, (place, foreign, rig), "run.json")
 
 
-def import_upload(tell: Tell, target: Path, place: DataPlace, foreign: ForeignFile, rig: Rig) -> None:
+def import_upload(tell: ReportProgress, target: Path, place: CatalogueLocation, foreign: ForeignFile, rig: Rig) -> None:
     """Make a file into a run and tell which."""
     tell(Progress("reading"))
     catalogue = place.catalogue()

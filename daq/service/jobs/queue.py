@@ -13,7 +13,7 @@ from types import TracebackType
 from typing import Final, Self, TypeAlias
 
 from daq.errors import RigError
-from daq.service.worker_pool import ReadingProcess, ReadingStoppedError
+from daq.service.worker_pool import WorkerProcess, WorkerStoppedError
 from model.errors import ModelError
 from recordings.catalogue.catalogue import Catalogue
 from recordings.errors import RecordingError
@@ -33,7 +33,7 @@ class JobNotFoundError(LookupError):
     """There is no such job."""
 
 
-class JobsFullError(RuntimeError):
+class JobQueueFullError(RuntimeError):
     """Too many jobs wait already, or the service ends."""
 
 
@@ -68,7 +68,7 @@ class Progress:
     part: float | None = None
 
 
-Tell: TypeAlias = Callable[[Progress], None]
+ReportProgress: TypeAlias = Callable[[Progress], None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,7 +82,7 @@ class Task:
     run : str
         Id of the run that it is about; empty where it is about none.
     work : callable
-        A function of a module that takes a `Tell`, the file to write its result to, and ``arguments``.
+        A function of a module that takes a `ReportProgress`, the file to write its result to, and ``arguments``.
     arguments : tuple
         What else it is given; all of it can be sent to another process.
     file : str
@@ -135,7 +135,7 @@ class Job:
 
 
 @dataclass(frozen=True, slots=True)
-class DataPlace:
+class CatalogueLocation:
     """Where a process finds the runs.
 
     Parameters
@@ -154,12 +154,12 @@ class DataPlace:
         return Catalogue(self.folder, self.url)
 
 
-class Jobs:
+class JobQueue:
     """Does jobs one after the other, in a process of low priority; one that is cancelled is ended with that process.
 
     Parameters
     ----------
-    place : DataPlace
+    place : CatalogueLocation
         The runs; results lie in a folder beside them, `.rig/jobs`.
     kept_for : float
         How long a job is kept after its end, s.
@@ -167,25 +167,25 @@ class Jobs:
         How long one may take, s.
     """
 
-    def __init__(self, place: DataPlace, kept_for: float = KEPT_FOR, limit: float = LIMIT) -> None:
+    def __init__(self, place: CatalogueLocation, kept_for: float = KEPT_FOR, limit: float = LIMIT) -> None:
         self.place = place
         self._folder = place.folder / ".rig" / "jobs"
         self._kept_for = kept_for
         self._limit = limit
         self._changed = threading.Condition()
         self._jobs: dict[str, Job] = {}  # in the order in which they were asked for
-        self._process = ReadingProcess()
+        self._process = WorkerProcess()
         self._running = ""
         self._thread: threading.Thread | None = None
         self._is_ended = False
 
     def begin(self, task: Task) -> Job:
-        """Take a job on and return it; JobsFullError where too many wait."""
+        """Take a job on and return it; JobQueueFullError where too many wait."""
         with self._changed:
             self._tidy(room=1)
             unfinished = sum(not job.state.is_final for job in self._jobs.values())
             if self._is_ended or unfinished >= MOST_UNFINISHED:
-                raise JobsFullError(f"{unfinished} jobs are under way or waiting already")
+                raise JobQueueFullError(f"{unfinished} jobs are under way or waiting already")
             job = Job(secrets.token_hex(8), task, JobState.WAITING, time.time())
             self._jobs[job.id] = job
             if self._thread is None:
@@ -248,7 +248,7 @@ class Jobs:
                 if job.id not in self._jobs:  # it was cancelled, and its process ended with it
                     self._discard(job.id)
                     if not self._is_ended:
-                        self._process = ReadingProcess()
+                        self._process = WorkerProcess()
         self._process.join()
 
     def _next(self) -> Job | None:
@@ -266,7 +266,7 @@ class Jobs:
                     self._process.join()  # no use in keeping it; it is started anew for the next job
         return None
 
-    def _do(self, job: Job, process: ReadingProcess) -> None:
+    def _do(self, job: Job, process: WorkerProcess) -> None:
         """Do a job and keep how it ended."""
 
         def told(progress: Progress) -> None:
@@ -276,7 +276,7 @@ class Jobs:
         try:
             target.parent.mkdir(parents=True)
             process.run(job.task.work, (target, *job.task.arguments), self._limit, told)
-        except (RigError, RecordingError, ModelError, ReadingStoppedError, OSError, ValueError, LookupError) as error:
+        except (RigError, RecordingError, ModelError, WorkerStoppedError, OSError, ValueError, LookupError) as error:
             self._keep(job.id, state=JobState.FAILED, ended=time.time(), fault=str(error))
         except Exception as error:  # whatever it is, the next job must be done all the same
             logger.exception("job %s (%s) failed", job.id, job.task.about)

@@ -18,7 +18,7 @@ from daq.schemas.study import (
     StudyRequest,
     study_schema,
 )
-from daq.service.jobs.queue import Progress, Task, Tell
+from daq.service.jobs.queue import Progress, ReportProgress, Task
 from model.rotor.gj90c import gj90c
 from model.rotor.parameters import ModelParameters
 from model.studies.linear import campbell_stiffness, campbell_study, critical_study, modes_study
@@ -36,7 +36,7 @@ def study_task(order: StudyRequest, header: RunHeader | None) -> Task:
     return Task(order.kind, f"{order.kind} of {whose}", run, study, (header, order), f"{order.kind}.json")
 
 
-def study(tell: Tell, target: Path, header: RunHeader | None, order: StudyRequest) -> None:
+def study(tell: ReportProgress, target: Path, header: RunHeader | None, order: StudyRequest) -> None:
     """Compute a study."""
     tell(Progress("computing"))
     found = computed(_parameters(header), order)

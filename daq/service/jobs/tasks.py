@@ -20,8 +20,8 @@ from daq.reports.parameters import (
     TrendQuery,
 )
 from daq.reports.registry import KINDS
-from daq.service.jobs import work as job_work
-from daq.service.jobs.queue import DataPlace, Task
+from daq.service.jobs import execution
+from daq.service.jobs.queue import CatalogueLocation, Task
 from daq.service.jobs.schemas import (
     Address,
     AnalysisOrder,
@@ -33,7 +33,7 @@ from daq.service.jobs.schemas import (
     RunOrder,
     VerificationOrder,
 )
-from daq.service.problem_types import Kind
+from daq.service.problem_types import ProblemType
 from daq.service.problems import ProblemError
 from daq.session.offline import corrected_header
 from recordings.catalogue.catalogue import RunEntry
@@ -50,13 +50,13 @@ QUESTIONS: Final[Mapping[Address, type[Question]]] = {
 }
 
 
-def index_task(order: IndexOrder, place: DataPlace) -> Task:
+def index_task(order: IndexOrder, place: CatalogueLocation) -> Task:
     """Return what an order is to do that is about no run."""
     about = "catalogue, with verification" if order.verify else "catalogue"
-    return Task(order.kind, about, "", job_work.index, (place, order.verify), "index.json")
+    return Task(order.kind, about, "", execution.index, (place, order.verify), "index.json")
 
 
-def run_task(order: RunOrder, entry: RunEntry, place: DataPlace) -> Task:
+def run_task(order: RunOrder, entry: RunEntry, place: CatalogueLocation) -> Task:
     """Return what an order is to do with a run.
 
     Raises
@@ -69,34 +69,34 @@ def run_task(order: RunOrder, entry: RunEntry, place: DataPlace) -> Task:
     match order:
         case AnswerOrder(address=Address.SUMMARY):
             _asked(order)
-            return task(f"summary of {run}", work=job_work.summary, arguments=(place, run), file="summary.json")
+            return task(f"summary of {run}", work=execution.summary, arguments=(place, run), file="summary.json")
         case AnswerOrder(address=address) if isinstance(query := _asked(order), Asked):
             kind, form = address.removeprefix(ANALYSES), query.format or AnalysisForm.JSON
             return task(
-                f"{kind} of {run}", work=job_work.analysis, arguments=(path, kind, query), file=f"{kind}.{form}"
+                f"{kind} of {run}", work=execution.analysis, arguments=(path, kind, query), file=f"{kind}.{form}"
             )
         case AnswerOrder(address=address):
             asked = (path, address.value, _asked(order))
-            return task(f"{address} of {run}", work=job_work.answer, arguments=asked, file=f"{address}.json")
+            return task(f"{address} of {run}", work=execution.answer, arguments=asked, file=f"{address}.json")
         case AnalysisOrder():
             given = (place, run, _calibrations(order, entry))
-            return task(f"{run} analysed anew", work=job_work.analyse, arguments=given, file="summary.json")
+            return task(f"{run} analysed anew", work=execution.analyse, arguments=given, file="summary.json")
         case PredictionOrder():
             changes = order.model_dump(exclude={"kind", "run"}, exclude_none=True)
             words = "".join(f", {name} {value:g}" for name, value in changes.items())
             wanted = (header_of(entry), changes)
-            return task(f"model of {run}{words}", work=job_work.predict, arguments=wanted, file="prediction.json")
+            return task(f"model of {run}{words}", work=execution.predict, arguments=wanted, file="prediction.json")
         case ExportOrder(format=form):
-            part = job_work.part_of(order.from_s, order.until_s, order.segment)
-            cut = (path, job_work.TABLES[order.content], part)
+            part = execution.part_of(order.from_s, order.until_s, order.segment)
+            cut = (path, execution.TABLES[order.content], part)
             return task(
-                f"{order.content} of {run} as {form}", work=job_work.export, arguments=cut, file=f"{run}.{form}"
+                f"{order.content} of {run} as {form}", work=execution.export, arguments=cut, file=f"{run}.{form}"
             )
         case VerificationOrder():
             file = "verification.json"
-            return task(f"verification of {run}", work=job_work.verification, arguments=(place, run), file=file)
+            return task(f"verification of {run}", work=execution.verification, arguments=(place, run), file=file)
         case RecoveryOrder():
-            return task(f"recovery of {run}", work=job_work.recovery, arguments=(place, run), file="recovery.json")
+            return task(f"recovery of {run}", work=execution.recovery, arguments=(place, run), file="recovery.json")
 
 
 def _asked(order: AnswerOrder) -> Question | None:
@@ -116,12 +116,12 @@ def _calibrations(order: AnalysisOrder, entry: RunEntry) -> dict[str, Calibratio
         given = {name: to_calibration(record, f"calibrations.{name}") for name, record in order.calibrations.items()}
         corrected_header(header_of(entry), given)
     except (ConfigError, UsageError) as error:
-        raise ProblemError(Kind.BAD_PARAMETER, str(error)) from error
+        raise ProblemError(ProblemType.BAD_PARAMETER, str(error)) from error
     return given
 
 
 def header_of(entry: RunEntry) -> RunHeader:
     """Return a run's header; ProblemError where it cannot be read."""
     if entry.header is None:
-        raise ProblemError(Kind.RUN_DAMAGED, f"run {entry.id}: {entry.fault}")
+        raise ProblemError(ProblemType.RUN_DAMAGED, f"run {entry.id}: {entry.fault}")
     return entry.header

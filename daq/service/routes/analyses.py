@@ -12,7 +12,7 @@ from daq.reports.analysis_schema import AnalysisSchema
 from daq.reports.columns import QUANTITIES
 from daq.reports.parameters import AnalysisForm, Asked, At, Question, RecordedCascadeQuery, RecordedWaterfallQuery
 from daq.reports.registry import KINDS, AnalysisKind
-from daq.service.problem_types import READING, Kind
+from daq.service.problem_types import READING, ProblemType
 from daq.service.problems import ProblemError
 from daq.service.responses import NOT_MODIFIED, best_type
 from daq.service.routing import Routing, RunId
@@ -45,11 +45,16 @@ def add_plots(routing: Routing, answer: PlotAnswer) -> None:
     for what, endpoint, meaning in plots:
         for form, media_type in PLOT_TYPES.items():
             routing.add(
-                f"/runs/{{run}}/plots/{what}.{form}", endpoint(answer, f"plots/{what}.{form}"),
-                f"draw_run_{what.replace('-', '_')}_{form}", "results", f"{meaning}, drawn as {form.upper()}",
-                *READING, Kind.NO_SUCH_MOMENT, *((Kind.NOT_ACCEPTABLE,) if form == "png" else ()),
+                f"/runs/{{run}}/plots/{what}.{form}",
+                endpoint(answer, f"plots/{what}.{form}"),
+                f"draw_run_{what.replace('-', '_')}_{form}",
+                "results",
+                f"{meaning}, drawn as {form.upper()}",
+                *READING,
+                ProblemType.NO_SUCH_MOMENT,
+                *((ProblemType.NOT_ACCEPTABLE,) if form == "png" else ()),
                 answers={200: {"content": {media_type: {"schema": CONTENT[form]}}}, **NOT_MODIFIED},
-            )  # fmt: skip
+            )
 
 
 def _of_moment(answer: PlotAnswer, what: str) -> Endpoint:
@@ -116,17 +121,26 @@ def add_analyses(routing: Routing, answer: Answer) -> None:
         endpoint = _endpoint(answer, name, kind.question)
         endpoint.__doc__ = _told(kind)
         routing.add(
-            f"/runs/{{run}}/analyses/{name}", endpoint, f"analyse_run_{name.replace('-', '_')}", "analyses", kind.title,
-            *READING, Kind.NO_SUCH_MOMENT, Kind.NOT_TOLD, Kind.TOO_MUCH, Kind.NOT_ACCEPTABLE, model=AnalysisSchema,
+            f"/runs/{{run}}/analyses/{name}",
+            endpoint,
+            f"analyse_run_{name.replace('-', '_')}",
+            "analyses",
+            kind.title,
+            *READING,
+            ProblemType.NO_SUCH_MOMENT,
+            ProblemType.NOT_TOLD,
+            ProblemType.TOO_MUCH,
+            ProblemType.NOT_ACCEPTABLE,
+            model=AnalysisSchema,
             answers={200: {"content": FORMS}, **NOT_MODIFIED},
-        )  # fmt: skip
+        )
 
 
 def _endpoint(answer: Answer, name: str, question: type[Asked]) -> Endpoint:
     async def analyse(request: Request, run: RunId, query: Annotated[Asked, Query()]) -> Response:
         form = query.format or best_type(request.headers.get("accept"), FORM_TYPES)
         if form is None:
-            raise ProblemError(Kind.NOT_ACCEPTABLE, f"expected one of {', '.join(FORM_TYPES)}")
+            raise ProblemError(ProblemType.NOT_ACCEPTABLE, f"expected one of {', '.join(FORM_TYPES)}")
         return await answer(request, run, f"analyses/{name}.{form}", query)
 
     analyse.__annotations__["query"] = Annotated[question, Query()]

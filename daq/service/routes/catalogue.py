@@ -11,13 +11,13 @@ from daq.schemas.live import LiveSchema, live_schema
 from daq.schemas.runs import RunListSchema, RunSchema, run_list_schema, run_schema
 from daq.schemas.snapshot import PictureSchema, picture_schema
 from daq.schemas.summary import SummarySchema
-from daq.service.problem_types import Kind
+from daq.service.problem_types import ProblemType
 from daq.service.problems import ProblemError
 from daq.service.responses import NOT_MODIFIED, document_tag, is_known
 from daq.service.routes.run_query import RunQuery
-from daq.service.routing import Routing, RunId, Workers
+from daq.service.routing import BoundedThreadPool, Routing, RunId
 from daq.service.schemas.health import HealthSchema, health_schema
-from daq.service.stream import Live, require_ended
+from daq.service.stream import LiveFeed, require_ended
 from daq.session.live_update import LiveUpdate
 from recordings.catalogue.catalogue import RunEntry
 from recordings.catalogue.search import Search
@@ -48,14 +48,14 @@ class Summaries(Protocol):
         ...
 
 
-class Routes:
+class CatalogueRoutes:
     """The answers; whatever reads files does so in threads, never on the event loop.
 
     Parameters
     ----------
     catalogue : Catalogue
         The recorded runs.
-    live : Live
+    live : LiveFeed
         The run under way.
     summaries : Summaries
         What runs were.
@@ -63,33 +63,55 @@ class Routes:
         Of the service.
     """
 
-    def __init__(self, catalogue: Catalogue, live: Live, summaries: Summaries, version: str) -> None:
+    def __init__(self, catalogue: Catalogue, live: LiveFeed, summaries: Summaries, version: str) -> None:
         self._catalogue = catalogue
         self._live = live
         self._summaries = summaries
         self._version = version
         self._made = time.monotonic()
-        self._lookups = Workers(threads=4, waiting=32)
-        self._readings = Workers(threads=2, waiting=16)
+        self._lookup_threads = BoundedThreadPool(threads=4, waiting=32)
+        self._summary_threads = BoundedThreadPool(threads=2, waiting=16)
 
     def add_to(self, routing: Routing) -> None:
         """Make the addresses known."""
-        listing = (Kind.BAD_PARAMETER, Kind.STORAGE_UNAVAILABLE, Kind.BUSY)
+        listing = (ProblemType.BAD_PARAMETER, ProblemType.STORAGE_UNAVAILABLE, ProblemType.BUSY)
         routing.add("/runs", self.runs, "list_runs", "runs", "List the runs", *listing)
         routing.add(
-            "/runs/{run}", self.run, "get_run", "runs", "One run", Kind.RUN_NOT_FOUND, *listing, model=RunSchema,
+            "/runs/{run}",
+            self.run,
+            "get_run",
+            "runs",
+            "One run",
+            ProblemType.RUN_NOT_FOUND,
+            *listing,
+            model=RunSchema,
             answers=NOT_MODIFIED,
-        )  # fmt: skip
-        routing.add(
-            "/runs/{run}/summary", self.summary, "get_run_summary", "runs", "What a run was",
-            Kind.RUN_NOT_FOUND, *listing, Kind.RUN_UNDER_WAY, Kind.RUN_DAMAGED, Kind.RUN_FORMAT_UNKNOWN,
-            Kind.TAKES_TOO_LONG,
-        )  # fmt: skip
-        routing.add("/live", self.live, "get_live", "live", "The run under way, at this moment", Kind.NO_LIVE_RUN)
-        routing.add(
-            "/live/picture", self.picture, "get_live_picture", "live", "Orbit and order spectrum now", Kind.NO_LIVE_RUN
         )
-        routing.add("/health", self.health, "get_health", "service", "Whether the service is well", Kind.BUSY)
+        routing.add(
+            "/runs/{run}/summary",
+            self.summary,
+            "get_run_summary",
+            "runs",
+            "What a run was",
+            ProblemType.RUN_NOT_FOUND,
+            *listing,
+            ProblemType.RUN_UNDER_WAY,
+            ProblemType.RUN_DAMAGED,
+            ProblemType.RUN_FORMAT_UNKNOWN,
+            ProblemType.TAKES_TOO_LONG,
+        )
+        routing.add(
+            "/live", self.live, "get_live", "live", "The run under way, at this moment", ProblemType.NO_LIVE_RUN
+        )
+        routing.add(
+            "/live/picture",
+            self.picture,
+            "get_live_picture",
+            "live",
+            "Orbit and order spectrum now",
+            ProblemType.NO_LIVE_RUN,
+        )
+        routing.add("/health", self.health, "get_health", "service", "Whether the service is well", ProblemType.BUSY)
 
     async def runs(self, query: Annotated[RunQuery, Query()]) -> RunListSchema:
         """List the data folder; runs under way or cut short too, with `is_complete` false.
@@ -98,12 +120,12 @@ class Routes:
         """
         search = query.search()
         found = partial(self._catalogue.search, search) if search != Search() else self._catalogue.runs
-        chosen = query.chosen(await self._lookups.run(found))
+        chosen = query.chosen(await self._lookup_threads.run(found))
         return run_list_schema(chosen[query.offset :][: query.limit], len(chosen), query.limit, query.offset)
 
     async def run(self, request: Request, run: RunId) -> Response:
         """Answers from the recording's header and end alone, in milliseconds."""
-        document = run_schema(await self._lookups.run(partial(self._catalogue.run, run)))
+        document = run_schema(await self._lookup_threads.run(partial(self._catalogue.run, run)))
         headers = {"ETag": document_tag(document), "Cache-Control": "private, no-cache"}
         if is_known(request.headers.get("if-none-match"), headers["ETag"]):
             return Response(status_code=304, headers=headers)
@@ -115,7 +137,7 @@ class Routes:
         A summary that was not made when the run ended is made now from the whole recording, which takes a while.
         """
         require_ended(self._live, run)
-        return await self._readings.run(partial(self._summaries.summary, run))
+        return await self._summary_threads.run(partial(self._summaries.summary, run))
 
     async def live(self) -> LiveSchema:
         """Measured values, the model's beside them, and the state of the recording; meant to be asked for often.
@@ -131,14 +153,14 @@ class Routes:
     def _frame(self) -> LiveUpdate:
         frame = self._live.latest()
         if frame is None:
-            raise ProblemError(Kind.NO_LIVE_RUN, "nothing is recorded or replayed now")
+            raise ProblemError(ProblemType.NO_LIVE_RUN, "nothing is recorded or replayed now")
         return frame
 
     async def health(self) -> HealthSchema:
         """Answer at all; `health` says whether data folder and live run are well too."""
         trouble, runs = "", None
         try:
-            runs = len(await self._lookups.run(self._catalogue.runs))
+            runs = len(await self._lookup_threads.run(self._catalogue.runs))
         except RecordingError as error:
             trouble = str(error)
         return health_schema(self._version, time.monotonic() - self._made, runs, self._live.latest(), trouble)

@@ -13,18 +13,18 @@ from fastapi.responses import StreamingResponse
 from daq.errors import ConfigError
 from daq.schemas.study import RotorStudyRequest
 from daq.service.jobs.imports import import_task, rig_of_run, rig_of_text
-from daq.service.jobs.queue import Job, JobNotFoundError, Jobs, JobsFullError, Task
+from daq.service.jobs.queue import Job, JobNotFoundError, JobQueue, JobQueueFullError, Task
 from daq.service.jobs.schemas import IndexOrder, JobListSchema, JobSchema, Order, job_schema
 from daq.service.jobs.studies import study_task
 from daq.service.jobs.tasks import header_of, index_task, run_task
-from daq.service.problem_types import Kind
+from daq.service.problem_types import ProblemType
 from daq.service.problems import ProblemError
 from daq.service.responses import NOT_MODIFIED, OCTETS, file_answer
 from daq.service.routes.analyses import CONTENT, PLOT_TYPES
-from daq.service.routing import EVENTS, PREFIX, Routing, Workers, event_stream
+from daq.service.routing import EVENTS, PREFIX, BoundedThreadPool, Routing, event_stream
 from daq.service.schemas.importing import ImportOrder, RigInText, RigOfRun
-from daq.service.stream import Live, require_ended
-from daq.service.uploads import UploadNotFoundError, Uploads
+from daq.service.stream import LiveFeed, require_ended
+from daq.service.uploads import UploadNotFoundError, UploadStore
 from recordings.catalogue.catalogue import RunEntry
 
 LOOK: Final = 0.2  # s between two looks at a job that is followed
@@ -58,50 +58,79 @@ class JobRoutes:
     ----------
     catalogue : Catalogue
         The runs that jobs are about.
-    live : Live
+    live : LiveFeed
         The run under way, which is left alone.
-    jobs : Jobs
+    jobs : JobQueue
         Who does them.
-    uploads : Uploads
+    uploads : UploadStore
         Files of other programs that jobs import.
     """
 
-    def __init__(self, catalogue: Catalogue, live: Live, jobs: Jobs, uploads: Uploads) -> None:
+    def __init__(self, catalogue: Catalogue, live: LiveFeed, jobs: JobQueue, uploads: UploadStore) -> None:
         self._uploads = uploads
         self._catalogue = catalogue
         self._live = live
         self._jobs = jobs
-        self._lookups = Workers(threads=2, waiting=32)
+        self._lookup_threads = BoundedThreadPool(threads=2, waiting=32)
         self._followers = 0
         self._ended = threading.Event()
 
     def add_to(self, routing: Routing) -> None:
         """Make the addresses known."""
         routing.add(
-            "POST /jobs", self.begin, "begin_job", "jobs", "Begin a job",
-            Kind.RUN_NOT_FOUND, Kind.UPLOAD_NOT_FOUND, Kind.RUN_UNDER_WAY, Kind.RUN_DAMAGED, Kind.TOO_MANY_JOBS,
-            Kind.BUSY, Kind.STORAGE_UNAVAILABLE, status=202,
-        )  # fmt: skip
-        routing.add("/jobs", self.all, "list_jobs", "jobs", "List the jobs, the one asked for last first", Kind.BUSY)
-        known = (Kind.JOB_NOT_FOUND, Kind.BAD_PARAMETER, Kind.BUSY)
+            "POST /jobs",
+            self.begin,
+            "begin_job",
+            "jobs",
+            "Begin a job",
+            ProblemType.RUN_NOT_FOUND,
+            ProblemType.UPLOAD_NOT_FOUND,
+            ProblemType.RUN_UNDER_WAY,
+            ProblemType.RUN_DAMAGED,
+            ProblemType.TOO_MANY_JOBS,
+            ProblemType.BUSY,
+            ProblemType.STORAGE_UNAVAILABLE,
+            status=202,
+        )
+        routing.add(
+            "/jobs", self.all, "list_jobs", "jobs", "List the jobs, the one asked for last first", ProblemType.BUSY
+        )
+        known = (ProblemType.JOB_NOT_FOUND, ProblemType.BAD_PARAMETER, ProblemType.BUSY)
         routing.add("/jobs/{job}", self.job, "get_job", "jobs", "How a job stands", *known)
         routing.add(
-            "DELETE /jobs/{job}", self.remove, "remove_job", "jobs", "Cancel a job, or forget it", *known,
-            Kind.CROSS_SITE,
-        )  # fmt: skip
+            "DELETE /jobs/{job}",
+            self.remove,
+            "remove_job",
+            "jobs",
+            "Cancel a job, or forget it",
+            *known,
+            ProblemType.CROSS_SITE,
+        )
         routing.add(
-            "/jobs/{job}/events", self.events, "follow_job", "jobs", "A job, whenever it changes", *known,
+            "/jobs/{job}/events",
+            self.events,
+            "follow_job",
+            "jobs",
+            "A job, whenever it changes",
+            *known,
             answers=event_stream("job"),
-        )  # fmt: skip
+        )
         routing.add(
-            "/jobs/{job}/result", self.result, "get_job_result", "jobs", "What came of a job",
-            *known, Kind.NO_RESULT, Kind.RANGE_NOT_SATISFIABLE, Kind.STORAGE_UNAVAILABLE,
+            "/jobs/{job}/result",
+            self.result,
+            "get_job_result",
+            "jobs",
+            "What came of a job",
+            *known,
+            ProblemType.NO_RESULT,
+            ProblemType.RANGE_NOT_SATISFIABLE,
+            ProblemType.STORAGE_UNAVAILABLE,
             answers={
                 200: {"description": "The result", "content": RESULTS},
                 206: {"description": "The stretch that `Range` asks for", "content": {OCTETS: BINARY}},
                 **NOT_MODIFIED,
             },
-        )  # fmt: skip
+        )
 
     def end(self) -> None:
         """Let all who follow jobs go."""
@@ -115,9 +144,9 @@ class JobRoutes:
         """
         task = await self._task(order)
         try:
-            job = await self._lookups.run(partial(self._jobs.begin, task))
-        except JobsFullError as error:
-            raise ProblemError(Kind.TOO_MANY_JOBS, str(error)) from error
+            job = await self._lookup_threads.run(partial(self._jobs.begin, task))
+        except JobQueueFullError as error:
+            raise ProblemError(ProblemType.TOO_MANY_JOBS, str(error)) from error
         response.headers["Location"] = f"{PREFIX}/jobs/{job.id}"
         return job_schema(job)
 
@@ -135,26 +164,26 @@ class JobRoutes:
 
     async def _import(self, order: ImportOrder) -> Task:
         try:
-            upload = await self._lookups.run(partial(self._uploads.upload, order.upload))
+            upload = await self._lookup_threads.run(partial(self._uploads.upload, order.upload))
             match order.rig:
                 case RigOfRun(run=run):
                     rig = rig_of_run(header_of(await self._run(run)))
                 case RigInText() as text:
-                    rig = await self._lookups.run(partial(rig_of_text, text))
+                    rig = await self._lookup_threads.run(partial(rig_of_text, text))
             return import_task(order, upload, rig, self._jobs.place)
         except UploadNotFoundError as error:
-            raise ProblemError(Kind.UPLOAD_NOT_FOUND, str(error)) from error
+            raise ProblemError(ProblemType.UPLOAD_NOT_FOUND, str(error)) from error
         except ConfigError as error:
-            raise ProblemError(Kind.BAD_PARAMETER, str(error)) from error
+            raise ProblemError(ProblemType.BAD_PARAMETER, str(error)) from error
 
     async def _run(self, run: str) -> RunEntry:
         """Return a run that is not under way."""
         require_ended(self._live, run)
-        return await self._lookups.run(partial(self._catalogue.run, run))
+        return await self._lookup_threads.run(partial(self._catalogue.run, run))
 
     async def all(self) -> JobListSchema:
         """List the jobs that wait, go on, or ended not long ago."""
-        jobs = await self._lookups.run(self._jobs.all)
+        jobs = await self._lookup_threads.run(self._jobs.all)
         return JobListSchema(jobs=tuple(map(job_schema, jobs)))
 
     async def job(self, job: JobId) -> JobSchema:
@@ -164,20 +193,20 @@ class JobRoutes:
     async def remove(self, job: JobId) -> JobSchema:
         """End the job's process where it has not ended, forget the job and its result, and tell how it stood last."""
         try:
-            return job_schema(await self._lookups.run(partial(self._jobs.remove, job)))
+            return job_schema(await self._lookup_threads.run(partial(self._jobs.remove, job)))
         except JobNotFoundError as error:
-            raise ProblemError(Kind.JOB_NOT_FOUND, str(error)) from error
+            raise ProblemError(ProblemType.JOB_NOT_FOUND, str(error)) from error
 
     async def result(self, request: Request, job: JobId) -> Response:
         """Send what came of the job, or with `Range` a stretch of it: JSON, or the file that was exported."""
         known = await self._known(job)
         if known.result is None:
-            raise ProblemError(Kind.NO_RESULT, known.fault or f"job {job} is {known.state.value}")
+            raise ProblemError(ProblemType.NO_RESULT, known.fault or f"job {job} is {known.state.value}")
         media_type = MEDIA_TYPES.get(known.result.suffix.removeprefix("."), OCTETS)
         try:
             return await file_answer(request, known.result, media_type, tag=f'"{job}"')
         except OSError as error:
-            raise ProblemError(Kind.STORAGE_UNAVAILABLE, f"job {job}: its result has gone") from error
+            raise ProblemError(ProblemType.STORAGE_UNAVAILABLE, f"job {job}: its result has gone") from error
 
     async def events(self, request: Request, job: JobId) -> Response:
         """Send server-sent events of type `job` whose data is the document of the job; they end with the job."""
@@ -185,7 +214,7 @@ class JobRoutes:
         if request.scope.get("rig.head"):
             return Response(media_type=EVENTS)
         if self._followers >= MOST_FOLLOWERS or self._ended.is_set():
-            raise ProblemError(Kind.BUSY, f"{self._followers} clients follow jobs already")
+            raise ProblemError(ProblemType.BUSY, f"{self._followers} clients follow jobs already")
         return StreamingResponse(self._events(known), media_type=EVENTS, headers={"X-Accel-Buffering": "no"})
 
     async def _events(self, job: Job) -> AsyncIterator[str]:
@@ -215,9 +244,9 @@ class JobRoutes:
 
     async def _known(self, job_id: str) -> Job:
         try:
-            return await self._lookups.run(partial(self._jobs.job, job_id))
+            return await self._lookup_threads.run(partial(self._jobs.job, job_id))
         except JobNotFoundError as error:
-            raise ProblemError(Kind.JOB_NOT_FOUND, str(error)) from error
+            raise ProblemError(ProblemType.JOB_NOT_FOUND, str(error)) from error
 
 
 def _event(job: Job) -> str:

@@ -18,14 +18,14 @@ from daq.schemas.events import AcknowledgedAlarmsSchema, AcknowledgeRequest, Mar
 from daq.schemas.live import live_schema
 from daq.schemas.snapshot import picture_schema
 from daq.schemas.units import moment
-from daq.service.problem_types import Kind
+from daq.service.problem_types import ProblemType
 from daq.service.problems import ProblemError, problem_response
-from daq.service.routing import EVENTS, Routing, Workers, event_stream
+from daq.service.routing import EVENTS, BoundedThreadPool, Routing, event_stream
 from daq.service.schemas.runs import StartedRunSchema, StartRequest, StoppingRunSchema, StopRequest
-from daq.service.stream import Hub, Live
+from daq.service.stream import LiveBroadcaster, LiveFeed
 
 
-class Steering(Protocol):
+class RunControl(Protocol):
     """Who can end the run that is under way."""
 
     def stop(self) -> str | None:
@@ -41,7 +41,7 @@ class Steering(Protocol):
         ...
 
 
-class Desk(Protocol):
+class RunStarter(Protocol):
     """Who starts runs, one at a time."""
 
     @property
@@ -54,58 +54,81 @@ class Desk(Protocol):
         ...
 
 
-class LiveRoutes:
+class RunControlRoutes:
     """The beginning of a run, its end, and what is said to it.
 
     Parameters
     ----------
-    steering : Steering or None
+    run_control : RunControl or None
         Who can end it; None: nobody here.
-    desk : Desk or None
+    run_starter : RunStarter or None
         Who can start one; None: nobody here.
     """
 
-    def __init__(self, steering: Steering | None, desk: Desk | None) -> None:
-        self._desk = desk
-        self._starting = Workers(threads=1, waiting=0)
-        self._steering = steering
+    def __init__(self, run_control: RunControl | None, run_starter: RunStarter | None) -> None:
+        self._run_starter = run_starter
+        self._starting = BoundedThreadPool(threads=1, waiting=0)
+        self._run_control = run_control
 
     def add_to(self, routing: Routing) -> None:
         """Make the addresses known."""
-        if self._steering is not None:
+        if self._run_control is not None:
             routing.add(
-                "POST /live/stop", self.stop, "stop_live", "live", "End the run under way",
-                Kind.NO_LIVE_RUN, status=202,
-            )  # fmt: skip
+                "POST /live/stop",
+                self.stop,
+                "stop_live",
+                "live",
+                "End the run under way",
+                ProblemType.NO_LIVE_RUN,
+                status=202,
+            )
             routing.add(
-                "POST /live/markers", self.add_marker, "add_marker", "live", "Name this moment of the run under way",
-                Kind.NO_LIVE_RUN, status=201,
-            )  # fmt: skip
+                "POST /live/markers",
+                self.add_marker,
+                "add_marker",
+                "live",
+                "Name this moment of the run under way",
+                ProblemType.NO_LIVE_RUN,
+                status=201,
+            )
             routing.add(
-                "POST /live/acknowledge", self.acknowledge, "acknowledge_live", "live", "Take note of the alarms",
-                Kind.NO_LIVE_RUN,
-            )  # fmt: skip
+                "POST /live/acknowledge",
+                self.acknowledge,
+                "acknowledge_live",
+                "live",
+                "Take note of the alarms",
+                ProblemType.NO_LIVE_RUN,
+            )
 
-        if self._desk is not None:
+        if self._run_starter is not None:
             routing.add(
-                "POST /runs", self.start, "start_run", "runs", "Start a run",
-                Kind.RUN_NOT_POSSIBLE, Kind.BUSY, Kind.STORAGE_UNAVAILABLE, status=201,
-            )  # fmt: skip
+                "POST /runs",
+                self.start,
+                "start_run",
+                "runs",
+                "Start a run",
+                ProblemType.RUN_NOT_POSSIBLE,
+                ProblemType.BUSY,
+                ProblemType.STORAGE_UNAVAILABLE,
+                status=201,
+            )
 
     async def start(self, order: StartRequest, response: Response) -> StartedRunSchema:
         """Start a run with a rig that the service was started with, and answer when samples come, which takes seconds.
 
         One run goes at a time. `/live` follows it, `/live/stop` ends it, and so does the service's own end.
         """
-        if self._desk is None:
-            raise ProblemError(Kind.RUN_NOT_POSSIBLE, "this service starts no runs")
-        rig = order.rig or self._desk.rigs[0]
-        if rig not in self._desk.rigs:
-            raise ProblemError(Kind.RUN_NOT_POSSIBLE, f"rig: {rig!r}, expected one of {', '.join(self._desk.rigs)}")
+        if self._run_starter is None:
+            raise ProblemError(ProblemType.RUN_NOT_POSSIBLE, "this service starts no runs")
+        rig = order.rig or self._run_starter.rigs[0]
+        if rig not in self._run_starter.rigs:
+            raise ProblemError(
+                ProblemType.RUN_NOT_POSSIBLE, f"rig: {rig!r}, expected one of {', '.join(self._run_starter.rigs)}"
+            )
         try:
-            header = await self._starting.run(partial(self._desk.start, rig, order.note, order.duration_s))
+            header = await self._starting.run(partial(self._run_starter.start, rig, order.note, order.duration_s))
         except RigError as error:
-            raise ProblemError(Kind.RUN_NOT_POSSIBLE, str(error)) from error
+            raise ProblemError(ProblemType.RUN_NOT_POSSIBLE, str(error)) from error
         response.headers["Location"] = f"/api/v1/runs/{header.run}"
         return StartedRunSchema(run=header.run, rig=header.rig, started_at=moment(header.started_ns))
 
@@ -114,9 +137,9 @@ class LiveRoutes:
 
         What is sent is `{}`, as `application/json`; pages of other sites are turned away.
         """
-        run = None if self._steering is None else self._steering.stop()
+        run = None if self._run_control is None else self._run_control.stop()
         if run is None:
-            raise ProblemError(Kind.NO_LIVE_RUN, "no run is under way")
+            raise ProblemError(ProblemType.NO_LIVE_RUN, "no run is under way")
         return StoppingRunSchema(run=run)
 
     async def add_marker(self, order: MarkerRequest) -> MarkerSchema:
@@ -124,9 +147,9 @@ class LiveRoutes:
 
         It is in the run's summary when the run has ended. A run that is replayed takes none.
         """
-        made = None if self._steering is None else self._steering.add_marker(order.text)
+        made = None if self._run_control is None else self._run_control.add_marker(order.text)
         if made is None:
-            raise ProblemError(Kind.NO_LIVE_RUN, "no run is being recorded")
+            raise ProblemError(ProblemType.NO_LIVE_RUN, "no run is being recorded")
         return made
 
     async def acknowledge(self, _order: AcknowledgeRequest) -> AcknowledgedAlarmsSchema:
@@ -134,9 +157,9 @@ class LiveRoutes:
 
         It is kept in the recording and told among the summary's markers; a replay forgets it. What is sent is `{}`.
         """
-        noted = None if self._steering is None else self._steering.acknowledge()
+        noted = None if self._run_control is None else self._run_control.acknowledge()
         if noted is None:
-            raise ProblemError(Kind.NO_LIVE_RUN, "there is no run whose alarms could be acknowledged")
+            raise ProblemError(ProblemType.NO_LIVE_RUN, "there is no run whose alarms could be acknowledged")
         return noted
 
 
@@ -144,30 +167,40 @@ PROTOCOL: Final = "rig.live"
 PICTURE_INTERVAL: Final = 0.25  # s
 
 
-class FollowingRoutes:
+class LiveStreamRoutes:
     """The live run's values and its picture, whenever they change.
 
     Parameters
     ----------
-    live : Live
+    live : LiveFeed
         The run under way.
     """
 
-    def __init__(self, live: Live) -> None:
-        self._values = _Followed(Hub(live, live_schema), "live")
-        self._picture = _Followed(Hub(live, picture_schema, PICTURE_INTERVAL), "picture")
+    def __init__(self, live: LiveFeed) -> None:
+        self._values = _Followed(LiveBroadcaster(live, live_schema), "live")
+        self._picture = _Followed(LiveBroadcaster(live, picture_schema, PICTURE_INTERVAL), "picture")
 
     def add_to(self, routing: Routing) -> None:
         """Make the addresses known."""
         routing.add(
-            "/live/events", self.events, "follow_live", "live", "The run under way, whenever it changes", Kind.BUSY,
+            "/live/events",
+            self.events,
+            "follow_live",
+            "live",
+            "The run under way, whenever it changes",
+            ProblemType.BUSY,
             answers=event_stream("live"),
-        )  # fmt: skip
+        )
         routing.router.add_api_websocket_route("/live/socket", self._values.socket, name="follow_live_socket")
         routing.add(
-            "/live/picture/events", self.picture_events, "follow_live_picture", "live",
-            "Orbit and order spectrum, whenever they change", Kind.BUSY, answers=event_stream("picture"),
-        )  # fmt: skip
+            "/live/picture/events",
+            self.picture_events,
+            "follow_live_picture",
+            "live",
+            "Orbit and order spectrum, whenever they change",
+            ProblemType.BUSY,
+            answers=event_stream("picture"),
+        )
         routing.router.add_api_websocket_route(
             "/live/picture/socket", self._picture.socket, name="follow_live_picture_socket"
         )
@@ -205,7 +238,7 @@ class _Followed:
         Of the events.
     """
 
-    def __init__(self, hub: Hub, name: str) -> None:
+    def __init__(self, hub: LiveBroadcaster, name: str) -> None:
         self._hub = hub
         self._name = name
         self.end = hub.end
@@ -227,7 +260,7 @@ class _Followed:
         try:
             self._hub.require_room()
         except ProblemError as error:
-            await socket.send_denial_response(problem_response(error.kind, error.detail, socket.url.path))
+            await socket.send_denial_response(problem_response(error.problem_type, error.detail, socket.url.path))
             return
         await socket.accept(PROTOCOL if PROTOCOL in socket.scope.get("subprotocols", ()) else None)
         sending = asyncio.create_task(self._send(socket))

@@ -30,13 +30,13 @@ from daq.schemas.results import (
 )
 from daq.schemas.snapshot import FullSpectrumSchema, OrbitSchema, OrderSpectrumSchema
 from daq.schemas.units import Schema
-from daq.service.problem_types import READING, Kind
+from daq.service.problem_types import READING, ProblemType
 from daq.service.problems import ProblemError
 from daq.service.responses import NOT_MODIFIED, OCTETS, accepts_gzip, best_type, entity_tag, file_answer, is_known
+from daq.service.results_reader import ResultsReader
 from daq.service.routes.analyses import ARROW, NPZ, PLOT_TYPES, add_analyses, add_plots
-from daq.service.routing import Routing, RunId, Workers
-from daq.service.run_reader import Readings
-from daq.service.stream import Live, require_ended
+from daq.service.routing import BoundedThreadPool, Routing, RunId
+from daq.service.stream import LiveFeed, require_ended
 from recordings.catalogue.catalogue import RunEntry
 from recordings.mcap.container import MAGIC
 
@@ -62,21 +62,21 @@ class RunRoutes:
     ----------
     catalogue : Catalogue
         The recorded runs.
-    live : Live
+    live : LiveFeed
         The run under way, which cannot be asked so.
-    readings : Readings
+    results : ResultsReader
         Who makes the answers.
     version : str
         Of the service; an answer of another version is made anew.
     """
 
-    def __init__(self, catalogue: Catalogue, live: Live, readings: Readings, version: str) -> None:
+    def __init__(self, catalogue: Catalogue, live: LiveFeed, results: ResultsReader, version: str) -> None:
         self._catalogue = catalogue
         self._live = live
-        self._readings = readings
+        self._results = results
         self._version = version
-        self._lookups = Workers(threads=4, waiting=64)
-        self._makings = Workers(threads=2, waiting=64)
+        self._lookup_threads = BoundedThreadPool(threads=4, waiting=64)
+        self._result_threads = BoundedThreadPool(threads=2, waiting=64)
 
     def add_to(self, routing: Routing) -> None:
         """Make the addresses known."""
@@ -92,40 +92,72 @@ class RunRoutes:
         )
         for what, endpoint, meaning, model in results:
             name = f"get_run_{what.replace('-', '_')}"
-            kinds = (
+            problem_types = (
                 READING
                 if endpoint in {self.order_vectors, self.findings, self.trend}
-                else (*READING, Kind.NO_SUCH_MOMENT)
+                else (*READING, ProblemType.NO_SUCH_MOMENT)
             )
             routing.add(
-                f"/runs/{{run}}/{what}", endpoint, name, "results", meaning, *kinds, model=model, answers=NOT_MODIFIED
+                f"/runs/{{run}}/{what}",
+                endpoint,
+                name,
+                "results",
+                meaning,
+                *problem_types,
+                model=model,
+                answers=NOT_MODIFIED,
             )
         add_plots(routing, self._answer)
         add_analyses(routing, self._answer)
-        predicted = (*READING, Kind.NO_SUCH_MOMENT, Kind.MODEL_NOT_READY)
+        predicted = (*READING, ProblemType.NO_SUCH_MOMENT, ProblemType.MODEL_NOT_READY)
         routing.add(
-            "/runs/{run}/prediction", self.prediction, "get_run_prediction", "results",
-            "What the model says at a speed", *predicted,
-        )  # fmt: skip
+            "/runs/{run}/prediction",
+            self.prediction,
+            "get_run_prediction",
+            "results",
+            "What the model says at a speed",
+            *predicted,
+        )
         routing.add(
-            "/runs/{run}/comparison", self.comparison, "get_run_comparison", "results",
-            "Measurement and model at a speed", *predicted,
-        )  # fmt: skip
+            "/runs/{run}/comparison",
+            self.comparison,
+            "get_run_comparison",
+            "results",
+            "Measurement and model at a speed",
+            *predicted,
+        )
         routing.add(
-            "/runs/{run}/samples", self.samples, "get_run_samples", "results", "Samples of a stretch of time",
-            *READING, Kind.NO_SUCH_MOMENT, Kind.TOO_MUCH, Kind.NOT_ACCEPTABLE, model=SamplesSchema,
+            "/runs/{run}/samples",
+            self.samples,
+            "get_run_samples",
+            "results",
+            "Samples of a stretch of time",
+            *READING,
+            ProblemType.NO_SUCH_MOMENT,
+            ProblemType.TOO_MUCH,
+            ProblemType.NOT_ACCEPTABLE,
+            model=SamplesSchema,
             answers={200: {"content": {NPZ: BINARY, ARROW: BINARY}}, **NOT_MODIFIED},
-        )  # fmt: skip
+        )
         routing.add(
-            "/runs/{run}/file", self.file, "get_run_file", "runs", "The recording's file",
-            Kind.RUN_NOT_FOUND, Kind.BAD_PARAMETER, Kind.RUN_UNDER_WAY, Kind.RUN_DAMAGED, Kind.STORAGE_UNAVAILABLE,
-            Kind.BUSY, Kind.RANGE_NOT_SATISFIABLE,
+            "/runs/{run}/file",
+            self.file,
+            "get_run_file",
+            "runs",
+            "The recording's file",
+            ProblemType.RUN_NOT_FOUND,
+            ProblemType.BAD_PARAMETER,
+            ProblemType.RUN_UNDER_WAY,
+            ProblemType.RUN_DAMAGED,
+            ProblemType.STORAGE_UNAVAILABLE,
+            ProblemType.BUSY,
+            ProblemType.RANGE_NOT_SATISFIABLE,
             answers={
                 200: {"description": "The whole file, MCAP", "content": {OCTETS: BINARY}},
                 206: {"description": "The stretch that `Range` asks for", "content": {OCTETS: BINARY}},
                 **NOT_MODIFIED,
             },
-        )  # fmt: skip
+        )
 
     async def order_vectors(self, request: Request, run: RunId) -> Response:
         """Give amplitude and phase of 1X and 2X, their scatter and the overall vibration by bins of speed.
@@ -167,12 +199,12 @@ class RunRoutes:
     async def prediction(self, run: RunId, at: Annotated[Speed, Query()]) -> PredictionSchema:
         """Give what the model expects of the run's rig, as its configuration was then."""
         entry = await self._entry(run)
-        return await self._makings.run(partial(self._readings.prediction, entry, at.speed_rpm * RPM))
+        return await self._result_threads.run(partial(self._results.prediction, entry, at.speed_rpm * RPM))
 
     async def comparison(self, run: RunId, at: Annotated[Speed, Query()]) -> ComparisonSchema:
         """Give the measured bin of speed that is nearest, within 300 r/min, beside the model at its mean speed."""
         entry = await self._entry(run)
-        return await self._makings.run(partial(self._readings.comparison, entry, at.speed_rpm * RPM))
+        return await self._result_threads.run(partial(self._results.comparison, entry, at.speed_rpm * RPM))
 
     async def samples(self, request: Request, run: RunId, query: Annotated[SamplesQuery, Query()]) -> Response:
         """Give samples as JSON, as a NumPy archive or as an Arrow stream, in engineering units, volts or codes.
@@ -181,7 +213,7 @@ class RunRoutes:
         """
         form = query.format or best_type(request.headers.get("accept"), SAMPLE_TYPES)
         if form is None:
-            raise ProblemError(Kind.NOT_ACCEPTABLE, f"expected one of {', '.join(SAMPLE_TYPES)}")
+            raise ProblemError(ProblemType.NOT_ACCEPTABLE, f"expected one of {', '.join(SAMPLE_TYPES)}")
         form = SampleFormat(form)
         media_type = next(name for name, each in SAMPLE_TYPES.items() if each is form)
         packed = form is SampleFormat.JSON and accepts_gzip(request.headers.get("accept-encoding"))
@@ -190,7 +222,7 @@ class RunRoutes:
         headers = {**_headers(tag, packed=packed), "Vary": "Accept, Accept-Encoding"}
         if is_known(request.headers.get("if-none-match"), tag):
             return Response(status_code=304, headers=headers)
-        body = await self._makings.run(partial(self._readings.samples, entry, query, form, packed=packed))
+        body = await self._result_threads.run(partial(self._results.samples, entry, query, form, packed=packed))
         return Response(body, headers=headers, media_type=media_type)
 
     async def file(self, request: Request, run: RunId) -> Response:
@@ -199,11 +231,11 @@ class RunRoutes:
         try:
             return await file_answer(request, entry.path, begins=MAGIC)
         except FileNotFoundError as error:
-            raise ProblemError(Kind.RUN_NOT_FOUND, f"run {run}: its file has gone") from error
+            raise ProblemError(ProblemType.RUN_NOT_FOUND, f"run {run}: its file has gone") from error
         except OSError as error:
-            raise ProblemError(Kind.STORAGE_UNAVAILABLE, f"run {run}: {error.strerror or error}") from error
+            raise ProblemError(ProblemType.STORAGE_UNAVAILABLE, f"run {run}: {error.strerror or error}") from error
         except ValueError as error:
-            raise ProblemError(Kind.RUN_DAMAGED, str(error)) from error
+            raise ProblemError(ProblemType.RUN_DAMAGED, str(error)) from error
 
     async def _answer(self, request: Request, run: str, what: str, query: Question | None = None) -> Response:
         media_type = MEDIA_TYPES.get(what.rpartition(".")[2], "application/json")
@@ -215,13 +247,13 @@ class RunRoutes:
             headers["Vary"] = "Accept, Accept-Encoding"
         if is_known(request.headers.get("if-none-match"), tag):
             return Response(status_code=304, headers=headers)
-        body = await self._makings.run(partial(self._readings.answer, entry, what, query, packed=packed))
+        body = await self._result_threads.run(partial(self._results.answer, entry, what, query, packed=packed))
         return Response(body, headers=headers, media_type=media_type)
 
     async def _entry(self, run: str) -> RunEntry:
         """Return a run that has ended."""
         require_ended(self._live, run)
-        return await self._lookups.run(partial(self._catalogue.run, run))
+        return await self._lookup_threads.run(partial(self._catalogue.run, run))
 
 
 def _headers(tag: str, *, packed: bool) -> dict[str, str]:

@@ -7,11 +7,11 @@ from typing import Annotated, Final
 from fastapi import Path, Query, Request, Response
 
 from daq.reports.parameters import Question
-from daq.service.problem_types import Kind
+from daq.service.problem_types import ProblemType
 from daq.service.problems import ProblemError
 from daq.service.responses import OCTETS
-from daq.service.routing import PREFIX, Routing, Workers
-from daq.service.run_reader import Readings
+from daq.service.results_reader import ResultsReader
+from daq.service.routing import PREFIX, BoundedThreadPool, Routing
 from daq.service.schemas.uploads import (
     ColumnsSchema,
     UploadListSchema,
@@ -21,11 +21,11 @@ from daq.service.schemas.uploads import (
 from daq.service.uploads import (
     MAX_MARKER_LENGTH,
     MOST_BYTES,
-    Incoming,
     Upload,
     UploadNotFoundError,
-    Uploads,
-    UploadsFullError,
+    UploadReceiver,
+    UploadStore,
+    UploadStoreFullError,
 )
 
 CONTENT: Final = {"content": {OCTETS: {"schema": {"type": "string", "format": "binary"}}}, "required": True}
@@ -52,39 +52,64 @@ class UploadRoutes:
 
     Parameters
     ----------
-    uploads : Uploads
+    uploads : UploadStore
         Who keeps them.
-    readings : Readings
+    results : ResultsReader
         Who looks into them.
     free_bytes : callable
         Returns the room left on the disk, bytes.
     """
 
-    def __init__(self, uploads: Uploads, readings: Readings, free_bytes: Callable[[], int]) -> None:
+    def __init__(self, uploads: UploadStore, results: ResultsReader, free_bytes: Callable[[], int]) -> None:
         self._uploads = uploads
-        self._readings = readings
-        self._incoming = Incoming(free_bytes, MOST_BYTES)
-        self._lookups = Workers(threads=2, waiting=32)
-        self._makings = Workers(threads=1, waiting=4)
+        self._results = results
+        self._incoming = UploadReceiver(free_bytes, MOST_BYTES)
+        self._lookup_threads = BoundedThreadPool(threads=2, waiting=32)
+        self._result_threads = BoundedThreadPool(threads=1, waiting=4)
 
     def add_to(self, routing: Routing) -> None:
         """Make the addresses known."""
         routing.add(
-            "POST /uploads", self.arrive, "send_upload", "uploads", "Send another program's file in",
-            Kind.BAD_PARAMETER, Kind.CROSS_SITE, Kind.MEDIA_TYPE, Kind.TOO_LARGE, Kind.TOO_SLOW, Kind.TOO_MANY_UPLOADS,
-            Kind.STORAGE_UNAVAILABLE, Kind.BUSY, status=201, content=CONTENT,
-        )  # fmt: skip
-        routing.add("/uploads", self.all, "list_uploads", "uploads", "List what was sent in, the last first", Kind.BUSY)
-        known = (Kind.UPLOAD_NOT_FOUND, Kind.BAD_PARAMETER, Kind.BUSY)
+            "POST /uploads",
+            self.arrive,
+            "send_upload",
+            "uploads",
+            "Send another program's file in",
+            ProblemType.BAD_PARAMETER,
+            ProblemType.CROSS_SITE,
+            ProblemType.MEDIA_TYPE,
+            ProblemType.TOO_LARGE,
+            ProblemType.TOO_SLOW,
+            ProblemType.TOO_MANY_UPLOADS,
+            ProblemType.STORAGE_UNAVAILABLE,
+            ProblemType.BUSY,
+            status=201,
+            content=CONTENT,
+        )
+        routing.add(
+            "/uploads", self.all, "list_uploads", "uploads", "List what was sent in, the last first", ProblemType.BUSY
+        )
+        known = (ProblemType.UPLOAD_NOT_FOUND, ProblemType.BAD_PARAMETER, ProblemType.BUSY)
         routing.add("/uploads/{upload}", self.upload, "get_upload", "uploads", "What was sent in", *known)
         routing.add(
-            "/uploads/{upload}/columns", self.columns, "get_upload_columns", "uploads", "The columns in it",
-            *known, Kind.NO_TABLE, Kind.TAKES_TOO_LONG,
-        )  # fmt: skip
+            "/uploads/{upload}/columns",
+            self.columns,
+            "get_upload_columns",
+            "uploads",
+            "The columns in it",
+            *known,
+            ProblemType.NO_TABLE,
+            ProblemType.TAKES_TOO_LONG,
+        )
         routing.add(
-            "DELETE /uploads/{upload}", self.remove, "remove_upload", "uploads", "Delete what was sent in",
-            *known, Kind.CROSS_SITE,
-        )  # fmt: skip
+            "DELETE /uploads/{upload}",
+            self.remove,
+            "remove_upload",
+            "uploads",
+            "Delete what was sent in",
+            *known,
+            ProblemType.CROSS_SITE,
+        )
 
     async def arrive(self, request: Request, query: Annotated[NameQuery, Query()], response: Response) -> UploadSchema:
         """Keep a TDMS, LVM, CSV, MATLAB, UFF or WAV file for an hour; a job of kind `import` makes it into a run.
@@ -93,21 +118,21 @@ class UploadRoutes:
         """
         sent = request.headers.get("content-type", "")
         if sent.partition(";")[0].strip().lower() != OCTETS:
-            raise ProblemError(Kind.MEDIA_TYPE, f"{sent or 'no type'!r}, expected {OCTETS}")
+            raise ProblemError(ProblemType.MEDIA_TYPE, f"{sent or 'no type'!r}, expected {OCTETS}")
         try:
-            place = await self._lookups.run(partial(self._uploads.place, query.name))
+            place = await self._lookup_threads.run(partial(self._uploads.place, query.name))
             size = await self._incoming.take(request, place)
-            upload = await self._lookups.run(partial(self._uploads.add, query.name, place, size))
-        except UploadsFullError as error:
-            raise ProblemError(Kind.TOO_MANY_UPLOADS, str(error)) from error
+            upload = await self._lookup_threads.run(partial(self._uploads.add, query.name, place, size))
+        except UploadStoreFullError as error:
+            raise ProblemError(ProblemType.TOO_MANY_UPLOADS, str(error)) from error
         except ValueError as error:
-            raise ProblemError(Kind.BAD_PARAMETER, str(error)) from error
+            raise ProblemError(ProblemType.BAD_PARAMETER, str(error)) from error
         response.headers["Location"] = f"{PREFIX}/uploads/{upload.id}"
         return upload_schema(upload)
 
     async def all(self) -> UploadListSchema:
         """List the files that were sent in during the last hour."""
-        return UploadListSchema(uploads=tuple(map(upload_schema, await self._lookups.run(self._uploads.all))))
+        return UploadListSchema(uploads=tuple(map(upload_schema, await self._lookup_threads.run(self._uploads.all))))
 
     async def upload(self, upload: UploadId) -> UploadSchema:
         """Tell what the file is called, and until when it is kept."""
@@ -116,17 +141,17 @@ class UploadRoutes:
     async def columns(self, upload: UploadId) -> ColumnsSchema:
         """Read the file and tell what a mapping must choose from: names, units and ends of its columns, its rate."""
         known = await self._known(upload)
-        return await self._makings.run(partial(self._readings.columns, known.path, known.name))
+        return await self._result_threads.run(partial(self._results.columns, known.path, known.name))
 
     async def remove(self, upload: UploadId) -> UploadSchema:
         """Delete the file and tell what it was."""
         try:
-            return upload_schema(await self._lookups.run(partial(self._uploads.remove, upload)))
+            return upload_schema(await self._lookup_threads.run(partial(self._uploads.remove, upload)))
         except UploadNotFoundError as error:
-            raise ProblemError(Kind.UPLOAD_NOT_FOUND, str(error)) from error
+            raise ProblemError(ProblemType.UPLOAD_NOT_FOUND, str(error)) from error
 
     async def _known(self, upload_id: str) -> Upload:
         try:
-            return await self._lookups.run(partial(self._uploads.upload, upload_id))
+            return await self._lookup_threads.run(partial(self._uploads.upload, upload_id))
         except UploadNotFoundError as error:
-            raise ProblemError(Kind.UPLOAD_NOT_FOUND, str(error)) from error
+            raise ProblemError(ProblemType.UPLOAD_NOT_FOUND, str(error)) from error

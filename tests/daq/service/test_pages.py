@@ -7,7 +7,7 @@ from html.parser import HTMLParser
 import pytest
 
 from daq.service.pages import ASSETS, origin
-from daq.service.problem_types import Kind
+from daq.service.problem_types import ProblemType
 from tests.daq.support.service_bench import Bench, open_bench
 
 VIEWER = "http://127.0.0.1:9090/?url=rerun%2Bhttp%3A%2F%2F127.0.0.1%3A9876%2Fproxy&theme=dark"
@@ -116,7 +116,7 @@ def test_reference_explains_every_problem_field_and_address(bench: Bench) -> Non
     text = bench.client.get("/docs").text
     ids = read(text).ids
     schema = bench.client.get("/openapi.json").json()
-    assert {kind.slug for kind in Kind} <= set(ids)
+    assert {kind.slug for kind in ProblemType} <= set(ids)
     assert len(ids) == len(set(ids))
     for path, methods in schema["paths"].items():
         assert path in text

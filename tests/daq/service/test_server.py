@@ -14,7 +14,7 @@ from starlette.types import Receive, Scope, Send
 
 from daq.errors import ServiceError
 from daq.service.problem_types import ProblemSchema
-from daq.service.problems import LastResort
+from daq.service.problems import UnhandledErrorMiddleware
 from daq.service.server import Connection, ServiceServer
 
 
@@ -158,7 +158,7 @@ def test_answer_that_breaks_off_after_it_began_is_not_passed_off_as_whole() -> N
             await send({"type": "http.response.body", "body": b"half", "more_body": True})
             raise ValueError("broke off")
 
-    server = ServiceServer(LastResort(BreaksOff()))
+    server = ServiceServer(UnhandledErrorMiddleware(BreaksOff()))
     server.start()
     with pytest.raises(httpx.RemoteProtocolError):
         httpx.get(server.url)

@@ -13,7 +13,7 @@ import psutil
 import pytest
 
 from daq.errors import ConfigError, DeviceError, DeviceFault
-from daq.service.worker_pool import OverdueError, ReadingProcess, ReadingProcesses, ReadingStoppedError
+from daq.service.worker_pool import WorkerPool, WorkerProcess, WorkerStoppedError, WorkerTimeoutError
 from model.rotor.tables import TableError
 from recordings.errors import DamagedError
 
@@ -28,8 +28,8 @@ def until(said: Callable[[], bool]) -> None:
 
 
 @pytest.fixture
-def processes() -> Iterator[ReadingProcesses]:
-    with ReadingProcesses(1, deadline=PATIENCE) as started:
+def processes() -> Iterator[WorkerPool]:
+    with WorkerPool(1, deadline=PATIENCE) as started:
         yield started
 
 
@@ -37,17 +37,17 @@ def fail(message: str) -> None:
     raise DamagedError(message)
 
 
-def test_work_is_done_elsewhere_with_less_priority(processes: ReadingProcesses) -> None:
+def test_work_is_done_elsewhere_with_less_priority(processes: WorkerPool) -> None:
     assert processes.run(os.getpid) != os.getpid()
     if sys.platform != "win32":
         assert processes.run(os.nice, 0) > os.nice(0)
 
 
-def test_process_is_the_same_from_one_piece_of_work_to_the_next(processes: ReadingProcesses) -> None:
+def test_process_is_the_same_from_one_piece_of_work_to_the_next(processes: WorkerPool) -> None:
     assert processes.run(os.getpid) == processes.run(os.getpid)
 
 
-def test_what_the_work_raises_is_raised_where_it_was_asked_for(processes: ReadingProcesses) -> None:
+def test_what_the_work_raises_is_raised_where_it_was_asked_for(processes: WorkerPool) -> None:
     with pytest.raises(DamagedError, match=r"r\.mcap"):
         processes.run(fail, "r.mcap: cut")
     assert processes.run(len, "abc") == 3
@@ -86,24 +86,24 @@ def wrong_beyond_words() -> None:
     ],
 )
 def test_error_comes_with_all_that_it_tells(
-    processes: ReadingProcesses, work: Callable[[], None], error: type[Exception], words: str
+    processes: WorkerPool, work: Callable[[], None], error: type[Exception], words: str
 ) -> None:
     with pytest.raises(error) as raised:
         processes.run(work)
     assert str(raised.value) == words
 
 
-def test_process_that_goes_away_is_told_and_replaced(processes: ReadingProcesses) -> None:
-    with pytest.raises(ReadingStoppedError):
+def test_process_that_goes_away_is_told_and_replaced(processes: WorkerPool) -> None:
+    with pytest.raises(WorkerStoppedError):
         processes.run(os._exit, 3)
     assert processes.run(len, "abc") == 3
 
 
 def test_work_that_takes_too_long_is_given_up() -> None:
-    with ReadingProcesses(1, deadline=PATIENCE) as processes:
+    with WorkerPool(1, deadline=PATIENCE) as processes:
         processes.run(len, "")  # begun, so that the deadline below is the work's alone
         processes._deadline = 0.5
-        with pytest.raises(OverdueError, match=r"0\.5 s"):
+        with pytest.raises(WorkerTimeoutError, match=r"0\.5 s"):
             processes.run(time.sleep, 60.0)
         assert processes.run(time.sleep, 0.6, deadline=PATIENCE) is None
 
@@ -115,7 +115,7 @@ def count(tell: Callable[[int], None], numbers: int) -> str:
 
 
 def test_work_tells_how_it_goes() -> None:
-    process, told = ReadingProcess(), list[int]()
+    process, told = WorkerProcess(), list[int]()
     assert process.run(count, (3,), PATIENCE, told.append) == "done"
     assert told == [0, 1, 2]
     process.join()
@@ -128,21 +128,21 @@ def chatter(tell: Callable[[int], None]) -> None:
 
 
 def test_work_that_talks_and_talks_is_given_up_in_time() -> None:
-    process = ReadingProcess()
+    process = WorkerProcess()
     process.run(count, (1,), PATIENCE, lambda _: None)
-    with pytest.raises(OverdueError):
+    with pytest.raises(WorkerTimeoutError):
         process.run(chatter, (), 0.5, lambda _: None)
 
 
 def test_closing_gives_up_what_is_under_way() -> None:
-    processes = ReadingProcesses(1, deadline=60.0)
+    processes = WorkerPool(1, deadline=60.0)
     processes.run(len, "")
     told: list[str] = []
 
     def wait() -> None:
         try:
             processes.run(time.sleep, 60.0)
-        except ReadingStoppedError as error:
+        except WorkerStoppedError as error:
             told.append(str(error))
 
     threads = [threading.Thread(target=wait) for _ in range(2)]
@@ -167,24 +167,24 @@ def stand_still_in_the_midst_of_an_answer() -> None:
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no such signal there")
 def test_process_that_stands_still_is_ended_when_its_time_is_over() -> None:
-    process = ReadingProcess()
+    process = WorkerProcess()
     process.run(len, ("",), PATIENCE)
     child = process._process
     assert child is not None
-    with pytest.raises(OverdueError):
+    with pytest.raises(WorkerTimeoutError):
         process.run(stand_still, (), 0.1)
     assert not child.is_alive()
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no such signal there")
 def test_closing_ends_a_process_that_stands_still_in_the_midst_of_an_answer() -> None:
-    processes = ReadingProcesses(1, deadline=PATIENCE)
+    processes = WorkerPool(1, deadline=PATIENCE)
     told: list[str] = []
 
     def wait() -> None:
         try:
             processes.run(stand_still_in_the_midst_of_an_answer)
-        except ReadingStoppedError as error:
+        except WorkerStoppedError as error:
             told.append(str(error))
 
     thread = threading.Thread(target=wait)

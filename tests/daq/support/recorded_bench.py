@@ -13,10 +13,10 @@ from daq.drivers.factory import open_source
 from daq.reports.summaries import Summaries
 from daq.schemas.events import AcknowledgedAlarmsSchema, MarkerSchema, alarm_schema
 from daq.schemas.units import moment
-from daq.service.app import Abilities, create_app
-from daq.service.jobs.queue import DataPlace, Jobs
-from daq.service.routes.live import Desk
-from daq.service.run_reader import Readings
+from daq.service.app import ServiceFeatures, create_app
+from daq.service.jobs.queue import CatalogueLocation, JobQueue
+from daq.service.results_reader import ResultsReader
+from daq.service.routes.live import RunStarter
 from daq.service.server import ServiceServer
 from daq.session.prediction.predictors import Predictors
 from daq.session.recording.messages import RecordingRequest
@@ -100,18 +100,18 @@ def open_recorded_bench(
     host: str = "127.0.0.1",
     token: str | None = None,
     origins: tuple[str, ...] = (),
-    desk: Desk | None = None,
+    run_starter: RunStarter | None = None,
     job_limit: float = 60.0,
     answer_limit: float = 60.0,
 ) -> RecordedBench:
     """Serve the runs of a folder at a free port of this machine, as if bound to ``host``."""
     catalogue, live, predictors = Catalogue(folder), FakeLive(), Predictors()
-    readings = Readings(KnownModels(), deadline=answer_limit)
+    results = ResultsReader(KnownModels(), deadline=answer_limit)
     steered = Steered(live)
-    jobs = Jobs(DataPlace(folder), limit=job_limit)
-    abilities = Abilities(readings, steered, desk, catalogue, jobs, origins)
-    summaries = Summaries(catalogue, predictors, readings.summary)
-    app = create_app(catalogue, live, summaries, None, abilities=abilities, host=host, token=token)
+    jobs = JobQueue(CatalogueLocation(folder), limit=job_limit)
+    features = ServiceFeatures(results, steered, run_starter, catalogue, jobs, origins)
+    summaries = Summaries(catalogue, predictors, results.summary)
+    app = create_app(catalogue, live, summaries, None, features=features, host=host, token=token)
     server = ServiceServer(app)
     server.start()
     client = httpx.Client(base_url=server.url, timeout=120.0)
@@ -120,7 +120,7 @@ def open_recorded_bench(
         client.close()
         server.close()
         jobs.close()
-        readings.close()
+        results.close()
         predictors.close()
 
     return RecordedBench(folder, live, steered, client, close)

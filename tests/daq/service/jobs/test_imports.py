@@ -17,7 +17,7 @@ from daq.config.loader import load_rig
 from daq.config.toml_files import to_toml
 from daq.service.jobs.schemas import JobSchema
 from daq.service.problems import ProblemError
-from daq.service.uploads import Incoming, Uploads, UploadsFullError
+from daq.service.uploads import UploadReceiver, UploadStore, UploadStoreFullError
 from recordings.exchange.formats import write_table
 from recordings.exchange.table import Column, Table
 from recordings.integrity.verify import Verdict, verify
@@ -312,19 +312,19 @@ def test_upload_needs_the_token_where_others_reach_the_service(tmp_path: Path) -
 
 
 def test_uploads_are_forgotten_and_limited_in_number(tmp_path: Path) -> None:
-    def put(uploads: Uploads, name: str) -> str:
+    def put(uploads: UploadStore, name: str) -> str:
         place = uploads.place(name)
         place.parent.mkdir(parents=True)
         place.write_bytes(b"x")
         return uploads.add(name, place, 1).id
 
-    passing, lasting = Uploads(tmp_path / "a", kept_for=0.0), Uploads(tmp_path / "b")
+    passing, lasting = UploadStore(tmp_path / "a", kept_for=0.0), UploadStore(tmp_path / "b")
     put(passing, "run.csv")
     assert passing.all() == ()
     assert not list((tmp_path / "a/.rig/uploads").iterdir())
     for _ in range(16):
         put(lasting, "run.csv")
-    with pytest.raises(UploadsFullError, match="16 uploads are kept already"):
+    with pytest.raises(UploadStoreFullError, match="16 uploads are kept already"):
         lasting.place("run.csv")
 
 
@@ -339,7 +339,7 @@ def test_content_that_does_not_come_is_not_waited_for(tmp_path: Path) -> None:
             raise AssertionError("nothing more comes")
 
         request = Request({"type": "http", "method": "POST", "headers": []}, receive)
-        incoming = Incoming(lambda: 2**40, 1000, patience=0.05)
+        incoming = UploadReceiver(lambda: 2**40, 1000, patience=0.05)
         await incoming.take(request, tmp_path / "new" / "file")
 
     with pytest.raises(ProblemError, match=r"4 bytes in 0\.05 s after 0"):

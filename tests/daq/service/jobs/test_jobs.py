@@ -14,8 +14,8 @@ from daq.cli.main import main
 from daq.config.loader import load_rig
 from daq.config.toml_files import to_toml
 from daq.schemas.summary import summary_schema
-from daq.service.jobs import work as job_work
-from daq.service.jobs.queue import DataPlace, Progress
+from daq.service.jobs import execution
+from daq.service.jobs.queue import CatalogueLocation, Progress
 from daq.service.jobs.schemas import JobSchema
 from daq.session.offline import summarise
 from recordings.catalogue.catalogue import Catalogue
@@ -318,10 +318,10 @@ def test_stamps_of_a_run_that_has_none_cannot_be_exported(bench: RecordedBench) 
 
 def test_verifying_and_exporting_tell_what_part_is_done(bench: RecordedBench, tmp_path: Path) -> None:
     verifying: list[Progress] = []
-    job_work.verification(verifying.append, tmp_path / "verification.json", DataPlace(bench.folder), RUN)
+    execution.verification(verifying.append, tmp_path / "verification.json", CatalogueLocation(bench.folder), RUN)
     exporting: list[Progress] = []
-    path, part = bench.folder / f"{RUN}.mcap", job_work.part_of(0.0, None, None)
-    job_work.export(exporting.append, tmp_path / "run.csv", path, job_work.TABLES["samples"], part)
+    path, part = bench.folder / f"{RUN}.mcap", execution.part_of(0.0, None, None)
+    execution.export(exporting.append, tmp_path / "run.csv", path, execution.TABLES["samples"], part)
     assert {told.doing for told in verifying} == {"verifying"}
     assert exporting[0].doing == "reading"
     assert exporting[-1].doing == "writing 40,000 rows"

@@ -22,7 +22,7 @@ from daq.schemas.live import predicted_vibration_schema
 from daq.schemas.runs import index_report_schema
 from daq.schemas.units import Schema
 from daq.schemas.verification import recovery_schema, verification_schema
-from daq.service.jobs.queue import DataPlace, Progress, Tell
+from daq.service.jobs.queue import CatalogueLocation, Progress, ReportProgress
 from daq.service.jobs.schemas import PredictionMapSchema
 from daq.service.rendering import document_of
 from daq.session.offline import summarise
@@ -39,7 +39,7 @@ from recordings.mcap.reader import RunReader
 PAUSE = 0.1  # s between two words on how it goes
 
 
-class Sparing:
+class ProgressThrottle:
     """Tells no more often than anybody looks.
 
     Parameters
@@ -48,7 +48,7 @@ class Sparing:
         Who is told.
     """
 
-    def __init__(self, tell: Tell) -> None:
+    def __init__(self, tell: ReportProgress) -> None:
         self._tell = tell
         self._doing = ""
         self._told = -math.inf
@@ -61,9 +61,9 @@ class Sparing:
             self._tell(Progress(doing, part))
 
 
-def parts_told(tell: Tell, doing: str) -> Callable[[float], None]:
+def parts_told(tell: ReportProgress, doing: str) -> Callable[[float], None]:
     """Return what takes the part of something that is done, 0 to 1, and tells it."""
-    words = Sparing(tell).words
+    words = ProgressThrottle(tell).words
     return lambda part: words(doing, part)
 
 
@@ -71,31 +71,33 @@ RESERVE = 1024**3  # bytes that stay free on the disk: a run may be recorded on 
 BYTES_A_NUMBER = 24  # at most, in any form
 
 
-def answer(tell: Tell, target: Path, path: Path, what: str, query: object) -> None:
+def answer(tell: ReportProgress, target: Path, path: Path, what: str, query: object) -> None:
     """Make the document of an address of a run's results."""
     found = read_records(path, parts_told(tell, "reading"))
     tell(Progress("putting together"))
     _write(target, document_of(path, what, query, found))
 
 
-def analysis(tell: Tell, target: Path, path: Path, kind: str, query: Asked) -> None:
+def analysis(tell: ReportProgress, target: Path, path: Path, kind: str, query: Asked) -> None:
     """Analyse a run's samples as a whole, in the form that the target's suffix tells."""
     run, made = analysis_made(path, kind, query, _waiting(tell))
     tell(Progress("writing"))
     target.write_bytes(content(made, run, kind, AnalysisForm(target.suffix.removeprefix("."))))
 
 
-def summary(tell: Tell, target: Path, place: DataPlace, run: str) -> None:
+def summary(tell: ReportProgress, target: Path, place: CatalogueLocation, run: str) -> None:
     """Sum a run up and keep its summary."""
     _write(target, Summaries(place.catalogue(), CachedPredictionMaps()).patiently(run, _waiting(tell)))
 
 
-def analyse(tell: Tell, target: Path, place: DataPlace, run: str, calibrations: Mapping[str, Calibration]) -> None:
+def analyse(
+    tell: ReportProgress, target: Path, place: CatalogueLocation, run: str, calibrations: Mapping[str, Calibration]
+) -> None:
     """Analyse a run's samples anew."""
     _write(target, Summaries(place.catalogue(), CachedPredictionMaps()).reevaluated(run, calibrations, _waiting(tell)))
 
 
-def predict(tell: Tell, target: Path, header: RunHeader, changes: Mapping[str, float]) -> None:
+def predict(tell: ReportProgress, target: Path, header: RunHeader, changes: Mapping[str, float]) -> None:
     """Compute the model over speed for the rig of a run, with other values of its `[model]`."""
     config = read_recorded_config(header.config_toml, f"configuration of run {header.run}")
     config = config.model_copy(update={"model": config.model.model_copy(update=dict(changes))})
@@ -106,7 +108,7 @@ def predict(tell: Tell, target: Path, header: RunHeader, changes: Mapping[str, f
     _write(target, PredictionMapSchema(run=header.run, by_speed=by_speed))
 
 
-def export(tell: Tell, target: Path, path: Path, made: Callable[..., Table], part: Mapping[str, Any]) -> None:
+def export(tell: ReportProgress, target: Path, path: Path, made: Callable[..., Table], part: Mapping[str, Any]) -> None:
     """Write a run or a part of it in the form of another program."""
     with RunReader(path) as reader:
         table = made(reader, **part, on_progress=parts_told(tell, "reading"))
@@ -121,7 +123,7 @@ def export(tell: Tell, target: Path, path: Path, made: Callable[..., Table], par
         raise ForeignFormatError(str(error).replace(str(target), target.name)) from error
 
 
-def verification(tell: Tell, target: Path, place: DataPlace, run: str) -> None:
+def verification(tell: ReportProgress, target: Path, place: CatalogueLocation, run: str) -> None:
     """Look through a recording's file and keep the verdict."""
     catalogue = place.catalogue()
     found = verify(catalogue.path(run), parts_told(tell, "verifying"))
@@ -129,7 +131,7 @@ def verification(tell: Tell, target: Path, place: DataPlace, run: str) -> None:
     _write(target, verification_schema(found))
 
 
-def recovery(tell: Tell, target: Path, place: DataPlace, run: str) -> None:
+def recovery(tell: ReportProgress, target: Path, place: CatalogueLocation, run: str) -> None:
     """Copy what is intact of a recording; the copy is listed when it is whole."""
     tell(Progress("copying what is intact"))
     catalogue = place.catalogue()
@@ -142,7 +144,7 @@ def recovery(tell: Tell, target: Path, place: DataPlace, run: str) -> None:
     _write(target, recovery_schema(replace(found, target=copy)))
 
 
-def index(tell: Tell, target: Path, place: DataPlace, verifying: bool) -> None:  # noqa: FBT001 - sent through a pipe
+def index(tell: ReportProgress, target: Path, place: CatalogueLocation, verifying: bool) -> None:  # noqa: FBT001 - sent through a pipe
     """Bring the catalogue up to date."""
     report = place.catalogue().index(summarise, verifying=verifying, told=lambda words: tell(Progress(words)))
     _write(target, index_report_schema(report))
@@ -160,5 +162,5 @@ def _write(target: Path, document: Schema) -> None:
     target.write_text(document.model_dump_json(), encoding="utf-8")
 
 
-def _waiting(tell: Tell) -> Waiting:
-    return Sparing(tell).words
+def _waiting(tell: ReportProgress) -> Waiting:
+    return ProgressThrottle(tell).words

@@ -8,11 +8,11 @@ from fastapi import Path as PathParameter
 from fastapi import Request, Response
 
 from daq.schemas.runs import RunSchema, run_schema
-from daq.service.problem_types import Kind
+from daq.service.problem_types import ProblemType
 from daq.service.problems import ProblemError
 from daq.service.responses import OCTETS, document_tag, is_meant
-from daq.service.routing import PREFIX, IfMatch, Routing, RunId, Workers
-from daq.service.run_reader import Readings
+from daq.service.results_reader import ResultsReader
+from daq.service.routing import PREFIX, BoundedThreadPool, IfMatch, Routing, RunId
 from daq.service.schemas.runs import (
     AnnotationRequest,
     RestoreRequest,
@@ -20,8 +20,8 @@ from daq.service.schemas.runs import (
     TrashEntrySchema,
     TrashSchema,
 )
-from daq.service.stream import Live, require_ended
-from daq.service.uploads import Incoming
+from daq.service.stream import LiveFeed, require_ended
+from daq.service.uploads import UploadReceiver
 from recordings.catalogue.arrival import RunExistsError
 from recordings.catalogue.catalogue import RunEntry
 from recordings.catalogue.trash import PutAway
@@ -37,7 +37,7 @@ TrashName = Annotated[
 ]
 
 
-class ChangingCatalogue(Protocol):
+class EditableCatalogue(Protocol):
     """A data folder that can be changed."""
 
     def run(self, run_id: str) -> RunEntry:
@@ -69,46 +69,80 @@ class ChangingCatalogue(Protocol):
         ...
 
 
-class ChangeRoutes:
+class RunEditRoutes:
     """Changes to the data folder.
 
     Parameters
     ----------
     catalogue : ChangingCatalogue
         The data folder.
-    live : Live
+    live : LiveFeed
         The run under way, which is left alone.
-    readings : Readings
+    results : ResultsReader
         Who looks through what is sent in.
     """
 
-    def __init__(self, catalogue: ChangingCatalogue, live: Live, readings: Readings) -> None:
+    def __init__(self, catalogue: EditableCatalogue, live: LiveFeed, results: ResultsReader) -> None:
         self._catalogue = catalogue
         self._live = live
-        self._readings = readings
-        self._changes = Workers(threads=1, waiting=16)
-        self._incoming = Incoming(catalogue.free_bytes, MOST_BYTES)
+        self._results = results
+        self._edit_threads = BoundedThreadPool(threads=1, waiting=16)
+        self._incoming = UploadReceiver(catalogue.free_bytes, MOST_BYTES)
 
     def add_to(self, routing: Routing) -> None:
         """Make the addresses known."""
-        changing = (Kind.RUN_NOT_FOUND, Kind.BAD_PARAMETER, Kind.CROSS_SITE, Kind.STORAGE_UNAVAILABLE, Kind.BUSY)
+        changing = (
+            ProblemType.RUN_NOT_FOUND,
+            ProblemType.BAD_PARAMETER,
+            ProblemType.CROSS_SITE,
+            ProblemType.STORAGE_UNAVAILABLE,
+            ProblemType.BUSY,
+        )
         routing.add(
-            "PATCH /runs/{run}", self.annotate, "annotate_run", "runs", "Change words and tags of a run",
-            *changing, Kind.CHANGED_MEANWHILE,
-        )  # fmt: skip
+            "PATCH /runs/{run}",
+            self.annotate,
+            "annotate_run",
+            "runs",
+            "Change words and tags of a run",
+            *changing,
+            ProblemType.CHANGED_MEANWHILE,
+        )
         routing.add(
-            "DELETE /runs/{run}", self.put_away, "put_run_away", "runs", "Move a run into the trash",
-            *changing, Kind.RUN_UNDER_WAY, Kind.CHANGED_MEANWHILE,
-        )  # fmt: skip
+            "DELETE /runs/{run}",
+            self.put_away,
+            "put_run_away",
+            "runs",
+            "Move a run into the trash",
+            *changing,
+            ProblemType.RUN_UNDER_WAY,
+            ProblemType.CHANGED_MEANWHILE,
+        )
         routing.add("/trash", self.trash, "list_trash", "runs", "List the runs in the trash", *changing[-2:])
         routing.add(
-            "POST /trash/{name}/restore", self.take_back, "take_run_back", "runs", "Take a run out of the trash",
-            Kind.NOT_IN_TRASH, Kind.RUN_EXISTS, *changing, status=201,
-        )  # fmt: skip
+            "POST /trash/{name}/restore",
+            self.take_back,
+            "take_run_back",
+            "runs",
+            "Take a run out of the trash",
+            ProblemType.NOT_IN_TRASH,
+            ProblemType.RUN_EXISTS,
+            *changing,
+            status=201,
+        )
         routing.add(
-            "PUT /runs/{run}/file", self.arrive, "send_run", "runs", "Send a recording in",
-            *changing, Kind.RUN_EXISTS, Kind.NO_RECORDING, Kind.TOO_LARGE, Kind.TOO_SLOW, status=201, content=BINARY,
-        )  # fmt: skip
+            "PUT /runs/{run}/file",
+            self.arrive,
+            "send_run",
+            "runs",
+            "Send a recording in",
+            *changing,
+            ProblemType.RUN_EXISTS,
+            ProblemType.NO_RECORDING,
+            ProblemType.TOO_LARGE,
+            ProblemType.TOO_SLOW,
+            status=201,
+            content=BINARY,
+        )
 
     async def annotate(
         self, run: RunId, words: AnnotationRequest, response: Response, if_match: IfMatch = None
@@ -120,9 +154,9 @@ class ChangeRoutes:
             return self._catalogue.annotate(run, remark=words.remark, tags=words.tags)
 
         try:
-            document = run_schema(await self._changes.run(changed))
+            document = run_schema(await self._edit_threads.run(changed))
         except ValueError as error:
-            raise ProblemError(Kind.BAD_PARAMETER, str(error)) from error
+            raise ProblemError(ProblemType.BAD_PARAMETER, str(error)) from error
         response.headers["ETag"] = document_tag(document)
         return document
 
@@ -134,27 +168,27 @@ class ChangeRoutes:
             self._require_meant(run, if_match)
             return self._catalogue.put_away(run)
 
-        place = await self._changes.run(moved)
+        place = await self._edit_threads.run(moved)
         return TrashedRunSchema(run=run, trash=f"{place.parent.name}/{place.name}", name=place.stem)
 
     def _require_meant(self, run: str, if_match: str | None) -> None:
         """Raise ProblemError where a run is no longer what a change rests on."""
         if if_match is not None and not is_meant(if_match, document_tag(run_schema(self._catalogue.run(run)))):
-            raise ProblemError(Kind.CHANGED_MEANWHILE, f"run {run} has changed")
+            raise ProblemError(ProblemType.CHANGED_MEANWHILE, f"run {run} has changed")
 
     async def trash(self) -> TrashSchema:
         """List what was put away; nothing is ever deleted by the service."""
-        found = await self._changes.run(self._catalogue.put_away_runs)
+        found = await self._edit_threads.run(self._catalogue.put_away_runs)
         return TrashSchema(runs=tuple(TrashEntrySchema(name=each.name, size_bytes=each.size) for each in found))
 
     async def take_back(self, name: TrashName, order: RestoreRequest, response: Response) -> RunSchema:
         """Move a run and what was said of it back into the data folder, never in place of another."""
         try:
-            entry = await self._changes.run(partial(self._catalogue.take_back, name, order.run or ""))
+            entry = await self._edit_threads.run(partial(self._catalogue.take_back, name, order.run or ""))
         except NotFoundError as error:
-            raise ProblemError(Kind.NOT_IN_TRASH, str(error)) from error
+            raise ProblemError(ProblemType.NOT_IN_TRASH, str(error)) from error
         except RunExistsError as error:
-            raise ProblemError(Kind.RUN_EXISTS, str(error)) from error
+            raise ProblemError(ProblemType.RUN_EXISTS, str(error)) from error
         response.headers["Location"] = f"{PREFIX}/runs/{entry.id}"
         return run_schema(entry)
 
@@ -164,6 +198,6 @@ class ChangeRoutes:
         What is there already is never written over, and of what is refused nothing is left.
         """
         place = self._catalogue.place_for(run)
-        await self._incoming.take(request, place, self._readings.require_whole)
+        await self._incoming.take(request, place, self._results.require_whole)
         response.headers["Location"] = f"{PREFIX}/runs/{run}"
-        return run_schema(await self._changes.run(partial(self._catalogue.run, run)))
+        return run_schema(await self._edit_threads.run(partial(self._catalogue.run, run)))

@@ -22,10 +22,10 @@ from daq.schemas.results import ComparisonSchema, PredictionSchema
 from daq.schemas.summary import speed_row_schema
 from daq.schemas.units import degrees, finite, rpm
 from daq.service import rendering as answers
-from daq.service.problem_types import Kind
+from daq.service.problem_types import ProblemType
 from daq.service.problems import JobHint, ProblemError
 from daq.service.schemas.uploads import ColumnsSchema, columns_schema
-from daq.service.worker_pool import DEADLINE, OverdueError, ReadingProcesses, ReadingStoppedError
+from daq.service.worker_pool import DEADLINE, WorkerPool, WorkerStoppedError, WorkerTimeoutError
 from model.prediction.prediction_map import Prediction
 from recordings.catalogue.arrival import require_whole
 from recordings.catalogue.catalogue import RunEntry
@@ -45,14 +45,14 @@ class Models(Protocol):
         ...
 
 
-FAILURES: dict[type[Exception], Kind] = {
-    NoSuchMomentError: Kind.NO_SUCH_MOMENT,
-    TooMuchError: Kind.TOO_MUCH,
-    NoArrowError: Kind.NOT_ACCEPTABLE,
-    NoPngError: Kind.NOT_ACCEPTABLE,
-    ReadingStoppedError: Kind.BUSY,
-    OverdueError: Kind.TAKES_TOO_LONG,
-    NotToldError: Kind.NOT_TOLD,
+FAILURES: dict[type[Exception], ProblemType] = {
+    NoSuchMomentError: ProblemType.NO_SUCH_MOMENT,
+    TooMuchError: ProblemType.TOO_MUCH,
+    NoArrowError: ProblemType.NOT_ACCEPTABLE,
+    NoPngError: ProblemType.NOT_ACCEPTABLE,
+    WorkerStoppedError: ProblemType.BUSY,
+    WorkerTimeoutError: ProblemType.TAKES_TOO_LONG,
+    NotToldError: ProblemType.NOT_TOLD,
 }
 ARRIVAL_LIMIT = 3600.0  # s that looking through a recording that was sent in may take
 
@@ -68,7 +68,7 @@ def foreign_columns(path: Path, name: str) -> ColumnsSchema:
     return columns_schema(name, read_table(path))
 
 
-class Readings:
+class ResultsReader:
     """Answers about runs; made by reading processes, so that no request holds up an acquisition or a live view.
 
     Parameters
@@ -83,7 +83,7 @@ class Readings:
 
     def __init__(self, models: Models, processes: int = 1, deadline: float = DEADLINE) -> None:
         self._models = models
-        self._processes = ReadingProcesses(processes, deadline)
+        self._processes = WorkerPool(processes, deadline)
 
     def answer(self, run: RunEntry, what: str, query: BaseModel | None, *, packed: bool) -> bytes:
         """Return the answer of this name (see `daq.service.rendering`) as JSON, gzipped where it is `packed`."""
@@ -103,14 +103,14 @@ class Readings:
         try:
             return self._run(foreign_columns, path, name)
         except ForeignFormatError as error:
-            raise ProblemError(Kind.NO_TABLE, str(error).replace(str(path), name)) from error
+            raise ProblemError(ProblemType.NO_TABLE, str(error).replace(str(path), name)) from error
 
     def require_whole(self, draft: Path) -> None:
         """Raise ProblemError where a file that was sent in is no whole recording."""
         try:
             self._run(require_whole, draft, deadline=ARRIVAL_LIMIT)
         except (DamagedError, UnknownFormatError) as error:
-            raise ProblemError(Kind.NO_RECORDING, str(error).replace(str(draft), "what was sent")) from error
+            raise ProblemError(ProblemType.NO_RECORDING, str(error).replace(str(draft), "what was sent")) from error
 
     def prediction(self, run: RunEntry, speed: float) -> PredictionSchema:
         """Return what the model says of a run's rig at a speed, rad/s."""
@@ -121,7 +121,7 @@ class Readings:
         rows = self.summary(run.path).rows
         row = min(rows, key=lambda row: abs(row.speed - speed), default=None)
         if row is None or abs(row.speed - speed) > NEAR_SPEED:
-            raise ProblemError(Kind.NO_SUCH_MOMENT, f"nothing was measured near {rpm(speed):,.0f} r/min")
+            raise ProblemError(ProblemType.NO_SUCH_MOMENT, f"nothing was measured near {rpm(speed):,.0f} r/min")
         prediction = self._predicted(run, row.speed)
         measured, predicted = row.motion[0], prediction.vectors[0]
         seen = np.abs(predicted) > 0.0
@@ -139,13 +139,13 @@ class Readings:
 
     def _predicted(self, run: RunEntry, speed: float) -> Prediction:
         if run.header is None:
-            raise ProblemError(Kind.MODEL_NOT_READY, f"run {run.id}: its rig is not known: {run.fault}")
+            raise ProblemError(ProblemType.MODEL_NOT_READY, f"run {run.id}: its rig is not known: {run.fault}")
         try:
             prediction = self._models.prediction_for(run.header, speed)
         except (ValueError, RigError) as error:  # outside the model's speeds, or a rig that has no model
-            raise ProblemError(Kind.NO_SUCH_MOMENT, str(error)) from error
+            raise ProblemError(ProblemType.NO_SUCH_MOMENT, str(error)) from error
         if prediction is None:
-            raise ProblemError(Kind.MODEL_NOT_READY, "the model's map of this rig is being computed")
+            raise ProblemError(ProblemType.MODEL_NOT_READY, "the model's map of this rig is being computed")
         return prediction
 
     def _run(
@@ -154,7 +154,7 @@ class Readings:
         try:
             return self._processes.run(work, *arguments, deadline=deadline)
         except tuple(FAILURES) as error:
-            is_overdue = isinstance(error, OverdueError)
+            is_overdue = isinstance(error, WorkerTimeoutError)
             detail = f"{error}; POST `job` to /api/v1/jobs" if is_overdue and job else str(error)
             raise ProblemError(FAILURES[type(error)], detail, job=job if is_overdue else None) from error
 

@@ -226,8 +226,8 @@ def test_run_is_started_one_at_a_time_and_joined_in_the_end(tmp_path: Path, rig:
         made.append(FakeRun(note))
         return made[-1]
 
-    with RunManager({"test-rig": rig()}, begin) as desk:
-        bench = open_recorded_bench(tmp_path, desk=desk)
+    with RunManager({"test-rig": rig()}, begin) as run_starter:
+        bench = open_recorded_bench(tmp_path, run_starter=run_starter)
         first = bench.client.post(f"{API}/runs", json={"note": "warm", "duration_s": 5.0})
         assert (first.status_code, first.json()["run"]) == (201, made[0].header.run)
         assert first.headers["location"] == f"{API}/runs/{made[0].header.run}"
