@@ -116,7 +116,7 @@ function drawOverall({ measured, predicted, limits, status }) {
     fill(`pp-${probe}-gauge`, value, full);
     markLimits(`pp-${probe}-gauge`, full, [limits.peak_to_peak_alarm_um, limits.peak_to_peak_danger_um]);
   }
-  const part = measured?.peak_to_peak_of_clearance;
+  const part = measured?.peak_to_peak_clearance_fraction;
   write("clearance", known(part) ? ` · ${decimals(100 * part, 0)} % of clearance` : "");
   judge("overall", "verdict", "overall", status.alarms, true);
   write("limits", watched(limits.peak_to_peak_alarm_um, limits.peak_to_peak_danger_um, micrometres));
@@ -183,7 +183,7 @@ function drawStatus({ measured, predicted, status }) {
   mark("clipped-cell", "poor", clipped > 0);
   write("skipped", count(status.skipped_samples));
   mark("skipped-cell", "poor", status.skipped_samples > 0);
-  write("dropped", count(status.dropped_frames));
+  write("dropped", count(status.dropped_updates));
   const basis = predicted && (predicted.is_exact ? `exact at ${whole(predicted.speed_rpm)} r/min` : "interpolated");
   write("model", basis ? `${status.model}, ${basis}` : status.model);
 }
@@ -212,7 +212,7 @@ function drawAlarms({ alarms, acknowledged_alarm: acknowledged }) {
     const at = known(alarm.begin.speed_rpm) ? ` at ${whole(alarm.begin.speed_rpm)} r/min` : "";
     const now = alarm.end ? "over" : "still so";
     const name = alarm.name.replace(alarm.severity, alarm.severity.toUpperCase());
-    return `${name}: ${alarm.told}, came ${clock(alarm.begin.time_s)}${at}, ${now}.`;
+    return `${name}: ${alarm.message}, came ${clock(alarm.begin.time_s)}${at}, ${now}.`;
   });
   const more = told.length > 2 ? ` And ${told.length - 2} more.` : "";
   write("alarm", told.length ? `▲ ${told.slice(0, 2).join(" ")}${more}` : "");
@@ -226,7 +226,7 @@ function drawBanners({ status, measured }) {
   const closed = ["x", "y"].filter((probe) => measured && !measured[`probe_${probe}`].gap_ok);
   const gaps = closed.map((probe) => `Probe ${probe} reads ${decimals(measured[`probe_${probe}`].gap_v, 2)} V: outside its gap window.`);
   const tacho = { irregular: "Tacho irregular: speed and phase are not known.", "too fast": "Tacho too fast for its sensor: speed may read too low." };
-  const counter = [measured?.tacho.counter?.told, measured?.tacho.counter?.told_lately].filter(Boolean).join("; ");
+  const counter = [measured?.tacho.counter?.message, measured?.tacho.counter?.recent_message].filter(Boolean).join("; ");
   const told = [status.detail, ...gaps, tacho[measured?.tacho.state] ?? "", counter ? `Tacho: ${counter}.` : ""].filter(Boolean);
   banner("trouble", told.join(" "), status.state === "failed");
 }

@@ -125,13 +125,13 @@ function waited(run) {
 
 function counted(tacho) {
   if (!tacho?.counter) return [];
-  const compared = tacho.counter.told || `${count(tacho.counter.compared)} edges by counter and samples agree`;
+  const compared = tacho.counter.message || `${count(tacho.counter.compared)} edges by counter and samples agree`;
   return [["Tacho", `speed and phase from the ${tacho.reference} · ${compared}`]];
 }
 
 function summary(run) {
   const lost = `${run.lost_is_exact ? "" : "at least "}${whole(run.lost_samples)}`;
-  const part = Math.max(0, ...run.probes.map((probe) => probe.largest_of_clearance ?? 0));
+  const part = Math.max(0, ...run.probes.map((probe) => probe.largest_clearance_fraction ?? 0));
   const room = part ? `, ${percent(part)} of the clearance` : "";
   const parts = [
     facts([
@@ -140,9 +140,9 @@ function summary(run) {
       ...waited(run),
       ["Speed", `${whole(run.lowest_speed_rpm)} to ${whole(run.highest_speed_rpm)} r/min`],
       ...counted(run.tacho),
-      ...(run.tacho?.mark_is_arbitrary ? [["Phases", "from the first mark seen: the marks cannot be told apart"]] : []),
+      ...(run.tacho?.phase_reference_is_arbitrary ? [["Phases", "from the first mark seen: the marks cannot be told apart"]] : []),
       ["Largest overall", `${micrometres(run.largest_peak_to_peak_um)} µm peak-to-peak${room} · ${run.severity}`],
-      ...run.probes.map((probe) => [`Gap ${probe.name}`, `${decimals(probe.gap_least_v, 2)} to ${decimals(probe.gap_most_v, 2)} V${probe.gap_ok ? "" : " · outside its window"}`]),
+      ...run.probes.map((probe) => [`Gap ${probe.name}`, `${decimals(probe.gap_min_v, 2)} to ${decimals(probe.gap_max_v, 2)} V${probe.gap_ok ? "" : " · outside its window"}`]),
     ]),
   ];
   for (const end of run.segments) if (end.detail) parts.push(make("p", `Part ${end.segment + 1} ended (${end.end_reason}): ${end.detail}`));
@@ -153,13 +153,13 @@ function summary(run) {
   return parts;
 }
 
-const arrow = (course) => (course === "run-up" ? "▲" : "▼");
+const arrow = (direction) => (direction === "run-up" ? "▲" : "▼");
 
 function alarms(run) {
   return run.alarms.map((alarm) => {
     const until = alarm.end ? `until ${clock(alarm.end.time_s)}` : "to the end";
     const name = alarm.name.replace(alarm.severity, alarm.severity.toUpperCase());
-    return make("p", `▲ ${name} from ${clock(alarm.begin.time_s)}, ${whole(alarm.begin.speed_rpm)} r/min, ${until}: up to ${alarm.told}.`);
+    return make("p", `▲ ${name} from ${clock(alarm.begin.time_s)}, ${whole(alarm.begin.speed_rpm)} r/min, ${until}: up to ${alarm.message}.`);
   });
 }
 
@@ -167,7 +167,7 @@ function standards(figures) {
   return table(
     "Standards, for information: none is written for floating rings",
     ["figure", "µm peak-to-peak", "largest of it", "meant for", "read in"],
-    figures.map((one) => [`${one.standard} ${one.name}`, micrometres(one.limit_peak_to_peak_um), known(one.of_limit) ? percent(one.of_limit) : "", one.scope, one.source]),
+    figures.map((one) => [`${one.standard} ${one.name}`, micrometres(one.limit_peak_to_peak_um), known(one.limit_ratio) ? percent(one.limit_ratio) : "", one.scope, one.source]),
     3,
   );
 }
@@ -189,11 +189,11 @@ function hysteresis(run) {
 
 function subSynchronous(found) {
   if (!found.length) return make("p", "No component below 1X stood out.");
-  const at = (place, course) => `${whole(place.speed_rpm)} r/min ${course ? arrow(course) : ""}`.trim();
+  const at = (place, direction) => `${whole(place.speed_rpm)} r/min ${direction ? arrow(direction) : ""}`.trim();
   return table(
     "Below 1X",
     ["order", "from", "to", "direction", "largest, µm peak", "there at"],
-    found.map((one) => [order(one.order), at(one.begin, one.begin_course), at(one.end, one.end_course), one.direction, micrometres(one.largest_peak_um), at(one.largest_at)]),
+    found.map((one) => [order(one.order), at(one.begin, one.begin_ramp_direction), at(one.end, one.end_ramp_direction), one.direction, micrometres(one.largest_peak_um), at(one.largest_at)]),
   );
 }
 
@@ -239,7 +239,7 @@ function bySpeed(rows) {
     rows
       .filter((_, index) => index % step === 0 && known(rows[index].speed_rpm))
       .map((row) => [
-        `${whole(row.speed_rpm)} ${arrow(row.course)}`, ...["order_1x", "order_2x"].flatMap((name) => ["x", "y"].map((probe) => polar(row[`${name}_compensated`] ?? row[name], probe))),
+        `${whole(row.speed_rpm)} ${arrow(row.ramp_direction)}`, ...["order_1x", "order_2x"].flatMap((name) => ["x", "y"].map((probe) => polar(row[`${name}_compensated`] ?? row[name], probe))),
         micrometres(row.mean_peak_to_peak_x_um), micrometres(row.mean_peak_to_peak_y_um),
       ]),
   );

@@ -6,7 +6,7 @@ import { draw, follow, plane } from "./picture.js";
 const [WIDTH, HEIGHT] = [1600, 260];
 const SPANS = [60, 300, 1800]; // s: the shortest that holds the run, or the longest
 const INTERVAL = 0.5; // s between two points
-const LETTERS = 30; // of a marker's word, at most
+const MAX_LABEL_LENGTH = 30; // characters of a marker's label
 
 let run = null;
 let points = [];
@@ -15,7 +15,7 @@ let now = 0;
 let level = 10;
 let pace = 1000;
 
-// Takes a moment of the run; says whether there is something to draw that no picture may come with: a run, a marker.
+// Takes a moment of the run; says whether the drawing must change: a new run or a new marker.
 export function addToTrend({ run: id, status, measured }) {
   const isNews = id !== run || status.markers.length !== markers.length;
   if (id !== run || status.elapsed_s < now) points = [];
@@ -60,9 +60,9 @@ export function drawTrend(parent) {
   }
   for (const marker of markers.filter((one) => known(one.elapsed_s) && one.elapsed_s >= now - span)) {
     const x = across(marker.elapsed_s);
-    const word = marker.text.length > LETTERS ? `${marker.text.slice(0, LETTERS - 1)}…` : marker.text;
+    const label = marker.text.length > MAX_LABEL_LENGTH ? `${marker.text.slice(0, MAX_LABEL_LENGTH - 1)}…` : marker.text;
     draw(svg, "path", { d: `M${x} 0V${HEIGHT}`, class: `flag ${marker.kind}` });
     const isFarLeft = x < WIDTH / 4; // the word would run out of the picture
-    draw(svg, "text", { x: isFarLeft ? x + 6 : x - 6, y: 22, class: `label ${isFarLeft ? "" : "end"} ${marker.kind}` }, word);
+    draw(svg, "text", { x: isFarLeft ? x + 6 : x - 6, y: 22, class: `label ${isFarLeft ? "" : "end"} ${marker.kind}` }, label);
   }
 }

@@ -27,7 +27,7 @@ class AnalysisSchema(Schema):
     figures: dict[str, float | None] = Field(
         description="Quality, and what there is one of, by name", examples=[{"sigma_peak_um": 0.003, "jitter_us": 4.8}]
     )
-    meanings: dict[str, str] = Field(
+    descriptions: dict[str, str] = Field(
         description="Unit and meaning of every column and figure by its name",
         examples=[{"speed_rpm": "r/min: mean shaft speed", "lag_x_deg": "degrees: phase lag, 0 to 360, at probe x"}],
     )
@@ -45,7 +45,7 @@ def analysis_schema(run: str, kind: str, analysis: Analysis) -> AnalysisSchema:
         title=analysis.title,
         columns={column.name: _values(column) for column in analysis.columns},
         figures={name: _rounded(value) for name, value in analysis.figures.items()},
-        meanings={name: QUANTITIES[name].told for name in names},
+        descriptions={name: QUANTITIES[name].told for name in names},
         remarks=analysis.remarks,
     )
 

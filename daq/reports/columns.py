@@ -82,9 +82,9 @@ QUANTITIES: Final[dict[str, Quantity]] = {
     "order": Quantity("", "frequency over the shaft's; of full spectra negative against the rotation"),
     "order_sigma": Quantity("", "standard deviation of the order"),
     "frequency_hz": Quantity("Hz", "frequency"),
-    "turn": Quantity("", "number of the revolution, from 0"),
+    "revolution": Quantity("", "number of the revolution, from 0"),
     "angle_deg": Quantity("degrees", "shaft angle after the mark"),
-    "course": Quantity("", "run-up or run-down"),
+    "ramp_direction": Quantity("", "run-up or run-down"),
     "frames": Quantity("", "spectra that were averaged"),
     "component": Quantity("", "number of the component, from 1"),
     **_amplitudes(),
@@ -97,12 +97,12 @@ QUANTITIES: Final[dict[str, Quantity]] = {
     **_at_probes("runout_{}_um", "µm", "run-out at this angle"),
     **_at_probes("runout_sigma_{}_um", "µm", "standard deviation of the run-out"),
     **_at_probes("peak_to_peak_{}_um", "µm peak-to-peak", "overall vibration, all orders together,"),
-    **_at_probes("clearance_part_{}", "", "overall vibration over the clearance's diameter"),
+    **_at_probes("clearance_fraction_{}", "", "overall vibration over the clearance's diameter"),
     "X_um": Quantity("µm", "position in the bench's X, to the right"),
     "Y_um": Quantity("µm", "position in the bench's Y, up"),
     "X_sigma_um": Quantity("µm", "standard deviation of X"),
     "Y_sigma_um": Quantity("µm", "standard deviation of Y"),
-    "eccentricity": Quantity(
+    "eccentricity_ratio": Quantity(
         "", "distance from the clearance's middle over its radius; above 1 the reference is wrong"
     ),
     "attitude_deg": Quantity("degrees", "from straight down to the shaft, positive in the direction of rotation"),
@@ -130,16 +130,18 @@ QUANTITIES: Final[dict[str, Quantity]] = {
     "tilt_deg": Quantity("degrees", "of the major axis from X, anticlockwise"),
     "period": Quantity("", "revolutions after which the points repeat; 0: they do not"),
     "scatter_um": Quantity("µm RMS", "of the points about what they make"),
-    "wandering": Quantity("", "change of 1X over the slow roll, of itself; above 0.2 the shaft moved"),
-    "probe_gain": Quantity("", "sensitivity of probe y over x less 1, as all strong lines agree; it was taken out"),
+    "slow_roll_drift": Quantity("", "change of 1X over the slow roll, of itself; above 0.2 the shaft moved"),
+    "probe_gain_mismatch": Quantity(
+        "", "sensitivity of probe y over x less 1, as all strong lines agree; it was taken out"
+    ),
     "jitter_us": Quantity("µs", "scatter of the tacho's pulses about the smooth angle"),
     "pulses_filled": Quantity("", "tacho pulses that were missing and filled in"),
     "pulses_rejected": Quantity("", "tacho edges that were rejected"),
-    "slowest_rpm": Quantity("r/min", "slowest speed used"),
-    "fastest_rpm": Quantity("r/min", "fastest speed used"),
-    "amplification": Quantity("", "speed over half-power width of a resonance (API 684)"),
+    "speed_min_rpm": Quantity("r/min", "slowest speed used"),
+    "speed_max_rpm": Quantity("r/min", "fastest speed used"),
+    "amplification_factor": Quantity("", "speed over half-power width of a resonance (API 684)"),
     "resonance_rpm": Quantity(
         "r/min", "speed of the largest resonance of the run-up, or -down, at the probe that shows it most"
     ),
-    "largest_um": Quantity("µm", "largest value drawn"),
+    "peak_to_peak_max_um": Quantity("µm peak-to-peak", "largest overall vibration"),
 }

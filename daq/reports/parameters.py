@@ -316,7 +316,7 @@ class VectorsQuery(Over):
 class BifurcationQuery(Over):
     """Positions at the mark over speed."""
 
-    averaged: Annotated[
+    averaging_revolutions: Annotated[
         int, Field(description="Revolutions about each whose mean position is taken off", ge=2, le=1024)
     ] = 64
 
@@ -327,7 +327,7 @@ class CentrelineQuery(Over):
     revolutions: Annotated[int, Field(description="Revolutions that are averaged for each position", ge=2, le=1024)] = (
         16
     )
-    parked_x_um: Annotated[
+    rest_x_um: Annotated[
         float | None,
         Field(
             description="Displacement towards probe x while the shaft lay still at the bottom, µm; left out: the mean "
@@ -335,7 +335,7 @@ class CentrelineQuery(Over):
             ge=-1e5, le=1e5, examples=[None],
         ),
     ] = None  # fmt: skip
-    parked_y_um: Annotated[
+    rest_y_um: Annotated[
         float | None, Field(description="The same towards probe y, µm", ge=-1e5, le=1e5, examples=[None])
     ] = None
 

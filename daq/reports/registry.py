@@ -18,7 +18,7 @@ from daq.reports.kinds.vectors import bode_of, polar_of
 from daq.reports.parameters import Asked
 
 VECTORS: Final = (
-    "course",
+    "ramp_direction",
     "speed_rpm",
     "amplitude_peak_x_um",
     "sigma_peak_x_um",
@@ -118,14 +118,14 @@ KINDS: Final[Mapping[str, AnalysisKind]] = {
     "orbit": AnalysisKind(
         "The orbit about a moment",
         "The shaft's path about a moment: direct, of chosen orders (1X, 2X, nX), or without them (not-1X)",
-        ("turn", "angle_deg", "time_s", "X_um", "Y_um"),
+        ("revolution", "angle_deg", "time_s", "X_um", "Y_um"),
         questions.OrbitQuery,
         orbit_of,
     ),
     "centreline": AnalysisKind(
         "The shaft's centreline",
         "The shaft's mean position in its clearance over speed",
-        ("time_s", "speed_rpm", "X_um", "Y_um", "X_sigma_um", "Y_sigma_um", "eccentricity", "attitude_deg"),
+        ("time_s", "speed_rpm", "X_um", "Y_um", "X_sigma_um", "Y_sigma_um", "eccentricity_ratio", "attitude_deg"),
         questions.CentrelineQuery,
         centreline_of,
     ),
@@ -163,7 +163,7 @@ KINDS: Final[Mapping[str, AnalysisKind]] = {
     "poincare": AnalysisKind(
         "Poincaré points",
         "The shaft's positions at the mark about a moment, and what they make",
-        ("turn", "time_s", "speed_rpm", "X_um", "Y_um"),
+        ("revolution", "time_s", "speed_rpm", "X_um", "Y_um"),
         questions.PoincareQuery,
         poincare,
     ),
@@ -205,8 +205,8 @@ KINDS: Final[Mapping[str, AnalysisKind]] = {
             "speed_rpm",
             "peak_to_peak_x_um",
             "peak_to_peak_y_um",
-            "clearance_part_x",
-            "clearance_part_y",
+            "clearance_fraction_x",
+            "clearance_fraction_y",
             "severity",
         ),
         questions.OverallQuery,

@@ -134,15 +134,17 @@ class CounterSchema(Schema):
     compared: Count = Field(description="Edges that both have", examples=[40_180])
     missing: Count = Field(description="Edges of the waveform that the counter has not stamped", examples=[0])
     extra: Count = Field(description="Stamps where the waveform has no edge", examples=[0])
-    apart: Count = Field(description="Edges that lie further apart than the rig says they may", examples=[0])
-    mean_us: float | None = Field(description="How much later the counter has them, in the mean, µs", examples=[0.02])
-    largest_us: float | None = Field(description="Largest distance of the two, µs", examples=[0.41])
+    out_of_tolerance: Count = Field(description="Edges that lie further apart than the rig says they may", examples=[0])
+    mean_difference_us: float | None = Field(
+        description="How much later the counter has them, in the mean, µs", examples=[0.02]
+    )
+    largest_difference_us: float | None = Field(description="Largest distance of the two, µs", examples=[0.41])
     recent: Count = Field(description="Edges of either in the last 10 s", examples=[250])
-    recent_odd: Count = Field(description="Of those, the ones that are missing, extra or apart", examples=[0])
-    told: str = Field(
+    recent_mismatches: Count = Field(description="Of those, the ones that are missing, extra or apart", examples=[0])
+    message: str = Field(
         description="What an operator should know of the whole run; empty where they agree", examples=[""]
     )
-    told_lately: str = Field(
+    recent_message: str = Field(
         description="Whether they still differ where they have; empty where they agree, or the counter has failed",
         examples=[""],
     )
@@ -157,11 +159,11 @@ def counter_schema(counter: CounterReport | None) -> CounterSchema | None:
         compared=counter.compared,
         missing=counter.missing,
         extra=counter.extra,
-        apart=counter.apart,
-        mean_us=finite(counter.mean * 1e6),
-        largest_us=finite(counter.largest * 1e6),
+        out_of_tolerance=counter.apart,
+        mean_difference_us=finite(counter.mean * 1e6),
+        largest_difference_us=finite(counter.largest * 1e6),
         recent=counter.recent,
-        recent_odd=counter.recent_odd,
-        told=counter.told,
-        told_lately=counter.told_lately,
+        recent_mismatches=counter.recent_odd,
+        message=counter.told,
+        recent_message=counter.told_lately,
     )

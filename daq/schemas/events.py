@@ -42,7 +42,7 @@ class MarkerSchema(Schema):
     time_s: float | None = Field(
         description="Sample time in the segment, s, right within a block and the card's backlog", examples=[12.3]
     )
-    at: datetime = Field(description="Wall clock of the host, UTC", examples=["2026-11-24T09:12:19.550000Z"])
+    marked_at: datetime = Field(description="Wall clock of the host, UTC", examples=["2026-11-24T09:12:19.550000Z"])
 
 
 class LiveMarkerSchema(MarkerSchema):
@@ -68,7 +68,7 @@ def marker_schema(marker: Marker, rate: float) -> MarkerSchema:
         text=marker.text,
         segment=marker.segment,
         time_s=finite(marker.sample / rate),
-        at=moment(marker.host_time_ns),
+        marked_at=moment(marker.host_time_ns),
     )
 
 
@@ -79,7 +79,7 @@ def live_marker_schema(placed: TimedMarker) -> LiveMarkerSchema:
         text=placed.marker.text,
         segment=placed.marker.segment,
         time_s=finite(placed.time),
-        at=moment(placed.marker.host_time_ns),
+        marked_at=moment(placed.marker.host_time_ns),
         elapsed_s=finite(placed.elapsed),
     )
 
@@ -114,7 +114,7 @@ class AlarmSchema(Schema):
         "where it lasted to the run's end"
     )
     name: str = Field(description="Which it is, for people", examples=["danger at x"])
-    told: str = Field(
+    message: str = Field(
         description="The largest value and the limit, for people", examples=["97 µm peak-to-peak, limit 95"]
     )
 
@@ -149,5 +149,5 @@ def alarm_schema(alarm: Alarm) -> AlarmSchema:
         largest_at=time_in_run_schema(alarm.largest_at),
         end=None if alarm.end is None else time_in_run_schema(alarm.end),
         name=alarm_name(alarm),
-        told=alarm_value_text(alarm),
+        message=alarm_value_text(alarm),
     )

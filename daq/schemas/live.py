@@ -60,7 +60,7 @@ class StatusSchema(Schema):
     skipped_samples: Count = Field(
         description="Samples per channel that the live analysis had to skip; they are recorded", examples=[0]
     )
-    dropped_frames: Count = Field(description="Pictures that the view could not draw in time", examples=[0])
+    dropped_updates: Count = Field(description="Pictures that the view could not draw in time", examples=[0])
     severity: Severity = Field(description="The worst of the alarms that last", examples=["normal"])
     latched_severity: Severity = Field(description="The worst of the alarms in sight", examples=["normal"])
     alarms: tuple[AlarmSchema, ...] = Field(
@@ -94,7 +94,7 @@ class TachoSchema(Schema):
     jitter_us: float | None = Field(
         description="Robust scatter (median absolute deviation) of the edges about the smooth angle, µs", examples=[4.8]
     )
-    mark_is_arbitrary: bool = Field(
+    phase_reference_is_arbitrary: bool = Field(
         description="Whether several marks cannot be told apart, so that phases are referred to the first one seen of "
         "every train of pulses and cannot be compared between trains or runs",
         examples=[False],
@@ -157,7 +157,7 @@ class MeasurementSchema(Schema):
     probe_y: ProbeSchema
     peak_to_peak_x_um: float | None = Field(description="Overall at probe x, µm peak-to-peak", examples=[38.4])
     peak_to_peak_y_um: float | None = Field(description="Overall at probe y, µm peak-to-peak", examples=[41.0])
-    peak_to_peak_of_clearance: float | None = Field(
+    peak_to_peak_clearance_fraction: float | None = Field(
         description="The larger of both over the clearance's diameter: 1 is all the room there is", examples=[0.205]
     )
     order_1x: MeasuredProbeVectorsSchema | None = Field(
@@ -242,7 +242,7 @@ def _status(status: Status) -> StatusSchema:
         backlog_s=finite(status.backlog),
         disk_left_s=finite(status.disk_left),
         skipped_samples=status.skipped,
-        dropped_frames=status.dropped_frames,
+        dropped_updates=status.dropped_frames,
         severity=status.severity,
         latched_severity=status.latched,
         alarms=tuple(alarm_schema(alarm) for alarm in status.alarms),
@@ -273,7 +273,7 @@ def _measured(snapshot: Snapshot, header: RunHeader) -> MeasurementSchema:
             filled=tacho.filled,
             rejected=tacho.rejected,
             jitter_us=finite(tacho.jitter * 1e6),
-            mark_is_arbitrary=tacho.mark_is_arbitrary,
+            phase_reference_is_arbitrary=tacho.mark_is_arbitrary,
             reference=header.acquisition.tacho.reference,
             counter=counter_schema(snapshot.counter),
         ),
@@ -281,7 +281,7 @@ def _measured(snapshot: Snapshot, header: RunHeader) -> MeasurementSchema:
         probe_y=_probe(snapshot, header, 1),
         peak_to_peak_x_um=micrometres(snapshot.peak_to_peak[0]),
         peak_to_peak_y_um=micrometres(snapshot.peak_to_peak[1]),
-        peak_to_peak_of_clearance=finite(header.limits.clearance_part(float(snapshot.peak_to_peak.max()))),
+        peak_to_peak_clearance_fraction=finite(header.limits.clearance_part(float(snapshot.peak_to_peak.max()))),
         order_1x=None if frame is None else _line(frame, 1),
         order_2x=None if frame is None else _line(frame, 2),
         order_1x_compensated=None if frame is None else _compensated_line(frame, 1),

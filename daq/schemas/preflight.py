@@ -29,7 +29,7 @@ class CalibratedPointSchema(Schema):
 
     gap_um: float = Field(description="Set with the micrometer, µm")
     volts: float = Field(description="The conditioner's mean output, V")
-    off_um: float | None = Field(description="The polynomial's gap less the point's, µm")
+    residual_um: float | None = Field(description="The polynomial's gap less the point's, µm")
 
 
 class GapCalibrationSchema(Schema):
@@ -50,11 +50,11 @@ class TachoCalibrationSchema(Schema):
     level_low_v: float | None = Field(description="Lower level of the signal, V")
     level_high_v: float | None = Field(description="Upper level of the signal, V")
     noise_v: float | None = Field(description="Scatter about its level, V rms")
-    light_fraction: float | None = Field(description="Part of the time at the upper level, 0 to 1")
+    duty_cycle: float | None = Field(description="Part of the time at the upper level, 0 to 1")
     threshold_v: float | None = Field(description="Proposed middle of the switching levels, V")
     hysteresis_v: float | None = Field(description="Proposed distance of the switching levels, V")
-    present_threshold_v: float = Field(description="As the rig file has it, V")
-    present_hysteresis_v: float = Field(description="As the rig file has it, V")
+    current_threshold_v: float = Field(description="As the rig file has it, V")
+    current_hysteresis_v: float = Field(description="As the rig file has it, V")
 
 
 def gap_calibration_schema(
@@ -70,7 +70,7 @@ def gap_calibration_schema(
         volts_high=table.volts_high,
         residual_um=table.residual_um,
         points=tuple(
-            CalibratedPointSchema(gap_um=point.gap_um, volts=point.volts, off_um=finite(float(off) * 1e6))
+            CalibratedPointSchema(gap_um=point.gap_um, volts=point.volts, residual_um=finite(float(off) * 1e6))
             for point, off in zip(record.point, fit.residuals, strict=True)
         ),
     )
@@ -82,11 +82,11 @@ def tacho_calibration_schema(tacho: Tacho, levels: Levels | None) -> TachoCalibr
         level_low_v=None if levels is None else finite(levels.low),
         level_high_v=None if levels is None else finite(levels.high),
         noise_v=None if levels is None else finite(levels.scatter),
-        light_fraction=None if levels is None else finite(levels.high_fraction),
+        duty_cycle=None if levels is None else finite(levels.high_fraction),
         threshold_v=None if levels is None else finite(levels.middle),
         hysteresis_v=None if levels is None else finite(levels.hysteresis),
-        present_threshold_v=tacho.threshold,
-        present_hysteresis_v=tacho.hysteresis,
+        current_threshold_v=tacho.threshold,
+        current_hysteresis_v=tacho.hysteresis,
     )
 
 
@@ -172,7 +172,7 @@ class RigCheckSchema(Schema):
     """Whether a rig file is good; what was understood is null, and channels are none, where it is not."""
 
     file: str = Field(description="The rig file")
-    is_good: bool = Field(description="Whether there is no fault in it or in a file that it names")
+    is_valid: bool = Field(description="Whether there is no fault in it or in a file that it names")
     faults: tuple[str, ...] = Field(description="Every fault, with key, value and what was expected")
     rig: str | None = Field(description="Name of the rig", examples=["gj90c"])
     channels: tuple[CheckedChannelSchema, ...] = Field(description="In the order in which they are sampled")
@@ -191,7 +191,7 @@ def invalid_rig_schema(error: ConfigError) -> RigCheckSchema:
     """Return the faults of a rig file as a document."""
     return RigCheckSchema(
         file=error.file,
-        is_good=False,
+        is_valid=False,
         faults=tuple(error.faults),
         rig=None,
         channels=(),
@@ -207,7 +207,7 @@ def valid_rig_schema(rig: Rig, *, rate: float, convert_rate: float, disk_rate: f
     """Return what was understood of a rig file as a document; rates in Hz, the disk's in bytes a second."""
     return RigCheckSchema(
         file=str(rig.path),
-        is_good=True,
+        is_valid=True,
         faults=(),
         rig=rig.config.rig,
         channels=tuple(

@@ -47,13 +47,13 @@ class ProbeSummarySchema(Schema):
 
     name: str = Field(description="The operator's name for it", examples=["x"])
     gap_mean_v: float | None = Field(description="Mean gap voltage, V", examples=[5.02])
-    gap_least_v: float | None = Field(description="Smallest gap voltage over an update interval, V", examples=[4.97])
-    gap_most_v: float | None = Field(description="Largest gap voltage over an update interval, V", examples=[5.08])
+    gap_min_v: float | None = Field(description="Smallest gap voltage over an update interval, V", examples=[4.97])
+    gap_max_v: float | None = Field(description="Largest gap voltage over an update interval, V", examples=[5.08])
     gap_ok: bool = Field(description="Whether it lay in the probe's window throughout", examples=[True])
     largest_peak_to_peak_um: float | None = Field(
         description="Largest overall vibration, µm peak-to-peak", examples=[96.1]
     )
-    largest_of_clearance: float | None = Field(
+    largest_clearance_fraction: float | None = Field(
         description="That over the clearance's diameter: 1 is all the room there is", examples=[0.48]
     )
     largest_at: TimeInRunSchema | None = Field(description="Where that was; null where nothing was measured")
@@ -77,7 +77,7 @@ class TachoSummarySchema(Schema):
         description="Number of results in each state of the tacho; states that did not occur are left out",
         examples=[{"good": 2980, "no pulses": 20}],
     )
-    mark_is_arbitrary: bool = Field(
+    phase_reference_is_arbitrary: bool = Field(
         description="Whether several marks cannot be told apart, so that phases are referred to the first one seen of "
         "every train of pulses and cannot be compared between trains or runs",
         examples=[False],
@@ -94,7 +94,7 @@ class TachoSummarySchema(Schema):
 class SpeedRowSchema(Schema):
     """What the results in one bin of speed said, of a run-up or of a run-down."""
 
-    course: RampDirection = Field(description="Whether the shaft was running up or down", examples=["run-up"])
+    ramp_direction: RampDirection = Field(description="Whether the shaft was running up or down", examples=["run-up"])
     speed_rpm: float | None = Field(description="Mean shaft speed, r/min", examples=[11_025.0])
     frames: Count = Field(description="Number of order spectra in the bin", examples=[24])
     order_1x: ProbeVectorsSchema = Field(description="At running speed, mean of the vectors as measured")
@@ -134,11 +134,11 @@ class SubSynchronousSchema(Schema):
     )
     order_at_begin: float | None = Field(description="The same over its first results", examples=[0.492])
     begin: TimeInRunSchema = Field(description="The first result that showed it")
-    begin_course: RampDirection = Field(
+    begin_ramp_direction: RampDirection = Field(
         description="Whether the shaft was running up or down then", examples=["run-up"]
     )
     end: TimeInRunSchema = Field(description="The last result that showed it")
-    end_course: RampDirection = Field(
+    end_ramp_direction: RampDirection = Field(
         description="Whether the shaft was running up or down then", examples=["run-down"]
     )
     largest_peak_um: float | None = Field(
@@ -283,7 +283,7 @@ def summary_schema(
             filled=tacho.filled,
             rejected=tacho.rejected,
             jitter_us=finite(tacho.jitter * 1e6),
-            mark_is_arbitrary=tacho.mark_is_arbitrary,
+            phase_reference_is_arbitrary=tacho.mark_is_arbitrary,
             snapshots_by_state={TachoState(state): count for state, count in summary.tacho_states.items()},
             reference=summary.tacho_reference,
             counter=counter_schema(summary.counter),
@@ -313,11 +313,11 @@ def _probe(probe: ProbeSummary) -> ProbeSummarySchema:
     return ProbeSummarySchema(
         name=probe.name,
         gap_mean_v=finite(probe.gap_mean),
-        gap_least_v=finite(probe.gap_least),
-        gap_most_v=finite(probe.gap_most),
+        gap_min_v=finite(probe.gap_least),
+        gap_max_v=finite(probe.gap_most),
         gap_ok=probe.gap_ok,
         largest_peak_to_peak_um=micrometres(probe.largest_peak_to_peak),
-        largest_of_clearance=finite(probe.clearance_part),
+        largest_clearance_fraction=finite(probe.clearance_part),
         largest_at=None if probe.largest is None else time_in_run_schema(probe.largest),
         severity=probe.severity,
         samples_beyond_calibration=probe.beyond_calibration,
@@ -342,7 +342,7 @@ def speed_row_schema(row: SpeedRow) -> SpeedRowSchema:
     """Return what one bin of speed said as a document."""
     order = finite(row.whirl_order)
     return SpeedRowSchema(
-        course=row.direction,
+        ramp_direction=row.direction,
         speed_rpm=rpm(row.speed),
         frames=row.frames,
         order_1x=probe_vectors_schema(row.vectors[0]),
@@ -367,9 +367,9 @@ def sub_synchronous_schema(finding: WhirlFinding) -> SubSynchronousSchema:
         order=finite(finding.order),
         order_at_begin=finite(finding.order_at_begin),
         begin=time_in_run_schema(finding.begin),
-        begin_course=finding.begin_direction,
+        begin_ramp_direction=finding.begin_direction,
         end=time_in_run_schema(finding.end),
-        end_course=finding.end_direction,
+        end_ramp_direction=finding.end_direction,
         largest_peak_um=micrometres(finding.amplitude),
         largest_at=time_in_run_schema(finding.largest),
         direction=direction(is_forward=finding.is_forward),

@@ -10,8 +10,8 @@ class VerificationFindingSchema(Schema):
     """Something found in a recording's file."""
 
     check: Check
-    where: str
-    what: str
+    location: str
+    description: str
     is_fault: bool
 
 
@@ -98,5 +98,5 @@ def recovery_schema(recovery: Recovery) -> RecoverySchema:
 
 def _finding(finding: Finding) -> VerificationFindingSchema:
     return VerificationFindingSchema(
-        check=finding.check, where=finding.where, what=finding.what, is_fault=finding.is_fault
+        check=finding.check, location=finding.where, description=finding.what, is_fault=finding.is_fault
     )

@@ -87,7 +87,7 @@ class StandardSchema(Schema):
         description="The figure at the speed of the largest vibration, µm peak-to-peak; null where its scope ends",
         examples=[39.1],
     )
-    of_limit: float | None = Field(
+    limit_ratio: float | None = Field(
         description="The run's largest overall vibration over the figure; null likewise", examples=[2.46]
     )
     scope: str = Field(
@@ -109,7 +109,7 @@ def standard_schemas(probes: tuple[ProbeSummary, ...]) -> tuple[StandardSchema, 
             standard=figure.standard,
             name=figure.name,
             limit_peak_to_peak_um=micrometres(figure.limit),
-            of_limit=finite(worst.largest_peak_to_peak / figure.limit),
+            limit_ratio=finite(worst.largest_peak_to_peak / figure.limit),
             scope=figure.scope,
             source=figure.source,
         )

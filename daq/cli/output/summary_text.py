@@ -50,7 +50,10 @@ def summary_lines(summary: SummarySchema) -> Iterator[str]:
         yield "sub-synchronous  none"
     for k, whirl in enumerate(summary.sub_synchronous):
         label = "sub-synchronous" if k == 0 else ""
-        begin, end = _speed(whirl.begin.speed_rpm, whirl.begin_course), _speed(whirl.end.speed_rpm, whirl.end_course)
+        begin, end = (
+            _speed(whirl.begin.speed_rpm, whirl.begin_ramp_direction),
+            _speed(whirl.end.speed_rpm, whirl.end_ramp_direction),
+        )
         order, size, way = _number(whirl.order, 2), _number(whirl.largest_peak_um, 1), whirl.direction.value
         yield f"{label:15}  {order}X from {begin} to {end} r/min, {way}, up to {size} µm"
     for each in summary.hysteresis:
@@ -112,7 +115,7 @@ def _alarm(alarm: AlarmSchema) -> str:
     speed = "" if alarm.begin.speed_rpm is None else f", {_number(alarm.begin.speed_rpm)} r/min"
     end = "to the end" if alarm.end is None else f"until {_number(alarm.end.time_s, 1)} s"
     name = alarm.name.replace(alarm.severity.value, alarm.severity.value.upper())
-    return f"{name} from {_number(alarm.begin.time_s, 1)} s{speed} {end}, up to {alarm.told}"
+    return f"{name} from {_number(alarm.begin.time_s, 1)} s{speed} {end}, up to {alarm.message}"
 
 
 def _model(agreement: AgreementSchema) -> Iterator[str]:
@@ -142,8 +145,8 @@ def _model(agreement: AgreementSchema) -> Iterator[str]:
 
 def _table(summary: SummarySchema) -> Iterator[str]:
     """Yield a few rows of amplitude and phase by speed; the whole table is in the document."""
-    up = [row for row in summary.by_speed if row.frames and row.course is RampDirection.RUN_UP]
-    down = [row for row in reversed(summary.by_speed) if row.frames and row.course is RampDirection.RUN_DOWN]
+    up = [row for row in summary.by_speed if row.frames and row.ramp_direction is RampDirection.RUN_UP]
+    down = [row for row in reversed(summary.by_speed) if row.frames and row.ramp_direction is RampDirection.RUN_DOWN]
     rows = _picked(up, 5) + _picked(down, 5) if up and down else _picked(up + down, 8)
     compensated = any(row.order_1x_compensated for row in rows)
     if rows:
@@ -156,12 +159,13 @@ def _table(summary: SummarySchema) -> Iterator[str]:
         second = f"{_number(two.amplitude_peak_x_um, 1)}, {_number(two.amplitude_peak_y_um, 1)}"
         overall = f"{_number(row.largest_peak_to_peak_x_um)}, {_number(row.largest_peak_to_peak_y_um)}"
         which = "   compensated" if row.order_1x_compensated else "   as measured" if compensated else ""
-        yield f"{_speed(row.speed_rpm, row.course):>10}   {x:>11}   {y:>11}   {second:>10}   {overall:>18}{which}"
+        speed = _speed(row.speed_rpm, row.ramp_direction)
+        yield f"{speed:>10}   {x:>11}   {y:>11}   {second:>10}   {overall:>18}{which}"
 
 
-def _speed(speed_rpm: float | None, course: RampDirection) -> str:
+def _speed(speed_rpm: float | None, direction: RampDirection) -> str:
     """Say a speed, and which way it went."""
-    return f"{_number(speed_rpm)} {'▲' if course is RampDirection.RUN_UP else '▼'}"
+    return f"{_number(speed_rpm)} {'▲' if direction is RampDirection.RUN_UP else '▼'}"
 
 
 def _verdict(summary: SummarySchema) -> str:
@@ -206,7 +210,7 @@ def _largest(summary: SummarySchema) -> str:
     at = worst.largest_at
     where = f"at {_number(at.speed_rpm)} r/min" if at.speed_rpm is not None else f"at {at.time_s:.1f} s"
     verdict = "" if summary.severity is Severity.NORMAL else f" ({summary.severity.value.upper()})"
-    part = f"{100.0 * (worst.largest_of_clearance or 0.0):.0f} % of the clearance"
+    part = f"{100.0 * (worst.largest_clearance_fraction or 0.0):.0f} % of the clearance"
     return f"max {_number(worst.largest_peak_to_peak_um)} µm pp on {worst.name} {where}, {part}{verdict}"
 
 
@@ -218,16 +222,16 @@ def _tacho_oddities(tacho: TachoSummarySchema) -> Iterator[str]:
             yield f"tacho: {state.value} for {100 * count / total:.0f} % of the run"
     if tacho.filled or tacho.rejected:
         yield f"tacho: {tacho.pulses:,} pulses, {tacho.filled:,} filled in, {tacho.rejected:,} edges rejected"
-    if tacho.mark_is_arbitrary:
+    if tacho.phase_reference_is_arbitrary:
         yield "tacho: the marks cannot be told apart: phases are from the first one seen, and compare with no other run"
-    if tacho.counter is not None and tacho.counter.told:
-        yield f"tacho: {tacho.counter.told}"
+    if tacho.counter is not None and tacho.counter.message:
+        yield f"tacho: {tacho.counter.message}"
 
 
 def _oddities(summary: SummarySchema) -> Iterator[str]:
     for probe in summary.probes:
         if not probe.gap_ok:
-            least, most = _number(probe.gap_least_v, 2), _number(probe.gap_most_v, 2)
+            least, most = _number(probe.gap_min_v, 2), _number(probe.gap_max_v, 2)
             yield f"probe {probe.name}: gap voltage {least} to {most} V left its window"
         if probe.samples_beyond_calibration:
             part = 100 * probe.samples_beyond_calibration / max(summary.samples, 1)

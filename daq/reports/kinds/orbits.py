@@ -61,7 +61,7 @@ def orbit_of(run: RunSamples, query: OrbitQuery) -> Analysis:
     return Analysis(
         title=title,
         columns=columns(
-            turn=np.repeat(np.arange(turns), points),
+            revolution=np.repeat(np.arange(turns), points),
             angle_deg=np.tile(np.arange(points) * 360.0 / points, turns),
             time_s=found.times.ravel(),
             X_um=motion[0].ravel(),
@@ -110,7 +110,7 @@ def poincare(run: RunSamples, query: PoincareQuery) -> Analysis:
     return Analysis(
         title=title,
         columns=columns(
-            turn=np.arange(points.shape[1]),
+            revolution=np.arange(points.shape[1]),
             time_s=taken.record.times[:-1],
             speed_rpm=found.speeds * 30.0 / np.pi,
             X_um=points[0],

@@ -53,14 +53,15 @@ def overall_of(run: RunSamples, query: OverallQuery) -> Analysis:
         title=title,
         columns=columns(
             time_s=times, speed_rpm=speeds, peak_to_peak_x_um=x, peak_to_peak_y_um=y,
-            clearance_part_x=sizes[0] / (2.0 * limits.clearance), clearance_part_y=sizes[1] / (2.0 * limits.clearance),
+            clearance_fraction_x=sizes[0] / (2.0 * limits.clearance),
+            clearance_fraction_y=sizes[1] / (2.0 * limits.clearance),
             severity=severity,
         ),
         panels=(
             Panel(title, "s", "µm peak-to-peak", curves, caption),
             Panel("speed", "s", "r/min", (Curve("", times.tolist(), rpm, colour=SPEED),), x_range=(ends[0], ends[1])),
         ),
-        figures={"largest_um": float(larger[at]) * MICRO},
+        figures={"peak_to_peak_max_um": float(larger[at]) * MICRO},
         remarks=remarks,
     )  # fmt: skip
 

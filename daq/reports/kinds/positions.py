@@ -22,12 +22,12 @@ def bifurcation_of(run: RunSamples, query: BifurcationQuery) -> Analysis:
     taken = taken_over(run, query, 1.0)
     run.tell("computing")
     with told_or_refused(f"run {run.header.run}"):
-        speeds, positions = bifurcation(taken.record, averaged=query.averaged)
+        speeds, positions = bifurcation(taken.record, averaged=query.averaging_revolutions)
     speeds, positions = speeds * RPM, positions * MICRO
     step = -(-speeds.size // MOST_DOTS)
     shown = slice(None, None, step)
     title = f"{run.header.run} · bifurcation diagram{taken.words} · {taken.place}"
-    caption = f"each revolution a point, at the mark, less the mean of {query.averaged} about it"
+    caption = f"each revolution a point, at the mark, less the mean of {query.averaging_revolutions} about it"
     reach = 1.05 * float(np.abs(positions).max())
     panels = tuple(
         Panel(
@@ -76,7 +76,7 @@ def centreline_of(run: RunSamples, query: CentrelineQuery) -> Analysis:
         title=title,
         columns=columns(
             time_s=found.times, speed_rpm=speeds, X_um=x, Y_um=y, X_sigma_um=sigma[0], Y_sigma_um=sigma[1],
-            eccentricity=found.eccentricity, attitude_deg=np.degrees(found.attitude),
+            eccentricity_ratio=found.eccentricity, attitude_deg=np.degrees(found.attitude),
         ),
         panels=(panel,),
         figures=taken.figures,
@@ -86,8 +86,8 @@ def centreline_of(run: RunSamples, query: CentrelineQuery) -> Analysis:
 
 def _parked(taken: Taken, query: CentrelineQuery) -> tuple[np.ndarray, str]:
     """Return the displacement at the probes while the shaft lay at the bottom, m, and where it is from."""
-    if query.parked_x_um is not None and query.parked_y_um is not None:
-        given = np.array([query.parked_x_um, query.parked_y_um]) / MICRO
+    if query.rest_x_um is not None and query.rest_y_um is not None:
+        given = np.array([query.rest_x_um, query.rest_y_um]) / MICRO
         return given, "position at rest as given"
     record = taken.record
     slowest = np.argsort(record.speeds)[: min(query.revolutions, record.revolutions)]

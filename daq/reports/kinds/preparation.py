@@ -69,8 +69,8 @@ def in_degrees(vectors: NDArray[np.complex128]) -> FloatArray:
 
 def _taken(run: RunSamples, record: AngularRecord, slow_roll_rpm: float | None, segment: int | None) -> Taken:
     figures = {
-        "slowest_rpm": float(record.speeds.min()) * RPM,
-        "fastest_rpm": float(record.speeds.max()) * RPM,
+        "speed_min_rpm": float(record.speeds.min()) * RPM,
+        "speed_max_rpm": float(record.speeds.max()) * RPM,
         "revolutions": float(record.revolutions),
         "jitter_us": record.angle_jitter * 1e6,
     }

@@ -63,13 +63,13 @@ def slow_roll_of(run: RunSamples, query: SlowRollQuery) -> Analysis:
         panels=(_over_angle(title, "µm", degrees, waveform, f"{found.revolutions} turns; {size}{verdict}"),),
         figures={
             "revolutions": float(found.revolutions),
-            "slowest_rpm": found.slowest * RPM,
-            "fastest_rpm": found.fastest * RPM,
+            "speed_min_rpm": found.slowest * RPM,
+            "speed_max_rpm": found.fastest * RPM,
             "runout_sigma_x_um": float(sigma[0]),
             "runout_sigma_y_um": float(sigma[1]),
             "amplitude_peak_x_um": abs(one[0]) * MICRO,
             "amplitude_peak_y_um": abs(one[1]) * MICRO,
-            "wandering": found.wandering,
+            "slow_roll_drift": found.wandering,
         },
         remarks=("amplitude is the run-out's 1X",),
     )

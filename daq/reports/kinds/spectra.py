@@ -77,7 +77,7 @@ def full_spectrum_of(run: RunSamples, query: FullSpectrumQuery) -> Analysis:
     sigma = float(sigma_of_floor(lines.noise)[0]) / np.sqrt(2.0) * MICRO
     figures = {"sigma_peak_um": sigma, **taken.figures}
     if mismatch.is_told:
-        figures["probe_gain"] = mismatch.gain
+        figures["probe_gain_mismatch"] = mismatch.gain
     title = f"{run.header.run} · full spectrum{taken.words} · {taken.place}"
     caption = f"hann window over {query.revolutions} revolutions; ± {sigma:.3g} µm (1 σ of the floor)"
     return Analysis(

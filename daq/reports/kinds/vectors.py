@@ -54,12 +54,12 @@ def _vectors(
         figures |= {
             "resonance_rpm": largest[2].speed * RPM,
             "largest_peak_um": largest[2].amplitude * MICRO,
-            "amplification": largest[2].amplification,
+            "amplification_factor": largest[2].amplification,
         }
     return Analysis(
         title=f"{title} · {what}",
         columns=columns(
-            course=np.concatenate([np.full(curve.speeds.size, curve.direction.value) for curve in curves]),
+            ramp_direction=np.concatenate([np.full(curve.speeds.size, curve.direction.value) for curve in curves]),
             speed_rpm=np.concatenate([curve.speeds for curve in curves]) * RPM,
             **{name: np.concatenate(parts) for name, parts in _by_probe(curves).items()},
             frames=np.concatenate([curve.frames for curve in curves]),

@@ -67,7 +67,7 @@ def _courses(document: OrderVectorsSchema) -> tuple[str, list[Course]]:
     compensated = any(row.order_1x_compensated is not None for row in document.by_speed)
     ways = []
     for way, arrow in ((RampDirection.RUN_UP, "▲"), (RampDirection.RUN_DOWN, "▼")):
-        rows = [row for row in document.by_speed if row.course is way]
+        rows = [row for row in document.by_speed if row.ramp_direction is way]
         points = [(row.speed_rpm, row.order_1x_compensated if compensated else row.order_1x) for row in rows]
         known = [(speed, line) for speed, line in points if line is not None]
         if known:

@@ -100,7 +100,7 @@ def test_points_from_a_file_are_fitted_and_shown(rig_file: RigFiles, capsys: pyt
     assert len(document["coefficients_um"]) == 2
     assert document["coefficients_um"][1] == pytest.approx(98.6, abs=0.5)
     assert [point["gap_um"] for point in document["points"]] == [100, 300, 500, 700, 900]
-    assert document["residual_um"] == pytest.approx(max(abs(p["off_um"]) for p in document["points"]), abs=1e-3)
+    assert document["residual_um"] == pytest.approx(max(abs(p["residual_um"]) for p in document["points"]), abs=1e-3)
     assert load_calibration(Path(document["file"])).residual == pytest.approx(document["residual_um"] * 1e-6)
 
 
@@ -251,7 +251,7 @@ def test_tacho_too_weak_for_the_rig_gets_levels_of_its_own(
     assert main(["calibrate", "tacho", str(rig_file(simulation={"miswiring": "tacho weak"})), "--json"]) == 0
     document = json.loads(capsys.readouterr().out)
     assert (
-        document["level_low_v"] < document["threshold_v"] < document["level_high_v"] < document["present_threshold_v"]
+        document["level_low_v"] < document["threshold_v"] < document["level_high_v"] < document["current_threshold_v"]
     )
 
 

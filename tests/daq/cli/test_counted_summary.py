@@ -87,7 +87,7 @@ def test_summary_says_what_speed_comes_from(counted: RigFactory, tmp_path: Path)
     assert document.tacho is not None
     assert document.tacho.reference == "counter"
     assert document.tacho.counter is not None
-    assert (document.tacho.counter.state, document.tacho.counter.told) == (CounterState.AGREES, "")
+    assert (document.tacho.counter.state, document.tacho.counter.message) == (CounterState.AGREES, "")
     assert any("speed and phase from the counter" in line for line in summary_lines(document))
 
 

@@ -122,7 +122,7 @@ def test_command_and_address_give_the_same_numbers(
     assert answer.status_code == 200, answer.text
     document = AnalysisSchema.model_validate_json(answer.content)
     assert tuple(document.columns) == KINDS[kind].columns
-    assert document.meanings.keys() == {*document.columns, *document.figures}
+    assert document.descriptions.keys() == {*document.columns, *document.figures}
     assert document.figures, "how good it is"
     options = [part for name, value in asked.items() for part in (f"--{name.replace('_', '-')}", str(value))]
     place = ["--folder", str(bench.folder), "--json"]
@@ -165,7 +165,7 @@ def test_frequency_spectrum_and_overall_are_the_librarys(bench: RecordedBench, r
     found = given(bench, "overall")
     close(found["time_s"], level.times)
     close(found["peak_to_peak_x_um"], level.peak_to_peak[0] * 1e6)
-    close(found["clearance_part_y"], level.clearance_part[1])
+    close(found["clearance_fraction_y"], level.clearance_part[1])
     middle = (found["time_s"] > 1.0) & (found["time_s"] < 2.5)
     close(found["speed_rpm"][middle], 1500 + 3125 * (found["time_s"][middle] - 0.6), rtol=0.02)
 
@@ -193,9 +193,9 @@ def test_vectors_over_speed_are_the_librarys_run_up_and_run_down_apart(
 ) -> None:
     curves = speed_curves(track_order(record_of_codes(*whole(reader)), order), 100.0 * RPM)
     found = given(bench, "bode", order=order)
-    assert set(found["course"]) == {"run-up", "run-down"}
+    assert set(found["ramp_direction"]) == {"run-up", "run-down"}
     for curve in curves:
-        here = found["course"] == curve.direction.value
+        here = found["ramp_direction"] == curve.direction.value
         close(found["speed_rpm"][here], curve.speeds / RPM)
         for row, probe in enumerate("xy"):
             close(found[f"amplitude_peak_{probe}_um"][here], curve.amplitudes[row] * 1e6, rtol=1e-4, atol=1e-5)
@@ -250,9 +250,9 @@ def test_revolutions_and_points_at_the_mark_are_the_librarys(bench: RecordedBenc
 def test_centreline_and_components_below_1x_are_the_librarys(bench: RecordedBench, reader: RunReader) -> None:
     record = record_of_codes(*whole(reader))
     line = centreline(record, np.array([-450e-6, -430e-6]), reader.header.limits.clearance)
-    found = given(bench, "centreline", parked_x_um=-450, parked_y_um=-430)
+    found = given(bench, "centreline", rest_x_um=-450, rest_y_um=-430)
     close(found["X_um"], line.positions[0] * 1e6, atol=1e-6)
-    close(found["eccentricity"], line.eccentricity)
+    close(found["eccentricity_ratio"], line.eccentricity)
     tracks = subsynchronous_tracks(order_map(record, highest_order=2.0))
     found = given(bench, "sub-synchronous")
     assert len(tracks) >= 1

@@ -59,7 +59,7 @@ class Steered:
         if self.live.frame is None:
             return None
         return MarkerSchema(
-            kind=MarkerKind.WORD, text=text, segment=0, time_s=1.0, at=moment(1_795_511_527_250_000_000)
+            kind=MarkerKind.WORD, text=text, segment=0, time_s=1.0, marked_at=moment(1_795_511_527_250_000_000)
         )
 
     def acknowledge(self) -> AcknowledgedAlarmsSchema | None:

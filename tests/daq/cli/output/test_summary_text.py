@@ -63,20 +63,20 @@ def test_a_run_there_and_back_is_told_apart_with_what_run_out_and_whirl_were(rig
     at = max((probe for probe in document.probes), key=lambda probe: probe.largest_peak_to_peak_um or 0.0).largest_at
     assert at is not None
     assert at.speed_rpm is not None
-    room = max(probe.largest_of_clearance or 0.0 for probe in document.probes)
+    room = max(probe.largest_clearance_fraction or 0.0 for probe in document.probes)
     assert room == pytest.approx(vibration / 200.0, rel=1e-3)  # of twice the 100 µm of the clearance's radius
     assert any(f", {100 * room:.0f} % of the clearance" in line for line in lines)
     zone = document.standards[0]
     assert zone.limit_peak_to_peak_um is not None
     assert zone.limit_peak_to_peak_um == pytest.approx(4800.0 / at.speed_rpm**0.5, rel=1e-4)
-    assert zone.of_limit == pytest.approx(vibration / zone.limit_peak_to_peak_um, rel=1e-3)
+    assert zone.limit_ratio == pytest.approx(vibration / zone.limit_peak_to_peak_um, rel=1e-3)
     assert any(
         re.match(r"for information  ISO 20816-3 A/B \d+, B/C \d+, C/D \d+; API 617 .* floating rings", each)
         for each in lines
     )
     (hysteresis,) = document.hysteresis
     assert hysteresis.width_rpm == pytest.approx(0.0, abs=300.0)  # the simulated film has none
-    assert {row.course for row in document.by_speed} == {"run-up", "run-down"}
+    assert {row.ramp_direction for row in document.by_speed} == {"run-up", "run-down"}
 
 
 def test_a_slow_roll_that_did_not_come_is_told(rig: RigFactory, tmp_path: Path) -> None:
@@ -143,6 +143,6 @@ def test_marks_that_cannot_be_told_apart_are_named_with_what_that_means(
     tacho = {"pulses_per_revolution": marks, "response_time_s": 1e-4}
     document, lines = told(rig(simulation=steady, tacho=tacho), tmp_path)
     assert document.tacho is not None
-    assert document.tacho.mark_is_arbitrary is (marks > 1)
+    assert document.tacho.phase_reference_is_arbitrary is (marks > 1)
     assert any("the marks cannot be told apart" in line for line in lines) is (marks > 1)
     assert document.highest_speed_rpm == pytest.approx(6000.0, rel=0.02)

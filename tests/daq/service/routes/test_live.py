@@ -139,14 +139,14 @@ def test_alarms_of_1x_of_what_is_below_it_and_of_the_speed_have_their_own_units(
     one, below, speed = live["status"]["alarms"]
     assert (one["quantity"], one["probe"], one["limit_peak_um"], one["largest_peak_um"]) == ("1X", "x", 20.0, 24.04)
     assert one["limit_peak_to_peak_um"] is one["limit_rpm"] is None
-    assert (below["name"], below["told"]) == ("below 1X alarm at y", "14.1 µm peak, limit 12.5")
+    assert (below["name"], below["message"]) == ("below 1X alarm at y", "14.1 µm peak, limit 12.5")
     assert (speed["quantity"], speed["probe"], speed["limit_rpm"], speed["largest_rpm"]) == (
         "speed",
         None,
         19_500.0,
         19_642.0,
     )
-    assert (speed["name"], speed["told"]) == ("speed danger", "19,642 r/min, limit 19,500")
+    assert (speed["name"], speed["message"]) == ("speed danger", "19,642 r/min, limit 19,500")
     assert live["limits"]["order_1x_peak_danger_um"] == 30.0
     assert live["limits"]["below_1x_peak_danger_um"] is None
     assert live["limits"]["speed_alarm_rpm"] == 18_000.0

@@ -121,10 +121,10 @@ def test_full_spectrum_of_a_forward_orbit_stands_at_plus_one(bench: RecordedBenc
 def test_trend_keeps_every_extreme_however_it_is_thinned(bench: RecordedBench, snapshots: list[Snapshot]) -> None:
     every = told(bench, "/trend")
     assert every["results_per_entry"] == 1
-    assert every["peak_to_peak_most_x_um"] == [micrometres(s.peak_to_peak[0]) for s in snapshots]
+    assert every["peak_to_peak_max_x_um"] == [micrometres(s.peak_to_peak[0]) for s in snapshots]
     few = told(bench, "/trend", entries=5)
     assert len(few["time_s"]) == 5
-    for name, pick in (("least", min), ("most", max)):
+    for name, pick in (("min", min), ("max", max)):
         for what in (f"peak_to_peak_{name}_x_um", f"order_1x_{name}_y_um"):
             assert pick(v for v in few[what] if v is not None) == pick(v for v in every[what] if v is not None)
     part = told(bench, "/trend", from_s=1.0, duration_s=1.0)

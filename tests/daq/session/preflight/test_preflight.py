@@ -269,7 +269,7 @@ def test_check_tells_every_fault_to_people_and_programs(rig_file: RigFiles, caps
     assert told.count("calibration.volts_low = 20") == 2
     assert main(["check", str(path), "--json"]) == 2
     document = json.loads(capsys.readouterr().out)
-    assert not document["is_good"]
+    assert not document["is_valid"]
     assert len(document["faults"]) == 3
     assert main(["check", str(rig_file()), "--json"]) == 0
     good = json.loads(capsys.readouterr().out)
