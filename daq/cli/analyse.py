@@ -3,7 +3,7 @@
 import argparse
 import re
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from enum import EnumType
 from pathlib import Path
 from typing import Any
@@ -11,10 +11,10 @@ from typing import Any
 from pydantic import ValidationError
 from pydantic.fields import FieldInfo
 
-from daq.cli.arguments import add_folder, show_examples
+from daq.cli.arguments import AddCommand, add_folder, show_examples
 from daq.cli.output.progress import Console
-from daq.cli.output.terminal import Cell, align_columns, number, print_json, show
-from daq.cli.runs import found
+from daq.cli.output.terminal import Cell, align_columns, format_number, print_json, print_lines
+from daq.cli.runs import find_run
 from daq.errors import UsageError
 from daq.reports.analysis import Analysis
 from daq.reports.analysis_schema import analysis_schema
@@ -47,11 +47,9 @@ examples: rig analyse orbit 2026-11-24T09-12-07-gj90c --speed-rpm 11000
           rig analyse envelopes RUN --orders 0.49,1,2 -o orders.csv
 """
 
-Add = Callable[[str, Callable[[argparse.Namespace], int], str], argparse.ArgumentParser]
 
-
-def add_commands(add: Add) -> None:
-    """Add the command to the command line."""
+def add_analyse_command(add: AddCommand) -> None:
+    """AddCommand the command to the command line."""
     command = add("analyse", lambda _: 2, "Analyse a run's samples: orbits, Bode, cascades, orders, what is below 1X …")
     command.epilog = _EPILOG
     command.formatter_class = argparse.RawDescriptionHelpFormatter
@@ -73,13 +71,13 @@ def add_commands(add: Add) -> None:
         one.set_defaults(run=run)
 
 
-def run(chosen: argparse.Namespace) -> int:
+def run(args: argparse.Namespace) -> int:
     """Make an analysis; return the exit code."""
-    kind = KINDS[chosen.kind]
-    question = _question(kind.question, chosen)
-    for file in chosen.output:
+    kind = KINDS[args.kind]
+    question = _question(kind.question, args)
+    for file in args.output:
         _require_writable(file)
-    catalogue, run_id = found(chosen.recording, chosen.folder)
+    catalogue, run_id = find_run(args.recording, args.folder)
     console, begun = Console(), time.monotonic()
 
     def tell(doing: str, part: float | None) -> None:
@@ -93,12 +91,12 @@ def run(chosen: argparse.Namespace) -> int:
         raise UsageError(str(error)) from error
     finally:
         console.done()
-    for file in chosen.output:
-        _write(file, analysis, run_id, chosen.kind)
-    if chosen.json:
-        print_json(analysis_schema(run_id, chosen.kind, analysis))
+    for file in args.output:
+        _write(file, analysis, run_id, args.kind)
+    if args.json:
+        print_json(analysis_schema(run_id, args.kind, analysis))
     else:
-        show(_lines(analysis))
+        print_lines(_lines(analysis))
     return 0
 
 
@@ -119,9 +117,9 @@ def _option(field: str) -> str:
     return f"--{field.replace('_', '-')}"
 
 
-def _question(model: type[Question], chosen: argparse.Namespace) -> Question:
+def _question(model: type[Question], args: argparse.Namespace) -> Question:
     """Return what was asked; UsageError names every option that is wrong."""
-    given = {name.removeprefix("asked_"): value for name, value in vars(chosen).items() if name.startswith("asked_")}
+    given = {name.removeprefix("asked_"): value for name, value in vars(args).items() if name.startswith("asked_")}
     try:
         return model.model_validate(given)
     except ValidationError as error:
@@ -174,7 +172,7 @@ def _lines(analysis: Analysis) -> Iterator[str]:
     if rows.size < analysis.n_rows:
         yield f"{rows.size} of {analysis.n_rows:,} rows; all with --json, or -o FILE.csv"
     for name, value in analysis.figures.items():
-        yield f"{name:16}  {number(*_cells([value]))}  {QUANTITIES[name].meaning}"
+        yield f"{name:16}  {format_number(*_cells([value]))}  {QUANTITIES[name].meaning}"
     yield from analysis.remarks
 
 

@@ -1,18 +1,21 @@
-"""The kinds of value that the commands take as arguments, each with what is said of a wrong one."""
+"""Argument types that the commands share, the exit codes, and how a command's help is laid out."""
 
 import argparse
 import textwrap
 from collections.abc import Callable
 from pathlib import Path
 
-_WIDTH = 78  # of a description: a help page is read on the smallest terminal
+NOT_READY = 4  # exit code: preflight has a failed check, or the tacho signal does not switch
+INCOMPLETE = 5  # exit code: samples are lost, or the recording is incomplete
 
+_WIDTH = 78  # columns of a description, for the smallest terminal
 
 AddCommand = Callable[[str, Callable[[argparse.Namespace], int], str], argparse.ArgumentParser]
+"""Adds a command; takes its name, its function and its one-line description."""
 
 
 def show_examples(command: argparse.ArgumentParser, *examples: str) -> None:
-    """Have a command's help end with examples of its use, line by line."""
+    """Add examples, one a line, to the end of a command's help."""
     command.formatter_class = argparse.RawDescriptionHelpFormatter
     command.description = textwrap.fill(command.description or "", _WIDTH)
     label = "example:  " if len(examples) == 1 else "examples: "
@@ -20,8 +23,8 @@ def show_examples(command: argparse.ArgumentParser, *examples: str) -> None:
 
 
 def add_folder(command: argparse.ArgumentParser) -> None:
-    """Let a command be told where runs are kept."""
-    command.add_argument("--folder", default="", help="where runs are kept (default: $RIG_DATA, else ./data)")
+    """Add the option `--folder`, the data folder."""
+    command.add_argument("--folder", default="", help="data folder (default: $RIG_DATA, else ./data)")
 
 
 def duration(text: str) -> float:
@@ -43,7 +46,7 @@ def duration(text: str) -> float:
 
 
 def pace(text: str) -> float | None:
-    """Return a factor such as 1 or 10; None for max."""
+    """Return a replay speed factor such as 1 or 10; None for max."""
     if text == "max":
         return None
     try:
@@ -67,14 +70,14 @@ def speed(text: str) -> float:
 
 
 def port(text: str) -> int:
-    """Return the number of a port."""
+    """Return a TCP port number."""
     if not text.isdigit() or int(text) > 65535:
-        raise argparse.ArgumentTypeError(f"{text!r}: expected a port from 0 (any free one) to 65535")
+        raise argparse.ArgumentTypeError(f"{text!r}: expected a port from 0 (any free port) to 65535")
     return int(text)
 
 
 def address(text: str) -> str:
-    """Return the address of a device server."""
+    """Return the host:port of a device server."""
     host, _, number = text.rpartition(":")
     if not host or not number.isdigit():
         raise argparse.ArgumentTypeError(f"{text!r}: expected an address as host:port")
@@ -82,7 +85,7 @@ def address(text: str) -> str:
 
 
 def calibration(text: str) -> tuple[str, Path]:
-    """Return a probe's name and the file of its calibration."""
+    """Return a probe's name and its calibration file."""
     name, _, file = text.partition("=")
     if not name or not file:
         raise argparse.ArgumentTypeError(f"{text!r}: expected a probe and a file, such as x=probe-x.toml")

@@ -15,8 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from analysis.preflight.calibration_fit import CalibrationFit, fit_calibration, usual_order
-from daq.cli.arguments import AddCommand
-from daq.cli.bench import NOT_READY
+from daq.cli.arguments import NOT_READY, AddCommand
 from daq.cli.output.terminal import print_json
 from daq.config.calibration import (
     CalibrationMetadata,
@@ -129,32 +128,32 @@ def _say(text: str) -> None:
 _HALF_PLOT = 15  # characters to either side of zero
 
 
-def gap(chosen: argparse.Namespace) -> int:
+def gap(args: argparse.Namespace) -> int:
     """Calibrate a probe; return the exit code."""
-    rig = load_rig(Path(chosen.config))
-    section = rig.config.channel[probe_row(rig, chosen.channel)]
+    rig = load_rig(Path(args.config))
+    section = rig.config.channel[probe_row(rig, args.channel)]
     before = load_record(rig.path.parent / section.calibration)
     today = dt.datetime.now().astimezone().date().isoformat()
-    path = _new_path(rig, chosen, today)
+    path = _new_path(rig, args, today)
     if path.exists():
         raise UsageError(f"{path}: is there already, and a calibration is never overwritten")
-    points = read_points(Path(chosen.points)) if chosen.points else stepped(rig, chosen.channel, path)
-    record, fit = _record(points, chosen, _metadata(chosen, before, today), path)
+    points = read_points(Path(args.points)) if args.points else stepped(rig, args.channel, path)
+    record, fit = _record(points, args, _metadata(args, before, today), path)
     write_record(path, record)
     load_calibration(path)  # what was written is what a rig will read
-    if chosen.json:
-        print_json(gap_calibration_schema(chosen.channel, path, record, fit))
+    if args.json:
+        print_json(gap_calibration_schema(args.channel, path, record, fit))
     else:
         print("\n".join(_told(points, fit)))
         print(f'{path}: written; in {rig.path} name it at the channel: calibration = "{_named(path, rig)}"')
     return 0
 
 
-def tacho(chosen: argparse.Namespace) -> int:
+def tacho(args: argparse.Namespace) -> int:
     """Propose the tacho's switching levels; return the exit code."""
-    rig = load_rig(Path(chosen.config))
+    rig = load_rig(Path(args.config))
     levels = measure_tacho_levels(rig)
-    if chosen.json:
+    if args.json:
         print_json(tacho_calibration_schema(rig.tacho, levels))
         return NOT_READY if levels is None else 0
     if levels is None:
@@ -174,12 +173,12 @@ def tacho(chosen: argparse.Namespace) -> int:
     return 0
 
 
-def _new_path(rig: Rig, chosen: argparse.Namespace, today: str) -> Path:
+def _new_path(rig: Rig, args: argparse.Namespace, today: str) -> Path:
     """Return the file to write: as was asked, or a new one beside the present record."""
-    if chosen.output:
-        return Path(chosen.output)
-    folder = (rig.path.parent / rig.config.channel[probe_row(rig, chosen.channel)].calibration).parent
-    names = (f"probe-{chosen.channel}-{today}{'' if number == 1 else f'-{number}'}.toml" for number in count(1))
+    if args.output:
+        return Path(args.output)
+    folder = (rig.path.parent / rig.config.channel[probe_row(rig, args.channel)].calibration).parent
+    names = (f"probe-{args.channel}-{today}{'' if number == 1 else f'-{number}'}.toml" for number in count(1))
     return next(folder / name for name in names if not (folder / name).exists())
 
 
@@ -191,30 +190,30 @@ def _named(path: Path, rig: Rig) -> str:
         return path.resolve().as_posix()
 
 
-def _metadata(chosen: argparse.Namespace, before: CalibrationRecord, today: str) -> CalibrationMetadata:
+def _metadata(args: argparse.Namespace, before: CalibrationRecord, today: str) -> CalibrationMetadata:
     """Return the papers of the new record: what is not said is as it was."""
     old = before.calibration
     return CalibrationMetadata(
         date=today,
-        sensor=chosen.sensor or old.sensor,
-        conditioner=chosen.conditioner or old.conditioner,
-        target=chosen.target or old.target,
-        operator=chosen.operator,
-        note=chosen.note,
+        sensor=args.sensor or old.sensor,
+        conditioner=args.conditioner or old.conditioner,
+        target=args.target or old.target,
+        operator=args.operator,
+        note=args.note,
     )
 
 
 def _record(
-    points: Sequence[CalibrationPoint], chosen: argparse.Namespace, metadata: CalibrationMetadata, path: Path
+    points: Sequence[CalibrationPoint], args: argparse.Namespace, metadata: CalibrationMetadata, path: Path
 ) -> tuple[CalibrationRecord, CalibrationFit]:
     """Return record and fit of points; where they make no calibration, measured ones are kept in a file."""
     gaps, volts = np.array([point.gap for point in points]), np.array([point.volts for point in points])
-    order = chosen.order or usual_order(len(points))
+    order = args.order or usual_order(len(points))
     try:
         fit = fit_calibration(gaps, volts, order)
     except ValueError as error:
         kept = ""
-        if points and not chosen.points:
+        if points and not args.points:
             kept = f"; the points are kept in {keep(path, points)}, to be put right there and given with --points"
         raise UsageError(f"the points make no calibration: {error}{kept}") from error
     return fitted_record(fit, gaps, volts, metadata), fit

@@ -1,6 +1,6 @@
-"""Where `rig` begins: whatever asks for its end, at whatever moment, ends it tidily and without a word.
+"""Entry point of `rig`: installs the signal handlers, then imports and runs the command.
 
-The commands are imported only when this runs: every process that one of them starts imports this module again.
+The commands are imported only when `main` runs, because every process that a command starts imports this module again.
 """
 
 import signal
@@ -11,56 +11,64 @@ from types import FrameType
 
 from daq.stop_flag import EXIT_INTERRUPTED, stop_signals
 
-GRACE = 10.0  # s in which a command that was interrupted tidies up, and is not interrupted again
+GRACE_PERIOD = 10.0  # s after an interrupt, in which further signals are ignored so that the command can clean up
 
 
-class _Asked:
-    """What a request for the end does: it is noted, or it interrupts what goes on as Ctrl-C does."""
+class _StopSignalHandler:
+    """Signal handler that records a stop signal and, once enabled, raises KeyboardInterrupt as Ctrl-C does.
+
+    Attributes
+    ----------
+    is_stop_received : bool
+        Whether a signal has arrived.
+    is_interrupting : bool
+        Whether a signal raises KeyboardInterrupt; off while the command is imported and while it exits.
+    """
 
     def __init__(self) -> None:
-        self.is_noted = False
-        self.interrupts = False
-        self._interrupted = -GRACE
+        self.is_stop_received = False
+        self.is_interrupting = False
+        self._interrupted_at = -GRACE_PERIOD
 
     def __call__(self, _number: int, _frame: FrameType | None) -> None:
-        self.is_noted = True
+        self.is_stop_received = True
         now = time.monotonic()
-        if self.interrupts and now - self._interrupted >= GRACE:
-            self._interrupted = now
+        if self.is_interrupting and now - self._interrupted_at >= GRACE_PERIOD:
+            self._interrupted_at = now
             raise KeyboardInterrupt
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command; return its exit code.
+    """Run a command and return its exit code.
 
     Parameters
     ----------
     arguments : sequence of str, optional
-        Those of the process where they are not given; then the process ends with the command.
+        Command line; by default that of the process, whose child processes then end with the command.
     """
-    asked = _Asked()
-    before = {number: signal.signal(number, asked) for number in stop_signals()}
+    handler = _StopSignalHandler()
+    before = {number: signal.signal(number, handler) for number in stop_signals()}
     try:
-        from daq.cli.commands import run  # noqa: PLC0415 - takes a second, in which Ctrl-C already works
+        from daq.cli.commands import run  # noqa: PLC0415 - takes a second, during which Ctrl-C works already
 
-        asked.interrupts = True
-        return EXIT_INTERRUPTED if asked.is_noted else run(arguments)
+        handler.is_interrupting = True
+        return EXIT_INTERRUPTED if handler.is_stop_received else run(arguments)
     except KeyboardInterrupt:
         return EXIT_INTERRUPTED
     finally:
-        asked.interrupts = False
+        handler.is_interrupting = False
         if arguments is None:
-            _end_children()
-        for number, handler in before.items():  # Python's own end would give them back to the system otherwise
-            signal.signal(number, signal.SIG_IGN if arguments is None else handler)
+            _kill_children()
+        for number, previous in before.items():  # at process exit Python would restore the system's default handlers
+            signal.signal(number, signal.SIG_IGN if arguments is None else previous)
 
 
-def _end_children() -> None:
-    """End what was left running by a command that was interrupted while it tidied up; Python's own end waits for it."""
+def _kill_children() -> None:
+    """Kill child processes that a command left when it was interrupted during clean-up; Python would wait for them."""
     from multiprocessing import active_children  # noqa: PLC0415 - loaded by now if there are any
 
     for child in active_children():
-        if child.daemon:  # a recorder is none: it finishes its file
+        if child.daemon:  # a recorder is no daemon: it finishes its file
             child.kill()
 
 

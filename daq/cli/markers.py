@@ -27,7 +27,7 @@ from daq.session.run import SupportsMarkers
 DEADLINE = 5.0  # s for the answer
 
 
-def order(chosen: argparse.Namespace, path: str, content: Mapping[str, str]) -> dict[str, Any]:
+def order(args: argparse.Namespace, path: str, content: Mapping[str, str]) -> dict[str, Any]:
     """Send an order and return the service's answer.
 
     Parameters
@@ -44,10 +44,10 @@ def order(chosen: argparse.Namespace, path: str, content: Mapping[str, str]) -> 
     UsageError
         There is no service there, or it says no.
     """
-    where = f"http://{chosen.host}:{chosen.port}"
+    where = f"http://{args.host}:{args.port}"
     headers = {"Content-Type": "application/json"}
-    if chosen.token:
-        headers["Authorization"] = f"Bearer {chosen.token}"
+    if args.token:
+        headers["Authorization"] = f"Bearer {args.token}"
     address, body = f"{where}/api/v1/live/{path}", json.dumps(content).encode()
     request = urllib.request.Request(address, body, headers, method="POST")  # noqa: S310 - http
     opener = urllib.request.build_opener(urllib.request.ProxyHandler({}))  # the bench is no matter for a proxy
@@ -70,10 +70,10 @@ def _problem(error: urllib.error.HTTPError) -> str:
         return f"HTTP {error.code} {HTTPStatus(error.code).phrase}"
 
 
-def run_acknowledge(chosen: argparse.Namespace) -> int:
+def run_acknowledge(args: argparse.Namespace) -> int:
     """Ask the run's service to note its alarms as seen; return the exit code."""
-    made = order(chosen, "acknowledge", {})
-    if chosen.json:
+    made = order(args, "acknowledge", {})
+    if args.json:
         print_json(made)
         return 0
     for alarm in made["alarms"]:
@@ -83,10 +83,10 @@ def run_acknowledge(chosen: argparse.Namespace) -> int:
     return 0
 
 
-def run_mark(chosen: argparse.Namespace) -> int:
+def run_mark(args: argparse.Namespace) -> int:
     """Ask the recording's service to keep a word; return the exit code."""
-    made = order(chosen, "markers", {"text": " ".join(chosen.word) or "mark"})
-    if chosen.json:
+    made = order(args, "markers", {"text": " ".join(args.word) or "mark"})
+    if args.json:
         print_json(made)
         return 0
     print(f"marked “{made['text']}” at {made['time_s']:.1f} s of segment {made['segment']}")

@@ -15,12 +15,12 @@ from pathlib import Path
 
 from daq.cli import markers
 from daq.cli.arguments import AddCommand, add_folder, duration, pace, port, show_examples
-from daq.cli.live_screens import Screens
+from daq.cli.live_services import LiveServices
 from daq.cli.markers import take_markers
 from daq.cli.output.progress import Console, status_line
-from daq.cli.output.summary_text import tell
+from daq.cli.output.summary_text import print_summary
 from daq.cli.output.terminal import print_json
-from daq.cli.runs import found, run_line
+from daq.cli.runs import find_run, run_row
 from daq.config.loader import load_rig, with_trigger
 from daq.config.rig import Rig
 from daq.config.schema import StorageSection
@@ -102,22 +102,22 @@ def order_for(catalogue: Catalogue, rig: Rig, note: str, duration: float | None)
     )
 
 
-def run_record(chosen: argparse.Namespace) -> int:
+def run_record(args: argparse.Namespace) -> int:
     """Record a run; return the exit code."""
     console = Console()
     rig = with_trigger(
-        load_rig(Path(chosen.config)),
-        start=chosen.start,
-        stop=chosen.stop,
-        pre_s=chosen.pre,
-        events=chosen.events,
-        hold_off_s=chosen.hold_off,
+        load_rig(Path(args.config)),
+        start=args.start,
+        stop=args.stop,
+        pre_s=args.pre,
+        events=args.events,
+        hold_off_s=args.hold_off,
     )
     catalogue = Catalogue(data_folder(rig.config.storage.folder), rig.config.storage.catalogue)
     with Predictors() as predictors, ResultsReader(predictors) as results:
         summaries = Summaries(catalogue, predictors, results.summary)
-        with stop_on_signals() as stop, Screens(chosen, catalogue, summaries, console, results) as screens:
-            order = order_for(catalogue, rig, chosen.note, chosen.duration)
+        with stop_on_signals() as stop, LiveServices(args, catalogue, summaries, console, results) as screens:
+            order = order_for(catalogue, rig, args.note, args.duration)
             with closing(RecordedRun(order, predictors.for_rig(rig), screens.sinks, stop.is_set)) as recorded:
                 screens.show(recorded)
                 device, rate = recorded.header.acquisition.device, recorded.header.acquisition.rate
@@ -135,9 +135,9 @@ def run_record(chosen: argparse.Namespace) -> int:
         if outcome.message:
             console.line(f"rig: {outcome.message}")
         names = list(file_names(order.path))
-        if len(names) > FEW and not chosen.json:
+        if len(names) > FEW and not args.json:
             for name in names:
-                print(run_line(run_schema(catalogue.run(name))))
+                print(run_row(run_schema(catalogue.run(name))))
             print(f"{len(names)} recordings; rig summary RUN tells more of each")
             return outcome.exit_code
         try:
@@ -146,46 +146,46 @@ def run_record(chosen: argparse.Namespace) -> int:
             console.line(f"not summed up; rig summary {order.run} does it")
             return outcome.exit_code or EXIT_INTERRUPTED
         console.done()
-    if chosen.json and len(documents) > 1:
+    if args.json and len(documents) > 1:
         print_json(list(documents))
     else:
         for document in documents:
-            tell(document, as_json=chosen.json)
+            print_summary(document, as_json=args.json)
     return outcome.exit_code
 
 
-def run_replay(chosen: argparse.Namespace) -> int:
+def run_replay(args: argparse.Namespace) -> int:
     """Replay a recording; return the exit code."""
     console = Console()
-    catalogue, run_id = found(chosen.recording, chosen.folder)
+    catalogue, run_id = find_run(args.recording, args.folder)
     path = catalogue.path(run_id)
     with RunReader(path) as reader:
         header, delivery, markers = reader.header, reader.delivery, reader.markers()
     with Predictors() as predictors, ResultsReader(predictors) as results:
         summaries = Summaries(catalogue, predictors, results.summary)
         model = predictors.for_run(header)
-        with stop_on_signals() as stop, Screens(chosen, catalogue, summaries, console, results) as screens:
-            source = open_replay(path, chosen.pace)
+        with stop_on_signals() as stop, LiveServices(args, catalogue, summaries, console, results) as screens:
+            source = open_replay(path, args.pace)
             replayed = ReplayedRun(header, source, model, screens.sinks, markers)
             screens.show(replayed)
-            pace = "as fast as it goes" if chosen.pace is None else f"at {chosen.pace:g} × its own pace"
+            pace = "as fast as it goes" if args.pace is None else f"at {args.pace:g} × its own pace"
             console.line(f"replay of {run_id} {pace}")
             console.line(screens.addresses())
             outcome = follow(replayed, stop, console)
         model.wait(PATIENCE, lambda state: console.progress(f"model {state}"))
         console.done()
         document = summaries.document(replayed.summary(), header, delivery, markers)
-    tell(document, as_json=chosen.json)
+    print_summary(document, as_json=args.json)
     return outcome.exit_code
 
 
-def run_serve(chosen: argparse.Namespace) -> int:
+def run_serve(args: argparse.Namespace) -> int:
     """Serve until stopped; return the exit code."""
     console = Console()
-    rig = load_rig(Path(chosen.config)) if chosen.config else None
+    rig = load_rig(Path(args.config)) if args.config else None
     storage = StorageSection() if rig is None else rig.config.storage
-    catalogue = Catalogue(data_folder(chosen.folder or storage.folder), storage.catalogue)
-    chosen.no_view = True  # runs are shown by `rig record` and `rig replay`
+    catalogue = Catalogue(data_folder(args.folder or storage.folder), storage.catalogue)
+    args.no_view = True  # runs are shown by `rig record` and `rig replay`
     with (
         stop_on_signals() as stop,
         Predictors() as predictors,
@@ -201,7 +201,7 @@ def run_serve(chosen: argparse.Namespace) -> int:
 
             desk = stack.enter_context(RunManager({rig.config.rig: rig}, begin))
         summaries = Summaries(catalogue, predictors, results.summary)
-        with Screens(chosen, catalogue, summaries, console, results, desk) as screens:
+        with LiveServices(args, catalogue, summaries, console, results, desk) as screens:
             console.line(screens.addresses())
             while not stop.wait(1.0):  # a wait without end would not let Ctrl-C through everywhere
                 continue
@@ -211,7 +211,7 @@ def run_serve(chosen: argparse.Namespace) -> int:
 _PORT = 8501
 
 
-def add_run_commands(add: AddCommand) -> None:
+def add_recording_commands(add: AddCommand) -> None:
     """Add the commands with `add`, which takes name, function and description."""
     command = add("record", run_record, "Record a run, with live picture and REST, and sum it up at its end.")
     command.add_argument("config", metavar="RIG.TOML", help="the rig")

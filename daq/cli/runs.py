@@ -4,13 +4,12 @@ A run in a line of a list, and `rig summary`: what it was.
 """
 
 import argparse
-from collections.abc import Callable
 from datetime import UTC, datetime
 from pathlib import Path
 
-from daq.cli.arguments import add_folder, show_examples, speed
+from daq.cli.arguments import INCOMPLETE, AddCommand, add_folder, calibration, show_examples, speed
 from daq.cli.output.progress import RPM, Console
-from daq.cli.output.summary_text import tell
+from daq.cli.output.summary_text import print_summary
 from daq.cli.output.terminal import print_json
 from daq.config.calibration import load_calibration
 from daq.errors import UsageError
@@ -24,7 +23,7 @@ from recordings.errors import NotFoundError
 from recordings.integrity.verify import Verdict
 
 
-def found(recording: str, folder: str) -> tuple[Catalogue, str]:
+def find_run(recording: str, folder: str) -> tuple[Catalogue, str]:
     """Return the catalogue and the id of a recording that is given by its id or its file.
 
     Raises
@@ -43,7 +42,7 @@ def found(recording: str, folder: str) -> tuple[Catalogue, str]:
     return catalogue, run_id
 
 
-def run_line(run: RunSchema) -> str:
+def run_row(run: RunSchema) -> str:
     """Return what there is to say of a run in a line of a list."""
     state = "complete" if run.is_complete else "cut short"
     if run.is_complete and not run.is_gap_free:
@@ -51,20 +50,20 @@ def run_line(run: RunSchema) -> str:
     if run.verdict not in ("", Verdict.SOUND):
         state = run.verdict
     size = f"{run.size_bytes / 1e6:9.1f} MB"
-    return "  ".join((run.run, f"{run.duration_s or 0.0:8.1f} s", size, run.fault or state, *said_of(run)))
+    return "  ".join((run.run, f"{run.duration_s or 0.0:8.1f} s", size, run.fault or state, *annotation_texts(run)))
 
 
-def said_of(run: RunSchema) -> list[str]:
+def annotation_texts(run: RunSchema) -> list[str]:
     """Return what people say of a run: tags, note, remark."""
     words = [" ".join(text.split()) for text in (run.note or "", run.remark)]
     return [*(f"#{tag}" for tag in run.tags), *(f"“{text}”" for text in words if text)]
 
 
-def run_summary(chosen: argparse.Namespace) -> int:
+def run_summary(args: argparse.Namespace) -> int:
     """Say what a run was; return the exit code."""
     console = Console()
-    catalogue, run_id = found(chosen.recording, chosen.folder)
-    calibrations = {name: load_calibration(path) for name, path in chosen.calibration}
+    catalogue, run_id = find_run(args.recording, args.folder)
+    calibrations = {name: load_calibration(path) for name, path in args.calibration}
     with Predictors() as predictors:
         summaries = Summaries(catalogue, predictors)
         if calibrations:
@@ -72,25 +71,41 @@ def run_summary(chosen: argparse.Namespace) -> int:
         else:
             document = summaries.patiently(run_id, console.progress)
     console.clear()
-    tell(document, as_json=chosen.json)
-    return 0 if document.is_gap_free else 5
+    print_summary(document, as_json=args.json)
+    return 0 if document.is_gap_free else INCOMPLETE
 
 
-NOT_WHOLE = 5
 SECOND = 1_000_000_000
 
-Add = Callable[[str, Callable[[argparse.Namespace], int], str], argparse.ArgumentParser]
+
+def add_summary_command(add: AddCommand) -> None:
+    """Add `rig summary` to the command line."""
+    text = "Summarise a run: speeds, amplitudes, whirl, lost samples, agreement with the model."
+    command = add("summary", run_summary, text)
+    command.add_argument("recording", metavar="RUN", help="run id or file")
+    add_folder(command)
+    command.add_argument(
+        "--calibration",
+        type=calibration,
+        action="append",
+        default=[],
+        metavar="PROBE=FILE",
+        help="re-evaluate the samples with this calibration, as x=probe-x-2026-11-24.toml; repeatable; the recording "
+        "is not changed",
+    )
+    command.add_argument("--json", action="store_true", help="print JSON")
+    show_examples(command, "rig summary 2026-11-24T09-12-07-gj90c")
 
 
-def add_commands(add: Add) -> None:
-    """Add the commands to the command line."""
+def add_run_commands(add: AddCommand) -> None:
+    """AddCommand the commands to the command line."""
     command = add(
-        "index", index, "Bring the catalogue up to date with the files, and tell what is new, damaged or gone."
+        "index", run_index, "Bring the catalogue up to date with the files, and tell what is new, damaged or gone."
     )
     command.add_argument("--verify", action="store_true", help="verify the files that have not been as they are")
     _add_place(command)
 
-    command = add("runs", runs, "List the recorded runs, newest first: all, or those that are asked for.")
+    command = add("runs", run_runs, "List the recorded runs, newest first: all, or those that are asked for.")
     command.add_argument("--since", type=_moment, metavar="TIME", help="begun at or after, such as 2026-11-24T09:00")
     command.add_argument("--before", type=_moment, metavar="TIME", help="begun before, such as 2026-11-25")
     command.add_argument("--rig", default="", help="of the rig of this name")
@@ -108,7 +123,7 @@ def add_commands(add: Add) -> None:
     )
 
     command = add(
-        "annotate", annotate, "Say something of a run afterwards: a remark, tags. Its recording stays as it is."
+        "annotate", run_annotate, "Say something of a run afterwards: a remark, tags. Its recording stays as it is."
     )
     command.add_argument("recording", metavar="RUN", help="a run's id, or a file")
     command.add_argument("--remark", help="words on the run, in place of those before")
@@ -123,15 +138,15 @@ def _add_place(command: argparse.ArgumentParser) -> None:
     command.add_argument("--json", action="store_true", help="as JSON")
 
 
-def index(chosen: argparse.Namespace) -> int:
+def run_index(args: argparse.Namespace) -> int:
     """Bring the catalogue up to date; return the exit code."""
     console = Console()
-    catalogue = Catalogue(data_folder(chosen.folder))
-    report = catalogue.index(summarise, verifying=chosen.verify, told=console.progress)
+    catalogue = Catalogue(data_folder(args.folder))
+    report = catalogue.index(summarise, verifying=args.verify, told=console.progress)
     console.done()
     faults = {entry.id: entry.fault or entry.verdict for entry in catalogue.runs()}
     unsound = [run_id for run_id, fault in faults.items() if fault not in ("", "sound")]
-    if chosen.json:
+    if args.json:
         print_json(index_report_schema(report))
     else:
         for name, run_ids in (("new", report.new), ("changed", report.changed), ("vanished", report.vanished)):
@@ -140,51 +155,51 @@ def index(chosen: argparse.Namespace) -> int:
         for run_id in unsound:
             print(f"damaged   {run_id}: {faults[run_id]}")
         print(f"{catalogue.folder}: {len(faults)} runs, {report.unchanged} unchanged")
-    return NOT_WHOLE if unsound else 0
+    return INCOMPLETE if unsound else 0
 
 
-def runs(chosen: argparse.Namespace) -> int:
+def run_runs(args: argparse.Namespace) -> int:
     """List runs; return the exit code."""
-    low, high = chosen.speed or (None, None)
+    low, high = args.speed or (None, None)
     search = Search(
-        started_from_ns=chosen.since,
-        started_before_ns=chosen.before,
+        started_from_ns=args.since,
+        started_before_ns=args.before,
         speed_low=None if low is None else low * RPM,
         speed_high=None if high is None else high * RPM,
-        text=chosen.text,
-        tags=tuple(chosen.tag),
-        onset_below=None if chosen.onset_below is None else chosen.onset_below * RPM,
-        rig=chosen.rig,
-        serial=chosen.device,
-        calibration=chosen.calibration,
+        text=args.text,
+        tags=tuple(args.tag),
+        onset_below=None if args.onset_below is None else args.onset_below * RPM,
+        rig=args.rig,
+        serial=args.device,
+        calibration=args.calibration,
     )
-    catalogue = Catalogue(data_folder(chosen.folder))
+    catalogue = Catalogue(data_folder(args.folder))
     entries = catalogue.search(search) if search != Search() else catalogue.runs()
-    if chosen.json:
+    if args.json:
         print_json([run_schema(entry) for entry in entries])
     elif entries:
         for entry in entries:
-            print(run_line(run_schema(entry)))
+            print(run_row(run_schema(entry)))
     else:
         print(f"no {'such ' if search != Search() else ''}runs in {catalogue.folder}")
     return 0
 
 
-def annotate(chosen: argparse.Namespace) -> int:
+def run_annotate(args: argparse.Namespace) -> int:
     """Say something of a run; return the exit code."""
-    catalogue, run_id = found(chosen.recording, chosen.folder)
+    catalogue, run_id = find_run(args.recording, args.folder)
     entry = catalogue.run(run_id)
     tags = None
-    if chosen.tag or chosen.untag:
-        tags = (set(entry.tags) | set(chosen.tag)) - set(chosen.untag)
+    if args.tag or args.untag:
+        tags = (set(entry.tags) | set(args.tag)) - set(args.untag)
     try:
-        entry = catalogue.annotate(run_id, remark=chosen.remark, tags=tags)
+        entry = catalogue.annotate(run_id, remark=args.remark, tags=tags)
     except ValueError as error:
         raise UsageError(str(error)) from error
-    if chosen.json:
+    if args.json:
         print_json(run_schema(entry))
     else:
-        print("  ".join((entry.id, *said_of(run_schema(entry)))))
+        print("  ".join((entry.id, *annotation_texts(run_schema(entry)))))
     return 0
 
 

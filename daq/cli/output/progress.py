@@ -8,7 +8,7 @@ from typing import TextIO
 
 from analysis.signals.header import Severity
 from analysis.signals.snapshot import Snapshot
-from daq.cli.output.terminal import fitted, width_of, wrapped
+from daq.cli.output.terminal import fit_to_width, terminal_width, wrap_line
 from daq.session.live_update import LiveUpdate, Status
 
 RPM = 2 * math.pi / 60
@@ -34,8 +34,8 @@ class Console:
     def line(self, text: str) -> None:
         """Print a line that stays."""
         self.clear()
-        width = width_of(self._stream)
-        self._print("\n".join(wrapped(line, width) for line in text.split("\n")))
+        width = terminal_width(self._stream)
+        self._print("\n".join(wrap_line(line, width) for line in text.split("\n")))
 
     def progress(self, text: str, part: float | None = None) -> None:
         """Show where things stand, with the part that is done, 0 to 1; on a terminal it replaces what was there."""
@@ -43,7 +43,7 @@ class Console:
             text = f"{text}: {100 * part:.0f} %"
         now = time.monotonic()
         if self._rewrites:
-            text = fitted(text, width_of(self._stream))
+            text = fit_to_width(text, terminal_width(self._stream))
             self._print("\r" + text.ljust(self._width), end="")
             self._width = len(text)
         elif (part is None or part >= 0.01) and now - self._last >= _QUIET_INTERVAL:
@@ -87,7 +87,7 @@ def status_line(frame: LiveUpdate) -> str:
         parts.append(f"live analysis skipped {status.skipped:,}")
     parts.append(f"backlog {status.backlog:.1f} s")
     if math.isfinite(status.disk_left):
-        parts.append(f"disk {duration(status.disk_left)}")
+        parts.append(f"disk {format_duration(status.disk_left)}")
     if status.model != "ready":
         parts.append(f"model {status.model}")
     return "  ".join(part for part in parts if part)
@@ -130,7 +130,7 @@ def _whirl(frame: LiveUpdate) -> list[str]:
     return parts
 
 
-def duration(seconds: float) -> str:
+def format_duration(seconds: float) -> str:
     """Return a duration in the largest unit that suits, as "41 h"."""
     if seconds < 120:
         return f"{seconds:.0f} s"

@@ -5,7 +5,7 @@ from itertools import groupby
 
 from analysis.signals.header import Severity
 from analysis.signals.ramp import RampDirection
-from daq.cli.output.terminal import print_json, show
+from daq.cli.output.terminal import print_json, print_lines
 from daq.schemas.agreement import AgreementSchema
 from daq.schemas.events import AlarmSchema
 from daq.schemas.summary import SpeedRowSchema, SummarySchema, TachoSummarySchema
@@ -13,12 +13,12 @@ from daq.session.recording.health import FULL
 from recordings.mcap.markers import MarkerKind
 
 
-def tell(summary: SummarySchema, *, as_json: bool) -> None:
+def print_summary(summary: SummarySchema, *, as_json: bool) -> None:
     """Print what a run was on standard output: as JSON, or in a few lines."""
     if as_json:
         print_json(summary)
     else:
-        show(summary_lines(summary))
+        print_lines(summary_lines(summary))
 
 
 def summary_lines(summary: SummarySchema) -> Iterator[str]:

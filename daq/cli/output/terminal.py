@@ -1,7 +1,4 @@
-"""Words made to fit the terminal that they are printed on: its width, and the letters that it knows.
-
-Tables for people: numbers with the digits that count, columns that stand below each other.
-"""
+"""Terminal output: wrapping to the width, ASCII fallback, aligned tables and JSON."""
 
 import codecs
 import io
@@ -20,8 +17,18 @@ Cell = float | str
 
 
 def align_columns(names: Sequence[str], rows: Sequence[Sequence[Cell]], *, stacked: bool = False) -> list[str]:
-    """Return a table as lines; ``stacked`` writes the words of its long names one above the other."""
-    cells = [[number(cell) for cell in row] for row in rows]
+    """Return a table as lines with right-aligned columns.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Column headings.
+    rows : sequence of sequences of float or str
+        Cells; numbers are formatted with the digits that count.
+    stacked : bool
+        Whether the parts of a heading between underscores go on lines of their own, which narrows the table.
+    """
+    cells = [[format_number(cell) for cell in row] for row in rows]
     heads = [name.split("_") if stacked else [name] for name in names]
     height = max((len(words) for words in heads), default=0)
     top = [[words[k - height] if k - height >= -len(words) else "" for words in heads] for k in range(height)]
@@ -29,8 +36,8 @@ def align_columns(names: Sequence[str], rows: Sequence[Sequence[Cell]], *, stack
     return ["  ".join(word.rjust(width) for word, width in zip(row, widths, strict=True)) for row in [*top, *cells]]
 
 
-def number(cell: Cell) -> str:
-    """Return a number with the digits that count; words stay as they are."""
+def format_number(cell: Cell) -> str:
+    """Return a number with four significant digits (thousands with one decimal); text is returned unchanged."""
     if isinstance(cell, str):
         return cell
     if isinstance(cell, int):
@@ -45,12 +52,12 @@ def number(cell: Cell) -> str:
     return f"{cell:,.1f}" if size >= 1000 else f"{cell:.{max(0, 3 - math.floor(math.log10(size)))}f}"
 
 
-_USUAL = 80  # columns, of a terminal that does not tell
-_PART = re.compile(r"(?<=\S)  ")  # parts of a line stand two spaces apart
+_DEFAULT_WIDTH = 80  # columns, where the terminal does not report its width
+_PART_GAP = re.compile(r"(?<=\S)  ")  # the parts of a line are two spaces apart
 _LABEL = re.compile(r" *\S+(?: \S+)* {2,}(?=\S)| +(?=\S)")
-_LABEL_WIDTH = 20  # at most: what is longer is no label
-_INDENT = 4  # of what follows a line that begins with no label
-_LETTERS = {
+_MAX_LABEL_WIDTH = 20  # columns; longer text at the start of a line is no label
+_INDENT = 4  # columns, of continuation lines where the first has no label
+_ASCII = {
     "µ": "u",
     "°": "deg",
     "∠": "<",
@@ -71,34 +78,34 @@ _LETTERS = {
 }
 
 
-def use_known_letters(stream: TextIO) -> None:
-    """Have a stream that cannot write µ, ± or ∠ write u, +/- and < instead, and never fail."""
-    codecs.register_error("rig.letters", _replaced)
+def use_ascii_fallback(stream: TextIO) -> None:
+    """Make a stream write ASCII stand-ins (u for µ, +/- for ±) for characters that its encoding lacks."""
+    codecs.register_error("rig.ascii", _ascii_stand_ins)
     if isinstance(stream, io.TextIOWrapper):
-        stream.reconfigure(errors="rig.letters")
+        stream.reconfigure(errors="rig.ascii")
 
 
-def _replaced(error: UnicodeError) -> tuple[str, int]:
+def _ascii_stand_ins(error: UnicodeError) -> tuple[str, int]:
     if not isinstance(error, UnicodeEncodeError):
         raise error
-    return "".join(_LETTERS.get(letter, "?") for letter in error.object[error.start : error.end]), error.end
+    return "".join(_ASCII.get(letter, "?") for letter in error.object[error.start : error.end]), error.end
 
 
-def width_of(stream: TextIO) -> int | None:
-    """Return how many columns the terminal has that a stream writes to; None where it is a file or a pipe."""
+def terminal_width(stream: TextIO) -> int | None:
+    """Return the columns of the terminal that a stream writes to; None for a file or a pipe."""
     if not stream.isatty():
         return None
     try:
-        return os.get_terminal_size(stream.fileno()).columns or _USUAL
+        return os.get_terminal_size(stream.fileno()).columns or _DEFAULT_WIDTH
     except (OSError, ValueError):
-        return _USUAL
+        return _DEFAULT_WIDTH
 
 
-def fitted(text: str, width: int | None) -> str:
-    """Return a line that leaves the last of ``width`` columns free, less those of its parts that have no room."""
+def fit_to_width(text: str, width: int | None) -> str:
+    """Return a line shorter than ``width`` columns; parts that do not fit are left out."""
     if width is None or len(text) < width:
         return text
-    first, *others = _PART.split(text)
+    first, *others = _PART_GAP.split(text)
     line = first
     for part in others:
         if len(line) + len(part) + 2 < width - 2:
@@ -106,27 +113,27 @@ def fitted(text: str, width: int | None) -> str:
     return f"{line[: width - 3]} …"
 
 
-def wrapped(text: str, width: int | None) -> str:
-    """Return a line parted between words where it is longer than ``width``, what follows set in to below its text."""
+def wrap_line(text: str, width: int | None) -> str:
+    """Return a line wrapped to ``width`` columns, continuation lines indented to the text after its label."""
     if width is None or len(text) < width:
         return text
     label = _LABEL.match(text)
-    indent = label.end() if label is not None and label.end() <= _LABEL_WIDTH else _INDENT
+    indent = label.end() if label is not None and label.end() <= _MAX_LABEL_WIDTH else _INDENT
     lines = textwrap.wrap(
         text, max(width - 1, 2 * indent), subsequent_indent=" " * indent, break_long_words=False, break_on_hyphens=False
     )
     return "\n".join(lines)
 
 
-def show(lines: Iterable[str]) -> None:
-    """Print lines on standard output, each within the terminal's width where it is one."""
-    width = width_of(sys.stdout)
+def print_lines(lines: Iterable[str]) -> None:
+    """Print lines on standard output, wrapped where it is a terminal."""
+    width = terminal_width(sys.stdout)
     for line in lines:
-        print(wrapped(line, width))
+        print(wrap_line(line, width))
 
 
 def print_json(content: Schema | list[Schema] | dict[str, Any]) -> None:
-    """Print a document, a list of them or what a service answered as JSON; where UTF-8 is not read, in ASCII."""
+    """Print a schema, a list of schemas or a service's response as JSON; with ASCII escapes unless stdout is UTF-8."""
     plain: object = content
     if isinstance(content, list):
         plain = [each.model_dump(mode="json") for each in content]

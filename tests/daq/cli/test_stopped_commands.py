@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from daq.cli.main import _Asked
+from daq.cli.main import _StopSignalHandler
 from daq.config.loader import load_rig
 from daq.config.toml_files import to_toml
 from daq.stop_flag import stop_signals
@@ -125,13 +125,13 @@ def test_command_that_is_asked_to_end_while_it_is_loaded_ends_without_a_word(pla
 
 
 def test_request_for_the_end_is_noted_then_interrupts_and_is_passed_over_while_the_command_tidies_up() -> None:
-    asked = _Asked()
-    asked(signal.SIGTERM, None)
-    assert asked.is_noted
-    asked.interrupts = True
+    handler = _StopSignalHandler()
+    handler(signal.SIGTERM, None)
+    assert handler.is_stop_received
+    handler.is_interrupting = True
     with pytest.raises(KeyboardInterrupt):
-        asked(signal.SIGINT, None)
-    asked(signal.SIGINT, None)
+        handler(signal.SIGINT, None)
+    handler(signal.SIGINT, None)
 
 
 def test_terminal_that_closes_does_not_end_what_was_begun_with_nohup() -> None:

@@ -14,7 +14,7 @@ import pytest
 from daq.cli.commands import rig_parser
 from daq.cli.main import main
 from daq.cli.output.progress import Console, status_line
-from daq.cli.output.terminal import fitted, print_json, show, use_known_letters, wrapped
+from daq.cli.output.terminal import fit_to_width, print_json, print_lines, use_ascii_fallback, wrap_line
 from tests.daq.support.frames import make_frames
 
 FRAME = make_frames(150)[-1]
@@ -53,22 +53,22 @@ def test_running_line_is_rewritten_within_the_terminal_and_keeps_what_matters_mo
 
 def test_line_has_all_its_parts_where_there_is_room_for_them() -> None:
     line = "00:15  12,015 r/min ▲  x 32 µm  y 32 µm pp  lost 0  0.49X 13 µm  disk 33 h"
-    assert fitted(line, None) == fitted(line, 120) == line
-    assert fitted(line, 70) == "00:15  12,015 r/min ▲  x 32 µm  y 32 µm pp  lost 0  0.49X 13 µm …"
-    assert fitted(line, 64) == "00:15  12,015 r/min ▲  x 32 µm  y 32 µm pp  lost 0  disk 33 h …"
-    assert fitted("one sentence that is longer than that", 20) == "one sentence that …"
+    assert fit_to_width(line, None) == fit_to_width(line, 120) == line
+    assert fit_to_width(line, 70) == "00:15  12,015 r/min ▲  x 32 µm  y 32 µm pp  lost 0  0.49X 13 µm …"
+    assert fit_to_width(line, 64) == "00:15  12,015 r/min ▲  x 32 µm  y 32 µm pp  lost 0  disk 33 h …"
+    assert fit_to_width("one sentence that is longer than that", 20) == "one sentence that …"
 
 
 def test_long_lines_go_on_below_their_own_words() -> None:
     line = "model            whirl predicted from 18,000 r/min (0.21X), measured from 14,703 r/min (0.17X)"
-    first, second = wrapped(line, 80).split("\n")
+    first, second = wrap_line(line, 80).split("\n")
     assert first.endswith("measured from")
     assert second == " " * 17 + "14,703 r/min (0.17X)"
-    assert wrapped(line, None) == line
+    assert wrap_line(line, None) == line
 
 
 def test_lines_in_a_file_are_whole(capsys: pytest.CaptureFixture[str]) -> None:
-    show(["word " * 40])
+    print_lines(["word " * 40])
     assert capsys.readouterr().out == "word " * 40 + "\n"
 
 
@@ -87,7 +87,7 @@ def test_progress_in_a_file_begins_when_there_is_some() -> None:
 def test_letters_that_a_terminal_does_not_know_are_written_with_those_it_knows(encoding: str, told: str) -> None:
     written = io.BytesIO()
     with io.TextIOWrapper(written, encoding=encoding) as stream:
-        use_known_letters(stream)
+        use_ascii_fallback(stream)
         print("∠µ° ± × ▲ ≥ … é", end="", file=stream, flush=True)
         assert written.getvalue().decode(encoding) == told
 

@@ -13,9 +13,9 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from analysis.preflight.checks import Verdict
-from daq.cli.arguments import AddCommand, address, duration, speed
+from daq.cli.arguments import NOT_READY, AddCommand, address, duration, speed
 from daq.cli.output.progress import RPM, Console
-from daq.cli.output.terminal import print_json, show, width_of
+from daq.cli.output.terminal import print_json, print_lines, terminal_width
 from daq.config.loader import load_rig
 from daq.config.rig import Rig
 from daq.config.schema import Backend, DeviceSection
@@ -28,21 +28,21 @@ from daq.session.preflight.rig_checks import disk_rate
 from recordings.catalogue.catalogue import data_folder
 
 
-def run_check(chosen: argparse.Namespace) -> int:
+def run_check(args: argparse.Namespace) -> int:
     """Check a rig file; return the exit code."""
     try:
-        rig = load_rig(Path(chosen.config))
+        rig = load_rig(Path(args.config))
     except ConfigError as error:
-        if not chosen.json:
+        if not args.json:
             raise
         print_json(invalid_rig_schema(error))
         return error.exit_code
     rate = converter.coerced_rate(rig.config.timing.rate_hz)
     convert_rate = converter.convert_rate(rate, len(rig.config.channel))
-    if chosen.json:
+    if args.json:
         print_json(valid_rig_schema(rig, rate=rate, convert_rate=convert_rate, disk_rate=disk_rate(rig, rate)))
     else:
-        show(_lines(rig, rate, convert_rate))
+        print_lines(_lines(rig, rate, convert_rate))
     return 0
 
 
@@ -68,10 +68,10 @@ def _lines(rig: Rig, rate: float, convert_rate: float) -> Iterator[str]:
 _STATES = {True: "busy: another program holds it", False: "free", None: "no analog input"}
 
 
-def run_devices(chosen: argparse.Namespace) -> int:
+def run_devices(args: argparse.Namespace) -> int:
     """List what is connected; return the exit code."""
-    devices = connected_devices(DeviceSection(backend=Backend.NIDAQMX, target=chosen.target or ""))
-    if chosen.json:
+    devices = connected_devices(DeviceSection(backend=Backend.NIDAQMX, target=args.target or ""))
+    if args.json:
         print_json([found_device_schema(device) for device in devices])
     elif devices:
         print(devices[0].driver)
@@ -87,28 +87,27 @@ def _row(device: FoundDevice) -> str:
     return f"{device.name:8}  {device.product:12}  serial number {device.serial:10}  {kind:9}  {_STATES[device.busy]}"
 
 
-NOT_READY = 4  # exit code
 _WIDTH = 112  # at most
 _COLUMN = 34  # of what is found, at most: what is longer pushes what is expected aside
 _NARROW = 24  # the same on a terminal of 80
 _LEAST = 16  # columns for what is expected
 
 
-def run_preflight(chosen: argparse.Namespace) -> int:
+def run_preflight(args: argparse.Namespace) -> int:
     """Check and print the table; return the exit code."""
     console = Console()
-    rig = load_rig(Path(chosen.config))
+    rig = load_rig(Path(args.config))
     plan = PlannedRun(
         folder=data_folder(rig.config.storage.folder),
-        duration=chosen.duration,
-        speed=None if chosen.speed_rpm is None else chosen.speed_rpm * RPM,
+        duration=args.duration,
+        speed=None if args.speed_rpm is None else args.speed_rpm * RPM,
     )
     found = run_preflight_checks(rig, plan, dt.datetime.now().astimezone().date(), console.progress)
     console.clear()
-    if chosen.json:
+    if args.json:
         print_json(preflight_schema(rig.config.rig, found))
     else:
-        show(table(found, width_of(sys.stdout) or _WIDTH + 1))
+        print_lines(table(found, terminal_width(sys.stdout) or _WIDTH + 1))
     if found.device_error is not None:
         return found.device_error.exit_code
     return NOT_READY if found.verdict is Verdict.FAIL else 0
@@ -171,7 +170,7 @@ example:    rig preflight rigs/usb6251.toml --for 5min --speed 15000
 """
 
 
-def add_bench_commands(add: AddCommand) -> None:
+def add_preflight_commands(add: AddCommand) -> None:
     """Add the commands with `add`, which takes name, function and description."""
     command = add(
         "check",

@@ -24,12 +24,12 @@ if TYPE_CHECKING:
     from daq.view.live_view import LiveView
 
 
-class Screens:
+class LiveServices:
     """The live picture and the service for the runs of a data folder.
 
     Parameters
     ----------
-    chosen : argparse.Namespace
+    args : argparse.Namespace
         The command's options: host, port, token, no_view, no_serve.
     catalogue : Catalogue
         The data folder.
@@ -52,32 +52,32 @@ class Screens:
 
     def __init__(
         self,
-        chosen: argparse.Namespace,
+        args: argparse.Namespace,
         catalogue: Catalogue,
         summaries: Summaries,
         console: Console,
         results: ResultsReader | None = None,
         desk: RunManager | None = None,
     ) -> None:
-        if not is_loopback(chosen.host) and not chosen.token:
-            raise UsageError(f"--host {chosen.host} lets other machines in: --token SECRET must be given with it")
+        if not is_loopback(args.host) and not args.token:
+            raise UsageError(f"--host {args.host} lets other machines in: --token SECRET must be given with it")
         self._run: Run | None = None
         self._desk = desk
-        self._view = None if chosen.no_view else self._picture(console)
+        self._view = None if args.no_view else self._picture(console)
         self._server: ServiceServer | None = None
         self._jobs = JobQueue(CatalogueLocation(catalogue.folder, catalogue.url))
-        if getattr(chosen, "no_serve", False):
+        if getattr(args, "no_serve", False):
             return
         app = create_app(
             catalogue,
             self,
             summaries,
-            self._view.url if self._view is not None and is_loopback(chosen.host) else None,
-            features=ServiceFeatures(results, self, desk, catalogue, self._jobs, tuple(chosen.cors)),
-            host=chosen.host,
-            token=chosen.token or None,
+            self._view.url if self._view is not None and is_loopback(args.host) else None,
+            features=ServiceFeatures(results, self, desk, catalogue, self._jobs, tuple(args.cors)),
+            host=args.host,
+            token=args.token or None,
         )
-        server = ServiceServer(app, chosen.host, chosen.port)
+        server = ServiceServer(app, args.host, args.port)
         try:
             server.start()
         except ServiceError:

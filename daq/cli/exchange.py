@@ -1,0 +1,92 @@
+"""`rig import` and `rig export`: runs from and for other programs."""
+
+import argparse
+import math
+from functools import partial
+from pathlib import Path
+
+from daq.cli.arguments import AddCommand, add_folder, show_examples
+from daq.cli.output.progress import Console
+from daq.cli.runs import find_run
+from daq.session.import_run import import_run
+from recordings.catalogue.catalogue import Catalogue, data_folder
+from recordings.exchange.export import pulses_table, results_table, samples_table
+from recordings.exchange.formats import EXPORTS, IMPORTS, write_table
+from recordings.mcap.reader import RunReader
+
+
+def add_exchange_commands(add: AddCommand) -> None:
+    """Add `rig import` and `rig export` to the command line."""
+    command = add("import", run_import, f"Import another program's file as a run ({', '.join(IMPORTS)}).")
+    command.add_argument("file", metavar="FILE", help="the file to read")
+    text = "maps columns to the rig's channels, with units; described in docs/exchange.md"
+    command.add_argument("--mapping", required=True, metavar="MAP.TOML", help=text)
+    add_folder(command)
+
+    show_examples(command, "rig import bench.tdms --mapping bench-tdms.toml")
+
+    command = add("export", run_export, f"Export a run, or part of it, for other programs ({', '.join(EXPORTS)}).")
+    command.add_argument("recording", metavar="RUN", help="run id or file")
+    command.add_argument("--to", required=True, metavar="FILE", help="the new file; its suffix sets the format")
+    command.add_argument(
+        "--from",
+        dest="start",
+        type=_time,
+        default=0.0,
+        metavar="TIME",
+        help="10s, 1.5min … (default: start of the run)",
+    )
+    command.add_argument(
+        "--until", dest="stop", type=_time, default=math.inf, metavar="TIME", help="20s … (default: end of the run)"
+    )
+    command.add_argument("--segment", type=int, help="segment to export, from 0; needed where a run has several")
+    instead = command.add_mutually_exclusive_group()
+    instead.add_argument("--results", action="store_true", help="speeds, amplitudes and lags instead of samples")
+    text = "tacho edges timed by the counter instead of samples"
+    instead.add_argument("--pulses", action="store_true", help=text)
+    add_folder(command)
+    show_examples(
+        command,
+        "rig export 2026-11-24T09-12-07-gj90c --from 10s --to whirl.csv",
+        "rig export 2026-11-24T09-12-07-gj90c --results --to vectors.parquet",
+    )
+
+
+def run_import(args: argparse.Namespace) -> int:
+    """Import a file as a run; return the exit code."""
+    catalogue = Catalogue(data_folder(args.folder))
+    run_id, path = import_run(Path(args.file), Path(args.mapping), catalogue)
+    with RunReader(path) as reader:
+        channels = len(reader.header.acquisition.channels)
+        rate = reader.header.acquisition.rate
+        print(f"run {run_id}  {channels} × {rate / 1e3:g} kS/s  {reader.duration:.1f} s  {path}")
+    return 0
+
+
+def run_export(args: argparse.Namespace) -> int:
+    """Export a run to a file; return the exit code."""
+    catalogue, run_id = find_run(args.recording, args.folder)
+    target, console = Path(args.to), Console()
+    with RunReader(catalogue.path(run_id)) as reader:
+        make_table = results_table if args.results else pulses_table if args.pulses else samples_table
+        reading = partial(console.progress, f"reading {run_id}")
+        table = make_table(reader, args.start, args.stop, args.segment, reading)
+    write_table(target, table, partial(console.progress, f"writing {table.n_rows:,} rows"))
+    console.done()
+    names = ", ".join(column.name for column in table.columns)
+    print(f"{target}: {table.n_rows:,} rows of {names}")
+    return 0
+
+
+def _time(text: str) -> float:
+    """Return a time such as 0, 10s or 1.5min in s."""
+    for unit, factor in (("min", 60.0), ("h", 3600.0), ("s", 1.0), ("", 1.0)):
+        if text.endswith(unit):
+            try:
+                seconds = float(text.removesuffix(unit)) * factor
+            except ValueError:
+                break
+            if 0 <= seconds < math.inf:
+                return seconds
+            break
+    raise argparse.ArgumentTypeError(f"{text!r}: expected a time such as 10s or 1.5min")
