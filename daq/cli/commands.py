@@ -30,7 +30,7 @@ exit codes:
   3    device missing, busy or failed
   4    preflight: at least one check failed;
        calibrate tacho: the signal does not switch
-  5    samples lost, or the recording is incomplete; the file is valid
+  5    samples lost, or the recording is incomplete or damaged; the file remains
   130  stopped by Ctrl-C or a signal; the file is complete
 
 Recordings go to storage.folder of the rig file, else $RIG_DATA, else ./data.
@@ -74,7 +74,7 @@ def _add_model(add: AddCommand) -> None:
     command.add_argument("--quiet", action="store_true", help="only compute and cache it, for later runs")
     show_examples(command, "rig predict rigs/bench.toml --speed 11000")
 
-    text = "Study the rotor model: modes, stability, waterfalls, sweeps, the thesis's figures."
+    text = "Study the rotor model: modes, stability, waterfalls, sweeps, thesis figures."
     add_model_commands(add("model", lambda _: UsageError.exit_code, text))
 
 

@@ -52,7 +52,7 @@ def run(folder: Path, rig: Callable[..., Rig]) -> Path:
 def test_verify_tells_a_sound_run(run: Path, capsys: Captured) -> None:
     assert main(["verify", RUN]) == 0
     told = capsys.readouterr().out.splitlines()
-    assert re.fullmatch(rf"{run}: sound  40,000 samples a channel, 1 segment, \d+ intact chunks, 0\.\d MB", told[0])
+    assert re.fullmatch(rf"{run}: sound  40,000 samples per channel, 1 segment, \d+ intact chunks, 0\.\d MB", told[0])
     assert main(["verify", str(run), "--json"]) == 0
     document = json.loads(capsys.readouterr().out)
     assert (document["run"], document["verdict"], document["samples"]) == (RUN, "sound", 40_000)
@@ -71,8 +71,8 @@ def test_a_cut_run_is_not_whole_and_its_recovery_says_what_is_missing(
     with RunReader(copy) as reader:
         n = reader.n_samples
     told = capsys.readouterr().out
-    assert told.startswith(f"{copy}: {n:,} samples a channel in 1 segment, ")
-    assert f"missing  segment 0: whatever came after its first {n} samples" in told
+    assert told.startswith(f"{copy}: {n:,} samples per channel in 1 segment, ")
+    assert f"missing  segment 0: everything after its first {n} samples" in told
     assert main(["verify", str(copy)]) == 0
     assert main(["recover", RUN]) == 2
     assert "exists already" in capsys.readouterr().err
@@ -92,11 +92,11 @@ def test_a_hole_is_told_by_its_samples(run: Path, folder: Path, capsys: Captured
     assert re.search(rf"^{RUN} .* MB  not whole", capsys.readouterr().out, re.MULTILINE)
     assert main(["recover", RUN, "-o", str(folder / "copy.mcap")]) == 5
     told = capsys.readouterr().out
-    missing = re.search(r"^missing  segment 0: samples (\d+) to (\d+) \((\d+) a channel\)$", told, re.MULTILINE)
+    missing = re.search(r"^missing  segment 0: samples (\d+) to (\d+) \((\d+) per channel\)$", told, re.MULTILINE)
     assert missing is not None
     first, last, samples = map(int, missing.groups())
     assert samples == last - first + 1
-    assert f"{40_000 - samples:,} samples a channel in 2 segments, 1 damaged chunk left out" in told
+    assert f"{40_000 - samples:,} samples per channel in 2 segments, 1 damaged chunk left out" in told
 
 
 def test_a_whole_run_is_copied_with_nothing_missing(run: Path, folder: Path, capsys: Captured) -> None:
