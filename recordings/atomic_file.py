@@ -10,7 +10,7 @@ from typing import Protocol
 PAUSES = (0.02, 0.05, 0.1, 0.2, 0.4, 0.8)  # s between attempts to put a file where another one is being read
 
 
-class Replacing(Protocol):
+class Replaceable(Protocol):
     """A file that can be moved over another; a `Path`."""
 
     def replace(self, target: Path, /) -> object:
@@ -19,20 +19,20 @@ class Replacing(Protocol):
 
 
 @contextmanager
-def draft_of(place: Path) -> Iterator[Path]:
+def atomic_write(place: Path) -> Iterator[Path]:
     """Give a name beside a file under which it is written; at the end the draft takes its place.
 
     Nothing is left of a draft whose writing fails or is interrupted; what was there before then stays.
     """
-    draft = place.with_name(f".{place.name}.{secrets.token_hex(4)}.part")
+    temporary = place.with_name(f".{place.name}.{secrets.token_hex(4)}.part")
     try:
-        yield draft
-        put_at(draft, place)
+        yield temporary
+        replace_with_retry(temporary, place)
     finally:
-        draft.unlink(missing_ok=True)
+        temporary.unlink(missing_ok=True)
 
 
-def put_at(file: Replacing, place: Path) -> None:
+def replace_with_retry(file: Replaceable, place: Path) -> None:
     """Move a file to its place, over what is there; OSError where it cannot be.
 
     Windows moves neither a file that somebody reads nor over one, be it only a virus scanner for a moment: that is

@@ -4,7 +4,8 @@ RecordingError
 ├── NotFoundError       there is no such run
 ├── DamagedError        cut short, empty, not MCAP
 ├── UnknownFormatError  written by a version that is not known here
-├── StorageError        the folder is missing, read-only or full, or the run exists already
+├── StorageError        the folder is missing, read-only or full
+│   └── RunExistsError  a run of this id exists already
 └── ForeignFormatError  a file of another program cannot be read or written, or lacks what was asked for
 """
 
@@ -27,6 +28,10 @@ class UnknownFormatError(RecordingError):
 
 class StorageError(RecordingError):
     """Nothing can be written there."""
+
+
+class RunExistsError(StorageError):
+    """A run of this id exists already."""
 
 
 class ForeignFormatError(RecordingError):

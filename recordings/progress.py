@@ -6,5 +6,5 @@ Progress = Callable[[float], None]
 """Told the part that is done, 0 to 1."""
 
 
-def untold(_part: float) -> None:
+def ignore_progress(_part: float) -> None:
     """Tell nobody."""

@@ -11,13 +11,13 @@ from daq.cli.runs import find_run
 from daq.session.import_run import import_run
 from recordings.catalogue.catalogue import Catalogue, data_folder
 from recordings.exchange.export import pulses_table, results_table, samples_table
-from recordings.exchange.formats import EXPORTS, IMPORTS, write_table
+from recordings.exchange.formats import EXPORT_FORMATS, IMPORT_FORMATS, write_table
 from recordings.mcap.reader import RunReader
 
 
 def add_exchange_commands(add: AddCommand) -> None:
     """Add `rig import` and `rig export` to the command line."""
-    command = add("import", run_import, f"Import another program's file as a run ({', '.join(IMPORTS)}).")
+    command = add("import", run_import, f"Import another program's file as a run ({', '.join(IMPORT_FORMATS)}).")
     command.add_argument("file", metavar="FILE", help="the file to read")
     text = "maps columns to the rig's channels, with units; described in docs/exchange.md"
     command.add_argument("--mapping", required=True, metavar="MAP.TOML", help=text)
@@ -25,7 +25,9 @@ def add_exchange_commands(add: AddCommand) -> None:
 
     show_examples(command, "rig import bench.tdms --mapping bench-tdms.toml")
 
-    command = add("export", run_export, f"Export a run, or part of it, for other programs ({', '.join(EXPORTS)}).")
+    command = add(
+        "export", run_export, f"Export a run, or part of it, for other programs ({', '.join(EXPORT_FORMATS)})."
+    )
     command.add_argument("recording", metavar="RUN", help="run id or file")
     command.add_argument("--to", required=True, metavar="FILE", help="the new file; its suffix sets the format")
     command.add_argument(

@@ -38,7 +38,7 @@ from daq.session.run_manager import RunManager
 from daq.session.runout_reference import with_reference_runout
 from daq.stop_flag import EXIT_INTERRUPTED, StopFlag, stop_on_signals
 from recordings.catalogue.catalogue import Catalogue, data_folder
-from recordings.mcap.parts import file_names
+from recordings.mcap.parts import file_ids
 from recordings.mcap.reader import RunReader
 
 _LOOK = 0.2  # s
@@ -134,7 +134,7 @@ def run_record(args: argparse.Namespace) -> int:
                 outcome = follow(recorded, stop, console)
         if outcome.message:
             console.line(f"rig: {outcome.message}")
-        names = list(file_names(order.path))
+        names = list(file_ids(order.path))
         if len(names) > FEW and not args.json:
             for name in names:
                 print(run_row(run_schema(catalogue.run(name))))

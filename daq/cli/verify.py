@@ -11,7 +11,7 @@ from daq.cli.output.terminal import print_json, print_lines
 from daq.cli.runs import find_run
 from daq.schemas.verification import recovery_schema, verification_schema
 from recordings.catalogue.catalogue import SUFFIX
-from recordings.integrity.recover import Missing, recover
+from recordings.integrity.recover import MissingSamples, recover
 from recordings.integrity.verify import Verdict, Verification, verify
 
 
@@ -79,7 +79,7 @@ def run_recover(args: argparse.Namespace) -> int:
     return INCOMPLETE if recovery.missing else 0
 
 
-def _missing_line(missing: Missing) -> str:
+def _missing_line(missing: MissingSamples) -> str:
     if missing.stop is None:
         return f"missing  segment {missing.segment}: everything after its first {missing.first} samples"
     last = missing.stop - 1

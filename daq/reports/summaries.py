@@ -107,7 +107,7 @@ class Summaries:
         return summary_schema(summary, agreement, delivery, tuple(marker_schema(marker, rate) for marker in markers))
 
     def _kept(self, run_id: str) -> SummarySchema | None:
-        document = self._catalogue.load_document(run_id, KEPT_AS)
+        document = self._catalogue.load_cached(run_id, KEPT_AS)
         if document is None:
             return None
         try:
@@ -126,5 +126,5 @@ class Summaries:
             predictor.wait(PATIENCE, lambda state: waiting(f"model {state}", None))
         document = self.document(summary, header, delivery, markers)
         if is_complete and predictor.map is not None:
-            self._catalogue.store_document(run_id, KEPT_AS, document.model_dump(mode="json"))
+            self._catalogue.store_cached(run_id, KEPT_AS, document.model_dump(mode="json"))
         return document

@@ -27,8 +27,8 @@ from daq.service.problems import JobHint, ProblemError
 from daq.service.schemas.uploads import ColumnsSchema, columns_schema
 from daq.service.worker_pool import DEADLINE, WorkerPool, WorkerStoppedError, WorkerTimeoutError
 from model.prediction.prediction_map import Prediction
-from recordings.catalogue.arrival import require_whole
 from recordings.catalogue.catalogue import RunEntry
+from recordings.catalogue.incoming_run import require_sound
 from recordings.errors import DamagedError, ForeignFormatError, UnknownFormatError
 from recordings.exchange.formats import read_table
 
@@ -105,12 +105,12 @@ class ResultsReader:
         except ForeignFormatError as error:
             raise ProblemError(ProblemType.NO_TABLE, str(error).replace(str(path), name)) from error
 
-    def require_whole(self, draft: Path) -> None:
+    def require_sound(self, temporary: Path) -> None:
         """Raise ProblemError where a file that was sent in is no whole recording."""
         try:
-            self._run(require_whole, draft, deadline=ARRIVAL_LIMIT)
+            self._run(require_sound, temporary, deadline=ARRIVAL_LIMIT)
         except (DamagedError, UnknownFormatError) as error:
-            raise ProblemError(ProblemType.NO_RECORDING, str(error).replace(str(draft), "what was sent")) from error
+            raise ProblemError(ProblemType.NO_RECORDING, str(error).replace(str(temporary), "what was sent")) from error
 
     def prediction(self, run: RunEntry, speed: float) -> PredictionSchema:
         """Return what the model says of a run's rig at a speed, rad/s."""

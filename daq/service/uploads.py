@@ -18,12 +18,13 @@ from fastapi import Request
 
 from daq.service.problem_types import ProblemType
 from daq.service.problems import ProblemError
-from recordings.catalogue.arrival import Arrival, RunExistsError
-from recordings.exchange.formats import IMPORTS
+from recordings.catalogue.incoming_run import IncomingRun
+from recordings.errors import RunExistsError
+from recordings.exchange.formats import IMPORT_FORMATS
 
 MOST_KEPT: Final = 16
 MOST_BYTES: Final = 2 * 1024**3  # of one file
-MAX_MARKER_LENGTH: Final = 200
+MAX_NAME_LENGTH: Final = 200
 KEPT_FOR: Final = 3600.0  # s
 ABANDONED: Final = 24 * 3600.0  # s: what is so old is of a service that was ended by force
 
@@ -64,10 +65,10 @@ class Upload:
 
 def require_name(name: str) -> None:
     """Raise ValueError where a file cannot be called so: a plain name of a format that can be imported."""
-    if not name.isprintable() or not 0 < len(name) <= MAX_MARKER_LENGTH or set(name) & set("/\\:"):
+    if not name.isprintable() or not 0 < len(name) <= MAX_NAME_LENGTH or set(name) & set("/\\:"):
         raise ValueError(f"name {name[:60]!r}: expected a file's name without its folders")
-    if PurePath(name).suffix.lower() not in IMPORTS:
-        raise ValueError(f"name {name[-60:]!r}: expected one that ends with {', '.join(IMPORTS)}")
+    if PurePath(name).suffix.lower() not in IMPORT_FORMATS:
+        raise ValueError(f"name {name[-60:]!r}: expected one that ends with {', '.join(IMPORT_FORMATS)}")
 
 
 class UploadStore:
@@ -227,18 +228,18 @@ class UploadReceiver:
 
     async def _take(self, request: Request, place: Path, limit: int, look: Callable[[Path], None] | None) -> int:
         aside = partial(to_thread.run_sync, limiter=self._threads)
-        arrival = await aside(partial(Arrival, place))
+        incoming = await aside(partial(IncomingRun, place))
         try:
-            size = await self._received(request, arrival, limit)
-            await aside(arrival.close)
+            size = await self._received(request, incoming, limit)
+            await aside(incoming.close)
             if look is not None:
-                await aside(look, arrival.draft)
-            await aside(arrival.settle)
+                await aside(look, incoming.temporary)
+            await aside(incoming.commit)
         finally:
-            await to_thread.run_sync(arrival.abandon)
+            await to_thread.run_sync(incoming.discard)
         return size
 
-    async def _received(self, request: Request, arrival: Arrival, limit: int) -> int:
+    async def _received(self, request: Request, incoming: IncomingRun, limit: int) -> int:
         size, stream = 0, request.stream()
         is_whole = False
         while not is_whole:
@@ -255,5 +256,5 @@ class UploadReceiver:
             size += len(portion)
             if size > limit:
                 raise ProblemError(ProblemType.TOO_LARGE, f"more than {max(limit, 0):,} bytes")
-            await to_thread.run_sync(arrival.write, bytes(portion), limiter=self._threads)
+            await to_thread.run_sync(incoming.write, bytes(portion), limiter=self._threads)
         return size

@@ -15,12 +15,12 @@ from daq.config.rig import Rig
 from daq.config.schema import ChannelSection
 from daq.errors import ConfigError
 from daq.session.runout_reference import with_reference_runout
-from recordings.catalogue.arrival import settle
 from recordings.catalogue.catalogue import Catalogue
+from recordings.catalogue.incoming_run import move_without_overwriting
 from recordings.exchange.formats import read_table
-from recordings.exchange.imported import METRES, ImportedChannel, imported_channel, imported_items
+from recordings.exchange.imported_channels import LENGTH_UNITS, ImportedChannel, imported_channel, imported_items
 from recordings.mcap.layout import IMPORTED_RECORD
-from recordings.mcap.writer import write_analysed
+from recordings.mcap.writer import write_run
 
 IMPORTED_BACKEND = "imported"
 """What has delivered the samples of a run that was imported."""
@@ -80,7 +80,7 @@ def _misfits(mapping: ChannelMapping, rig: Rig) -> list[str]:
     faults += [f"channel.{name}: the rig has no such channel" for name in sorted(unknown)]
     for section in rig.config.channel:
         wanted = mapping.channel.get(section.name)
-        if wanted is not None and section.role is Role.TACHO and wanted.unit in METRES:
+        if wanted is not None and section.role is Role.TACHO and wanted.unit in LENGTH_UNITS:
             faults.append(f'channel.{section.name}.unit = "{wanted.unit}": a tacho gives "V" or "mV"')
     return faults
 
@@ -144,9 +144,9 @@ def write_imported_run(
     if told is not None:
         items = _told(items, table.n_rows, told)
     written = path if drafts is None else drafts / path.name
-    write_analysed(written, replace(header, note=note), items, {IMPORTED_RECORD: origin})
+    write_run(written, replace(header, note=note), items, {IMPORTED_RECORD: origin})
     if drafts is not None:
-        settle(written, path)
+        move_without_overwriting(written, path)
     return run_id, path
 
 

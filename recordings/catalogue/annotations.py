@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from recordings.atomic_file import draft_of
+from recordings.atomic_file import atomic_write
 from recordings.errors import StorageError
 
 SUFFIX = ".notes.json"
@@ -61,7 +61,7 @@ def store(run: Path, annotations: Annotations) -> None:
     place = place_of(run)
     document = {"format": FORMAT, "remark": annotations.remark, "tags": list(annotations.tags)}
     try:
-        with draft_of(place) as draft:
-            draft.write_text(json.dumps(document, ensure_ascii=False, indent=1), encoding="utf-8")
+        with atomic_write(place) as temporary:
+            temporary.write_text(json.dumps(document, ensure_ascii=False, indent=1), encoding="utf-8")
     except OSError as error:
         raise StorageError(f"{place}: cannot be written: {error.strerror or error}") from error

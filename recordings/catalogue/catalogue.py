@@ -15,12 +15,12 @@ from typing import Any
 from recordings.catalogue import annotations, trash
 from recordings.catalogue.database import Database
 from recordings.catalogue.entry import RunEntry
-from recordings.catalogue.indexing import IndexReport, KnownRun, Summarise, compare, holds, verdict_of
+from recordings.catalogue.indexing import CachedRun, IndexReport, Summarise, compare, holds, verdict_of
 from recordings.catalogue.run_file import RunFile
-from recordings.catalogue.run_store import Shelf
-from recordings.catalogue.run_summary import SummedUp
+from recordings.catalogue.run_store import RunStore
+from recordings.catalogue.run_summary import SummarisedRun
 from recordings.catalogue.search import Search
-from recordings.catalogue.trash import PutAway
+from recordings.catalogue.trash import TrashedRun
 from recordings.errors import NotFoundError, RecordingError, StorageError
 from recordings.mcap.layout import NANOSECONDS
 from recordings.mcap.reader import RunReader
@@ -63,9 +63,9 @@ class Catalogue:
     def __init__(self, folder: Path, url: str = "") -> None:
         self.folder = folder
         self.url = url
-        self._shelf = Shelf(folder, Database(folder, url))
+        self._store = RunStore(folder, Database(folder, url))
         self._lock = threading.Lock()
-        self._known: dict[str, KnownRun] = {}
+        self._known: dict[str, CachedRun] = {}
 
     def runs(self) -> list[RunEntry]:
         """Return all runs, newest first; a file that cannot be read is listed with what is wrong with it.
@@ -96,7 +96,7 @@ class Catalogue:
         Speeds and findings are those of the runs that `index` has summed up.
         """
         present = {entry.id for entry in self.runs()}
-        return [kept.entry for run_id, kept in self._shelf.entries(search).items() if run_id in present]
+        return [kept.entry for run_id, kept in self._store.entries(search).items() if run_id in present]
 
     def annotate(self, run_id: str, *, remark: str | None = None, tags: Iterable[str] | None = None) -> RunEntry:
         """Give a run other words or tags; they are kept in a file beside it.
@@ -120,7 +120,7 @@ class Catalogue:
             Where they cannot be kept.
         """
         path = self.path(run_id)
-        with self._shelf.turn():  # what is read and written again must not change in between
+        with self._store.turn():  # what is read and written again must not change in between
             before = annotations.load(path)
             words = annotations.checked(
                 before.remark if remark is None else remark, before.tags if tags is None else tuple(tags)
@@ -129,7 +129,7 @@ class Catalogue:
         return self.run(run_id)
 
     def index(
-        self, summarise: Summarise, *, verifying: bool = False, told: Callable[[str], object] = str
+        self, summarise: Summarise, *, verify_files: bool = False, on_status: Callable[[str], object] = str
     ) -> IndexReport:
         """Bring what is kept up to date with the files, and sum up the runs that have not been.
 
@@ -137,31 +137,31 @@ class Catalogue:
         ----------
         summarise : callable
             Returns the summary of a reader's run.
-        verifying : bool
+        verify_files : bool
             Whether to verify the files that have not been since they changed.
-        told : callable
-            Told what is being done.
+        on_status : callable
+            Called with a line of text before each run that is read or verified.
 
         Raises
         ------
         StorageError
             Where the folder or the database cannot be read or written.
         """
-        before = self._shelf.entries()
+        before = self._store.entries()
         present = {entry.id: entry for entry in self.runs()}
         report = compare(before, present)
-        self._shelf.forget(list(report.vanished))
-        kept = {run_id: each for run_id, each in self._shelf.entries().items() if run_id in present}
-        self._sum_up([each.entry for each in kept.values() if not each.is_summarised], summarise, told)
+        self._store.forget(list(report.vanished))
+        kept = {run_id: each for run_id, each in self._store.entries().items() if run_id in present}
+        self._summarise([each.entry for each in kept.values() if not each.is_summarised], summarise, on_status)
         for run_id, each in kept.items():
-            if verifying and not each.entry.verdict:
-                told(f"verifying {run_id}")
-                self._shelf.judge(run_id, verdict_of(each.entry.path))
+            if verify_files and not each.entry.verdict:
+                on_status(f"verifying {run_id}")
+                self._store.store_verdict(run_id, verdict_of(each.entry.path))
         return report
 
-    def judge(self, run_id: str, verdict: str) -> None:
+    def store_verdict(self, run_id: str, verdict: str) -> None:
         """Keep what a verification of a run came to (a `Verdict`). NotFoundError, StorageError."""
-        self._shelf.judge(self.run(run_id).id, verdict)
+        self._store.store_verdict(self.run(run_id).id, verdict)
 
     def path(self, run_id: str) -> Path:
         """Return the file of a run.
@@ -182,24 +182,24 @@ class Catalogue:
                 raise StorageError(f"{path}: cannot be read: {error.strerror or error}") from error
         raise NotFoundError(f"run {run_id[:120]!r}: there is no such run in {self.folder}")
 
-    def place_for(self, run_id: str) -> Path:
+    def path_for(self, run_id: str) -> Path:
         """Return where the file of a run of this id belongs, whether it is there or not; NotFoundError for no id."""
         if not RUN_ID.fullmatch(run_id):
             raise NotFoundError(f"run {run_id[:120]!r}: no run can have this id")
         return self.folder / f"{run_id}{SUFFIX}"
 
-    def put_away(self, run_id: str) -> Path:
+    def move_to_trash(self, run_id: str) -> Path:
         """Move a run into the folder `trash` of the data folder; return where it is. NotFoundError, StorageError."""
-        place = trash.put_away(self.path(run_id))
+        place = trash.move_to_trash(self.path(run_id))
         with suppress(StorageError):  # a full disk: that it has gone is seen by whoever looks
-            self._shelf.forget([run_id])
+            self._store.forget([run_id])
         return place
 
-    def put_away_runs(self) -> list[PutAway]:
+    def trashed_runs(self) -> list[TrashedRun]:
         """Return what lies in the trash, by name. StorageError where it cannot be read."""
         return list(trash.listed(self.folder, SUFFIX))
 
-    def take_back(self, name: str, run_id: str = "") -> RunEntry:
+    def restore(self, name: str, run_id: str = "") -> RunEntry:
         """Move a run out of the trash again, and return it.
 
         Parameters
@@ -216,8 +216,8 @@ class Catalogue:
         RunExistsError, StorageError
             There is a run of this id already, or it cannot be moved.
         """
-        place = self.place_for(run_id or name)
-        trash.take_back(self.folder, name, place)
+        place = self.path_for(run_id or name)
+        trash.restore(self.folder, name, place)
         return self.run(place.stem)
 
     def new_run(self, rig_name: str, started_ns: int) -> tuple[str, Path]:
@@ -265,19 +265,19 @@ class Catalogue:
         except OSError as error:
             raise StorageError(f"{folder}: free room cannot be found out: {error.strerror or error}") from error
 
-    def load_document(self, run_id: str, name: str) -> dict[str, Any] | None:
+    def load_cached(self, run_id: str, name: str) -> dict[str, Any] | None:
         """Return a document kept for a run, or None where there is none for its file as it is now."""
         file = RunFile.seen(self.path(run_id))
         with suppress(StorageError):  # nothing depends on it: it is computed again
-            return None if file is None else self._shelf.load_document(run_id, name, file.size, file.changed_ns)
+            return None if file is None else self._store.load_cached(run_id, name, file.size, file.changed_ns)
         return None
 
-    def store_document(self, run_id: str, name: str, document: dict[str, Any]) -> None:
+    def store_cached(self, run_id: str, name: str, document: dict[str, Any]) -> None:
         """Keep a document for a run as long as its file does not change."""
         file = RunFile.seen(self.path(run_id))
         with suppress(StorageError):
             if file is not None:
-                self._shelf.store_document(run_id, name, file.size, file.changed_ns, document)
+                self._store.store_cached(run_id, name, file.size, file.changed_ns, document)
 
     def _files(self) -> dict[str, RunFile]:
         """Return the files of runs by id."""
@@ -295,7 +295,7 @@ class Catalogue:
 
     def _looked_up(self, files: dict[str, RunFile], only: str | None) -> list[RunEntry]:
         """Return the entries of files: from memory, else from the database, else from the files themselves."""
-        revision = self._shelf.revision()
+        revision = self._store.revision()
         with self._lock:
             known = {run_id: self._known.get(run_id) for run_id in files}
         served = {
@@ -304,9 +304,9 @@ class Catalogue:
             if each is not None and each.serves(files[run_id], revision)
         }
         if len(served) < len(files):
-            kept = self._shelf.entries(run_id=only or "")
+            kept = self._store.entries(run_id=only or "")
             unread = [run_id for run_id in files if run_id not in served and not holds(kept.get(run_id), files[run_id])]
-            fresh = {run_id: KnownRun.read(files[run_id]) for run_id in unread}
+            fresh = {run_id: CachedRun.read(files[run_id]) for run_id in unread}
             settled = [run_id for run_id in unread if not fresh[run_id].is_growing]
             words = [
                 run_id
@@ -317,11 +317,11 @@ class Catalogue:
             try:
                 self._keep([fresh[run_id].entry for run_id in settled], [files[run_id] for run_id in words])
                 if settled or words:
-                    kept = self._shelf.entries(run_id=only or "")
+                    kept = self._store.entries(run_id=only or "")
             except StorageError:  # a full disk: what is known cannot be kept, but the files tell it all the same
-                fresh |= {run_id: KnownRun.read(files[run_id]) for run_id in words if run_id not in fresh}
+                fresh |= {run_id: CachedRun.read(files[run_id]) for run_id in words if run_id not in fresh}
                 kept = {run_id: each for run_id, each in kept.items() if run_id not in fresh}
-            found = {run_id: KnownRun.of(kept[run_id]) for run_id in files if run_id in kept and run_id not in served}
+            found = {run_id: CachedRun.of(kept[run_id]) for run_id in files if run_id in kept and run_id not in served}
             found |= {run_id: each for run_id, each in fresh.items() if run_id not in found or each.is_growing}
             with self._lock:
                 self._known |= found
@@ -330,23 +330,23 @@ class Catalogue:
 
     def _keep(self, entries: list[RunEntry], annotated: list[RunFile]) -> None:
         """Keep what files have told, and what is said of runs."""
-        self._shelf.put(entries)
+        self._store.put(entries)
         for file in annotated:
-            self._shelf.annotate(file.path.stem, annotations.load(file.path), file.remarked_ns)
+            self._store.annotate(file.path.stem, annotations.load(file.path), file.remarked_ns)
 
-    def _sum_up(self, entries: Iterable[RunEntry], summarise: Summarise, told: Callable[[str], object]) -> None:
+    def _summarise(self, entries: Iterable[RunEntry], summarise: Summarise, on_status: Callable[[str], object]) -> None:
         """Keep what a search needs of runs' summaries; a run that cannot be read has none."""
-        found: list[SummedUp] = []
+        found: list[SummarisedRun] = []
         written_at = time.monotonic()
         try:
             for entry in entries:
                 if entry.header is None:
                     continue
-                told(f"reading {entry.id}")
+                on_status(f"reading {entry.id}")
                 with suppress(RecordingError), RunReader(entry.path) as reader:
-                    found.append(SummedUp(entry, summarise(reader), reader.markers()))
+                    found.append(SummarisedRun(entry, summarise(reader), reader.markers()))
                 if time.monotonic() > written_at + WRITING_INTERVAL:
-                    self._shelf.summarise(found)
+                    self._store.summarise(found)
                     found, written_at = [], time.monotonic()
         finally:
-            self._shelf.summarise(found)
+            self._store.summarise(found)

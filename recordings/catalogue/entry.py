@@ -10,14 +10,14 @@ from pathlib import Path
 
 from analysis.signals.header import Acquisition, RunHeader
 from recordings.errors import RecordingError
-from recordings.mcap.header import calibration_document
+from recordings.mcap.header import calibration_to_json
 from recordings.mcap.reader import RunReader
 
 
 def calibration_identity(acquisition: Acquisition) -> str:
     """Return what is equal for equal calibrations of the probes, and only then: hexadecimal digits."""
     documents = {
-        channel.name: calibration_document(channel.calibration)
+        channel.name: calibration_to_json(channel.calibration)
         for channel in acquisition.channels
         if channel.calibration is not None
     }

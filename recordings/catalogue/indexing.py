@@ -13,7 +13,7 @@ from analysis.live.summary import RunSummary
 from recordings.catalogue import annotations
 from recordings.catalogue.entry import RunEntry, read_entry
 from recordings.catalogue.run_file import RunFile
-from recordings.catalogue.run_store import Kept
+from recordings.catalogue.run_store import StoredRun
 from recordings.errors import RecordingError
 from recordings.integrity.verify import verify
 from recordings.mcap.container import is_ended
@@ -45,7 +45,7 @@ class IndexReport:
     unchanged: int
 
 
-def compare(before: Mapping[str, Kept], present: Mapping[str, RunEntry]) -> IndexReport:
+def compare(before: Mapping[str, StoredRun], present: Mapping[str, RunEntry]) -> IndexReport:
     """Return how the runs that are there differ from what was known."""
     known = {run_id: (kept.entry.size, kept.entry.changed_ns) for run_id, kept in before.items()}
     changed = [run_id for run_id, entry in present.items() if known.get(run_id, ()) != (entry.size, entry.changed_ns)]
@@ -73,7 +73,7 @@ READING_SHARE = 20
 
 
 @dataclass(frozen=True, slots=True)
-class KnownRun:
+class CachedRun:
     """An entry in memory, and how long it is worth not looking again.
 
     Parameters
@@ -94,7 +94,7 @@ class KnownRun:
     again_at: float = 0.0
 
     @classmethod
-    def of(cls, kept: Kept) -> Self:
+    def of(cls, kept: StoredRun) -> Self:
         """Return what the catalogue's rows tell."""
         return cls(kept.entry, kept.remarked_ns, kept.revision)
 
@@ -125,7 +125,7 @@ class KnownRun:
         return is_growing and time.monotonic() < self.again_at and not is_ended(file.path)
 
 
-def holds(kept: Kept | None, file: RunFile) -> bool:
+def holds(kept: StoredRun | None, file: RunFile) -> bool:
     """Whether what is kept tells of the file as it is."""
     if kept is None or (kept.entry.size, kept.entry.changed_ns) != (file.size, file.changed_ns):
         return False

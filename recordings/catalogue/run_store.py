@@ -14,18 +14,18 @@ from analysis.signals.header import RunHeader
 from recordings.catalogue.annotations import Annotations
 from recordings.catalogue.database import Database
 from recordings.catalogue.entry import RunEntry
-from recordings.catalogue.run_summary import SummedUp
+from recordings.catalogue.run_summary import SummarisedRun
 from recordings.catalogue.search import Search, condition
 from recordings.catalogue.tables import DOCUMENT, FINDING, MARK, REVISION, RUN, SETUP, TAG
 from recordings.errors import DamagedError
-from recordings.mcap.header import header_document, header_from_document
+from recordings.mcap.header import header_from_json, header_to_json
 
 OWN_KEYS = {"run": "", "started_ns": 0, "note": ""}
 """What of a header is a single run's own; the rest is kept once for all runs that share it."""
 
 
 @dataclass(frozen=True, slots=True)
-class Kept:
+class StoredRun:
     """An entry as it is kept.
 
     Parameters
@@ -46,7 +46,7 @@ class Kept:
     revision: int
 
 
-class Shelf:
+class RunStore:
     """Entries of a folder's runs, kept in a database.
 
     Parameters
@@ -68,7 +68,7 @@ class Shelf:
         with self._database.reading() as connection:
             return self._revision(connection)
 
-    def entries(self, search: Search | None = None, run_id: str = "") -> dict[str, Kept]:
+    def entries(self, search: Search | None = None, run_id: str = "") -> dict[str, StoredRun]:
         """Return what is kept, newest first, by id: of all runs, of those of a search, or of one."""
         of_folder = RUN.c.folder == self._name
         wanted = and_(of_folder, condition(search)) if search else of_folder
@@ -81,7 +81,7 @@ class Shelf:
             self._load_setups(connection, {row["setup"] for row in kept} - {None})
             tags = self._tags(connection, run_id)
         return {
-            row["id"]: Kept(
+            row["id"]: StoredRun(
                 self._entry(row, tags.get(row["id"], ())), row["remarked_ns"], row["is_summarised"], revision
             )
             for row in kept
@@ -95,7 +95,7 @@ class Shelf:
         for entry in entries:
             setup = None
             if entry.header is not None:
-                document = json.dumps(header_document(entry.header) | OWN_KEYS, sort_keys=True)
+                document = json.dumps(header_to_json(entry.header) | OWN_KEYS, sort_keys=True)
                 setup = hashlib.sha256(document.encode()).hexdigest()
                 setups[setup] = document
             rows.append(self._row(entry, setup))
@@ -120,12 +120,12 @@ class Shelf:
         with self._database.writing():
             yield
 
-    def judge(self, run_id: str, verdict: str) -> None:
+    def store_verdict(self, run_id: str, verdict: str) -> None:
         """Keep what a verification came to."""
         with self._writing() as connection:
             connection.execute(update(RUN).where(self._is(RUN, run_id)).values(verdict=verdict))
 
-    def summarise(self, found: Iterable[SummedUp]) -> None:
+    def summarise(self, found: Iterable[SummarisedRun]) -> None:
         """Keep what was found in runs whose files have not changed since."""
         with self._writing() as connection:
             for one in found:
@@ -143,7 +143,7 @@ class Shelf:
                 connection.execute(delete(DOCUMENT).where(self._is(DOCUMENT, run_id)))
                 connection.execute(delete(RUN).where(self._is(RUN, run_id)))
 
-    def load_document(self, run_id: str, name: str, size: int, changed_ns: int) -> dict[str, Any] | None:
+    def load_cached(self, run_id: str, name: str, size: int, changed_ns: int) -> dict[str, Any] | None:
         """Return a document computed from the file of this size and time of change; None where there is none."""
         of_file = and_(DOCUMENT.c.name == name, DOCUMENT.c.size == size, DOCUMENT.c.changed_ns == changed_ns)
         with self._database.reading() as connection:
@@ -154,7 +154,7 @@ class Shelf:
             return None
         return document if isinstance(document, dict) else None
 
-    def store_document(self, run_id: str, name: str, size: int, changed_ns: int, document: Mapping[str, Any]) -> None:
+    def store_cached(self, run_id: str, name: str, size: int, changed_ns: int, document: Mapping[str, Any]) -> None:
         """Keep a document computed from the file of this size and time of change."""
         row = {"folder": self._name, "id": run_id, "name": name, "size": size, "changed_ns": changed_ns}
         with self._database.writing() as connection:  # no part of an entry: the revision stays
@@ -224,7 +224,7 @@ class Shelf:
         for key, document in connection.execute(select(SETUP.c.id, SETUP.c.document)):
             if key in missing:
                 try:
-                    self._setups[key] = header_from_document(json.loads(document))
+                    self._setups[key] = header_from_json(json.loads(document))
                 except (DamagedError, ValueError):  # as good as none: its runs are read again
                     continue
 

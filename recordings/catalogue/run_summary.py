@@ -13,7 +13,7 @@ MICRO = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
-class SummedUp:
+class SummarisedRun:
     """A run and what was found in it.
 
     Parameters

@@ -5,16 +5,16 @@ from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
 
-from recordings.atomic_file import put_at
+from recordings.atomic_file import replace_with_retry
 from recordings.catalogue import annotations
-from recordings.catalogue.arrival import settle
+from recordings.catalogue.incoming_run import move_without_overwriting
 from recordings.errors import NotFoundError, StorageError
 
 FOLDER = "trash"
 
 
 @dataclass(frozen=True, slots=True)
-class PutAway:
+class TrashedRun:
     """A run in the trash.
 
     Parameters
@@ -29,7 +29,7 @@ class PutAway:
     size: int
 
 
-def put_away(run: Path) -> Path:
+def move_to_trash(run: Path) -> Path:
     """Move a run's file and what was said of it into the trash beside it; return where the file is now.
 
     NotFoundError where it has gone, StorageError where it cannot be moved.
@@ -39,7 +39,7 @@ def put_away(run: Path) -> Path:
         folder.mkdir(exist_ok=True)
         place = _free(folder, run)
         try:
-            put_at(run, place)
+            replace_with_retry(run, place)
         except OSError:
             place.unlink()
             raise
@@ -51,17 +51,17 @@ def put_away(run: Path) -> Path:
     return place
 
 
-def listed(data: Path, suffix: str) -> Iterator[PutAway]:
+def listed(data: Path, suffix: str) -> Iterator[TrashedRun]:
     """Yield the files with a suffix in the trash of a data folder, by name; StorageError where it cannot be read."""
     try:
         for path in sorted((data / FOLDER).glob(f"*{suffix}")):
             if path.is_file():
-                yield PutAway(path.stem, path.stat().st_size)
+                yield TrashedRun(path.stem, path.stat().st_size)
     except OSError as error:
         raise StorageError(f"{data / FOLDER}: cannot be read: {error.strerror or error}") from error
 
 
-def take_back(data: Path, name: str, place: Path) -> None:
+def restore(data: Path, name: str, place: Path) -> None:
     """Move a run out of the trash of a data folder to its place in it, never in place of another.
 
     Parameters
@@ -83,7 +83,7 @@ def take_back(data: Path, name: str, place: Path) -> None:
     file = data / FOLDER / f"{name}{place.suffix}"
     if name not in {each.name for each in listed(data, place.suffix)}:
         raise NotFoundError(f"{name[:120]!r}: there is none of this name in {file.parent}")
-    settle(file, place)
+    move_without_overwriting(file, place)
     try:
         _move_words(file, place)
     except OSError as error:

@@ -12,10 +12,10 @@ from analysis.signals.header import Channel
 from analysis.signals.snapshot import Snapshot
 from recordings.errors import ForeignFormatError
 from recordings.exchange.table import Column, Table
-from recordings.mcap.header import calibration_document
+from recordings.mcap.header import calibration_to_json
 from recordings.mcap.layout import sample_time_ns
 from recordings.mcap.reader import RunReader
-from recordings.progress import Progress, untold
+from recordings.progress import Progress, ignore_progress
 
 MICRO = 1e-6
 RPM = 2 * math.pi / 60
@@ -58,7 +58,7 @@ def samples_table(
     start: float = 0.0,
     stop: float = math.inf,
     segment: int | None = None,
-    on_progress: Progress = untold,
+    on_progress: Progress = ignore_progress,
 ) -> Table:
     """Return samples in engineering units.
 
@@ -108,7 +108,7 @@ def results_table(
     start: float = 0.0,
     stop: float = math.inf,
     segment: int | None = None,
-    on_progress: Progress = untold,
+    on_progress: Progress = ignore_progress,
 ) -> Table:
     """Return the recorded results, one row for each, NaN where there is nothing; amplitudes are peak, lags are -arg X.
 
@@ -137,7 +137,7 @@ def pulses_table(
     start: float = 0.0,
     stop: float = math.inf,
     segment: int | None = None,
-    on_progress: Progress = untold,
+    on_progress: Progress = ignore_progress,
 ) -> Table:
     """Return when the tacho's edges came, as a counter stamped them, one row for each; the tacho's delay is still in.
 
@@ -190,7 +190,7 @@ def _properties(reader: RunReader) -> dict[str, str]:
     for channel in header.acquisition.channels:
         properties[f"{channel.name}_angle_deg"] = repr(math.degrees(channel.angle))
         if channel.calibration is not None:
-            properties[f"{channel.name}_calibration"] = json.dumps(calibration_document(channel.calibration))
+            properties[f"{channel.name}_calibration"] = json.dumps(calibration_to_json(channel.calibration))
     return properties
 
 

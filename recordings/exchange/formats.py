@@ -7,14 +7,14 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from recordings.atomic_file import draft_of
+from recordings.atomic_file import atomic_write
 from recordings.errors import ForeignFormatError
 from recordings.exchange.table import Column, Table
-from recordings.progress import Progress, untold
+from recordings.progress import Progress, ignore_progress
 
-__all__ = ["EXPORTS", "IMPORTS", "Column", "Table", "read_table", "write_table"]
+__all__ = ["EXPORT_FORMATS", "IMPORT_FORMATS", "Column", "Table", "read_table", "write_table"]
 
-IMPORTS = {
+IMPORT_FORMATS = {
     ".tdms": "tdms",
     ".lvm": "lvm",
     ".csv": "csv",
@@ -23,7 +23,7 @@ IMPORTS = {
     ".unv": "uff",
     ".wav": "wav",
 }
-EXPORTS = {
+EXPORT_FORMATS = {
     ".csv": "csv",
     ".parquet": "parquet",
     ".h5": "hdf5",
@@ -43,7 +43,7 @@ def read_table(path: Path) -> Table:
     ForeignFormatError
         Where the format is not known, its library is missing, or the file is not what it should be.
     """
-    module = _module(path, IMPORTS)
+    module = _module(path, IMPORT_FORMATS)
     try:
         table: Table = module.read(path)
     except ForeignFormatError as error:
@@ -58,7 +58,7 @@ def read_table(path: Path) -> Table:
     return table
 
 
-def write_table(path: Path, table: Table, on_progress: Progress = untold) -> None:
+def write_table(path: Path, table: Table, on_progress: Progress = ignore_progress) -> None:
     """Write a table to a new file; its suffix tells the format.
 
     ``on_progress`` is told the part that is written, 0 to 1, as far as the format's library lets it be known.
@@ -68,12 +68,12 @@ def write_table(path: Path, table: Table, on_progress: Progress = untold) -> Non
     ForeignFormatError
         Where the format is not known, its library is missing, the file exists or cannot be written.
     """
-    module = _module(path, EXPORTS)
+    module = _module(path, EXPORT_FORMATS)
     if path.exists():
         raise ForeignFormatError(f"{path}: exists already; nothing is written over")
     try:
-        with draft_of(path) as draft:
-            module.write(draft, table, on_progress)
+        with atomic_write(path) as temporary:
+            module.write(temporary, table, on_progress)
     except OSError as error:
         raise ForeignFormatError(f"{path}: cannot be written: {error.strerror or error}") from error
 

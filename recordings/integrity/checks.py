@@ -17,9 +17,9 @@ from mcap.opcode import Opcode
 
 from analysis.signals.blocks import SampleBlock
 from analysis.signals.header import CODE_MAX, CODE_MIN, Acquisition, Calibration, Channel, Role
-from recordings.mcap.chunk_table import ChunkPlace
+from recordings.mcap.chunk_table import ChunkLocation
 from recordings.mcap.container import RECORD, Container, StoredMessage
-from recordings.mcap.messages import parsed
+from recordings.mcap.messages import parse_message
 from recordings.mcap.schema import rig_pb2
 
 
@@ -129,7 +129,7 @@ class IndexCheck:
         self._file = container
         self._times: dict[int, list[int]] = {}
 
-    def chunk(self, place: ChunkPlace, messages: list[StoredMessage], where: str) -> Iterator[Finding]:
+    def chunk(self, place: ChunkLocation, messages: list[StoredMessage], where: str) -> Iterator[Finding]:
         """Take an intact chunk; the message indexes that follow it are its own."""
         self._times = {}
         for message in messages:
@@ -140,7 +140,7 @@ class IndexCheck:
         if earliest != place.start_ns:
             yield Finding(Check.INDEX, where, f"a chunk that begins at {earliest} ns, expected {place.start_ns} ns")
 
-    def pass_over(self) -> None:
+    def skip_chunk(self) -> None:
         """Take a damaged chunk; nothing can be said of the message indexes that follow it."""
         self._times = {}
 
@@ -199,7 +199,7 @@ class PulseCheck:
 
     def pulses(self, data: bytes, where: str) -> Iterator[Finding]:
         """Take the next message of stamps and yield what is wrong with it; ValueError where the bytes are none."""
-        message = parsed(rig_pb2.Pulses(), data)
+        message = parse_message(rig_pb2.Pulses(), data)
         place, ticks = f"{where}, segment {message.segment}", np.array(message.ticks, dtype=np.int64)
         self.stamps += ticks.size
         if self._acquisition.tacho.counter is None:

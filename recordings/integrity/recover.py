@@ -7,7 +7,7 @@ from pathlib import Path
 from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd, SourceItem
 from analysis.signals.header import RunHeader
 from recordings.errors import DamagedError, RecordingError
-from recordings.mcap.chunk_table import ChunkPlace
+from recordings.mcap.chunk_table import ChunkLocation
 from recordings.mcap.container import Container
 from recordings.mcap.layout import (
     CHANNEL_IDS,
@@ -17,18 +17,18 @@ from recordings.mcap.layout import (
     RECOVERED_RECORD,
     SAMPLES,
     SEGMENT_END,
-    unsealed,
+    decode_metadata,
 )
 from recordings.mcap.markers import Marker, decode_marker
 from recordings.mcap.messages import decode_block, decode_segment_end
-from recordings.mcap.pulses import PulseJoin
-from recordings.mcap.reader import end_from_document
+from recordings.mcap.pulses import PulseMerger
+from recordings.mcap.reader import segment_end_from_json
 from recordings.mcap.salvage import read_header, search_chunks
-from recordings.mcap.writer import write_analysed
+from recordings.mcap.writer import write_run
 
 
 @dataclass(frozen=True, slots=True)
-class Missing:
+class MissingSamples:
     """Samples that the damaged recording had, or may have had, and its copy lacks.
 
     Parameters
@@ -52,7 +52,7 @@ class Missing:
 
 
 @dataclass(frozen=True, slots=True)
-class Stretch:
+class RecoveredSegment:
     """Consecutive samples that came through: a segment of the copy.
 
     Parameters
@@ -90,8 +90,8 @@ class Recovery:
     source: Path
     target: Path
     damaged_chunks: int
-    stretches: tuple[Stretch, ...]
-    missing: tuple[Missing, ...]
+    stretches: tuple[RecoveredSegment, ...]
+    missing: tuple[MissingSamples, ...]
 
     @property
     def samples(self) -> int:
@@ -128,7 +128,7 @@ def recover(source: Path, target: Path) -> Recovery:
             raise DamagedError(f"{source}: nothing to recover: it holds no intact samples")
         told: dict[str, object] = {}
         items = _told(salvage, source, told)
-        write_analysed(target, header, items, {RECOVERED_RECORD: told}, salvage.markers())
+        write_run(target, header, items, {RECOVERED_RECORD: told}, salvage.markers())
         return Recovery(source, target, salvage.damaged, tuple(salvage.stretches), tuple(salvage.missing))
     finally:
         container.close()
@@ -156,10 +156,10 @@ class _Salvage:
         self._named = {place.offset for place in container.chunks}
         self._known_ends = self._ends()
         self._acquisition = header.acquisition
-        self._join = PulseJoin(header.acquisition)
+        self._join = PulseMerger(header.acquisition)
         self.damaged = 0
-        self.stretches: list[Stretch] = []
-        self.missing: list[Missing] = []
+        self.stretches: list[RecoveredSegment] = []
+        self.missing: list[MissingSamples] = []
         self._markers: list[Marker] = []
         self._segment = 0  # of the copy
         self._from_segment, self._first, self._next_sample = 0, 0, 0
@@ -169,7 +169,7 @@ class _Salvage:
         """Yield all blocks and ends of segments that can be read, in the order of the file."""
         self.damaged = 0
         self._markers = []
-        self._join = PulseJoin(self._acquisition)
+        self._join = PulseMerger(self._acquisition)
         for place in self._places:
             yield from self._chunk(place)
 
@@ -199,7 +199,7 @@ class _Salvage:
             yield from self._end(self._known_ends.get(self._from_segment))
         for segment in sorted(self._known_ends):
             if segment > self._from_segment and self._known_ends[segment].samples:
-                self.missing.append(Missing(segment, 0, self._known_ends[segment].samples))
+                self.missing.append(MissingSamples(segment, 0, self._known_ends[segment].samples))
 
     def _block(self, block: SampleBlock) -> Iterator[SourceItem]:
         is_past = block.segment == self._from_segment and (block.first_sample < self._next_sample or not self._is_open)
@@ -207,7 +207,7 @@ class _Salvage:
             return  # a record that stands in the file twice
         yield from self._go_to(block.segment)
         if block.first_sample > self._next_sample:
-            self.missing.append(Missing(self._from_segment, self._next_sample, block.first_sample))
+            self.missing.append(MissingSamples(self._from_segment, self._next_sample, block.first_sample))
             yield self._close(
                 EndReason.CUT, block.first_sample - self._next_sample, detail="the recording is damaged here"
             )
@@ -229,10 +229,10 @@ class _Salvage:
         """End the segment as recorded, as far as that is known."""
         self._is_open = False
         if end is None:
-            self.missing.append(Missing(self._from_segment, self._next_sample, None))
+            self.missing.append(MissingSamples(self._from_segment, self._next_sample, None))
             yield self._close(EndReason.CUT, 0, lost_is_exact=False, detail="the recording breaks off here")
         elif end.samples > self._next_sample:
-            self.missing.append(Missing(self._from_segment, self._next_sample, end.samples))
+            self.missing.append(MissingSamples(self._from_segment, self._next_sample, end.samples))
             lost = end.samples - self._next_sample + end.lost
             detail = f"the recording is damaged up to the end of the segment: {end.reason.value}"
             yield self._close(EndReason.CUT, lost, lost_is_exact=end.lost_is_exact, detail=detail)
@@ -242,11 +242,11 @@ class _Salvage:
     def _close(self, reason: EndReason, lost: int, *, lost_is_exact: bool = True, detail: str) -> SegmentEnd:
         """Return the end of the copy's segment."""
         samples = self._next_sample - self._first
-        self.stretches.append(Stretch(self._segment, self._from_segment, self._first, self._next_sample))
+        self.stretches.append(RecoveredSegment(self._segment, self._from_segment, self._first, self._next_sample))
         self._segment += 1
         return SegmentEnd(self._segment - 1, samples, reason, lost, lost_is_exact, detail)
 
-    def _chunk(self, place: ChunkPlace) -> Iterator[SampleBlock | SegmentEnd]:
+    def _chunk(self, place: ChunkLocation) -> Iterator[SampleBlock | SegmentEnd]:
         try:
             messages = list(self._file.messages(place))
         except DamagedError:
@@ -269,8 +269,8 @@ class _Salvage:
         """Return how the segments ended, as far as the file still tells."""
         for entries in self._file.metadata(END_RECORD):
             try:
-                document = unsealed(self._file.path, END_RECORD, entries)
+                document = decode_metadata(self._file.path, END_RECORD, entries)
             except RecordingError:
                 continue
-            return {end["segment"]: end_from_document(end) for end in document["segments"]}
+            return {end["segment"]: segment_end_from_json(end) for end in document["segments"]}
         return {}

@@ -14,13 +14,13 @@ from recordings.errors import DamagedError, RecordingError
 from recordings.integrity.checks import Check, Finding, IndexCheck, PulseCheck, check_acquisition
 from recordings.integrity.continuity import Continuity
 from recordings.mcap.container import RECORD, Container, StoredMessage
-from recordings.mcap.layout import CONFIG_ATTACHMENT, END_RECORD, RUN_RECORD, TOPICS, unsealed
+from recordings.mcap.layout import CONFIG_ATTACHMENT, END_RECORD, RUN_RECORD, TOPICS, decode_metadata
 from recordings.mcap.markers import decode_marker
-from recordings.mcap.messages import decode_block, decode_segment_end, parsed
-from recordings.mcap.reader import end_from_document
-from recordings.mcap.salvage import header_of, read_header
+from recordings.mcap.messages import decode_block, decode_segment_end, parse_message
+from recordings.mcap.reader import segment_end_from_json
+from recordings.mcap.salvage import decode_header, read_header
 from recordings.mcap.schema.rig_pb2 import Features, OrderFrame
-from recordings.progress import Progress, untold
+from recordings.progress import Progress, ignore_progress
 
 WINDOW = 4 << 20
 WALK = 0.9  # of the work: going through the records; the rest is the checksum over all of them
@@ -82,7 +82,7 @@ class Verification:
         return Verdict.SOUND if self.is_sound else Verdict.NOT_WHOLE
 
 
-def verify(path: Path, on_progress: Progress = untold) -> Verification:
+def verify(path: Path, on_progress: Progress = ignore_progress) -> Verification:
     """Inspect a recording.
 
     Parameters
@@ -199,7 +199,7 @@ class _Inspection:
             messages = list(self._file.messages(place))
         except DamagedError:
             yield Finding(Check.CRC, where, f"a chunk of {length} bytes does not match its checksum")
-            self._index.pass_over()
+            self._index.skip_chunk()
             return
         self._chunks += 1
         yield from self._index.chunk(place, messages, where)
@@ -218,9 +218,9 @@ class _Inspection:
         elif message.channel == END_ID:
             yield from self._continuity.segment_end(decode_segment_end(message.data), where)
         elif message.channel == FEATURES_ID:
-            parsed(Features(), message.data)
+            parse_message(Features(), message.data)
         elif message.channel == FRAME_ID:
-            parsed(OrderFrame(), message.data)
+            parse_message(OrderFrame(), message.data)
         elif message.channel == MARKER_ID:
             decode_marker(message.data)
         elif message.channel == PULSES_ID:
@@ -236,10 +236,10 @@ class _Inspection:
             return
         self._metadata[record.name].append(where)
         try:
-            if record.name == RUN_RECORD and header_of(self._file.path, record.metadata) != self._header:
+            if record.name == RUN_RECORD and decode_header(self._file.path, record.metadata) != self._header:
                 yield Finding(Check.HEADER, where, f"{RUN_RECORD} differs from the copy before")
             elif "crc32" in record.metadata:
-                unsealed(self._file.path, record.name, record.metadata)
+                decode_metadata(self._file.path, record.name, record.metadata)
         except RecordingError as error:
             yield Finding(Check.CRC, where, str(error).removeprefix(f"{self._file.path}: "))
 
@@ -262,13 +262,13 @@ class _Inspection:
         """Compare what the run came to with what is there."""
         entries = self._file.metadata(END_RECORD)
         try:
-            document = unsealed(self._file.path, END_RECORD, entries[-1]) if entries else {}
+            document = decode_metadata(self._file.path, END_RECORD, entries[-1]) if entries else {}
         except RecordingError:
             document = {}  # its own record has been reported
         if not document:
             yield Finding(Check.COUNTS, "end of file", f"the record {END_RECORD} is missing")
             return
-        ends = tuple(end_from_document(end) for end in document["segments"])
+        ends = tuple(segment_end_from_json(end) for end in document["segments"])
         if document["samples"] != self._continuity.samples:
             what = f"{self._continuity.samples} samples per channel, expected {document['samples']}"
             yield Finding(Check.COUNTS, "whole file", what)

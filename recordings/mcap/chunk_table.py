@@ -18,7 +18,7 @@ Channels = frozenset[int]
 
 
 @dataclass(frozen=True, slots=True)
-class ChunkPlace:
+class ChunkLocation:
     """Where a chunk lies and what it holds.
 
     Parameters
@@ -47,11 +47,11 @@ class ChunkTable:
     Parameters
     ----------
     offsets, lengths, starts_ns : array_like of int, shape (n,)
-        As in `ChunkPlace`.
+        As in `ChunkLocation`.
     kinds : array_like of int, shape (n,)
         Which of `channels` each chunk holds.
     channels : sequence of frozenset of int or None
-        As in `ChunkPlace`.
+        As in `ChunkLocation`.
     """
 
     def __init__(
@@ -67,7 +67,7 @@ class ChunkTable:
         self._channels = tuple(channels)
 
     @classmethod
-    def of(cls, places: Iterable[ChunkPlace]) -> Self:
+    def of(cls, places: Iterable[ChunkLocation]) -> Self:
         """Return the table of places that were found one by one."""
         found = list(places)
         kinds: dict[Channels | None, int] = {}
@@ -97,14 +97,14 @@ class ChunkTable:
     def __len__(self) -> int:
         return len(self._kinds)
 
-    def __getitem__(self, number: int) -> ChunkPlace:
+    def __getitem__(self, number: int) -> ChunkLocation:
         offset, length, start_ns = self._columns[:, number].tolist()
-        return ChunkPlace(offset, length, start_ns, self._channels[self._kinds[number]])
+        return ChunkLocation(offset, length, start_ns, self._channels[self._kinds[number]])
 
-    def __iter__(self) -> Iterator[ChunkPlace]:
+    def __iter__(self) -> Iterator[ChunkLocation]:
         return self.starting_at(0)
 
-    def starting_at(self, number: int) -> Iterator[ChunkPlace]:
+    def starting_at(self, number: int) -> Iterator[ChunkLocation]:
         """Yield the chunks from this one on."""
         return (self[k] for k in range(number, len(self)))
 

@@ -187,25 +187,25 @@ class ChunkedFile:
         self._records: Counter[Opcode] = Counter()
         self._messages: Counter[int] = Counter()
         self._start_ns, self._end_ns = 0, 0
-        self._append(MCAP0_MAGIC + encoded(Header(profile=profile, library=library)))
+        self._append(MCAP0_MAGIC + encode_records(Header(profile=profile, library=library)))
 
     def add_metadata(self, name: str, entries: Mapping[str, str], *, is_tail: bool = False) -> None:
         """Write a metadata record; one of the tail may use the room that is kept for finishing."""
-        offset, record = self._file.length, encoded(Metadata(name=name, metadata=dict(entries)))
+        offset, record = self._file.length, encode_records(Metadata(name=name, metadata=dict(entries)))
         self._append(record, is_tail=is_tail)
         self._note(MetadataIndex(offset=offset, length=len(record), name=name), Opcode.METADATA_INDEX)
 
     def add_attachment(self, name: str, media_type: str, time_ns: int, data: bytes) -> None:
         """Write an attachment."""
         offset = self._file.length
-        record = encoded(Attachment(time_ns, time_ns, name, media_type, data))
+        record = encode_records(Attachment(time_ns, time_ns, name, media_type, data))
         self._append(record)
         index = AttachmentIndex(offset, len(record), time_ns, time_ns, len(data), name, media_type)
         self._note(index, Opcode.ATTACHMENT_INDEX)
 
     def add_channel(self, channel: Channel, schema: Schema) -> None:
         """Write a schema and its channel, in front of the first chunk and once more in the summary."""
-        self._append(encoded(schema, channel))
+        self._append(encode_records(schema, channel))
         self._note(schema, Opcode.SCHEMA)
         self._note(channel, Opcode.CHANNEL)
 
@@ -233,11 +233,11 @@ class ChunkedFile:
             uncompressed_crc=zlib.crc32(data),
             uncompressed_size=len(data),
         )
-        offset, record = self._file.length, encoded(chunk)
+        offset, record = self._file.length, encode_records(chunk)
         places, index_records = {}, b""
         for channel, index in indexes.items():
             places[channel] = offset + len(record) + len(index_records)
-            index_records += encoded(index)
+            index_records += encode_records(index)
         self._append(record + index_records, is_tail=is_tail)
         self._note(
             ChunkIndex(
@@ -259,7 +259,7 @@ class ChunkedFile:
 
     def finish(self) -> None:
         """Write the summary and the end of the file."""
-        self._append(encoded(DataEnd(data_section_crc=self._crc)), is_tail=True)
+        self._append(encode_records(DataEnd(data_section_crc=self._crc)), is_tail=True)
         self._note(self._statistics(), Opcode.STATISTICS)
         start = self._file.length
         summary, offsets = b"", []
@@ -267,10 +267,10 @@ class ChunkedFile:
             offsets.append(SummaryOffset(opcode, start + len(summary), len(records)))
             summary += records
         offset_start = start + len(summary)
-        summary += encoded(*offsets)
-        footer = encoded(Footer(summary_start=start, summary_offset_start=offset_start, summary_crc=0))
+        summary += encode_records(*offsets)
+        footer = encode_records(Footer(summary_start=start, summary_offset_start=offset_start, summary_crc=0))
         crc = zlib.crc32(summary + footer[:-FOOTER_CRC_BYTES])
-        footer = encoded(Footer(summary_start=start, summary_offset_start=offset_start, summary_crc=crc))
+        footer = encode_records(Footer(summary_start=start, summary_offset_start=offset_start, summary_crc=crc))
         self._append(summary + footer + MCAP0_MAGIC, is_tail=True)
 
     def _statistics(self) -> Statistics:
@@ -293,11 +293,11 @@ class ChunkedFile:
 
     def _note(self, record: McapRecord, opcode: Opcode) -> None:
         """Keep a record for the summary."""
-        self._summary[opcode] += encoded(record)
+        self._summary[opcode] += encode_records(record)
         self._records[opcode] += 1
 
 
-def encoded(*records: McapRecord) -> bytes:
+def encode_records(*records: McapRecord) -> bytes:
     """Return records as the bytes they are in the file."""
     builder: Any = RecordBuilder()  # not all of its methods are annotated
     for record in records:

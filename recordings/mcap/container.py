@@ -24,7 +24,7 @@ from mcap.records import Chunk, Metadata
 from mcap.writer import MCAP0_MAGIC
 
 from recordings.errors import DamagedError, NotFoundError, StorageError
-from recordings.mcap.chunk_table import ChunkPlace, ChunkTable
+from recordings.mcap.chunk_table import ChunkLocation, ChunkTable
 
 MAGIC = MCAP0_MAGIC
 """What every MCAP file begins and, when it is whole, ends with."""
@@ -131,7 +131,7 @@ class Container:
         """All chunks in the order of the file."""
         return ChunkTable.from_index(list(self.summary(Opcode.CHUNK_INDEX))) if self.is_finished else self._walk[1]
 
-    def messages(self, place: ChunkPlace) -> Iterator[StoredMessage]:
+    def messages(self, place: ChunkLocation) -> Iterator[StoredMessage]:
         """Yield the messages of a chunk in the order of writing.
 
         Raises
@@ -251,7 +251,7 @@ class Container:
         if channels:
             channels[-1].clear()  # what the last chunk holds is not known: its index may be cut
         return metadata, ChunkTable.of(
-            ChunkPlace(chunk.offset, chunk.length, int.from_bytes(chunk.peek, "little"), frozenset(indexed) or None)
+            ChunkLocation(chunk.offset, chunk.length, int.from_bytes(chunk.peek, "little"), frozenset(indexed) or None)
             for chunk, indexed in zip(chunks, channels, strict=True)
         )
 
@@ -281,7 +281,7 @@ class Container:
             return None
         return record
 
-    def _chunk_data(self, place: ChunkPlace) -> bytes:
+    def _chunk_data(self, place: ChunkLocation) -> bytes:
         """Return the uncompressed records of a chunk."""
         try:
             chunk = Chunk.read(ReadDataStream(BytesIO(self.read(place.offset, place.length))))
@@ -292,7 +292,7 @@ class Container:
             raise self._damaged(place)
         return data
 
-    def _uncompressed(self, place: ChunkPlace, chunk: Chunk) -> bytes:
+    def _uncompressed(self, place: ChunkLocation, chunk: Chunk) -> bytes:
         if chunk.compression == "":
             return chunk.data
         if chunk.compression != "zstd":
@@ -302,7 +302,7 @@ class Container:
             raise self._damaged(place)
         return zstandard.decompress(chunk.data, max_output_size=chunk.uncompressed_size)
 
-    def _damaged(self, place: ChunkPlace) -> DamagedError:
+    def _damaged(self, place: ChunkLocation) -> DamagedError:
         return DamagedError(f"{self.path}: the {place.length} bytes from byte {place.offset} on are damaged")
 
 

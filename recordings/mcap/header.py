@@ -132,7 +132,7 @@ _WATCHED = {  # limits that are missing where they are not watched
 }
 
 
-def header_document(header: RunHeader) -> Document:
+def header_to_json(header: RunHeader) -> Document:
     """Return all of a header as a document that JSON can hold."""
     return {
         "run": header.run,
@@ -163,7 +163,7 @@ def header_document(header: RunHeader) -> Document:
     }
 
 
-def calibration_document(calibration: Calibration) -> Document:
+def calibration_to_json(calibration: Calibration) -> Document:
     """Return a probe's calibration: gap in metres = sum of gap_m_per_v_to_k[k] * volts**k."""
     return {
         "gap_m_per_v_to_k": list(calibration.coefficients),
@@ -178,7 +178,7 @@ def calibration_document(calibration: Calibration) -> Document:
     }
 
 
-def header_from_document(document: Mapping[str, Any]) -> RunHeader:
+def header_from_json(document: Mapping[str, Any]) -> RunHeader:
     """Return the header that a document holds; DamagedError names the key that is missing or wrong."""
     top = Section("header", document)
     analysis, limits = top.section("analysis"), top.section("limits")
@@ -297,7 +297,7 @@ def _channel_document(channel: Channel) -> Document:
         "range_low_v": channel.range_low,
         "range_high_v": channel.range_high,
         "scaling_v_per_code_to_k": list(channel.scaling),
-        "calibration": None if channel.calibration is None else calibration_document(channel.calibration),
+        "calibration": None if channel.calibration is None else calibration_to_json(channel.calibration),
         "angle_rad": channel.angle,
         "gap_low_v": _finite(channel.gap_low),
         "gap_high_v": _finite(channel.gap_high),

@@ -50,13 +50,13 @@ def sample_time_ns(sample: int, rate: float) -> int:
     return round(sample * NANOSECONDS / rate)
 
 
-def sealed(document: Mapping[str, Any]) -> dict[str, str]:
+def encode_metadata(document: Mapping[str, Any]) -> dict[str, str]:
     """Return the entries of a metadata record that holds a document, its format version and its checksum."""
     text = json.dumps(document, allow_nan=False)
     return {"format": str(FORMAT), "document": text, "crc32": f"{zlib.crc32(text.encode()):08x}"}
 
 
-def unsealed(path: Path, name: str, entries: Mapping[str, str]) -> dict[str, Any]:
+def decode_metadata(path: Path, name: str, entries: Mapping[str, str]) -> dict[str, Any]:
     """Return the document of a metadata record made by `sealed`.
 
     Raises

@@ -5,7 +5,7 @@ from enum import StrEnum
 
 from analysis.signals.header import RunHeader
 from recordings.mcap.layout import MARK, sample_time_ns
-from recordings.mcap.messages import parsed
+from recordings.mcap.messages import parse_message
 from recordings.mcap.results import EncodedResult
 from recordings.mcap.schema import rig_pb2
 
@@ -63,6 +63,6 @@ def encode_marker(marker: Marker, header: RunHeader) -> EncodedResult:
 
 def decode_marker(data: bytes) -> Marker:
     """Return the marker of a message; ValueError where the bytes are none."""
-    message = parsed(rig_pb2.Mark(), data)
+    message = parse_message(rig_pb2.Mark(), data)
     kind = MarkerKind(message.kind or MarkerKind.WORD)
     return Marker(message.segment, message.sample, message.text, message.host_time_ns, kind)

@@ -17,7 +17,7 @@ from recordings.mcap.schema.rig_pb2 import CODEC_DELTA_SHUFFLE, CODEC_INT16
 BYTES_PER_CODE = 2
 
 
-def pack(codes: NDArray[np.int16]) -> bytes:
+def pack_codes(codes: NDArray[np.int16]) -> bytes:
     """Return the codes as CODEC_DELTA_SHUFFLE bytes.
 
     Parameters
@@ -42,7 +42,7 @@ def pack(codes: NDArray[np.int16]) -> bytes:
     return planes.tobytes()
 
 
-def unpack(data: bytes, codec: int, n_channels: int, n_samples: int) -> NDArray[np.int16]:
+def unpack_codes(data: bytes, codec: int, n_channels: int, n_samples: int) -> NDArray[np.int16]:
     """Return the codes that `pack` (or a writer of plain int16) made into bytes.
 
     Parameters
@@ -95,7 +95,7 @@ Message = TypeVar(
 )
 
 
-def parsed(message: Message, data: bytes) -> Message:
+def parse_message(message: Message, data: bytes) -> Message:
     """Fill an empty message from bytes and return it; ValueError where the bytes are none."""
     try:
         message.ParseFromString(data)
@@ -104,7 +104,7 @@ def parsed(message: Message, data: bytes) -> Message:
     return message
 
 
-def definitions() -> bytes:
+def message_definitions() -> bytes:
     """Return the definitions of all messages as a serialised FileDescriptorSet."""
     files = FileDescriptorSet()
     rig_pb2.DESCRIPTOR.CopyToProto(files.file.add())
@@ -119,7 +119,7 @@ def encode_block(block: SampleBlock) -> bytes:
         channels=block.codes.shape[0],
         samples=block.n_samples,
         codec=rig_pb2.CODEC_DELTA_SHUFFLE,
-        codes=pack(block.codes),
+        codes=pack_codes(block.codes),
         host_time_ns=block.host_time_ns,
         backlog=block.backlog,
     )
@@ -128,14 +128,14 @@ def encode_block(block: SampleBlock) -> bytes:
 
 def decode_block(data: bytes) -> SampleBlock:
     """Return the block of a message; ValueError where the bytes are none."""
-    message = parsed(rig_pb2.SampleBlock(), data)
-    codes = unpack(message.codes, message.codec, message.channels, message.samples)
+    message = parse_message(rig_pb2.SampleBlock(), data)
+    codes = unpack_codes(message.codes, message.codec, message.channels, message.samples)
     return SampleBlock(codes, message.segment, message.first_sample, message.host_time_ns, message.backlog)
 
 
 def block_span(data: bytes) -> tuple[int, int]:
     """Return the segment of a block's message and the index one past its last sample, without unpacking the codes."""
-    message = parsed(rig_pb2.SampleBlock(), data)
+    message = parse_message(rig_pb2.SampleBlock(), data)
     return message.segment, message.first_sample + message.samples
 
 
@@ -154,7 +154,7 @@ def encode_segment_end(end: SegmentEnd) -> bytes:
 
 def decode_segment_end(data: bytes) -> SegmentEnd:
     """Return the segment's end of a message; ValueError where the bytes are none."""
-    message = parsed(rig_pb2.SegmentEnd(), data)
+    message = parse_message(rig_pb2.SegmentEnd(), data)
     return SegmentEnd(
         message.segment, message.samples, EndReason(message.reason), message.lost, message.lost_is_exact, message.detail
     )

@@ -33,21 +33,21 @@ class PartLimits:
     is_rearmed: bool = False
 
 
-def part_name(event: str, part: int) -> str:
+def part_id(event: str, part: int) -> str:
     """Return the id of a part of an event: the event's own for the first."""
     return event if part == 1 else f"{event}-part{part}"
 
 
-def event_name(run: str, event: int) -> str:
+def event_id(run: str, event: int) -> str:
     """Return the id of an event of a run: the run's own for the first."""
     return run if event == 1 else f"{run}-event{event}"
 
 
-def file_names(path: Path) -> Iterator[str]:
+def file_ids(path: Path) -> Iterator[str]:
     """Yield the ids of the files of a run, whose first is given: its events, each with its parts."""
     for event in count(1):
         for part in count(1):
-            name = part_name(event_name(path.stem, event), part)
+            name = part_id(event_id(path.stem, event), part)
             if path.with_name(f"{name}{path.suffix}").exists():
                 yield name
             elif part == 1:
@@ -101,7 +101,7 @@ class PartWriter:
         """Number of files so far."""
         return self._files
 
-    def pass_over(self, samples: int) -> None:
+    def skip_samples(self, samples: int) -> None:
         """Count samples per channel that pass before the next block, and that nobody asked for."""
         self._elapsed_ns += sample_time_ns(samples, self._header.acquisition.rate)
 
@@ -165,8 +165,8 @@ class PartWriter:
 
     def _go_on(self, block: SampleBlock) -> None:
         """Finish the present part and begin the next with this block."""
-        event = event_name(self._header.run, self._event)
-        name = part_name(event, self._part + 1)
+        event = event_id(self._header.run, self._event)
+        name = part_id(event, self._part + 1)
         began = self._first if block.segment == self._segment else 0
         if block.first_sample:
             end = SegmentEnd(
@@ -185,7 +185,7 @@ class PartWriter:
         """Begin the next event with the next segment of the run."""
         self._event, self._part = self._event + 1, 1
         run = self._header.run
-        self._begin(event_name(run, self._event), f"event {self._event} of {run}", (self._segment, 0))
+        self._begin(event_id(run, self._event), f"event {self._event} of {run}", (self._segment, 0))
 
     def _begin(self, name: str, note: str, place: tuple[int, int]) -> None:
         """Begin a file with a segment and sample of the run."""

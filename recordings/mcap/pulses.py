@@ -6,11 +6,11 @@ import numpy as np
 
 from analysis.signals.blocks import SampleBlock
 from analysis.signals.header import Acquisition
-from recordings.mcap.messages import parsed
+from recordings.mcap.messages import parse_message
 from recordings.mcap.schema import rig_pb2
 
 
-class PulseTeller:
+class PulseEncoder:
     """Makes the messages of a run's stamps, numbering them through each segment.
 
     Parameters
@@ -49,7 +49,7 @@ class PulseTeller:
         return message.SerializeToString()
 
 
-class PulseJoin:
+class PulseMerger:
     """Gives the blocks of a file their stamps back.
 
     Parameters
@@ -65,7 +65,7 @@ class PulseJoin:
 
     def pulses(self, data: bytes) -> None:
         """Take a message of stamps; ValueError where the bytes are none."""
-        message = parsed(rig_pb2.Pulses(), data)
+        message = parse_message(rig_pb2.Pulses(), data)
         self._waiting[message.segment, message.first_sample] = message
 
     def block(self, block: SampleBlock) -> SampleBlock:

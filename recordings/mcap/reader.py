@@ -14,7 +14,7 @@ from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd, SourceIt
 from analysis.signals.header import RunHeader
 from analysis.signals.snapshot import Snapshot
 from recordings.errors import DamagedError
-from recordings.mcap.chunk_table import ChunkPlace
+from recordings.mcap.chunk_table import ChunkLocation
 from recordings.mcap.container import Container, StoredMessage
 from recordings.mcap.layout import (
     CHANNEL_IDS,
@@ -28,12 +28,12 @@ from recordings.mcap.layout import (
     SEGMENT_END,
     Sequence,
     cut_end,
+    decode_metadata,
     sample_time_ns,
-    unsealed,
 )
 from recordings.mcap.markers import Marker, decode_marker
-from recordings.mcap.messages import block_span, decode_block, decode_segment_end, parsed
-from recordings.mcap.pulses import PulseJoin
+from recordings.mcap.messages import block_span, decode_block, decode_segment_end, parse_message
+from recordings.mcap.pulses import PulseMerger
 from recordings.mcap.results import decode_snapshot
 from recordings.mcap.salvage import read_header
 from recordings.mcap.schema import rig_pb2
@@ -135,7 +135,7 @@ class RunReader:
         Where the file is damaged inside a segment, the rest of that segment is left out, and its end says so.
         """
         sequence = Sequence({end.segment: end for end in self._ends})
-        join = PulseJoin(self.header.acquisition)
+        join = PulseMerger(self.header.acquisition)
         for message in self._messages(SAMPLE_CHANNEL | END_CHANNEL | PULSE_CHANNEL):
             if message.channel in SAMPLE_CHANNEL:
                 with suppress(ValueError):  # a message that does not say what it should is as good as lost
@@ -211,7 +211,7 @@ class RunReader:
             for message in self._messages(PULSE_CHANNEL, first_place):
                 if message.channel in PULSE_CHANNEL:
                     with suppress(ValueError):
-                        found = parsed(rig_pb2.Pulses(), message.data)
+                        found = parse_message(rig_pb2.Pulses(), message.data)
                         if (found.segment, found.first_sample) >= (segment, stop + LATEST * acquisition.rate):
                             break
                         if found.segment == segment:
@@ -238,9 +238,9 @@ class RunReader:
         for message in self._messages(RESULT_CHANNELS, first_place):
             with suppress(ValueError):  # a result that cannot be read can be computed again
                 if message.channel == CHANNEL_IDS[ORDER_FRAME]:
-                    frame = parsed(rig_pb2.OrderFrame(), message.data)
+                    frame = parse_message(rig_pb2.OrderFrame(), message.data)
                 elif message.channel == CHANNEL_IDS[FEATURES]:
-                    features = parsed(rig_pb2.Features(), message.data)
+                    features = parse_message(rig_pb2.Features(), message.data)
                     same = frame is not None and (frame.segment, frame.sample) == (features.segment, features.sample)
                     yield decode_snapshot(features, frame if same else None)
 
@@ -278,7 +278,7 @@ class RunReader:
             _clock_error(document), document.get("largest_backlog_s"), self.header.acquisition.buffer_time
         )
         if self._is_complete:
-            self._ends = tuple(end_from_document(end) for end in document["segments"])
+            self._ends = tuple(segment_end_from_json(end) for end in document["segments"])
         else:
             self._ends = self._survey()
         self._starts_ns: dict[int, int] = {}
@@ -293,7 +293,7 @@ class RunReader:
         if not entries or not self._container.is_finished:
             return {}
         try:
-            return unsealed(self.path, END_RECORD, entries[-1])
+            return decode_metadata(self.path, END_RECORD, entries[-1])
         except DamagedError:
             return {}
 
@@ -315,7 +315,7 @@ class RunReader:
             raise DamagedError(f"{self.path}: cut short or damaged: it breaks off before the first samples")
         return tuple(ends[segment] for segment in sorted(ends))
 
-    def _last_span(self, place: ChunkPlace) -> tuple[int, int] | None:
+    def _last_span(self, place: ChunkLocation) -> tuple[int, int] | None:
         """Return segment and end of the last block of a chunk, or None where there is none."""
         span = None
         with suppress(DamagedError, ValueError):
@@ -352,7 +352,7 @@ class RunReader:
         return block
 
 
-def end_from_document(document: dict[str, Any]) -> SegmentEnd:
+def segment_end_from_json(document: dict[str, Any]) -> SegmentEnd:
     """Return the end of a segment as the record of the run's end tells it."""
     return SegmentEnd(**(document | {"reason": EndReason(document["reason"])}))
 

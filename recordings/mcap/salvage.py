@@ -11,10 +11,10 @@ from mcap.opcode import Opcode
 
 from analysis.signals.header import RunHeader
 from recordings.errors import DamagedError, RecordingError, UnknownFormatError
-from recordings.mcap.chunk_table import ChunkPlace
+from recordings.mcap.chunk_table import ChunkLocation
 from recordings.mcap.container import RECORD, Container
-from recordings.mcap.header import header_from_document
-from recordings.mcap.layout import RUN_RECORD, unsealed
+from recordings.mcap.header import header_from_json
+from recordings.mcap.layout import RUN_RECORD, decode_metadata
 
 WINDOW = 16 << 20
 COMPRESSION = struct.pack("<I", 4) + b"zstd"
@@ -23,7 +23,7 @@ BEFORE_DATA = RECORD.size + 28 + len(COMPRESSION) + 8
 """From the start of a chunk's record to its compressed data, bytes."""
 
 
-def search_chunks(container: Container) -> Iterator[ChunkPlace]:
+def search_chunks(container: Container) -> Iterator[ChunkLocation]:
     """Yield what looks like a compressed chunk, wherever it lies in the file; its checksum tells whether it is one."""
     for found in _positions(container, COMPRESSION):
         start = found - BEFORE_COMPRESSION.size
@@ -33,7 +33,7 @@ def search_chunks(container: Container) -> Iterator[ChunkPlace]:
         opcode, length, start_ns, *_ = BEFORE_COMPRESSION.unpack_from(head)
         data_length = int.from_bytes(head[-8:], "little")
         if opcode == Opcode.CHUNK and length == data_length + BEFORE_DATA - RECORD.size:
-            yield ChunkPlace(start + RECORD.size, length, start_ns, None)
+            yield ChunkLocation(start + RECORD.size, length, start_ns, None)
 
 
 def search_metadata(container: Container, name: str) -> Iterator[Mapping[str, str]]:
@@ -72,7 +72,7 @@ def read_header(container: Container) -> RunHeader:
     faults: list[RecordingError] = []
     for entries in container.metadata(RUN_RECORD) or search_metadata(container, RUN_RECORD):
         try:
-            return header_of(container.path, entries)
+            return decode_header(container.path, entries)
         except RecordingError as error:
             faults.append(error)
     if faults:
@@ -82,10 +82,10 @@ def read_header(container: Container) -> RunHeader:
     raise DamagedError(f"{container.path}: cut short or damaged: the record {RUN_RECORD} at its start is missing")
 
 
-def header_of(path: Path, entries: Mapping[str, str]) -> RunHeader:
+def decode_header(path: Path, entries: Mapping[str, str]) -> RunHeader:
     """Return the header that one of its copies holds; DamagedError or UnknownFormatError where it holds none."""
-    document = unsealed(path, RUN_RECORD, entries)
+    document = decode_metadata(path, RUN_RECORD, entries)
     try:
-        return header_from_document(document)
+        return header_from_json(document)
     except DamagedError as error:
         raise DamagedError(f"{path}: {error}") from error

@@ -19,7 +19,7 @@ from analysis.signals.header import RunHeader
 from analysis.signals.snapshot import Snapshot
 from recordings.errors import StorageError
 from recordings.mcap.chunk_writer import AppendedFile, ChunkedFile
-from recordings.mcap.header import calibration_document, header_document
+from recordings.mcap.header import calibration_to_json, header_to_json
 from recordings.mcap.layout import (
     CALIBRATION_RECORD,
     CHANNEL_IDS,
@@ -31,12 +31,12 @@ from recordings.mcap.layout import (
     SAMPLES,
     SEGMENT_END,
     TOPICS,
+    encode_metadata,
     sample_time_ns,
-    sealed,
 )
 from recordings.mcap.markers import Marker, encode_marker
-from recordings.mcap.messages import definitions, encode_block, encode_segment_end
-from recordings.mcap.pulses import PulseTeller
+from recordings.mcap.messages import encode_block, encode_segment_end, message_definitions
+from recordings.mcap.pulses import PulseEncoder
 from recordings.mcap.results import EncodedResult, encode_snapshot
 
 CHUNK_BYTES = 1 << 20
@@ -75,7 +75,7 @@ class RunWriter:
         self._results: deque[EncodedResult] = deque()
         self._ends: list[SegmentEnd] = []
         self._delivery = DeliveryWatch(header.acquisition)
-        self._pulses = PulseTeller(header.acquisition)
+        self._pulses = PulseEncoder(header.acquisition)
         self._starts_ns = {0: header.started_ns}
         self._segment = 0
         self._next_sample = 0
@@ -186,7 +186,7 @@ class RunWriter:
         if self._failure:
             raise StorageError(self._failure)
         try:
-            self._mcap.add_metadata(name, sealed(document))
+            self._mcap.add_metadata(name, encode_metadata(document))
         except OSError as error:
             raise self._fail(error) from error
         self._file.settle()
@@ -225,13 +225,13 @@ class RunWriter:
     def _begin(self) -> None:
         header = self._header
         channels = header.acquisition.channels
-        self._mcap.add_metadata(RUN_RECORD, sealed(header_document(header)))
+        self._mcap.add_metadata(RUN_RECORD, encode_metadata(header_to_json(header)))
         self._mcap.add_metadata(
             CALIBRATION_RECORD,
-            {c.name: json.dumps(calibration_document(c.calibration)) for c in channels if c.calibration is not None},
+            {c.name: json.dumps(calibration_to_json(c.calibration)) for c in channels if c.calibration is not None},
         )
         self._mcap.add_attachment(CONFIG_ATTACHMENT, "application/toml", header.started_ns, header.config_toml.encode())
-        data, names = definitions(), ",".join(channel.name for channel in channels)
+        data, names = message_definitions(), ",".join(channel.name for channel in channels)
         about = {SAMPLES: {"rate_hz": repr(self._rate), "channels": names}}
         if header.acquisition.tacho.counter is not None:
             about[PULSES] = {"timebase_hz": repr(header.acquisition.tacho.counter.timebase)}
@@ -241,7 +241,9 @@ class RunWriter:
                 Channel(number, topic, MessageEncoding.Protobuf, about.get(topic, {}), number),
                 Schema(number, data, SchemaEncoding.Protobuf, f"rig.{message}"),
             )
-        self._mcap.add_metadata(RUN_RECORD, sealed(header_document(header)))  # again: without it nothing can be read
+        self._mcap.add_metadata(
+            RUN_RECORD, encode_metadata(header_to_json(header))
+        )  # again: without it nothing can be read
         self._file.settle()
 
     def _add(self, message: Message) -> None:
@@ -307,7 +309,7 @@ class RunWriter:
 
     def _finish(self, skipped_samples: int) -> None:
         """Write what the run came to and the index; the room for both has been kept."""
-        self._mcap.add_metadata(END_RECORD, sealed(self._end_document(skipped_samples)), is_tail=True)
+        self._mcap.add_metadata(END_RECORD, encode_metadata(self._end_document(skipped_samples)), is_tail=True)
         self._mcap.finish()
         self._file.close()
 
@@ -343,7 +345,7 @@ def _message(topic: str, log_time: int, data: bytes, sequence: int = 0) -> Messa
     return Message(CHANNEL_IDS[topic], log_time, data, log_time, sequence)
 
 
-def write_analysed(
+def write_run(
     path: Path,
     header: RunHeader,
     items: Iterable[SourceItem],

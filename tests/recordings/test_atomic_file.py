@@ -4,14 +4,14 @@ from pathlib import Path
 
 import pytest
 
-from recordings.atomic_file import draft_of, put_at
+from recordings.atomic_file import atomic_write, replace_with_retry
 
 
 def test_draft_takes_the_place_of_the_file_at_the_end(tmp_path: Path) -> None:
     place = tmp_path / "report.html"
     place.write_text("before")
-    with draft_of(place) as draft:
-        draft.write_text("after")
+    with atomic_write(place) as temporary:
+        temporary.write_text("after")
         assert place.read_text() == "before"
     assert place.read_text() == "after"
     assert list(tmp_path.iterdir()) == [place]
@@ -20,8 +20,8 @@ def test_draft_takes_the_place_of_the_file_at_the_end(tmp_path: Path) -> None:
 @pytest.mark.parametrize("interruption", [KeyboardInterrupt, SystemExit, OSError])
 def test_nothing_is_left_of_a_draft_that_is_interrupted(interruption: type[BaseException], tmp_path: Path) -> None:
     def write() -> None:
-        with draft_of(tmp_path / "report.html") as draft:
-            draft.write_text("half")
+        with atomic_write(tmp_path / "report.html") as temporary:
+            temporary.write_text("half")
             raise interruption
 
     with pytest.raises(interruption):
@@ -45,12 +45,12 @@ class Held:
 
 def test_file_that_is_being_read_is_replaced_as_soon_as_it_is_let_go(tmp_path: Path) -> None:
     held = Held(2)
-    put_at(held, tmp_path / "map.npz")
+    replace_with_retry(held, tmp_path / "map.npz")
     assert held.moved == [tmp_path / "map.npz"]
 
 
 def test_file_that_is_read_on_and_on_is_told_of(tmp_path: Path) -> None:
     held = Held(100)
     with pytest.raises(PermissionError, match="used by another process"):
-        put_at(held, tmp_path / "map.npz")
+        replace_with_retry(held, tmp_path / "map.npz")
     assert held.moved == []

@@ -9,7 +9,7 @@ import numpy as np
 
 from daq.errors import UsageError
 from model.studies.study import Plot, Series, Style, Surface
-from recordings.atomic_file import draft_of
+from recordings.atomic_file import atomic_write
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -42,8 +42,8 @@ def require_drawing(file: Path | None = None, option: str = "-o") -> None:
 def save(plots: Sequence[Plot | Surface], file: Path) -> None:
     """Draw plots below each other into an SVG or PNG file."""
     try:
-        with draft_of(file) as draft:
-            draft.write_bytes(render(plots, file.suffix.lower().removeprefix(".")))
+        with atomic_write(file) as temporary:
+            temporary.write_bytes(render(plots, file.suffix.lower().removeprefix(".")))
     except OSError as error:
         raise UsageError(f"{file}: {error.strerror or error}, expected a place that can be written to") from error
 

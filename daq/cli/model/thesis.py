@@ -20,7 +20,7 @@ from model.studies.thesis.chapter_6 import (
     run_case,
     trends,
 )
-from recordings.atomic_file import draft_of
+from recordings.atomic_file import atomic_write
 
 NAME = "thesis.html"
 _CHAPTER_3 = (
@@ -64,8 +64,8 @@ def run(chosen: argparse.Namespace) -> int:
     file = folder / NAME
     text = page(parts)
     try:
-        with draft_of(file) as draft:
-            draft.write_text(text, encoding="utf-8")
+        with atomic_write(file) as temporary:
+            temporary.write_text(text, encoding="utf-8")
     except OSError as error:
         raise UsageError(f"{file}: cannot be written ({error.strerror})") from error
     console.done()

@@ -27,8 +27,8 @@ from daq.service.jobs.schemas import PredictionMapSchema
 from daq.service.rendering import document_of
 from daq.session.offline import summarise
 from daq.session.prediction.map_cache import CachedPredictionMap, CachedPredictionMaps
-from recordings.catalogue.arrival import RunExistsError, settle
-from recordings.errors import ForeignFormatError, StorageError
+from recordings.catalogue.incoming_run import move_without_overwriting
+from recordings.errors import ForeignFormatError, RunExistsError, StorageError
 from recordings.exchange.export import pulses_table, results_table, samples_table
 from recordings.exchange.formats import write_table
 from recordings.exchange.table import Table
@@ -127,7 +127,7 @@ def verification(tell: ReportProgress, target: Path, place: CatalogueLocation, r
     """Look through a recording's file and keep the verdict."""
     catalogue = place.catalogue()
     found = verify(catalogue.path(run), parts_told(tell, "verifying"))
-    catalogue.judge(run, found.verdict.value)
+    catalogue.store_verdict(run, found.verdict.value)
     _write(target, verification_schema(found))
 
 
@@ -135,18 +135,18 @@ def recovery(tell: ReportProgress, target: Path, place: CatalogueLocation, run: 
     """Copy what is intact of a recording; the copy is listed when it is whole."""
     tell(Progress("copying what is intact"))
     catalogue = place.catalogue()
-    copy = catalogue.place_for(f"{run}-recovered")
+    copy = catalogue.path_for(f"{run}-recovered")
     if copy.exists():
         raise RunExistsError(f"{copy.name}: there is such a run already")
-    draft = target.with_name(copy.name)
-    found = recover(catalogue.path(run), draft)
-    settle(draft, copy)
+    temporary = target.with_name(copy.name)
+    found = recover(catalogue.path(run), temporary)
+    move_without_overwriting(temporary, copy)
     _write(target, recovery_schema(replace(found, target=copy)))
 
 
 def index(tell: ReportProgress, target: Path, place: CatalogueLocation, verifying: bool) -> None:  # noqa: FBT001 - sent through a pipe
     """Bring the catalogue up to date."""
-    report = place.catalogue().index(summarise, verifying=verifying, told=lambda words: tell(Progress(words)))
+    report = place.catalogue().index(summarise, verify_files=verifying, on_status=lambda words: tell(Progress(words)))
     _write(target, index_report_schema(report))
 
 

@@ -22,10 +22,9 @@ from daq.service.schemas.runs import (
 )
 from daq.service.stream import LiveFeed, require_ended
 from daq.service.uploads import UploadReceiver
-from recordings.catalogue.arrival import RunExistsError
 from recordings.catalogue.catalogue import RunEntry
-from recordings.catalogue.trash import PutAway
-from recordings.errors import NotFoundError
+from recordings.catalogue.trash import TrashedRun
+from recordings.errors import NotFoundError, RunExistsError
 
 MOST_BYTES: Final = 64 * 1024**3
 BINARY = {"content": {OCTETS: {"schema": {"type": "string", "format": "binary"}}}, "required": True}
@@ -48,19 +47,19 @@ class EditableCatalogue(Protocol):
         """Give a run other words; ValueError where they cannot be."""
         ...
 
-    def put_away(self, run_id: str) -> Path:
+    def move_to_trash(self, run_id: str) -> Path:
         """Move a run into the trash; return where it is."""
         ...
 
-    def put_away_runs(self) -> list[PutAway]:
+    def trashed_runs(self) -> list[TrashedRun]:
         """Return what lies in the trash."""
         ...
 
-    def take_back(self, name: str, run_id: str = "") -> RunEntry:
+    def restore(self, name: str, run_id: str = "") -> RunEntry:
         """Move a run out of the trash; NotFoundError, RunExistsError."""
         ...
 
-    def place_for(self, run_id: str) -> Path:
+    def path_for(self, run_id: str) -> Path:
         """Return where the file of a run belongs; NotFoundError for no id."""
         ...
 
@@ -109,8 +108,8 @@ class RunEditRoutes:
         )
         routing.add(
             "DELETE /runs/{run}",
-            self.put_away,
-            "put_run_away",
+            self.move_to_trash,
+            "trash_run",
             "runs",
             "Move a run into the trash",
             *changing,
@@ -120,8 +119,8 @@ class RunEditRoutes:
         routing.add("/trash", self.trash, "list_trash", "runs", "List the runs in the trash", *changing[-2:])
         routing.add(
             "POST /trash/{name}/restore",
-            self.take_back,
-            "take_run_back",
+            self.restore,
+            "restore_run",
             "runs",
             "Take a run out of the trash",
             ProblemType.NOT_IN_TRASH,
@@ -160,13 +159,13 @@ class RunEditRoutes:
         response.headers["ETag"] = document_tag(document)
         return document
 
-    async def put_away(self, run: RunId, if_match: IfMatch = None) -> TrashedRunSchema:
+    async def move_to_trash(self, run: RunId, if_match: IfMatch = None) -> TrashedRunSchema:
         """Move the recording into the folder `trash` of the data folder; nothing is deleted."""
         require_ended(self._live, run)
 
         def moved() -> Path:
             self._require_meant(run, if_match)
-            return self._catalogue.put_away(run)
+            return self._catalogue.move_to_trash(run)
 
         place = await self._edit_threads.run(moved)
         return TrashedRunSchema(run=run, trash=f"{place.parent.name}/{place.name}", name=place.stem)
@@ -178,13 +177,13 @@ class RunEditRoutes:
 
     async def trash(self) -> TrashSchema:
         """List what was put away; nothing is ever deleted by the service."""
-        found = await self._edit_threads.run(self._catalogue.put_away_runs)
+        found = await self._edit_threads.run(self._catalogue.trashed_runs)
         return TrashSchema(runs=tuple(TrashEntrySchema(name=each.name, size_bytes=each.size) for each in found))
 
-    async def take_back(self, name: TrashName, order: RestoreRequest, response: Response) -> RunSchema:
+    async def restore(self, name: TrashName, order: RestoreRequest, response: Response) -> RunSchema:
         """Move a run and what was said of it back into the data folder, never in place of another."""
         try:
-            entry = await self._edit_threads.run(partial(self._catalogue.take_back, name, order.run or ""))
+            entry = await self._edit_threads.run(partial(self._catalogue.restore, name, order.run or ""))
         except NotFoundError as error:
             raise ProblemError(ProblemType.NOT_IN_TRASH, str(error)) from error
         except RunExistsError as error:
@@ -197,7 +196,7 @@ class RunEditRoutes:
 
         What is there already is never written over, and of what is refused nothing is left.
         """
-        place = self._catalogue.place_for(run)
-        await self._incoming.take(request, place, self._results.require_whole)
+        place = self._catalogue.path_for(run)
+        await self._incoming.take(request, place, self._results.require_sound)
         response.headers["Location"] = f"{PREFIX}/runs/{run}"
         return run_schema(await self._edit_threads.run(partial(self._catalogue.run, run)))

@@ -14,7 +14,7 @@ from recordings.catalogue.search import Search
 
 RPM = math.pi / 30.0
 SECOND = 1_000_000_000
-MAX_MARKER_LENGTH = 200
+MAX_TEXT_LENGTH = 200
 LATEST = 2**62  # ns
 
 
@@ -49,7 +49,7 @@ def _nanoseconds(moment: datetime | None) -> int | None:
     return None if moment is None else max(min(round(moment.timestamp() * SECOND), LATEST), -LATEST)
 
 
-Text = Annotated[str, Field(max_length=MAX_MARKER_LENGTH, pattern=r"^[^\x00]*$")]
+Text = Annotated[str, Field(max_length=MAX_TEXT_LENGTH, pattern=r"^[^\x00]*$")]
 Speed = Annotated[float, Field(ge=0, le=FASTEST)]
 Moment = Annotated[datetime, BeforeValidator(_named)]
 

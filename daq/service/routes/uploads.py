@@ -19,7 +19,7 @@ from daq.service.schemas.uploads import (
     upload_schema,
 )
 from daq.service.uploads import (
-    MAX_MARKER_LENGTH,
+    MAX_NAME_LENGTH,
     MOST_BYTES,
     Upload,
     UploadNotFoundError,
@@ -42,7 +42,7 @@ class NameQuery(Question):
         str,
         Query(
             description="What the file is called, without folders; its suffix tells the format",
-            min_length=1, max_length=MAX_MARKER_LENGTH, examples=["run-up.tdms"],
+            min_length=1, max_length=MAX_NAME_LENGTH, examples=["run-up.tdms"],
         ),
     ]  # fmt: skip
 

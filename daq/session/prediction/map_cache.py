@@ -28,7 +28,7 @@ from model.prediction.prediction_map import (
     prediction_map_key,
 )
 from model.rotor.parameters import ModelParameters
-from recordings.atomic_file import draft_of
+from recordings.atomic_file import atomic_write
 
 Told: TypeAlias = Callable[[int, int], None]
 """Told the number of speeds done and of all."""
@@ -67,7 +67,7 @@ def read_map(file: Path) -> tuple[PredictionMap | None, str]:
 def write_map(file: Path, prediction_map: PredictionMap) -> None:
     """Keep a map: whole or not at all."""
     file.parent.mkdir(parents=True, exist_ok=True)
-    with draft_of(file) as draft, draft.open("wb") as part:
+    with atomic_write(file) as temporary, temporary.open("wb") as part:
         np.savez(part, **prediction_map.to_arrays())  # type: ignore[arg-type]  # the stub takes names for an option
 
 

@@ -186,7 +186,7 @@ class _Recorder:
 
     def on_skipped(self, samples: int) -> None:
         """Count the samples that a trigger skips; as a `TriggerListener`."""
-        self._writer.pass_over(samples)
+        self._writer.skip_samples(samples)
         self._passed += samples
 
     def on_start(self, start: TriggerStart) -> None:

@@ -7,7 +7,7 @@ from uuid import uuid4
 
 from daq.errors import UsageError
 from model.studies.sweep_quantities import SweepResult
-from recordings.atomic_file import draft_of
+from recordings.atomic_file import atomic_write
 
 
 class SweepStore:
@@ -71,8 +71,8 @@ class SweepStore:
         columns["fault"] = pa.array([one.fault for one in outcomes], pa.string())
         try:
             file.parent.mkdir(parents=True, exist_ok=True)
-            with draft_of(file) as draft:
-                parquet.write_table(pa.table(columns), draft)
+            with atomic_write(file) as temporary:
+                parquet.write_table(pa.table(columns), temporary)
         except OSError as error:
             raise UsageError(f"{file}: cannot be written ({error.strerror or error})") from error
 

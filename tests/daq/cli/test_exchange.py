@@ -21,7 +21,7 @@ from daq.session.recording.recorder import run_header
 from recordings.exchange.export import results_table, samples_table
 from recordings.integrity.verify import Verdict, verify
 from recordings.mcap.reader import RunReader
-from recordings.mcap.writer import write_analysed
+from recordings.mcap.writer import write_run
 
 Captured = pytest.CaptureFixture[str]
 MakeMapping = Callable[..., Path]
@@ -51,7 +51,7 @@ def run(folder: Path, rig: Callable[..., Rig]) -> Path:
         rig=loaded, run=RUN, started_ns=STARTED_NS, note="cold oil", program="rig", path=path, duration=None
     )
     with closing(open_source(loaded)) as source:
-        write_analysed(path, run_header(order, source), source.blocks(), {})
+        write_run(path, run_header(order, source), source.blocks(), {})
     return path
 
 

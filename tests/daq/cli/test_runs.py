@@ -16,7 +16,7 @@ from daq.session.recording.messages import RecordingRequest
 from daq.session.recording.recorder import run_header
 from recordings.mcap.container import Container
 from recordings.mcap.reader import RunReader
-from recordings.mcap.writer import write_analysed
+from recordings.mcap.writer import write_run
 
 Captured = pytest.CaptureFixture[str]
 RUN = "2026-11-24T09-12-07-gj90c"
@@ -44,7 +44,7 @@ def run(folder: Path, rig: Callable[..., Rig]) -> Path:
         rig=loaded, run=RUN, started_ns=STARTED_NS, note="cold oil", program="rig", path=path, duration=None
     )
     with closing(open_source(loaded)) as source:
-        write_analysed(path, run_header(order, source), source.blocks(), {})
+        write_run(path, run_header(order, source), source.blocks(), {})
     os.utime(path, (1_795_511_530, 1_795_511_530))
     return path
 

@@ -20,7 +20,7 @@ from daq.drivers.source import Source
 from daq.drivers.triggered import Trigger, TriggeredSource, TriggerStart
 from daq.errors import ConfigError
 from daq.session.live_update import RunState
-from recordings.mcap.parts import file_names
+from recordings.mcap.parts import file_ids
 from recordings.mcap.reader import RunReader
 from tests.daq.session.recording.test_health import seen_within
 from tests.daq.session.recording.test_recorded_run import recorded
@@ -239,7 +239,7 @@ def test_each_event_is_a_recording_and_the_run_ends_after_as_many(rig: RigFactor
     outcome = run.close()
     assert outcome.exit_code == 0
     assert [end.detail for end in outcome.ends] == ["stopped by speed < 4000 r/min"] * 2
-    names = [*file_names(run.path)]
+    names = [*file_ids(run.path)]
     assert names == [run.path.stem, f"{run.path.stem}-event2"]
     passed = 0
     for name, end in zip(names, outcome.ends, strict=True):
@@ -270,7 +270,7 @@ def test_run_that_is_armed_again_ends_when_it_is_stopped(rig: RigFactory, tmp_pa
     run.stop()
     assert run.wait(60)
     assert run.close().exit_code == 130
-    assert [*file_names(run.path)] == [run.path.stem]
+    assert [*file_ids(run.path)] == [run.path.stem]
 
 
 def test_events_without_a_start_and_a_stop_are_refused(rig: RigFactory) -> None:

@@ -14,7 +14,7 @@ from daq.config.rig import Rig
 from daq.drivers.factory import open_source
 from daq.session.recording.recorder import run_header
 from recordings.mcap.results import encode_snapshot
-from recordings.mcap.writer import write_analysed
+from recordings.mcap.writer import write_run
 from tests.daq.session.recording.test_recorded_run import order
 
 RigFactory = Callable[..., Rig]
@@ -43,7 +43,7 @@ def header_of(rig: Rig, folder: Path) -> RunHeader:
 def recorded(rig: Rig, folder: Path, items: Iterable[SourceItem] | None = None) -> Path:
     header = header_of(rig, folder)
     path = folder / f"{header.run}.mcap"
-    write_analysed(path, header, items_of(rig) if items is None else items, {})
+    write_run(path, header, items_of(rig) if items is None else items, {})
     return path
 
 

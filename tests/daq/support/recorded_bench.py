@@ -24,7 +24,7 @@ from daq.session.recording.recorder import run_header
 from model.prediction.prediction_map import Prediction
 from recordings.catalogue.catalogue import Catalogue
 from recordings.mcap.markers import MarkerKind
-from recordings.mcap.writer import write_analysed
+from recordings.mcap.writer import write_run
 from tests.daq.support.frames import make_prediction
 from tests.daq.support.service_fakes import FakeLive
 
@@ -38,7 +38,7 @@ def record_run(rig: Rig, folder: Path, run: str = RUN) -> Path:
     path = folder / f"{run}.mcap"
     order = RecordingRequest(rig, run, 1_795_000_000_000_000_000, "first light", "rig test", path, None)
     with closing(open_source(rig)) as source:
-        write_analysed(path, run_header(order, source), source.blocks(), {})
+        write_run(path, run_header(order, source), source.blocks(), {})
     return path
 
 

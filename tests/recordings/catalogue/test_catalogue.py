@@ -133,7 +133,7 @@ def test_an_id_that_is_none_never_reaches_the_disk(
     folder = tmp_path / "data"
     folder.mkdir()
     catalogue = Catalogue(folder)
-    for ask in (catalogue.path, catalogue.run, lambda wanted: catalogue.load_document(wanted, "summary")):
+    for ask in (catalogue.path, catalogue.run, lambda wanted: catalogue.load_cached(wanted, "summary")):
         with pytest.raises(NotFoundError, match="there is no such run"):
             ask(run_id)
     assert secret.exists()
@@ -173,14 +173,14 @@ def test_free_room_is_known_before_the_folder_is_there(tmp_path: Path) -> None:
 def test_documents_are_kept_until_the_file_changes(tmp_path: Path, record: Callable[[str, int], Path]) -> None:
     path = record("run", SECOND)
     catalogue = Catalogue(tmp_path)
-    assert catalogue.load_document("run", "summary") is None
-    catalogue.store_document("run", "summary", {"speed_rpm": [1.5, 2]})
-    catalogue.store_document("run", "summary", {"speed_rpm": [1.5, 3]})
-    assert Catalogue(tmp_path).load_document("run", "summary") == {"speed_rpm": [1.5, 3]}
-    assert catalogue.load_document("run", "other") is None
+    assert catalogue.load_cached("run", "summary") is None
+    catalogue.store_cached("run", "summary", {"speed_rpm": [1.5, 2]})
+    catalogue.store_cached("run", "summary", {"speed_rpm": [1.5, 3]})
+    assert Catalogue(tmp_path).load_cached("run", "summary") == {"speed_rpm": [1.5, 3]}
+    assert catalogue.load_cached("run", "other") is None
     status = path.stat()
     os.utime(path, ns=(status.st_atime_ns, status.st_mtime_ns + SECOND))
-    assert catalogue.load_document("run", "summary") is None
+    assert catalogue.load_cached("run", "summary") is None
     assert [entry.id for entry in catalogue.runs()] == ["run"]
 
 

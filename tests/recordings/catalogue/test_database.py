@@ -30,9 +30,9 @@ def test_a_folder_that_takes_no_catalogue_is_no_fault(
     (tmp_path / ".rig").write_text("a file in its place")
     catalogue = Catalogue(tmp_path)
     assert [entry.id for entry in catalogue.runs()] == ["run"]
-    catalogue.store_document("run", "summary", {"a": 1})
-    assert catalogue.load_document("run", "summary") == {"a": 1}
-    assert Catalogue(tmp_path).load_document("run", "summary") is None
+    catalogue.store_cached("run", "summary", {"a": 1})
+    assert catalogue.load_cached("run", "summary") == {"a": 1}
+    assert Catalogue(tmp_path).load_cached("run", "summary") is None
 
 
 def test_a_catalogue_that_another_process_holds_is_left_alone(tmp_path: Path) -> None:
@@ -134,5 +134,5 @@ def test_runs_are_listed_and_put_away_though_the_catalogue_takes_no_more(
         found = {entry.id: (entry.remark, entry.tags, entry.is_complete) for entry in each.runs()}
         assert found == {"first": ("cold oil", ("good",), True), "second": ("", (), True)}
         assert each.run("second").id == "second"
-    assert catalogue.put_away("first").exists()
+    assert catalogue.move_to_trash("first").exists()
     assert [entry.id for entry in catalogue.runs()] == ["second"]

@@ -99,18 +99,18 @@ def test_the_index_tells_new_changed_damaged_and_vanished_files(tmp_path: Path, 
 def test_what_was_known_of_a_file_is_forgotten_when_it_changes(tmp_path: Path, record: Record) -> None:
     catalogue = Catalogue(tmp_path)
     path = record("run", 1000)
-    catalogue.index(summarise, verifying=True)
+    catalogue.index(summarise, verify_files=True)
     assert catalogue.run("run").verdict == "sound"
     assert ids([*catalogue.search(Search(onset_below=10_001 * RPM))]) == ["run"]
     path.write_bytes(path.read_bytes()[:-1000])
     os.utime(path, (5000, 5000))
     assert catalogue.run("run").verdict == ""
     assert catalogue.search(Search(onset_below=10_001 * RPM)) == []
-    catalogue.index(summarise, verifying=True)
+    catalogue.index(summarise, verify_files=True)
     assert catalogue.run("run").verdict == "not whole"
     path.write_text("nothing")
     os.utime(path, (6000, 6000))
-    catalogue.index(summarise, verifying=True)
+    catalogue.index(summarise, verify_files=True)
     assert catalogue.run("run").verdict == "unreadable"
 
 
@@ -225,7 +225,7 @@ def test_a_catalogue_that_was_thrown_away_is_built_again_from_the_files(
     for k, name in enumerate(("a", "b", "c")):
         record(name, 100 * (k + 1))
     catalogue.annotate("b", tags=["good"], remark="words")
-    catalogue.index(summarise, verifying=True)
+    catalogue.index(summarise, verify_files=True)
     before = catalogue.runs()
     wanted = Search(onset_below=2001 * RPM, tags=("good",))
     found = catalogue.search(wanted)
@@ -242,7 +242,7 @@ def test_a_catalogue_that_was_thrown_away_is_built_again_from_the_files(
         METADATA.drop_all(engine)
         engine.dispose()
     fresh = Catalogue(tmp_path)
-    fresh.index(summarise, verifying=True)
+    fresh.index(summarise, verify_files=True)
     assert fresh.runs() == before
     assert fresh.search(wanted) == found
 
@@ -276,7 +276,7 @@ def hammer(folder: Path, number: int) -> None:
     for k in range(5):
         entries = catalogue.runs()
         catalogue.annotate(entries[k % len(entries)].id, tags=[*entries[k % len(entries)].tags, f"tag-{number}-{k}"])
-        catalogue.store_document(entries[0].id, f"document-{number}", {"k": k})
+        catalogue.store_cached(entries[0].id, f"document-{number}", {"k": k})
         catalogue.index(summarise)
         catalogue.search(Search(text="oil"))
 
@@ -293,7 +293,7 @@ def test_several_processes_share_a_catalogue(tmp_path: Path, record: Record) -> 
     assert [process.exitcode for process in processes] == [0, 0]
     catalogue = Catalogue(tmp_path)
     assert len(catalogue.runs()) == 5
-    assert [catalogue.load_document("run-4", f"document-{number}") for number in range(2)] == [{"k": 4}] * 2
+    assert [catalogue.load_cached("run-4", f"document-{number}") for number in range(2)] == [{"k": 4}] * 2
     assert len(catalogue.search(Search(onset_below=math.inf))) == 5
 
 
@@ -305,8 +305,8 @@ def test_a_database_that_cannot_be_reached_is_named_without_its_password(tmp_pat
     ) as caught:
         catalogue.runs()
     assert "secret" not in str(caught.value)
-    catalogue.store_document("run", "summary", {})
-    assert catalogue.load_document("run", "summary") is None
+    catalogue.store_cached("run", "summary", {})
+    assert catalogue.load_cached("run", "summary") is None
     assert catalogue.path("run").exists()
     with pytest.raises(StorageError, match="catalogue"):
         Catalogue(tmp_path, "nonsense").runs()

@@ -15,7 +15,7 @@ from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd
 from analysis.signals.header import RunHeader
 from analysis.signals.snapshot import Snapshot
 from recordings.errors import DamagedError, RecordingError
-from recordings.mcap.chunk_writer import encoded
+from recordings.mcap.chunk_writer import encode_records
 from recordings.mcap.container import RECORD, Container
 from recordings.mcap.layout import Sequence
 from recordings.mcap.reader import RunReader
@@ -213,7 +213,7 @@ def test_a_run_that_is_still_being_written_can_be_read_so_far(
 
 def chunk_of(data: bytes, *, compression: str = "") -> bytes:
     """Return a chunk record whose checksum fits whatever it holds."""
-    return encoded(Chunk(compression, data, 1, 0, zlib.crc32(data), len(data)))
+    return encode_records(Chunk(compression, data, 1, 0, zlib.crc32(data), len(data)))
 
 
 NONSENSE = {

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd
 from analysis.signals.header import RunHeader
 from recordings.errors import DamagedError, StorageError
-from recordings.integrity.recover import Missing, Stretch, recover
+from recordings.integrity.recover import MissingSamples, RecoveredSegment, recover
 from recordings.integrity.verify import Verdict, verify
 from recordings.mcap.container import Container
 from recordings.mcap.markers import Marker, encode_marker
@@ -60,7 +60,7 @@ def ends(path: Path) -> list[tuple[int, EndReason, int, bool]]:
         return [(end.samples, end.reason, end.lost, end.lost_is_exact) for end in reader.segment_ends]
 
 
-def check_copy(path: Path, header: RunHeader, stretches: tuple[Stretch, ...], codes_of: CodesOf) -> None:
+def check_copy(path: Path, header: RunHeader, stretches: tuple[RecoveredSegment, ...], codes_of: CodesOf) -> None:
     assert verify(path).verdict is Verdict.SOUND
     with RunReader(path) as reader:
         assert reader.header == header
@@ -75,7 +75,7 @@ def test_a_whole_run_comes_back_whole(run: Path, tmp_path: Path, header: RunHead
     recovery = recover(run, tmp_path / "copy.mcap")
     assert run.read_bytes() == before
     assert recovery.missing == ()
-    assert recovery.stretches == tuple(Stretch(k, k, 0, N) for k in range(3))
+    assert recovery.stretches == tuple(RecoveredSegment(k, k, 0, N) for k in range(3))
     assert recovery.samples == 3 * N
     assert ends(recovery.target) == ends(run)
     check_copy(recovery.target, header, recovery.stretches, codes_of)
@@ -141,7 +141,7 @@ def test_a_segment_that_is_gone_altogether_is_told(
 ) -> None:
     spoil(run, *((1, k * BLOCK) for k in range(N_BLOCKS)))
     recovery = recover(run, tmp_path / "copy.mcap")
-    assert recovery.missing == (Missing(1, 0, N),)
+    assert recovery.missing == (MissingSamples(1, 0, N),)
     assert [stretch.from_segment for stretch in recovery.stretches] == [0, 1, 2]
     assert ends(recovery.target)[1][:3] == (0, EndReason.CUT, N)
     check_copy(recovery.target, header, recovery.stretches, codes_of)
@@ -149,7 +149,7 @@ def test_a_segment_that_is_gone_altogether_is_told(
 
 def test_the_last_segments_of_a_finished_run_are_missed(run: Path, tmp_path: Path) -> None:
     spoil(run, *((segment, k * BLOCK) for segment in (1, 2) for k in range(N_BLOCKS)))
-    assert recover(run, tmp_path / "copy.mcap").missing == (Missing(1, 0, N), Missing(2, 0, N))
+    assert recover(run, tmp_path / "copy.mcap").missing == (MissingSamples(1, 0, N), MissingSamples(2, 0, N))
 
 
 def test_a_cut_run_misses_whatever_came_after(run: Path, tmp_path: Path, header: RunHeader, codes_of: CodesOf) -> None:

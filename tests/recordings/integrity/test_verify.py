@@ -14,7 +14,7 @@ from recordings.errors import DamagedError, NotFoundError, UnknownFormatError
 from recordings.integrity.checks import Check, check_acquisition
 from recordings.integrity.verify import Verdict, verify
 from recordings.mcap.container import Container
-from recordings.mcap.layout import RUN_RECORD, sealed
+from recordings.mcap.layout import RUN_RECORD, encode_metadata
 from recordings.mcap.results import encode_snapshot
 from recordings.mcap.writer import RunWriter
 
@@ -155,7 +155,7 @@ def test_a_run_of_a_format_to_come_is_an_error(run: Path) -> None:
     run.write_bytes(run.read_bytes().replace(version + b"1", version + b"2"))
     with pytest.raises(UnknownFormatError, match="run format version '2', known here: 1"):
         verify(run)
-    assert sealed({})["format"] == "1"
+    assert encode_metadata({})["format"] == "1"
 
 
 GOOD = Calibration((0.0, 1e-5), 1.0, 9.0, date="2026-01-01")

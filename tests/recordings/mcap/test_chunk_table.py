@@ -3,8 +3,8 @@
 import pytest
 from mcap.records import ChunkIndex
 
-from recordings.mcap.chunk_table import ChunkPlace, ChunkTable
-from recordings.mcap.chunk_writer import encoded
+from recordings.mcap.chunk_table import ChunkLocation, ChunkTable
+from recordings.mcap.chunk_writer import encode_records
 from recordings.mcap.container import RECORD
 
 BILLION_YEARS = 1 << 63
@@ -23,7 +23,7 @@ def content(offset: int, start_ns: int, channels: list[int]) -> bytes:
         message_start_time=start_ns,
         uncompressed_size=90,
     )
-    return encoded(index)[RECORD.size :]
+    return encode_records(index)[RECORD.size :]
 
 
 CASES = [
@@ -40,7 +40,7 @@ def test_a_table_says_what_the_indexes_say() -> None:
     table = ChunkTable.from_index([content(*case) for case in CASES])
     assert len(table) == len(CASES)
     assert [*table] == [
-        ChunkPlace(offset + RECORD.size, 100 - RECORD.size, start_ns, frozenset(channels))
+        ChunkLocation(offset + RECORD.size, 100 - RECORD.size, start_ns, frozenset(channels))
         for offset, start_ns, channels in CASES
     ]
     assert [*table.starting_at(4)] == [table[4], table[5]]
@@ -49,9 +49,9 @@ def test_a_table_says_what_the_indexes_say() -> None:
 
 def test_a_table_of_places_gives_them_back() -> None:
     places = [
-        ChunkPlace(9, 100, 5, frozenset({1})),
-        ChunkPlace(200, 50, 7, None),
-        ChunkPlace(300, 50, 8, frozenset({1})),
+        ChunkLocation(9, 100, 5, frozenset({1})),
+        ChunkLocation(200, 50, 7, None),
+        ChunkLocation(300, 50, 8, frozenset({1})),
     ]
     table = ChunkTable.of(places)
     assert [*table] == places

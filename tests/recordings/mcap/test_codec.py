@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 
-from recordings.mcap.messages import pack, unpack
+from recordings.mcap.messages import pack_codes, unpack_codes
 from recordings.mcap.schema.rig_pb2 import CODEC_DELTA_SHUFFLE, CODEC_INT16, CODEC_UNSPECIFIED
 
 shapes = st.tuples(st.integers(1, 4), st.integers(0, 50))
@@ -15,7 +15,7 @@ shapes = st.tuples(st.integers(1, 4), st.integers(0, 50))
 
 @given(arrays(np.int16, shapes))
 def test_codes_come_back_from_the_packed_bytes(codes: NDArray[np.int16]) -> None:
-    back = unpack(pack(codes), CODEC_DELTA_SHUFFLE, *codes.shape)
+    back = unpack_codes(pack_codes(codes), CODEC_DELTA_SHUFFLE, *codes.shape)
     assert back.dtype == np.int16
     assert back.flags.c_contiguous
     np.testing.assert_array_equal(back, codes)
@@ -23,29 +23,29 @@ def test_codes_come_back_from_the_packed_bytes(codes: NDArray[np.int16]) -> None
 
 def test_jumps_from_rail_to_rail_come_back() -> None:
     codes = np.array([[-32768, 32767, -32768, 0, 32767, -1]], dtype=np.int16)
-    np.testing.assert_array_equal(unpack(pack(codes), CODEC_DELTA_SHUFFLE, 1, 6), codes)
+    np.testing.assert_array_equal(unpack_codes(pack_codes(codes), CODEC_DELTA_SHUFFLE, 1, 6), codes)
 
 
 def test_codes_that_do_not_lie_in_one_piece_are_packed_all_the_same() -> None:
     codes = np.arange(60, dtype=np.int16).reshape(3, 20)[:, ::2]
-    np.testing.assert_array_equal(unpack(pack(codes), CODEC_DELTA_SHUFFLE, 3, 10), codes)
+    np.testing.assert_array_equal(unpack_codes(pack_codes(codes), CODEC_DELTA_SHUFFLE, 3, 10), codes)
 
 
 def test_packed_bytes_are_what_the_format_says() -> None:
     # differences 1, -2, 300 fold to 2, 3, 600 = 0x258: low bytes 02 03 58, high bytes 00 00 02
-    assert pack(np.array([[1, -1, 299]], dtype=np.int16)) == bytes([0x02, 0x03, 0x58, 0x00, 0x00, 0x02])
+    assert pack_codes(np.array([[1, -1, 299]], dtype=np.int16)) == bytes([0x02, 0x03, 0x58, 0x00, 0x00, 0x02])
 
 
 def test_plain_int16_is_read_too() -> None:
     codes = np.array([[1, -2], [3, -4]], dtype="<i2")
-    np.testing.assert_array_equal(unpack(codes.tobytes(), CODEC_INT16, 2, 2), codes)
+    np.testing.assert_array_equal(unpack_codes(codes.tobytes(), CODEC_INT16, 2, 2), codes)
 
 
 def test_bytes_that_do_not_fit_the_shape_are_refused() -> None:
     with pytest.raises(ValueError, match="11 bytes, expected 12 for 2 x 3 samples"):
-        unpack(bytes(11), CODEC_DELTA_SHUFFLE, 2, 3)
+        unpack_codes(bytes(11), CODEC_DELTA_SHUFFLE, 2, 3)
 
 
 def test_an_unknown_codec_is_refused() -> None:
     with pytest.raises(ValueError, match="codec: 0"):
-        unpack(bytes(12), CODEC_UNSPECIFIED, 2, 3)
+        unpack_codes(bytes(12), CODEC_UNSPECIFIED, 2, 3)

@@ -10,31 +10,31 @@ import pytest
 
 from analysis.signals.header import RunHeader, RunOutSettings
 from recordings.errors import DamagedError
-from recordings.mcap.header import header_document, header_from_document
+from recordings.mcap.header import header_from_json, header_to_json
 
 
 def test_header_comes_back_from_json_bit_for_bit(header: RunHeader) -> None:
-    text = json.dumps(header_document(header), allow_nan=False)
-    assert header_from_document(json.loads(text)) == header
+    text = json.dumps(header_to_json(header), allow_nan=False)
+    assert header_from_json(json.loads(text)) == header
 
 
 def test_header_of_an_older_file_names_neither_target_nor_operator(header: RunHeader) -> None:
-    document = header_document(header)
+    document = header_to_json(header)
     calibration = document["acquisition"]["channels"][0]["calibration"]
     assert calibration.pop("target") == "42CrMo4, diameter 10 mm"
     assert calibration.pop("operator") == "M. Curie"
-    old = header_from_document(document).acquisition.channels[0].calibration
+    old = header_from_json(document).acquisition.channels[0].calibration
     assert old is not None
     assert (old.target, old.operator) == ("", "")
 
 
 def test_open_gap_windows_come_back_as_infinite(header: RunHeader) -> None:
-    tacho = header_from_document(header_document(header)).acquisition.channels[2]
+    tacho = header_from_json(header_to_json(header)).acquisition.channels[2]
     assert (tacho.gap_low, tacho.gap_high) == (-math.inf, math.inf)
 
 
 def test_numbers_in_the_document_have_their_unit_in_the_name(header: RunHeader) -> None:
-    document = header_document(header)
+    document = header_to_json(header)
     units = ("_s", "_m", "_v", "_hz", "_rad", "_ns", "_rad_per_s", "_to_k")
     fractions = {"mark_fraction", "hysteresis_fraction"}
     plain = {"revolutions", "points_per_revolution", "highest_order", "orbit_revolutions"} | fractions
@@ -67,48 +67,48 @@ def test_numbers_in_the_document_have_their_unit_in_the_name(header: RunHeader) 
     ],
 )
 def test_a_wrong_value_is_named(header: RunHeader, path: tuple[str | int, ...], value: object, message: str) -> None:
-    document = deepcopy(header_document(header))
+    document = deepcopy(header_to_json(header))
     part: Any = document
     for key in path[:-1]:
         part = part[key]
     part[path[-1]] = value
     with pytest.raises(DamagedError, match=message):
-        header_from_document(document)
+        header_from_json(document)
 
 
 def test_a_missing_value_is_named(header: RunHeader) -> None:
-    document = header_document(header)
+    document = header_to_json(header)
     del document["acquisition"]["tacho"]["edge"]
     with pytest.raises(DamagedError, match=r"header\.acquisition\.tacho: edge is missing"):
-        header_from_document(document)
+        header_from_json(document)
 
 
 def test_a_header_with_another_note_is_another_header(header: RunHeader) -> None:
     other = replace(header, note="warm")
-    assert header_from_document(header_document(other)) == other != header
+    assert header_from_json(header_to_json(other)) == other != header
 
 
 def test_run_out_that_was_known_before_comes_back_bit_for_bit(header: RunHeader) -> None:
     vectors = ((1, 1e-6 / 3 + 1e-7j, -1e-6j / 7), (3, 1e-7 + 0j, complex(-0.0, 1e-8 / 3)))
     runout = RunOutSettings(60.0, vectors, (1e-8 / 3, 0.0), "run 2026-11-20T08-00-00-gj90c", from_orbit=True)
     told = replace(header, settings=replace(header.settings, runout=runout))
-    assert header_from_document(json.loads(json.dumps(header_document(told)))) == told
+    assert header_from_json(json.loads(json.dumps(header_to_json(told)))) == told
 
 
 def test_limits_that_are_watched_come_back_bit_for_bit_and_the_others_are_not_written(header: RunHeader) -> None:
     limits = replace(header.limits, order_1x_alarm=1e-4 / 3, below_1x_danger=2e-5 / 7, speed_danger=6283.185307179586)
     told = replace(header, limits=limits)
-    document = json.loads(json.dumps(header_document(told)))
-    assert header_from_document(document) == told
+    document = json.loads(json.dumps(header_to_json(told)))
+    assert header_from_json(document) == told
     assert "order_1x_peak_danger_m" not in document["limits"]
     assert document["limits"]["speed_danger_rad_per_s"] == 6283.185307179586
 
 
 def test_header_of_before_there_was_run_out_has_none_and_alarms_by_default(header: RunHeader) -> None:
-    document = header_document(replace(header, limits=replace(header.limits, hold=3.0)))
+    document = header_to_json(replace(header, limits=replace(header.limits, hold=3.0)))
     del document["analysis"]["runout"]
     for key in ("hysteresis_fraction", "hold_s", "latch"):
         del document["limits"][key]
-    read = header_from_document(document)
+    read = header_from_json(document)
     assert not read.settings.runout.is_asked
     assert (read.limits.hysteresis, read.limits.hold, read.limits.latch) == (0.05, 1.0, True)

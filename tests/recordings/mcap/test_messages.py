@@ -15,9 +15,9 @@ from recordings.mcap.messages import (
     block_span,
     decode_block,
     decode_segment_end,
-    definitions,
     encode_block,
     encode_segment_end,
+    message_definitions,
 )
 from recordings.mcap.schema import rig_pb2
 
@@ -43,7 +43,7 @@ def test_compiling_the_proto_again_gives_the_committed_descriptor(tmp_path: Path
 
 
 def test_definitions_hold_every_message() -> None:
-    (file,) = FileDescriptorSet.FromString(definitions()).file
+    (file,) = FileDescriptorSet.FromString(message_definitions()).file
     assert {"SampleBlock", "SegmentEnd", "Features", "OrderFrame"} <= {message.name for message in file.message_type}
 
 

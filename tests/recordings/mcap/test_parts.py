@@ -21,7 +21,7 @@ from analysis.signals.header import (
 from recordings.catalogue.catalogue import Catalogue
 from recordings.integrity.verify import verify
 from recordings.mcap.markers import Marker, encode_marker
-from recordings.mcap.parts import PartLimits, PartWriter, file_names
+from recordings.mcap.parts import PartLimits, PartWriter, file_ids
 from recordings.mcap.reader import RunReader
 from recordings.mcap.writer import RunWriter
 
@@ -142,16 +142,16 @@ def event(
 
 def test_each_event_is_a_file_of_its_own_that_is_whole_before_the_next(tmp_path: Path, header: RunHeader) -> None:
     writer = PartWriter(tmp_path / "run.mcap", header, PartLimits(is_rearmed=True))
-    writer.pass_over(250)
+    writer.skip_samples(250)
     event(writer, 0, 3)
     with RunReader(tmp_path / "run.mcap") as reader:
         assert reader.is_complete
         assert reader.skipped_samples == reader.n_samples == 300
     assert not (tmp_path / "run-event2.mcap").exists()
-    writer.pass_over(1234)
+    writer.skip_samples(1234)
     event(writer, 1, 2, first=5000, reason=EndReason.STOPPED)
     writer.close()
-    assert [*file_names(tmp_path / "run.mcap")] == ["run", "run-event2"]
+    assert [*file_ids(tmp_path / "run.mcap")] == ["run", "run-event2"]
     assert writer.files == 2
     with RunReader(tmp_path / "run-event2.mcap") as reader:
         assert reader.segment_ends == (SegmentEnd(0, 200, EndReason.STOPPED),)
@@ -170,7 +170,7 @@ def test_long_event_goes_on_in_parts_of_its_own(tmp_path: Path, header: RunHeade
     event(writer, 1, 5)
     writer.close()
     names = ["run", "run-part2", "run-event2", "run-event2-part2", "run-event2-part3"]
-    assert [*file_names(tmp_path / "run.mcap")] == names
+    assert [*file_ids(tmp_path / "run.mcap")] == names
     lengths = []
     for name in names:
         with RunReader(tmp_path / f"{name}.mcap") as reader:

@@ -15,8 +15,8 @@ from analysis.signals.header import Edge, RunHeader, TachoCounter
 from analysis.signals.snapshot import CounterReport, Snapshot
 from recordings.integrity.checks import Check, Finding, PulseCheck
 from recordings.integrity.verify import verify
-from recordings.mcap.header import header_document, header_from_document
-from recordings.mcap.pulses import PulseJoin, PulseTeller
+from recordings.mcap.header import header_from_json, header_to_json
+from recordings.mcap.pulses import PulseEncoder, PulseMerger
 from recordings.mcap.reader import RunReader
 from recordings.mcap.results import encode_snapshot
 from recordings.mcap.schema import rig_pb2
@@ -71,8 +71,8 @@ def write(path: Path, header: RunHeader, blocks: list[SampleBlock]) -> Path:
 
 
 def test_header_with_a_counter_comes_back(counted: RunHeader, header: RunHeader) -> None:
-    assert header_from_document(header_document(counted)) == counted
-    assert "counter" not in header_document(header)["acquisition"]["tacho"]
+    assert header_from_json(header_to_json(counted)) == counted
+    assert "counter" not in header_to_json(header)["acquisition"]["tacho"]
 
 
 def test_blocks_come_back_with_their_stamps(run: Path, blocks: list[SampleBlock]) -> None:
@@ -124,7 +124,7 @@ def test_stamps_are_read_by_time_without_the_rest(run: Path) -> None:
 def test_stamps_that_come_well_ahead_of_their_blocks_find_them_though_one_is_damaged(
     counted: RunHeader, blocks: list[SampleBlock]
 ) -> None:
-    teller, join = PulseTeller(counted.acquisition), PulseJoin(counted.acquisition)
+    teller, join = PulseEncoder(counted.acquisition), PulseMerger(counted.acquisition)
     messages = [teller.message(block) for block in blocks[:3]]
     for message in messages:
         assert message is not None

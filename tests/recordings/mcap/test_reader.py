@@ -20,7 +20,7 @@ from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd
 from analysis.signals.header import RunHeader
 from analysis.signals.snapshot import Snapshot
 from recordings.errors import DamagedError, NotFoundError, StorageError, UnknownFormatError
-from recordings.mcap.layout import sealed
+from recordings.mcap.layout import encode_metadata
 from recordings.mcap.reader import RunReader
 from recordings.mcap.results import encode_snapshot
 from recordings.mcap.writer import RunWriter
@@ -242,13 +242,13 @@ def test_an_mcap_file_of_another_program_is_no_run(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("version", ["2", "0", "one"])
 def test_an_unknown_format_version_is_named_with_the_known_one(tmp_path: Path, version: str) -> None:
-    write_foreign(tmp_path / "run.mcap", sealed({}) | {"format": version})
+    write_foreign(tmp_path / "run.mcap", encode_metadata({}) | {"format": version})
     with pytest.raises(UnknownFormatError, match=f"run format version '{version}', known here: 1"):
         RunReader(tmp_path / "run.mcap")
 
 
 def test_a_header_that_lacks_a_value_is_named_with_the_file(tmp_path: Path) -> None:
-    write_foreign(tmp_path / "run.mcap", sealed({"run": "a"}))
+    write_foreign(tmp_path / "run.mcap", encode_metadata({"run": "a"}))
     with pytest.raises(DamagedError, match=r"run\.mcap: header: analysis is missing"):
         RunReader(tmp_path / "run.mcap")
 

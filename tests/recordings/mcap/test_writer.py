@@ -21,7 +21,7 @@ from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd
 from analysis.signals.header import RunHeader
 from analysis.signals.snapshot import Snapshot
 from recordings.errors import StorageError
-from recordings.mcap.header import header_document
+from recordings.mcap.header import header_to_json
 from recordings.mcap.reader import RunReader
 from recordings.mcap.results import EncodedResult, encode_snapshot
 from recordings.mcap.writer import RunWriter
@@ -175,10 +175,10 @@ WRITE_FOR_EVER = """
     from pathlib import Path
     import numpy as np
     from analysis.signals.blocks import SampleBlock
-    from recordings.mcap.header import header_from_document
+    from recordings.mcap.header import header_from_json
     from recordings.mcap.writer import RunWriter
     import json
-    header = header_from_document(json.loads(sys.stdin.readline()))
+    header = header_from_json(json.loads(sys.stdin.readline()))
     writer = RunWriter(Path(sys.argv[1]), header)
     first = 0
     while True:
@@ -204,7 +204,7 @@ def test_a_killed_writer_loses_at_most_a_quarter_second(tmp_path: Path, header: 
         ) as writer:
             assert writer.stdin is not None
             assert writer.stdout is not None
-            writer.stdin.write(json.dumps(header_document(header)).encode() + b"\n")
+            writer.stdin.write(json.dumps(header_to_json(header)).encode() + b"\n")
             for _ in range(n_blocks - 1):
                 writer.stdin.write(b"\n")
             writer.stdin.flush()

@@ -21,7 +21,7 @@ from daq.session.recording.recorded_run import RecordedRun
 from daq.session.recording.ring import BlockRing
 from recordings.integrity.recover import recover
 from recordings.integrity.verify import verify
-from recordings.mcap.parts import PartLimits, PartWriter, file_names
+from recordings.mcap.parts import PartLimits, PartWriter, file_ids
 from recordings.mcap.reader import RunReader
 from tests.daq.session.recording.test_recorded_run import NoModel, order
 from tests.daq.support.counted_bench import (
@@ -243,7 +243,7 @@ def test_part_of_a_run_counts_from_its_own_first_sample(counted: RigFactory, tmp
             writer.segment_end(item)
     writer.close()
     card, begin = SimulatedCard(rig), 0
-    for name in file_names(path):
+    for name in file_ids(path):
         part = path.with_name(f"{name}.mcap")
         assert verify(part).is_sound
         with RunReader(part) as reader:

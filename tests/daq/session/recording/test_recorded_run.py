@@ -30,7 +30,7 @@ from daq.session.recording.recorder import _Recorder, run_header
 from daq.session.recording.ring import BlockRing
 from daq.session.recording.statistics import RecorderStatistics
 from model.prediction.prediction_map import Prediction
-from recordings.mcap.parts import PartLimits, PartWriter, file_names
+from recordings.mcap.parts import PartLimits, PartWriter, file_ids
 from recordings.mcap.reader import RunReader
 
 RigFactory = Callable[..., Rig]
@@ -234,7 +234,7 @@ def test_run_that_is_split_loses_no_sample_between_its_files(rig: RigFactory, tm
     run = recorded(small, tmp_path)
     assert run.wait(60)
     assert run.close().exit_code == 0
-    files = [tmp_path / f"{name}.mcap" for name in file_names(run.path)]
+    files = [tmp_path / f"{name}.mcap" for name in file_ids(run.path)]
     assert len(files) == 4  # of 0.6 s at least, in blocks of 0.1 s
     np.testing.assert_array_equal(np.hstack([codes_of(file) for file in files]), codes_of_card(small))
     with RunReader(files[1]) as reader:

@@ -15,9 +15,9 @@ from recordings.exchange.table import Column
 STEPS = 65_532
 """From -32766 to 32766: none of an imported value is at the converter's rails, where it would count as clipped."""
 BLOCK = 0.1
-VOLTS = {"V": 1.0, "mV": 1e-3}
-METRES = {"um": 1e-6, "mm": 1e-3, "m": 1.0}
-UNITS = (*VOLTS, *METRES)
+VOLT_UNITS = {"V": 1.0, "mV": 1e-3}
+LENGTH_UNITS = {"um": 1e-6, "mm": 1e-3, "m": 1.0}
+UNITS = (*VOLT_UNITS, *LENGTH_UNITS)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,7 +50,7 @@ def imported_channel(column: Column, channel: Channel, unit: str, factor: float)
     ForeignFormatError
         Where values are not finite.
     """
-    scale = factor * (VOLTS[unit] if unit in VOLTS else METRES[unit] / METRES["um"])
+    scale = factor * (VOLT_UNITS[unit] if unit in VOLT_UNITS else LENGTH_UNITS[unit] / LENGTH_UNITS["um"])
     if column.values.dtype == np.int16:
         codes, scaling = column.values.astype(np.int16), (0.0, scale)
     else:
@@ -65,8 +65,8 @@ def imported_channel(column: Column, channel: Channel, unit: str, factor: float)
         raise ForeignFormatError(f"column {column.name!r}: factor {factor:g}, expected a positive one")
     ends = [scaling[0] + scaling[1] * code for code in (-32768, 32767)]
     channel = replace(channel, scaling=scaling, range_low=ends[0], range_high=ends[1])
-    if unit in METRES:
-        calibration = Calibration((0.0, -METRES["um"]), ends[0], ends[1], date="")
+    if unit in LENGTH_UNITS:
+        calibration = Calibration((0.0, -LENGTH_UNITS["um"]), ends[0], ends[1], date="")
         channel = replace(channel, calibration=calibration, gap_low=-math.inf, gap_high=math.inf)
     return ImportedChannel(channel, codes)
 

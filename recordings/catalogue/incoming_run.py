@@ -5,16 +5,12 @@ import tempfile
 from contextlib import suppress
 from pathlib import Path
 
-from recordings.atomic_file import put_at
-from recordings.errors import DamagedError, StorageError
+from recordings.atomic_file import replace_with_retry
+from recordings.errors import DamagedError, RunExistsError, StorageError
 from recordings.integrity.verify import verify
 
 
-class RunExistsError(StorageError):
-    """There is a run of this id already."""
-
-
-class Arrival:
+class IncomingRun:
     """A file that is on its way in; nothing is left of it unless it was settled.
 
     Parameters
@@ -39,7 +35,7 @@ class Arrival:
             handle, name = tempfile.mkstemp(dir=place.parent, prefix=f".{place.stem}.", suffix=".part")
         except OSError as error:
             raise StorageError(f"{place}: cannot be written: {error.strerror or error}") from error
-        self.draft = Path(name)
+        self.temporary = Path(name)
         self._file = os.fdopen(handle, "wb")
 
     def write(self, portion: bytes) -> None:
@@ -58,19 +54,19 @@ class Arrival:
         except OSError as error:
             raise StorageError(f"{self._place}: cannot be written: {error.strerror or error}") from error
 
-    def settle(self) -> None:
+    def commit(self) -> None:
         """Give the file its place; never in place of another. RunExistsError, StorageError."""
-        settle(self.draft, self._place)
+        move_without_overwriting(self.temporary, self._place)
 
-    def abandon(self) -> None:
+    def discard(self) -> None:
         """Leave nothing behind; harmless when settled."""
         with suppress(OSError):
             self._file.close()
         with suppress(OSError):
-            self.draft.unlink(missing_ok=True)
+            self.temporary.unlink(missing_ok=True)
 
 
-def settle(draft: Path, place: Path) -> None:
+def move_without_overwriting(temporary: Path, place: Path) -> None:
     """Give a finished file its place in the data folder; never in place of another. RunExistsError, StorageError."""
     try:
         place.open("xb").close()
@@ -79,14 +75,14 @@ def settle(draft: Path, place: Path) -> None:
     except OSError as error:
         raise StorageError(f"{place}: cannot be written: {error.strerror or error}") from error
     try:
-        put_at(draft, place)
+        replace_with_retry(temporary, place)
     except OSError as error:
         place.unlink(missing_ok=True)
         raise StorageError(f"{place}: cannot be written: {error.strerror or error}") from error
 
 
-def require_whole(draft: Path) -> None:
+def require_sound(temporary: Path) -> None:
     """Raise DamagedError with what is wrong where a file is no whole recording."""
-    found = verify(draft)
+    found = verify(temporary)
     if found.faults:
         raise DamagedError("no whole recording: " + "; ".join(f"{fault.where}: {fault.what}" for fault in found.faults))
