@@ -25,9 +25,7 @@ def add_exchange_commands(add: AddCommand) -> None:
 
     show_examples(command, "rig import bench.tdms --mapping bench-tdms.toml")
 
-    command = add(
-        "export", run_export, f"Export a run, or part of it, for other programs ({', '.join(EXPORT_FORMATS)})."
-    )
+    command = add("export", run_export, f"Export a run or part of it to another format ({', '.join(EXPORT_FORMATS)}).")
     command.add_argument("recording", metavar="RUN", help="run id or file")
     command.add_argument("--to", required=True, metavar="FILE", help="the new file; its suffix sets the format")
     command.add_argument(

@@ -142,7 +142,7 @@ def run_index(args: argparse.Namespace) -> int:
     """Bring the catalogue up to date; return the exit code."""
     console = Console()
     catalogue = Catalogue(data_folder(args.folder))
-    report = catalogue.index(summarise, verifying=args.verify, told=console.progress)
+    report = catalogue.index(summarise, verify_files=args.verify, on_status=console.progress)
     console.done()
     faults = {entry.id: entry.fault or entry.verdict for entry in catalogue.runs()}
     unsound = [run_id for run_id, fault in faults.items() if fault not in ("", "sound")]
