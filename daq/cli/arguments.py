@@ -1,6 +1,7 @@
 """Argument types that the commands share, the exit codes, and how a command's help is laid out."""
 
 import argparse
+import os
 import textwrap
 from collections.abc import Callable
 from pathlib import Path
@@ -8,6 +9,7 @@ from pathlib import Path
 NOT_READY = 4  # exit code: preflight has a failed check, or the tacho signal does not switch
 INCOMPLETE = 5  # exit code: samples are lost, or the recording is incomplete
 
+_DEFAULT_PORT = 8501
 _WIDTH = 78  # columns of a description, for the smallest terminal
 
 AddCommand = Callable[[str, Callable[[argparse.Namespace], int], str], argparse.ArgumentParser]
@@ -25,6 +27,19 @@ def show_examples(command: argparse.ArgumentParser, *examples: str) -> None:
 def add_folder(command: argparse.ArgumentParser) -> None:
     """Add the option `--folder`, the data folder."""
     command.add_argument("--folder", default="", help="data folder (default: $RIG_DATA, else ./data)")
+
+
+def add_service_address(parser: argparse.ArgumentParser | argparse._ArgumentGroup) -> None:
+    """Add the options `--host`, `--port` and `--token` of page and REST."""
+    parser.add_argument("--host", default="127.0.0.1", help="address of page and REST (default: this machine only)")
+    parser.add_argument(
+        "--port", type=port, default=_DEFAULT_PORT, help=f"port of page and REST (default {_DEFAULT_PORT}; 0: any free)"
+    )
+    parser.add_argument(
+        "--token",
+        default=os.environ.get("RIG_TOKEN", ""),
+        help="bearer token of requests, required with another --host; preferably set $RIG_TOKEN",
+    )
 
 
 def duration(text: str) -> float:

@@ -11,6 +11,7 @@ from daq.cli.analyse import add_analyse_command
 from daq.cli.arguments import AddCommand, show_examples, speed
 from daq.cli.calibrate import add_calibrate_command
 from daq.cli.exchange import add_exchange_commands
+from daq.cli.markers import add_marker_commands
 from daq.cli.model import predict
 from daq.cli.model.commands import add_model_commands
 from daq.cli.output.terminal import use_ascii_fallback
@@ -57,6 +58,7 @@ def rig_parser() -> argparse.ArgumentParser:
     add_preflight_commands(add)
     add_calibrate_command(add)
     add_recording_commands(add)
+    add_marker_commands(add)
     add_summary_command(add)
     add_analyse_command(add)
     add_run_commands(add)

@@ -1,4 +1,4 @@
-"""What a run is watched on: the live picture and the service, started and ended together."""
+"""The live view and the HTTP service of a command, started and closed together."""
 
 import argparse
 from dataclasses import replace
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 class LiveServices:
-    """The live picture and the service for the runs of a data folder.
+    """The live view (rerun) and the HTTP service for the runs of a data folder.
 
     Parameters
     ----------
@@ -34,20 +34,20 @@ class LiveServices:
     catalogue : Catalogue
         The data folder.
     summaries : Summaries
-        Who sums runs up.
+        Computes the summaries of runs.
     console : Console
-        Where addresses are printed.
+        Prints the addresses.
     results : ResultsReader or None
-        Who answers what is asked of recorded runs beyond their summaries.
-    desk : RunManager or None
-        Who starts runs that are asked for over REST; None where none can be.
+        Reads the results of recorded runs beyond their summaries; None without these endpoints.
+    manager : RunManager or None
+        Starts runs on REST requests; None where that is not possible.
 
     Raises
     ------
     UsageError
-        Where another machine may ask but no token is set.
+        The host is not the loopback address and no token is set.
     ServiceError
-        Where an address is taken.
+        The address is in use.
     """
 
     def __init__(
@@ -57,13 +57,13 @@ class LiveServices:
         summaries: Summaries,
         console: Console,
         results: ResultsReader | None = None,
-        desk: RunManager | None = None,
+        manager: RunManager | None = None,
     ) -> None:
         if not is_loopback(args.host) and not args.token:
-            raise UsageError(f"--host {args.host} lets other machines in: --token SECRET must be given with it")
+            raise UsageError(f"--host {args.host} accepts requests from other machines: give --token SECRET with it")
         self._run: Run | None = None
-        self._desk = desk
-        self._view = None if args.no_view else self._picture(console)
+        self._manager = manager
+        self._view = None if args.no_view else self._open_view(console)
         self._server: ServiceServer | None = None
         self._jobs = JobQueue(CatalogueLocation(catalogue.folder, catalogue.url))
         if getattr(args, "no_serve", False):
@@ -73,7 +73,7 @@ class LiveServices:
             self,
             summaries,
             self._view.url if self._view is not None and is_loopback(args.host) else None,
-            features=ServiceFeatures(results, self, desk, catalogue, self._jobs, tuple(args.cors)),
+            features=ServiceFeatures(results, self, manager, catalogue, self._jobs, tuple(args.cors)),
             host=args.host,
             token=args.token or None,
         )
@@ -86,69 +86,69 @@ class LiveServices:
         self._server = server
 
     @staticmethod
-    def _picture(console: Console) -> "LiveView | None":
-        """Return the live picture, on this machine alone: rerun's viewer knows no token."""
+    def _open_view(console: Console) -> "LiveView | None":
+        """Return the live view, served on loopback only because rerun's viewer has no access control."""
         try:
             return open_live_view()
         except ServiceError as error:
-            console.line(f"no live picture: {error}")
+            console.line(f"no live view: {error}")
             return None
 
     @property
     def sinks(self) -> tuple[LiveUpdateSink, ...]:
-        """Who is offered frames."""
+        """The sinks that receive live updates."""
         return () if self._view is None else (self._view,)
 
     def show(self, run: Run) -> None:
-        """Make this the run that is shown as live."""
+        """Make this the live run."""
         self._run = run
 
     def latest(self) -> LiveUpdate | None:
-        """Return the present frame of the run that is shown; None where there is none."""
-        run = self._shown
+        """Return the latest update of the live run; None without one."""
+        run = self._live_run
         if run is None:
             return None
-        frame = run.latest()
+        update = run.latest()
         if self._view is None:
-            return frame
-        detail = frame.status.detail or self._view.failure
-        return replace(frame, status=replace(frame.status, dropped_frames=self._view.dropped, detail=detail))
+            return update
+        detail = update.status.detail or self._view.failure
+        return replace(update, status=replace(update.status, dropped_frames=self._view.dropped, detail=detail))
 
     def stop(self) -> str | None:
-        """Ask for the end of the run that is shown; return its id, None where none is under way."""
-        run = self._shown
+        """Stop the live run; return its id, None without a run in progress."""
+        run = self._live_run
         if run is None or run.wait(0.0):
             return None
         run.stop()
         return run.header.run
 
     def add_marker(self, text: str) -> MarkerSchema | None:
-        """Name the present moment of the run that is recorded; None where none is."""
-        run = self._shown
+        """Add a marker now to the run that is recording; return None without one."""
+        run = self._live_run
         marker = run.add_marker(text) if run is not None and isinstance(run, SupportsMarkers) else None
         return None if run is None or marker is None else marker_schema(marker, run.header.acquisition.rate)
 
     def acknowledge(self) -> AcknowledgedAlarmsSchema | None:
-        """Take note of the alarms of the run that is shown; None where none is."""
-        run = self._shown
+        """Acknowledge the alarms of the live run; return None without a run."""
+        run = self._live_run
         if run is None:
             return None
         return AcknowledgedAlarmsSchema(run=run.header.run, alarms=tuple(alarm_schema(a) for a in run.acknowledge()))
 
     @property
-    def _shown(self) -> Run | None:
-        return self._run or (None if self._desk is None else self._desk.run)
+    def _live_run(self) -> Run | None:
+        return self._run or (None if self._manager is None else self._manager.run)
 
     def addresses(self) -> str:
-        """Return where to look, an address a line."""
+        """Return the addresses of page, REST and live view, one a line."""
         lines = []
         if self._server is not None:
             lines += [
                 f"page {self._server.url}/",
-                f"REST {self._server.url}/api/v1, explained at {self._server.url}/docs",
+                f"REST {self._server.url}/api/v1, reference at {self._server.url}/docs",
             ]
         if self._view is not None:
-            lines.append(f"live picture, as on the page: {self._view.url}")
+            lines.append(f"live view, also on the page: {self._view.url}")
         return "\n".join(lines)
 
     def __enter__(self) -> Self:
@@ -160,7 +160,7 @@ class LiveServices:
         self.close()
 
     def close(self) -> None:
-        """End both."""
+        """Close the service, its jobs and the live view."""
         if self._server is not None:
             self._server.close()
         self._jobs.close()

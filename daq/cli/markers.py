@@ -1,8 +1,7 @@
-"""Naming moments and acknowledging alarms at the terminal: a word and Enter while the run is recorded.
+"""`rig mark` and `rig acknowledge`, and their counterparts typed at the terminal of a recording.
 
-Asking the service of a run that goes on in another terminal.
-`rig acknowledge`: take note of the alarms of the run that goes on, from another terminal or a script.
-`rig mark`: name the present moment of the run that is being recorded, from another terminal or a script.
+The two commands call the REST service of a run that records in another terminal. At the recording's own terminal a
+line of text and Enter adds a marker, and `ack` acknowledges alarms.
 """
 
 import argparse
@@ -18,52 +17,66 @@ from contextlib import suppress
 from http import HTTPStatus
 from typing import Any
 
+from daq.cli.arguments import AddCommand, add_service_address, show_examples
 from daq.cli.output.progress import Console
 from daq.cli.output.terminal import print_json
 from daq.errors import UsageError
 from daq.session.alarms import alarm_text
 from daq.session.run import SupportsMarkers
 
-DEADLINE = 5.0  # s for the answer
+RESPONSE_TIMEOUT = 5.0  # s
 
 
-def order(args: argparse.Namespace, path: str, content: Mapping[str, str]) -> dict[str, Any]:
-    """Send an order and return the service's answer.
+def add_marker_commands(add: AddCommand) -> None:
+    """Add `rig mark` and `rig acknowledge` to the command line."""
+    command = add("mark", run_mark, "Add a marker to the run that is recording, from another terminal.")
+    command.add_argument("word", metavar="WORD", nargs="*", help="text of the marker (default: mark)")
+    command.add_argument("--json", action="store_true", help="print JSON")
+    add_service_address(command)
+    show_examples(command, "rig mark knocking begins")
+
+    command = add("acknowledge", run_acknowledge, "Acknowledge the alarms of the live run, from another terminal.")
+    command.add_argument("--json", action="store_true", help="print JSON")
+    add_service_address(command)
+
+
+def post_to_live(args: argparse.Namespace, path: str, content: Mapping[str, str]) -> dict[str, Any]:
+    """Send a POST request to the live run's service and return its response.
 
     Parameters
     ----------
-    chosen : argparse.Namespace
+    args : argparse.Namespace
         The command's options: host, port, token.
     path : str
         Under /api/v1/live.
     content : mapping of str to str
-        What is sent.
+        JSON body.
 
     Raises
     ------
     UsageError
-        There is no service there, or it says no.
+        No service responds there, or it refuses the request.
     """
-    where = f"http://{args.host}:{args.port}"
+    service = f"http://{args.host}:{args.port}"
     headers = {"Content-Type": "application/json"}
     if args.token:
         headers["Authorization"] = f"Bearer {args.token}"
-    address, body = f"{where}/api/v1/live/{path}", json.dumps(content).encode()
+    address, body = f"{service}/api/v1/live/{path}", json.dumps(content).encode()
     request = urllib.request.Request(address, body, headers, method="POST")  # noqa: S310 - http
-    opener = urllib.request.build_opener(urllib.request.ProxyHandler({}))  # the bench is no matter for a proxy
+    opener = urllib.request.build_opener(urllib.request.ProxyHandler({}))  # the service is local: use no proxy
     try:
-        with opener.open(request, timeout=DEADLINE) as answer:
-            made: dict[str, Any] = json.load(answer)
-            return made
+        with opener.open(request, timeout=RESPONSE_TIMEOUT) as response:
+            result: dict[str, Any] = json.load(response)
+            return result
     except urllib.error.HTTPError as error:
-        raise UsageError(f"{where}: {_problem(error)}") from error
+        raise UsageError(f"{service}: {_problem_detail(error)}") from error
     except (OSError, ValueError) as error:
-        why = error.reason if isinstance(error, urllib.error.URLError) else error
-        raise UsageError(f"{where} does not answer ({why}): is rig record running there, with its page?") from error
+        reason = error.reason if isinstance(error, urllib.error.URLError) else error
+        raise UsageError(f"{service} does not respond ({reason}): is rig record running there, with REST?") from error
 
 
-def _problem(error: urllib.error.HTTPError) -> str:
-    """Return what a service says is wrong."""
+def _problem_detail(error: urllib.error.HTTPError) -> str:
+    """Return the detail of a problem response (RFC 9457), or its status line."""
     try:
         return str(json.load(error)["detail"])
     except (OSError, ValueError, KeyError, TypeError):
@@ -71,54 +84,54 @@ def _problem(error: urllib.error.HTTPError) -> str:
 
 
 def run_acknowledge(args: argparse.Namespace) -> int:
-    """Ask the run's service to note its alarms as seen; return the exit code."""
-    made = order(args, "acknowledge", {})
+    """Acknowledge the alarms of the live run; return the exit code."""
+    response = post_to_live(args, "acknowledge", {})
     if args.json:
-        print_json(made)
+        print_json(response)
         return 0
-    for alarm in made["alarms"]:
+    for alarm in response["alarms"]:
         print(f"acknowledged {alarm['name']}: {alarm['told']}")
-    if not made["alarms"]:
+    if not response["alarms"]:
         print("no new alarm")
     return 0
 
 
 def run_mark(args: argparse.Namespace) -> int:
-    """Ask the recording's service to keep a word; return the exit code."""
-    made = order(args, "markers", {"text": " ".join(args.word) or "mark"})
+    """Add a marker to the run that is recording; return the exit code."""
+    response = post_to_live(args, "markers", {"text": " ".join(args.word) or "mark"})
     if args.json:
-        print_json(made)
+        print_json(response)
         return 0
-    print(f"marked “{made['text']}” at {made['time_s']:.1f} s of segment {made['segment']}")
+    print(f"marked “{response['text']}” at {response['time_s']:.1f} s of segment {response['segment']}")
     return 0
 
 
 ACKNOWLEDGE = "ack"
-"""Typed alone, this names no moment but takes note of the alarms."""
+"""A line with this text alone acknowledges alarms instead of adding a marker."""
 
 
-def take_markers(run: SupportsMarkers, console: Console) -> bool:
-    """Let every line that is typed name a moment, or acknowledge; return whether there is a terminal to type at.
+def start_marker_input(run: SupportsMarkers, console: Console) -> bool:
+    """Start a thread that adds a marker for each typed line; return whether stdin is a terminal.
 
-    The lines are read until the run has ended or the terminal is closed, past Python's own buffer: a thread that waits
-    in it would hold up the end of the program.
+    It reads until the run has ended or the terminal is closed. It bypasses Python's buffered stdin: a thread blocked
+    there would delay the exit of the program.
     """
     if sys.stdin is None or not sys.stdin.isatty():
         return False
-    if hasattr(signal, "SIGTTIN"):  # POSIX: a command in the background is told no, not put to sleep
+    if hasattr(signal, "SIGTTIN"):  # POSIX: lets a read in the background fail instead of stopping the process
         signal.signal(signal.SIGTTIN, signal.SIG_IGN)
-    threading.Thread(target=_take, args=(sys.stdin.fileno(), run, console), name="markers", daemon=True).start()
+    threading.Thread(target=_read_lines, args=(sys.stdin.fileno(), run, console), name="markers", daemon=True).start()
     return True
 
 
-def _take(terminal: int, run: SupportsMarkers, console: Console) -> None:
+def _read_lines(terminal: int, run: SupportsMarkers, console: Console) -> None:
     encoding = (os.device_encoding(terminal) if sys.platform == "win32" else None) or "utf-8"  # Windows: a code page
-    with suppress(OSError):  # the terminal is gone, or somebody else's
+    with suppress(OSError):  # the terminal is closed, or the command runs in the background
         while typed := os.read(terminal, 1024):
             text = typed.decode(encoding, errors="replace").strip()
             if text == ACKNOWLEDGE:
-                noted = run.acknowledge()
-                console.line("\n".join(f"acknowledged {alarm_text(alarm)}" for alarm in noted) or "no new alarm")
+                alarms = run.acknowledge()
+                console.line("\n".join(f"acknowledged {alarm_text(alarm)}" for alarm in alarms) or "no new alarm")
                 continue
             marker = run.add_marker(text)
             if marker is None:

@@ -1,22 +1,14 @@
-"""The commands for runs that go on: recorded, marked, replayed, served.
-
-Watching a run from the terminal until it ends or is stopped.
-`rig record`: one run, from the device to its summary.
-`rig replay`: a recording through the live analysis and picture.
-`rig serve`: the page and REST for recorded runs, until stopped.
-"""
+"""`rig record`, `rig replay` and `rig serve`: the commands with a live run, a live view and a service."""
 
 import argparse
-import os
 import time
 from contextlib import ExitStack, closing
 from importlib.metadata import version
 from pathlib import Path
 
-from daq.cli import markers
-from daq.cli.arguments import AddCommand, add_folder, duration, pace, port, show_examples
+from daq.cli.arguments import AddCommand, add_folder, add_service_address, duration, pace, show_examples
 from daq.cli.live_services import LiveServices
-from daq.cli.markers import take_markers
+from daq.cli.markers import start_marker_input
 from daq.cli.output.progress import Console, status_line
 from daq.cli.output.summary_text import print_summary
 from daq.cli.output.terminal import print_json
@@ -41,54 +33,52 @@ from recordings.catalogue.catalogue import Catalogue, data_folder
 from recordings.mcap.parts import file_ids
 from recordings.mcap.reader import RunReader
 
-_LOOK = 0.2  # s
-_TROUBLE = frozenset({RunState.DEGRADED, RunState.INTERRUPTED})
+_POLL_INTERVAL = 0.2  # s
+_REPORTED_STATES = frozenset({RunState.DEGRADED, RunState.INTERRUPTED})
+MAX_FULL_SUMMARIES = 3  # recordings of one command whose summaries are printed in full; more get one line each
 
 
 def follow(run: Run, stop: StopFlag, console: Console) -> RunOutcome:
-    """Show the run's progress until its end; a set `stop` ends it by hand."""
-    asked, telling = False, _Telling(console)
+    """Print a run's progress until it ends or `stop` is set; return its outcome."""
+    is_stop_sent, events = False, _EventPrinter(console)
     try:
-        while not run.wait(_LOOK):
-            frame = run.latest()
-            telling.take(frame.status)
-            console.progress(status_line(frame))
-            if stop.is_set() and not asked:
-                asked = True
+        while not run.wait(_POLL_INTERVAL):
+            update = run.latest()
+            events.update(update.status)
+            console.progress(status_line(update))
+            if stop.is_set() and not is_stop_sent:
+                is_stop_sent = True
                 run.stop()
-        if stop.is_set() and not asked:  # the recorder was told as well, and was faster
+        if stop.is_set() and not is_stop_sent:  # the recorder got the signal too and ended first
             run.stop()
         console.progress(status_line(run.latest()))
         console.done()
-    finally:  # whatever happens here, the recorder is not left alone with an open file
+    finally:  # close the run whatever happens here: the recorder has an open file
         outcome = run.close()
     return outcome
 
 
-class _Telling:
-    """Keeps on the terminal what went wrong, when the line of progress has long gone on."""
+class _EventPrinter:
+    """Prints lost samples, a filling buffer and a disconnected device as lines that the progress line leaves alone."""
 
     def __init__(self, console: Console) -> None:
         self._console = console
         self._state = RunState.STARTING
         self._loss = ""
 
-    def take(self, status: Status) -> None:
-        """Print a line where trouble begins, and where a segment was lost."""
+    def update(self, status: Status) -> None:
+        """Print a line for a new loss, and one where the state becomes degraded or interrupted."""
         if status.last_loss != self._loss:
             self._loss = status.last_loss
             self._console.line(self._loss)
         if status.state is not self._state:
             self._state = status.state
-            if status.state in _TROUBLE:
+            if status.state in _REPORTED_STATES:
                 self._console.line(status.detail)
 
 
-FEW = 3  # files of a run that are each summed up at its end
-
-
-def order_for(catalogue: Catalogue, rig: Rig, note: str, duration: float | None) -> RecordingRequest:
-    """Return the order for a run that begins now."""
+def recording_request(catalogue: Catalogue, rig: Rig, note: str, duration: float | None) -> RecordingRequest:
+    """Return the request for a run that starts now, with a new run id and file name."""
     started_ns = time.time_ns()
     run_id, path = catalogue.new_run(rig.config.rig, started_ns)
     return RecordingRequest(
@@ -116,41 +106,39 @@ def run_record(args: argparse.Namespace) -> int:
     catalogue = Catalogue(data_folder(rig.config.storage.folder), rig.config.storage.catalogue)
     with Predictors() as predictors, ResultsReader(predictors) as results:
         summaries = Summaries(catalogue, predictors, results.summary)
-        with stop_on_signals() as stop, LiveServices(args, catalogue, summaries, console, results) as screens:
-            order = order_for(catalogue, rig, args.note, args.duration)
-            with closing(RecordedRun(order, predictors.for_rig(rig), screens.sinks, stop.is_set)) as recorded:
-                screens.show(recorded)
+        with stop_on_signals() as stop, LiveServices(args, catalogue, summaries, console, results) as services:
+            request = recording_request(catalogue, rig, args.note, args.duration)
+            with closing(RecordedRun(request, predictors.for_rig(rig), services.sinks, stop.is_set)) as recorded:
+                services.show(recorded)
                 device, rate = recorded.header.acquisition.device, recorded.header.acquisition.rate
                 which = "simulated" if device.simulated else f"serial {device.serial}"
                 n_channels = len(recorded.header.acquisition.channels)
                 console.line(
-                    f"run {order.run}  {device.product} ({which})  {n_channels} × {rate / 1e3:g} kS/s  {order.path}"
+                    f"run {request.run}  {device.product} ({which})  {n_channels} × {rate / 1e3:g} kS/s  {request.path}"
                 )
-                console.line(screens.addresses())
-                if take_markers(recorded, console):
-                    console.line(
-                        "type a word and Enter to mark a moment, ack to acknowledge alarms; Ctrl-C ends the run"
-                    )
+                console.line(services.addresses())
+                if start_marker_input(recorded, console):
+                    console.line("type text and Enter to add a marker, ack to acknowledge alarms; Ctrl-C stops the run")
                 outcome = follow(recorded, stop, console)
         if outcome.message:
             console.line(f"rig: {outcome.message}")
-        names = list(file_ids(order.path))
-        if len(names) > FEW and not args.json:
+        names = list(file_ids(request.path))
+        if len(names) > MAX_FULL_SUMMARIES and not args.json:
             for name in names:
                 print(run_row(run_schema(catalogue.run(name))))
-            print(f"{len(names)} recordings; rig summary RUN tells more of each")
+            print(f"{len(names)} recordings; rig summary RUN shows each")
             return outcome.exit_code
         try:
-            documents = [summaries.patiently(name, console.progress) for name in names]
-        except KeyboardInterrupt:  # once more: the run has been ended, now the wait for the model is
-            console.line(f"not summed up; rig summary {order.run} does it")
+            run_summaries = [summaries.patiently(name, console.progress) for name in names]
+        except KeyboardInterrupt:  # a second Ctrl-C: stops the wait for the model; the recording is complete
+            console.line(f"no summary yet: rig summary {request.run} prints it")
             return outcome.exit_code or EXIT_INTERRUPTED
         console.done()
-    if args.json and len(documents) > 1:
-        print_json(list(documents))
+    if args.json and len(run_summaries) > 1:
+        print_json(list(run_summaries))
     else:
-        for document in documents:
-            print_summary(document, as_json=args.json)
+        for summary in run_summaries:
+            print_summary(summary, as_json=args.json)
     return outcome.exit_code
 
 
@@ -164,156 +152,109 @@ def run_replay(args: argparse.Namespace) -> int:
     with Predictors() as predictors, ResultsReader(predictors) as results:
         summaries = Summaries(catalogue, predictors, results.summary)
         model = predictors.for_run(header)
-        with stop_on_signals() as stop, LiveServices(args, catalogue, summaries, console, results) as screens:
+        with stop_on_signals() as stop, LiveServices(args, catalogue, summaries, console, results) as services:
             source = open_replay(path, args.pace)
-            replayed = ReplayedRun(header, source, model, screens.sinks, markers)
-            screens.show(replayed)
-            pace = "as fast as it goes" if args.pace is None else f"at {args.pace:g} × its own pace"
+            replayed = ReplayedRun(header, source, model, services.sinks, markers)
+            services.show(replayed)
+            pace = "at full speed" if args.pace is None else f"at {args.pace:g} × real time"
             console.line(f"replay of {run_id} {pace}")
-            console.line(screens.addresses())
+            console.line(services.addresses())
             outcome = follow(replayed, stop, console)
         model.wait(PATIENCE, lambda state: console.progress(f"model {state}"))
         console.done()
-        document = summaries.document(replayed.summary(), header, delivery, markers)
-    print_summary(document, as_json=args.json)
+        summary = summaries.document(replayed.summary(), header, delivery, markers)
+    print_summary(summary, as_json=args.json)
     return outcome.exit_code
 
 
 def run_serve(args: argparse.Namespace) -> int:
-    """Serve until stopped; return the exit code."""
+    """Serve page and REST until stopped; return the exit code."""
     console = Console()
     rig = load_rig(Path(args.config)) if args.config else None
     storage = StorageSection() if rig is None else rig.config.storage
     catalogue = Catalogue(data_folder(args.folder or storage.folder), storage.catalogue)
-    args.no_view = True  # runs are shown by `rig record` and `rig replay`
+    args.no_view = True  # only `rig record` and `rig replay` have a live view
     with (
         stop_on_signals() as stop,
         Predictors() as predictors,
         ResultsReader(predictors) as results,
         ExitStack() as stack,
     ):
-        desk = None
+        manager = None
         if rig is not None:
 
-            def begin(rig: Rig, note: str, duration: float | None) -> RecordedRun:
-                order = order_for(catalogue, rig, note, duration)
-                return RecordedRun(order, predictors.for_rig(rig), is_stopping=stop.is_set)
+            def start(rig: Rig, note: str, duration: float | None) -> RecordedRun:
+                request = recording_request(catalogue, rig, note, duration)
+                return RecordedRun(request, predictors.for_rig(rig), is_stopping=stop.is_set)
 
-            desk = stack.enter_context(RunManager({rig.config.rig: rig}, begin))
+            manager = stack.enter_context(RunManager({rig.config.rig: rig}, start))
         summaries = Summaries(catalogue, predictors, results.summary)
-        with LiveServices(args, catalogue, summaries, console, results, desk) as screens:
-            console.line(screens.addresses())
-            while not stop.wait(1.0):  # a wait without end would not let Ctrl-C through everywhere
+        with LiveServices(args, catalogue, summaries, console, results, manager) as services:
+            console.line(services.addresses())
+            while not stop.wait(1.0):  # with a timeout: an endless wait blocks Ctrl-C on some systems
                 continue
     return 0
 
 
-_PORT = 8501
-
-
 def add_recording_commands(add: AddCommand) -> None:
-    """Add the commands with `add`, which takes name, function and description."""
-    command = add("record", run_record, "Record a run, with live picture and REST, and sum it up at its end.")
-    command.add_argument("config", metavar="RIG.TOML", help="the rig")
-    _add_recording(command)
-    command.add_argument("--json", action="store_true", help="print the summary as JSON on standard output")
+    """Add `rig record`, `rig replay` and `rig serve` to the command line."""
+    text = "Record a run with live view and REST, and print its summary."
+    command = add("record", run_record, text)
+    command.add_argument("config", metavar="RIG.TOML", help="rig file")
+    _add_recording_options(command)
+    command.add_argument("--json", action="store_true", help="print the summary as JSON")
     command.add_argument("--no-serve", action="store_true", help="without page and REST")
-    _add_screens(command)
+    _add_service_options(command)
     show_examples(
         command,
         'rig record rigs/usb6251.toml --for 5min --note "new oil"',
         'rig record rigs/usb6251.toml --start "speed > 2000" --pre 2s',
     )
 
-    command = add(
-        "mark", markers.run_mark, "Name the present moment of the run that is recorded, from another terminal."
-    )
-    command.add_argument("word", metavar="WORD", nargs="*", help="what it is called (default: mark)")
-    command.add_argument("--json", action="store_true", help="as JSON")
-    _add_address(command)
-    show_examples(command, "rig mark knocking begins")
-
-    command = add(
-        "acknowledge",
-        markers.run_acknowledge,
-        "Take note of the alarms of the run that goes on; what is over goes.",
-    )
-    command.add_argument("--json", action="store_true", help="as JSON")
-    _add_address(command)
-
-    command = add("replay", run_replay, "Replay a recording through the same analysis and picture.")
-    command.add_argument("recording", metavar="RUN", help="a run's id, or a file")
+    command = add("replay", run_replay, "Replay a recording through the live analysis and view.")
+    command.add_argument("recording", metavar="RUN", help="run id or file")
     command.add_argument(
-        "--pace",
-        type=pace,
-        default=1.0,
-        help="1: its own pace (default), 10: ten times as fast, max: as fast as it goes",
+        "--pace", type=pace, default=1.0, help="1: real time (default), 10: ten times as fast, max: full speed"
     )
     add_folder(command)
-    command.add_argument("--json", action="store_true", help="print the summary as JSON on standard output")
+    command.add_argument("--json", action="store_true", help="print the summary as JSON")
     command.add_argument("--no-serve", action="store_true", help="without page and REST")
-    _add_screens(command)
+    _add_service_options(command)
     show_examples(
         command, "rig replay 2026-11-24T09-12-07-gj90c --pace 10", "rig replay data/2026-11-24T09-12-07-gj90c.mcap"
     )
 
-    command = add("serve", run_serve, "Serve the page and REST for the recorded runs until stopped.")
-    command.add_argument(
-        "config",
-        metavar="RIG.TOML",
-        nargs="?",
-        help="the rig: its folder is served, and its runs are started and stopped over REST",
-    )
+    command = add("serve", run_serve, "Serve page and REST for the recorded runs until stopped.")
+    text = "rig file: serves its data folder, and starts and stops its runs over REST"
+    command.add_argument("config", metavar="RIG.TOML", nargs="?", help=text)
     add_folder(command)
-    _add_screens(command)
+    _add_service_options(command)
     show_examples(command, "rig serve rigs/bench.toml")
 
 
-def _add_address(parser: argparse.ArgumentParser | argparse._ArgumentGroup) -> None:
-    parser.add_argument("--host", default="127.0.0.1", help="address of page and REST (default: this machine only)")
-    parser.add_argument(
-        "--port",
-        type=port,
-        default=_PORT,
-        help=f"port of page and REST (default {_PORT}; 0: any free one)",
-    )
-    parser.add_argument(
-        "--token",
-        default=os.environ.get("RIG_TOKEN", ""),
-        help="bearer token that requests must carry, needed with another --host; better given as $RIG_TOKEN",
-    )
-
-
-def _add_screens(parser: argparse.ArgumentParser) -> None:
-    group = parser.add_argument_group("screens")
-    _add_address(group)
+def _add_service_options(parser: argparse.ArgumentParser) -> None:
+    group = parser.add_argument_group("page, REST and live view")
+    add_service_address(group)
     group.add_argument(
         "--cors",
         action="append",
         default=[],
         metavar="ORIGIN",
-        help="another site whose pages may ask, such as http://notebook.lab:8888; may be given again",
+        help="origin whose pages may send requests, such as http://notebook.lab:8888; repeatable",
     )
-    group.add_argument("--no-view", action="store_true", help="without the live picture (it needs rerun-sdk)")
+    group.add_argument("--no-view", action="store_true", help="without the live view (which needs rerun-sdk)")
 
 
-def _add_recording(parser: argparse.ArgumentParser) -> None:
+def _add_recording_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--for", dest="duration", type=duration, metavar="TIME", help="stop after 60s, 5min, 1h … (default: Ctrl-C)"
     )
-    parser.add_argument("--note", default="", help="a word to remember the run by")
-    group = parser.add_argument_group("trigger", "What is not given is as [trigger] of the rig file says.")
+    parser.add_argument("--note", default="", help="note stored with the run")
+    group = parser.add_argument_group("trigger", "Defaults are those of [trigger] in the rig file.")
+    group.add_argument("--start", metavar="CONDITION", help='start on "speed > 2000" (r/min), "x > 4.5" (V) …')
+    group.add_argument("--stop", metavar="CONDITION", help='stop on "speed < 1500", "time > 10" (s) …')
+    group.add_argument("--pre", type=duration, metavar="TIME", help="also record this time before the start: 2s …")
     group.add_argument(
-        "--start", metavar="CONDITION", help='record from here on: "speed > 2000" (r/min), "x > 4.5" (V) …'
+        "--events", type=int, metavar="N", help="rearm after each stop, for N recordings (0: until Ctrl-C); each a file"
     )
-    group.add_argument("--stop", metavar="CONDITION", help='and up to here: "speed < 1500", "time > 10" (s) …')
-    group.add_argument("--pre", type=duration, metavar="TIME", help="from before the start, recorded too: 2s …")
-    group.add_argument(
-        "--events",
-        type=int,
-        metavar="N",
-        help="wait for the start again after a stop, for N recordings in all, each a file (0: until Ctrl-C)",
-    )
-    group.add_argument(
-        "--hold-off", type=duration, metavar="TIME", help="after a stop, before a start is looked for: 10s …"
-    )
+    group.add_argument("--hold-off", type=duration, metavar="TIME", help="time from a stop to rearming: 10s …")

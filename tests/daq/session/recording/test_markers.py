@@ -137,7 +137,7 @@ def test_mark_without_a_recording_says_what_is_missing(capsys: pytest.CaptureFix
     with socket.create_server(("127.0.0.1", 0)) as nobody:
         port = str(nobody.getsockname()[1])
     assert main(["mark", "--port", port]) == 2
-    assert re.search(rf"127\.0\.0\.1:{port} does not answer \(.+\): is rig record running", capsys.readouterr().err)
+    assert re.search(rf"127\.0\.0\.1:{port} does not respond \(.+\): is rig record running", capsys.readouterr().err)
     bench = open_bench()
     try:
         port = bench.server.url.rpartition(":")[2]
