@@ -88,7 +88,7 @@ async function make(event) {
   const order = {
     kind: "import",
     upload: upload.upload,
-    rig: { of: "run", run: element("import-rig").value },
+    rig: { source: "run", run: element("import-rig").value },
     mapping: { ...rate, note: element("import-words").value, channel },
   };
   try {

@@ -9,7 +9,7 @@ export async function doJob(order, told, fetched = ask) {
   let job = await send("/api/v1/jobs", order);
   const place = `/api/v1/jobs/${job.job}`;
   while (["waiting", "running"].includes(job.state)) {
-    told(job.state === "waiting" ? "Waiting for another job …" : `${job.doing} ${job.progress === null ? "" : `${Math.round(100 * job.progress)} %`} …`);
+    told(job.state === "waiting" ? "Waiting for another job …" : `${job.step} ${job.progress === null ? "" : `${Math.round(100 * job.progress)} %`} …`);
     await new Promise((done) => setTimeout(done, INTERVAL));
     job = await ask(place);
   }

@@ -73,7 +73,7 @@ async function step() {
       take(null);
       return IDLE_INTERVAL;
     }
-    if (error.name === "token-needed") {
+    if (error.name === "token-required") {
       answered = performance.now();
       element("token").hidden = false;
       if (heldToken()) element("token-label").textContent = "That is not this service's token";

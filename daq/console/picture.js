@@ -143,12 +143,12 @@ function show(parent, empty, picture) {
 
 // Draws what the socket tells; where it is not let through the page asks.
 export async function followPicture(parent, empty) {
-  const isOpen = listen("/api/v1/live/picture", (picture) => show(parent, empty, picture));
+  const isOpen = listen("/api/v1/live/curves", (picture) => show(parent, empty, picture));
   for (;;) {
     await new Promise((done) => setTimeout(done, INTERVAL));
     if (isOpen()) continue;
     try {
-      show(parent, empty, await ask("/api/v1/live/picture"));
+      show(parent, empty, await ask("/api/v1/live/curves"));
     } catch (error) {
       if (error.name === "no-live-run") show(parent, empty, null);
     }

@@ -25,7 +25,7 @@ export async function drawRuns(opened = "") {
   try {
     page = await ask(`/api/v1/runs?limit=${SHOWN}`, 5000);
   } catch (error) {
-    if (error.name !== "token-needed") note.textContent = `The runs cannot be listed: ${error.message}`;
+    if (error.name !== "token-required") note.textContent = `The runs cannot be listed: ${error.message}`;
     return;
   }
   note.textContent = page.total ? "" : "Nothing has been recorded in this data folder yet.";

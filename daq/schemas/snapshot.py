@@ -179,7 +179,7 @@ class OrbitAndSpectrumSchema(Schema):
     )
 
 
-class PictureSchema(Schema):
+class LiveCurvesSchema(Schema):
     """The shaft's orbit and order spectrum at one moment."""
 
     run: str = Field(description="Id of the run", examples=["2026-11-24T09-12-07-gj90c"])
@@ -194,11 +194,11 @@ class PictureSchema(Schema):
     predicted: OrbitAndSpectrumSchema | None = Field(description="Null where speed or model are not known")
 
 
-def picture_schema(frame: LiveUpdate) -> PictureSchema:
+def live_curves_schema(frame: LiveUpdate) -> LiveCurvesSchema:
     """Return what can be drawn of one moment of a run as a document."""
     header, prediction = frame.header, frame.prediction
     measured = None if frame.snapshot is None else frame.snapshot.frame
-    return PictureSchema(
+    return LiveCurvesSchema(
         run=header.run,
         points_per_revolution=header.settings.points_per_revolution,
         clearance_um=micrometres(header.limits.clearance),

@@ -119,12 +119,12 @@ class AccessControlMiddleware:
             )
         if self._token is not None and path not in self._public and not self._bears_token(headers):
             given = "another token was given" if "authorization" in headers else "no token was given"
-            return ProblemType.TOKEN_NEEDED, f"{given}: send the header Authorization: Bearer <token>"
+            return ProblemType.TOKEN_REQUIRED, f"{given}: send the header Authorization: Bearer <token>"
         is_socket = scope["type"] == "websocket"
         if not is_socket and scope["method"] in HARMLESS:
             return None
         if not self._is_own_page(headers):
-            return ProblemType.CROSS_SITE, f"the request comes from {headers.get('origin') or 'another site'}"
+            return ProblemType.CROSS_SITE_REQUEST, f"the request comes from {headers.get('origin') or 'another site'}"
         return None
 
     def _is_own_page(self, headers: Headers) -> bool:

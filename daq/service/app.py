@@ -120,8 +120,8 @@ def create_app(
     install(app)
     always = (
         ProblemType.HOST_NOT_ALLOWED,
-        ProblemType.INTERNAL,
-        *((ProblemType.TOKEN_NEEDED,) if token is not None else ()),
+        ProblemType.INTERNAL_ERROR,
+        *((ProblemType.TOKEN_REQUIRED,) if token is not None else ()),
     )
     routing = Routing(APIRouter(prefix=PREFIX), always)
     CatalogueRoutes(catalogue, live, summaries, app.version).add_to(routing)

@@ -44,7 +44,7 @@ class ProblemSchema(Schema):
 class ProblemType(Enum):
     """A kind of problem: its HTTP status, its title, and when it is met and what to do."""
 
-    BAD_PARAMETER = (
+    INVALID_PARAMETER = (
         422,
         "A parameter is wrong",
         "Unknown, malformed or out of range; `faults` names every one of them.",
@@ -69,17 +69,17 @@ class ProblemType(Enum):
         "This cannot be done here",
         "`Allow` names the methods that this address knows.",
     )
-    NO_SUCH_MOMENT = (
+    NO_DATA = (
         404,
         "The run holds nothing there",
         "No frame, sample or prediction lies at or near this time or speed; `detail` tells what there is.",
     )
-    NOT_TOLD = (
+    INSUFFICIENT_DATA = (
         409,
         "The samples do not tell this",
         "Too few revolutions, a tacho that does not tell the angle, an order out of reach; `detail` says which.",
     )
-    TOO_MUCH = (
+    RESPONSE_TOO_LARGE = (
         413,
         "More than one answer may hold",
         "Ask for a shorter stretch at a time.",
@@ -89,17 +89,17 @@ class ProblemType(Enum):
         "No form that is accepted can be sent",
         "`Accept` must allow one of the types of the answer.",
     )
-    CROSS_SITE = (
+    CROSS_SITE_REQUEST = (
         403,
         "Another site may not ask for this",
         "A page that is not the service's own asks.",
     )
-    MEDIA_TYPE = (
+    UNSUPPORTED_MEDIA_TYPE = (
         415,
         "The content's type is not the one expected",
         "Send `Content-Type: application/json`.",
     )
-    RUN_NOT_POSSIBLE = (
+    RUN_CANNOT_START = (
         409,
         "No run can be started now",
         "Another is under way, or device or disk stand against it.",
@@ -109,7 +109,7 @@ class ProblemType(Enum):
         "There is such a run already",
         "Nothing is ever written over a recording: choose another id.",
     )
-    CHANGED_MEANWHILE = (
+    PRECONDITION_FAILED = (
         412,
         "It is not what it was",
         "Somebody has changed it since the answer whose `ETag` was sent as `If-Match`; ask for it again.",
@@ -119,12 +119,12 @@ class ProblemType(Enum):
         "There is no such run in the trash",
         "It was never put away, or was taken back. What lies there is listed by /api/v1/trash.",
     )
-    NO_RECORDING = (
+    INVALID_RECORDING = (
         422,
         "What was sent is no whole recording",
         "It was looked through and not kept; see `detail`.",
     )
-    NO_TABLE = (
+    UNREADABLE_UPLOAD = (
         409,
         "What was sent cannot be read",
         "It is no file of the format that its name tells, is cut short, or holds no columns of numbers; see `detail`.",
@@ -139,12 +139,12 @@ class ProblemType(Enum):
         "Too many uploads are kept",
         "Delete one that nobody needs; `Retry-After` says when to ask again at the earliest.",
     )
-    TOO_SLOW = (
+    REQUEST_TIMEOUT = (
         408,
         "What is sent comes too slowly",
         "Nothing came for so long that the rest is not waited for; nothing of it is kept.",
     )
-    TOO_LARGE = (
+    CONTENT_TOO_LARGE = (
         413,
         "What was sent is too large",
         "It passes the limit, or what room the disk has left, or does not tell its size.",
@@ -174,7 +174,7 @@ class ProblemType(Enum):
         "The recording's format is not known here",
         "Another version of the program wrote the file. The run is listed, but this version cannot read it.",
     )
-    TOKEN_NEEDED = (
+    TOKEN_REQUIRED = (
         401,
         "A token is needed",
         "Other machines can reach the service, so every request to /api carries `Authorization: Bearer <token>`.",
@@ -194,7 +194,7 @@ class ProblemType(Enum):
         "The data folder cannot be read or written",
         "It is missing, unreadable, read-only, full or was taken away; see `detail`.",
     )
-    TAKES_TOO_LONG = (
+    TIME_LIMIT_EXCEEDED = (
         503,
         "This takes longer than an answer may",
         "A job does it without that limit: send what `job` says to /api/v1/jobs with POST.",
@@ -214,7 +214,7 @@ class ProblemType(Enum):
         "The job has no result",
         "It has not ended yet, or it failed; see `detail`.",
     )
-    INTERNAL = (
+    INTERNAL_ERROR = (
         500,
         "The service failed",
         "A fault of the program; its log tells more.",
@@ -233,11 +233,11 @@ class ProblemType(Enum):
 
 READING = (
     ProblemType.RUN_NOT_FOUND,
-    ProblemType.BAD_PARAMETER,
+    ProblemType.INVALID_PARAMETER,
     ProblemType.RUN_UNDER_WAY,
     ProblemType.RUN_DAMAGED,
     ProblemType.RUN_FORMAT_UNKNOWN,
-    ProblemType.TAKES_TOO_LONG,
+    ProblemType.TIME_LIMIT_EXCEEDED,
     ProblemType.STORAGE_UNAVAILABLE,
     ProblemType.BUSY,
 )

@@ -85,7 +85,7 @@ def problem_response(
     """
     document = _document(problem_type, detail, instance, faults, status, job)
     extra = {"Cache-Control": "no-store", **(headers or {})}
-    if problem_type is ProblemType.TOKEN_NEEDED:
+    if problem_type is ProblemType.TOKEN_REQUIRED:
         extra["WWW-Authenticate"] = 'Bearer realm="rig"'
     if problem_type in PASSING:
         extra["Retry-After"] = "2"
@@ -103,7 +103,8 @@ def recording_problem(error: RecordingError) -> ProblemType:
         (StorageError, ProblemType.STORAGE_UNAVAILABLE),
     )
     return next(
-        (problem_type for error_type, problem_type in by_error if isinstance(error, error_type)), ProblemType.INTERNAL
+        (problem_type for error_type, problem_type in by_error if isinstance(error, error_type)),
+        ProblemType.INTERNAL_ERROR,
     )
 
 
@@ -172,7 +173,7 @@ async def _of_validation(request: Request, error: RequestValidationError) -> Res
         for fault in error.errors()
     )
     detail = "; ".join(f"{fault.parameter} = {fault.detail}" for fault in faults)
-    return problem_response(ProblemType.BAD_PARAMETER, detail, request.url.path, faults=faults)
+    return problem_response(ProblemType.INVALID_PARAMETER, detail, request.url.path, faults=faults)
 
 
 async def _of_http(request: Request, error: HTTPException) -> Response:
@@ -185,7 +186,7 @@ async def _of_http(request: Request, error: HTTPException) -> Response:
             headers={"Allow": ", ".join(_methods(request))},
         )
     if error.status_code == UNREADABLE:  # content that is no JSON at all
-        return problem_response(ProblemType.BAD_PARAMETER, str(error.detail), path)
+        return problem_response(ProblemType.INVALID_PARAMETER, str(error.detail), path)
     detail = (
         f"there is nothing at {_short(path)}"
         if error.status_code == ProblemType.NOT_FOUND.status
@@ -239,4 +240,4 @@ class UnhandledErrorMiddleware:
                 raise
             logger.exception("%s %s failed", scope["method"], scope["path"])
             detail = f"{type(error).__name__}; the service's log tells more"
-            await problem_response(ProblemType.INTERNAL, detail, scope["path"])(scope, receive, send)
+            await problem_response(ProblemType.INTERNAL_ERROR, detail, scope["path"])(scope, receive, send)

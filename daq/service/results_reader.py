@@ -46,21 +46,21 @@ class Models(Protocol):
 
 
 FAILURES: dict[type[Exception], ProblemType] = {
-    NoSuchMomentError: ProblemType.NO_SUCH_MOMENT,
-    TooMuchError: ProblemType.TOO_MUCH,
+    NoSuchMomentError: ProblemType.NO_DATA,
+    TooMuchError: ProblemType.RESPONSE_TOO_LARGE,
     NoArrowError: ProblemType.NOT_ACCEPTABLE,
     NoPngError: ProblemType.NOT_ACCEPTABLE,
     WorkerStoppedError: ProblemType.BUSY,
-    WorkerTimeoutError: ProblemType.TAKES_TOO_LONG,
-    NotToldError: ProblemType.NOT_TOLD,
+    WorkerTimeoutError: ProblemType.TIME_LIMIT_EXCEEDED,
+    NotToldError: ProblemType.INSUFFICIENT_DATA,
 }
 ARRIVAL_LIMIT = 3600.0  # s that looking through a recording that was sent in may take
 
 
-def answer_job(run: str, address: str, query: BaseModel | None) -> JobHint:
+def result_job(run: str, path: str, query: BaseModel | None) -> JobHint:
     """Return the order for a job that makes the answer of an address."""
     parameters = {} if query is None else query.model_dump(mode="json", exclude_defaults=True)
-    return {"kind": "answer", "run": run, "address": address, "parameters": parameters}
+    return {"kind": "result", "run": run, "path": path, "parameters": parameters}
 
 
 def foreign_columns(path: Path, name: str) -> ColumnsSchema:
@@ -87,7 +87,7 @@ class ResultsReader:
 
     def answer(self, run: RunEntry, what: str, query: BaseModel | None, *, packed: bool) -> bytes:
         """Return the answer of this name (see `daq.service.rendering`) as JSON, gzipped where it is `packed`."""
-        job = answer_job(run.id, answers.address_of(what), query)
+        job = result_job(run.id, answers.address_of(what), query)
         return self._run(answers.answer_of, run.path, what, query, packed, job=job)
 
     def samples(self, run: RunEntry, query: SamplesQuery, form: SampleFormat, *, packed: bool) -> bytes:
@@ -96,21 +96,23 @@ class ResultsReader:
 
     def summary(self, path: Path) -> RunSummary:
         """Return what the run of a file was."""
-        return self._run(answers.summary, path, job=answer_job(path.stem, "summary", None))
+        return self._run(answers.summary, path, job=result_job(path.stem, "summary", None))
 
     def columns(self, path: Path, name: str) -> ColumnsSchema:
         """Return what is in another program's file; ProblemError where it cannot be read."""
         try:
             return self._run(foreign_columns, path, name)
         except ForeignFormatError as error:
-            raise ProblemError(ProblemType.NO_TABLE, str(error).replace(str(path), name)) from error
+            raise ProblemError(ProblemType.UNREADABLE_UPLOAD, str(error).replace(str(path), name)) from error
 
     def require_sound(self, temporary: Path) -> None:
         """Raise ProblemError where a file that was sent in is no whole recording."""
         try:
             self._run(require_sound, temporary, deadline=ARRIVAL_LIMIT)
         except (DamagedError, UnknownFormatError) as error:
-            raise ProblemError(ProblemType.NO_RECORDING, str(error).replace(str(temporary), "what was sent")) from error
+            raise ProblemError(
+                ProblemType.INVALID_RECORDING, str(error).replace(str(temporary), "what was sent")
+            ) from error
 
     def prediction(self, run: RunEntry, speed: float) -> PredictionSchema:
         """Return what the model says of a run's rig at a speed, rad/s."""
@@ -121,7 +123,7 @@ class ResultsReader:
         rows = self.summary(run.path).rows
         row = min(rows, key=lambda row: abs(row.speed - speed), default=None)
         if row is None or abs(row.speed - speed) > NEAR_SPEED:
-            raise ProblemError(ProblemType.NO_SUCH_MOMENT, f"nothing was measured near {rpm(speed):,.0f} r/min")
+            raise ProblemError(ProblemType.NO_DATA, f"nothing was measured near {rpm(speed):,.0f} r/min")
         prediction = self._predicted(run, row.speed)
         measured, predicted = row.motion[0], prediction.vectors[0]
         seen = np.abs(predicted) > 0.0
@@ -143,7 +145,7 @@ class ResultsReader:
         try:
             prediction = self._models.prediction_for(run.header, speed)
         except (ValueError, RigError) as error:  # outside the model's speeds, or a rig that has no model
-            raise ProblemError(ProblemType.NO_SUCH_MOMENT, str(error)) from error
+            raise ProblemError(ProblemType.NO_DATA, str(error)) from error
         if prediction is None:
             raise ProblemError(ProblemType.MODEL_NOT_READY, "the model's map of this rig is being computed")
         return prediction

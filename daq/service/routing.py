@@ -82,11 +82,11 @@ IfMatch = Annotated[
 EVENTS: Final = "text/event-stream"
 WITH_JSON: Final = frozenset({"POST", "PATCH"})
 JSON_PROBLEMS: Final = (
-    ProblemType.BAD_PARAMETER,
-    ProblemType.CROSS_SITE,
-    ProblemType.MEDIA_TYPE,
-    ProblemType.TOO_LARGE,
-    ProblemType.TOO_SLOW,
+    ProblemType.INVALID_PARAMETER,
+    ProblemType.CROSS_SITE_REQUEST,
+    ProblemType.UNSUPPORTED_MEDIA_TYPE,
+    ProblemType.CONTENT_TOO_LARGE,
+    ProblemType.REQUEST_TIMEOUT,
 )
 MOST_JSON: Final = 1024**2  # bytes
 PATIENCE: Final = 30.0  # s for all of it
@@ -110,15 +110,21 @@ class JsonRoute(APIRoute):
         async def checked(request: Request) -> Response:
             sent = request.headers.get("content-type", "")
             if sent.partition(";")[0].strip().lower() != "application/json":
-                raise ProblemError(ProblemType.MEDIA_TYPE, f"{sent or 'no type'!r}, expected application/json")
+                raise ProblemError(
+                    ProblemType.UNSUPPORTED_MEDIA_TYPE, f"{sent or 'no type'!r}, expected application/json"
+                )
             size = "" if "transfer-encoding" in request.headers else request.headers.get("content-length", "")
             if not size.isdecimal() or int(size) > MOST_JSON:
-                raise ProblemError(ProblemType.TOO_LARGE, f"{size or 'unknown'} bytes, expected at most {MOST_JSON:,}")
+                raise ProblemError(
+                    ProblemType.CONTENT_TOO_LARGE, f"{size or 'unknown'} bytes, expected at most {MOST_JSON:,}"
+                )
             try:
                 with fail_after(PATIENCE):
                     await request.body()  # kept for whoever reads it
             except TimeoutError as error:
-                raise ProblemError(ProblemType.TOO_SLOW, f"{size} bytes did not come within {PATIENCE:g} s") from error
+                raise ProblemError(
+                    ProblemType.REQUEST_TIMEOUT, f"{size} bytes did not come within {PATIENCE:g} s"
+                ) from error
             return await handle(request)
 
         return checked

@@ -51,7 +51,7 @@ class Upload:
         Where it lies; only the suffix is of its name.
     size : int
         Bytes.
-    sent, forgotten : float
+    uploaded, expires : float
         Wall clock when it was there and when it is deleted, s since 1970.
     """
 
@@ -59,8 +59,8 @@ class Upload:
     name: str
     path: Path
     size: int
-    sent: float
-    forgotten: float
+    uploaded: float
+    expires: float
 
 
 def require_name(name: str) -> None:
@@ -150,7 +150,7 @@ class UploadStore:
         """Forget what is too old, and throw away what services that were ended by force have left."""
         now = time.time()
         for upload in tuple(self._uploads.values()):
-            if now >= upload.forgotten:
+            if now >= upload.expires:
                 self._drop(upload)
         for folder in self._folder.glob("*"):
             try:
@@ -215,7 +215,9 @@ class UploadReceiver:
         limit = min(self._most_bytes, await to_thread.run_sync(self._free_bytes) - RESERVE)
         sent = request.headers.get("content-length", "0")
         if sent.isdecimal() and int(sent) > limit:
-            raise ProblemError(ProblemType.TOO_LARGE, f"{int(sent):,} bytes, expected at most {max(limit, 0):,}")
+            raise ProblemError(
+                ProblemType.CONTENT_TOO_LARGE, f"{int(sent):,} bytes, expected at most {max(limit, 0):,}"
+            )
         if self._arriving >= AT_ONCE:
             raise ProblemError(ProblemType.BUSY, f"{self._arriving} files are being sent in already")
         self._arriving += 1
@@ -252,9 +254,9 @@ class UploadReceiver:
                         portion += piece or b""
             except TimeoutError as error:
                 told = f"{len(portion):,} bytes in {self._patience:g} s after {size:,}"
-                raise ProblemError(ProblemType.TOO_SLOW, told) from error
+                raise ProblemError(ProblemType.REQUEST_TIMEOUT, told) from error
             size += len(portion)
             if size > limit:
-                raise ProblemError(ProblemType.TOO_LARGE, f"more than {max(limit, 0):,} bytes")
+                raise ProblemError(ProblemType.CONTENT_TOO_LARGE, f"more than {max(limit, 0):,} bytes")
             await to_thread.run_sync(incoming.write, bytes(portion), limiter=self._threads)
         return size

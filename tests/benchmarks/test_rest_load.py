@@ -64,7 +64,7 @@ def hammer(url: str, seconds: float, pipe: Connection) -> None:
     times: dict[str, list[float]] = defaultdict(list)
     statuses: dict[str, set[int]] = defaultdict(set)
     paths = [
-        "/live", "/live", "/live", "/live/picture", "/runs", "/health", f"/runs/{BEFORE}", f"/runs/{BEFORE}/summary",
+        "/live", "/live", "/live", "/live/curves", "/runs", "/health", f"/runs/{BEFORE}", f"/runs/{BEFORE}/summary",
         f"/runs/{BEFORE}/order-vectors", f"/runs/{BEFORE}/trend", f"/runs/{BEFORE}/findings",
         f"/runs/{BEFORE}/cascade?rows={{}}", f"/runs/{BEFORE}/waterfall?rows={{}}",
         f"/runs/{BEFORE}/orbit?time_s={{}}", f"/runs/{BEFORE}/order-spectrum",

@@ -11,7 +11,7 @@ from daq.errors import ConfigError
 from daq.schemas.runs import run_schema
 from daq.service.jobs.execution import parts_told
 from daq.service.jobs.queue import CatalogueLocation, Progress, ReportProgress, Task
-from daq.service.schemas.importing import ImportOrder, RigInText
+from daq.service.schemas.importing import ImportRequest, RigFromToml
 from daq.service.uploads import Upload
 from daq.session.import_run import IMPORTED_BACKEND, ForeignFile, require_mapping_fits, write_imported_run
 from daq.session.runout_reference import with_reference_runout
@@ -21,12 +21,14 @@ from recordings.errors import ForeignFormatError
 MAPPING = "mapping"
 
 
-def import_task(order: ImportOrder, upload: Upload, rig: Rig, place: CatalogueLocation) -> Task:
+def import_task(request: ImportRequest, upload: Upload, rig: Rig, place: CatalogueLocation) -> Task:
     """Return what an order is to do; ConfigError where the mapping does not give what the rig needs."""
-    columns = order.mapping.model_dump(mode="json", exclude_none=True)
-    foreign = ForeignFile(upload.path, upload.name, order.mapping, MAPPING, to_toml({"rig": rig.config.rig, **columns}))
+    columns = request.mapping.model_dump(mode="json", exclude_none=True)
+    foreign = ForeignFile(
+        upload.path, upload.name, request.mapping, MAPPING, to_toml({"rig": rig.config.rig, **columns})
+    )
     require_mapping_fits(foreign, rig)
-    return Task(order.kind, f"import of {upload.name}", "", import_upload, (place, foreign, rig), "run.json")
+    return Task(request.kind, f"import of {upload.name}", "", import_upload, (place, foreign, rig), "run.json")
 
 
 def import_upload(tell: ReportProgress, target: Path, place: CatalogueLocation, foreign: ForeignFile, rig: Rig) -> None:
@@ -57,7 +59,7 @@ def rig_of_run(header: RunHeader) -> Rig:
     return Rig(Path(name), read_recorded_config(header.config_toml, name), calibrations, header.config_toml)
 
 
-def rig_of_text(text: RigInText) -> Rig:
+def rig_of_text(text: RigFromToml) -> Rig:
     """Return the rig in a text; ConfigError where it is wrong."""
     given = {name: to_calibration(record, f"calibrations.{name}") for name, record in text.calibrations.items()}
     return parse_rig(text.toml, given, "toml")

@@ -58,14 +58,14 @@ class Progress:
 
     Parameters
     ----------
-    doing : str
+    step : str
         What it does.
-    part : float or None
+    fraction : float or None
         What part of that is done, 0 to 1; None where that cannot be told.
     """
 
-    doing: str
-    part: float | None = None
+    step: str
+    fraction: float | None = None
 
 
 ReportProgress: TypeAlias = Callable[[Progress], None]
@@ -77,7 +77,7 @@ class Task:
 
     Parameters
     ----------
-    kind, about : str
+    kind, description : str
         What kind of work it is, and what it is in words.
     run : str
         Id of the run that it is about; empty where it is about none.
@@ -90,7 +90,7 @@ class Task:
     """
 
     kind: str
-    about: str
+    description: str
     run: str
     work: Callable[..., None]
     arguments: tuple[object, ...]
@@ -279,7 +279,7 @@ class JobQueue:
         except (RigError, RecordingError, ModelError, WorkerStoppedError, OSError, ValueError, LookupError) as error:
             self._keep(job.id, state=JobState.FAILED, ended=time.time(), fault=str(error))
         except Exception as error:  # whatever it is, the next job must be done all the same
-            logger.exception("job %s (%s) failed", job.id, job.task.about)
+            logger.exception("job %s (%s) failed", job.id, job.task.description)
             fault = f"{type(error).__name__}; the service's log tells more"
             self._keep(job.id, state=JobState.FAILED, ended=time.time(), fault=fault)
         else:

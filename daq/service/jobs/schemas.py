@@ -13,14 +13,14 @@ from daq.schemas.runs import RunId
 from daq.schemas.study import StudyRequest
 from daq.schemas.units import Schema
 from daq.service.jobs.queue import Job, JobState
-from daq.service.schemas.importing import ImportOrder, as_a_file
+from daq.service.schemas.importing import ImportRequest, as_a_file
 
 JOBS = "/api/v1/jobs"
 
 Parameter: TypeAlias = str | float | bool | None
 
 
-class Address(StrEnum):
+class ResultPath(StrEnum):
     """The last part of the address of a run's results."""
 
     SUMMARY = "summary"
@@ -70,18 +70,18 @@ class ExportContent(StrEnum):
     PULSES = "pulses"
 
 
-class AnswerOrder(Schema):
+class ResultRequest(Schema):
     """Make the answer of a run's address, without the time limit that it has."""
 
-    kind: Literal["answer"]
+    kind: Literal["result"]
     run: RunId
-    address: Address = Field(description="The last part of the address", examples=["cascade"])
+    path: ResultPath = Field(description="Last part of the URL", examples=["cascade"])
     parameters: dict[str, Parameter] = Field(
         default_factory=dict, description="Its parameters, by name", examples=[{"rows": 100}]
     )
 
 
-class AnalysisOrder(Schema):
+class ReanalysisRequest(Schema):
     """Analyse a run's samples anew, with corrected calibrations where some are given; the recording stays as it is."""
 
     kind: Literal["analysis"]
@@ -93,7 +93,7 @@ class AnalysisOrder(Schema):
     )
 
 
-class PredictionOrder(Schema):
+class PredictionRequest(Schema):
     """Compute the model over speed for a run's rig, with other parameters where some are given."""
 
     kind: Literal["prediction"]
@@ -112,7 +112,7 @@ class PredictionOrder(Schema):
     )
 
 
-class ExportOrder(Schema):
+class ExportRequest(Schema):
     """Write a run, or a part of it, in the form of another program."""
 
     kind: Literal["export"]
@@ -134,21 +134,21 @@ class ExportOrder(Schema):
     )
 
 
-class VerificationOrder(Schema):
+class VerificationRequest(Schema):
     """Look through a recording's whole file and keep the verdict."""
 
     kind: Literal["verification"]
     run: RunId
 
 
-class RecoveryOrder(Schema):
+class RecoveryRequest(Schema):
     """Copy all that is intact of a damaged recording into a run of its own, RUN-recovered."""
 
     kind: Literal["recovery"]
     run: RunId
 
 
-class IndexOrder(Schema):
+class IndexRequest(Schema):
     """Bring the catalogue up to date with the files, and sum up the runs that have not been."""
 
     kind: Literal["index"]
@@ -157,8 +157,12 @@ class IndexOrder(Schema):
     )
 
 
-RunOrder: TypeAlias = AnswerOrder | AnalysisOrder | PredictionOrder | ExportOrder | VerificationOrder | RecoveryOrder
-Order: TypeAlias = Annotated[RunOrder | IndexOrder | ImportOrder | StudyRequest, Field(discriminator="kind")]
+RunJobRequest: TypeAlias = (
+    ResultRequest | ReanalysisRequest | PredictionRequest | ExportRequest | VerificationRequest | RecoveryRequest
+)
+JobRequest: TypeAlias = Annotated[
+    RunJobRequest | IndexRequest | ImportRequest | StudyRequest, Field(discriminator="kind")
+]
 
 
 class JobSchema(Schema):
@@ -166,14 +170,16 @@ class JobSchema(Schema):
 
     job: str = Field(description="Its id", examples=["9f3c0f6e2d1b4a57"])
     kind: str = Field(description="What kind of work it is", examples=["export"])
-    about: str = Field(description="What it does, in words", examples=["samples of 2026-11-24T09-12-07-gj90c as csv"])
+    description: str = Field(
+        description="What it does, in words", examples=["samples of 2026-11-24T09-12-07-gj90c as csv"]
+    )
     run: str | None = Field(description="Id of the run that it is about; null where it is about none")
     state: JobState = Field(description="How it stands", examples=["running"])
     progress: float | None = Field(
         description="What part of what it does now is done, 0 to 1; null where that cannot be told",
         ge=0, le=1, examples=[0.42],
     )  # fmt: skip
-    doing: str = Field(description="What it does now; empty before it begins", examples=["reading samples"])
+    step: str = Field(description="What it does now; empty before it begins", examples=["reading samples"])
     detail: str = Field(description="Why it failed; empty where it has not", examples=[""])
     created_at: datetime = Field(description="When it was asked for, UTC", examples=["2026-11-24T10:00:00Z"])
     started_at: datetime | None = Field(description="When it began, UTC", examples=["2026-11-24T10:00:01Z"])
@@ -207,11 +213,11 @@ def job_schema(job: Job) -> JobSchema:
     return JobSchema(
         job=job.id,
         kind=job.task.kind,
-        about=job.task.about,
+        description=job.task.description,
         run=job.task.run or None,
         state=job.state,
-        progress=job.progress.part,
-        doing=job.progress.doing,
+        progress=job.progress.fraction,
+        step=job.progress.step,
         detail=job.fault,
         created_at=_clock(job.created),
         started_at=_clock(job.started) if job.started else None,

@@ -29,17 +29,17 @@ from model.studies.synchronous import response_study
 FloatArray = NDArray[np.float64]
 
 
-def study_task(order: StudyRequest, header: RunHeader | None) -> Task:
+def study_task(request: StudyRequest, header: RunHeader | None) -> Task:
     """Return what an order is to do, for the rotor of the rig of a run, or without one for the thesis's."""
     whose = "the thesis's rotor" if header is None else f"the rotor of {header.run}"
     run = "" if header is None else header.run
-    return Task(order.kind, f"{order.kind} of {whose}", run, study, (header, order), f"{order.kind}.json")
+    return Task(request.kind, f"{request.kind} of {whose}", run, study, (header, request), f"{request.kind}.json")
 
 
-def study(tell: ReportProgress, target: Path, header: RunHeader | None, order: StudyRequest) -> None:
+def study(tell: ReportProgress, target: Path, header: RunHeader | None, request: StudyRequest) -> None:
     """Compute a study."""
     tell(Progress("computing"))
-    found = computed(_parameters(header), order)
+    found = computed(_parameters(header), request)
     target.write_text(study_schema(found).model_dump_json(), encoding="utf-8")
 
 
@@ -49,21 +49,21 @@ def _parameters(header: RunHeader | None) -> ModelParameters:
     return model_parameters(read_recorded_config(header.config_toml, f"configuration of run {header.run}"))
 
 
-def computed(parameters: ModelParameters, order: StudyRequest) -> Study:
+def computed(parameters: ModelParameters, request: StudyRequest) -> Study:
     """Return the study that is asked for; ValueError, ModelError where there is none."""
-    match order:
+    match request:
         case ModesRequest():
-            return modes_study(parameters, order.stiffness_n_m, order.speed_rad_s, order.count)
+            return modes_study(parameters, request.stiffness_n_m, request.speed_rad_s, request.count)
         case CampbellRequest():
-            stiffness = campbell_stiffness(parameters) if order.stiffness_n_m is None else order.stiffness_n_m
-            return campbell_study(parameters, stiffness, _spaced(order.speeds), order.count)
+            stiffness = campbell_stiffness(parameters) if request.stiffness_n_m is None else request.stiffness_n_m
+            return campbell_study(parameters, stiffness, _spaced(request.speeds), request.count)
         case CriticalSpeedsRequest(stiffnesses=range_):
             stiffnesses = np.geomspace(range_.from_n_m, range_.to_n_m, range_.count)
-            return critical_study(parameters, stiffnesses, order.highest_rad_s)
+            return critical_study(parameters, stiffnesses, request.highest_rad_s)
         case ResponseRequest():
-            return response_study(parameters, _spaced(order.speeds), order.stiffness_n_m, order.station)
+            return response_study(parameters, _spaced(request.speeds), request.stiffness_n_m, request.station)
         case InstabilityOnsetRequest():
-            return onset_study(parameters, _spaced(order.speeds))
+            return onset_study(parameters, _spaced(request.speeds))
 
 
 def _spaced(speeds: Speeds) -> FloatArray:

@@ -23,15 +23,15 @@ from daq.reports.registry import KINDS
 from daq.service.jobs import execution
 from daq.service.jobs.queue import CatalogueLocation, Task
 from daq.service.jobs.schemas import (
-    Address,
-    AnalysisOrder,
-    AnswerOrder,
-    ExportOrder,
-    IndexOrder,
-    PredictionOrder,
-    RecoveryOrder,
-    RunOrder,
-    VerificationOrder,
+    ExportRequest,
+    IndexRequest,
+    PredictionRequest,
+    ReanalysisRequest,
+    RecoveryRequest,
+    ResultPath,
+    ResultRequest,
+    RunJobRequest,
+    VerificationRequest,
 )
 from daq.service.problem_types import ProblemType
 from daq.service.problems import ProblemError
@@ -39,24 +39,24 @@ from daq.session.offline import corrected_header
 from recordings.catalogue.catalogue import RunEntry
 
 ANALYSES: Final = "analyses/"
-QUESTIONS: Final[Mapping[Address, type[Question]]] = {
-    Address.TREND: TrendQuery,
-    Address.CASCADE: RecordedCascadeQuery,
-    Address.WATERFALL: RecordedWaterfallQuery,
-    Address.ORDER_SPECTRUM: At,
-    Address.FULL_SPECTRUM: At,
-    Address.ORBIT: At,
-    **{Address(f"{ANALYSES}{name}"): kind.question for name, kind in KINDS.items()},
+QUESTIONS: Final[Mapping[ResultPath, type[Question]]] = {
+    ResultPath.TREND: TrendQuery,
+    ResultPath.CASCADE: RecordedCascadeQuery,
+    ResultPath.WATERFALL: RecordedWaterfallQuery,
+    ResultPath.ORDER_SPECTRUM: At,
+    ResultPath.FULL_SPECTRUM: At,
+    ResultPath.ORBIT: At,
+    **{ResultPath(f"{ANALYSES}{name}"): kind.question for name, kind in KINDS.items()},
 }
 
 
-def index_task(order: IndexOrder, place: CatalogueLocation) -> Task:
+def index_task(request: IndexRequest, place: CatalogueLocation) -> Task:
     """Return what an order is to do that is about no run."""
-    about = "catalogue, with verification" if order.verify else "catalogue"
-    return Task(order.kind, about, "", execution.index, (place, order.verify), "index.json")
+    about = "catalogue, with verification" if request.verify else "catalogue"
+    return Task(request.kind, about, "", execution.index, (place, request.verify), "index.json")
 
 
-def run_task(order: RunOrder, entry: RunEntry, place: CatalogueLocation) -> Task:
+def run_task(request: RunJobRequest, entry: RunEntry, place: CatalogueLocation) -> Task:
     """Return what an order is to do with a run.
 
     Raises
@@ -65,58 +65,58 @@ def run_task(order: RunOrder, entry: RunEntry, place: CatalogueLocation) -> Task
         It cannot be done with this run.
     """
     run, path = entry.id, entry.path
-    task = partial(Task, order.kind, run=run)
-    match order:
-        case AnswerOrder(address=Address.SUMMARY):
-            _asked(order)
+    task = partial(Task, request.kind, run=run)
+    match request:
+        case ResultRequest(path=ResultPath.SUMMARY):
+            _asked(request)
             return task(f"summary of {run}", work=execution.summary, arguments=(place, run), file="summary.json")
-        case AnswerOrder(address=address) if isinstance(query := _asked(order), Asked):
-            kind, form = address.removeprefix(ANALYSES), query.format or AnalysisForm.JSON
+        case ResultRequest(path=result_path) if isinstance(query := _asked(request), Asked):
+            kind, form = result_path.removeprefix(ANALYSES), query.format or AnalysisForm.JSON
             return task(
                 f"{kind} of {run}", work=execution.analysis, arguments=(path, kind, query), file=f"{kind}.{form}"
             )
-        case AnswerOrder(address=address):
-            asked = (path, address.value, _asked(order))
-            return task(f"{address} of {run}", work=execution.answer, arguments=asked, file=f"{address}.json")
-        case AnalysisOrder():
-            given = (place, run, _calibrations(order, entry))
+        case ResultRequest(path=result_path):
+            asked = (path, result_path.value, _asked(request))
+            return task(f"{result_path} of {run}", work=execution.answer, arguments=asked, file=f"{result_path}.json")
+        case ReanalysisRequest():
+            given = (place, run, _calibrations(request, entry))
             return task(f"{run} analysed anew", work=execution.analyse, arguments=given, file="summary.json")
-        case PredictionOrder():
-            changes = order.model_dump(exclude={"kind", "run"}, exclude_none=True)
+        case PredictionRequest():
+            changes = request.model_dump(exclude={"kind", "run"}, exclude_none=True)
             words = "".join(f", {name} {value:g}" for name, value in changes.items())
             wanted = (header_of(entry), changes)
             return task(f"model of {run}{words}", work=execution.predict, arguments=wanted, file="prediction.json")
-        case ExportOrder(format=form):
-            part = execution.part_of(order.from_s, order.until_s, order.segment)
-            cut = (path, execution.TABLES[order.content], part)
+        case ExportRequest(format=form):
+            part = execution.part_of(request.from_s, request.until_s, request.segment)
+            cut = (path, execution.TABLES[request.content], part)
             return task(
-                f"{order.content} of {run} as {form}", work=execution.export, arguments=cut, file=f"{run}.{form}"
+                f"{request.content} of {run} as {form}", work=execution.export, arguments=cut, file=f"{run}.{form}"
             )
-        case VerificationOrder():
+        case VerificationRequest():
             file = "verification.json"
             return task(f"verification of {run}", work=execution.verification, arguments=(place, run), file=file)
-        case RecoveryOrder():
+        case RecoveryRequest():
             return task(f"recovery of {run}", work=execution.recovery, arguments=(place, run), file="recovery.json")
 
 
-def _asked(order: AnswerOrder) -> Question | None:
+def _asked(request: ResultRequest) -> Question | None:
     """Return the parameters of an address as its question; RequestValidationError where they are none."""
-    form = QUESTIONS.get(order.address, Question)
+    form = QUESTIONS.get(request.path, Question)
     try:
-        question = form.model_validate(order.parameters)
+        question = form.model_validate(request.parameters)
     except ValidationError as error:
         faults = [{**fault, "loc": ("body", "parameters", *fault["loc"])} for fault in error.errors()]
         raise RequestValidationError(faults) from error
-    return question if order.address in QUESTIONS else None
+    return question if request.path in QUESTIONS else None
 
 
-def _calibrations(order: AnalysisOrder, entry: RunEntry) -> dict[str, Calibration]:
+def _calibrations(request: ReanalysisRequest, entry: RunEntry) -> dict[str, Calibration]:
     """Return the calibrations of an order; ProblemError where they are none for this run."""
     try:
-        given = {name: to_calibration(record, f"calibrations.{name}") for name, record in order.calibrations.items()}
+        given = {name: to_calibration(record, f"calibrations.{name}") for name, record in request.calibrations.items()}
         corrected_header(header_of(entry), given)
     except (ConfigError, UsageError) as error:
-        raise ProblemError(ProblemType.BAD_PARAMETER, str(error)) from error
+        raise ProblemError(ProblemType.INVALID_PARAMETER, str(error)) from error
     return given
 
 

@@ -9,7 +9,7 @@ from fastapi import Query, Request, Response
 
 from daq.schemas.live import LiveSchema, live_schema
 from daq.schemas.runs import RunListSchema, RunSchema, run_list_schema, run_schema
-from daq.schemas.snapshot import PictureSchema, picture_schema
+from daq.schemas.snapshot import LiveCurvesSchema, live_curves_schema
 from daq.schemas.summary import SummarySchema
 from daq.service.problem_types import ProblemType
 from daq.service.problems import ProblemError
@@ -74,7 +74,7 @@ class CatalogueRoutes:
 
     def add_to(self, routing: Routing) -> None:
         """Make the addresses known."""
-        listing = (ProblemType.BAD_PARAMETER, ProblemType.STORAGE_UNAVAILABLE, ProblemType.BUSY)
+        listing = (ProblemType.INVALID_PARAMETER, ProblemType.STORAGE_UNAVAILABLE, ProblemType.BUSY)
         routing.add("/runs", self.runs, "list_runs", "runs", "List the runs", *listing)
         routing.add(
             "/runs/{run}",
@@ -98,15 +98,15 @@ class CatalogueRoutes:
             ProblemType.RUN_UNDER_WAY,
             ProblemType.RUN_DAMAGED,
             ProblemType.RUN_FORMAT_UNKNOWN,
-            ProblemType.TAKES_TOO_LONG,
+            ProblemType.TIME_LIMIT_EXCEEDED,
         )
         routing.add(
-            "/live", self.live, "get_live", "live", "The run under way, at this moment", ProblemType.NO_LIVE_RUN
+            "/live", self.live, "get_live_run", "live", "The run under way, at this moment", ProblemType.NO_LIVE_RUN
         )
         routing.add(
-            "/live/picture",
-            self.picture,
-            "get_live_picture",
+            "/live/curves",
+            self.curves,
+            "get_live_curves",
             "live",
             "Orbit and order spectrum now",
             ProblemType.NO_LIVE_RUN,
@@ -146,9 +146,9 @@ class CatalogueRoutes:
         """
         return live_schema(self._frame())
 
-    async def picture(self) -> PictureSchema:
+    async def curves(self) -> LiveCurvesSchema:
         """Give the curves of the last whole revolutions, measured and predicted, as `/live` gives the numbers."""
-        return picture_schema(self._frame())
+        return live_curves_schema(self._frame())
 
     def _frame(self) -> LiveUpdate:
         frame = self._live.latest()

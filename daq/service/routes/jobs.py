@@ -14,7 +14,7 @@ from daq.errors import ConfigError
 from daq.schemas.study import RotorStudyRequest
 from daq.service.jobs.imports import import_task, rig_of_run, rig_of_text
 from daq.service.jobs.queue import Job, JobNotFoundError, JobQueue, JobQueueFullError, Task
-from daq.service.jobs.schemas import IndexOrder, JobListSchema, JobSchema, Order, job_schema
+from daq.service.jobs.schemas import IndexRequest, JobListSchema, JobRequest, JobSchema, job_schema
 from daq.service.jobs.studies import study_task
 from daq.service.jobs.tasks import header_of, index_task, run_task
 from daq.service.problem_types import ProblemType
@@ -22,7 +22,7 @@ from daq.service.problems import ProblemError
 from daq.service.responses import NOT_MODIFIED, OCTETS, file_answer
 from daq.service.routes.analyses import CONTENT, PLOT_TYPES
 from daq.service.routing import EVENTS, PREFIX, BoundedThreadPool, Routing, event_stream
-from daq.service.schemas.importing import ImportOrder, RigInText, RigOfRun
+from daq.service.schemas.importing import ImportRequest, RigFromRun, RigFromToml
 from daq.service.stream import LiveFeed, require_ended
 from daq.service.uploads import UploadNotFoundError, UploadStore
 from recordings.catalogue.catalogue import RunEntry
@@ -80,7 +80,7 @@ class JobRoutes:
         routing.add(
             "POST /jobs",
             self.begin,
-            "begin_job",
+            "create_job",
             "jobs",
             "Begin a job",
             ProblemType.RUN_NOT_FOUND,
@@ -95,21 +95,21 @@ class JobRoutes:
         routing.add(
             "/jobs", self.all, "list_jobs", "jobs", "List the jobs, the one asked for last first", ProblemType.BUSY
         )
-        known = (ProblemType.JOB_NOT_FOUND, ProblemType.BAD_PARAMETER, ProblemType.BUSY)
+        known = (ProblemType.JOB_NOT_FOUND, ProblemType.INVALID_PARAMETER, ProblemType.BUSY)
         routing.add("/jobs/{job}", self.job, "get_job", "jobs", "How a job stands", *known)
         routing.add(
             "DELETE /jobs/{job}",
             self.remove,
-            "remove_job",
+            "delete_job",
             "jobs",
             "Cancel a job, or forget it",
             *known,
-            ProblemType.CROSS_SITE,
+            ProblemType.CROSS_SITE_REQUEST,
         )
         routing.add(
             "/jobs/{job}/events",
             self.events,
-            "follow_job",
+            "stream_job",
             "jobs",
             "A job, whenever it changes",
             *known,
@@ -136,7 +136,7 @@ class JobRoutes:
         """Let all who follow jobs go."""
         self._ended.set()
 
-    async def begin(self, order: Annotated[Order, Body()], response: Response) -> JobSchema:
+    async def begin(self, order: Annotated[JobRequest, Body()], response: Response) -> JobSchema:
         """Take on what would take too long to wait for, and answer at once; `Location` tells where it stands.
 
         One job is done at a time, in a process of its own at low priority, so that a run that is recorded is not
@@ -150,31 +150,31 @@ class JobRoutes:
         response.headers["Location"] = f"{PREFIX}/jobs/{job.id}"
         return job_schema(job)
 
-    async def _task(self, order: Order) -> Task:
+    async def _task(self, order: JobRequest) -> Task:
         """Return what is to be done."""
         match order:
-            case IndexOrder():
+            case IndexRequest():
                 return index_task(order, self._jobs.place)
-            case ImportOrder():
+            case ImportRequest():
                 return await self._import(order)
             case RotorStudyRequest():
                 return study_task(order, None if order.run is None else header_of(await self._run(order.run)))
             case _:
                 return run_task(order, await self._run(order.run), self._jobs.place)
 
-    async def _import(self, order: ImportOrder) -> Task:
+    async def _import(self, order: ImportRequest) -> Task:
         try:
             upload = await self._lookup_threads.run(partial(self._uploads.upload, order.upload))
             match order.rig:
-                case RigOfRun(run=run):
+                case RigFromRun(run=run):
                     rig = rig_of_run(header_of(await self._run(run)))
-                case RigInText() as text:
+                case RigFromToml() as text:
                     rig = await self._lookup_threads.run(partial(rig_of_text, text))
             return import_task(order, upload, rig, self._jobs.place)
         except UploadNotFoundError as error:
             raise ProblemError(ProblemType.UPLOAD_NOT_FOUND, str(error)) from error
         except ConfigError as error:
-            raise ProblemError(ProblemType.BAD_PARAMETER, str(error)) from error
+            raise ProblemError(ProblemType.INVALID_PARAMETER, str(error)) from error
 
     async def _run(self, run: str) -> RunEntry:
         """Return a run that is not under way."""

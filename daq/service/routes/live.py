@@ -16,7 +16,7 @@ from analysis.signals.header import RunHeader
 from daq.errors import RigError
 from daq.schemas.events import AcknowledgedAlarmsSchema, AcknowledgeRequest, MarkerRequest, MarkerSchema
 from daq.schemas.live import live_schema
-from daq.schemas.snapshot import picture_schema
+from daq.schemas.snapshot import live_curves_schema
 from daq.schemas.units import moment
 from daq.service.problem_types import ProblemType
 from daq.service.problems import ProblemError, problem_response
@@ -76,7 +76,7 @@ class RunControlRoutes:
             routing.add(
                 "POST /live/stop",
                 self.stop,
-                "stop_live",
+                "stop_run",
                 "live",
                 "End the run under way",
                 ProblemType.NO_LIVE_RUN,
@@ -94,7 +94,7 @@ class RunControlRoutes:
             routing.add(
                 "POST /live/acknowledge",
                 self.acknowledge,
-                "acknowledge_live",
+                "acknowledge_alarms",
                 "live",
                 "Take note of the alarms",
                 ProblemType.NO_LIVE_RUN,
@@ -107,7 +107,7 @@ class RunControlRoutes:
                 "start_run",
                 "runs",
                 "Start a run",
-                ProblemType.RUN_NOT_POSSIBLE,
+                ProblemType.RUN_CANNOT_START,
                 ProblemType.BUSY,
                 ProblemType.STORAGE_UNAVAILABLE,
                 status=201,
@@ -119,16 +119,16 @@ class RunControlRoutes:
         One run goes at a time. `/live` follows it, `/live/stop` ends it, and so does the service's own end.
         """
         if self._run_starter is None:
-            raise ProblemError(ProblemType.RUN_NOT_POSSIBLE, "this service starts no runs")
+            raise ProblemError(ProblemType.RUN_CANNOT_START, "this service starts no runs")
         rig = order.rig or self._run_starter.rigs[0]
         if rig not in self._run_starter.rigs:
             raise ProblemError(
-                ProblemType.RUN_NOT_POSSIBLE, f"rig: {rig!r}, expected one of {', '.join(self._run_starter.rigs)}"
+                ProblemType.RUN_CANNOT_START, f"rig: {rig!r}, expected one of {', '.join(self._run_starter.rigs)}"
             )
         try:
             header = await self._starting.run(partial(self._run_starter.start, rig, order.note, order.duration_s))
         except RigError as error:
-            raise ProblemError(ProblemType.RUN_NOT_POSSIBLE, str(error)) from error
+            raise ProblemError(ProblemType.RUN_CANNOT_START, str(error)) from error
         response.headers["Location"] = f"/api/v1/runs/{header.run}"
         return StartedRunSchema(run=header.run, rig=header.rig, started_at=moment(header.started_ns))
 
@@ -164,7 +164,7 @@ class RunControlRoutes:
 
 
 PROTOCOL: Final = "rig.live"
-PICTURE_INTERVAL: Final = 0.25  # s
+CURVES_INTERVAL: Final = 0.25  # s
 
 
 class LiveStreamRoutes:
@@ -178,32 +178,30 @@ class LiveStreamRoutes:
 
     def __init__(self, live: LiveFeed) -> None:
         self._values = _Followed(LiveBroadcaster(live, live_schema), "live")
-        self._picture = _Followed(LiveBroadcaster(live, picture_schema, PICTURE_INTERVAL), "picture")
+        self._curves = _Followed(LiveBroadcaster(live, live_curves_schema, CURVES_INTERVAL), "curves")
 
     def add_to(self, routing: Routing) -> None:
         """Make the addresses known."""
         routing.add(
             "/live/events",
             self.events,
-            "follow_live",
+            "stream_live_run",
             "live",
             "The run under way, whenever it changes",
             ProblemType.BUSY,
             answers=event_stream("live"),
         )
-        routing.router.add_api_websocket_route("/live/socket", self._values.socket, name="follow_live_socket")
+        routing.router.add_api_websocket_route("/live/socket", self._values.socket, name="live_run_socket")
         routing.add(
-            "/live/picture/events",
-            self.picture_events,
-            "follow_live_picture",
+            "/live/curves/events",
+            self.curves_events,
+            "stream_live_curves",
             "live",
             "Orbit and order spectrum, whenever they change",
             ProblemType.BUSY,
-            answers=event_stream("picture"),
+            answers=event_stream("curves"),
         )
-        routing.router.add_api_websocket_route(
-            "/live/picture/socket", self._picture.socket, name="follow_live_picture_socket"
-        )
+        routing.router.add_api_websocket_route("/live/curves/socket", self._curves.socket, name="live_curves_socket")
 
     async def events(self, request: Request) -> Response:
         """Send server-sent events of type `live` whose data is the document of `/live`, or `null` without a run.
@@ -214,17 +212,17 @@ class LiveStreamRoutes:
         """
         return self._values.events(request)
 
-    async def picture_events(self, request: Request) -> Response:
-        """Send server-sent events of type `picture` whose data is the document of `/live/picture`, or `null`.
+    async def curves_events(self, request: Request) -> Response:
+        """Send server-sent events of type `curves` whose data is the document of `/live/curves`, or `null`.
 
-        Up to four times a second; the WebSocket `/api/v1/live/picture/socket` sends the same.
+        Up to four times a second; the WebSocket `/api/v1/live/curves/socket` sends the same.
         """
-        return self._picture.events(request)
+        return self._curves.events(request)
 
     def end(self) -> None:
         """Let all who follow go."""
         self._values.end()
-        self._picture.end()
+        self._curves.end()
 
 
 class _Followed:

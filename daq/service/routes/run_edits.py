@@ -92,8 +92,8 @@ class RunEditRoutes:
         """Make the addresses known."""
         changing = (
             ProblemType.RUN_NOT_FOUND,
-            ProblemType.BAD_PARAMETER,
-            ProblemType.CROSS_SITE,
+            ProblemType.INVALID_PARAMETER,
+            ProblemType.CROSS_SITE_REQUEST,
             ProblemType.STORAGE_UNAVAILABLE,
             ProblemType.BUSY,
         )
@@ -104,7 +104,7 @@ class RunEditRoutes:
             "runs",
             "Change words and tags of a run",
             *changing,
-            ProblemType.CHANGED_MEANWHILE,
+            ProblemType.PRECONDITION_FAILED,
         )
         routing.add(
             "DELETE /runs/{run}",
@@ -114,7 +114,7 @@ class RunEditRoutes:
             "Move a run into the trash",
             *changing,
             ProblemType.RUN_UNDER_WAY,
-            ProblemType.CHANGED_MEANWHILE,
+            ProblemType.PRECONDITION_FAILED,
         )
         routing.add("/trash", self.trash, "list_trash", "runs", "List the runs in the trash", *changing[-2:])
         routing.add(
@@ -131,14 +131,14 @@ class RunEditRoutes:
         routing.add(
             "PUT /runs/{run}/file",
             self.arrive,
-            "send_run",
+            "upload_run",
             "runs",
             "Send a recording in",
             *changing,
             ProblemType.RUN_EXISTS,
-            ProblemType.NO_RECORDING,
-            ProblemType.TOO_LARGE,
-            ProblemType.TOO_SLOW,
+            ProblemType.INVALID_RECORDING,
+            ProblemType.CONTENT_TOO_LARGE,
+            ProblemType.REQUEST_TIMEOUT,
             status=201,
             content=BINARY,
         )
@@ -155,7 +155,7 @@ class RunEditRoutes:
         try:
             document = run_schema(await self._edit_threads.run(changed))
         except ValueError as error:
-            raise ProblemError(ProblemType.BAD_PARAMETER, str(error)) from error
+            raise ProblemError(ProblemType.INVALID_PARAMETER, str(error)) from error
         response.headers["ETag"] = document_tag(document)
         return document
 
@@ -173,7 +173,7 @@ class RunEditRoutes:
     def _require_meant(self, run: str, if_match: str | None) -> None:
         """Raise ProblemError where a run is no longer what a change rests on."""
         if if_match is not None and not is_meant(if_match, document_tag(run_schema(self._catalogue.run(run)))):
-            raise ProblemError(ProblemType.CHANGED_MEANWHILE, f"run {run} has changed")
+            raise ProblemError(ProblemType.PRECONDITION_FAILED, f"run {run} has changed")
 
     async def trash(self) -> TrashSchema:
         """List what was put away; nothing is ever deleted by the service."""

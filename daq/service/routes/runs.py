@@ -95,7 +95,7 @@ class RunRoutes:
             problem_types = (
                 READING
                 if endpoint in {self.order_vectors, self.findings, self.trend}
-                else (*READING, ProblemType.NO_SUCH_MOMENT)
+                else (*READING, ProblemType.NO_DATA)
             )
             routing.add(
                 f"/runs/{{run}}/{what}",
@@ -109,7 +109,7 @@ class RunRoutes:
             )
         add_plots(routing, self._answer)
         add_analyses(routing, self._answer)
-        predicted = (*READING, ProblemType.NO_SUCH_MOMENT, ProblemType.MODEL_NOT_READY)
+        predicted = (*READING, ProblemType.NO_DATA, ProblemType.MODEL_NOT_READY)
         routing.add(
             "/runs/{run}/prediction",
             self.prediction,
@@ -133,8 +133,8 @@ class RunRoutes:
             "results",
             "Samples of a stretch of time",
             *READING,
-            ProblemType.NO_SUCH_MOMENT,
-            ProblemType.TOO_MUCH,
+            ProblemType.NO_DATA,
+            ProblemType.RESPONSE_TOO_LARGE,
             ProblemType.NOT_ACCEPTABLE,
             model=SamplesSchema,
             answers={200: {"content": {NPZ: BINARY, ARROW: BINARY}}, **NOT_MODIFIED},
@@ -146,7 +146,7 @@ class RunRoutes:
             "runs",
             "The recording's file",
             ProblemType.RUN_NOT_FOUND,
-            ProblemType.BAD_PARAMETER,
+            ProblemType.INVALID_PARAMETER,
             ProblemType.RUN_UNDER_WAY,
             ProblemType.RUN_DAMAGED,
             ProblemType.STORAGE_UNAVAILABLE,

@@ -72,14 +72,14 @@ class UploadRoutes:
         routing.add(
             "POST /uploads",
             self.arrive,
-            "send_upload",
+            "create_upload",
             "uploads",
             "Send another program's file in",
-            ProblemType.BAD_PARAMETER,
-            ProblemType.CROSS_SITE,
-            ProblemType.MEDIA_TYPE,
-            ProblemType.TOO_LARGE,
-            ProblemType.TOO_SLOW,
+            ProblemType.INVALID_PARAMETER,
+            ProblemType.CROSS_SITE_REQUEST,
+            ProblemType.UNSUPPORTED_MEDIA_TYPE,
+            ProblemType.CONTENT_TOO_LARGE,
+            ProblemType.REQUEST_TIMEOUT,
             ProblemType.TOO_MANY_UPLOADS,
             ProblemType.STORAGE_UNAVAILABLE,
             ProblemType.BUSY,
@@ -89,7 +89,7 @@ class UploadRoutes:
         routing.add(
             "/uploads", self.all, "list_uploads", "uploads", "List what was sent in, the last first", ProblemType.BUSY
         )
-        known = (ProblemType.UPLOAD_NOT_FOUND, ProblemType.BAD_PARAMETER, ProblemType.BUSY)
+        known = (ProblemType.UPLOAD_NOT_FOUND, ProblemType.INVALID_PARAMETER, ProblemType.BUSY)
         routing.add("/uploads/{upload}", self.upload, "get_upload", "uploads", "What was sent in", *known)
         routing.add(
             "/uploads/{upload}/columns",
@@ -98,17 +98,17 @@ class UploadRoutes:
             "uploads",
             "The columns in it",
             *known,
-            ProblemType.NO_TABLE,
-            ProblemType.TAKES_TOO_LONG,
+            ProblemType.UNREADABLE_UPLOAD,
+            ProblemType.TIME_LIMIT_EXCEEDED,
         )
         routing.add(
             "DELETE /uploads/{upload}",
             self.remove,
-            "remove_upload",
+            "delete_upload",
             "uploads",
             "Delete what was sent in",
             *known,
-            ProblemType.CROSS_SITE,
+            ProblemType.CROSS_SITE_REQUEST,
         )
 
     async def arrive(self, request: Request, query: Annotated[NameQuery, Query()], response: Response) -> UploadSchema:
@@ -118,7 +118,7 @@ class UploadRoutes:
         """
         sent = request.headers.get("content-type", "")
         if sent.partition(";")[0].strip().lower() != OCTETS:
-            raise ProblemError(ProblemType.MEDIA_TYPE, f"{sent or 'no type'!r}, expected {OCTETS}")
+            raise ProblemError(ProblemType.UNSUPPORTED_MEDIA_TYPE, f"{sent or 'no type'!r}, expected {OCTETS}")
         try:
             place = await self._lookup_threads.run(partial(self._uploads.place, query.name))
             size = await self._incoming.take(request, place)
@@ -126,7 +126,7 @@ class UploadRoutes:
         except UploadStoreFullError as error:
             raise ProblemError(ProblemType.TOO_MANY_UPLOADS, str(error)) from error
         except ValueError as error:
-            raise ProblemError(ProblemType.BAD_PARAMETER, str(error)) from error
+            raise ProblemError(ProblemType.INVALID_PARAMETER, str(error)) from error
         response.headers["Location"] = f"{PREFIX}/uploads/{upload.id}"
         return upload_schema(upload)
 

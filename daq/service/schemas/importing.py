@@ -35,17 +35,17 @@ def _said(fault: ErrorDetails) -> str:
 MOST_TOML = 200_000  # letters
 
 
-class RigOfRun(Schema):
+class RigFromRun(Schema):
     """The rig of a run: its channels, calibrations, tacho and limits as they were then."""
 
-    of: Literal["run"]
+    source: Literal["run"]
     run: RunId
 
 
-class RigInText(Schema):
+class RigFromToml(Schema):
     """A rig in words: no file that the text names is read."""
 
-    of: Literal["text"]
+    source: Literal["toml"]
     toml: str = Field(description="Content of a rig.toml", max_length=MOST_TOML, examples=['rig = "gj90c"\n…'])
     calibrations: dict[str, Annotated[CalibrationRecord, BeforeValidator(as_a_file(CalibrationRecord))]] = Field(
         default_factory=dict,
@@ -55,13 +55,13 @@ class RigInText(Schema):
     )
 
 
-class ImportOrder(Schema):
+class ImportRequest(Schema):
     """Make a file that was sent in to `/api/v1/uploads` into a run, as `rig import` does; the result tells which."""
 
     kind: Literal["import"]
     upload: str = Field(description="Id of the upload", max_length=200, examples=["5d41402abc4b2a76"])
-    rig: Annotated[RigOfRun | RigInText, Field(discriminator="of")] = Field(
-        description="Whose channels they are", examples=[{"of": "run", "run": "2026-11-24T09-12-07-gj90c"}]
+    rig: Annotated[RigFromRun | RigFromToml, Field(discriminator="source")] = Field(
+        description="Whose channels they are", examples=[{"source": "run", "run": "2026-11-24T09-12-07-gj90c"}]
     )
     mapping: Annotated[ChannelMapping, BeforeValidator(as_a_file(ChannelMapping))] = Field(
         description="Which columns are which channels: what a mapping file of `rig import` says",

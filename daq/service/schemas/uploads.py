@@ -18,8 +18,8 @@ class UploadSchema(Schema):
     upload: str = Field(description="Its id", examples=["5d41402abc4b2a76"])
     name: str = Field(description="What it is called", examples=["run-up.tdms"])
     size_bytes: int = Field(description="Its size, bytes", ge=0, examples=[48_000_000])
-    sent_at: datetime = Field(description="When it was there, UTC", examples=["2026-11-24T10:00:00Z"])
-    forgotten_at: datetime = Field(description="When it is deleted, UTC", examples=["2026-11-24T11:00:00Z"])
+    uploaded_at: datetime = Field(description="When it was there, UTC", examples=["2026-11-24T10:00:00Z"])
+    expires_at: datetime = Field(description="When it is deleted, UTC", examples=["2026-11-24T11:00:00Z"])
     columns: str = Field(description="Address of what is in it", examples=[f"{UPLOADS}/5d41402abc4b2a76/columns"])
 
 
@@ -56,8 +56,8 @@ def upload_schema(upload: Upload) -> UploadSchema:
         upload=upload.id,
         name=upload.name,
         size_bytes=upload.size,
-        sent_at=datetime.fromtimestamp(upload.sent, UTC),
-        forgotten_at=datetime.fromtimestamp(upload.forgotten, UTC),
+        uploaded_at=datetime.fromtimestamp(upload.uploaded, UTC),
+        expires_at=datetime.fromtimestamp(upload.expires, UTC),
         columns=f"{UPLOADS}/{upload.id}/columns",
     )
 

@@ -219,8 +219,8 @@ def test_page_is_told_of_the_picture_and_does_not_ask_for_it(tmp_path: Path) -> 
         app.end()
         server.close()
     assert 'class="picture"' in page
-    assert counting.asked.count("websocket /api/v1/live/picture/socket") == 1
-    assert counting.asked.count("http /api/v1/live/picture") <= 2, "only while the socket opens"
+    assert counting.asked.count("websocket /api/v1/live/curves/socket") == 1
+    assert counting.asked.count("http /api/v1/live/curves") <= 2, "only while the socket opens"
 
 
 def test_file_is_imported_on_the_page(tmp_path: Path, rig: RigFactory) -> None:

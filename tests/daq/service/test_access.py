@@ -78,7 +78,7 @@ def test_request_without_the_token_is_turned_away(open_to_others: Bench, authori
     status, answered, content = open_to_others.raw(API + path, headers)
     assert status == 401
     assert answered["www-authenticate"].startswith("Bearer")
-    assert ProblemSchema.model_validate_json(content).type == "/docs#token-needed"
+    assert ProblemSchema.model_validate_json(content).type == "/docs#token-required"
     assert WORD.encode() not in content
 
 

@@ -28,7 +28,7 @@ from tests.daq.support.recorded_bench import API, RUN, RecordedBench, open_recor
 RATE, ROWS = 5000.0, 5000
 OCTETS = {"Content-Type": "application/octet-stream"}
 SHORT = [{"time_s": 0.0, "speed_rpm": 3000.0}, {"time_s": 0.2, "speed_rpm": 3000.0}]
-OF_RUN = {"of": "run", "run": RUN}
+OF_RUN = {"source": "run", "run": RUN}
 VOLTS = {name: {"source": name} for name in ("x", "y", "tacho")}
 
 
@@ -167,7 +167,7 @@ def test_rig_may_be_sent_as_text_with_its_calibrations(bench: RecordedBench, wri
     record = {"calibration": CALIBRATION}
     text = (bench.folder.parent / "rig.toml").read_text(encoding="utf-8")
     upload = kept(bench, "run.csv", written("run.csv"))
-    rig = {"of": "text", "toml": text, "calibrations": {"x": record, "y": record}}
+    rig = {"source": "toml", "toml": text, "calibrations": {"x": record, "y": record}}
     by_text, by_run = (imported(bench, ordered(bench, upload, one)) for one in (rig, OF_RUN))
     headers = []
     for run in (by_text, by_run):
@@ -194,7 +194,7 @@ def test_no_path_in_a_rig_s_text_reaches_the_disk(
 ) -> None:
     record = {"calibration": CALIBRATION}
     text = to_toml(merged(TABLES, changes))
-    rig = {"of": "text", "toml": text, "calibrations": {"x": record, "y": record}}
+    rig = {"source": "toml", "toml": text, "calibrations": {"x": record, "y": record}}
     answer = ordered(bench, kept(bench, "run.csv", written("run.csv")), rig)
     detail = ended(bench, answer).detail if answer.status_code == 202 else answer.json()["detail"]
     assert named in detail
@@ -252,14 +252,14 @@ def test_file_that_cannot_be_imported_is_said_without_its_place_on_the_disk(
         assert named in job.detail
     assert bench.client.get(f"{API}/runs").json()["total"] == runs
     refused = bench.client.get(f"{API}/uploads/{kept(bench, 'run.mat', whole)}/columns")
-    assert (refused.status_code, refused.json()["type"]) == (409, "/docs#no-table")
+    assert (refused.status_code, refused.json()["type"]) == (409, "/docs#unreadable-upload")
     assert refused.json()["detail"].startswith("run.mat: ")
 
 
 def test_run_that_was_imported_is_no_rig(bench: RecordedBench, written: Callable[[str], bytes]) -> None:
     upload = kept(bench, "run.csv", written("run.csv"))
     run = imported(bench, ordered(bench, upload))["run"]
-    refused = ordered(bench, upload, {"of": "run", "run": run})
+    refused = ordered(bench, upload, {"source": "run", "run": run})
     assert refused.status_code == 422
     assert "was imported itself" in refused.json()["detail"]
 

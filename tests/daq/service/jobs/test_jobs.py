@@ -92,13 +92,13 @@ def problem(response: Any) -> tuple[int, str]:
 
 
 def test_job_makes_the_very_answer_of_an_address(bench: RecordedBench) -> None:
-    made = result(bench, kind="answer", run=RUN, address="cascade", parameters={"rows": 20})
+    made = result(bench, kind="result", run=RUN, path="cascade", parameters={"rows": 20})
     assert made.headers["content-type"] == "application/json"
     assert made.json() == bench.get("/cascade", rows=20).json()
 
 
 def test_job_sums_a_run_up_as_address_and_command_do(bench: RecordedBench, capsys: pytest.CaptureFixture[str]) -> None:
-    made = result(bench, kind="answer", run=RUN, address="summary").json()
+    made = result(bench, kind="result", run=RUN, path="summary").json()
     assert made["agreement"] is not None, "a job has time for the model"
     assert bench.get("/summary").json() == made
     assert main(["summary", RUN, "--folder", str(bench.folder), "--json"]) == 0
@@ -197,7 +197,7 @@ def test_index_says_what_is_new(bench: RecordedBench) -> None:
 
 
 def test_events_tell_of_the_job_until_it_ends(bench: RecordedBench) -> None:
-    place = begun(bench, kind="answer", run=RUN, address="findings")
+    place = begun(bench, kind="result", run=RUN, path="findings")
     with bench.client.stream("GET", f"{place}/events") as response:
         assert response.headers["content-type"].startswith("text/event-stream")
         states = [told["state"] for told in data_of(response.iter_lines())]
@@ -207,7 +207,7 @@ def test_events_tell_of_the_job_until_it_ends(bench: RecordedBench) -> None:
 
 def test_deleted_job_is_cancelled_and_forgotten_and_makes_room_for_the_next(bench: RecordedBench) -> None:
     slow = begun(bench, kind="prediction", run=LONG, viscosity_pa_s=0.0123)
-    behind = begun(bench, kind="answer", run=RUN, address="findings")
+    behind = begun(bench, kind="result", run=RUN, path="findings")
     until = time.monotonic() + 60.0
     while bench.client.get(slow).json()["state"] != "running" and time.monotonic() < until:
         time.sleep(0.05)
@@ -225,7 +225,7 @@ def test_deleted_job_is_cancelled_and_forgotten_and_makes_room_for_the_next(benc
 
 def test_result_of_a_job_that_failed_or_has_not_ended_is_a_conflict(bench: RecordedBench) -> None:
     failing = begun(bench, kind="export", run=RUN, format="csv", segment=7)
-    waiting = begun(bench, kind="answer", run=RUN, address="findings")
+    waiting = begun(bench, kind="result", run=RUN, path="findings")
     assert problem(bench.client.get(f"{waiting}/result")) == (409, "no-result")
     failed = ended(bench, failing)
     assert failed.state == "failed"
@@ -236,13 +236,13 @@ def test_result_of_a_job_that_failed_or_has_not_ended_is_a_conflict(bench: Recor
 @pytest.mark.parametrize(
     ("order", "expected"),
     [
-        ({"kind": "answer", "run": "no-such-run", "address": "trend"}, (404, "run-not-found")),
-        ({"kind": "answer", "run": RUN, "address": "trend", "parameters": {"entries": 0}}, (422, "bad-parameter")),
-        ({"kind": "answer", "run": RUN, "address": "findings", "parameters": {"rows": 3}}, (422, "bad-parameter")),
-        ({"kind": "washing", "run": RUN}, (422, "bad-parameter")),
-        ({"kind": "analysis", "run": RUN, "calibrations": {"x": {"point": []}}}, (422, "bad-parameter")),
-        ({"kind": "analysis", "run": RUN, "calibrations": {"z": LINEAR}}, (422, "bad-parameter")),
-        ({"kind": "prediction", "run": RUN, "viscosity_pa_s": -1}, (422, "bad-parameter")),
+        ({"kind": "result", "run": "no-such-run", "path": "trend"}, (404, "run-not-found")),
+        ({"kind": "result", "run": RUN, "path": "trend", "parameters": {"entries": 0}}, (422, "invalid-parameter")),
+        ({"kind": "result", "run": RUN, "path": "findings", "parameters": {"rows": 3}}, (422, "invalid-parameter")),
+        ({"kind": "washing", "run": RUN}, (422, "invalid-parameter")),
+        ({"kind": "analysis", "run": RUN, "calibrations": {"x": {"point": []}}}, (422, "invalid-parameter")),
+        ({"kind": "analysis", "run": RUN, "calibrations": {"z": LINEAR}}, (422, "invalid-parameter")),
+        ({"kind": "prediction", "run": RUN, "viscosity_pa_s": -1}, (422, "invalid-parameter")),
     ],
 )  # fmt: skip
 def test_order_that_cannot_be_followed_is_refused(
@@ -256,9 +256,9 @@ def test_answer_that_takes_too_long_names_the_job_that_makes_it(served: Recorded
     hasty = open_recorded_bench(tmp_path, answer_limit=0.0)
     try:
         refused = hasty.get("/plots/cascade.svg", rows=20)
-        assert problem(refused) == (503, "takes-too-long")
+        assert problem(refused) == (503, "time-limit-exceeded")
         order = refused.json()["job"]
-        assert order == {"kind": "answer", "run": RUN, "address": "cascade", "parameters": {"rows": 20}}
+        assert order == {"kind": "result", "run": RUN, "path": "cascade", "parameters": {"rows": 20}}
         assert result(hasty, **order).json() == served.get("/cascade", rows=20).json()
     finally:
         hasty.close()
@@ -273,8 +273,11 @@ def test_job_about_the_run_under_way_is_refused(bench: RecordedBench) -> None:
 def test_order_that_is_too_large_or_hides_its_size_is_refused_unread(bench: RecordedBench) -> None:
     json_type = {"Content-Type": "application/json"}
     portions = (b" " for _ in range(3))
-    assert problem(bench.client.post(f"{API}/jobs", content=b" " * 2**21, headers=json_type)) == (413, "too-large")
-    assert problem(bench.client.post(f"{API}/jobs", content=portions, headers=json_type)) == (413, "too-large")
+    assert problem(bench.client.post(f"{API}/jobs", content=b" " * 2**21, headers=json_type)) == (
+        413,
+        "content-too-large",
+    )
+    assert problem(bench.client.post(f"{API}/jobs", content=portions, headers=json_type)) == (413, "content-too-large")
     assert bench.client.get(f"{API}/jobs").status_code == 200
 
 
@@ -322,9 +325,9 @@ def test_verifying_and_exporting_tell_what_part_is_done(bench: RecordedBench, tm
     exporting: list[Progress] = []
     path, part = bench.folder / f"{RUN}.mcap", execution.part_of(0.0, None, None)
     execution.export(exporting.append, tmp_path / "run.csv", path, execution.TABLES["samples"], part)
-    assert {told.doing for told in verifying} == {"verifying"}
-    assert exporting[0].doing == "reading"
-    assert exporting[-1].doing == "writing 40,000 rows"
+    assert {told.step for told in verifying} == {"verifying"}
+    assert exporting[0].step == "reading"
+    assert exporting[-1].step == "writing 40,000 rows"
     for told in verifying + exporting:
-        assert told.part is not None
-        assert 0.0 <= told.part <= 1.0
+        assert told.fraction is not None
+        assert 0.0 <= told.fraction <= 1.0

@@ -70,12 +70,12 @@ def test_socket_sends_the_live_document_and_then_what_changes(bench: RecordedBen
 def test_picture_is_told_by_events_and_socket_when_it_changes(bench: RecordedBench) -> None:
     bench.live.frame = FRAMES[0]
     with (
-        connect(address(bench, "/live/picture/socket")) as socket,
-        bench.client.stream("GET", f"{API}/live/picture/events") as response,
+        connect(address(bench, "/live/curves/socket")) as socket,
+        bench.client.stream("GET", f"{API}/live/curves/events") as response,
     ):
         lines = response.iter_lines()
         first = json.loads(socket.recv(60.0))
-        assert first == bench.client.get(f"{API}/live/picture").json()
+        assert first == bench.client.get(f"{API}/live/curves").json()
         assert [next(lines), json.loads(next(lines).removeprefix("data: ")), next(lines)] == [
             "event: picture",
             first,
@@ -86,7 +86,7 @@ def test_picture_is_told_by_events_and_socket_when_it_changes(bench: RecordedBen
         with pytest.raises(TimeoutError):  # the picture is the same, whatever the clock says
             socket.recv(0.8)
         bench.live.frame = FRAMES[-1]
-        assert json.loads(socket.recv(60.0)) == bench.client.get(f"{API}/live/picture").json() != first
+        assert json.loads(socket.recv(60.0)) == bench.client.get(f"{API}/live/curves").json() != first
         bench.live.frame = None
         assert json.loads(socket.recv(60.0)) is None
 
@@ -172,7 +172,7 @@ def test_alarms_in_sight_are_told_and_acknowledged(bench: RecordedBench) -> None
         ({**JSON, "Origin": "http://evil.example"}, 403),
         ({**JSON, "Origin": "null"}, 403),
         ({**JSON, "Origin": "http://127.0.0.1:1"}, 403),
-        ({**JSON, "Sec-Fetch-Site": "cross-site"}, 403),
+        ({**JSON, "Sec-Fetch-Site": "cross-site-request"}, 403),
         ({**JSON, "Sec-Fetch-Site": "same-site"}, 403),
         ({**JSON, "Sec-Fetch-Site": "same-origin"}, 202),
         ({**JSON, "Origin": NOTEBOOK}, 202),

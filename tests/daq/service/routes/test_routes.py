@@ -12,7 +12,7 @@ import pytest
 
 from daq.schemas.live import LiveSchema
 from daq.schemas.runs import RunSchema
-from daq.schemas.snapshot import PictureSchema
+from daq.schemas.snapshot import LiveCurvesSchema
 from daq.schemas.summary import SummarySchema
 from daq.service.problem_types import ProblemSchema
 from daq.session.live_update import RunState
@@ -88,7 +88,7 @@ def test_bad_parameter_of_the_list_is_named_with_its_value(bench: Bench, query: 
     response = bench.client.get(f"{API}/runs?{query}")
     told = problem(response)
     assert told.status == 422
-    assert told.type == "/docs#bad-parameter"
+    assert told.type == "/docs#invalid-parameter"
     assert [fault.parameter for fault in told.faults] == [parameter]
     assert query.partition("=")[2] in told.faults[0].detail
 
@@ -154,7 +154,7 @@ def test_summary_is_given_with_its_losses_and_components(bench: Bench) -> None:
         (DamagedError("r.mcap: cut before the first samples"), 409, "run-damaged"),
         (UnknownFormatError("r.mcap: format 7, expected 1"), 409, "run-format-unknown"),
         (StorageError("data: cannot be read: permission denied"), 503, "storage-unavailable"),
-        (RecordingError("r.mcap: something else"), 500, "internal"),
+        (RecordingError("r.mcap: something else"), 500, "internal-error"),
     ],
 )
 def test_summary_that_cannot_be_given_says_why(bench: Bench, error: RecordingError, status: int, kind: str) -> None:
@@ -179,7 +179,7 @@ def test_fault_of_the_program_is_told_without_its_inside_and_logged_with_it(
 ) -> None:
     bench.summaries.trouble = LookupError("secret inside")
     told = problem(bench.get(f"/runs/{NEWEST}/summary"))
-    assert (told.status, told.type) == (500, "/docs#internal")
+    assert (told.status, told.type) == (500, "/docs#internal-error")
     assert "secret" not in told.detail
     assert "secret inside" in caplog.text
     assert f"GET {API}/runs/{NEWEST}/summary failed" in caplog.text
@@ -217,10 +217,10 @@ def test_live_gives_measurement_and_model_side_by_side_and_is_never_kept(bench: 
 
 
 def test_live_picture_gives_orbit_and_spectrum_with_the_models_beside_them(bench: Bench) -> None:
-    assert problem(bench.get("/live/picture")).type == "/docs#no-live-run"
+    assert problem(bench.get("/live/curves")).type == "/docs#no-live-run"
     frame = make_frames(200)[150]
     bench.live.frame = frame
-    picture = PictureSchema.model_validate_json(bench.get("/live/picture").content)
+    picture = LiveCurvesSchema.model_validate_json(bench.get("/live/curves").content)
     assert frame.snapshot is not None
     assert frame.snapshot.frame is not None
     assert picture.measured is not None
@@ -232,7 +232,7 @@ def test_live_picture_gives_orbit_and_spectrum_with_the_models_beside_them(bench
         abs(frame.snapshot.frame.spectrum[0, first]) * 1e6, abs=1e-4
     )
     bench.live.frame = replace(frame, snapshot=None, prediction=None)
-    empty = PictureSchema.model_validate_json(bench.get("/live/picture").content)
+    empty = LiveCurvesSchema.model_validate_json(bench.get("/live/curves").content)
     assert (empty.measured, empty.predicted) == (None, None)
 
 
@@ -310,7 +310,7 @@ def test_every_answer_fits_the_schema_that_is_given_for_it(bench: Bench, schema:
     for frame in make_frames(40)[::13]:
         bench.live.frame = frame
         check(bench.get("/live"), "/live", 200)
-        check(bench.get("/live/picture"), "/live/picture", 200)
+        check(bench.get("/live/curves"), "/live/curves", 200)
     bench.live.frame = replace(frame, snapshot=None, prediction=None)
     check(bench.get("/live"), "/live", 200)
     check(bench.get("/health"), "/health", 200)
@@ -339,8 +339,8 @@ def test_schema_checker_finds_what_does_not_fit(schema: dict[str, Any]) -> None:
 def test_schema_names_every_operation_and_points_nowhere_unknown(schema: dict[str, Any]) -> None:
     operations = [operation for path in schema["paths"].values() for operation in path.values()]
     assert [operation["operationId"] for operation in operations] == [
-        "list_runs", "get_run", "get_run_summary", "get_live", "get_live_picture", "get_health", "follow_live",
-        "follow_live_picture",
+        "list_runs", "get_run", "get_run_summary", "get_live_run", "get_live_curves", "get_health", "stream_live_run",
+        "stream_live_curves",
     ]  # fmt: skip
     assert {tag for operation in operations for tag in operation["tags"]} == {tag["name"] for tag in schema["tags"]}
     text = json.dumps(schema)

@@ -85,7 +85,7 @@ def test_words_and_tags_are_kept_and_the_recording_is_not_touched(bench: Recorde
 
 @pytest.mark.parametrize("words", [{"tags": [" x"]}, {"tags": ["a\nb"]}, {"remark": 3}, {"other": 1}, []])
 def test_words_that_cannot_be_are_refused(bench: RecordedBench, words: object) -> None:
-    assert kind(bench.client.patch(f"{API}/runs/{RUN}", json=words)) == (422, "bad-parameter")
+    assert kind(bench.client.patch(f"{API}/runs/{RUN}", json=words)) == (422, "invalid-parameter")
 
 
 def test_run_that_is_put_away_lies_in_the_trash_byte_for_byte(bench: RecordedBench) -> None:
@@ -138,7 +138,7 @@ def test_change_that_rests_on_what_is_no_more_is_refused(bench: RecordedBench) -
     assert (first.status_code, first.json()["remark"]) == (200, "mine")
     late = bench.client.patch(f"{API}/runs/{RUN}", json={"remark": "theirs"}, headers={"If-Match": tag})
     assert kind(late) == kind(bench.client.delete(f"{API}/runs/{RUN}", headers={"If-Match": tag})) == (
-        412, "changed-meanwhile",
+        412, "precondition-failed",
     )  # fmt: skip
     now = bench.client.get(f"{API}/runs/{RUN}")
     assert (now.json()["remark"], now.headers["etag"]) == ("mine", first.headers["etag"])
@@ -198,7 +198,7 @@ def test_what_is_no_whole_recording_leaves_nothing_behind(bench: RecordedBench) 
     flipped = bytearray(content)
     flipped[len(content) // 2] ^= 1
     for sent in (b"", b"no recording", content[: len(content) // 2], bytes(flipped)):
-        assert kind(bench.client.put(f"{API}/runs/sent-in/file", content=sent)) == (422, "no-recording")
+        assert kind(bench.client.put(f"{API}/runs/sent-in/file", content=sent)) == (422, "invalid-recording")
     with closing(http.client.HTTPConnection("127.0.0.1", bench.client.base_url.port, timeout=60)) as connection:
         connection.putrequest("PUT", f"{API}/runs/sent-in/file")
         connection.putheader("Content-Length", str(10**15))
@@ -231,7 +231,7 @@ def test_run_is_started_one_at_a_time_and_joined_in_the_end(tmp_path: Path, rig:
         first = bench.client.post(f"{API}/runs", json={"note": "warm", "duration_s": 5.0})
         assert (first.status_code, first.json()["run"]) == (201, made[0].header.run)
         assert first.headers["location"] == f"{API}/runs/{made[0].header.run}"
-        assert kind(bench.client.post(f"{API}/runs", json={})) == (409, "run-not-possible")
+        assert kind(bench.client.post(f"{API}/runs", json={})) == (409, "run-cannot-start")
         made[0].stop()
         refused = bench.client.post(f"{API}/runs", json={"note": "unplugged"})
         assert "there is no device Dev1" in refused.json()["detail"]
