@@ -16,16 +16,15 @@ from daq.cli.output.progress import Console
 from daq.cli.output.terminal import Cell, align_columns, format_number, print_json, print_lines
 from daq.cli.runs import find_run
 from daq.errors import UsageError
-from daq.reports.analysis import Analysis
+from daq.reports.analysis_export import analysis_table, encode_analysis
+from daq.reports.analysis_result import AnalysisResult
 from daq.reports.analysis_schema import analysis_schema
 from daq.reports.columns import QUANTITIES
-from daq.reports.export import content, table
-from daq.reports.parameters import MOST_ORDERS, AnalysisForm, Question
-from daq.reports.plots.png import NoPngError, require_png
-from daq.reports.records import NoSuchMomentError
+from daq.reports.errors import DataNotFoundError, PngUnavailableError, RequestTooLargeError
+from daq.reports.parameters import MAX_ORDERS, AnalysisForm, QueryParameters
+from daq.reports.plots.png import require_matplotlib
 from daq.reports.registry import KINDS
 from daq.reports.run_samples import RunSamples
-from daq.reports.samples import TooMuchError
 from recordings.exchange.formats import write_table
 from recordings.mcap.reader import RunReader
 
@@ -55,10 +54,10 @@ def add_analyse_command(add: AddCommand) -> None:
     command.formatter_class = argparse.RawDescriptionHelpFormatter
     kinds = command.add_subparsers(dest="kind", required=True, metavar="KIND")
     for name, kind in KINDS.items():
-        text = f"{kind.meaning}."
+        text = f"{kind.description}."
         one = kinds.add_parser(name, help=text, description=text)
         one.add_argument("recording", metavar="RUN", help="a run's id, or a file")
-        for field, info in kind.question.model_fields.items():
+        for field, info in kind.parameters.model_fields.items():
             if field != NOT_AN_OPTION:
                 _add_option(one, field, info)
         add_folder(one)
@@ -74,7 +73,7 @@ def add_analyse_command(add: AddCommand) -> None:
 def run(args: argparse.Namespace) -> int:
     """Make an analysis; return the exit code."""
     kind = KINDS[args.kind]
-    question = _question(kind.question, args)
+    question = _question(kind.parameters, args)
     for file in args.output:
         _require_writable(file)
     catalogue, run_id = find_run(args.recording, args.folder)
@@ -86,8 +85,8 @@ def run(args: argparse.Namespace) -> int:
 
     try:
         with RunReader(catalogue.path(run_id)) as reader:
-            analysis = kind.make(RunSamples(reader, tell), question)
-    except (NoSuchMomentError, TooMuchError) as error:
+            analysis = kind.analyse(RunSamples(reader, tell), question)
+    except (DataNotFoundError, RequestTooLargeError) as error:
         raise UsageError(str(error)) from error
     finally:
         console.done()
@@ -117,7 +116,7 @@ def _option(field: str) -> str:
     return f"--{field.replace('_', '-')}"
 
 
-def _question(model: type[Question], args: argparse.Namespace) -> Question:
+def _question(model: type[QueryParameters], args: argparse.Namespace) -> QueryParameters:
     """Return what was asked; UsageError names every option that is wrong."""
     given = {name.removeprefix("asked_"): value for name, value in vars(args).items() if name.startswith("asked_")}
     try:
@@ -129,7 +128,7 @@ def _question(model: type[Question], args: argparse.Namespace) -> Question:
 
 def _said(fault: Any) -> str:
     if fault["type"] == "string_pattern_mismatch":
-        return f"expected numbers with commas, at most {MOST_ORDERS}, such as 0.49,1,2"
+        return f"expected numbers with commas, at most {MAX_ORDERS}, such as 0.49,1,2"
     text: str = fault["msg"]
     return text[:1].lower() + text[1:]
 
@@ -145,26 +144,26 @@ def _require_writable(file: Path) -> None:
         raise UsageError(f"-o {file}: there is no folder {file.parent}")
     if DRAWINGS.get(suffix) is AnalysisForm.PNG:
         try:
-            require_png()
-        except NoPngError as error:
+            require_matplotlib()
+        except PngUnavailableError as error:
             raise UsageError(f"-o {file}: {error}") from error
 
 
-def _write(file: Path, analysis: Analysis, run_id: str, kind: str) -> None:
+def _write(file: Path, analysis: AnalysisResult, run_id: str, kind: str) -> None:
     form = DRAWINGS.get(file.suffix.lower())
     if form is None:
-        write_table(file, table(analysis, run_id))
+        write_table(file, analysis_table(analysis, run_id))
         return
     try:
-        file.write_bytes(content(analysis, run_id, kind, form))
+        file.write_bytes(encode_analysis(analysis, run_id, kind, form))
     except OSError as error:
         raise UsageError(f"-o {file}: {error.strerror or error}") from error
 
 
-def _lines(analysis: Analysis) -> Iterator[str]:
+def _lines(analysis: AnalysisResult) -> Iterator[str]:
     """Yield an analysis for a terminal: the rows that tell most, the figures, the remarks."""
     yield analysis.title
-    rows = analysis.shown()
+    rows = analysis.preview_rows()
     if rows.size:
         names = [column.name for column in analysis.columns]
         cells = zip(*(_cells(column.values[rows].tolist()) for column in analysis.columns), strict=True)
@@ -172,7 +171,7 @@ def _lines(analysis: Analysis) -> Iterator[str]:
     if rows.size < analysis.n_rows:
         yield f"{rows.size} of {analysis.n_rows:,} rows; all with --json, or -o FILE.csv"
     for name, value in analysis.figures.items():
-        yield f"{name:16}  {format_number(*_cells([value]))}  {QUANTITIES[name].meaning}"
+        yield f"{name:16}  {format_number(*_cells([value]))}  {QUANTITIES[name].description}"
     yield from analysis.remarks
 
 

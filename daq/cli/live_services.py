@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Self
 
 from daq.cli.output.progress import Console
 from daq.errors import ServiceError, UsageError
-from daq.reports.summaries import Summaries
+from daq.reports.run_summaries import Summaries
 from daq.schemas.events import AcknowledgedAlarmsSchema, MarkerSchema, alarm_schema, marker_schema
 from daq.service.access import is_loopback
 from daq.service.app import ServiceFeatures, create_app

@@ -17,7 +17,7 @@ from daq.config.loader import load_rig, with_trigger
 from daq.config.rig import Rig
 from daq.config.schema import StorageSection
 from daq.drivers.replay import open_replay
-from daq.reports.summaries import Summaries
+from daq.reports.run_summaries import Summaries
 from daq.schemas.runs import run_schema
 from daq.service.results_reader import ResultsReader
 from daq.session.live_update import RunState, Status
@@ -129,7 +129,7 @@ def run_record(args: argparse.Namespace) -> int:
             print(f"{len(names)} recordings; rig summary RUN shows each")
             return outcome.exit_code
         try:
-            run_summaries = [summaries.patiently(name, console.progress) for name in names]
+            run_summaries = [summaries.summary_with_agreement(name, console.progress) for name in names]
         except KeyboardInterrupt:  # a second Ctrl-C: stops the wait for the model; the recording is complete
             console.line(f"no summary yet: rig summary {request.run} prints it")
             return outcome.exit_code or EXIT_INTERRUPTED

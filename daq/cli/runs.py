@@ -13,7 +13,7 @@ from daq.cli.output.summary_text import print_summary
 from daq.cli.output.terminal import print_json
 from daq.config.calibration import load_calibration
 from daq.errors import UsageError
-from daq.reports.summaries import Summaries
+from daq.reports.run_summaries import Summaries
 from daq.schemas.runs import RunSchema, index_report_schema, run_schema
 from daq.session.offline import summarise
 from daq.session.prediction.predictors import Predictors
@@ -67,9 +67,9 @@ def run_summary(args: argparse.Namespace) -> int:
     with Predictors() as predictors:
         summaries = Summaries(catalogue, predictors)
         if calibrations:
-            document = summaries.reevaluated(run_id, calibrations, console.progress)
+            document = summaries.recalibrated_summary(run_id, calibrations, console.progress)
         else:
-            document = summaries.patiently(run_id, console.progress)
+            document = summaries.summary_with_agreement(run_id, console.progress)
     console.clear()
     print_summary(document, as_json=args.json)
     return 0 if document.is_gap_free else INCOMPLETE

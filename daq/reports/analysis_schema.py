@@ -4,7 +4,7 @@ import math
 
 from pydantic import Field
 
-from daq.reports.analysis import Analysis
+from daq.reports.analysis_result import AnalysisResult
 from daq.reports.columns import QUANTITIES, Column
 from daq.schemas.units import Schema
 
@@ -36,7 +36,7 @@ class AnalysisSchema(Schema):
     )
 
 
-def analysis_schema(run: str, kind: str, analysis: Analysis) -> AnalysisSchema:
+def analysis_schema(run: str, kind: str, analysis: AnalysisResult) -> AnalysisSchema:
     """Return an analysis as a document."""
     names = dict.fromkeys([*(column.name for column in analysis.columns), *analysis.figures])
     return AnalysisSchema(
@@ -45,7 +45,7 @@ def analysis_schema(run: str, kind: str, analysis: Analysis) -> AnalysisSchema:
         title=analysis.title,
         columns={column.name: _values(column) for column in analysis.columns},
         figures={name: _rounded(value) for name, value in analysis.figures.items()},
-        descriptions={name: QUANTITIES[name].told for name in names},
+        descriptions={name: QUANTITIES[name].text for name in names},
         remarks=analysis.remarks,
     )
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Values: TypeAlias = NDArray[np.float64] | NDArray[np.str_]
-Given: TypeAlias = Values | NDArray[np.signedinteger]
+ColumnInput: TypeAlias = Values | NDArray[np.signedinteger]
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,17 +18,17 @@ class Quantity:
     ----------
     unit : str
         As people write it; empty where there is none.
-    meaning : str
+    description : str
         In words.
     """
 
     unit: str
-    meaning: str
+    description: str
 
     @property
-    def told(self) -> str:
-        """Unit and meaning."""
-        return f"{self.unit}: {self.meaning}" if self.unit else self.meaning
+    def text(self) -> str:
+        """Unit and description, separated by a colon."""
+        return f"{self.unit}: {self.description}" if self.unit else self.description
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -52,7 +52,7 @@ class Column:
         return QUANTITIES[self.name]
 
 
-def columns(**values: Given) -> tuple[Column, ...]:
+def columns(**values: ColumnInput) -> tuple[Column, ...]:
     """Return columns by their names; each must be known here."""
     for name in values:
         if name not in QUANTITIES:
@@ -60,8 +60,8 @@ def columns(**values: Given) -> tuple[Column, ...]:
     return tuple(Column(name, row if row.dtype.kind == "U" else np.asarray(row, float)) for name, row in values.items())  # type: ignore[arg-type]
 
 
-def _at_probes(name: str, unit: str, meaning: str) -> dict[str, Quantity]:
-    return {name.format(probe): Quantity(unit, f"{meaning} at probe {probe}") for probe in "xy"}
+def _at_probes(name: str, unit: str, description: str) -> dict[str, Quantity]:
+    return {name.format(probe): Quantity(unit, f"{description} at probe {probe}") for probe in "xy"}
 
 
 def _amplitudes() -> dict[str, Quantity]:

@@ -13,58 +13,66 @@ from analysis.spectra.order_map import Scaling, Window
 Segment = Annotated[
     int | None, Field(description="Only in this gap-free stretch of the run, from 0", ge=0, le=1_000_000, examples=[0])
 ]
-LONGEST = 1e7  # s
-FASTEST = 1e6  # r/min
+MAX_TIME = 1e7  # s
+MAX_SPEED_RPM = 1e6  # r/min
 
 
-class Question(BaseModel):
+FromTime = Annotated[float, Field(description="Sample time in the segment, s", ge=0, le=MAX_TIME, examples=[0.0])]
+
+
+class QueryParameters(BaseModel):
     """Parameters of an address; others than these are refused."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
-class At(Question):
+class FrameQuery(QueryParameters):
     """A moment of a run: the recorded frame nearest to it is taken."""
 
     segment: Segment = None
     time_s: Annotated[
         float | None,
         Field(
-            description="Sample time in the segment, s; no frame within 1 s is a 404", ge=0, le=LONGEST, examples=[98.4]
+            description="Sample time in the segment, s; no frame within 1 s is a 404",
+            ge=0,
+            le=MAX_TIME,
+            examples=[98.4],
         ),
     ] = None
     speed_rpm: Annotated[
         float | None,
         Field(
-            description="Shaft speed, r/min; no frame within 2 % (or 100 r/min) is a 404. With `time_s`, the frame of "
-            "about this speed that is nearest to that time; without either, the frame of the largest vibration",
+            description="Shaft speed, r/min; 404 where no frame is within 2 % (or 100 r/min). With `time_s`, the frame "
+            "of about this speed that is nearest to that time; without either, the frame of the largest vibration",
             gt=0,
-            le=FASTEST,
+            le=MAX_SPEED_RPM,
             examples=[11_000.0],
         ),
     ] = None
 
 
-class Speed(Question):
+class SpeedQuery(QueryParameters):
     """A speed."""
 
-    speed_rpm: Annotated[float, Field(description="Shaft speed, r/min", gt=0, le=FASTEST, examples=[11_000.0])]
+    speed_rpm: Annotated[float, Field(description="Shaft speed, r/min", gt=0, le=MAX_SPEED_RPM, examples=[11_000.0])]
 
 
-class TrendQuery(Question):
+class TrendQuery(QueryParameters):
     """A stretch of time."""
 
     segment: Segment = None
-    from_s: Annotated[float, Field(description="Sample time in the segment, s", ge=0, le=LONGEST, examples=[0.0])] = 0.0
+    from_s: Annotated[float, Field(description="Sample time in the segment, s", ge=0, le=MAX_TIME, examples=[0.0])] = (
+        0.0
+    )
     duration_s: Annotated[
-        float | None, Field(description="How much of it, s; all where left out", gt=0, le=LONGEST, examples=[60.0])
+        float | None, Field(description="How much of it, s; all where left out", gt=0, le=MAX_TIME, examples=[60.0])
     ] = None
     entries: Annotated[
         int, Field(description="At most about so many entries: the width of a screen", ge=1, le=5000, examples=[600])
     ] = 600
 
 
-class PictureSize(Question):
+class SpectrumMapQuery(QueryParameters):
     """The size of a picture of many spectra."""
 
     rows: Annotated[int, Field(description="Bins of speed or time, at most", ge=1, le=400, examples=[100])] = 100
@@ -79,17 +87,19 @@ class PictureSize(Question):
     ] = False
 
 
-class RecordedCascadeQuery(PictureSize):
+class RecordedCascadeQuery(SpectrumMapQuery):
     """Spectra over speed."""
 
 
-class RecordedWaterfallQuery(PictureSize):
+class RecordedWaterfallQuery(SpectrumMapQuery):
     """Spectra over a stretch of time."""
 
     segment: Annotated[int, Field(description="Gap-free stretch of the run", ge=0, le=1_000_000, examples=[0])] = 0
-    from_s: Annotated[float, Field(description="Sample time in the segment, s", ge=0, le=LONGEST, examples=[0.0])] = 0.0
+    from_s: Annotated[float, Field(description="Sample time in the segment, s", ge=0, le=MAX_TIME, examples=[0.0])] = (
+        0.0
+    )
     duration_s: Annotated[
-        float | None, Field(description="How much of it, s; all where left out", gt=0, le=LONGEST, examples=[60.0])
+        float | None, Field(description="How much of it, s; all where left out", gt=0, le=MAX_TIME, examples=[60.0])
     ] = None
 
 
@@ -109,13 +119,13 @@ class SampleFormat(StrEnum):
     ARROW = "arrow"
 
 
-class SamplesQuery(Question):
+class SamplesQuery(QueryParameters):
     """A stretch of samples."""
 
     segment: Annotated[int, Field(description="Gap-free stretch of the run", ge=0, le=1_000_000, examples=[0])] = 0
     from_s: Annotated[
         float,
-        Field(description="Time in the segment, s; past its end is a 404", ge=0, le=LONGEST, examples=[1.0]),
+        Field(description="Time in the segment, s; past its end is a 404", ge=0, le=MAX_TIME, examples=[1.0]),
     ] = 0.0
     duration_s: Annotated[
         float,
@@ -138,17 +148,17 @@ class SamplesQuery(Question):
     ] = None
 
 
-MOST_ORDERS: Final = 6
-NARROWEST: Final = 0.001  # Hz, or per cent
+MAX_ORDERS: Final = 6
+MIN_BANDWIDTH: Final = 0.001  # Hz, or per cent
 ORDER = r"\d{1,2}(\.\d{1,4})?"
-ORDERS: Final = rf"^{ORDER}(,{ORDER}){{0,{MOST_ORDERS - 1}}}$"
+ORDERS: Final = rf"^{ORDER}(,{ORDER}){{0,{MAX_ORDERS - 1}}}$"
 
 Order = Annotated[float, Field(description="Frequency over the shaft's", ge=0.05, le=100, examples=[1.0])]
 Revolutions = Annotated[
     int, Field(description="Whole revolutions in a spectrum: lines lie 1 / so many orders apart", ge=8, le=256)
 ]
 HighestOrder = Annotated[float, Field(description="Orders up to it", ge=1, le=100, examples=[8.0])]
-Width = Annotated[float, Field(description="Width of a bin of speed, r/min", ge=1, le=FASTEST, examples=[100.0])]
+Width = Annotated[float, Field(description="Width of a bin of speed, r/min", ge=1, le=MAX_SPEED_RPM, examples=[100.0])]
 
 
 class AnalysisForm(StrEnum):
@@ -169,7 +179,7 @@ class MapLines(StrEnum):
     FREQUENCIES = "frequencies"
 
 
-class Asked(Question):
+class AnalysisQuery(QueryParameters):
     """What every analysis may be asked for."""
 
     format: Annotated[
@@ -177,7 +187,7 @@ class Asked(Question):
     ] = None
 
 
-class Turning(Asked):
+class ShaftAngleQuery(AnalysisQuery):
     """What everything that needs the shaft's angle may be asked for."""
 
     slow_roll_rpm: Annotated[
@@ -185,30 +195,32 @@ class Turning(Asked):
         Field(
             description="Take off the run-out that the run's own revolutions up to this speed tell, r/min; what is "
             "left is called compensated",
-            gt=0, le=FASTEST, examples=[None],
+            gt=0, le=MAX_SPEED_RPM, examples=[None],
         ),
     ] = None  # fmt: skip
 
 
-class Stretched(Asked):
+class TimeIntervalQuery(AnalysisQuery):
     """A stretch of time."""
 
     segment: Segment = None
-    from_s: Annotated[float, Field(description="Sample time in the segment, s", ge=0, le=LONGEST, examples=[0.0])] = 0.0
+    from_s: Annotated[float, Field(description="Sample time in the segment, s", ge=0, le=MAX_TIME, examples=[0.0])] = (
+        0.0
+    )
     duration_s: Annotated[
-        float | None, Field(description="How much of it, s; all where left out", gt=0, le=LONGEST, examples=[None])
+        float | None, Field(description="How much of it, s; all where left out", gt=0, le=MAX_TIME, examples=[None])
     ] = None
 
 
-class Over(Stretched, Turning):
+class ShaftAngleIntervalQuery(TimeIntervalQuery, ShaftAngleQuery):
     """A stretch of time, against the shaft's angle."""
 
 
-class Moment(At, Turning):
+class FrameAnalysisQuery(FrameQuery, ShaftAngleQuery):
     """A moment of a run: what comes before the recorded frame that is nearest is looked at."""
 
 
-class OrderSpectrumQuery(Moment):
+class OrderSpectrumQuery(FrameAnalysisQuery):
     """An order spectrum."""
 
     revolutions: Revolutions = 16
@@ -220,14 +232,14 @@ class OrderSpectrumQuery(Moment):
     scaling: Annotated[Scaling, Field(description="What amplitudes are given as")] = Scaling.PEAK
 
 
-class FullSpectrumQuery(Moment):
+class FullSpectrumQuery(FrameAnalysisQuery):
     """A full spectrum."""
 
     revolutions: Revolutions = 16
     highest_order: HighestOrder = 8.0
 
 
-class FrequencySpectrumQuery(Stretched):
+class FrequencySpectrumQuery(TimeIntervalQuery):
     """A frequency spectrum, averaged over a stretch of time; it needs no tacho."""
 
     resolution_hz: Annotated[float, Field(description="Distance of the lines, Hz", ge=0.1, le=1000, examples=[2.0])] = (
@@ -244,7 +256,7 @@ class OrbitFilter(StrEnum):
     REST = "rest"  # all but those: not-1X
 
 
-class OrbitQuery(Moment):
+class OrbitQuery(FrameAnalysisQuery):
     """An orbit."""
 
     filter: Annotated[
@@ -257,28 +269,29 @@ class OrbitQuery(Moment):
     revolutions: Annotated[int, Field(description="Revolutions that are drawn", ge=1, le=64)] = 4
 
 
-class AverageQuery(Moment):
+class AverageQuery(FrameAnalysisQuery):
     """The mean revolution, and what does not repeat."""
 
     revolutions: Annotated[int, Field(description="Revolutions that are averaged", ge=8, le=1024)] = 64
 
 
-class PoincareQuery(Moment):
+class PoincareQuery(FrameAnalysisQuery):
     """Where the shaft is each time the mark passes."""
 
     revolutions: Annotated[int, Field(description="Revolutions, of which each gives a point", ge=48, le=4096)] = 128
 
 
-class SlowRollQuery(Asked):
+class SlowRollQuery(AnalysisQuery):
     """The run-out that slow turning tells."""
 
     segment: Segment = None
     slow_roll_rpm: Annotated[
-        float, Field(description="Revolutions up to this speed tell it, r/min", gt=0, le=FASTEST, examples=[1500.0])
+        float,
+        Field(description="Highest speed of the slow roll, r/min", gt=0, le=MAX_SPEED_RPM, examples=[1500.0]),
     ] = 1500.0
 
 
-class MapQuery(Over):
+class MapQuery(ShaftAngleIntervalQuery):
     """Many spectra."""
 
     lines: Annotated[
@@ -305,7 +318,7 @@ class WaterfallQuery(MapQuery):
     rows: Annotated[int, Field(description="Bins of time, at most", ge=1, le=400)] = 100
 
 
-class VectorsQuery(Over):
+class VectorsQuery(ShaftAngleIntervalQuery):
     """Vectors of one order over speed."""
 
     order: Order = 1.0
@@ -313,7 +326,7 @@ class VectorsQuery(Over):
     revolutions: Revolutions = 16
 
 
-class BifurcationQuery(Over):
+class BifurcationQuery(ShaftAngleIntervalQuery):
     """Positions at the mark over speed."""
 
     averaging_revolutions: Annotated[
@@ -321,7 +334,7 @@ class BifurcationQuery(Over):
     ] = 64
 
 
-class CentrelineQuery(Over):
+class CentrelineQuery(ShaftAngleIntervalQuery):
     """Mean positions of the shaft within its clearance."""
 
     revolutions: Annotated[int, Field(description="Revolutions that are averaged for each position", ge=2, le=1024)] = (
@@ -340,13 +353,13 @@ class CentrelineQuery(Over):
     ] = None
 
 
-class SubSynchronousQuery(Over):
+class SubSynchronousQuery(ShaftAngleIntervalQuery):
     """Every component below 1X."""
 
     revolutions: Revolutions = 16
 
 
-class OverallQuery(Stretched):
+class OverallQuery(TimeIntervalQuery):
     """Overall vibration over time; it needs no tacho."""
 
     interval_s: Annotated[
@@ -354,27 +367,28 @@ class OverallQuery(Stretched):
     ] = 0.1
 
 
-class EnvelopesQuery(Stretched):
+class EnvelopesQuery(TimeIntervalQuery):
     """Orders as they swell and fade, by the Vold-Kalman filter of the second generation."""
 
     orders: Annotated[
         str, Field(description="Orders with commas, solved for together", pattern=ORDERS, examples=["1,2", "0.49,1,2"])
     ] = "1,2"
     bandwidth_hz: Annotated[
-        float | None, Field(description="Full width at half power, Hz; 4 where neither is given", ge=NARROWEST, le=1000)
+        float | None,
+        Field(description="Full width at half power, Hz; default 4", ge=MIN_BANDWIDTH, le=1000),
     ] = None
     bandwidth_percent: Annotated[
         float | None,
-        Field(description="Instead: in per cent of each order's frequency", ge=NARROWEST, le=100, examples=[None]),
+        Field(description="Instead: in per cent of each order's frequency", ge=MIN_BANDWIDTH, le=100, examples=[None]),
     ] = None
     entries: Annotated[int, Field(description="At most so many times, evenly", ge=2, le=20_000)] = 600
 
 
-class WaveformsQuery(At, Asked):
+class WaveformsQuery(FrameQuery, AnalysisQuery):
     """Waveforms of single orders."""
 
     orders: Annotated[
         str, Field(description="Orders with commas, solved for together", pattern=ORDERS, examples=["1,2", "0.49,1,2"])
     ] = "1,2"
-    bandwidth_hz: Annotated[float, Field(description="Full width at half power, Hz", ge=NARROWEST, le=1000)] = 4.0
+    bandwidth_hz: Annotated[float, Field(description="Full width at half power, Hz", ge=MIN_BANDWIDTH, le=1000)] = 4.0
     revolutions: Annotated[int, Field(description="Revolutions that are drawn", ge=1, le=64)] = 4

@@ -4,8 +4,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Final
 
-from daq.reports import parameters as questions
-from daq.reports.analysis import Analysis
+from daq.reports.analysis_result import AnalysisResult
 from daq.reports.kinds.envelopes import envelopes, waveforms
 from daq.reports.kinds.orbits import orbit_of, poincare
 from daq.reports.kinds.overall import overall_of
@@ -15,7 +14,25 @@ from daq.reports.kinds.spectra import frequency_spectrum_of, full_spectrum_of, o
 from daq.reports.kinds.spectral_maps import cascade, waterfall
 from daq.reports.kinds.sub_synchronous import sub_synchronous
 from daq.reports.kinds.vectors import bode_of, polar_of
-from daq.reports.parameters import Asked
+from daq.reports.parameters import (
+    AnalysisQuery,
+    AverageQuery,
+    BifurcationQuery,
+    CascadeQuery,
+    CentrelineQuery,
+    EnvelopesQuery,
+    FrequencySpectrumQuery,
+    FullSpectrumQuery,
+    OrbitQuery,
+    OrderSpectrumQuery,
+    OverallQuery,
+    PoincareQuery,
+    SlowRollQuery,
+    SubSynchronousQuery,
+    VectorsQuery,
+    WaterfallQuery,
+    WaveformsQuery,
+)
 
 VECTORS: Final = (
     "ramp_direction",
@@ -40,21 +57,21 @@ class AnalysisKind:
     ----------
     title : str
         What it is called.
-    meaning : str
-        What it gives, in a sentence without its stop.
+    description : str
+        What it returns, without a full stop.
     columns : tuple of str
         The names of its table's columns, where nothing else is asked for.
-    question : type
-        What may be asked.
-    make : callable
-        Makes it of a run's samples and a question.
+    parameters : type
+        Its query parameters.
+    analyse : callable
+        Computes the result from a run's samples and the query parameters.
     """
 
     title: str
-    meaning: str
+    description: str
     columns: tuple[str, ...]
-    question: type[Asked]
-    make: Callable[..., Analysis]
+    parameters: type[AnalysisQuery]
+    analyse: Callable[..., AnalysisResult]
 
 
 KINDS: Final[Mapping[str, AnalysisKind]] = {
@@ -70,63 +87,63 @@ KINDS: Final[Mapping[str, AnalysisKind]] = {
             "lag_y_deg",
             "lag_sigma_y_deg",
         ),
-        questions.OrderSpectrumQuery,
+        OrderSpectrumQuery,
         order_spectrum,
     ),
     "full-spectrum": AnalysisKind(
         "The full spectrum about a moment",
         "Circles with and against the rotation by order about a moment",
         ("order", "amplitude_peak_um", "uncertain"),
-        questions.FullSpectrumQuery,
+        FullSpectrumQuery,
         full_spectrum_of,
     ),
     "frequency-spectrum": AnalysisKind(
         "The frequency spectrum of a stretch",
         "Amplitude by frequency, averaged over a stretch of time; needs no tacho",
         ("frequency_hz", "amplitude_peak_x_um", "amplitude_peak_y_um"),
-        questions.FrequencySpectrumQuery,
+        FrequencySpectrumQuery,
         frequency_spectrum_of,
     ),
     "cascade": AnalysisKind(
         "Spectra over speed",
         "Spectra over speed: of orders, full, or of frequencies",
         ("speed_rpm", "order", "amplitude_peak_um"),
-        questions.CascadeQuery,
+        CascadeQuery,
         cascade,
     ),
     "waterfall": AnalysisKind(
         "Spectra over time",
         "Spectra over time: of orders, full, or of frequencies",
         ("time_s", "order", "amplitude_peak_um"),
-        questions.WaterfallQuery,
+        WaterfallQuery,
         waterfall,
     ),
     "bode": AnalysisKind(
         "Vectors of an order over speed, as Bode plot",
         "Amplitude and phase lag of any order over speed, run-up and run-down apart",
         VECTORS,
-        questions.VectorsQuery,
+        VectorsQuery,
         bode_of,
     ),
     "polar": AnalysisKind(
         "Vectors of an order over speed, as polar plot",
         "The same vectors, drawn in the plane",
         VECTORS,
-        questions.VectorsQuery,
+        VectorsQuery,
         polar_of,
     ),
     "orbit": AnalysisKind(
         "The orbit about a moment",
         "The shaft's path about a moment: direct, of chosen orders (1X, 2X, nX), or without them (not-1X)",
         ("revolution", "angle_deg", "time_s", "X_um", "Y_um"),
-        questions.OrbitQuery,
+        OrbitQuery,
         orbit_of,
     ),
     "centreline": AnalysisKind(
         "The shaft's centreline",
         "The shaft's mean position in its clearance over speed",
         ("time_s", "speed_rpm", "X_um", "Y_um", "X_sigma_um", "Y_sigma_um", "eccentricity_ratio", "attitude_deg"),
-        questions.CentrelineQuery,
+        CentrelineQuery,
         centreline_of,
     ),
     "envelopes": AnalysisKind(
@@ -143,35 +160,35 @@ KINDS: Final[Mapping[str, AnalysisKind]] = {
             "sigma_peak_y_um",
             "lag_y_deg",
         ),
-        questions.EnvelopesQuery,
+        EnvelopesQuery,
         envelopes,
     ),
     "waveforms": AnalysisKind(
         "Waveforms of orders about a moment",
         "Waveforms of single orders about a moment, by the Vold-Kalman filter",
         ("time_s", "angle_deg", "order", "displacement_x_um", "displacement_y_um"),
-        questions.WaveformsQuery,
+        WaveformsQuery,
         waveforms,
     ),
     "average": AnalysisKind(
         "The average revolution and its residual",
         "The synchronous average of a revolution about a moment, and the residual",
         ("angle_deg", "average_x_um", "average_y_um", "residual_rms_x_um", "residual_rms_y_um"),
-        questions.AverageQuery,
+        AverageQuery,
         synchronous,
     ),
     "poincare": AnalysisKind(
         "Poincaré points",
         "The shaft's positions at the mark about a moment, and what they make",
         ("revolution", "time_s", "speed_rpm", "X_um", "Y_um"),
-        questions.PoincareQuery,
+        PoincareQuery,
         poincare,
     ),
     "bifurcation": AnalysisKind(
         "The bifurcation diagram",
         "The shaft's position at the mark of every revolution over speed",
         ("time_s", "speed_rpm", "X_um", "Y_um"),
-        questions.BifurcationQuery,
+        BifurcationQuery,
         bifurcation_of,
     ),
     "sub-synchronous": AnalysisKind(
@@ -194,7 +211,7 @@ KINDS: Final[Mapping[str, AnalysisKind]] = {
             "direction",
             "behaviour",
         ),
-        questions.SubSynchronousQuery,
+        SubSynchronousQuery,
         sub_synchronous,
     ),
     "overall": AnalysisKind(
@@ -209,14 +226,14 @@ KINDS: Final[Mapping[str, AnalysisKind]] = {
             "clearance_fraction_y",
             "severity",
         ),
-        questions.OverallQuery,
+        OverallQuery,
         overall_of,
     ),
     "slow-roll": AnalysisKind(
         "The run-out of the slow roll",
         "The run-out that the run's own slow turning tells",
         ("angle_deg", "runout_x_um", "runout_y_um"),
-        questions.SlowRollQuery,
+        SlowRollQuery,
         slow_roll_of,
     ),
 }

@@ -17,10 +17,9 @@ from analysis.tacho.edges import EdgeDetector
 from analysis.tacho.pulse_record import PulseRecord, pulse_record
 from analysis.tacho.shaft_angle import ShaftAngle, shaft_angle
 from analysis.vectors.runout import SlowRoll, slow_roll
-from daq.reports.analysis import Tell
-from daq.reports.errors import NotToldError, told_or_refused
-from daq.reports.records import NoSuchMomentError, Records, read_records, records
-from daq.reports.samples import TooMuchError
+from daq.reports.analysis_result import ProgressCallback
+from daq.reports.errors import DataNotFoundError, InsufficientDataError, RequestTooLargeError, translated_errors
+from daq.reports.run_history import RunHistory, load_history, read_history
 from recordings.mcap.reader import RunReader
 
 FloatArray = NDArray[np.float64]
@@ -38,7 +37,7 @@ RPM = math.pi / 30.0
 
 
 @dataclass(frozen=True, slots=True)
-class Stretch:
+class SampleRange:
     """Consecutive samples of a gap-free segment."""
 
     segment: int
@@ -59,10 +58,10 @@ class RunSamples:
         Samples of each channel that are read at a time.
     """
 
-    def __init__(self, reader: RunReader, tell: Tell, piece: int = PIECE) -> None:
+    def __init__(self, reader: RunReader, tell: ProgressCallback, piece: int = PIECE) -> None:
         self._reader = reader
         self._tell = tell
-        self._found: Records | None = None
+        self._found: RunHistory | None = None
         self.piece = piece
         self.header: RunHeader = reader.header
         self.rate = reader.header.acquisition.rate
@@ -83,34 +82,34 @@ class RunSamples:
         """Tell what goes on."""
         self._tell(doing, part)
 
-    def stretch(self, segment: int | None, start: float = 0.0, duration: float | None = None) -> Stretch:
-        """Return a stretch of a segment, of the longest where none is named; NoSuchMomentError where it is empty."""
+    def stretch(self, segment: int | None, start: float = 0.0, duration: float | None = None) -> SampleRange:
+        """Return a stretch of a segment, of the longest where none is named; DataNotFoundError where it is empty."""
         held = {end.segment: end.samples for end in self._reader.segment_ends}
         chosen = max(held, key=lambda one: held[one], default=0) if segment is None else segment
         if not held.get(chosen):
-            raise NoSuchMomentError(f"run {self.header.run}: no samples in segment {chosen}")
+            raise DataNotFoundError(f"run {self.header.run}: no samples in segment {chosen}")
         first = math.ceil(start * self.rate - 1e-6)
         stop = held[chosen] if duration is None else min(held[chosen], first + max(round(duration * self.rate), 1))
         if first >= stop:
             there = f"segment {chosen} holds {held[chosen] / self.rate:g} s"
-            raise NoSuchMomentError(f"run {self.header.run}: {there}, nothing from {start:g} s")
-        return Stretch(chosen, first, stop)
+            raise DataNotFoundError(f"run {self.header.run}: {there}, nothing from {start:g} s")
+        return SampleRange(chosen, first, stop)
 
-    def angle(self, stretch: Stretch) -> tuple[PulseRecord, ShaftAngle]:
+    def angle(self, stretch: SampleRange) -> tuple[PulseRecord, ShaftAngle]:
         """Return the pulses of the tacho and the angle of the shaft; times are s in the segment."""
         times = self._pulse_times(stretch)
-        with told_or_refused(f"run {self.header.run}, {self._span(stretch)}"):
+        with translated_errors(f"run {self.header.run}, {self._span(stretch)}"):
             pulses = pulse_record(times, self.header.acquisition.tacho)
             return pulses, shaft_angle(pulses)
 
-    def record(self, stretch: Stretch, highest_order: float = 1.0) -> AngularRecord:
+    def record(self, stretch: SampleRange, highest_order: float = 1.0) -> AngularRecord:
         """Return displacement against angle; times are s in the segment.
 
         Raises
         ------
-        NotToldError
+        InsufficientDataError
             The tacho does not tell the angle, or the stretch holds no whole revolution.
-        TooMuchError
+        RequestTooLargeError
             More revolutions than may be held at once.
         """
         points = max(POINTS, 2 ** math.ceil(math.log2(highest_order / PASSED)))
@@ -119,33 +118,39 @@ class RunSamples:
         first, last = math.ceil(angle.first), math.floor(angle.last)
         if (last - first) * points > MOST_POINTS:
             most = MOST_POINTS // points
-            raise TooMuchError(f"{last - first:,} revolutions, expected at most {most:,}: ask for a shorter stretch")
-        with told_or_refused(f"run {self.header.run}, {self._span(stretch)}"):
+            raise RequestTooLargeError(
+                f"{last - first:,} revolutions, expected at most {most:,}: ask for a shorter stretch"
+            )
+        with translated_errors(f"run {self.header.run}, {self._span(stretch)}"):
             return replace(self._resampled(stretch, angle, range(first, last + 1), points), pulses=pulses)
 
-    def displacement(self, stretch: Stretch, told: str = "reading samples") -> FloatArray:
-        """Return the displacement towards the probes, shape (2, n), m; TooMuchError where that is too much at once.
+    def displacement(self, stretch: SampleRange, task: str = "reading samples") -> FloatArray:
+        """Return the displacement towards the probes, shape (2, n), m.
 
-        ``told`` is what goes on in words; empty where nothing is to be told.
+        ``task`` is reported with the progress; empty reports none. RequestTooLargeError where the range is too long.
         """
         size = stretch.stop - stretch.first
         if size > MOST_SAMPLES:
             longest = MOST_SAMPLES / self.rate
-            raise TooMuchError(f"{size:,} samples, expected at most {MOST_SAMPLES:,}: ask for {longest:,.0f} s at most")
+            raise RequestTooLargeError(
+                f"{size:,} samples, expected at most {MOST_SAMPLES:,}: ask for {longest:,.0f} s at most"
+            )
         found = np.empty((2, size))
         for low in range(0, size, self.piece):
             high = min(low + self.piece, size)
-            found[:, low:high] = self._probes(Stretch(stretch.segment, stretch.first + low, stretch.first + high))[0]
-            if told:
-                self._tell(told, high / size)
+            found[:, low:high] = self._probes(SampleRange(stretch.segment, stretch.first + low, stretch.first + high))[
+                0
+            ]
+            if task:
+                self._tell(task, high / size)
         return found
 
     def moment(
         self, segment: int | None, time: float | None, speed_rpm: float | None, revolutions: int
-    ) -> tuple[Stretch, float]:
+    ) -> tuple[SampleRange, float]:
         """Return the samples about the recorded frame that is nearest to a moment, and its end, s in the segment.
 
-        They hold so many revolutions before it; NoSuchMomentError where no frame is near.
+        They hold so many revolutions before it; DataNotFoundError where no frame is near.
         """
         found = self._turning()
         index = found.nearest(segment, time, None if speed_rpm is None else speed_rpm * RPM)
@@ -155,11 +160,11 @@ class RunSamples:
         after = end + GUARD * turn + ROOM_SAMPLES / self.rate
         return self.stretch(int(found.segment[index]), begin, after - begin), end
 
-    def revolutions_to(self, stretch: Stretch, end: float, revolutions: int, highest_order: float) -> AngularRecord:
-        """Return the last whole revolutions before an instant, s; NotToldError where there are not so many."""
+    def revolutions_to(self, stretch: SampleRange, end: float, revolutions: int, highest_order: float) -> AngularRecord:
+        """Return the last whole revolutions before an instant, s; InsufficientDataError where there are not so many."""
         record = self.record(stretch, highest_order)
         if record.revolutions < revolutions:
-            raise NotToldError(
+            raise InsufficientDataError(
                 f"run {self.header.run}: {record.revolutions} whole revolutions about {end:.1f} s, expected at least "
                 f"{revolutions}"
             )
@@ -168,47 +173,47 @@ class RunSamples:
         return record.part(last - revolutions, last)
 
     def slow_roll(self, segment: int | None, speed_rpm: float, points: int) -> SlowRoll:
-        """Return the run-out that the revolutions up to a speed tell; NotToldError where they do not."""
+        """Return the run-out that the revolutions up to a speed tell; InsufficientDataError where they do not."""
         found = self._turning()
         slow = (found.frame_speed <= speed_rpm * RPM) & (found.segment == self.stretch(segment).segment)
         if not slow.any():
-            raise NotToldError(f"run {self.header.run}: it never turned as slowly as {speed_rpm:,.0f} r/min")
+            raise InsufficientDataError(f"run {self.header.run}: it never turned as slowly as {speed_rpm:,.0f} r/min")
         first = int(np.argmax(slow))
         last = first + int(np.argmin(np.append(slow[first:], False))) - 1
         turn = 2.0 * math.pi / float(found.frame_speed[first])
         begin = max(float(found.time[first]) - SLOWER * (self.header.settings.revolutions + GUARD) * turn, 0.0)
         stretch = self.stretch(int(found.segment[first]), begin, float(found.time[last]) + GUARD * turn - begin)
-        with told_or_refused(f"run {self.header.run}, slow roll up to {speed_rpm:,.0f} r/min"):
+        with translated_errors(f"run {self.header.run}, slow roll up to {speed_rpm:,.0f} r/min"):
             return slow_roll(self.record(stretch, points * PASSED), 0.0, speed_rpm * RPM)
 
-    def records(self) -> Records:
+    def history(self) -> RunHistory:
         """Return the run's results: what was recorded, or the samples analysed again."""
         if self._found is None:
             path = self._reader.path
-            is_kept = self._reader.is_complete and self._reader.skipped_samples == 0
-            self._found = records(path) if is_kept else read_records(path, partial(self._tell, "analysing"))
+            is_recorded = self._reader.is_complete and self._reader.skipped_samples == 0
+            self._found = load_history(path) if is_recorded else read_history(path, partial(self._tell, "analysing"))
         return self._found
 
-    def _turning(self) -> Records:
-        """Return the run's results; NotToldError where the tacho never told a speed."""
-        found = self.records()
+    def _turning(self) -> RunHistory:
+        """Return the run's results; InsufficientDataError where the tacho never told a speed."""
+        found = self.history()
         if not np.isfinite(found.frame_speed).any():
-            raise NotToldError(
+            raise InsufficientDataError(
                 f"run {self.header.run}: the tacho told no speed anywhere, or for fewer turns than a frame"
             )
         return found
 
     def _require_order(self, order: float, angle: ShaftAngle) -> None:
-        """Raise NotToldError where an order lies beyond what the samples hold."""
+        """Raise InsufficientDataError where an order lies beyond what the samples hold."""
         fastest = float(angle.speed(np.linspace(angle.first, angle.last, 1_000)).max())
         reached, held = order * fastest / (2.0 * math.pi), HELD * self.rate
         if reached > held:
-            raise NotToldError(
+            raise InsufficientDataError(
                 f"run {self.header.run}: order {order:g} reaches {reached:,.0f} Hz at {fastest / RPM:,.0f} r/min, "
                 f"expected at most {held:,.0f} Hz at {self.rate:,.0f} samples a second"
             )
 
-    def _pulse_times(self, stretch: Stretch) -> FloatArray:
+    def _pulse_times(self, stretch: SampleRange) -> FloatArray:
         """Return when the tacho's edges came, s in the segment; the sensor's delay is still in."""
         acquisition, counter = self.header.acquisition, self.header.acquisition.tacho.counter
         if counter is not None and counter.is_reference:
@@ -225,7 +230,7 @@ class RunSamples:
             self._tell("looking for the tacho's edges", (high - stretch.first) / (stretch.stop - stretch.first))
         return np.asarray(np.concatenate(edges) / acquisition.rate + row / acquisition.convert_rate, dtype=np.float64)
 
-    def _resampled(self, stretch: Stretch, angle: ShaftAngle, turns: range, points: int) -> AngularRecord:
+    def _resampled(self, stretch: SampleRange, angle: ShaftAngle, turns: range, points: int) -> AngularRecord:
         """Return the revolutions that begin and end at ``turns``."""
         times = np.asarray(angle.time(np.array(turns)), dtype=np.float64)
         breaks = np.flatnonzero(np.diff(np.floor(times[:-1] * self.rate / self.piece))) + 1
@@ -250,16 +255,16 @@ class RunSamples:
             clipped=(int(clipped[0]), int(clipped[1])),
         )
 
-    def _piece(self, stretch: Stretch, times: FloatArray, begin: int, end: int) -> Stretch:
+    def _piece(self, stretch: SampleRange, times: FloatArray, begin: int, end: int) -> SampleRange:
         """Return the samples that the revolutions between two marks, by their places in ``times``, are read from."""
         low = times[begin] - ROOM_TURNS * (times[begin + 1] - times[begin])
         high = times[end] + ROOM_TURNS * (times[end] - times[end - 1])
         first = (math.floor(low * self.rate) - ROOM_SAMPLES - stretch.first) // ALIGNED * ALIGNED + stretch.first
         stop = math.ceil(high * self.rate) + ROOM_SAMPLES
-        return Stretch(stretch.segment, max(first, stretch.first), min(stop, stretch.stop))
+        return SampleRange(stretch.segment, max(first, stretch.first), min(stop, stretch.stop))
 
     def _part(
-        self, displacement: FloatArray, angle: ShaftAngle, piece: Stretch, turns: tuple[int, int], points: int
+        self, displacement: FloatArray, angle: ShaftAngle, piece: SampleRange, turns: tuple[int, int], points: int
     ) -> AngularRecord:
         """Return the revolutions between two counts, read from a piece."""
         acquisition, shift = self.header.acquisition, piece.first / self.rate
@@ -268,16 +273,16 @@ class RunSamples:
         part = angular_record(displacement, self.rate, here, self.pair, points=points, skews=(skews[0], skews[1]))
         return replace(part, times=part.times + shift)
 
-    def _probes(self, stretch: Stretch) -> tuple[FloatArray, NDArray[np.bool_]]:
+    def _probes(self, stretch: SampleRange) -> tuple[FloatArray, NDArray[np.bool_]]:
         """Return the displacement towards the probes, m, and which samples were at the converter's rails."""
         codes = self._reader.samples(stretch.segment, stretch.first, stretch.stop)
         acquisition = self.header.acquisition
         rows = [acquisition.row(role) for role in (Role.PROBE_X, Role.PROBE_Y)]
         at_rail = (codes[rows] == CODE_MIN) | (codes[rows] == CODE_MAX)
-        with told_or_refused(f"run {self.header.run}, {self._span(stretch)}"):
+        with translated_errors(f"run {self.header.run}, {self._span(stretch)}"):
             return probe_displacement(acquisition, codes), at_rail
 
-    def _span(self, stretch: Stretch) -> str:
+    def _span(self, stretch: SampleRange) -> str:
         return f"segment {stretch.segment}, {stretch.first / self.rate:.1f} to {stretch.stop / self.rate:.1f} s"
 
 

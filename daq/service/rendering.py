@@ -10,13 +10,13 @@ import numpy as np
 
 from analysis.live.summary import RunSummary
 from analysis.signals.header import Role, RunHeader
-from daq.reports.export import ADDRESS, analysis_answer
-from daq.reports.parameters import Asked, At, TrendQuery
-from daq.reports.plots.png import picture
-from daq.reports.plots.recorded import panels_of
-from daq.reports.plots.svg import drawing
-from daq.reports.recorded_spectra import cascade, trend_schema, waterfall
-from daq.reports.records import Records, records, snapshot_at, status_of
+from daq.reports.analysis_export import ANALYSIS_PATH, analysis_response
+from daq.reports.parameters import AnalysisQuery, FrameQuery, TrendQuery
+from daq.reports.plots.png import render_png
+from daq.reports.plots.recorded import result_panels
+from daq.reports.plots.svg import render_svg
+from daq.reports.recorded_results import cascade, trend_schema, waterfall
+from daq.reports.run_history import RunHistory, file_status, load_history, snapshot_at
 from daq.schemas.results import (
     OrderVectorsSchema,
     WhirlFindingsSchema,
@@ -32,12 +32,12 @@ PLOTTED = {"bode": "order-vectors", "polar": "order-vectors"}  # of what plots a
 LEVEL = 4  # of gzip: beyond it nothing is gained but time spent
 
 
-def order_vectors(_path: Path, found: Records) -> Schema:
+def order_vectors(_path: Path, found: RunHistory) -> Schema:
     """Return 1X and 2X over speed."""
     return OrderVectorsSchema(run=found.header.run, by_speed=tuple(speed_row_schema(row) for row in found.summary.rows))
 
 
-def findings(_path: Path, found: Records) -> Schema:
+def findings(_path: Path, found: RunHistory) -> Schema:
     """Return what was found below 1X."""
     return WhirlFindingsSchema(
         run=found.header.run,
@@ -45,14 +45,14 @@ def findings(_path: Path, found: Records) -> Schema:
     )
 
 
-def trend(_path: Path, found: Records, query: TrendQuery) -> Schema:
+def trend(_path: Path, found: RunHistory, query: TrendQuery) -> Schema:
     """Return values over time."""
     begin = query.from_s
     end = np.inf if query.duration_s is None else begin + query.duration_s
     return trend_schema(found, query.segment, begin, end, query.entries)
 
 
-def moment(path: Path, found: Records, at: At, *, what: str) -> Schema:
+def moment(path: Path, found: RunHistory, at: FrameQuery, *, what: str) -> Schema:
     """Return order spectrum, full spectrum or orbit of the frame nearest to a moment."""
     index = found.nearest(at.segment, at.time_s, None if at.speed_rpm is None else at.speed_rpm * RPM)
     snapshot, frame = snapshot_at(path, found, index)
@@ -65,7 +65,7 @@ def moment(path: Path, found: Records, at: At, *, what: str) -> Schema:
 
 def summary(path: Path) -> RunSummary:
     """Return what the run was."""
-    return records(path).summary
+    return load_history(path).summary
 
 
 ANSWERS: dict[str, Callable[..., Schema]] = {
@@ -80,15 +80,15 @@ ANSWERS: dict[str, Callable[..., Schema]] = {
 }
 
 
-def document_of(path: Path, what: str, query: object, found: Records | None = None) -> Schema:
+def document_of(path: Path, what: str, query: object, found: RunHistory | None = None) -> Schema:
     """Return the document of an address; of records that were read already where they are given."""
     asked = () if query is None else (query,)
-    return ANSWERS[what](path, records(path) if found is None else found, *asked)
+    return ANSWERS[what](path, load_history(path) if found is None else found, *asked)
 
 
 def address_of(what: str) -> str:
     """Return the address of the numbers of an answer, which may be a plot of them."""
-    analysed = ADDRESS.fullmatch(what)
+    analysed = ANALYSIS_PATH.fullmatch(what)
     if analysed is not None:
         return analysed[1]
     drawn = PLOTS.fullmatch(what)
@@ -97,21 +97,21 @@ def address_of(what: str) -> str:
 
 def answer_of(path: Path, what: str, query: object, packed: bool) -> bytes:  # noqa: FBT001 - sent through a pipe
     """Return an answer as JSON, gzipped where that is wanted; made once as long as the file does not change."""
-    status = status_of(path)
+    status = file_status(path)
     return _answer(path, status.st_size, status.st_mtime_ns, what, query, packed)
 
 
 @lru_cache(maxsize=ANSWERS_KEPT)
 def _answer(path: Path, _size: int, _changed_ns: int, what: str, query: object, packed: bool) -> bytes:  # noqa: FBT001 - a key of the cache
     drawn = PLOTS.fullmatch(what)
-    if isinstance(query, Asked):
-        body = analysis_answer(path, what, query)
+    if isinstance(query, AnalysisQuery):
+        body = analysis_response(path, what, query)
     elif drawn is None:
         body = document_of(path, what, query).model_dump_json().encode()
     else:
         name, form = drawn.groups()
-        panels = panels_of(document_of(path, address_of(what), query), name, _directions(records(path).header))
-        body = drawing(panels).encode() if form == "svg" else picture(panels)
+        panels = result_panels(document_of(path, address_of(what), query), name, _directions(load_history(path).header))
+        body = render_svg(panels).encode() if form == "svg" else render_png(panels)
     return gzip.compress(body, LEVEL, mtime=0) if packed else body
 
 

@@ -11,12 +11,15 @@ from pydantic import BaseModel
 from analysis.live.summary import RunSummary
 from analysis.signals.header import RunHeader
 from daq.errors import RigError
-from daq.reports import samples as sample_answers
-from daq.reports.errors import NotToldError
+from daq.reports.errors import (
+    ArrowUnavailableError,
+    DataNotFoundError,
+    InsufficientDataError,
+    PngUnavailableError,
+    RequestTooLargeError,
+)
 from daq.reports.parameters import SampleFormat, SamplesQuery
-from daq.reports.plots.png import NoPngError
-from daq.reports.records import NoSuchMomentError
-from daq.reports.samples import NoArrowError, TooMuchError
+from daq.reports.sample_export import encode_samples
 from daq.schemas.live import predicted_vibration_schema
 from daq.schemas.results import ComparisonSchema, PredictionSchema
 from daq.schemas.summary import speed_row_schema
@@ -46,13 +49,13 @@ class Models(Protocol):
 
 
 FAILURES: dict[type[Exception], ProblemType] = {
-    NoSuchMomentError: ProblemType.NO_DATA,
-    TooMuchError: ProblemType.RESPONSE_TOO_LARGE,
-    NoArrowError: ProblemType.NOT_ACCEPTABLE,
-    NoPngError: ProblemType.NOT_ACCEPTABLE,
+    DataNotFoundError: ProblemType.NO_DATA,
+    RequestTooLargeError: ProblemType.RESPONSE_TOO_LARGE,
+    ArrowUnavailableError: ProblemType.NOT_ACCEPTABLE,
+    PngUnavailableError: ProblemType.NOT_ACCEPTABLE,
     WorkerStoppedError: ProblemType.BUSY,
     WorkerTimeoutError: ProblemType.TIME_LIMIT_EXCEEDED,
-    NotToldError: ProblemType.INSUFFICIENT_DATA,
+    InsufficientDataError: ProblemType.INSUFFICIENT_DATA,
 }
 ARRIVAL_LIMIT = 3600.0  # s that looking through a recording that was sent in may take
 
@@ -92,7 +95,7 @@ class ResultsReader:
 
     def samples(self, run: RunEntry, query: SamplesQuery, form: SampleFormat, *, packed: bool) -> bytes:
         """Return a stretch of samples."""
-        return self._run(sample_answers.samples, run.path, query, form, packed)
+        return self._run(encode_samples, run.path, query, form, packed)
 
     def summary(self, path: Path) -> RunSummary:
         """Return what the run of a file was."""

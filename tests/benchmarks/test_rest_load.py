@@ -14,7 +14,7 @@ import pytest
 
 from daq.config.loader import load_rig
 from daq.config.rig import Rig
-from daq.reports.summaries import Summaries
+from daq.reports.run_summaries import Summaries
 from daq.service.app import ServiceFeatures, create_app
 from daq.service.results_reader import ResultsReader
 from daq.service.server import ServiceServer

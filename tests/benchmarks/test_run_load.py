@@ -9,7 +9,7 @@ import pytest
 
 from daq.config.loader import load_rig
 from daq.config.rig import Rig
-from daq.reports.summaries import Summaries
+from daq.reports.run_summaries import Summaries
 from daq.service.app import create_app
 from daq.service.server import ServiceServer
 from daq.session.live_update import LiveUpdate

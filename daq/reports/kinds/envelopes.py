@@ -8,22 +8,21 @@ from numpy.typing import NDArray
 
 from analysis.tacho.shaft_angle import ShaftAngle
 from analysis.vectors.vold_kalman import PASSED, SLOW_TURNS, probe_envelopes
-from daq.reports.analysis import Analysis
+from daq.reports.analysis_result import AnalysisResult
 from daq.reports.columns import columns
-from daq.reports.errors import NotToldError, told_or_refused
+from daq.reports.errors import InsufficientDataError, RequestTooLargeError, translated_errors
 from daq.reports.kinds.orbits import orders_of
-from daq.reports.kinds.preparation import MICRO, RPM, in_degrees
+from daq.reports.kinds.prepared_record import MICRO, RPM, in_degrees
 from daq.reports.parameters import EnvelopesQuery, WaveformsQuery
 from daq.reports.plots.layouts import OTHERS, SPEED
 from daq.reports.plots.panel import Curve, Panel, Style
-from daq.reports.run_samples import ALIGNED, RunSamples, Stretch, moved
-from daq.reports.samples import TooMuchError
+from daq.reports.run_samples import ALIGNED, RunSamples, SampleRange, moved
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 BANDWIDTH = 4.0  # Hz, where none is named
-CORE = 8.0  # s of envelopes that one solution gives, at least
+MIN_DURATION = 8.0  # s of envelopes in one solution
 SETTLING = (
     6.0  # over the bandwidth: time at either side of them by which a solution is that of the whole, to 1e-7, s Hz
 )
@@ -76,7 +75,7 @@ class Solution:
     sigma: FloatArray
 
 
-def envelopes(run: RunSamples, query: EnvelopesQuery) -> Analysis:
+def envelopes(run: RunSamples, query: EnvelopesQuery) -> AnalysisResult:
     """Return amplitude and phase of several orders at both probes over time."""
     is_usual = query.bandwidth_hz is None and query.bandwidth_percent is None
     chosen = OrderFilter(
@@ -87,9 +86,9 @@ def envelopes(run: RunSamples, query: EnvelopesQuery) -> Analysis:
     begin, end = (float(angle.time(turn)) for turn in (angle.first, angle.last))
     begin, end = max(begin, stretch.first / run.rate) + INSET, min(end, stretch.stop / run.rate) - INSET
     if not begin < end:
-        raise NotToldError(f"run {run.header.run}: the stretch is shorter than {2.0 * INSET:g} s")
+        raise InsufficientDataError(f"run {run.header.run}: the stretch is shorter than {2.0 * INSET:g} s")
     times = np.linspace(begin, end, query.entries)
-    found = solved(run, stretch, angle, times, chosen)
+    found = solve_orders(run, stretch, angle, times, chosen)
     speeds = angle.speed(angle.turns(times)) * RPM
     sizes, sigma = np.abs(found.envelopes) * MICRO, found.sigma * MICRO
     title = f"{run.header.run} · Vold-Kalman · {times[0]:.1f} to {times[-1]:.1f} s"
@@ -111,7 +110,7 @@ def envelopes(run: RunSamples, query: EnvelopesQuery) -> Analysis:
         by_probe[f"amplitude_peak_{name}_um"] = sizes[probe].ravel()
         by_probe[f"sigma_peak_{name}_um"] = sigma[probe].ravel()
         by_probe[f"lag_{name}_deg"] = in_degrees(found.envelopes[probe]).ravel()
-    return Analysis(
+    return AnalysisResult(
         title=title,
         columns=columns(
             time_s=np.tile(times, len(chosen.orders)),
@@ -124,7 +123,7 @@ def envelopes(run: RunSamples, query: EnvelopesQuery) -> Analysis:
     )
 
 
-def waveforms(run: RunSamples, query: WaveformsQuery) -> Analysis:
+def waveforms(run: RunSamples, query: WaveformsQuery) -> AnalysisResult:
     """Return the waveforms of single orders in the last revolutions before a moment."""
     chosen = OrderFilter(orders_of(query.orders), query.bandwidth_hz, None)
     about, end = run.moment(query.segment, query.time_s, query.speed_rpm, query.revolutions)
@@ -136,16 +135,18 @@ def waveforms(run: RunSamples, query: WaveformsQuery) -> Analysis:
     last = float(angle.turns(np.array([end]))[0])
     turns = np.linspace(last - query.revolutions, last, FINE * query.revolutions + 1)
     if turns[0] < angle.first:
-        raise NotToldError(f"run {run.header.run}: fewer than {query.revolutions} revolutions before {end:.1f} s")
+        raise InsufficientDataError(
+            f"run {run.header.run}: fewer than {query.revolutions} revolutions before {end:.1f} s"
+        )
     times = np.asarray(angle.time(turns), dtype=np.float64)
-    found = solved(run, stretch, angle, times, chosen)
+    found = solve_orders(run, stretch, angle, times, chosen)
     turning = np.exp(2j * np.pi * np.array(chosen.orders)[:, None] * turns)
     waves = (found.envelopes * turning).real * MICRO
     sigma = float(np.median(found.sigma)) * MICRO
     speed = query.revolutions / (times[-1] - times[0]) * 60.0
     title = f"{run.header.run} · order waveforms · {speed:,.0f} r/min at {end:.1f} s"
     caption = f"solved together, band of {chosen.words}; ± {sigma:.2g} µm (median 1 σ); dots: the mark"
-    return Analysis(
+    return AnalysisResult(
         title=title,
         columns=columns(
             time_s=np.tile(times, len(chosen.orders)),
@@ -178,35 +179,40 @@ def _waves(
     return Panel(title, "ms", f"µm at {'xy'[probe]}", (*curves, *dots), shown, y_from_zero=False)
 
 
-def solved(
-    run: RunSamples, stretch: Stretch, angle: ShaftAngle, wanted: FloatArray, chosen: OrderFilter, least: float = CORE
+def solve_orders(
+    run: RunSamples,
+    stretch: SampleRange,
+    angle: ShaftAngle,
+    times: FloatArray,
+    chosen: OrderFilter,
+    min_duration: float = MIN_DURATION,
 ) -> Solution:
-    """Return the envelopes at wanted instants, rising, s in the segment.
+    """Return the envelopes at rising ``times``, s in the segment.
 
-    They are solved for in pieces of ``least`` s, at least, that overlap by the time in which the filter settles.
+    Solved in pieces of at least ``min_duration`` s that overlap by the settling time of the filter.
     """
     room = chosen.settling(_slowest(angle))
-    core = max(least, 2.0 * room)
+    core = max(min_duration, 2.0 * room)
     _require_solvable(run, min(core + 2.0 * room, (stretch.stop - stretch.first) / run.rate), angle, chosen.orders)
-    vectors = np.empty((2, len(chosen.orders), wanted.size), dtype=np.complex128)
+    vectors = np.empty((2, len(chosen.orders), times.size), dtype=np.complex128)
     sigma = np.empty(vectors.shape)
-    number = np.floor((wanted - wanted[0]) / core).astype(np.intp)
+    number = np.floor((times - times[0]) / core).astype(np.intp)
     for one in range(int(number[-1]) + 1):
         here = np.flatnonzero(number == one)
         if not here.size:
             continue
-        before = max(math.floor((wanted[here[0]] - room) * run.rate) - stretch.first, 0)
+        before = max(math.floor((times[here[0]] - room) * run.rate) - stretch.first, 0)
         first = stretch.first + before // ALIGNED * ALIGNED
-        stop = min(math.ceil((wanted[here[-1]] + room) * run.rate), stretch.stop)
-        displacement = run.displacement(Stretch(stretch.segment, first, stop), told="")
-        with told_or_refused(f"run {run.header.run}"):
-            times, found = probe_envelopes(
+        stop = min(math.ceil((times[here[-1]] + room) * run.rate), stretch.stop)
+        displacement = run.displacement(SampleRange(stretch.segment, first, stop), task="")
+        with translated_errors(f"run {run.header.run}"):
+            found_times, found = probe_envelopes(
                 displacement, run.rate, moved(angle, -first / run.rate), chosen.orders,
                 bandwidth=chosen.hertz, bandwidth_percent=chosen.percent,
             )  # fmt: skip
         for probe, pair in enumerate(found):
-            vectors[probe][:, here] = _between(wanted[here], times + first / run.rate, pair.envelopes)
-            sigma[probe][:, here] = _between(wanted[here], times + first / run.rate, pair.sigma).real
+            vectors[probe][:, here] = _between(times[here], found_times + first / run.rate, pair.envelopes)
+            sigma[probe][:, here] = _between(times[here], found_times + first / run.rate, pair.sigma).real
         run.tell("solving for the orders", float((one + 1) / (number[-1] + 1)))
     return Solution(vectors, sigma)
 
@@ -222,13 +228,13 @@ def _slowest(angle: ShaftAngle) -> float:
 
 
 def _require_solvable(run: RunSamples, duration: float, angle: ShaftAngle, orders: tuple[float, ...]) -> None:
-    """Raise TooMuchError where more would be solved for together than memory bears, in s of samples."""
+    """Raise RequestTooLargeError where more would be solved for together than memory bears, in s of samples."""
     fastest = float(angle.speed(np.linspace(angle.first, angle.last, 1_000)).max()) / (2.0 * math.pi)
     level = max(math.floor(math.log2(PASSED * run.rate / (max(orders) * fastest))), 0)
     unknowns = len(orders) ** 2 * duration * run.rate / 2**level
     if unknowns > MOST_UNKNOWNS:
         longest = MOST_UNKNOWNS / unknowns * duration
-        raise TooMuchError(
+        raise RequestTooLargeError(
             f"{len(orders)} orders so narrow are solved for {duration:,.0f} s at a time, expected at most "
             f"{longest:,.0f} s: ask for a shorter stretch, fewer orders or a wider band"
         )

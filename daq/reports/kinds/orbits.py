@@ -6,10 +6,10 @@ import numpy as np
 
 from analysis.shaft.orbit import FilteredOrbit, direct_orbit, filtered_orbit, orbit_without
 from analysis.shaft.poincare import Pattern, PoincareSection, poincare_section
-from daq.reports.analysis import Analysis
+from daq.reports.analysis_result import AnalysisResult
 from daq.reports.columns import columns
-from daq.reports.errors import told_or_refused
-from daq.reports.kinds.preparation import MICRO, Taken, taken_before
+from daq.reports.errors import translated_errors
+from daq.reports.kinds.prepared_record import MICRO, PreparedRecord, record_before_frame
 from daq.reports.parameters import OrbitFilter, OrbitQuery, PoincareQuery
 from daq.reports.plots.layouts import orbit
 from daq.reports.plots.panel import Curve, Panel, Style
@@ -30,12 +30,12 @@ def orders_of(text: str) -> tuple[float, ...]:
     return tuple(float(part) for part in text.split(","))
 
 
-def orbit_of(run: RunSamples, query: OrbitQuery) -> Analysis:
+def orbit_of(run: RunSamples, query: OrbitQuery) -> AnalysisResult:
     """Return the orbit of the last revolutions before a moment."""
     orders = orders_of(query.orders)
     used = max(query.revolutions, AVERAGED)
-    taken = taken_before(run, query, used, max(1.0, *orders))
-    with told_or_refused(f"run {run.header.run}"):
+    taken = record_before_frame(run, query, used, max(1.0, *orders))
+    with translated_errors(f"run {run.header.run}"):
         found, what = _orbit(taken, query, orders)
     motion = found.motion * MICRO
     turns, points = motion.shape[1:]
@@ -58,7 +58,7 @@ def orbit_of(run: RunSamples, query: OrbitQuery) -> Analysis:
     extent = f"{turns} turns, X {x:.3g}, Y {y:.3g} µm peak-to-peak"
     caption = "; ".join([*words[:1], extent])
     paths = [(motion[0, turn].tolist(), motion[1, turn].tolist()) for turn in range(turns)]
-    return Analysis(
+    return AnalysisResult(
         title=title,
         columns=columns(
             revolution=np.repeat(np.arange(turns), points),
@@ -73,7 +73,7 @@ def orbit_of(run: RunSamples, query: OrbitQuery) -> Analysis:
     )
 
 
-def _orbit(taken: Taken, query: OrbitQuery, orders: tuple[float, ...]) -> tuple[FilteredOrbit, str]:
+def _orbit(taken: PreparedRecord, query: OrbitQuery, orders: tuple[float, ...]) -> tuple[FilteredOrbit, str]:
     named = " and ".join(f"{order:g}X" for order in orders)
     match query.filter:
         case OrbitFilter.DIRECT:
@@ -96,10 +96,10 @@ def _timebase(found: FilteredOrbit, begin: float) -> Panel:
     return Panel("time base, with the mark", "ms", "µm", (*curves, *marks), y_from_zero=False)
 
 
-def poincare(run: RunSamples, query: PoincareQuery) -> Analysis:
+def poincare(run: RunSamples, query: PoincareQuery) -> AnalysisResult:
     """Return where the shaft was when the mark passed, in the last revolutions before a moment."""
-    taken = taken_before(run, query, query.revolutions)
-    with told_or_refused(f"run {run.header.run}"):
+    taken = record_before_frame(run, query, query.revolutions)
+    with translated_errors(f"run {run.header.run}"):
         found = poincare_section(taken.record)
     points = found.points * MICRO
     title = f"{run.header.run} · Poincaré points{taken.words} · {taken.place}"
@@ -107,7 +107,7 @@ def poincare(run: RunSamples, query: PoincareQuery) -> Analysis:
     scatter = found.scatter * MICRO
     caption = f"{query.revolutions} turns: {told}; scatter {scatter:.3g} µm RMS"
     dots = Curve("", points[0].tolist(), points[1].tolist(), Style.DOTS)
-    return Analysis(
+    return AnalysisResult(
         title=title,
         columns=columns(
             revolution=np.arange(points.shape[1]),

@@ -3,20 +3,19 @@
 import numpy as np
 
 from analysis.shaft.overall import Overall, overall
-from daq.reports.analysis import Analysis
+from daq.reports.analysis_result import AnalysisResult
 from daq.reports.columns import columns
-from daq.reports.errors import NotToldError, told_or_refused
-from daq.reports.kinds.preparation import MICRO, RPM
+from daq.reports.errors import InsufficientDataError, RequestTooLargeError, translated_errors
+from daq.reports.kinds.prepared_record import MICRO, RPM
 from daq.reports.parameters import OverallQuery
 from daq.reports.plots.layouts import SPEED
 from daq.reports.plots.panel import Curve, Panel, Style
-from daq.reports.run_samples import RunSamples, Stretch
-from daq.reports.samples import TooMuchError
+from daq.reports.run_samples import RunSamples, SampleRange
 
 MOST_INTERVALS = 100_000
 
 
-def overall_of(run: RunSamples, query: OverallQuery) -> Analysis:
+def overall_of(run: RunSamples, query: OverallQuery) -> AnalysisResult:
     """Return the peak-to-peak of each interval, all orders together, and the speed then."""
     stretch, limits = run.stretch(query.segment, query.from_s, query.duration_s), run.header.limits
     parts = list(_parts(run, stretch, query.interval_s))
@@ -28,7 +27,7 @@ def overall_of(run: RunSamples, query: OverallQuery) -> Analysis:
         angle = run.angle(stretch)[1]
         half = 0.5 * query.interval_s
         speeds = 2.0 * np.pi * (angle.turns(times + half) - angle.turns(times - half)) / query.interval_s * RPM
-    except NotToldError as error:
+    except InsufficientDataError as error:
         remarks = (f"speeds are not known: {error}",)
     larger = sizes.max(axis=0)
     severity = np.array([limits.severity(value).value for value in larger.tolist()])
@@ -49,7 +48,7 @@ def overall_of(run: RunSamples, query: OverallQuery) -> Analysis:
     ]
     curves = (Curve("x", times.tolist(), x.tolist()), Curve("y", times.tolist(), y.tolist()), *limit_lines)
     rpm = [None if np.isnan(value) else value for value in speeds.tolist()]
-    return Analysis(
+    return AnalysisResult(
         title=title,
         columns=columns(
             time_s=times, speed_rpm=speeds, peak_to_peak_x_um=x, peak_to_peak_y_um=y,
@@ -66,22 +65,22 @@ def overall_of(run: RunSamples, query: OverallQuery) -> Analysis:
     )  # fmt: skip
 
 
-def _parts(run: RunSamples, stretch: Stretch, interval: float) -> list[tuple[Overall, float]]:
+def _parts(run: RunSamples, stretch: SampleRange, interval: float) -> list[tuple[Overall, float]]:
     """Return the levels of successive parts of whole intervals, each with its begin, s in the segment."""
     size = max(round(interval * run.rate), 2)
     count = (stretch.stop - stretch.first) // size
     if count > MOST_INTERVALS:
-        raise TooMuchError(f"{count:,} intervals, expected at most {MOST_INTERVALS:,}: ask for longer ones")
+        raise RequestTooLargeError(f"{count:,} intervals, expected at most {MOST_INTERVALS:,}: ask for longer ones")
     if count == 0:
-        raise NotToldError(f"run {run.header.run}: the stretch is shorter than {interval:g} s")
+        raise InsufficientDataError(f"run {run.header.run}: the stretch is shorter than {interval:g} s")
     together = max(run.piece // size, 1)
     found = []
     for low in range(0, count, together):
         first = stretch.first + low * size
-        piece = Stretch(stretch.segment, first, stretch.first + min(low + together, count) * size)
-        with told_or_refused(f"run {run.header.run}"):
+        piece = SampleRange(stretch.segment, first, stretch.first + min(low + together, count) * size)
+        with translated_errors(f"run {run.header.run}"):
             part = overall(
-                run.displacement(piece, told=""), run.rate, run.header.limits.clearance, interval=size / run.rate
+                run.displacement(piece, task=""), run.rate, run.header.limits.clearance, interval=size / run.rate
             )
         found.append((part, first / run.rate))
         run.tell("reading samples", min(low + together, count) / count)

@@ -4,10 +4,10 @@ import numpy as np
 
 from analysis.shaft.centreline import centreline
 from analysis.shaft.poincare import bifurcation
-from daq.reports.analysis import Analysis
+from daq.reports.analysis_result import AnalysisResult
 from daq.reports.columns import columns
-from daq.reports.errors import told_or_refused
-from daq.reports.kinds.preparation import MICRO, RPM, Taken, taken_over
+from daq.reports.errors import translated_errors
+from daq.reports.kinds.prepared_record import MICRO, RPM, PreparedRecord, record_over_interval
 from daq.reports.parameters import BifurcationQuery, CentrelineQuery
 from daq.reports.plots.panel import Curve, Panel, Style
 from daq.reports.run_samples import RunSamples
@@ -17,11 +17,11 @@ OUTSIDE = 0.05  # of the clearance, by which the reference may be wrong
 NOTES_APART = 0.12  # of the clearance: from one speed to the next that is written at a centreline
 
 
-def bifurcation_of(run: RunSamples, query: BifurcationQuery) -> Analysis:
+def bifurcation_of(run: RunSamples, query: BifurcationQuery) -> AnalysisResult:
     """Return the position at the mark of every revolution over speed."""
-    taken = taken_over(run, query, 1.0)
+    taken = record_over_interval(run, query, 1.0)
     run.tell("computing")
-    with told_or_refused(f"run {run.header.run}"):
+    with translated_errors(f"run {run.header.run}"):
         speeds, positions = bifurcation(taken.record, averaged=query.averaging_revolutions)
     speeds, positions = speeds * RPM, positions * MICRO
     step = -(-speeds.size // MOST_DOTS)
@@ -37,7 +37,7 @@ def bifurcation_of(run: RunSamples, query: BifurcationQuery) -> Analysis:
         )
         for row, name in enumerate(("X", "Y"))
     )  # fmt: skip
-    return Analysis(
+    return AnalysisResult(
         title=title,
         columns=columns(time_s=taken.record.times[:-1], speed_rpm=speeds, X_um=positions[0], Y_um=positions[1]),
         panels=panels,
@@ -46,13 +46,13 @@ def bifurcation_of(run: RunSamples, query: BifurcationQuery) -> Analysis:
     )
 
 
-def centreline_of(run: RunSamples, query: CentrelineQuery) -> Analysis:
+def centreline_of(run: RunSamples, query: CentrelineQuery) -> AnalysisResult:
     """Return the mean position of the shaft in its clearance over time."""
-    taken = taken_over(run, query, 1.0)
+    taken = record_over_interval(run, query, 1.0)
     clearance = run.header.limits.clearance
     parked, reference = _parked(taken, query)
     run.tell("computing")
-    with told_or_refused(f"run {run.header.run}"):
+    with translated_errors(f"run {run.header.run}"):
         found = centreline(taken.record, parked, clearance, revolutions=query.revolutions)
     x, y = found.positions * MICRO
     sigma, speeds = found.sigma * MICRO, found.speeds * RPM
@@ -72,7 +72,7 @@ def centreline_of(run: RunSamples, query: CentrelineQuery) -> Analysis:
     remarks = (
         () if not outside else (f"{outside} positions lie outside the circle: the reference or the clearance is wrong",)
     )
-    return Analysis(
+    return AnalysisResult(
         title=title,
         columns=columns(
             time_s=found.times, speed_rpm=speeds, X_um=x, Y_um=y, X_sigma_um=sigma[0], Y_sigma_um=sigma[1],
@@ -84,7 +84,7 @@ def centreline_of(run: RunSamples, query: CentrelineQuery) -> Analysis:
     )  # fmt: skip
 
 
-def _parked(taken: Taken, query: CentrelineQuery) -> tuple[np.ndarray, str]:
+def _parked(taken: PreparedRecord, query: CentrelineQuery) -> tuple[np.ndarray, str]:
     """Return the displacement at the probes while the shaft lay at the bottom, m, and where it is from."""
     if query.rest_x_um is not None and query.rest_y_um is not None:
         given = np.array([query.rest_x_um, query.rest_y_um]) / MICRO

@@ -4,10 +4,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.resampling.synchronous_average import synchronous_average
-from daq.reports.analysis import Analysis
+from daq.reports.analysis_result import AnalysisResult
 from daq.reports.columns import columns
-from daq.reports.errors import told_or_refused
-from daq.reports.kinds.preparation import MICRO, RPM, taken_before
+from daq.reports.errors import translated_errors
+from daq.reports.kinds.prepared_record import MICRO, RPM, record_before_frame
 from daq.reports.parameters import AverageQuery, SlowRollQuery
 from daq.reports.plots.panel import Curve, Panel
 from daq.reports.run_samples import POINTS, RunSamples
@@ -17,10 +17,10 @@ FloatArray = NDArray[np.float64]
 ANGLE = "shaft angle after the mark, degrees"
 
 
-def synchronous(run: RunSamples, query: AverageQuery) -> Analysis:
+def synchronous(run: RunSamples, query: AverageQuery) -> AnalysisResult:
     """Return the mean revolution before a moment, and the residual: what is left of each without it."""
-    taken = taken_before(run, query, query.revolutions)
-    with told_or_refused(f"run {run.header.run}"):
+    taken = record_before_frame(run, query, query.revolutions)
+    with translated_errors(f"run {run.header.run}"):
         found = synchronous_average(taken.record)
     mean = (found.waveform - found.waveform.mean(axis=1, keepdims=True)) * MICRO
     rest = (taken.record.waveform - found.waveform[:, None]) * MICRO
@@ -29,7 +29,7 @@ def synchronous(run: RunSamples, query: AverageQuery) -> Analysis:
     degrees = np.arange(mean.shape[1]) * 360.0 / mean.shape[1]
     title = f"{run.header.run} · average revolution{taken.words} · {taken.place}"
     caption = f"mean of {found.revolutions} turns; ± {sigma[0]:.2g} µm at x, ± {sigma[1]:.2g} µm at y (1 σ)"
-    return Analysis(
+    return AnalysisResult(
         title=title,
         columns=columns(
             angle_deg=degrees,
@@ -47,7 +47,7 @@ def synchronous(run: RunSamples, query: AverageQuery) -> Analysis:
     )
 
 
-def slow_roll_of(run: RunSamples, query: SlowRollQuery) -> Analysis:
+def slow_roll_of(run: RunSamples, query: SlowRollQuery) -> AnalysisResult:
     """Return the run-out that the run's own slow turning tells."""
     found = run.slow_roll(query.segment, query.slow_roll_rpm, POINTS)
     waveform, sigma = found.waveform * MICRO, found.sigma * MICRO
@@ -57,7 +57,7 @@ def slow_roll_of(run: RunSamples, query: SlowRollQuery) -> Analysis:
     size = f"x {x:.3g} ± {sigma[0]:.2g}, y {y:.3g} ± {sigma[1]:.2g} µm peak-to-peak"
     verdict = "" if found.wandering <= 0.2 else "; THE SHAFT MOVED: 1X wandered"
     one = found.vectors(1)
-    return Analysis(
+    return AnalysisResult(
         title=title,
         columns=columns(angle_deg=degrees, runout_x_um=waveform[0], runout_y_um=waveform[1]),
         panels=(_over_angle(title, "µm", degrees, waveform, f"{found.revolutions} turns; {size}{verdict}"),),

@@ -7,10 +7,10 @@ from analysis.signals.uncertainty import phase_sigma, sigma_of_floor
 from analysis.spectra.frequency_spectrum import frequency_spectrum
 from analysis.spectra.full_spectrum import full_spectrum, probe_mismatch
 from analysis.spectra.order_map import Scaling, order_map
-from daq.reports.analysis import Analysis
+from daq.reports.analysis_result import AnalysisResult
 from daq.reports.columns import columns
-from daq.reports.errors import told_or_refused
-from daq.reports.kinds.preparation import MICRO, in_degrees, taken_before
+from daq.reports.errors import translated_errors
+from daq.reports.kinds.prepared_record import MICRO, in_degrees, record_before_frame
 from daq.reports.parameters import FrequencySpectrumQuery, FullSpectrumQuery, OrderSpectrumQuery
 from daq.reports.plots.layouts import BOTH_WAYS, spectrum
 from daq.reports.run_samples import RunSamples
@@ -25,10 +25,10 @@ UNITS = {
 }
 
 
-def order_spectrum(run: RunSamples, query: OrderSpectrumQuery) -> Analysis:
+def order_spectrum(run: RunSamples, query: OrderSpectrumQuery) -> AnalysisResult:
     """Return the order spectrum of the last revolutions before a moment."""
-    taken = taken_before(run, query, query.revolutions, query.highest_order)
-    with told_or_refused(f"run {run.header.run}"):
+    taken = record_before_frame(run, query, query.revolutions, query.highest_order)
+    with translated_errors(f"run {run.header.run}"):
         found = order_map(
             taken.record, revolutions=query.revolutions, overlap=0.0, highest_order=query.highest_order,
             window=query.window,
@@ -53,20 +53,20 @@ def order_spectrum(run: RunSamples, query: OrderSpectrumQuery) -> Analysis:
     title = f"{run.header.run} · order spectrum{taken.words} · {taken.place}"
     caption = f"{query.window.value} window over {query.revolutions} revolutions; ± {scaled:.3g} µm (1 σ of the floor)"
     rows = list(zip("xy", size.tolist(), strict=True))
-    return Analysis(
+    return AnalysisResult(
         title=title,
         columns=columns(**table),
         panels=tuple(spectrum(title, "order", UNITS[query.scaling], found.orders.tolist(), rows, caption)),
         figures={f"sigma_{name}_um": scaled, "noise_peak_um": float(found.noise[0]) * MICRO, **taken.figures},
         remarks=taken.remarks,
-        telling=peaks(size.max(axis=0)),
+        representative_rows=peaks(size.max(axis=0)),
     )
 
 
-def full_spectrum_of(run: RunSamples, query: FullSpectrumQuery) -> Analysis:
+def full_spectrum_of(run: RunSamples, query: FullSpectrumQuery) -> AnalysisResult:
     """Return the circles with and against the rotation in the last revolutions before a moment."""
-    taken = taken_before(run, query, query.revolutions, query.highest_order)
-    with told_or_refused(f"run {run.header.run}"):
+    taken = record_before_frame(run, query, query.revolutions, query.highest_order)
+    with translated_errors(f"run {run.header.run}"):
         lines = order_map(taken.record, revolutions=query.revolutions, overlap=0.0, highest_order=query.highest_order)
     mismatch = probe_mismatch(lines)
     found = full_spectrum(lines.orders, lines.spectrum[:, 0], lines.pair, mismatch)
@@ -80,7 +80,7 @@ def full_spectrum_of(run: RunSamples, query: FullSpectrumQuery) -> Analysis:
         figures["probe_gain_mismatch"] = mismatch.gain
     title = f"{run.header.run} · full spectrum{taken.words} · {taken.place}"
     caption = f"hann window over {query.revolutions} revolutions; ± {sigma:.3g} µm (1 σ of the floor)"
-    return Analysis(
+    return AnalysisResult(
         title=title,
         columns=columns(order=found.axis, amplitude_peak_um=size, uncertain=uncertain),
         panels=tuple(
@@ -88,16 +88,16 @@ def full_spectrum_of(run: RunSamples, query: FullSpectrumQuery) -> Analysis:
         ),
         figures=figures,
         remarks=taken.remarks,
-        telling=peaks(size),
+        representative_rows=peaks(size),
     )
 
 
-def frequency_spectrum_of(run: RunSamples, query: FrequencySpectrumQuery) -> Analysis:
+def frequency_spectrum_of(run: RunSamples, query: FrequencySpectrumQuery) -> AnalysisResult:
     """Return the frequency spectrum of a stretch of time, averaged."""
     stretch = run.stretch(query.segment, query.from_s, query.duration_s)
     displacement = run.displacement(stretch)
     run.tell("computing")
-    with told_or_refused(f"run {run.header.run}"):
+    with translated_errors(f"run {run.header.run}"):
         found = frequency_spectrum(displacement, run.rate, resolution=query.resolution_hz)
     kept = found.frequencies <= query.highest_hz
     frequencies, (x, y) = found.frequencies[kept], found.amplitudes[:, kept] * MICRO
@@ -108,7 +108,7 @@ def frequency_spectrum_of(run: RunSamples, query: FrequencySpectrumQuery) -> Ana
         f"noise ± {100 * found.relative_sigma:.0f} % (1 σ)"
     )
     rows = [("x", x.tolist()), ("y", y.tolist())]
-    return Analysis(
+    return AnalysisResult(
         title=title,
         columns=columns(frequency_hz=frequencies, amplitude_peak_x_um=x, amplitude_peak_y_um=y),
         panels=tuple(spectrum(title, "Hz", UNITS[Scaling.PEAK], frequencies.tolist(), rows, caption)),
@@ -117,7 +117,7 @@ def frequency_spectrum_of(run: RunSamples, query: FrequencySpectrumQuery) -> Ana
             "frames": float(found.frames),
             "relative_sigma": found.relative_sigma,
         },
-        telling=peaks(np.maximum(x, y)),
+        representative_rows=peaks(np.maximum(x, y)),
     )
 
 

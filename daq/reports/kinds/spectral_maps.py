@@ -9,15 +9,14 @@ from analysis.signals.uncertainty import sigma_of_floor
 from analysis.spectra.frequency_map import frequency_map
 from analysis.spectra.full_spectrum import full_spectrum, probe_mismatch
 from analysis.spectra.order_map import order_map
-from daq.reports.analysis import Analysis
+from daq.reports.analysis_result import AnalysisResult
 from daq.reports.columns import columns
-from daq.reports.errors import NotToldError, told_or_refused
-from daq.reports.kinds.preparation import MICRO, RPM, taken_over
+from daq.reports.errors import InsufficientDataError, RequestTooLargeError, translated_errors
+from daq.reports.kinds.prepared_record import MICRO, RPM, record_over_interval
 from daq.reports.parameters import CascadeQuery, MapLines, MapQuery, WaterfallQuery
 from daq.reports.plots.layouts import BOTH_WAYS, stacked
 from daq.reports.plots.panel import Curve, Style
 from daq.reports.run_samples import RunSamples
-from daq.reports.samples import TooMuchError
 
 FloatArray = NDArray[np.float64]
 
@@ -52,18 +51,18 @@ class _Spectra:
     remarks: tuple[str, ...]
 
 
-def cascade(run: RunSamples, query: CascadeQuery) -> Analysis:
+def cascade(run: RunSamples, query: CascadeQuery) -> AnalysisResult:
     """Return the largest lines of each bin of speed."""
     found = _spectra(run, query)
     number = np.round(found.speeds / query.width_rpm)
     if not np.isfinite(number).any():
-        raise NotToldError(f"run {run.header.run}: the speed is not known anywhere in the stretch")
+        raise InsufficientDataError(f"run {run.header.run}: the speed is not known anywhere in the stretch")
     feet, sizes = _largest(found, number)
     guides = _guides(query.lines, feet * query.width_rpm, float(found.axis[-1]))
     return _shown(run, query, found, "cascade", feet * query.width_rpm, sizes, "r/min", guides)
 
 
-def waterfall(run: RunSamples, query: WaterfallQuery) -> Analysis:
+def waterfall(run: RunSamples, query: WaterfallQuery) -> AnalysisResult:
     """Return the largest lines of each bin of time."""
     found = _spectra(run, query)
     width = max((found.times[-1] - found.times[0]) / query.rows, 1e-9)
@@ -76,9 +75,9 @@ def waterfall(run: RunSamples, query: WaterfallQuery) -> Analysis:
 def _spectra(run: RunSamples, query: MapQuery) -> _Spectra:
     if query.lines is MapLines.FREQUENCIES:
         return _of_frequencies(run, query)
-    taken = taken_over(run, query, query.highest_order)
+    taken = record_over_interval(run, query, query.highest_order)
     run.tell("computing")
-    with told_or_refused(f"run {run.header.run}"):
+    with translated_errors(f"run {run.header.run}"):
         lines = order_map(taken.record, revolutions=query.revolutions, highest_order=query.highest_order)
     sigma = sigma_of_floor(lines.noise) * MICRO
     axis, sizes = lines.orders, lines.amplitudes().max(axis=0)
@@ -95,12 +94,12 @@ def _of_frequencies(run: RunSamples, query: MapQuery) -> _Spectra:
     remarks: tuple[str, ...] = ()
     try:
         angle = run.angle(stretch)[1]
-    except NotToldError as error:
+    except InsufficientDataError as error:
         angle, remarks = None, (f"speeds are not known: {error}",)
     displacement = run.displacement(stretch)
     run.tell("computing")
     begin = stretch.first / run.rate
-    with told_or_refused(f"run {run.header.run}"):
+    with translated_errors(f"run {run.header.run}"):
         found = frequency_map(displacement, run.rate, None, resolution=query.resolution_hz, highest=query.highest_hz)
     length = 1.0 / query.resolution_hz
     times = found.times + begin
@@ -119,7 +118,7 @@ def _largest(found: _Spectra, number: FloatArray) -> tuple[FloatArray, FloatArra
     """Return the bins that hold spectra, and of each the largest lines."""
     bins = np.unique(number[np.isfinite(number)])
     if bins.size > MOST_ROWS:
-        raise TooMuchError(f"{bins.size} spectra, expected at most {MOST_ROWS}: ask for wider bins")
+        raise RequestTooLargeError(f"{bins.size} spectra, expected at most {MOST_ROWS}: ask for wider bins")
     return bins, np.stack([found.sizes[number == one].max(axis=0) for one in bins])
 
 
@@ -139,7 +138,7 @@ def _guides(lines: MapLines, speeds: FloatArray, highest: float) -> tuple[Curve,
 def _shown(
     run: RunSamples, query: MapQuery, found: _Spectra, name: str, feet: FloatArray, sizes: FloatArray, unit: str,
     guides: tuple[Curve, ...],
-) -> Analysis:  # fmt: skip
+) -> AnalysisResult:  # fmt: skip
     is_order = query.lines is not MapLines.FREQUENCIES
     across = {MapLines.ORDERS: "order", MapLines.FULL: BOTH_WAYS, MapLines.FREQUENCIES: "Hz"}[query.lines]
     title = f"{run.header.run} · {found.words.format(name)}"
@@ -151,11 +150,11 @@ def _shown(
     }
     panel = stacked(title, across, unit, found.axis.tolist(), feet.tolist(), sizes.tolist(), found.caption, guides)
     picked = np.unique(np.linspace(0, rows - 1, min(24, rows)).round().astype(np.intp))
-    return Analysis(
+    return AnalysisResult(
         title=title,
         columns=columns(**table),
         panels=(panel,),
         figures={"sigma_peak_um": float(np.median(found.sigma)), "frames": float(found.times.size)},
         remarks=found.remarks,
-        telling=picked * lines + sizes[picked].argmax(axis=1),
+        representative_rows=picked * lines + sizes[picked].argmax(axis=1),
     )

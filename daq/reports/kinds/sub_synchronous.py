@@ -6,10 +6,10 @@ import numpy as np
 
 from analysis.spectra.order_map import order_map
 from analysis.whirl.tracks import SubsynchronousTrack, subsynchronous_tracks
-from daq.reports.analysis import Analysis
+from daq.reports.analysis_result import AnalysisResult
 from daq.reports.columns import columns
-from daq.reports.errors import told_or_refused
-from daq.reports.kinds.preparation import MICRO, RPM, taken_over
+from daq.reports.errors import translated_errors
+from daq.reports.kinds.prepared_record import MICRO, RPM, record_over_interval
 from daq.reports.parameters import SubSynchronousQuery
 from daq.reports.plots.layouts import OTHERS
 from daq.reports.plots.panel import Curve, Panel, Style
@@ -19,20 +19,20 @@ GUIDES = (0.5, 1.0)  # orders that are drawn beside
 HIGHEST = 2.0  # order that the search needs
 
 
-def sub_synchronous(run: RunSamples, query: SubSynchronousQuery) -> Analysis:
+def sub_synchronous(run: RunSamples, query: SubSynchronousQuery) -> AnalysisResult:
     """Return the components below 1X, in the order in which they began."""
-    taken = taken_over(run, query, HIGHEST)
+    taken = record_over_interval(run, query, HIGHEST)
     run.tell("computing")
-    with told_or_refused(f"run {run.header.run}"):
+    with translated_errors(f"run {run.header.run}"):
         tracks = subsynchronous_tracks(order_map(taken.record, revolutions=query.revolutions, highest_order=HIGHEST))
     title = f"{run.header.run} · components below 1X{taken.words} · {taken.place}"
-    return Analysis(
+    return AnalysisResult(
         title=title,
         columns=columns(**_table(tracks)),
         panels=_panels(title, tracks, float(taken.record.speeds.min()) * RPM, float(taken.record.speeds.max()) * RPM),
         figures=taken.figures,
         remarks=taken.remarks if tracks else ("none stood out", *taken.remarks),
-        telling=np.arange(len(tracks)),
+        representative_rows=np.arange(len(tracks)),
     )
 
 

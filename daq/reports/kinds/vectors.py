@@ -7,10 +7,10 @@ import numpy as np
 from analysis.signals.ramp import RampDirection
 from analysis.vectors.order_track import track_order
 from analysis.vectors.speed_curve import Resonance, SpeedCurve, speed_curves
-from daq.reports.analysis import Analysis
+from daq.reports.analysis_result import AnalysisResult
 from daq.reports.columns import columns
-from daq.reports.errors import told_or_refused
-from daq.reports.kinds.preparation import MICRO, RPM, in_degrees, taken_over
+from daq.reports.errors import translated_errors
+from daq.reports.kinds.prepared_record import MICRO, RPM, in_degrees, record_over_interval
 from daq.reports.parameters import VectorsQuery
 from daq.reports.plots.layouts import Course, bode, polar
 from daq.reports.plots.panel import Panel, Values
@@ -22,12 +22,12 @@ CLEAR, MOST_PEAKS = 20.0, 3  # standard deviations that a peak must have; and ho
 ARROWS = {RampDirection.RUN_UP: "▲", RampDirection.RUN_DOWN: "▼"}
 
 
-def bode_of(run: RunSamples, query: VectorsQuery) -> Analysis:
+def bode_of(run: RunSamples, query: VectorsQuery) -> AnalysisResult:
     """Return an order over speed, drawn as phase lag and amplitude."""
     return _vectors(run, query, lambda title, what, courses, caption: bode(title, what, PEAK, courses, caption))
 
 
-def polar_of(run: RunSamples, query: VectorsQuery) -> Analysis:
+def polar_of(run: RunSamples, query: VectorsQuery) -> AnalysisResult:
     """Return an order over speed, drawn in the plane; a lag of 0 lies where the probe sits."""
     zeros = run.directions
     return _vectors(run, query, lambda title, what, courses, caption: polar(title, what, PEAK, courses, zeros, caption))
@@ -35,10 +35,10 @@ def polar_of(run: RunSamples, query: VectorsQuery) -> Analysis:
 
 def _vectors(
     run: RunSamples, query: VectorsQuery, drawn: Callable[[str, str, list[Course], str], list[Panel]]
-) -> Analysis:
-    taken = taken_over(run, query, query.order)
+) -> AnalysisResult:
+    taken = record_over_interval(run, query, query.order)
     run.tell("computing")
-    with told_or_refused(f"run {run.header.run}"):
+    with translated_errors(f"run {run.header.run}"):
         track = track_order(taken.record, query.order, revolutions=query.revolutions)
     curves = speed_curves(track, query.width_rpm / RPM)
     what = f"{query.order:g}X{taken.words}"
@@ -56,7 +56,7 @@ def _vectors(
             "largest_peak_um": largest[2].amplitude * MICRO,
             "amplification_factor": largest[2].amplification,
         }
-    return Analysis(
+    return AnalysisResult(
         title=f"{title} · {what}",
         columns=columns(
             ramp_direction=np.concatenate([np.full(curve.speeds.size, curve.direction.value) for curve in curves]),

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from importlib import import_module
 from typing import Any
 
+from daq.reports.errors import PngUnavailableError
 from daq.reports.plots.panel import Panel, Style, label, ticks
 from daq.reports.plots.svg import (
     FRAME,
@@ -27,13 +28,9 @@ NEAR_EDGE = 0.88  # of an axis, from where words are written to the left
 SCALE = 1.5  # points of the picture to one of the drawing
 
 
-class NoPngError(ValueError):
-    """PNG needs a package that is not installed here."""
-
-
-def picture(panels: Sequence[Panel]) -> bytes:
-    """Return panels one below the other as PNG; NoPngError where matplotlib is missing."""
-    require_png()
+def render_png(panels: Sequence[Panel]) -> bytes:
+    """Return panels one below the other as PNG; PngUnavailableError where matplotlib is missing."""
+    require_matplotlib()
     figure_module: Any = import_module("matplotlib.figure")  # optional
     heights = [height_of(panel) for panel in panels]
     size = (SCALE * WIDTH / DOTS, SCALE * sum(heights) / DOTS)
@@ -46,12 +43,12 @@ def picture(panels: Sequence[Panel]) -> bytes:
     return file.getvalue()
 
 
-def require_png() -> None:
-    """Raise NoPngError where matplotlib is missing."""
+def require_matplotlib() -> None:
+    """Raise PngUnavailableError where matplotlib is missing."""
     try:
         import_module("matplotlib.figure")
     except ImportError as error:
-        raise NoPngError("PNG needs matplotlib, which is not installed here; SVG does not") from error
+        raise PngUnavailableError("PNG needs matplotlib, which is not installed here; SVG does not") from error
 
 
 def _draw(axes: Any, panel: Panel) -> None:

@@ -10,7 +10,7 @@ from daq.schemas.units import Schema
 PEAK = "µm zero-to-peak"
 
 
-def panels_of(document: Schema, what: str, directions: tuple[float, float]) -> list[Panel]:
+def result_panels(document: Schema, what: str, directions: tuple[float, float]) -> list[Panel]:
     """Return a document as panels of a drawing; ValueError where it is none that can be drawn.
 
     Parameters

@@ -26,7 +26,7 @@ STYLE = (
 )
 
 
-def drawing(panels: Sequence[Panel]) -> str:
+def render_svg(panels: Sequence[Panel]) -> str:
     """Return panels one below the other as an SVG document."""
     bodies, height = [], 0
     for panel in panels:

@@ -14,10 +14,10 @@ from typing import Any
 from analysis.signals.header import Calibration, RunHeader
 from daq.config.loader import read_recorded_config
 from daq.config.rotor import model_parameters
-from daq.reports.export import analysis_made, content
-from daq.reports.parameters import AnalysisForm, Asked
-from daq.reports.records import read_records
-from daq.reports.summaries import Summaries, Waiting
+from daq.reports.analysis_export import encode_analysis, run_analysis
+from daq.reports.parameters import AnalysisForm, AnalysisQuery
+from daq.reports.run_history import read_history
+from daq.reports.run_summaries import ProgressCallback, Summaries
 from daq.schemas.live import predicted_vibration_schema
 from daq.schemas.runs import index_report_schema
 from daq.schemas.units import Schema
@@ -73,28 +73,31 @@ BYTES_A_NUMBER = 24  # at most, in any form
 
 def answer(tell: ReportProgress, target: Path, path: Path, what: str, query: object) -> None:
     """Make the document of an address of a run's results."""
-    found = read_records(path, parts_told(tell, "reading"))
+    found = read_history(path, parts_told(tell, "reading"))
     tell(Progress("putting together"))
     _write(target, document_of(path, what, query, found))
 
 
-def analysis(tell: ReportProgress, target: Path, path: Path, kind: str, query: Asked) -> None:
+def analysis(tell: ReportProgress, target: Path, path: Path, kind: str, query: AnalysisQuery) -> None:
     """Analyse a run's samples as a whole, in the form that the target's suffix tells."""
-    run, made = analysis_made(path, kind, query, _waiting(tell))
+    run, made = run_analysis(path, kind, query, _waiting(tell))
     tell(Progress("writing"))
-    target.write_bytes(content(made, run, kind, AnalysisForm(target.suffix.removeprefix("."))))
+    target.write_bytes(encode_analysis(made, run, kind, AnalysisForm(target.suffix.removeprefix("."))))
 
 
 def summary(tell: ReportProgress, target: Path, place: CatalogueLocation, run: str) -> None:
     """Sum a run up and keep its summary."""
-    _write(target, Summaries(place.catalogue(), CachedPredictionMaps()).patiently(run, _waiting(tell)))
+    _write(target, Summaries(place.catalogue(), CachedPredictionMaps()).summary_with_agreement(run, _waiting(tell)))
 
 
 def analyse(
     tell: ReportProgress, target: Path, place: CatalogueLocation, run: str, calibrations: Mapping[str, Calibration]
 ) -> None:
     """Analyse a run's samples anew."""
-    _write(target, Summaries(place.catalogue(), CachedPredictionMaps()).reevaluated(run, calibrations, _waiting(tell)))
+    _write(
+        target,
+        Summaries(place.catalogue(), CachedPredictionMaps()).recalibrated_summary(run, calibrations, _waiting(tell)),
+    )
 
 
 def predict(tell: ReportProgress, target: Path, header: RunHeader, changes: Mapping[str, float]) -> None:
@@ -162,5 +165,5 @@ def _write(target: Path, document: Schema) -> None:
     target.write_text(document.model_dump_json(), encoding="utf-8")
 
 
-def _waiting(tell: ReportProgress) -> Waiting:
+def _waiting(tell: ReportProgress) -> ProgressCallback:
     return ProgressThrottle(tell).words

@@ -7,7 +7,7 @@ from typing import Annotated, Literal, TypeAlias
 from pydantic import BeforeValidator, Field
 
 from daq.config.calibration import CalibrationRecord
-from daq.reports.parameters import LONGEST
+from daq.reports.parameters import MAX_TIME
 from daq.schemas.live import PredictedVibrationSchema
 from daq.schemas.runs import RunId
 from daq.schemas.study import StudyRequest
@@ -126,10 +126,10 @@ class ExportRequest(Schema):
     segment: Annotated[int, Field(strict=True, ge=0, le=1_000_000)] | None = Field(
         None, description="Which gap-free stretch, where there are several", examples=[0]
     )
-    from_s: Annotated[float, Field(strict=True, ge=0, le=LONGEST)] = Field(
+    from_s: Annotated[float, Field(strict=True, ge=0, le=MAX_TIME)] = Field(
         0.0, description="Time in it, s", examples=[0.0]
     )
-    until_s: Annotated[float, Field(strict=True, gt=0, le=LONGEST)] | None = Field(
+    until_s: Annotated[float, Field(strict=True, gt=0, le=MAX_TIME)] | None = Field(
         None, description="Time in it, s; null: to its end", examples=[0.5]
     )
 

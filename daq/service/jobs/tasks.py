@@ -12,9 +12,9 @@ from daq.config.calibration import to_calibration
 from daq.errors import ConfigError, UsageError
 from daq.reports.parameters import (
     AnalysisForm,
-    Asked,
-    At,
-    Question,
+    AnalysisQuery,
+    FrameQuery,
+    QueryParameters,
     RecordedCascadeQuery,
     RecordedWaterfallQuery,
     TrendQuery,
@@ -39,14 +39,14 @@ from daq.session.offline import corrected_header
 from recordings.catalogue.catalogue import RunEntry
 
 ANALYSES: Final = "analyses/"
-QUESTIONS: Final[Mapping[ResultPath, type[Question]]] = {
+QUESTIONS: Final[Mapping[ResultPath, type[QueryParameters]]] = {
     ResultPath.TREND: TrendQuery,
     ResultPath.CASCADE: RecordedCascadeQuery,
     ResultPath.WATERFALL: RecordedWaterfallQuery,
-    ResultPath.ORDER_SPECTRUM: At,
-    ResultPath.FULL_SPECTRUM: At,
-    ResultPath.ORBIT: At,
-    **{ResultPath(f"{ANALYSES}{name}"): kind.question for name, kind in KINDS.items()},
+    ResultPath.ORDER_SPECTRUM: FrameQuery,
+    ResultPath.FULL_SPECTRUM: FrameQuery,
+    ResultPath.ORBIT: FrameQuery,
+    **{ResultPath(f"{ANALYSES}{name}"): kind.parameters for name, kind in KINDS.items()},
 }
 
 
@@ -70,7 +70,7 @@ def run_task(request: RunJobRequest, entry: RunEntry, place: CatalogueLocation) 
         case ResultRequest(path=ResultPath.SUMMARY):
             _asked(request)
             return task(f"summary of {run}", work=execution.summary, arguments=(place, run), file="summary.json")
-        case ResultRequest(path=result_path) if isinstance(query := _asked(request), Asked):
+        case ResultRequest(path=result_path) if isinstance(query := _asked(request), AnalysisQuery):
             kind, form = result_path.removeprefix(ANALYSES), query.format or AnalysisForm.JSON
             return task(
                 f"{kind} of {run}", work=execution.analysis, arguments=(path, kind, query), file=f"{kind}.{form}"
@@ -99,9 +99,9 @@ def run_task(request: RunJobRequest, entry: RunEntry, place: CatalogueLocation) 
             return task(f"recovery of {run}", work=execution.recovery, arguments=(place, run), file="recovery.json")
 
 
-def _asked(request: ResultRequest) -> Question | None:
+def _asked(request: ResultRequest) -> QueryParameters | None:
     """Return the parameters of an address as its question; RequestValidationError where they are none."""
-    form = QUESTIONS.get(request.path, Question)
+    form = QUESTIONS.get(request.path, QueryParameters)
     try:
         question = form.model_validate(request.parameters)
     except ValidationError as error:

@@ -10,7 +10,14 @@ from fastapi import Query, Request, Response
 
 from daq.reports.analysis_schema import AnalysisSchema
 from daq.reports.columns import QUANTITIES
-from daq.reports.parameters import AnalysisForm, Asked, At, Question, RecordedCascadeQuery, RecordedWaterfallQuery
+from daq.reports.parameters import (
+    AnalysisForm,
+    AnalysisQuery,
+    FrameQuery,
+    QueryParameters,
+    RecordedCascadeQuery,
+    RecordedWaterfallQuery,
+)
 from daq.reports.registry import KINDS, AnalysisKind
 from daq.service.problem_types import READING, ProblemType
 from daq.service.problems import ProblemError
@@ -26,7 +33,7 @@ Endpoint: TypeAlias = Callable[..., Awaitable[Response]]
 class PlotAnswer(Protocol):
     """Who makes the answers about a run."""
 
-    async def __call__(self, request: Request, run: str, what: str, query: Question | None = None) -> Response:
+    async def __call__(self, request: Request, run: str, what: str, query: QueryParameters | None = None) -> Response:
         """Return an answer by its name."""
         ...
 
@@ -58,7 +65,7 @@ def add_plots(routing: Routing, answer: PlotAnswer) -> None:
 
 
 def _of_moment(answer: PlotAnswer, what: str) -> Endpoint:
-    async def draw(request: Request, run: RunId, at: Annotated[At, Query()]) -> Response:
+    async def draw(request: Request, run: RunId, at: Annotated[FrameQuery, Query()]) -> Response:
         """Draw the recorded frame that is nearest, with the same numbers as the address without `plots`."""
         return await answer(request, run, what, at)
 
@@ -110,7 +117,7 @@ FORMS: Final[dict[str, Any]] = {
 class Answer(Protocol):
     """Who makes the answers about a run."""
 
-    async def __call__(self, request: Request, run: str, what: str, query: Asked | None = None) -> Response:
+    async def __call__(self, request: Request, run: str, what: str, query: AnalysisQuery | None = None) -> Response:
         """Return an answer by its name."""
         ...
 
@@ -118,7 +125,7 @@ class Answer(Protocol):
 def add_analyses(routing: Routing, answer: Answer) -> None:
     """Make the addresses known."""
     for name, kind in KINDS.items():
-        endpoint = _endpoint(answer, name, kind.question)
+        endpoint = _endpoint(answer, name, kind.parameters)
         endpoint.__doc__ = _told(kind)
         routing.add(
             f"/runs/{{run}}/analyses/{name}",
@@ -136,8 +143,8 @@ def add_analyses(routing: Routing, answer: Answer) -> None:
         )
 
 
-def _endpoint(answer: Answer, name: str, question: type[Asked]) -> Endpoint:
-    async def analyse(request: Request, run: RunId, query: Annotated[Asked, Query()]) -> Response:
+def _endpoint(answer: Answer, name: str, question: type[AnalysisQuery]) -> Endpoint:
+    async def analyse(request: Request, run: RunId, query: Annotated[AnalysisQuery, Query()]) -> Response:
         form = query.format or best_type(request.headers.get("accept"), FORM_TYPES)
         if form is None:
             raise ProblemError(ProblemType.NOT_ACCEPTABLE, f"expected one of {', '.join(FORM_TYPES)}")
@@ -149,5 +156,5 @@ def _endpoint(answer: Answer, name: str, question: type[Asked]) -> Endpoint:
 
 def _told(kind: AnalysisKind) -> str:
     """Return what the schema says of a kind: its columns with units."""
-    lines = [f"- `{name}`: {QUANTITIES[name].told}" for name in kind.columns]
-    return f"{kind.meaning}, computed from the run's samples. Its columns:\n\n" + "\n".join(lines)
+    lines = [f"- `{name}`: {QUANTITIES[name].text}" for name in kind.columns]
+    return f"{kind.description}, computed from the run's samples. Its columns:\n\n" + "\n".join(lines)

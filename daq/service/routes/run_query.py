@@ -8,7 +8,7 @@ from typing import Annotated, Final
 
 from pydantic import BeforeValidator, Field
 
-from daq.reports.parameters import FASTEST, Question
+from daq.reports.parameters import MAX_SPEED_RPM, QueryParameters
 from recordings.catalogue.catalogue import RunEntry
 from recordings.catalogue.search import Search
 
@@ -50,11 +50,11 @@ def _nanoseconds(moment: datetime | None) -> int | None:
 
 
 Text = Annotated[str, Field(max_length=MAX_TEXT_LENGTH, pattern=r"^[^\x00]*$")]
-Speed = Annotated[float, Field(ge=0, le=FASTEST)]
+Speed = Annotated[float, Field(ge=0, le=MAX_SPEED_RPM)]
 Moment = Annotated[datetime, BeforeValidator(_named)]
 
 
-class RunQuery(Question):
+class RunQuery(QueryParameters):
     """Which runs are asked for; all that is given must hold."""
 
     rig: Annotated[str | None, Field(description="Only runs of the rig of this name", examples=["gj90c"])] = None

@@ -8,14 +8,14 @@ import numpy as np
 from fastapi import Query, Request, Response
 
 from daq.reports.parameters import (
-    Asked,
-    At,
-    Question,
+    AnalysisQuery,
+    FrameQuery,
+    QueryParameters,
     RecordedCascadeQuery,
     RecordedWaterfallQuery,
     SampleFormat,
     SamplesQuery,
-    Speed,
+    SpeedQuery,
     TrendQuery,
 )
 from daq.schemas.results import (
@@ -184,24 +184,24 @@ class RunRoutes:
         """Give the largest amplitude of every cell of time and order, as many as a screen shows."""
         return await self._answer(request, run, "waterfall", query)
 
-    async def order_spectrum(self, request: Request, run: RunId, at: Annotated[At, Query()]) -> Response:
+    async def order_spectrum(self, request: Request, run: RunId, at: Annotated[FrameQuery, Query()]) -> Response:
         """Give amplitude and phase by order at the recorded frame that is nearest."""
         return await self._answer(request, run, "order-spectrum", at)
 
-    async def full_spectrum(self, request: Request, run: RunId, at: Annotated[At, Query()]) -> Response:
+    async def full_spectrum(self, request: Request, run: RunId, at: Annotated[FrameQuery, Query()]) -> Response:
         """Give the circles with and against the rotation by order at the recorded frame that is nearest."""
         return await self._answer(request, run, "full-spectrum", at)
 
-    async def orbit(self, request: Request, run: RunId, at: Annotated[At, Query()]) -> Response:
+    async def orbit(self, request: Request, run: RunId, at: Annotated[FrameQuery, Query()]) -> Response:
         """Give the path of the last whole revolutions of the recorded frame that is nearest."""
         return await self._answer(request, run, "orbit", at)
 
-    async def prediction(self, run: RunId, at: Annotated[Speed, Query()]) -> PredictionSchema:
+    async def prediction(self, run: RunId, at: Annotated[SpeedQuery, Query()]) -> PredictionSchema:
         """Give what the model expects of the run's rig, as its configuration was then."""
         entry = await self._entry(run)
         return await self._result_threads.run(partial(self._results.prediction, entry, at.speed_rpm * RPM))
 
-    async def comparison(self, run: RunId, at: Annotated[Speed, Query()]) -> ComparisonSchema:
+    async def comparison(self, run: RunId, at: Annotated[SpeedQuery, Query()]) -> ComparisonSchema:
         """Give the measured bin of speed that is nearest, within 300 r/min, beside the model at its mean speed."""
         entry = await self._entry(run)
         return await self._result_threads.run(partial(self._results.comparison, entry, at.speed_rpm * RPM))
@@ -237,13 +237,13 @@ class RunRoutes:
         except ValueError as error:
             raise ProblemError(ProblemType.RUN_DAMAGED, str(error)) from error
 
-    async def _answer(self, request: Request, run: str, what: str, query: Question | None = None) -> Response:
+    async def _answer(self, request: Request, run: str, what: str, query: QueryParameters | None = None) -> Response:
         media_type = MEDIA_TYPES.get(what.rpartition(".")[2], "application/json")
         packed = media_type in TEXTS and accepts_gzip(request.headers.get("accept-encoding"))
         entry = await self._entry(run)
         tag = entity_tag(entry, self._version, what, str(packed))
         headers = _headers(tag, packed=packed)
-        if isinstance(query, Asked):
+        if isinstance(query, AnalysisQuery):
             headers["Vary"] = "Accept, Accept-Encoding"
         if is_known(request.headers.get("if-none-match"), tag):
             return Response(status_code=304, headers=headers)

@@ -6,7 +6,7 @@ from typing import Annotated, Final
 
 from fastapi import Path, Query, Request, Response
 
-from daq.reports.parameters import Question
+from daq.reports.parameters import QueryParameters
 from daq.service.problem_types import ProblemType
 from daq.service.problems import ProblemError
 from daq.service.responses import OCTETS
@@ -35,7 +35,7 @@ UploadId = Annotated[
 ]
 
 
-class NameQuery(Question):
+class NameQuery(QueryParameters):
     """What is sent."""
 
     name: Annotated[

@@ -31,9 +31,9 @@ from daq.cli.main import main
 from daq.config.loader import load_rig
 from daq.config.toml_files import to_toml
 from daq.reports.analysis_schema import AnalysisSchema
-from daq.reports.kinds.envelopes import OrderFilter, solved
+from daq.reports.kinds.envelopes import OrderFilter, solve_orders
 from daq.reports.registry import KINDS
-from daq.reports.run_samples import RunSamples, Stretch
+from daq.reports.run_samples import RunSamples, SampleRange
 from recordings.mcap.reader import RunReader
 from tests.daq.conftest import CALIBRATION, TABLES, merged
 from tests.daq.support.recorded_bench import API, RUN, RecordedBench, open_recorded_bench, record_run
@@ -265,7 +265,7 @@ def test_centreline_and_components_below_1x_are_the_librarys(bench: RecordedBenc
 def test_envelopes_are_the_librarys_and_waveforms_their_sum_of_parts(bench: RecordedBench, reader: RunReader) -> None:
     acquisition, codes = whole(reader)
     run = RunSamples(reader, untold)
-    angle = run.angle(Stretch(0, 0, reader.n_samples))[1]
+    angle = run.angle(SampleRange(0, 0, reader.n_samples))[1]
     displacement = probe_displacement(acquisition, codes)
     times, (x, _) = probe_envelopes(displacement, acquisition.rate, angle, (0.45, 1.0), bandwidth=6.0)
     found = given(bench, "envelopes", orders="0.45,1", bandwidth_hz=6, entries=200)
@@ -288,15 +288,15 @@ def test_envelopes_solved_for_in_pieces_are_those_of_all_at_once(reader: RunRead
     run = RunSamples(reader, lambda doing, part: told.append(part) if doing.startswith("solving") else None)
     stretch, chosen = run.stretch(0), OrderFilter((0.45, 1.0), 20.0, None)
     angle, wanted = run.angle(stretch)[1], np.linspace(0.5, 4.5, 300)
-    once = solved(run, stretch, angle, wanted, chosen, least=10.0)
+    once = solve_orders(run, stretch, angle, wanted, chosen, min_duration=10.0)
     assert told == [1.0]
-    pieces = solved(run, stretch, angle, wanted, chosen, least=0.5)
+    pieces = solve_orders(run, stretch, angle, wanted, chosen, min_duration=0.5)
     assert told[1:] == [0.5, 1.0]
     np.testing.assert_allclose(pieces.envelopes, once.envelopes, atol=2e-11)
 
 
 def test_samples_read_in_pieces_give_the_record_of_all_at_once(reader: RunReader) -> None:
-    pieces = RunSamples(reader, untold, piece=7_000).record(Stretch(0, 0, reader.n_samples))
+    pieces = RunSamples(reader, untold, piece=7_000).record(SampleRange(0, 0, reader.n_samples))
     once = record_of_codes(*whole(reader))
     assert pieces.first_turn == once.first_turn
     np.testing.assert_allclose(pieces.times, once.times, atol=1e-12)
@@ -316,7 +316,7 @@ def test_part_of_a_run_is_that_part(bench: RecordedBench) -> None:
 def test_progress_rises_while_samples_are_read(reader: RunReader) -> None:
     told: list[tuple[str, float | None]] = []
     run = RunSamples(reader, lambda doing, part: told.append((doing, part)), piece=10_000)
-    KINDS["bifurcation"].make(run, KINDS["bifurcation"].question())
+    KINDS["bifurcation"].analyse(run, KINDS["bifurcation"].parameters())
     parts = [part for doing, part in told if doing == "reading samples against angle" and part is not None]
     assert len(parts) > 5
     assert parts == sorted(parts)
@@ -449,7 +449,7 @@ def test_help_of_every_kind_names_its_options(kind: str, capsys: pytest.CaptureF
         main(["analyse", kind, "--help"])
     assert ended.value.code == 0
     told = " ".join(capsys.readouterr().out.split())
-    for field in KINDS[kind].question.model_fields:
+    for field in KINDS[kind].parameters.model_fields:
         assert (f"--{field.replace('_', '-')}" in told) == (field != "format")
     assert "404" not in told
     assert "`" not in told

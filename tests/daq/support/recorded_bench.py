@@ -10,7 +10,7 @@ import httpx
 from analysis.signals.header import RunHeader
 from daq.config.rig import Rig
 from daq.drivers.factory import open_source
-from daq.reports.summaries import Summaries
+from daq.reports.run_summaries import Summaries
 from daq.schemas.events import AcknowledgedAlarmsSchema, MarkerSchema, alarm_schema
 from daq.schemas.units import moment
 from daq.service.app import ServiceFeatures, create_app

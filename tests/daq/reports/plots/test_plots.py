@@ -10,8 +10,8 @@ from analysis.signals.ramp import RampDirection
 from analysis.vectors.speed_table import SpeedRow
 from daq.reports.plots.layouts import orbit, spectrum
 from daq.reports.plots.panel import Panel
-from daq.reports.plots.recorded import panels_of
-from daq.reports.plots.svg import drawing
+from daq.reports.plots.recorded import result_panels
+from daq.reports.plots.svg import render_svg
 from daq.schemas.results import OrderVectorsSchema
 from daq.schemas.summary import speed_row_schema
 
@@ -35,13 +35,13 @@ def document(*rows: SpeedRow) -> OrderVectorsSchema:
 
 def test_run_up_and_run_down_are_curves_of_their_own() -> None:
     both = [(way, speed) for way in RampDirection for speed in (1000.0, 2000.0)]
-    lag, size = panels_of(document(*(row(way, speed, None) for way, speed in both)), "bode", PROBES)
+    lag, size = result_panels(document(*(row(way, speed, None) for way, speed in both)), "bode", PROBES)
     assert [curve.name for curve in size.curves] == ["x ▲", "y ▲", "x ▼", "y ▼"]
     assert [curve.name for curve in lag.curves] == ["x ▲", "y ▲", "x ▼", "y ▼"]
     assert all(len(curve.x) == 2 for curve in size.curves)
-    alone = panels_of(document(row(RampDirection.RUN_UP, 1000.0, None)), "bode", PROBES)[0]
+    alone = result_panels(document(row(RampDirection.RUN_UP, 1000.0, None)), "bode", PROBES)[0]
     assert [curve.name for curve in alone.curves] == ["x", "y"]
-    polar = panels_of(document(*(row(way, speed, None) for way, speed in both)), "polar", PROBES)
+    polar = result_panels(document(*(row(way, speed, None) for way, speed in both)), "polar", PROBES)
     assert [[curve.name for curve in panel.curves] for panel in polar] == [["▲", "▼"]] * 2
 
 
@@ -49,7 +49,7 @@ def test_lag_grows_downwards_and_breaks_where_a_turn_is_full() -> None:
     def drawn(*lags: float) -> Panel:
         vectors = [2e-6 * np.exp(-1j * np.radians(lag)) for lag in lags]
         rows = [row(RampDirection.RUN_UP, 1000.0 * k, vector) for k, vector in enumerate(vectors, 1)]
-        return panels_of(document(*rows), "bode", PROBES)[0]
+        return result_panels(document(*rows), "bode", PROBES)[0]
 
     across = drawn(350.0, 10.0)
     assert across.y_is_lag
@@ -62,7 +62,7 @@ def test_lag_grows_downwards_and_breaks_where_a_turn_is_full() -> None:
 
 def test_what_run_out_left_is_drawn_and_called_compensated() -> None:
     rows = [row(RampDirection.RUN_UP, 500.0, None), row(RampDirection.RUN_UP, 2000.0, 4e-6j)]
-    lag, size = panels_of(document(*rows), "bode", PROBES)
+    lag, size = result_panels(document(*rows), "bode", PROBES)
     assert lag.title == "there-and-back"
     assert size.title == "amplitude of 1X compensated"
     at_x, _ = size.curves
@@ -76,7 +76,7 @@ def test_polar_plot_has_no_lag_where_the_probe_sits_and_lags_go_against_the_rota
         row(RampDirection.RUN_UP, 1000.0 * k, 2e-6 * np.exp(-1j * np.radians(lag)))
         for k, lag in enumerate((0.0, 90.0), 1)
     ]
-    at_x, at_y = panels_of(document(*rows), "polar", PROBES)
+    at_x, at_y = result_panels(document(*rows), "polar", PROBES)
     assert (at_x.polar_zero, at_y.polar_zero) == PROBES
     assert list(at_x.curves[0].x) == pytest.approx([2.0, 0.0], abs=1e-6)
     assert list(at_x.curves[0].y) == pytest.approx([0.0, -2.0], abs=1e-6), "90 degrees later is clockwise"
@@ -104,5 +104,5 @@ def test_spectrum_names_its_largest_lines() -> None:
         sizes[int(16 * order)] = size
     (panel,) = spectrum("title", "order", "µm", orders, [("", sizes)])
     assert [words for words, _, _ in panel.notes] == ["1X 20", "0.5X 12"], "what is below a hundredth is not"
-    svg = ET.fromstring(drawing([panel]))  # noqa: S314 - our own
+    svg = ET.fromstring(render_svg([panel]))  # noqa: S314 - our own
     assert "1X 20" in {text.text for text in svg.iter("{http://www.w3.org/2000/svg}text")}

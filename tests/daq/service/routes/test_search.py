@@ -12,7 +12,7 @@ from recordings.catalogue.catalogue import Catalogue
 from tests.daq.support.recorded_bench import API, RecordedBench, open_recorded_bench, record_run
 
 RigFactory = Callable[..., Rig]
-Question = dict[str, str | int | list[str]]
+QueryParameters = dict[str, str | int | list[str]]
 SLOW, FAST = "2026-11-23T08-00-00-slow", "2026-11-24T09-12-07-fast"
 
 
@@ -70,7 +70,7 @@ def test_runs_are_sorted_and_given_in_pages(bench: RecordedBench) -> None:
     "question",
     [{"sort": "colour"}, {"since": "yesterday"}, {"speed_from_rpm": -1}, {"text": "\x00"}, {"speed": 3}],
 )  # fmt: skip
-def test_question_that_is_none_is_refused(bench: RecordedBench, question: Question) -> None:
+def test_question_that_is_none_is_refused(bench: RecordedBench, question: QueryParameters) -> None:
     response = bench.client.get(f"{API}/runs", params=question)
     assert response.status_code == 422, response.text
     assert response.json()["faults"]

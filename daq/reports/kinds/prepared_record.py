@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.resampling.angular_record import AngularRecord
-from daq.reports.parameters import Moment, Over
+from daq.reports.parameters import FrameAnalysisQuery, ShaftAngleIntervalQuery
 from daq.reports.run_samples import RunSamples
 
 FloatArray: TypeAlias = NDArray[np.float64]
@@ -19,7 +19,7 @@ MOST_REPAIRED = 0.02  # of the pulses, filled or rejected, from where on that is
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Taken:
+class PreparedRecord:
     """A record, and what must be known of it.
 
     Parameters
@@ -49,13 +49,15 @@ class Taken:
         return f"{speeds.min():,.0f} to {speeds.max():,.0f} r/min, {begin:.1f} to {end:.1f} s"
 
 
-def taken_over(run: RunSamples, query: Over, highest_order: float) -> Taken:
+def record_over_interval(run: RunSamples, query: ShaftAngleIntervalQuery, highest_order: float) -> PreparedRecord:
     """Return the record of a stretch of time."""
     stretch = run.stretch(query.segment, query.from_s, query.duration_s)
     return _taken(run, run.record(stretch, highest_order), query.slow_roll_rpm, query.segment)
 
 
-def taken_before(run: RunSamples, query: Moment, revolutions: int, highest_order: float = 1.0) -> Taken:
+def record_before_frame(
+    run: RunSamples, query: FrameAnalysisQuery, revolutions: int, highest_order: float = 1.0
+) -> PreparedRecord:
     """Return the last revolutions before a moment."""
     stretch, end = run.moment(query.segment, query.time_s, query.speed_rpm, revolutions)
     record = run.revolutions_to(stretch, end, revolutions, highest_order)
@@ -67,7 +69,7 @@ def in_degrees(vectors: NDArray[np.complex128]) -> FloatArray:
     return np.asarray(np.degrees(-np.angle(vectors)) % 360.0, dtype=np.float64)
 
 
-def _taken(run: RunSamples, record: AngularRecord, slow_roll_rpm: float | None, segment: int | None) -> Taken:
+def _taken(run: RunSamples, record: AngularRecord, slow_roll_rpm: float | None, segment: int | None) -> PreparedRecord:
     figures = {
         "speed_min_rpm": float(record.speeds.min()) * RPM,
         "speed_max_rpm": float(record.speeds.max()) * RPM,
@@ -85,9 +87,9 @@ def _taken(run: RunSamples, record: AngularRecord, slow_roll_rpm: float | None, 
         x, y = record.clipped
         remarks.append(f"clipped: {x:,} samples at x, {y:,} at y; amplitudes near them are too small")
     if slow_roll_rpm is None:
-        return Taken(record, "", figures, tuple(remarks))
+        return PreparedRecord(record, "", figures, tuple(remarks))
     roll = run.slow_roll(segment, slow_roll_rpm, record.points)
     x, y = roll.peak_to_peak * MICRO
     told = f"compensated: run-out of {roll.revolutions} turns up to {slow_roll_rpm:,.0f} r/min taken off, "
     remarks.append(told + f"x {x:.2f} and y {y:.2f} µm peak-to-peak, ± {roll.sigma.max() * MICRO:.2f} µm")
-    return Taken(roll.off_waveform(record), " compensated", figures, tuple(remarks))
+    return PreparedRecord(roll.off_waveform(record), " compensated", figures, tuple(remarks))

@@ -9,14 +9,14 @@ from numpy.typing import NDArray
 from daq.reports.columns import QUANTITIES, Column
 from daq.reports.plots.panel import Panel
 
-Tell = Callable[[str, float | None], None]
+ProgressCallback = Callable[[str, float | None], None]
 """Told what goes on, and the part of it that is done, 0 to 1, where that is known."""
 
-SHOWN = 24  # rows of a table that are printed, where no others are named
+PREVIEW_ROWS = 24  # rows of a table that are printed, where no others are named
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Analysis:
+class AnalysisResult:
     """An outcome.
 
     Parameters
@@ -31,7 +31,7 @@ class Analysis:
         Single numbers by names of `QUANTITIES`: quality, and what there is one of.
     remarks : tuple of str
         What must be known to read it.
-    telling : ndarray of int or None
+    representative_rows : ndarray of int or None
         The rows that tell most, for a terminal; None: some, evenly.
     """
 
@@ -40,7 +40,7 @@ class Analysis:
     panels: tuple[Panel, ...]
     figures: Mapping[str, float] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
-    telling: NDArray[np.intp] | None = None
+    representative_rows: NDArray[np.intp] | None = None
 
     def __post_init__(self) -> None:
         lengths = {column.name: column.values.shape for column in self.columns}
@@ -54,8 +54,8 @@ class Analysis:
         """Rows of the table."""
         return int(self.columns[0].values.size)
 
-    def shown(self) -> NDArray[np.intp]:
+    def preview_rows(self) -> NDArray[np.intp]:
         """Return the rows that a terminal shows."""
-        if self.telling is not None:
-            return self.telling
-        return np.unique(np.linspace(0, self.n_rows - 1, min(SHOWN, self.n_rows)).round().astype(np.intp))
+        if self.representative_rows is not None:
+            return self.representative_rows
+        return np.unique(np.linspace(0, self.n_rows - 1, min(PREVIEW_ROWS, self.n_rows)).round().astype(np.intp))

@@ -14,8 +14,9 @@ from analysis.signals.probes import ProbePair
 from analysis.signals.snapshot import OrderFrame, Snapshot
 from analysis.spectra.full_spectrum import full_spectrum
 from analysis.spectra.waterfall import order_axis
+from daq.reports.errors import DataNotFoundError
 from daq.reports.parameters import RecordedCascadeQuery, RecordedWaterfallQuery
-from daq.reports.records import NoSuchMomentError, Records
+from daq.reports.run_history import RunHistory
 from daq.schemas.results import CascadeSchema, TrendSchema, Values, WaterfallSchema
 from daq.schemas.units import finite, lag_degrees, micrometres, rpm
 from daq.session.offline import results
@@ -25,11 +26,11 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
 
 
-def cascade(path: Path, found: Records, query: RecordedCascadeQuery) -> CascadeSchema:
+def cascade(path: Path, found: RunHistory, query: RecordedCascadeQuery) -> CascadeSchema:
     """Return spectra over speed, from 0 to the highest."""
     has_frame = np.isfinite(found.frame_speed)
     if not has_frame.any():
-        raise NoSuchMomentError("no order spectrum in the run")
+        raise DataNotFoundError("no order spectrum in the run")
     width = found.frame_speed[has_frame].max() / query.rows
     orders, amplitudes, rows = _largest(path, found, _bins(found.frame_speed, width, query.rows), query)
     return CascadeSchema(
@@ -40,13 +41,13 @@ def cascade(path: Path, found: Records, query: RecordedCascadeQuery) -> CascadeS
     )
 
 
-def waterfall(path: Path, found: Records, query: RecordedWaterfallQuery) -> WaterfallSchema:
+def waterfall(path: Path, found: RunHistory, query: RecordedWaterfallQuery) -> WaterfallSchema:
     """Return spectra over time, from the begin of the stretch that is asked for to its end."""
     of_segment = (found.segment == query.segment) & np.isfinite(found.frame_speed)
     end = np.inf if query.duration_s is None else query.from_s + query.duration_s
     chosen = of_segment & (found.time >= query.from_s) & (found.time <= end)
     if not chosen.any():
-        raise NoSuchMomentError(f"no order spectrum in segment {query.segment} from {query.from_s:g} s")
+        raise DataNotFoundError(f"no order spectrum in segment {query.segment} from {query.from_s:g} s")
     passed = np.where(chosen, found.time - query.from_s, np.nan)
     width = max(np.nanmax(passed) / query.rows, 1e-9)
     row_of = _bins(passed, width, query.rows)
@@ -69,7 +70,7 @@ def _bins(values: FloatArray, width: float, rows: int) -> IntArray:
 
 
 def _largest(
-    path: Path, found: Records, row_of: IntArray, query: RecordedCascadeQuery | RecordedWaterfallQuery
+    path: Path, found: RunHistory, row_of: IntArray, query: RecordedCascadeQuery | RecordedWaterfallQuery
 ) -> tuple[Values, tuple[Values, ...], IntArray]:
     """Return the orders of the columns, the largest amplitude of every cell, and which rows there are.
 
@@ -111,7 +112,7 @@ def _spectrum_of(header: RunHeader, *, full: bool) -> tuple[FloatArray, Callable
     return axis, lambda frame: full_spectrum(frame.orders, frame.spectrum, pair).amplitudes
 
 
-def trend_schema(found: Records, segment: int | None, begin: float, end: float, entries: int) -> TrendSchema:
+def trend_schema(found: RunHistory, segment: int | None, begin: float, end: float, entries: int) -> TrendSchema:
     """Return values over time as a document.
 
     Parameters

@@ -22,7 +22,7 @@ from recordings.mcap.reader import RunReader
 
 KEPT_AS = "summary"
 
-Waiting = Callable[[str, float | None], None]
+ProgressCallback = Callable[[str, float | None], None]
 """Told what goes on, and the part of it that is done, 0 to 1, where that is known."""
 
 
@@ -75,11 +75,13 @@ class Summaries:
         """
         return self._kept(run_id) or self._made(run_id, None)
 
-    def patiently(self, run_id: str, waiting: Waiting) -> SummarySchema:
+    def summary_with_agreement(self, run_id: str, waiting: ProgressCallback) -> SummarySchema:
         """Return a run's summary with the agreement, however long the model takes; `waiting` is told what goes on."""
         return self._kept(run_id) or self._made(run_id, waiting)
 
-    def reevaluated(self, run_id: str, calibrations: Mapping[str, Calibration], waiting: Waiting) -> SummarySchema:
+    def recalibrated_summary(
+        self, run_id: str, calibrations: Mapping[str, Calibration], waiting: ProgressCallback
+    ) -> SummarySchema:
         """Return the summary that a run has with other calibrations, by probe; its kept summary stays as it is.
 
         Raises
@@ -115,7 +117,7 @@ class Summaries:
         except ValidationError:  # kept by another version of the program
             return None
 
-    def _made(self, run_id: str, waiting: Waiting | None) -> SummarySchema:
+    def _made(self, run_id: str, waiting: ProgressCallback | None) -> SummarySchema:
         with RunReader(self._catalogue.path(run_id)) as reader:
             header, is_complete, delivery = reader.header, reader.is_complete, reader.delivery
             markers = reader.markers()

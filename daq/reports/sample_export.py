@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.signals.header import Channel
+from daq.reports.errors import ArrowUnavailableError, DataNotFoundError, RequestTooLargeError
 from daq.reports.parameters import SampleFormat, SamplesQuery, SampleUnit
-from daq.reports.records import NoSuchMomentError
 from daq.schemas.results import ChannelSamplesSchema, SamplesSchema
 from daq.schemas.units import finite
 from recordings.mcap.reader import RunReader
@@ -22,24 +22,16 @@ MOST_VALUES = {SampleFormat.JSON: 100_000, SampleFormat.NPZ: 6_000_000, SampleFo
 Codes = NDArray[np.int16]
 
 
-class TooMuchError(ValueError):
-    """More is asked for than one answer may hold."""
-
-
-class NoArrowError(ValueError):
-    """Arrow needs a package that is not installed here."""
-
-
-def samples(path: Path, query: SamplesQuery, form: SampleFormat, packed: bool) -> bytes:  # noqa: FBT001 - sent through a pipe
+def encode_samples(path: Path, query: SamplesQuery, form: SampleFormat, packed: bool) -> bytes:  # noqa: FBT001 - sent through a pipe
     """Return a stretch of samples; JSON is gzipped where that is wanted.
 
     Raises
     ------
-    NoSuchMomentError
+    DataNotFoundError
         The segment does not exist or does not reach so far.
-    TooMuchError
+    RequestTooLargeError
         The answer would be too large.
-    NoArrowError
+    ArrowUnavailableError
         Arrow is wanted and cannot be made.
     """
     with RunReader(path) as reader:
@@ -50,11 +42,11 @@ def samples(path: Path, query: SamplesQuery, form: SampleFormat, packed: bool) -
             there = (
                 f"it holds {held[query.segment] / rate:g} s" if query.segment in held else "there is no such segment"
             )
-            raise NoSuchMomentError(f"segment {query.segment} at {query.from_s:g} s: {there}")
+            raise DataNotFoundError(f"segment {query.segment} at {query.from_s:g} s: {there}")
         stop = min(first + max(round(query.duration_s * rate), 1), held[query.segment])
         values = (stop - first) * len(header.acquisition.channels)
         if values > MOST_VALUES[form]:
-            raise TooMuchError(
+            raise RequestTooLargeError(
                 f"{values:,} values, expected at most {MOST_VALUES[form]:,} as {form.value}: ask for less than "
                 f"{MOST_VALUES[form] / len(header.acquisition.channels) / rate:g} s at a time"
             )
@@ -97,8 +89,8 @@ def _scaled(channel: Channel, codes: Codes, unit: SampleUnit) -> tuple[NDArray[n
 
 def _npz(columns: dict[str, NDArray[np.generic]], about: dict[str, str]) -> bytes:
     file = io.BytesIO()
-    told = {"about": np.array(sorted(about.items()))}
-    np.savez(file, allow_pickle=False, **{f"channel:{name}": column for name, column in columns.items()}, **told)
+    properties = {"about": np.array(sorted(about.items()))}
+    np.savez(file, allow_pickle=False, **{f"channel:{name}": column for name, column in columns.items()}, **properties)
     return file.getvalue()
 
 
@@ -107,7 +99,7 @@ def _arrow(columns: dict[str, NDArray[np.generic]], about: dict[str, str]) -> by
         arrow: Any = import_module("pyarrow")  # optional, and without types
         ipc: Any = import_module("pyarrow.ipc")
     except ImportError as error:
-        raise NoArrowError("Arrow needs pyarrow, which is not installed here; npz does not") from error
+        raise ArrowUnavailableError("Arrow needs pyarrow, which is not installed here; npz does not") from error
     table = arrow.table(columns).replace_schema_metadata(about)
     file = io.BytesIO()
     with ipc.new_stream(file, table.schema) as stream:

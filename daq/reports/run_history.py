@@ -13,6 +13,7 @@ from analysis.live.summary import RunSummary, SummaryBuilder
 from analysis.signals.blocks import SegmentEnd
 from analysis.signals.header import RunHeader
 from analysis.signals.snapshot import OrderFrame, Snapshot
+from daq.reports.errors import DataNotFoundError
 from daq.session.offline import Progress, results
 from recordings.errors import NotFoundError
 from recordings.mcap.reader import RunReader
@@ -21,18 +22,14 @@ FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 IntArray = NDArray[np.int64]
 
-NEAR_TIME = 1.0  # s: a moment further than this from every frame has none
-NEAR_SPEED = 0.02  # of the speed
-LEAST_NEAR_SPEED = 100.0 * np.pi / 30.0  # rad/s
-RUNS_KEPT = 8
-
-
-class NoSuchMomentError(LookupError):
-    """The run holds nothing there."""
+MAX_TIME_DISTANCE = 1.0  # s: a moment further than this from every frame has none
+SPEED_TOLERANCE = 0.02  # of the speed
+MIN_SPEED_TOLERANCE = 100.0 * np.pi / 30.0  # rad/s
+HISTORY_CACHE_SIZE = 8
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Records:
+class RunHistory:
     """A run's results over time, one entry a snapshot; what belongs to the order frame is NaN where there is none.
 
     Parameters
@@ -41,7 +38,7 @@ class Records:
         The run.
     summary : RunSummary
         Made of the same snapshots.
-    is_kept : bool
+    is_recorded : bool
         Whether they lie in the file; else they are what its samples give when analysed again.
     segment, sample : ndarray of int64, shape (n,)
         Where each is.
@@ -61,7 +58,7 @@ class Records:
 
     header: RunHeader
     summary: RunSummary
-    is_kept: bool
+    is_recorded: bool
     segment: IntArray
     sample: IntArray
     time: FloatArray
@@ -88,20 +85,20 @@ class Records:
 
         Raises
         ------
-        NoSuchMomentError
+        DataNotFoundError
             No frame is near.
         """
         wanted = np.isfinite(self.frame_speed)
         if segment is not None:
             wanted &= self.segment == segment
         if not wanted.any():
-            raise NoSuchMomentError(f"no order spectrum in {'the run' if segment is None else f'segment {segment}'}")
+            raise DataNotFoundError(f"no order spectrum in {'the run' if segment is None else f'segment {segment}'}")
         if speed is not None:
             away = np.abs(self.frame_speed - speed)
-            near = wanted & (away <= max(NEAR_SPEED * speed, LEAST_NEAR_SPEED))
+            near = wanted & (away <= max(SPEED_TOLERANCE * speed, MIN_SPEED_TOLERANCE))
             if not near.any():
                 low, high = np.array([self.frame_speed[wanted].min(), self.frame_speed[wanted].max()]) * 30 / np.pi
-                raise NoSuchMomentError(
+                raise DataNotFoundError(
                     f"no order spectrum near {speed * 30 / np.pi:,.0f} r/min; there are some "
                     f"from {low:,.0f} to {high:,.0f} r/min"
                 )
@@ -112,12 +109,12 @@ class Records:
             return int(np.argmax(np.where(wanted, self.peak_to_peak.max(axis=0), -np.inf)))
         away = np.where(wanted, np.abs(self.time - time), np.inf)
         index = int(np.argmin(away))
-        if away[index] > NEAR_TIME and speed is None:
-            raise NoSuchMomentError(f"no order spectrum within {NEAR_TIME:g} s of {time:g} s")
+        if away[index] > MAX_TIME_DISTANCE and speed is None:
+            raise DataNotFoundError(f"no order spectrum within {MAX_TIME_DISTANCE:g} s of {time:g} s")
         return index
 
 
-def status_of(path: Path) -> os.stat_result:
+def file_status(path: Path) -> os.stat_result:
     """Return the state of a run's file; NotFoundError where it has gone."""
     try:
         return path.stat()
@@ -125,18 +122,18 @@ def status_of(path: Path) -> os.stat_result:
         raise NotFoundError(f"{path}: there is no such file any more") from error
 
 
-def records(path: Path) -> Records:
+def load_history(path: Path) -> RunHistory:
     """Return the records of a run's file; RecordingError where it cannot be read."""
-    status = status_of(path)
+    status = file_status(path)
     return _read(path, status.st_size, status.st_mtime_ns)
 
 
-@lru_cache(maxsize=RUNS_KEPT)
-def _read(path: Path, _size: int, _changed_ns: int) -> Records:
-    return read_records(path)
+@lru_cache(maxsize=HISTORY_CACHE_SIZE)
+def _read(path: Path, _size: int, _changed_ns: int) -> RunHistory:
+    return read_history(path)
 
 
-def read_records(path: Path, on_progress: Progress | None = None) -> Records:
+def read_history(path: Path, on_progress: Progress | None = None) -> RunHistory:
     """Return the records of a run's file, read now; `on_progress` is told the part that is done, 0 to 1."""
     rows: list[tuple[float, ...]] = []
     vectors: list[ComplexArray] = []
@@ -150,12 +147,12 @@ def read_records(path: Path, on_progress: Progress | None = None) -> Records:
             builder.snapshot(item)
             rows.append(_row(item))
             vectors.append(none if item.frame is None else item.frame.vectors[0])
-        header, is_kept = reader.header, reader.is_complete and reader.skipped_samples == 0
+        header, is_recorded = reader.header, reader.is_complete and reader.skipped_samples == 0
     columns = np.array(rows, dtype=np.float64).reshape(-1, 11).T
-    return Records(
+    return RunHistory(
         header=header,
         summary=builder.summary(),
-        is_kept=is_kept,
+        is_recorded=is_recorded,
         segment=columns[0].astype(np.int64),
         sample=columns[1].astype(np.int64),
         time=columns[2],
@@ -185,11 +182,11 @@ def _row(snapshot: Snapshot) -> tuple[float, ...]:
     )
 
 
-def snapshot_at(path: Path, found: Records, index: int) -> tuple[Snapshot, OrderFrame]:
+def snapshot_at(path: Path, found: RunHistory, index: int) -> tuple[Snapshot, OrderFrame]:
     """Return a snapshot of a run's file and its frame, by its number in the records, which must have one."""
     place = int(found.segment[index]), int(found.sample[index])
     with RunReader(path) as reader:
-        snapshot = reader.snapshot(*place) if found.is_kept else None
+        snapshot = reader.snapshot(*place) if found.is_recorded else None
         if snapshot is None:
             snapshot = next(each for each in _snapshots(reader) if (each.segment, each.sample) == place)
     if snapshot.frame is None:
