@@ -1,9 +1,4 @@
-"""The commands for the bench before a run.
-
-`rig check`: whether a rig file and the calibrations that it names are good, without any hardware.
-`rig devices`: what is connected.
-`rig preflight`: whether the rig is ready.
-"""
+"""The commands used before a run: `rig check`, `rig devices` and `rig preflight`."""
 
 import argparse
 import datetime as dt
@@ -29,7 +24,7 @@ from recordings.catalogue.catalogue import data_folder
 
 
 def run_check(args: argparse.Namespace) -> int:
-    """Check a rig file; return the exit code."""
+    """Check a rig file without hardware; return the exit code."""
     try:
         rig = load_rig(Path(args.config))
     except ConfigError as error:
@@ -42,12 +37,12 @@ def run_check(args: argparse.Namespace) -> int:
     if args.json:
         print_json(valid_rig_schema(rig, rate=rate, convert_rate=convert_rate, disk_rate=disk_rate(rig, rate)))
     else:
-        print_lines(_lines(rig, rate, convert_rate))
+        print_lines(_rig_lines(rig, rate, convert_rate))
     return 0
 
 
-def _lines(rig: Rig, rate: float, convert_rate: float) -> Iterator[str]:
-    """Yield what was understood; rates in Hz."""
+def _rig_lines(rig: Rig, rate: float, convert_rate: float) -> Iterator[str]:
+    """Yield the settings read from a rig file, line by line; rates in Hz."""
     device = rig.config.device
     card = f"simulated {device.product}" if device.backend is Backend.SIMULATED else device.product
     if device.backend is Backend.NIDAQMX:
@@ -69,32 +64,32 @@ _STATES = {True: "busy: another program holds it", False: "free", None: "no anal
 
 
 def run_devices(args: argparse.Namespace) -> int:
-    """List what is connected; return the exit code."""
+    """List the connected devices; return the exit code."""
     devices = connected_devices(DeviceSection(backend=Backend.NIDAQMX, target=args.target or ""))
     if args.json:
         print_json([found_device_schema(device) for device in devices])
     elif devices:
         print(devices[0].driver)
         for device in devices:
-            print(_row(device))
+            print(_device_row(device))
     else:
-        print("no device is connected: check the card's own supply (it is not listed without) and its USB cable")
+        print("no device connected: check the USB cable and the card's power supply (an unpowered card is not listed)")
     return 0
 
 
-def _row(device: FoundDevice) -> str:
+def _device_row(device: FoundDevice) -> str:
     kind = "simulated" if device.simulated else "real"
     return f"{device.name:8}  {device.product:12}  serial number {device.serial:10}  {kind:9}  {_STATES[device.busy]}"
 
 
-_WIDTH = 112  # at most
-_COLUMN = 34  # of what is found, at most: what is longer pushes what is expected aside
-_NARROW = 24  # the same on a terminal of 80
-_LEAST = 16  # columns for what is expected
+_MAX_WIDTH = 112  # columns of the table
+_MAX_VALUE_WIDTH = 34  # columns of the measured value; a longer value moves the limit to the next line
+_NARROW_VALUE_WIDTH = 24  # the same on a terminal of 80 columns
+_MIN_LIMIT_WIDTH = 16  # columns of the limit
 
 
 def run_preflight(args: argparse.Namespace) -> int:
-    """Check and print the table; return the exit code."""
+    """Run the preflight checks and print them; return the exit code."""
     console = Console()
     rig = load_rig(Path(args.config))
     plan = PlannedRun(
@@ -102,99 +97,97 @@ def run_preflight(args: argparse.Namespace) -> int:
         duration=args.duration,
         speed=None if args.speed_rpm is None else args.speed_rpm * RPM,
     )
-    found = run_preflight_checks(rig, plan, dt.datetime.now().astimezone().date(), console.progress)
+    report = run_preflight_checks(rig, plan, dt.datetime.now().astimezone().date(), console.progress)
     console.clear()
     if args.json:
-        print_json(preflight_schema(rig.config.rig, found))
+        print_json(preflight_schema(rig.config.rig, report))
     else:
-        print_lines(table(found, terminal_width(sys.stdout) or _WIDTH + 1))
-    if found.device_error is not None:
-        return found.device_error.exit_code
-    return NOT_READY if found.verdict is Verdict.FAIL else 0
+        print_lines(report_lines(report, terminal_width(sys.stdout) or _MAX_WIDTH + 1))
+    if report.device_error is not None:
+        return report.device_error.exit_code
+    return NOT_READY if report.verdict is Verdict.FAIL else 0
 
 
-def table(found: PreflightReport, width: int) -> Iterator[str]:
-    """Yield the checks line by line, with what to do under those that are not good, and the verdict last."""
-    width = min(width - 1, _WIDTH)
-    names = max(len(check.name) for check in found.checks)
-    values = min(max(len(check.value) for check in found.checks), _COLUMN if width > 2 * names + _COLUMN else _NARROW)
-    for check in found.checks:
+def report_lines(report: PreflightReport, width: int) -> Iterator[str]:
+    """Yield the checks with advice below those that are not good, and the verdict last, line by line."""
+    width = min(width - 1, _MAX_WIDTH)
+    names = max(len(check.name) for check in report.checks)
+    values = min(
+        max(len(check.value) for check in report.checks),
+        _MAX_VALUE_WIDTH if width > 2 * names + _MAX_VALUE_WIDTH else _NARROW_VALUE_WIDTH,
+    )
+    for check in report.checks:
         row = f"{check.verdict.value}  {check.name:{names}}  {check.value:{values}}  "
-        if len(row) > width - _LEAST:  # what is expected has a line of its own
+        if len(row) > width - _MIN_LIMIT_WIDTH:  # the limit goes on a line of its own
             yield row.rstrip()
             row = " " * (len(row) - len(check.value) + min(len(check.value), values))
-        yield from _hung(row, check.limit, width)
+        yield from _wrap_limit(row, check.limit, width)
         if check.advice:
             yield from textwrap.wrap(check.advice, width, initial_indent="      → ", subsequent_indent="        ")
-    failed = sum(check.verdict is Verdict.FAIL for check in found.checks)
-    warned = sum(check.verdict is Verdict.WARN for check in found.checks)
+    failed = sum(check.verdict is Verdict.FAIL for check in report.checks)
+    warned = sum(check.verdict is Verdict.WARN for check in report.checks)
     warnings = f"{warned} warning{'' if warned == 1 else 's'}"
     if failed:
-        yield f"NOT READY: {failed} of {len(found.checks)} checks failed, {warnings}"
+        yield f"NOT READY: {failed} of {len(report.checks)} checks failed, {warnings}"
     else:
-        yield f"ready: {len(found.checks)} checks, {warnings if warned else 'all good'}"
+        yield f"ready: {len(report.checks)} checks, {warnings if warned else 'all good'}"
 
 
-def _hung(row: str, limit: str, width: int) -> Iterator[str]:
-    """Yield a row with its last column, which goes on below itself."""
-    for part in textwrap.wrap(limit, max(width - len(row), _LEAST), break_long_words=False) or [""]:
+def _wrap_limit(row: str, limit: str, width: int) -> Iterator[str]:
+    """Yield a row and its limit, wrapped within the limit's column."""
+    for part in textwrap.wrap(limit, max(width - len(row), _MIN_LIMIT_WIDTH), break_long_words=False) or [""]:
         yield (row + part).rstrip()
         row = " " * len(row)
 
 
 _PREFLIGHT = """\
-Look at the rig before a run, and say what is not as it should be and what to
-do about it:
+Check the rig before a run. Each failed check is printed with what to do.
 
-  card         there, with the serial number of the rig file, its own test
-               passed, real and not simulated
-  samples      one second of them, each one, at the rate asked for, without a
-               backlog
-  each probe   gap voltage in its window (else: unplugged, gap closed, too wide,
-               wires exchanged), clipping, calibrated span, mains hum beside the
-               shaft's own orders
-  both probes  two signals and not one (bridged), 1X going round with the shaft
-               (exchanged)
-  tacho        levels against threshold and hysteresis, noise, scatter, width of
-               the mark, speed limit of the sensor
-  records      age, fit and serial numbers of the calibrations; room on the disk
+  card         connected, real, serial number as in the rig file, self-test
+               passed
+  samples      one second of them, complete, at the requested rate, no backlog
+  each probe   gap voltage within its window (else: unplugged, gap closed or too
+               wide, wires swapped), clipping, calibrated range, mains hum
+               separated from the shaft's own orders
+  both probes  two independent signals (else: bridged), 1X in the direction of
+               rotation (else: swapped)
+  tacho        levels against threshold and hysteresis, noise, jitter, width of
+               the keyphasor mark, speed limit of the sensor
+  records      age, fit and serial numbers of the calibrations; free disk space
                for the planned run
 
-The shaft may stand still or turn; at rest the tacho and the direction of the
-orbit are left open, and that is said.
+The shaft may stand still or turn. At standstill the tacho and the direction of
+the orbit are reported as not checked.
 """
 _PREFLIGHT_END = """\
-exit codes: 0 ready, perhaps with warnings; 2 rig file wrong;
+exit codes: 0 ready, possibly with warnings; 2 rig file wrong;
             3 device missing, busy or failed; 4 not ready
 example:    rig preflight rigs/usb6251.toml --for 5min --speed 15000
 """
 
 
 def add_preflight_commands(add: AddCommand) -> None:
-    """Add the commands with `add`, which takes name, function and description."""
-    command = add(
-        "check",
-        run_check,
-        "Check a rig file and the calibrations that it names, without hardware: every fault at once.",
-    )
-    command.add_argument("config", metavar="RIG.TOML", help="the rig")
-    command.add_argument("--json", action="store_true", help="as JSON, also where there are faults")
+    """Add `rig check`, `rig devices` and `rig preflight` to the command line."""
+    text = "Check a rig file and its calibrations without hardware; all errors are reported together."
+    command = add("check", run_check, text)
+    command.add_argument("config", metavar="RIG.TOML", help="rig file")
+    command.add_argument("--json", action="store_true", help="print JSON, errors included")
 
-    command = add("devices", run_devices, "List what is connected: product, serial number, simulated or real, busy.")
+    command = add("devices", run_devices, "List the connected devices: product, serial number, simulated, busy.")
     command.add_argument(
         "--target",
         type=address,
         metavar="HOST:PORT",
-        help="of an NI gRPC device server (default: the driver on this machine)",
+        help="NI gRPC device server (default: the driver on this machine)",
     )
-    command.add_argument("--json", action="store_true", help="as JSON")
+    command.add_argument("--json", action="store_true", help="print JSON")
 
-    command = add("preflight", run_preflight, "Look at the rig before a run, and say what to do about what is wrong.")
+    command = add("preflight", run_preflight, "Check the rig before a run; say what to do about each failed check.")
     command.description, command.epilog = _PREFLIGHT, _PREFLIGHT_END
     command.formatter_class = argparse.RawDescriptionHelpFormatter
-    command.add_argument("config", metavar="RIG.TOML", help="the rig")
-    command.add_argument("--for", dest="duration", type=duration, metavar="TIME", help="planned run: 60s, 5min, 1h …")
-    command.add_argument(
-        "--speed", dest="speed_rpm", type=speed, metavar="RPM", help="planned highest speed (default: the rig's limit)"
-    )
-    command.add_argument("--json", action="store_true", help="as JSON on standard output")
+    command.add_argument("config", metavar="RIG.TOML", help="rig file")
+    text = "planned duration: 60s, 5min, 1h …"
+    command.add_argument("--for", dest="duration", type=duration, metavar="TIME", help=text)
+    text = "planned maximum speed (default: limits.speed_rpm)"
+    command.add_argument("--speed", dest="speed_rpm", type=speed, metavar="RPM", help=text)
+    command.add_argument("--json", action="store_true", help="print JSON")

@@ -78,7 +78,7 @@ def test_steps_at_the_micrometer_give_back_the_probes_curve(
     assert told.err.count("step 4, gap in µm: ") == 2
     assert "'x': expected a gap in µm" in told.err
     assert "'-5': expected a gap in µm" in told.err
-    assert "rising, 0.0" in told.out
+    assert "largest residual 0.0" in told.out
     (record,) = written(path.parent)
     assert f'calibration = "{record.name}"' in told.out
     new, old = load_calibration(record), load_calibration(path.parent / "probe-x.toml")
@@ -151,7 +151,7 @@ def test_steps_are_kept_beside_those_of_another_attempt_and_where_the_dialog_is_
     kept = sorted(path.parent.glob("*.csv"))
     assert sorted(len(file.read_text(encoding="utf-8").splitlines()) for file in kept) == [3, 3, 4]
     told = capsys.readouterr().err
-    assert "the 3 points are kept in " in told
+    assert "3 points saved to " in told
     assert all(str(file) in told for file in kept)
 
 

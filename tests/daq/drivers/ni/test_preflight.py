@@ -124,7 +124,7 @@ def test_devices_are_listed_at_the_command_line(server: DeviceServer, capsys: py
     assert [device["busy"] for device in json.loads(capsys.readouterr().out)] == [False, False]
     server.driver.devices = {}
     assert main(["devices", "--target", server.target]) == 0
-    assert "no device is connected" in capsys.readouterr().out
+    assert "no device connected" in capsys.readouterr().out
 
 
 def test_devices_without_the_driver_end_with_3(capsys: pytest.CaptureFixture[str]) -> None:
