@@ -21,7 +21,7 @@ from daq.reports.run_summaries import Summaries
 from daq.schemas.runs import run_schema
 from daq.service.results_reader import ResultsReader
 from daq.session.live_update import RunState, Status
-from daq.session.prediction.predictors import PATIENCE, Predictors
+from daq.session.prediction.predictor import PREDICTION_TIMEOUT, Predictors
 from daq.session.recording.messages import RecordingRequest
 from daq.session.recording.recorded_run import RecordedRun
 from daq.session.replayed_run import ReplayedRun
@@ -160,7 +160,7 @@ def run_replay(args: argparse.Namespace) -> int:
             console.line(f"replay of {run_id} {pace}")
             console.line(services.addresses())
             outcome = follow(replayed, stop, console)
-        model.wait(PATIENCE, lambda state: console.progress(f"model {state}"))
+        model.wait(PREDICTION_TIMEOUT, lambda state: console.progress(f"model {state}"))
         console.done()
         summary = summaries.document(replayed.summary(), header, delivery, markers)
     print_summary(summary, as_json=args.json)

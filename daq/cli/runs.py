@@ -16,7 +16,7 @@ from daq.errors import UsageError
 from daq.reports.run_summaries import Summaries
 from daq.schemas.runs import RunSchema, index_report_schema, run_schema
 from daq.session.offline import summarise
-from daq.session.prediction.predictors import Predictors
+from daq.session.prediction.predictor import Predictors
 from recordings.catalogue.catalogue import SUFFIX, Catalogue, data_folder
 from recordings.catalogue.search import Search
 from recordings.errors import NotFoundError

@@ -13,7 +13,7 @@ from analysis.signals.header import Calibration, RunHeader
 from daq.schemas.events import marker_schema
 from daq.schemas.summary import SummarySchema, summary_schema
 from daq.session.offline import corrected_header, summarise
-from daq.session.prediction.predictors import PATIENCE
+from daq.session.prediction.predictor import PREDICTION_TIMEOUT
 from model.prediction.comparison import compare
 from model.prediction.prediction_map import PredictionMap
 from recordings.catalogue.catalogue import Catalogue
@@ -96,7 +96,7 @@ class Summaries:
             markers = reader.markers()
             predictor = self._maps.for_run(header)
             summary = summarise(reader, partial(waiting, f"analysing {run_id} anew"), header)
-        predictor.wait(PATIENCE, lambda state: waiting(f"model {state}", None))
+        predictor.wait(PREDICTION_TIMEOUT, lambda state: waiting(f"model {state}", None))
         return self.document(summary, header, delivery, markers)
 
     def document(
@@ -125,7 +125,7 @@ class Summaries:
             predictor = self._maps.for_run(header)
             summary = self._read(reader.path) if self._read is not None and waiting is None else summarise(reader, told)
         if waiting is not None:
-            predictor.wait(PATIENCE, lambda state: waiting(f"model {state}", None))
+            predictor.wait(PREDICTION_TIMEOUT, lambda state: waiting(f"model {state}", None))
         document = self.document(summary, header, delivery, markers)
         if is_complete and predictor.map is not None:
             self._catalogue.store_cached(run_id, KEPT_AS, document.model_dump(mode="json"))

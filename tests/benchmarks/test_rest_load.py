@@ -19,7 +19,7 @@ from daq.service.app import ServiceFeatures, create_app
 from daq.service.results_reader import ResultsReader
 from daq.service.server import ServiceServer
 from daq.session.live_update import LiveUpdate
-from daq.session.prediction.predictors import Predictors
+from daq.session.prediction.predictor import Predictors
 from daq.session.recording.messages import RecordingRequest
 from daq.session.recording.recorded_run import RecordedRun
 from recordings.catalogue.catalogue import Catalogue

@@ -13,7 +13,7 @@ from daq.reports.run_summaries import Summaries
 from daq.service.app import create_app
 from daq.service.server import ServiceServer
 from daq.session.live_update import LiveUpdate
-from daq.session.prediction.predictors import Predictors
+from daq.session.prediction.predictor import Predictors
 from daq.session.recording.messages import RecordingRequest
 from daq.session.recording.recorded_run import RecordedRun
 from daq.view.live_view import LiveView

@@ -17,7 +17,7 @@ from daq.session.recording.messages import MessageSender
 from daq.session.recording.recorded_run import RecordedRun
 from daq.stop_flag import StopFlag
 from recordings.mcap.reader import RunReader
-from tests.daq.session.recording.test_recorded_run import NoModel, order
+from tests.daq.support.recording import NoModel, recording_request
 
 RigFactory = Callable[..., Rig]
 
@@ -70,7 +70,7 @@ def test_wait_ends_as_soon_as_the_flag_is_set() -> None:
 
 @POSIX
 def test_recorder_that_does_not_heed_the_stop_is_ended_and_its_file_serves(rig: RigFactory, tmp_path: Path) -> None:
-    run = RecordedRun(order(rig(simulation=LONG), tmp_path), NoModel(), stop_deadline=0.5)
+    run = RecordedRun(recording_request(rig(simulation=LONG), tmp_path), NoModel(), stop_deadline=0.5)
     while run.latest().status.samples < 30_000:
         assert not run.wait(0.05)
     os.kill(run._process.pid or 0, signal.SIGSTOP)

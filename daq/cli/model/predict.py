@@ -13,7 +13,7 @@ from daq.config.rig import Rig
 from daq.config.rotor import model_parameters
 from daq.errors import RigError, UsageError
 from daq.schemas.live import predicted_vibration_schema
-from daq.session.prediction.predictors import PATIENCE, Predictors
+from daq.session.prediction.predictor import PREDICTION_TIMEOUT, Predictors
 from model.errors import ModelError
 from model.prediction.live_prediction import refine
 from model.prediction.prediction_map import Prediction, PredictionMap
@@ -27,7 +27,7 @@ def run(chosen: argparse.Namespace) -> int:
     rig = load_rig(Path(chosen.config))
     with Predictors() as predictors:
         predictor = predictors.for_rig(rig)
-        predictor.wait(PATIENCE, lambda state: console.progress(f"model {state}"))
+        predictor.wait(PREDICTION_TIMEOUT, lambda state: console.progress(f"model {state}"))
         console.clear()
         found = predictor.map
         if found is None:

@@ -8,9 +8,9 @@ from daq.cli.recording import follow
 from daq.session.live_update import LiveUpdate, RunState, Status
 from daq.session.run import RunOutcome
 from daq.stop_flag import StopFlag
-from tests.daq.support.frames import make_frames
+from tests.daq.support.live_updates import make_live_updates
 
-FRAME = make_frames(1)[0]
+FRAME = make_live_updates(1)[0]
 
 
 class Played:

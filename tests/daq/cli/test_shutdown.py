@@ -31,8 +31,8 @@ from daq.stop_flag import StopFlag
 from recordings.mcap.parts import PartLimits, PartWriter
 from recordings.mcap.reader import RunReader
 from recordings.mcap.results import EncodedResult
-from tests.daq.session.recording.test_recorded_run import Screen, order, recorded
 from tests.daq.support.commands import POSIX, REAL_TIME_MINUTE, record_command, recorded_samples
+from tests.daq.support.recording import UpdateList, recording_request, start_recording
 
 RigFiles = Callable[..., Path]
 RigFactory = Callable[..., Rig]
@@ -149,7 +149,7 @@ def own_handlers() -> Iterator[None]:
 def test_fault_of_the_program_in_the_recorder_finishes_the_file_and_releases_the_device(
     rig: RigFactory, tmp_path: Path
 ) -> None:
-    made = order(rig(), tmp_path)
+    made = recording_request(rig(), tmp_path)
     source = Failing(open_source(made.rig))
     header = run_header(made, source)
     here, there = Pipe()
@@ -174,7 +174,7 @@ def test_fault_of_the_program_in_the_recorder_finishes_the_file_and_releases_the
 
 @pytest.mark.usefixtures("own_handlers")
 def test_fault_of_the_program_in_the_recorder_is_told(rig: RigFactory, tmp_path: Path) -> None:
-    made = order(rig(), tmp_path)
+    made = recording_request(rig(), tmp_path)
     source = Failing(open_source(made.rig))
     header = run_header(made, source)
     here, there = Pipe()
@@ -207,7 +207,7 @@ def test_fault_of_the_program_in_the_recorder_is_told(rig: RigFactory, tmp_path:
 def test_fault_of_the_program_in_the_recorders_listener_finishes_the_file_and_is_told(
     rig: RigFactory, tmp_path: Path
 ) -> None:
-    made = order(rig(simulation=REAL_TIME_MINUTE, limits={"speed_rpm": 4000.0}), tmp_path)
+    made = recording_request(rig(simulation=REAL_TIME_MINUTE, limits={"speed_rpm": 4000.0}), tmp_path)
     source = open_source(made.rig)
     here, there = Pipe()
     ring = BlockRing.create(3, 2001, 16)
@@ -235,11 +235,11 @@ def test_fault_of_the_program_in_the_recorders_listener_finishes_the_file_and_is
 
 
 def test_screen_that_fails_at_every_frame_does_not_stop_the_recording(rig: RigFactory, tmp_path: Path) -> None:
-    class Broken(Screen):
+    class Broken(UpdateList):
         def offer(self, frame: LiveUpdate) -> None:
             raise ZeroDivisionError("a screen that fails")
 
-    run = recorded(rig(simulation={"pace": "real time"}), tmp_path, Broken())
+    run = start_recording(rig(simulation={"pace": "real time"}), tmp_path, Broken())
     assert run.wait(60)
     assert run.close().exit_code == 0
     with RunReader(run.path) as reader:

@@ -18,7 +18,13 @@ from daq.session.live_update import Clipping, LiveUpdate, RunState, TimedMarker
 from recordings.mcap.markers import Marker
 from tests.daq.conftest import RigFactory
 from tests.daq.support.driven_browser import driven_page
-from tests.daq.support.frames import make_frames, with_alarm, with_further_alarms, with_runout, with_second_whirl
+from tests.daq.support.live_updates import (
+    make_live_updates,
+    with_alarm,
+    with_further_alarms,
+    with_runout,
+    with_second_whirl,
+)
 from tests.daq.support.recorded_bench import API, open_recorded_bench, record_run
 from tests.daq.support.service_bench import Bench, open_bench
 from tests.daq.support.service_fakes import NEWEST, FakeCatalogue, FakeLive, FakeSummaries
@@ -26,7 +32,7 @@ from tests.daq.support.service_fakes import NEWEST, FakeCatalogue, FakeLive, Fak
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 pytestmark = [pytest.mark.browser, pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium here")]
 
-FRAME = make_frames(200)[150]
+FRAME = make_live_updates(200)[150]
 
 
 @pytest.fixture

@@ -9,14 +9,14 @@ import pytest
 from analysis.signals.header import Severity
 from daq.session.live_update import LiveUpdate
 from tests.daq.support.driven_browser import Page, driven_page
-from tests.daq.support.frames import make_frames, with_alarm
+from tests.daq.support.live_updates import make_live_updates, with_alarm
 from tests.daq.support.recorded_bench import open_recorded_bench
 from tests.daq.support.service_bench import Bench, open_bench
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 pytestmark = [pytest.mark.browser, pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium here")]
 
-FRAME = with_alarm(make_frames(200)[150], Severity.DANGER)
+FRAME = with_alarm(make_live_updates(200)[150], Severity.DANGER)
 STATE = {True: "idle", False: "recording"}
 # Of every tile, banner and bar in sight: which stick out of the window, which lie over another, whose words are cut.
 FAULTS = """(() => {

@@ -30,9 +30,9 @@ from daq.drivers.source import Source
 from daq.session.recording.recorder import run_header
 from recordings.mcap.writer import RunWriter
 from tests.daq.drivers.ni.test_library import SOURCE, TOOLS, build
-from tests.daq.session.recording.test_recorded_run import order
 from tests.daq.support.device_server import serving
 from tests.daq.support.ni_driver import NiDriver
+from tests.daq.support.recording import recording_request
 
 RigFactory = Callable[..., Rig]
 Codes = NDArray[np.int16]
@@ -114,7 +114,7 @@ class Replayed:
         self._gapped = self._recorded("gapped", overrun=True)
 
     def _recorded(self, name: str, *, overrun: bool) -> Path:
-        made = order(self._simulated._rig, self._folder)
+        made = recording_request(self._simulated._rig, self._folder)
         source = self._simulated.open()
         writer = RunWriter(self._folder / f"{name}.mcap", run_header(made, source))
         segment = first = 0

@@ -22,8 +22,7 @@ from daq.errors import ConfigError
 from daq.session.live_update import RunState
 from recordings.mcap.parts import file_ids
 from recordings.mcap.reader import RunReader
-from tests.daq.session.recording.test_health import seen_within
-from tests.daq.session.recording.test_recorded_run import recorded
+from tests.daq.support.recording import start_recording, wait_for_state
 
 RigFactory = Callable[..., Rig]
 
@@ -234,7 +233,7 @@ def test_every_sample_is_given_once_or_counted_as_let_pass(rig: RigFactory, seed
 def test_each_event_is_a_recording_and_the_run_ends_after_as_many(rig: RigFactory, tmp_path: Path) -> None:
     swing = [{"time_s": 2 * k, "speed_rpm": 3000 + 3000 * (k % 2)} for k in range(7)]
     trigger = {"start": "speed > 5000", "stop": "speed < 4000", "pre_s": 0.3, "hold_s": 0.1, "events": 2}
-    run = recorded(rig(simulation={"profile": swing, "speed_fluctuation": 0.0}, trigger=trigger), tmp_path)
+    run = start_recording(rig(simulation={"profile": swing, "speed_fluctuation": 0.0}, trigger=trigger), tmp_path)
     assert run.wait(60)
     outcome = run.close()
     assert outcome.exit_code == 0
@@ -261,10 +260,10 @@ def test_run_that_is_armed_again_ends_when_it_is_stopped(rig: RigFactory, tmp_pa
     swing = [{"time_s": 0, "speed_rpm": 5500}, {"time_s": 1, "speed_rpm": 3000}, {"time_s": 60, "speed_rpm": 3000}]
     trigger = {"start": "speed > 5000", "stop": "speed < 4000", "pre_s": 0.0, "hold_s": 0.1, "events": 0}
     bench = rig(simulation={"profile": swing, "speed_fluctuation": 0.0, "pace": "real time"}, trigger=trigger)
-    run = recorded(bench, tmp_path)
-    armed = seen_within(run, 60, RunState.ARMED)
+    run = start_recording(bench, tmp_path)
+    armed = wait_for_state(run, 60, RunState.ARMED)
     while "1 recorded" not in armed.detail:
-        armed = seen_within(run, 60, RunState.ARMED)
+        armed = wait_for_state(run, 60, RunState.ARMED)
     with RunReader(run.path) as reader:
         assert reader.is_complete  # while the next is waited for
     run.stop()
@@ -286,10 +285,10 @@ def test_events_without_a_start_and_a_stop_are_refused(rig: RigFactory) -> None:
 
 def test_operator_sees_that_a_run_is_armed_and_the_file_holds_what_followed(rig: RigFactory, tmp_path: Path) -> None:
     ramp = rig(simulation={**RAMP, "pace": "real time"}, trigger={"hold_s": 0.1})
-    run = recorded(with_trigger(ramp, start="speed > 3800", stop="speed > 4200", pre_s=0.5), tmp_path)
-    armed = seen_within(run, 60, RunState.ARMED)
+    run = start_recording(with_trigger(ramp, start="speed > 3800", stop="speed > 4200", pre_s=0.5), tmp_path)
+    armed = wait_for_state(run, 60, RunState.ARMED)
     assert "armed: the start is waited for, 3," in armed.detail
-    seen_within(run, 60, RunState.RECORDING)
+    wait_for_state(run, 60, RunState.RECORDING)
     assert run.wait(60)
     outcome = run.close()
     assert outcome.exit_code == 0

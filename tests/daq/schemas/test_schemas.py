@@ -15,10 +15,10 @@ from daq.schemas.runs import run_schema
 from daq.schemas.summary import summary_schema
 from daq.schemas.units import finite, lag_degrees, micrometres, moment, rpm
 from daq.session.live_update import LiveUpdate
-from tests.daq.support.frames import RPM, make_frames
+from tests.daq.support.live_updates import RPM, make_live_updates
 from tests.daq.support.service_fakes import make_agreement, make_entries, make_summary
 
-FRAME = make_frames(200)[150]
+FRAME = make_live_updates(200)[150]
 ANY = st.floats(allow_nan=True, allow_infinity=True)
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from daq.config.rig import Rig
-from tests.daq.support.frames import run_up
+from tests.daq.support.live_updates import run_up
 from tests.daq.support.recorded_bench import RecordedBench, open_recorded_bench, record_run
 
 RigFactory = Callable[..., Rig]

@@ -20,9 +20,9 @@ from daq.view.status_text import worst_alarm
 from recordings.integrity.verify import verify
 from recordings.mcap.markers import MarkerKind
 from recordings.mcap.reader import RunReader
-from tests.daq.session.recording.test_recorded_run import REAL_TIME, NoModel, Screen, recorded
-from tests.daq.support.frames import RPM, make_frames, with_alarm, with_further_alarms
+from tests.daq.support.live_updates import RPM, make_live_updates, with_alarm, with_further_alarms
 from tests.daq.support.recorded_bench import open_recorded_bench
+from tests.daq.support.recording import REAL_TIME, NoModel, UpdateList, start_recording
 
 RigFactory = Callable[..., Rig]
 
@@ -37,8 +37,8 @@ def until(condition: Callable[[], bool]) -> None:
 
 
 def test_an_alarm_comes_after_its_hold_time_is_recorded_and_is_acknowledged(rig: RigFactory, tmp_path: Path) -> None:
-    screen = Screen()
-    run = recorded(rig(simulation=REAL_TIME, limits=SOON), tmp_path, screen)
+    screen = UpdateList()
+    run = start_recording(rig(simulation=REAL_TIME, limits=SOON), tmp_path, screen)
     until(lambda: len(run.latest().status.alarms) == 2)
     assert {alarm.probe for alarm in run.latest().status.alarms} == {"x", "y"}
     noted = run.acknowledge()
@@ -46,7 +46,7 @@ def test_an_alarm_comes_after_its_hold_time_is_recorded_and_is_acknowledged(rig:
     assert run.acknowledge() == ()
     assert run.wait(60)
     run.close()
-    first = next(frame for frame in screen.frames if frame.status.alarms)
+    first = next(frame for frame in screen.updates if frame.status.alarms)
     assert first.snapshot is not None
     assert first.snapshot.time == pytest.approx(0.4)  # 0.1 s after the run began it was passed
     last = run.latest().status
@@ -66,7 +66,7 @@ def test_an_alarm_comes_after_its_hold_time_is_recorded_and_is_acknowledged(rig:
 
 
 def test_a_replay_gives_the_same_alarms_not_yet_acknowledged(rig: RigFactory, tmp_path: Path) -> None:
-    run = recorded(rig(limits=SOON), tmp_path)
+    run = start_recording(rig(limits=SOON), tmp_path)
     assert run.wait(60)
     run.acknowledge()
     run.close()
@@ -88,13 +88,13 @@ def test_an_alarm_that_is_over_stays_in_sight_where_the_rig_says_so(
 ) -> None:
     profile = [(0.0, 9000.0), (1.0, 9000.0), (2.0, 2000.0), (3.0, 2000.0)]
     falling = {"profile": [{"time_s": time_s, "speed_rpm": speed_rpm} for time_s, speed_rpm in profile]}
-    first = recorded(rig(simulation=falling), tmp_path)
+    first = start_recording(rig(simulation=falling), tmp_path)
     assert first.wait(60)
     first.close()
     overall = [float(row.largest_peak_to_peak.max()) * 1e6 for row in first.summary().rows]
     limits = {"peak_to_peak_alarm_um": 0.5 * (min(overall) + max(overall)), "hold_s": 0.0, "latch": latch}
     (tmp_path / "again").mkdir()
-    run = recorded(rig(simulation=falling, limits=limits), tmp_path / "again")
+    run = start_recording(rig(simulation=falling, limits=limits), tmp_path / "again")
     assert run.wait(60)
     run.close()
     status = run.latest().status
@@ -104,7 +104,7 @@ def test_an_alarm_that_is_over_stays_in_sight_where_the_rig_says_so(
 
 
 def test_alarms_are_named_by_what_they_watch() -> None:
-    frame = with_further_alarms(make_frames(1)[0])
+    frame = with_further_alarms(make_live_updates(1)[0])
     one, below, speed = frame.status.alarms
     assert alarm_text(one) == "1X alarm at x: 24 µm peak, limit 20, at 12,000 r/min"
     assert alarm_text(below) == "below 1X alarm at y: 14.1 µm peak, limit 12.5, at 12,000 r/min"
@@ -122,7 +122,7 @@ def test_overspeed_and_1x_alarms_come_in_the_run_its_summary_and_on_the_terminal
     profile = [(0.0, 3000.0), (1.0, 9000.0), (2.0, 9000.0), (3.5, 2000.0)]
     course = {"profile": [{"time_s": time_s, "speed_rpm": speed_rpm} for time_s, speed_rpm in profile]}
     limits = {"speed_danger_rpm": 8_000.0, "order_1x_peak_alarm_um": 0.5, "hold_s": 0.2}
-    run = recorded(rig(simulation=course, limits=limits), tmp_path)
+    run = start_recording(rig(simulation=course, limits=limits), tmp_path)
     assert run.wait(60)
     run.close()
     by_name = {alarm_name(alarm): alarm for alarm in run.summary().alarms}
@@ -145,7 +145,7 @@ def test_overspeed_and_1x_alarms_come_in_the_run_its_summary_and_on_the_terminal
 
 def test_alarms_are_acknowledged_by_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     bench = open_recorded_bench(tmp_path)
-    bench.live.frame = with_alarm(make_frames(1)[0], Severity.DANGER)
+    bench.live.frame = with_alarm(make_live_updates(1)[0], Severity.DANGER)
     port = ["--port", str(bench.client.base_url.port)]
     assert main(["acknowledge", *port]) == 0
     assert capsys.readouterr().out == "acknowledged danger at x: 92 µm peak-to-peak, limit 90\n"

@@ -25,9 +25,9 @@ from daq.session.recording.recorder import run_header
 from recordings.mcap.reader import RunReader
 from recordings.mcap.writer import RunWriter
 from tests.daq.drivers.ni.bench import bench
-from tests.daq.session.recording.test_recorded_run import order
 from tests.daq.support.device_server import DeviceServer
 from tests.daq.support.ni_driver import NiDriver
+from tests.daq.support.recording import recording_request
 
 DEADLINE = 60.0  # s for a run: what is slower hangs
 BLOCKS = 40  # after which a run is stopped
@@ -183,7 +183,7 @@ def rig_at(target: str, deadline: float = 0.3) -> Rig:
 
 def record(bench: Bench, path: Path) -> float:
     """Record a run with its troubles, as the recorder does; return how long it took, s."""
-    made = order(rig_at(bench.server.target), path.parent)
+    made = recording_request(rig_at(bench.server.target), path.parent)
     source = open_source(made.rig)
     writer = RunWriter(path, run_header(made, source))
     bench.plan()

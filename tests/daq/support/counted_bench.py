@@ -15,7 +15,7 @@ from daq.drivers.factory import open_source
 from daq.session.recording.recorder import run_header
 from recordings.mcap.results import encode_snapshot
 from recordings.mcap.writer import write_run
-from tests.daq.session.recording.test_recorded_run import order
+from tests.daq.support.recording import recording_request
 
 RigFactory = Callable[..., Rig]
 RISING = {"profile": [{"time_s": 0.0, "speed_rpm": 3000.0}, {"time_s": 4.0, "speed_rpm": 9000.0}]}
@@ -37,7 +37,7 @@ def items_of(rig: Rig) -> list[SourceItem]:
 def header_of(rig: Rig, folder: Path) -> RunHeader:
     source = open_source(rig)
     source.close()
-    return run_header(order(rig, folder), source)
+    return run_header(recording_request(rig, folder), source)
 
 
 def recorded(rig: Rig, folder: Path, items: Iterable[SourceItem] | None = None) -> Path:

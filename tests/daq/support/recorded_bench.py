@@ -18,14 +18,14 @@ from daq.service.jobs.queue import CatalogueLocation, JobQueue
 from daq.service.results_reader import ResultsReader
 from daq.service.routes.live import RunStarter
 from daq.service.server import ServiceServer
-from daq.session.prediction.predictors import Predictors
+from daq.session.prediction.predictor import Predictors
 from daq.session.recording.messages import RecordingRequest
 from daq.session.recording.recorder import run_header
 from model.prediction.prediction_map import Prediction
 from recordings.catalogue.catalogue import Catalogue
 from recordings.mcap.markers import MarkerKind
 from recordings.mcap.writer import write_run
-from tests.daq.support.frames import make_prediction
+from tests.daq.support.live_updates import make_prediction
 from tests.daq.support.service_fakes import FakeLive
 
 RUN = "2026-11-24T09-12-07-test-rig"

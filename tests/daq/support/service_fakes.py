@@ -19,7 +19,7 @@ from model.prediction.comparison import Agreement, PredictedWhirl, SynchronousAg
 from recordings.catalogue.catalogue import RunEntry
 from recordings.catalogue.search import Search
 from recordings.errors import NotFoundError
-from tests.daq.support.frames import RPM, make_header
+from tests.daq.support.live_updates import RPM, make_header
 
 NEWEST = "2026-11-24T09-12-07-gj90c"
 CUT = "2026-11-23T10-00-00-gj90c"

@@ -12,13 +12,13 @@ from analysis.signals.snapshot import OrderFrame
 from daq.view.bode import BodePlot
 from daq.view.drawing import Drawing
 from daq.view.palette import MEASURED_X
-from tests.daq.support.frames import RPM, make_frames, make_header
+from tests.daq.support.live_updates import RPM, make_header, make_live_updates
 
 UP, DOWN = 20e-6, 10e-6  # m peak, of 1X on the way up and down
 
 
 def order_frame() -> OrderFrame:
-    snapshot = make_frames(1)[0].snapshot
+    snapshot = make_live_updates(1)[0].snapshot
     assert snapshot is not None
     assert snapshot.frame is not None
     return snapshot.frame

@@ -15,7 +15,7 @@ from daq.view.status_text import details
 from model.rotor.gj90c import gj90c
 from recordings.mcap.reader import RunReader
 from tests.daq.conftest import RigFactory
-from tests.daq.support.frames import make_frames
+from tests.daq.support.live_updates import make_live_updates
 from tests.daq.support.recorded_bench import record_run
 
 SPEED = 520.0  # rad/s
@@ -46,7 +46,7 @@ def test_frames_of_a_shaft_that_stays_at_a_speed_carry_the_exact_prediction(rig:
 
 
 def test_operator_reads_whether_the_overlay_is_exact() -> None:
-    frame = make_frames(60)[-1]
+    frame = make_live_updates(60)[-1]
     assert frame.prediction is not None
     assert "model: ready; interpolated; film" in details(frame)
     exact = replace(frame, prediction=replace(frame.prediction, is_exact=True, speed=400 * np.pi))

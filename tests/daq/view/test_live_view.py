@@ -25,7 +25,7 @@ from daq.errors import ServiceError
 from daq.session.live_update import LiveUpdate
 from daq.view import open_live_view
 from daq.view.live_view import LiveView
-from tests.daq.support.frames import make_frames, make_header
+from tests.daq.support.live_updates import make_header, make_live_updates
 
 _LAVAPIPE = Path("/usr/share/vulkan/icd.d") / f"lvp_icd.{platform.machine()}.json"
 
@@ -103,7 +103,7 @@ def test_page_has_the_viewer_and_nothing_else(view: LiveView) -> None:
 
 
 def test_frames_are_replaced_and_counted_when_they_come_too_fast(view: LiveView) -> None:
-    for frame in make_frames(50):
+    for frame in make_live_updates(50):
         view.offer(frame)
     deadline = time.monotonic() + 60.0
     while view.waiting and time.monotonic() < deadline:
@@ -114,7 +114,7 @@ def test_frames_are_replaced_and_counted_when_they_come_too_fast(view: LiveView)
 
 def test_offer_returns_at_once_while_drawing_is_stalled(view: LiveView) -> None:
     header = StallingHeader()
-    frame = replace(make_frames(1)[0], header=cast("RunHeader", header))
+    frame = replace(make_live_updates(1)[0], header=cast("RunHeader", header))
     started = time.perf_counter()
     for _ in range(2_000):
         view.offer(frame)
@@ -130,7 +130,7 @@ def test_close_ends_the_thread_and_frees_the_port_of_the_data() -> None:
     view = LiveView()
     port = urlsplit(view.viewer_url).port
     assert port
-    view.offer(make_frames(1)[0])
+    view.offer(make_live_updates(1)[0])
     assert view.close(60.0)
     assert not [thread for thread in threading.enumerate() if thread.name == "live view"]
     deadline = time.monotonic() + 60.0
@@ -160,12 +160,12 @@ def test_close_twice_does_no_harm() -> None:
 
 
 def test_fault_in_drawing_is_said_and_offer_goes_on(view: LiveView) -> None:
-    view.offer(replace(make_frames(1)[0], header=cast("RunHeader", BrokenHeader())))
+    view.offer(replace(make_live_updates(1)[0], header=cast("RunHeader", BrokenHeader())))
     deadline = time.monotonic() + 60.0
     while not view.failure and time.monotonic() < deadline:
         time.sleep(0.01)
     assert view.failure.startswith("the live view stopped: ")
-    view.offer(make_frames(1)[0])
+    view.offer(make_live_updates(1)[0])
 
 
 def test_taken_port_is_told_with_its_number() -> None:
@@ -190,7 +190,7 @@ def test_without_rerun_one_clear_message_says_what_to_install() -> None:
 def test_open_live_view_gives_a_view_that_is_fed() -> None:
     view = open_live_view()
     try:
-        _drawn(view, make_frames(3))
+        _drawn(view, make_live_updates(3))
         assert not view.failure
     finally:
         assert view.close(60.0)
@@ -213,7 +213,7 @@ def test_native_viewer_draws_two_runs_without_complaint(view: LiveView, tmp_path
         viewer.open(view.viewer_url)
         for run in ("first", "second"):
             header = make_header(run)
-            _drawn(view, [replace(frame, header=header) for frame in make_frames(20)])
+            _drawn(view, [replace(frame, header=header) for frame in make_live_updates(20)])
         assert not view.failure
         deadline = time.monotonic() + 60.0
         while len(viewer.get_state().views) < 6 and time.monotonic() < deadline:

@@ -23,7 +23,14 @@ from daq.view.spectral_maps import COLUMNS, HIGHEST_ORDER, ROWS
 from daq.view.spectrum import LETTERS, SpectrumPlot
 from daq.view.traces import TrendPlot
 from recordings.mcap.markers import Marker, MarkerKind
-from tests.daq.support.frames import RATE, make_frames, make_header, with_alarm, with_runout, with_second_whirl
+from tests.daq.support.live_updates import (
+    RATE,
+    make_header,
+    make_live_updates,
+    with_alarm,
+    with_runout,
+    with_second_whirl,
+)
 
 RUN = timeline(make_header())
 DRAWN = {
@@ -92,7 +99,7 @@ def _strict() -> Iterator[None]:
 @pytest.fixture(scope="module")
 def run_up(tmp_path_factory: pytest.TempPathFactory) -> Logged:
     """A run-up to 15,600 r/min, cut where 0.49X stands beside the model's 0.70X."""
-    return Logged(make_frames(120)[:101], tmp_path_factory.mktemp("view") / "run.rrd")
+    return Logged(make_live_updates(120)[:101], tmp_path_factory.mktemp("view") / "run.rrd")
 
 
 def test_every_entity_of_every_plot_has_data(run_up: Logged) -> None:
@@ -109,7 +116,7 @@ def test_measured_and_predicted_are_drawn_in_their_colours(run_up: Logged, plot:
 
 
 def test_dashes_of_a_closed_orbit_leave_its_gaps_open(tmp_path: Path) -> None:
-    frame = make_frames(1)[0]
+    frame = make_live_updates(1)[0]
     assert frame.prediction is not None
     angle = 2.0 * math.pi * np.arange(4 * 64) / 64
     closed = replace(frame.prediction, orbit=8e-6 * np.stack([np.cos(angle), np.sin(angle)]))
@@ -133,7 +140,7 @@ def test_predicted_whirl_lies_over_the_cascade_at_its_order(run_up: Logged) -> N
 
 
 def test_cascade_has_no_stripes_where_the_shaft_ran_fast(tmp_path: Path) -> None:
-    logged = Logged(make_frames(60)[:49], tmp_path / "fast.rrd")  # 247 r/min from frame to frame, 200 r/min a row
+    logged = Logged(make_live_updates(60)[:49], tmp_path / "fast.rrd")  # 247 r/min from frame to frame, 200 r/min a row
     row = logged.rows("/cascade/measured")[-1]
     picture = np.array(row["Image:buffer"], dtype=np.uint8).reshape(ROWS, COLUMNS, 3).sum(axis=2)
     at_1x = picture[:, round(COLUMNS / HIGHEST_ORDER)].astype(int)
@@ -141,7 +148,7 @@ def test_cascade_has_no_stripes_where_the_shaft_ran_fast(tmp_path: Path) -> None
 
 
 def test_banner_says_what_was_lost_and_what_went_wrong(tmp_path: Path) -> None:
-    frame = make_frames(1)[0]
+    frame = make_live_updates(1)[0]
     status = replace(
         frame.status,
         state=RunState.FAILED,
@@ -157,7 +164,7 @@ def test_banner_says_what_was_lost_and_what_went_wrong(tmp_path: Path) -> None:
 
 
 def test_banner_says_why_what_is_measured_cannot_be_trusted(tmp_path: Path) -> None:
-    frame = make_frames(1)[0]
+    frame = make_live_updates(1)[0]
     assert frame.snapshot is not None
     clipped = replace(frame.status, clipped=(Clipping("y", 1234, 3, 0.1),))
     irregular = replace(frame.snapshot.tacho, state=TachoState.IRREGULAR)
@@ -172,7 +179,7 @@ def test_banner_says_why_what_is_measured_cannot_be_trusted(tmp_path: Path) -> N
 
 def test_names_in_the_spectrum_never_lie_on_one_another() -> None:
     plot = SpectrumPlot()
-    for frame in map(with_second_whirl, make_frames(200)[::8]):
+    for frame in map(with_second_whirl, make_live_updates(200)[::8]):
         assert frame.snapshot is not None
         plot.follow(frame.snapshot.frame, frame.prediction)
         placed = plot.placed_names(frame.snapshot.frame, frame.prediction)
@@ -197,7 +204,7 @@ def test_frames_lie_on_the_timeline_of_their_run(run_up: Logged) -> None:
 
 
 def test_orbit_is_drawn_with_y_up(tmp_path: Path) -> None:
-    frame = make_frames(1)[0]
+    frame = make_live_updates(1)[0]
     assert frame.snapshot is not None
     assert frame.snapshot.frame is not None
     angle = 2.0 * math.pi * np.arange(256) / 64
@@ -220,7 +227,7 @@ def test_cascade_is_bright_at_1x_up_to_the_speed_reached(run_up: Logged) -> None
 
 
 def test_sequence_without_snapshot_or_model_or_speed_is_drawn(tmp_path: Path) -> None:
-    frame = make_frames(1)[0]
+    frame = make_live_updates(1)[0]
     assert frame.snapshot is not None
     still = replace(frame.snapshot, speed=math.nan, frame=None)
     starting = LiveUpdate(frame.header, Status(RunState.STARTING))
@@ -231,7 +238,7 @@ def test_sequence_without_snapshot_or_model_or_speed_is_drawn(tmp_path: Path) ->
 
 
 def test_alarm_stays_on_the_banner_when_it_is_over(tmp_path: Path) -> None:
-    frame = make_frames(1)[0]
+    frame = make_live_updates(1)[0]
     quiet = Logged([frame], tmp_path / "quiet.rrd")
     latched = Logged([with_alarm(frame, Severity.ALARM)], tmp_path / "latched.rrd")
     assert not quiet.strips("/banner", ALARM)
@@ -243,7 +250,7 @@ def marked(frames: list[LiveUpdate], *markers: TimedMarker) -> list[LiveUpdate]:
 
 
 def test_mark_is_a_line_with_its_word_in_trend_and_waterfall_at_its_time(tmp_path: Path) -> None:
-    frames = make_frames(120)[:97]  # trend and waterfall are drawn with every 24th, so with the last
+    frames = make_live_updates(120)[:97]  # trend and waterfall are drawn with every 24th, so with the last
     elapsed = frames[-1].status.elapsed
     word = TimedMarker(Marker(0, round((elapsed - 3.0) * RATE), "knocking", 0), elapsed - 3.0, elapsed - 3.0)
     came = TimedMarker(Marker(0, 0, "alarm at x", 0, MarkerKind.ALARM), elapsed - 5.0, elapsed - 5.0)
@@ -261,7 +268,7 @@ def test_mark_is_a_line_with_its_word_in_trend_and_waterfall_at_its_time(tmp_pat
 
 
 def test_mark_is_drawn_over_the_traces_where_they_show_its_moment(tmp_path: Path) -> None:
-    frame = make_frames(1)[0]
+    frame = make_live_updates(1)[0]
     assert frame.snapshot is not None
     trace = frame.snapshot.trace
     at = float(trace.time[-1]) - 0.01
@@ -274,7 +281,7 @@ def test_mark_is_drawn_over_the_traces_where_they_show_its_moment(tmp_path: Path
 
 def test_trend_keeps_the_largest_between_its_points_and_goes_on_in_minutes() -> None:
     plot = TrendPlot()
-    frame = make_frames(1)[0]
+    frame = make_live_updates(1)[0]
     assert frame.snapshot is not None
     for k in range(1200):
         spike = 90e-6 if k == 1003 else 10e-6
@@ -293,7 +300,7 @@ def _strips(drawing: Drawing) -> list[NDArray[np.float64]]:
 
 
 def test_orbit_and_words_show_what_is_compensated_beside_what_was_measured(tmp_path: Path) -> None:
-    frame = make_frames(1)[0]
+    frame = make_live_updates(1)[0]
     plain = Logged([frame], tmp_path / "plain.rrd")
     taken_off = Logged([with_second_whirl(with_runout(frame))], tmp_path / "compensated.rrd")
     raw = plain.strips("/orbit/measured", MEASURED_X)
@@ -314,7 +321,7 @@ def test_details_say_in_words_what_is_below_1x_and_what_the_model_says(run_up: L
 
 
 def test_details_hold_no_letter_that_the_viewer_cannot_draw(tmp_path: Path) -> None:
-    frame = make_frames(1)[0]
+    frame = make_live_updates(1)[0]
     frame = replace(frame, status=replace(frame.status, detail="Öl ∠ 油"))
     logged = Logged([frame], tmp_path / "letters.rrd")
     assert "Öl ? ?" in str(logged.rows("/details")[-1]["TextDocument:text"][0])

@@ -16,8 +16,8 @@ from daq.session.offline import summarise
 from daq.session.recording.recorder import run_header
 from recordings.mcap.reader import RunReader
 from recordings.mcap.writer import RunWriter
-from tests.daq.session.recording.test_recorded_run import order
 from tests.daq.support.recorded_bench import record_run
+from tests.daq.support.recording import recording_request
 
 RigFactory = Callable[..., Rig]
 
@@ -91,7 +91,7 @@ def test_a_slow_roll_that_did_not_come_is_told(rig: RigFactory, tmp_path: Path) 
 def ended(rig: Rig, path: Path, *ends: SegmentEnd, backlog: int = 0) -> list[str]:
     """Return what is told of a run of such segments, each of one block that was read with a backlog."""
     source = open_source(rig)
-    writer = RunWriter(path, run_header(order(rig, path.parent), source))
+    writer = RunWriter(path, run_header(recording_request(rig, path.parent), source))
     for end in ends:
         if end.samples:
             writer.block(SampleBlock(np.zeros((3, end.samples), np.int16), end.segment, 0, 0, backlog))
@@ -123,7 +123,7 @@ def test_largest_backlog_is_told_with_the_buffer_that_it_stood_in(
     rig: RigFactory, tmp_path: Path, part: float, told: str
 ) -> None:
     chosen = rig(timing={"buffer_s": 4.0})
-    rate = run_header(order(chosen, tmp_path), open_source(chosen)).acquisition.rate
+    rate = run_header(recording_request(chosen, tmp_path), open_source(chosen)).acquisition.rate
     end = SegmentEnd(0, 1000, EndReason.STOPPED)
     lines = ended(chosen, tmp_path / "late.mcap", end, backlog=round(4.0 * part * rate))
     assert f"backlog          at most {4.0 * part:.2f} s in the card's buffer of 4 s, {told}" in lines

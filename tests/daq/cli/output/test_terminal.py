@@ -15,9 +15,9 @@ from daq.cli.commands import rig_parser
 from daq.cli.main import main
 from daq.cli.output.progress import Console, status_line
 from daq.cli.output.terminal import fit_to_width, print_json, print_lines, use_ascii_fallback, wrap_line
-from tests.daq.support.frames import make_frames
+from tests.daq.support.live_updates import make_live_updates
 
-FRAME = make_frames(150)[-1]
+FRAME = make_live_updates(150)[-1]
 
 
 class Terminal(io.StringIO):

@@ -15,9 +15,9 @@ from daq.session.recording.recorder import run_header
 from recordings.mcap.reader import RunReader
 from recordings.mcap.writer import RunWriter
 from tests.daq.drivers.ni.bench import bench
-from tests.daq.session.recording.test_recorded_run import order
 from tests.daq.support.device_server import serving
 from tests.daq.support.ni_driver import NiDriver
+from tests.daq.support.recording import recording_request
 
 STALL = 1.0  # s
 TIMING = TimingSection(rate_hz=30_000.0, block_s=0.05, buffer_s=0.5)
@@ -25,7 +25,7 @@ TIMING = TimingSection(rate_hz=30_000.0, block_s=0.05, buffer_s=0.5)
 
 def recorded_with_stall(rig: Rig, folder: Path) -> tuple[SegmentEnd, ...]:
     """Record three blocks, stay away, record three more; return the ends of the segments as the file has them."""
-    made = order(rig, folder)
+    made = recording_request(rig, folder)
     source = open_source(made.rig)
     writer = RunWriter(made.path, run_header(made, source))
     blocks = 0
@@ -75,6 +75,6 @@ def test_loss_of_the_simulated_card_is_exact(tmp_path: Path) -> None:
     assert (overrun.reason, overrun.lost_is_exact) == (EndReason.OVERRUN, True)
     card = SimulatedCard(stalled_rig(""))
     card.skip(overrun.samples + overrun.lost)
-    with RunReader(order(stalled_rig(""), tmp_path).path) as reader:
+    with RunReader(recording_request(stalled_rig(""), tmp_path).path) as reader:
         after = reader.samples(1, 0, stopped.samples)
     assert (card.next_codes(stopped.samples) == after).all()

@@ -21,7 +21,7 @@ from daq.session.offline import summarise
 from recordings.catalogue.catalogue import Catalogue
 from recordings.mcap.reader import RunReader
 from tests.daq.conftest import CALIBRATION, TABLES, merged
-from tests.daq.support.frames import make_frames
+from tests.daq.support.live_updates import make_live_updates
 from tests.daq.support.recorded_bench import API, RUN, RecordedBench, open_recorded_bench, record_run
 
 LINEAR = {"calibration": {"coefficients_um": [0.0, 250.0], "volts_low": 0.5, "volts_high": 9.0, "date": "2026-11-24"}}
@@ -265,7 +265,7 @@ def test_answer_that_takes_too_long_names_the_job_that_makes_it(served: Recorded
 
 
 def test_job_about_the_run_under_way_is_refused(bench: RecordedBench) -> None:
-    bench.live.frame = make_frames(2)[1]
+    bench.live.frame = make_live_updates(2)[1]
     order = {"kind": "verification", "run": bench.live.frame.header.run}
     assert problem(bench.client.post(f"{API}/jobs", json=order)) == (409, "run-under-way")
 

@@ -16,11 +16,11 @@ from websockets.typing import Origin, Subprotocol
 from analysis.signals.header import Severity
 from daq.schemas.live import LiveSchema
 from daq.service.stream import MOST_CLIENTS, MOST_WAITING
-from tests.daq.support.frames import make_frames, with_alarm, with_further_alarms
+from tests.daq.support.live_updates import make_live_updates, with_alarm, with_further_alarms
 from tests.daq.support.recorded_bench import API, RecordedBench, open_recorded_bench
 
 WORD = "correct-horse"
-FRAMES = make_frames(30)
+FRAMES = make_live_updates(30)
 NOTEBOOK = "http://notebook.lab:8888"
 JSON = {"Content-Type": "application/json"}
 

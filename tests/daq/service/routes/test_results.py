@@ -22,7 +22,7 @@ from daq.session.live_update import RunState
 from daq.session.offline import summarise
 from recordings.mcap.reader import RunReader
 from tests.daq.conftest import CALIBRATION, TABLES, merged
-from tests.daq.support.frames import make_frames
+from tests.daq.support.live_updates import make_live_updates
 from tests.daq.support.recorded_bench import API, RUN, RecordedBench, open_recorded_bench, record_run
 
 RPM = np.pi / 30.0
@@ -299,7 +299,7 @@ def test_head_of_a_file_tells_what_is_there(bench: RecordedBench, path: Path) ->
 
 
 def test_run_under_way_is_not_read(bench: RecordedBench) -> None:
-    frame = make_frames(1)[0]
+    frame = make_live_updates(1)[0]
     assert frame.status.state is RunState.RECORDING
     bench.live.frame = frame
     try:

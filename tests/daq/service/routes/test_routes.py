@@ -17,7 +17,7 @@ from daq.schemas.summary import SummarySchema
 from daq.service.problem_types import ProblemSchema
 from daq.session.live_update import RunState
 from recordings.errors import DamagedError, RecordingError, StorageError, UnknownFormatError
-from tests.daq.support.frames import make_frames
+from tests.daq.support.live_updates import make_live_updates
 from tests.daq.support.service_bench import API, Bench, faults, open_bench
 from tests.daq.support.service_fakes import CUT, NEWEST, OTHER_RIG, UNREADABLE
 
@@ -165,7 +165,7 @@ def test_summary_that_cannot_be_given_says_why(bench: Bench, error: RecordingErr
 
 
 def test_summary_of_the_run_under_way_is_a_conflict_until_it_has_ended(bench: Bench) -> None:
-    frame = make_frames(1)[0]
+    frame = make_live_updates(1)[0]
     bench.live.frame = frame
     told = problem(bench.get(f"/runs/{NEWEST}/summary"))
     assert (told.status, told.type) == (409, "/docs#run-under-way")
@@ -204,7 +204,7 @@ def test_live_is_not_found_while_nothing_is_under_way(bench: Bench) -> None:
 
 
 def test_live_gives_measurement_and_model_side_by_side_and_is_never_kept(bench: Bench) -> None:
-    bench.live.frame = make_frames(200)[150]
+    bench.live.frame = make_live_updates(200)[150]
     response = bench.get("/live")
     assert response.status_code == 200
     assert response.headers["cache-control"] == "no-store"
@@ -218,7 +218,7 @@ def test_live_gives_measurement_and_model_side_by_side_and_is_never_kept(bench: 
 
 def test_live_picture_gives_orbit_and_spectrum_with_the_models_beside_them(bench: Bench) -> None:
     assert problem(bench.get("/live/curves")).type == "/docs#no-live-run"
-    frame = make_frames(200)[150]
+    frame = make_live_updates(200)[150]
     bench.live.frame = frame
     picture = LiveCurvesSchema.model_validate_json(bench.get("/live/curves").content)
     assert frame.snapshot is not None
@@ -238,7 +238,7 @@ def test_live_picture_gives_orbit_and_spectrum_with_the_models_beside_them(bench
 
 def test_health_names_the_run_under_way_and_a_failed_one(bench: Bench) -> None:
     assert bench.get("/health").json()["live_run"] is None
-    frame = make_frames(1)[0]
+    frame = make_live_updates(1)[0]
     bench.live.frame = frame
     health = bench.get("/health").json()
     assert (health["live_run"], health["health"], health["runs"]) == (NEWEST, "good", 4)
@@ -269,7 +269,7 @@ def test_what_is_read_only_says_so(bench: Bench, method: str) -> None:
 
 
 def test_waiting_summaries_keep_neither_live_nor_the_list_waiting_and_too_many_are_turned_away(bench: Bench) -> None:
-    bench.live.frame = make_frames(1)[0]
+    bench.live.frame = make_live_updates(1)[0]
     bench.summaries.gate.clear()
     answers: list[int] = []
 
@@ -307,7 +307,7 @@ def test_every_answer_fits_the_schema_that_is_given_for_it(bench: Bench, schema:
         assert faults(response.json(), content[media_type]["schema"], schema["components"]["schemas"]) == []
 
     check(bench.get("/live"), "/live", 404)
-    for frame in make_frames(40)[::13]:
+    for frame in make_live_updates(40)[::13]:
         bench.live.frame = frame
         check(bench.get("/live"), "/live", 200)
         check(bench.get("/live/curves"), "/live/curves", 200)

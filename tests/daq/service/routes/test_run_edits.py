@@ -20,7 +20,7 @@ from daq.errors import DeviceError, DeviceFault
 from daq.session.live_update import LiveUpdate
 from daq.session.run import RunOutcome
 from daq.session.run_manager import RunManager
-from tests.daq.support.frames import make_frames
+from tests.daq.support.live_updates import make_live_updates
 from tests.daq.support.recorded_bench import API, RUN, RecordedBench, open_recorded_bench, record_run
 
 RigFactory = Callable[..., Rig]
@@ -31,7 +31,7 @@ class FakeRun:
     """A run that ends when it is stopped."""
 
     def __init__(self, note: str) -> None:
-        self.frame = make_frames(1)[0]
+        self.frame = make_live_updates(1)[0]
         self.header: RunHeader = replace(self.frame.header, note=note)
         self.ended = threading.Event()
         self.closed = False
@@ -169,7 +169,7 @@ def test_json_whose_size_is_hidden_behind_another_is_refused(bench: RecordedBenc
 
 
 def test_run_under_way_is_not_put_away(bench: RecordedBench) -> None:
-    frame = make_frames(1)[0]
+    frame = make_live_updates(1)[0]
     bench.live.frame = replace(frame, header=replace(frame.header, run=RUN))
     assert kind(bench.client.delete(f"{API}/runs/{RUN}")) == (409, "run-under-way")
     assert (bench.folder / f"{RUN}.mcap").exists()

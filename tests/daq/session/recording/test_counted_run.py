@@ -23,7 +23,6 @@ from recordings.integrity.recover import recover
 from recordings.integrity.verify import verify
 from recordings.mcap.parts import PartLimits, PartWriter, file_ids
 from recordings.mcap.reader import RunReader
-from tests.daq.session.recording.test_recorded_run import NoModel, order
 from tests.daq.support.counted_bench import (
     RISING,
     RigFactory,
@@ -35,6 +34,7 @@ from tests.daq.support.counted_bench import (
     recorded,
     ticks_of,
 )
+from tests.daq.support.recording import NoModel, recording_request
 
 RPM = 2 * math.pi / 60
 SPEED = 6123.4567  # r/min: no whole ticks in a turn
@@ -190,7 +190,7 @@ def test_ring_carries_stamps_however_many() -> None:
 
 def test_run_recorded_by_its_own_process_is_the_run_replayed(counted: RigFactory, tmp_path: Path) -> None:
     rig = counted()
-    run = RecordedRun(order(rig, tmp_path), NoModel())
+    run = RecordedRun(recording_request(rig, tmp_path), NoModel())
     assert run.wait(60.0)
     assert run.close().ends[0].is_gap_free
     truth = ticks_of(items_of(rig))

@@ -14,14 +14,13 @@ from daq.cli.output.progress import status_line
 from daq.config.rig import Rig
 from daq.config.schema import TimingSection
 from daq.drivers.simulation.card import SimulatedCard
-from daq.session.live_update import RunState, Status
+from daq.session.live_update import RunState
 from daq.session.recording.health import loss_message, recording_health
-from daq.session.recording.recorded_run import RecordedRun
 from daq.session.recording.statistics import RecorderStatistics
 from recordings.mcap.reader import RunReader
-from tests.daq.session.recording.test_recorded_run import recorded
 from tests.daq.support.device_server import serving
 from tests.daq.support.ni_driver import NiDriver
+from tests.daq.support.recording import start_recording, wait_for_state
 
 RigFactory = Callable[..., Rig]
 
@@ -63,7 +62,7 @@ def test_clipping_is_counted_by_channel_and_block_and_stays_told() -> None:
 
 
 def test_operator_sees_which_channel_was_clipped_and_where(rig: RigFactory, tmp_path: Path) -> None:
-    run = recorded(rig(simulation={"miswiring": "probe y out of reach"}), tmp_path)
+    run = start_recording(rig(simulation={"miswiring": "probe y out of reach"}), tmp_path)
     assert run.wait(60)
     run.close()
     (clipped,) = run.latest().status.clipped
@@ -79,20 +78,12 @@ def test_nothing_is_told_before_blocks_are_expected() -> None:
     assert recording_health(RecorderStatistics(RecorderStatistics.allocate()), RATE, TIMING) == (RunState.RECORDING, "")
 
 
-def seen_within(run: RecordedRun, seconds: float, state: RunState) -> Status:
-    deadline = time.monotonic() + seconds
-    while (status := run.latest().status).state is not state:
-        assert time.monotonic() < deadline, status
-        time.sleep(0.01)
-    return status
-
-
 def test_operator_sees_buffer_silence_and_recovery_of_a_run_over_the_wire(rig: RigFactory, tmp_path: Path) -> None:
     simulated = rig(simulation={"profile": LONG})
     with serving(NiDriver(lambda: SimulatedCard(simulated), real_time=True)) as server:
         device = {"backend": "nidaqmx", "target": server.target, "deadline_s": 0.4}
-        run = recorded(rig(device=device, simulation={"profile": LONG}, session={"retry_s": 0.2}), tmp_path)
-        seen_within(run, 60, RunState.RECORDING)
+        run = start_recording(rig(device=device, simulation={"profile": LONG}, session={"retry_s": 0.2}), tmp_path)
+        wait_for_state(run, 60, RunState.RECORDING)
         filling = run.latest().status
         stalled = time.monotonic()
         while filling.state is not RunState.DEGRADED:  # the reader catches up at once: on a busy machine unseen
@@ -104,15 +95,15 @@ def test_operator_sees_buffer_silence_and_recovery_of_a_run_over_the_wire(rig: R
         assert "samples are about to be lost" in filling.detail
         assert "samples are about to be lost" in status_line(replace(run.latest(), status=filling))
         assert filling.lost == 0
-        seen_within(run, 60, RunState.RECORDING)  # the reader has caught up
+        wait_for_state(run, 60, RunState.RECORDING)  # the reader has caught up
         server.freeze()
-        silent = seen_within(run, 60, RunState.INTERRUPTED)
+        silent = wait_for_state(run, 60, RunState.INTERRUPTED)
         assert silent.detail.startswith("no samples for ")
         while "did not answer within its deadline" not in run.latest().status.detail:
             assert not run.wait(0.01)
         assert "it is waited for, 60 s at most" in run.latest().status.detail
         server.thaw()
-        seen_within(run, 60, RunState.RECORDING)
+        wait_for_state(run, 60, RunState.RECORDING)
         while not (lost := run.latest().status.last_loss):
             assert not run.wait(0.01)
         assert lost.startswith("segment 0 ended after ")

@@ -19,8 +19,8 @@ from daq.session.recording.recorded_run import RecordedRun
 from daq.session.replayed_run import ReplayedRun
 from recordings.integrity.verify import verify
 from recordings.mcap.reader import RunReader
-from tests.daq.session.recording.test_recorded_run import REAL_TIME, NoModel, Screen, recorded
 from tests.daq.support.commands import POSIX, REAL_TIME_MINUTE, record_command
+from tests.daq.support.recording import REAL_TIME, NoModel, UpdateList, start_recording
 from tests.daq.support.service_bench import open_bench
 
 RigFiles = Callable[..., Path]
@@ -37,7 +37,7 @@ def after(run: RecordedRun, samples: int) -> int:
 
 
 def test_marks_are_in_the_file_at_the_moment_they_were_made(rig: RigFactory, tmp_path: Path) -> None:
-    run = recorded(rig(simulation=REAL_TIME_MINUTE), tmp_path)
+    run = start_recording(rig(simulation=REAL_TIME_MINUTE), tmp_path)
     before = after(run, 6_000)
     first = run.add_marker("  knocking\nbegins ")
     between = after(run, run.status().samples + 4_000)
@@ -59,7 +59,7 @@ def test_marks_are_in_the_file_at_the_moment_they_were_made(rig: RigFactory, tmp
 
 
 def test_mark_is_shown_live_from_its_moment_on_and_again_in_a_replay(rig: RigFactory, tmp_path: Path) -> None:
-    run = recorded(rig(simulation=REAL_TIME), tmp_path)
+    run = start_recording(rig(simulation=REAL_TIME), tmp_path)
     assert run.latest().status.markers == ()
     after(run, 10_000)
     made = run.add_marker("knocking")
@@ -68,16 +68,16 @@ def test_mark_is_shown_live_from_its_moment_on_and_again_in_a_replay(rig: RigFac
     assert shown == TimedMarker(made, made.sample / RATE, made.sample / RATE)
     assert run.wait(60)
     run.close()
-    screen = Screen()
+    screen = UpdateList()
     with RunReader(run.path) as reader:
         markers = reader.markers()
     with closing(open_replay(run.path, None)) as source:
         replayed = ReplayedRun(run.header, source, NoModel(), [screen], markers)
         assert replayed.wait(60)
         replayed.close()
-    for frame in screen.frames:
+    for frame in screen.updates:
         assert frame.status.markers == ((shown,) if frame.status.samples >= made.sample else ())
-    assert {frame.status.markers for frame in screen.frames} == {(), (shown,)}
+    assert {frame.status.markers for frame in screen.updates} == {(), (shown,)}
 
 
 @POSIX

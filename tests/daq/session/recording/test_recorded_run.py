@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from analysis.signals.blocks import EndReason, SampleBlock
+from analysis.signals.blocks import EndReason
 from analysis.signals.snapshot import Snapshot
 from daq.config.rig import Rig
 from daq.drivers.factory import open_source
@@ -24,54 +24,23 @@ from daq.errors import RigError
 from daq.session.live_analysis import LiveAnalysis
 from daq.session.live_update import LiveUpdate, RunState, Status
 from daq.session.offline import summarise
-from daq.session.recording.messages import RecordingRequest, ResultsEnded
-from daq.session.recording.recorded_run import RecordedRun
+from daq.session.recording.messages import ResultsEnded
 from daq.session.recording.recorder import _Recorder, run_header
 from daq.session.recording.ring import BlockRing
 from daq.session.recording.statistics import RecorderStatistics
-from model.prediction.prediction_map import Prediction
 from recordings.mcap.parts import PartLimits, PartWriter, file_ids
 from recordings.mcap.reader import RunReader
+from tests.daq.support.recording import (
+    REAL_TIME,
+    RUN,
+    NoModel,
+    UpdateList,
+    recorded_codes,
+    recording_request,
+    start_recording,
+)
 
 RigFactory = Callable[..., Rig]
-
-RUN = "2026-11-24T09-12-07-test-rig"
-REAL_TIME = {"pace": "real time"}
-
-
-class NoModel:
-    state = "off"
-
-    def at(self, _speed: float) -> Prediction | None:
-        return None
-
-
-class Screen:
-    """Keeps every frame; may be told to stall at each, as no screen should."""
-
-    def __init__(self, stall: float = 0.0) -> None:
-        self.frames: list[LiveUpdate] = []
-        self._stall = stall
-
-    def offer(self, frame: LiveUpdate) -> None:
-        self.frames.append(frame)
-        time.sleep(self._stall)
-
-
-def order(rig: Rig, folder: Path, *, duration: float | None = None) -> RecordingRequest:
-    return RecordingRequest(
-        rig=rig, run=RUN, started_ns=1_795_000_000_000_000_000, note="", program="rig test",
-        path=folder / f"{RUN}.mcap", duration=duration,
-    )  # fmt: skip
-
-
-def recorded(rig: Rig, folder: Path, screen: Screen | None = None, *, duration: float | None = None) -> RecordedRun:
-    return RecordedRun(order(rig, folder, duration=duration), NoModel(), [screen or Screen()])
-
-
-def codes_of(path: Path) -> NDArray[np.int16]:
-    with RunReader(path) as reader:
-        return np.hstack([item.codes for item in reader.items() if isinstance(item, SampleBlock)])
 
 
 def codes_of_card(rig: Rig) -> NDArray[np.int16]:
@@ -104,12 +73,12 @@ def snapshots_of(path: Path, block: int | None) -> list[Snapshot]:
 
 def test_run_is_recorded_whole_with_the_codes_that_the_card_gave(rig: RigFactory, tmp_path: Path) -> None:
     small = rig()
-    run = recorded(small, tmp_path)
+    run = start_recording(small, tmp_path)
     assert run.wait(60)
     outcome = run.close()
     assert (outcome.exit_code, outcome.message) == (0, "")
     assert [end.reason for end in outcome.ends] == [EndReason.FINISHED]
-    np.testing.assert_array_equal(codes_of(run.path), codes_of_card(small))
+    np.testing.assert_array_equal(recorded_codes(run.path), codes_of_card(small))
     with RunReader(run.path) as reader:
         assert reader.is_complete
         assert reader.header == run.header
@@ -117,11 +86,11 @@ def test_run_is_recorded_whole_with_the_codes_that_the_card_gave(rig: RigFactory
 
 def test_live_results_are_kept_beside_the_samples_and_replay_bit_for_bit(rig: RigFactory, tmp_path: Path) -> None:
     live: list[Snapshot] = []
-    screen = Screen()
-    run = recorded(rig(simulation=REAL_TIME), tmp_path, screen)
+    screen = UpdateList()
+    run = start_recording(rig(simulation=REAL_TIME), tmp_path, screen)
     assert run.wait(60)
     assert run.close().skipped == 0
-    live = [frame.snapshot for frame in screen.frames if frame.snapshot is not None]
+    live = [frame.snapshot for frame in screen.updates if frame.snapshot is not None]
     numbers = {snapshot.sample: snapshot for snapshot in live}
     assert len(numbers) == 20
     for block in (None, 400, 2000, 1777):
@@ -131,7 +100,7 @@ def test_live_results_are_kept_beside_the_samples_and_replay_bit_for_bit(rig: Ri
 
 
 def test_summary_from_the_kept_results_equals_the_one_from_the_samples(rig: RigFactory, tmp_path: Path) -> None:
-    run = recorded(rig(simulation=REAL_TIME), tmp_path)
+    run = start_recording(rig(simulation=REAL_TIME), tmp_path)
     assert run.wait(60)
     live = run.summary()
     run.close()
@@ -154,7 +123,7 @@ class _Unkept:
 
 
 def test_run_of_given_length_stops_by_itself(rig: RigFactory, tmp_path: Path) -> None:
-    run = recorded(rig(simulation=REAL_TIME), tmp_path, duration=0.5)
+    run = start_recording(rig(simulation=REAL_TIME), tmp_path, duration=0.5)
     assert run.wait(60)
     outcome = run.close()
     assert outcome.exit_code == 0
@@ -163,7 +132,7 @@ def test_run_of_given_length_stops_by_itself(rig: RigFactory, tmp_path: Path) ->
 
 
 def test_run_stopped_by_hand_is_complete(rig: RigFactory, tmp_path: Path) -> None:
-    run = recorded(rig(simulation=REAL_TIME), tmp_path)
+    run = start_recording(rig(simulation=REAL_TIME), tmp_path)
     while not run.status().samples:
         assert not run.wait(0.01)
     run.stop()
@@ -180,7 +149,7 @@ def test_stalled_analysis_loses_no_sample_and_says_what_it_skipped(rig: RigFacto
         timing={"rate_hz": 20_000.0, "block_s": 0.01, "buffer_s": 2.0},
         simulation={"profile": [{"time_s": 0.0, "speed_rpm": 6000.0}, {"time_s": 40.0, "speed_rpm": 6000.0}]},
     )
-    run = recorded(long, tmp_path, Screen(stall=0.05))  # flat out: the analysis cannot keep up
+    run = start_recording(long, tmp_path, UpdateList(stall=0.05))  # flat out: the analysis cannot keep up
     assert run.wait(120)
     outcome = run.close()
     assert outcome.skipped > 0
@@ -192,12 +161,12 @@ def test_stalled_analysis_loses_no_sample_and_says_what_it_skipped(rig: RigFacto
 
 
 def test_analysis_that_fails_is_told_and_the_recording_goes_on(rig: RigFactory, tmp_path: Path) -> None:
-    class Broken(Screen):
+    class Broken(UpdateList):
         def offer(self, frame: LiveUpdate) -> None:
             if frame.status.state is RunState.RECORDING and not frame.status.detail:
                 raise ZeroDivisionError("a screen that fails")
 
-    run = recorded(rig(simulation=REAL_TIME), tmp_path, Broken())
+    run = start_recording(rig(simulation=REAL_TIME), tmp_path, Broken())
     assert run.wait(60)
     status = run.latest().status
     outcome = run.close()
@@ -210,7 +179,7 @@ def test_analysis_that_fails_is_told_and_the_recording_goes_on(rig: RigFactory, 
 def test_missing_device_is_told_and_leaves_nothing_behind(rig: RigFactory, tmp_path: Path) -> None:
     before = threading.active_count()
     with pytest.raises(RigError) as caught:
-        recorded(rig(device={"backend": "nidaqmx"}), tmp_path)
+        start_recording(rig(device={"backend": "nidaqmx"}), tmp_path)
     assert caught.value.exit_code == 3
     assert not list(tmp_path.glob("*.mcap"))
     assert threading.active_count() == before
@@ -219,31 +188,31 @@ def test_missing_device_is_told_and_leaves_nothing_behind(rig: RigFactory, tmp_p
 def test_run_that_exists_is_never_overwritten(rig: RigFactory, tmp_path: Path) -> None:
     (tmp_path / f"{RUN}.mcap").write_bytes(b"the only evidence")
     with pytest.raises(RigError, match=RUN) as caught:
-        recorded(rig(), tmp_path)
+        start_recording(rig(), tmp_path)
     assert caught.value.exit_code == 2
     assert (tmp_path / f"{RUN}.mcap").read_bytes() == b"the only evidence"
 
 
 def test_disk_that_is_full_already_is_refused(rig: RigFactory, tmp_path: Path) -> None:
     with pytest.raises(RigError, match=r"storage\.reserve_gb"):
-        recorded(rig(storage={"reserve_gb": 1e9}), tmp_path)
+        start_recording(rig(storage={"reserve_gb": 1e9}), tmp_path)
 
 
 def test_run_that_is_split_loses_no_sample_between_its_files(rig: RigFactory, tmp_path: Path) -> None:
     small = rig(storage={"split_minutes": 0.01})
-    run = recorded(small, tmp_path)
+    run = start_recording(small, tmp_path)
     assert run.wait(60)
     assert run.close().exit_code == 0
     files = [tmp_path / f"{name}.mcap" for name in file_ids(run.path)]
     assert len(files) == 4  # of 0.6 s at least, in blocks of 0.1 s
-    np.testing.assert_array_equal(np.hstack([codes_of(file) for file in files]), codes_of_card(small))
+    np.testing.assert_array_equal(np.hstack([recorded_codes(file) for file in files]), codes_of_card(small))
     with RunReader(files[1]) as reader:
         assert reader.is_gap_free
         assert summarise(reader).snapshots == 6
 
 
 def test_disk_that_fills_up_ends_the_recording_cleanly(rig: RigFactory, tmp_path: Path) -> None:
-    full = order(rig(storage={"reserve_gb": 1e9}, simulation=REAL_TIME), tmp_path)
+    full = recording_request(rig(storage={"reserve_gb": 1e9}, simulation=REAL_TIME), tmp_path)
     source = open_source(full.rig)
     here, there = multiprocessing.Pipe()
     ring = BlockRing.create(3, 2001, 16)
@@ -270,13 +239,14 @@ def test_recorder_finishes_the_file_when_the_watching_process_is_killed(rig: Rig
     script = textwrap.dedent(f"""
         import sys
         import time
-        sys.path.insert(0, {str(Path(__file__).parent)!r})
+        sys.path.insert(0, {str(Path(__file__).parents[4])!r})
         from pathlib import Path
-        from test_recorded_run import NoModel, order
+        from tests.daq.support.recording import NoModel, recording_request
         from daq.config.loader import load_rig
         from daq.session.recording.recorded_run import RecordedRun
         if __name__ == "__main__":
-            run = RecordedRun(order(load_rig(Path({str(small.path)!r})), Path({str(tmp_path)!r})), NoModel())
+            rig = load_rig(Path({str(small.path)!r}))
+            run = RecordedRun(recording_request(rig, Path({str(tmp_path)!r})), NoModel())
             while run.status().samples < 12_000:
                 time.sleep(0.01)
             print(run._process.pid, flush=True)

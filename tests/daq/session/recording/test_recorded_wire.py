@@ -13,27 +13,27 @@ from daq.drivers.simulation.card import SimulatedCard
 from daq.errors import StoppedError
 from daq.session.recording.recorded_run import RecordedRun
 from recordings.mcap.reader import RunReader
-from tests.daq.session.recording.test_recorded_run import NoModel, codes_of, order, recorded
 from tests.daq.support.device_server import serving
 from tests.daq.support.ni_driver import NiDriver
+from tests.daq.support.recording import NoModel, recorded_codes, recording_request, start_recording
 
 RigFactory = Callable[..., Rig]
 
 
 def test_run_over_the_wire_holds_the_codes_of_the_run_of_the_simulator(rig: RigFactory, tmp_path: Path) -> None:
     simulated = rig()
-    direct = recorded(simulated, folder(tmp_path, "direct"))
+    direct = start_recording(simulated, folder(tmp_path, "direct"))
     assert direct.wait(60)
     direct.close()
     with serving(NiDriver(lambda: SimulatedCard(simulated))) as server:
         wired = rig(device={"backend": "nidaqmx", "target": server.target})
-        run = recorded(wired, folder(tmp_path, "wire"), duration=1.0)
+        run = start_recording(wired, folder(tmp_path, "wire"), duration=1.0)
         assert run.wait(60)
         outcome = run.close()
         assert not server.tasks
     assert outcome.exit_code == 0
     assert outcome.ends[0].reason is EndReason.FINISHED
-    got, expected = codes_of(run.path), codes_of(direct.path)
+    got, expected = recorded_codes(run.path), recorded_codes(direct.path)
     assert got.shape[1] >= 20_000
     np.testing.assert_array_equal(got, expected[:, : got.shape[1]])
     with RunReader(run.path) as over_wire, RunReader(direct.path) as by_hand:
@@ -52,7 +52,7 @@ def test_end_asked_for_while_the_device_is_opened_leaves_nothing_behind(
         if is_frozen:
             server.freeze()
         with pytest.raises(StoppedError, match="nothing was recorded") as caught:
-            RecordedRun(order(wired, tmp_path), NoModel(), (), lambda: True)
+            RecordedRun(recording_request(wired, tmp_path), NoModel(), (), lambda: True)
         server.thaw()
         assert not server.tasks
     assert caught.value.exit_code == 130

@@ -201,7 +201,7 @@ def run_up(count: int, run: str = "2026-11-24T09-12-07-gj90c") -> Iterator[LiveU
         yield LiveUpdate(header, status, snapshot, make_prediction(speed, header.settings))
 
 
-def make_frames(count: int) -> list[LiveUpdate]:
+def make_live_updates(count: int) -> list[LiveUpdate]:
     """``run_up`` as a list."""
     return list(run_up(count))
 
