@@ -24,9 +24,9 @@ class Compiler:
         Whose functions, types and constants go into the compiled code.
     """
 
-    def __init__(self, *built_on: ModuleType) -> None:
-        sources = "".join(inspect.getsource(module) for module in built_on)
-        self._stamp = hashlib.sha256(sources.encode()).hexdigest()[:12] if built_on else ""
+    def __init__(self, *dependencies: ModuleType) -> None:
+        sources = "".join(inspect.getsource(module) for module in dependencies)
+        self._digest = hashlib.sha256(sources.encode()).hexdigest()[:12] if dependencies else ""
 
     def compiled(self, function: Callable[P, R]) -> Callable[P, R]:
         """Compile a function at its first call, keep it on disk, and release the interpreter's lock while it runs."""
@@ -40,8 +40,8 @@ class Compiler:
         # The one place where numba's decorator, which carries no types, meets typed code.
         decorate = cast("Callable[..., Any]", numba.njit)
         options = {"nogil": True, "error_model": "numpy", "forceinline": forceinline}
-        if self._stamp:
-            function.__qualname__ += f"_{self._stamp}"  # numba names the file after it
+        if self._digest:
+            function.__qualname__ += f"_{self._digest}"  # numba names the file after it
         try:
             return cast("Callable[P, R]", decorate(function, cache=True, **options))
         except RuntimeError:  # no folder to keep it in, neither beside the source nor in the user's cache

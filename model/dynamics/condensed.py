@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from model.compiling import Compiler
 from model.dynamics import forces, modal_system, state
-from model.dynamics.forces import support_force, support_stiffness, wall_force, wall_stiffness
+from model.dynamics.forces import support_force, support_force_derivatives, wall_force, wall_force_derivatives
 from model.dynamics.modal_system import Constraints, Films
-from model.dynamics.state import State, Work
+from model.dynamics.state import MotionState, Workspace
 from model.films import capone_kernel
-from model.films.capone_kernel import WALL, capone_force, film_stiffness
+from model.films.capone_kernel import MIN_WALL_MARGIN, capone_force, capone_force_derivatives
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -25,11 +25,11 @@ compiler = Compiler(capone_kernel, forces, state, modal_system)
 
 
 @compiler.inlined
-def _nearest_wall(films: Films, n: int, places: ComplexArray) -> float:
+def _wall_margin(films: Films, n: int, positions: ComplexArray) -> float:
     # smallest 1 - eccentricity² of the four films
     nearest = 1.0
     for b in range(2):
-        inner, outer = places[b] - places[n + b], places[n + b]
+        inner, outer = positions[b] - positions[n + b], positions[n + b]
         nearest = min(nearest, 1 - (inner.real**2 + inner.imag**2) / films.inner_clearance**2)
         nearest = min(nearest, 1 - (outer.real**2 + outer.imag**2) / films.outer_clearance**2)
     return nearest
@@ -43,16 +43,16 @@ def _velocities(size: int, step: float, bodies: ComplexArray, start: ComplexArra
 
 
 @compiler.inlined
-def _in_inner_film(
+def _inner_film_arguments(
     films: Films, body: int, ring: int, speed: float, bodies: ComplexArray
 ) -> tuple[complex, complex, float, float, float]:
     # A journal's position and velocity in its ring, and the film between them
-    place, rate = bodies[0, body] - bodies[0, ring], bodies[1, body] - bodies[1, ring]
-    return place, rate, films.inner_clearance, films.inner_speed * speed, films.inner_factor
+    position, rate = bodies[0, body] - bodies[0, ring], bodies[1, body] - bodies[1, ring]
+    return position, rate, films.inner_clearance, films.inner_speed * speed, films.inner_factor
 
 
 @compiler.inlined
-def _in_outer_film(
+def _outer_film_arguments(
     films: Films, ring: int, speed: float, bodies: ComplexArray
 ) -> tuple[complex, complex, float, float, float]:
     # The same of a ring in the housing
@@ -64,8 +64,8 @@ def _film_forces(films: Films, n: int, speed: float, bodies: ComplexArray, force
     # The films' forces where the bodies are now
     for b in range(2):
         r = n + b
-        inner = capone_force(*_in_inner_film(films, b, r, speed, bodies))
-        outer = capone_force(*_in_outer_film(films, r, speed, bodies))
+        inner = capone_force(*_inner_film_arguments(films, b, r, speed, bodies))
+        outer = capone_force(*_outer_film_arguments(films, r, speed, bodies))
         forces[b], forces[r] = inner, outer - inner
 
 
@@ -76,66 +76,82 @@ def _constraint_forces(
     # The supports' and walls' forces besides
     for p in range(2, n):
         forces[p] = 0j
-    for s in range(constraints.held.shape[0]):
-        p, r = constraints.held[s]
-        place, rate, coefficients = bodies[0, p], bodies[1, p], constraints.coefficients[s]
+    for s in range(constraints.supported.shape[0]):
+        p, r = constraints.supported[s]
+        position, rate, coefficients = bodies[0, p], bodies[1, p], constraints.coefficients[s]
         if r >= 0:
-            place, rate = place - bodies[0, r], rate - bodies[1, r]
-        inner = support_force(place, rate, coefficients[:4])
+            position, rate = position - bodies[0, r], rate - bodies[1, r]
+        inner = support_force(position, rate, coefficients[:4])
         forces[p] += inner
         if r >= 0:
             forces[r] = support_force(bodies[0, r], bodies[1, r], coefficients[4:]) - inner
-    for w in range(constraints.touching.size):
-        p = constraints.touching[w]
+    for w in range(constraints.wall_points.size):
+        p = constraints.wall_points[w]
         forces[p] += wall_force(bodies[0, p], bodies[1, p], speed, constraints.walls[w])
 
 
 @compiler.inlined
-def _between(slopes: ComplexArray, body: int, other: int, slope: tuple[complex, complex]) -> None:
+def _add_derivative(derivatives: ComplexArray, body: int, other: int, slope: tuple[complex, complex]) -> None:
     # A force between two bodies, or a body and the housing where the other is below 0
     for k in range(2):
-        slopes[body, body, k] += slope[k]
+        derivatives[body, body, k] += slope[k]
         if other >= 0:
-            slopes[body, other, k] -= slope[k]
-            slopes[other, body, k] -= slope[k]
-            slopes[other, other, k] += slope[k]
+            derivatives[body, other, k] -= slope[k]
+            derivatives[other, body, k] -= slope[k]
+            derivatives[other, other, k] += slope[k]
 
 
 @compiler.inlined
-def _film_slopes(
-    films: Films, n: int, size: int, speed: float, drag: complex, bodies: ComplexArray, slopes: ComplexArray
+def _film_derivatives(
+    films: Films,
+    n: int,
+    size: int,
+    speed: float,
+    velocity_ratio: complex,
+    bodies: ComplexArray,
+    derivatives: ComplexArray,
 ) -> None:
     # Changes of the films' forces with displacements of the bodies, velocities following them
     for j in range(size):
         for k in range(size):
-            slopes[j, k, 0] = slopes[j, k, 1] = 0j
+            derivatives[j, k, 0] = derivatives[j, k, 1] = 0j
     for b in range(2):
         r = n + b
-        _between(slopes, b, r, film_stiffness(drag, *_in_inner_film(films, b, r, speed, bodies)))
-        _between(slopes, r, -1, film_stiffness(drag, *_in_outer_film(films, r, speed, bodies)))
+        _add_derivative(
+            derivatives,
+            b,
+            r,
+            capone_force_derivatives(velocity_ratio, *_inner_film_arguments(films, b, r, speed, bodies)),
+        )
+        _add_derivative(
+            derivatives,
+            r,
+            -1,
+            capone_force_derivatives(velocity_ratio, *_outer_film_arguments(films, r, speed, bodies)),
+        )
 
 
 @compiler.inlined
-def _constraint_slopes(
-    constraints: Constraints, speed: float, drag: complex, bodies: ComplexArray, slopes: ComplexArray
+def _constraint_derivatives(
+    constraints: Constraints, speed: float, velocity_ratio: complex, bodies: ComplexArray, derivatives: ComplexArray
 ) -> None:
     # The same of supports and walls
-    for s in range(constraints.held.shape[0]):
-        p, r = constraints.held[s]
+    for s in range(constraints.supported.shape[0]):
+        p, r = constraints.supported[s]
         coefficients = constraints.coefficients[s]
-        _between(slopes, p, r, support_stiffness(drag, coefficients[:4]))
+        _add_derivative(derivatives, p, r, support_force_derivatives(velocity_ratio, coefficients[:4]))
         if r >= 0:
-            _between(slopes, r, -1, support_stiffness(drag, coefficients[4:]))
-    for w in range(constraints.touching.size):
-        p = constraints.touching[w]
-        slope = wall_stiffness(bodies[0, p], bodies[1, p], drag, speed, constraints.walls[w])
-        _between(slopes, p, -1, slope)
+            _add_derivative(derivatives, r, -1, support_force_derivatives(velocity_ratio, coefficients[4:]))
+    for w in range(constraints.wall_points.size):
+        p = constraints.wall_points[w]
+        slope = wall_force_derivatives(bodies[0, p], bodies[1, p], velocity_ratio, speed, constraints.walls[w])
+        _add_derivative(derivatives, p, -1, slope)
 
 
 @compiler.inlined
-def _newton_matrix(n: int, size: int, work: Work, matrix: FloatArray) -> None:
+def _newton_matrix(n: int, size: int, work: Workspace, matrix: FloatArray) -> None:
     # left half of ``augmented``: d(residual) / d(bodies)
-    slopes, H = work.slopes, work.receptance
+    derivatives, H = work.derivatives, work.receptance
     for j in range(2 * size):
         for k in range(4 * size):
             matrix[j, k] = 0.0
@@ -145,7 +161,7 @@ def _newton_matrix(n: int, size: int, work: Work, matrix: FloatArray) -> None:
             for j in range(size):
                 first, last = (0, n) if j < n else (j, j + 1)  # a force on a ring moves no other body
                 for c in range(first, last):
-                    through = H[j, c] * slopes[c, body, k]
+                    through = H[j, c] * derivatives[c, body, k]
                     matrix[2 * j, 2 * body + k] -= through.real
                     matrix[2 * j + 1, 2 * body + k] -= through.imag
 
@@ -173,24 +189,24 @@ def _invert(n: int, augmented: FloatArray) -> None:
 
 
 @compiler.inlined
-def _miss(n: int, size: int, work: Work) -> float:
+def _residual(n: int, size: int, work: Workspace) -> float:
     # Residual where the bodies are now; returns its largest part, m.
     H, forces, largest = work.receptance, work.forces, 0.0
     for j in range(size):
-        missed = work.bodies[0, j] - work.free[j]
+        error = work.bodies[0, j] - work.free[j]
         first, last = (0, n) if j < n else (j, j + 1)
         for c in range(first, last):
-            missed -= H[j, c] * forces[c]
-        work.residual[2 * j], work.residual[2 * j + 1] = missed.real, missed.imag
-        largest = max(largest, abs(missed.real), abs(missed.imag))
+            error -= H[j, c] * forces[c]
+        work.residual[2 * j], work.residual[2 * j + 1] = error.real, error.imag
+        largest = max(largest, abs(error.real), abs(error.imag))
     return largest
 
 
 @compiler.inlined
-def _move(films: Films, n: int, size: int, augmented: FloatArray, work: Work) -> bool:
+def _newton_step(films: Films, n: int, size: int, augmented: FloatArray, work: Workspace) -> bool:
     # Newton's step, halved while it would lead to the wall
-    places, change = work.bodies[0], work.change
-    room = max(WALL, 0.2 * _nearest_wall(films, n, places))
+    positions, change = work.bodies[0], work.change
+    limit = max(MIN_WALL_MARGIN, 0.2 * _wall_margin(films, n, positions))
     for j in range(2 * size):
         change[j] = 0.0
         for k in range(2 * size):
@@ -198,56 +214,58 @@ def _move(films: Films, n: int, size: int, augmented: FloatArray, work: Work) ->
     fraction = 1.0
     for _ in range(30):
         for j in range(size):
-            places[j] += fraction * complex(change[2 * j], change[2 * j + 1])
-        if _nearest_wall(films, n, places) >= room:
+            positions[j] += fraction * complex(change[2 * j], change[2 * j + 1])
+        if _wall_margin(films, n, positions) >= limit:
             return True
         fraction = -0.5 * fraction if fraction > 0 else 0.5 * fraction  # walk back half of the way
     return False
 
 
 @compiler.inlined
-def _predict(films: Films, n: int, size: int, step: float, work: Work) -> None:
+def _starting_point(films: Films, n: int, size: int, step: float, work: Workspace) -> None:
     # Where the bodies would come to without acceleration; where they are, if that leads to a film's wall
-    places, start = work.bodies[0], work.start
+    positions, start = work.bodies[0], work.start
     for j in range(size):
-        places[j] = start[0, j] + step * start[1, j]
-    if _nearest_wall(films, n, places) < WALL:
+        positions[j] = start[0, j] + step * start[1, j]
+    if _wall_margin(films, n, positions) < MIN_WALL_MARGIN:
         for j in range(size):
-            places[j] = start[0, j]
+            positions[j] = start[0, j]
 
 
 @compiler.inlined
-def solve(films: Films, constraints: Constraints | None, step: float, level: int, state: State, work: Work) -> bool:
+def solve(
+    films: Films, constraints: Constraints | None, step: float, level: int, state: MotionState, work: Workspace
+) -> bool:
     """Find the bodies, positions and velocities, at the end of the step; return whether they were found."""
     n, size = 2, 4
     if constraints is not None:
         n, size = int(constraints.points), work.forces.size
     speed, last = state.speed[0], np.inf
-    _predict(films, n, size, step, work)
+    _starting_point(films, n, size, step, work)
     for _ in range(NEWTON_ITERATIONS):
         _velocities(size, step, work.bodies, work.start)
         _film_forces(films, n, speed, work.bodies, work.forces)
         if constraints is not None:
             _constraint_forces(constraints, n, speed, work.bodies, work.forces)
-        missed = _miss(n, size, work)
-        if missed < 1e-9 * films.inner_clearance:
+        error = _residual(n, size, work)
+        if error < 1e-9 * films.inner_clearance:
             return True
-        if state.level[0] != level or missed > 0.3 * last:
-            drag = 2 / step + 0j
-            _film_slopes(films, n, size, speed, drag, work.bodies, work.slopes)
+        if state.level[0] != level or error > 0.3 * last:
+            velocity_ratio = 2 / step + 0j
+            _film_derivatives(films, n, size, speed, velocity_ratio, work.bodies, work.derivatives)
             if constraints is not None:
-                _constraint_slopes(constraints, speed, drag, work.bodies, work.slopes)
+                _constraint_derivatives(constraints, speed, velocity_ratio, work.bodies, work.derivatives)
             _newton_matrix(n, size, work, state.augmented)
             _invert(2 * size, state.augmented)
             state.level[0] = level
-        last = missed
-        if not _move(films, n, size, state.augmented, work):
+        last = error
+        if not _newton_step(films, n, size, state.augmented, work):
             return False
     return False
 
 
 @compiler.compiled
-def forces_on(films: Films, constraints: Constraints | None, speed: float, bodies: ComplexArray) -> ComplexArray:
+def bearing_forces(films: Films, constraints: Constraints | None, speed: float, bodies: ComplexArray) -> ComplexArray:
     """Return the bearings' forces on the bodies, (size,), N.
 
     Parameters
@@ -269,22 +287,22 @@ def forces_on(films: Films, constraints: Constraints | None, speed: float, bodie
 
 
 @compiler.compiled
-def slopes_on(
-    films: Films, constraints: Constraints | None, speed: float, drag: complex, bodies: ComplexArray
+def bearing_force_derivatives(
+    films: Films, constraints: Constraints | None, speed: float, velocity_ratio: complex, bodies: ComplexArray
 ) -> ComplexArray:
-    """Return the change of `forces_on` with displacements in X and in Y, (size, size, 2), N/m.
+    """Return the change of `bearing_forces` with displacements in X and in Y, (size, size, 2), N/m.
 
     Parameters
     ----------
     films, constraints, speed, bodies : Films, Constraints or None, float and ndarray
-        As for `forces_on`.
-    drag : complex
+        As for `bearing_forces`.
+    velocity_ratio : complex
         Change of velocity per change of position, 1/s.
     """
     size = bodies.shape[1]
     n = size - 2 if constraints is None else int(constraints.points)
-    slopes = np.zeros((size, size, 2), np.complex128)
-    _film_slopes(films, n, size, speed, drag, bodies, slopes)
+    derivatives = np.zeros((size, size, 2), np.complex128)
+    _film_derivatives(films, n, size, speed, velocity_ratio, bodies, derivatives)
     if constraints is not None:
-        _constraint_slopes(constraints, speed, drag, bodies, slopes)
-    return slopes
+        _constraint_derivatives(constraints, speed, velocity_ratio, bodies, derivatives)
+    return derivatives

@@ -11,7 +11,9 @@ from model.compiling import Compiler
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
-SLIP = 1e-3  # m/s: sliding slower than this rubs less, in proportion, so that friction does not jump where it turns
+FRICTION_TRANSITION_SPEED = (
+    1e-3  # m/s: sliding slower than this rubs less, in proportion, so that friction does not jump where it turns
+)
 
 compiler = Compiler()
 
@@ -33,10 +35,10 @@ def support_force(position: complex, velocity: complex, coefficients: ComplexArr
 
 
 @compiler.compiled
-def support_stiffness(drag: complex, coefficients: ComplexArray) -> tuple[complex, complex]:
-    """Return the change of a support's force with the position in X and in Y, N/m; ``drag`` as for a film."""
-    of_x = support_force(1 + 0j, drag, coefficients)
-    return of_x, support_force(1j, drag * 1j, coefficients)
+def support_force_derivatives(velocity_ratio: complex, coefficients: ComplexArray) -> tuple[complex, complex]:
+    """Return the change of a support's force with the position in X and in Y, N/m; ``velocity_ratio`` as for a film."""
+    of_x = support_force(1 + 0j, velocity_ratio, coefficients)
+    return of_x, support_force(1j, velocity_ratio * 1j, coefficients)
 
 
 @compiler.compiled
@@ -78,15 +80,17 @@ def wall_force(
     if press <= 0.0:
         return 0j
     sliding = speed * radius + along.imag
-    rub = friction * press * sliding / np.sqrt(sliding * sliding + SLIP * SLIP)  # Eq. (4.42)
+    rub = (
+        friction * press * sliding / np.sqrt(sliding * sliding + FRICTION_TRANSITION_SPEED * FRICTION_TRANSITION_SPEED)
+    )  # Eq. (4.42)
     return -complex(press, rub) * outwards
 
 
 @compiler.compiled
-def wall_stiffness(
+def wall_force_derivatives(
     position: complex,
     velocity: complex,
-    drag: complex,
+    velocity_ratio: complex,
     speed: float,
     sizes: FloatArray,
 ) -> tuple[complex, complex]:
@@ -96,12 +100,12 @@ def wall_stiffness(
     ----------
     position, velocity, speed, sizes : complex, float and ndarray
         As for ``wall_force``.
-    drag : complex
-        As for ``film_stiffness``.
+    velocity_ratio : complex
+        As for ``capone_force_derivatives``.
     """
     start, reach = wall_force(position, velocity, speed, sizes), 1e-7 * sizes[0]
     in_x = reach if position.real > 0 else -reach  # deeper into the wall, where it is touched
     in_y = reach if position.imag > 0 else -reach
-    of_x = wall_force(position + in_x, velocity + drag * in_x, speed, sizes)
-    of_y = wall_force(position + 1j * in_y, velocity + drag * 1j * in_y, speed, sizes)
+    of_x = wall_force(position + in_x, velocity + velocity_ratio * in_x, speed, sizes)
+    of_y = wall_force(position + 1j * in_y, velocity + velocity_ratio * 1j * in_y, speed, sizes)
     return (of_x - start) / in_x, (of_y - start) / in_y

@@ -8,28 +8,28 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from model.dynamics.state import NO_LEVEL, Levels, State
-from model.films.capone_kernel import WALL
+from model.dynamics.state import NO_LEVEL, MotionState, NewmarkMatrices
+from model.films.capone_kernel import MIN_WALL_MARGIN
 from model.linear.modes import free_modes
 from model.rotor.parameters import FloatingRing, ModelParameters
-from model.rotor.supports import Coefficients
+from model.rotor.supports import SupportCoefficients
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 IntArray = NDArray[np.int64]
 
-MODES = 6  # two rigid, four bending: within 0.05 % of all twelve
-HELD_MODES = 16  # where supports or walls act too: stiff ones bend the shaft between its lowest modes
+DEFAULT_MODES = 6  # two rigid, four bending: within 0.05 % of all twelve
+MODES_WITH_CONSTRAINTS = 16  # where supports or walls act too: stiff ones bend the shaft between its lowest modes
 N_LEVELS = 6  # how often a time step may be divided by four
-CONTACT_TURN = 0.2  # rad: by how much a shaft that bounces on a wall may swing on in one step
+MAX_BOUNCE_PHASE = 0.2  # rad: by how much a shaft that bounces on a wall may swing on in one step
 
 
-class Shaft(NamedTuple):
+class ModalShaft(NamedTuple):
     """The shaft's modes as the march needs them.
 
     Parameters
     ----------
-    squares : ndarray of float64, shape (m,)
+    squared_frequencies : ndarray of float64, shape (m,)
         Squared natural frequencies, rad²/s².
     gyroscopic : ndarray of float64, shape (m, m)
         Modal polar inertia.
@@ -43,7 +43,7 @@ class Shaft(NamedTuple):
         Modal weight and other loads at rest.
     """
 
-    squares: FloatArray
+    squared_frequencies: FloatArray
     gyroscopic: FloatArray
     points: FloatArray
     probe: FloatArray
@@ -95,7 +95,7 @@ class Rings(NamedTuple):
 class Parts(NamedTuple):
     """What every motion has: shaft, films and rings."""
 
-    shaft: Shaft
+    shaft: ModalShaft
     films: Films
     rings: Rings
 
@@ -107,24 +107,24 @@ class Constraints(NamedTuple):
     ----------
     points : int
         Of the shaft.
-    held : ndarray of int64, shape (n_supports, 2)
+    supported : ndarray of int64, shape (n_supports, 2)
         Bodies: the point that each support holds, and the ring through which, -1 for none.
     coefficients : ndarray of complex128, shape (n_supports, 8)
         Between shaft and ring, or housing, then between ring and housing: see `model.dynamics.forces.support_force`.
-    touching : ndarray of int64, shape (n_walls,)
+    wall_points : ndarray of int64, shape (n_walls,)
         The point that may touch each wall.
     walls : ndarray of float64, shape (n_walls, 5)
         See `model.dynamics.forces.wall_force`.
-    longest_steps : ndarray of float64, shape (n_walls,)
+    max_steps : ndarray of float64, shape (n_walls,)
         Time steps that follow a bounce on each wall, s.
     """
 
     points: int
-    held: IntArray
+    supported: IntArray
     coefficients: ComplexArray
-    touching: IntArray
+    wall_points: IntArray
     walls: FloatArray
-    longest_steps: FloatArray
+    max_steps: FloatArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -148,7 +148,7 @@ class ModalSystem:
         ones.
     """
 
-    shaft: Shaft
+    shaft: ModalShaft
     films: Films
     rings: Rings
     constraints: Constraints | None
@@ -162,7 +162,7 @@ class ModalSystem:
         Where no number of ``modes`` is given, it is what the forces need that act on the shaft.
         """
         if modes is None:
-            modes = HELD_MODES if parameters.supports or parameters.rubs else MODES
+            modes = MODES_WITH_CONSTRAINTS if parameters.supports or parameters.rubs else DEFAULT_MODES
         return _reduced(parameters, min(modes, 2 * parameters.rotor.stations))
 
     @classmethod
@@ -178,13 +178,13 @@ class ModalSystem:
         weight = np.asarray(-1j * parameters.gravity * (rotor.translation @ rotor.mass_matrix() @ shapes))
         for load in parameters.loads:
             weight += complex(load.x, load.y) * shapes[rotor.displacement(load.station)]
-        held = {one.station for one in parameters.supports} | {one.station for one in parameters.rubs}
-        points = [*rotor.journal_stations, *sorted(held.difference(rotor.bearing_stations))]
-        places = np.ascontiguousarray(shapes[[rotor.displacement(station) for station in points]])
-        shaft = Shaft(
-            squares=free.frequencies**2,
+        supported = {one.station for one in parameters.supports} | {one.station for one in parameters.rubs}
+        points = [*rotor.journal_stations, *sorted(supported.difference(rotor.bearing_stations))]
+        positions = np.ascontiguousarray(shapes[[rotor.displacement(station) for station in points]])
+        shaft = ModalShaft(
+            squared_frequencies=free.frequencies**2,
             gyroscopic=np.ascontiguousarray(shapes.T @ rotor.gyroscopic_matrix() @ shapes),
-            points=places,
+            points=positions,
             probe=np.ascontiguousarray(shapes[rotor.displacement(parameters.probe_station)]),
             imbalance=imbalance,
             weight=weight,
@@ -193,7 +193,7 @@ class ModalSystem:
             shaft=shaft,
             films=films,
             rings=rings,
-            constraints=_constraints(parameters, points, places) if held else None,
+            constraints=_constraints(parameters, points, positions) if supported else None,
             stations=np.ascontiguousarray(shapes[::2]),
             eccentricities=_eccentricities(shaft, films, rings),
         )
@@ -204,22 +204,22 @@ class ModalSystem:
         return Parts(self.shaft, self.films, self.rings)
 
     @property
-    def is_round(self) -> bool:
+    def is_isotropic(self) -> bool:
         """Whether no support differs by direction, so that the motion that goes round with the shaft is a circle."""
         return self.constraints is None or not self.constraints.coefficients[:, 1::2].any()
 
-    def is_within(self, motion: ComplexArray) -> bool:
+    def is_inside_clearances(self, motion: ComplexArray) -> bool:
         """Return whether a motion, (3, m + n_rings), is short of every film's wall."""
-        return bool(np.all(1 - np.abs(self.eccentricities @ motion[0]) ** 2 >= WALL))
+        return bool(np.all(1 - np.abs(self.eccentricities @ motion[0]) ** 2 >= MIN_WALL_MARGIN))
 
-    def at_rest(self, *, angle: float, speed: float) -> State:
+    def at_rest(self, *, angle: float, speed: float) -> MotionState:
         """Return a motion at rest in the bearings' centre, the shaft at this angle, rad, and speed, rad/s."""
-        shaft, modes = self.shaft, self.shaft.squares.size
+        shaft, modes = self.shaft, self.shaft.squared_frequencies.size
         motion = np.zeros((3, modes + self.rings.mass.size), np.complex128)
         motion[2, :modes] = speed**2 * np.exp(1j * angle) * shaft.imbalance + shaft.weight  # no film force there yet
         motion[2, modes:] = -1j * self.rings.gravity
         n = 2 * (shaft.points.shape[0] + self.rings.mass.size)
-        return State(
+        return MotionState(
             motion=motion,
             augmented=np.zeros((n, 2 * n)),
             level=np.array([NO_LEVEL], np.int64),
@@ -227,18 +227,18 @@ class ModalSystem:
             speed=np.array([float(speed)]),
         )
 
-    def levels(self, step: float) -> Levels:
+    def matrices(self, step: float) -> NewmarkMatrices:
         """Return Newmark's matrices for a time step, s, and its fourths."""
         steps = np.array([step / 4**level for level in range(N_LEVELS)])
         transforms, gyroscopic = [], []
         for h in steps:
             # 4/h² + w² - i Omega 2/h G = D^(1/2) (1 - i Omega V g V^T) D^(1/2)
-            scale = 1 / np.sqrt(4 / h**2 + self.shaft.squares)
+            scale = 1 / np.sqrt(4 / h**2 + self.shaft.squared_frequencies)
             g, V = np.linalg.eigh(scale[:, None] * self.shaft.gyroscopic * scale * (2 / h))
             transforms.append(scale[:, None] * V)
             gyroscopic.append(g)
         stacked = np.stack(transforms)
-        return Levels(steps, stacked, np.stack(gyroscopic), np.ascontiguousarray(self.shaft.points @ stacked))
+        return NewmarkMatrices(steps, stacked, np.stack(gyroscopic), np.ascontiguousarray(self.shaft.points @ stacked))
 
 
 @lru_cache(maxsize=8)
@@ -258,8 +258,8 @@ def _films(bearing: FloatingRing) -> Films:
     )
 
 
-def _eccentricities(shaft: Shaft, films: Films, rings: Rings) -> FloatArray:
-    modes, found = shaft.squares.size, np.zeros((4, shaft.squares.size + rings.mass.size))
+def _eccentricities(shaft: ModalShaft, films: Films, rings: Rings) -> FloatArray:
+    modes, found = shaft.squared_frequencies.size, np.zeros((4, shaft.squared_frequencies.size + rings.mass.size))
     found[:2, :modes] = shaft.journals / films.inner_clearance
     for bearing in range(2):
         found[bearing, modes + bearing] = -1 / films.inner_clearance
@@ -278,25 +278,27 @@ def _rings(parameters: ModelParameters) -> Rings:
 
 
 def _constraints(parameters: ModelParameters, points: list[int], shapes: FloatArray) -> Constraints:
-    held, ring = [], len(points) + 1  # the last of the two floating rings
+    supported, ring = [], len(points) + 1  # the last of the two floating rings
     for support in parameters.supports:
         ring += support.outer is not None
-        held.append((points.index(support.station), -1 if support.outer is None else ring))
+        supported.append((points.index(support.station), -1 if support.outer is None else ring))
     coefficients = [_in_complex(one.inner) + _in_complex(one.outer) for one in parameters.supports]
     rubs = parameters.rubs
-    touching = [points.index(rub.station) for rub in rubs]
-    bounces = [math.sqrt(rub.stiffness * float(shapes[p] @ shapes[p])) for rub, p in zip(rubs, touching, strict=True)]
+    wall_points = [points.index(rub.station) for rub in rubs]
+    bounces = [
+        math.sqrt(rub.stiffness * float(shapes[p] @ shapes[p])) for rub, p in zip(rubs, wall_points, strict=True)
+    ]
     return Constraints(
         points=len(points),
-        held=np.array(held, np.int64).reshape(-1, 2),
+        supported=np.array(supported, np.int64).reshape(-1, 2),
         coefficients=np.array(coefficients, np.complex128).reshape(-1, 8),
-        touching=np.array(touching, np.int64),
+        wall_points=np.array(wall_points, np.int64),
         walls=np.array([rub.sizes for rub in rubs], np.float64).reshape(-1, 5),
-        longest_steps=np.array([CONTACT_TURN / bounce for bounce in bounces]),
+        max_steps=np.array([MAX_BOUNCE_PHASE / bounce for bounce in bounces]),
     )
 
 
-def _in_complex(coefficients: Coefficients | None) -> list[complex]:
+def _in_complex(coefficients: SupportCoefficients | None) -> list[complex]:
     """Return a, b, c, d of ``a z + b conj z + c z' + d conj z'``."""
     if coefficients is None:
         return [0j] * 4

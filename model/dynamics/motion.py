@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.dynamics.modal_system import ModalSystem
-from model.dynamics.newmark import LARGEST_TURN, NO_FAILURE, march
+from model.dynamics.newmark import MAX_SUBSTEP_ANGLE, NO_FAILURE, integrate
 from model.dynamics.state import NO_LEVEL
 from model.errors import WallContactError
 from model.rotor.parameters import ModelParameters
@@ -19,9 +19,9 @@ FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 STEPS_PER_TURN = 64
-SLOWEST = 50.0  # rad/s: below it a turn's time is no measure for settling or for the step
-NEAR = 0.99  # of a film's clearance: the wall is what stops a motion there
-LARGEST_STEP = 64 * LARGEST_TURN  # what three divisions by four make small enough, rad
+MIN_SPEED = 50.0  # rad/s: below it a turn's time is no measure for settling or for the step
+WALL_CONTACT_ECCENTRICITY = 0.99  # of a film's clearance: the wall is what stops a motion there
+MAX_STEP_ANGLE = 64 * MAX_SUBSTEP_ANGLE  # what three divisions by four make small enough, rad
 
 
 class ShaftMotion:
@@ -58,11 +58,11 @@ class ShaftMotion:
             raise ValueError(f"angle: {angle} rad, expected a finite value")
         _require_speed(speed)
         self._system, self._rubs = ModalSystem.of(parameters), parameters.rubs
-        turning = max(speed, SLOWEST)
+        turning = max(speed, MIN_SPEED)
         step = 2 * math.pi / (STEPS_PER_TURN * turning)
         elapsed = step * np.arange(1 - turns_to_settle * STEPS_PER_TURN, 1, dtype=np.float64)
         self._state = self._system.at_rest(angle=angle - speed * step * elapsed.size, speed=speed)
-        self._levels = self._system.levels(step)
+        self._matrices = self._system.matrices(step)
         self.advance(angle + speed * elapsed, np.full(elapsed.size, float(speed)), step)
 
     @property
@@ -84,7 +84,7 @@ class ShaftMotion:
     @property
     def _modal(self) -> ComplexArray:
         """Displacements of the modes now."""
-        return self._state.motion[0, : self._system.shaft.squares.size]
+        return self._state.motion[0, : self._system.shaft.squared_frequencies.size]
 
     def resume(self, state: ComplexArray, speed: float) -> None:
         """Go on at the present angle and speed from a `state` that the same rotor had at another speed, rad/s.
@@ -106,25 +106,25 @@ class ShaftMotion:
     def change_speed(self, speed: float) -> None:
         """Go on at another speed, rad/s, above 0, at once: velocities grow with the speed, places stay."""
         _require_speed(speed)
-        ratio = speed / max(self.speed, SLOWEST)
+        ratio = speed / max(self.speed, MIN_SPEED)
         self._state.motion[1] *= ratio
         self._state.motion[2] *= ratio**2
         self._state.speed[0] = speed
 
-    def stand(self, standing: FloatArray) -> None:
+    def set_initial_state(self, initial_state: FloatArray) -> None:
         """Put the motion where a `SynchronousOrbit` stands; exact from the next step on.
 
         WallContactError where that is at or beyond a film's wall: the motion cannot be continued then.
         """
-        self._state.stand(standing)
+        self._state.set_initial_state(initial_state)
         self._require_within(self._state.motion, self.speed)
 
     def disturb(self, disturbance: FloatArray) -> None:
-        """Move the motion by a part of a `SynchronousOrbit`'s disturbance; errors are `stand`'s."""
+        """Move the motion by a part of a `SynchronousOrbit`'s disturbance; errors are `set_initial_state`'s."""
         self._state.disturb(disturbance)
         self._require_within(self._state.motion, self.speed)
 
-    def turns(self, count: int, points_per_turn: int = STEPS_PER_TURN) -> FloatArray:
+    def integrate_turns(self, count: int, points_per_turn: int = STEPS_PER_TURN) -> FloatArray:
         """Follow the shaft through whole turns at its present speed, which must not be 0.
 
         Parameters
@@ -140,13 +140,15 @@ class ShaftMotion:
             Displacement at the probes' station in X and Y, m, from the present angle on (the end of the last turn is
             not in it).
         """
-        return np.asarray(self._turns(self._system.shaft.probe[None, :], count, points_per_turn)[0])
+        return np.asarray(self._integrate_turns(self._system.shaft.probe[None, :], count, points_per_turn)[0])
 
-    def turns_of_all(self, count: int, points_per_turn: int = STEPS_PER_TURN) -> FloatArray:
+    def integrate_stations(self, count: int, points_per_turn: int = STEPS_PER_TURN) -> FloatArray:
         """Follow the shaft as `turns` does and return what every station does, (n_stations, 2, n), m."""
-        return self._turns(self._system.stations, count, points_per_turn)
+        return self._integrate_turns(self._system.stations, count, points_per_turn)
 
-    def turns_with_films(self, count: int, points_per_turn: int = STEPS_PER_TURN) -> tuple[FloatArray, FloatArray]:
+    def integrate_stations_and_films(
+        self, count: int, points_per_turn: int = STEPS_PER_TURN
+    ) -> tuple[FloatArray, FloatArray]:
         """Follow the shaft as `turns` does and return what every station and every film does.
 
         Returns
@@ -158,18 +160,18 @@ class ShaftMotion:
         """
         system = self._system
         stations, modes = system.stations.shape
-        seen = np.concatenate((np.zeros((stations, system.eccentricities.shape[1])), system.eccentricities))
-        seen[:stations, :modes] = system.stations
-        whole = self._turns(seen, count, points_per_turn)
+        outputs = np.concatenate((np.zeros((stations, system.eccentricities.shape[1])), system.eccentricities))
+        outputs[:stations, :modes] = system.stations
+        whole = self._integrate_turns(outputs, count, points_per_turn)
         return whole[:stations], whole[stations:]
 
-    def _turns(self, seen: FloatArray, count: int, points_per_turn: int) -> FloatArray:
+    def _integrate_turns(self, outputs: FloatArray, count: int, points_per_turn: int) -> FloatArray:
         if self.speed == 0:
             raise ValueError("speed: 0 rad/s, expected a turning shaft")
         turn = 2 * math.pi / points_per_turn
         angle = self._state.angle[0] + turn * np.arange(1, count * points_per_turn + 1)
-        now = np.array([sum(row * self._state.motion[0, : row.size]) for row in seen])  # in the march's order
-        later = self._advance(angle, np.full(angle.size, self.speed), turn / self.speed, seen)
+        now = np.array([sum(row * self._state.motion[0, : row.size]) for row in outputs])  # in the march's order
+        later = self._advance(angle, np.full(angle.size, self.speed), turn / self.speed, outputs)
         first = np.stack((now.real, now.imag), axis=-1)[..., None]
         return np.concatenate((first, later[..., :-1]), axis=-1)
 
@@ -200,7 +202,7 @@ class ShaftMotion:
         """
         return np.asarray(self._advance(angle, speed, step, self._system.shaft.probe[None, :])[0])
 
-    def _advance(self, angle: FloatArray, speed: FloatArray, step: float, seen: FloatArray) -> FloatArray:
+    def _advance(self, angle: FloatArray, speed: FloatArray, step: float, outputs: FloatArray) -> FloatArray:
         angle, speed = np.ascontiguousarray(angle, np.float64), np.ascontiguousarray(speed, np.float64)
         if angle.ndim != 1 or angle.shape != speed.shape:
             raise ValueError(f"angle, speed: shapes {angle.shape} and {speed.shape}, expected (n,) twice")
@@ -212,29 +214,29 @@ class ShaftMotion:
             _require_speed(float(speed[np.argmin(speed)]))
             _require_speed(float(speed[np.argmax(speed)]))
             fastest = max(float(speed.max()), self.speed)
-            if step * fastest > LARGEST_STEP:
+            if step * fastest > MAX_STEP_ANGLE:
                 raise ValueError(
-                    f"step: {step:g} s, expected at most {LARGEST_STEP / fastest:g} s at {fastest:g} rad/s "
-                    f"({LARGEST_STEP / (2 * math.pi):.1f} turns)"
+                    f"step: {step:g} s, expected at most {MAX_STEP_ANGLE / fastest:g} s at {fastest:g} rad/s "
+                    f"({MAX_STEP_ANGLE / (2 * math.pi):.1f} turns)"
                 )
-        if step != self._levels.steps[0]:
-            self._levels = self._system.levels(step)
-        path = np.empty((seen.shape[0], angle.size), np.complex128)
+        if step != self._matrices.steps[0]:
+            self._matrices = self._system.matrices(step)
+        path = np.empty((outputs.shape[0], angle.size), np.complex128)
         system = self._system
-        failed = march(system.parts, system.constraints, self._levels, self._state, angle, speed, seen, path)
+        failed = integrate(system.parts, system.constraints, self._matrices, self._state, angle, speed, outputs, path)
         if failed != NO_FAILURE:
-            raise WallContactError(self._contact(float(speed[failed])))
+            raise WallContactError(self._failure_message(float(speed[failed])))
         return np.stack((path.real, path.imag), axis=1)
 
     def _require_within(self, motion: ComplexArray, speed: float) -> None:
         """Raise WallContactError where a film's wall is reached."""
-        if not self._system.is_within(motion):
-            raise WallContactError(self._closest(motion, speed)[1])
+        if not self._system.is_inside_clearances(motion):
+            raise WallContactError(self._max_eccentricity(motion, speed)[1])
 
-    def _contact(self, speed: float) -> str:
+    def _failure_message(self, speed: float) -> str:
         """Return why a motion ends that could not be continued."""
-        eccentricity, said = self._closest(self._state.motion, speed)
-        if not self._rubs or eccentricity >= NEAR:
+        eccentricity, said = self._max_eccentricity(self._state.motion, speed)
+        if not self._rubs or eccentricity >= WALL_CONTACT_ECCENTRICITY:
             return said
         rates = np.abs(self._system.stations @ self._state.motion[1, : self._modal.size])
         rub = max(self._rubs, key=lambda rub: float(rates[rub.station - 1]))
@@ -243,7 +245,7 @@ class ShaftMotion:
             f"{speed:.1f} rad/s, faster than any step follows, expected less friction than {rub.friction:g}"
         )
 
-    def _closest(self, motion: ComplexArray, speed: float) -> tuple[float, str]:
+    def _max_eccentricity(self, motion: ComplexArray, speed: float) -> tuple[float, str]:
         """Return the largest eccentricity ratio of a motion, and in words where that is."""
         films, ratios = self._system.films, np.abs(self._system.eccentricities @ motion[0])
         closest = int(np.argmax(ratios))

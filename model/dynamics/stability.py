@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from model.dynamics.modal_system import ModalSystem
 from model.dynamics.motion import STEPS_PER_TURN
-from model.dynamics.newmark import NO_FAILURE, march
+from model.dynamics.newmark import NO_FAILURE, integrate
 from model.dynamics.whirl import FilmName, Whirl, order_and_share
 from model.errors import ModelError
 from model.rotor.parameters import ModelParameters
@@ -24,11 +24,11 @@ from model.rotor.rotor import require_positive
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
-FIRST_TURNS = 60  # from rest towards the orbit, before Newton's method
-ITERATIONS = 40
-CONVERGED = 1e-5  # of the inner clearance
+SETTLING_TURNS = 60  # from rest towards the orbit, before Newton's method
+MAX_ITERATIONS = 40
+TOLERANCE = 1e-5  # of the inner clearance
 PERTURBATION = 1e-4  # of the inner clearance
-GONE = 1e-6  # of a disturbance after a turn: less than that is no whirl
+MIN_MULTIPLIER = 1e-6  # of a disturbance after a turn: less than that is no whirl
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -39,7 +39,7 @@ class SynchronousOrbit:
     ----------
     speed : float
         rad/s.
-    standing : ndarray of float64, shape (4 (n_modes + n_rings),)
+    initial_state : ndarray of float64, shape (4 (n_modes + n_rings),)
         Where it stands at theta = 0, in the coordinates above, to begin from at a neighbouring speed.
     whirls : tuple of Whirl
         What grows fastest or decays slowest in the one film, and in the other: the least stable first.
@@ -48,7 +48,7 @@ class SynchronousOrbit:
     """
 
     speed: float
-    standing: FloatArray
+    initial_state: FloatArray
     whirls: tuple[Whirl, ...]
     disturbances: FloatArray
 
@@ -95,85 +95,85 @@ def synchronous_orbit(
         Where none is found within the clearances.
     """
     require_positive("speed", speed, "rad/s")
-    turn = _Turn(ModalSystem.of(parameters), speed, steps)
-    standing = turn.after(np.zeros(turn.size), FIRST_TURNS) if start is None else start.standing
-    jacobian, following = turn.differentiate(standing)
-    begun_at, last = standing, math.inf
-    for _ in range(ITERATIONS):
-        miss = following - standing
+    turn = _PoincareMap(ModalSystem.of(parameters), speed, steps)
+    initial_state = turn.after(np.zeros(turn.size), SETTLING_TURNS) if start is None else start.initial_state
+    jacobian, following = turn.differentiate(initial_state)
+    begun_at, last = initial_state, math.inf
+    for _ in range(MAX_ITERATIONS):
+        miss = following - initial_state
         error = float(np.max(np.abs(miss))) / turn.unit
-        if error < CONVERGED:
+        if error < TOLERANCE:
             break
         if error > 0.3 * last:
-            jacobian, following = turn.differentiate(standing)
-            begun_at = standing
+            jacobian, following = turn.differentiate(initial_state)
+            begun_at = initial_state
         last = error
-        standing = standing + np.linalg.solve(np.eye(turn.size) - jacobian, miss)
-        following = turn.after(standing, 1)
+        initial_state = initial_state + np.linalg.solve(np.eye(turn.size) - jacobian, miss)
+        following = turn.after(initial_state, 1)
     else:
         raise ModelError(f"synchronous motion at {speed:.1f} rad/s: none found that repeats itself every turn")
-    if np.max(np.abs(standing - begun_at)) > 100 * PERTURBATION * turn.unit:
-        jacobian, _ = turn.differentiate(standing)
-    whirls, disturbances = turn.whirls(standing, jacobian)
-    return SynchronousOrbit(speed=speed, standing=standing, whirls=whirls, disturbances=disturbances)
+    if np.max(np.abs(initial_state - begun_at)) > 100 * PERTURBATION * turn.unit:
+        jacobian, _ = turn.differentiate(initial_state)
+    whirls, disturbances = turn.whirls(initial_state, jacobian)
+    return SynchronousOrbit(speed=speed, initial_state=initial_state, whirls=whirls, disturbances=disturbances)
 
 
-class _Turn:
+class _PoincareMap:
     """The map of where the motion stands at theta = 0 to where it stands a turn later."""
 
     def __init__(self, system: ModalSystem, speed: float, steps: int) -> None:
         self._system, self._speed = system, speed
-        self._modes = system.shaft.squares.size
+        self._modes = system.shaft.squared_frequencies.size
         self._steps = steps
         self._step = 2 * math.pi / (steps * speed)
-        self._levels = system.levels(self._step)
+        self._matrices = system.matrices(self._step)
         self._rings = system.rings.mass.size
         self.size = 4 * (self._modes + self._rings)
         self.unit = system.films.inner_clearance / float(np.abs(system.shaft.journals[:, 0]).max())
 
-    def after(self, standing: FloatArray, turns: int) -> FloatArray:
+    def after(self, initial_state: FloatArray, turns: int) -> FloatArray:
         """Return where the motion stands after whole turns; ModelError where it reaches a wall."""
-        (q, v, a), _ = self._followed(standing, turns, np.empty((0, self._modes)))
+        (q, v, a), _ = self._integrated(initial_state, turns, np.empty((0, self._modes)))
         h = self._step
         seen = 2 / h * q + v
         rate = h / 2 * (4 / h**2 * q + 4 / h * v + a) - seen
         return np.ascontiguousarray(np.concatenate((h / 2 * (seen - rate), rate / self._speed))).view(np.float64)
 
-    def _followed(self, standing: FloatArray, turns: int, seen: FloatArray) -> tuple[ComplexArray, ComplexArray]:
+    def _integrated(self, initial_state: FloatArray, turns: int, seen: FloatArray) -> tuple[ComplexArray, ComplexArray]:
         """Return the motion after whole turns, and what was seen of it at the ends of the steps."""
         system, state = self._system, self._system.at_rest(angle=0.0, speed=self._speed)
-        state.stand(standing)
+        state.set_initial_state(initial_state)
         angles = 2 * math.pi / self._steps * np.arange(1, turns * self._steps + 1, dtype=np.float64)
         speeds, path = np.full(angles.size, self._speed), np.empty((seen.shape[0], angles.size), np.complex128)
-        is_possible = system.is_within(state.motion) and (
-            march(system.parts, system.constraints, self._levels, state, angles, speeds, seen, path) == NO_FAILURE
+        is_possible = system.is_inside_clearances(state.motion) and (
+            integrate(system.parts, system.constraints, self._matrices, state, angles, speeds, seen, path) == NO_FAILURE
         )
         if not is_possible:
             raise ModelError(f"synchronous motion at {self._speed:.1f} rad/s: none found within the clearances")
         return state.motion, path
 
-    def whirls(self, standing: FloatArray, jacobian: FloatArray) -> tuple[tuple[Whirl, ...], FloatArray]:
+    def whirls(self, initial_state: FloatArray, jacobian: FloatArray) -> tuple[tuple[Whirl, ...], FloatArray]:
         """Return the least stable whirl of each film, the less stable first, and what each begins with."""
         multipliers, vectors = np.linalg.eig(jacobian)
-        orbit, found = self._course(standing), dict[FilmName, tuple[Whirl, FloatArray]]()
+        orbit, found = self._eccentricities(initial_state), dict[FilmName, tuple[Whirl, FloatArray]]()
         for place in np.argsort(-np.abs(multipliers), kind="stable"):
             multiplier, vector = complex(multipliers[place]), vectors[:, place]
-            if len(found) == len(FilmName) or (found and abs(multiplier) < GONE):
+            if len(found) == len(FilmName) or (found and abs(multiplier) < MIN_MULTIPLIER):
                 break
             if multiplier.imag < 0:  # the other of a pair
                 continue
             exponent = complex(math.log(max(abs(multiplier), 1e-300)), cmath.phase(multiplier)) / (2 * math.pi)
             small = PERTURBATION * self.unit / float(np.abs(vector).max())
-            parts = [self._course(standing + small * part) - orbit for part in (vector.real, vector.imag)]
+            parts = [self._eccentricities(initial_state + small * part) - orbit for part in (vector.real, vector.imag)]
             real, imaginary = (np.stack((part.real, part.imag), axis=1) / small for part in parts)
             order, share = order_and_share(real + 1j * imaginary, exponent)
             whirl = Whirl(growth_rate=exponent.real * self._speed, order=order, inner_share=share)
             found.setdefault(whirl.film, (whirl, self._scaled(vector.real)))
         return tuple(whirl for whirl, _ in found.values()), np.stack([begin for _, begin in found.values()])
 
-    def _course(self, standing: FloatArray) -> ComplexArray:
+    def _eccentricities(self, initial_state: FloatArray) -> ComplexArray:
         """Return the films' eccentricity ratios through a turn, (4, steps)."""
-        return self._followed(standing, 1, self._system.eccentricities)[1]
+        return self._integrated(initial_state, 1, self._system.eccentricities)[1]
 
     def _scaled(self, disturbance: FloatArray) -> FloatArray:
         """Return the disturbance of that shape in which the journal or ring that moves most moves by 1 m."""
@@ -181,13 +181,13 @@ class _Turn:
         journals = self._system.shaft.journals @ place[: self._modes]
         return disturbance / max(float(np.abs(journals).max()), float(np.abs(place[self._modes :]).max()))
 
-    def differentiate(self, standing: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def differentiate(self, initial_state: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the map's derivative, (size, size), and its value."""
-        following = self.after(standing, 1)
+        following = self.after(initial_state, 1)
         jacobian = np.empty((self.size, self.size))
         change = PERTURBATION * self.unit
         for column in range(self.size):
-            beside = standing.copy()
+            beside = initial_state.copy()
             beside[column] += change
             jacobian[:, column] = (self.after(beside, 1) - following) / change
         return jacobian, following

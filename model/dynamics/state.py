@@ -11,7 +11,7 @@ ComplexArray = NDArray[np.complex128]
 NO_LEVEL = -1
 
 
-class Levels(NamedTuple):
+class NewmarkMatrices(NamedTuple):
     """Newmark's matrix for a time step and its fourths: ``T diag(1 / (1 - i Omega g)) T^T`` is its inverse.
 
     Parameters
@@ -32,7 +32,7 @@ class Levels(NamedTuple):
     points: FloatArray
 
 
-class State(NamedTuple):
+class MotionState(NamedTuple):
     """All that the motion carries from step to step; changed in place.
 
     Parameters
@@ -53,20 +53,20 @@ class State(NamedTuple):
     angle: FloatArray
     speed: FloatArray
 
-    def stand(self, standing: FloatArray) -> None:
-        """Put the motion where ``standing`` says, (4 (m + n_rings),): see `model.dynamics.stability`."""
+    def set_initial_state(self, initial_state: FloatArray) -> None:
+        """Put the motion where ``initial_state`` says, (4 (m + n_rings),): see `model.dynamics.stability`."""
         self.motion[:] = 0.0
-        self.disturb(standing)
+        self.disturb(initial_state)
 
     def disturb(self, disturbance: FloatArray) -> None:
         """Move the motion by a difference of where it stands."""
-        place, rate = disturbance.view(np.complex128).reshape(2, -1)
-        self.motion[0] += place
+        position, rate = disturbance.view(np.complex128).reshape(2, -1)
+        self.motion[0] += position
         self.motion[1] += self.speed[0] * rate
         self.level[0] = NO_LEVEL
 
 
-class Work(NamedTuple):
+class Workspace(NamedTuple):
     """Room for the unknowns of a step, made once a march. Bodies are points of the shaft, then rings.
 
     Parameters
@@ -81,15 +81,15 @@ class Work(NamedTuple):
         Displacement of a body for a force on another, m/N.
     forces : ndarray of complex128, shape (n_bodies,)
         Of bearings on the bodies, N.
-    slopes : ndarray of complex128, shape (n_bodies, n_bodies, 2)
+    derivatives : ndarray of complex128, shape (n_bodies, n_bodies, 2)
         Changes of the forces with displacements in X and in Y, N/m.
     residual, change : ndarray of float64, shape (2 n_bodies,)
         What the equations miss and Newton's answer, m: X and Y alternately.
     modal : ndarray of complex128, shape (3, m)
         Forces, diagonal coordinates, compliances.
-    kept : ndarray of complex128, shape (3, m + n_rings)
+    saved : ndarray of complex128, shape (3, m + n_rings)
         The motion at the start of the caller's step.
-    course : ndarray of float64, shape (2, 2)
+    interval : ndarray of float64, shape (2, 2)
         Angle, rad, and speed, rad/s, of the shaft where the caller's step starts and ends.
     """
 
@@ -98,9 +98,9 @@ class Work(NamedTuple):
     free: ComplexArray
     receptance: ComplexArray
     forces: ComplexArray
-    slopes: ComplexArray
+    derivatives: ComplexArray
     residual: FloatArray
     change: FloatArray
     modal: ComplexArray
-    kept: ComplexArray
-    course: FloatArray
+    saved: ComplexArray
+    interval: FloatArray

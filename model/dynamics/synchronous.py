@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from model.dynamics.condensed import forces_on, slopes_on
+from model.dynamics.condensed import bearing_force_derivatives, bearing_forces
 from model.dynamics.modal_system import ModalSystem
 from model.dynamics.motion import ShaftMotion
 from model.dynamics.stability import SynchronousOrbit, synchronous_orbit
@@ -25,8 +25,8 @@ from model.rotor.rotor import require_positive
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
-ITERATIONS = 60
-WALL = 0.9999  # largest eccentricity ratio
+MAX_ITERATIONS = 60
+MAX_ECCENTRICITY = 0.9999  # largest eccentricity ratio
 ELLIPTIC_STEPS = 256  # a turn, of a motion that is integrated: 1X within 0.02 %
 
 
@@ -107,16 +107,16 @@ def synchronous_response(
     """
     require_positive("speed", speed, "rad/s")
     system = ModalSystem.of(parameters, modes)
-    if not system.is_round:
+    if not system.is_isotropic:
         return _elliptic(parameters, speed, None if start is None else start.orbit)
-    frame = _TurningFrame(system, speed)
+    frame = _RotatingFrame(system, speed)
     rest = np.zeros(frame.bodies, np.complex128)
     found = frame.solve(rest if start is None else start.bodies, 1.0)
     if found is None:
-        found = _follow(rest, ((frame, float(part)) for part in np.linspace(0.05, 1.0, 20)))
+        found = _continuation(rest, ((frame, float(part)) for part in np.linspace(0.05, 1.0, 20)))
     if found is None:
         speeds = np.geomspace(speed / 20, speed, 60)
-        found = _follow(rest, ((_TurningFrame(system, float(lower)), 1.0) for lower in speeds))
+        found = _continuation(rest, ((_RotatingFrame(system, float(lower)), 1.0) for lower in speeds))
     if found is None:
         raise ModelError(f"synchronous motion at {speed:.1f} rad/s: none found within the clearances")
     modal = frame.modal(found)
@@ -124,7 +124,7 @@ def synchronous_response(
     circle = complex(system.shaft.probe @ modal)
     return SynchronousResponse(
         speed=speed,
-        vectors=_towards_probes(parameters, circle, 0j),
+        vectors=_probe_vectors(parameters, circle, 0j),
         circle=circle,
         stations=np.stack((circles, -1j * circles)),
         bodies=found,
@@ -132,7 +132,7 @@ def synchronous_response(
     )
 
 
-def _towards_probes(parameters: ModelParameters, forward: complex, reverse: complex) -> ComplexArray:
+def _probe_vectors(parameters: ModelParameters, forward: complex, reverse: complex) -> ComplexArray:
     """Return 1X at the probes of ``forward exp(i theta) + reverse exp(-i theta)``, (2,)."""
     towards = np.exp(-1j * np.asarray(parameters.probe_angles))  # Re[z exp(-i alpha)] is along a probe at alpha
     return np.asarray(forward * towards + np.conj(reverse * towards))
@@ -144,15 +144,15 @@ def _elliptic(parameters: ModelParameters, speed: float, start: SynchronousOrbit
     unloaded = replace(parameters, bearing=bearing, gravity=0.0, loads=())
     orbit = synchronous_orbit(unloaded, speed, start, steps=ELLIPTIC_STEPS)
     motion = ShaftMotion(unloaded, speed, 0)
-    motion.stand(orbit.standing)
-    turn = motion.turns_of_all(1, ELLIPTIC_STEPS)
+    motion.set_initial_state(orbit.initial_state)
+    turn = motion.integrate_stations(1, ELLIPTIC_STEPS)
     back = np.exp(-2j * np.pi * np.arange(ELLIPTIC_STEPS) / ELLIPTIC_STEPS)
     path = turn[:, 0] + 1j * turn[:, 1]
     forward, reverse = (path * back).mean(axis=1), (path * back.conj()).mean(axis=1)
     of_probes = parameters.probe_station - 1
     return SynchronousResponse(
         speed=speed,
-        vectors=_towards_probes(parameters, complex(forward[of_probes]), complex(reverse[of_probes])),
+        vectors=_probe_vectors(parameters, complex(forward[of_probes]), complex(reverse[of_probes])),
         circle=complex(forward[of_probes]),
         stations=2 * (turn * back).mean(axis=2).T,
         bodies=np.empty(0, np.complex128),
@@ -161,7 +161,7 @@ def _elliptic(parameters: ModelParameters, speed: float, start: SynchronousOrbit
     )
 
 
-def _follow(found: ComplexArray, steps: "Iterable[tuple[_TurningFrame, float]]") -> ComplexArray | None:
+def _continuation(found: ComplexArray, steps: "Iterable[tuple[_RotatingFrame, float]]") -> ComplexArray | None:
     """Solve for one frame and part of the imbalance after the other, each from the one before; None where one fails."""
     for frame, part in steps:
         following = frame.solve(found, part)
@@ -171,7 +171,7 @@ def _follow(found: ComplexArray, steps: "Iterable[tuple[_TurningFrame, float]]")
     return found
 
 
-class _TurningFrame:
+class _RotatingFrame:
     """The equations of motion in the frame that turns with the shaft; bodies are points of the shaft, then rings."""
 
     def __init__(self, system: ModalSystem, speed: float) -> None:
@@ -179,7 +179,7 @@ class _TurningFrame:
         shaft, mass = system.shaft, system.rings.mass
         self._points, self.bodies = shaft.points.shape[0], shaft.points.shape[0] + mass.size
         # w² - Omega² + Omega² G, from M z'' - i Omega J z' + K z with z = Z exp(i Omega t)
-        dynamic = np.diag(shaft.squares - speed**2) + speed**2 * shaft.gyroscopic
+        dynamic = np.diag(shaft.squared_frequencies - speed**2) + speed**2 * shaft.gyroscopic
         self._compliance = np.linalg.inv(dynamic)
         n = self._points
         self._receptance = np.zeros((self.bodies, self.bodies))
@@ -188,74 +188,79 @@ class _TurningFrame:
         self._unloaded = np.zeros(self.bodies, np.complex128)
         self._unloaded[:n] = shaft.points @ self._compliance @ (speed**2 * shaft.imbalance)
 
-    def _moving(self, places: ComplexArray) -> ComplexArray:
-        return np.stack((places, 1j * self._speed * places))
+    def _moving(self, positions: ComplexArray) -> ComplexArray:
+        return np.stack((positions, 1j * self._speed * positions))
 
-    def _forces(self, places: ComplexArray) -> ComplexArray:
+    def _forces(self, positions: ComplexArray) -> ComplexArray:
         system = self._system
-        return forces_on(system.films, system.constraints, self._speed, self._moving(places))
+        return bearing_forces(system.films, system.constraints, self._speed, self._moving(positions))
 
-    def _slopes(self, places: ComplexArray, drag: complex) -> FloatArray:
+    def _force_derivatives(self, positions: ComplexArray, velocity_ratio: complex) -> FloatArray:
         """Return changes of the forces with the places, (2 bodies, 2 bodies), X and Y alternately."""
         system, size = self._system, self.bodies
-        slopes = slopes_on(system.films, system.constraints, self._speed, drag, self._moving(places))
-        pairs = np.stack((slopes.real, slopes.imag), axis=1)  # body, its X or Y, other body, its X or Y
+        derivatives = bearing_force_derivatives(
+            system.films, system.constraints, self._speed, velocity_ratio, self._moving(positions)
+        )
+        pairs = np.stack((derivatives.real, derivatives.imag), axis=1)  # body, its X or Y, other body, its X or Y
         return np.asarray(pairs.reshape(2 * size, 2 * size))
 
-    def _residual(self, places: ComplexArray, part: float) -> ComplexArray:
-        return np.asarray(places - part * self._unloaded - self._receptance @ self._forces(places))
+    def _residual(self, positions: ComplexArray, part: float) -> ComplexArray:
+        return np.asarray(positions - part * self._unloaded - self._receptance @ self._forces(positions))
 
-    def _jacobian(self, places: ComplexArray) -> FloatArray:
-        through = _kron(self._receptance, np.eye(2)) @ self._slopes(places, 1j * self._speed)
+    def _jacobian(self, positions: ComplexArray) -> FloatArray:
+        through = _kron(self._receptance, np.eye(2)) @ self._force_derivatives(positions, 1j * self._speed)
         return np.asarray(np.eye(2 * self.bodies) - through)
 
-    def solve(self, places: ComplexArray, part: float) -> ComplexArray | None:
+    def solve(self, positions: ComplexArray, part: float) -> ComplexArray | None:
         """Return where the bodies are, (n_bodies,), for a part of the imbalance; None where Newton's method fails."""
-        if self._eccentricity(places) >= WALL:
-            places = np.zeros(self.bodies, np.complex128)
-        residual = self._residual(places, part)
-        for _ in range(ITERATIONS):
+        if self._eccentricity(positions) >= MAX_ECCENTRICITY:
+            positions = np.zeros(self.bodies, np.complex128)
+        residual = self._residual(positions, part)
+        for _ in range(MAX_ITERATIONS):
             if np.max(np.abs(residual)) < 1e-10 * self._system.films.inner_clearance:
-                return places
-            change = np.linalg.solve(self._jacobian(places), -_real(residual)).view(np.complex128)
+                return positions
+            change = np.linalg.solve(self._jacobian(positions), -_real(residual)).view(np.complex128)
             fraction = 1.0
             while fraction > 1e-6:
-                trial = places + fraction * change
-                if self._eccentricity(trial) < WALL:
+                trial = positions + fraction * change
+                if self._eccentricity(trial) < MAX_ECCENTRICITY:
                     following = self._residual(trial, part)
                     if np.linalg.norm(following) < np.linalg.norm(residual):
                         break
                 fraction /= 2
             else:
                 return None
-            places, residual = trial, following
+            positions, residual = trial, following
         return None
 
-    def _eccentricity(self, places: ComplexArray) -> float:
-        films, journals, rings = self._system.films, places[:2], places[self._points : self._points + 2]
+    def _eccentricity(self, positions: ComplexArray) -> float:
+        films, journals, rings = self._system.films, positions[:2], positions[self._points : self._points + 2]
         inner, outer = np.abs(journals - rings) / films.inner_clearance, np.abs(rings) / films.outer_clearance
         return float(max(inner.max(), outer.max()))
 
-    def modal(self, places: ComplexArray) -> ComplexArray:
+    def modal(self, positions: ComplexArray) -> ComplexArray:
         """Return the displacements of the modes, (m,)."""
-        shaft, forces = self._system.shaft, self._forces(places)[: self._points]
+        shaft, forces = self._system.shaft, self._forces(positions)[: self._points]
         return np.asarray(self._compliance @ (self._speed**2 * shaft.imbalance + shaft.points.T @ forces))
 
-    def whirls(self, places: ComplexArray) -> tuple[Whirl, ...]:
+    def whirls(self, positions: ComplexArray) -> tuple[Whirl, ...]:
         """Return the least stable whirl of each film about this motion, the less stable first."""
         shaft, mass, speed = self._system.shaft, self._system.rings.mass, self._speed
-        modes, n = shaft.squares.size, self._points
+        modes, n = shaft.squared_frequencies.size, self._points
         size = modes + mass.size  # complex coordinates: modes, rings
         # q'' + i Omega (2 - G) q' + (w² - Omega² + Omega² G) q = forces ; rings: 1/m
         damping = 2j * speed * np.eye(size, dtype=np.complex128)
         damping[:modes, :modes] -= 1j * speed * shaft.gyroscopic
         stiffness = -(speed**2) * np.eye(size, dtype=np.complex128)
-        stiffness[:modes, :modes] += np.diag(shaft.squares) + speed**2 * shaft.gyroscopic
+        stiffness[:modes, :modes] += np.diag(shaft.squared_frequencies) + speed**2 * shaft.gyroscopic
         seen, pushed = np.zeros((self.bodies, size)), np.zeros((size, self.bodies))
         seen[:n, :modes], seen[n:, modes:] = shaft.points, np.eye(mass.size)
         pushed[:modes, :n], pushed[modes:, n:] = shaft.points.T, np.diag(1 / mass)
         seen, pushed = _kron(seen, np.eye(2)), _kron(pushed, np.eye(2))
-        still, moving = self._slopes(places, 1j * speed), self._slopes(places, (1 + 1j) * speed)
+        still, moving = (
+            self._force_derivatives(positions, 1j * speed),
+            self._force_derivatives(positions, (1 + 1j) * speed),
+        )
         stiffness_real = _expand(stiffness) - pushed @ still @ seen
         damping_real = _expand(damping) - pushed @ ((moving - still) / speed) @ seen
         n = 2 * size

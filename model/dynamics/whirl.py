@@ -44,10 +44,10 @@ class Whirl:
     @property
     def film(self) -> FilmName:
         """The film that whirls."""
-        return film_of(self.inner_share)
+        return dominant_film(self.inner_share)
 
 
-def film_of(share: float) -> FilmName:
+def dominant_film(share: float) -> FilmName:
     """Return the film in which most of a whirl is, of the inner one's share."""
     return FilmName.INNER if share > 0.5 else FilmName.OUTER
 

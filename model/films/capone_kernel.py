@@ -7,7 +7,7 @@ import numpy as np
 
 from model.compiling import Compiler
 
-WALL = 1e-4  # smallest 1 - eccentricity² that is computed: beyond it the film's equations lose their digits
+MIN_WALL_MARGIN = 1e-4  # smallest 1 - eccentricity² that is computed: beyond it the film's equations lose their digits
 
 compiler = Compiler()
 
@@ -61,14 +61,14 @@ def capone_force(
 
 
 @compiler.compiled
-def film_stiffness(
-    drag: complex, position: complex, velocity: complex, clearance: float, surface_speed: float, factor: float
+def capone_force_derivatives(
+    velocity_ratio: complex, position: complex, velocity: complex, clearance: float, surface_speed: float, factor: float
 ) -> tuple[complex, complex]:
     """Return the change of a film's force with the position in X and in Y, N/m, by finite differences.
 
     Parameters
     ----------
-    drag : complex
+    velocity_ratio : complex
         Change of velocity per change of position, 1/s: 2 / step in the march, i Omega in the turning frame.
     position, velocity, clearance, surface_speed, factor : complex and float
         As for ``capone_force``.
@@ -76,6 +76,6 @@ def film_stiffness(
     start = capone_force(position, velocity, clearance, surface_speed, factor)
     in_x = -1e-7 * clearance if position.real > 0 else 1e-7 * clearance  # never towards the wall
     in_y = -1e-7 * clearance if position.imag > 0 else 1e-7 * clearance
-    of_x = capone_force(position + in_x, velocity + drag * in_x, clearance, surface_speed, factor)
-    of_y = capone_force(position + 1j * in_y, velocity + drag * 1j * in_y, clearance, surface_speed, factor)
+    of_x = capone_force(position + in_x, velocity + velocity_ratio * in_x, clearance, surface_speed, factor)
+    of_y = capone_force(position + 1j * in_y, velocity + velocity_ratio * 1j * in_y, clearance, surface_speed, factor)
     return (of_x - start) / in_x, (of_y - start) / in_y

@@ -13,15 +13,15 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from model.errors import EquilibriumError
-from model.films.film import Film, films_of
-from model.films.short_film import Capone, capone_components
+from model.films.film import Film, bearing_films
+from model.films.short_film import CaponeForm, capone_components
 from model.rotor.parameters import GRAVITY, FloatingRing
 from model.rotor.rotor import require_positive
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
-LARGEST_ECCENTRICITY = 1 - 1e-6
+MAX_ECCENTRICITY = 1 - 1e-6
 COMPLEX_STEP = 1e-30
 
 
@@ -123,13 +123,13 @@ def short_film_coefficients(film: Film, load: float, surface_speed: float) -> Li
     require_positive("load", load, "N")
     require_positive("surface_speed", surface_speed, "rad/s")
     target = load / (film.factor * surface_speed)
-    if target >= short_film_load(LARGEST_ECCENTRICITY):
+    if target >= short_film_load(MAX_ECCENTRICITY):
         raise EquilibriumError(
-            f"load: {load:g} N presses the inner body to {LARGEST_ECCENTRICITY} of its clearance, expected less than "
-            f"{short_film_load(LARGEST_ECCENTRICITY) * film.factor * surface_speed:g} N"
+            f"load: {load:g} N presses the inner body to {MAX_ECCENTRICITY} of its clearance, expected less than "
+            f"{short_film_load(MAX_ECCENTRICITY) * film.factor * surface_speed:g} N"
         )
     lightest = 1e-3 * target / math.pi  # load is pi times the eccentricity at first and grows faster
-    eccentricity = brentq(lambda e: short_film_load(e) - target, min(lightest, 0.5), LARGEST_ECCENTRICITY, xtol=1e-15)
+    eccentricity = brentq(lambda e: short_film_load(e) - target, min(lightest, 0.5), MAX_ECCENTRICITY, xtol=1e-15)
     stiffness, damping = short_film_ratios(eccentricity)
     angle = short_film_attitude(eccentricity) - math.pi / 2
     position = eccentricity * film.clearance * complex(math.cos(angle), math.sin(angle))
@@ -138,7 +138,7 @@ def short_film_coefficients(film: Film, load: float, surface_speed: float) -> Li
 
 
 def differentiated_coefficients(
-    film: Film, position: complex, surface_speed: float, form: Capone = Capone.EXACT
+    film: Film, position: complex, surface_speed: float, form: CaponeForm = CaponeForm.EXACT
 ) -> LinearCoefficients:
     """Return the coefficients of Capone's force at rest, by a complex step: exact to rounding.
 
@@ -224,7 +224,7 @@ def floating_ring_coefficients(
     tuple of LinearCoefficients
         Inner and outer film.
     """
-    films = films_of(bearing)
+    films = bearing_films(bearing)
     return (
         short_film_coefficients(films.inner, load, films.inner_speed * speed),
         short_film_coefficients(films.outer, load + bearing.ring_mass * gravity, films.outer_speed * speed),

@@ -18,7 +18,7 @@ FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
-class FilmStudy:
+class FilmComparison:
     """A film at rest over its eccentricity.
 
     Parameters
@@ -44,7 +44,7 @@ class FilmStudy:
     finite_coefficients: tuple[LinearCoefficients, ...]
 
 
-def study_film(film: Film, surface_speed: float, eccentricities: ArrayLike, grid: Grid) -> FilmStudy:
+def compare_film_models(film: Film, surface_speed: float, eccentricities: ArrayLike, grid: Grid) -> FilmComparison:
     """Return load, attitude and coefficients of a film by three models.
 
     Parameters
@@ -77,7 +77,7 @@ def study_film(film: Film, surface_speed: float, eccentricities: ArrayLike, grid
     shorts = [_upright_short(film, float(ratio), surface_speed) for ratio in ratios]
     finites = [_upright_finite(film, float(ratio), surface_speed, grid) for ratio in ratios]
     unit = 6 * film.viscosity * (film.radius / film.clearance) ** 2 * surface_speed * film.length * film.radius
-    return FilmStudy(
+    return FilmComparison(
         eccentricities=ratios,
         short_load=np.array([abs(found.force) for found in shorts]),
         finite_load=np.array([abs(found.force) for found in finites]),

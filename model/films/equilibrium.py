@@ -18,9 +18,9 @@ from model.rotor.rotor import require_positive
 
 FloatArray = NDArray[np.float64]
 
-NEAREST_WALL = 0.999  # eccentricity ratio beyond which an equilibrium is refused
-SMALLEST_ECCENTRICITY, LARGEST_ECCENTRICITY = 1e-6, 1 - 1e-9  # searched
-EXTENTS = (
+MAX_EQUILIBRIUM_ECCENTRICITY = 0.999  # eccentricity ratio beyond which an equilibrium is refused
+MIN_ECCENTRICITY, MAX_ECCENTRICITY = 1e-6, 1 - 1e-9  # searched
+SEARCH_EXTENTS = (
     0.99,
     0.95,
     0.9,
@@ -141,12 +141,12 @@ def film_equilibrium(load: float, scale: float, area: float, inlet_pressure: flo
     shape = complete_film(_eccentricity_under(target, load, complete_film))
     if rise < shape.inlet_rise:
         shape = _ruptured_with(target, load, rise)
-    if shape.eccentricity > NEAREST_WALL:
+    if shape.eccentricity > MAX_EQUILIBRIUM_ECCENTRICITY:
         raise _against_the_wall(load, shape.eccentricity)
     return FilmEquilibrium(shape, shape.attitude, scale, inlet_pressure, load)
 
 
-def closing_film(pressure: float) -> LongFilm:
+def just_complete_film(pressure: float) -> LongFilm:
     """Return the film that has just closed: complete, and without pressure at one place.
 
     Parameters
@@ -168,12 +168,12 @@ def closing_film(pressure: float) -> LongFilm:
         film = complete_film(eccentricity)
         return film.inlet_rise / film.load - pressure
 
-    if not excess(SMALLEST_ECCENTRICITY) < 0 < excess(NEAREST_WALL):
+    if not excess(MIN_ECCENTRICITY) < 0 < excess(MAX_EQUILIBRIUM_ECCENTRICITY):
         raise EquilibriumError(
             f"inlet_pressure: {pressure:g} of the load per length and radius, expected what closes a film between "
-            f"{SMALLEST_ECCENTRICITY:g} and {NEAREST_WALL} of its clearance"
+            f"{MIN_ECCENTRICITY:g} and {MAX_EQUILIBRIUM_ECCENTRICITY} of its clearance"
         )
-    return complete_film(_root(excess, SMALLEST_ECCENTRICITY, NEAREST_WALL))
+    return complete_film(_root(excess, MIN_ECCENTRICITY, MAX_EQUILIBRIUM_ECCENTRICITY))
 
 
 def _ruptured_with(target: float, load: float, rise: float) -> LongFilm:
@@ -182,20 +182,20 @@ def _ruptured_with(target: float, load: float, rise: float) -> LongFilm:
     def film(extent: float) -> LongFilm:
         return ruptured_film(_eccentricity_under(target, load, lambda eps: ruptured_film(eps, extent)), extent)
 
-    shorter = next(extent for extent in EXTENTS if film(extent).inlet_rise < rise)
+    shorter = next(extent for extent in SEARCH_EXTENTS if film(extent).inlet_rise < rise)
     return film(_root(lambda extent: film(extent).inlet_rise - rise, shorter, 1.0))
 
 
 def _eccentricity_under(target: float, load: float, film: Callable[[float], LongFilm]) -> float:
     # the eccentricity ratio at which films of a kind carry the load, K L R
-    if film(SMALLEST_ECCENTRICITY).load > target:
+    if film(MIN_ECCENTRICITY).load > target:
         raise EquilibriumError(
-            f"load: {load:g} N displaces the body by less than {SMALLEST_ECCENTRICITY:g} of its clearance, "
+            f"load: {load:g} N displaces the body by less than {MIN_ECCENTRICITY:g} of its clearance, "
             "expected a load that the film's equations can resolve"
         )
-    if film(LARGEST_ECCENTRICITY).load < target:
-        raise _against_the_wall(load, LARGEST_ECCENTRICITY)
-    return _root(lambda eps: film(eps).load - target, SMALLEST_ECCENTRICITY, LARGEST_ECCENTRICITY)
+    if film(MAX_ECCENTRICITY).load < target:
+        raise _against_the_wall(load, MAX_ECCENTRICITY)
+    return _root(lambda eps: film(eps).load - target, MIN_ECCENTRICITY, MAX_ECCENTRICITY)
 
 
 def _root(function: Callable[[float], float], low: float, high: float) -> float:
@@ -205,5 +205,5 @@ def _root(function: Callable[[float], float], low: float, high: float) -> float:
 def _against_the_wall(load: float, eccentricity: float) -> EquilibriumError:
     return EquilibriumError(
         f"load: {load:g} N presses the body to {eccentricity:.9g} of its clearance, "
-        f"expected a load that leaves it within {NEAREST_WALL} of it"
+        f"expected a load that leaves it within {MAX_EQUILIBRIUM_ECCENTRICITY} of it"
     )

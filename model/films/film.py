@@ -4,8 +4,8 @@ import cmath
 import math
 from dataclasses import dataclass
 
-from model.films.capone_kernel import WALL, capone_force
-from model.films.short_film import Capone, capone
+from model.films.capone_kernel import MIN_WALL_MARGIN, capone_force
+from model.films.short_film import CaponeForm, capone_forces
 from model.rotor.parameters import FloatingRing
 from model.rotor.rotor import require_positive
 
@@ -45,7 +45,9 @@ class Film:
         """Size of the force at unit surface speed, mu R L³ / (4 C²), N s."""
         return self.viscosity * self.radius * self.length**3 / (4 * self.clearance**2)
 
-    def force(self, position: complex, velocity: complex, surface_speed: float, form: Capone = Capone.EXACT) -> complex:
+    def force(
+        self, position: complex, velocity: complex, surface_speed: float, form: CaponeForm = CaponeForm.EXACT
+    ) -> complex:
         """Return the force on the inner body, N.
 
         Parameters
@@ -70,16 +72,16 @@ class Film:
             Where the position lies at or beyond the wall, or velocity or speed are not finite.
         """
         eccentricity = abs(position) / self.clearance
-        if not 1 - eccentricity**2 >= WALL:
+        if not 1 - eccentricity**2 >= MIN_WALL_MARGIN:
             raise ValueError(
                 f"position: {abs(position) * 1e6:.3f} µm from the centre, expected less than the clearance of "
                 f"{self.clearance * 1e6:g} µm (eccentricity ratio {eccentricity:.5f})"
             )
         if not (cmath.isfinite(velocity) and math.isfinite(surface_speed)):
             raise ValueError(f"velocity, surface_speed: {velocity} m/s, {surface_speed} rad/s, expected finite values")
-        if form is Capone.AS_PRINTED:
+        if form is CaponeForm.AS_PRINTED:
             moving = velocity / self.clearance
-            return complex(self.factor * capone(position / self.clearance, moving, float(surface_speed), form))
+            return complex(self.factor * capone_forces(position / self.clearance, moving, float(surface_speed), form))
         return capone_force(complex(position), complex(velocity), self.clearance, float(surface_speed), self.factor)
 
 
@@ -101,7 +103,7 @@ class FilmPair:
     outer_speed: float
 
 
-def films_of(bearing: FloatingRing) -> FilmPair:
+def bearing_films(bearing: FloatingRing) -> FilmPair:
     """Return the films of a floating-ring bearing; the ring turns as eq. (3.25) says."""
     ratio = bearing.ring_speed_ratio
     return FilmPair(

@@ -21,9 +21,9 @@ from model.films.grid import Flow, Grid
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
-MOST_ITERATIONS = 100
-PLACES_TO_RESOLVE = 4  # between the thinnest place and where the film is twice as thick
-ROUNDING = 1e-13  # of the largest outflow
+MAX_ITERATIONS = 100
+MIN_NODES_IN_GAP = 4  # between the thinnest place and where the film is twice as thick
+ROUNDING_TOLERANCE = 1e-13  # of the largest outflow
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +63,7 @@ class FilmPressure:
         Where it is known: `grid.angles` around, from the middle to the end along.
     pressure : ndarray, shape (grid.along + 1, grid.around)
         Pa.
-    carries : ndarray of bool, shape (grid.along, grid.around)
+    is_full_film : ndarray of bool, shape (grid.along, grid.around)
         Which volumes carry; the others have broken or are the groove.
     force : complex
         On the inner body, X + i Y, N.
@@ -73,7 +73,7 @@ class FilmPressure:
 
     grid: Grid
     pressure: FloatArray
-    carries: BoolArray
+    is_full_film: BoolArray
     force: complex
     iterations: int
 
@@ -127,23 +127,23 @@ def solve_reynolds(
     _require_resolved(abs(position) / film.clearance, grid)
     unit = pressure_unit(film)
     levels = _coarse_to_fine(grid) if cavitates else [grid]
-    carries = np.ones((levels[0].along, levels[0].around), dtype=np.bool_)
+    is_full_film = np.ones((levels[0].along, levels[0].around), dtype=np.bool_)
     solution, iterations = np.zeros(0), 0
     for level in levels:
-        h_faces, h_places, squeeze = thickness(film, position, velocity, level)
-        matrix = level.conduction(h_places**3, h_faces**3, slenderness(film), flow)
-        source = level.carried(surface_speed * h_faces, squeeze)
-        held = np.zeros((level.along, level.around))
-        free = np.ones(held.shape, dtype=np.bool_)
+        h_faces, h_nodes, squeeze = thickness(film, position, velocity, level)
+        matrix = level.flow_matrix(h_nodes**3, h_faces**3, slenderness(film), flow)
+        source = level.surface_flow(surface_speed * h_faces, squeeze)
+        given = np.zeros((level.along, level.around))
+        free = np.ones(given.shape, dtype=np.bool_)
         if groove is not None:
-            free[:, 0], held[:, 0] = False, groove.pressure / unit
-        first = free & _refined(carries, level)
-        volumes = Volumes(matrix, source, held.ravel(), free.ravel())
-        solution, found, spent = _carrying(volumes, first.ravel(), cavitates=cavitates)
-        carries, iterations = found.reshape(free.shape), iterations + spent
+            free[:, 0], given[:, 0] = False, groove.pressure / unit
+        first = free & _refined(is_full_film, level)
+        volumes = Volumes(matrix, source, given.ravel(), free.ravel())
+        solution, found, spent = _full_film_pressure(volumes, first.ravel(), cavitates=cavitates)
+        is_full_film, iterations = found.reshape(free.shape), iterations + spent
     rows = np.vstack([solution.reshape(grid.along, grid.around), np.zeros(grid.around)])
     force = -unit * film.radius * film.length * grid.resultant(solution)
-    return FilmPressure(grid, unit * rows, carries, force, iterations)
+    return FilmPressure(grid, unit * rows, is_full_film, force, iterations)
 
 
 def _coarse_to_fine(grid: Grid) -> list[Grid]:
@@ -156,10 +156,10 @@ def _coarse_to_fine(grid: Grid) -> list[Grid]:
     return grids[::-1]
 
 
-def _refined(carries: BoolArray, grid: Grid) -> BoolArray:
+def _refined(is_full_film: BoolArray, grid: Grid) -> BoolArray:
     # a coarser grid's carrying set: each place stands for itself and the next
-    along = np.repeat(carries, grid.along // carries.shape[0], axis=0)
-    return np.repeat(along, grid.around // carries.shape[1], axis=1)
+    along = np.repeat(is_full_film, grid.along // is_full_film.shape[0], axis=0)
+    return np.repeat(along, grid.around // is_full_film.shape[1], axis=1)
 
 
 def thickness(
@@ -177,8 +177,8 @@ def thickness(
         raise ValueError(f"velocity: {velocity} m/s, expected a finite value")
     z, v = position / film.clearance, velocity / film.clearance
     at_faces = 1 - (z * np.exp(-1j * grid.faces)).real
-    at_places = 1 - (z * np.exp(-1j * grid.angles)).real
-    return at_faces, at_places, -(v * np.exp(-1j * grid.angles)).real
+    at_nodes = 1 - (z * np.exp(-1j * grid.angles)).real
+    return at_faces, at_nodes, -(v * np.exp(-1j * grid.angles)).real
 
 
 def _require_inside(film: Film, position: complex) -> None:
@@ -191,9 +191,9 @@ def _require_inside(film: Film, position: complex) -> None:
 
 def _require_resolved(eccentricity: float, grid: Grid) -> None:
     narrow = math.sqrt(2 * (1 - eccentricity))  # over which the thickness doubles from its least
-    if narrow < PLACES_TO_RESOLVE * grid.width:
+    if narrow < MIN_NODES_IN_GAP * grid.width:
         raise ValueError(
-            f"around: {grid.around} places, expected at least {math.ceil(PLACES_TO_RESOLVE * 2 * math.pi / narrow)} to "
+            f"around: {grid.around} places, expected at least {math.ceil(MIN_NODES_IN_GAP * 2 * math.pi / narrow)} to "
             f"resolve the film at {eccentricity:.6f} of its clearance"
         )
 
@@ -217,7 +217,7 @@ class Volumes(NamedTuple):
         Outflow per pressure.
     source : ndarray
         Outflow with the surfaces.
-    held : ndarray
+    given : ndarray
         Pressure where it is given, else 0.
     free : ndarray of bool
         Where it is not given.
@@ -225,27 +225,27 @@ class Volumes(NamedTuple):
 
     matrix: sparse.csr_array
     source: FloatArray
-    held: FloatArray
+    given: FloatArray
     free: BoolArray
 
 
-def _carrying(volumes: Volumes, first: BoolArray, *, cavitates: bool) -> tuple[FloatArray, BoolArray, int]:
+def _full_film_pressure(volumes: Volumes, first: BoolArray, *, cavitates: bool) -> tuple[FloatArray, BoolArray, int]:
     # pressures, which volumes carry, and after how many systems
-    carries = first
-    fixed = volumes.matrix @ volumes.held + volumes.source
-    least = -ROUNDING * float(np.max(np.abs(fixed)))
-    for iteration in range(1, MOST_ITERATIONS + 1):
-        solution = volumes.held.copy()
-        among = np.flatnonzero(carries)
+    is_full_film = first
+    fixed = volumes.matrix @ volumes.given + volumes.source
+    least = -ROUNDING_TOLERANCE * float(np.max(np.abs(fixed)))
+    for iteration in range(1, MAX_ITERATIONS + 1):
+        solution = volumes.given.copy()
+        among = np.flatnonzero(is_full_film)
         solution[among] += spsolve(volumes.matrix[among][:, among].tocsc(), -fixed[among])
         if not cavitates:
-            return solution, carries, iteration
+            return solution, is_full_film, iteration
         outflow = volumes.matrix @ solution + volumes.source
-        following = volumes.free & np.where(carries, solution > 0, outflow < least)
-        if np.array_equal(following, carries):
-            return solution, carries, iteration
-        carries = following
+        following = volumes.free & np.where(is_full_film, solution > 0, outflow < least)
+        if np.array_equal(following, is_full_film):
+            return solution, is_full_film, iteration
+        is_full_film = following
     raise EquilibriumError(
-        f"film pressure: the carrying part of {carries.size} volumes still changes after {MOST_ITERATIONS} "
+        f"film pressure: the carrying part of {is_full_film.size} volumes still changes after {MAX_ITERATIONS} "
         "iterations, expected it to settle; take another grid"
     )

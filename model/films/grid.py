@@ -77,14 +77,14 @@ class Grid:
         lengths[0] /= 2
         return lengths
 
-    def conduction(
-        self, at_places: FloatArray, at_faces: FloatArray, slenderness: float, flow: Flow
+    def flow_matrix(
+        self, at_nodes: FloatArray, at_faces: FloatArray, slenderness: float, flow: Flow
     ) -> sparse.csr_array:
         """Return how much flows out of every volume per pressure in every other.
 
         Parameters
         ----------
-        at_places, at_faces : ndarray, shape (around,)
+        at_nodes, at_faces : ndarray, shape (around,)
             h³ at the places and half-way between them; or a derivative of it.
         slenderness : float
             (2 R / L)².
@@ -100,7 +100,7 @@ class Grid:
         line[0] = 1.0
         beside = np.full(self.along - 1, -1.0)
         chain = sparse.csr_array(np.diag(line) + np.diag(beside, 1) + np.diag(beside, -1))
-        total = sparse.kron(chain * (self.along * slenderness), sparse.diags_array(at_places * self.width))
+        total = sparse.kron(chain * (self.along * slenderness), sparse.diags_array(at_nodes * self.width))
         if flow is Flow.BOTH:
             here = np.arange(self.around)
             ahead = sparse.csr_array((np.ones(self.around), (here, (here + 1) % self.around)))
@@ -109,7 +109,7 @@ class Grid:
             total = total + sparse.kron(sparse.diags_array(self.lengths), ring)
         return sparse.csr_array(total)
 
-    def carried(self, wedge: FloatArray, squeeze: FloatArray) -> FloatArray:
+    def surface_flow(self, wedge: FloatArray, squeeze: FloatArray) -> FloatArray:
         """Return what the surfaces carry out of every volume.
 
         Parameters

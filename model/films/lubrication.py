@@ -6,7 +6,7 @@ outer one carries the load and the ring's weight; so each film is solved by itse
 
 With Table 3.1 taken literally the chapter's numbers do not follow. Two calibrations, for which the thesis gives no
 cause, bring back its equilibria and cavities but not its flows: `Lubrication.load_factor` and
-`Lubrication.inner_capacity_factor`, set in `thesis_like`. The physics is `nominal`.
+`Lubrication.inner_capacity_factor`, set in `thesis_like_lubrication`. The physics is `nominal_lubrication`.
 """
 
 import math
@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from model.films.equilibrium import FilmEquilibrium, closing_film, film_equilibrium
+from model.films.equilibrium import FilmEquilibrium, film_equilibrium, just_complete_film
 from model.rotor.parameters import GRAVITY, FloatingRing
 from model.rotor.rotor import require_positive
 
@@ -167,7 +167,7 @@ class Lubrication:
             flow_scale=self.flow_scale,
         )
 
-    def complete_above(self, load: float, inlet_pressure: float) -> float:
+    def cavity_free_speed(self, load: float, inlet_pressure: float) -> float:
         """Return the shaft speed above which the outer film has no cavity, rad/s.
 
         Parameters
@@ -193,7 +193,7 @@ class Lubrication:
         require_positive("inlet_pressure", inlet_pressure, "Pa")
         b = self.bearing
         outer_load = self.load_factor * load + b.ring_mass * self.gravity
-        film = closing_film(inlet_pressure * b.length * b.ring_outer_radius / outer_load)
+        film = just_complete_film(inlet_pressure * b.length * b.ring_outer_radius / outer_load)
         return inlet_pressure / (film.inlet_rise * self.outer_scale)
 
 
@@ -210,11 +210,11 @@ def table_3_1() -> FloatingRing:
     )
 
 
-def nominal() -> Lubrication:
+def nominal_lubrication() -> Lubrication:
     """Return chapter 3's bearing as its table and equations say."""
     return Lubrication(table_3_1())
 
 
-def thesis_like() -> Lubrication:
+def thesis_like_lubrication() -> Lubrication:
     """Return chapter 3's bearing calibrated to the equilibria that the chapter states; the cause is unknown."""
     return Lubrication(table_3_1(), load_factor=5.0, inner_capacity_factor=0.382)

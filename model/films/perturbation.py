@@ -40,31 +40,31 @@ def perturbed_coefficients(
     """
     rest = solve_reynolds(film, position, 0j, surface_speed, grid, flow=flow)
     unit = pressure_unit(film)
-    h_faces, h_places, _ = thickness(film, position, 0j, grid)
+    h_faces, h_nodes, _ = thickness(film, position, 0j, grid)
     slender = slenderness(film)
     pressure = rest.pressure[:-1].ravel() / unit
-    carries = np.flatnonzero(rest.carries)
+    full_film = np.flatnonzero(rest.is_full_film)
     stiffness, damping = np.zeros((2, 2)), np.zeros((2, 2))
-    if carries.size:
-        matrix = grid.conduction(h_places**3, h_faces**3, slender, flow)
-        solver = splu(matrix[carries][:, carries].tocsc())
+    if full_film.size:
+        matrix = grid.flow_matrix(h_nodes**3, h_faces**3, slender, flow)
+        solver = splu(matrix[full_film][:, full_film].tocsc())
         still = np.zeros(grid.around)
         scale = unit * film.radius * film.length / film.clearance
         for column, direction in enumerate((np.cos, np.sin)):
-            at_faces, at_places = -direction(grid.faces), -direction(grid.angles)  # Eq. (4.22), theta from +X
-            thicker = grid.conduction(3 * h_places**2 * at_places, 3 * h_faces**2 * at_faces, slender, flow)
-            moved = thicker @ pressure + grid.carried(surface_speed * at_faces, still)  # Eqs. (4.24), (4.25)
-            moving = grid.carried(still, at_places)  # Eqs. (4.26), (4.27)
+            at_faces, at_nodes = -direction(grid.faces), -direction(grid.angles)  # Eq. (4.22), theta from +X
+            thicker = grid.flow_matrix(3 * h_nodes**2 * at_nodes, 3 * h_faces**2 * at_faces, slender, flow)
+            moved = thicker @ pressure + grid.surface_flow(surface_speed * at_faces, still)  # Eqs. (4.24), (4.25)
+            moving = grid.surface_flow(still, at_nodes)  # Eqs. (4.26), (4.27)
             for source, coefficients in ((moved, stiffness), (moving, damping)):
                 change = np.zeros(pressure.size)
-                change[carries] = solver.solve(-source[carries])
+                change[full_film] = solver.solve(-source[full_film])
                 resultant = scale * grid.resultant(change)  # Eqs. (4.28)-(4.35)
                 coefficients[:, column] = resultant.real, resultant.imag
     return LinearCoefficients(position, rest.force, stiffness, damping)
 
 
 def finite_film_equilibrium(
-    film: Film, load: float, surface_speed: float, grid: Grid, most_steps: int = 30
+    film: Film, load: float, surface_speed: float, grid: Grid, max_steps: int = 30
 ) -> LinearCoefficients:
     """Return where a film of finite length carries a load, and its coefficients there.
 
@@ -74,7 +74,7 @@ def finite_film_equilibrium(
         As for `model.films.coefficients.short_film_coefficients`.
     grid : Grid
         Division of the film.
-    most_steps : int
+    max_steps : int
         Newton's steps after which it gives up.
 
     Returns
@@ -89,7 +89,7 @@ def finite_film_equilibrium(
         Where Newton's steps do not settle within the clearance.
     """
     position = short_film_coefficients(film, load, surface_speed).position
-    for _ in range(most_steps):
+    for _ in range(max_steps):
         found = perturbed_coefficients(film, position, surface_speed, grid)
         missing = found.force - 1j * load
         if abs(missing) < 1e-9 * load:
@@ -99,6 +99,6 @@ def finite_film_equilibrium(
         room = film.clearance - abs(position)
         position += move * min(1.0, 0.5 * room / abs(move))
     raise EquilibriumError(
-        f"load: {load:g} N is not balanced after {most_steps} steps ({abs(missing):g} N missing at "
+        f"load: {load:g} N is not balanced after {max_steps} steps ({abs(missing):g} N missing at "
         f"{abs(position) / film.clearance:.6f} of the clearance), expected at most {1e-9 * load:g} N"
     )

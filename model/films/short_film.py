@@ -21,7 +21,7 @@ ComplexArray = NDArray[np.complex128]
 Numbers = TypeVar("Numbers", FloatArray, ComplexArray)
 
 
-class Capone(Enum):
+class CaponeForm(Enum):
     """Which F stands in Capone's force."""
 
     EXACT = "exact"
@@ -30,7 +30,7 @@ class Capone(Enum):
     """F = q / (1 - x² - y²) as the thesis prints it: the same to first order in the velocity, wrong beyond."""
 
 
-class Half(Enum):
+class LoadedHalf(Enum):
     """Which half of the film carries."""
 
     FIXED = "fixed"
@@ -40,7 +40,7 @@ class Half(Enum):
 
 
 def capone_components(
-    x: Numbers, y: Numbers, x_rate: Numbers, y_rate: Numbers, surface_speed: float, form: Capone
+    x: Numbers, y: Numbers, x_rate: Numbers, y_rate: Numbers, surface_speed: float, form: CaponeForm
 ) -> tuple[Numbers, Numbers]:
     """Return Capone's force from separate coordinates, which may be complex to differentiate by a complex step.
 
@@ -72,13 +72,15 @@ def capone_components(
     q = x * cos_a + y * sin_a
     G = 2 / root * (np.pi / 2 + np.arctan(p / root))
     V = (2 + p * G) / u
-    F = q / (1 - q * q) if form is Capone.EXACT else q / u
+    F = q / (1 - q * q) if form is CaponeForm.EXACT else q / u
     along_x = -s / u * (3 * x * V - sin_a * G - 2 * cos_a * F)
     along_y = -s / u * (3 * y * V + cos_a * G - 2 * sin_a * F)  # Eq. (2.7); its second sign before cos a G set right
     return np.where(moves, along_x, 0.0), np.where(moves, along_y, 0.0)
 
 
-def capone(position: ArrayLike, velocity: ArrayLike, surface_speed: float, form: Capone = Capone.EXACT) -> ComplexArray:
+def capone_forces(
+    position: ArrayLike, velocity: ArrayLike, surface_speed: float, form: CaponeForm = CaponeForm.EXACT
+) -> ComplexArray:
     """Return the force of a short film whose pressure carries wherever it is above zero, on the inner body.
 
     Parameters
@@ -142,8 +144,12 @@ def short_film_pressure(
     return np.asarray(np.maximum(-3 * squeeze / h**3 * (z**2 - 0.25), 0.0))  # Eq. (2.6)
 
 
-def half_film(
-    eccentricity: ArrayLike, eccentricity_rate: ArrayLike, whirl_speed: ArrayLike, surface_speed: float, half: Half
+def half_film_force(
+    eccentricity: ArrayLike,
+    eccentricity_rate: ArrayLike,
+    whirl_speed: ArrayLike,
+    surface_speed: float,
+    half: LoadedHalf,
 ) -> ComplexArray:
     """Return the force of the infinitely short bearing of which one half carries.
 
@@ -180,7 +186,9 @@ def half_film(
     _require_finite("whirl_speed", whirl, "rad/s")
     _require_finite("surface_speed", surface_speed, "rad/s")
     sweep = np.asarray(eps * (surface_speed - 2 * whirl))  # of the oil past the line of centres, times eccentricity
-    return np.asarray(4 * (_fixed_half(eps, rate, sweep) if half is Half.FIXED else _moving_half(eps, rate, sweep)))
+    return np.asarray(
+        4 * (_fixed_half(eps, rate, sweep) if half is LoadedHalf.FIXED else _moving_half(eps, rate, sweep))
+    )
 
 
 def _fixed_half(eps: FloatArray, rate: FloatArray, sweep: FloatArray) -> ComplexArray:

@@ -7,13 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from model.linear.linear_system import LinearSystem, WhirlModes, plain_states, whirl_modes
+from model.linear.linear_system import LinearSystem, WhirlModes, undamped_isotropic_states, whirl_modes
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 IntArray = NDArray[np.intp]
 
-ALIKE = 0.1  # smallest likeness of the modes of one branch at neighbouring speeds
+MIN_MAC = 0.1  # smallest likeness of the modes of one branch at neighbouring speeds
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -93,8 +93,8 @@ def _spectra(
     system: LinearSystem, speeds: FloatArray
 ) -> tuple[Sequence[FloatArray], Sequence[FloatArray], Sequence[FloatArray | ComplexArray]]:
     """Return frequencies, growth rates and eigenvectors at each speed."""
-    if system.is_plain and np.isfinite(speeds).all():
-        frequencies, states, _ = plain_states(system, speeds)
+    if system.is_undamped_isotropic and np.isfinite(speeds).all():
+        frequencies, states, _ = undamped_isotropic_states(system, speeds)
         return list(frequencies), list(np.zeros_like(frequencies)), list(states)
     modes = whirl_modes(system, speeds)
     return (
@@ -104,7 +104,7 @@ def _spectra(
     )
 
 
-def likeness(first: WhirlModes, second: WhirlModes) -> FloatArray:
+def modal_assurance(first: WhirlModes, second: WhirlModes) -> FloatArray:
     """Return the modal assurance criterion of each mode of the first with each of the second, 0 to 1."""
     return np.asarray(np.abs(first.vectors.conj() @ second.vectors.T) ** 2, np.float64)
 
@@ -113,8 +113,8 @@ def _follow(last: FloatArray | ComplexArray, following: FloatArray | ComplexArra
     """Return which of the modes go on, and as which of the following ones."""
     alike = np.abs(last.conj() @ following.T) ** 2
     best = np.argmax(alike, axis=1)
-    if np.unique(best).size == best.size and np.all(alike[np.arange(best.size), best] > ALIKE):
+    if np.unique(best).size == best.size and np.all(alike[np.arange(best.size), best] > MIN_MAC):
         return np.arange(best.size), best  # nearly always
     rows, columns = linear_sum_assignment(-alike)
-    good = alike[rows, columns] > ALIKE
+    good = alike[rows, columns] > MIN_MAC
     return np.asarray(rows[good], np.intp), np.asarray(columns[good], np.intp)

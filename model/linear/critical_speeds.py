@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, eigh
 
-from model.linear.linear_system import EQUAL, LinearSystem, forward_share, linear_system
+from model.linear.linear_system import EQUALITY_TOLERANCE, LinearSystem, forward_share, linear_system
 from model.linear.modes import CriticalSpeeds
 from model.rotor.rotor import Rotor, require_positive
-from model.rotor.supports import Coefficients, Support
+from model.rotor.supports import Support, SupportCoefficients
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -54,14 +54,14 @@ def system_critical_speeds(system: LinearSystem, highest: float) -> CriticalSpee
         Where the supports leave the rotor free to move.
     """
     require_positive("highest", highest, "rad/s")
-    if system.is_plain:
+    if system.is_undamped_isotropic:
         M, J, K = system.plane
         forward, reverse = _speeds(M - J, K)[0], _speeds(M + J, K)[0]
     else:
         stiffness = (system.stiffness + system.stiffness.T) / 2
         # U = q exp(i Omega t): det(K - Omega² (M - i G)) = 0
         speeds, vectors = _speeds(system.mass - 1j * system.gyroscopic, stiffness)
-        turns_back = forward_share(np.asarray(system.displacements(vectors.T))) < -EQUAL
+        turns_back = forward_share(np.asarray(system.displacements(vectors.T))) < -EQUALITY_TOLERANCE
         forward, reverse = speeds[~turns_back], speeds[turns_back]
     return CriticalSpeeds(
         forward=tuple(float(speed) for speed in forward if speed <= highest),
@@ -94,7 +94,7 @@ def critical_speed_map(
     places = rotor.journal_stations if stations is None else stations
     forward, reverse = [], []
     for stiffness in wanted:
-        springs = [Support(station, Coefficients.isotropic(float(stiffness))) for station in places]
+        springs = [Support(station, SupportCoefficients.isotropic(float(stiffness))) for station in places]
         M, J, K = linear_system(rotor, springs).plane
         forward.append(_speeds(M - J, K)[0])
         reverse.append(_speeds(M + J, K)[0])

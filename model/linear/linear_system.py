@@ -18,9 +18,9 @@ FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 IntArray = NDArray[np.intp]
 
-OVERDAMPED = 1e-9  # of the size of an eigenvalue: below it the imaginary part is rounding
-EQUAL = 1e-9  # relative distance below which two eigenvalues are equal: what sets them apart is rounding
-ROUNDING = 1e-11  # of the largest eigenvalue: the rounding of the others
+OVERDAMPED_TOLERANCE = 1e-9  # of the size of an eigenvalue: below it the imaginary part is rounding
+EQUALITY_TOLERANCE = 1e-9  # relative distance below which two eigenvalues are equal: what sets them apart is rounding
+ROUNDING_TOLERANCE = 1e-11  # of the largest eigenvalue: the rounding of the others
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -35,7 +35,7 @@ class LinearSystem:
         Of one plane, N: 2 n and one for each ring.
     mass, damping, gyroscopic, stiffness : ndarray of float64, shape (2 N, 2 N)
         M, C, G, K in kg, N s/m, kg m² and N/m and their like for slopes.
-    is_plain : bool
+    is_undamped_isotropic : bool
         Whether no support is damped or differs by direction.
     """
 
@@ -45,7 +45,7 @@ class LinearSystem:
     damping: FloatArray
     gyroscopic: FloatArray
     stiffness: FloatArray
-    is_plain: bool
+    is_undamped_isotropic: bool
 
     @property
     def plane(self) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -54,7 +54,7 @@ class LinearSystem:
         return self.mass[:n, :n], self.gyroscopic[:n, n:], self.stiffness[:n, :n]
 
     @property
-    def is_held(self) -> bool:
+    def is_fully_supported(self) -> bool:
         """Whether the supports leave no part free to move."""
         return bool(np.linalg.matrix_rank(self.stiffness) == 2 * self.coordinates)
 
@@ -125,7 +125,7 @@ def linear_system(rotor: Rotor, supports: Sequence[Support]) -> LinearSystem:
         damping=damping,
         gyroscopic=np.block([[zero, gyroscopic], [-gyroscopic, zero]]),
         stiffness=stiffness,
-        is_plain=all(support.is_plain for support in supports),
+        is_undamped_isotropic=all(support.is_undamped_isotropic for support in supports),
     )
 
 
@@ -134,18 +134,18 @@ def whirl_modes(system: LinearSystem, speeds: Sequence[float] | FloatArray) -> l
     wanted = np.asarray(speeds, np.float64)
     if wanted.ndim != 1 or not np.isfinite(wanted).all():
         raise ValueError(f"speeds: {wanted}, rad/s, expected a list of finite values")
-    if system.is_plain:
-        return _plain_modes(system, wanted)
+    if system.is_undamped_isotropic:
+        return _undamped_isotropic_modes(system, wanted)
     return [_general_modes(system, float(speed)) for speed in wanted]
 
 
-def plain_states(system: LinearSystem, speeds: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+def undamped_isotropic_states(system: LinearSystem, speeds: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the modes of a rotor on undamped supports that are the same in all directions.
 
     Parameters
     ----------
     system : LinearSystem
-        With ``is_plain``.
+        With ``is_undamped_isotropic``.
     speeds : ndarray of float64, shape (n,)
         rad/s.
 
@@ -174,7 +174,7 @@ def plain_states(system: LinearSystem, speeds: FloatArray) -> tuple[FloatArray, 
     whole[:, n:, n:] = speeds[:, None, None] * (to_unit @ J @ to_unit.T)
     frequencies, columns = np.linalg.eigh(whole)
     sizes = np.abs(frequencies)
-    frequencies[sizes <= ROUNDING * sizes.max(axis=1, keepdims=True)] = 0.0  # the free rotor's
+    frequencies[sizes <= ROUNDING_TOLERANCE * sizes.max(axis=1, keepdims=True)] = 0.0  # the free rotor's
     states = np.array(np.swapaxes(columns, 1, 2))
     slope = np.zeros((2 * n, 2 * n))  # of the matrix over speed
     slope[n:, n:] = to_unit @ J @ to_unit.T
@@ -188,7 +188,7 @@ def plain_states(system: LinearSystem, speeds: FloatArray) -> tuple[FloatArray, 
 def _groups(values: FloatArray | ComplexArray) -> list[IntArray]:
     """Return the indexes of neighbouring values that are equal but for rounding, (k,) each, k = 1 where none is."""
     sizes = np.abs(values)
-    apart = np.abs(np.diff(values)) > EQUAL * sizes[1:] + ROUNDING * sizes.max(initial=0.0)
+    apart = np.abs(np.diff(values)) > EQUALITY_TOLERANCE * sizes[1:] + ROUNDING_TOLERANCE * sizes.max(initial=0.0)
     return np.split(np.arange(values.size), np.flatnonzero(apart) + 1)
 
 
@@ -214,9 +214,9 @@ def _separate_equal(
             rows[group] = np.linalg.eigh(basis.conj() @ form @ basis.T)[1].T @ basis
 
 
-def _plain_modes(system: LinearSystem, speeds: FloatArray) -> list[WhirlModes]:
+def _undamped_isotropic_modes(system: LinearSystem, speeds: FloatArray) -> list[WhirlModes]:
     found = []
-    frequencies, states, to_place = plain_states(system, speeds)
+    frequencies, states, to_place = undamped_isotropic_states(system, speeds)
     for speed, signed, rows in zip(speeds, frequencies, states, strict=True):
         place = rows @ to_place
         sense = np.where(signed < 0, -1.0, 1.0)
@@ -232,7 +232,7 @@ def _general_modes(system: LinearSystem, speed: float) -> WhirlModes:
     C = to_unit @ (system.damping + speed * system.gyroscopic) @ to_unit.T
     state = np.block([[np.zeros((size, size)), np.eye(size)], [-K, -C]])
     values, vectors = np.linalg.eig(state)
-    swinging = values.imag > OVERDAMPED * np.maximum(np.abs(values), 1e-300)
+    swinging = values.imag > OVERDAMPED_TOLERANCE * np.maximum(np.abs(values), 1e-300)
     values, unit = values[swinging], vectors[:size, swinging].T
     order = _by_size(values.real, values.imag, np.zeros(values.size))
     values, unit = values[order], unit[order] / np.linalg.norm(unit[order], axis=1, keepdims=True)
@@ -241,7 +241,9 @@ def _general_modes(system: LinearSystem, speed: float) -> WhirlModes:
             unit[group] = np.linalg.qr(unit[group].T)[0].T
     _separate_equal(values, unit, _forward_power(system, to_unit))
     place = unit @ to_unit
-    signed = np.where(forward_share(np.asarray(system.displacements(place))) < -EQUAL, -values.imag, values.imag)
+    signed = np.where(
+        forward_share(np.asarray(system.displacements(place))) < -EQUALITY_TOLERANCE, -values.imag, values.imag
+    )
     order = _by_size(values.real, values.imag, np.sign(signed))
     return _modes(system, speed, signed[order], values.real[order], place[order], unit[order])
 

@@ -41,7 +41,7 @@ def imbalance_response(
     shaken = np.zeros(2 * n, np.complex128)
     for one in imbalances:
         heavy_spot = one.magnitude * np.exp(1j * one.phase)
-        place = _place(system, one.station, "imbalance")
+        place = _displacement_dof(system, one.station, "imbalance")
         shaken[place] += heavy_spot
         shaken[n + place] += -1j * heavy_spot  # a quarter turn later
     speeds = np.asarray(speeds, np.float64)
@@ -84,15 +84,15 @@ def static_deflection(system: LinearSystem, loads: Sequence[StaticLoad] = (), gr
     downwards[1 : 2 * system.stations : 2] = 0  # slopes
     force[n:] -= gravity * (system.plane[0] @ downwards)
     for load in loads:
-        place = _place(system, load.station, "load")
+        place = _displacement_dof(system, load.station, "load")
         force[place] += load.x
         force[n + place] += load.y
-    if not system.is_held:
+    if not system.is_fully_supported:
         raise ValueError("supports: they leave the rotor free to move, expected a stiffness that holds it")
     return np.asarray(system.displacements(np.linalg.solve(system.stiffness, force)), np.float64)
 
 
-def _place(system: LinearSystem, station: int, name: str) -> int:
+def _displacement_dof(system: LinearSystem, station: int, name: str) -> int:
     if not 1 <= station <= system.stations:
         raise ValueError(f"{name}: station {station}, expected 1 to {system.stations}")
     return 2 * (station - 1)

@@ -14,8 +14,8 @@ FloatArray = NDArray[np.float64]
 
 AMPLITUDE_TOLERANCE = 0.25  # |ln ratio| up to which measured and predicted 1X are said to agree: 28 % more, 22 % less
 PHASE_TOLERANCE = math.radians(30)
-SMALLEST = 0.2e-6  # m peak: a smaller 1X than this, measured or predicted, is not compared
-SAME_WHIRL = 0.1  # orders within which neighbouring speeds, or measured and predicted, show the same whirl
+MIN_AMPLITUDE = 0.2e-6  # m peak: a smaller 1X than this, measured or predicted, is not compared
+ORDER_TOLERANCE = 0.1  # orders within which neighbouring speeds, or measured and predicted, show the same whirl
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,7 +162,7 @@ def predicted_whirls(prediction_map: PredictionMap) -> tuple[PredictedWhirl, ...
     orders = prediction_map.whirl_order
     for place in np.flatnonzero(np.isfinite(orders)):
         for places in found:
-            if abs(orders[place] - orders[places[-1]]) < SAME_WHIRL:
+            if abs(orders[place] - orders[places[-1]]) < ORDER_TOLERANCE:
                 places.append(int(place))
                 break
         else:
@@ -185,7 +185,7 @@ def _synchronous(summary: RunSummary, prediction_map: PredictionMap) -> Synchron
         if not lowest <= row.speed <= highest:
             continue
         measured, predicted = row.motion[0], prediction_map.at(row.speed).vectors[0]
-        if min(np.abs(measured).min(), np.abs(predicted).min()) >= SMALLEST:
+        if min(np.abs(measured).min(), np.abs(predicted).min()) >= MIN_AMPLITUDE:
             speeds.append(row.speed)
             ratios.append(measured / predicted)
     if not speeds:
@@ -229,6 +229,6 @@ def _measured_whirls(summary: RunSummary) -> list[WhirlFinding]:
     known = [one for one in summary.whirls if one.is_forward and math.isfinite(one.begin.speed)]
     kept: list[WhirlFinding] = []
     for one in sorted(known, key=lambda one: one.begin.speed):
-        if all(abs(one.order - other.order) >= SAME_WHIRL for other in kept):
+        if all(abs(one.order - other.order) >= ORDER_TOLERANCE for other in kept):
             kept.append(one)
     return kept

@@ -12,10 +12,10 @@ from model.rotor.parameters import ModelParameters
 
 ComplexArray = NDArray[np.complex128]
 
-FIRST_TURNS = 6  # before the first look: what goes round with the shaft is then within 1 %, mostly 0.1 %, of its end
-FURTHER_TURNS = 64  # before every further one: a whirl changes over hundreds of turns
-LOOKS = 12
-CHANGE = 1e-3  # of peak-to-peak from look to look, below which the motion has settled
+SETTLING_TURNS = 6  # before the first look: what goes round with the shaft is then within 1 %, mostly 0.1 %, of its end
+REFINEMENT_TURNS = 64  # before every further one: a whirl changes over hundreds of turns
+MAX_REFINEMENTS = 12
+SETTLED_CHANGE = 1e-3  # of peak-to-peak from look to look, below which the motion has settled
 
 
 def predict(
@@ -59,15 +59,15 @@ def refine(
     interpolated = prediction_map.at(speed)
     motion = ShaftMotion(parameters, speed, 0)
     motion.resume(*_start(prediction_map, speed, is_whirl_due=interpolated.growth_rate > 0))
-    motion.turns(FIRST_TURNS)
+    motion.integrate_turns(SETTLING_TURNS)
     size = 0.0
-    for _ in range(LOOKS):
+    for _ in range(MAX_REFINEMENTS):
         seen = analyse_motion(motion, parameters, settings, interpolated.growth_rate)
         yield seen
         last, size = size, float(seen.peak_to_peak.max())
-        if abs(size - last) < CHANGE * size:
+        if abs(size - last) < SETTLED_CHANGE * size:
             return
-        motion.turns(FURTHER_TURNS)
+        motion.integrate_turns(REFINEMENT_TURNS)
 
 
 def _start(prediction_map: PredictionMap, speed: float, *, is_whirl_due: bool) -> tuple[ComplexArray, float]:

@@ -68,11 +68,11 @@ class Prediction:
 
 MODEL_VERSION = 4  # to be raised with every change of the model's results
 NUMERICAL_FLOOR = 5e-9  # m peak: what rounding and the end of settling leave between the lines
-FIRST_TURNS = 200  # to settle at the lowest speed
-PORTION = 32  # turns between two looks at whether the motion has settled
-SHORTEST_STABLE, SHORTEST_UNSTABLE, LONGEST = 2, 6, 24  # portions at a speed
-CHANGE = 0.01  # of peak-to-peak from portion to portion, below which it has
-NUDGE = 0.1  # of the inner clearance: how far an unstable motion is disturbed
+SETTLING_TURNS = 200  # to settle at the lowest speed
+CHECK_TURNS = 32  # turns between two looks at whether the motion has settled
+MIN_CHECKS_STABLE, MIN_CHECKS_UNSTABLE, MAX_CHECKS = 2, 6, 24  # portions at a speed
+SETTLED_CHANGE = 0.01  # of peak-to-peak from portion to portion, below which it has
+DISTURBANCE = 0.1  # of the inner clearance: how far an unstable motion is disturbed
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -245,8 +245,8 @@ def compute_prediction_map(
     """
     speeds = np.asarray(speeds, np.float64)
     require_rising(speeds)
-    motion = ShaftMotion(parameters, float(speeds[0]), FIRST_TURNS)
-    nudge = NUDGE * parameters.floating_ring.inner_clearance
+    motion = ShaftMotion(parameters, float(speeds[0]), SETTLING_TURNS)
+    disturbance = DISTURBANCE * parameters.floating_ring.inner_clearance
     synchronous: SynchronousOrbit | None = None
     is_whirling = False
     predictions, states = [], []
@@ -258,8 +258,10 @@ def compute_prediction_map(
         growth_rate = math.nan if synchronous is None else synchronous.growth_rate
         motion.change_speed(float(speed))
         if synchronous is not None and not is_whirling:
-            motion.stand(synchronous.standing + (nudge if growth_rate > 0 else 0.0) * synchronous.disturbance)
-        is_whirling = _settle(motion, SHORTEST_UNSTABLE if growth_rate > 0 else SHORTEST_STABLE, nudge)
+            motion.set_initial_state(
+                synchronous.initial_state + (disturbance if growth_rate > 0 else 0.0) * synchronous.disturbance
+            )
+        is_whirling = _settle(motion, MIN_CHECKS_UNSTABLE if growth_rate > 0 else MIN_CHECKS_STABLE, disturbance)
         predictions.append(analyse_motion(motion, parameters, settings, growth_rate))
         states.append(motion.state)
         on_progress(done, speeds.size)
@@ -277,17 +279,17 @@ def compute_prediction_map(
     )
 
 
-def _settle(motion: ShaftMotion, shortest: int, nudge: float) -> bool:
+def _settle(motion: ShaftMotion, min_checks: int, disturbance: float) -> bool:
     """Wait until the motion's size changes no more; return whether it whirls besides going round with the shaft."""
     last = 0.0
-    for portion in range(1, LONGEST + 1):
-        path = motion.turns(PORTION)
+    for check in range(1, MAX_CHECKS + 1):
+        path = motion.integrate_turns(CHECK_TURNS)
         size = float(np.ptp(path, axis=1).max())
-        if portion >= shortest and abs(size - last) < CHANGE * size:
+        if check >= min_checks and abs(size - last) < SETTLED_CHANGE * size:
             break
         last = size
     marks = path[:, ::STEPS_PER_TURN]
-    return float(np.ptp(marks, axis=1).max()) > nudge
+    return float(np.ptp(marks, axis=1).max()) > disturbance
 
 
 def analyse_motion(
@@ -313,7 +315,7 @@ def analyse_motion(
     revolutions = settings.revolutions
     points = settings.points_per_revolution * math.ceil(STEPS_PER_TURN / settings.points_per_revolution)
     stride = points // settings.points_per_revolution
-    path = motion.turns(revolutions, points)
+    path = motion.integrate_turns(revolutions, points)
     path -= path.mean(axis=1, keepdims=True)
     waveform = pair.to_probes(path)
     orders, spectrum = order_spectrum(waveform[:, ::stride], revolutions)

@@ -56,10 +56,10 @@ def stiffness_element(bending_stiffness: float, length: float, shear: float = 0.
             [6, 2 - shear, -6, 4 + shear],
         ]
     )
-    return bending_stiffness / (length**3 * (1 + shear)) * _with_levers(shape, length)  # Eq. (4.9)
+    return bending_stiffness / (length**3 * (1 + shear)) * _scaled_by_length(shape, length)  # Eq. (4.9)
 
 
-def translation_element(linear_density: float, length: float, shear: float = 0.0) -> FloatArray:
+def mass_element(linear_density: float, length: float, shear: float = 0.0) -> FloatArray:
     """Return a segment's consistent mass matrix.
 
     Parameters
@@ -78,10 +78,10 @@ def translation_element(linear_density: float, length: float, shear: float = 0.0
     a, b, c = 312 + 588 * s + 280 * s2, 44 + 77 * s + 35 * s2, 108 + 252 * s + 140 * s2
     d, e, f = 26 + 63 * s + 35 * s2, 8 + 14 * s + 7 * s2, 6 + 14 * s + 7 * s2
     shape = np.array([[a, b, c, -d], [b, e, d, -f], [c, d, a, -b], [-d, -f, -b, e]])
-    return linear_density * length / (840 * (1 + s) ** 2) * _with_levers(shape, length)  # Eq. (4.6)
+    return linear_density * length / (840 * (1 + s) ** 2) * _scaled_by_length(shape, length)  # Eq. (4.6)
 
 
-def rotation_element(inertia_density: float, length: float, shear: float = 0.0) -> FloatArray:
+def rotary_inertia_element(inertia_density: float, length: float, shear: float = 0.0) -> FloatArray:
     """Return a segment's rotary inertia; with twice the density, its gyroscopic matrix.
 
     Parameters
@@ -99,9 +99,9 @@ def rotation_element(inertia_density: float, length: float, shear: float = 0.0) 
     s, s2 = shear, shear**2
     a, b, c = 3 - 15 * s, 4 + 5 * s + 10 * s2, 1 + 5 * s - 5 * s2
     shape = np.array([[36, a, -36, a], [a, b, -a, -c], [-36, -a, 36, -a], [a, -c, -a, b]])
-    return inertia_density / (30 * length * (1 + s) ** 2) * _with_levers(shape, length)  # Eq. (4.7), (4.8)
+    return inertia_density / (30 * length * (1 + s) ** 2) * _scaled_by_length(shape, length)  # Eq. (4.7), (4.8)
 
 
-def _with_levers(shape: FloatArray, length: float) -> FloatArray:
+def _scaled_by_length(shape: FloatArray, length: float) -> FloatArray:
     levers = length**LEVERS
     return np.asarray(shape * np.outer(levers, levers), dtype=np.float64)

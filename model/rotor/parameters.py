@@ -100,7 +100,7 @@ class Imbalance:
     magnitude: float
     phase: float = 0.0
 
-    def require_at_most(self, most: float, why: str) -> None:
+    def require_below(self, most: float, why: str) -> None:
         """Raise ValueError unless it is finite and not larger than ``most``, kg m."""
         if not (math.isfinite(self.magnitude) and self.magnitude >= 0):
             raise ValueError(f"imbalance: {self.magnitude:g} kg m, expected a finite value, 0 or more")
@@ -180,7 +180,7 @@ class ModelParameters:
             why = f"(the rotor's mass times the bearing's clearance of {self.bearing.clearance:g} m)"
             self.rotor.require_journals()
         for imbalance in self.imbalances:
-            imbalance.require_at_most(most, why)
+            imbalance.require_below(most, why)
 
     @property
     def floating_ring(self) -> FloatingRing:

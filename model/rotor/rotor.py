@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 
 from model.rotor.beam import (
     area,
-    rotation_element,
+    mass_element,
+    rotary_inertia_element,
     second_moment,
     shear_coefficient,
     stiffness_element,
-    translation_element,
 )
 
 FloatArray = NDArray[np.float64]
@@ -99,7 +99,7 @@ class Segment:
         return self.density * second_moment(self.radius, self.inner_radius)
 
     @property
-    def shear(self) -> float:
+    def shear_parameter(self) -> float:
         """Bending over shear stiffness, 12 E I / (kappa G A l²)."""
         shear_modulus = self.youngs_modulus / (2 * (1 + self.poissons_ratio))
         section = area(self.radius, self.inner_radius)
@@ -278,13 +278,13 @@ class Rotor:
         return whole
 
     def _shear(self, segment: Segment) -> float:
-        return segment.shear if self.beam is Beam.TIMOSHENKO else 0.0
+        return segment.shear_parameter if self.beam is Beam.TIMOSHENKO else 0.0
 
     def _own_mass(self, segment: Segment) -> FloatArray:
         if self.shaft_mass is ShaftMass.CONSISTENT:
             shear = self._shear(segment)
-            translation = translation_element(segment.linear_density, segment.length, shear)
-            return translation + rotation_element(segment.inertia_density, segment.length, shear)
+            translation = mass_element(segment.linear_density, segment.length, shear)
+            return translation + rotary_inertia_element(segment.inertia_density, segment.length, shear)
         if self.shaft_mass is ShaftMass.NONE:
             return np.zeros((4, 4))
         half = segment.length / 2
@@ -294,7 +294,7 @@ class Rotor:
     def _own_gyroscopic(self, segment: Segment) -> FloatArray:
         polar = 2 * segment.inertia_density
         if self.shaft_mass is ShaftMass.CONSISTENT:
-            return rotation_element(polar, segment.length, self._shear(segment))
+            return rotary_inertia_element(polar, segment.length, self._shear(segment))
         if self.shaft_mass is ShaftMass.NONE:
             return np.zeros((4, 4))
         return np.diag([0.0, polar * segment.length / 2] * 2)

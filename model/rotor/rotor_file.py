@@ -9,12 +9,12 @@ from typing import TypeVar
 from model.rotor.parameters import GRAVITY, FloatingRing, Imbalance, ModelParameters
 from model.rotor.rotor import Beam, Disc, Rotor, Segment, ShaftMass
 from model.rotor.rub import Rub
-from model.rotor.supports import Coefficients, StaticLoad, Support
+from model.rotor.supports import StaticLoad, Support, SupportCoefficients
 from model.rotor.tables import Table, TableError
 
 T = TypeVar("T")
 
-NEAREST = 1e-5  # m, of two stations
+MIN_STATION_DISTANCE = 1e-5  # m, of two stations
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,7 +29,7 @@ def parse_rotor(tables: Mapping[str, object]) -> ModelParameters:
 
     Parameters
     ----------
-    document : mapping
+    root : mapping
         As `tomllib` reads a rotor.toml: tables, lists, numbers and texts.
 
     Returns
@@ -45,23 +45,23 @@ def parse_rotor(tables: Mapping[str, object]) -> ModelParameters:
         beyond the clearance.
     """
     faults: list[str] = []
-    whole = Table(tables, "", faults)
-    whole.text("name", "")
-    gravity = whole.number("gravity", "acceleration", GRAVITY, "not negative")
-    rotor = _rotor(whole, faults)
-    bearing = _bearing(whole, faults)
+    root = Table(tables, "", faults)
+    root.text("name", "")
+    gravity = root.number("gravity", "acceleration", GRAVITY, "not negative")
+    rotor = _rotor(root, faults)
+    bearing = _bearing(root, faults)
     last = rotor.stations if rotor is not None else 0
-    imbalances = [_imbalance(table, last) for table in whole.tables("imbalance")]
-    loads = [_load(table, last, faults) for table in whole.tables("load")]
-    supports = [_support(table, last, faults) for table in whole.tables("support")]
-    rubs = [_rub(table, rotor, last, faults) for table in whole.tables("rub")]
+    imbalances = [_imbalance(table, last) for table in root.tables("imbalance")]
+    loads = [_load(table, last, faults) for table in root.tables("load")]
+    supports = [_support(table, last, faults) for table in root.tables("support")]
+    rubs = [_rub(table, rotor, last, faults) for table in root.tables("rub")]
     probe_station, probe_angles = 1, (0.0, math.pi / 2)
-    probes = whole.table("probes", required=False)
+    probes = root.table("probes", required=False)
     if probes is not None:
         probe_station = probes.integer("station", 1)
         probe_angles = probes.numbers("angles", "angle", probe_angles)
-        probes.finish()
-    whole.finish()
+        probes.report_unknown_keys()
+    root.report_unknown_keys()
     if faults or rotor is None:
         raise TableError(faults)
     try:
@@ -80,10 +80,10 @@ def parse_rotor(tables: Mapping[str, object]) -> ModelParameters:
         raise TableError([str(error)]) from error
 
 
-def _built(table: Table, faults: list[str], make: Callable[[], T]) -> T | None:
+def _build(table: Table, faults: list[str], make: Callable[[], T]) -> T | None:
     """Return what is made of a table that had no fault; what it refuses becomes a fault of the table."""
     before = len(faults)
-    table.finish()
+    table.report_unknown_keys()
     if len(faults) > before:
         return None
     try:
@@ -93,15 +93,15 @@ def _built(table: Table, faults: list[str], make: Callable[[], T]) -> T | None:
         return None
 
 
-def _rotor(whole: Table, faults: list[str]) -> Rotor | None:
+def _rotor(root: Table, faults: list[str]) -> Rotor | None:
     before = len(faults)
-    beam = Beam(whole.text("beam", Beam.EULER_BERNOULLI.value, [one.value for one in Beam]))
-    shaft_mass = ShaftMass(whole.text("shaft_mass", ShaftMass.NONE.value, [one.value for one in ShaftMass]))
-    material = _material(whole)
-    positions = _positions(whole)
-    segments = _segments(whole, positions, material, faults)
-    discs = [_disc(table, len(positions), faults) for table in whole.tables("disc")]
-    journals = _journals(whole, len(positions))
+    beam = Beam(root.text("beam", Beam.EULER_BERNOULLI.value, [one.value for one in Beam]))
+    shaft_mass = ShaftMass(root.text("shaft_mass", ShaftMass.NONE.value, [one.value for one in ShaftMass]))
+    material = _material(root)
+    positions = _positions(root)
+    segments = _segments(root, positions, material, faults)
+    discs = [_disc(table, len(positions), faults) for table in root.tables("disc")]
+    journals = _journals(root, len(positions))
     if len(faults) > before:
         return None
     try:
@@ -113,16 +113,16 @@ def _rotor(whole: Table, faults: list[str]) -> Rotor | None:
             beam=beam,
         )
     except ValueError as error:
-        whole.fault(str(error))
+        root.fault(str(error))
         return None
 
 
-def _material(whole: Table) -> _Material | None:
-    table = whole.table("material", required=False)
+def _material(root: Table) -> _Material | None:
+    table = root.table("material", required=False)
     if table is None:
         return None
     found = _material_of(table, None)
-    table.finish()
+    table.report_unknown_keys()
     return found
 
 
@@ -134,29 +134,29 @@ def _material_of(table: Table, usual: _Material | None) -> _Material:
     )
 
 
-def _positions(whole: Table) -> list[float]:
+def _positions(root: Table) -> list[float]:
     positions: list[float] = []
-    for number, table in enumerate(whole.tables("station"), 1):
+    for number, table in enumerate(root.tables("station"), 1):
         position = table.number("position", "length", limit="any")
-        table.finish()
-        if positions and position < positions[-1] + NEAREST:
+        table.report_unknown_keys()
+        if positions and position < positions[-1] + MIN_STATION_DISTANCE:
             table.fault(
                 f"position: {position:g} m of station {number}, expected more than {positions[-1]:g} m, where station "
-                f"{number - 1} is, by {NEAREST:g} m at least: stations stand in order along the axis"
+                f"{number - 1} is, by {MIN_STATION_DISTANCE:g} m at least: stations stand in order along the axis"
             )
-            position = positions[-1] + NEAREST  # so that nothing else is said of it
+            position = positions[-1] + MIN_STATION_DISTANCE  # so that nothing else is said of it
         positions.append(position)
     if len(positions) < 2:
-        whole.fault(f"station: {len(positions)} stations, expected two or more tables [[station]]")
+        root.fault(f"station: {len(positions)} stations, expected two or more tables [[station]]")
     return positions
 
 
 def _segments(
-    whole: Table, positions: list[float], material: _Material | None, faults: list[str]
+    root: Table, positions: list[float], material: _Material | None, faults: list[str]
 ) -> list[Segment | None]:
-    tables = whole.tables("segment")
+    tables = root.tables("segment")
     if len(tables) != len(positions) - 1 and len(positions) >= 2:
-        whole.fault(f"segment: {len(tables)} segments, expected {len(positions) - 1} between {len(positions)} stations")
+        root.fault(f"segment: {len(tables)} segments, expected {len(positions) - 1} between {len(positions)} stations")
     segments: list[Segment | None] = []
     for number, table in enumerate(tables, 1):
         start, end = table.integer("from", number), table.integer("to", number + 1)
@@ -169,11 +169,11 @@ def _segments(
         inner_radius = table.number("inner_radius", "radius", 0.0, "not negative")
         own = _material_of(table, material)
         if number >= len(positions):
-            table.finish()
+            table.report_unknown_keys()
             continue
         length = float(f"{positions[number] - positions[number - 1]:.12g}")  # 30 mm less 5 mm is 25 mm
         make = partial(Segment, length, radius, inner_radius, own.youngs_modulus, own.density, own.poissons_ratio)
-        segments.append(_built(table, faults, make))
+        segments.append(_build(table, faults, make))
     return segments
 
 
@@ -189,31 +189,31 @@ def _disc(table: Table, last: int, faults: list[str]) -> Disc | None:
     mass = table.number("mass", "mass")
     diametral = table.number("diametral_inertia", "moment of inertia")
     polar = table.number("polar_inertia", "moment of inertia")
-    return _built(table, faults, lambda: Disc(station, mass, diametral, polar))
+    return _build(table, faults, lambda: Disc(station, mass, diametral, polar))
 
 
-def _journals(whole: Table, last: int) -> tuple[int, ...]:
+def _journals(root: Table, last: int) -> tuple[int, ...]:
     """Return the stations of the two bearings; none of a rotor that has neither bearings nor journals."""
     stations = []
-    for table in whole.tables("journal"):
+    for table in root.tables("journal"):
         stations.append(table.integer("station"))
-        table.finish()
-    if not stations and not whole.has("bearing"):
+        table.report_unknown_keys()
+    if not stations and not root.has("bearing"):
         return ()
     if len(stations) != 2:
-        whole.fault(f"journal: {len(stations)}, expected two tables [[journal]], each with its station")
+        root.fault(f"journal: {len(stations)}, expected two tables [[journal]], each with its station")
         return 1, 2
     for number, station in enumerate(stations):
         if last and not 1 <= station <= last:
-            whole.fault(f"journal[{number}].station = {station}: no such station, expected 1 to {last}")
+            root.fault(f"journal[{number}].station = {station}: no such station, expected 1 to {last}")
     first, second = stations
     if first >= second:
-        whole.fault(f"journal[1].station = {second}: expected more than {first}, the first journal's")
+        root.fault(f"journal[1].station = {second}: expected more than {first}, the first journal's")
     return first, second
 
 
-def _bearing(whole: Table, faults: list[str]) -> FloatingRing | None:
-    table = whole.table("bearing", required=False)
+def _bearing(root: Table, faults: list[str]) -> FloatingRing | None:
+    table = root.table("bearing", required=False)
     if table is None:
         return None
     length = table.number("length", "length")
@@ -222,7 +222,7 @@ def _bearing(whole: Table, faults: list[str]) -> FloatingRing | None:
     ring_radius = table.number("ring_outer_radius", "radius")
     ring_mass, viscosity = table.number("ring_mass", "mass"), table.number("viscosity", "viscosity")
     load = table.number("static_load", "force", 0.0, "any")
-    return _built(
+    return _build(
         table,
         faults,
         lambda: FloatingRing(length, journal_radius, inner, outer, ring_radius, ring_mass, viscosity, load),
@@ -233,29 +233,29 @@ def _imbalance(table: Table, last: int) -> Imbalance:
     station = _station(table, last)
     magnitude = table.number("magnitude", "imbalance", limit="not negative")
     phase = table.number("phase", "angle", 0.0, "any")
-    table.finish()
+    table.report_unknown_keys()
     return Imbalance(station, magnitude, phase)
 
 
 def _load(table: Table, last: int, faults: list[str]) -> StaticLoad | None:
     station = _station(table, last)
     x, y = table.number("x", "force", 0.0, "any"), table.number("y", "force", 0.0, "any")
-    return _built(table, faults, lambda: StaticLoad(station, x, y))
+    return _build(table, faults, lambda: StaticLoad(station, x, y))
 
 
 def _support(table: Table, last: int, faults: list[str]) -> Support | None:
     station = _station(table, last)
-    inner = Coefficients(
+    inner = SupportCoefficients(
         table.matrix("stiffness", "stiffness", required=True), table.matrix("damping", "damping", required=False)
     )
     ring_mass = table.number("ring_mass", "mass", 0.0)
     outer = None
     if ring_mass or table.has("outer_stiffness"):
-        outer = Coefficients(
+        outer = SupportCoefficients(
             table.matrix("outer_stiffness", "stiffness", required=True),
             table.matrix("outer_damping", "damping", required=False),
         )
-    return _built(table, faults, lambda: Support(station, inner, outer, ring_mass))
+    return _build(table, faults, lambda: Support(station, inner, outer, ring_mass))
 
 
 def _rub(table: Table, rotor: Rotor | None, last: int, faults: list[str]) -> Rub | None:
@@ -265,4 +265,4 @@ def _rub(table: Table, rotor: Rotor | None, last: int, faults: list[str]) -> Rub
     radius = table.number("radius", "radius", shaft)
     friction = table.number("friction", "number", 0.0, "not negative")
     damping = table.number("damping", "contact damping", 0.0, "not negative")
-    return _built(table, faults, lambda: Rub(station, clearance, stiffness, radius, friction, damping))
+    return _build(table, faults, lambda: Rub(station, clearance, stiffness, radius, friction, damping))

@@ -11,11 +11,11 @@ from model.rotor.rotor import require_positive
 FloatArray = NDArray[np.float64]
 Matrix = tuple[tuple[float, float], tuple[float, float]]
 
-NOTHING: Matrix = ((0.0, 0.0), (0.0, 0.0))
+ZERO_MATRIX: Matrix = ((0.0, 0.0), (0.0, 0.0))
 
 
 @dataclass(frozen=True, slots=True)
-class Coefficients:
+class SupportCoefficients:
     """Linear stiffness and damping in the bench's X and Y.
 
     Parameters
@@ -32,7 +32,7 @@ class Coefficients:
     """
 
     stiffness: Matrix
-    damping: Matrix = NOTHING
+    damping: Matrix = ZERO_MATRIX
 
     def __post_init__(self) -> None:
         for name, matrix, unit in (("stiffness", self.stiffness, "N/m"), ("damping", self.damping, "N s/m")):
@@ -43,16 +43,16 @@ class Coefficients:
                     raise ValueError(f"{name}: {value:g} {unit}, expected finite values")
 
     @classmethod
-    def isotropic(cls, stiffness: float, damping: float = 0.0) -> "Coefficients":
+    def isotropic(cls, stiffness: float, damping: float = 0.0) -> "SupportCoefficients":
         """Return the same in all directions, N/m (above 0) and N s/m."""
         require_positive("stiffness", stiffness, "N/m")
         return cls(((stiffness, 0.0), (0.0, stiffness)), ((damping, 0.0), (0.0, damping)))
 
     @property
-    def is_plain(self) -> bool:
+    def is_undamped_isotropic(self) -> bool:
         """Whether it is an undamped spring, the same in all directions, that does not push away."""
         (xx, xy), (yx, yy) = self.stiffness
-        return xx == yy >= 0 and xy == yx == 0 and self.damping == NOTHING
+        return xx == yy >= 0 and xy == yx == 0 and self.damping == ZERO_MATRIX
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,8 +77,8 @@ class Support:
     """
 
     station: int
-    inner: Coefficients
-    outer: Coefficients | None = None
+    inner: SupportCoefficients
+    outer: SupportCoefficients | None = None
     ring_mass: float = 0.0
 
     def __post_init__(self) -> None:
@@ -88,9 +88,9 @@ class Support:
             raise ValueError(f"ring_mass: {self.ring_mass:g} kg, expected none where nothing holds the ring")
 
     @property
-    def is_plain(self) -> bool:
+    def is_undamped_isotropic(self) -> bool:
         """Whether all of it is undamped and the same in all directions."""
-        return self.inner.is_plain and (self.outer is None or self.outer.is_plain)
+        return self.inner.is_undamped_isotropic and (self.outer is None or self.outer.is_undamped_isotropic)
 
 
 @dataclass(frozen=True, slots=True)

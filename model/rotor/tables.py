@@ -26,20 +26,20 @@ DIMENSIONS: Final[dict[str, dict[str, float]]] = {
     "acceleration": {"m_s2": 1.0},
     "number": {"": 1.0},
 }
-RANGES: Final[dict[str, tuple[float, float]]] = {
+PLAUSIBLE_RANGES: Final[dict[str, tuple[float, float]]] = {
     "length": (1e-9, 1e2), "radius": (1e-5, 1e1), "mass": (1e-9, 1e6), "moment of inertia": (1e-15, 1e6),
     "modulus": (1e6, 1e13), "density": (1e-3, 1e5), "viscosity": (1e-7, 1e3), "stiffness": (1e-3, 1e13),
     "damping": (1e-9, 1e9), "contact damping": (1e-9, 1e6), "imbalance": (1e-15, 1e3), "angle": (0.0, 1e4),
     "force": (1e-12, 1e7), "acceleration": (1e-9, 1e5), "number": (0.0, 1e3),
 }  # fmt: skip
 """Sizes in SI units, 0 aside, beyond which a value is a slip of the pen, and arithmetic loses its digits."""
-SHOWN: Final[dict[str, str]] = {
+UNIT_LABELS: Final[dict[str, str]] = {
     "um": "µm", "kg_m2": "kg m²", "kg_mm2": "kg mm²", "g_mm2": "g mm²", "gpa": "GPa", "mpa": "MPa", "pa": "Pa",
     "kg_m3": "kg/m³", "g_cm3": "g/cm³", "pa_s": "Pa s", "mpa_s": "mPa s", "cp": "cP", "n_m": "N/m", "n_mm": "N/mm",
     "n_um": "N/µm", "n_s_m": "N s/m", "n_s_mm": "N s/mm", "kg_m": "kg m", "g_mm": "g mm", "deg": "°", "n": "N",
     "kn": "kN", "m_s2": "m/s²", "s_m": "s/m",
 }  # fmt: skip
-HUGE: Final = 1e300
+MAX_NUMBER: Final = 1e300
 Limit = str  # "positive", "not negative" or "any"
 
 
@@ -76,8 +76,8 @@ class Table:
 
     def __init__(self, data: Mapping[str, object], name: str, faults: list[str]) -> None:
         self._data, self._name, self._faults = data, name, faults
-        self._known: list[str] = []
-        self._used: set[str] = set()
+        self._expected_keys: list[str] = []
+        self._used_keys: set[str] = set()
 
     def has(self, name: str) -> bool:
         """Return whether there is a key of that name, or a quantity of that name in any unit."""
@@ -120,12 +120,12 @@ class Table:
 
     def integer(self, name: str, default: int | None = None) -> int:
         """Return a whole number."""
-        self._known.append(name)
+        self._expected_keys.append(name)
         if name not in self._data:
             if default is None:
                 self.fault(f"{name}: missing, expected a whole number")
             return 1 if default is None else default
-        self._used.add(name)
+        self._used_keys.add(name)
         value = self._data[name]
         if isinstance(value, bool) or not isinstance(value, int):
             self.fault(f"{name} = {value}: expected a whole number")
@@ -134,9 +134,9 @@ class Table:
 
     def text(self, name: str, default: str, choices: Sequence[str] = ()) -> str:
         """Return a text, one of the choices where there are any."""
-        self._known.append(name)
+        self._expected_keys.append(name)
         value = self._data.get(name, default)
-        self._used.add(name)
+        self._used_keys.add(name)
         if not isinstance(value, str) or (choices and value not in choices):
             expected = " or ".join(f'"{choice}"' for choice in choices) if choices else "a text in quotes"
             self.fault(f'{name} = "{value}": expected {expected}')
@@ -145,8 +145,8 @@ class Table:
 
     def table(self, name: str, *, required: bool = True) -> "Table | None":
         """Return a table in this one; None where there is none."""
-        self._known.append(name)
-        self._used.add(name)
+        self._expected_keys.append(name)
+        self._used_keys.add(name)
         value = self._data.get(name)
         if isinstance(value, Mapping):
             return Table(value, self._place(name), self._faults)
@@ -156,20 +156,20 @@ class Table:
 
     def tables(self, name: str) -> list["Table"]:
         """Return the tables of a list in this one; none where there is no such list."""
-        self._known.append(name)
-        self._used.add(name)
+        self._expected_keys.append(name)
+        self._used_keys.add(name)
         value = self._data.get(name, [])
         if not isinstance(value, list) or not all(isinstance(one, Mapping) for one in value):
             self.fault(f"{name} = {value}: expected tables [[{self._place(name)}]]")
             return []
         return [Table(one, f"{self._place(name)}[{number}]", self._faults) for number, one in enumerate(value)]
 
-    def finish(self) -> None:
+    def report_unknown_keys(self) -> None:
         """Put down every key that nothing was read from."""
         for key in self._data:
-            if key not in self._used:
-                near = difflib.get_close_matches(key, self._known, n=1, cutoff=0.5)
-                hint = f"did you mean {near[0]}?" if near else f"expected one of {', '.join(self._known)}"
+            if key not in self._used_keys:
+                near = difflib.get_close_matches(key, self._expected_keys, n=1, cutoff=0.5)
+                hint = f"did you mean {near[0]}?" if near else f"expected one of {', '.join(self._expected_keys)}"
                 self.fault(f"{key} = {self._data[key]}: unknown key, {hint}")
 
     def fault(self, text: str) -> None:
@@ -184,17 +184,17 @@ class Table:
         units = DIMENSIONS[dimension]
         keys = {f"{name}_{unit}" if unit else name: unit for unit in units}
         usual = next(iter(keys))
-        self._known.append(usual)
+        self._expected_keys.append(usual)
         present = [key for key in keys if key in self._data]
-        self._used.update(present)
+        self._used_keys.update(present)
         if len(present) > 1:
             self.fault(f"{present[1]} = {self._data[present[1]]}: expected it once, {present[0]} says it already")
         if present:
             unit = keys[present[0]]
-            return _Quantity(present[0], SHOWN.get(unit, unit), units[unit], RANGES[dimension])
-        foreign = [key for key in self._data if key not in self._used and self._is_unit_of(key, name)]
+            return _Quantity(present[0], UNIT_LABELS.get(unit, unit), units[unit], PLAUSIBLE_RANGES[dimension])
+        foreign = [key for key in self._data if key not in self._used_keys and self._is_unit_of(key, name)]
         for key in foreign[:1]:
-            self._used.add(key)
+            self._used_keys.add(key)
             unit = key.removeprefix(name).removeprefix("_") or "none"
             self.fault(f"{key} = {self._data[key]}: unknown unit {unit}, expected {' or '.join(keys)}")
         if required and not foreign:
@@ -211,9 +211,11 @@ class Table:
         if isinstance(value, bool) or not isinstance(value, int | float):
             self.fault(f"{key} = {value}: expected a number")
             return 1.0
-        shown = f"{value:g} {unit}".rstrip() if abs(value) < HUGE or not isinstance(value, int) else "too many digits"
+        shown = (
+            f"{value:g} {unit}".rstrip() if abs(value) < MAX_NUMBER or not isinstance(value, int) else "too many digits"
+        )
         least = {"positive": "above 0", "not negative": "0 or more", "any": ""}[limit]
-        is_finite = -HUGE < value < HUGE  # false of what is no number, too
+        is_finite = -MAX_NUMBER < value < MAX_NUMBER  # false of what is no number, too
         if not is_finite or (limit == "positive" and value <= 0) or (limit == "not negative" and value < 0):
             self.fault(f"{key} = {shown}: expected a finite value {least}".rstrip())
             return 1.0
@@ -221,7 +223,7 @@ class Table:
         if value and not lowest <= abs(value * factor) <= highest:
             self.fault(f"{key} = {shown}: expected {lowest / factor:g} to {highest / factor:g} {unit} in size".rstrip())
             return float(value * factor)
-        if unit != SHOWN["deg"]:
+        if unit != UNIT_LABELS["deg"]:
             return float(f"{value * factor:.15g}")  # 20 µm is 2e-5 m, not 1.9999999999999998e-05
         return value * factor
 

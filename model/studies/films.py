@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.errors import EquilibriumError
-from model.films.comparison import study_film
-from model.films.film import films_of
+from model.films.comparison import compare_film_models
+from model.films.film import bearing_films
 from model.films.grid import Grid
 from model.films.lubrication import Lubrication, RingEquilibrium
 from model.rotor.parameters import FloatingRing
@@ -35,9 +35,9 @@ def film_study(bearing: FloatingRing, which: str, speed: float, eccentricities: 
     grid : Grid
         Of the film of finite length.
     """
-    films = films_of(bearing)
+    films = bearing_films(bearing)
     film, ratio = (films.inner, films.inner_speed) if which == "inner" else (films.outer, films.outer_speed)
-    found = study_film(film, ratio * speed, eccentricities, grid)
+    found = compare_film_models(film, ratio * speed, eccentricities, grid)
     e = found.eccentricities
     columns: dict[str, FloatArray | tuple[str, ...]] = {
         "eccentricity": e,

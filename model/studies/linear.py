@@ -10,32 +10,32 @@ from model.linear.critical_speeds import critical_speed_map, system_critical_spe
 from model.linear.linear_system import LinearSystem, linear_system, whirl_modes
 from model.rotor.parameters import ModelParameters
 from model.rotor.rotor import Rotor
-from model.rotor.supports import Coefficients, Support
+from model.rotor.supports import Support, SupportCoefficients
 from model.studies.study import Plot, Series, Study, Style
 
 FloatArray = NDArray[np.float64]
 
 SPEED_LABEL = "Speed of the shaft [rad/s]"
-SOFT = 1e4  # N/m, of Table 5.3
-RIGID = 1e-6  # of the highest frequency: below it a mode is a free motion, its frequency rounding
-DRAWN = 5  # modes
+DEFAULT_STIFFNESS = 1e4  # N/m, of Table 5.3
+RIGID_TOLERANCE = 1e-6  # of the highest frequency: below it a mode is a free motion, its frequency rounding
+MAX_DRAWN_MODES = 5  # modes
 FREQUENCY_LABEL = "Natural frequency [Hz]"
 
 
-def on_springs(rotor: Rotor, stiffness: float) -> tuple[Support, ...]:
+def journal_springs(rotor: Rotor, stiffness: float) -> tuple[Support, ...]:
     """Return equal springs, N/m, at the journals."""
-    return tuple(Support(station, Coefficients.isotropic(stiffness)) for station in rotor.journal_stations)
+    return tuple(Support(station, SupportCoefficients.isotropic(stiffness)) for station in rotor.journal_stations)
 
 
-def supported(parameters: ModelParameters, stiffness: float | None) -> LinearSystem:
+def supported_system(parameters: ModelParameters, stiffness: float | None) -> LinearSystem:
     """Return the rotor on its own supports and, where a stiffness is given, N/m, on springs in the films' place."""
-    springs = () if stiffness is None else on_springs(parameters.rotor, stiffness)
+    springs = () if stiffness is None else journal_springs(parameters.rotor, stiffness)
     return linear_system(parameters.rotor, (*parameters.supports, *springs))
 
 
 def campbell_stiffness(parameters: ModelParameters) -> float | None:
     """Return the springs that a Campbell diagram needs, N/m: none on supports that hold the rotor."""
-    return None if supported(parameters, None).is_held else SOFT
+    return None if supported_system(parameters, None).is_fully_supported else DEFAULT_STIFFNESS
 
 
 def modes_study(parameters: ModelParameters, stiffness: float | None, speed: float, count: int = 10) -> Study:
@@ -52,21 +52,21 @@ def modes_study(parameters: ModelParameters, stiffness: float | None, speed: flo
     count : int
         How many modes.
     """
-    system = supported(parameters, stiffness)
+    system = supported_system(parameters, stiffness)
     modes = whirl_modes(system, [speed])[0]
     kept = slice(0, min(count, modes.frequencies.size))
     frequencies = modes.frequencies[kept] / (2 * math.pi)
-    is_rigid = np.abs(modes.frequencies[kept]) < RIGID * np.abs(modes.frequencies).max()
+    is_rigid = np.abs(modes.frequencies[kept]) < RIGID_TOLERANCE * np.abs(modes.frequencies).max()
     frequencies = np.where(is_rigid, 0.0, frequencies)
     mean = modes.forward[kept].mean(axis=1)
     names = tuple(_sense(float(one), is_rigid=bool(free)) for one, free in zip(mean, is_rigid, strict=True))
     # of undamped circles the reverse ones look like the forward ones; else each mode is of its own shape
-    is_drawn = ~is_rigid & ((frequencies > 0) | (not system.is_plain))
+    is_drawn = ~is_rigid & ((frequencies > 0) | (not system.is_undamped_isotropic))
     series = []
-    for number in np.flatnonzero(is_drawn)[:DRAWN]:
+    for number in np.flatnonzero(is_drawn)[:MAX_DRAWN_MODES]:
         plane = max(modes.shapes[number], key=lambda moved: float(np.abs(moved).max()))
         moved = np.real(plane * np.exp(-1j * np.angle(_largest(plane))))
-        label = f"{abs(frequencies[number]):,.1f} Hz" + ("" if system.is_plain else f", {names[number]}")
+        label = f"{abs(frequencies[number]):,.1f} Hz" + ("" if system.is_undamped_isotropic else f", {names[number]}")
         series.append(Series(label, parameters.rotor.positions * 1e3, np.asarray(moved)))
     held = "free" if stiffness is None and not parameters.supports else "supported"
     title = f"Modes of the {held} rotor at {speed:,.0f} rad/s"
@@ -111,7 +111,7 @@ def campbell_study(
     zoom : bool
         Whether to draw, besides all, what the shaft's frequency can reach.
     """
-    system = supported(parameters, stiffness)
+    system = supported_system(parameters, stiffness)
     found = campbell(system, speeds, count)
     critical = system_critical_speeds(system, float(speeds[-1]))
     frequencies = found.frequencies / (2 * math.pi)
@@ -134,7 +134,7 @@ def campbell_study(
         for first, branch in _firsts(frequencies, forward=False)
     ]
     own = Series("n = Ω: the shaft's frequency", speeds, speeds / (2 * math.pi), Style.REFERENCE)
-    marks = Series("critical speeds", crossings, crossings / (2 * math.pi), Style.MARKS)
+    marks = Series("critical speeds", crossings, crossings / (2 * math.pi), Style.MARKERS)
     highest = 1.03 * max(float(np.nanmax(np.abs(frequencies))), float(speeds[-1]) / (2 * math.pi))
     plots = [Plot(title, SPEED_LABEL, FREQUENCY_LABEL, (*lines, own, marks), y_limits=(0.0, highest))]
     reach = 1.05 * float(speeds[-1]) / (2 * math.pi)

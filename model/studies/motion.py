@@ -8,19 +8,19 @@ from numpy.typing import NDArray
 
 from analysis.spectra.order_spectrum import order_spectrum
 from model.rotor.parameters import ModelParameters
-from model.studies.run_up import LEAST
-from model.studies.stepped_motion import STEPS, SteppedMotion
+from model.studies.run_up import MIN_AMPLITUDE
+from model.studies.stepped_motion import STEPS_PER_TURN, SteppedMotion
 from model.studies.study import Plot, Series, Study, Style
 
 FloatArray = NDArray[np.float64]
 
-HIGHEST_ORDER = 4.0
+MAX_ORDER = 4.0
 ORBIT_TURNS = 8  # that are drawn and listed
 SUB_SYNCHRONOUS = (0.05, 0.95)  # orders of a whirl, less what the window spreads the mean and 1X over
-SPREAD = 2.5  # lines
+WINDOW_HALF_WIDTH = 2.5  # lines
 
 
-class Shown(Enum):
+class MotionTable(Enum):
     """What the table of the study lists."""
 
     STATIONS = "stations"
@@ -37,7 +37,7 @@ def motion_study(
     turns: int = 64,
     *,
     seed: float = 0.0,
-    shown: Shown = Shown.STATIONS,
+    table: MotionTable = MotionTable.STATIONS,
 ) -> Study:
     """Return the motion at a speed as it is once it has settled from rest.
 
@@ -53,7 +53,7 @@ def motion_study(
         Turns that are left out, then those that are looked at.
     seed : float
         How far the motion is disturbed where it is unstable, m: see `model.studies.stepped_motion`.
-    shown : Shown, optional
+    table : Shown, optional
         What the table lists: all stations, or the orbit, order spectrum or Poincaré's points at one.
 
     Raises
@@ -69,17 +69,17 @@ def motion_study(
         parameters = replace(parameters, probe_station=station)
     station = parameters.probe_station
     stepped = SteppedMotion(parameters, seed)
-    whole = stepped.at(speed, settle).look(turns).stations
-    path, points = whole[station - 1] * 1e6, whole[station - 1, :, ::STEPS] * 1e6
+    whole = stepped.settle_at(speed, settle).record(turns).stations
+    path, points = whole[station - 1] * 1e6, whole[station - 1, :, ::STEPS_PER_TURN] * 1e6
     orders, spectrum = _spectrum(path, turns)
-    orbit = path[:, -min(turns, ORBIT_TURNS) * STEPS :]
+    orbit = path[:, -min(turns, ORBIT_TURNS) * STEPS_PER_TURN :]
     columns: dict[str, FloatArray | tuple[str, ...]]
-    if shown is Shown.STATIONS:
+    if table is MotionTable.STATIONS:
         columns = _stations(whole, turns, parameters.rotor.positions)
-    elif shown is Shown.ORBIT:
-        turned = np.arange(orbit.shape[1]) / STEPS
+    elif table is MotionTable.ORBIT:
+        turned = np.arange(orbit.shape[1]) / STEPS_PER_TURN
         columns = {"turns": turned, "x_um": orbit[0], "y_um": orbit[1]}
-    elif shown is Shown.SPECTRUM:
+    elif table is MotionTable.SPECTRUM:
         columns = {"order": orders, "x_um_pk": np.abs(spectrum[0]), "y_um_pk": np.abs(spectrum[1])}
     else:
         columns = {"turn": np.arange(float(turns)), "x_um": points[0], "y_um": points[1]}
@@ -97,7 +97,7 @@ def motion_study(
 
 def _spectrum(path: FloatArray, turns: int) -> tuple[FloatArray, NDArray[np.complex128]]:
     orders, spectrum = order_spectrum(path - path.mean(axis=-1, keepdims=True), turns)
-    kept = int(np.searchsorted(orders, HIGHEST_ORDER, side="right"))
+    kept = int(np.searchsorted(orders, MAX_ORDER, side="right"))
     return orders[:kept], spectrum[..., :kept]
 
 
@@ -105,7 +105,10 @@ def _stations(whole: FloatArray, turns: int, positions: FloatArray) -> dict[str,
     """Return the motion of all stations in some numbers each."""
     orders, spectrum = _spectrum(whole, turns)
     first = spectrum[:, :, int(np.argmin(np.abs(orders - 1)))]
-    lowest, highest = max(SUB_SYNCHRONOUS[0], SPREAD / turns), min(SUB_SYNCHRONOUS[1], 1 - SPREAD / turns)
+    lowest, highest = (
+        max(SUB_SYNCHRONOUS[0], WINDOW_HALF_WIDTH / turns),
+        min(SUB_SYNCHRONOUS[1], 1 - WINDOW_HALF_WIDTH / turns),
+    )
     below = (orders >= lowest) & (orders <= highest)
     strongest = np.argmax(np.abs(spectrum[:, 0, below]), axis=1)
     amplitude = np.take_along_axis(np.abs(spectrum[:, 0, below]), strongest[:, None], axis=1)[:, 0]
@@ -116,11 +119,11 @@ def _stations(whole: FloatArray, turns: int, positions: FloatArray) -> dict[str,
         "lag_x_deg": np.degrees(-np.angle(first[:, 0])) % 360,
         "first_order_y_um_pk": np.abs(first[:, 1]) * 1e6,
         "lag_y_deg": np.degrees(-np.angle(first[:, 1])) % 360,
-        "whirl_order": np.where(amplitude > LEAST, orders[below][strongest], np.nan),
+        "whirl_order": np.where(amplitude > MIN_AMPLITUDE, orders[below][strongest], np.nan),
         "whirl_x_um_pk": amplitude * 1e6,
         "overall_x_um_pp": np.ptp(whole[:, 0], axis=1) * 1e6,
         "overall_y_um_pp": np.ptp(whole[:, 1], axis=1) * 1e6,
-        "spread_x_um": np.ptp(whole[:, 0, ::STEPS], axis=1) * 1e6,
+        "spread_x_um": np.ptp(whole[:, 0, ::STEPS_PER_TURN], axis=1) * 1e6,
         "mean_x_um": whole[:, 0].mean(axis=1) * 1e6,
         "mean_y_um": whole[:, 1].mean(axis=1) * 1e6,
     }

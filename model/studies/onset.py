@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from model.dynamics.stability import SynchronousOrbit, synchronous_orbit
 from model.dynamics.synchronous import SynchronousResponse, synchronous_response
-from model.dynamics.whirl import FilmName, Whirl, film_of
+from model.dynamics.whirl import FilmName, Whirl, dominant_film
 from model.errors import ModelError
 from model.rotor.parameters import ModelParameters
 from model.rotor.rotor import require_rising
@@ -24,7 +24,7 @@ _UNKNOWN = Whirl(math.nan, math.nan, math.nan)
 
 
 @dataclass(frozen=True, slots=True)
-class Band:
+class UnstableBand:
     """Speeds at which a film's whirl would grow about the synchronous motion.
 
     Parameters
@@ -63,14 +63,14 @@ class Stability:
     orders: FloatArray
     inner_shares: FloatArray
     film_growth_rates: Mapping[FilmName, FloatArray]
-    bands: tuple[Band, ...]
+    bands: tuple[UnstableBand, ...]
 
     def onset(self, film: FilmName) -> float:
         """Return the first speed at which a film's whirl grows, rad/s; NaN where it never does."""
         return min((band.start for band in self.bands if band.film is film), default=math.nan)
 
 
-class _Motions:
+class _WhirlSolver:
     """The whirls about the synchronous motion at a speed, each solution begun from the last one found."""
 
     def __init__(self, parameters: ModelParameters) -> None:
@@ -110,7 +110,7 @@ def stability(parameters: ModelParameters, speeds: FloatArray, precision: float 
     """
     speeds = np.asarray(speeds, np.float64)
     require_rising(speeds)
-    motions = _Motions(parameters)
+    motions = _WhirlSolver(parameters)
     found = [motions.at(float(speed)) for speed in speeds]
     worst = [whirls[0] if whirls else _UNKNOWN for whirls in found]
     edges = _Edges(parameters, speeds, found, precision)
@@ -139,9 +139,9 @@ class _Edges:
     found: list[tuple[Whirl, ...]]
     precision: float
 
-    def bands(self, film: FilmName) -> list[Band]:
+    def bands(self, film: FilmName) -> list[UnstableBand]:
         """Return where a film's whirl grows."""
-        bands: list[Band] = []
+        bands: list[UnstableBand] = []
         whirls = [_of(one, film) for one in self.found]
         start = (float(self.speeds[0]), whirls[0].order) if whirls[0].growth_rate > 0 else None
         for place, (below, above) in enumerate(itertools.pairwise(whirls)):
@@ -152,16 +152,16 @@ class _Edges:
             if start is None:
                 start = (edge, order)
             else:
-                bands.append(Band(film, start[0], edge, start[1]))
+                bands.append(UnstableBand(film, start[0], edge, start[1]))
                 start = None
         if start is not None:
-            bands.append(Band(film, start[0], float(self.speeds[-1]), start[1]))
+            bands.append(UnstableBand(film, start[0], float(self.speeds[-1]), start[1]))
         return bands
 
     def _edge(self, film: FilmName, place: int, order: float) -> tuple[float, float]:
         """Return between which speeds a film's growth rate changes its sign, and the order of what grows there."""
         low, high = float(self.speeds[place]), float(self.speeds[place + 1])
-        motions = _Motions(self.parameters)
+        motions = _WhirlSolver(self.parameters)
         grows_below = _of(motions.at(low), film).growth_rate > 0
         while high - low > self.precision:
             middle = (low + high) / 2
@@ -200,7 +200,7 @@ def onset_study(parameters: ModelParameters, speeds: FloatArray) -> Study:
         "speed_rpm": np.asarray(speeds * 30 / math.pi),
         "growth_rate_1_s": found.growth_rates,
         "whirl_order": found.orders,
-        "film": tuple("–" if math.isnan(share) else film_of(share).value for share in found.inner_shares),
+        "film": tuple("–" if math.isnan(share) else dominant_film(share).value for share in found.inner_shares),
         "inner_share": found.inner_shares,
         **{f"{film}_growth_rate_1_s": rates for film, rates in found.film_growth_rates.items()},
     }
@@ -217,7 +217,7 @@ def _stability_plots(title: str, found: Stability, onsets: FloatArray) -> tuple[
             (
                 *(Series(f"{film} film", speeds, rates) for film, rates in found.film_growth_rates.items()),
                 Series("", speeds, np.zeros(speeds.size), Style.REFERENCE),
-                Series("onset or end", onsets, np.zeros(onsets.size), Style.MARKS),
+                Series("onset or end", onsets, np.zeros(onsets.size), Style.MARKERS),
             ),
         ),
         Plot(

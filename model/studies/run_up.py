@@ -11,19 +11,19 @@ from model.dynamics.whirl import FilmName
 from model.errors import WallContactError
 from model.rotor.parameters import ModelParameters
 from model.studies.linear import SPEED_LABEL
-from model.studies.stepped_motion import BESIDE, MOST_TURNS, STEPS, SteppedMotion
+from model.studies.stepped_motion import MAX_GROWTH_TURNS, STEPS_PER_TURN, WINDOW_HALF_WIDTH, SteppedMotion
 from model.studies.study import Plot, Series, Study, Style, Surface
 
 FloatArray = NDArray[np.float64]
 
 SUB_SYNCHRONOUS = (0.05, 0.95)  # orders of a whirl, less what the window spreads the mean and 1X over
-COMBINED = 5  # times that a whirl's order may stand in the order of its combination with 1X
-SAME = 0.5  # lines within which a peak is at a combination's order
-SMALLER = 0.25  # of a whirl's motion in its film: a combination is smaller
-VISIBLE = 0.1  # of 1X: a component above it counts
-LEAST = 0.2e-6  # m peak: a component below it does not count
+MAX_COMBINATION_ORDER = 5  # times that a whirl's order may stand in the order of its combination with 1X
+MAX_COMBINATION_OFFSET = 0.5  # lines within which a peak is at a combination's order
+MAX_COMBINATION_SIZE = 0.25  # of a whirl's motion in its film: a combination is smaller
+VISIBLE_RATIO = 0.1  # of 1X: a component above it counts
+MIN_AMPLITUDE = 0.2e-6  # m peak: a component below it does not count
 ORBIT_TURNS = 12  # that are kept of the motion
-FLOOR = 1e-2  # µm peak, lower end of the colours
+AMPLITUDE_FLOOR = 1e-2  # µm peak, lower end of the colours
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -64,7 +64,7 @@ class RunUp:
     orbit : ndarray of float64, shape (n, 2, n_points)
         X and Y over the last few turns, m.
     films : ndarray of float64, shape (n, 2, n_orders)
-        Spectra of the inner and the outer films' eccentricity ratios (`model.studies.stepped_motion.Seen`).
+        Spectra of the inner and the outer films' eccentricity ratios (`model.studies.stepped_motion.RecordedTurns`).
     seeding : Seeding, optional
         Where unstable motions were seeded.
 
@@ -101,7 +101,7 @@ class RunUp:
         films = self.films[row]
         if np.isnan(films).any():
             return math.nan, math.nan
-        width = BESIDE * self.orders[1]
+        width = WINDOW_HALF_WIDTH * self.orders[1]
         lowest, highest = max(SUB_SYNCHRONOUS[0], width), min(SUB_SYNCHRONOUS[1], 1 - width)
         peaks = [_peaks(one, self.orders) for one in films]
         # those below 1X in which it has the larger part
@@ -116,8 +116,8 @@ class RunUp:
             own[wanted] = [
                 (one, place)
                 for one, place in own[wanted]
-                if np.abs(combined - one).min() > SAME * self.orders[1]
-                or films[wanted, place] >= SMALLER * largest[first]
+                if np.abs(combined - one).min() > MAX_COMBINATION_OFFSET * self.orders[1]
+                or films[wanted, place] >= MAX_COMBINATION_SIZE * largest[first]
             ]
         if not own[wanted]:
             return math.nan, 0.0
@@ -142,7 +142,7 @@ class RunUp:
 
     def _visible(self, film: FilmName) -> NDArray[np.bool_]:
         _, size = self.whirl(film)
-        return np.asarray((size > VISIBLE * self.first_order) & (size > LEAST))
+        return np.asarray((size > VISIBLE_RATIO * self.first_order) & (size > MIN_AMPLITUDE))
 
 
 def _peaks(spectrum: FloatArray, orders: FloatArray) -> list[tuple[float, int]]:
@@ -157,7 +157,7 @@ def _peaks(spectrum: FloatArray, orders: FloatArray) -> list[tuple[float, int]]:
 
 def combinations(order: float) -> FloatArray:
     """Return the orders of a component's combinations with 1X, itself among them."""
-    times = np.arange(-COMBINED, COMBINED + 1)
+    times = np.arange(-MAX_COMBINATION_ORDER, MAX_COMBINATION_ORDER + 1)
     return np.asarray(np.abs(times[:, None] + order * times).ravel())
 
 
@@ -195,24 +195,24 @@ def run_up(
         raise ValueError(f"speeds: {speeds}, rad/s, expected two or more above 0")
     if station is not None:
         parameters = replace(parameters, probe_station=station)
-    empty = order_spectrum(np.zeros(turns * STEPS), turns)[0]
+    empty = order_spectrum(np.zeros(turns * STEPS_PER_TURN), turns)[0]
     highest = int(np.searchsorted(empty, 3.0, side="right"))
     spectrum = np.full((speeds.size, highest), np.nan)
     stroboscopic = np.full((speeds.size, 2, turns), np.nan)
     peak_to_peak, growth_rates, settled = np.full((3, speeds.size), np.nan)
-    orbit = np.full((speeds.size, 2, min(turns, ORBIT_TURNS) * STEPS), np.nan)
+    orbit = np.full((speeds.size, 2, min(turns, ORBIT_TURNS) * STEPS_PER_TURN), np.nan)
     films = np.full((speeds.size, 2, highest), np.nan)
     stepped = SteppedMotion(parameters, seed)
     for number, speed in enumerate(speeds):
         try:
-            seen = stepped.at(float(speed), settle).look(turns)
+            seen = stepped.settle_at(float(speed), settle).record(turns)
         except WallContactError:
             continue
         finally:
             growth_rates[number], settled[number] = stepped.growth_rate, stepped.turns_settled
         moved, films[number] = seen.stations[parameters.probe_station - 1], seen.films[:, :highest]
         spectrum[number] = np.abs(order_spectrum(moved[0] - moved[0].mean(), turns)[1][:highest])
-        stroboscopic[number] = moved[:, ::STEPS]
+        stroboscopic[number] = moved[:, ::STEPS_PER_TURN]
         peak_to_peak[number] = np.ptp(moved[0])
         orbit[number] = moved[:, -orbit.shape[2] :]
     seeding = Seeding(seed, growth_rates, settled) if seed else None
@@ -238,7 +238,10 @@ def waterfall_study(found: RunUp, name: str) -> Study:
     columns: dict[str, FloatArray] = {}
     for film in FilmName:
         order, size = found.whirl(film)
-        columns |= {f"{film}_whirl_order": np.where(size > LEAST, order, np.nan), f"{film}_whirl_um_pk": size * 1e6}
+        columns |= {
+            f"{film}_whirl_order": np.where(size > MIN_AMPLITUDE, order, np.nan),
+            f"{film}_whirl_um_pk": size * 1e6,
+        }
     return Study(
         f"Waterfall, {name}",
         {
@@ -284,11 +287,13 @@ def _seeding_remarks(found: RunUp) -> list[str]:
     if seeding is None:
         return ["not seeded: an unstable motion may stay where it is for long"]
     size = f"{seeding.size * 1e6:g} µm"
-    said = [f"unstable motions seeded with {size} along each film's whirl, with {MOST_TURNS:,} turns at most to grow"]
+    said = [
+        f"unstable motions seeded with {size} along each film's whirl, with {MAX_GROWTH_TURNS:,} turns at most to grow"
+    ]
     unstable = seeding.growth_rates > 0
     if unstable.any():
         said.append(f"by eigenvalues first unstable at {found.speeds[unstable][0]:,.0f} rad/s of these speeds")
-    slow = found.speeds[unstable & (seeding.turns >= MOST_TURNS)]
+    slow = found.speeds[unstable & (seeding.turns >= MAX_GROWTH_TURNS)]
     if slow.size:
         said.append(
             "too slow to grow to its end in that time: " + ", ".join(f"{speed:,.0f}" for speed in slow) + " rad/s"
@@ -298,7 +303,7 @@ def _seeding_remarks(found: RunUp) -> list[str]:
 
 def waterfall_surface(found: RunUp, title: str) -> Surface:
     """Return a run-up's spectra as a picture: frequency over speed."""
-    amplitude = np.asarray(np.clip(found.spectrum * 1e6, FLOOR, None))
+    amplitude = np.asarray(np.clip(found.spectrum * 1e6, AMPLITUDE_FLOOR, None))
     largest = float(np.nanmax(amplitude)) if np.any(np.isfinite(amplitude)) else 1.0
     return Surface(
         title,
@@ -308,7 +313,7 @@ def waterfall_surface(found: RunUp, title: str) -> Surface:
         found.orders,
         found.speeds,
         amplitude,
-        (FLOOR, max(largest, 10 * FLOOR)),
+        (AMPLITUDE_FLOOR, max(largest, 10 * AMPLITUDE_FLOOR)),
     )
 
 

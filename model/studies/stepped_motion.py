@@ -21,14 +21,14 @@ from model.rotor.parameters import ModelParameters
 
 FloatArray = NDArray[np.float64]
 
-STEPS = 96  # a turn
-SEED = 0.02e-6  # m: a tenth of the smallest whirl that counts
-MOST_TURNS = 4000  # that a seed is given to grow
-BESIDE = 2.5  # lines of a spectrum beside a component: what the window spreads it over
+STEPS_PER_TURN = 96  # a turn
+DEFAULT_SEED = 0.02e-6  # m: a tenth of the smallest whirl that counts
+MAX_GROWTH_TURNS = 4000  # that a seed is given to grow
+WINDOW_HALF_WIDTH = 2.5  # lines of a spectrum beside a component: what the window spreads it over
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Seen:
+class RecordedTurns:
     """What was seen of a motion over some turns, from theta = 0 on.
 
     Parameters
@@ -74,7 +74,7 @@ class SteppedMotion:
     turns_settled: int = field(default=0, init=False)
     _motion: ShaftMotion | None = field(default=None, init=False)
     _orbit: SynchronousOrbit | None = field(default=None, init=False)
-    _seen: Seen | None = field(default=None, init=False)
+    _recorded: RecordedTurns | None = field(default=None, init=False)
 
     def __post_init__(self) -> None:
         clearance = self.parameters.floating_ring.inner_clearance
@@ -84,31 +84,31 @@ class SteppedMotion:
                 f"{clearance * 1e6:g} µm"
             )
 
-    def at(self, speed: float, settle: int) -> "SteppedMotion":
+    def settle_at(self, speed: float, settle: int) -> "SteppedMotion":
         """Go to a speed, rad/s, settle there for so many turns or more; WallContactError where that is impossible."""
         motion, self._motion = self._motion, None  # none is left where the wall is reached
         if motion is None:
-            motion, self._seen = ShaftMotion(self.parameters, speed, settle), None
+            motion, self._recorded = ShaftMotion(self.parameters, speed, settle), None
             self.turns_settled = settle + self._disturb(motion)
             further = self.turns_settled - settle
         else:
             motion.change_speed(speed)
             self.turns_settled = further = max(settle, self._disturb(motion))
         if further:
-            motion.turns(further, STEPS)
+            motion.integrate_turns(further, STEPS_PER_TURN)
         self._motion = motion
         return self
 
-    def look(self, turns: int) -> Seen:
+    def record(self, turns: int) -> RecordedTurns:
         """Return what every station and film does in the next turns."""
         if self._motion is None:
             raise ValueError("motion: none, expected one that has been brought to a speed")
         motion, self._motion = self._motion, None
-        stations, films = motion.turns_with_films(turns, STEPS)
+        stations, films = motion.integrate_stations_and_films(turns, STEPS_PER_TURN)
         orders, spectrum = order_spectrum(films - films.mean(axis=-1, keepdims=True), turns)
         both = np.linalg.norm(spectrum.reshape(2, 4, -1), axis=1)
-        self._motion, self._seen = motion, Seen(stations, orders, both)
-        return self._seen
+        self._motion, self._recorded = motion, RecordedTurns(stations, orders, both)
+        return self._recorded
 
     def _disturb(self, motion: ShaftMotion) -> int:
         """Seed the motion where it is unstable; return the turns that whirls need to grow, or to decay."""
@@ -129,14 +129,14 @@ class SteppedMotion:
                 part = max(min(self._size(whirl, clearance), clearance), self.seed) / self.seed
             per_turn = abs(whirl.growth_rate) * 2 * math.pi / motion.speed
             needed = max(needed, math.log(part) / max(per_turn, 1e-300))
-        return math.ceil(min(needed, MOST_TURNS))
+        return math.ceil(min(needed, MAX_GROWTH_TURNS))
 
     def _size(self, whirl: Whirl, otherwise: float) -> float:
         """Return what there was of a whirl when the motion was last looked at, m; ``otherwise`` where it was not."""
-        if self._seen is None:
+        if self._recorded is None:
             return otherwise
-        bearing, seen = self.parameters.floating_ring, self._seen
+        bearing, seen = self.parameters.floating_ring, self._recorded
         is_inner = whirl.film is FilmName.INNER
-        near = np.abs(seen.orders - abs(whirl.order)) <= BESIDE * seen.orders[1]
+        near = np.abs(seen.orders - abs(whirl.order)) <= WINDOW_HALF_WIDTH * seen.orders[1]
         largest = float(seen.films[0 if is_inner else 1][near].max(initial=0.0))
         return largest * (bearing.inner_clearance if is_inner else bearing.outer_clearance)

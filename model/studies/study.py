@@ -18,7 +18,7 @@ class Style(Enum):
     DASHED = "dashed"
     DOTTED = "dotted"
     POINTS = "points"
-    MARKS = "marks"
+    MARKERS = "marks"
     REFERENCE = "reference"
 
 
@@ -60,7 +60,7 @@ class Plot:
         Ends of the axes.
     is_square : bool
         Whether both axes have the same scale.
-    empty : str
+    empty_text : str
         What is to be said where there is nothing to draw.
     """
 
@@ -73,7 +73,7 @@ class Plot:
     x_limits: tuple[float, float] | None = None
     y_limits: tuple[float, float] | None = None
     is_square: bool = False
-    empty: str = "nothing to draw"
+    empty_text: str = "nothing to draw"
 
 
 @dataclass(frozen=True, slots=True)

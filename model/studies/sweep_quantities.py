@@ -17,8 +17,8 @@ from model.prediction.prediction_map import MODEL_VERSION
 from model.rotor.parameters import ModelParameters
 from model.studies.onset import stability
 from model.studies.run_up import run_up
-from model.studies.stepped_motion import SEED
-from model.studies.varied_parameters import CHANGES, varied
+from model.studies.stepped_motion import DEFAULT_SEED
+from model.studies.varied_parameters import PARAMETER_SETTERS, with_values
 
 QUANTITIES_VERSION = 3  # to be raised with every change of what a quantity is
 
@@ -29,7 +29,7 @@ class Quantity:
 
     Parameters
     ----------
-    text : str
+    description : str
         What it is.
     options : mapping of str to float
         Its own options, which may be varied too, and what they are otherwise.
@@ -37,15 +37,15 @@ class Quantity:
         Names of its numbers, with units.
     compute : callable
         Numbers from parameters and options, in the order of `results`.
-    is_on_films : bool
+    needs_films : bool
         Whether it is of a motion on oil films.
     """
 
-    text: str
+    description: str
     options: Mapping[str, float]
     results: tuple[str, ...]
     compute: Callable[[ModelParameters, Mapping[str, float]], tuple[float, ...]]
-    is_on_films: bool = True
+    needs_films: bool = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +59,7 @@ class SweepPoint:
     quantity : str
         Of `QUANTITIES`.
     values : tuple of pairs of str and float
-        What is varied: parameters of `CHANGES`, options of the quantity.
+        What is varied: parameters of `PARAMETER_SETTERS`, options of the quantity.
     """
 
     parameters: ModelParameters
@@ -103,7 +103,7 @@ def compute_point(point: SweepPoint) -> SweepResult:
     options = {**quantity.options, **{name: values[name] for name in quantity.options if name in values}}
     try:
         changed = {name: value for name, value in values.items() if name not in quantity.options}
-        parameters = varied(point.parameters, changed)
+        parameters = with_values(point.parameters, changed)
         return SweepResult(point.key(), quantity.compute(parameters, options))
     except (ModelError, ValueError) as error:
         return SweepResult(point.key(), (math.nan,) * len(quantity.results), str(error))
@@ -125,10 +125,10 @@ def variable_names(quantity: str, parameters: ModelParameters) -> tuple[str, ...
     """
     if quantity not in QUANTITIES:
         raise ValueError(f"quantity: {quantity}, expected one of {', '.join(QUANTITIES)}")
-    if QUANTITIES[quantity].is_on_films and parameters.bearing is None:
+    if QUANTITIES[quantity].needs_films and parameters.bearing is None:
         raise ValueError(f"quantity: {quantity} is of a motion on oil films, expected a rotor with [bearing]")
     parameters.rotor.require_journals()
-    return (*CHANGES, *QUANTITIES[quantity].options)
+    return (*PARAMETER_SETTERS, *QUANTITIES[quantity].options)
 
 
 def _response(parameters: ModelParameters, options: Mapping[str, float]) -> tuple[float, ...]:
@@ -178,7 +178,7 @@ QUANTITIES: Final[dict[str, Quantity]] = {
     ),
     "whirl": Quantity(
         "first speeds at which a run-up in time shows the films' whirls, and its largest overall vibration",
-        {**_RANGE, "settle_turns": 40.0, "turns": 64.0, "seed_um": SEED * 1e6},
+        {**_RANGE, "settle_turns": 40.0, "turns": 64.0, "seed_um": DEFAULT_SEED * 1e6},
         ("inner_onset_rad_s", "outer_onset_rad_s", "largest_um_pp"),
         _whirl,
     ),
@@ -187,6 +187,6 @@ QUANTITIES: Final[dict[str, Quantity]] = {
         {"stiffness_n_m": 1e4, "highest_speed_rad_s": 8000.0},
         ("first_forward_rad_s", "first_reverse_rad_s", "forward", "reverse"),
         _critical,
-        is_on_films=False,
+        needs_films=False,
     ),
 }

@@ -7,7 +7,7 @@ from typing import Final
 
 from model.rotor.parameters import Imbalance, ModelParameters
 from model.rotor.rub import Rub
-from model.rotor.supports import Coefficients
+from model.rotor.supports import SupportCoefficients
 
 MICRO = 1e-6
 MILLI = 1e-3
@@ -54,7 +54,7 @@ def _support(parameters: ModelParameters, value: float) -> ModelParameters:
     if not parameters.supports:
         raise ValueError(f"support: none, expected a rotor with a support whose stiffness can be {value:g} N/m")
     first, *others = parameters.supports
-    inner = replace(Coefficients.isotropic(value), damping=first.inner.damping)
+    inner = replace(SupportCoefficients.isotropic(value), damping=first.inner.damping)
     return replace(parameters, supports=(replace(first, inner=inner), *others))
 
 
@@ -65,7 +65,7 @@ def _station(parameters: ModelParameters, value: float) -> ModelParameters:
     return replace(parameters, imbalances=(replace(first, station=int(value)), *others))
 
 
-CHANGES: Final[dict[str, Callable[[ModelParameters, float], ModelParameters]]] = {
+PARAMETER_SETTERS: Final[dict[str, Callable[[ModelParameters, float], ModelParameters]]] = {
     "imbalance_kg_m": _imbalance,
     "imbalance_station": _station,
     "imbalance_phase_deg": _phase,
@@ -86,7 +86,7 @@ CHANGES: Final[dict[str, Callable[[ModelParameters, float], ModelParameters]]] =
 }
 
 
-def varied(parameters: ModelParameters, values: Mapping[str, float]) -> ModelParameters:
+def with_values(parameters: ModelParameters, values: Mapping[str, float]) -> ModelParameters:
     """Return parameters with some changed.
 
     Parameters
@@ -94,8 +94,8 @@ def varied(parameters: ModelParameters, values: Mapping[str, float]) -> ModelPar
     parameters : ModelParameters
         What stays.
     values : mapping of str to float
-        By the names of `CHANGES`; an imbalance, support or rub is the first one. In the order of `CHANGES`, whatever
-        theirs.
+        By the names of `PARAMETER_SETTERS`, and applied in its order. Names of an imbalance, support or rub refer to
+        the first one.
 
     Raises
     ------
@@ -103,9 +103,9 @@ def varied(parameters: ModelParameters, values: Mapping[str, float]) -> ModelPar
         Where a name is unknown or the parameters make no sense.
     """
     for name in values:
-        if name not in CHANGES:
-            raise ValueError(f"{name}: unknown, expected one of {', '.join(CHANGES)}")
-    for name, change in CHANGES.items():
+        if name not in PARAMETER_SETTERS:
+            raise ValueError(f"{name}: unknown, expected one of {', '.join(PARAMETER_SETTERS)}")
+    for name, change in PARAMETER_SETTERS.items():
         if name in values:
             parameters = change(parameters, values[name])
     return parameters

@@ -29,7 +29,7 @@ from model.prediction.prediction_map import (
     prediction_map_key,
 )
 from model.rotor.gj90c import gj90c
-from model.rotor.supports import Coefficients, Support
+from model.rotor.supports import Support, SupportCoefficients
 from tests.model.dynamics.equations import Rates, at_rest, compiled_rates, numpy_rates
 
 FloatArray = NDArray[np.float64]
@@ -59,7 +59,7 @@ def test_campbell_diagram_is_a_hundred_times_as_fast_as_by_ross() -> None:
     rotor = gj90c().rotor
 
     def ours() -> None:
-        springs = [Support(station, Coefficients.isotropic(1e4)) for station in rotor.bearing_stations]
+        springs = [Support(station, SupportCoefficients.isotropic(1e4)) for station in rotor.bearing_stations]
         campbell(linear_system(rotor, springs), np.arange(0.0, 8001.0, 500.0))
 
     mine = median_time(ours, 50)

@@ -18,10 +18,10 @@ print(len(compiled.buffer))
 ONE_FORCE = "from model.films.capone_kernel import capone_force; capone_force(1e-6, 0j, 20e-6, 100.0, 1.0)"
 FORCES = """
     import numpy as np
-    from model.dynamics.condensed import forces_on
+    from model.dynamics.condensed import bearing_forces
     from model.rotor.gj90c import gj90c
     from model.dynamics.modal_system import ModalSystem
-    forces_on(ModalSystem.of(gj90c()).films, None, 1000.0, np.full((2, 4), 1e-6 + 0j))
+    bearing_forces(ModalSystem.of(gj90c()).films, None, 1000.0, np.full((2, 4), 1e-6 + 0j))
 """
 WHOLE_START = """
     import numpy as np

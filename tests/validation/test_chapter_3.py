@@ -7,13 +7,13 @@ speeds, flows of 6, 7 and 8e-4 kg/s) is listed as not reproduced in ``studies.th
 import numpy as np
 import pytest
 
-from model.films.lubrication import nominal, thesis_like
+from model.films.lubrication import nominal_lubrication, thesis_like_lubrication
 
 LOADS = (10.0, 20.0, 30.0)  # N
 
 
 def test_ring_turns_at_the_speed_of_table_3_1s_drag_balance() -> None:
-    assert nominal().bearing.ring_speed_ratio == pytest.approx(0.5931, abs=5e-5)
+    assert nominal_lubrication().bearing.ring_speed_ratio == pytest.approx(0.5931, abs=5e-5)
 
 
 @pytest.mark.parametrize(
@@ -21,7 +21,7 @@ def test_ring_turns_at_the_speed_of_table_3_1s_drag_balance() -> None:
     [(1e5, (119, 327, 586)), (2e5, (84, 235, 427)), (3e5, (69, 192, 351))],
 )
 def test_nominal_outer_film_is_complete_above_these_speeds(inlet_pressure: float, speeds: tuple[float, ...]) -> None:
-    found = [nominal().complete_above(load, inlet_pressure) for load in LOADS]
+    found = [nominal_lubrication().cavity_free_speed(load, inlet_pressure) for load in LOADS]
     assert found == pytest.approx(speeds, abs=1)
 
 
@@ -32,14 +32,14 @@ def test_nominal_outer_film_is_complete_above_these_speeds(inlet_pressure: float
 def test_thesis_like_outer_film_is_complete_above_these_speeds(
     inlet_pressure: float, speeds: tuple[float, ...]
 ) -> None:
-    found = [thesis_like().complete_above(load, inlet_pressure) for load in LOADS]
+    found = [thesis_like_lubrication().cavity_free_speed(load, inlet_pressure) for load in LOADS]
     assert found == pytest.approx(speeds, abs=1)
 
 
 @pytest.mark.parametrize("load", LOADS)
 def test_threshold_speeds_are_where_the_equilibrium_itself_turns_complete(load: float) -> None:
-    for lubrication in (nominal(), thesis_like()):
-        threshold = lubrication.complete_above(load, 1e5)
+    for lubrication in (nominal_lubrication(), thesis_like_lubrication()):
+        threshold = lubrication.cavity_free_speed(load, 1e5)
         assert not lubrication.equilibrium(load, threshold - 1, 1e5).outer.is_complete
         assert lubrication.equilibrium(load, threshold + 1, 1e5).outer.is_complete
 
@@ -51,7 +51,7 @@ def test_threshold_speeds_are_where_the_equilibrium_itself_turns_complete(load: 
 def test_thesis_like_journal_runs_where_figure_3_3_states(
     load: float, eccentricity: float, attitude: float, stated_attitude: float, rupture: float
 ) -> None:
-    film = thesis_like().equilibrium(load, 1000.0, 1e5).inner
+    film = thesis_like_lubrication().equilibrium(load, 1000.0, 1e5).inner
     assert film.eccentricity == pytest.approx(eccentricity, abs=0.005)
     assert np.degrees(film.attitude) == pytest.approx(attitude, abs=0.06)
     assert np.degrees(film.attitude) == pytest.approx(stated_attitude, abs=0.8)
@@ -61,15 +61,15 @@ def test_thesis_like_journal_runs_where_figure_3_3_states(
 
 
 def test_nominal_eccentricities_are_those_of_the_table_taken_literally() -> None:
-    rests = [nominal().equilibrium(load, 1000.0, 1e5) for load in LOADS]
+    rests = [nominal_lubrication().equilibrium(load, 1000.0, 1e5) for load in LOADS]
     assert [rest.inner.eccentricity for rest in rests] == pytest.approx([0.0089, 0.0177, 0.0266], abs=5e-5)
     assert [rest.outer.eccentricity for rest in rests] == pytest.approx([0.142, 0.280, 0.415], abs=5e-4)
-    faster = [nominal().equilibrium(load, 3000.0, 1e5).outer.eccentricity for load in LOADS]
+    faster = [nominal_lubrication().equilibrium(load, 3000.0, 1e5).outer.eccentricity for load in LOADS]
     assert faster == pytest.approx([0.047, 0.094, 0.140], abs=6e-4)
 
 
 def test_thesis_like_outer_film_ruptures_and_forms_again_near_the_stated_280_degrees() -> None:
-    film = thesis_like().equilibrium(30.0, 3000.0, 2e5).outer
+    film = thesis_like_lubrication().equilibrium(30.0, 3000.0, 2e5).outer
     assert film.rupture is not None
     assert film.reformation is not None
     assert np.degrees(film.rupture) == pytest.approx(290.4, abs=0.5)
@@ -79,24 +79,26 @@ def test_thesis_like_outer_film_ruptures_and_forms_again_near_the_stated_280_deg
 def test_inner_film_always_has_a_cavity_as_figure_3_6_states() -> None:
     for speed in (1000.0, 3500.0, 6000.0):
         for load in LOADS:
-            assert not thesis_like().equilibrium(load, speed, 1e5).inner.is_complete
+            assert not thesis_like_lubrication().equilibrium(load, speed, 1e5).inner.is_complete
 
 
 def test_more_inlet_pressure_and_more_speed_bring_the_outer_attitude_to_90_degrees_as_figures_3_2_and_3_4_state() -> (
     None
 ):
     speeds = (1000.0, 2000.0, 3000.0, 4000.0)
-    attitudes = [thesis_like().equilibrium(20.0, speed, 1e5).outer.attitude for speed in speeds]
+    attitudes = [thesis_like_lubrication().equilibrium(20.0, speed, 1e5).outer.attitude for speed in speeds]
     assert np.all(np.diff(attitudes) > 0)
-    by_pressure = [thesis_like().equilibrium(30.0, 3000.0, pressure).outer.attitude for pressure in (1e5, 2e5, 3e5)]
+    by_pressure = [
+        thesis_like_lubrication().equilibrium(30.0, 3000.0, pressure).outer.attitude for pressure in (1e5, 2e5, 3e5)
+    ]
     assert np.all(np.diff(by_pressure) > 0)
-    eccentricities = [thesis_like().equilibrium(20.0, speed, 1e5).outer.eccentricity for speed in speeds]
+    eccentricities = [thesis_like_lubrication().equilibrium(20.0, speed, 1e5).outer.eccentricity for speed in speeds]
     assert np.all(np.diff(eccentricities) < 0)
 
 
 def test_flow_of_one_turn_has_its_highest_and_lowest_place_near_the_stated_15_and_40_degrees() -> None:
     angles = np.arange(0.0, 60.0, 0.25)
-    flow = thesis_like().equilibrium(10.0, 3000.0, 2e5).flow(np.radians(angles))
+    flow = thesis_like_lubrication().equilibrium(10.0, 3000.0, 2e5).flow(np.radians(angles))
     assert angles[np.argmax(flow)] == pytest.approx(10, abs=1)
     assert angles[np.argmin(flow)] == pytest.approx(40, abs=1)
 
@@ -104,9 +106,12 @@ def test_flow_of_one_turn_has_its_highest_and_lowest_place_near_the_stated_15_an
 def test_nominal_flow_runs_inwards_at_all_loads_and_speeds() -> None:
     for speed in (1000.0, 3000.0, 6000.0):
         for load in LOADS:
-            assert nominal().equilibrium(load, speed, 1e5).mean_flow() > 0
+            assert nominal_lubrication().equilibrium(load, speed, 1e5).mean_flow() > 0
 
 
 def test_nominal_flows_at_1000_rad_s_stand_as_2_to_6_to_8_in_the_inlet_pressure() -> None:
-    sums = [nominal().equilibrium(30.0, 1000.0, p).mean_flow() / nominal().flow_scale for p in (1e5, 2e5, 3e5)]
+    sums = [
+        nominal_lubrication().equilibrium(30.0, 1000.0, p).mean_flow() / nominal_lubrication().flow_scale
+        for p in (1e5, 2e5, 3e5)
+    ]
     assert sums == pytest.approx([737, 2155, 2886], rel=0.005)

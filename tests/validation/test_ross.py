@@ -19,7 +19,7 @@ from model.linear.response import imbalance_response
 from model.rotor.parameters import ModelParameters
 from model.rotor.rotor import Beam, ShaftMass
 from model.rotor.rotor_file import parse_rotor
-from model.rotor.supports import Coefficients, Support
+from model.rotor.supports import Support, SupportCoefficients
 
 HERE = Path(__file__).parent / "ross"
 PYTHON = Path(__file__).parents[2] / ".venv-oracle" / "bin" / "python"
@@ -34,7 +34,7 @@ def parameters_of(name: str) -> ModelParameters:
 
 
 def system_of(parameters: ModelParameters) -> LinearSystem:
-    springs = [Support(station, Coefficients.isotropic(SPRING)) for station in parameters.rotor.bearing_stations]
+    springs = [Support(station, SupportCoefficients.isotropic(SPRING)) for station in parameters.rotor.bearing_stations]
     return linear_system(parameters.rotor, parameters.supports or springs)
 
 
@@ -66,7 +66,7 @@ def test_the_two_further_rotors_are_long_sheared_and_held_differently_by_directi
         assert parameters.rotor.stations >= 20
         assert parameters.rotor.beam is Beam.TIMOSHENKO
         assert parameters.rotor.shaft_mass is ShaftMass.CONSISTENT
-        assert not any(support.is_plain for support in parameters.supports)
+        assert not any(support.is_undamped_isotropic for support in parameters.supports)
 
 
 @pytest.mark.parametrize("name", ROTORS)

@@ -9,16 +9,16 @@ import pytest
 
 from model.linear.modes import critical_speeds, natural_frequencies
 from model.rotor.gj90c import gj90c_rotor
-from model.studies.thesis.chapter_5 import PRINTED, reason
+from model.studies.thesis.chapter_5 import TABLE_5_3, misprint_reason
 
 BEARING_STIFFNESS = 1e4  # N/m
 TOLERANCE = 0.8  # Hz
 
 # (speed, frequency printed): tolerance, Hz, and why
 WIDER: dict[tuple[int, int], tuple[float, str]] = {
-    **{(speed, 53): (3.1 if speed == 2500 else 1.5, reason(speed, 53)) for speed in range(2500, 6501, 500)},
-    **{(speed, -50): (2.5, reason(speed, -50)) for speed in range(2500, 8001, 500)},
-    (8000, -11667): (1.5, reason(8000, -11667)),
+    **{(speed, 53): (3.1 if speed == 2500 else 1.5, misprint_reason(speed, 53)) for speed in range(2500, 6501, 500)},
+    **{(speed, -50): (2.5, misprint_reason(speed, -50)) for speed in range(2500, 8001, 500)},
+    (8000, -11667): (1.5, misprint_reason(8000, -11667)),
 }
 
 
@@ -30,7 +30,7 @@ def computed(speed: float) -> tuple[list[float], list[float]]:
 
 def pairs(speed: int) -> list[tuple[float, int]]:
     forward, reverse = computed(speed)
-    printed_forward, printed_reverse = PRINTED[speed]
+    printed_forward, printed_reverse = TABLE_5_3[speed]
     # Computed frequencies are sorted. The printed columns follow the modes through the crossing of the two rigid ones
     # near 2600 rad/s, so the printed rows are sorted as well.
     return list(zip(forward, sorted(printed_forward, reverse=True), strict=True)) + list(
@@ -38,7 +38,7 @@ def pairs(speed: int) -> list[tuple[float, int]]:
     )
 
 
-@pytest.mark.parametrize("speed", PRINTED)
+@pytest.mark.parametrize("speed", TABLE_5_3)
 def test_rotor_on_soft_bearings_has_the_frequencies_of_table_5_3(speed: int) -> None:
     wrong = []
     for ours, printed in pairs(speed):
@@ -50,10 +50,10 @@ def test_rotor_on_soft_bearings_has_the_frequencies_of_table_5_3(speed: int) -> 
 
 def test_only_the_entries_with_a_reason_miss_table_5_3() -> None:
     misses = {
-        (speed, printed) for speed in PRINTED for ours, printed in pairs(speed) if abs(ours - printed) > TOLERANCE
+        (speed, printed) for speed in TABLE_5_3 for ours, printed in pairs(speed) if abs(ours - printed) > TOLERANCE
     }
     assert misses == set(WIDER)
-    assert sum(len(pairs(speed)) for speed in PRINTED) == 170
+    assert sum(len(pairs(speed)) for speed in TABLE_5_3) == 170
 
 
 @pytest.mark.parametrize(

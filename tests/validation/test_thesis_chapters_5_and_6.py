@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from daq.cli.model.report import Part, counts, page
+from daq.cli.model.report import Part, count_reproduced, report_html
 from model.dynamics.whirl import FilmName
 from model.studies.onset import stability
 from model.studies.run_up import RunUp, run_up
@@ -14,25 +14,25 @@ from model.studies.study import Plot, Surface
 from model.studies.thesis.chapter_5 import chapter_5_comparisons, chapter_5_figures
 from model.studies.thesis.chapter_6 import (
     CASES,
-    Outcome,
+    CaseResult,
     chapter_6_comparisons,
     chapter_6_figures,
     onsets_by_eigenvalues,
     trends,
 )
-from model.studies.thesis.chapter_6_spectra import Component, Look
+from model.studies.thesis.chapter_6_spectra import Component, Spectrum
 
 INNER, OUTER = FilmName.INNER, FilmName.OUTER
 
 
 @pytest.fixture(scope="module")
-def outcomes() -> tuple[Outcome, ...]:
+def outcomes() -> tuple[CaseResult, ...]:
     # the same cases, at few speeds: what is compared is how the report judges
     speeds = np.array([500.0, 1200.0, 1300.0, 2400.0, 2500.0])
     found = []
     for case in CASES:
         parameters = case.parameters()
-        found.append(Outcome(run_up(parameters, speeds, 20, 16), stability(parameters, speeds[[0, 2, 4]], 500.0)))
+        found.append(CaseResult(run_up(parameters, speeds, 20, 16), stability(parameters, speeds[[0, 2, 4]], 500.0)))
     return tuple(found)
 
 
@@ -50,7 +50,9 @@ def test_tables_5_2_and_5_3_and_the_counts_are_reproduced_but_for_entries_with_a
     assert all(c.note for c in missed)
 
 
-def test_every_onset_of_chapter_6_stands_beside_the_stated_one_with_its_reason(outcomes: tuple[Outcome, ...]) -> None:
+def test_every_onset_of_chapter_6_stands_beside_the_stated_one_with_its_reason(
+    outcomes: tuple[CaseResult, ...],
+) -> None:
     comparisons = chapter_6_comparisons(outcomes)
     onsets = [c for c in comparisons if c.unit == "rad/s"]
     assert len(onsets) == 2 * len(CASES)
@@ -64,7 +66,7 @@ def test_every_onset_of_chapter_6_stands_beside_the_stated_one_with_its_reason(o
     ]  # fmt: skip
 
 
-def test_onsets_of_seeded_run_ups_are_said_to_stand_where_the_eigenvalues_do(outcomes: tuple[Outcome, ...]) -> None:
+def test_onsets_of_seeded_run_ups_are_said_to_stand_where_the_eigenvalues_do(outcomes: tuple[CaseResult, ...]) -> None:
     agreeing, of = onsets_by_eigenvalues(outcomes).split()[:3:2]
     assert int(of) == 2 * len(CASES)
     assert int(agreeing) < int(of)  # at so few speeds
@@ -82,7 +84,7 @@ def test_whirl_that_never_comes_counts_as_later_than_any() -> None:
     assert not other.is_reproduced
 
 
-def _with_onsets(onsets: list[float]) -> tuple[Outcome, ...]:
+def _with_onsets(onsets: list[float]) -> tuple[CaseResult, ...]:
     """Return outcomes of all cases, the first three with these onsets of the inner film."""
     speeds = np.arange(1000.0, 3001.0, 100.0)
     found, orders = [], np.arange(0.0, 3.0, 1 / 64)
@@ -97,27 +99,27 @@ def _with_onsets(onsets: list[float]) -> tuple[Outcome, ...]:
         whole = RunUp(speeds, orders, spectrum, still, np.full(speeds.size, 4e-6), still, films)
         assert whole.onset(INNER) == onset or math.isnan(onset)
         assert math.isnan(whole.onset(OUTER))
-        found.append(Outcome(whole, calm))
+        found.append(CaseResult(whole, calm))
     return tuple(found)
 
 
-def test_page_holds_verdicts_reasons_and_pictures_and_fetches_nothing(outcomes: tuple[Outcome, ...]) -> None:
+def test_page_holds_verdicts_reasons_and_pictures_and_fetches_nothing(outcomes: tuple[CaseResult, ...]) -> None:
     comparisons = tuple(chapter_6_comparisons(outcomes))
     figures = tuple(chapter_6_figures(outcomes)[:1])
     assert isinstance(figures[0][1][0], Surface)
     part = Part("Chapter 6", "text", comparisons, figures, tuple(trends(outcomes)))
-    text = page([part])
+    text = report_html([part])
     assert text.count("<svg") == 1
     assert "not reproduced" in text
     assert 'href="http' not in text
     assert "src=" not in text
-    good, total = counts(part)
+    good, total = count_reproduced(part)
     assert total == len(comparisons) + len(part.trends)
     assert 0 < good < total
     assert f"{good} of {total}" in text
 
 
-def test_every_figure_of_both_chapters_is_there(outcomes: tuple[Outcome, ...]) -> None:
+def test_every_figure_of_both_chapters_is_there(outcomes: tuple[CaseResult, ...]) -> None:
     drawn = [caption.split(":")[0] for caption, _ in (*chapter_5_figures(), *chapter_6_figures(outcomes))]
     numbers = {caption.removeprefix("Fig. ").rstrip("abc") for caption in drawn if caption.startswith("Fig. ")}
     assert numbers == {*(f"5.{n}" for n in range(2, 9)), *(f"6.{n}" for n in range(1, 22))}
@@ -159,8 +161,8 @@ def test_look_is_right_where_it_shows_what_is_stated_and_no_more(
         place = int(np.argmin(np.abs(run.orders - order)))
         spectrum[:, place] = size
         films[:, :, place] = (size / 20e-6, 0.0) if order == 0.7 else (0.0, size / 80e-6)
-    look = Look("Fig. 6.0", 520.0, stated)
-    good, seen = look.judged(replace(run, spectrum=spectrum, films=films))
+    look = Spectrum("Fig. 6.0", 520.0, stated)
+    good, seen = look.evaluate(replace(run, spectrum=spectrum, films=films))
     assert good == is_right
     assert seen.startswith("1X 2 µm")
     spectrum_plot, trajectory = look.plots(run, "name")

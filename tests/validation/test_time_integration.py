@@ -34,9 +34,14 @@ def explicit(parameters: ModelParameters, speed: float, times: FloatArray) -> Fl
 def apart(parameters: ModelParameters, orbit: SynchronousOrbit, turns: int) -> FloatArray:
     """How far a slightly disturbed motion is from the synchronous one, largest in each turn, m."""
     still, disturbed = (ShaftMotion(parameters, orbit.speed, 1) for _ in range(2))
-    still.stand(orbit.standing)
-    disturbed.stand(orbit.standing + 1e-10 * orbit.disturbance)
-    return np.asarray(np.abs(disturbed.turns(turns) - still.turns(turns)).max(axis=0).reshape(turns, -1).max(axis=1))
+    still.set_initial_state(orbit.initial_state)
+    disturbed.set_initial_state(orbit.initial_state + 1e-10 * orbit.disturbance)
+    return np.asarray(
+        np.abs(disturbed.integrate_turns(turns) - still.integrate_turns(turns))
+        .max(axis=0)
+        .reshape(turns, -1)
+        .max(axis=1)
+    )
 
 
 def test_both_ways_of_writing_the_equations_say_the_same() -> None:

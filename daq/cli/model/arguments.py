@@ -54,10 +54,10 @@ def model_errors() -> Iterator[None]:
 
 FloatArray = NDArray[np.float64]
 
-MOST = 1_000_000  # values in a range
+MAX_VALUES = 1_000_000  # values in a range
 
 
-def values(text: str) -> FloatArray:
+def number_range(text: str) -> FloatArray:
     """Return the values of FIRST:LAST:COUNT, of FIRST:LAST:COUNT:log, or of A,B,C."""
     try:
         found = _range(*text.split(":")) if ":" in text else np.array([float(part) for part in text.split(",")])
@@ -75,14 +75,14 @@ def _range(first: str, last: str, count: str, scale: str = "") -> FloatArray:
     start, stop, number = float(first), float(last), int(count)
     if not (math.isfinite(start) and math.isfinite(stop)):
         return np.empty(0)
-    if not 2 <= number <= MOST or scale not in {"", "log"} or (scale == "log" and not (start > 0 and stop > 0)):
+    if not 2 <= number <= MAX_VALUES or scale not in {"", "log"} or (scale == "log" and not (start > 0 and stop > 0)):
         return np.empty(0)
     return np.geomspace(start, stop, number) if scale == "log" else np.linspace(start, stop, number)
 
 
-def rising(text: str) -> FloatArray:
+def rising_range(text: str) -> FloatArray:
     """Return rising values above 0, two or more."""
-    found = values(text)
+    found = number_range(text)
     if found.size < 2 or not found[0] > 0 or np.any(np.diff(found) <= 0):
         raise argparse.ArgumentTypeError(f"{text!r}: expected two or more rising values above 0, as 100:2000:40")
     return found
@@ -99,7 +99,7 @@ def positive(text: str) -> float:
     return value
 
 
-def not_negative(text: str) -> float:
+def non_negative(text: str) -> float:
     """Return a number, 0 or more."""
     try:
         value = float(text)
@@ -110,7 +110,7 @@ def not_negative(text: str) -> float:
     return value
 
 
-def counting(text: str) -> int:
+def positive_integer(text: str) -> int:
     """Return a whole number above 0."""
     if not text.isdigit() or int(text) == 0:
         raise argparse.ArgumentTypeError(f"{text!r}: expected a whole number above 0")

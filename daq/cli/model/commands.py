@@ -18,10 +18,10 @@ def add_model_commands(parser: argparse.ArgumentParser) -> None:
     """Add the kinds of study to the command's parser."""
     parser.epilog = _EPILOG
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
-    kinds = parser.add_subparsers(dest="kind", required=True, metavar="STUDY")
+    studies = parser.add_subparsers(dest="kind", required=True, metavar="STUDY")
 
     def add(name: str, text: str) -> argparse.ArgumentParser:
-        return kinds.add_parser(name, help=text, description=text)
+        return studies.add_parser(name, help=text, description=text)
 
     add_studies(add)
     add_sweep(add)

@@ -17,14 +17,14 @@ if TYPE_CHECKING:
 
 WIDTH, HEIGHT = 8.0, 4.2  # inches
 FORMATS = (".svg", ".png")
-TURN = (0.0, 360.0)  # limits of an axis of angles
-FEW = 200  # points that are drawn larger than those of a cloud
-_MARKS: dict[Style, dict[str, Any]] = {
+DEGREE_LIMITS = (0.0, 360.0)  # limits of an axis of angles
+FEW_POINTS = 200  # points that are drawn larger than those of a cloud
+_LINE_STYLES: dict[Style, dict[str, Any]] = {
     Style.LINE: {"linestyle": "-", "linewidth": 1.4},
     Style.DASHED: {"linestyle": "--", "linewidth": 1.2},
     Style.DOTTED: {"linestyle": (0, (1, 1.3)), "linewidth": 2.0},
     Style.POINTS: {"linestyle": "", "marker": ".", "markersize": 1.6, "rasterized": True},
-    Style.MARKS: {"linestyle": "", "marker": "o", "markersize": 5.5, "color": "black", "zorder": 5},
+    Style.MARKERS: {"linestyle": "", "marker": "o", "markersize": 5.5, "color": "black", "zorder": 5},
     Style.REFERENCE: {"linestyle": (0, (5, 2)), "linewidth": 1.0, "color": "0.4"},
 }
 
@@ -88,7 +88,7 @@ def _plot(axes: "Axes", plot: Plot) -> None:
     if not axes.lines:
         axes.set_xticks([])
         axes.set_yticks([])
-        axes.text(0.5, 0.5, plot.empty, transform=axes.transAxes, ha="center", color="0.4")
+        axes.text(0.5, 0.5, plot.empty_text, transform=axes.transAxes, ha="center", color="0.4")
     elif named > 1 or (named == 1 and len(plot.series) > 1):  # beside the lines, where it hides none
         axes.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False)
 
@@ -100,13 +100,13 @@ def _scales(axes: "Axes", plot: Plot) -> None:
         axes.set_yscale("log")
     if plot.x_limits is not None:
         axes.set_xlim(*plot.x_limits)
-        if plot.x_limits == TURN:
+        if plot.x_limits == DEGREE_LIMITS:
             axes.set_xticks(range(0, 361, 90))
     elif not plot.x_log:
         axes.margins(x=0.02)
     if plot.y_limits is not None:
         axes.set_ylim(*plot.y_limits)
-        if plot.y_limits == TURN:
+        if plot.y_limits == DEGREE_LIMITS:
             axes.set_yticks(range(0, 361, 90))
     if plot.is_square:
         axes.set_aspect("equal", adjustable="datalim")
@@ -115,12 +115,12 @@ def _scales(axes: "Axes", plot: Plot) -> None:
 def _series(axes: "Axes", series: Series) -> None:
     if not np.any(np.isfinite(series.y)):
         return
-    look = _MARKS[series.style]
-    if not series.label and "color" not in look and axes.lines:
-        look = {**look, "color": axes.lines[-1].get_color()}  # one name for several lines of a kind
-    if series.style is Style.POINTS and np.count_nonzero(np.isfinite(series.y)) <= FEW:
-        look = {**look, "markersize": 4.0}
-    axes.plot(series.x, series.y, label=series.label or None, **look)
+    line_style = _LINE_STYLES[series.style]
+    if not series.label and "color" not in line_style and axes.lines:
+        line_style = {**line_style, "color": axes.lines[-1].get_color()}  # one name for several lines of a kind
+    if series.style is Style.POINTS and np.count_nonzero(np.isfinite(series.y)) <= FEW_POINTS:
+        line_style = {**line_style, "markersize": 4.0}
+    axes.plot(series.x, series.y, label=series.label or None, **line_style)
 
 
 def _plain_numbers(axes: "Axes", *, is_log: tuple[bool, bool]) -> None:

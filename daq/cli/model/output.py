@@ -21,17 +21,17 @@ def add_output(command: argparse.ArgumentParser) -> None:
     command.add_argument("-o", "--output", type=Path, metavar="FILE.svg|.png", help="draw it")
 
 
-def check_output(chosen: argparse.Namespace) -> None:
+def check_output(args: argparse.Namespace) -> None:
     """Raise UsageError before anything is computed where it could not be drawn."""
-    if chosen.output is not None:
-        require_drawing(chosen.output)
+    if args.output is not None:
+        require_drawing(args.output)
 
 
-def show(study: Study, chosen: argparse.Namespace) -> int:
+def show_study(study: Study, args: argparse.Namespace) -> int:
     """Print a study and draw it where that was asked for; return the exit code."""
-    if chosen.output is not None:
-        save(study.plots, chosen.output)
-    if chosen.json:
+    if args.output is not None:
+        save(study.plots, args.output)
+    if args.json:
         print_json(study_schema(study))
     else:
         print("\n".join(table_lines(study)))

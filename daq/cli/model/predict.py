@@ -18,13 +18,13 @@ from model.errors import ModelError
 from model.prediction.live_prediction import refine
 from model.prediction.prediction_map import Prediction, PredictionMap
 
-_STEP = 1000 * RPM  # rad/s between the rows of the table
+_SPEED_STEP = 1000 * RPM  # rad/s between the rows of the table
 
 
-def run(chosen: argparse.Namespace) -> int:
+def run(args: argparse.Namespace) -> int:
     """Compute or look up the prediction and show it; return the exit code."""
     console = Console()
-    rig = load_rig(Path(chosen.config))
+    rig = load_rig(Path(args.config))
     with Predictors() as predictors:
         predictor = predictors.for_rig(rig)
         predictor.wait(PREDICTION_TIMEOUT, lambda state: console.progress(f"model {state}"))
@@ -32,13 +32,13 @@ def run(chosen: argparse.Namespace) -> int:
         found = predictor.map
         if found is None:
             raise RigError(f"there is no prediction: {predictor.state}")
-    if chosen.quiet:
+    if args.quiet:
         return 0
-    predictions = _over_speed(found) if chosen.speed_rpm is None else [_exactly(rig, found, chosen.speed_rpm * RPM)]
-    if chosen.json:
+    predictions = _over_speed(found) if args.speed_rpm is None else [_at_speed(rig, found, args.speed_rpm * RPM)]
+    if args.json:
         print_json([predicted_vibration_schema(prediction) for prediction in predictions])
     else:
-        print(_HEAD)
+        print(_TABLE_HEADER)
         for prediction in predictions:
             print(_row(prediction))
     return 0
@@ -46,11 +46,11 @@ def run(chosen: argparse.Namespace) -> int:
 
 def _over_speed(found: PredictionMap) -> list[Prediction]:
     lowest, highest = float(found.speeds[0]), float(found.speeds[-1])
-    first = math.ceil(lowest / _STEP - 1e-9) * _STEP
-    return [found.at(min(speed, highest)) for speed in np.arange(first, highest * (1 + 1e-9), _STEP)]
+    first = math.ceil(lowest / _SPEED_STEP - 1e-9) * _SPEED_STEP
+    return [found.at(min(speed, highest)) for speed in np.arange(first, highest * (1 + 1e-9), _SPEED_STEP)]
 
 
-def _exactly(rig: Rig, found: PredictionMap, speed: float) -> Prediction:
+def _at_speed(rig: Rig, found: PredictionMap, speed: float) -> Prediction:
     """Return the settled motion at a speed, rad/s."""
     lowest, highest = float(found.speeds[0]), float(found.speeds[-1])
     if not lowest <= speed <= highest:
@@ -65,7 +65,7 @@ def _exactly(rig: Rig, found: PredictionMap, speed: float) -> Prediction:
     return settled
 
 
-_HEAD = "   r/min  1X x µm∠lag  1X y µm∠lag   below 1X µm     overall µm pp  growth 1/s"
+_TABLE_HEADER = "   r/min  1X x µm∠lag  1X y µm∠lag   below 1X µm     overall µm pp  growth 1/s"
 
 
 def _row(prediction: Prediction) -> str:

@@ -53,17 +53,19 @@ class Part:
     trends: tuple[Trend, ...] = ()
 
 
-def captioned(figure: Figure) -> Captioned:
+def captioned_plot(figure: Figure) -> Captioned:
     """Return a figure of curves as one to be drawn."""
     series = tuple(
         Series(curve.label, curve.x, curve.y, style)
         for curve, style in zip(figure.curves, cycle(_STYLES), strict=False)
     )
-    plot = Plot(figure.title, figure.x_label, figure.y_label, series, y_limits=figure.y_limits, empty=figure.empty)
+    plot = Plot(
+        figure.title, figure.x_label, figure.y_label, series, y_limits=figure.y_limits, empty_text=figure.empty_text
+    )
     return f"Fig. {figure.number}: {figure.title}", (plot,)
 
 
-def page(parts: Sequence[Part]) -> str:
+def report_html(parts: Sequence[Part]) -> str:
     """Return the report as HTML."""
     body = [
         "<h1>The thesis computed again</h1>",
@@ -83,7 +85,7 @@ def page(parts: Sequence[Part]) -> str:
     return f'<!doctype html><html lang="en"><head>{head}</head><body>{"".join(body)}</body></html>\n'
 
 
-def counts(part: Part) -> tuple[int, int]:
+def count_reproduced(part: Part) -> tuple[int, int]:
     """Return how many numbers and trends of a part are reproduced, of how many."""
     verdicts = [one.is_reproduced for one in part.comparisons] + [one.is_reproduced for one in part.trends]
     return sum(verdicts), len(verdicts)
@@ -92,7 +94,7 @@ def counts(part: Part) -> tuple[int, int]:
 def _overview(parts: Sequence[Part]) -> str:
     rows = []
     for part in parts:
-        good, total = counts(part)
+        good, total = count_reproduced(part)
         places = Counter(one.place for one in part.comparisons if not one.is_reproduced)
         missed = ", ".join(f"{place} ({count})" for place, count in places.items()) or "none"
         rows.append(f"<tr><td>{escape(part.title)}<td class=n>{good} of {total}<td>{escape(missed)}</tr>")

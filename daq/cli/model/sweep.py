@@ -7,20 +7,20 @@ from pathlib import Path
 
 import numpy as np
 
-from daq.cli.model.arguments import FloatArray, counting, model_errors, parameters_of, values
+from daq.cli.model.arguments import FloatArray, model_errors, number_range, parameters_of, positive_integer
 from daq.cli.model.figures import require_drawing, save
-from daq.cli.model.output import show
+from daq.cli.model.output import show_study
 from daq.cli.output.progress import Console
 from daq.errors import UsageError
 from daq.session.sweep.run import grid, run_sweep
 from daq.session.sweep.workers import DaskWorkers, LocalWorkers
-from model.rotor.tables import SHOWN as SHOWN_UNITS
+from model.rotor.tables import UNIT_LABELS
 from model.studies.study import Plot, Series, Study, Style
 from model.studies.sweep_quantities import QUANTITIES, SweepPoint, SweepResult
-from model.studies.varied_parameters import CHANGES
+from model.studies.varied_parameters import PARAMETER_SETTERS
 
-SHOWN = 40  # points in the table that is printed
-UNITS = SHOWN_UNITS | {
+MAX_TABLE_ROWS = 40  # points in the table that is printed
+AXIS_UNITS = UNIT_LABELS | {
     "rad_s": "rad/s", "1_s": "1/s", "um_pk": "µm peak", "um_pp": "µm peak-to-peak", "mm": "mm", "kg": "kg",
 }  # fmt: skip
 _WIDTH = 78  # of the help
@@ -50,25 +50,29 @@ def add_sweep(add: Callable[[str, str], argparse.ArgumentParser]) -> None:
     command.add_argument("--plot", type=Path, metavar="FILE.svg|.png", help="draw the results over the first parameter")
     command.add_argument("--json", action="store_true", help="all points as JSON on standard output")
     where = command.add_mutually_exclusive_group()
-    where.add_argument("--processes", type=counting, help="how many here (default: one for each processor)")
+    where.add_argument("--processes", type=positive_integer, help="how many here (default: one for each processor)")
     where.add_argument("--scheduler", default="", metavar="tcp://HOST:PORT", help="of a Dask cluster, instead")
     command.set_defaults(run=run)
 
 
 def _epilog() -> str:
     """Say what can be varied and computed."""
-    parts = ["parameters:", _set_in(", ".join(CHANGES), 2), "quantities, with their own options and results:"]
+    parts = [
+        "parameters:",
+        _indented(", ".join(PARAMETER_SETTERS), 2),
+        "quantities, with their own options and results:",
+    ]
     for name, one in QUANTITIES.items():
         parts += [
-            _set_in(f"{name}: {one.text}", 2),
-            _set_in(f"options: {', '.join(one.options)}", 6),
-            _set_in(f"results: {', '.join(one.results)}", 6),
+            _indented(f"{name}: {one.description}", 2),
+            _indented(f"options: {', '.join(one.options)}", 6),
+            _indented(f"results: {', '.join(one.results)}", 6),
         ]
     parts.append("example: rig model sweep --vary viscosity_pa_s=0.005:0.035:7 -o onset.parquet")
     return "\n".join(parts)
 
 
-def _set_in(text: str, indent: int) -> str:
+def _indented(text: str, indent: int) -> str:
     lead = " " * indent
     return textwrap.fill(text, _WIDTH, initial_indent=lead, subsequent_indent=lead)
 
@@ -77,57 +81,57 @@ def _vary(text: str) -> tuple[str, FloatArray]:
     name, equals, range_ = text.partition("=")
     if not (name and equals and range_):
         raise argparse.ArgumentTypeError(f"{text!r}: expected NAME=RANGE, as viscosity_pa_s=0.005:0.035:7")
-    return name, values(range_)
+    return name, number_range(range_)
 
 
-def run(chosen: argparse.Namespace) -> int:
+def run(args: argparse.Namespace) -> int:
     """Compute a sweep, write and show it; return the exit code."""
-    if chosen.plot is not None:
-        require_drawing(chosen.plot, "--plot")
-    vary = dict(chosen.vary)
-    if len(vary) < len(chosen.vary):
+    if args.plot is not None:
+        require_drawing(args.plot, "--plot")
+    vary = dict(args.vary)
+    if len(vary) < len(args.vary):
         raise UsageError("--vary: a name stands twice, expected each once")
-    parameters = parameters_of(chosen.config)
+    parameters = parameters_of(args.config)
     with model_errors():
-        points = grid(parameters, chosen.quantity, {name: list(map(float, one)) for name, one in vary.items()})
+        points = grid(parameters, args.quantity, {name: list(map(float, one)) for name, one in vary.items()})
     console = Console()
 
     def progress(done: int, total: int) -> None:
         console.progress(f"{done:,} of {total:,} points")
 
-    if chosen.scheduler:
-        cluster = DaskWorkers(chosen.scheduler)
+    if args.scheduler:
+        cluster = DaskWorkers(args.scheduler)
         try:
-            outcomes = run_sweep(points, cluster, chosen.output, progress)
+            results = run_sweep(points, cluster, args.output, progress)
         finally:
             cluster.close()
     else:
-        outcomes = run_sweep(points, LocalWorkers(chosen.processes), chosen.output, progress)
+        results = run_sweep(points, LocalWorkers(args.processes), args.output, progress)
     console.done()
-    study = _study(points, outcomes, chosen.output)
-    if chosen.plot is not None:
-        save(study.plots, chosen.plot)
-    chosen.output = None  # the table is written, not drawn
-    return show(study if chosen.json else _shortened(study), chosen)
+    study = _study(points, results, args.output)
+    if args.plot is not None:
+        save(study.plots, args.plot)
+    args.output = None  # the table is written, not drawn
+    return show_study(study if args.json else _shortened(study), args)
 
 
-def _study(points: list[SweepPoint], outcomes: list[SweepResult], file: Path) -> Study:
+def _study(points: list[SweepPoint], results: list[SweepResult], file: Path) -> Study:
     names = [name for name, _ in points[0].values]
-    results = QUANTITIES[points[0].quantity].results
+    result_names = QUANTITIES[points[0].quantity].results
     columns: dict[str, FloatArray | tuple[str, ...]] = {
         name: np.array([dict(point.values)[name] for point in points]) for name in names
     }
-    found = np.array([outcome.results for outcome in outcomes])
-    for number, name in enumerate(results):
+    found = np.array([outcome.results for outcome in results])
+    for number, name in enumerate(result_names):
         columns[name] = found[:, number]
-    faults = sum(bool(outcome.fault) for outcome in outcomes)
+    faults = sum(bool(outcome.fault) for outcome in results)
     if faults:
-        columns["fault"] = tuple(outcome.fault for outcome in outcomes)
+        columns["fault"] = tuple(outcome.fault for outcome in results)
     remarks = (f"{len(points):,} points in {file}" + (f", {faults:,} without a result" if faults else ""),)
     others = np.array([[value for _, value in point.values[1:]] for point in points])
     first = np.array([point.values[0][1] for point in points])
     plots = []
-    for number, name in enumerate(results):
+    for number, name in enumerate(result_names):
         series = []
         for group in np.unique(others, axis=0) if others.size else [np.empty(0)]:
             inside = np.all(others == group, axis=1) if others.size else np.ones(len(points), bool)
@@ -136,20 +140,22 @@ def _study(points: list[SweepPoint], outcomes: list[SweepResult], file: Path) ->
             series.append(Series(label, first[inside][order], found[inside, number][order]))
         few = series if len(series) <= 12 else [Series("", first, found[:, number], Style.POINTS)]
         title = f"Sweep: {points[0].quantity}" if number == 0 else ""
-        plots.append(Plot(title, labelled(names[0]), labelled(name), tuple(few)))
+        plots.append(Plot(title, axis_label(names[0]), axis_label(name), tuple(few)))
     return Study(f"Sweep: {points[0].quantity}", columns, tuple(plots), remarks)
 
 
-def labelled(name: str) -> str:
+def axis_label(name: str) -> str:
     """Return a name that ends with its unit as an axis says it: ``onset_rad_s`` is "Onset [rad/s]"."""
-    unit = max((unit for unit in UNITS if name.endswith(f"_{unit}")), key=len, default="")
+    unit = max((unit for unit in AXIS_UNITS if name.endswith(f"_{unit}")), key=len, default="")
     quantity = name.removesuffix(f"_{unit}").replace("_", " ") if unit else name.replace("_", " ")
-    return f"{quantity[0].upper()}{quantity[1:]} [{UNITS.get(unit, '–')}]"
+    return f"{quantity[0].upper()}{quantity[1:]} [{AXIS_UNITS.get(unit, '–')}]"
 
 
 def _shortened(study: Study) -> Study:
     size = len(next(iter(study.columns.values())))
-    if size <= SHOWN:
+    if size <= MAX_TABLE_ROWS:
         return study
-    columns = {name: column[:SHOWN] for name, column in study.columns.items()}
-    return Study(study.title, columns, study.plots, (f"… the first {SHOWN} of {size:,} points", *study.remarks))
+    columns = {name: column[:MAX_TABLE_ROWS] for name, column in study.columns.items()}
+    return Study(
+        study.title, columns, study.plots, (f"… the first {MAX_TABLE_ROWS} of {size:,} points", *study.remarks)
+    )

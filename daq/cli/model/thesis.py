@@ -5,7 +5,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from daq.cli.model.figures import require_drawing
-from daq.cli.model.report import Part, captioned, counts, page
+from daq.cli.model.report import Part, captioned_plot, count_reproduced, report_html
 from daq.cli.output.progress import Console
 from daq.errors import UsageError
 from daq.session.sweep.workers import LocalWorkers
@@ -13,7 +13,7 @@ from model.studies.thesis.chapter_3 import chapter_3
 from model.studies.thesis.chapter_5 import chapter_5_comparisons, chapter_5_figures
 from model.studies.thesis.chapter_6 import (
     CASES,
-    Outcome,
+    CaseResult,
     chapter_6_comparisons,
     chapter_6_figures,
     onsets_by_eigenvalues,
@@ -50,10 +50,10 @@ def add_thesis(add: Callable[[str, str], argparse.ArgumentParser]) -> None:
     command.set_defaults(run=run)
 
 
-def run(chosen: argparse.Namespace) -> int:
+def run(args: argparse.Namespace) -> int:
     """Compute and write the report; return the exit code."""
     require_drawing()
-    folder: Path = chosen.output
+    folder: Path = args.output
     console = Console()
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -62,7 +62,7 @@ def run(chosen: argparse.Namespace) -> int:
     parts = compute_parts(console.progress)
     console.progress("drawing")
     file = folder / NAME
-    text = page(parts)
+    text = report_html(parts)
     try:
         with atomic_write(file) as temporary:
             temporary.write_text(text, encoding="utf-8")
@@ -70,23 +70,23 @@ def run(chosen: argparse.Namespace) -> int:
         raise UsageError(f"{file}: cannot be written ({error.strerror})") from error
     console.done()
     for part in parts:
-        good, total = counts(part)
+        good, total = count_reproduced(part)
         print(f"{part.title}: {good} of {total} numbers and trends reproduced")
     print(f"report: {file}")
     return 0
 
 
-def compute_parts(tell: Callable[[str], None]) -> list[Part]:
+def compute_parts(on_progress: Callable[[str], None]) -> list[Part]:
     """Return the chapters; chapter 6's run-ups go through processes of this machine."""
-    found: dict[int, Outcome] = {}
+    found: dict[int, CaseResult] = {}
     for number, outcome in LocalWorkers().run(run_case, CASES):
         found[number] = outcome
-        tell(f"chapter 6: {len(found)} of {len(CASES)} cases")
+        on_progress(f"chapter 6: {len(found)} of {len(CASES)} cases")
     outcomes = tuple(found[number] for number in range(len(CASES)))
-    tell("chapters 3 and 5")
+    on_progress("chapters 3 and 5")
     third = chapter_3()
     return [
-        Part(third.title, _CHAPTER_3, third.comparisons, tuple(captioned(one) for one in third.figures)),
+        Part(third.title, _CHAPTER_3, third.comparisons, tuple(captioned_plot(one) for one in third.figures)),
         Part(
             "Chapter 5: modes and critical speeds of the rotor",
             _CHAPTER_5,

@@ -23,8 +23,8 @@ from model.rotor.gj90c import gj90c
 from model.rotor.parameters import ModelParameters
 from model.studies.linear import campbell_stiffness, campbell_study, critical_study, modes_study
 from model.studies.onset import onset_study
+from model.studies.response import response_study
 from model.studies.study import Study
-from model.studies.synchronous import response_study
 
 FloatArray = NDArray[np.float64]
 

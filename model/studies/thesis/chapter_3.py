@@ -1,24 +1,25 @@
-"""Chapter 3 of the thesis computed again: every number of Figures 3.2 to 3.15, stated beside computed.
+"""Chapter 3 of the thesis recomputed: every number of Figures 3.2 to 3.15, stated and computed.
 
-Both calibrations are computed: as Table 3.1 and the equations say (`nominal`), and with the two factors that bring back
-the equilibria (`thesis_like`). Flows are scaled so that 10 N at 1e5 Pa and 1,000 rad/s give the 2.1e-4 kg/s of page 84
-nominally; their size is therefore not predicted. Loads that the text does not give are taken as named beside them.
+Two calibrations are computed: `nominal_lubrication` follows Table 3.1 and the equations; `thesis_like_lubrication` adds
+the two factors that reproduce the equilibria. Flows are scaled so that 10 N, 1e5 Pa and 1,000 rad/s give the
+2.1e-4 kg/s of page 84 nominally, so their size is not a prediction. Where the text states no load, the note names the
+load assumed.
 """
 
 import numpy as np
 from numpy.typing import NDArray
 
-from model.films.lubrication import nominal, thesis_like
+from model.films.lubrication import nominal_lubrication, thesis_like_lubrication
 from model.studies.thesis.chapter_3_cases import (
+    CalibratedChapter,
     Case,
-    Reading,
+    calibrated_chapter,
     inner_attitude,
     inner_rupture,
     mean_flow,
     outer_attitude,
     outer_eccentricity,
     outer_rupture,
-    read_chapter,
 )
 from model.studies.thesis.chapter_3_figures import chapter_3_figures
 from model.studies.thesis.report import Chapter, Comparison, Relation
@@ -39,48 +40,51 @@ LOAD_RATIO = "the speeds for 10, 20 and 30 N stand as 1 to 2.7 to 4.9 in any rea
 
 def chapter_3() -> Chapter:
     """Return chapter 3 computed again with both calibrations; takes about a second."""
-    readings = (read_chapter("nominal", nominal()), read_chapter("thesis-like", thesis_like()))
-    comparisons = [comparison for reading in readings for comparison in _comparisons(reading)]
-    figures = [figure for reading in readings for figure in chapter_3_figures(reading)]
+    readings = (
+        calibrated_chapter("nominal", nominal_lubrication()),
+        calibrated_chapter("thesis-like", thesis_like_lubrication()),
+    )
+    comparisons = [comparison for chapter in readings for comparison in _comparisons(chapter)]
+    figures = [figure for chapter in readings for figure in chapter_3_figures(chapter)]
     return Chapter("Chapter 3: lubrication of floating-ring bearings", tuple(comparisons), tuple(figures))
 
 
-def _comparisons(reading: Reading) -> list[Comparison]:
-    return [*_equilibria(reading), *_cavities(reading), *_differences(reading), *_flows(reading)]
+def _comparisons(chapter: CalibratedChapter) -> list[Comparison]:
+    return [*_equilibria(chapter), *_cavities(chapter), *_differences(chapter), *_flows(chapter)]
 
 
-def _equilibria(reading: Reading) -> list[Comparison]:
-    note = _inner_note(reading)
-    falling = sum(bool(np.all(np.diff(case.over_speed(outer_eccentricity)[1]) < 0)) for case in reading.by_load)
-    rising = sum(bool(np.all(np.diff(case.over_speed(outer_attitude)[1]) > -1e-9)) for case in reading.by_load)
+def _equilibria(chapter: CalibratedChapter) -> list[Comparison]:
+    note = _inner_note(chapter)
+    falling = sum(bool(np.all(np.diff(case.over_speed(outer_eccentricity)[1]) < 0)) for case in chapter.by_load)
+    rising = sum(bool(np.all(np.diff(case.over_speed(outer_attitude)[1]) > -1e-9)) for case in chapter.by_load)
     found = [
-        _equal(reading, "3.2", "loads whose outer eccentricity falls with speed", "-", 3, falling, 0, "counted"),
-        _equal(reading, "3.2", "loads whose outer attitude nears 90° with speed", "-", 3, rising, 0, "counted"),
+        _equality(chapter, "3.2", "loads whose outer eccentricity falls with speed", "-", 3, falling, 0, "counted"),
+        _equality(chapter, "3.2", "loads whose outer attitude nears 90° with speed", "-", 3, rising, 0, "counted"),
     ]
-    for case, eccentricity, attitude in zip(reading.by_load, (0.12, 0.23, 0.35), (90, 89, 87), strict=True):
-        rest, where = case.at(1000.0), _where(case, 1000.0)
+    for case, eccentricity, attitude in zip(chapter.by_load, (0.12, 0.23, 0.35), (90, 89, 87), strict=True):
+        rest, where = case.at(1000.0), _case_and_speed(case, 1000.0)
         found += [
-            _equal(
-                reading, "3.3", f"inner eccentricity, {where}", "-", eccentricity, rest.inner.eccentricity, 0.005, note
+            _equality(
+                chapter, "3.3", f"inner eccentricity, {where}", "-", eccentricity, rest.inner.eccentricity, 0.005, note
             ),
-            _equal(reading, "3.3", f"inner attitude, {where}", "°", attitude, inner_attitude(rest), 0.8, note),
+            _equality(chapter, "3.3", f"inner attitude, {where}", "°", attitude, inner_attitude(rest), 0.8, note),
         ]
     return found
 
 
-def _cavities(reading: Reading) -> list[Comparison]:
-    lubrication = reading.lubrication
-    ten, twenty, thirty = (lubrication.complete_above(case.load, case.inlet_pressure) for case in reading.by_load)
+def _cavities(chapter: CalibratedChapter) -> list[Comparison]:
+    lubrication = chapter.lubrication
+    ten, twenty, thirty = (lubrication.cavity_free_speed(case.load, case.inlet_pressure) for case in chapter.by_load)
     quantity = "speed above which the outer film has no cavity, {} N, 1e5 Pa"
-    slow = [outer_rupture(case.at(1000.0)) for case in reading.by_pressure]
+    slow = [outer_rupture(case.at(1000.0)) for case in chapter.by_pressure]
     known = [angle for angle in slow if angle is not None]
     spread = max(known) - min(known) if len(known) == len(slow) else None
-    lowest = min(angle for angle in (inner_rupture(case.at(1000.0)) for case in reading.by_load) if angle is not None)
-    never = sum(rest.inner.is_complete for case in reading.by_load for rest in case.rests)
-    broken = sum(any(not rest.outer.is_complete for rest in case.rests) for case in reading.by_load)
+    lowest = min(angle for angle in (inner_rupture(case.at(1000.0)) for case in chapter.by_load) if angle is not None)
+    never = sum(rest.inner.is_complete for case in chapter.by_load for rest in case.rests)
+    broken = sum(any(not rest.outer.is_complete for rest in case.rests) for case in chapter.by_load)
     return [
-        _equal(
-            reading,
+        _equality(
+            chapter,
             "3.5",
             "loads with an outer cavity within 1,000-6,000 rad/s",
             "-",
@@ -89,9 +93,9 @@ def _cavities(reading: Reading) -> list[Comparison]:
             0,
             "counted" if broken == 3 else f"as Table 3.1 has it the outer film is complete from {thirty:,.0f} rad/s on",
         ),
-        Comparison("Fig. 3.5", quantity.format(10), "rad/s", 2000, ten, 0, Relation.AT_MOST, reading.name),
+        Comparison("Fig. 3.5", quantity.format(10), "rad/s", 2000, ten, 0, Relation.AT_MOST, chapter.name),
         Comparison(
-            "Fig. 3.5", quantity.format(20), "rad/s", 3000, twenty, 0, Relation.AT_MOST, f"{reading.name}; {LOAD_RATIO}"
+            "Fig. 3.5", quantity.format(20), "rad/s", 3000, twenty, 0, Relation.AT_MOST, f"{chapter.name}; {LOAD_RATIO}"
         ),
         Comparison(
             "Fig. 3.5",
@@ -101,21 +105,21 @@ def _cavities(reading: Reading) -> list[Comparison]:
             thirty,
             0,
             Relation.AT_LEAST,
-            f"{reading.name}; {LOAD_RATIO}",
+            f"{chapter.name}; {LOAD_RATIO}",
         ),
-        _equal(
-            reading,
+        _equality(
+            chapter,
             "3.6",
             "lowest start of the inner cavity, the axis",
             "°",
             325,
             lowest,
             1,
-            f"axis of the figure; {_inner_note(reading)}",
+            f"axis of the figure; {_inner_note(chapter)}",
         ),
-        _equal(reading, "3.6", "inner films without a cavity, 1,000-6,000 rad/s", "-", 0, never, 0, "counted"),
-        _equal(
-            reading,
+        _equality(chapter, "3.6", "inner films without a cavity, 1,000-6,000 rad/s", "-", 0, never, 0, "counted"),
+        _equality(
+            chapter,
             "3.7",
             "spread of the outer cavity's start over the inlet pressures, 30 N, 1,000 rad/s",
             "°",
@@ -126,21 +130,23 @@ def _cavities(reading: Reading) -> list[Comparison]:
             if spread is not None
             else "the outer film is complete",
         ),
-        _equal(
-            reading,
+        _equality(
+            chapter,
             "3.8",
             "start of the outer cavity, 3,000 rad/s, 2e5 Pa, load not stated (30 N taken)",
             "°",
             280,
-            outer_rupture(reading.shown),
+            outer_rupture(chapter.reference_equilibrium),
             5,
-            "the outer film is complete" if outer_rupture(reading.shown) is None else "the load is not stated",
+            "the outer film is complete"
+            if outer_rupture(chapter.reference_equilibrium) is None
+            else "the load is not stated",
         ),
     ]
 
 
-def _differences(reading: Reading) -> list[Comparison]:
-    rest = reading.shown
+def _differences(chapter: CalibratedChapter) -> list[Comparison]:
+    rest = chapter.reference_equilibrium
     degrees = np.arange(0.0, 360.0, 0.05)
     psi = np.radians(degrees)
     difference = rest.pressure_difference(psi) / 1e5
@@ -148,12 +154,12 @@ def _differences(reading: Reading) -> list[Comparison]:
     quantity = "the pressure difference's zero nearest to {}°, 3,000 rad/s, 2e5 Pa, load not stated (30 N taken)"
     note = SIDE_FORCE if zeros.size else "no zero: the outer pressure is higher everywhere"
     found = [
-        _equal(reading, "3.9", quantity.format(f"{stated:g}"), "°", stated, _nearest(zeros, stated), 5, note)
+        _equality(chapter, "3.9", quantity.format(f"{stated:g}"), "°", stated, _nearest(zeros, stated), 5, note)
         for stated in (187.0, 343.0)
     ]
     fed = [
-        _equal(
-            reading,
+        _equality(
+            chapter,
             "3.10",
             f"holes fed with the ring at {angle}°, load not stated (30 N taken)",
             "-",
@@ -169,7 +175,7 @@ def _differences(reading: Reading) -> list[Comparison]:
     return [
         *found,
         *fed,
-        Comparison("Fig. 3.8", "highest pressure", "1e5 Pa", 16, peak, 0, Relation.AT_MOST, f"{reading.name}; {axis}"),
+        Comparison("Fig. 3.8", "highest pressure", "1e5 Pa", 16, peak, 0, Relation.AT_MOST, f"{chapter.name}; {axis}"),
         Comparison(
             "Fig. 3.9",
             "lowest pressure difference",
@@ -178,7 +184,7 @@ def _differences(reading: Reading) -> list[Comparison]:
             float(np.min(difference)),
             0,
             Relation.AT_LEAST,
-            f"{reading.name}; {axis}",
+            f"{chapter.name}; {axis}",
         ),
         Comparison(
             "Fig. 3.9",
@@ -188,45 +194,58 @@ def _differences(reading: Reading) -> list[Comparison]:
             float(np.max(difference)),
             0,
             Relation.AT_MOST,
-            f"{reading.name}; {axis}",
+            f"{chapter.name}; {axis}",
         ),
     ]
 
 
-def _flows(reading: Reading) -> list[Comparison]:
+def _flows(chapter: CalibratedChapter) -> list[Comparison]:
     ring = np.arange(0.0, 60.0, 0.25)
-    turn = reading.shown.flow(np.radians(ring))
+    turn = chapter.reference_equilibrium.flow(np.radians(ring))
     found = [
-        _equal(reading, "3.11", "ring angle of the highest flow", "°", 15, float(ring[np.argmax(turn)]), 2, ZEROS_MOVE),
-        _equal(reading, "3.11", "ring angle of the lowest flow", "°", 40, float(ring[np.argmin(turn)]), 2, ZEROS_MOVE),
-        _equal(
-            reading,
+        _equality(
+            chapter, "3.11", "ring angle of the highest flow", "°", 15, float(ring[np.argmax(turn)]), 2, ZEROS_MOVE
+        ),
+        _equality(
+            chapter, "3.11", "ring angle of the lowest flow", "°", 40, float(ring[np.argmin(turn)]), 2, ZEROS_MOVE
+        ),
+        _equality(
+            chapter,
             "3.12",
             "mean flow, 10 N, 1e5 Pa, 1,000 rad/s (printed as 2.1 kg/s)",
             "1e-4 kg/s",
             2.1,
-            mean_flow(reading.by_load[0].at(1000.0)),
+            mean_flow(chapter.by_load[0].at(1000.0)),
             0.05,
             "the flow's scale is chosen to give it nominally: no prediction",
         ),
-        _equal(reading, "3.13", "speeds with outward flow, 10 N", "%", 0, _starved(reading.by_load[0]), 0, FLOW_TREND),
-        _equal(
-            reading,
+        _equality(
+            chapter,
+            "3.13",
+            "speeds with outward flow, 10 N",
+            "%",
+            0,
+            _outward_percentage(chapter.by_load[0]),
+            0,
+            FLOW_TREND,
+        ),
+        _equality(
+            chapter,
             "3.13",
             "first speed with outward flow, 30 N",
             "rad/s",
             1500,
-            _first(reading.by_load[2]),
+            _first_outward(chapter.by_load[2]),
             200,
             FLOW_TREND,
         ),
     ]
-    for case, stated in zip(reading.by_pressure, (6.0, 7.0, 8.0), strict=True):
-        quantity = f"mean flow, {_where(case, 1000.0)}"
+    for case, stated in zip(chapter.by_pressure, (6.0, 7.0, 8.0), strict=True):
+        quantity = f"mean flow, {_case_and_speed(case, 1000.0)}"
         computed = mean_flow(case.at(1000.0))
         found.append(
-            _equal(
-                reading,
+            _equality(
+                chapter,
                 "3.15",
                 quantity,
                 "1e-4 kg/s",
@@ -236,24 +255,42 @@ def _flows(reading: Reading) -> list[Comparison]:
                 "the size is calibrated, the ratio of the three is not",
             )
         )
-    middle, high = reading.by_pressure[1:]
+    middle, high = chapter.by_pressure[1:]
     found += [
-        _equal(
-            reading, "3.15", "first speed with outward flow, 2e5 Pa", "rad/s", 2300, _first(middle), 200, FLOW_TREND
+        _equality(
+            chapter,
+            "3.15",
+            "first speed with outward flow, 2e5 Pa",
+            "rad/s",
+            2300,
+            _first_outward(middle),
+            200,
+            FLOW_TREND,
         ),
-        _equal(reading, "3.15", "last speed with outward flow, 2e5 Pa", "rad/s", 4500, _last(middle), 200, FLOW_TREND),
-        _equal(reading, "3.15", "speeds with outward flow, 3e5 Pa", "%", 0, _starved(high), 0, FLOW_TREND),
+        _equality(
+            chapter,
+            "3.15",
+            "last speed with outward flow, 2e5 Pa",
+            "rad/s",
+            4500,
+            _last_outward(middle),
+            200,
+            FLOW_TREND,
+        ),
+        _equality(
+            chapter, "3.15", "speeds with outward flow, 3e5 Pa", "%", 0, _outward_percentage(high), 0, FLOW_TREND
+        ),
     ]
     return found
 
 
-def _inner_note(reading: Reading) -> str:
-    calibrated = reading.lubrication.inner_capacity_factor != 1
+def _inner_note(chapter: CalibratedChapter) -> str:
+    calibrated = chapter.lubrication.inner_capacity_factor != 1
     return "one factor gives all six" if calibrated else "the inner film as Table 3.1 has it carries 13 times more"
 
 
-def _equal(  # a comparison with one number of a figure
-    reading: Reading,
+def _equality(  # a comparison with one number of a figure
+    chapter: CalibratedChapter,
     figure: str,
     quantity: str,
     unit: str,
@@ -262,10 +299,10 @@ def _equal(  # a comparison with one number of a figure
     tolerance: float,
     note: str,
 ) -> Comparison:
-    return Comparison(f"Fig. {figure}", quantity, unit, stated, computed, tolerance, note=f"{reading.name}; {note}")
+    return Comparison(f"Fig. {figure}", quantity, unit, stated, computed, tolerance, note=f"{chapter.name}; {note}")
 
 
-def _where(case: Case, speed: float) -> str:
+def _case_and_speed(case: Case, speed: float) -> str:
     return f"{case.name}, {speed:,.0f} rad/s"
 
 
@@ -273,21 +310,21 @@ def _nearest(values: FloatArray, stated: float) -> float | None:
     return None if values.size == 0 else float(values[np.argmin(np.abs(values - stated))])
 
 
-def _outward(case: Case) -> FloatArray:
+def _outward_speeds(case: Case) -> FloatArray:
     # speeds at which oil leaves the inner film, rad/s
     speeds, flow = case.over_speed(mean_flow)
     return speeds[flow < 0]
 
 
-def _starved(case: Case) -> float:
-    return 100 * _outward(case).size / len(case.rests)
+def _outward_percentage(case: Case) -> float:
+    return 100 * _outward_speeds(case).size / len(case.rests)
 
 
-def _first(case: Case) -> float | None:
-    outward = _outward(case)
+def _first_outward(case: Case) -> float | None:
+    outward = _outward_speeds(case)
     return None if outward.size == 0 else float(outward[0])
 
 
-def _last(case: Case) -> float | None:
-    outward = _outward(case)
+def _last_outward(case: Case) -> float | None:
+    outward = _outward_speeds(case)
     return None if outward.size == 0 else float(outward[-1])

@@ -50,7 +50,7 @@ class Case:
 
 
 @dataclass(frozen=True, slots=True)
-class Reading:
+class CalibratedChapter:
     """A calibration with the cases that the chapter's figures show.
 
     Parameters
@@ -71,7 +71,7 @@ class Reading:
     by_pressure: tuple[Case, ...]
 
     @property
-    def shown(self) -> RingEquilibrium:
+    def reference_equilibrium(self) -> RingEquilibrium:
         """Equilibrium taken for Figs. 3.8 to 3.11: 3,000 rad/s and 2e5 Pa as the text says, 30 N for want of a load.
 
         Of the three loads it comes nearest to the rupture that the text gives.
@@ -79,7 +79,7 @@ class Reading:
         return self.by_pressure[1].at(3000.0)
 
 
-def read_chapter(name: str, lubrication: Lubrication) -> Reading:
+def calibrated_chapter(name: str, lubrication: Lubrication) -> CalibratedChapter:
     """Return the chapter's cases in a calibration."""
 
     def case(load: float, inlet_pressure: float) -> Case:
@@ -88,7 +88,7 @@ def read_chapter(name: str, lubrication: Lubrication) -> Reading:
 
     by_load = tuple(case(load, PRESSURES[0]) for load in LOADS)
     by_pressure = (by_load[-1], *(case(LOADS[-1], pressure) for pressure in PRESSURES[1:]))
-    return Reading(name, lubrication, by_load, by_pressure)
+    return CalibratedChapter(name, lubrication, by_load, by_pressure)
 
 
 def outer_eccentricity(rest: RingEquilibrium) -> float:

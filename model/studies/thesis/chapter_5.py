@@ -14,12 +14,12 @@ from model.linear.modes import critical_speeds, free_modes, natural_frequencies
 from model.rotor.gj90c import gj90c, gj90c_rotor
 from model.rotor.parameters import ModelParameters
 from model.rotor.rotor import Rotor
-from model.studies.linear import campbell_study, critical_study, modes_study, supported
+from model.studies.linear import campbell_study, critical_study, modes_study, supported_system
 from model.studies.study import Plot, Series, Surface
 from model.studies.thesis.report import Comparison
 
 # rad/s: third, second, first bending, upper, lower rigid mode, Hz; forward, then reverse
-PRINTED: Final[dict[int, tuple[tuple[int, ...], tuple[int, ...]]]] = {
+TABLE_5_3: Final[dict[int, tuple[tuple[int, ...], tuple[int, ...]]]] = {
     0: ((11976, 5046, 1732, 52, 20), (-11976, -5046, -1732, -52, -20)),
     500: ((11997, 5094, 1769, 53, 25), (-11955, -4997, -1695, -52, -16)),
     1000: ((12019, 5143, 1808, 53, 31), (-11934, -4950, -1659, -52, -13)),
@@ -46,7 +46,7 @@ HAND_CARRIED: Final = "printed as -50 from 2,500 rad/s on; the branch hardly dep
 JUMPS: Final = "the column falls by 18 a row; -11665.6 continues it, -11667 does not"
 
 
-def reason(speed: int, printed: int) -> str:
+def misprint_reason(speed: int, printed: int) -> str:
     """Return why an entry is not met; empty where nothing is known."""
     if printed == 53 and 2500 <= speed <= 6500:
         return CARRIED_ON
@@ -59,10 +59,14 @@ FloatArray = NDArray[np.float64]
 
 TABLE_5_2 = (1730.0, 5045.0, 11975.0, 18193.0)  # Hz
 STIFFNESS = 1e4  # N/m, of Table 5.3
-COUNTS = {1e10: 2, 1e7: 4, 1e4: 5}  # critical speeds up to 8,000 rad/s by bearing stiffness, N/m; section 5.3
+CRITICAL_SPEED_COUNTS = {
+    1e10: 2,
+    1e7: 4,
+    1e4: 5,
+}  # critical speeds up to 8,000 rad/s by bearing stiffness, N/m; section 5.3
 DIAGRAMS, SHAPES = ("5.3", "5.5", "5.7"), ("5.4", "5.6", "5.8")  # figures, by bearing stiffness as above
-HIGHEST = 8000.0  # rad/s
-SHOWN = 4  # modes of each sense
+MAX_SPEED = 8000.0  # rad/s
+MODES_PER_DIRECTION = 4  # modes of each sense
 
 
 def chapter_5_comparisons() -> list[Comparison]:
@@ -73,8 +77,8 @@ def chapter_5_comparisons() -> list[Comparison]:
         Comparison("Table 5.2", f"bending mode {number} of the free rotor", "Hz", stated, float(ours), 0.5)
         for number, (stated, ours) in enumerate(zip(TABLE_5_2, bending, strict=True), 1)
     ]
-    for stiffness, count in COUNTS.items():
-        critical = critical_speeds(rotor, stiffness, HIGHEST)
+    for stiffness, count in CRITICAL_SPEED_COUNTS.items():
+        critical = critical_speeds(rotor, stiffness, MAX_SPEED)
         where = ", ".join(f"{speed:,.1f}" for speed in sorted((*critical.forward, *critical.reverse)))
         ours = len(critical.forward) + len(critical.reverse)
         found.append(
@@ -88,7 +92,7 @@ def chapter_5_comparisons() -> list[Comparison]:
                 note=f"{len(critical.forward)} forward, {len(critical.reverse)} reverse: {where} rad/s",
             )
         )
-    for speed, (forward, reverse) in PRINTED.items():
+    for speed, (forward, reverse) in TABLE_5_3.items():
         found += _row(rotor, speed, forward, reverse)
     return found
 
@@ -100,16 +104,18 @@ def _row(rotor: Rotor, speed: int, forward: tuple[int, ...], reverse: tuple[int,
     ours = (*frequencies[middle : middle + 5][::-1], *frequencies[middle - 5 : middle])
     printed = (*sorted(forward, reverse=True), *sorted(reverse))
     return [
-        Comparison("Table 5.3", f"{speed:,} rad/s", "Hz", float(stated), float(one), 0.8, note=reason(speed, stated))
+        Comparison(
+            "Table 5.3", f"{speed:,} rad/s", "Hz", float(stated), float(one), 0.8, note=misprint_reason(speed, stated)
+        )
         for stated, one in zip(printed, ours, strict=True)
     ]
 
 
 def chapter_5_figures() -> list[tuple[str, tuple[Plot | Surface, ...]]]:
     """Return chapter 5's figures with their captions."""
-    parameters, speeds = gj90c(), np.linspace(0.0, HIGHEST, 161)
+    parameters, speeds = gj90c(), np.linspace(0.0, MAX_SPEED, 161)
     shapes = modes_study(parameters, None, 0.0, 14).plots
-    diagrams = [campbell_study(parameters, stiffness, speeds) for stiffness in COUNTS]
+    diagrams = [campbell_study(parameters, stiffness, speeds) for stiffness in CRITICAL_SPEED_COUNTS]
     stiffnesses = np.geomspace(1e3, 1e10, 141)
     return [
         ("Fig. 5.2: mode shapes of the free rotor (Table 5.2)", shapes),
@@ -119,7 +125,7 @@ def chapter_5_figures() -> list[tuple[str, tuple[Plot | Surface, ...]]]:
         ),
         *(
             (f"Fig. {number}: modes of the rotor on springs of {stiffness:.0e} N/m", _shapes(parameters, stiffness))
-            for number, stiffness in zip(SHAPES, COUNTS, strict=True)
+            for number, stiffness in zip(SHAPES, CRITICAL_SPEED_COUNTS, strict=True)
         ),
         (
             "Where the critical speeds of the three diagrams come from: all over the bearings' stiffness",
@@ -130,17 +136,17 @@ def chapter_5_figures() -> list[tuple[str, tuple[Plot | Surface, ...]]]:
 
 def _shapes(parameters: ModelParameters, stiffness: float) -> tuple[Plot, ...]:
     """Return the lowest forward and reverse modes at the highest speed, each with its largest displacement 1."""
-    modes = whirl_modes(supported(parameters, stiffness), [HIGHEST])[0]
+    modes = whirl_modes(supported_system(parameters, stiffness), [MAX_SPEED])[0]
     plots = []
     for name, sign in (("Forward", 1), ("Reverse", -1)):
         places = np.flatnonzero(sign * modes.frequencies > 0)
         series = []
-        for place in places[np.argsort(np.abs(modes.frequencies[places]))][:SHOWN]:
+        for place in places[np.argsort(np.abs(modes.frequencies[places]))][:MODES_PER_DIRECTION]:
             moved = modes.shapes[place, 0]
             shape = np.real(moved / moved[int(np.argmax(np.abs(moved)))])
             hertz = f"{abs(modes.frequencies[place]) / (2 * math.pi):,.1f} Hz"
             series.append(Series(hertz, parameters.rotor.positions * 1e3, np.asarray(shape)))
-        title = f"{name} modes at {HIGHEST:,.0f} rad/s, springs of {stiffness:.0e} N/m"
+        title = f"{name} modes at {MAX_SPEED:,.0f} rad/s, springs of {stiffness:.0e} N/m"
         plots.append(
             Plot(title, "Position along the shaft [mm]", "Displacement, largest 1", tuple(series), y_limits=(-1.1, 1.1))
         )

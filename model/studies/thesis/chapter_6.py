@@ -16,30 +16,30 @@ from model.dynamics.whirl import FilmName
 from model.rotor.gj90c import gj90c
 from model.rotor.parameters import ModelParameters
 from model.studies.onset import Stability, stability
-from model.studies.run_up import LEAST, RunUp, bifurcation_plot, run_up, waterfall_surface
-from model.studies.stepped_motion import SEED
+from model.studies.run_up import MIN_AMPLITUDE, RunUp, bifurcation_plot, run_up, waterfall_surface
+from model.studies.stepped_motion import DEFAULT_SEED
 from model.studies.study import Plot, Surface
-from model.studies.thesis.chapter_6_spectra import Component, Look
+from model.studies.thesis.chapter_6_spectra import Component, Spectrum
 from model.studies.thesis.report import Comparison
 
 INNER, OUTER = FilmName.INNER, FilmName.OUTER
 
 FloatArray = NDArray[np.float64]
 
-SHARE = 0.05  # of the printed imbalances
+IMBALANCE_FRACTION = 0.05  # of the printed imbalances
 SPEEDS = np.arange(200.0, 8001.0, 100.0)  # rad/s
 SPEEDS.flags.writeable = False
-RESONANT = 6000.0  # rad/s: above it the printed imbalance meets an undamped resonance
-UNDAMPED = "; above 6,000 rad/s the undamped resonance at 7,526 rad/s: sizes without meaning, off the scale"
+RESONANCE_LIMIT = 6000.0  # rad/s: above it the printed imbalance meets an undamped resonance
+UNDAMPED_NOTE = "; above 6,000 rad/s the undamped resonance at 7,526 rad/s: sizes without meaning, off the scale"
 ONSET_TOLERANCE = 100.0  # rad/s, the step of the run-ups
 ORDER_TOLERANCE = 0.05  # of an order that is stated in tens of percent
 HALF_SPEED = {
     INNER: "half the sum of both surfaces' speeds, which the text names as the cause, is 0.703 for a centred journal",
     OUTER: "half the ring's speed is 0.203 for a centred ring",
 }
-BY_CHANCE = "near the stated one, which proves little: most others are far off"
-PINNED = "at this imbalance the journals are pinned near the wall"
-NOT_FOLLOWING = (
+CHANCE_NOTE = "near the stated one, which proves little: most others are far off"
+PINNED_NOTE = "at this imbalance the journals are pinned near the wall"
+NOT_REPRODUCED_NOTE = (
     "the onset speeds do not follow from the printed data: at the printed imbalance the journals are pinned to the "
     "wall, at 0.05 of it the films let go as computed here"
 )
@@ -67,9 +67,9 @@ class Case:
         Stated, rad/s; NaN where nothing is.
     inner_end : float
         Stated, rad/s: where the inner film's whirl ends; NaN where nothing is.
-    share : float
+    imbalance_fraction : float
         Of the printed imbalance that is computed.
-    looks : tuple of Look
+    spectra : tuple of Look
         Spectra and trajectories that are shown of it.
     """
 
@@ -83,13 +83,13 @@ class Case:
     inner_onset: float = math.nan
     outer_onset: float = math.nan
     inner_end: float = math.nan
-    share: float = SHARE
-    looks: tuple[Look, ...] = ()
+    imbalance_fraction: float = IMBALANCE_FRACTION
+    spectra: tuple[Spectrum, ...] = ()
 
     def parameters(self) -> ModelParameters:
         """Return the case with the imbalance that can be borne."""
         found = gj90c(
-            imbalance=self.share * self.imbalance,
+            imbalance=self.imbalance_fraction * self.imbalance,
             viscosity=self.viscosity,
             inner_clearance=self.inner_clearance,
             outer_clearance=self.outer_clearance,
@@ -100,57 +100,66 @@ class Case:
 CASES = (
     Case(
         "imbalance 1e-5 kg m", "Fig. 6.1", imbalance=1e-5, inner_onset=2600, outer_onset=6700,
-        looks=(
-            Look("Fig. 6.4a", 3000, (Component.INNER,), 0.6),
-            Look("Fig. 6.5a", 6000, (Component.OUTER, Component.INNER)),
+        spectra=(
+            Spectrum("Fig. 6.4a", 3000, (Component.INNER,), 0.6),
+            Spectrum("Fig. 6.5a", 6000, (Component.OUTER, Component.INNER)),
         ),
     ),
     Case(
         "imbalance 2.5e-5 kg m, the base case", "Fig. 6.2", inner_onset=3500, outer_onset=6000,
-        looks=(Look("Fig. 6.4b", 3000, ()), Look("Fig. 6.5b", 6000, (Component.OUTER,))),
+        spectra=(Spectrum("Fig. 6.4b", 3000, ()), Spectrum("Fig. 6.5b", 6000, (Component.OUTER,))),
     ),
     Case(
         "imbalance 5e-5 kg m", "Fig. 6.3", imbalance=5e-5, inner_onset=4100, outer_onset=5000,
-        looks=(Look("Fig. 6.4c", 3000, ()), Look("Fig. 6.5c", 6000, (Component.OUTER,))),
+        spectra=(Spectrum("Fig. 6.4c", 3000, ()), Spectrum("Fig. 6.5c", 6000, (Component.OUTER,))),
     ),
     Case(
         "viscosity 5 mPa s", "Fig. 6.6", viscosity=0.005, inner_onset=1700, outer_onset=4500,
-        looks=(Look("Fig. 6.8a", 2000, (Component.INNER,), 0.6), Look("Fig. 6.9a", 6000, (Component.OUTER,), 0.2)),
+        spectra=(
+            Spectrum("Fig. 6.8a", 2000, (Component.INNER,), 0.6),
+            Spectrum("Fig. 6.9a", 6000, (Component.OUTER,), 0.2),
+        ),
     ),
     Case(
         "viscosity 35 mPa s", "Fig. 6.7", viscosity=0.035, inner_onset=2900, outer_onset=6700,
-        looks=(Look("Fig. 6.8b", 2000, ()), Look("Fig. 6.9b", 6000, (Component.OUTER, Component.INNER))),
+        spectra=(Spectrum("Fig. 6.8b", 2000, ()), Spectrum("Fig. 6.9b", 6000, (Component.OUTER, Component.INNER))),
     ),
     Case(
         "inner clearance 15 µm", "Fig. 6.10", inner_clearance=15e-6, inner_onset=2800, outer_onset=5000,
-        looks=(Look("Fig. 6.12a", 3000, ()), Look("Fig. 6.13a", 6000, (Component.OUTER,))),
+        spectra=(Spectrum("Fig. 6.12a", 3000, ()), Spectrum("Fig. 6.13a", 6000, (Component.OUTER,))),
     ),
     Case(
         "inner clearance 25 µm", "Fig. 6.11", inner_clearance=25e-6, inner_onset=4000, outer_onset=5900,
-        looks=(Look("Fig. 6.12b", 3000, ()), Look("Fig. 6.13b", 6000, (Component.OUTER,))),
+        spectra=(Spectrum("Fig. 6.12b", 3000, ()), Spectrum("Fig. 6.13b", 6000, (Component.OUTER,))),
     ),
     Case(
         "outer clearance 70 µm", "Fig. 6.14", outer_clearance=70e-6, inner_end=800, outer_onset=6000,
-        looks=(Look("Fig. 6.16a", 3000, (Component.HARMONIC,)), Look("Fig. 6.17a", 6000, (Component.OUTER,))),
+        spectra=(Spectrum("Fig. 6.16a", 3000, (Component.HARMONIC,)), Spectrum("Fig. 6.17a", 6000, (Component.OUTER,))),
     ),
     Case(
         "outer clearance 90 µm", "Fig. 6.15", outer_clearance=90e-6, inner_onset=2500, outer_onset=4900,
-        looks=(Look("Fig. 6.16b", 3000, ()), Look("Fig. 6.17b", 6000, (Component.OUTER,))),
+        spectra=(Spectrum("Fig. 6.16b", 3000, ()), Spectrum("Fig. 6.17b", 6000, (Component.OUTER,))),
     ),
     Case(
         "static load 2 N", "Fig. 6.18", static_load=2.0, inner_onset=3000, outer_onset=5300,
-        looks=(Look("Fig. 6.20a", 3000, ()), Look("Fig. 6.21a", 6000, (Component.OUTER,))),
+        spectra=(Spectrum("Fig. 6.20a", 3000, ()), Spectrum("Fig. 6.21a", 6000, (Component.OUTER,))),
     ),
     Case(
         "static load 5 N", "Fig. 6.19", static_load=5.0, inner_onset=2500, outer_onset=5000,
-        looks=(Look("Fig. 6.20b", 3000, (Component.INNER,), 0.6), Look("Fig. 6.21b", 6000, (Component.OUTER,))),
+        spectra=(
+            Spectrum("Fig. 6.20b", 3000, (Component.INNER,), 0.6),
+            Spectrum("Fig. 6.21b", 6000, (Component.OUTER,)),
+        ),
     ),
-    Case("1e-5 kg m as printed", "Fig. 6.1", imbalance=1e-5, inner_onset=2600, outer_onset=6700, share=1.0),
+    Case(
+        "1e-5 kg m as printed", "Fig. 6.1", imbalance=1e-5, inner_onset=2600, outer_onset=6700,
+        imbalance_fraction=1.0,
+    ),
 )  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Outcome:
+class CaseResult:
     """A case computed again.
 
     Parameters
@@ -165,20 +174,20 @@ class Outcome:
     stability: Stability
 
 
-def run_case(case: Case) -> Outcome:
+def run_case(case: Case) -> CaseResult:
     """Return a case computed again; takes some seconds."""
     parameters = case.parameters()
-    return Outcome(run_up(parameters, SPEEDS, seed=SEED), stability(parameters, SPEEDS[::2], 5.0))
+    return CaseResult(run_up(parameters, SPEEDS, seed=DEFAULT_SEED), stability(parameters, SPEEDS[::2], 5.0))
 
 
-def chapter_6_comparisons(found: tuple[Outcome, ...]) -> list[Comparison]:
+def chapter_6_comparisons(found: tuple[CaseResult, ...]) -> list[Comparison]:
     """Return what chapter 6 states of its cases and frequencies, beside what run-ups of `CASES` showed."""
     onsets, orders = [], []
     for case, one in zip(CASES, found, strict=True):
         onsets += [_edge(case, one, film, stated) for film, stated in _stated_onsets(case)]
         if math.isfinite(case.inner_end):
             onsets.append(_edge(case, one, INNER, case.inner_end, is_end=True))
-        orders += [_order(look, case, one.run) for look in case.looks if math.isfinite(look.order)]
+        orders += [_order(spectrum, case, one.run) for spectrum in case.spectra if math.isfinite(spectrum.order)]
     return [*onsets, *orders]
 
 
@@ -187,12 +196,12 @@ def _stated_onsets(case: Case) -> list[tuple[FilmName, float]]:
     return [(film, speed) for film, speed in stated if math.isfinite(speed)]
 
 
-def _edge(case: Case, one: Outcome, film: FilmName, stated: float, *, is_end: bool = False) -> Comparison:
+def _edge(case: Case, one: CaseResult, film: FilmName, stated: float, *, is_end: bool = False) -> Comparison:
     """Return where a film's whirl begins or ends beside what is stated."""
     speed = one.run.end(film) if is_end else one.run.onset(film)
-    why = PINNED if case.share == 1 else NOT_FOLLOWING
+    why = PINNED_NOTE if case.imbalance_fraction == 1 else NOT_REPRODUCED_NOTE
     if abs(speed - stated) <= ONSET_TOLERANCE:
-        why = BY_CHANCE
+        why = CHANCE_NOTE
     elif math.isnan(speed):
         why = f"no whirl of the {film} film; {why}"
     return Comparison(
@@ -206,18 +215,18 @@ def _edge(case: Case, one: Outcome, film: FilmName, stated: float, *, is_end: bo
     )
 
 
-def _order(look: Look, case: Case, run: RunUp) -> Comparison:
-    (component,) = look.stated
+def _order(spectrum: Spectrum, case: Case, run: RunUp) -> Comparison:
+    (component,) = spectrum.stated
     film = INNER if component is Component.INNER else OUTER
-    order, size = look.size(run, component)
+    order, size = spectrum.size(run, component)
     return Comparison(
-        look.figure,
-        f"order of the {film} film's whirl at {look.speed:,.0f} rad/s, {case.name}",
+        spectrum.figure,
+        f"order of the {film} film's whirl at {spectrum.speed:,.0f} rad/s, {case.name}",
         "X",
-        look.order,
-        order if size > LEAST else None,
+        spectrum.order,
+        order if size > MIN_AMPLITUDE else None,
         ORDER_TOLERANCE,
-        note=HALF_SPEED[film] if size > LEAST else f"no whirl of the {film} film there",
+        note=HALF_SPEED[film] if size > MIN_AMPLITUDE else f"no whirl of the {film} film there",
     )
 
 
@@ -229,7 +238,7 @@ def _bands(found: Stability, film: FilmName) -> str:
     return "by eigenvalues unstable " + (" and ".join(parts) if parts else "nowhere")
 
 
-def onsets_by_eigenvalues(found: tuple[Outcome, ...]) -> str:
+def onsets_by_eigenvalues(found: tuple[CaseResult, ...]) -> str:
     """Return how the run-ups' onsets stand to the eigenvalues', which need no time to grow."""
     others, agreeing = [], 0
     for case, one in zip(CASES, found, strict=True):
@@ -270,7 +279,7 @@ class Trend:
     seen: str
 
 
-def trends(found: tuple[Outcome, ...]) -> list[Trend]:
+def trends(found: tuple[CaseResult, ...]) -> list[Trend]:
     """Return the trends of chapter 6, each judged by the run-ups of `CASES`."""
     runs = [(case, one.run) for case, one in zip(CASES, found, strict=True)]
     by_name = {case.name: one for case, one in runs}
@@ -288,7 +297,7 @@ def trends(found: tuple[Outcome, ...]) -> list[Trend]:
         seen = " → ".join(f"{one:,.0f} rad/s" if math.isfinite(one) else "none" for one in onsets)
         return Trend(text, all(step == sign for step in steps), seen)
 
-    both = [(one.onset(INNER), one.onset(OUTER)) for case, one in runs if case.share < 1]
+    both = [(one.onset(INNER), one.onset(OUTER)) for case, one in runs if case.imbalance_fraction < 1]
     ordered = sum(inner < outer for inner, outer in both)
     largest = [float(np.nanmax(by_name[name].peak_to_peak)) * 1e6 for name in viscosity]
     outer_at = np.flatnonzero(by_name[base].speeds == by_name[base].onset(OUTER))
@@ -312,22 +321,22 @@ def trends(found: tuple[Outcome, ...]) -> list[Trend]:
         trend("static load lowers the inner film's onset", load, INNER, -1),
         trend("static load lowers the outer film's onset", load, OUTER, -1),
         Trend("amplitude rises with the outer film's whirl", grows, f"to {float(np.nanmax(overall)):,.0f} µm pp"),
-        *(Trend(look.text, *look.judged(run)) for case, run in runs for look in case.looks),
+        *(Trend(spectrum.text, *spectrum.evaluate(run)) for case, run in runs for spectrum in case.spectra),
     ]
 
 
-def chapter_6_figures(found: tuple[Outcome, ...]) -> list[tuple[str, tuple[Plot | Surface, ...]]]:
+def chapter_6_figures(found: tuple[CaseResult, ...]) -> list[tuple[str, tuple[Plot | Surface, ...]]]:
     """Return a waterfall and a bifurcation diagram of each case, its spectra and trajectories, with captions."""
     figures: list[tuple[str, tuple[Plot | Surface, ...]]] = []
     for case, one in zip(CASES, found, strict=True):
-        at = f"{case.name} (computed at {case.share:g} of the printed imbalance)"
+        at = f"{case.name} (computed at {case.imbalance_fraction:g} of the printed imbalance)"
         waterfall = waterfall_surface(one.run, f"Waterfall, {case.name}")
         bifurcation = bifurcation_plot(one.run, f"Bifurcation, {case.name}")
-        if case.share == 1:  # scales that show what is below the resonance
-            below = float(np.nanmax(one.run.peak_to_peak[one.run.speeds <= RESONANT])) * 1e6
+        if case.imbalance_fraction == 1:  # scales that show what is below the resonance
+            below = float(np.nanmax(one.run.peak_to_peak[one.run.speeds <= RESONANCE_LIMIT])) * 1e6
             waterfall = replace(waterfall, z_limits=(waterfall.z_limits[0], below))
             bifurcation = replace(bifurcation, y_limits=(-below, below))
-            at += UNDAMPED
+            at += UNDAMPED_NOTE
         figures.append((f"{case.figures}: {at}", (waterfall, bifurcation)))
-        figures += [(f"{look.figure}: {at}", look.plots(one.run, case.name)) for look in case.looks]
+        figures += [(f"{spectrum.figure}: {at}", spectrum.plots(one.run, case.name)) for spectrum in case.spectra]
     return figures

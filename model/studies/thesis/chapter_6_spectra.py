@@ -7,7 +7,7 @@ from enum import Enum
 import numpy as np
 
 from model.dynamics.whirl import FilmName
-from model.studies.run_up import LEAST, VISIBLE, RunUp
+from model.studies.run_up import MIN_AMPLITUDE, VISIBLE_RATIO, RunUp
 from model.studies.study import Plot, Series, Style
 
 
@@ -28,7 +28,7 @@ HARMONIC = (1.2, 1.4)  # orders at which Fig. 6.16 has a component of its own
 
 
 @dataclass(frozen=True, slots=True)
-class Look:
+class Spectrum:
     """A spectrum with its trajectory, and what the text says of it.
 
     Parameters
@@ -54,16 +54,16 @@ class Look:
         seen = " and ".join(one.value for one in self.stated) or "1X alone"
         return f"{self.figure}, {self.speed:,.0f} rad/s: {seen}"
 
-    def judged(self, found: RunUp) -> tuple[bool, str]:
+    def evaluate(self, found: RunUp) -> tuple[bool, str]:
         """Return whether a run-up shows what is stated and no more, and what it shows."""
         row = self._row(found)
         # as on a linear scale, as the thesis draws it: beside a whirl of 130 µm nobody sees its combinations of 3 µm
-        least = max(VISIBLE * float(found.spectrum[row].max()), LEAST)
+        least = max(VISIBLE_RATIO * float(found.spectrum[row].max()), MIN_AMPLITUDE)
         sizes = {one: self.size(found, one) for one in Component}
         visible = {one: size > least for one, (_, size) in sizes.items()}
         parts = [f"{order:.2f}X {size * 1e6:.3g} µm" for one, (order, size) in sizes.items() if visible[one]]
-        shown = ", ".join([f"1X {found.first_order[row] * 1e6:.3g} µm", *parts])
-        return all(visible[one] == (one in self.stated) for one in Component), shown
+        reference_equilibrium = ", ".join([f"1X {found.first_order[row] * 1e6:.3g} µm", *parts])
+        return all(visible[one] == (one in self.stated) for one in Component), reference_equilibrium
 
     def size(self, found: RunUp, component: Component) -> tuple[float, float]:
         """Return a component's order and size, m peak, as a run-up shows them."""

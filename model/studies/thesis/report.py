@@ -102,7 +102,7 @@ class Figure:
         Of the axes, with their units.
     curves : tuple of Curve
         Lines.
-    empty : str
+    empty_text : str
         Why there is none, where no curve has a point.
     y_limits : tuple of float, length 2, optional
         Ends of the axis.
@@ -113,7 +113,7 @@ class Figure:
     x_label: str
     y_label: str
     curves: tuple[Curve, ...]
-    empty: str = "nothing to draw"
+    empty_text: str = "nothing to draw"
     y_limits: tuple[float, float] | None = None
 
 

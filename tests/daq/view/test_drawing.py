@@ -6,7 +6,7 @@ import pytest
 pytest.importorskip("matplotlib", reason="the extra `plots` is not installed")
 
 from daq.cli.model.figures import draw
-from daq.cli.model.report import captioned
+from daq.cli.model.report import captioned_plot
 from model.studies.study import Plot, Series
 from model.studies.thesis.report import Curve, Figure
 
@@ -34,14 +34,14 @@ def test_numbers_on_axes_are_whole() -> None:
 
 def test_plot_without_lines_says_why() -> None:
     nothing = np.array([])
-    _, (plot,) = captioned(Figure("3.5", "rupture", "x", "y", (Curve("10 N", nothing, nothing),), "no cavity"))
+    _, (plot,) = captioned_plot(Figure("3.5", "rupture", "x", "y", (Curve("10 N", nothing, nothing),), "no cavity"))
     (axes,) = draw([plot]).axes
     assert [text.get_text() for text in axes.texts] == ["no cavity"]
     assert axes.get_xticks().size == 0
 
 
 def test_equal_curves_can_be_told_apart() -> None:
-    _, (plot,) = captioned(Figure("3.4", "equal", "x", "y", tuple(Curve(name, X, X) for name in "abc")))
+    _, (plot,) = captioned_plot(Figure("3.4", "equal", "x", "y", tuple(Curve(name, X, X) for name in "abc")))
     (axes,) = draw([plot]).axes
     assert len({str(line.get_linestyle()) + str(line.get_linewidth()) for line in axes.lines}) == 3
 

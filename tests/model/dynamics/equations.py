@@ -10,7 +10,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from model.dynamics.modal_system import Films, ModalSystem, Rings, Shaft
+from model.dynamics.modal_system import Films, ModalShaft, ModalSystem, Rings
 from model.rotor.parameters import ModelParameters
 
 FloatArray = NDArray[np.float64]
@@ -34,15 +34,17 @@ def _film(z: complex, v: complex, clearance: float, spin: float, factor: float) 
 
 
 @numba.njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator, unused-ignore]  # numba has no types
-def _rates(time: float, state: ComplexArray, speed: float, shaft: Shaft, films: Films, rings: Rings) -> ComplexArray:
-    squares, gyroscopic, journals, _, imbalance, weight = shaft
-    m, n = squares.size, state.size // 2  # modes, and they with the rings
+def _rates(
+    time: float, state: ComplexArray, speed: float, shaft: ModalShaft, films: Films, rings: Rings
+) -> ComplexArray:
+    squared_frequencies, gyroscopic, journals, _, imbalance, weight = shaft
+    m, n = squared_frequencies.size, state.size // 2  # modes, and they with the rings
     inner_factor, outer_factor, inner_c, outer_c, inner_spin, outer_spin = films
     out = np.empty(state.size, np.complex128)
     turning = speed * speed * complex(math.cos(speed * time), math.sin(speed * time))
     for k in range(m):
         out[k] = state[n + k]
-        force = turning * imbalance[k] + weight[k] - squares[k] * state[k]
+        force = turning * imbalance[k] + weight[k] - squared_frequencies[k] * state[k]
         for j in range(m):
             force += 1j * speed * gyroscopic[k, j] * state[n + j]
         out[n + k] = force
@@ -128,7 +130,7 @@ def constrained_rates(parameters: ModelParameters, speed: float, modes: int) -> 
     """Return the same with linear supports and walls; the rings of supports follow the floating ones."""
     system = ModalSystem.of(parameters, modes)
     supports, rubs = parameters.supports, parameters.rubs
-    held = system.stations[[one.station - 1 for one in supports]]
+    supported = system.stations[[one.station - 1 for one in supports]]
     matrices = np.zeros((len(supports), 4, 2, 2))
     rings, last = np.full((len(supports), 3), -1.0), 1
     for s, one in enumerate(supports):
@@ -143,7 +145,7 @@ def constrained_rates(parameters: ModelParameters, speed: float, modes: int) -> 
     def rates(time: float, flat: FloatArray) -> FloatArray:
         state = flat.view(np.complex128)
         found: ComplexArray = _rates(time, state, speed, system.shaft, system.films, system.rings)
-        _hold(found, state, modes, held, matrices, rings)
+        _hold(found, state, modes, supported, matrices, rings)
         _rub(found, state, modes, speed, touched, walls)
         return found.view(np.float64)
 
@@ -176,7 +178,7 @@ def numpy_rates(parameters: ModelParameters, speed: float, modes: int = 6) -> Ra
         inner = film(apart, closing, films.inner_clearance, films.inner_speed * speed, films.inner_factor)
         outer = film(rings, ring_rates, films.outer_clearance, films.outer_speed * speed, films.outer_factor)
         pushed = speed**2 * np.exp(1j * speed * time) * shaft.imbalance + shaft.weight + shaft.journals.T @ inner
-        bend = pushed + 1j * speed * shaft.gyroscopic @ v - shaft.squares * q
+        bend = pushed + 1j * speed * shaft.gyroscopic @ v - shaft.squared_frequencies * q
         ring_pull = (outer - inner) / system.rings.mass - 1j * system.rings.gravity
         return np.concatenate((v, ring_rates, bend, ring_pull)).view(np.float64)
 

@@ -20,28 +20,28 @@ from model.rotor.gj90c import gj90c
 from model.rotor.parameters import Imbalance, ModelParameters
 from model.rotor.rotor import Disc, Rotor, Segment
 from model.rotor.rub import Rub
-from model.rotor.supports import Coefficients, StaticLoad, Support
-from model.studies.varied_parameters import varied
+from model.rotor.supports import StaticLoad, Support, SupportCoefficients
+from model.studies.varied_parameters import with_values
 from tests.model.dynamics.equations import at_rest, constrained_rates
 
 FloatArray = NDArray[np.float64]
 
-SPRINGS = tuple(Support(station, Coefficients.isotropic(1e6, 100.0)) for station in (2, 3))
+SPRINGS = tuple(Support(station, SupportCoefficients.isotropic(1e6, 100.0)) for station in (2, 3))
 ELLIPTIC = (
-    Support(1, Coefficients(((1e6, 2e5), (-1e5, 3e6)), ((100.0, 0.0), (0.0, 60.0)))),
+    Support(1, SupportCoefficients(((1e6, 2e5), (-1e5, 3e6)), ((100.0, 0.0), (0.0, 60.0)))),
     Support(
         4,
-        Coefficients(((2e6, 0.0), (0.0, 1e6)), ((80.0, 0.0), (0.0, 60.0))),
-        Coefficients(((5e6, 0.0), (0.0, 4e6)), ((200.0, 0.0), (0.0, 200.0))),
+        SupportCoefficients(((2e6, 0.0), (0.0, 1e6)), ((80.0, 0.0), (0.0, 60.0))),
+        SupportCoefficients(((5e6, 0.0), (0.0, 4e6)), ((200.0, 0.0), (0.0, 200.0))),
         0.05,
     ),
 )
 SOFT = (
-    Support(1, Coefficients(((1e5, 2e4), (-1e4, 3e5)), ((10.0, 0.0), (0.0, 6.0)))),
+    Support(1, SupportCoefficients(((1e5, 2e4), (-1e4, 3e5)), ((10.0, 0.0), (0.0, 6.0)))),
     Support(
         4,
-        Coefficients(((2e5, 0.0), (0.0, 1e5)), ((8.0, 0.0), (0.0, 6.0))),
-        Coefficients(((5e5, 0.0), (0.0, 4e5)), ((20.0, 0.0), (0.0, 20.0))),
+        SupportCoefficients(((2e5, 0.0), (0.0, 1e5)), ((8.0, 0.0), (0.0, 6.0))),
+        SupportCoefficients(((5e5, 0.0), (0.0, 4e5)), ((20.0, 0.0), (0.0, 20.0))),
         0.05,
     ),
 )
@@ -83,8 +83,8 @@ def test_on_linear_supports_alone_the_motion_is_the_linear_solution(
     parameters = dry(supports=supports, imbalances=(Imbalance(4, 5e-7, 0.3), Imbalance(1, 2e-7, 2.0)))
     expected = imbalance_response(linear_system(parameters.rotor, supports), parameters.imbalances, [speed])[0]
     motion = ShaftMotion(parameters, speed, 60)
-    motion.turns(100, 256)
-    found = first_order(motion.turns_of_all(4, 256), 256).T
+    motion.integrate_turns(100, 256)
+    found = first_order(motion.integrate_stations(4, 256), 256).T
     assert np.abs(found - expected).max() < 1e-3 * np.abs(expected).max()
     response = synchronous_response(parameters, speed)
     assert np.abs(response.stations - expected).max() < 1e-3 * np.abs(expected).max()
@@ -97,8 +97,8 @@ def test_beside_films_the_synchronous_response_is_the_motion(supports: tuple[Sup
     response = synchronous_response(parameters, 1500.0)
     assert response.growth_rate < 0
     motion = ShaftMotion(parameters, 1500.0, 100)
-    motion.turns(50, 256)
-    found = first_order(motion.turns_of_all(4, 256), 256).T
+    motion.integrate_turns(50, 256)
+    found = first_order(motion.integrate_stations(4, 256), 256).T
     assert np.abs(found - response.stations).max() < 1e-3 * np.abs(found).max()
     free = synchronous_response(shaken(gravity=0.0), 1500.0)
     assert abs(free.circle - response.circle) > 0.2 * abs(free.circle)
@@ -110,8 +110,8 @@ def test_on_a_wall_all_the_way_round_the_synchronous_response_is_the_motion() ->
     assert response.growth_rate < 0
     assert abs(response.stations[0, 3]) > 1.5 * WALL.clearance
     motion = ShaftMotion(parameters, 1500.0, 150)
-    motion.turns(60, 256)
-    found = first_order(motion.turns_of_all(4, 256), 256).T
+    motion.integrate_turns(60, 256)
+    found = first_order(motion.integrate_stations(4, 256), 256).T
     assert np.abs(found - response.stations).max() < 1e-3 * np.abs(found).max()
 
 
@@ -127,9 +127,9 @@ def test_motion_is_that_of_a_tight_explicit_integration(supports: tuple[Support,
     speed, steps, turns = 1500.0, 256, 5
     parameters = shaken(supports=supports, rubs=rubs)
     system = ModalSystem.of(parameters)
-    modes, rings = system.shaft.squares.size, system.rings.mass.size
+    modes, rings = system.shaft.squared_frequencies.size, system.rings.mass.size
     times = 2 * math.pi / (speed * steps) * np.arange(turns * steps)
-    path = ShaftMotion(parameters, speed, 0).turns_of_all(turns, steps)
+    path = ShaftMotion(parameters, speed, 0).integrate_stations(turns, steps)
     rates, start = constrained_rates(parameters, speed, modes), at_rest(modes, rings)
     solution = solve_ivp(rates, (0.0, float(times[-1])), start, "LSODA", times, rtol=1e-9, atol=1e-13)
     assert solution.success
@@ -147,7 +147,7 @@ def test_error_falls_with_the_square_of_the_step_while_the_shaft_stays_on_the_wa
 
     def after_two_turns(steps: int) -> FloatArray:
         motion = ShaftMotion(parameters, 1500.0, 100)
-        return motion.turns_of_all(3, steps)[:, :, ::steps]
+        return motion.integrate_stations(3, steps)[:, :, ::steps]
 
     assert np.linalg.norm(after_two_turns(128)[3], axis=0).min() > WALL.clearance
     paths = [after_two_turns(steps) for steps in (128, 256, 512, 1024)]
@@ -160,7 +160,7 @@ def test_shaft_pressed_onto_a_wall_rests_where_the_forces_balance() -> None:
     load, wall = 5.0, Rub(4, 5e-6, 1e6, 10e-3, 0.3)
     parameters = dry(supports=SPRINGS, rubs=(wall,), loads=(StaticLoad(4, load, 0.0),), imbalances=())
     motion = ShaftMotion(parameters, 300.0, 40)
-    found = complex(*motion.turns_of_all(1)[3].mean(axis=1))
+    found = complex(*motion.integrate_stations(1)[3].mean(axis=1))
     # z = s (W - (1 + i mu) k (|z| - c) z / |z|): springs give the compliance s
     compliance = static_deflection(linear_system(parameters.rotor, SPRINGS), [StaticLoad(4, 1.0, 0.0)])[0, 3]
 
@@ -176,10 +176,10 @@ def bounce(parameters: ModelParameters, velocity: float, step: float, steps: int
     """States of a shaft that is thrown sideways without turning itself over: its first mode, in X."""
     motion = ShaftMotion(parameters, 50.0, 0)
     system = ModalSystem.of(parameters)
-    modes = system.shaft.squares.size
-    standing = np.zeros((2, modes + system.rings.mass.size), np.complex128)
-    standing[1, 0] = velocity / system.stations[0, 0] / motion.speed
-    motion.stand(standing.ravel().view(np.float64))
+    modes = system.shaft.squared_frequencies.size
+    initial_state = np.zeros((2, modes + system.rings.mass.size), np.complex128)
+    initial_state[1, 0] = velocity / system.stations[0, 0] / motion.speed
+    motion.set_initial_state(initial_state.ravel().view(np.float64))
     states = []
     for number in range(1, steps + 1):
         motion.advance(np.array([motion.speed * step * number]), np.array([motion.speed]), step)
@@ -193,9 +193,9 @@ def test_smooth_undamped_wall_gives_an_impacts_energy_back() -> None:
     system = ModalSystem.of(parameters)
     energies, depths = [], []
     for state in bounce(parameters, 0.01, 2e-6, 900):
-        q, v = state[:2, : system.shaft.squares.size]
+        q, v = state[:2, : system.shaft.squared_frequencies.size]
         depths.append(max(abs(complex(system.stations[0] @ q)) - rub.clearance, 0.0))
-        kept = (np.abs(v) ** 2).sum() + (system.shaft.squares * np.abs(q) ** 2).sum()
+        kept = (np.abs(v) ** 2).sum() + (system.shaft.squared_frequencies * np.abs(q) ** 2).sum()
         energies.append(0.5 * float(kept) + 0.5 * rub.stiffness * depths[-1] ** 2)
     assert max(depths) > 1e-6
     assert depths[0] == depths[-1] == 0
@@ -231,22 +231,22 @@ def test_friction_that_drives_the_shaft_without_end_is_told() -> None:
 
 
 def test_sweep_changes_the_first_wall_and_support() -> None:
-    found = varied(
+    found = with_values(
         shaken(supports=SOFT, rubs=(WALL,)),
         {"rub_clearance_um": 30.0, "rub_friction": 0.2, "rub_stiffness_n_m": 1e6, "support_stiffness_n_m": 4e5},
     )
     (rub,) = found.rubs
     assert rub.clearance == pytest.approx(30e-6)
     assert replace(rub, clearance=1.0) == Rub(4, 1.0, 1e6, 20e-3, 0.2, WALL.damping)
-    assert found.supports[0].inner == Coefficients(((4e5, 0.0), (0.0, 4e5)), SOFT[0].inner.damping)
+    assert found.supports[0].inner == SupportCoefficients(((4e5, 0.0), (0.0, 4e5)), SOFT[0].inner.damping)
     assert found.supports[1] == SOFT[1]
     for name in ("rub_damping_s_m", "support_stiffness_n_m"):
         with pytest.raises(ValueError, match=r"(rub|support): none, expected a rotor with a"):
-            varied(gj90c(), {name: 1.0})
+            with_values(gj90c(), {name: 1.0})
 
 
 def test_default_rotor_has_no_constraints_and_keeps_its_six_modes() -> None:
     system = ModalSystem.of(gj90c())
     assert system.constraints is None
-    assert system.shaft.squares.size == 6
-    assert ModalSystem.of(replace(gj90c(), rubs=(Rub(2, 1e-4, 1e6, 1e-2),))).shaft.squares.size == 12
+    assert system.shaft.squared_frequencies.size == 6
+    assert ModalSystem.of(replace(gj90c(), rubs=(Rub(2, 1e-4, 1e6, 1e-2),))).shaft.squared_frequencies.size == 12

@@ -12,7 +12,7 @@ from model.dynamics.motion import ShaftMotion
 from model.dynamics.stability import synchronous_orbit
 from model.dynamics.synchronous import synchronous_response
 from model.errors import WallContactError
-from model.films.film import films_of
+from model.films.film import bearing_films
 from model.linear.modes import free_modes
 from model.rotor.gj90c import gj90c
 from model.rotor.parameters import Imbalance, ModelParameters
@@ -35,7 +35,7 @@ def written_out(parameters: ModelParameters, speed: float, times: FloatArray) ->
     K = shapes.T @ K @ shapes
     G = shapes.T @ J @ shapes
     assert shapes.T @ M @ shapes == pytest.approx(np.eye(6), abs=1e-9)
-    films, journals = films_of(bearing), list(rotor.journals)
+    films, journals = bearing_films(bearing), list(rotor.journals)
     weight = -1j * parameters.gravity * np.diag(M) * np.tile([1.0, 0.0], rotor.stations)
 
     def rates(time: float, flat: FloatArray) -> FloatArray:
@@ -91,8 +91,8 @@ def test_stable_motion_is_the_synchronous_one(weightless: ModelParameters, speed
     response = synchronous_response(weightless, speed)
     assert response.growth_rate < 0
     motion = ShaftMotion(weightless, speed, 250)
-    motion.turns(10, 256)
-    path = motion.turns(2, 256)
+    motion.integrate_turns(10, 256)
+    path = motion.integrate_turns(2, 256)
     theta = 2 * math.pi * np.arange(512) / 256
     circle = complex(np.mean((path[0] + 1j * path[1]) * np.exp(-1j * theta)))
     assert abs(circle - response.circle) < 1e-3 * abs(response.circle)
@@ -118,7 +118,7 @@ def test_coarse_steps_are_divided_inside(default: ModelParameters) -> None:
 
 
 def test_settled_motion_repeats_itself_from_turn_to_turn(default: ModelParameters) -> None:
-    first, second = np.split(ShaftMotion(default, 300.0, 150).turns(2), 2, axis=1)
+    first, second = np.split(ShaftMotion(default, 300.0, 150).integrate_turns(2), 2, axis=1)
     assert np.abs(first - second).max() < 0.02 * np.ptp(first)
 
 
@@ -153,7 +153,7 @@ def test_change_of_speed_keeps_the_place(default: ModelParameters) -> None:
     motion.change_speed(520.0)
     assert motion.speed == 520.0
     assert np.array_equal(motion.displacement, before)
-    assert np.abs(motion.turns(4)).max() < 100e-6
+    assert np.abs(motion.integrate_turns(4)).max() < 100e-6
 
 
 def test_motion_that_reaches_the_wall_says_where_and_at_what_speed() -> None:
@@ -188,7 +188,7 @@ def test_disturbance_that_leads_to_the_wall_is_told(default: ModelParameters) ->
     with pytest.raises(WallContactError, match=r"eccentricity: the .* came to .* at 900\.0 rad/s"):
         ShaftMotion(default, 900.0, 5).disturb(30e-6 * orbit.disturbance)
     with pytest.raises(WallContactError, match=r"eccentricity: the .* came to .* at 900\.0 rad/s"):
-        ShaftMotion(default, 900.0, 5).stand(orbit.standing + 90e-6 * orbit.disturbance)
+        ShaftMotion(default, 900.0, 5).set_initial_state(orbit.initial_state + 90e-6 * orbit.disturbance)
 
 
 @pytest.mark.parametrize(
@@ -221,4 +221,4 @@ def test_course_that_makes_no_sense_is_refused(default: ModelParameters) -> None
     with pytest.raises(ValueError, match=r"step: 1 s, expected at most .* s at 100 rad/s"):
         motion.advance(zeros, zeros, 1.0)
     with pytest.raises(ValueError, match="speed: 0 rad/s, expected a turning shaft"):
-        ShaftMotion(default, 0.0, 0).turns(1)
+        ShaftMotion(default, 0.0, 0).integrate_turns(1)

@@ -16,10 +16,10 @@ import model.dynamics.newmark as kernel_module
 import model.films.capone_kernel as capone_module
 from model.compiling import Compiler
 from model.dynamics.modal_system import ModalSystem
-from model.dynamics.newmark import LARGEST_TURN, NO_FAILURE, march
+from model.dynamics.newmark import MAX_SUBSTEP_ANGLE, NO_FAILURE, integrate
 from model.rotor.parameters import ModelParameters
 from model.rotor.rub import Rub
-from model.rotor.supports import Coefficients, Support
+from model.rotor.supports import Support, SupportCoefficients
 
 ROOT = Path(__file__).parents[3]
 
@@ -33,7 +33,7 @@ def interpreted() -> Callable[..., int]:
         plain = inspect.unwrap(value) if callable(value) and hasattr(value, "py_func") else None
         if isinstance(plain, FunctionType):
             names[name] = FunctionType(plain.__code__, names, name, plain.__defaults__)
-    found = names["march"]
+    found = names["integrate"]
     assert isinstance(found, FunctionType)
     return found
 
@@ -44,20 +44,20 @@ def run(
     state = system.at_rest(angle=0.0, speed=float(speeds[0]))
     path = np.zeros((system.stations.shape[0], speeds.size), np.complex128)
     course = np.cumsum(speeds) * step, speeds
-    result = marching(system.parts, system.constraints, system.levels(step), state, *course, system.stations, path)
+    result = marching(system.parts, system.constraints, system.matrices(step), state, *course, system.stations, path)
     return result, path
 
 
 @pytest.mark.parametrize("constrained", [False, True])
 def test_compiled_march_equals_the_interpreted_one(default: ModelParameters, *, constrained: bool) -> None:
-    film = Coefficients(((1e5, 2e4), (0.0, 1e5)), ((20.0, 0.0), (0.0, 20.0)))
+    film = SupportCoefficients(((1e5, 2e4), (0.0, 1e5)), ((20.0, 0.0), (0.0, 20.0)))
     supports = (Support(1, film), Support(6, film, film, 0.01))
     parameters = replace(default, supports=supports, rubs=(Rub(5, 1e-6, 1e6, 0.02, 0.1, 0.5),))
     system = ModalSystem.of(parameters if constrained else default)
     speeds = np.linspace(900, 1100, 60)
-    fine = 0.5 * LARGEST_TURN / 1100
+    fine = 0.5 * MAX_SUBSTEP_ANGLE / 1100
     for step in (fine, 3 * fine):  # the second is divided inside
-        expected = run(march, system, speeds, step)
+        expected = run(integrate, system, speeds, step)
         found = run(interpreted(), system, speeds, step)
         assert found[0] == expected[0] == NO_FAILURE
         assert found[1] == pytest.approx(expected[1], rel=1e-6, abs=1e-13)
@@ -67,7 +67,7 @@ def test_compiled_march_equals_the_interpreted_one(default: ModelParameters, *, 
 def test_march_without_a_way_on_says_at_which_step(default: ModelParameters) -> None:
     system = ModalSystem.of(default)
     dry = replace(system, films=system.films._replace(inner_factor=1e-12, outer_factor=1e-12))
-    expected = run(march, dry, np.full(400, 10.0), 1e-3)
+    expected = run(integrate, dry, np.full(400, 10.0), 1e-3)
     found = run(interpreted(), dry, np.full(400, 10.0), 1e-3)
     assert 0 <= expected[0] < 400
     assert found[0] == expected[0]
@@ -77,7 +77,8 @@ def test_nothing_is_compiled_when_the_kernel_is_imported() -> None:
     # in a fresh interpreter: this one has compiled already
     code = (
         "import model.dynamics.newmark as k, model.dynamics.condensed as c; "
-        "print([len(f.signatures) for f in (k.march, c.forces_on, c.slopes_on, c.capone_force)])"
+        "functions = k.integrate, c.bearing_forces, c.bearing_force_derivatives, c.capone_force; "
+        "print([len(f.signatures) for f in functions])"
     )
     shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)
     assert shown.stdout.strip() == "[0, 0, 0, 0]"

@@ -18,12 +18,12 @@ from model.films.coefficients import (
     short_film_load,
     short_film_ratios,
 )
-from model.films.film import Film, films_of
+from model.films.film import Film, bearing_films
 from model.films.finite_film import pressure_unit, slenderness, solve_reynolds
 from model.films.grid import Flow, Grid
 from model.films.lubrication import table_3_1
 from model.films.perturbation import finite_film_equilibrium, perturbed_coefficients
-from model.films.short_film import Capone
+from model.films.short_film import CaponeForm
 
 FloatArray = NDArray[np.float64]
 
@@ -55,9 +55,9 @@ def test_closed_forms_have_their_tabled_values(
     assert b.ravel() == pytest.approx((damping[0], damping[1], damping[1], damping[2]), abs=6e-5)
 
 
-@pytest.mark.parametrize("form", list(Capone))
+@pytest.mark.parametrize("form", list(CaponeForm))
 @pytest.mark.parametrize("eccentricity", ECCENTRICITIES)
-def test_differentiated_force_has_the_coefficients_of_the_closed_forms(eccentricity: float, form: Capone) -> None:
+def test_differentiated_force_has_the_coefficients_of_the_closed_forms(eccentricity: float, form: CaponeForm) -> None:
     expected = closed(eccentricity)
     found = differentiated_coefficients(FILM, expected.position, SPEED, form)
     assert found.force == pytest.approx(expected.force, rel=1e-10)
@@ -115,13 +115,13 @@ def printed_perturbation(film: Film, position: complex, grid: Grid) -> tuple[Flo
         -12 * cos,  # Eq. (4.27)
     )
     h_faces = 1 - (z * np.exp(-1j * grid.faces)).real
-    matrix = grid.conduction(h**3, h_faces**3, slenderness(film), Flow.BOTH)
-    carries = np.flatnonzero(rest.carries)
-    solver = splu(matrix[carries][:, carries].tocsc())
+    matrix = grid.flow_matrix(h**3, h_faces**3, slenderness(film), Flow.BOTH)
+    is_full_film = np.flatnonzero(rest.is_full_film)
+    solver = splu(matrix[is_full_film][:, is_full_film].tocsc())
     coefficients = np.zeros((4, 2))
     for row, side in zip(coefficients, right, strict=True):
         change = np.zeros(p.size)
-        change[carries] = solver.solve(-(side * grid.lengths[:, np.newaxis] * grid.width).ravel()[carries])
+        change[is_full_film] = solver.solve(-(side * grid.lengths[:, np.newaxis] * grid.width).ravel()[is_full_film])
         resultant = unit * film.radius * film.length / film.clearance * grid.resultant(change)
         row[:] = resultant.real, resultant.imag
     return coefficients[:2].T, coefficients[2:].T
@@ -167,7 +167,7 @@ def test_finite_film_is_found_where_it_balances_its_load(load: float) -> None:
 def test_films_of_a_floating_ring_carry_load_and_ring_with_the_ring_at_its_own_speed() -> None:
     bearing = table_3_1()
     inner, outer = floating_ring_coefficients(bearing, 10.0, 1000.0)
-    films = films_of(bearing)
+    films = bearing_films(bearing)
     assert films.inner.force(inner.position, 0j, 1000 * films.inner_speed) == pytest.approx(10j, rel=1e-8)
     assert films.outer.force(outer.position, 0j, 593.12) == pytest.approx(10.196j, rel=1e-4)
 
@@ -219,7 +219,7 @@ def test_finite_film_tells_of_an_equilibrium_that_does_not_settle() -> None:
     with pytest.raises(
         EquilibriumError, match=r"load: 300 N is not balanced after 2 steps .* expected at most 3e-07 N"
     ):
-        finite_film_equilibrium(FILM, 300.0, SPEED, Grid(96, 8), most_steps=2)
+        finite_film_equilibrium(FILM, 300.0, SPEED, Grid(96, 8), max_steps=2)
 
 
 def test_perturbation_of_a_film_whose_surfaces_stand_has_no_coefficients() -> None:

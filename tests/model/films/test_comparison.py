@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from model.films.coefficients import short_film_attitude, short_film_coefficients
-from model.films.comparison import film_from_thickest, study_film
+from model.films.comparison import compare_film_models, film_from_thickest
 from model.films.film import Film
 from model.films.grid import Grid
 from model.films.perturbation import finite_film_equilibrium
@@ -17,7 +17,7 @@ RATIOS = (0.1, 0.3, 0.6, 0.8)
 
 
 def test_study_has_the_short_films_closed_forms() -> None:
-    study = study_film(FILM, SPEED, RATIOS, Grid(96, 8))
+    study = compare_film_models(FILM, SPEED, RATIOS, Grid(96, 8))
     for ratio, load, attitude, found in zip(
         RATIOS, study.short_load, study.short_attitude, study.short_coefficients, strict=True
     ):
@@ -30,7 +30,7 @@ def test_study_has_the_short_films_closed_forms() -> None:
 
 def test_study_has_the_finite_films_equilibrium_under_the_same_load() -> None:
     grid = Grid(192, 8)
-    study = study_film(FILM, SPEED, RATIOS, grid)
+    study = compare_film_models(FILM, SPEED, RATIOS, grid)
     for ratio, load, attitude, found in zip(
         RATIOS, study.finite_load, study.finite_attitude, study.finite_coefficients, strict=True
     ):
@@ -42,14 +42,14 @@ def test_study_has_the_finite_films_equilibrium_under_the_same_load() -> None:
 
 
 def test_film_of_length_over_diameter_one_carries_less_than_both_ideal_films() -> None:
-    study = study_film(FILM, SPEED, RATIOS, Grid(96, 8))
+    study = compare_film_models(FILM, SPEED, RATIOS, Grid(96, 8))
     assert np.all(study.finite_load < study.short_load)
     assert np.all(study.finite_load < study.long_load)
 
 
 def test_ideal_films_enclose_the_finite_one_at_their_ends() -> None:
     short = Film(radius=5e-3, length=0.5e-3, clearance=20e-6, viscosity=0.015)
-    study = study_film(short, SPEED, RATIOS, Grid(360, 4))
+    study = compare_film_models(short, SPEED, RATIOS, Grid(360, 4))
     assert study.finite_load == pytest.approx(study.short_load, rel=0.03)
     assert np.all(study.long_load > 50 * study.finite_load)
 
@@ -66,10 +66,10 @@ def test_long_film_from_its_thickest_place_has_the_printed_force(ratio: float) -
 
 def test_study_names_what_it_cannot_take() -> None:
     with pytest.raises(ValueError, match="surface_speed: 0 rad/s"):
-        study_film(FILM, 0.0, RATIOS, Grid())
+        compare_film_models(FILM, 0.0, RATIOS, Grid())
     with pytest.raises(ValueError, match="eccentricity: 1 of the clearance"):
-        study_film(FILM, SPEED, [0.5, 1.0], Grid())
+        compare_film_models(FILM, SPEED, [0.5, 1.0], Grid())
     with pytest.raises(ValueError, match=r"eccentricities: shape \(1, 2\), expected \(n,\)"):
-        study_film(FILM, SPEED, [[0.5, 0.6]], Grid())
+        compare_film_models(FILM, SPEED, [[0.5, 0.6]], Grid())
     with pytest.raises(ValueError, match="around: 48 places, expected at least"):
-        study_film(FILM, SPEED, [0.97], Grid(48, 4))
+        compare_film_models(FILM, SPEED, [0.97], Grid(48, 4))

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from model.films.capone_kernel import capone_force, film_stiffness
-from model.films.film import Film, films_of
+from model.films.capone_kernel import capone_force, capone_force_derivatives
+from model.films.film import Film, bearing_films
 from model.rotor.gj90c import gj90c
 
 UNIT = Film(radius=1.0, length=1.0, clearance=1.0, viscosity=1.0)
@@ -111,10 +111,10 @@ def test_linear_coefficients_are_the_short_bearings_closed_forms(
     attitude = math.atan2(math.pi * math.sqrt(1 - e * e), 4 * e)
     position = e * complex(math.sin(attitude), -math.cos(attitude))
     load = abs(UNIT.force(position, 0j, 1.0))
-    of_x, of_y = film_stiffness(0j, position, 0j, 1.0, 1.0, UNIT.factor)
+    of_x, of_y = capone_force_derivatives(0j, position, 0j, 1.0, 1.0, UNIT.factor)
     found = -np.array([of_x.real, of_y.real, of_x.imag, of_y.imag]) / load
     assert found == pytest.approx(np.array(stiffness), rel=2e-4, abs=2e-4)
-    with_x, with_y = film_stiffness(1.0 + 0j, position, 0j, 1.0, 1.0, UNIT.factor)
+    with_x, with_y = capone_force_derivatives(1.0 + 0j, position, 0j, 1.0, 1.0, UNIT.factor)
     c_xx, c_xy, c_yy = -(with_x - of_x).real / load, -(with_y - of_y).real / load, -(with_y - of_y).imag / load
     assert (c_xx, c_xy, c_yy) == pytest.approx(damping, rel=2e-4, abs=2e-4)
 
@@ -147,7 +147,7 @@ def test_film_without_size_is_refused(name: str) -> None:
 
 
 def test_ring_lies_between_two_films_in_series() -> None:
-    pair = films_of(gj90c().floating_ring)
+    pair = bearing_films(gj90c().floating_ring)
     assert pair.outer.radius == 9e-3
     assert pair.inner.clearance == 20e-6
     # centred whirl at half the sum of the surfaces' speeds: 0.70X inside, 0.20X outside

@@ -67,17 +67,17 @@ def test_axial_flow_alone_is_the_short_film_at_any_length() -> None:
 def test_film_nowhere_pulls_and_carries_where_its_pressure_is_above_zero() -> None:
     found = solve_reynolds(film(0.7), HALF_WAY * np.exp(1j), 1e-3j, SPEED, Grid())
     assert np.min(found.pressure) == 0
-    assert np.array_equal(found.pressure[:-1] > 0, found.carries)
+    assert np.array_equal(found.pressure[:-1] > 0, found.is_full_film)
     assert np.all(found.pressure[-1] == 0)
-    assert 0.3 < np.mean(found.carries) < 0.7
+    assert 0.3 < np.mean(found.is_full_film) < 0.7
 
 
 def test_pressure_is_the_one_that_projected_relaxation_finds() -> None:
     grid = Grid(32, 4)
     found = solve_reynolds(film(1.0), HALF_WAY, 2e-3j, SPEED, grid)
-    h_faces, h_places, squeeze = thickness(film(1.0), HALF_WAY, 2e-3j, grid)
-    matrix = grid.conduction(h_places**3, h_faces**3, slenderness(film(1.0)), Flow.BOTH).toarray()
-    source = grid.carried(SPEED * h_faces, squeeze)
+    h_faces, h_nodes, squeeze = thickness(film(1.0), HALF_WAY, 2e-3j, grid)
+    matrix = grid.flow_matrix(h_nodes**3, h_faces**3, slenderness(film(1.0)), Flow.BOTH).toarray()
+    source = grid.surface_flow(SPEED * h_faces, squeeze)
     pressure = np.zeros(source.size)
     for _ in range(400):
         for volume in range(source.size):

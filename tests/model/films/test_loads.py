@@ -9,12 +9,12 @@ from model.dynamics.modal_system import ModalSystem
 from model.dynamics.motion import ShaftMotion
 from model.rotor.gj90c import gj90c
 from model.rotor.parameters import ModelParameters
-from model.rotor.supports import Coefficients, StaticLoad, Support
+from model.rotor.supports import StaticLoad, Support, SupportCoefficients
 
 
 def place(parameters: ModelParameters) -> complex:
     """Mean place of the shaft at the probes' station when it has settled, m."""
-    x, y = ShaftMotion(parameters, 500.0, 80).turns(8).mean(axis=1)
+    x, y = ShaftMotion(parameters, 500.0, 80).integrate_turns(8).mean(axis=1)
     return complex(x, y)
 
 
@@ -34,7 +34,9 @@ def test_load_on_the_rings_is_as_much_weight_of_theirs() -> None:
 
 
 def test_each_station_shows_its_own_part_of_one_motion() -> None:
-    paths = [ShaftMotion(replace(gj90c(), probe_station=station), 900.0, 40).turns(2) for station in (2, 3, 4)]
+    paths = [
+        ShaftMotion(replace(gj90c(), probe_station=station), 900.0, 40).integrate_turns(2) for station in (2, 3, 4)
+    ]
     # the shaft is stiff: the middle bearing's motion lies between its neighbours', by the distances 25 and 30 mm
     straight = (30 * paths[0] + 25 * paths[2]) / 55
     assert np.abs(paths[1] - straight).max() < 0.05 * np.ptp(paths[1])
@@ -44,7 +46,7 @@ def test_each_station_shows_its_own_part_of_one_motion() -> None:
     ("changes", "said"),
     [
         ({"loads": (StaticLoad(7, 0.0, -1.0),)}, "load: station 7, expected 1 to 6"),
-        ({"supports": (Support(0, Coefficients.isotropic(1e5)),)}, "support: station 0, expected 1 to 6"),
+        ({"supports": (Support(0, SupportCoefficients.isotropic(1e5)),)}, "support: station 0, expected 1 to 6"),
     ],
 )
 def test_load_or_support_at_no_station_is_refused(changes: dict[str, object], said: str) -> None:

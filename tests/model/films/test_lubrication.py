@@ -8,14 +8,16 @@ import pytest
 
 from model.errors import EquilibriumError
 from model.films.equilibrium import film_equilibrium
-from model.films.lubrication import Lubrication, nominal, table_3_1, thesis_like
+from model.films.lubrication import Lubrication, nominal_lubrication, table_3_1, thesis_like_lubrication
 
 STEP = math.radians(0.5)
 PSI = np.arange(720) * STEP
 TURN = 2 * math.pi
 
 
-@pytest.mark.parametrize("lubrication", [nominal(), thesis_like()], ids=["nominal", "thesis_like"])
+@pytest.mark.parametrize(
+    "lubrication", [nominal_lubrication(), thesis_like_lubrication()], ids=["nominal", "thesis_like"]
+)
 @pytest.mark.parametrize("load", [10.0, 30.0])
 @pytest.mark.parametrize("speed", [300.0, 1000.0, 4000.0])
 @pytest.mark.parametrize("inlet_pressure", [0.0, 2e5])
@@ -29,11 +31,11 @@ def test_pressures_of_both_films_balance_their_loads(
         (rest.inner, lubrication.load_factor * load, bearing.journal_radius),
         (rest.outer, lubrication.load_factor * load + weight, bearing.ring_outer_radius),
     )
-    for film, carried, radius in films:
+    for film, surface_flow, radius in films:
         pressure = film.pressure(PSI)
         element = bearing.length * radius * STEP
-        assert -np.sum(pressure * np.cos(PSI)) * element == pytest.approx(carried, rel=2e-3)
-        assert np.sum(pressure * np.sin(PSI)) * element == pytest.approx(0.0, abs=2e-3 * carried)
+        assert -np.sum(pressure * np.cos(PSI)) * element == pytest.approx(surface_flow, rel=2e-3)
+        assert np.sum(pressure * np.sin(PSI)) * element == pytest.approx(0.0, abs=2e-3 * surface_flow)
         assert np.min(pressure) >= 0
 
 
@@ -60,14 +62,14 @@ def test_films_balance_and_meet_their_inlet_pressure_at_300_random_loads() -> No
 
 def test_outer_film_has_the_inlet_pressure_at_the_top_and_the_inner_film_none() -> None:
     for speed in (500.0, 3000.0, 9000.0):  # ruptured and complete
-        rest = thesis_like().equilibrium(20.0, speed, 2e5)
+        rest = thesis_like_lubrication().equilibrium(20.0, speed, 2e5)
         assert float(rest.outer.pressure(0.0)) == pytest.approx(2e5, rel=1e-8)
         assert float(rest.outer.pressure(TURN)) == pytest.approx(2e5, rel=1e-8)
         assert float(rest.inner.pressure(0.0)) == pytest.approx(0.0, abs=1e-3)
 
 
 def test_pressure_is_none_between_rupture_and_reformation_and_not_elsewhere() -> None:
-    film = thesis_like().equilibrium(30.0, 3000.0, 2e5).outer
+    film = thesis_like_lubrication().equilibrium(30.0, 3000.0, 2e5).outer
     assert film.rupture is not None
     assert film.reformation is not None
     cavity = np.linspace(film.rupture + 1e-6, film.reformation - 1e-6, 50)
@@ -78,8 +80,8 @@ def test_pressure_is_none_between_rupture_and_reformation_and_not_elsewhere() ->
 
 @pytest.mark.parametrize("load", [10.0, 20.0, 30.0])
 def test_outer_film_closes_without_a_jump_at_the_speed_named(load: float) -> None:
-    lubrication = thesis_like()
-    threshold = lubrication.complete_above(load, 1e5)
+    lubrication = thesis_like_lubrication()
+    threshold = lubrication.cavity_free_speed(load, 1e5)
     below = lubrication.equilibrium(load, threshold * (1 - 1e-6), 1e5).outer
     above = lubrication.equilibrium(load, threshold * (1 + 1e-6), 1e5).outer
     assert not below.is_complete
@@ -90,7 +92,7 @@ def test_outer_film_closes_without_a_jump_at_the_speed_named(load: float) -> Non
 
 
 def test_complete_film_has_neither_rupture_nor_reformation() -> None:
-    film = nominal().equilibrium(10.0, 3000.0, 1e5).outer
+    film = nominal_lubrication().equilibrium(10.0, 3000.0, 1e5).outer
     assert film.is_complete
     assert film.rupture is None
     assert film.reformation is None
@@ -98,12 +100,12 @@ def test_complete_film_has_neither_rupture_nor_reformation() -> None:
 
 
 def test_inner_film_does_not_feel_the_inlet_pressure() -> None:
-    low, high = (thesis_like().equilibrium(20.0, 2000.0, pressure).inner for pressure in (1e5, 3e5))
+    low, high = (thesis_like_lubrication().equilibrium(20.0, 2000.0, pressure).inner for pressure in (1e5, 3e5))
     assert low == high
 
 
 def test_flow_repeats_every_sixty_degrees_of_the_ring() -> None:
-    rest = thesis_like().equilibrium(10.0, 3000.0, 2e5)
+    rest = thesis_like_lubrication().equilibrium(10.0, 3000.0, 2e5)
     angles = np.linspace(0, TURN, 50)
     flow = rest.flow(angles)
     assert np.ptp(flow) > 1e-3 * abs(np.mean(flow))
@@ -112,7 +114,7 @@ def test_flow_repeats_every_sixty_degrees_of_the_ring() -> None:
 
 
 def test_flow_of_one_hole_is_as_the_root_of_the_pressure_difference_and_turns_with_its_sign() -> None:
-    lubrication = replace(thesis_like(), flow_scale=2.0)
+    lubrication = replace(thesis_like_lubrication(), flow_scale=2.0)
     rest = lubrication.equilibrium(30.0, 3000.0, 2e5)
     holes = np.radians(10 + 60 * np.arange(6))
     difference = rest.outer.pressure(holes) - rest.inner.pressure(holes)
@@ -136,18 +138,18 @@ def test_equilibrium_names_a_quantity_that_makes_no_sense(
     load: float, speed: float, inlet_pressure: float, message: str
 ) -> None:
     with pytest.raises(ValueError, match=message):
-        nominal().equilibrium(load, speed, inlet_pressure)
+        nominal_lubrication().equilibrium(load, speed, inlet_pressure)
 
 
 @pytest.mark.parametrize("load", [1e6, 1e12])
 def test_equilibrium_tells_of_a_load_that_presses_the_journal_against_the_wall(load: float) -> None:
     with pytest.raises(EquilibriumError, match=r"load: 1e\+\d+ N presses the body to .* of its clearance, expected"):
-        nominal().equilibrium(load, 1000.0, 1e5)
+        nominal_lubrication().equilibrium(load, 1000.0, 1e5)
 
 
 def test_equilibrium_tells_of_a_load_too_small_to_resolve() -> None:
     with pytest.raises(EquilibriumError, match=r"load: 1e-12 N displaces the body by less than"):
-        nominal().equilibrium(1e-12, 1000.0, 1e5)
+        nominal_lubrication().equilibrium(1e-12, 1000.0, 1e5)
 
 
 def test_equilibrium_tells_of_a_load_that_presses_nearer_to_the_wall_than_is_computed() -> None:
@@ -160,9 +162,9 @@ def test_equilibrium_tells_of_a_load_that_presses_nearer_to_the_wall_than_is_com
 def test_speed_of_closing_names_a_pressure_that_closes_no_film() -> None:
     for pressure in (1e-12, 1e12):
         with pytest.raises(EquilibriumError, match=r"inlet_pressure: .* of the load per length and radius, expected"):
-            nominal().complete_above(10.0, pressure)
+            nominal_lubrication().cavity_free_speed(10.0, pressure)
     with pytest.raises(ValueError, match="inlet_pressure: 0 Pa"):
-        nominal().complete_above(10.0, 0.0)
+        nominal_lubrication().cavity_free_speed(10.0, 0.0)
 
 
 @pytest.mark.parametrize("name", ["load_factor", "inner_capacity_factor", "flow_scale"])

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from model.films.capone_kernel import capone_force
 from model.films.film import Film
-from model.films.short_film import Capone, Half, capone, half_film, short_film_pressure
+from model.films.short_film import CaponeForm, LoadedHalf, capone_forces, half_film_force, short_film_pressure
 
 ComplexArray = NDArray[np.complex128]
 FILM = Film(radius=5e-3, length=10e-3, clearance=20e-6, viscosity=0.015)
@@ -44,7 +44,7 @@ def integrated(position: complex, velocity: complex, speed: float) -> complex:
 
 def test_exact_force_equals_quadrature_of_the_pressure_at_1000_random_states() -> None:
     states = random_states(1000, largest=0.95)
-    force = capone(states.position, states.velocity, SPEED)
+    force = capone_forces(states.position, states.velocity, SPEED)
     expected = np.array([integrated(z, v, SPEED) for z, v in zip(*states, strict=True)])
     assert np.max(np.abs(force - expected) / np.abs(expected)) < 1e-9
 
@@ -59,15 +59,17 @@ def test_no_pressure_lies_outside_the_half_that_the_quadrature_takes() -> None:
 def test_compiled_force_equals_the_exact_one() -> None:
     states = random_states(200)
     compiled = [capone_force(complex(z), complex(v), 1.0, SPEED, 1.0) for z, v in zip(*states, strict=True)]
-    assert capone(states.position, states.velocity, SPEED) == pytest.approx(np.array(compiled), rel=1e-12)
+    assert capone_forces(states.position, states.velocity, SPEED) == pytest.approx(np.array(compiled), rel=1e-12)
 
 
 def test_printed_force_equals_the_exact_one_at_rest_and_only_there() -> None:
     states = random_states(1000)
-    at_rest = capone(states.position, 0j, SPEED, Capone.AS_PRINTED)
-    assert at_rest == pytest.approx(capone(states.position, 0j, SPEED), rel=1e-9)
-    exact = capone(states.position, states.velocity, SPEED)
-    error = np.abs(capone(states.position, states.velocity, SPEED, Capone.AS_PRINTED) - exact) / np.abs(exact)
+    at_rest = capone_forces(states.position, 0j, SPEED, CaponeForm.AS_PRINTED)
+    assert at_rest == pytest.approx(capone_forces(states.position, 0j, SPEED), rel=1e-9)
+    exact = capone_forces(states.position, states.velocity, SPEED)
+    error = np.abs(capone_forces(states.position, states.velocity, SPEED, CaponeForm.AS_PRINTED) - exact) / np.abs(
+        exact
+    )
     assert 0.003 < np.median(error) < 0.02
     assert np.max(error) > 2
 
@@ -75,7 +77,8 @@ def test_printed_force_equals_the_exact_one_at_rest_and_only_there() -> None:
 def test_printed_force_departs_from_the_exact_one_in_the_second_order_of_the_velocity() -> None:
     z, v = 0.5 * np.exp(0.4j), (0.7 - 0.4j) * SPEED
     errors = [
-        abs(complex(capone(z, s * v, SPEED) - capone(z, s * v, SPEED, Capone.AS_PRINTED))) for s in (1e-2, 5e-3, 2.5e-3)
+        abs(complex(capone_forces(z, s * v, SPEED) - capone_forces(z, s * v, SPEED, CaponeForm.AS_PRINTED)))
+        for s in (1e-2, 5e-3, 2.5e-3)
     ]
     assert errors[0] / errors[1] == pytest.approx(4, rel=0.1)
     assert errors[1] / errors[2] == pytest.approx(4, rel=0.05)
@@ -84,17 +87,17 @@ def test_printed_force_departs_from_the_exact_one_in_the_second_order_of_the_vel
 def test_film_gives_either_force_in_newtons() -> None:
     z, v = 0.6 * np.exp(1j) * FILM.clearance, (3 + 2j) * 1e-3
     relative = z / FILM.clearance, v / FILM.clearance, SPEED
-    assert FILM.force(z, v, SPEED) == pytest.approx(complex(FILM.factor * capone(*relative)), rel=1e-12)
-    printed = FILM.force(z, v, SPEED, Capone.AS_PRINTED)
-    assert printed == pytest.approx(complex(FILM.factor * capone(*relative, Capone.AS_PRINTED)), rel=1e-12)
+    assert FILM.force(z, v, SPEED) == pytest.approx(complex(FILM.factor * capone_forces(*relative)), rel=1e-12)
+    printed = FILM.force(z, v, SPEED, CaponeForm.AS_PRINTED)
+    assert printed == pytest.approx(complex(FILM.factor * capone_forces(*relative, CaponeForm.AS_PRINTED)), rel=1e-12)
     assert abs(printed - FILM.force(z, v, SPEED)) > 1e-4 * abs(printed)
 
 
-@pytest.mark.parametrize("form", list(Capone))
-def test_force_is_none_where_nothing_moves_and_finite_where_the_surfaces_stand(form: Capone) -> None:
-    assert complex(capone(0.4, 0j, 0.0, form)) == 0
-    assert complex(capone(0j, 0j, SPEED, form)) == 0
-    squeezed = complex(capone(0.4, 100 + 0j, 0.0, form))
+@pytest.mark.parametrize("form", list(CaponeForm))
+def test_force_is_none_where_nothing_moves_and_finite_where_the_surfaces_stand(form: CaponeForm) -> None:
+    assert complex(capone_forces(0.4, 0j, 0.0, form)) == 0
+    assert complex(capone_forces(0j, 0j, SPEED, form)) == 0
+    squeezed = complex(capone_forces(0.4, 100 + 0j, 0.0, form))
     assert squeezed.real < 0
     assert squeezed.imag == pytest.approx(0, abs=1e-9 * abs(squeezed))
 
@@ -102,8 +105,8 @@ def test_force_is_none_where_nothing_moves_and_finite_where_the_surfaces_stand(f
 def test_moving_half_film_in_polar_coordinates_is_capones_force() -> None:
     z, v = random_states(500, largest=0.95)
     turned = v * np.exp(-1j * np.angle(z))
-    polar = half_film(np.abs(z), turned.real, turned.imag / np.abs(z), SPEED, Half.MOVING)
-    assert polar * np.exp(1j * np.angle(z)) == pytest.approx(capone(z, v, SPEED), rel=1e-11)
+    polar = half_film_force(np.abs(z), turned.real, turned.imag / np.abs(z), SPEED, LoadedHalf.MOVING)
+    assert polar * np.exp(1j * np.angle(z)) == pytest.approx(capone_forces(z, v, SPEED), rel=1e-11)
 
 
 def test_extent_of_the_moving_half_film_is_the_thesis_delta() -> None:
@@ -120,7 +123,7 @@ def test_extent_of_the_moving_half_film_is_the_thesis_delta() -> None:
 
 def test_fixed_and_moving_half_films_agree_without_squeeze() -> None:
     eps = np.linspace(0, 0.95, 40)
-    fixed, moving = (half_film(eps, 0.0, 120.0, SPEED, half) for half in Half)
+    fixed, moving = (half_film_force(eps, 0.0, 120.0, SPEED, half) for half in LoadedHalf)
     assert fixed == pytest.approx(moving, rel=1e-10)
 
 
@@ -134,29 +137,31 @@ def test_fixed_half_film_equals_quadrature_over_its_half() -> None:
             1 + eps * np.cos(theta)
         ) ** 3
         expected = 4 * math.pi / 2 * np.sum(weight * pressure * (np.cos(theta) + 1j * np.sin(theta)))
-        assert complex(half_film(eps, rate, whirl, SPEED, Half.FIXED)) == pytest.approx(complex(expected), rel=1e-9)
+        assert complex(half_film_force(eps, rate, whirl, SPEED, LoadedHalf.FIXED)) == pytest.approx(
+            complex(expected), rel=1e-9
+        )
 
 
-@pytest.mark.parametrize("half", list(Half))
+@pytest.mark.parametrize("half", list(LoadedHalf))
 @pytest.mark.parametrize("eccentricity", [1.0, 1.5, -0.1, math.nan])
-def test_polar_films_name_an_eccentricity_that_reaches_the_wall(half: Half, eccentricity: float) -> None:
+def test_polar_films_name_an_eccentricity_that_reaches_the_wall(half: LoadedHalf, eccentricity: float) -> None:
     with pytest.raises(ValueError, match=r"eccentricity: .* of the clearance, expected 0 or more and below 1"):
-        half_film(eccentricity, 0.0, 0.0, SPEED, half)
+        half_film_force(eccentricity, 0.0, 0.0, SPEED, half)
 
 
 def test_capone_names_the_state_of_many_that_reaches_the_wall() -> None:
     with pytest.raises(ValueError, match=r"eccentricity: 1\.2 of the clearance"):
-        capone([0.1, 1.2j], 0j, SPEED)
+        capone_forces([0.1, 1.2j], 0j, SPEED)
 
 
-@pytest.mark.parametrize("form", list(Capone))
-def test_forces_name_a_velocity_or_speed_that_is_not_finite(form: Capone) -> None:
+@pytest.mark.parametrize("form", list(CaponeForm))
+def test_forces_name_a_velocity_or_speed_that_is_not_finite(form: CaponeForm) -> None:
     with pytest.raises(ValueError, match=r"velocity: .*nan.* clearances/s, expected a finite value"):
-        capone(0.5, [0j, complex(math.nan, 0)], SPEED, form)
+        capone_forces(0.5, [0j, complex(math.nan, 0)], SPEED, form)
     with pytest.raises(ValueError, match="surface_speed: inf rad/s"):
-        capone(0.5, 0j, math.inf, form)
+        capone_forces(0.5, 0j, math.inf, form)
     with pytest.raises(ValueError, match="eccentricity_rate: nan 1/s"):
-        half_film(0.5, math.nan, 0.0, SPEED, Half.MOVING)
+        half_film_force(0.5, math.nan, 0.0, SPEED, LoadedHalf.MOVING)
     with pytest.raises(ValueError, match=r"velocity, surface_speed: .*expected finite values"):
         FILM.force(0j, complex(0, math.inf), SPEED, form)
 

@@ -1,31 +1,31 @@
 import numpy as np
 import pytest
 
-from model.linear.campbell import campbell, likeness
+from model.linear.campbell import campbell, modal_assurance
 from model.linear.critical_speeds import critical_speed_map, system_critical_speeds
 from model.linear.linear_system import LinearSystem, linear_system, whirl_modes
 from model.linear.modes import critical_speeds, natural_frequencies
 from model.linear.response import imbalance_response, static_deflection
 from model.rotor.gj90c import gj90c_rotor
 from model.rotor.parameters import Imbalance
-from model.rotor.supports import Coefficients, StaticLoad, Support, equivalent_stiffness
+from model.rotor.supports import StaticLoad, Support, SupportCoefficients, equivalent_stiffness
 
 SPEEDS = np.arange(0.0, 8001.0, 500.0)
-NEARLY = Coefficients(((1e4, 0.0), (0.0, 1e4 * (1 + 1e-12))))  # takes the general way
+NEARLY = SupportCoefficients(((1e4, 0.0), (0.0, 1e4 * (1 + 1e-12))))  # takes the general way
 
 
-def on(coefficients: Coefficients) -> LinearSystem:
+def on(coefficients: SupportCoefficients) -> LinearSystem:
     return linear_system(gj90c_rotor(), [Support(3, coefficients), Support(4, coefficients)])
 
 
 @pytest.fixture
 def soft() -> LinearSystem:
-    return on(Coefficients.isotropic(1e4))
+    return on(SupportCoefficients.isotropic(1e4))
 
 
 def test_symmetric_problem_and_general_one_have_the_same_modes(soft: LinearSystem) -> None:
-    assert soft.is_plain
-    assert not on(NEARLY).is_plain
+    assert soft.is_undamped_isotropic
+    assert not on(NEARLY).is_undamped_isotropic
     for speed in (0.0, 4000.0):
         expected = natural_frequencies(gj90c_rotor(), 1e4, speed)
         (plain,), (general,) = whirl_modes(soft, [speed]), whirl_modes(on(NEARLY), [speed])
@@ -37,9 +37,9 @@ def test_symmetric_problem_and_general_one_have_the_same_modes(soft: LinearSyste
 
 
 def test_shapes_fulfil_the_equations_of_motion() -> None:
-    film = Coefficients(((3e6, 8e5), (-8e5, 2e6)), ((120.0, 10.0), (10.0, 90.0)))
+    film = SupportCoefficients(((3e6, 8e5), (-8e5, 2e6)), ((120.0, 10.0), (10.0, 90.0)))
     rotor, speed = gj90c_rotor(), 3000.0
-    ringed = Support(4, film, Coefficients.isotropic(1e6, 50.0), 0.02)
+    ringed = Support(4, film, SupportCoefficients.isotropic(1e6, 50.0), 0.02)
     system = linear_system(rotor, [Support(3, film), ringed])
     (modes,) = whirl_modes(system, [speed])
     damping = system.damping + speed * system.gyroscopic
@@ -53,7 +53,7 @@ def test_shapes_fulfil_the_equations_of_motion() -> None:
 
 
 def test_overdamped_modes_do_not_swing() -> None:
-    stiff_damper = on(Coefficients.isotropic(1e5, 1e6))
+    stiff_damper = on(SupportCoefficients.isotropic(1e5, 1e6))
     (modes,) = whirl_modes(stiff_damper, [0.0])
     assert modes.frequencies.size < 24
     assert np.all(modes.growth_rates <= 0)
@@ -68,15 +68,15 @@ def test_free_rotor_has_its_free_frequencies() -> None:
 
 def test_ring_in_series_is_equation_5_11() -> None:
     inner, outer, mass = 3e6, 1e6, 0.02
-    film = Coefficients.isotropic(inner)
+    film = SupportCoefficients.isotropic(inner)
     ringed = (
-        Support(3, film, Coefficients.isotropic(outer), mass),
-        Support(4, film, Coefficients.isotropic(outer), mass),
+        Support(3, film, SupportCoefficients.isotropic(outer), mass),
+        Support(4, film, SupportCoefficients.isotropic(outer), mass),
     )
     (modes,) = whirl_modes(linear_system(gj90c_rotor(), ringed), [2000.0])
     for frequency in modes.frequencies[:6]:
         spring = equivalent_stiffness(inner, outer, mass, float(frequency))
-        M, J, K = on(Coefficients.isotropic(1.0)).plane
+        M, J, K = on(SupportCoefficients.isotropic(1.0)).plane
         K = K.copy()
         for journal in gj90c_rotor().journals:
             K[journal, journal] += spring - 1.0
@@ -118,12 +118,12 @@ def test_equal_frequencies_are_numbered_by_their_slope_at_rest(soft: LinearSyste
 
 
 def test_equal_modes_of_a_damped_rotor_at_rest_are_a_reverse_and_a_forward_circle() -> None:
-    damped = on(Coefficients.isotropic(1e4, 5.0))
+    damped = on(SupportCoefficients.isotropic(1e4, 5.0))
     at_rest, turning = whirl_modes(damped, [0.0, 1.0])
     assert np.array_equal(np.sign(at_rest.frequencies), np.sign(turning.frequencies))
     assert at_rest.forward[::2] == pytest.approx(-1.0, abs=1e-4)
     assert at_rest.forward[1::2] == pytest.approx(1.0, abs=1e-4)
-    assert likeness(at_rest, turning).diagonal() == pytest.approx(1.0, abs=1e-3)
+    assert modal_assurance(at_rest, turning).diagonal() == pytest.approx(1.0, abs=1e-3)
 
 
 def test_rigid_modes_of_a_free_rotor_have_exactly_no_frequency() -> None:
@@ -141,11 +141,11 @@ def test_branches_are_whole_and_each_mode_is_on_one(soft: LinearSystem) -> None:
     for speed, column in zip(SPEEDS, followed.T, strict=True):
         assert np.sort(column) == pytest.approx(natural_frequencies(gj90c_rotor(), 1e4, speed), rel=1e-6, abs=1e-3)
     one, other = whirl_modes(soft, [1000.0, 1010.0])
-    assert likeness(one, other).max(axis=1).min() > 0.9
+    assert modal_assurance(one, other).max(axis=1).min() > 0.9
 
 
 def test_branches_of_a_damped_rotor_are_its_modes_each_once() -> None:
-    slow = Coefficients(((1e4, 2e3), (-2e3, 3e4)), ((60.0, 0.0), (0.0, 20.0)))
+    slow = SupportCoefficients(((1e4, 2e3), (-2e3, 3e4)), ((60.0, 0.0), (0.0, 20.0)))
     found = campbell(on(slow), np.linspace(0, 8000, 81))
     for speed, column in zip(found.speeds[::20], found.frequencies.T[::20], strict=True):
         (modes,) = whirl_modes(on(slow), [speed])
@@ -173,8 +173,8 @@ def test_campbell_that_makes_no_sense_is_refused(
 @pytest.mark.parametrize("stiffness", [1e4, 1e7, 1e10])
 def test_critical_speeds_are_the_same_by_both_ways(stiffness: float) -> None:
     expected = critical_speeds(gj90c_rotor(), stiffness, 8000)
-    nearly = Coefficients(((stiffness, 0.0), (0.0, stiffness * (1 + 1e-9))))
-    for coefficients in (Coefficients.isotropic(stiffness), nearly):
+    nearly = SupportCoefficients(((stiffness, 0.0), (0.0, stiffness * (1 + 1e-9))))
+    for coefficients in (SupportCoefficients.isotropic(stiffness), nearly):
         found = system_critical_speeds(on(coefficients), 8000)
         assert found.forward == pytest.approx(expected.forward, rel=1e-5)
         assert found.reverse == pytest.approx(expected.reverse, rel=1e-5)
@@ -191,7 +191,7 @@ def test_response_peaks_at_the_forward_critical_speeds_and_not_at_the_reverse_on
 
 
 def test_springs_that_differ_by_direction_split_the_critical_speeds() -> None:
-    system = on(Coefficients(((2e4, 0.0), (0.0, 1e4))))
+    system = on(SupportCoefficients(((2e4, 0.0), (0.0, 1e4))))
     found = system_critical_speeds(system, 8000)
     speeds = sorted(found.forward + found.reverse)
     assert len(speeds) == 5
@@ -229,7 +229,7 @@ def test_imbalance_follows_its_phase_and_adds_up(soft: LinearSystem) -> None:
 
 
 def test_weight_and_loads_are_carried_by_the_springs() -> None:
-    film, outer = Coefficients(((2e6, 0.0), (0.0, 1e6))), Coefficients.isotropic(3e6)
+    film, outer = SupportCoefficients(((2e6, 0.0), (0.0, 1e6))), SupportCoefficients.isotropic(3e6)
     system = linear_system(gj90c_rotor(), [Support(3, film, outer, 0.02), Support(4, film)])
     sag = static_deflection(system, [StaticLoad(1, 4.0, -2.0)], gravity=9.81)
     spring_y = 1 / (1 / 1e6 + 1 / 3e6)
@@ -246,8 +246,8 @@ def test_weight_and_loads_are_carried_by_the_springs() -> None:
         (lambda: linear_system(gj90c_rotor(), [Support(7, NEARLY)]), "support: station 7, expected 1 to 6"),
         (lambda: imbalance_response(on(NEARLY), [Imbalance(7, 1e-7)], [1.0]), "imbalance: station 7, expected 1 to 6"),
         (lambda: static_deflection(on(NEARLY), [StaticLoad(0, 1, 1)]), "load: station 0, expected 1 to 6"),
-        (lambda: Coefficients.isotropic(0.0), "stiffness: 0 N/m, expected a finite value above 0"),
-        (lambda: Coefficients(((1.0, float("inf")), (0.0, 1.0))), "stiffness: inf N/m, expected finite values"),
+        (lambda: SupportCoefficients.isotropic(0.0), "stiffness: 0 N/m, expected a finite value above 0"),
+        (lambda: SupportCoefficients(((1.0, float("inf")), (0.0, 1.0))), "stiffness: inf N/m, expected finite values"),
         (lambda: Support(3, NEARLY, NEARLY), "ring_mass: 0 kg, expected a finite value above 0"),
         (lambda: Support(3, NEARLY, ring_mass=0.1), "ring_mass: 0.1 kg, expected none"),
         (lambda: StaticLoad(3, float("nan"), 0.0), "load: nan N at station 3"),

@@ -37,14 +37,14 @@ def test_motion_goes_on_from_a_state_as_if_it_had_not_stopped() -> None:
     whole = ShaftMotion(gj90c(), 900.0, 20)
     later = ShaftMotion(gj90c(), 900.0, 0)
     later.resume(whole.state, 900.0)
-    assert later.turns(2) == pytest.approx(whole.turns(2), abs=1e-12)
+    assert later.integrate_turns(2) == pytest.approx(whole.integrate_turns(2), abs=1e-12)
     with pytest.raises(ValueError, match=r"state: shape \(3, 4\), expected \(3, 8\)"):
         later.resume(np.zeros((3, 4), np.complex128), 900.0)
 
 
 def test_looks_come_nearer_to_where_a_calm_motion_ends(coarse: PredictionMap) -> None:
     first, *_, last = refine(gj90c(), 613.0, coarse, SETTINGS)
-    settled = ShaftMotion(gj90c(), 613.0, 600).turns(1)
+    settled = ShaftMotion(gj90c(), 613.0, 600).integrate_turns(1)
     expected = np.ptp(settled, axis=1)
     ends = np.abs(last.peak_to_peak - expected) / expected
     assert ends.max() < 1e-3
@@ -57,7 +57,7 @@ def test_whirl_settles_where_a_long_motion_shows_it(coarse: PredictionMap) -> No
     *_, last = refine(gj90c(), 1052.0, coarse, SETTINGS)
     motion = ShaftMotion(gj90c(), 1052.0, 0)
     motion.resume(coarse.states[2], 1040.0)
-    motion.turns(3000)
+    motion.integrate_turns(3000)
     long = analyse_motion(motion, gj90c(), SETTINGS, 0.0)
     assert last.whirl_order == pytest.approx(long.whirl_order, abs=2e-3)
     assert last.whirl_amplitude == pytest.approx(long.whirl_amplitude, rel=0.01)

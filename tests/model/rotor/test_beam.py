@@ -5,7 +5,7 @@ import pytest
 from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
-from model.rotor.beam import rotation_element, shear_coefficient, stiffness_element, translation_element
+from model.rotor.beam import mass_element, rotary_inertia_element, shear_coefficient, stiffness_element
 
 LENGTH = 0.07
 
@@ -38,8 +38,10 @@ def integrals(functions: list[Polynomial]) -> NDArray[np.float64]:
 @pytest.mark.parametrize("shear", [0.0, 0.3, 2.0])
 def test_masses_and_inertias_are_the_integrals_of_the_shape_functions(shear: float) -> None:
     displacements, rotations = shapes(shear)
-    assert translation_element(3.0, LENGTH, shear) == pytest.approx(3 * integrals(displacements), rel=1e-9, abs=1e-15)
-    assert rotation_element(2e-3, LENGTH, shear) == pytest.approx(2e-3 * integrals(rotations), rel=1e-9, abs=1e-15)
+    assert mass_element(3.0, LENGTH, shear) == pytest.approx(3 * integrals(displacements), rel=1e-9, abs=1e-15)
+    assert rotary_inertia_element(2e-3, LENGTH, shear) == pytest.approx(
+        2e-3 * integrals(rotations), rel=1e-9, abs=1e-15
+    )
 
 
 @pytest.mark.parametrize("shear", [0.0, 0.3, 2.0])

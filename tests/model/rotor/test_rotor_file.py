@@ -9,7 +9,7 @@ from model.rotor.gj90c import gj90c
 from model.rotor.rotor import Beam, ShaftMass
 from model.rotor.rotor_file import parse_rotor
 from model.rotor.rub import Rub
-from model.rotor.supports import Coefficients, StaticLoad, Support
+from model.rotor.supports import StaticLoad, Support, SupportCoefficients
 from model.rotor.tables import TableError
 
 RUB = {"station": 2, "clearance_um": 50, "stiffness_n_m": 1e7}
@@ -100,10 +100,10 @@ def test_supports_loads_and_the_shafts_own_mass_come_through(document: dict[str,
     assert rotor.segments[2].poissons_ratio == 0.29
     assert parameters.loads == (StaticLoad(2, 0.0, -5.0),)
     assert parameters.floating_ring.static_load == 2.0
-    film = Coefficients(((3e6, 0), (0, 3e6)), ((100, 0), (0, 80)))
+    film = SupportCoefficients(((3e6, 0), (0, 3e6)), ((100, 0), (0, 80)))
     assert parameters.supports == (
-        Support(3, Coefficients.isotropic(1e7, 200)),
-        Support(4, Coefficients(((1e7, 2e6), (-2e6, 8e6))), film, 0.02),
+        Support(3, SupportCoefficients.isotropic(1e7, 200)),
+        Support(4, SupportCoefficients(((1e7, 2e6), (-2e6, 8e6))), film, 0.02),
     )
 
 

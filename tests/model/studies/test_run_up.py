@@ -11,12 +11,12 @@ from model.dynamics.motion import ShaftMotion
 from model.dynamics.whirl import FilmName
 from model.rotor.gj90c import gj90c
 from model.rotor.parameters import ModelParameters
-from model.studies.motion import Shown, motion_study
+from model.studies.motion import MotionTable, motion_study
 from model.studies.onset import stability
+from model.studies.response import response_study
 from model.studies.run_up import bifurcation_study, run_up, waterfall_study
-from model.studies.stepped_motion import MOST_TURNS, SEED, STEPS, SteppedMotion
-from model.studies.synchronous import response_study
-from model.studies.varied_parameters import varied
+from model.studies.stepped_motion import DEFAULT_SEED, MAX_GROWTH_TURNS, STEPS_PER_TURN, SteppedMotion
+from model.studies.varied_parameters import with_values
 
 SPEEDS = np.arange(780.0, 881.0, 20.0)
 
@@ -24,12 +24,12 @@ SPEEDS = np.arange(780.0, 881.0, 20.0)
 def test_seeded_run_up_shows_the_whirl_where_the_eigenvalues_say(default: ModelParameters) -> None:
     (band,) = stability(default, SPEEDS).bands
     first = float(SPEEDS[np.searchsorted(SPEEDS, band.start)])
-    seeded = run_up(default, SPEEDS, 60, 64, seed=SEED)
+    seeded = run_up(default, SPEEDS, 60, 64, seed=DEFAULT_SEED)
     assert seeded.onset(FilmName.INNER) == first
     assert run_up(default, SPEEDS, 60, 64).onset(FilmName.INNER) > first
     assert seeded.seeding is not None
     assert np.array_equal(seeded.seeding.growth_rates > 0, np.greater_equal(SPEEDS, first))
-    assert seeded.whirl(FilmName.INNER)[1][: int(np.argmax(first == SPEEDS))].max() < 2 * SEED
+    assert seeded.whirl(FilmName.INNER)[1][: int(np.argmax(first == SPEEDS))].max() < 2 * DEFAULT_SEED
     assert "growth_rate_1_s" in waterfall_study(seeded, "").columns
     remarks = " ".join(waterfall_study(seeded, "").remarks)
     assert "seeded with 0.02 µm" in remarks
@@ -50,12 +50,12 @@ def test_seeded_run_up_shows_the_whirl_where_the_eigenvalues_say(default: ModelP
     ids=str,
 )
 def test_onset_of_a_seeded_run_up_is_the_eigenvalues_of_any_rotor(changes: dict[str, float]) -> None:
-    parameters = varied(gj90c(), changes)
+    parameters = with_values(gj90c(), changes)
     band = stability(parameters, np.arange(300.0, 2101.0, 50.0)).bands[0]
     speeds = 25 * np.floor(band.start / 25) + 25 * np.arange(-2.0, 5.0)
-    found = run_up(parameters, speeds, 60, 64, seed=SEED)
+    found = run_up(parameters, speeds, 60, 64, seed=DEFAULT_SEED)
     assert found.seeding is not None
-    e_folds = found.seeding.growth_rates * MOST_TURNS * 2 * math.pi / speeds
+    e_folds = found.seeding.growth_rates * MAX_GROWTH_TURNS * 2 * math.pi / speeds
     onset = found.onset(band.film)
     # not before the eigenvalues' onset, nor later than where the seed has the time to grow to what counts, and a bit
     assert band.start <= onset <= speeds[int(np.argmax(e_folds > 3))]
@@ -64,19 +64,19 @@ def test_onset_of_a_seeded_run_up_is_the_eigenvalues_of_any_rotor(changes: dict[
 def test_unseeded_run_up_is_the_motion_left_to_itself(default: ModelParameters) -> None:
     found = run_up(default, np.array([900.0, 1000.0]), 10, 8)
     motion = ShaftMotion(default, 900.0, 10)
-    motion.turns(8, STEPS)
+    motion.integrate_turns(8, STEPS_PER_TURN)
     motion.change_speed(1000.0)
-    motion.turns(10, STEPS)
-    assert np.array_equal(found.stroboscopic[1], motion.turns(8, STEPS)[:, ::STEPS])
+    motion.integrate_turns(10, STEPS_PER_TURN)
+    assert np.array_equal(found.stroboscopic[1], motion.integrate_turns(8, STEPS_PER_TURN)[:, ::STEPS_PER_TURN])
     assert found.seeding is None
     assert "not seeded" in " ".join(bifurcation_study(found, "").remarks)
 
 
 def test_all_stations_of_one_motion_are_what_each_shows_alone(default: ModelParameters) -> None:
-    whole = ShaftMotion(default, 900.0, 10).turns_of_all(2)
+    whole = ShaftMotion(default, 900.0, 10).integrate_stations(2)
     assert whole.shape == (6, 2, 128)
     for station in (1, 4, 6):
-        alone = ShaftMotion(replace(default, probe_station=station), 900.0, 10).turns(2)
+        alone = ShaftMotion(replace(default, probe_station=station), 900.0, 10).integrate_turns(2)
         assert np.array_equal(whole[station - 1], alone)
     speeds = np.array([900.0, 1000.0])
     assert np.array_equal(
@@ -95,19 +95,19 @@ def test_response_at_a_station_is_that_of_the_synchronous_motion_there(default: 
 
 
 def test_motion_at_a_speed_lists_stations_orbit_spectrum_and_poincares_points(default: ModelParameters) -> None:
-    def listed(shown: Shown) -> list[dict[str, float | str]]:
-        return motion_study(default, 1600.0, 3, 40, 16, seed=SEED, shown=shown).rows()
+    def listed(table: MotionTable) -> list[dict[str, float | str]]:
+        return motion_study(default, 1600.0, 3, 40, 16, seed=DEFAULT_SEED, table=table).rows()
 
-    stepped = SteppedMotion(default, SEED)
-    path = stepped.at(1600.0, 40).look(16).stations[2] * 1e6
-    orbit = np.array([[row["x_um"], row["y_um"]] for row in listed(Shown.ORBIT)], float)
-    assert np.array_equal(orbit.T, path[:, -8 * STEPS :])
-    points = np.array([[row["x_um"], row["y_um"]] for row in listed(Shown.POINCARE)], float)
-    assert np.array_equal(points.T, path[:, ::STEPS])
-    spectrum = np.array([row["x_um_pk"] for row in listed(Shown.SPECTRUM)], float)
+    stepped = SteppedMotion(default, DEFAULT_SEED)
+    path = stepped.settle_at(1600.0, 40).record(16).stations[2] * 1e6
+    orbit = np.array([[row["x_um"], row["y_um"]] for row in listed(MotionTable.ORBIT)], float)
+    assert np.array_equal(orbit.T, path[:, -8 * STEPS_PER_TURN :])
+    points = np.array([[row["x_um"], row["y_um"]] for row in listed(MotionTable.POINCARE)], float)
+    assert np.array_equal(points.T, path[:, ::STEPS_PER_TURN])
+    spectrum = np.array([row["x_um_pk"] for row in listed(MotionTable.SPECTRUM)], float)
     expected = np.abs(order_spectrum(path[0] - path[0].mean(), 16)[1])
     assert np.array_equal(spectrum, expected[: spectrum.size])
-    stations = listed(Shown.STATIONS)
+    stations = listed(MotionTable.STATIONS)
     assert [row["station"] for row in stations] == [1, 2, 3, 4, 5, 6]
     assert stations[2]["overall_x_um_pp"] == pytest.approx(np.ptp(path[0]))
     assert stations[2]["first_order_x_um_pk"] == pytest.approx(expected[16])
@@ -116,7 +116,7 @@ def test_motion_at_a_speed_lists_stations_orbit_spectrum_and_poincares_points(de
 
 
 def test_synchronous_motion_is_one_point_and_has_no_whirl() -> None:
-    study = motion_study(gj90c(imbalance=2e-6), 1200.0, settle=20, turns=16, seed=SEED)
+    study = motion_study(gj90c(imbalance=2e-6), 1200.0, settle=20, turns=16, seed=DEFAULT_SEED)
     assert all(math.isnan(float(row["whirl_order"])) for row in study.rows())
     assert max(float(row["spread_x_um"]) for row in study.rows()) < 0.05
 
@@ -133,4 +133,4 @@ def test_seed_that_makes_no_sense_is_refused(default: ModelParameters) -> None:
         with pytest.raises(ValueError, match=expected):
             run_up(default, SPEEDS, seed=seed)
     with pytest.raises(ValueError, match="motion: none, expected one that has been brought to a speed"):
-        SteppedMotion(default, SEED).look(8)
+        SteppedMotion(default, DEFAULT_SEED).record(8)

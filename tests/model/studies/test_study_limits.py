@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from model.errors import EquilibriumError, ModelError, WallContactError
-from model.films.lubrication import nominal
+from model.films.lubrication import nominal_lubrication
 from model.rotor.gj90c import gj90c
 from model.studies.films import lubrication_study
 from model.studies.onset import onset_study
@@ -44,18 +44,18 @@ def test_rotor_without_synchronous_motion_is_not_called_stable() -> None:
 
 def test_load_that_no_film_carries_is_an_error() -> None:
     with pytest.raises(EquilibriumError, match=r"load: 1e\+09 N presses the body"):
-        lubrication_study(nominal(), 1e9, 1e5, np.array([1000.0, 2000.0]))
+        lubrication_study(nominal_lubrication(), 1e9, 1e5, np.array([1000.0, 2000.0]))
 
 
 def test_speeds_without_equilibrium_are_left_out_and_said() -> None:
-    def carries(load: float) -> bool:
+    def is_full_film(load: float) -> bool:
         try:
-            nominal().equilibrium(load, 1000.0, 1e5)
+            nominal_lubrication().equilibrium(load, 1000.0, 1e5)
         except EquilibriumError:
             return False
         return True
 
-    too_much = next(load for load in np.geomspace(100.0, 1e9, 60) if not carries(float(load)))
-    study = lubrication_study(nominal(), float(too_much), 1e5, np.array([1000.0, 2000.0, 4000.0]))
+    too_much = next(load for load in np.geomspace(100.0, 1e9, 60) if not is_full_film(float(load)))
+    study = lubrication_study(nominal_lubrication(), float(too_much), 1e5, np.array([1000.0, 2000.0, 4000.0]))
     assert any(remark.startswith("1 of 3 speeds are left out: load: ") for remark in study.remarks)
     assert study.plots[-1].title == "Pressure at 4,000 rad/s"

@@ -10,7 +10,7 @@ from model.dynamics.synchronous import synchronous_response
 from model.errors import ModelError
 from model.linear.response import imbalance_response
 from model.rotor.parameters import ModelParameters
-from model.studies.linear import SPEED_LABEL, supported
+from model.studies.linear import SPEED_LABEL, supported_system
 from model.studies.study import Plot, Series, Study, Style
 
 FloatArray = NDArray[np.float64]
@@ -38,7 +38,7 @@ def response_study(
     columns: dict[str, FloatArray | tuple[str, ...]] = {"speed_rad_s": speeds}
     if stiffness is not None or parameters.bearing is None:
         on = "its own supports" if stiffness is None else f"springs of {stiffness:.3g} N/m"
-        moved = imbalance_response(supported(parameters, stiffness), parameters.imbalances, speeds)
+        moved = imbalance_response(supported_system(parameters, stiffness), parameters.imbalances, speeds)
         vectors = {f"on {on}": moved[:, 0, parameters.probe_station - 1]}
         names: tuple[str, ...] = ("",)
     else:
