@@ -1,4 +1,4 @@
-"""`rig analyse`: what the samples of a run say as a whole, each kind in a table, as JSON, in files, drawn."""
+"""`rig analyse`: analyses of a recorded run as table, JSON, file or plot."""
 
 import argparse
 import re
@@ -28,17 +28,18 @@ from daq.reports.run_samples import RunSamples
 from recordings.exchange.formats import write_table
 from recordings.mcap.reader import RunReader
 
-QUIET = 1.0  # s that a command may take before it tells how far it is
-TABLES = (".csv", ".parquet")
-DRAWINGS = {".svg": AnalysisForm.SVG, ".png": AnalysisForm.PNG}
-NAMED = re.compile(r"`(\w+)`")  # a parameter in the words on another
-NOT_AN_OPTION = "format"  # a file's suffix tells it here
+PROGRESS_DELAY = 1.0  # s before progress is shown
+TABLE_SUFFIXES = (".csv", ".parquet")
+PLOT_FORMS = {".svg": AnalysisForm.SVG, ".png": AnalysisForm.PNG}
+PARAMETER_NAME = re.compile(r"`(\w+)`")  # another parameter in a description
+DEST_PREFIX = "parameter_"  # keeps the analysis parameters apart from the other options
+FORMAT_PARAMETER = "format"  # no option: the suffix of -o sets the format
 
 _EPILOG = """\
-Every kind prints a table; --json gives all of it to programs, -o FILE.svg or
-FILE.png draws it, -o FILE.csv or FILE.parquet keeps it. Without --time-s and
---speed-rpm the moment of the largest vibration is taken. The options are the
-parameters of /api/v1/runs/RUN/analyses/KIND, which gives the same numbers.
+Each kind prints a table; --json prints all data, -o FILE.svg or FILE.png plots
+them, -o FILE.csv or FILE.parquet writes the table. Without --time-s and
+--speed-rpm the time of the largest vibration is used. The options are the
+parameters of /api/v1/runs/RUN/analyses/KIND, which returns the same numbers.
 examples: rig analyse orbit 2026-11-24T09-12-07-gj90c --speed-rpm 11000
           rig analyse orbit RUN --filter orders --orders 1 -o orbit.svg
           rig analyse bode RUN --order 2 --slow-roll-rpm 900 -o bode.png
@@ -48,66 +49,67 @@ examples: rig analyse orbit 2026-11-24T09-12-07-gj90c --speed-rpm 11000
 
 
 def add_analyse_command(add: AddCommand) -> None:
-    """AddCommand the command to the command line."""
-    command = add("analyse", lambda _: 2, "Analyse a run's samples: orbits, Bode, cascades, orders, what is below 1X …")
+    """Add `rig analyse` with its kinds to the command line."""
+    text = "Analyse a run's samples: orbit, Bode plot, cascade, orders, sub-synchronous …"
+    command = add("analyse", lambda _: UsageError.exit_code, text)
     command.epilog = _EPILOG
     command.formatter_class = argparse.RawDescriptionHelpFormatter
     kinds = command.add_subparsers(dest="kind", required=True, metavar="KIND")
     for name, kind in KINDS.items():
         text = f"{kind.description}."
-        one = kinds.add_parser(name, help=text, description=text)
-        one.add_argument("recording", metavar="RUN", help="a run's id, or a file")
+        subcommand = kinds.add_parser(name, help=text, description=text)
+        subcommand.add_argument("recording", metavar="RUN", help="run id or file")
         for field, info in kind.parameters.model_fields.items():
-            if field != NOT_AN_OPTION:
-                _add_option(one, field, info)
-        add_folder(one)
-        one.add_argument("--json", action="store_true", help="everything as JSON on standard output")
-        one.add_argument(
+            if field != FORMAT_PARAMETER:
+                _add_option(subcommand, field, info)
+        add_folder(subcommand)
+        subcommand.add_argument("--json", action="store_true", help="print all data as JSON")
+        subcommand.add_argument(
             "-o", "--output", type=Path, action="append", default=[], metavar="FILE",
-            help=f"draw it ({', '.join(DRAWINGS)}) or keep its table ({', '.join(TABLES)}); may be given again",
+            help=f"plot ({', '.join(PLOT_FORMS)}) or table ({', '.join(TABLE_SUFFIXES)}); repeatable",
         )  # fmt: skip
-        show_examples(one, f"rig analyse {name} RUN -o {name}.svg")
-        one.set_defaults(run=run)
+        show_examples(subcommand, f"rig analyse {name} RUN -o {name}.svg")
+        subcommand.set_defaults(run=run_analyse)
 
 
-def run(args: argparse.Namespace) -> int:
-    """Make an analysis; return the exit code."""
+def run_analyse(args: argparse.Namespace) -> int:
+    """Analyse a run and print or write the result; return the exit code."""
     kind = KINDS[args.kind]
-    question = _question(kind.parameters, args)
+    parameters = _parameters(kind.parameters, args)
     for file in args.output:
         _require_writable(file)
     catalogue, run_id = find_run(args.recording, args.folder)
-    console, begun = Console(), time.monotonic()
+    console, started = Console(), time.monotonic()
 
-    def tell(doing: str, part: float | None) -> None:
-        if time.monotonic() - begun > QUIET:
+    def show_progress(doing: str, part: float | None) -> None:
+        if time.monotonic() - started > PROGRESS_DELAY:
             console.progress(doing, part)
 
     try:
         with RunReader(catalogue.path(run_id)) as reader:
-            analysis = kind.analyse(RunSamples(reader, tell), question)
+            analysis = kind.analyse(RunSamples(reader, show_progress), parameters)
     except (DataNotFoundError, RequestTooLargeError) as error:
         raise UsageError(str(error)) from error
     finally:
         console.done()
     for file in args.output:
-        _write(file, analysis, run_id, args.kind)
+        _write_result(file, analysis, run_id, args.kind)
     if args.json:
         print_json(analysis_schema(run_id, args.kind, analysis))
     else:
-        print_lines(_lines(analysis))
+        print_lines(_result_lines(analysis))
     return 0
 
 
 def _add_option(command: argparse.ArgumentParser, field: str, info: FieldInfo) -> None:
     default = info.default
-    told = "" if default is None else f" (default: {default})"
+    default_text = "" if default is None else f" (default: {default})"
     choices = [each.value for each in type(default)] if isinstance(type(default), EnumType) else None
-    description = NAMED.sub(lambda named: _option(named[1]), f"{info.description}{told}")
+    description = PARAMETER_NAME.sub(lambda named: _option(named[1]), f"{info.description}{default_text}")
     description = description.replace("%", "%%").replace("is a 404", "is refused")
     metavar = None if choices else "VALUE"
     command.add_argument(
-        _option(field), dest=f"asked_{field}", choices=choices, default=argparse.SUPPRESS, metavar=metavar,
+        _option(field), dest=f"{DEST_PREFIX}{field}", choices=choices, default=argparse.SUPPRESS, metavar=metavar,
         help=description[:1].lower() + description[1:] if description[1:2].islower() else description,
     )  # fmt: skip
 
@@ -116,17 +118,20 @@ def _option(field: str) -> str:
     return f"--{field.replace('_', '-')}"
 
 
-def _question(model: type[QueryParameters], args: argparse.Namespace) -> QueryParameters:
-    """Return what was asked; UsageError names every option that is wrong."""
-    given = {name.removeprefix("asked_"): value for name, value in vars(args).items() if name.startswith("asked_")}
+def _parameters(model: type[QueryParameters], args: argparse.Namespace) -> QueryParameters:
+    """Return the analysis parameters given as options; UsageError names every invalid option."""
+    given = {
+        name.removeprefix(DEST_PREFIX): value for name, value in vars(args).items() if name.startswith(DEST_PREFIX)
+    }
     try:
         return model.model_validate(given)
     except ValidationError as error:
-        faults = [f"{_option(str(each['loc'][0]))} {each['input']}: {_said(each)}" for each in error.errors()]
+        faults = [f"{_option(str(each['loc'][0]))} {each['input']}: {_fault_text(each)}" for each in error.errors()]
         raise UsageError("\n     ".join(faults)) from error
 
 
-def _said(fault: Any) -> str:
+def _fault_text(fault: Any) -> str:
+    """Return what pydantic expected of a value, as an error message of the command line."""
     if fault["type"] == "string_pattern_mismatch":
         return f"expected numbers with commas, at most {MAX_ORDERS}, such as 0.49,1,2"
     text: str = fault["msg"]
@@ -134,23 +139,23 @@ def _said(fault: Any) -> str:
 
 
 def _require_writable(file: Path) -> None:
-    """Raise UsageError before anything is computed where it could not be kept or drawn."""
+    """Raise UsageError, before anything is computed, if the result could not be written to this file."""
     suffix = file.suffix.lower()
-    if suffix not in {*DRAWINGS, *TABLES}:
-        raise UsageError(f"-o {file}: expected a name that ends with {', '.join((*DRAWINGS, *TABLES))}")
-    if suffix in TABLES and file.exists():
-        raise UsageError(f"-o {file}: exists already; nothing is written over")
+    if suffix not in {*PLOT_FORMS, *TABLE_SUFFIXES}:
+        raise UsageError(f"-o {file}: expected a name that ends with {', '.join((*PLOT_FORMS, *TABLE_SUFFIXES))}")
+    if suffix in TABLE_SUFFIXES and file.exists():
+        raise UsageError(f"-o {file}: exists already; tables are never overwritten")
     if not file.parent.is_dir():
         raise UsageError(f"-o {file}: there is no folder {file.parent}")
-    if DRAWINGS.get(suffix) is AnalysisForm.PNG:
+    if PLOT_FORMS.get(suffix) is AnalysisForm.PNG:
         try:
             require_matplotlib()
         except PngUnavailableError as error:
             raise UsageError(f"-o {file}: {error}") from error
 
 
-def _write(file: Path, analysis: AnalysisResult, run_id: str, kind: str) -> None:
-    form = DRAWINGS.get(file.suffix.lower())
+def _write_result(file: Path, analysis: AnalysisResult, run_id: str, kind: str) -> None:
+    form = PLOT_FORMS.get(file.suffix.lower())
     if form is None:
         write_table(file, analysis_table(analysis, run_id))
         return
@@ -160,8 +165,8 @@ def _write(file: Path, analysis: AnalysisResult, run_id: str, kind: str) -> None
         raise UsageError(f"-o {file}: {error.strerror or error}") from error
 
 
-def _lines(analysis: AnalysisResult) -> Iterator[str]:
-    """Yield an analysis for a terminal: the rows that tell most, the figures, the remarks."""
+def _result_lines(analysis: AnalysisResult) -> Iterator[str]:
+    """Yield a result for the terminal: the preview rows of its table, its figures and remarks."""
     yield analysis.title
     rows = analysis.preview_rows()
     if rows.size:
@@ -176,7 +181,7 @@ def _lines(analysis: AnalysisResult) -> Iterator[str]:
 
 
 def _cells(values: list[Cell]) -> list[Cell]:
-    """Return values to be printed, whole numbers as such."""
+    """Return the cells of a column; as integers where all its numbers are whole."""
     numbers = [value for value in values if isinstance(value, float)]
     is_whole = bool(numbers) and all(value.is_integer() for value in numbers)
     return [int(value) if is_whole and isinstance(value, float) else value for value in values]

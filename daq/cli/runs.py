@@ -1,7 +1,4 @@
-"""`rig runs`, `rig index` and `rig annotate`: what is known of the recorded runs, and what people say of them.
-
-A run in a line of a list, and `rig summary`: what it was.
-"""
+"""`rig index`, `rig runs`, `rig annotate` and `rig summary`: the catalogue of recorded runs."""
 
 import argparse
 from datetime import UTC, datetime
@@ -24,7 +21,7 @@ from recordings.integrity.verify import Verdict
 
 
 def find_run(recording: str, folder: str) -> tuple[Catalogue, str]:
-    """Return the catalogue and the id of a recording that is given by its id or its file.
+    """Return the catalogue and run id of a recording given by run id or file.
 
     Raises
     ------
@@ -43,7 +40,7 @@ def find_run(recording: str, folder: str) -> tuple[Catalogue, str]:
 
 
 def run_row(run: RunSchema) -> str:
-    """Return what there is to say of a run in a line of a list."""
+    """Return a run as one line of the list: id, duration, size, state and annotations."""
     state = "complete" if run.is_complete else "cut short"
     if run.is_complete and not run.is_gap_free:
         state = "samples lost"
@@ -54,28 +51,28 @@ def run_row(run: RunSchema) -> str:
 
 
 def annotation_texts(run: RunSchema) -> list[str]:
-    """Return what people say of a run: tags, note, remark."""
-    words = [" ".join(text.split()) for text in (run.note or "", run.remark)]
-    return [*(f"#{tag}" for tag in run.tags), *(f"“{text}”" for text in words if text)]
+    """Return a run's tags, note and remark as printed."""
+    texts = [" ".join(text.split()) for text in (run.note or "", run.remark)]
+    return [*(f"#{tag}" for tag in run.tags), *(f"“{text}”" for text in texts if text)]
 
 
 def run_summary(args: argparse.Namespace) -> int:
-    """Say what a run was; return the exit code."""
+    """Print the summary of a run; return the exit code."""
     console = Console()
     catalogue, run_id = find_run(args.recording, args.folder)
     calibrations = {name: load_calibration(path) for name, path in args.calibration}
     with Predictors() as predictors:
         summaries = Summaries(catalogue, predictors)
         if calibrations:
-            document = summaries.recalibrated_summary(run_id, calibrations, console.progress)
+            summary = summaries.recalibrated_summary(run_id, calibrations, console.progress)
         else:
-            document = summaries.summary_with_agreement(run_id, console.progress)
+            summary = summaries.summary_with_agreement(run_id, console.progress)
     console.clear()
-    print_summary(document, as_json=args.json)
-    return 0 if document.is_gap_free else INCOMPLETE
+    print_summary(summary, as_json=args.json)
+    return 0 if summary.is_gap_free else INCOMPLETE
 
 
-SECOND = 1_000_000_000
+NS_PER_SECOND = 1_000_000_000
 
 
 def add_summary_command(add: AddCommand) -> None:
@@ -98,64 +95,63 @@ def add_summary_command(add: AddCommand) -> None:
 
 
 def add_run_commands(add: AddCommand) -> None:
-    """AddCommand the commands to the command line."""
-    command = add(
-        "index", run_index, "Bring the catalogue up to date with the files, and tell what is new, damaged or gone."
-    )
-    command.add_argument("--verify", action="store_true", help="verify the files that have not been as they are")
-    _add_place(command)
+    """Add `rig index`, `rig runs` and `rig annotate` to the command line."""
+    text = "Update the catalogue from the files; list new, changed, damaged and missing recordings."
+    command = add("index", run_index, text)
+    command.add_argument("--verify", action="store_true", help="verify the files not verified yet")
+    _add_folder_and_json(command)
 
-    command = add("runs", run_runs, "List the recorded runs, newest first: all, or those that are asked for.")
-    command.add_argument("--since", type=_moment, metavar="TIME", help="begun at or after, such as 2026-11-24T09:00")
-    command.add_argument("--before", type=_moment, metavar="TIME", help="begun before, such as 2026-11-25")
-    command.add_argument("--rig", default="", help="of the rig of this name")
-    command.add_argument("--device", default="", metavar="SERIAL", help="of the device of this serial number")
-    text = "with probes calibrated so: the calibration of a run as --json tells it, or its first digits"
+    command = add("runs", run_runs, "List the recorded runs, newest first, filtered by the options given.")
+    command.add_argument("--since", type=_time_ns, metavar="TIME", help="started at or after, such as 2026-11-24T09:00")
+    command.add_argument("--before", type=_time_ns, metavar="TIME", help="started before, such as 2026-11-25")
+    command.add_argument("--rig", default="", help="recorded with the rig of this name")
+    command.add_argument(
+        "--device", default="", metavar="SERIAL", help="recorded with the device of this serial number"
+    )
+    text = "recorded with this calibration: an identity from --json, or its first digits"
     command.add_argument("--calibration", default="", metavar="IDENTITY", help=text)
-    command.add_argument("--speed", type=_range, metavar="LOW-HIGH", help="went through these speeds, r/min")
-    command.add_argument("--text", default="", help="words in id, rig, note, remark or marks")
-    command.add_argument("--tag", action="append", default=[], help="a tag that it has; may be given again")
-    text = "a sub-synchronous component began below this speed, r/min"
+    command.add_argument("--speed", type=_speed_range, metavar="LOW-HIGH", help="covers this speed range, r/min")
+    command.add_argument("--text", default="", help="words in id, rig, note, remark or markers")
+    command.add_argument("--tag", action="append", default=[], help="has this tag; repeatable")
+    text = "a sub-synchronous component started below this speed, r/min"
     command.add_argument("--onset-below", type=speed, metavar="RPM", help=text)
-    _add_place(command)
+    _add_folder_and_json(command)
     show_examples(
         command, "rig runs --since 2026-11-01 --speed 9000-12000 --tag reference", "rig runs --onset-below 9000"
     )
 
-    command = add(
-        "annotate", run_annotate, "Say something of a run afterwards: a remark, tags. Its recording stays as it is."
-    )
-    command.add_argument("recording", metavar="RUN", help="a run's id, or a file")
-    command.add_argument("--remark", help="words on the run, in place of those before")
-    command.add_argument("--tag", action="append", default=[], help="a tag to be added; may be given again")
-    command.add_argument("--untag", action="append", default=[], help="a tag to be taken away; may be given again")
-    _add_place(command)
+    command = add("annotate", run_annotate, "Add a remark or tags to a run; the recording is not changed.")
+    command.add_argument("recording", metavar="RUN", help="run id or file")
+    command.add_argument("--remark", help="replaces the run's remark")
+    command.add_argument("--tag", action="append", default=[], help="tag to add; repeatable")
+    command.add_argument("--untag", action="append", default=[], help="tag to remove; repeatable")
+    _add_folder_and_json(command)
     show_examples(command, 'rig annotate 2026-11-24T09-12-07-gj90c --remark "new bearing next"')
 
 
-def _add_place(command: argparse.ArgumentParser) -> None:
+def _add_folder_and_json(command: argparse.ArgumentParser) -> None:
     add_folder(command)
-    command.add_argument("--json", action="store_true", help="as JSON")
+    command.add_argument("--json", action="store_true", help="print JSON")
 
 
 def run_index(args: argparse.Namespace) -> int:
-    """Bring the catalogue up to date; return the exit code."""
+    """Update the catalogue from the files; return the exit code."""
     console = Console()
     catalogue = Catalogue(data_folder(args.folder))
     report = catalogue.index(summarise, verify_files=args.verify, on_status=console.progress)
     console.done()
     faults = {entry.id: entry.fault or entry.verdict for entry in catalogue.runs()}
-    unsound = [run_id for run_id, fault in faults.items() if fault not in ("", "sound")]
+    damaged = [run_id for run_id, fault in faults.items() if fault not in ("", "sound")]
     if args.json:
         print_json(index_report_schema(report))
     else:
-        for name, run_ids in (("new", report.new), ("changed", report.changed), ("vanished", report.vanished)):
+        for name, run_ids in (("new", report.new), ("changed", report.changed), ("missing", report.vanished)):
             for run_id in run_ids:
                 print(f"{name:9} {run_id}")
-        for run_id in unsound:
+        for run_id in damaged:
             print(f"damaged   {run_id}: {faults[run_id]}")
         print(f"{catalogue.folder}: {len(faults)} runs, {report.unchanged} unchanged")
-    return INCOMPLETE if unsound else 0
+    return INCOMPLETE if damaged else 0
 
 
 def run_runs(args: argparse.Namespace) -> int:
@@ -181,12 +177,12 @@ def run_runs(args: argparse.Namespace) -> int:
         for entry in entries:
             print(run_row(run_schema(entry)))
     else:
-        print(f"no {'such ' if search != Search() else ''}runs in {catalogue.folder}")
+        print(f"no {'matching ' if search != Search() else ''}runs in {catalogue.folder}")
     return 0
 
 
 def run_annotate(args: argparse.Namespace) -> int:
-    """Say something of a run; return the exit code."""
+    """Set the remark and tags of a run; return the exit code."""
     catalogue, run_id = find_run(args.recording, args.folder)
     entry = catalogue.run(run_id)
     tags = None
@@ -203,15 +199,15 @@ def run_annotate(args: argparse.Namespace) -> int:
     return 0
 
 
-def _moment(text: str) -> int:
-    """Return a moment, ns since 1970; without a zone it is the computer's own."""
+def _time_ns(text: str) -> int:
+    """Return an ISO 8601 time as ns since 1970; without a zone it is local time."""
     try:
-        return round(datetime.fromisoformat(text).astimezone(UTC).timestamp()) * SECOND
+        return round(datetime.fromisoformat(text).astimezone(UTC).timestamp()) * NS_PER_SECOND
     except (ValueError, OverflowError, OSError):
         raise argparse.ArgumentTypeError(f"{text!r}: expected a time such as 2026-11-24T09:00") from None
 
 
-def _range(text: str) -> tuple[float, float]:
+def _speed_range(text: str) -> tuple[float, float]:
     low, separator, high = text.partition("-")
     try:
         speeds = float(low), float(high)

@@ -123,7 +123,7 @@ def test_index_tells_what_is_new_damaged_and_gone(run: Path, folder: Path, capsy
     (folder / "text.mcap").write_text("no recording")
     assert main(["index"]) == 5
     told = capsys.readouterr().out.splitlines()
-    assert told[:2] == ["new       text", f"vanished  {RUN}"]
+    assert told[:2] == ["new       text", f"missing   {RUN}"]
     assert told[2].startswith("damaged   text: ")
     assert main(["index", "--json"]) == 5
     assert json.loads(capsys.readouterr().out)["damaged"] == ["text"]
@@ -149,7 +149,7 @@ def test_runs_are_asked_for_by_time_rig_calibration_speed_words_and_tags(run: Pa
         )
     for question in no:
         assert main(["runs", *question]) == 0
-        assert capsys.readouterr().out.startswith("no such runs in ")
+        assert capsys.readouterr().out.startswith("no matching runs in ")
 
 
 @pytest.mark.parametrize(

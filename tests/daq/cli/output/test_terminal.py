@@ -116,4 +116,4 @@ def test_every_help_page_fits_a_terminal_of_80_columns() -> None:
 
 def test_rig_alone_shows_what_there_is(capsys: pytest.CaptureFixture[str]) -> None:
     assert main([]) == 2
-    assert "preflight  Look at the rig before a run" in capsys.readouterr().err
+    assert "preflight  Check the rig before a run" in capsys.readouterr().err
