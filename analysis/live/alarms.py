@@ -14,12 +14,10 @@ from analysis.signals.snapshot import Snapshot
 
 FloatArray = NDArray[np.float64]
 
-MOST_ALARMS = (
-    256  # that are remembered of a run: of those that are over, the one that passed its limit least goes first
-)
+MAX_ALARMS = 256  # that are remembered of a run: of those that are over, the one that passed its limit least goes first
 
 
-class Watched(StrEnum):
+class MonitoredQuantity(StrEnum):
     """What is watched against limits."""
 
     OVERALL = "overall"  # m peak-to-peak, at each probe
@@ -55,7 +53,7 @@ class Alarm:
     """
 
     number: int
-    quantity: Watched
+    quantity: MonitoredQuantity
     probe: str
     severity: Severity
     limit: float
@@ -65,12 +63,12 @@ class Alarm:
     end: TimeInRun | None = None
 
     @property
-    def lasts(self) -> bool:
+    def is_active(self) -> bool:
         """Whether the value has not fallen since."""
         return self.end is None
 
 
-class LimitWatch:
+class LimitMonitor:
     """Watches one value against one limit, with hysteresis and delay.
 
     Parameters
@@ -112,7 +110,7 @@ class LimitWatch:
         return self.is_on
 
 
-class AlarmWatch:
+class AlarmMonitor:
     """Watches vibration and speed against their limits; what it says depends on the samples alone.
 
     Parameters
@@ -125,10 +123,10 @@ class AlarmWatch:
 
     def __init__(self, limits: Limits, probes: Sequence[str]) -> None:
         levels = {
-            Watched.OVERALL: (limits.peak_to_peak_alarm, limits.peak_to_peak_danger),
-            Watched.ORDER_1X: (limits.order_1x_alarm, limits.order_1x_danger),
-            Watched.BELOW_1X: (limits.below_1x_alarm, limits.below_1x_danger),
-            Watched.SPEED: (limits.speed_alarm, limits.speed_danger),
+            MonitoredQuantity.OVERALL: (limits.peak_to_peak_alarm, limits.peak_to_peak_danger),
+            MonitoredQuantity.ORDER_1X: (limits.order_1x_alarm, limits.order_1x_danger),
+            MonitoredQuantity.BELOW_1X: (limits.below_1x_alarm, limits.below_1x_danger),
+            MonitoredQuantity.SPEED: (limits.speed_alarm, limits.speed_danger),
         }
         self._watches = [
             (
@@ -137,10 +135,10 @@ class AlarmWatch:
                 name,
                 severity,
                 limit,
-                LimitWatch(limit, limits.hysteresis, 0.0 if quantity is Watched.SPEED else limits.hold),
+                LimitMonitor(limit, limits.hysteresis, 0.0 if quantity is MonitoredQuantity.SPEED else limits.hold),
             )
             for quantity, pair in levels.items()
-            for row, name in enumerate(("",) if quantity is Watched.SPEED else probes)
+            for row, name in enumerate(("",) if quantity is MonitoredQuantity.SPEED else probes)
             for severity, limit in zip((Severity.ALARM, Severity.DANGER), pair, strict=True)
             if math.isfinite(limit)
         ]
@@ -148,10 +146,10 @@ class AlarmWatch:
         self._over: list[Alarm] = []
         self._count = 0
 
-    def snapshot(self, snapshot: Snapshot) -> tuple[Alarm, ...]:
+    def update(self, snapshot: Snapshot) -> tuple[Alarm, ...]:
         """Take a snapshot, in the order in which they came; return the alarms that came with it."""
         moment = TimeInRun(snapshot.segment, snapshot.time, snapshot.speed)
-        came, values = [], watched_values(snapshot)
+        came, values = [], monitored_values(snapshot)
         for key, (quantity, row, probe, severity, limit, watch) in enumerate(self._watches):
             is_on = watch.update(float(values[quantity][row]), moment)
             lasting = self._lasting.get(key)
@@ -169,7 +167,7 @@ class AlarmWatch:
 
     def _close(self, alarm: Alarm) -> None:
         self._over.append(alarm)
-        if len(self._over) > MOST_ALARMS:
+        if len(self._over) > MAX_ALARMS:
             self._over.remove(min(self._over, key=lambda alarm: alarm.largest / alarm.limit))
 
     @property
@@ -178,7 +176,7 @@ class AlarmWatch:
         return tuple(sorted([*self._over, *self._lasting.values()], key=lambda alarm: alarm.number))
 
 
-def watched_values(snapshot: Snapshot) -> dict[Watched, FloatArray]:
+def monitored_values(snapshot: Snapshot) -> dict[MonitoredQuantity, FloatArray]:
     """Return what is watched, each of shape (2,) at the probes x and y, the speed of shape (1,).
 
     NaN where the tacho does not tell: without it there is no 1X and nothing below it.
@@ -188,14 +186,14 @@ def watched_values(snapshot: Snapshot) -> dict[Watched, FloatArray]:
         one = np.abs(snapshot.frame.vectors[0])
         below = sum((np.abs(whirl.vectors) for whirl in snapshot.frame.whirls), start=np.zeros(2))
     return {
-        Watched.OVERALL: snapshot.peak_to_peak,
-        Watched.ORDER_1X: one,
-        Watched.BELOW_1X: below,
-        Watched.SPEED: np.array([snapshot.speed]),
+        MonitoredQuantity.OVERALL: snapshot.peak_to_peak,
+        MonitoredQuantity.ORDER_1X: one,
+        MonitoredQuantity.BELOW_1X: below,
+        MonitoredQuantity.SPEED: np.array([snapshot.speed]),
     }
 
 
-def shown_alarms(alarms: Sequence[Alarm], acknowledged: int, *, latch: bool) -> tuple[Alarm, ...]:
+def visible_alarms(alarms: Sequence[Alarm], acknowledged: int, *, latch: bool) -> tuple[Alarm, ...]:
     """Return the alarms that an operator must see: those that last, and latched ones that nobody has acknowledged.
 
     Parameters
@@ -207,9 +205,9 @@ def shown_alarms(alarms: Sequence[Alarm], acknowledged: int, *, latch: bool) -> 
     latch : bool
         Whether an alarm that is over stays until it is acknowledged.
     """
-    return tuple(alarm for alarm in alarms if alarm.lasts or (latch and alarm.number > acknowledged))
+    return tuple(alarm for alarm in alarms if alarm.is_active or (latch and alarm.number > acknowledged))
 
 
-def worst(alarms: Sequence[Alarm]) -> Severity:
+def worst_severity(alarms: Sequence[Alarm]) -> Severity:
     """Return the worst severity among alarms; normal where there are none."""
     return max((alarm.severity for alarm in alarms), key=lambda severity: severity.rank, default=Severity.NORMAL)

@@ -5,12 +5,12 @@ from collections import deque
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.live.order_frame import SPARE_TURNS, FrameBuilder
+from analysis.live.order_frame import SPARE_TURNS, OrderFrameBuilder
 from analysis.shaft.overall import glitch_samples, trimmed_extremes
 from analysis.signals.blocks import SampleBlock, SegmentEnd
 from analysis.signals.header import CODE_MAX, CODE_MIN, Acquisition, AnalysisSettings, Channel, Role
 from analysis.signals.snapshot import OrderFrame, Snapshot, TachoReport, TachoState, Trace
-from analysis.tacho.edge_input import TachoInput
+from analysis.tacho.edge_reader import TachoEdgeReader
 from analysis.tacho.pulse_train import SILENCE, PulseTrain
 from analysis.tacho.shaft_angle import smooth_angle
 
@@ -46,7 +46,7 @@ class Analyser:
         self._n_channels = len(acquisition.channels)
         self._rows = (acquisition.row(Role.PROBE_X), acquisition.row(Role.PROBE_Y))
         self._tacho_row = acquisition.row(Role.TACHO)
-        self._tacho = TachoInput(acquisition)
+        self._tacho = TachoEdgeReader(acquisition)
         probes = [acquisition.channels[row] for row in self._rows]
         self._gap_windows = np.array([(probe.gap_low, probe.gap_high) for probe in probes])
         self._calibrated = np.array([_calibrated_span(probe) for probe in probes])
@@ -56,7 +56,7 @@ class Analyser:
 
         self._settings = settings
         self._hop = max(round(settings.update_interval * acquisition.rate), 1)
-        self._frames = FrameBuilder(acquisition, settings)
+        self._frames = OrderFrameBuilder(acquisition, settings)
         self._train = PulseTrain(acquisition.tacho, settings.revolutions + FIT_TURNS + SPARE_TURNS + 1)
         self._clipped = np.zeros(self._n_channels, dtype=np.int64)
         self._beyond = np.zeros(len(self._rows), dtype=np.int64)
@@ -74,7 +74,7 @@ class Analyser:
         self._pyramid = self._frames.new_pyramid(first)
         self._extremes.clear()
 
-    def block(self, block: SampleBlock) -> list[Snapshot]:
+    def add_block(self, block: SampleBlock) -> list[Snapshot]:
         """Take a block and return the snapshots that it completes.
 
         Raises
@@ -86,7 +86,7 @@ class Analyser:
             raise ValueError(f"block of {block.codes.shape[0]} channels, expected {self._n_channels}")
         if block.segment != self._segment or block.first_sample != self._position:
             self._restart(block.segment, block.first_sample)
-        self._tacho.block(block)
+        self._tacho.add_block(block)
         snapshots = []
         taken = 0
         while taken < block.n_samples:
@@ -100,7 +100,7 @@ class Analyser:
                 snapshots.append(self._snapshot())
         return snapshots
 
-    def segment_end(self, end: SegmentEnd) -> list[Snapshot]:
+    def end_segment(self, end: SegmentEnd) -> list[Snapshot]:
         """Take a segment's end and return the snapshot of what was left over, if anything was."""
         snapshots = [self._snapshot()] if self._filled and end.segment == self._segment else []
         self._restart(-1, 0)
@@ -122,7 +122,7 @@ class Analyser:
         self._beyond += np.count_nonzero((volts < low) | (volts > high), axis=1)
         tacho = self._tacho_volts[unsigned[self._tacho_row]]
 
-        stretch = self._tacho.stretch(tacho, first)
+        stretch = self._tacho.read(tacho, first)
         self._train.advance(stretch.edges, stretch.known, stretch.elapsed, self._rate)
         self._pyramid.push(displacement)
         speed, report, frame = self._shaft(now)
@@ -152,7 +152,7 @@ class Analyser:
         report = self._train.report(state, angle.jitter)
         if state not in {TachoState.GOOD, TachoState.TOO_FAST}:
             return np.nan, report, None
-        return speed, report, self._frames.frame(self._pyramid, angle, int(turns[0]), int(turns[-1]))
+        return speed, report, self._frames.build(self._pyramid, angle, int(turns[0]), int(turns[-1]))
 
     def _peak_to_peak(self, displacement: FloatArray, speed: float) -> FloatArray:
         n = displacement.shape[1]

@@ -56,7 +56,7 @@ class _Line:
         self.late_late += late_off * (late - self.late_mean)
 
 
-class ClockFit:
+class ClockEstimator:
     """Regression of host time on card time over a run; memory grows with its segments alone.
 
     Each segment has its own beginning, all have one slope. What the device held when a block was read was taken by then
@@ -74,7 +74,7 @@ class ClockFit:
         self._group = -1
         self._held: list[tuple[float, float]] = []
 
-    def block(self, block: SampleBlock) -> None:
+    def add_block(self, block: SampleBlock) -> None:
         """Take a block as it was read."""
         line = self._lines.get(block.segment)
         if line is None:
@@ -111,7 +111,7 @@ class ClockFit:
 
 
 @dataclass(frozen=True, slots=True)
-class Delivery:
+class DeliveryStatistics:
     """How samples came from the device.
 
     Parameters
@@ -129,7 +129,7 @@ class Delivery:
     buffer: float | None = None
 
 
-class DeliveryWatch:
+class DeliveryMonitor:
     """Watches the blocks of a run as they come; memory grows with its segments alone.
 
     Parameters
@@ -140,16 +140,16 @@ class DeliveryWatch:
 
     def __init__(self, acquisition: Acquisition) -> None:
         self._acquisition = acquisition
-        self._clock = ClockFit(acquisition.rate)
+        self._clock = ClockEstimator(acquisition.rate)
         self._backlog = 0  # samples per channel
 
-    def block(self, block: SampleBlock) -> None:
+    def add_block(self, block: SampleBlock) -> None:
         """Take a block as it was read."""
-        self._clock.block(block)
+        self._clock.add_block(block)
         self._backlog = max(self._backlog, block.backlog)
 
-    def delivery(self) -> Delivery:
+    def statistics(self) -> DeliveryStatistics:
         """Return how they came so far."""
         buffer = self._acquisition.buffer_time
         backlog = None if buffer is None else self._backlog / self._acquisition.rate
-        return Delivery(self._clock.error(), backlog, buffer)
+        return DeliveryStatistics(self._clock.error(), backlog, buffer)

@@ -3,16 +3,16 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.resampling.decimation import Pyramid
+from analysis.resampling.decimation import DecimationPyramid
 from analysis.resampling.interpolation import HALF, interpolate
 from analysis.signals.header import Acquisition, AnalysisSettings, Role
 from analysis.signals.probes import ProbePair
 from analysis.signals.snapshot import OrderFrame, RunOut
-from analysis.signals.uncertainty import sigma_of_floor
+from analysis.signals.uncertainty import noise_floor_sigma
 from analysis.spectra.order_spectrum import order_spectrum, order_vectors
-from analysis.tacho.edge_input import LATE
+from analysis.tacho.edge_reader import LATE
 from analysis.tacho.shaft_angle import SmoothAngle
-from analysis.vectors.runout import RunOutWatch
+from analysis.vectors.runout import RunOutEstimator
 from analysis.whirl.components import find_whirls, noise_floor, quantile
 
 FloatArray = NDArray[np.float64]
@@ -24,7 +24,7 @@ SPARE_TURNS = 4  # that the pyramid remembers beside a frame
 _HIGHEST_PART = 0.2  # of the angular sampling: orders above it are not wanted
 
 
-class FrameBuilder:
+class OrderFrameBuilder:
     """Makes order frames from the samples of a pyramid.
 
     The angular grid has so many points a revolution (``points_per_revolution``, doubled as needed) that the highest
@@ -56,19 +56,21 @@ class FrameBuilder:
         while settings.highest_order > _HIGHEST_PART * settings.points_per_revolution * self._stride:
             self._stride *= 2
         self._points = settings.points_per_revolution * self._stride
-        self._runout = RunOutWatch(settings.runout)
+        self._runout = RunOutEstimator(settings.runout)
         self._most_per_turn = 2.0 * (self._points - settings.highest_order)  # samples of the level that is read
 
-    def new_pyramid(self, first: int) -> Pyramid:
+    def new_pyramid(self, first: int) -> DecimationPyramid:
         """Return an empty pyramid that serves every speed, for samples from index ``first`` on."""
         turns = self._settings.revolutions + SPARE_TURNS
         keep = int(turns * self._most_per_turn) + 8 * HALF
-        return Pyramid(2, self._level(LOWEST_RATE) + 1, keep, first, self._late)
+        return DecimationPyramid(2, self._level(LOWEST_RATE) + 1, keep, first, self._late)
 
     def _level(self, turn_rate: float) -> int:
         return max(int(np.ceil(np.log2(self._rate / (self._most_per_turn * turn_rate)))), 0)
 
-    def frame(self, pyramid: Pyramid, angle: SmoothAngle, first_turn: int, last_turn: int) -> OrderFrame | None:
+    def build(
+        self, pyramid: DecimationPyramid, angle: SmoothAngle, first_turn: int, last_turn: int
+    ) -> OrderFrame | None:
         """Return the frame that ends at the last mark up to which the samples reach.
 
         Parameters
@@ -120,9 +122,9 @@ class FrameBuilder:
         orbit = orbit - orbit.mean(axis=1, keepdims=True)
         speed = float(2.0 * np.pi * revolutions / halves.sum())
         floors = [_floor_beside(spectrum, revolutions, order, noise) for order in (1, 2)]
-        sigma = sigma_of_floor(np.array(floors))
+        sigma = noise_floor_sigma(np.array(floors))
         multiples = order_vectors(spectrum, revolutions, int(settings.highest_order))
-        runout = self._runout.frame(speed, multiples, sigma)
+        runout = self._runout.update(speed, multiples, sigma)
         return OrderFrame(
             speed=speed,
             acceleration=float((speeds[1] - speeds[0]) / (0.5 * halves.sum())),

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.live.alarms import Alarm, AlarmWatch
+from analysis.live.alarms import Alarm, AlarmMonitor
 from analysis.signals.blocks import SegmentEnd, TimeInRun
 from analysis.signals.header import Role, RunHeader, RunOutSettings, Severity
 from analysis.signals.snapshot import CounterReport, RunOut, Snapshot, TachoReport
@@ -24,7 +24,7 @@ class ProbeSummary:
     ----------
     name : str
         The channel's name, as "x".
-    gap_mean, gap_least, gap_most : float
+    gap_mean, gap_min, gap_max : float
         Mean, smallest and largest gap voltage over update intervals, V; NaN without snapshots.
     gap_ok : bool
         Whether it lay in its window throughout.
@@ -36,20 +36,20 @@ class ProbeSummary:
         The largest vibration against the limits.
     beyond_calibration : int
         Samples whose voltage lay outside the span that was calibrated: their displacement is extrapolated.
-    clearance_part : float
+    clearance_fraction : float
         The largest vibration over the clearance's diameter: 1 is all the room there is.
     """
 
     name: str
     gap_mean: float
-    gap_least: float
-    gap_most: float
+    gap_min: float
+    gap_max: float
     gap_ok: bool
     largest_peak_to_peak: float
     largest: TimeInRun | None
     severity: Severity
     beyond_calibration: int = 0
-    clearance_part: float = 0.0
+    clearance_fraction: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -147,8 +147,8 @@ class _Probe:
     """Running sums of one probe."""
 
     gap_sum: float = 0.0
-    gap_least: float = np.inf
-    gap_most: float = -np.inf
+    gap_min: float = np.inf
+    gap_max: float = -np.inf
     gap_ok: bool = True
     peak_to_peak: float = 0.0
     largest: TimeInRun | None = None
@@ -157,7 +157,7 @@ class _Probe:
     def add(self, snapshot: Snapshot, probe: int) -> None:
         gap = float(snapshot.gap_volts[probe])
         self.gap_sum += gap
-        self.gap_least, self.gap_most = min(self.gap_least, gap), max(self.gap_most, gap)
+        self.gap_min, self.gap_max = min(self.gap_min, gap), max(self.gap_max, gap)
         self.gap_ok = self.gap_ok and bool(snapshot.gap_ok[probe])
         self.beyond_calibration = int(snapshot.beyond_calibration[probe])
         overall = float(snapshot.peak_to_peak[probe])
@@ -183,7 +183,7 @@ class SummaryBuilder:
         self._probes = (_Probe(), _Probe())
         self._table = SpeedTable()
         self._whirls = WhirlTracker()
-        self._alarms = AlarmWatch(header.limits, self._names)
+        self._alarms = AlarmMonitor(header.limits, self._names)
         self._runout: RunOut | None = None
         self._ends: list[SegmentEnd] = []
         self._clipped: tuple[int, ...] = (0,) * len(acquisition.channels)
@@ -194,10 +194,10 @@ class SummaryBuilder:
         self._lowest, self._highest = np.inf, -np.inf
         self._open_segment, self._open_samples = -1, 0  # what has been seen of a segment that has not ended
 
-    def snapshot(self, snapshot: Snapshot) -> tuple[Alarm, ...]:
+    def add_snapshot(self, snapshot: Snapshot) -> tuple[Alarm, ...]:
         """Take a snapshot, in the order in which they came; return the alarms that came with it."""
         if snapshot.segment != self._open_segment:
-            self._whirls.segment_end()
+            self._whirls.end_segment()
         self._open_segment, self._open_samples = snapshot.segment, snapshot.sample
         self._snapshots += 1
         self._states[snapshot.tacho.state.value] += 1
@@ -207,13 +207,13 @@ class SummaryBuilder:
             probe.add(snapshot, row)
         if np.isfinite(snapshot.speed):
             self._lowest, self._highest = min(self._lowest, snapshot.speed), max(self._highest, snapshot.speed)
-        self._table.snapshot(snapshot)
+        self._table.add_snapshot(snapshot)
         if snapshot.frame is not None:
             self._frames += 1
-            self._whirls.frame(snapshot.segment, snapshot.time, snapshot.frame, self._table.direction)
+            self._whirls.add_frame(snapshot.segment, snapshot.time, snapshot.frame, self._table.direction)
             if snapshot.frame.runout is not None:
                 self._runout = snapshot.frame.runout
-        return self._alarms.snapshot(snapshot)
+        return self._alarms.update(snapshot)
 
     @property
     def alarms(self) -> tuple[Alarm, ...]:
@@ -225,10 +225,10 @@ class SummaryBuilder:
         """What is known of the run-out so far."""
         return self._runout
 
-    def segment_end(self, end: SegmentEnd) -> None:
+    def end_segment(self, end: SegmentEnd) -> None:
         """Take the end of a segment."""
         self._ends.append(end)
-        self._whirls.segment_end()
+        self._whirls.end_segment()
         self._open_segment, self._open_samples = -1, 0
 
     def summary(self) -> RunSummary:
@@ -268,12 +268,12 @@ class SummaryBuilder:
         return ProbeSummary(
             name=name,
             gap_mean=probe.gap_sum / self._snapshots if seen else np.nan,
-            gap_least=probe.gap_least if seen else np.nan,
-            gap_most=probe.gap_most if seen else np.nan,
+            gap_min=probe.gap_min if seen else np.nan,
+            gap_max=probe.gap_max if seen else np.nan,
             gap_ok=probe.gap_ok,
             largest_peak_to_peak=probe.peak_to_peak,
             largest=probe.largest,
             severity=self._header.limits.severity(probe.peak_to_peak),
             beyond_calibration=probe.beyond_calibration,
-            clearance_part=self._header.limits.clearance_part(probe.peak_to_peak),
+            clearance_fraction=self._header.limits.clearance_fraction(probe.peak_to_peak),
         )

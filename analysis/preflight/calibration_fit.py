@@ -44,7 +44,7 @@ class CalibrationFit:
         return float(np.max(np.abs(self.residuals)))
 
 
-def usual_order(points: int) -> int:
+def default_order(points: int) -> int:
     """Return the order that suits so many points: 3, lower where they are few."""
     return max(ORDERS[0], min(USUAL_ORDER, points - 1 - FREEDOM))
 

@@ -28,7 +28,7 @@ class Finding(StrEnum):
     TACHO_EXCHANGED = "tacho exchanged"  # with a probe
     BEYOND_CALIBRATION = "beyond calibration"
     HUM = "mains hum"
-    UNTOLD = "cannot be told"  # what the check needs was not there
+    INCONCLUSIVE = "cannot be told"  # what the check needs was not there
     SILENT = "tacho silent"
     STILL = "no pulses"
     LEVELS = "levels"  # the tacho's levels and its switching levels do not fit
@@ -38,7 +38,7 @@ class Finding(StrEnum):
     SPEED = "speed limit"
     MISSING = "device missing"
     DRIVER = "driver missing or too old"
-    REMARK = "driver remarks something"
+    DRIVER_WARNING = "driver remarks something"
     REFUSED = "settings refused"
     BUSY = "device busy"
     SELF_TEST = "self-test"
@@ -98,7 +98,7 @@ class Check:
         return cls(name, Verdict.FAIL, value, limit, advice, finding)
 
 
-def worst(checks: tuple[Check, ...]) -> Verdict:
+def worst_verdict(checks: tuple[Check, ...]) -> Verdict:
     """Return the worst verdict among checks; good where there are none."""
     order = list(Verdict)
     return max((check.verdict for check in checks), key=order.index, default=Verdict.GOOD)

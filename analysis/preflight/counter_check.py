@@ -7,7 +7,7 @@ from analysis.preflight.checks import Check, Finding
 from analysis.resampling.angular_record import tacho_edges
 from analysis.signals.header import Acquisition, TachoCounter
 from analysis.signals.snapshot import CounterReport, CounterState
-from analysis.tacho.counter_comparison import MARGIN, SETTLED, TachoComparison
+from analysis.tacho.counter_comparison import MARGIN, SETTLED, CounterComparison
 
 FEWEST_EDGES = 3  # to compare
 OTHER_EDGE = 0.02  # of the time between edges: stamps so far off are of the mark's other edge, or of another signal
@@ -44,8 +44,8 @@ def counter_check(acquisition: Acquisition, codes: NDArray[np.int16], ticks: NDA
             "the samples show no edge to compare the counter with: where nothing turns, turn the shaft by hand and "
             "look again; else see to the tacho's own signal first"
         )
-        return Check.warned("tacho counter", Finding.UNTOLD, f"{ticks.size} stamps", _limit(counter), advice)
-    comparison = TachoComparison(counter)
+        return Check.warned("tacho counter", Finding.INCONCLUSIVE, f"{ticks.size} stamps", _limit(counter), advice)
+    comparison = CounterComparison(counter)
     comparison.advance(sampled, ticks / counter.timebase, duration - MARGIN + SETTLED)
     report = comparison.report(is_working=True)
     if report.compared + report.missing + report.extra < FEWEST_EDGES:
@@ -56,7 +56,7 @@ def counter_check(acquisition: Acquisition, codes: NDArray[np.int16], ticks: NDA
 
 def _compared(counter: TachoCounter, report: CounterReport, period: float) -> Check:
     if report.state is CounterState.AGREES:
-        value = f"{report.compared:,} edges, {report.largest * 1e6:.2f} µs at most"
+        value = f"{report.compared:,} edges, {report.largest_difference * 1e6:.2f} µs at most"
         return Check.passed("tacho counter", value, _limit(counter))
     value = f"{report.compared:,} alike, {report.missing:,} not stamped, {report.extra:,} too many"
     if report.compared == 0 and not report.extra:
@@ -65,7 +65,7 @@ def _compared(counter: TachoCounter, report: CounterReport, period: float) -> Ch
             "0.8 and 2.2 V there"
         )
         return _bad(counter, Finding.SILENT, value, advice)
-    most_are_apart = 2 * report.apart > report.compared and report.largest > OTHER_EDGE * period
+    most_are_apart = 2 * report.out_of_tolerance > report.compared and report.largest_difference > OTHER_EDGE * period
     if report.compared == 0 or most_are_apart:
         advice = (
             f"the counter stamps other edges than the samples show: look at tacho.counter.edge and {counter.terminal}"
@@ -80,7 +80,7 @@ def _compared(counter: TachoCounter, report: CounterReport, period: float) -> Ch
     advice = (
         "slow edges pass the line's levels at another time than threshold_v: raise max_difference_us, or mend the edges"
     )
-    return Check.warned("tacho counter", Finding.SCATTER, report.told, _limit(counter), advice)
+    return Check.warned("tacho counter", Finding.SCATTER, report.message, _limit(counter), advice)
 
 
 def _bad(counter: TachoCounter, finding: Finding, value: str, advice: str) -> Check:
@@ -90,4 +90,4 @@ def _bad(counter: TachoCounter, finding: Finding, value: str, advice: str) -> Ch
 
 
 def _limit(counter: TachoCounter) -> str:
-    return f"each edge, within {counter.agreement * 1e6:g} µs of the samples"
+    return f"each edge, within {counter.max_difference * 1e6:g} µs of the samples"

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from analysis.preflight.checks import MICRO, Check, Finding, WiringLimits
 from analysis.signals.header import CODE_MAX, CODE_MIN, Calibration, Channel
-from analysis.spectra.disturbances import SlowSignal
+from analysis.spectra.disturbances import LowFrequencySignal
 
 FloatArray = NDArray[np.float64]
 
@@ -36,7 +36,7 @@ class ProbeSignal:
     volts: FloatArray
 
     @classmethod
-    def of(cls, channel: Channel, codes: NDArray[np.int16]) -> "ProbeSignal":
+    def from_codes(cls, channel: Channel, codes: NDArray[np.int16]) -> "ProbeSignal":
         """Return the signal of a probe's channel; ValueError where it has no calibration or no samples."""
         if channel.calibration is None or codes.ndim != 1 or codes.size == 0:
             raise ValueError(f"channel {channel.name!r}: codes {codes.shape}, expected a probe's samples, (n,)")
@@ -124,7 +124,7 @@ def calibrated_check(probe: ProbeSignal) -> Check:
     return Check.warned(name, Finding.BEYOND_CALIBRATION, value, limit, advice)
 
 
-def hum_check(probe: ProbeSignal, slow: SlowSignal, turning: float, limits: WiringLimits) -> Check:
+def hum_check(probe: ProbeSignal, slow: LowFrequencySignal, turning: float, limits: WiringLimits) -> Check:
     """Return whether the mains are to be seen.
 
     Parameters
@@ -140,13 +140,13 @@ def hum_check(probe: ProbeSignal, slow: SlowSignal, turning: float, limits: Wiri
     """
     name = f"{probe.name} mains hum"
     limit = f"{limits.hum_warn / MICRO:g} µm peak at 50 or 60 Hz"
-    line = slow.mains()
+    line = slow.mains_line()
     value = f"{line.amplitude / MICRO:.2f} µm at {line.frequency:.0f} Hz"
     if line.amplitude <= limits.hum_warn:
         return Check.passed(name, value, limit)
     if not line.is_separable:
         advice = "the shaft turns with the mains' frequency, or a part of it: look again at rest or at another speed"
-        return Check.warned(name, Finding.UNTOLD, value, limit, advice)
+        return Check.warned(name, Finding.INCONCLUSIVE, value, limit, advice)
     if line.frequency < turning:
         advice = (
             f"{probe.name} hums with the mains, or the shaft whirls just there: look again at rest, then at the shields"

@@ -18,7 +18,7 @@ MOST_HYSTERESIS = 0.6  # of the separation
 
 
 @dataclass(frozen=True, slots=True)
-class Levels:
+class SignalLevels:
     """The levels between which a voltage switches.
 
     Parameters
@@ -53,7 +53,7 @@ class Levels:
         return min(wanted, MOST_HYSTERESIS * self.separation)
 
 
-def two_levels(volts: FloatArray) -> Levels | None:
+def find_state_levels(volts: FloatArray) -> SignalLevels | None:
     """Return the two levels of a voltage; None where it does not switch between two.
 
     Parameters
@@ -85,5 +85,5 @@ def two_levels(volts: FloatArray) -> Levels | None:
         MAD_TO_RMS * float(np.median(np.abs(volts[part] - level)))
         for part, level in zip((~is_high, is_high), levels, strict=True)
     ]
-    found = Levels(levels[0], levels[1], max(scatters), float(np.mean(is_high)))
+    found = SignalLevels(levels[0], levels[1], max(scatters), float(np.mean(is_high)))
     return found if found.separation >= max(LEAST_SEPARATION, CLEAR * found.scatter) else None

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.preflight.checks import Check, Finding, WiringLimits
-from analysis.preflight.switching_levels import Levels, two_levels
+from analysis.preflight.switching_levels import SignalLevels, find_state_levels
 from analysis.signals.header import Channel, Edge, Tacho
 from analysis.tacho.edges import EdgeDetector
 
@@ -44,14 +44,14 @@ class TachoSignal:
     tacho: Tacho
     volts: FloatArray
     rate: float
-    levels: Levels | None
+    levels: SignalLevels | None
     edges: FloatArray
 
     @classmethod
-    def of(cls, channel: Channel, tacho: Tacho, codes: NDArray[np.int16], rate: float) -> "TachoSignal":
+    def from_codes(cls, channel: Channel, tacho: Tacho, codes: NDArray[np.int16], rate: float) -> "TachoSignal":
         """Return the signal of the tacho's channel; ValueError where there are no samples."""
         volts = channel.volts(codes)
-        return cls(channel, tacho, volts, rate, two_levels(volts), EdgeDetector(tacho).edges(volts, 0))
+        return cls(channel, tacho, volts, rate, find_state_levels(volts), EdgeDetector(tacho).edges(volts, 0))
 
     @property
     def angle(self) -> FloatArray | None:
@@ -154,7 +154,7 @@ def _one_level_check(signal: TachoSignal, *, motion: bool) -> Check:
     return Check.warned(name, Finding.STILL, value, limit, advice)
 
 
-def _levels_check(signal: TachoSignal, levels: Levels) -> Check:
+def _levels_check(signal: TachoSignal, levels: SignalLevels) -> Check:
     low, high = _switching(signal.tacho)
     name, limit = "tacho levels", f"below {low:g} and above {high:g} V in turn"
     value = f"{levels.low:.2f} and {levels.high:.2f} V"
@@ -177,7 +177,7 @@ def _levels_check(signal: TachoSignal, levels: Levels) -> Check:
     return Check.failed(name, Finding.LEVELS, value, limit, advice)
 
 
-def _hysteresis_check(signal: TachoSignal, levels: Levels) -> Check:
+def _hysteresis_check(signal: TachoSignal, levels: SignalLevels) -> Check:
     least, most = HYSTERESIS
     share = signal.tacho.hysteresis / levels.separation
     name, value = "tacho hysteresis", f"{signal.tacho.hysteresis:g} V, {100 * share:.0f} % of the swing"
@@ -189,7 +189,7 @@ def _hysteresis_check(signal: TachoSignal, levels: Levels) -> Check:
     return Check.warned(name, Finding.LEVELS, value, limit, advice)
 
 
-def _noise_check(signal: TachoSignal, levels: Levels) -> Check:
+def _noise_check(signal: TachoSignal, levels: SignalLevels) -> Check:
     low, high = _switching(signal.tacho)
     least = NOISE_ROOM * levels.scatter
     room = min(low - levels.low, levels.high - high, signal.tacho.hysteresis)
@@ -219,7 +219,7 @@ def _pulses_check(signal: TachoSignal, most: float) -> Check:
     return Check.warned(name, Finding.SCATTER, value, limit, advice)
 
 
-def _mark_check(signal: TachoSignal, levels: Levels, tolerance: float) -> Check:
+def _mark_check(signal: TachoSignal, levels: SignalLevels, tolerance: float) -> Check:
     configured, seen = signal.tacho.mark_fraction, levels.high_fraction
     name, value = "tacho mark", f"light for {100 * seen:.0f} % of the time"
     limit = f"{100 * configured:.0f} ± {100 * tolerance:.0f} %"

@@ -5,10 +5,10 @@ from numpy.typing import NDArray
 
 from analysis.preflight.checks import MICRO, Check, Finding, Verdict, WiringLimits
 from analysis.preflight.probe_checks import ProbeSignal, calibrated_check, clipping_check, gap_check, hum_check
-from analysis.preflight.switching_levels import two_levels
+from analysis.preflight.switching_levels import find_state_levels
 from analysis.preflight.tacho_checks import TachoSignal, tacho_checks
 from analysis.signals.header import Acquisition, Channel, Role
-from analysis.spectra.disturbances import SlowSignal
+from analysis.spectra.disturbances import LowFrequencySignal
 
 FloatArray = NDArray[np.float64]
 
@@ -46,9 +46,9 @@ def wiring_checks(
         raise ValueError(f"codes: shape {codes.shape}, expected ({len(acquisition.channels)}, n) with n > 0")
     limits = limits or WiringLimits()
     rows = {role: acquisition.row(role) for role in Role}
-    probes = [ProbeSignal.of(acquisition.channels[rows[role]], codes[rows[role]]) for role in ROLES]
+    probes = [ProbeSignal.from_codes(acquisition.channels[rows[role]], codes[rows[role]]) for role in ROLES]
     channel, tacho_codes = acquisition.channels[rows[Role.TACHO]], codes[rows[Role.TACHO]]
-    tacho = TachoSignal.of(channel, acquisition.tacho, tacho_codes, acquisition.rate)
+    tacho = TachoSignal.from_codes(channel, acquisition.tacho, tacho_codes, acquisition.rate)
     pulsing = [probe for probe in probes if _pulses(probe, tacho)]
     checks = [_pulsing_check(probe, tacho) for probe in pulsing]
     told = bool(pulsing) and tacho.levels is None  # the tacho's own input has a probe's voltage then
@@ -56,9 +56,9 @@ def wiring_checks(
     rest = [probe for probe in probes if probe not in pulsing]
     gaps = [gap_check(probe) for probe in rest]
     sound = [probe for probe, gap in zip(rest, gaps, strict=True) if gap.verdict is Verdict.GOOD]
-    slow = [SlowSignal(probe.displacement, acquisition.rate, angle) for probe in sound]
+    slow = [LowFrequencySignal(probe.displacement, acquisition.rate, angle) for probe in sound]
     checks += gaps
-    motion = bool(slow) and all(signal.motion() > MOVES for signal in slow)
+    motion = bool(slow) and all(signal.motion_rms() > MOVES for signal in slow)
     untold = np.inf if motion else 0.0
     turning = untold if angle is None else tacho.speed / (2.0 * np.pi)
     for probe, signal in zip(sound, slow, strict=True):
@@ -74,12 +74,12 @@ def wiring_checks(
 
 def _pulses(probe: ProbeSignal, tacho: TachoSignal) -> bool:
     """Return whether a probe's input has a switching sensor's voltage."""
-    levels = two_levels(probe.volts)
+    levels = find_state_levels(probe.volts)
     return levels is not None and levels.separation > tacho.tacho.hysteresis
 
 
 def _pulsing_check(probe: ProbeSignal, tacho: TachoSignal) -> Check:
-    levels = two_levels(probe.volts)
+    levels = find_state_levels(probe.volts)
     seen = "pulses" if levels is None else f"pulses, {levels.low:.2f} and {levels.high:.2f} V"
     own, other = probe.channel.physical, tacho.channel.physical
     if tacho.levels is None:
@@ -112,7 +112,7 @@ def _alike(first: FloatArray, second: FloatArray) -> float:
     return float(np.sum(first * second)) / np.sqrt(power) if power > 0.0 else 0.0
 
 
-def _direction_check(probes: list[ProbeSignal], slow: list[SlowSignal]) -> Check:
+def _direction_check(probes: list[ProbeSignal], slow: list[LowFrequencySignal]) -> Check:
     """Return whether 1X goes round with the shaft, as run-out and unbalance make it."""
     forward, backward = _circles([probe.channel for probe in probes], [signal.vectors[0] for signal in slow])
     name, limit = "1X direction", "forward"

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.resampling.decimation import Pyramid
+from analysis.resampling.decimation import DecimationPyramid
 from analysis.resampling.interpolation import HALF, interpolate
 from analysis.signals.errors import AnalysisError, RecordTooShortError
 from analysis.signals.header import CODE_MAX, CODE_MIN, Acquisition, Role
@@ -40,7 +40,7 @@ class AngularRecord:
         Scatter of the tacho's pulses about the smooth angle, s.
     time_sigma : ndarray of float64, shape (n_revolutions + 1,)
         Standard deviation of ``times``, s; NaN where no tacho told.
-    measured : bool
+    is_measured : bool
         Whether a tacho told the angle.
     pulses : PulseRecord or None
         How far the tacho's pulses are to be trusted: what was filled and rejected, and whether its sensor was past its
@@ -55,7 +55,7 @@ class AngularRecord:
     pair: ProbePair
     angle_jitter: float
     time_sigma: FloatArray
-    measured: bool = True
+    is_measured: bool = True
     pulses: PulseRecord | None = None
     clipped: tuple[int, int] = (0, 0)
 
@@ -95,7 +95,7 @@ class AngularRecord:
             raise ValueError(f"waveform: shape {waveform.shape}, expected {self.waveform.shape}")
         return replace(self, waveform=waveform)
 
-    def part(self, begin: int, end: int) -> "AngularRecord":
+    def section(self, begin: int, end: int) -> "AngularRecord":
         """Return the revolutions from ``begin`` to before ``end``."""
         if not 0 <= begin < end <= self.revolutions:
             raise ValueError(f"begin, end: {begin} and {end}, expected a part of 0 to {self.revolutions}")
@@ -167,7 +167,7 @@ def angular_record(
         pair=pair,
         angle_jitter=angle.jitter,
         time_sigma=angle.time_sigma(np.arange(first + begin, first + end + 1, dtype=np.float64)),
-        measured=angle.measured,
+        is_measured=angle.is_measured,
     )
 
 
@@ -191,7 +191,7 @@ class _LevelReader:
     def __init__(self, displacement: FloatArray, rate: float, skew: FloatArray, times: FloatArray, points: int) -> None:
         most_per_turn = 2.0 * (1.0 - PASSED) * points  # samples of the level that is read
         self._levels = np.maximum(np.ceil(np.log2(rate * np.diff(times) / most_per_turn)), 0).astype(np.int64)
-        self._pyramid = Pyramid(2, int(self._levels.max()) + 1, displacement.shape[1], 0)
+        self._pyramid = DecimationPyramid(2, int(self._levels.max()) + 1, displacement.shape[1], 0)
         self._pyramid.push(displacement)
         self._rate, self._skew, self._points = rate, skew, points
 
@@ -263,7 +263,7 @@ def probe_displacement(acquisition: Acquisition, codes: NDArray[np.int16]) -> Fl
     return displacement
 
 
-def record_of_codes(
+def angular_record_from_codes(
     acquisition: Acquisition,
     codes: NDArray[np.int16],
     *,

@@ -20,7 +20,7 @@ def _half_band() -> FloatArray:
 _TAPS = _half_band()
 
 
-class Pyramid:
+class DecimationPyramid:
     """The last samples at the sampling rate over 1, 2, 4, …, kept up as samples come.
 
     Sample m of level k lies at sample m * 2**k of the original: the filters are symmetric and delay nothing, only

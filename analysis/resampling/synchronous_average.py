@@ -39,7 +39,7 @@ def synchronous_average(record: AngularRecord) -> SynchronousAverage:
     return SynchronousAverage(mean, rest / np.sqrt(record.revolutions), record.revolutions)
 
 
-def synchronous_rest(record: AngularRecord, revolutions: int = 16) -> AngularRecord:
+def synchronous_residual(record: AngularRecord, revolutions: int = 16) -> AngularRecord:
     """Return the record without what repeats: each revolution less the mean of those about it.
 
     What is left is whirl, rub and noise. A component of order q is kept but for the part 1 / revolutions that its own

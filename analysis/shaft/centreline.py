@@ -37,7 +37,7 @@ class Centreline:
     clearance: float
 
     @property
-    def eccentricity(self) -> FloatArray:
+    def eccentricity_ratio(self) -> FloatArray:
         """Distance from the middle over the clearance, shape (n,); above 1 the reference or the clearance is wrong."""
         return np.asarray(np.hypot(*self.positions) / self.clearance, dtype=np.float64)
 
@@ -50,7 +50,7 @@ class Centreline:
     @property
     def is_inside(self) -> NDArray[np.bool_]:
         """Whether each position lies within the circle, shape (n,)."""
-        return self.eccentricity <= 1.0
+        return self.eccentricity_ratio <= 1.0
 
     def circle(self, points: int = 181) -> FloatArray:
         """Return the clearance circle, shape (2, points), m."""
@@ -60,11 +60,11 @@ class Centreline:
 
 def centreline(
     record: AngularRecord,
-    parked: FloatArray,
+    rest_displacement: FloatArray,
     clearance: float,
     *,
     revolutions: int = 16,
-    parked_at: tuple[float, float] | None = None,
+    rest_position: tuple[float, float] | None = None,
 ) -> Centreline:
     """Return the shaft's centreline from the probes' mean displacements.
 
@@ -72,13 +72,13 @@ def centreline(
     ----------
     record : AngularRecord
         Of probes that pass direct voltage.
-    parked : ndarray of float64, shape (2,)
+    rest_displacement : ndarray of float64, shape (2,)
         Displacement towards the probes x and y while the shaft lay still, m.
     clearance : float
         Radius, m.
     revolutions : int
         Averaged for each position.
-    parked_at : tuple of float or None
+    rest_position : tuple of float or None
         Where the shaft lay then, in X and Y from the middle, m; None is the bottom of the circle.
 
     Raises
@@ -90,19 +90,19 @@ def centreline(
     -----
     D. Bently and C. Hatch, Fundamentals of Rotating Machinery Diagnostics, 2002, ch. 6.
     """
-    if not clearance > 0.0 or parked.shape != (2,) or revolutions < 2:
+    if not clearance > 0.0 or rest_displacement.shape != (2,) or revolutions < 2:
         raise ValueError(
-            f"clearance {clearance} m, parked {parked.shape}, revolutions {revolutions}: expected above 0, (2,), at "
-            "least 2"
+            f"clearance {clearance} m, rest_displacement {rest_displacement.shape}, revolutions {revolutions}: "
+            "expected above 0, (2,), at least 2"
         )
     count = record.revolutions // revolutions
     if count == 0:
         raise RecordTooShortError(f"{record.revolutions} revolutions in the record, expected at least {revolutions}")
     kept = count * revolutions
     means = record.waveform[:, :kept].mean(axis=2).reshape(2, count, revolutions)
-    origin = np.array(parked_at if parked_at is not None else (0.0, -clearance))
-    moved = record.pair.to_bench(means.mean(axis=2) - parked[:, None])
-    scatter = record.pair.to_bench(means - parked[:, None, None]).std(axis=2, ddof=1)
+    origin = np.array(rest_position if rest_position is not None else (0.0, -clearance))
+    moved = record.pair.to_bench(means.mean(axis=2) - rest_displacement[:, None])
+    scatter = record.pair.to_bench(means - rest_displacement[:, None, None]).std(axis=2, ddof=1)
     edges = record.times[: kept + 1 : revolutions]
     return Centreline(
         positions=origin[:, None] + moved,

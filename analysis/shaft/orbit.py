@@ -41,7 +41,7 @@ class FilteredOrbit:
     speed: float
 
     @property
-    def marks(self) -> FloatArray:
+    def keyphasor_points(self) -> FloatArray:
         """Where the shaft was when the mark passed, shape (2, revolutions), m."""
         return np.asarray(self.motion[:, :, 0], dtype=np.float64)
 
@@ -57,7 +57,7 @@ def direct_orbit(record: AngularRecord, revolutions: int = 4) -> FilteredOrbit:
 
 
 def filtered_orbit(
-    record: AngularRecord, orders: tuple[float, ...], *, revolutions: int = 1, averaged: int = 16
+    record: AngularRecord, orders: tuple[float, ...], *, revolutions: int = 1, averaging_revolutions: int = 16
 ) -> FilteredOrbit:
     """Return the orbit of chosen orders alone: 1X, 2X, nX or any other, or several together.
 
@@ -69,7 +69,7 @@ def filtered_orbit(
         Kept.
     revolutions : int
         Drawn; a part order closes after several.
-    averaged : int
+    averaging_revolutions : int
         Revolutions from which the vectors are taken, by a Hann window.
 
     Raises
@@ -77,15 +77,15 @@ def filtered_orbit(
     RecordTooShortError
         Where the record holds fewer revolutions than are averaged.
     """
-    synthesis, ellipses, sigma = _components(record, orders, revolutions, averaged)
+    synthesis, ellipses, sigma = _components(record, orders, revolutions, averaging_revolutions)
     return _orbit(record, revolutions, synthesis, ellipses, sigma)
 
 
 def orbit_without(
-    record: AngularRecord, orders: tuple[float, ...] = (1.0,), *, revolutions: int = 4, averaged: int = 16
+    record: AngularRecord, orders: tuple[float, ...] = (1.0,), *, revolutions: int = 4, averaging_revolutions: int = 16
 ) -> FilteredOrbit:
     """Return the orbit of all but chosen orders, not-1X by default; parameters as for `filtered_orbit`."""
-    synthesis, ellipses, sigma = _components(record, orders, revolutions, averaged)
+    synthesis, ellipses, sigma = _components(record, orders, revolutions, averaging_revolutions)
     return _orbit(record, revolutions, _last(record, revolutions) - synthesis, ellipses, sigma)
 
 
@@ -98,21 +98,20 @@ def _last(record: AngularRecord, revolutions: int) -> FloatArray:
 
 
 def _components(
-    record: AngularRecord, orders: tuple[float, ...], revolutions: int, averaged: int
+    record: AngularRecord, orders: tuple[float, ...], revolutions: int, averaging_revolutions: int
 ) -> tuple[FloatArray, tuple[Ellipse, ...], float]:
     if not orders or revolutions < 1:
         raise ValueError(f"orders {orders}, revolutions {revolutions}: expected at least one of each")
-    if record.revolutions < max(averaged, revolutions):
-        raise RecordTooShortError(
-            f"{record.revolutions} revolutions in the record, expected at least {max(averaged, revolutions)}"
-        )
-    used = record.part(record.revolutions - averaged, record.revolutions)
+    if record.revolutions < max(averaging_revolutions, revolutions):
+        needed = max(averaging_revolutions, revolutions)
+        raise RecordTooShortError(f"{record.revolutions} revolutions in the record, expected at least {needed}")
+    used = record.section(record.revolutions - averaging_revolutions, record.revolutions)
     first = record.first_turn + record.revolutions - revolutions
     theta = 2.0 * np.pi * (first + np.arange(revolutions * record.points) / record.points)
     synthesis = np.zeros((2, theta.size))
     ellipses, sigma = [], 0.0
     for order in orders:
-        track = track_order(used, order, revolutions=averaged)
+        track = track_order(used, order, revolutions=averaging_revolutions)
         vectors = track.vectors[:, 0]
         synthesis += (vectors[:, None] * np.exp(1j * order * theta)).real
         ellipses.append(record.pair.ellipse(vectors))

@@ -68,7 +68,7 @@ class Overall:
         At the probes x and y, m peak-to-peak.
     times : ndarray of float64, shape (n,)
         Middle of each interval, s.
-    left_out : int
+    excluded_samples : int
         Samples at either extreme of an interval that do not count, where a sensor's glitches lie: a steady sine reads
         low by (pi left_out / samples)² / 2 for it.
     clearance : float
@@ -77,11 +77,11 @@ class Overall:
 
     peak_to_peak: FloatArray
     times: FloatArray
-    left_out: int
+    excluded_samples: int
     clearance: float
 
     @property
-    def clearance_part(self) -> FloatArray:
+    def clearance_fraction(self) -> FloatArray:
         """Vibration over the clearance's diameter, shape (2, n): 1 is all the room there is."""
         return np.asarray(self.peak_to_peak / (2.0 * self.clearance), dtype=np.float64)
 
@@ -123,6 +123,6 @@ def overall(displacement: FloatArray, rate: float, clearance: float, *, interval
     return Overall(
         peak_to_peak=(high - low).reshape(2, count),
         times=(np.arange(count) + 0.5) * size / rate,
-        left_out=left_out,
+        excluded_samples=left_out,
         clearance=clearance,
     )

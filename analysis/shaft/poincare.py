@@ -105,14 +105,14 @@ def _is_curve(points: FloatArray) -> bool:
     return bool(sectors.size >= FILLED_SECTORS and radius.std() < THIN * radius.mean())
 
 
-def bifurcation(record: AngularRecord, *, averaged: int = 64) -> tuple[FloatArray, FloatArray]:
+def bifurcation_diagram(record: AngularRecord, *, averaging_revolutions: int = 64) -> tuple[FloatArray, FloatArray]:
     """Return the data of a bifurcation diagram: speed and position at the mark of every revolution.
 
     Parameters
     ----------
     record : AngularRecord
         Of a run-up or run-down.
-    averaged : int
+    averaging_revolutions : int
         Revolutions about each whose mean position is taken off, so that the centreline's path does not show.
 
     Returns
@@ -131,13 +131,15 @@ def bifurcation(record: AngularRecord, *, averaged: int = 64) -> tuple[FloatArra
     -----
     F. Ehrich, Handbook of Rotordynamics, 1992.
     """
-    if averaged < 2:
-        raise ValueError(f"averaged: {averaged}, expected at least 2 revolutions")
-    if record.revolutions < averaged:
-        raise RecordTooShortError(f"{record.revolutions} revolutions in the record, expected at least {averaged}")
+    if averaging_revolutions < 2:
+        raise ValueError(f"averaged: {averaging_revolutions}, expected at least 2 revolutions")
+    if record.revolutions < averaging_revolutions:
+        raise RecordTooShortError(
+            f"{record.revolutions} revolutions in the record, expected at least {averaging_revolutions}"
+        )
     motion = record.pair.to_bench(record.waveform)
     middle = motion.mean(axis=2)
-    smooth = np.stack([_running_mean(row, averaged) for row in middle])
+    smooth = np.stack([_running_mean(row, averaging_revolutions) for row in middle])
     return record.speeds, np.asarray(motion[:, :, 0] - smooth, dtype=np.float64)
 
 

@@ -56,7 +56,7 @@ class SampleBlock:
         """Index one past the last sample."""
         return self.first_sample + self.n_samples
 
-    def moved(self, segment: int, first_sample: int, ticks_per_sample: float) -> "SampleBlock":
+    def relocated(self, segment: int, first_sample: int, ticks_per_sample: float) -> "SampleBlock":
         """Return the block at another place of its run; what a counter stamped before the new segment is left out.
 
         Parameters

@@ -124,7 +124,7 @@ class TachoCounter:
         Rate of its ticks, Hz; they come from the oscillator that the samples come from.
     is_reference : bool
         Whether speed and phase are taken from its stamps; else from the waveform.
-    agreement : float
+    max_difference : float
         How far a stamp may lie from the edge in the waveform, s.
     """
 
@@ -133,7 +133,7 @@ class TachoCounter:
     edge: Edge
     timebase: float
     is_reference: bool
-    agreement: float
+    max_difference: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -256,7 +256,7 @@ class RunOutSettings:
     from_orbit: bool = False
 
     @property
-    def is_asked(self) -> bool:
+    def is_enabled(self) -> bool:
         """Whether any run-out is to be taken off."""
         return bool(self.vectors) or self.slow_roll_speed > 0.0
 
@@ -342,7 +342,7 @@ class Limits:
     speed_alarm: float = np.inf
     speed_danger: float = np.inf
 
-    def clearance_part(self, peak_to_peak: float) -> float:
+    def clearance_fraction(self, peak_to_peak: float) -> float:
         """Return an overall vibration, m peak-to-peak, over the clearance's diameter: 1 is all the room there is."""
         return peak_to_peak / (2.0 * self.clearance)
 

@@ -43,7 +43,7 @@ class TachoReport:
         Edges that were rejected as doubles or noise.
     jitter : float
         Robust scatter (1.4826 MAD) of the edges about the smooth angle, s; NaN where there is none.
-    mark_is_arbitrary : bool
+    phase_reference_is_arbitrary : bool
         Whether theta = 0 is the first mark seen of several that cannot be told apart: phases hold within a train only.
     """
 
@@ -52,7 +52,7 @@ class TachoReport:
     filled: int
     rejected: int
     jitter: float
-    mark_is_arbitrary: bool = False
+    phase_reference_is_arbitrary: bool = False
 
 
 RECENT = 10.0  # s: what happened longer ago is history to whoever watches
@@ -81,13 +81,13 @@ class CounterReport:
         Edges of the waveform that the counter has not stamped.
     extra : int
         Stamps where the waveform has no edge.
-    apart : int
+    out_of_tolerance : int
         Edges of both that lie further apart than the rig says they may.
-    mean : float
+    mean_difference : float
         How much later the counter has them, in the mean, s; NaN where none were compared.
-    largest : float
+    largest_difference : float
         Largest distance of the two, s; NaN where none were compared.
-    recent, recent_odd : int
+    recent, recent_mismatches : int
         Edges of either that were compared in the last `RECENT` s, and those of them that are missing, extra or apart.
     """
 
@@ -95,11 +95,11 @@ class CounterReport:
     compared: int
     missing: int
     extra: int
-    apart: int
-    mean: float
-    largest: float
+    out_of_tolerance: int
+    mean_difference: float
+    largest_difference: float
     recent: int = 0
-    recent_odd: int = 0
+    recent_mismatches: int = 0
 
     @property
     def state(self) -> CounterState:
@@ -108,10 +108,10 @@ class CounterReport:
             return CounterState.FAILED
         if self.missing or self.extra:
             return CounterState.COUNT_DIFFERS
-        return CounterState.TIMES_DIFFER if self.apart else CounterState.AGREES
+        return CounterState.TIMES_DIFFER if self.out_of_tolerance else CounterState.AGREES
 
     @property
-    def told(self) -> str:
+    def message(self) -> str:
         """What an operator should know; empty where they agree."""
         odds = {
             CounterState.FAILED: ["the counter gives no more stamps: speed and phase are taken from the samples"],
@@ -123,16 +123,18 @@ class CounterReport:
                 )
                 if count
             ],
-            CounterState.TIMES_DIFFER: [f"{self.apart:,} edges up to {self.largest * 1e6:,.1f} µs apart"],
+            CounterState.TIMES_DIFFER: [
+                f"{self.out_of_tolerance:,} edges up to {self.largest_difference * 1e6:,.1f} µs apart"
+            ],
         }
         return " and ".join(odds.get(self.state, []))
 
     @property
-    def told_lately(self) -> str:
+    def recent_message(self) -> str:
         """Whether they still differ where they have; empty where they agree, or the counter has failed."""
         if self.state in {CounterState.AGREES, CounterState.FAILED}:
             return ""
-        how_many = f"{self.recent_odd:,} of {self.recent:,}" if self.recent_odd else "none"
+        how_many = f"{self.recent_mismatches:,} of {self.recent:,}" if self.recent_mismatches else "none"
         return f"{how_many} in the last {RECENT:g} s"
 
 

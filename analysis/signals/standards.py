@@ -29,7 +29,7 @@ RUNOUT_SOURCE = "API 670 as the field quotes it; not checked against the standar
 
 
 @dataclass(frozen=True, slots=True)
-class Figure:
+class StandardLimit:
     """One figure of a standard.
 
     Parameters
@@ -54,7 +54,7 @@ class Figure:
     source: str
 
 
-def figures(speed: float) -> tuple[Figure, ...]:
+def standard_limits(speed: float) -> tuple[StandardLimit, ...]:
     """Return the figures of ISO 20816-3, API 617 and API 670 at a shaft speed.
 
     Parameters
@@ -73,7 +73,7 @@ def figures(speed: float) -> tuple[Figure, ...]:
     rpm = speed * RPM
     inside = ISO_SPEEDS[0] <= rpm <= ISO_SPEEDS[1]
     iso = [
-        Figure(
+        StandardLimit(
             "ISO 20816-3",
             f"zone boundary {name}",
             float(k / np.sqrt(rpm) * MICRO) if inside else np.nan,
@@ -84,15 +84,15 @@ def figures(speed: float) -> tuple[Figure, ...]:
         for name, k in ISO_ZONES
     ]
     running = min(API_LARGEST * float(np.sqrt(API_SPEED / rpm)), API_LARGEST) * MICRO
-    runout = combined_runout(running)
+    runout = allowed_combined_runout(running)
     return (
         *iso,
-        Figure("API 617", "vibration limit", running, API_SCOPE, in_scope=True, source=API_SOURCE),
-        Figure("API 670", "combined run-out", runout, RUNOUT_SCOPE, in_scope=True, source=RUNOUT_SOURCE),
+        StandardLimit("API 617", "vibration limit", running, API_SCOPE, in_scope=True, source=API_SOURCE),
+        StandardLimit("API 670", "combined run-out", runout, RUNOUT_SCOPE, in_scope=True, source=RUNOUT_SOURCE),
     )
 
 
-def combined_runout(allowed: float) -> float:
+def allowed_combined_runout(allowed: float) -> float:
     """Return the run-out that API 670 bears beside an allowed vibration, both m peak-to-peak.
 
     6.4 um or a quarter of the allowed vibration, whichever is more (`RUNOUT_SOURCE`).
@@ -102,7 +102,7 @@ def combined_runout(allowed: float) -> float:
     return max(RUNOUT * MICRO, RUNOUT_PART * allowed)
 
 
-def unbalance_allowed(grade: float, mass: float, speed: float) -> float:
+def permissible_unbalance(grade: float, mass: float, speed: float) -> float:
     """Return the permissible residual unbalance, kg m.
 
     Parameters

@@ -15,7 +15,7 @@ NEIGHBOURS = 2.0 / 3.0  # correlation of the noise of two lines side by side, Ha
 SMALLEST = 1e-100  # amplitude, in any unit: below it there is no line
 
 
-def sigma_of_floor(floor: FloatArray) -> FloatArray:
+def noise_floor_sigma(floor: FloatArray) -> FloatArray:
     """Return the standard deviation of a line's amplitude where the median of the lines beside it is ``floor``.
 
     In white noise of rms sigma_x that is sigma_x sqrt(2 B / N) with N samples in the frame and a noise bandwidth of B

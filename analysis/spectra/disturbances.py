@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from analysis.resampling.angular_record import AngularRecord
 from analysis.signals.errors import RecordTooShortError
-from analysis.signals.uncertainty import sigma_of_floor
+from analysis.signals.uncertainty import noise_floor_sigma
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -53,7 +53,7 @@ class MainsLine:
     is_separable: bool
 
 
-class SlowSignal:
+class LowFrequencySignal:
     """A stretch of a signal, thinned, with the orders of the shaft taken out where its angle is known.
 
     Parameters
@@ -100,11 +100,11 @@ class SlowSignal:
         cosine, sine = self._solution[2::4], self._solution[3::4]
         return np.asarray(cosine - 1j * sine, dtype=np.complex128)
 
-    def mains(self) -> MainsLine:
+    def mains_line(self) -> MainsLine:
         """Return the stronger of the lines at 50 and 60 Hz."""
         return max((self._line(frequency) for frequency in MAINS), key=lambda line: line.amplitude)
 
-    def motion(self) -> float:
+    def motion_rms(self) -> float:
         """Return the rms of all that moves between 2 and 1000 Hz but for the mains' lines, in the signal's unit."""
         spectrum = np.fft.rfft(self._moving)
         frequency = np.fft.rfftfreq(self._moving.size, 1.0 / self._rate)
@@ -128,7 +128,7 @@ class SlowSignal:
         highest = int(np.argmax(heights))
         scale = 1.0 / left if is_separable else 1.0
         beside = heights[np.abs(offsets) > SKIRT * self._rate / self._window.size]
-        sigma = scale * float(sigma_of_floor(np.median(beside))) if beside.size else np.nan
+        sigma = scale * float(noise_floor_sigma(np.median(beside))) if beside.size else np.nan
         is_highest = abs(offsets[highest]) <= MAINS_DRIFT
         return MainsLine(mains, scale * float(heights[highest]) if is_highest else 0.0, sigma, is_separable)
 
@@ -179,7 +179,7 @@ class Drift:
     total: float
 
     @property
-    def is_clear(self) -> bool:
+    def is_significant(self) -> bool:
         """Whether the slope stands 4 standard deviations from none."""
         return abs(self.slope) > CLEAR * self.sigma
 
@@ -250,4 +250,4 @@ def mains_hum(values: FloatArray, rate: float, record: AngularRecord | None = No
     if record is not None:
         turns = np.arange(record.times.size, dtype=np.float64)
         angle = 2.0 * np.pi * np.interp(time[inside], record.times, turns)
-    return SlowSignal(values[inside], rate, angle).mains()
+    return LowFrequencySignal(values[inside], rate, angle).mains_line()

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.signals.probes import require_displacement
-from analysis.signals.uncertainty import sigma_of_floor
+from analysis.signals.uncertainty import noise_floor_sigma
 from analysis.spectra.frequency_spectrum import FrequencyFrames
 from analysis.spectra.order_map import Window
 from analysis.tacho.shaft_angle import ShaftAngle
@@ -118,7 +118,7 @@ def frequency_map(
     return FrequencyMap(
         frequencies=frames.frequencies[:kept],
         amplitudes=amplitudes,
-        sigma=sigma_of_floor(np.median(amplitudes, axis=(0, 2))),
+        sigma=noise_floor_sigma(np.median(amplitudes, axis=(0, 2))),
         times=frames.begins + 0.5 * frames.duration,
         speeds=_speeds(angle, frames.begins, frames.begins + frames.duration),
         noise_bandwidth=frames.noise_bandwidth,

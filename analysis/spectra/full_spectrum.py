@@ -40,20 +40,20 @@ class ProbeMismatch:
     gain: float
     skew: float
     sigma: float
-    is_told: bool
+    is_determined: bool
     components: int
 
     def corrected(self, vectors: ComplexArray) -> ComplexArray:
         """Return vectors at the probes, shape (2, ...), with probe y brought to probe x; as they are if not told."""
-        if not self.is_told:
+        if not self.is_determined:
             return vectors
         right = vectors.copy()
         right[1] = (vectors[1] - self.skew * vectors[0]) / (1.0 + self.gain)
         return right
 
-    def off_record(self, record: AngularRecord) -> AngularRecord:
+    def correct_record(self, record: AngularRecord) -> AngularRecord:
         """Return a record with probe y brought to probe x, before orbits and sections are made of both."""
-        if not self.is_told:
+        if not self.is_determined:
             return record
         x, y = record.waveform
         return record.with_waveform(np.stack([x, (y - self.skew * x) / (1.0 + self.gain)]))
@@ -115,12 +115,12 @@ def full_spectrum(
     Application of full spectrum to rotating machinery diagnostics, Orbit 20, 1999; C.-W. Lee, Vibration Analysis of
     Rotors, 1993). The real line at 0 has no circles: forward holds X + iY there, backward 0.
     """
-    found = mismatch or ProbeMismatch(0.0, 0.0, np.nan, is_told=False, components=0)
+    found = mismatch or ProbeMismatch(0.0, 0.0, np.nan, is_determined=False, components=0)
     X, Y = pair.vectors_to_bench(found.corrected(spectrum))
     forward, backward = 0.5 * (X + 1j * Y), 0.5 * np.conj(X - 1j * Y)
     forward[..., 0] *= 2.0
     backward[..., 0] = 0.0
-    possible = 3.0 * found.sigma if found.is_told else 0.5 * PROBE_TOLERANCE
+    possible = 3.0 * found.sigma if found.is_determined else 0.5 * PROBE_TOLERANCE
     smaller = np.minimum(np.abs(forward), np.abs(backward))
     uncertain = smaller < possible * np.maximum(np.abs(forward), np.abs(backward))
     uncertain[..., 0] = False
@@ -158,7 +158,7 @@ def probe_mismatch(order_map: OrderMap) -> ProbeMismatch:
     main, other = np.where(with_shaft, forward, backward), np.where(with_shaft, backward, forward)
     energy = np.sum(np.abs(main) ** 2, axis=0)
     if lines.size < 2:
-        return ProbeMismatch(0.0, 0.0, np.nan, is_told=False, components=int(lines.size))
+        return ProbeMismatch(0.0, 0.0, np.nan, is_determined=False, components=int(lines.size))
     ratio = np.sum(other * np.conj(main), axis=0) / energy  # -(g + i s) / 2 forward, -(g - i s) / 2 backward
     ratio = np.where(with_shaft, ratio, np.conj(ratio))
     floor = order_map.noise[:, None] / np.sqrt(2.0 * np.log(2.0))
@@ -169,8 +169,10 @@ def probe_mismatch(order_map: OrderMap) -> ProbeMismatch:
     sigma = 2.0 * float(np.sqrt(max(chi, 1.0) / np.sum(weight)))
     agrees = chi < CONSISTENT and abs(mean) < PROBE_TOLERANCE and abs(lead) == 1.0
     if not agrees:
-        return ProbeMismatch(0.0, 0.0, np.nan, is_told=False, components=int(lines.size))
-    return ProbeMismatch(-2.0 * mean.real, -2.0 * mean.imag * lead, sigma, is_told=True, components=int(lines.size))
+        return ProbeMismatch(0.0, 0.0, np.nan, is_determined=False, components=int(lines.size))
+    return ProbeMismatch(
+        -2.0 * mean.real, -2.0 * mean.imag * lead, sigma, is_determined=True, components=int(lines.size)
+    )
 
 
 def full_cascade(

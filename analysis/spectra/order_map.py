@@ -34,7 +34,7 @@ def independent_hann_frames(revolutions: int, step: int, count: int) -> float:
     return independent_frames(hann(HANN_POINTS * revolutions), HANN_POINTS * step, count)
 
 
-class Frames:
+class RevolutionFrames:
     """Frames of a record, each sharing a part of its revolutions with the next.
 
     Parameters
@@ -237,7 +237,7 @@ def order_map(
     """
     if not 0.0 < highest_order <= record.highest_order:
         raise ValueError(f"highest order {highest_order}: expected above 0 to {record.highest_order}")
-    frames = Frames(record, revolutions, overlap)
+    frames = RevolutionFrames(record, revolutions, overlap)
     weights = window.weights(revolutions * record.points)
     lines = int(highest_order * revolutions + 1e-9) + 1
     spectrum = np.empty((2, len(frames), lines), dtype=np.complex128)

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator, make_interp_spline
 
-from analysis.resampling.angular_record import AngularRecord, probe_displacement, record_of_codes
-from analysis.resampling.decimation import Pyramid
+from analysis.resampling.angular_record import AngularRecord, angular_record_from_codes, probe_displacement
+from analysis.resampling.decimation import DecimationPyramid
 from analysis.signals.errors import RecordTooShortError, TachoRefusedError
 from analysis.signals.header import Acquisition
 from analysis.signals.probes import require_displacement
@@ -72,7 +72,7 @@ class RidgeSpeed:
         from_turns = make_interp_spline(counts, times, DEGREE)
         jitter = float(np.median(self.sigma / self.speeds) * np.median(np.diff(self.times)))
         covariance = np.full((DEGREE + 1, from_turns.c.size), np.nan)
-        return ShaftAngle(from_turns, 0.0, float(counts[-1]), jitter, 0, np.zeros(1), covariance, measured=False)
+        return ShaftAngle(from_turns, 0.0, float(counts[-1]), jitter, 0, np.zeros(1), covariance, is_measured=False)
 
 
 def speed_from_ridge(displacement: FloatArray, rate: float, lowest: float, highest: float) -> RidgeSpeed:
@@ -120,7 +120,7 @@ def speed_from_ridge(displacement: FloatArray, rate: float, lowest: float, highe
     return _read(size, path, first, starts, n, rate)
 
 
-def record_without_tacho(
+def angular_record_without_tacho(
     acquisition: Acquisition, codes: NDArray[np.int16], lowest: float, highest: float, *, points: int = 64
 ) -> tuple[AngularRecord, RidgeSpeed]:
     """Return the angular record of a segment whose tacho failed, by the ridge of 1X, and that ridge.
@@ -149,13 +149,13 @@ def record_without_tacho(
         raise ValueError(f"highest: {highest} rad/s, expected more than 0")
     needed = RATE_ROOM * highest / (2.0 * np.pi)
     level = max(int(np.floor(np.log2(acquisition.rate / needed))), 0)
-    pyramid = Pyramid(2, level + 1, codes.shape[-1], 0)
+    pyramid = DecimationPyramid(2, level + 1, codes.shape[-1], 0)
     pyramid.push(probe_displacement(acquisition, codes))
     samples, origin = pyramid.level(level)
     rate = acquisition.rate / 2**level
     ridge = speed_from_ridge(samples, rate, lowest, highest)
     ridge = replace(ridge, times=ridge.times + origin / rate)
-    return record_of_codes(acquisition, codes, points=points, angle=ridge.angle()), ridge
+    return angular_record_from_codes(acquisition, codes, points=points, angle=ridge.angle()), ridge
 
 
 def _ridge(gain: FloatArray) -> NDArray[np.int64]:

@@ -50,7 +50,7 @@ class Waterfall:
         self._before = 0.0  # s of the segments before
         self._time = 0.0
 
-    def snapshot(self, snapshot: Snapshot) -> None:
+    def add_snapshot(self, snapshot: Snapshot) -> None:
         """Take a snapshot."""
         if snapshot.segment != self._segment:
             self._segment = snapshot.segment
@@ -77,7 +77,7 @@ class Waterfall:
         return np.asarray((self._newest - rows + 1 + np.arange(rows)) * self._interval, dtype=np.float64)
 
 
-class Keep(StrEnum):
+class CascadeMode(StrEnum):
     """Which frame of a bin of speed a cascade shows."""
 
     LAST = "last"
@@ -95,12 +95,12 @@ class Cascade:
         End of the speed axis, rad/s; faster frames fall into the last row.
     rows : int
         Number of rows.
-    keep : Keep
+    mode : Keep
         Whether a row shows its last frame or the largest amplitude of all.
     """
 
     def __init__(
-        self, settings: AnalysisSettings, highest_speed: float, rows: int = 100, keep: Keep = Keep.LARGEST
+        self, settings: AnalysisSettings, highest_speed: float, rows: int = 100, keep: CascadeMode = CascadeMode.LARGEST
     ) -> None:
         if rows < 1 or not highest_speed > 0.0:
             raise ValueError(
@@ -112,13 +112,13 @@ class Cascade:
         self._filled = np.zeros(rows, dtype=np.bool_)
         self._keep = keep
 
-    def snapshot(self, snapshot: Snapshot) -> None:
+    def add_snapshot(self, snapshot: Snapshot) -> None:
         """Take a snapshot."""
         if snapshot.frame is None:
             return
         row = min(int(snapshot.frame.speed / self._width), len(self._amplitudes) - 1)
         amplitude = _amplitude(snapshot.frame)
-        if self._keep is Keep.LARGEST:
+        if self._keep is CascadeMode.LARGEST:
             amplitude = np.maximum(amplitude, self._amplitudes[row])
         self._amplitudes[row] = amplitude
         self._filled[row] = True

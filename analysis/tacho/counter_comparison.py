@@ -14,7 +14,7 @@ SETTLED = 0.5  # s after which an edge that has not come will not come
 MARGIN = 5e-3  # s from where the waveform begins: of an edge there it shows only a part
 
 
-class TachoComparison:
+class CounterComparison:
     """Compares stamps and sampled edges of a run as they come.
 
     An edge and a stamp are the same where each is the nearest to the other.
@@ -26,7 +26,7 @@ class TachoComparison:
     """
 
     def __init__(self, counter: TachoCounter) -> None:
-        self._agreement = counter.agreement
+        self._agreement = counter.max_difference
         self._compared = self._missing = self._extra = self._apart = 0
         self._sum, self._largest = 0.0, 0.0
         self.restart(0.0)
@@ -66,11 +66,11 @@ class TachoComparison:
             compared=self._compared,
             missing=self._missing,
             extra=self._extra,
-            apart=self._apart,
-            mean=self._sum / self._compared if told else np.nan,
-            largest=self._largest if told else np.nan,
+            out_of_tolerance=self._apart,
+            mean_difference=self._sum / self._compared if told else np.nan,
+            largest_difference=self._largest if told else np.nan,
             recent=sum(edges for _, edges, _ in self._recent),
-            recent_odd=sum(odd for _, _, odd in self._recent),
+            recent_mismatches=sum(odd for _, _, odd in self._recent),
         )
 
     def _compare(self, begin: float, end: float) -> tuple[int, int]:

@@ -13,7 +13,7 @@ LONGER = 1.1  # than every other interval: so much longer is one that tells its 
 LEARNED_TURNS, LEARNED_FEWEST = 2, 16  # in a row without a fault that tell the spacing: revolutions, intervals at least
 
 
-def interval_parts(numbers: IntArray, times: FloatArray, marks: int) -> FloatArray | None:
+def interval_ratios(numbers: IntArray, times: FloatArray, marks: int) -> FloatArray | None:
     """Return how long the interval before each mark is, over the mean interval: around 1; None where one was not seen.
 
     Parameters
@@ -45,7 +45,7 @@ def interval_parts(numbers: IntArray, times: FloatArray, marks: int) -> FloatArr
     return np.asarray(parts * marks / parts.sum(), dtype=np.float64)
 
 
-def told_mark(parts: FloatArray) -> int | None:
+def reference_mark(parts: FloatArray) -> int | None:
     """Return which mark is theta = 0: the one after the longest interval; None where none is clearly the longest.
 
     Parameters
@@ -79,29 +79,29 @@ class MarkSpacing:
         self._needed = max(LEARNED_TURNS * marks, LEARNED_FEWEST)
         self._edges: deque[float] = deque(maxlen=3 * (self._needed + marks))
         self.is_known = marks == 1
-        self.parts = np.ones(marks)  # from theta = 0 on, where that is told
+        self.ratios = np.ones(marks)  # from theta = 0 on, where that is told
         self.shortest = 1.0  # of the parts
         self.is_even = True
-        self.is_told = marks == 1
+        self.has_reference = marks == 1
 
     def forget_edges(self) -> None:
         """Take what comes next as not following what came before."""
         self._edges.clear()
 
-    def take(self, edges: FloatArray) -> bool:
+    def add_edges(self, edges: FloatArray) -> bool:
         """Take further edges, s, rising; return whether the spacing has just been learned."""
         if self.is_known:
             return False
         self._edges.extend(edges.tolist())
         stretch = self._clean_stretch(np.array(self._edges))
-        parts = None if stretch is None else interval_parts(np.arange(stretch.size), stretch, self._marks)
+        parts = None if stretch is None else interval_ratios(np.arange(stretch.size), stretch, self._marks)
         if parts is None:
             return False
-        mark = told_mark(parts)
-        self.is_known, self.is_told = True, mark is not None
+        mark = reference_mark(parts)
+        self.is_known, self.has_reference = True, mark is not None
         self.is_even = bool(parts.max() < LONGER * parts.min())
         if not self.is_even:
-            self.parts, self.shortest = np.roll(parts, -(mark or 0)), float(parts.min())
+            self.ratios, self.shortest = np.roll(parts, -(mark or 0)), float(parts.min())
         self._edges.clear()
         return True
 
@@ -130,10 +130,10 @@ class MarkSpacing:
             Ratio of successive intervals, each over its part, up to which they fit.
         """
         longest = int(np.argmax(intervals[: self._marks]))
-        longest_parts = np.flatnonzero(self.parts >= self.parts.max() / LONGER)
+        longest_parts = np.flatnonzero(self.ratios >= self.ratios.max() / LONGER)
         for mark in longest_parts[:1].tolist() if self.is_even else longest_parts.tolist():
             first = (mark - longest) % self._marks
-            even = intervals / self.parts[(first + np.arange(intervals.size)) % self._marks]
+            even = intervals / self.ratios[(first + np.arange(intervals.size)) % self._marks]
             ratios = even[1:] / even[:-1]
             if ratios.max() <= most and ratios.min() >= 1.0 / most:
                 return int(first)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from analysis.signals.errors import TachoRefusedError
 from analysis.signals.header import Tacho
-from analysis.tacho.mark_spacing import ALIKE, interval_parts, told_mark
+from analysis.tacho.mark_spacing import ALIKE, interval_ratios, reference_mark
 from analysis.tacho.pulse_train import HISTORY, MOST_REPAIRED, PulseTrain
 
 FloatArray = NDArray[np.float64]
@@ -36,7 +36,7 @@ class PulseRecord:
     pulses_per_revolution : int
         Marks on the shaft; pulses whose number divides by it lie at theta = 0: those after the longest interval where
         it is clearly the longest, else those of the first mark seen.
-    seen : int
+    edges : int
         Edges given in the train's span.
     filled : int
         Pulses that were missing and counted as passed.
@@ -51,14 +51,14 @@ class PulseRecord:
     numbers: IntArray
     times: FloatArray
     pulses_per_revolution: int
-    seen: int
+    edges: int
     filled: int
     rejected: int
     too_fast: bool
-    mark_is_arbitrary: bool = False
+    phase_reference_is_arbitrary: bool = False
 
     @property
-    def repaired_part(self) -> float:
+    def repaired_fraction(self) -> float:
         """Pulses filled or rejected over pulses counted, the quality of the record: 0 is best."""
         return (self.filled + self.rejected) / max(int(self.numbers[-1] - self.numbers[0]), 1)
 
@@ -128,17 +128,17 @@ def _record(numbers: IntArray, times: FloatArray, seen: int, tacho: Tacho) -> Pu
     period = np.diff(times) / np.diff(numbers)
     shortest = float(period.min()) * min(tacho.mark_fraction, 1.0 - tacho.mark_fraction)
     marks = tacho.pulses_per_revolution
-    parts = interval_parts(numbers, times, marks) if marks > 1 else np.ones(1)
-    mark = None if parts is None else told_mark(parts)
+    parts = interval_ratios(numbers, times, marks) if marks > 1 else np.ones(1)
+    mark = None if parts is None else reference_mark(parts)
     return PulseRecord(
         numbers=numbers if mark is None else numbers + (-mark) % marks,
         times=times - tacho.delay,
         pulses_per_revolution=marks,
-        seen=seen,
+        edges=seen,
         filled=int(numbers[-1]) + 1 - numbers.size,
         rejected=seen - numbers.size,
         too_fast=shortest < tacho.response_time,
-        mark_is_arbitrary=mark is None,
+        phase_reference_is_arbitrary=mark is None,
     )
 
 

@@ -116,7 +116,7 @@ class PulseTrain:
             self._spacing.forget_edges()
             self._lose()
             return
-        if self._spacing.take(edges) and not self._spacing.is_even:
+        if self._spacing.add_edges(edges) and not self._spacing.is_even:
             self._doubt = 0
             self._lose()
             self._seed = deque(maxlen=max(SEED_INTERVALS, self._tacho.pulses_per_revolution) + 1)
@@ -140,7 +140,7 @@ class PulseTrain:
         times = np.concatenate([[self._time], edges[:n]])
         numbers = self._number + np.arange(1, n + 1)
         turns, rests = np.divmod(numbers, self._tacho.pulses_per_revolution)
-        intervals = np.diff(times) / self._spacing.parts[rests]
+        intervals = np.diff(times) / self._spacing.ratios[rests]
         before = np.concatenate([[sum(self._trend())], intervals[:-1]])
         if (np.abs(intervals - before) > CLEAN * before).any():
             return 0
@@ -153,7 +153,7 @@ class PulseTrain:
         self._number += n
         self._before, self._time = float(times[-2]), float(times[-1])
         self._skipped, self._predicted = 1, self._time
-        self._span = float(self._spacing.parts[rests[-1]])
+        self._span = float(self._spacing.ratios[rests[-1]])
         self._doubt = max(self._doubt - n, 0)
         return n
 
@@ -169,7 +169,7 @@ class PulseTrain:
         if self._spacing.is_even:
             return periods
         marks = (self._number + np.arange(1, periods + 1)) % self._tacho.pulses_per_revolution
-        return float(self._spacing.parts[marks].sum())
+        return float(self._spacing.ratios[marks].sum())
 
     def _trend(self) -> tuple[float, float]:
         """Return the last even interval as it should have been, and its change from one to the next.
@@ -219,7 +219,7 @@ class PulseTrain:
         marks = self._tacho.pulses_per_revolution
         begin = (ends_first - 1) % marks if not self._spacing.is_even else 0
         numbers = begin + np.arange(len(self._seed))
-        parts = self._spacing.parts[numbers % marks]
+        parts = self._spacing.ratios[numbers % marks]
         self._locked = True
         self._intervals.extend((intervals / parts[1:]).tolist())
         self._pulses += len(self._seed)
@@ -331,8 +331,10 @@ class PulseTrain:
 
     def report(self, state: TachoState, jitter: float) -> TachoReport:
         """Return the verdict with the counts since the run began and the scatter, s."""
-        arbitrary = not self._spacing.is_told
-        return TachoReport(state, self._pulses, self._filled, self._rejected, jitter, mark_is_arbitrary=arbitrary)
+        arbitrary = not self._spacing.has_reference
+        return TachoReport(
+            state, self._pulses, self._filled, self._rejected, jitter, phase_reference_is_arbitrary=arbitrary
+        )
 
 
 def _median(values: list[float]) -> float:

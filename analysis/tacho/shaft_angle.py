@@ -119,7 +119,7 @@ class ShaftAngle:
         Where the marks were found on the shaft, rad from the first; 0 for the first.
     covariance : ndarray of float64, shape (4, n_coefficients)
         Of the spline's coefficients where the pulses scatter by 1 s: its diagonals, the main one first, s².
-    measured : bool
+    is_measured : bool
         True where a tacho told; False where it was read from the vibration itself (`analysis.spectra.tacholess_speed`).
     """
 
@@ -130,7 +130,7 @@ class ShaftAngle:
     outliers: int
     mark_angles: FloatArray
     covariance: FloatArray
-    measured: bool = True
+    is_measured: bool = True
 
     def speed(self, turns: FloatArray) -> FloatArray:
         """Return the shaft's speed, rad/s, at counts of revolutions."""
@@ -157,7 +157,7 @@ class ShaftAngle:
         Smaller than the jitter, as the spline averages the pulses about, and larger at its ends; a common error of all
         pulses, as of the configured delay, is not in it. NaN where no tacho told.
         """
-        if not self.measured:
+        if not self.is_measured:
             return np.full(np.shape(turns), np.nan)
         basis = BSpline.design_matrix(np.asarray(turns, dtype=np.float64), self.time.t, DEGREE)
         weights = basis.data.reshape(-1, DEGREE + 1)

@@ -30,7 +30,7 @@ class Glitches:
         Those in runs of at most 3 samples, bridged by a straight line.
     count : tuple of int
         Runs of flagged samples at each probe.
-    left : tuple of int
+    unrepaired : tuple of int
         Runs too long to bridge at each probe: still in the samples.
     """
 
@@ -38,10 +38,10 @@ class Glitches:
     flagged: NDArray[np.bool_]
     repaired: NDArray[np.bool_]
     count: tuple[int, int]
-    left: tuple[int, int]
+    unrepaired: tuple[int, int]
 
     @property
-    def part(self) -> FloatArray:
+    def flagged_fraction(self) -> FloatArray:
         """Part of the samples that is flagged, shape (2,)."""
         return np.asarray(self.flagged.mean(axis=1), dtype=np.float64)
 

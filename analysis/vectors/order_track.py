@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.resampling.angular_record import AngularRecord
-from analysis.signals.uncertainty import phase_sigma, sigma_of_floor
-from analysis.spectra.order_map import Frames
+from analysis.signals.uncertainty import noise_floor_sigma, phase_sigma
+from analysis.spectra.order_map import RevolutionFrames
 from analysis.spectra.order_spectrum import hann
 
 FloatArray = NDArray[np.float64]
@@ -53,7 +53,7 @@ class OrderTrack:
     revolutions: int
     step: int
 
-    def minus(self, vectors: ComplexArray, sigma: FloatArray) -> "OrderTrack":
+    def subtract(self, vectors: ComplexArray, sigma: FloatArray) -> "OrderTrack":
         """Return the track less a vector for each probe, shape (2,), as for run-out; uncertainties add in square."""
         rest = self.vectors - vectors[:, None]
         both = np.hypot(self.sigma, sigma[:, None])
@@ -95,15 +95,15 @@ def track_order(record: AngularRecord, order: float, *, revolutions: int = 16, o
         raise ValueError(
             f"order {order}, revolutions {revolutions}: expected above 0 to {record.highest_order}, at least 4"
         )
-    frames = Frames(record, revolutions, overlap)
+    frames = RevolutionFrames(record, revolutions, overlap)
     lines = _lines(order, revolutions)
     kernel = _kernel(lines, revolutions * record.points, record.points)
     found = np.empty((2, len(frames), lines.size), dtype=np.complex128)
     for where, waveforms in frames.chunks():
         found[:, where] = waveforms @ kernel
-    sigma = np.tile(sigma_of_floor(_floor(np.abs(found[:, :, 1:]))), (2, 1))
+    sigma = np.tile(noise_floor_sigma(_floor(np.abs(found[:, :, 1:]))), (2, 1))
     vectors = found[:, :, 0] * np.exp(-2j * np.pi * order * frames.turns)
-    angle_sigma = frames.angle_sigma if record.measured else np.full(len(frames), np.inf)
+    angle_sigma = frames.angle_sigma if record.is_measured else np.full(len(frames), np.inf)
     return OrderTrack(
         order=order,
         vectors=vectors,

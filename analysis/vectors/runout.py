@@ -12,7 +12,7 @@ from analysis.resampling.angular_record import AngularRecord
 from analysis.signals.errors import RecordTooShortError
 from analysis.signals.header import RunOutSettings
 from analysis.signals.snapshot import RunOut
-from analysis.signals.standards import combined_runout
+from analysis.signals.standards import allowed_combined_runout
 from analysis.vectors.order_track import OrderTrack
 
 FloatArray = NDArray[np.float64]
@@ -39,7 +39,7 @@ class SlowRoll:
         Speeds of the revolutions used, rad/s.
     revolutions : int
         Averaged.
-    wandering : float
+    drift : float
         Change of the 1X vector between the two halves of the slow roll, over 1X: above 0.2 the shaft moved.
     """
 
@@ -49,7 +49,7 @@ class SlowRoll:
     slowest: float
     fastest: float
     revolutions: int
-    wandering: float
+    drift: float
 
     def vectors(self, order: int) -> ComplexArray:
         """Return the run-out's vector of a whole order at the probes, shape (2,), m peak."""
@@ -62,15 +62,15 @@ class SlowRoll:
         """Of the run-out at each probe, shape (2,), m peak-to-peak."""
         return np.asarray(np.ptp(self.waveform, axis=1), dtype=np.float64)
 
-    def is_good(self, critical_speed: float) -> bool:
+    def is_valid(self, critical_speed: float) -> bool:
         """Whether it was slow beside the first critical speed, rad/s, and the shaft did not move."""
-        return self.fastest <= SLOW_PART * critical_speed and self.wandering <= WANDERING
+        return self.fastest <= SLOW_PART * critical_speed and self.drift <= WANDERING
 
     def exceeds_api_670(self, allowed: float) -> bool:
         """Whether run-out passes what API 670 bears beside an allowed vibration, m peak-to-peak."""
-        return bool(self.peak_to_peak.max() > combined_runout(allowed))
+        return bool(self.peak_to_peak.max() > allowed_combined_runout(allowed))
 
-    def off_waveform(self, record: AngularRecord) -> AngularRecord:
+    def subtract_waveform(self, record: AngularRecord) -> AngularRecord:
         """Return a record less the run-out at every angle, scratches included.
 
         Of a scratch narrower than about a sixteenth of a turn, which has orders beyond the record's highest, a part
@@ -80,11 +80,11 @@ class SlowRoll:
             raise ValueError(f"record of {record.points} points a revolution, expected {self.waveform.shape[1]}")
         return record.with_waveform(record.waveform - self.waveform[:, None])
 
-    def off_vector(self, track: OrderTrack) -> OrderTrack:
+    def subtract_vectors(self, track: OrderTrack) -> OrderTrack:
         """Return a whole order's track less the run-out's vector of that order, uncertainties added in square."""
         if track.order != round(track.order):
             raise ValueError(f"track of order {track.order}: run-out has whole orders alone")
-        return track.minus(self.vectors(round(track.order)), self.vector_sigma)
+        return track.subtract(self.vectors(round(track.order)), self.vector_sigma)
 
 
 def slow_roll(record: AngularRecord, slowest: float, fastest: float) -> SlowRoll:
@@ -126,14 +126,14 @@ def slow_roll(record: AngularRecord, slowest: float, fastest: float) -> SlowRoll
         slowest=float(record.speeds[chosen].min()),
         fastest=float(record.speeds[chosen].max()),
         revolutions=int(chosen.size),
-        wandering=float(np.abs(halves).max()) / size if size > 0.0 else 0.0,
+        drift=float(np.abs(halves).max()) / size if size > 0.0 else 0.0,
     )
 
 
 FASTER = 1.05  # over the speed of slow roll: beyond it what the slow frames told stands
 
 
-class RunOutWatch:
+class RunOutEstimator:
     """Knows the run-out at each frame, from frames alone: the same live and in replay.
 
     Frames up to the speed of slow roll are averaged. From the first frame that is clearly faster on, their mean stands
@@ -158,13 +158,13 @@ class RunOutWatch:
             self._known = RunOut(vectors, np.array(settings.sigma))
 
     @property
-    def mean(self) -> RunOut | None:
+    def estimate(self) -> RunOut | None:
         """What is known so far; None where nothing is."""
         if self._known is not None or not self._frames:
             return self._known
         return RunOut(self._sum / self._frames, self._sigmas / self._frames)
 
-    def frame(self, speed: float, vectors: ComplexArray, sigma: FloatArray) -> RunOut | None:
+    def update(self, speed: float, vectors: ComplexArray, sigma: FloatArray) -> RunOut | None:
         """Take a frame and return the run-out to be taken off it; None where none is known yet.
 
         Parameters
@@ -183,5 +183,5 @@ class RunOutWatch:
             self._sigmas = self._sigmas + sigma  # frames share samples: their mean is taken as no surer than one
             self._frames += 1
         elif speed > FASTER * self._slow_roll:
-            self._known = self.mean
+            self._known = self.estimate
         return self._known

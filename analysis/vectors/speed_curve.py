@@ -28,7 +28,7 @@ class Resonance:
         Of the largest amplitude, rad/s.
     amplitude : float
         There, m peak.
-    amplification : float
+    amplification_factor : float
         Speed over the width at half power (API 684, amplification factor N / (N2 - N1)); NaN where the half-power
         points lie outside the curve.
     phase_change : float
@@ -37,7 +37,7 @@ class Resonance:
 
     speed: float
     amplitude: float
-    amplification: float
+    amplification_factor: float
     phase_change: float
 
 

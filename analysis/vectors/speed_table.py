@@ -80,7 +80,7 @@ class _Bin:
     overall: FloatArray = field(default_factory=lambda: np.zeros(2))
     largest: FloatArray = field(default_factory=lambda: np.zeros(2))
 
-    def frame(self, frame: OrderFrame) -> None:
+    def add_frame(self, frame: OrderFrame) -> None:
         self.frames += 1
         self.speed += frame.speed
         self.vectors += frame.vectors
@@ -92,7 +92,7 @@ class _Bin:
         if frame.whirl is not None:
             self._whirl(frame.whirl.amplitude, frame.whirl.order)
 
-    def peak_to_peak(self, overall: FloatArray) -> None:
+    def add_peak_to_peak(self, overall: FloatArray) -> None:
         self.overalls += 1
         self.overall += overall
         self.largest = np.maximum(self.largest, overall)
@@ -160,14 +160,14 @@ class SpeedTable:
         """Which way the speed goes at present."""
         return self._ramp.direction
 
-    def snapshot(self, snapshot: Snapshot) -> None:
+    def add_snapshot(self, snapshot: Snapshot) -> None:
         """Take a snapshot."""
         if np.isfinite(snapshot.speed):
             if self._ramp.update(snapshot.speed) is not RampStep.WITHIN:
                 self._settle()
-            self._since[round(snapshot.speed / self._width)].peak_to_peak(snapshot.peak_to_peak)
+            self._since[round(snapshot.speed / self._width)].add_peak_to_peak(snapshot.peak_to_peak)
         if snapshot.frame is not None:
-            self._since[round(snapshot.frame.speed / self._width)].frame(snapshot.frame)
+            self._since[round(snapshot.frame.speed / self._width)].add_frame(snapshot.frame)
 
     def _settle(self) -> None:
         bins = self._settled[self._ramp.direction]

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, solveh_banded
 
-from analysis.resampling.decimation import Pyramid
+from analysis.resampling.decimation import DecimationPyramid
 from analysis.signals.errors import RecordTooShortError
 from analysis.signals.probes import require_displacement
 from analysis.tacho.shaft_angle import ShaftAngle
@@ -36,7 +36,7 @@ class OrderEnvelopes:
         Standard deviation of each amplitude, from what all orders leave of the waveform taken as white noise.
     angle : ndarray of float64, shape (n,)
         Angle of the shaft, rad.
-    rest : ndarray of float64, shape (n,)
+    residual : ndarray of float64, shape (n,)
         What the orders leave of the waveform.
     """
 
@@ -44,7 +44,7 @@ class OrderEnvelopes:
     envelopes: ComplexArray
     sigma: FloatArray
     angle: FloatArray
-    rest: FloatArray
+    residual: FloatArray
 
     def waveform(self, index: int) -> FloatArray:
         """Return the waveform of one order alone, shape (n,), in the waveform's unit."""
@@ -164,7 +164,7 @@ def probe_envelopes(
         raise ValueError("orders: none, expected one at least")
     fastest = float(angle.speed(np.linspace(angle.first, angle.last, 1_000)).max()) / (2.0 * np.pi)
     level = max(int(np.floor(np.log2(PASSED * rate / (max(orders) * fastest)))), 0)
-    pyramid = Pyramid(2, level + 1, displacement.shape[1], 0)
+    pyramid = DecimationPyramid(2, level + 1, displacement.shape[1], 0)
     pyramid.push(displacement)
     samples, origin = pyramid.level(level)
     thinned = rate / 2**level

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from analysis.signals.probes import ProbePair
 from analysis.signals.snapshot import Whirl
-from analysis.signals.uncertainty import order_sigma, sigma_of_floor
+from analysis.signals.uncertainty import noise_floor_sigma, order_sigma
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -98,7 +98,7 @@ class Components:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Search:
+class ComponentSearch:
     """Where components are looked for, and what is not believed.
 
     Parameters
@@ -125,7 +125,7 @@ class Search:
     scatter: FloatArray
     pair: ProbePair
 
-    def components(self, most: int = MOST_COMPONENTS) -> list[Components]:
+    def find(self, most: int = MOST_COMPONENTS) -> list[Components]:
         """Return the components, of each frame the strongest first.
 
         Parameters
@@ -174,7 +174,7 @@ class Search:
         good = is_peak.any(axis=1) & (forward + backward > self._bar(order, before))
         return Components(
             order=np.where(good, order, np.nan),
-            order_sigma=order_sigma(np.maximum(peak, 1e-300), beside, sigma_of_floor(self.noise), n),
+            order_sigma=order_sigma(np.maximum(peak, 1e-300), beside, noise_floor_sigma(self.noise), n),
             forward=forward,
             backward=backward,
             vectors=vectors,
@@ -234,8 +234,10 @@ def find_whirls(
     first, last = max(int(np.ceil(LOWEST * revolutions)), 2), int(HIGHEST * revolutions)
     rest = np.abs(without_synchronous(spectrum, revolutions)[:, first : last + 1])
     floor = max(noise, _QUARTILE_TO_MEDIAN * quantile(rest, 0.25))
-    search = Search(spectrum[:, None], revolutions, np.array([noise]), np.array([floor]), np.array([scatter]), pair)
-    sigma = float(sigma_of_floor(np.asarray(noise)))
+    search = ComponentSearch(
+        spectrum[:, None], revolutions, np.array([noise]), np.array([floor]), np.array([scatter]), pair
+    )
+    sigma = float(noise_floor_sigma(np.asarray(noise)))
     return tuple(
         Whirl(
             order=float(found.order[0]),
@@ -245,7 +247,7 @@ def find_whirls(
             order_sigma=float(found.order_sigma[0]),
             sigma=sigma,
         )
-        for found in search.components(most)
+        for found in search.find(most)
     )
 
 

@@ -158,7 +158,7 @@ class WhirlTracker:
         self._open: list[_Track] = []
         self._closed: list[_Track] = []
 
-    def frame(
+    def add_frame(
         self, segment: int, time: float, frame: OrderFrame, direction: RampDirection = RampDirection.RUN_UP
     ) -> None:
         """Take a frame.
@@ -189,7 +189,7 @@ class WhirlTracker:
                 free.remove(track)
             track.add(whirl, moment, frame_time, direction)
 
-    def segment_end(self) -> None:
+    def end_segment(self) -> None:
         """End all components: time does not run on into the next segment."""
         self._close(math.inf)
 

@@ -6,9 +6,9 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.signals.uncertainty import sigma_of_floor
+from analysis.signals.uncertainty import noise_floor_sigma
 from analysis.spectra.order_map import OrderMap, Window, independent_hann_frames
-from analysis.whirl.components import Components, Search
+from analysis.whirl.components import Components, ComponentSearch
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -27,8 +27,8 @@ class Behaviour(StrEnum):
 
     WHIRL = "whirl"  # follows the speed: a constant order
     WHIP = "whip"  # stays at a natural frequency whatever the speed
-    LOCKS = "whirl, then whip"  # follows, and then locks
-    BETWEEN = "between"  # neither
+    WHIRL_TO_WHIP = "whirl, then whip"  # follows, and then locks
+    NEITHER = "between"  # neither
     UNKNOWN = "unknown"  # the speed hardly changed while it was there
 
 
@@ -120,8 +120,8 @@ def subsynchronous_tracks(order_map: OrderMap) -> tuple[SubsynchronousTrack, ...
         raise ValueError(f"order_map: to order {order_map.orders[-1]:g}, expected to 1X and two lines beyond")
     scatter = order_map.angle_sigma * np.sqrt(order_map.revolutions / 1.5)
     noise = order_map.noise
-    search = Search(order_map.spectrum, order_map.revolutions, noise, noise, scatter, order_map.pair)
-    found = search.components()
+    search = ComponentSearch(order_map.spectrum, order_map.revolutions, noise, noise, scatter, order_map.pair)
+    found = search.find()
     return tuple(_track(order_map, found, links) for links in _linked(order_map, found))
 
 
@@ -170,7 +170,7 @@ def _track(order_map: OrderMap, found: list[Components], links: list[tuple[int, 
         order_sigma=sigma,
         forward=np.array([found[index].forward[frame] for frame, index in links]),
         backward=np.array([found[index].backward[frame] for frame, index in links]),
-        sigma=sigma_of_floor(order_map.noise[frames]) / np.sqrt(2.0),
+        sigma=noise_floor_sigma(order_map.noise[frames]) / np.sqrt(2.0),
         behaviour=behaviour,
         exponent=exponent,
         exponent_sigma=exponent_sigma,
@@ -195,10 +195,10 @@ def _behaviour(speeds: FloatArray, orders: FloatArray, independent: float) -> tu
     straight = float(residual @ residual)
     inside = log_speed.min() + 0.02 < np.log(lock_speed) < log_speed.max() - 0.02
     if inside and lock_residual < LOCKED_BETTER * straight and NEAR < exponent < 1.0 - 0.5 * NEAR:
-        return Behaviour.LOCKS, exponent, sigma, lock_speed
+        return Behaviour.WHIRL_TO_WHIP, exponent, sigma, lock_speed
     if abs(exponent - 1.0) < NEAR:
         return Behaviour.WHIRL, exponent, sigma, np.nan
-    return (Behaviour.WHIP if abs(exponent) < NEAR else Behaviour.BETWEEN), exponent, sigma, np.nan
+    return (Behaviour.WHIP if abs(exponent) < NEAR else Behaviour.NEITHER), exponent, sigma, np.nan
 
 
 def _best_lock(log_speed: FloatArray, log_frequency: FloatArray) -> tuple[float, float]:

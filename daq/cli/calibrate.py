@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from analysis.preflight.calibration_fit import CalibrationFit, fit_calibration, usual_order
+from analysis.preflight.calibration_fit import CalibrationFit, fit_calibration, default_order
 from daq.cli.arguments import NOT_READY, AddCommand
 from daq.cli.output.terminal import print_json
 from daq.config.calibration import (
@@ -208,7 +208,7 @@ def _fit_record(
 ) -> tuple[CalibrationRecord, CalibrationFit]:
     """Return record and fit of the points; if the fit fails, measured points are saved to a file."""
     gaps, volts = np.array([point.gap for point in points]), np.array([point.volts for point in points])
-    order = args.order or usual_order(len(points))
+    order = args.order or default_order(len(points))
     try:
         fit = fit_calibration(gaps, volts, order)
     except ValueError as error:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import AfterValidator, Field, ValidationError
 
-from analysis.preflight.calibration_fit import ORDERS, CalibrationFit, fit_calibration, usual_order
+from analysis.preflight.calibration_fit import ORDERS, CalibrationFit, default_order, fit_calibration
 from analysis.signals.header import Calibration
 from daq.config.schema import NotNegative, Section
 from daq.config.toml_files import plain_json, read_tables, read_text, to_toml, validation_faults
@@ -160,7 +160,7 @@ def _curve(record: CalibrationRecord, faults: list[str]) -> _Curve | None:
     high = max(volts, default=None) if table.volts_high is None else table.volts_high
     coefficients, residual = table.coefficients_um, table.residual_um
     if coefficients is None and volts:
-        order = usual_order(len(volts)) if table.order is None else table.order
+        order = default_order(len(volts)) if table.order is None else table.order
         try:
             fit = fit_calibration(np.array([point.gap_um for point in record.point]) * MICRO, np.array(volts), order)
         except ValueError as error:

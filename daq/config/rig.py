@@ -84,7 +84,7 @@ class Rig:
             edge=section.edge or self.config.tacho.edge,
             timebase=section.timebase_hz,
             is_reference=section.reference == "counter",
-            agreement=section.max_difference_us * MICRO,
+            max_difference=section.max_difference_us * MICRO,
         )
 
     @property

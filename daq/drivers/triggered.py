@@ -325,7 +325,7 @@ class _Numbering:
         self._next = 0
 
     def block(self, block: SampleBlock) -> SampleBlock:
-        numbered = block.moved(self.segment, self._next, self._ticks_per_sample)
+        numbered = block.relocated(self.segment, self._next, self._ticks_per_sample)
         self._next = numbered.end
         return numbered
 

@@ -142,9 +142,9 @@ def read_history(path: Path, on_progress: Progress | None = None) -> RunHistory:
         builder = SummaryBuilder(reader.header)
         for item in results(reader, on_progress):
             if isinstance(item, SegmentEnd):
-                builder.segment_end(item)
+                builder.end_segment(item)
                 continue
-            builder.snapshot(item)
+            builder.add_snapshot(item)
             rows.append(_row(item))
             vectors.append(none if item.frame is None else item.frame.vectors[0])
         header, is_recorded = reader.header, reader.is_complete and reader.skipped_samples == 0

@@ -170,7 +170,7 @@ class RunSamples:
             )
         last = int(np.searchsorted(record.times, end + 0.5 / self.rate, side="right")) - 1
         last = min(max(last, revolutions), record.revolutions)
-        return record.part(last - revolutions, last)
+        return record.section(last - revolutions, last)
 
     def slow_roll(self, segment: int | None, speed_rpm: float, points: int) -> SlowRoll:
         """Return the run-out that the revolutions up to a speed tell; InsufficientDataError where they do not."""

@@ -7,7 +7,7 @@ from typing import Protocol
 
 from pydantic import ValidationError
 
-from analysis.live.delivery import Delivery
+from analysis.live.delivery import DeliveryStatistics
 from analysis.live.summary import RunSummary
 from analysis.signals.header import Calibration, RunHeader
 from daq.schemas.events import marker_schema
@@ -100,7 +100,7 @@ class Summaries:
         return self.document(summary, header, delivery, markers)
 
     def document(
-        self, summary: RunSummary, header: RunHeader, delivery: Delivery, markers: tuple[Marker, ...] = ()
+        self, summary: RunSummary, header: RunHeader, delivery: DeliveryStatistics, markers: tuple[Marker, ...] = ()
     ) -> SummarySchema:
         """Return a summary with how it agrees with the model of the run's rig, null where its map is not ready."""
         prediction_map = self._maps.for_run(header).map

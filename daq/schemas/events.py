@@ -9,7 +9,7 @@ from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from analysis.live.alarms import Alarm, Watched
+from analysis.live.alarms import Alarm, MonitoredQuantity
 from analysis.signals.blocks import TimeInRun
 from analysis.signals.header import Severity
 from daq.schemas.units import Schema, finite, micrometres, moment, rpm
@@ -88,7 +88,7 @@ class AlarmSchema(Schema):
     """A limit that was passed: by vibration for as long as the rig's `limits.hold_s` asks, by the speed at all."""
 
     number: int = Field(description="In the order in which they came, from 1", examples=[2], ge=1)
-    quantity: Watched = Field(
+    quantity: MonitoredQuantity = Field(
         description="What passed it: the overall vibration, 1X, the components below 1X together, or the speed; of the "
         "limits and the largest values, those in its unit are given, the others null",
         examples=["overall"],
@@ -132,7 +132,7 @@ class AcknowledgedAlarmsSchema(Schema):
 
 def alarm_schema(alarm: Alarm) -> AlarmSchema:
     """Return an alarm as a document."""
-    is_overall, is_speed = alarm.quantity is Watched.OVERALL, alarm.quantity is Watched.SPEED
+    is_overall, is_speed = alarm.quantity is MonitoredQuantity.OVERALL, alarm.quantity is MonitoredQuantity.SPEED
     is_peak = not is_overall and not is_speed
     return AlarmSchema(
         number=alarm.number,

@@ -105,7 +105,7 @@ class RunOutSchema(Schema):
 
 def runout_schema(settings: RunOutSettings, runout: RunOut | None) -> RunOutSchema | None:
     """Return what is taken off as a document; None where nothing is to be."""
-    if not settings.is_asked:
+    if not settings.is_enabled:
         return None
     told_by_run = settings.slow_roll_speed > 0.0
     return RunOutSchema(

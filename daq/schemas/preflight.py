@@ -13,7 +13,7 @@ from pydantic import Field
 
 from analysis.preflight.calibration_fit import CalibrationFit
 from analysis.preflight.checks import Check, Finding, Verdict
-from analysis.preflight.switching_levels import Levels
+from analysis.preflight.switching_levels import SignalLevels
 from analysis.signals.header import Role, Tacho
 from daq.config.calibration import CalibrationRecord
 from daq.config.rig import Rig
@@ -76,7 +76,7 @@ def gap_calibration_schema(
     )
 
 
-def tacho_calibration_schema(tacho: Tacho, levels: Levels | None) -> TachoCalibrationSchema:
+def tacho_calibration_schema(tacho: Tacho, levels: SignalLevels | None) -> TachoCalibrationSchema:
     """Return the tacho's levels and what they ask for as a document."""
     return TachoCalibrationSchema(
         level_low_v=None if levels is None else finite(levels.low),

@@ -6,7 +6,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from analysis.live.delivery import PPM, Delivery
+from analysis.live.delivery import PPM, DeliveryStatistics
 from analysis.live.summary import ProbeSummary, RunSummary
 from analysis.signals.blocks import EndReason, SegmentEnd
 from analysis.signals.header import Severity
@@ -234,7 +234,7 @@ class SummarySchema(Schema):
 def summary_schema(
     summary: RunSummary,
     agreement: Agreement | None = None,
-    delivery: Delivery | None = None,
+    delivery: DeliveryStatistics | None = None,
     markers: tuple[MarkerSchema, ...] = (),
 ) -> SummarySchema:
     """Return what a run was as a document.
@@ -250,7 +250,7 @@ def summary_schema(
     markers : tuple of MarkerSchema
         Moments that somebody named.
     """
-    tacho, delivery = summary.tacho, delivery or Delivery()
+    tacho, delivery = summary.tacho, delivery or DeliveryStatistics()
     clock = delivery.clock
     return SummarySchema(
         run=summary.run,
@@ -283,7 +283,7 @@ def summary_schema(
             filled=tacho.filled,
             rejected=tacho.rejected,
             jitter_us=finite(tacho.jitter * 1e6),
-            phase_reference_is_arbitrary=tacho.mark_is_arbitrary,
+            phase_reference_is_arbitrary=tacho.phase_reference_is_arbitrary,
             snapshots_by_state={TachoState(state): count for state, count in summary.tacho_states.items()},
             reference=summary.tacho_reference,
             counter=counter_schema(summary.counter),
@@ -313,11 +313,11 @@ def _probe(probe: ProbeSummary) -> ProbeSummarySchema:
     return ProbeSummarySchema(
         name=probe.name,
         gap_mean_v=finite(probe.gap_mean),
-        gap_min_v=finite(probe.gap_least),
-        gap_max_v=finite(probe.gap_most),
+        gap_min_v=finite(probe.gap_min),
+        gap_max_v=finite(probe.gap_max),
         gap_ok=probe.gap_ok,
         largest_peak_to_peak_um=micrometres(probe.largest_peak_to_peak),
-        largest_clearance_fraction=finite(probe.clearance_part),
+        largest_clearance_fraction=finite(probe.clearance_fraction),
         largest_at=None if probe.largest is None else time_in_run_schema(probe.largest),
         severity=probe.severity,
         samples_beyond_calibration=probe.beyond_calibration,

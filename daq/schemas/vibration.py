@@ -10,7 +10,7 @@ from enum import StrEnum
 from pydantic import Field
 
 from analysis.live.summary import ProbeSummary
-from analysis.signals.standards import figures
+from analysis.signals.standards import standard_limits
 from daq.schemas.units import Schema, degrees, finite, lag_degrees, micrometres
 
 
@@ -113,6 +113,6 @@ def standard_schemas(probes: tuple[ProbeSummary, ...]) -> tuple[StandardSchema, 
             scope=figure.scope,
             source=figure.source,
         )
-        for figure in figures(worst.largest.speed)
+        for figure in standard_limits(worst.largest.speed)
         if figure.standard in VIBRATION
     )

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 
-from analysis.live.alarms import Alarm, Watched
+from analysis.live.alarms import Alarm, MonitoredQuantity
 from recordings.mcap.markers import MAX_MARKER_LENGTH, Marker, MarkerKind
 
 MICRO = 1e-6
@@ -12,21 +12,21 @@ RPM = 2 * math.pi / 60
 
 def alarm_name(alarm: Alarm) -> str:
     """Return which it is: "danger at x", "1X alarm at x", "speed danger"."""
-    which = "" if alarm.quantity is Watched.OVERALL else f"{alarm.quantity.value} "
+    which = "" if alarm.quantity is MonitoredQuantity.OVERALL else f"{alarm.quantity.value} "
     return f"{which}{alarm.severity.value}" + (f" at {alarm.probe}" if alarm.probe else "")
 
 
 def alarm_value_text(alarm: Alarm) -> str:
     """Return the largest value so far, and the limit: "96 µm peak-to-peak, limit 90"."""
-    if alarm.quantity is Watched.SPEED:
+    if alarm.quantity is MonitoredQuantity.SPEED:
         return f"{alarm.largest / RPM:,.0f} r/min, limit {alarm.limit / RPM:,.0f}"
-    value, unit = alarm.largest / MICRO, "peak-to-peak" if alarm.quantity is Watched.OVERALL else "peak"
+    value, unit = alarm.largest / MICRO, "peak-to-peak" if alarm.quantity is MonitoredQuantity.OVERALL else "peak"
     return f"{value:.{0 if value >= 20.0 else 1}f} µm {unit}, limit {alarm.limit / MICRO:g}"
 
 
 def alarm_text(alarm: Alarm) -> str:
     """Return what came: which limit of what, how much, at what speed."""
-    known = math.isfinite(alarm.begin.speed) and alarm.quantity is not Watched.SPEED
+    known = math.isfinite(alarm.begin.speed) and alarm.quantity is not MonitoredQuantity.SPEED
     at = f", at {alarm.begin.speed / RPM:,.0f} r/min" if known else ""
     return f"{alarm_name(alarm)}: {alarm_value_text(alarm)}{at}"
 

@@ -5,7 +5,7 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-from analysis.live.alarms import Alarm, shown_alarms, worst
+from analysis.live.alarms import Alarm, visible_alarms, worst_severity
 from analysis.live.analyser import Analyser
 from analysis.live.summary import RunSummary, SummaryBuilder
 from analysis.signals.blocks import SegmentEnd, SourceItem
@@ -61,16 +61,16 @@ class LiveAnalysis:
 
     def process(self, item: SourceItem, status: Status) -> None:
         """Analyse an item; `status` is the state of the recording that goes with the frames."""
-        snapshots = self._analyser.segment_end(item) if isinstance(item, SegmentEnd) else self._analyser.block(item)
+        snapshots = self._analyser.end_segment(item) if isinstance(item, SegmentEnd) else self._analyser.add_block(item)
         for snapshot in snapshots:
             self._note(snapshot)
         if isinstance(item, SegmentEnd):
-            self._summary.segment_end(item)
+            self._summary.end_segment(item)
         if snapshots:
             self.offer(status)
 
     def _note(self, snapshot: Snapshot) -> None:
-        came = self._summary.snapshot(snapshot)
+        came = self._summary.add_snapshot(snapshot)
         if self._keep is not None:
             self._keep(snapshot)
         if self._keep_alarm is not None:
@@ -82,7 +82,7 @@ class LiveAnalysis:
             self._alarms, self._runout = self._summary.alarms, self._summary.runout
 
     def _shown(self) -> tuple[Alarm, ...]:
-        return shown_alarms(self._alarms, self._acknowledged, latch=self._header.limits.latch)
+        return visible_alarms(self._alarms, self._acknowledged, latch=self._header.limits.latch)
 
     def add_marker(self, marker: TimedMarker) -> None:
         """Show a marker with the frames from now on, with as many of those before it as are shown."""
@@ -100,11 +100,11 @@ class LiveAnalysis:
         """Return the latest frame with this status."""
         with self._lock:
             shown, acknowledged = self._shown(), self._acknowledged
-            lasting = [alarm for alarm in shown if alarm.lasts]
+            lasting = [alarm for alarm in shown if alarm.is_active]
             status = replace(
                 status,
-                severity=worst(lasting),
-                latched=worst(shown),
+                severity=worst_severity(lasting),
+                latched=worst_severity(shown),
                 alarms=shown,
                 acknowledged=acknowledged,
                 markers=tuple(self._markers),

@@ -35,9 +35,9 @@ def summarise(reader: RunReader, on_progress: Progress | None = None, header: Ru
     builder = SummaryBuilder(header or reader.header)
     for item in results(reader, on_progress, header):
         if isinstance(item, SegmentEnd):
-            builder.segment_end(item)
+            builder.end_segment(item)
         else:
-            builder.snapshot(item)
+            builder.add_snapshot(item)
     return builder.summary()
 
 
@@ -79,9 +79,9 @@ def _analysed(reader: RunReader, header: RunHeader) -> Iterator[Snapshot | Segme
     analyser = Analyser(header.acquisition, header.settings)
     for item in reader.items():
         if isinstance(item, SampleBlock):
-            yield from analyser.block(item)
+            yield from analyser.add_block(item)
         else:
-            yield from analyser.segment_end(item)
+            yield from analyser.end_segment(item)
             yield item
 
 

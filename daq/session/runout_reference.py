@@ -10,7 +10,7 @@ from analysis.signals.blocks import SegmentEnd
 from analysis.signals.header import Acquisition, RunOutSettings
 from analysis.signals.snapshot import RunOut
 from analysis.spectra.order_spectrum import order_vectors
-from analysis.vectors.runout import RunOutWatch
+from analysis.vectors.runout import RunOutEstimator
 from daq.config.rig import Rig
 from daq.config.schema import RunOutSection, RunOutVector
 from daq.config.toml_files import to_toml
@@ -61,15 +61,15 @@ def with_reference_runout(rig: Rig, folder: Path) -> Rig:
 
 def _slow_roll(reader: RunReader, speed: float) -> RunOut | None:
     settings = reader.header.settings
-    watch = RunOutWatch(RunOutSettings(slow_roll_speed=speed))
+    watch = RunOutEstimator(RunOutSettings(slow_roll_speed=speed))
     for item in results(reader):
         if isinstance(item, SegmentEnd) or item.frame is None:
             continue
         frame = item.frame
         vectors = order_vectors(frame.spectrum, settings.revolutions, int(settings.highest_order))
-        if watch.frame(frame.speed, vectors, np.nan_to_num(frame.sigma)) is not None:
+        if watch.update(frame.speed, vectors, np.nan_to_num(frame.sigma)) is not None:
             break
-    return watch.mean
+    return watch.estimate
 
 
 def _vector(order: int, runout: RunOut) -> RunOutVector:

@@ -86,7 +86,7 @@ class CascadePlot:
 
     def add(self, snapshot: Snapshot, prediction: Prediction | None) -> None:
         """Take what a moment has to say of its speed."""
-        self._cascade.snapshot(snapshot)
+        self._cascade.add_snapshot(snapshot)
         if prediction is not None and 0.0 <= prediction.speed < ROWS * self._row_width:
             whirls = prediction.whirl_amplitude > 0.0
             self._predicted[int(prediction.speed / self._row_width)] = prediction.whirl_order if whirls else np.nan
@@ -146,7 +146,7 @@ class WaterfallPlot:
 
     def add(self, snapshot: Snapshot, prediction: Prediction | None, elapsed: float) -> None:
         """Take what there is to say at a time ``elapsed``, s, of the run."""
-        self._waterfall.snapshot(snapshot)
+        self._waterfall.add_snapshot(snapshot)
         whirls = prediction is not None and prediction.whirl_amplitude > 0.0
         self._predicted.append((elapsed, prediction.whirl_order if prediction is not None and whirls else math.nan))
 

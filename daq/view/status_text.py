@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from analysis.live.alarms import Alarm, Watched
+from analysis.live.alarms import Alarm, MonitoredQuantity
 from analysis.signals.snapshot import ComplexArray, OrderFrame, Snapshot, TachoState
 from daq.session.live_update import LiveUpdate
 from daq.view.bode import phase_lag
@@ -37,9 +37,9 @@ def worst_alarm(alarms: Sequence[Alarm]) -> str:
     """Return the alarm that passed the worst limit by most, as DANGER x 96 µm or ALARM 1X y 24 µm."""
     worst = max(alarms, key=lambda alarm: (alarm.severity.rank, alarm.largest / alarm.limit))
     word = worst.severity.value.upper()
-    if worst.quantity is Watched.SPEED:
+    if worst.quantity is MonitoredQuantity.SPEED:
         return f"{word} {rpm(worst.largest)} r/min"
-    which = "" if worst.quantity is Watched.OVERALL else f"{worst.quantity.value} "
+    which = "" if worst.quantity is MonitoredQuantity.OVERALL else f"{worst.quantity.value} "
     return f"{word} {which}{worst.probe} {worst.largest * 1e6:.0f} µm"
 
 
@@ -159,10 +159,10 @@ def _signals(frame: LiveUpdate, snapshot: Snapshot) -> list[str]:
     state = tacho.state.value if tacho.state is TachoState.GOOD else f"**{tacho.state.value.upper()}**"
     speed = f"{rpm(snapshot.speed)} r/min" if math.isfinite(snapshot.speed) else "no speed"
     lines = [f"- tacho {state}, {speed}, {tacho.pulses:,} pulses, {tacho.filled} filled in, {tacho.rejected} rejected"]
-    if tacho.mark_is_arbitrary:
+    if tacho.phase_reference_is_arbitrary:
         lines.append("- its marks cannot be told apart: phases are from the first one seen")
     if snapshot.counter is not None:
-        told = "; ".join(filter(None, (snapshot.counter.told, snapshot.counter.told_lately)))
+        told = "; ".join(filter(None, (snapshot.counter.message, snapshot.counter.recent_message)))
         compared = f"**{told}**" if told else "counter and samples agree"
         lines.append(f"- speed and phase from the {frame.header.acquisition.tacho.reference}; {compared}")
     channels = frame.header.acquisition.channels

@@ -214,7 +214,7 @@ class _Salvage:
             self._first = self._next_sample = block.first_sample
         first = self._next_sample - self._first
         self._next_sample = block.end
-        yield block.moved(self._segment, first, self._acquisition.ticks_per_sample)
+        yield block.relocated(self._segment, first, self._acquisition.ticks_per_sample)
 
     def _go_to(self, segment: int) -> Iterator[SourceItem]:
         """End the segments before this one."""

@@ -285,7 +285,7 @@ def _counter_document(counter: TachoCounter) -> Document:
         "edge": counter.edge.value,
         "timebase_hz": counter.timebase,
         "is_reference": counter.is_reference,
-        "agreement_s": counter.agreement,
+        "agreement_s": counter.max_difference,
     }
 
 
@@ -338,7 +338,7 @@ def _counter(section: Section) -> TachoCounter:
         edge=section.choice("edge", Edge),
         timebase=section.number("timebase_hz"),
         is_reference=section.flag("is_reference"),
-        agreement=section.number("agreement_s"),
+        max_difference=section.number("agreement_s"),
     )
 
 

@@ -114,7 +114,7 @@ class PartWriter:
         own = block.segment == self._segment
         first = block.first_sample - self._first if own else block.first_sample
         ticks_per_sample = self._header.acquisition.ticks_per_sample
-        self._writer.block(block.moved(block.segment - self._segment, first, ticks_per_sample))
+        self._writer.block(block.relocated(block.segment - self._segment, first, ticks_per_sample))
         self._samples += block.n_samples
 
     def segment_end(self, end: SegmentEnd) -> None:

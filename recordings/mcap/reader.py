@@ -9,7 +9,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.live.delivery import PPM, ClockError, Delivery
+from analysis.live.delivery import PPM, ClockError, DeliveryStatistics
 from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd, SourceItem
 from analysis.signals.header import RunHeader
 from analysis.signals.snapshot import Snapshot
@@ -119,7 +119,7 @@ class RunReader:
         return self._skipped_samples
 
     @property
-    def delivery(self) -> Delivery:
+    def delivery(self) -> DeliveryStatistics:
         """How the samples came from the device; nothing is known of that where the run was not finished."""
         return self._delivery
 
@@ -274,7 +274,7 @@ class RunReader:
         document = self._end_document()
         self._is_complete = bool(document.get("complete", False))
         self._skipped_samples = int(document.get("skipped_samples", 0))
-        self._delivery = Delivery(
+        self._delivery = DeliveryStatistics(
             _clock_error(document), document.get("largest_backlog_s"), self.header.acquisition.buffer_time
         )
         if self._is_complete:

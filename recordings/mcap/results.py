@@ -94,7 +94,7 @@ def decode_snapshot(features: rig_pb2.Features, frame: rig_pb2.OrderFrame | None
             filled=features.tacho_filled,
             rejected=features.tacho_rejected,
             jitter=features.tacho_jitter_s,
-            mark_is_arbitrary=features.tacho_mark_is_arbitrary,
+            phase_reference_is_arbitrary=features.tacho_mark_is_arbitrary,
         ),
         gap_volts=_floats([features.gap_x_v, features.gap_y_v]),
         gap_ok=np.array([features.gap_x_ok, features.gap_y_ok], dtype=np.bool_),
@@ -120,7 +120,7 @@ def _features(snapshot: Snapshot) -> rig_pb2.Features:
         tacho_filled=tacho.filled,
         tacho_rejected=tacho.rejected,
         tacho_jitter_s=tacho.jitter,
-        tacho_mark_is_arbitrary=tacho.mark_is_arbitrary,
+        tacho_mark_is_arbitrary=tacho.phase_reference_is_arbitrary,
         gap_x_v=snapshot.gap_volts[0],
         gap_y_v=snapshot.gap_volts[1],
         gap_x_ok=bool(snapshot.gap_ok[0]),
@@ -145,11 +145,11 @@ def _check(counter: CounterReport) -> rig_pb2.CounterCheck:
         compared=counter.compared,
         missing=counter.missing,
         extra=counter.extra,
-        apart=counter.apart,
-        mean_s=counter.mean,
-        largest_s=counter.largest,
+        apart=counter.out_of_tolerance,
+        mean_s=counter.mean_difference,
+        largest_s=counter.largest_difference,
         recent=counter.recent,
-        recent_odd=counter.recent_odd,
+        recent_odd=counter.recent_mismatches,
     )
 
 
@@ -159,11 +159,11 @@ def _decoded_check(message: rig_pb2.CounterCheck) -> CounterReport:
         compared=message.compared,
         missing=message.missing,
         extra=message.extra,
-        apart=message.apart,
-        mean=message.mean_s,
-        largest=message.largest_s,
+        out_of_tolerance=message.apart,
+        mean_difference=message.mean_s,
+        largest_difference=message.largest_s,
         recent=message.recent,
-        recent_odd=message.recent_odd,
+        recent_mismatches=message.recent_odd,
     )
 
 

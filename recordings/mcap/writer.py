@@ -13,7 +13,7 @@ from mcap.records import Channel, Message, Schema
 from mcap.well_known import MessageEncoding, SchemaEncoding
 
 from analysis.live.analyser import Analyser
-from analysis.live.delivery import PPM, DeliveryWatch
+from analysis.live.delivery import PPM, DeliveryMonitor
 from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd, SourceItem
 from analysis.signals.header import RunHeader
 from analysis.signals.snapshot import Snapshot
@@ -74,7 +74,7 @@ class RunWriter:
         self._rate = header.acquisition.rate
         self._results: deque[EncodedResult] = deque()
         self._ends: list[SegmentEnd] = []
-        self._delivery = DeliveryWatch(header.acquisition)
+        self._delivery = DeliveryMonitor(header.acquisition)
         self._pulses = PulseEncoder(header.acquisition)
         self._starts_ns = {0: header.started_ns}
         self._segment = 0
@@ -125,7 +125,7 @@ class RunWriter:
         self._add(_message(SAMPLES, log_time, encode_block(block), self._sequence))
         self._sequence += 1
         self._next_sample = block.end
-        self._delivery.block(block)
+        self._delivery.add_block(block)
         self._since_flush += block.n_samples
         self._since_results += block.n_samples
         try:
@@ -283,7 +283,7 @@ class RunWriter:
             yield _message(result.topic, log_time, result.data)
 
     def _end_document(self, skipped_samples: int) -> dict[str, object]:
-        delivery = self._delivery.delivery()
+        delivery = self._delivery.statistics()
         clock = delivery.clock
         return {
             "complete": self._next_sample == 0,  # no segment left open
@@ -381,9 +381,9 @@ def write_run(
         for item in items:
             if isinstance(item, SampleBlock):
                 writer.block(item)
-                _keep(writer, header, analyser.block(item))
+                _keep(writer, header, analyser.add_block(item))
             else:
-                _keep(writer, header, analyser.segment_end(item))
+                _keep(writer, header, analyser.end_segment(item))
                 writer.segment_end(item)
         for marker in markers:
             writer.result(encode_marker(marker, header))

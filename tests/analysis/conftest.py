@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from analysis.live.analyser import Analyser
-from analysis.resampling.angular_record import AngularRecord, record_of_codes
+from analysis.resampling.angular_record import AngularRecord, angular_record_from_codes
 from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd
 from analysis.signals.header import (
     Acquisition,
@@ -137,8 +137,8 @@ class Bench:
     def snapshots(self, codes: Codes, size: int = 10_000) -> list[Snapshot]:
         """Return what an analyser makes of the codes as one segment."""
         analyser = Analyser(self.acquisition, self.settings)
-        snapshots = [snapshot for block in self.blocks(codes, size) for snapshot in analyser.block(block)]
-        return snapshots + analyser.segment_end(SegmentEnd(0, codes.shape[1], EndReason.FINISHED))
+        snapshots = [snapshot for block in self.blocks(codes, size) for snapshot in analyser.add_block(block)]
+        return snapshots + analyser.end_segment(SegmentEnd(0, codes.shape[1], EndReason.FINISHED))
 
     def frames(self, angle: Angle, motion: Motion, duration: float) -> list[OrderFrame]:
         """Return the order frames of a motion."""
@@ -186,7 +186,7 @@ def make_record(make_bench: Callable[..., Bench]) -> Callable[..., AngularRecord
 
     def make(motion: Motion, angle: Angle, duration: float, *, points: int = 64, **bench: Any) -> AngularRecord:
         made = make_bench(**bench)
-        return record_of_codes(made.acquisition, made.codes(angle, motion, duration), points=points)
+        return angular_record_from_codes(made.acquisition, made.codes(angle, motion, duration), points=points)
 
     return make
 

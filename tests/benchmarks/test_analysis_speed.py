@@ -55,7 +55,7 @@ def test_analysis_is_many_times_as_fast_as_the_card(rate: float, bar: int) -> No
     snapshots = []
     for block in blocks:
         begin = time.process_time()
-        snapshots += analyser.block(block)
+        snapshots += analyser.add_block(block)
         used.append(time.process_time() - begin)
     ratio = DURATION / sum(used)
     print(

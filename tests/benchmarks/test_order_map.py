@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from rota import maps, speed
 
 from analysis.live.analyser import Analyser
-from analysis.resampling.angular_record import record_of_codes
+from analysis.resampling.angular_record import angular_record_from_codes
 from analysis.signals.blocks import SampleBlock
 from analysis.signals.header import Acquisition, AnalysisSettings, Calibration, Channel, Device, Role, Tacho
 from analysis.spectra.order_map import OrderMap, order_map
@@ -72,7 +72,7 @@ def errors(amplitudes: NDArray[np.float64], lines_an_order: int) -> list[float]:
 
 
 def mapped(codes: NDArray[np.int16]) -> OrderMap:
-    return order_map(record_of_codes(acquisition(), codes))
+    return order_map(angular_record_from_codes(acquisition(), codes))
 
 
 def test_the_order_map_of_a_minute_is_made_thirty_times_as_fast_as_it_ran() -> None:
@@ -144,7 +144,7 @@ def test_everything_shown_live_is_made_in_two_milliseconds_at_sixty_thousand_rev
         analyser, used, frames = Analyser(acquisition(), AnalysisSettings()), [], 0
         for block in blocks:
             begin = time.process_time()
-            frames += sum(snapshot.frame is not None for snapshot in analyser.block(block))
+            frames += sum(snapshot.frame is not None for snapshot in analyser.add_block(block))
             used.append(time.process_time() - begin)
         medians.append(1e3 * float(np.median(used)))
         assert frames > 30

@@ -13,16 +13,16 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from PIL import Image
 
-from analysis.live.alarms import LimitWatch
-from analysis.resampling.synchronous_average import synchronous_average, synchronous_rest
+from analysis.live.alarms import LimitMonitor
+from analysis.resampling.synchronous_average import synchronous_average, synchronous_residual
 from analysis.shaft.centreline import centreline
 from analysis.shaft.orbit import FilteredOrbit, direct_orbit, filtered_orbit, orbit_without
 from analysis.shaft.overall import overall
-from analysis.shaft.poincare import bifurcation, poincare_section
+from analysis.shaft.poincare import bifurcation_diagram, poincare_section
 from analysis.signals.blocks import TimeInRun
 from analysis.signals.header import Limits
-from analysis.signals.standards import figures
-from analysis.signals.uncertainty import sigma_of_floor
+from analysis.signals.standards import standard_limits
+from analysis.signals.uncertainty import noise_floor_sigma
 from analysis.spectra.frequency_map import frequency_map
 from analysis.spectra.frequency_spectrum import frequency_spectrum
 from analysis.spectra.full_spectrum import full_cascade, full_spectrum
@@ -59,7 +59,7 @@ def orbit(axes: Axes, found: FilteredOrbit, title: str) -> None:
             np.column_stack([path, found.motion[:, turn + 1, 0] / MICRO]) if turn + 1 < found.motion.shape[1] else path
         )
         axes.plot(path[0], path[1], X, lw=1.0)
-    axes.plot(*(found.marks / MICRO), "o", color=Y, ms=4)
+    axes.plot(*(found.keyphasor_points / MICRO), "o", color=Y, ms=4)
     axes.set(title=title, xlabel="X, µm", ylabel="Y, µm", aspect="equal")
 
 
@@ -80,14 +80,14 @@ def orbit_timebase(axes: Axes, run: Run) -> None:
     times = 1e3 * (found.times.ravel() - found.times[0, 0])
     for row, (name, colour) in enumerate((("X", X), ("Y", Y))):
         axes.plot(times, found.motion[row].ravel() / MICRO, colour, lw=0.9, label=name)
-        axes.plot(times[:: found.times.shape[1]], found.marks[row] / MICRO, "o", color=colour, ms=3)
+        axes.plot(times[:: found.times.shape[1]], found.keyphasor_points[row] / MICRO, "o", color=colour, ms=3)
     axes.set(title="Time base of the not-1X orbit", xlabel="time, ms", ylabel="displacement, µm", ylim=(-16, 21))
     axes.legend(ncols=2, loc="upper left")
 
 
 def average(axes: Axes, run: Run) -> None:
     part = run.at(14_000)
-    mean, rest = synchronous_average(part), synchronous_rest(part)
+    mean, rest = synchronous_average(part), synchronous_residual(part)
     degrees = np.arange(part.points) * 360.0 / part.points
     for turn in rest.waveform[0, 40:72]:
         axes.plot(degrees, turn / MICRO, GREY, lw=0.4, alpha=0.5, label="_")
@@ -127,7 +127,7 @@ def centre(axes: Axes, run: Run) -> None:
 
 def order_lines(axes: Axes, run: Run) -> None:
     part = order_map(run.at(14_000))
-    floor = float(sigma_of_floor(part.noise).mean())
+    floor = float(noise_floor_sigma(part.noise).mean())
     axes.semilogy(part.orders, part.amplitudes()[0].mean(axis=0) / MICRO, X, lw=1.0, label="x")
     axes.semilogy(part.orders, part.amplitudes()[1].mean(axis=0) / MICRO, Y, lw=1.0, label="y")
     axes.axhline(floor / MICRO, color=GREY, lw=0.8, ls="--", label="1 σ of the floor")
@@ -207,7 +207,7 @@ def bode(amplitudes: Axes, phases: Axes, run: Run) -> None:
         lags = np.degrees(np.unwrap(-np.angle(curve.vectors[0, told])))
         phases.plot(speeds[told], lags, colour, ls=style, lw=1.1, label=curve.direction.value)
         for resonance in curve.resonances(0)[:1] if style == "-" else ():
-            text = f"{resonance.speed * RPM:.0f} r/min\nAF {resonance.amplification:.1f}"
+            text = f"{resonance.speed * RPM:.0f} r/min\nAF {resonance.amplification_factor:.1f}"
             amplitudes.annotate(
                 text, (resonance.speed * RPM / 1e3, resonance.amplitude / MICRO), (10.5, 17), fontsize=7
             )
@@ -251,14 +251,14 @@ def poincare(axes: Axes, run: Run) -> None:
 
 def bifurcations(axes: Axes, run: Run) -> None:
     up = int(np.argmax(run.record.times > 16.5))
-    speeds, positions = bifurcation(run.record.part(0, up))
+    speeds, positions = bifurcation_diagram(run.record.section(0, up))
     axes.plot(speeds * RPM / 1e3, positions[0] / MICRO, ",", color=X)
     axes.set(title="Bifurcation diagram, run-up", xlabel="speed, 1000 r/min", ylabel="X at the mark, µm")
 
 
 def below_one_x(axes: Axes, run: Run) -> None:
     up = int(np.argmax(run.record.times > 16.5))
-    for track in subsynchronous_tracks(order_map(run.record.part(0, up))):
+    for track in subsynchronous_tracks(order_map(run.record.section(0, up))):
         label = f"{track.behaviour.value}: {track.order:.2f}X, {track.amplitudes.max() / MICRO:.1f} µm peak"
         axes.plot(
             track.speeds * RPM / 1e3, track.orders * track.speeds / (2 * np.pi), ".", color=WHIRL, ms=2, label=label
@@ -272,7 +272,7 @@ def below_one_x(axes: Axes, run: Run) -> None:
 
 
 def overall_vibration(axes: Axes, run: Run) -> None:
-    watch = LimitWatch(LIMITS.peak_to_peak_alarm, LIMITS.hysteresis, hold=0.2)
+    watch = LimitMonitor(LIMITS.peak_to_peak_alarm, LIMITS.hysteresis, hold=0.2)
     found = overall(run.displacement, RATE, LIMITS.clearance)
     larger = found.peak_to_peak.max(axis=0)
     states = [watch.update(value, TimeInRun(0, time, np.nan)) for value, time in zip(larger, found.times, strict=True)]
@@ -282,7 +282,7 @@ def overall_vibration(axes: Axes, run: Run) -> None:
     latched = np.maximum.accumulate(states)
     since = found.times[np.argmax(latched)]
     axes.fill_between(found.times, 0, 100, where=latched.tolist(), color="#e69f00", alpha=0.12, lw=0, label="latched")
-    part = f"{100 * found.clearance_part.max():.0f} % of the clearance"
+    part = f"{100 * found.clearance_fraction.max():.0f} % of the clearance"
     axes.set(title=f"Overall, at most {part}; alarm since {since:.1f} s", xlabel="time, s")
     axes.set(ylabel="µm peak-to-peak", ylim=(0, 95))
     axes.legend(ncols=2)
@@ -319,7 +319,7 @@ def run_out(axes: Axes, run: Run) -> None:
     degrees = np.arange(run.roll.waveform.shape[1]) * 360.0 / run.roll.waveform.shape[1]
     for row, colour in enumerate((X, Y)):
         axes.plot(degrees, run.roll.waveform[row] / MICRO, colour, lw=1.0, label="xy"[row])
-    verdict = "good" if run.roll.is_good(CRITICAL / RPM) else "the shaft moved"
+    verdict = "good" if run.roll.is_valid(CRITICAL / RPM) else "the shaft moved"
     text = f"{run.roll.revolutions} turns, ± {run.roll.sigma.max() / MICRO:.2f} µm, {verdict}"
     axes.set(title="Slow roll: run-out\n" + text, xlabel="angle from the mark, degrees", ylabel="µm")
     axes.legend()
@@ -332,14 +332,14 @@ def glitches(axes: Axes, run: Run) -> None:
     shown = 1e3 * (run.time[window] - run.time[place])
     axes.plot(shown, run.displacement[0, window] / MICRO, GREY, lw=0.8, label="as sampled")
     axes.plot(shown, found.displacement[0, window] / MICRO, X, lw=1.1, label="bridged")
-    told = f"{found.count[0]} at x, {found.count[1]} at y, {sum(found.left)} left"
+    told = f"{found.count[0]} at x, {found.count[1]} at y, {sum(found.unrepaired)} left"
     axes.set(title=f"Glitches: {told}", xlabel="time about one, ms", ylabel="displacement, µm")
     axes.legend()
 
 
 def standards(axes: Axes, run: Run) -> None:
     rpm = np.linspace(1_000, 60_000, 200)
-    rows = [figures(float(speed) / RPM) for speed in rpm]
+    rows = [standard_limits(float(speed) / RPM) for speed in rpm]
     for column, style in enumerate(("-", "--", "-.", ":", (0, (1, 3)))):
         figure = rows[0][column]
         limits = np.array([row[column].limit for row in rows])

@@ -45,7 +45,7 @@ class Run:
     def at(self, rpm: float, revolutions: int = 128) -> AngularRecord:
         """Return the revolutions of the run-up about a speed."""
         middle = int(np.argmax(self.record.speeds * RPM >= rpm))
-        return self.record.part(middle - revolutions // 2, middle + revolutions // 2)
+        return self.record.section(middle - revolutions // 2, middle + revolutions // 2)
 
     def samples(self, rpm: float, duration: float) -> slice:
         """Return the samples of the run-up from a speed on."""
@@ -83,7 +83,7 @@ def simulated() -> Run:
     clean = find_glitches(displacement, RATE, angle)
     raw = angular_record(clean.displacement, RATE, angle, ProbePair(0.0, np.pi / 2))
     roll = slow_roll(raw, 0.9 * SLOWEST / RPM, 1.1 * SLOWEST / RPM)
-    record = roll.off_waveform(raw)
+    record = roll.subtract_waveform(raw)
     frames = order_map(record)
     return Run(
         time=time,

@@ -125,7 +125,7 @@ def make_snapshot() -> Callable[..., Snapshot]:
                 2,
                 1,
                 1e-7 / 3,
-                mark_is_arbitrary=with_frame,
+                phase_reference_is_arbitrary=with_frame,
             ),
             gap_volts=random.standard_normal(2) + 5,
             gap_ok=np.array([True, False]),

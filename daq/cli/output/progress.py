@@ -96,9 +96,9 @@ def status_line(frame: LiveUpdate) -> str:
 def _counter(snapshot: Snapshot) -> str:
     """Return that the tacho's counter differs from its samples, where it does."""
     counter = snapshot.counter
-    if counter is None or not counter.told:
+    if counter is None or not counter.message:
         return ""
-    return f"tacho counter: {', '.join(filter(None, (counter.state.value, counter.told_lately)))}"
+    return f"tacho counter: {', '.join(filter(None, (counter.state.value, counter.recent_message)))}"
 
 
 def _alarms(status: Status) -> str:

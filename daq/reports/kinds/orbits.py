@@ -79,9 +79,11 @@ def _orbit(taken: PreparedRecord, query: OrbitQuery, orders: tuple[float, ...]) 
         case OrbitFilter.DIRECT:
             return direct_orbit(taken.record, query.revolutions), "direct"
         case OrbitFilter.ORDERS:
-            return filtered_orbit(taken.record, orders, revolutions=query.revolutions, averaged=AVERAGED), named
+            return filtered_orbit(
+                taken.record, orders, revolutions=query.revolutions, averaging_revolutions=AVERAGED
+            ), named
         case OrbitFilter.REST:
-            found = orbit_without(taken.record, orders, revolutions=query.revolutions, averaged=AVERAGED)
+            found = orbit_without(taken.record, orders, revolutions=query.revolutions, averaging_revolutions=AVERAGED)
             return found, f"not-{named}"
 
 
@@ -92,7 +94,7 @@ def _timebase(found: FilteredOrbit, begin: float) -> Panel:
         Curve(name, times.ravel().tolist(), (row * MICRO).ravel().tolist(), colour=colour)
         for colour, (name, row) in enumerate(zip(("X", "Y"), found.motion, strict=True))
     ]
-    marks = [Curve("", times[:, 0].tolist(), (row * MICRO).tolist(), Style.MARKS) for row in found.marks]
+    marks = [Curve("", times[:, 0].tolist(), (row * MICRO).tolist(), Style.MARKS) for row in found.keyphasor_points]
     return Panel("time base, with the mark", "ms", "µm", (*curves, *marks), y_from_zero=False)
 
 

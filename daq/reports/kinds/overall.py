@@ -35,7 +35,7 @@ def overall_of(run: RunSamples, query: OverallQuery) -> AnalysisResult:
     at = int(np.argmax(larger))
     title = f"{run.header.run} · overall vibration · {times[0]:.1f} to {times[-1]:.1f} s"
     told = f", {speeds[at]:,.0f} r/min" if np.isfinite(speeds[at]) else ""
-    left_out = parts[0][0].left_out
+    left_out = parts[0][0].excluded_samples
     caption = (
         f"largest {larger[at] * MICRO:.3g} µm at {times[at]:.1f} s{told}, "
         f"{100 * larger[at] / (2.0 * limits.clearance):.0f} % of the clearance; the {left_out} samples at either "

@@ -3,7 +3,7 @@
 import numpy as np
 
 from analysis.shaft.centreline import centreline
-from analysis.shaft.poincare import bifurcation
+from analysis.shaft.poincare import bifurcation_diagram
 from daq.reports.analysis_result import AnalysisResult
 from daq.reports.columns import columns
 from daq.reports.errors import translated_errors
@@ -22,7 +22,7 @@ def bifurcation_of(run: RunSamples, query: BifurcationQuery) -> AnalysisResult:
     taken = record_over_interval(run, query, 1.0)
     run.tell("computing")
     with translated_errors(f"run {run.header.run}"):
-        speeds, positions = bifurcation(taken.record, averaged=query.averaging_revolutions)
+        speeds, positions = bifurcation_diagram(taken.record, averaging_revolutions=query.averaging_revolutions)
     speeds, positions = speeds * RPM, positions * MICRO
     step = -(-speeds.size // MOST_DOTS)
     shown = slice(None, None, step)

@@ -55,7 +55,7 @@ def slow_roll_of(run: RunSamples, query: SlowRollQuery) -> AnalysisResult:
     title = f"{run.header.run} · run-out · {found.slowest * RPM:,.0f} to {found.fastest * RPM:,.0f} r/min"
     x, y = found.peak_to_peak * MICRO
     size = f"x {x:.3g} ± {sigma[0]:.2g}, y {y:.3g} ± {sigma[1]:.2g} µm peak-to-peak"
-    verdict = "" if found.wandering <= 0.2 else "; THE SHAFT MOVED: 1X wandered"
+    verdict = "" if found.drift <= 0.2 else "; THE SHAFT MOVED: 1X wandered"
     one = found.vectors(1)
     return AnalysisResult(
         title=title,
@@ -69,7 +69,7 @@ def slow_roll_of(run: RunSamples, query: SlowRollQuery) -> AnalysisResult:
             "runout_sigma_y_um": float(sigma[1]),
             "amplitude_peak_x_um": abs(one[0]) * MICRO,
             "amplitude_peak_y_um": abs(one[1]) * MICRO,
-            "slow_roll_drift": found.wandering,
+            "slow_roll_drift": found.drift,
         },
         remarks=("amplitude is the run-out's 1X",),
     )

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.signals.uncertainty import phase_sigma, sigma_of_floor
+from analysis.signals.uncertainty import phase_sigma, noise_floor_sigma
 from analysis.spectra.frequency_spectrum import frequency_spectrum
 from analysis.spectra.full_spectrum import full_spectrum, probe_mismatch
 from analysis.spectra.order_map import Scaling, order_map
@@ -34,7 +34,7 @@ def order_spectrum(run: RunSamples, query: OrderSpectrumQuery) -> AnalysisResult
             window=query.window,
         )  # fmt: skip
     size = found.amplitudes(query.scaling)[:, 0] * MICRO
-    sigma = float(sigma_of_floor(found.noise)[0])
+    sigma = float(noise_floor_sigma(found.noise)[0])
     vectors = found.spectrum[:, 0]
     lag = in_degrees(vectors)
     angle = found.orders * found.angle_sigma[0]  # an order feels the angle's error so many times
@@ -74,9 +74,9 @@ def full_spectrum_of(run: RunSamples, query: FullSpectrumQuery) -> AnalysisResul
     smaller = found.uncertain & (np.abs(found.backward) <= np.abs(found.forward))
     larger = found.uncertain & ~smaller
     uncertain = np.where(np.concatenate([smaller[:0:-1], larger]), "yes", "no")
-    sigma = float(sigma_of_floor(lines.noise)[0]) / np.sqrt(2.0) * MICRO
+    sigma = float(noise_floor_sigma(lines.noise)[0]) / np.sqrt(2.0) * MICRO
     figures = {"sigma_peak_um": sigma, **taken.figures}
-    if mismatch.is_told:
+    if mismatch.is_determined:
         figures["probe_gain_mismatch"] = mismatch.gain
     title = f"{run.header.run} · full spectrum{taken.words} · {taken.place}"
     caption = f"hann window over {query.revolutions} revolutions; ± {sigma:.3g} µm (1 σ of the floor)"

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.signals.uncertainty import sigma_of_floor
+from analysis.signals.uncertainty import noise_floor_sigma
 from analysis.spectra.frequency_map import frequency_map
 from analysis.spectra.full_spectrum import full_spectrum, probe_mismatch
 from analysis.spectra.order_map import order_map
@@ -79,7 +79,7 @@ def _spectra(run: RunSamples, query: MapQuery) -> _Spectra:
     run.tell("computing")
     with translated_errors(f"run {run.header.run}"):
         lines = order_map(taken.record, revolutions=query.revolutions, highest_order=query.highest_order)
-    sigma = sigma_of_floor(lines.noise) * MICRO
+    sigma = noise_floor_sigma(lines.noise) * MICRO
     axis, sizes = lines.orders, lines.amplitudes().max(axis=0)
     if query.lines is MapLines.FULL:
         full = full_spectrum(lines.orders, lines.spectrum, lines.pair, probe_mismatch(lines))

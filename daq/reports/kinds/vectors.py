@@ -54,7 +54,7 @@ def _vectors(
         figures |= {
             "resonance_rpm": largest[2].speed * RPM,
             "largest_peak_um": largest[2].amplitude * MICRO,
-            "amplification_factor": largest[2].amplification,
+            "amplification_factor": largest[2].amplification_factor,
         }
     return AnalysisResult(
         title=f"{title} · {what}",
@@ -97,6 +97,6 @@ def _resonances(curve: SpeedCurve, probe: int) -> list[Resonance]:
 
 
 def _resonance(curve: SpeedCurve, probe: int, one: Resonance) -> str:
-    factor = "" if np.isnan(one.amplification) else f", amplification {one.amplification:.1f}"
+    factor = "" if np.isnan(one.amplification_factor) else f", amplification {one.amplification_factor:.1f}"
     where = f"{one.speed * RPM:,.0f} r/min {ARROWS[curve.direction]}"
     return f"peak at {'xy'[probe]}: {one.amplitude * MICRO:.3g} µm at {where}{factor}"

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from analysis.preflight.probe_checks import DEAD, QUIET, ZERO_VOLTS
-from analysis.preflight.switching_levels import Levels, two_levels
+from analysis.preflight.switching_levels import SignalLevels, find_state_levels
 from analysis.signals.blocks import SegmentEnd
 from analysis.signals.header import CODE_MAX, CODE_MIN, Role
 from daq.config.rig import MICRO, Rig
@@ -90,7 +90,7 @@ def measure_point(rig: Rig, name: str, gap: float) -> CalibrationPoint:
     return CalibrationPoint(gap, float(np.mean(volts)), float(np.std(volts)))
 
 
-def measure_tacho_levels(rig: Rig) -> Levels | None:
+def measure_tacho_levels(rig: Rig) -> SignalLevels | None:
     """Return the levels between which the tacho switches in a second; None where it does not.
 
     Raises
@@ -104,7 +104,7 @@ def measure_tacho_levels(rig: Rig) -> Levels | None:
     if seen.codes.size == 0:
         raise DeviceError(DeviceFault.OTHER, f"no samples came{_why(seen.end)}")
     row = acquisition.row(Role.TACHO)
-    return two_levels(acquisition.channels[row].volts(seen.codes[row]))
+    return find_state_levels(acquisition.channels[row].volts(seen.codes[row]))
 
 
 def read_points(path: Path) -> list[CalibrationPoint]:

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.preflight.checks import Check, Verdict, worst
+from analysis.preflight.checks import Check, Verdict, worst_verdict
 from analysis.preflight.counter_check import counter_check
 from analysis.preflight.tacho_checks import speed_limit_check
 from analysis.preflight.wiring import wiring_checks
@@ -122,7 +122,7 @@ class PreflightReport:
     @property
     def verdict(self) -> Verdict:
         """The worst of all."""
-        return worst(self.checks)
+        return worst_verdict(self.checks)
 
 
 def run_preflight_checks(rig: Rig, plan: PlannedRun, today: dt.date, told: Progress) -> PreflightReport:

@@ -101,7 +101,7 @@ def sample_checks(blocks: Sequence[SampleBlock], end: SegmentEnd | None, wanted:
         advice = f"the card did not deliver a whole second{told}; give it a USB port of its own, without a hub"
         yield Check.failed(name, Finding.COUNT, value, limit, advice)
     if end is not None and end.is_gap_free and end.detail:
-        yield Check.warned("driver", Finding.REMARK, "remarks", "none", end.detail)
+        yield Check.warned("driver", Finding.DRIVER_WARNING, "remarks", "none", end.detail)
     backlog = max((block.backlog for block in blocks), default=0) / rig.config.timing.rate_hz
     limit_s = rig.config.timing.buffer_s / 4
     value, limit = f"{backlog:.2f} s", f"{limit_s:.2g} s, a quarter of buffer_s"

@@ -194,8 +194,8 @@ def test_a_skipped_block_starts_afresh_and_comes_back(make_bench: Maker) -> None
     bench = make_bench()
     codes = bench.codes(bench.steady(100.0), bench.circles(*THREE), 2.0)
     analyser = Analyser(bench.acquisition, bench.settings)
-    before = [s for block in bench.blocks(codes[:, :70_000], 10_000) for s in analyser.block(block)]
-    after = [s for block in bench.blocks(codes[:, 103_456:], 10_000, first=103_456) for s in analyser.block(block)]
+    before = [s for block in bench.blocks(codes[:, :70_000], 10_000) for s in analyser.add_block(block)]
+    after = [s for block in bench.blocks(codes[:, 103_456:], 10_000, first=103_456) for s in analyser.add_block(block)]
     assert before[-1].frame is not None
     assert [snapshot.sample for snapshot in after][:2] == [110_000, 120_000]
     assert after[0].frame is None
@@ -208,9 +208,9 @@ def test_a_new_segment_starts_afresh_and_the_counts_run_on(make_bench: Maker) ->
     codes = bench.codes(bench.steady(100.0), bench.circles(*THREE), 0.5)
     codes[0, 5] = 32767
     analyser = Analyser(bench.acquisition, bench.settings)
-    first = [s for block in bench.blocks(codes, 10_000) for s in analyser.block(block)]
-    assert analyser.segment_end(SegmentEnd(0, 50_000, EndReason.OVERRUN, lost=7)) == []
-    second = [s for block in bench.blocks(codes, 10_000, segment=1) for s in analyser.block(block)]
+    first = [s for block in bench.blocks(codes, 10_000) for s in analyser.add_block(block)]
+    assert analyser.end_segment(SegmentEnd(0, 50_000, EndReason.OVERRUN, lost=7)) == []
+    second = [s for block in bench.blocks(codes, 10_000, segment=1) for s in analyser.add_block(block)]
     assert second[-1].segment == 1
     assert first[-1].clipped.tolist() == [1, 0, 0]
     assert second[-1].clipped.tolist() == [2, 0, 0]
@@ -218,7 +218,7 @@ def test_a_new_segment_starts_afresh_and_the_counts_run_on(make_bench: Maker) ->
     assert second[-1].beyond_calibration.tolist() == [2, 0]
     assert second[-1].tacho.pulses == 2 * first[-1].tacho.pulses
     assert same(first[-1].frame, second[-1].frame)
-    assert analyser.segment_end(SegmentEnd(7, 0, EndReason.FINISHED)) == []
+    assert analyser.end_segment(SegmentEnd(7, 0, EndReason.FINISHED)) == []
 
 
 def test_missing_and_double_pulses_cost_no_accuracy(make_bench: Maker) -> None:
@@ -399,11 +399,11 @@ def test_random_codes_and_jumps_never_raise(make_bench: Maker, seed: int) -> Non
                 wave = np.cumsum(random.uniform(0.2, 3.0) * np.ones(n) / random.integers(5, 200))
                 codes[2] = np.where(wave % 1.0 < random.uniform(0.1, 0.9), 14_000, random.integers(-5, 6000))
             block = SampleBlock(codes, segment=segment, first_sample=first, host_time_ns=0)
-            for snapshot in analyser.block(block):
+            for snapshot in analyser.add_block(block):
                 assert snapshot.sample <= block.end
             first += n
             if kind == 0:
-                analyser.segment_end(SegmentEnd(segment, first, EndReason.OVERRUN))
+                analyser.end_segment(SegmentEnd(segment, first, EndReason.OVERRUN))
                 segment, first = segment + 1, 0
             if kind == 1:
                 first += int(random.integers(1, 1000))
@@ -413,7 +413,7 @@ def test_a_block_of_other_channels_and_a_bench_without_probes_are_refused(make_b
     bench = make_bench()
     analyser = Analyser(bench.acquisition, bench.settings)
     with pytest.raises(ValueError, match="2 channels"):
-        analyser.block(SampleBlock(np.zeros((2, 5), dtype=np.int16), 0, 0, 0))
+        analyser.add_block(SampleBlock(np.zeros((2, 5), dtype=np.int16), 0, 0, 0))
     with pytest.raises(ValueError, match="probe_y"):
         Analyser(replace(bench.acquisition, channels=bench.acquisition.channels[:1]), bench.settings)
     bare = tuple(replace(c, calibration=None) for c in bench.acquisition.channels)
@@ -444,7 +444,7 @@ def test_memory_does_not_grow(make_bench: Maker) -> None:
     sizes = []
     for part in range(8):
         for block in bench.blocks(codes, 2000, first=part * 20_000):
-            analyser.block(block)
+            analyser.add_block(block)
         sizes.append(held(analyser, set()))
     assert max(sizes[5:]) <= 1.001 * sizes[4]
     assert sizes[4] < 4e6

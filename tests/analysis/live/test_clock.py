@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from analysis.live.delivery import PPM, ClockFit
+from analysis.live.delivery import PPM, ClockEstimator
 from analysis.signals.blocks import SampleBlock
 
 RATE, BLOCK = 1000.0, 100
@@ -9,19 +9,26 @@ START = 1_795_000_000_000_000_000
 
 
 def blocks(
-    fit: ClockFit, n: int, *, error: float, delay: float = 0.0, seed: int = 0, segment: int = 0, start: int = START
+    fit: ClockEstimator,
+    n: int,
+    *,
+    error: float,
+    delay: float = 0.0,
+    seed: int = 0,
+    segment: int = 0,
+    start: int = START,
 ) -> None:
     """Read `n` blocks of a card whose clock is off by `error`, each late by a random time of mean `delay`, s."""
     random = np.random.default_rng(seed)
     codes = np.zeros((1, BLOCK), np.int16)
     for k in range(n):
         host = (k + 1) * BLOCK / (RATE * (1 + error)) + random.exponential(delay)
-        fit.block(SampleBlock(codes, segment, k * BLOCK, start + round(host * 1e9)))
+        fit.add_block(SampleBlock(codes, segment, k * BLOCK, start + round(host * 1e9)))
 
 
 @pytest.mark.parametrize("error", [50e-6, -50e-6, 0.0])
 def test_clock_without_delays_is_found_exactly(error: float) -> None:
-    fit = ClockFit(RATE)
+    fit = ClockEstimator(RATE)
     blocks(fit, 3000, error=error)
     found = fit.error()
     assert found is not None
@@ -32,7 +39,7 @@ def test_clock_without_delays_is_found_exactly(error: float) -> None:
 def test_truth_lies_within_the_uncertainty_as_often_as_it_says() -> None:
     within = 0
     for seed in range(100):
-        fit = ClockFit(RATE)
+        fit = ClockEstimator(RATE)
         blocks(fit, 1200, error=30e-6, delay=5e-3, seed=seed)
         found = fit.error()
         assert found is not None
@@ -42,7 +49,7 @@ def test_truth_lies_within_the_uncertainty_as_often_as_it_says() -> None:
 
 
 def test_segments_share_one_slope_and_have_a_beginning_each() -> None:
-    fit = ClockFit(RATE)
+    fit = ClockEstimator(RATE)
     blocks(fit, 300, error=40e-6)
     blocks(fit, 300, error=40e-6, segment=1, start=START + 77_000_000_000)
     found = fit.error()
@@ -51,24 +58,24 @@ def test_segments_share_one_slope_and_have_a_beginning_each() -> None:
 
 
 def test_late_reader_does_not_bend_the_line() -> None:
-    fit = ClockFit(RATE)
+    fit = ClockEstimator(RATE)
     codes = np.zeros((1, BLOCK), np.int16)
     for k in range(600):
         backlog = k * BLOCK // 2  # it falls behind more and more
         host = ((k + 1) * BLOCK + backlog) / RATE
-        fit.block(SampleBlock(codes, 0, k * BLOCK, START + round(host * 1e9), backlog))
+        fit.add_block(SampleBlock(codes, 0, k * BLOCK, START + round(host * 1e9), backlog))
     found = fit.error()
     assert found is not None
     assert abs(found.error) < 1e-9
 
 
 def test_short_run_tells_nothing() -> None:
-    fit = ClockFit(RATE)
+    fit = ClockEstimator(RATE)
     blocks(fit, 40, error=0.0)
     assert fit.error() is None
 
 
 def test_samples_that_did_not_come_as_time_went_tell_nothing() -> None:
-    fit = ClockFit(RATE)
+    fit = ClockEstimator(RATE)
     blocks(fit, 3000, error=20.0)
     assert fit.error() is None

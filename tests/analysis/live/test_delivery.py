@@ -3,19 +3,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.live.delivery import Delivery, DeliveryWatch
+from analysis.live.delivery import DeliveryMonitor, DeliveryStatistics
 from analysis.signals.blocks import SampleBlock
 from analysis.signals.header import Acquisition, RunHeader
 
 START = 1_795_000_000_000_000_000
 
 
-def watched(acquisition: Acquisition, *backlogs: tuple[int, int]) -> Delivery:
+def watched(acquisition: Acquisition, *backlogs: tuple[int, int]) -> DeliveryStatistics:
     """Watch a block for each pair of segment and backlog."""
-    watch = DeliveryWatch(acquisition)
+    watch = DeliveryMonitor(acquisition)
     for segment, backlog in backlogs:
-        watch.block(SampleBlock(np.zeros((3, 100), np.int16), segment, 0, START, backlog))
-    return watch.delivery()
+        watch.add_block(SampleBlock(np.zeros((3, 100), np.int16), segment, 0, START, backlog))
+    return watch.statistics()
 
 
 def test_largest_backlog_of_all_segments_is_told_beside_the_buffer(header: RunHeader) -> None:
@@ -26,4 +26,4 @@ def test_largest_backlog_of_all_segments_is_told_beside_the_buffer(header: RunHe
 
 
 def test_backlog_of_a_device_without_a_buffer_is_not_known(header: RunHeader) -> None:
-    assert watched(replace(header.acquisition, buffer=0), (0, 700)) == Delivery()
+    assert watched(replace(header.acquisition, buffer=0), (0, 700)) == DeliveryStatistics()

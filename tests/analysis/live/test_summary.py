@@ -25,8 +25,8 @@ def summary_of(bench: "Bench", header: RunHeader, codes: NDArray[np.int16], end:
     header = replace(header, acquisition=bench.acquisition, settings=bench.settings)
     builder = SummaryBuilder(header)
     for snapshot in bench.snapshots(codes):
-        builder.snapshot(snapshot)
-    builder.segment_end(end)
+        builder.add_snapshot(snapshot)
+    builder.end_segment(end)
     return builder.summary()
 
 
@@ -87,7 +87,7 @@ def test_a_quiet_run_has_no_findings_and_says_so(make_bench: Maker, header: RunH
     assert [probe.name for probe in summary.probes] == ["x", "y"]
     for probe in summary.probes:
         assert probe.gap_mean == pytest.approx(4.5, abs=0.01)
-        assert probe.gap_least <= probe.gap_mean <= probe.gap_most
+        assert probe.gap_min <= probe.gap_mean <= probe.gap_max
         assert probe.gap_ok
         assert probe.largest_peak_to_peak == pytest.approx(20 * MICRO, rel=0.05)
     assert summary.largest_peak_to_peak == max(probe.largest_peak_to_peak for probe in summary.probes)
@@ -106,9 +106,9 @@ def test_severity_is_the_largest_vibration_against_the_limits(
 
 def test_losses_are_exact_or_at_least(header: RunHeader) -> None:
     builder = SummaryBuilder(header)
-    builder.segment_end(SegmentEnd(0, 1000, EndReason.OVERRUN, lost=70))
+    builder.end_segment(SegmentEnd(0, 1000, EndReason.OVERRUN, lost=70))
     assert (builder.summary().lost, builder.summary().lost_is_exact) == (70, True)
-    builder.segment_end(SegmentEnd(1, 500, EndReason.UNPLUGGED, lost=30, lost_is_exact=False))
+    builder.end_segment(SegmentEnd(1, 500, EndReason.UNPLUGGED, lost=30, lost_is_exact=False))
     summary = builder.summary()
     assert (summary.samples, summary.lost, summary.lost_is_exact) == (1500, 100, False)
     assert not summary.is_gap_free
@@ -124,9 +124,9 @@ def test_a_summary_before_the_end_counts_what_was_seen(make_bench: Maker, header
     assert not empty.is_gap_free
     codes = bench.codes(bench.steady(100.0), bench.circles((10 * MICRO, 1.0, 0.4)), 0.5)
     for snapshot in bench.snapshots(codes):
-        builder.snapshot(snapshot)
+        builder.add_snapshot(snapshot)
     assert builder.summary().samples == 50_000
-    builder.segment_end(SegmentEnd(0, 50_000, EndReason.STOPPED))
+    builder.end_segment(SegmentEnd(0, 50_000, EndReason.STOPPED))
     assert builder.summary().samples == 50_000
 
 
@@ -138,7 +138,7 @@ def test_gap_and_clipping_of_a_probe_that_came_loose_are_said(make_bench: Maker,
     assert summary.clipped == (0, 30_000, 0)
     assert [probe.gap_ok for probe in summary.probes] == [True, False]
     assert [probe.beyond_calibration for probe in summary.probes] == [0, 30_000]
-    assert summary.probes[1].gap_most == pytest.approx(10.0, abs=0.001)
+    assert summary.probes[1].gap_max == pytest.approx(10.0, abs=0.001)
 
 
 def test_glitches_are_no_findings(make_bench: Maker, header: RunHeader) -> None:

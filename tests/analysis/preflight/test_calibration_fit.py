@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from analysis.preflight.calibration_fit import fit_calibration, usual_order
+from analysis.preflight.calibration_fit import default_order, fit_calibration
 
 TRUE = (12e-6, 96.5e-6, 0.55e-6, -0.03e-6)
 VOLTS = np.linspace(0.5, 9.5, 10)
@@ -33,7 +33,7 @@ def test_fit_of_too_low_an_order_shows_a_residual() -> None:
 
 
 def test_usual_order_falls_with_the_number_of_points() -> None:
-    assert [usual_order(n) for n in (2, 3, 4, 5, 20)] == [1, 1, 2, 3, 3]
+    assert [default_order(n) for n in (2, 3, 4, 5, 20)] == [1, 1, 2, 3, 3]
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from analysis.preflight.switching_levels import Levels, two_levels
+from analysis.preflight.switching_levels import SignalLevels, find_state_levels
 
 FloatArray = NDArray[np.float64]
 
@@ -19,7 +19,7 @@ def square(
 
 @pytest.mark.parametrize("duty", [0.02, 0.1, 0.5, 0.9, 0.98])
 def test_levels_of_a_square_wave_are_found_however_wide_the_mark(duty: float) -> None:
-    found = two_levels(square(duty=duty))
+    found = find_state_levels(square(duty=duty))
     assert found is not None
     assert (found.low, found.high) == pytest.approx((0.1, 4.2), abs=0.01)
     assert found.scatter == pytest.approx(0.01, rel=0.2)
@@ -28,7 +28,7 @@ def test_levels_of_a_square_wave_are_found_however_wide_the_mark(duty: float) ->
 
 def test_slow_edges_leave_the_levels_where_they_are() -> None:
     edges = np.clip(np.abs((20 * TIME % 1.0) - 0.5) * 12 - 2.5, 0.0, 1.0)
-    found = two_levels(4.0 * edges)
+    found = find_state_levels(4.0 * edges)
     assert found is not None
     assert (found.low, found.high) == pytest.approx((0.0, 4.0), abs=1e-6)
 
@@ -46,16 +46,16 @@ def test_slow_edges_leave_the_levels_where_they_are() -> None:
     ids=["constant", "sine", "normal", "uniform", "ramp", "tiny"],
 )
 def test_voltage_that_does_not_switch_has_no_levels(volts: FloatArray) -> None:
-    assert two_levels(volts) is None
+    assert find_state_levels(volts) is None
 
 
 def test_hysteresis_grows_with_noise_and_stays_within_the_swing() -> None:
-    assert Levels(0.0, 4.0, 0.01, 0.5).hysteresis == 1.0
-    assert Levels(0.0, 4.0, 0.2, 0.5).hysteresis == pytest.approx(1.6)
-    assert Levels(0.0, 4.0, 0.6, 0.5).hysteresis == pytest.approx(2.4)
-    assert Levels(1.0, 4.0, 0.0, 0.5).middle == 2.5
+    assert SignalLevels(0.0, 4.0, 0.01, 0.5).hysteresis == 1.0
+    assert SignalLevels(0.0, 4.0, 0.2, 0.5).hysteresis == pytest.approx(1.6)
+    assert SignalLevels(0.0, 4.0, 0.6, 0.5).hysteresis == pytest.approx(2.4)
+    assert SignalLevels(1.0, 4.0, 0.0, 0.5).middle == 2.5
 
 
 def test_levels_of_nothing_are_refused() -> None:
     with pytest.raises(ValueError, match="volts: shape"):
-        two_levels(np.empty(0))
+        find_state_levels(np.empty(0))

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from analysis.preflight.checks import Check, Finding, Verdict, WiringLimits, worst
+from analysis.preflight.checks import Check, Finding, Verdict, WiringLimits, worst_verdict
 from analysis.preflight.tacho_checks import TachoSignal, speed_limit_check, tacho_checks
 from analysis.preflight.wiring import wiring_checks
 from analysis.signals.header import Acquisition, Calibration, Channel, Device, Edge, Role, Tacho
@@ -99,7 +99,7 @@ def test_sparks_at_the_rail_and_samples_beyond_the_calibration_are_warned_of() -
     volts["x"][[100, 5000]] = 12.0
     checks = checked(volts)
     assert found(checks) == {"probe x clipping": Finding.CLIPPED, "probe x calibrated span": Finding.BEYOND_CALIBRATION}
-    assert worst(checks) is Verdict.WARN
+    assert worst_verdict(checks) is Verdict.WARN
     narrow = replace(ACQUISITION.channels[0], calibration=replace(CALIBRATION, volts_low=5.0))
     half = checked(turning(), replace(ACQUISITION, channels=(narrow, *ACQUISITION.channels[1:])))
     (check,) = (check for check in half if check.name == "probe x calibrated span")
@@ -156,7 +156,7 @@ def test_floating_tacho_lies_between_its_switching_levels() -> None:
 
 def tacho_findings(volts: FloatArray, tacho: Tacho = TACHO, full_range: float = 10.0) -> dict[str, Finding]:
     high = replace(ACQUISITION.channels[2], range_low=-full_range, range_high=full_range)
-    signal = TachoSignal.of(high, tacho, np.rint(volts / STEP).astype(np.int16), RATE)
+    signal = TachoSignal.from_codes(high, tacho, np.rint(volts / STEP).astype(np.int16), RATE)
     return found(tacho_checks(signal, WiringLimits(), motion=True))
 
 
@@ -170,10 +170,10 @@ def test_tacho_signals_are_told_apart() -> None:
     assert "tacho noise" in tacho_findings(volts + noise(0.3, 8))
 
 
-@pytest.mark.parametrize(("hysteresis", "is_told"), [(0.3, True), (0.5, False), (2.0, False), (2.2, True)])
-def test_hysteresis_that_does_not_suit_the_swing_is_warned_of(hysteresis: float, *, is_told: bool) -> None:
+@pytest.mark.parametrize(("hysteresis", "is_warned"), [(0.3, True), (0.5, False), (2.0, False), (2.2, True)])
+def test_hysteresis_that_does_not_suit_the_swing_is_warned_of(hysteresis: float, *, is_warned: bool) -> None:
     told = tacho_findings(turning()["tacho"], Tacho(threshold=2.15, hysteresis=hysteresis))
-    assert told == ({"tacho hysteresis": Finding.LEVELS} if is_told else {})
+    assert told == ({"tacho hysteresis": Finding.LEVELS} if is_warned else {})
 
 
 def test_mark_that_is_not_as_configured_is_warned_of() -> None:
@@ -195,7 +195,7 @@ def test_marks_that_lie_unevenly_but_come_again_with_every_turn_do_not_scatter()
     two = np.where((turn < 0.15) | ((turn > 0.3) & (turn < 0.65)), 4.2, 0.1) + noise(0.01, 9)
     assert tacho_findings(two, replace(TACHO, pulses_per_revolution=2)) == {}
     assert tacho_findings(two) == {"tacho pulses": Finding.SCATTER}
-    signal = TachoSignal.of(
+    signal = TachoSignal.from_codes(
         ACQUISITION.channels[2],
         replace(TACHO, pulses_per_revolution=2),
         np.rint(two / STEP).astype(np.int16),
@@ -214,7 +214,7 @@ def test_speed_and_angle_follow_the_marks_of_either_edge() -> None:
     for edge in Edge:
         tacho = replace(TACHO, edge=edge, pulses_per_revolution=2)
         codes = np.rint(turning(3600.0)["tacho"] / STEP).astype(np.int16)
-        signal = TachoSignal.of(ACQUISITION.channels[2], tacho, codes, RATE)
+        signal = TachoSignal.from_codes(ACQUISITION.channels[2], tacho, codes, RATE)
         assert signal.speed == pytest.approx(1800 * RPM, rel=1e-3)
         assert signal.angle is not None
         assert np.diff(signal.angle) == pytest.approx(1800 * RPM / RATE, rel=0.02)
@@ -242,4 +242,4 @@ def test_samples_of_other_channels_are_refused() -> None:
 def test_check_has_a_finding_unless_it_is_good() -> None:
     with pytest.raises(ValueError, match="expected a finding"):
         Check("a", Verdict.WARN, "b", "c")
-    assert worst(()) is Verdict.GOOD
+    assert worst_verdict(()) is Verdict.GOOD

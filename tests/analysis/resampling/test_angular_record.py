@@ -9,7 +9,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from analysis.resampling.angular_record import AngularRecord, angular_record, record_of_codes, tacho_edges
+from analysis.resampling.angular_record import AngularRecord, angular_record, angular_record_from_codes, tacho_edges
 from analysis.signals.errors import AnalysisError, RecordTooShortError, TachoRefusedError
 from analysis.signals.header import Tacho
 from analysis.signals.probes import ProbePair
@@ -79,7 +79,7 @@ def test_missing_and_double_pulses_do_not_spoil_the_vectors(make_bench: Maker) -
     doubles = edges[extra] + random.uniform(0.02, 0.98, extra.size) * np.diff(edges)[extra]
     errors = []
     for pulses in (edges, np.sort(np.concatenate([kept, doubles]))):
-        record = record_of_codes(bench.acquisition, codes, pulse_times=pulses)
+        record = angular_record_from_codes(bench.acquisition, codes, pulse_times=pulses)
         amplitudes = np.abs(track_order(record, 1.0).vectors)
         errors.append(float(np.sqrt(np.mean((amplitudes / (20 * MICRO) - 1) ** 2))))
     assert errors[1] < 1.2 * errors[0]
@@ -89,7 +89,7 @@ def test_stamped_pulses_serve_as_well_as_the_waveform(make_bench: Maker) -> None
     bench = make_bench(tacho=FAST)
     codes = bench.codes(bench.steady(200.0), bench.circles((20 * MICRO, 1.0, 0.4)), 1.0)
     stamped = np.asarray((np.arange(1, 200) - 0.3) / 200.0, dtype=np.float64)  # the bench starts at 0.3 of a turn
-    record = record_of_codes(bench.acquisition, codes, pulse_times=stamped)
+    record = angular_record_from_codes(bench.acquisition, codes, pulse_times=stamped)
     vectors = track_order(record, 1.0).vectors[0]
     assert np.abs(np.degrees(np.angle(vectors * np.exp(-0.4j)))).max() < 0.05
 
@@ -110,7 +110,7 @@ def test_live_frames_and_the_record_agree_within_what_they_state(make_bench: Mak
     bench = replace(make_bench(tacho=FAST), tacho_rise=rise)
     motion = bench.circles((20 * MICRO, 1.0, 0.4), (8 * MICRO, 0.47, 1.0), (3 * MICRO, 2.0, 0.0))
     codes = bench.codes(bench.ramp(60.0, 400.0, 5.0), motion, 5.0)
-    record = record_of_codes(bench.acquisition, codes)
+    record = angular_record_from_codes(bench.acquisition, codes)
     tracks = [track_order(record, order, overlap=15 / 16) for order in (1.0, 2.0)]  # a frame begins at every mark
     frames = [snapshot.frame for snapshot in bench.snapshots(codes) if snapshot.frame is not None]
     assert len(frames) > 40
@@ -152,17 +152,17 @@ def test_what_cannot_be_analysed_is_refused_with_its_reason(make_bench: Maker) -
     silent = codes.copy()
     silent[2] = 0
     with pytest.raises(TachoRefusedError, match="0 tacho pulses"):
-        record_of_codes(bench.acquisition, silent)
+        angular_record_from_codes(bench.acquisition, silent)
     noise = codes.copy()
     noise[2] = np.random.default_rng(0).integers(-30_000, 30_000, codes.shape[1])
     with pytest.raises(TachoRefusedError):
-        record_of_codes(bench.acquisition, noise)
+        angular_record_from_codes(bench.acquisition, noise)
     railed = codes.copy()
     railed[0] = 32767
     with pytest.raises(AnalysisError, match="rail"):
-        record_of_codes(bench.acquisition, railed)
+        angular_record_from_codes(bench.acquisition, railed)
     with pytest.raises(ValueError, match="codes"):
-        record_of_codes(bench.acquisition, codes[:2])
+        angular_record_from_codes(bench.acquisition, codes[:2])
     with pytest.raises(ValueError, match="finite"):
         angular_record(np.full((2, 9000), np.nan), 1e5, angle_of(200.0, 0.09), ProbePair(0.0, 1.0))
     with pytest.raises(RecordTooShortError):
@@ -173,7 +173,7 @@ def test_a_record_tells_what_its_pulses_and_samples_lacked(make_bench: Maker) ->
     bench = make_bench()  # its tacho needs 1 ms of light and of dark
     codes = bench.codes(bench.steady(700.0), bench.circles((20 * MICRO, 1.0, 0.4)), 0.3)
     codes[0, 100:107] = 32767
-    record = record_of_codes(bench.acquisition, codes)
+    record = angular_record_from_codes(bench.acquisition, codes)
     assert record.clipped == (7, 0)
     assert record.pulses is not None
     assert record.pulses.too_fast
@@ -182,14 +182,14 @@ def test_a_record_tells_what_its_pulses_and_samples_lacked(make_bench: Maker) ->
 
 def test_a_part_of_a_record_keeps_its_times(make_angular: Callable[..., AngularRecord]) -> None:
     record = make_angular((1.0, 1.0, 0.0), revolutions=20)
-    part = record.part(5, 12)
+    part = record.section(5, 12)
     assert (part.revolutions, part.first_turn) == (7, 5)
     np.testing.assert_array_equal(part.times, record.times[5:13])
     with pytest.raises(ValueError, match="part"):
-        record.part(5, 30)
+        record.section(5, 30)
     with pytest.raises(ValueError, match="waveform"):
         record.with_waveform(np.zeros(3))
-    assert replace(record, first_turn=3).part(0, 2).first_turn == 3
+    assert replace(record, first_turn=3).section(0, 2).first_turn == 3
 
 
 def test_orders_one_to_six_at_600_hertz_go_through_the_whole_chain_within_a_quarter_per_cent() -> None:

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from analysis.resampling.angular_record import AngularRecord, angular_record, record_of_codes
-from analysis.resampling.synchronous_average import synchronous_average, synchronous_rest
+from analysis.resampling.angular_record import AngularRecord, angular_record, angular_record_from_codes
+from analysis.resampling.synchronous_average import synchronous_average, synchronous_residual
 from analysis.shaft.centreline import centreline
 from analysis.shaft.orbit import direct_orbit, filtered_orbit, orbit_without
-from analysis.shaft.poincare import bifurcation, poincare_section
+from analysis.shaft.poincare import bifurcation_diagram, poincare_section
 from analysis.signals.errors import AnalysisError, TachoRefusedError
 from analysis.signals.header import Tacho
 from analysis.signals.probes import ProbePair
@@ -23,7 +23,7 @@ from analysis.spectra.frequency_spectrum import frequency_spectrum
 from analysis.spectra.full_spectrum import full_cascade, probe_mismatch
 from analysis.spectra.order_map import OrderMap, Window, order_map
 from analysis.spectra.order_spectrum import order_spectrum
-from analysis.spectra.tacholess_speed import record_without_tacho, speed_from_ridge
+from analysis.spectra.tacholess_speed import angular_record_without_tacho, speed_from_ridge
 from analysis.tacho.edges import EdgeDetector
 from analysis.tacho.pulse_record import pulse_record
 from analysis.tacho.pulse_train import PulseTrain
@@ -114,7 +114,7 @@ def curves(record: AngularRecord) -> Results:
 
 
 def runout(roll: SlowRoll) -> Results:
-    return [np.append(roll.waveform, roll.wandering), roll.vector_sigma]
+    return [np.append(roll.waveform, roll.drift), roll.vector_sigma]
 
 
 def ridge(displacement: FloatArray) -> Results:
@@ -125,7 +125,7 @@ def ridge(displacement: FloatArray) -> Results:
 def envelopes(displacement: FloatArray) -> Results:
     angle = np.asarray(200 * np.pi * np.arange(displacement.shape[1]) / RATE, dtype=np.float64)
     found = order_envelopes(displacement[0], angle, RATE, (1.0, 2.0), bandwidth=20.0)
-    return [np.abs(found.envelopes), found.sigma, found.rest]
+    return [np.abs(found.envelopes), found.sigma, found.residual]
 
 
 OF_RECORDS: dict[str, Callable[[AngularRecord], Results]] = {
@@ -134,22 +134,22 @@ OF_RECORDS: dict[str, Callable[[AngularRecord], Results]] = {
     "order map of single turns": lambda record: lines(order_map(record, revolutions=1)),
     "order track": lambda record: vectors(track_order(record, 1.0)),
     "order track less a vector": lambda record: vectors(
-        track_order(record, 2.0).minus(np.ones(2, dtype=np.complex128), np.ones(2))
+        track_order(record, 2.0).subtract(np.ones(2, dtype=np.complex128), np.ones(2))
     ),
     "components below 1X": lambda record: [track.orders for track in subsynchronous_tracks(order_map(record))],
     "full cascade": lambda record: [
         full_cascade(order_map(record), 50.0, probe_mismatch(order_map(record)))[1].amplitudes
     ],
     "average": lambda record: [synchronous_average(record).waveform, synchronous_average(record).sigma],
-    "rest": lambda record: [synchronous_rest(record).waveform],
+    "rest": lambda record: [synchronous_residual(record).waveform],
     "direct orbit": lambda record: [direct_orbit(record).motion],
     "1X orbit": lambda record: [filtered_orbit(record, (1.0,)).motion],
     "1X tilt": lambda record: [filtered_orbit(record, (1.0,)).ellipses[0].tilt],
     "not-1X orbit": lambda record: [orbit_without(record).motion],
-    "centreline": lambda record: [centreline(record, np.zeros(2), 1e-4).eccentricity],
+    "centreline": lambda record: [centreline(record, np.zeros(2), 1e-4).eccentricity_ratio],
     "slow roll": lambda record: runout(slow_roll(record, 0.0, 1e4)),
     "Poincaré section": lambda record: [poincare_section(record).points],
-    "bifurcation": lambda record: [bifurcation(record, averaged=8)[1]],
+    "bifurcation": lambda record: [bifurcation_diagram(record, averaging_revolutions=8)[1]],
     "speed curves": curves,
     "hum beside the shaft": lambda record: [mains_hum(TIME * 0.0, RATE, record).amplitude],
 }
@@ -213,7 +213,7 @@ WRONG: dict[str, tuple[str, Callable[[AngularRecord], object]]] = {
     "an orbit of no order": ("orders", lambda record: filtered_orbit(record, ())),
     "an orbit of no turn": ("revolutions", lambda record: filtered_orbit(record, (1.0,), revolutions=0)),
     "a direct orbit of no turn": ("revolutions", lambda record: direct_orbit(record, 0)),
-    "the rest of one turn": ("revolutions", lambda record: synchronous_rest(record, 1)),
+    "the rest of one turn": ("revolutions", lambda record: synchronous_residual(record, 1)),
     "a clearance of nothing": ("clearance", lambda record: centreline(record, np.zeros(2), 0.0)),
     "a noise below nothing": ("noise", lambda record: poincare_section(record, -1.0)),
     "a noise that is no number": ("noise", lambda record: poincare_section(record, np.nan)),
@@ -306,9 +306,9 @@ def test_any_codes_give_finite_results_or_one_refusal(make_bench: Callable[..., 
         for by_tacho in (True, False):
             try:
                 record = (
-                    record_of_codes(bench.acquisition, codes)
+                    angular_record_from_codes(bench.acquisition, codes)
                     if by_tacho
-                    else record_without_tacho(bench.acquisition, codes, 200.0, 600.0)[0]
+                    else angular_record_without_tacho(bench.acquisition, codes, 200.0, 600.0)[0]
                 )
                 frames = order_map(record)
             except AnalysisError:

@@ -5,7 +5,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from analysis.resampling.decimation import REACH, Pyramid
+from analysis.resampling.decimation import REACH, DecimationPyramid
 from analysis.resampling.interpolation import HALF, interpolate
 from analysis.spectra.order_spectrum import order_spectrum
 
@@ -39,7 +39,7 @@ def test_interpolation_refuses_positions_at_the_ends(position: float) -> None:
         interpolate(np.zeros((1, 100)), np.array([[position]]))
 
 
-def pushed(pyramid: Pyramid, samples: FloatArray, size: int) -> Pyramid:
+def pushed(pyramid: DecimationPyramid, samples: FloatArray, size: int) -> DecimationPyramid:
     for begin in range(0, samples.shape[1], size):
         pyramid.push(samples[:, begin : begin + size])
     return pyramid
@@ -50,7 +50,7 @@ def test_a_level_holds_the_samples_at_its_rate(level: int) -> None:
     n = np.arange(20_000)
     frequency = 0.2 / 2**level
     samples = np.stack([np.cos(2 * np.pi * frequency * n), 3.0 + np.sin(2 * np.pi * frequency * n)])
-    kept, first = pushed(Pyramid(2, 5, 30_000, 0), samples, 999).level(level)
+    kept, first = pushed(DecimationPyramid(2, 5, 30_000, 0), samples, 999).level(level)
     at = (first + np.arange(kept.shape[1])) * 2**level
     truth = np.stack([np.cos(2 * np.pi * frequency * at), 3.0 + np.sin(2 * np.pi * frequency * at)])
     np.testing.assert_allclose(kept, truth, atol=1e-4)
@@ -60,21 +60,24 @@ def test_a_level_holds_the_samples_at_its_rate(level: int) -> None:
 @pytest.mark.parametrize("frequency", [0.3, 0.37, 0.5])
 def test_a_level_holds_nothing_above_its_rate(frequency: float) -> None:
     wave = np.cos(2 * np.pi * frequency * np.arange(4000))[None]
-    kept, _ = pushed(Pyramid(1, 2, 4000, 0), wave, 4000).level(1)
+    kept, _ = pushed(DecimationPyramid(1, 2, 4000, 0), wave, 4000).level(1)
     assert np.abs(kept).max() < 1.5e-4
 
 
 @pytest.mark.parametrize("size", [1, 7, 64, 1000])
 def test_levels_are_the_same_bits_for_any_portion_but_for_the_filter(size: int) -> None:
     samples = np.random.default_rng(1).standard_normal((2, 2000))
-    whole, piece = pushed(Pyramid(2, 4, 4000, 100), samples, 2000), pushed(Pyramid(2, 4, 4000, 100), samples, size)
+    whole, piece = (
+        pushed(DecimationPyramid(2, 4, 4000, 100), samples, 2000),
+        pushed(DecimationPyramid(2, 4, 4000, 100), samples, size),
+    )
     for level in range(4):
         assert whole.level(level)[1] == piece.level(level)[1]
         np.testing.assert_allclose(whole.level(level)[0], piece.level(level)[0], atol=1e-14)
 
 
 def test_a_pyramid_forgets() -> None:
-    pyramid = pushed(Pyramid(1, 3, 500, 0), np.arange(10_000.0)[None], 128)
+    pyramid = pushed(DecimationPyramid(1, 3, 500, 0), np.arange(10_000.0)[None], 128)
     for level in range(3):
         kept, first = pyramid.level(level)
         assert kept.shape[1] == 500

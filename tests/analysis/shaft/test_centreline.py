@@ -18,7 +18,7 @@ def test_a_shaft_lifts_from_where_it_lay(make_angular: Maker) -> None:
     line = centreline(record, np.array([-520 * MICRO, -540 * MICRO]), 100 * MICRO)
     np.testing.assert_allclose(line.positions[0], 20 * MICRO, atol=0.05 * MICRO)
     np.testing.assert_allclose(line.positions[1], -40 * MICRO, atol=0.05 * MICRO)
-    np.testing.assert_allclose(line.eccentricity, np.hypot(0.2, 0.4), atol=1e-3)
+    np.testing.assert_allclose(line.eccentricity_ratio, np.hypot(0.2, 0.4), atol=1e-3)
     np.testing.assert_allclose(line.attitude, np.arctan2(20, 40), atol=2e-3)
     assert line.is_inside.all()
     assert line.sigma.mean() == pytest.approx(0.5 * MICRO / np.sqrt(16 * 64), rel=0.3)
@@ -27,7 +27,7 @@ def test_a_shaft_lifts_from_where_it_lay(make_angular: Maker) -> None:
 
 
 def test_a_wrong_reference_shows_as_a_shaft_outside_its_clearance(make_angular: Maker) -> None:
-    line = centreline(make_angular(mean=(0.0, 0.0)), np.zeros(2), 100 * MICRO, parked_at=(0.0, -150 * MICRO))
+    line = centreline(make_angular(mean=(0.0, 0.0)), np.zeros(2), 100 * MICRO, rest_position=(0.0, -150 * MICRO))
     assert not line.is_inside.any()
 
 

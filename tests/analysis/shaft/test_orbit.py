@@ -17,7 +17,7 @@ def test_a_filtered_orbit_is_its_order_alone_with_the_mark_at_its_begin(make_ang
     orbit = filtered_orbit(record, (1.0,))
     truth = 20 * np.exp(1j * (2 * np.pi * np.arange(64) / 64 + 0.4)) + 4 * np.exp(-2j * np.pi * np.arange(64) / 64)
     np.testing.assert_allclose(orbit.motion[0, 0] + 1j * orbit.motion[1, 0], truth, atol=1e-6)
-    np.testing.assert_allclose(orbit.marks[:, 0], [truth[0].real, truth[0].imag], atol=1e-6)
+    np.testing.assert_allclose(orbit.keyphasor_points[:, 0], [truth[0].real, truth[0].imag], atol=1e-6)
     assert orbit.ellipses[0].major == pytest.approx(24.0)
     assert orbit.ellipses[0].minor == pytest.approx(16.0)
     assert orbit.speed == pytest.approx(2 * np.pi * 100)
@@ -49,6 +49,6 @@ def test_too_few_revolutions_are_refused(make_angular: Maker) -> None:
     with pytest.raises(RecordTooShortError):
         direct_orbit(record, 9)
     with pytest.raises(ValueError, match="orders"):
-        filtered_orbit(record, (), averaged=8)
+        filtered_orbit(record, (), averaging_revolutions=8)
     with pytest.raises(ValueError, match="revolutions"):
         direct_orbit(record, 0)

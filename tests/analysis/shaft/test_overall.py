@@ -23,14 +23,14 @@ def test_the_peak_to_peak_is_that_of_the_waveform_and_not_of_its_largest_line() 
     found = overall(np.stack([20 * one + 8 * whirl, 20 * one]) * MICRO, RATE, 100 * MICRO)
     np.testing.assert_allclose(found.peak_to_peak[0], 56 * MICRO, rtol=0.02)
     np.testing.assert_allclose(found.peak_to_peak[1], 40 * MICRO, rtol=1e-3)
-    np.testing.assert_allclose(found.clearance_part[1], 0.2, rtol=1e-3)
+    np.testing.assert_allclose(found.clearance_fraction[1], 0.2, rtol=1e-3)
     np.testing.assert_allclose(found.times, 0.05 + 0.1 * np.arange(10))
 
 
 def test_what_is_left_out_for_glitches_costs_what_is_told() -> None:
     sine = np.cos(2 * np.pi * 203.7 * TIME) * np.ones((2, 1))
     found = overall(sine, RATE, 1.0)
-    assert found.left_out == 20
+    assert found.excluded_samples == 20
     lost = 1.0 - found.peak_to_peak / 2.0
     np.testing.assert_allclose(lost, (np.pi * 20 / 10_000) ** 2 / 2, rtol=0.3)
     spiked = sine.copy()

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from analysis.resampling.angular_record import AngularRecord
-from analysis.shaft.poincare import Pattern, bifurcation, poincare_section
+from analysis.shaft.poincare import Pattern, bifurcation_diagram, poincare_section
 from analysis.signals.errors import RecordTooShortError
 
 Maker = Callable[..., AngularRecord]
@@ -36,11 +36,11 @@ def test_chaos_is_a_cloud_and_few_revolutions_tell_nothing(make_angular: Maker) 
 def test_bifurcation_shows_the_points_without_the_centrelines_path(make_angular: Maker) -> None:
     record = make_angular((20.0, 1.0, 0.0), (8.0, 0.5, 0.0), revolutions=400)
     wandering = record.with_waveform(record.waveform + 0.5 * np.arange(400)[None, :, None])
-    speeds, positions = bifurcation(wandering)
+    speeds, positions = bifurcation_diagram(wandering)
     assert speeds.shape == (400,)
     inner = positions[0, 64:-64]
     np.testing.assert_allclose(np.sort(np.unique(np.round(inner))), [12.0, 28.0])
     with pytest.raises(RecordTooShortError):
-        bifurcation(make_angular(revolutions=20))
+        bifurcation_diagram(make_angular(revolutions=20))
     with pytest.raises(ValueError, match="averaged"):
-        bifurcation(record, averaged=1)
+        bifurcation_diagram(record, averaging_revolutions=1)

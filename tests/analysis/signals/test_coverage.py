@@ -66,7 +66,7 @@ def averages(random: np.random.Generator) -> list[float]:
     phase = float(random.uniform(0.0, 2 * np.pi))
     record = record_of(random, (20.0, 1.0, phase))
     average, roll = synchronous_average(record), slow_roll(record, 0.0, 1e4)
-    line = centreline(record, np.zeros(2), 100.0, parked_at=(0.0, 0.0))
+    line = centreline(record, np.zeros(2), 100.0, rest_position=(0.0, 0.0))
     return [
         (average.waveform[0, 17] - 20.0 * np.cos(2 * np.pi * 17 / POINTS + phase)) / average.sigma[0],
         (roll.waveform[1, 5] - 20.0 * np.sin(2 * np.pi * 5 / POINTS + phase)) / roll.sigma[1],
@@ -82,7 +82,7 @@ def unequal_probes(random: np.random.Generator) -> list[float]:
     waveform = record.waveform.copy()
     waveform[1] = 1.02 * waveform[1] + 0.01 * waveform[0]
     found = probe_mismatch(order_map(record.with_waveform(waveform)))
-    if not found.is_told:
+    if not found.is_determined:
         return [0.0, 0.0]  # held against it only by the number of runs in which it is told
     return [(found.gain - 0.02) / found.sigma, (found.skew - 0.01) / found.sigma]
 

@@ -5,17 +5,17 @@ import math
 import numpy as np
 import pytest
 
-from analysis.signals.standards import combined_runout, figures, unbalance_allowed
+from analysis.signals.standards import allowed_combined_runout, permissible_unbalance, standard_limits
 
 MICRO = 1e-6
 
 
 def test_figures_of_standards_are_those_quoted_and_say_their_scope() -> None:
-    at = {figure.name: figure for figure in figures(2 * np.pi * 200.0)}  # 12,000 r/min
+    at = {figure.name: figure for figure in standard_limits(2 * np.pi * 200.0)}  # 12,000 r/min
     assert at["vibration limit"].limit == pytest.approx(25.4 * MICRO)
     assert at["zone boundary A/B"].limit == pytest.approx(4800 / np.sqrt(12_000) * MICRO)
     assert at["combined run-out"].limit == pytest.approx(6.4 * MICRO)
-    fast = {figure.name: figure for figure in figures(2 * np.pi * 1000.0)}  # 60,000 r/min
+    fast = {figure.name: figure for figure in standard_limits(2 * np.pi * 1000.0)}  # 60,000 r/min
     assert math.isnan(fast["zone boundary A/B"].limit)
     assert not fast["zone boundary A/B"].in_scope
     assert fast["vibration limit"].limit == pytest.approx(25.4 * np.sqrt(0.2) * MICRO)
@@ -24,19 +24,21 @@ def test_figures_of_standards_are_those_quoted_and_say_their_scope() -> None:
 
 
 def test_permissible_unbalance_is_that_of_the_grade() -> None:
-    assert unbalance_allowed(2.5e-3, 1.0, 2 * np.pi * 3000 / 60) == pytest.approx(9549e-9 * 2.5 / 3000 * 1e3, rel=1e-3)
+    assert permissible_unbalance(2.5e-3, 1.0, 2 * np.pi * 3000 / 60) == pytest.approx(
+        9549e-9 * 2.5 / 3000 * 1e3, rel=1e-3
+    )
     with pytest.raises(ValueError, match="grade"):
-        unbalance_allowed(0.0, 1.0, 1.0)
+        permissible_unbalance(0.0, 1.0, 1.0)
 
 
 @pytest.mark.parametrize("speed", [0.0, -1.0, math.nan, math.inf])
 def test_a_speed_that_is_none_has_no_figures(speed: float) -> None:
     with pytest.raises(ValueError, match="speed"):
-        figures(speed)
+        standard_limits(speed)
 
 
 def test_run_out_may_be_a_quarter_of_what_is_allowed_or_6_4_micrometres() -> None:
-    assert combined_runout(10 * MICRO) == pytest.approx(6.4 * MICRO)
-    assert combined_runout(80 * MICRO) == pytest.approx(20 * MICRO)
+    assert allowed_combined_runout(10 * MICRO) == pytest.approx(6.4 * MICRO)
+    assert allowed_combined_runout(80 * MICRO) == pytest.approx(20 * MICRO)
     with pytest.raises(ValueError, match="allowed"):
-        combined_runout(math.nan)
+        allowed_combined_runout(math.nan)

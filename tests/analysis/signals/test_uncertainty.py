@@ -6,7 +6,7 @@ import pytest
 from analysis.resampling.angular_record import angular_record
 from analysis.signals.header import Tacho
 from analysis.signals.probes import ProbePair
-from analysis.signals.uncertainty import order_sigma, phase_sigma, sigma_of_floor
+from analysis.signals.uncertainty import noise_floor_sigma, order_sigma, phase_sigma
 from analysis.spectra.order_map import order_map
 from analysis.tacho.pulse_record import pulse_record
 from analysis.tacho.shaft_angle import shaft_angle
@@ -58,7 +58,7 @@ def test_noise_in_a_line_is_that_of_the_book() -> None:
     window = 0.5 - 0.5 * np.cos(2 * np.pi * np.arange(512) / 512)
     lines = 2 * np.fft.rfft(random.standard_normal((400, 512)) * window)[:, 5:250] / window.sum()
     assert np.std(lines.real) == pytest.approx(np.sqrt(2 * 1.5 / 512), rel=0.01)
-    assert sigma_of_floor(np.array([np.median(np.abs(lines))]))[0] == pytest.approx(np.std(lines.real), rel=0.01)
+    assert noise_floor_sigma(np.array([np.median(np.abs(lines))]))[0] == pytest.approx(np.std(lines.real), rel=0.01)
 
 
 def test_an_unknown_phase_has_the_scatter_of_a_full_turn() -> None:

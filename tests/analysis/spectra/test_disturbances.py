@@ -19,8 +19,8 @@ def test_drift_is_told_with_its_uncertainty() -> None:
     found = drift(3.0 + 0.5 * TIME + noise, RATE)
     assert found.slope == pytest.approx(0.5, abs=3 * found.sigma)
     assert found.total == pytest.approx(2.0, rel=0.1)
-    assert found.is_clear
-    assert not drift(3.0 + noise, RATE).is_clear
+    assert found.is_significant
+    assert not drift(3.0 + noise, RATE).is_significant
 
 
 def test_hum_is_told_from_the_shafts_own_orders(make_angular: Maker) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from analysis.resampling.angular_record import AngularRecord
-from analysis.resampling.synchronous_average import synchronous_average, synchronous_rest
+from analysis.resampling.synchronous_average import synchronous_average, synchronous_residual
 from analysis.signals.errors import RecordTooShortError
 from analysis.spectra.frequency_spectrum import frequency_spectrum
 from analysis.spectra.order_map import Window, order_map
@@ -44,11 +44,11 @@ def test_the_average_revolution_keeps_what_repeats(make_angular: Maker) -> None:
 
 def test_the_rest_keeps_the_whirl_and_nothing_else(make_angular: Maker) -> None:
     record = make_angular((20.0, 1.0, 0.4), (5.0, 3.0, 0.0), (8.0, 0.47, 0.0), revolutions=200)
-    lines = order_map(synchronous_rest(record, 17).part(20, 180)).amplitudes()
+    lines = order_map(synchronous_residual(record, 17).section(20, 180)).amplitudes()
     whirl = order_map(record).amplitudes()
     assert lines[:, :, [16, 48]].max() < 0.05
     assert lines[:, :, 7:9].max() == pytest.approx(whirl[:, :, 7:9].max(), rel=0.06)
     with pytest.raises(RecordTooShortError):
-        synchronous_rest(make_angular(revolutions=8))
+        synchronous_residual(make_angular(revolutions=8))
     with pytest.raises(ValueError, match="revolutions"):
-        synchronous_rest(record, 1)
+        synchronous_residual(record, 1)

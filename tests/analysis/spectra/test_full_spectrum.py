@@ -68,7 +68,7 @@ def test_a_mismatch_of_the_probes_is_told_and_not_shown_as_backward_whirl(
 ) -> None:
     frames = order_map(seen(make_angular(*FORWARD, revolutions=200, noise=0.1 * MICRO), gain, skew))
     mismatch = probe_mismatch(frames)
-    assert mismatch.is_told
+    assert mismatch.is_determined
     assert mismatch.gain == pytest.approx(gain, abs=3 * mismatch.sigma)
     assert mismatch.skew == pytest.approx(skew, abs=3 * mismatch.sigma)
     assert mismatch.sigma < 0.001
@@ -84,11 +84,11 @@ def test_a_mismatch_is_taken_off_the_record_before_orbits_are_drawn(make_angular
     true = make_angular(*FORWARD, revolutions=200, noise=0.05 * MICRO)
     record = seen(true, 0.02, 0.01)
     mismatch = probe_mismatch(order_map(record))
-    ellipse = filtered_orbit(mismatch.off_record(record), (1.0,)).ellipses[0]
+    ellipse = filtered_orbit(mismatch.correct_record(record), (1.0,)).ellipses[0]
     assert abs(ellipse.backward) < 0.001 * 20 * MICRO
     assert abs(filtered_orbit(record, (1.0,)).ellipses[0].backward) > 0.01 * 20 * MICRO
     alone = make_angular((20 * MICRO, 1.0, 0.0), noise=0.1 * MICRO)
-    assert probe_mismatch(order_map(alone)).off_record(alone) is alone
+    assert probe_mismatch(order_map(alone)).correct_record(alone) is alone
 
 
 def test_circles_through_card_and_tacho_do_not_leak_into_one_another(make_bench: Callable[..., "Bench"]) -> None:
@@ -118,7 +118,7 @@ def test_a_mirrored_pair_tells_the_same_gain(make_angular: Maker) -> None:
 def test_an_elliptic_shaft_is_not_taken_for_a_mismatch(make_angular: Maker) -> None:
     frames = order_map(make_angular(*FORWARD, (1 * MICRO, -1.0, 0.0), revolutions=200, noise=0.1 * MICRO))
     mismatch = probe_mismatch(frames)
-    assert not mismatch.is_told
+    assert not mismatch.is_determined
     spectrum = full_spectrum(frames.orders, frames.spectrum, frames.pair, mismatch)
     np.testing.assert_allclose(np.abs(spectrum.backward[:, 16]), 1 * MICRO, rtol=0.05)
     assert not spectrum.uncertain[:, 16].any()  # 5 % of the forward circle: more than probes may differ
@@ -127,7 +127,7 @@ def test_an_elliptic_shaft_is_not_taken_for_a_mismatch(make_angular: Maker) -> N
 def test_one_component_alone_cannot_tell(make_angular: Maker) -> None:
     frames = order_map(seen(make_angular((20 * MICRO, 1.0, 0.0), noise=0.1 * MICRO), 0.01))
     mismatch = probe_mismatch(frames)
-    assert (mismatch.is_told, mismatch.components) == (False, 1)
+    assert (mismatch.is_determined, mismatch.components) == (False, 1)
     assert full_spectrum(frames.orders, frames.spectrum, frames.pair, mismatch).uncertain[:, 16].all()
 
 

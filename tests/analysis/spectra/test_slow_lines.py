@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from analysis.spectra.disturbances import SlowSignal
+from analysis.spectra.disturbances import LowFrequencySignal
 
 RATE = 20_000.0
 TIME = np.arange(20_000) / RATE
@@ -19,7 +19,7 @@ def turned(first: float, last: float) -> FloatArray:
 @pytest.mark.parametrize("mains", [49.8, 50.0, 50.2, 60.0])
 @pytest.mark.parametrize("phase", [0.0, 1.0])
 def test_mains_line_is_measured_with_its_amplitude(mains: float, phase: float) -> None:
-    line = SlowSignal(3.0 + 2.0 * np.sin(2 * np.pi * mains * TIME + phase) + NOISE, RATE).mains()
+    line = LowFrequencySignal(3.0 + 2.0 * np.sin(2 * np.pi * mains * TIME + phase) + NOISE, RATE).mains_line()
     assert line.frequency == round(mains, -1)
     assert line.amplitude == pytest.approx(2.0, rel=0.03)
     assert line.is_separable
@@ -29,9 +29,9 @@ def test_mains_line_is_measured_with_its_amplitude(mains: float, phase: float) -
 def test_shaft_is_taken_out_and_the_hum_stays(first: float, last: float) -> None:
     angle = turned(first, last)
     motion = 5.0 * np.cos(angle) + 3.0 * np.sin(3 * angle)
-    assert SlowSignal(motion + NOISE, RATE, angle).mains().amplitude < 0.1
+    assert LowFrequencySignal(motion + NOISE, RATE, angle).mains_line().amplitude < 0.1
     hum = 2.0 * np.sin(2 * np.pi * 50.0 * TIME)
-    line = SlowSignal(motion + hum + NOISE, RATE, angle).mains()
+    line = LowFrequencySignal(motion + hum + NOISE, RATE, angle).mains_line()
     if line.is_separable:
         assert line.amplitude == pytest.approx(2.0, rel=0.15)
     else:
@@ -41,33 +41,35 @@ def test_shaft_is_taken_out_and_the_hum_stays(first: float, last: float) -> None
 @pytest.mark.parametrize("shaft", [50.0, 25.0, 16.667, 60.0])
 def test_shaft_on_the_mains_frequency_is_not_separable(shaft: float) -> None:
     angle = turned(shaft, shaft)
-    line = SlowSignal(2.0 * np.cos(round(60.0 / shaft if shaft == 60.0 else 50.0 / shaft) * angle), RATE, angle).mains()
+    line = LowFrequencySignal(
+        2.0 * np.cos(round(60.0 / shaft if shaft == 60.0 else 50.0 / shaft) * angle), RATE, angle
+    ).mains_line()
     assert not line.is_separable
     assert line.amplitude == pytest.approx(2.0, rel=0.05)
 
 
 @pytest.mark.parametrize("frequency", [45.0, 48.0, 52.0, 55.0, 63.0, 65.0])
 def test_line_beside_the_mains_is_not_the_mains(frequency: float) -> None:
-    assert SlowSignal(5.0 * np.sin(2 * np.pi * frequency * TIME) + NOISE, RATE).mains().amplitude < 0.1
+    assert LowFrequencySignal(5.0 * np.sin(2 * np.pi * frequency * TIME) + NOISE, RATE).mains_line().amplitude < 0.1
 
 
 def test_vectors_are_those_of_the_orders() -> None:
     angle = turned(15.0, 35.0)
     one, two = 3.0 * np.exp(0.5j), 1.0 * np.exp(-2.0j)
-    signal = SlowSignal(7.0 + np.real(one * np.exp(1j * angle) + two * np.exp(2j * angle)) + NOISE, RATE, angle)
+    signal = LowFrequencySignal(7.0 + np.real(one * np.exp(1j * angle) + two * np.exp(2j * angle)) + NOISE, RATE, angle)
     assert signal.vectors[:2] == pytest.approx([one, two], abs=0.05)
-    assert SlowSignal(NOISE, RATE).vectors.size == 0
+    assert LowFrequencySignal(NOISE, RATE).vectors.size == 0
 
 
 def test_motion_leaves_out_standing_drift_mains_and_noise() -> None:
     hum = 20.0 * np.sin(2 * np.pi * 50.0 * TIME) + 5.0 * np.sin(2 * np.pi * 150.0 * TIME)
-    assert SlowSignal(4.0 + 3.0 * TIME + hum + NOISE, RATE).motion() < 0.1
+    assert LowFrequencySignal(4.0 + 3.0 * TIME + hum + NOISE, RATE).motion_rms() < 0.1
     angle = turned(33.0, 33.0)
     for known in (angle, None):
-        moving = SlowSignal(np.sqrt(2) * np.cos(angle) + hum + NOISE, RATE, known)
-        assert moving.motion() == pytest.approx(1.0, rel=0.05)
+        moving = LowFrequencySignal(np.sqrt(2) * np.cos(angle) + hum + NOISE, RATE, known)
+        assert moving.motion_rms() == pytest.approx(1.0, rel=0.05)
 
 
 def test_angle_of_another_length_is_refused() -> None:
     with pytest.raises(ValueError, match="expected both"):
-        SlowSignal(NOISE, RATE, NOISE[1:])
+        LowFrequencySignal(NOISE, RATE, NOISE[1:])

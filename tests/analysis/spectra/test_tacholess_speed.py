@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from analysis.resampling.angular_record import angular_record, record_of_codes
+from analysis.resampling.angular_record import angular_record, angular_record_from_codes
 from analysis.signals.errors import RecordTooShortError, TachoRefusedError
 from analysis.signals.probes import ProbePair
 from analysis.spectra.order_map import order_map
-from analysis.spectra.tacholess_speed import record_without_tacho, speed_from_ridge
+from analysis.spectra.tacholess_speed import angular_record_without_tacho, speed_from_ridge
 from analysis.vectors.order_track import track_order
 from analysis.whirl.tracks import subsynchronous_tracks
 
@@ -46,7 +46,7 @@ def test_orders_can_be_read_by_it_and_are_marked() -> None:
     angle = speed_from_ridge(motion(), RATE, LOWEST, HIGHEST).angle()
     record = angular_record(motion(), RATE, angle, ProbePair(0.0, np.pi / 2), points=16)
     amplitudes = np.abs(order_map(record, highest_order=3.0).spectrum[0, :, 16])
-    assert not record.measured
+    assert not record.is_measured
     assert np.median(amplitudes) == pytest.approx(20 * MICRO, rel=0.02)
 
 
@@ -57,9 +57,9 @@ def test_a_run_whose_tacho_is_silent_keeps_its_amplitudes_and_has_no_phases(make
     )
     codes[2] = 0
     with pytest.raises(TachoRefusedError, match="0 tacho pulses"):
-        record_of_codes(bench.acquisition, codes)
-    record, ridge = record_without_tacho(bench.acquisition, codes, 2 * np.pi * 75.0, 2 * np.pi * 200.0)
-    assert not record.measured
+        angular_record_from_codes(bench.acquisition, codes)
+    record, ridge = angular_record_without_tacho(bench.acquisition, codes, 2 * np.pi * 75.0, 2 * np.pi * 200.0)
+    assert not record.is_measured
     assert record.pulses is None
     truth = 2 * np.pi * (90.0 + 12.0 * ridge.times)
     assert np.abs(ridge.speeds / truth - 1.0).max() < 0.003

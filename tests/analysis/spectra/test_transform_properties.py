@@ -9,12 +9,12 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from analysis.resampling.angular_record import AngularRecord, angular_record
-from analysis.resampling.decimation import Pyramid
+from analysis.resampling.decimation import DecimationPyramid
 from analysis.resampling.interpolation import HALF, interpolate
-from analysis.resampling.synchronous_average import synchronous_average, synchronous_rest
+from analysis.resampling.synchronous_average import synchronous_average, synchronous_residual
 from analysis.shaft.centreline import centreline
 from analysis.shaft.orbit import direct_orbit, filtered_orbit, orbit_without
-from analysis.shaft.poincare import bifurcation, poincare_section
+from analysis.shaft.poincare import bifurcation_diagram, poincare_section
 from analysis.signals.header import Tacho
 from analysis.signals.probes import ProbePair
 from analysis.spectra.disturbances import drift, mains_hum
@@ -65,7 +65,7 @@ def turning(seed: int) -> FloatArray:
 
 
 def pyramid(wave: FloatArray) -> FloatArray:
-    levels = Pyramid(2, 3, wave.shape[1], 0)
+    levels = DecimationPyramid(2, 3, wave.shape[1], 0)
     levels.push(wave)
     return levels.level(2)[0]
 
@@ -77,13 +77,13 @@ LINEAR_OF_RECORDS: dict[str, Callable[[AngularRecord], Values]] = {
     "forward circles": lambda record: full_spectrum(np.arange(129) / 16, order_map(record).spectrum, PAIR).forward,
     "backward circles": lambda record: full_spectrum(np.arange(129) / 16, order_map(record).spectrum, PAIR).backward,
     "average": lambda record: synchronous_average(record).waveform,
-    "rest": lambda record: synchronous_rest(record).waveform,
+    "rest": lambda record: synchronous_residual(record).waveform,
     "direct orbit": lambda record: direct_orbit(record).motion,
     "2X orbit": lambda record: filtered_orbit(record, (2.0,)).motion,
     "not-1X orbit": lambda record: orbit_without(record).motion,
-    "centreline": lambda record: centreline(record, np.zeros(2), 1.0, parked_at=(0.0, 0.0)).positions,
+    "centreline": lambda record: centreline(record, np.zeros(2), 1.0, rest_position=(0.0, 0.0)).positions,
     "slow roll": lambda record: slow_roll(record, 0.0, 1e4).waveform,
-    "bifurcation": lambda record: bifurcation(record, averaged=8)[1],
+    "bifurcation": lambda record: bifurcation_diagram(record, averaging_revolutions=8)[1],
     "points at the mark": lambda record: poincare_section(record).points,
 }
 LINEAR_OF_SAMPLES: dict[str, Callable[[FloatArray], Values]] = {
@@ -119,7 +119,9 @@ UNCHANGED: dict[str, Callable[[AngularRecord], Values]] = {
     "ridge": lambda record: speed_from_ridge(record.waveform.reshape(2, -1), 3_200.0, 250.0, 450.0).speeds,
     "confidence": lambda record: speed_from_ridge(record.waveform.reshape(2, -1), 3_200.0, 250.0, 450.0).confidence,
     "eccentricity": lambda record: (
-        centreline(record, np.zeros(2), float(np.abs(record.waveform).max()), parked_at=(0.0, 0.0)).eccentricity
+        centreline(
+            record, np.zeros(2), float(np.abs(record.waveform).max()), rest_position=(0.0, 0.0)
+        ).eccentricity_ratio
     ),
 }
 
@@ -183,7 +185,7 @@ def test_a_mark_that_sits_elsewhere_turns_every_order_by_its_own_angle(points: i
 @given(begin=st.integers(1, 20), seed=SEEDS)
 def test_a_part_of_a_record_gives_the_same_frames(begin: int, seed: int) -> None:
     record = record_of(turning(seed))
-    part = record.part(begin, REVOLUTIONS)
+    part = record.section(begin, REVOLUTIONS)
     whole, later = order_map(record, overlap=15 / 16), order_map(part, overlap=15 / 16)
     np.testing.assert_array_equal(whole.spectrum[:, begin:], later.spectrum)
     np.testing.assert_array_equal(whole.turns[begin:], later.turns)

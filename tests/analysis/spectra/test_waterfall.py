@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from analysis.signals.snapshot import Snapshot
-from analysis.spectra.waterfall import Cascade, Keep, Waterfall, order_axis
+from analysis.spectra.waterfall import Cascade, CascadeMode, Waterfall, order_axis
 
 if TYPE_CHECKING:
     from tests.analysis.conftest import Bench
@@ -37,7 +37,7 @@ def test_the_axis_is_that_of_the_frames(make_bench: Callable[..., "Bench"], snap
 def test_a_waterfall_rolls_with_the_newest_row_last(make_bench: Callable[..., "Bench"], snapshot: Snapshot) -> None:
     waterfall = Waterfall(make_bench().settings, rows=5, span=1.0)
     for number in range(1, 11):
-        waterfall.snapshot(at(snapshot, 0.1 * number + 0.01, factor=number))
+        waterfall.add_snapshot(at(snapshot, 0.1 * number + 0.01, factor=number))
     peaks = waterfall.amplitudes[:, 16] / (20 * MICRO)
     np.testing.assert_allclose(peaks, [3, 5, 7, 9, 10], rtol=0.01)
     np.testing.assert_allclose(waterfall.times, [0.2, 0.4, 0.6, 0.8, 1.0], atol=1e-12)
@@ -48,22 +48,22 @@ def test_rows_without_a_frame_are_empty_and_segments_follow(
     make_bench: Callable[..., "Bench"], snapshot: Snapshot
 ) -> None:
     waterfall = Waterfall(make_bench().settings, rows=10, span=1.0)
-    waterfall.snapshot(at(snapshot, 0.15))
-    waterfall.snapshot(replace(snapshot, time=0.35, segment=0, frame=None))
-    waterfall.snapshot(at(snapshot, 0.1, segment=1))
+    waterfall.add_snapshot(at(snapshot, 0.15))
+    waterfall.add_snapshot(replace(snapshot, time=0.35, segment=0, frame=None))
+    waterfall.add_snapshot(at(snapshot, 0.1, segment=1))
     filled = np.flatnonzero(waterfall.amplitudes[:, 16])
     np.testing.assert_allclose(waterfall.times[filled], [0.1, 0.4])
-    waterfall.snapshot(at(snapshot, 100.0, segment=1))
+    waterfall.add_snapshot(at(snapshot, 100.0, segment=1))
     assert np.count_nonzero(waterfall.amplitudes[:, 16]) == 1
 
 
 def test_a_cascade_keeps_the_largest_or_the_last(make_bench: Callable[..., "Bench"], snapshot: Snapshot) -> None:
     largest = Cascade(make_bench().settings, 1000.0, rows=10)
-    last = Cascade(make_bench().settings, 1000.0, rows=10, keep=Keep.LAST)
+    last = Cascade(make_bench().settings, 1000.0, rows=10, keep=CascadeMode.LAST)
     for cascade in (largest, last):
         for factor, speed in [(3.0, 250.0), (1.0, 260.0), (2.0, 5000.0)]:
-            cascade.snapshot(at(snapshot, 0.0, factor, speed))
-        cascade.snapshot(replace(snapshot, frame=None))
+            cascade.add_snapshot(at(snapshot, 0.0, factor, speed))
+        cascade.add_snapshot(replace(snapshot, frame=None))
         assert np.flatnonzero(cascade.filled).tolist() == [2, 9]
         assert cascade.speeds[2] == 250.0
     assert largest.amplitudes[[2, 9], 16] / (20 * MICRO) == pytest.approx([3, 2], rel=0.01)

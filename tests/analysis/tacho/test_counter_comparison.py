@@ -8,15 +8,15 @@ from numpy.typing import NDArray
 
 from analysis.signals.header import Edge, TachoCounter
 from analysis.signals.snapshot import CounterReport, CounterState
-from analysis.tacho.counter_comparison import TachoComparison
+from analysis.tacho.counter_comparison import CounterComparison
 
 FloatArray = NDArray[np.float64]
-COUNTER = TachoCounter("ctr0", "PFI0", Edge.RISING, 80e6, is_reference=False, agreement=50e-6)
+COUNTER = TachoCounter("ctr0", "PFI0", Edge.RISING, 80e6, is_reference=False, max_difference=50e-6)
 EDGES: FloatArray = 0.01 + 0.01 * np.arange(600.0)
 
 
 def report(sampled: FloatArray, stamped: FloatArray, hop: float = 0.1) -> CounterReport:
-    comparison = TachoComparison(COUNTER)
+    comparison = CounterComparison(COUNTER)
     for begin, end in pairwise(np.arange(0.0, 7.0, hop).tolist()):
         comparison.advance(
             sampled[(sampled > begin) & (sampled <= end)], stamped[(stamped > begin) & (stamped <= end)], end
@@ -28,10 +28,10 @@ def report(sampled: FloatArray, stamped: FloatArray, hop: float = 0.1) -> Counte
 def test_like_edges_agree(hop: float) -> None:
     found = report(EDGES, EDGES + 2e-6, hop)
     assert found.state is CounterState.AGREES
-    assert (found.missing, found.extra, found.apart) == (0, 0, 0)
+    assert (found.missing, found.extra, found.out_of_tolerance) == (0, 0, 0)
     assert found.compared >= 550
-    assert found.mean == pytest.approx(2e-6)
-    assert found.largest == pytest.approx(2e-6)
+    assert found.mean_difference == pytest.approx(2e-6)
+    assert found.largest_difference == pytest.approx(2e-6)
 
 
 def test_edge_that_the_counter_lacks_is_missing() -> None:
@@ -49,8 +49,8 @@ def test_edges_further_apart_than_agreed_are_counted() -> None:
     stamped = EDGES.copy()
     stamped[[10, 20]] += 80e-6
     found = report(EDGES, stamped)
-    assert (found.state, found.apart) == (CounterState.TIMES_DIFFER, 2)
-    assert found.largest == pytest.approx(80e-6)
+    assert (found.state, found.out_of_tolerance) == (CounterState.TIMES_DIFFER, 2)
+    assert found.largest_difference == pytest.approx(80e-6)
 
 
 @pytest.mark.parametrize("hop", [0.02, 0.1, 1.0])
@@ -60,22 +60,22 @@ def test_edges_further_apart_than_agreed_are_counted() -> None:
 )
 def test_whether_edges_still_differ_is_told_by_the_last_ten_seconds(hop: float, differ: slice, told: str) -> None:
     edges = 0.0103 + 0.01 * np.arange(3000.0)
-    comparison = TachoComparison(COUNTER)
+    comparison = CounterComparison(COUNTER)
     stamped = np.delete(edges, differ)
     for begin, end in pairwise(np.arange(0.0, 30.0 + hop / 2, hop).tolist()):
         within = [(each > begin) & (each <= end) for each in (edges, stamped)]
         comparison.advance(edges[within[0]], stamped[within[1]], end)
     found = comparison.report(is_working=True)
-    assert (found.state, found.missing, found.told_lately) == (CounterState.COUNT_DIFFERS, 3, told)
-    assert comparison.report(is_working=False).told_lately == ""
+    assert (found.state, found.missing, found.recent_message) == (CounterState.COUNT_DIFFERS, 3, told)
+    assert comparison.report(is_working=False).recent_message == ""
     comparison.restart(0.0)
-    assert comparison.report(is_working=True).told_lately == "none in the last 10 s"
+    assert comparison.report(is_working=True).recent_message == "none in the last 10 s"
 
 
 def test_silent_counter_misses_every_edge() -> None:
     found = report(EDGES, np.empty(0))
     assert found.missing >= 550
-    assert np.isnan(found.mean)
+    assert np.isnan(found.mean_difference)
     assert report(np.empty(0), EDGES).extra >= 550
     assert report(np.empty(0), np.empty(0)).state is CounterState.AGREES
 
@@ -84,14 +84,14 @@ def test_counts_do_not_depend_on_the_hops() -> None:
     rng = np.random.default_rng(5)
     stamped = np.sort(np.concatenate([np.delete(EDGES, rng.integers(0, 600, 30)), rng.uniform(0, 6, 25)]))
     reports = [report(EDGES, stamped, hop) for hop in (0.05, 0.1, 0.25)]
-    assert len({(found.compared, found.missing, found.extra, found.apart) for found in reports}) == 1
+    assert len({(found.compared, found.missing, found.extra, found.out_of_tolerance) for found in reports}) == 1
 
 
 def test_edge_at_a_segments_beginning_is_left_out() -> None:
-    comparison = TachoComparison(COUNTER)
+    comparison = CounterComparison(COUNTER)
     comparison.advance(np.empty(0), np.array([1e-4]), 1.0)  # the waveform shows only the end of that edge
     assert comparison.report(is_working=True).state is CounterState.AGREES
 
 
 def test_failure_is_told_before_all_else() -> None:
-    assert TachoComparison(COUNTER).report(is_working=False).state is CounterState.FAILED
+    assert CounterComparison(COUNTER).report(is_working=False).state is CounterState.FAILED

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from analysis.resampling.angular_record import record_of_codes
+from analysis.resampling.angular_record import angular_record_from_codes
 from analysis.signals.header import Tacho
 from analysis.signals.snapshot import TachoState
-from analysis.tacho.mark_spacing import MarkSpacing, interval_parts, told_mark
+from analysis.tacho.mark_spacing import MarkSpacing, interval_ratios, reference_mark
 from analysis.tacho.pulse_record import pulse_record
 from analysis.tacho.pulse_train import PulseTrain
 from analysis.tacho.shaft_angle import shaft_angle
@@ -66,7 +66,7 @@ def test_live_train_finds_the_same_mark_wherever_it_begins(wheel: str, first: fl
     assert off_mark(train, times, angles).max() < 1e-9
     assert train.marks[0].size >= 20
     report = train.report(train.state(float(times[-1]) - 0.1, train.speed(0.1), np.nan), np.nan)
-    assert (report.state, report.filled, report.mark_is_arbitrary) == (TachoState.GOOD, 0, False)
+    assert (report.state, report.filled, report.phase_reference_is_arbitrary) == (TachoState.GOOD, 0, False)
     middle = int(times[-1] / 0.1) * 0.1 - 0.06  # of the revolutions that tell the speed, about
     assert train.speed(0.1) == pytest.approx(2 * np.pi * (50.0 + rise * middle), rel=0.01 if rise else 1e-9)
 
@@ -113,9 +113,9 @@ def test_even_marks_cannot_be_told_apart_and_that_is_said() -> None:
     times, _ = edges_of(np.arange(4) / 4, 50.0, 10.0, 0.3, 60.0)
     train = fed(PulseTrain(replace(TACHO, pulses_per_revolution=4), 30), times)
     report = train.report(train.state(float(times[-1]) - 0.1, train.speed(0.1), np.nan), np.nan)
-    assert (report.state, report.mark_is_arbitrary) == (TachoState.GOOD, True)
-    assert pulse_record(times, replace(TACHO, pulses_per_revolution=4)).mark_is_arbitrary
-    assert not pulse_record(times, TACHO).mark_is_arbitrary
+    assert (report.state, report.phase_reference_is_arbitrary) == (TachoState.GOOD, True)
+    assert pulse_record(times, replace(TACHO, pulses_per_revolution=4)).phase_reference_is_arbitrary
+    assert not pulse_record(times, TACHO).phase_reference_is_arbitrary
 
 
 def test_marks_of_a_symmetrical_wheel_are_counted_but_not_told_apart() -> None:
@@ -123,7 +123,7 @@ def test_marks_of_a_symmetrical_wheel_are_counted_but_not_told_apart() -> None:
     times, _ = edges_of(wheel, 50.0, 0.0, 0.1, 60.0)
     train = fed(PulseTrain(replace(TACHO, pulses_per_revolution=4), 30), times)
     assert train.speed(0.1) == pytest.approx(2 * np.pi * 50.0)
-    assert train.report(TachoState.GOOD, np.nan).mark_is_arbitrary
+    assert train.report(TachoState.GOOD, np.nan).phase_reference_is_arbitrary
 
 
 def test_speed_is_withheld_until_the_spacing_is_known() -> None:
@@ -145,7 +145,7 @@ def test_a_tooth_that_is_always_missing_is_counted_as_filled_where_the_rig_count
     report = train.report(train.state(float(times[-1]) - 0.1, train.speed(0.1), np.nan), np.nan)
     assert train.speed(0.1) == pytest.approx(2 * np.pi * 50.0)
     assert report.filled > 40
-    assert report.mark_is_arbitrary
+    assert report.phase_reference_is_arbitrary
 
 
 def test_noise_teaches_no_spacing() -> None:
@@ -153,7 +153,7 @@ def test_noise_teaches_no_spacing() -> None:
     for marks in (2, 3, 12):
         spacing = MarkSpacing(marks)
         times = np.cumsum(random.exponential(1e-3, 30_000))
-        assert not any(spacing.take(times[k : k + 100]) for k in range(0, times.size, 100))
+        assert not any(spacing.add_edges(times[k : k + 100]) for k in range(0, times.size, 100))
 
 
 @pytest.mark.parametrize("wheel", WHEELS)
@@ -161,7 +161,7 @@ def test_whole_record_tells_the_same_mark_wherever_it_begins(wheel: str) -> None
     for first in (0.0, 0.35, 0.8):
         times, angles = edges_of(WHEELS[wheel], 50.0, 15.0, first, 60.0)
         record = pulse_record(times, replace(TACHO, pulses_per_revolution=WHEELS[wheel].size))
-        assert not record.mark_is_arbitrary
+        assert not record.phase_reference_is_arbitrary
         assert record.filled == 0
         at_zero = angles[record.numbers % WHEELS[wheel].size == 0]
         np.testing.assert_allclose(at_zero, np.round(at_zero), atol=1e-9)
@@ -171,14 +171,14 @@ def test_whole_record_tells_the_same_mark_wherever_it_begins(wheel: str) -> None
 
 def test_interval_parts_are_unknown_where_a_mark_was_never_seen() -> None:
     numbers = np.delete(np.arange(40), np.arange(2, 40, 4))
-    assert interval_parts(numbers, numbers.astype(np.float64), 4) is None
+    assert interval_ratios(numbers, numbers.astype(np.float64), 4) is None
 
 
 def test_told_mark_needs_one_interval_clearly_longer_than_every_other() -> None:
-    assert told_mark(np.array([1.0])) == 0
-    assert told_mark(np.array([0.9, 1.2, 0.9])) == 1
-    assert told_mark(np.array([0.98, 1.04, 0.98])) is None
-    assert told_mark(np.array([1.3, 0.7, 1.3, 0.7])) is None
+    assert reference_mark(np.array([1.0])) == 0
+    assert reference_mark(np.array([0.9, 1.2, 0.9])) == 1
+    assert reference_mark(np.array([0.98, 1.04, 0.98])) is None
+    assert reference_mark(np.array([1.3, 0.7, 1.3, 0.7])) is None
 
 
 def test_live_and_whole_record_agree_on_the_phase_of_1x_with_uneven_marks(make_bench: Callable[..., "Bench"]) -> None:
@@ -193,8 +193,8 @@ def test_live_and_whole_record_agree_on_the_phase_of_1x_with_uneven_marks(make_b
     snapshots = bench.snapshots(codes)
     frame = next(each.frame for each in reversed(snapshots) if each.frame is not None)
     assert np.angle(frame.vectors[0, 0]) == pytest.approx(0.4, abs=0.03)
-    assert not snapshots[-1].tacho.mark_is_arbitrary
-    track = track_order(record_of_codes(bench.acquisition, codes), 1.0)
+    assert not snapshots[-1].tacho.phase_reference_is_arbitrary
+    track = track_order(angular_record_from_codes(bench.acquisition, codes), 1.0)
     whole = np.angle(track.vectors[0].mean())
     assert np.angle(frame.vectors[0, 0]) == pytest.approx(whole, abs=0.01)
     for one, other in zip(snapshots, bench.snapshots(codes, 7_777), strict=True):

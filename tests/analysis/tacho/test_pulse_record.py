@@ -42,7 +42,7 @@ def test_clean_pulses_are_numbered_and_the_delay_is_taken_off() -> None:
     record = pulse_record(marks + 3e-4, replace(TACHO, delay=3e-4))
     np.testing.assert_array_equal(record.numbers, np.arange(1000))
     np.testing.assert_allclose(record.times, marks, atol=1e-12)
-    assert (record.filled, record.rejected, record.repaired_part, record.too_fast) == (0, 0, 0.0, False)
+    assert (record.filled, record.rejected, record.repaired_fraction, record.too_fast) == (0, 0, 0.0, False)
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -53,7 +53,7 @@ def test_two_per_cent_missing_and_two_per_cent_double_leave_the_count_exact(seed
     assert record.filled > 40
     assert record.rejected > 40
     assert record.numbers[-1] > 3900
-    assert 0.02 < record.repaired_part < 0.06
+    assert 0.02 < record.repaired_fraction < 0.06
 
 
 @pytest.mark.parametrize("seed", range(12))

@@ -28,7 +28,7 @@ def test_a_run_up_is_followed_to_a_hundredth_of_a_degree() -> None:
     assert angle.speed(np.array([1000.0]))[0] == pytest.approx(2 * np.pi * np.sqrt(100.0**2 + 180_000.0), rel=1e-5)
     np.testing.assert_allclose(angle.turns(truth), turns, atol=1e-4)
     assert np.isnan(angle.turns(np.array([-1.0, 1e3]))).all()
-    assert angle.measured
+    assert angle.is_measured
 
 
 def test_jitter_is_told_and_averaged_out() -> None:

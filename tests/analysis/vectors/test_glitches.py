@@ -30,8 +30,8 @@ def motion() -> FloatArray:
 
 def test_a_scratch_that_comes_with_every_turn_is_the_shafts_own() -> None:
     found = find_glitches(motion(), RATE, angle())
-    assert found.part.max() < 0.002
-    np.testing.assert_array_equal(found.left, (0, 0))
+    assert found.flagged_fraction.max() < 0.002
+    np.testing.assert_array_equal(found.unrepaired, (0, 0))
 
 
 def test_short_glitches_are_counted_and_bridged() -> None:
@@ -54,7 +54,7 @@ def test_long_ones_are_told_and_left() -> None:
     spoiled = motion()
     spoiled[1, 7_000:7_010] += 150 * MICRO
     found = find_glitches(spoiled, RATE, angle())
-    assert found.left[1] >= 1
+    assert found.unrepaired[1] >= 1
     np.testing.assert_array_equal(found.displacement[1, 7_000:7_010], spoiled[1, 7_000:7_010])
     assert found.flagged[1, 7_000:7_010].all()
 

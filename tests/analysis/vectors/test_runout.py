@@ -30,34 +30,34 @@ def test_the_waveform_is_measured_with_its_scatter(make_angular: Maker) -> None:
     assert roll.sigma[0] == pytest.approx(0.1 * MICRO / np.sqrt(40), rel=0.1)
     assert roll.revolutions == 40
     assert roll.peak_to_peak[0] == pytest.approx(np.ptp(RUNOUT), rel=0.03)
-    assert roll.is_good(2 * np.pi * 200.0)
-    assert not roll.is_good(2 * np.pi * 20.0)
+    assert roll.is_valid(2 * np.pi * 200.0)
+    assert not roll.is_valid(2 * np.pi * 20.0)
     assert roll.exceeds_api_670(20 * MICRO)
     assert not roll.exceeds_api_670(100 * MICRO)
 
 
 def test_taking_the_waveform_off_leaves_the_motion_alone(make_angular: Maker) -> None:
     true = make_angular((10 * MICRO, 1.0, 0.3), (3 * MICRO, 2.0, 0.0), revolutions=40)
-    clean = rolled(make_angular).off_waveform(with_runout(true))
+    clean = rolled(make_angular).subtract_waveform(with_runout(true))
     error = clean.waveform - true.waveform
     assert (error - error.mean()).std() < 0.03 * MICRO
 
 
 def test_taking_the_vector_off_gives_the_true_order_and_a_larger_uncertainty(make_angular: Maker) -> None:
     track = track_order(with_runout(make_angular((10 * MICRO, 1.0, 0.3), noise=0.1 * MICRO)), 1.0)
-    clean = rolled(make_angular).off_vector(track)
+    clean = rolled(make_angular).subtract_vectors(track)
     np.testing.assert_allclose(clean.vectors[0], 10 * MICRO * np.exp(0.3j), atol=5 * clean.sigma.max())
     assert (clean.sigma > track.sigma).all()
     assert clean.phase_sigma.max() < 0.02
     with pytest.raises(ValueError, match="whole orders"):
-        rolled(make_angular).off_vector(track_order(make_angular((1.0, 0.5, 0.0)), 0.5))
+        rolled(make_angular).subtract_vectors(track_order(make_angular((1.0, 0.5, 0.0)), 0.5))
 
 
 def test_a_shaft_that_moved_meanwhile_is_told(make_angular: Maker) -> None:
     slow = with_runout(make_angular((4 * MICRO, 1.02, 0.0), turn_rate=5.0, revolutions=40))
     roll = slow_roll(slow, 0.0, 100.0)
-    assert roll.wandering > 0.2
-    assert not roll.is_good(2 * np.pi * 200.0)
+    assert roll.drift > 0.2
+    assert not roll.is_valid(2 * np.pi * 200.0)
 
 
 def test_misuse_is_refused(make_angular: Maker) -> None:
@@ -67,4 +67,4 @@ def test_misuse_is_refused(make_angular: Maker) -> None:
     with pytest.raises(ValueError, match="order"):
         roll.vectors(0)
     with pytest.raises(ValueError, match="points"):
-        roll.off_waveform(make_angular(points=32))
+        roll.subtract_waveform(make_angular(points=32))

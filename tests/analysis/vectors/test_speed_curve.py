@@ -34,7 +34,7 @@ def test_a_resonance_is_found_with_amplification_and_phase() -> None:
     assert curve.direction is RampDirection.RUN_UP
     assert resonance.speed == pytest.approx(CRITICAL, rel=0.01)
     assert resonance.amplitude == pytest.approx(20 * MICRO, rel=0.01)
-    assert resonance.amplification == pytest.approx(10.0, rel=0.03)
+    assert resonance.amplification_factor == pytest.approx(10.0, rel=0.03)
     assert np.degrees(resonance.phase_change) == pytest.approx(90.0, abs=3.0)
     assert np.degrees(curve.lags[0, -1] - curve.lags[0, 0]) == pytest.approx(170.0, abs=10.0)
 
@@ -70,7 +70,7 @@ def test_a_curve_that_ends_on_a_slope_tells_no_resonance() -> None:
     (curve,) = speed_curves(track_of(2 * np.pi * np.linspace(100, 190, 300)), WIDTH)
     assert curve.resonances(0) == ()
     (half,) = speed_curves(track_of(2 * np.pi * np.linspace(100, 203, 300)), WIDTH)
-    assert [np.isnan(resonance.amplification) for resonance in half.resonances(0)] in ([True], [])
+    assert [np.isnan(resonance.amplification_factor) for resonance in half.resonances(0)] in ([True], [])
 
 
 def test_a_width_of_nothing_is_refused() -> None:

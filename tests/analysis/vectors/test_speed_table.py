@@ -22,7 +22,7 @@ def test_rows_hold_the_complex_mean_by_speed(make_bench: Callable[..., "Bench"])
     motion = bench.circles((20 * MICRO, 1.0, 0.4), (3 * MICRO, 2.0, -0.7), (6 * MICRO, 0.4, 0.0))
     table = SpeedTable()
     for snapshot in bench.snapshots(bench.codes(bench.ramp(40.0, 80.0, 4.0), motion, 4.0)):
-        table.snapshot(snapshot)
+        table.add_snapshot(snapshot)
     rows = table.rows()
     assert 8 <= len(rows) <= 13
     assert np.all(np.diff([row.speed for row in rows]) > 0)
@@ -44,7 +44,7 @@ def test_scatter_is_the_spread_of_the_vectors(make_bench: Callable[..., "Bench"]
     assert snapshot.frame is not None
     table = SpeedTable()
     for factor in (0.9, 1.1):
-        table.snapshot(replace(snapshot, frame=replace(snapshot.frame, vectors=factor * snapshot.frame.vectors)))
+        table.add_snapshot(replace(snapshot, frame=replace(snapshot.frame, vectors=factor * snapshot.frame.vectors)))
     (row,) = table.rows()
     np.testing.assert_allclose(row.vectors, snapshot.frame.vectors)
     np.testing.assert_allclose(row.scatter, 0.1 * np.abs(snapshot.frame.vectors), rtol=1e-6)
@@ -57,8 +57,8 @@ def test_snapshots_without_speed_or_frame_make_no_row(make_bench: Callable[..., 
     codes = bench.codes(bench.steady(100.0), bench.circles((20 * MICRO, 1.0, 0.0)), 0.4)
     table = SpeedTable(BIN_WIDTH)
     for snapshot in bench.snapshots(codes):
-        table.snapshot(replace(snapshot, frame=None))
-        table.snapshot(replace(snapshot, frame=None, speed=np.nan))
+        table.add_snapshot(replace(snapshot, frame=None))
+        table.add_snapshot(replace(snapshot, frame=None, speed=np.nan))
     assert table.rows() == ()
     with pytest.raises(ValueError, match="width"):
         SpeedTable(0.0)
@@ -73,7 +73,7 @@ def test_run_up_and_run_down_are_apart_to_the_frame(make_bench: Callable[..., "B
     turn = max(range(len(frames)), key=lambda k: frames[k].speed)
     table = SpeedTable()
     for snapshot in course:
-        table.snapshot(snapshot)
+        table.add_snapshot(snapshot)
     rows = {direction: [row for row in table.rows() if row.direction is direction] for direction in RampDirection}
     assert all(len(of_direction) > 12 for of_direction in rows.values())
     assert sum(row.frames for row in rows[RampDirection.RUN_UP]) == pytest.approx(turn + 1, abs=2)
@@ -88,8 +88,8 @@ def test_asking_for_rows_in_between_changes_nothing(make_bench: Callable[..., "B
     course = bench.snapshots(bench.codes(bench.ramp(120.0, 60.0, 3.0), motion, 3.0))
     asked, left = SpeedTable(), SpeedTable()
     for snapshot in course:
-        asked.snapshot(snapshot)
-        left.snapshot(snapshot)
+        asked.add_snapshot(snapshot)
+        left.add_snapshot(snapshot)
         asked.rows()
     assert {row.direction for row in left.rows()} == {RampDirection.RUN_DOWN}
     for one, other in zip(asked.rows(), left.rows(), strict=True):
@@ -102,7 +102,7 @@ def test_rows_hold_the_mean_of_what_run_out_left(make_bench: Callable[..., "Benc
     bench = make_bench(rate=20_000.0, runout=runout)
     table = SpeedTable()
     for snapshot in bench.snapshots(bench.codes(bench.steady(100.0), bench.circles((20 * MICRO, 1.0, 0.0)), 1.0)):
-        table.snapshot(snapshot)
+        table.add_snapshot(snapshot)
     (row,) = table.rows()
     np.testing.assert_allclose(row.vectors[0] - row.compensated[0], [2 * MICRO, 1j * MICRO], rtol=1e-9)
     assert np.isnan(row.compensated[1]).all()

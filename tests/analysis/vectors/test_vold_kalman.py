@@ -30,7 +30,7 @@ def test_joint_orders_are_followed_as_they_swell(how: dict[str, float]) -> None:
         assert np.abs(np.angle(found.envelopes[index][INNER] * np.exp(-0.3j))).max() < 0.03
         own = amplitude * np.cos(order * ANGLE + 0.3)
         assert np.abs(found.waveform(index) - own)[INNER].max() < 0.15
-    assert np.std(found.rest[INNER]) == pytest.approx(0.1, rel=0.05)
+    assert np.std(found.residual[INNER]) == pytest.approx(0.1, rel=0.05)
 
 
 def test_orders_far_apart_do_not_disturb_one_another() -> None:

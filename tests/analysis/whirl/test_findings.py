@@ -31,7 +31,7 @@ def frame(speed: float, *orders: float | None, amplitude: float = 5e-6, forward:
 def found(orders: Sequence[float | None], speed: float = 1000.0, rise: float = 10.0) -> tuple[WhirlFinding, ...]:
     tracker = WhirlTracker()
     for number, order in enumerate(orders):
-        tracker.frame(0, HOP * (number + 1), frame(speed + rise * number, order))
+        tracker.add_frame(0, HOP * (number + 1), frame(speed + rise * number, order))
     return tracker.findings()
 
 
@@ -71,13 +71,13 @@ def test_a_short_break_does_not_split_a_finding_and_a_long_one_does() -> None:
 def test_a_component_still_there_is_found_and_a_segment_ends_it() -> None:
     tracker = WhirlTracker()
     for number in range(10):
-        tracker.frame(0, HOP * (number + 1), frame(1000.0, 0.49, amplitude=1e-6 * (number + 1), forward=False))
+        tracker.add_frame(0, HOP * (number + 1), frame(1000.0, 0.49, amplitude=1e-6 * (number + 1), forward=False))
     assert tracker.findings()[0].frames == 10
     assert tracker.findings()[0].amplitude == pytest.approx(10e-6)
     assert not tracker.findings()[0].is_forward
-    tracker.segment_end()
+    tracker.end_segment()
     for number in range(10):
-        tracker.frame(1, HOP * (number + 1), frame(1000.0, 0.49))
+        tracker.add_frame(1, HOP * (number + 1), frame(1000.0, 0.49))
     assert [finding.begin.segment for finding in tracker.findings()] == [0, 1]
 
 
@@ -85,8 +85,8 @@ def test_the_number_of_findings_is_bounded() -> None:
     tracker = WhirlTracker()
     for segment in range(MOST_FINDINGS + 20):
         for number in range(4):
-            tracker.frame(segment, HOP * (number + 1), frame(1000.0, 0.49, amplitude=1e-6 * (segment + 1)))
-        tracker.segment_end()
+            tracker.add_frame(segment, HOP * (number + 1), frame(1000.0, 0.49, amplitude=1e-6 * (segment + 1)))
+        tracker.end_segment()
     findings = tracker.findings()
     assert len(findings) == MOST_FINDINGS
     assert findings[0].begin.segment == 20
@@ -96,7 +96,7 @@ def test_components_that_are_there_together_are_followed_side_by_side() -> None:
     tracker = WhirlTracker()
     for number in range(30):
         orders = (0.17, 0.49) if number % 2 else (0.49 + 0.001 * number, 0.17)
-        tracker.frame(0, HOP * (number + 1), frame(1000.0 + number, *orders))
+        tracker.add_frame(0, HOP * (number + 1), frame(1000.0 + number, *orders))
     assert sorted(finding.order for finding in tracker.findings()) == pytest.approx([0.17, 0.497], abs=0.01)
     assert [finding.frames for finding in tracker.findings()] == [30, 30]
 
@@ -107,7 +107,7 @@ def test_onset_on_the_run_up_and_end_on_the_run_down_are_told_together() -> None
     course = [(speed, RampDirection.RUN_UP, 1100.0 <= speed < 1400.0) for speed in up.tolist()]
     course += [(speed, RampDirection.RUN_DOWN, 1000.0 < speed <= 1390.0) for speed in down.tolist()]
     for number, (speed, direction, there) in enumerate(course):
-        tracker.frame(0, HOP * (number + 1), frame(speed, 0.48 if there else None), direction)
+        tracker.add_frame(0, HOP * (number + 1), frame(speed, 0.48 if there else None), direction)
     first, second = tracker.findings()
     assert (first.begin_direction, first.end_direction) == (RampDirection.RUN_UP, RampDirection.RUN_UP)
     assert (second.begin_direction, second.end_direction) == (RampDirection.RUN_DOWN, RampDirection.RUN_DOWN)

@@ -54,7 +54,7 @@ def test_a_whip_stays_where_it_is(make_angular: Maker) -> None:
 
 def test_a_whirl_that_locks_is_told_with_its_speed(make_angular: Maker) -> None:
     track = strongest(run_up(make_angular, lambda speed: np.minimum(0.47 * speed, 140.0), onset=120.0))
-    assert track.behaviour is Behaviour.LOCKS
+    assert track.behaviour is Behaviour.WHIRL_TO_WHIP
     assert track.lock_speed / (2 * np.pi) == pytest.approx(140.0 / 0.47, rel=0.03)
 
 

@@ -247,7 +247,7 @@ def test_screen_that_fails_at_every_frame_does_not_stop_the_recording(rig: RigFa
 
 
 def test_fault_of_the_terminal_side_closes_the_run() -> None:
-    class Watched:
+    class MonitoredQuantity:
         closed = False
 
         def wait(self, timeout: float) -> bool:
@@ -260,7 +260,7 @@ def test_fault_of_the_terminal_side_closes_the_run() -> None:
             self.closed = True
             return RunOutcome(())
 
-    run = Watched()
+    run = MonitoredQuantity()
     with pytest.raises(ZeroDivisionError):
         follow(run, StopFlag(), Console())  # type: ignore[arg-type] # a run in all that is used here
     assert run.closed

@@ -21,7 +21,7 @@ def test_empty_table_is_the_counter_of_the_card_with_the_edge_of_the_tacho(rig: 
     assert counter is not None
     assert (counter.counter, counter.terminal, counter.edge) == ("ctr0", "PFI0", Edge.FALLING)
     assert counter.timebase == 80e6
-    assert counter.agreement == pytest.approx(50e-6)
+    assert counter.max_difference == pytest.approx(50e-6)
     assert not counter.is_reference
 
 

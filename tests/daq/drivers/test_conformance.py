@@ -120,7 +120,7 @@ class Replayed:
         segment = first = 0
         for item in source.blocks():
             if isinstance(item, SampleBlock):
-                writer.block(item.moved(segment, item.first_sample - first, source.acquisition.ticks_per_sample))
+                writer.block(item.relocated(segment, item.first_sample - first, source.acquisition.ticks_per_sample))
                 if overrun and item.end == 6000:
                     writer.segment_end(SegmentEnd(0, 6000, EndReason.OVERRUN, 100, detail="the reader was late"))
                     segment, first = 1, 6000

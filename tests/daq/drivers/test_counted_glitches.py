@@ -82,7 +82,7 @@ def test_counter_and_samples_come_to_the_same_through_missing_and_doubled_edges(
         last = snapshots[-1]
         assert (last.tacho.pulses, last.tacho.filled, last.tacho.rejected) == (400 - filled, filled, rejected)
         assert last.counter is not None
-        assert (last.counter.state, last.counter.recent_odd) == (CounterState.AGREES, 0)
+        assert (last.counter.state, last.counter.recent_mismatches) == (CounterState.AGREES, 0)
 
 
 def test_doubles_that_the_counter_alone_has_are_rejected_and_told(rig: RigFactory, tmp_path: Path) -> None:
@@ -92,5 +92,5 @@ def test_doubles_that_the_counter_alone_has_are_rejected_and_told(rig: RigFactor
     clean = analysed(header, items)[-1]
     assert last.counter is not None
     assert (last.tacho.rejected, last.counter.extra, last.counter.missing) == (19, 16, 0)  # the last are compared later
-    assert last.counter.told_lately.startswith("16 of ")
+    assert last.counter.recent_message.startswith("16 of ")
     assert last.speed == pytest.approx(clean.speed, rel=1e-9)

@@ -99,7 +99,7 @@ def test_an_alarm_that_is_over_stays_in_sight_where_the_rig_says_so(
     run.close()
     status = run.latest().status
     assert (status.severity, status.latched) == (Severity.NORMAL, latched)
-    assert [alarm.lasts for alarm in run.summary().alarms] == [False] * len(run.summary().alarms)
+    assert [alarm.is_active for alarm in run.summary().alarms] == [False] * len(run.summary().alarms)
     assert run.summary().alarms
 
 

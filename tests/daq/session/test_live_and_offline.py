@@ -24,7 +24,7 @@ def analysed(header: RunHeader, items: Iterable[SourceItem]) -> list[Snapshot]:
     return [
         snapshot
         for item in items
-        for snapshot in (analyser.block(item) if isinstance(item, SampleBlock) else analyser.segment_end(item))
+        for snapshot in (analyser.add_block(item) if isinstance(item, SampleBlock) else analyser.end_segment(item))
     ]
 
 

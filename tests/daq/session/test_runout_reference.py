@@ -38,7 +38,7 @@ def test_given_run_out_comes_in_si_units_and_says_where_it_is_from(rig: RigFacto
     assert x == pytest.approx(-2e-6j)
     assert y == pytest.approx(1e-6)
     assert settings.sigma == pytest.approx((1e-7, 0.0))
-    assert not rig().settings.runout.is_asked
+    assert not rig().settings.runout.is_enabled
 
 
 @pytest.mark.parametrize(

@@ -51,7 +51,7 @@ def analysed(header: RunHeader, items: Iterable[SourceItem]) -> list[Snapshot]:
     analyser = Analyser(header.acquisition, header.settings)
     snapshots: list[Snapshot] = []
     for item in items:
-        snapshots += analyser.segment_end(item) if isinstance(item, SegmentEnd) else analyser.block(item)
+        snapshots += analyser.end_segment(item) if isinstance(item, SegmentEnd) else analyser.add_block(item)
     return snapshots
 
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.live.alarms import Alarm, AlarmWatch, Watched, shown_alarms, worst
+from analysis.live.alarms import Alarm, AlarmMonitor, MonitoredQuantity, visible_alarms, worst_severity
 from analysis.signals.blocks import TimeInRun
 from analysis.signals.header import (
     Acquisition,
@@ -180,21 +180,21 @@ def run_up(count: int, run: str = "2026-11-24T09-12-07-gj90c") -> Iterator[LiveU
     """``count`` frames, one every 0.1 s, from 1,000 to 15,600 r/min: 1X, 2X, then 0.49X, then 0.17X."""
     header = make_header(run)
     noise = np.random.default_rng(7)
-    watch = AlarmWatch(header.limits, ("x", "y"))
+    watch = AlarmMonitor(header.limits, ("x", "y"))
     for index in range(count):
         time = 0.1 * (index + 1)
         speed = LOW + (HIGH - LOW) * index / max(1, count - 1)
         snapshot = make_snapshot(time, speed, header.settings, noise)
-        watch.snapshot(snapshot)
-        alarms = shown_alarms(watch.alarms, 0, latch=True)
+        watch.update(snapshot)
+        alarms = visible_alarms(watch.alarms, 0, latch=True)
         status = Status(
             state=RunState.RECORDING,
             elapsed=time,
             samples=round(time * RATE),
             backlog=0.08,
             disk_left=41.0 * 3600.0,
-            severity=worst([alarm for alarm in alarms if alarm.lasts]),
-            latched=worst(alarms),
+            severity=worst_severity([alarm for alarm in alarms if alarm.is_active]),
+            latched=worst_severity(alarms),
             model="ready",
             alarms=alarms,
         )
@@ -211,7 +211,7 @@ def with_alarm(frame: LiveUpdate, severity: Severity) -> LiveUpdate:
     limits, place = frame.header.limits, TimeInRun(0, 10.0, 12_000.0 * RPM)
     limit = limits.peak_to_peak_danger if severity is Severity.DANGER else limits.peak_to_peak_alarm
     over = TimeInRun(0, 12.0, 12_500.0 * RPM)
-    alarm = Alarm(1, Watched.OVERALL, "x", severity, limit, place, 1.02 * limit, place, over)
+    alarm = Alarm(1, MonitoredQuantity.OVERALL, "x", severity, limit, place, 1.02 * limit, place, over)
     status = replace(frame.status, severity=Severity.NORMAL, latched=severity, alarms=(alarm,))
     return replace(frame, status=status)
 
@@ -228,9 +228,9 @@ def with_further_alarms(frame: LiveUpdate) -> LiveUpdate:
         speed_danger=19_500.0 * RPM,
     )
     alarms = (
-        Alarm(1, Watched.ORDER_1X, "x", Severity.ALARM, 20e-6, place, 24.04e-6, place, over),
-        Alarm(2, Watched.BELOW_1X, "y", Severity.ALARM, 12.5e-6, place, 14.06e-6, place),
-        Alarm(3, Watched.SPEED, "", Severity.DANGER, 19_500.0 * RPM, place, 19_642.0 * RPM, place),
+        Alarm(1, MonitoredQuantity.ORDER_1X, "x", Severity.ALARM, 20e-6, place, 24.04e-6, place, over),
+        Alarm(2, MonitoredQuantity.BELOW_1X, "y", Severity.ALARM, 12.5e-6, place, 14.06e-6, place),
+        Alarm(3, MonitoredQuantity.SPEED, "", Severity.DANGER, 19_500.0 * RPM, place, 19_642.0 * RPM, place),
     )
     status = replace(frame.status, severity=Severity.DANGER, latched=Severity.DANGER, alarms=alarms)
     return replace(frame, header=replace(frame.header, limits=limits), status=status)

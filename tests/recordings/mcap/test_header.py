@@ -110,5 +110,5 @@ def test_header_of_before_there_was_run_out_has_none_and_alarms_by_default(heade
     for key in ("hysteresis_fraction", "hold_s", "latch"):
         del document["limits"][key]
     read = header_from_json(document)
-    assert not read.settings.runout.is_asked
+    assert not read.settings.runout.is_enabled
     assert (read.limits.hysteresis, read.limits.hold, read.limits.latch) == (0.05, 1.0, True)

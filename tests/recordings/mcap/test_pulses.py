@@ -23,7 +23,7 @@ from recordings.mcap.schema import rig_pb2
 from recordings.mcap.writer import RunWriter
 
 MakeBlock = Callable[..., SampleBlock]
-COUNTER = TachoCounter("ctr1", "PFI3", Edge.FALLING, 80e6, is_reference=True, agreement=4.9e-5)
+COUNTER = TachoCounter("ctr1", "PFI3", Edge.FALLING, 80e6, is_reference=True, max_difference=4.9e-5)
 PER_SAMPLE = 4000
 BLOCK = 1000
 

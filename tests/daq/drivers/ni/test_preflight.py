@@ -76,7 +76,7 @@ def test_what_the_driver_warns_of_is_told(server: DeviceServer, tmp_path: Path) 
     server.driver.warning = 200036
     found = looked_at(ready(server), tmp_path)
     (check,) = (check for check in found.checks if check.name == "driver")
-    assert (check.verdict, check.finding) == (Verdict.WARN, Finding.REMARK)
+    assert (check.verdict, check.finding) == (Verdict.WARN, Finding.DRIVER_WARNING)
     told = "the driver warns: the driver's text of 200036, over two lines (driver code 200036)"
     assert check.advice == told
     assert [check.verdict for check in found.checks if check.name == "samples"] == [Verdict.GOOD]

@@ -290,8 +290,8 @@ def test_analyser_finds_what_the_bench_was_told(rig: RigFactory) -> None:
     card = SimulatedCard(bench)
     analyser = Analyser(card.acquisition, bench.settings)
     codes = taken(card, 150_000)
-    snapshots = analyser.block(SampleBlock(codes, segment=0, first_sample=0, host_time_ns=0))
-    snapshots += analyser.segment_end(SegmentEnd(0, codes.shape[1], EndReason.FINISHED))
+    snapshots = analyser.add_block(SampleBlock(codes, segment=0, first_sample=0, host_time_ns=0))
+    snapshots += analyser.end_segment(SegmentEnd(0, codes.shape[1], EndReason.FINISHED))
     last = snapshots[-1]
     assert last.frame is not None
     assert last.frame.whirl is not None

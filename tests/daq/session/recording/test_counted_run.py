@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.resampling.angular_record import record_of_codes
+from analysis.resampling.angular_record import angular_record_from_codes
 from analysis.signals.blocks import SampleBlock, SourceItem
 from analysis.signals.snapshot import CounterState, TachoState
 from daq.config.schema import TriggerSection
@@ -81,7 +81,7 @@ def test_speed_of_a_steady_run_is_right_to_a_millionth(counted: RigFactory, tmp_
         acquisition = reader.header.acquisition
         assert acquisition.tacho.counter is not None
         stamped = reader.ticks(0, 0, reader.n_samples) / acquisition.tacho.counter.timebase
-        record = record_of_codes(acquisition, reader.samples(0, 0, reader.n_samples), pulse_times=stamped)
+        record = angular_record_from_codes(acquisition, reader.samples(0, 0, reader.n_samples), pulse_times=stamped)
     np.testing.assert_allclose(record.speeds, SPEED * RPM, rtol=1e-6)
 
 
@@ -103,8 +103,8 @@ def test_counter_and_samples_agree(counted: RigFactory, tmp_path: Path) -> None:
     assert snapshot.counter is not None
     assert snapshot.counter.state is CounterState.AGREES
     assert snapshot.counter.compared > 300
-    assert abs(snapshot.counter.mean) < 1e-6
-    assert snapshot.counter.largest < 0.25 / 20_000  # what the samples leave open between two of them
+    assert abs(snapshot.counter.mean_difference) < 1e-6
+    assert snapshot.counter.largest_difference < 0.25 / 20_000  # what the samples leave open between two of them
 
 
 @pytest.mark.parametrize("reference", ["counter", "samples"])

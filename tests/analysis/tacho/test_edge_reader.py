@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from analysis.signals.blocks import SampleBlock
 from analysis.signals.header import Acquisition, Channel, Device, Edge, Role, Tacho, TachoCounter
 from analysis.signals.snapshot import CounterState
-from analysis.tacho.edge_input import LATE, TachoInput
+from analysis.tacho.edge_reader import LATE, TachoEdgeReader
 
 RATE, TIMEBASE, DELAY = 10_000.0, 80e6, 3e-4
-COUNTER = TachoCounter("ctr0", "PFI0", Edge.RISING, TIMEBASE, is_reference=True, agreement=1e-4)
+COUNTER = TachoCounter("ctr0", "PFI0", Edge.RISING, TIMEBASE, is_reference=True, max_difference=1e-4)
 ACQUISITION = Acquisition(
     device=Device("simulated", "USB-6251", "1", "", simulated=True),
     rate=RATE,
@@ -38,13 +38,15 @@ def block(first: int, n: int, ticks: NDArray[np.int64] | None) -> SampleBlock:
     return SampleBlock(np.zeros((3, n), np.int16), 0, first, 0, 0, ticks)
 
 
-def taken(given: TachoInput, stamps: list[NDArray[np.int64] | None], size: int = 1000) -> list[NDArray[np.float64]]:
+def taken(
+    given: TachoEdgeReader, stamps: list[NDArray[np.int64] | None], size: int = 1000
+) -> list[NDArray[np.float64]]:
     """Give blocks of a size with their stamps, and return the edges of each hop."""
     hops: list[NDArray[np.float64]] = []
     for k, ticks in enumerate(stamps):
-        given.block(block(k * size, size, ticks))
+        given.add_block(block(k * size, size, ticks))
         firsts = range(k * size, (k + 1) * size, HOP)
-        hops += [given.stretch(VOLTS[first : first + HOP], first).edges for first in firsts]
+        hops += [given.read(VOLTS[first : first + HOP], first).edges for first in firsts]
     return hops
 
 
@@ -55,7 +57,7 @@ def in_blocks(ticks: NDArray[np.int64], size: int = 1000, late: int = 0) -> list
 
 
 def test_stamps_less_the_delay_are_the_edges_each_in_its_own_hop() -> None:
-    hops = taken(TachoInput(acquisition()), in_blocks(TICKS))
+    hops = taken(TachoEdgeReader(acquisition()), in_blocks(TICKS))
     np.testing.assert_allclose(np.concatenate(hops), EDGES - DELAY, atol=2 / TIMEBASE)
     for k, edges in enumerate(hops):
         assert ((edges + DELAY >= k * HOP / RATE) & (edges + DELAY < (k + 1) * HOP / RATE)).all()
@@ -63,12 +65,12 @@ def test_stamps_less_the_delay_are_the_edges_each_in_its_own_hop() -> None:
 
 @pytest.mark.parametrize("size", [500, 2000, 5000])
 def test_edges_do_not_depend_on_the_size_of_the_blocks(size: int) -> None:
-    small, large = (taken(TachoInput(acquisition()), in_blocks(TICKS, n), n) for n in (1000, size))
+    small, large = (taken(TachoEdgeReader(acquisition()), in_blocks(TICKS, n), n) for n in (1000, size))
     assert all(np.array_equal(one, other) for one, other in zip(small, large, strict=True))
 
 
 def test_stamp_that_comes_late_counts_from_the_block_that_it_came_with() -> None:
-    hops = taken(TachoInput(acquisition()), in_blocks(TICKS, late=2))
+    hops = taken(TachoEdgeReader(acquisition()), in_blocks(TICKS, late=2))
     assert all(edges.size == 0 for edges in hops[:4])
     known = np.concatenate(hops)
     np.testing.assert_allclose(known, EDGES[: known.size] - DELAY, atol=2 / TIMEBASE)
@@ -76,17 +78,17 @@ def test_stamp_that_comes_late_counts_from_the_block_that_it_came_with() -> None
 
 
 def test_silence_of_the_counter_is_not_the_shafts_before_stamps_could_have_come() -> None:
-    given = TachoInput(acquisition())
-    given.block(block(0, 10_000, TICKS[:5]))
-    stretch = given.stretch(VOLTS[:10_000], 0)
+    given = TachoEdgeReader(acquisition())
+    given.add_block(block(0, 10_000, TICKS[:5]))
+    stretch = given.read(VOLTS[:10_000], 0)
     assert stretch.known == pytest.approx(1.0 - LATE)
-    given.block(block(10_000, 10_000, TICKS[5:99]))
-    assert given.stretch(VOLTS[10_000:20_000], 10_000).known == pytest.approx(EDGES[98])
+    given.add_block(block(10_000, 10_000, TICKS[5:99]))
+    assert given.read(VOLTS[10_000:20_000], 10_000).known == pytest.approx(EDGES[98])
 
 
 def test_waveform_takes_over_where_the_counter_fails_and_no_edge_is_given_twice() -> None:
     stamps = in_blocks(TICKS)
-    given = TachoInput(acquisition())
+    given = TachoEdgeReader(acquisition())
     hops = taken(given, [*stamps[:12], *[None] * 18])
     edges = np.concatenate(hops)
     np.testing.assert_allclose(edges, EDGES - DELAY, atol=1 / RATE)
@@ -94,28 +96,28 @@ def test_waveform_takes_over_where_the_counter_fails_and_no_edge_is_given_twice(
     report = given.report(VOLTS.size)
     assert report is not None
     assert report.state is CounterState.FAILED
-    assert "from the samples" in report.told
+    assert "from the samples" in report.message
 
 
 def test_waveform_is_the_reference_where_the_rig_says_so_and_the_stamps_are_compared() -> None:
     other = replace(COUNTER, is_reference=False)
     stamps = in_blocks(np.delete(TICKS, [20, 30]))
-    given, plain = TachoInput(acquisition(counter=other)), TachoInput(acquisition(counter=None))
+    given, plain = TachoEdgeReader(acquisition(counter=other)), TachoEdgeReader(acquisition(counter=None))
     edges = np.concatenate(taken(given, stamps))
     np.testing.assert_allclose(edges, np.concatenate(taken(plain, [None] * 30)), rtol=0, atol=1e-12)
     report = given.report(VOLTS.size)
     assert report is not None
     assert (report.state, report.missing, report.extra) == (CounterState.COUNT_DIFFERS, 2, 0)
-    assert report.told == "2 edges of the waveform that the counter has not stamped"
+    assert report.message == "2 edges of the waveform that the counter has not stamped"
     assert plain.report(VOLTS.size) is None
 
 
 def test_new_segment_forgets_the_stamps_of_the_one_before() -> None:
-    given = TachoInput(acquisition())
-    given.block(block(0, 1000, TICKS[:9]))
+    given = TachoEdgeReader(acquisition())
+    given.add_block(block(0, 1000, TICKS[:9]))
     given.restart(0)
-    given.block(block(0, 1000, None))
-    assert given.stretch(np.zeros(1000), 0).edges.size == 0
+    given.add_block(block(0, 1000, None))
+    assert given.read(np.zeros(1000), 0).edges.size == 0
     given.restart(0)
-    given.block(block(0, 1000, TICKS[:4]))
-    np.testing.assert_allclose(given.stretch(VOLTS[:1000], 0).edges, EDGES[:4] - DELAY, atol=2 / TIMEBASE)
+    given.add_block(block(0, 1000, TICKS[:4]))
+    np.testing.assert_allclose(given.read(VOLTS[:1000], 0).edges, EDGES[:4] - DELAY, atol=2 / TIMEBASE)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from analysis.signals.blocks import SampleBlock
 from analysis.signals.header import Acquisition, Role
 from analysis.signals.snapshot import CounterReport
-from analysis.tacho.counter_comparison import TachoComparison
+from analysis.tacho.counter_comparison import CounterComparison
 from analysis.tacho.edges import EdgeDetector
 
 FloatArray = NDArray[np.float64]
@@ -18,7 +18,7 @@ LATE = 0.5  # s that a stamp may come late before its absence is taken for the s
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class TachoStretch:
+class TachoEdges:
     """The edges of a further stretch of time, as `PulseTrain.advance` takes them.
 
     Parameters
@@ -36,7 +36,7 @@ class TachoStretch:
     elapsed: float
 
 
-class TachoInput:
+class TachoEdgeReader:
     """Finds the passings of the mark in the order of time, in whatever blocks they come.
 
     Where the acquisition has a counter that is the reference, its stamps are taken, and each counts from its own sample
@@ -55,7 +55,7 @@ class TachoInput:
         self._tacho = tacho
         self._skew = row / acquisition.convert_rate
         self._counter = tacho.counter
-        self._comparison = None if tacho.counter is None else TachoComparison(tacho.counter)
+        self._comparison = None if tacho.counter is None else CounterComparison(tacho.counter)
         self.restart(0)
 
     def restart(self, first: int) -> None:
@@ -67,7 +67,7 @@ class TachoInput:
         if self._comparison is not None:
             self._comparison.restart(first / self._rate)
 
-    def block(self, block: SampleBlock) -> None:
+    def add_block(self, block: SampleBlock) -> None:
         """Take note of what the counter stamped, before the samples of its block."""
         if self._counter is None:
             return
@@ -76,7 +76,7 @@ class TachoInput:
         elif block.ticks.size:
             self._came.append((block.first_sample, block.ticks))
 
-    def stretch(self, volts: FloatArray, first: int) -> TachoStretch:
+    def read(self, volts: FloatArray, first: int) -> TachoEdges:
         """Return the edges of a further stretch of the waveform.
 
         Parameters
@@ -89,18 +89,18 @@ class TachoInput:
         end, elapsed = (first + volts.size) / self._rate, volts.size / self._rate
         found, delay = self._detector.edges(volts, first) / self._rate, self._tacho.delay
         if self._counter is None:
-            return TachoStretch(found + (self._skew - delay), end, elapsed)
+            return TachoEdges(found + (self._skew - delay), end, elapsed)
         sampled = found + self._skew
         stamped = np.concatenate([np.empty(0), *self._stamped(first + volts.size)])
         is_working = self._is_working(first + volts.size)
         if self._comparison is not None and is_working:
             self._comparison.advance(sampled, stamped, end)
         if not (self._counter.is_reference and is_working):
-            return TachoStretch(self._following(sampled) - delay, end, elapsed)
+            return TachoEdges(self._following(sampled) - delay, end, elapsed)
         edges = self._following(stamped)
         if edges.size:
             elapsed = max(elapsed, float(edges[-1] - edges[0]))
-        return TachoStretch(edges - delay, max(end - LATE, self._last), elapsed)
+        return TachoEdges(edges - delay, max(end - LATE, self._last), elapsed)
 
     def report(self, end: int) -> CounterReport | None:
         """Return how counter and waveform compare, up to a sample; None without a counter."""
