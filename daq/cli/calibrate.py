@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from analysis.preflight.calibration_fit import CalibrationFit, fit_calibration, default_order
+from analysis.preflight.calibration_fit import CalibrationFit, default_order, fit_calibration
 from daq.cli.arguments import NOT_READY, AddCommand
 from daq.cli.output.terminal import print_json
 from daq.config.calibration import (

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.signals.uncertainty import phase_sigma, noise_floor_sigma
+from analysis.signals.uncertainty import noise_floor_sigma, phase_sigma
 from analysis.spectra.frequency_spectrum import frequency_spectrum
 from analysis.spectra.full_spectrum import full_spectrum, probe_mismatch
 from analysis.spectra.order_map import Scaling, order_map
