@@ -68,7 +68,7 @@ def centreline_of(run: RunSamples, query: CentrelineQuery) -> AnalysisResult:
         (Curve("", x.tolist(), y.tolist()), Curve("", around, above, Style.GUIDE)), caption, is_square=True,
         notes=tuple(notes),
     )  # fmt: skip
-    outside = int(np.count_nonzero(found.eccentricity > 1.0 + OUTSIDE))
+    outside = int(np.count_nonzero(found.eccentricity_ratio > 1.0 + OUTSIDE))
     remarks = (
         () if not outside else (f"{outside} positions lie outside the circle: the reference or the clearance is wrong",)
     )
@@ -76,7 +76,7 @@ def centreline_of(run: RunSamples, query: CentrelineQuery) -> AnalysisResult:
         title=title,
         columns=columns(
             time_s=found.times, speed_rpm=speeds, X_um=x, Y_um=y, X_sigma_um=sigma[0], Y_sigma_um=sigma[1],
-            eccentricity_ratio=found.eccentricity, attitude_deg=np.degrees(found.attitude),
+            eccentricity_ratio=found.eccentricity_ratio, attitude_deg=np.degrees(found.attitude),
         ),
         panels=(panel,),
         figures=taken.figures,

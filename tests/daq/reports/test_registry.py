@@ -17,7 +17,7 @@ from analysis.resampling.synchronous_average import synchronous_average
 from analysis.shaft.centreline import centreline
 from analysis.shaft.orbit import direct_orbit
 from analysis.shaft.overall import overall
-from analysis.shaft.poincare import bifurcation_diagram, poincare_section
+from analysis.shaft.poincare import poincare_section
 from analysis.signals.header import Acquisition
 from analysis.spectra.frequency_spectrum import frequency_spectrum
 from analysis.spectra.full_spectrum import full_cascade, full_spectrum, probe_mismatch
@@ -165,7 +165,7 @@ def test_frequency_spectrum_and_overall_are_the_librarys(bench: RecordedBench, r
     found = given(bench, "overall")
     close(found["time_s"], level.times)
     close(found["peak_to_peak_x_um"], level.peak_to_peak[0] * 1e6)
-    close(found["clearance_fraction_y"], level.clearance_part[1])
+    close(found["clearance_fraction_y"], level.clearance_fraction[1])
     middle = (found["time_s"] > 1.0) & (found["time_s"] < 2.5)
     close(found["speed_rpm"][middle], 1500 + 3125 * (found["time_s"][middle] - 0.6), rtol=0.02)
 
@@ -252,7 +252,7 @@ def test_centreline_and_components_below_1x_are_the_librarys(bench: RecordedBenc
     line = centreline(record, np.array([-450e-6, -430e-6]), reader.header.limits.clearance)
     found = given(bench, "centreline", rest_x_um=-450, rest_y_um=-430)
     close(found["X_um"], line.positions[0] * 1e6, atol=1e-6)
-    close(found["eccentricity_ratio"], line.eccentricity)
+    close(found["eccentricity_ratio"], line.eccentricity_ratio)
     tracks = subsynchronous_tracks(order_map(record, highest_order=2.0))
     found = given(bench, "sub-synchronous")
     assert len(tracks) >= 1
