@@ -81,8 +81,8 @@ def _taken(run: RunSamples, record: AngularRecord, slow_roll_rpm: float | None, 
         figures |= {"pulses_filled": float(record.pulses.filled), "pulses_rejected": float(record.pulses.rejected)}
         if record.pulses.too_fast:
             remarks.append("the tacho's sensor was past its response: pulses may be missing unnoticed")
-        if record.pulses.repaired_part > MOST_REPAIRED:
-            remarks.append(f"{100 * record.pulses.repaired_part:.0f} % of the tacho's pulses were repaired")
+        if record.pulses.repaired_fraction > MOST_REPAIRED:
+            remarks.append(f"{100 * record.pulses.repaired_fraction:.0f} % of the tacho's pulses were repaired")
     if any(record.clipped):
         x, y = record.clipped
         remarks.append(f"clipped: {x:,} samples at x, {y:,} at y; amplitudes near them are too small")
@@ -92,4 +92,4 @@ def _taken(run: RunSamples, record: AngularRecord, slow_roll_rpm: float | None, 
     x, y = roll.peak_to_peak * MICRO
     told = f"compensated: run-out of {roll.revolutions} turns up to {slow_roll_rpm:,.0f} r/min taken off, "
     remarks.append(told + f"x {x:.2f} and y {y:.2f} µm peak-to-peak, ± {roll.sigma.max() * MICRO:.2f} µm")
-    return PreparedRecord(roll.off_waveform(record), " compensated", figures, tuple(remarks))
+    return PreparedRecord(roll.subtract_waveform(record), " compensated", figures, tuple(remarks))

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from analysis.resampling.angular_record import AngularRecord, probe_displacement, record_of_codes
+from analysis.resampling.angular_record import AngularRecord, angular_record_from_codes, probe_displacement
 from analysis.resampling.synchronous_average import synchronous_average
 from analysis.shaft.centreline import centreline
 from analysis.shaft.orbit import direct_orbit
@@ -102,9 +102,9 @@ def moment(reader: RunReader, revolutions: int, **at: float) -> AngularRecord:
     """Return what the library makes of the samples about a moment."""
     run = RunSamples(reader, untold)
     stretch, end = run.moment(0, at.get("time_s"), at.get("speed_rpm"), revolutions)
-    made = record_of_codes(reader.header.acquisition, reader.samples(0, stretch.first, stretch.stop))
+    made = angular_record_from_codes(reader.header.acquisition, reader.samples(0, stretch.first, stretch.stop))
     last = int(np.searchsorted(made.times + stretch.first / run.rate, end + 0.5 / run.rate)) - 1
-    return made.part(last - revolutions, last)
+    return made.section(last - revolutions, last)
 
 
 def close(found: NDArray[Any], expected: NDArray[Any], *, rtol: float = 1e-6, atol: float = 1e-9) -> None:
@@ -171,7 +171,7 @@ def test_frequency_spectrum_and_overall_are_the_librarys(bench: RecordedBench, r
 
 
 def test_cascade_and_waterfall_are_the_librarys(bench: RecordedBench, reader: RunReader) -> None:
-    lines = order_map(record_of_codes(*whole(reader)), highest_order=4.0)
+    lines = order_map(angular_record_from_codes(*whole(reader)), highest_order=4.0)
     speeds, rows = full_cascade(lines, 200.0 * RPM, probe_mismatch(lines))
     found = given(bench, "cascade", lines="full")
     close(np.unique(found["speed_rpm"]), speeds / RPM)
@@ -191,7 +191,7 @@ def test_cascade_and_waterfall_are_the_librarys(bench: RecordedBench, reader: Ru
 def test_vectors_over_speed_are_the_librarys_run_up_and_run_down_apart(
     bench: RecordedBench, reader: RunReader, order: float
 ) -> None:
-    curves = speed_curves(track_order(record_of_codes(*whole(reader)), order), 100.0 * RPM)
+    curves = speed_curves(track_order(angular_record_from_codes(*whole(reader)), order), 100.0 * RPM)
     found = given(bench, "bode", order=order)
     assert set(found["ramp_direction"]) == {"run-up", "run-down"}
     for curve in curves:
@@ -205,9 +205,9 @@ def test_vectors_over_speed_are_the_librarys_run_up_and_run_down_apart(
 
 
 def test_run_out_of_the_slow_roll_is_taken_off_where_that_is_asked(bench: RecordedBench, reader: RunReader) -> None:
-    record = record_of_codes(*whole(reader))
+    record = angular_record_from_codes(*whole(reader))
     begin = int(np.argmax(record.times > 0.7))
-    roll = slow_roll(record.part(0, begin), 0.0, 1550.0 * RPM)
+    roll = slow_roll(record.section(0, begin), 0.0, 1550.0 * RPM)
     found = given(bench, "slow-roll", slow_roll_rpm=1550)
     close(found["runout_x_um"], roll.waveform[0] * 1e6, rtol=0.02, atol=0.03)
     assert np.ptp(found["runout_x_um"]) > 3.0
@@ -241,14 +241,14 @@ def test_revolutions_and_points_at_the_mark_are_the_librarys(bench: RecordedBenc
     section = poincare_section(moment(reader, 64, time_s=2.5))
     found = given(bench, "poincare", time_s=2.5, revolutions=64)
     close(found["X_um"], section.points[0] * 1e6, atol=1e-6)
-    speeds, positions = bifurcation(record_of_codes(*whole(reader)))
+    speeds, positions = bifurcation_diagram(angular_record_from_codes(*whole(reader)))
     found = given(bench, "bifurcation")
     close(found["speed_rpm"], speeds / RPM)
     close(found["Y_um"], positions[1] * 1e6, atol=1e-6)
 
 
 def test_centreline_and_components_below_1x_are_the_librarys(bench: RecordedBench, reader: RunReader) -> None:
-    record = record_of_codes(*whole(reader))
+    record = angular_record_from_codes(*whole(reader))
     line = centreline(record, np.array([-450e-6, -430e-6]), reader.header.limits.clearance)
     found = given(bench, "centreline", rest_x_um=-450, rest_y_um=-430)
     close(found["X_um"], line.positions[0] * 1e6, atol=1e-6)
@@ -297,7 +297,7 @@ def test_envelopes_solved_for_in_pieces_are_those_of_all_at_once(reader: RunRead
 
 def test_samples_read_in_pieces_give_the_record_of_all_at_once(reader: RunReader) -> None:
     pieces = RunSamples(reader, untold, piece=7_000).record(SampleRange(0, 0, reader.n_samples))
-    once = record_of_codes(*whole(reader))
+    once = angular_record_from_codes(*whole(reader))
     assert pieces.first_turn == once.first_turn
     np.testing.assert_allclose(pieces.times, once.times, atol=1e-12)
     np.testing.assert_allclose(pieces.waveform, once.waveform, atol=1e-13)
