@@ -17,7 +17,7 @@ from analysis.resampling.synchronous_average import synchronous_average
 from analysis.shaft.centreline import centreline
 from analysis.shaft.orbit import direct_orbit
 from analysis.shaft.overall import overall
-from analysis.shaft.poincare import poincare_section
+from analysis.shaft.poincare import bifurcation_diagram, poincare_section
 from analysis.signals.header import Acquisition
 from analysis.spectra.frequency_spectrum import frequency_spectrum
 from analysis.spectra.full_spectrum import full_cascade, full_spectrum, probe_mismatch
