@@ -1,1 +1,1 @@
-"""Recorded runs: the MCAP format, its writer and reader, and the catalogue of a data folder."""
+"""Recorded runs: MCAP writer and reader, verification and recovery, run catalogue, import and export."""

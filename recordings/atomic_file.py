@@ -1,4 +1,4 @@
-"""Files that are there whole or not at all, whatever ends their writing."""
+"""Atomic file writes: a file is complete or absent, however the writing ends."""
 
 import secrets
 import time
@@ -7,42 +7,42 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Protocol
 
-PAUSES = (0.02, 0.05, 0.1, 0.2, 0.4, 0.8)  # s between attempts to put a file where another one is being read
+RETRY_DELAYS = (0.02, 0.05, 0.1, 0.2, 0.4, 0.8)  # s between attempts to replace a file that another process reads
 
 
 class Replaceable(Protocol):
     """A file that can be moved over another; a `Path`."""
 
     def replace(self, target: Path, /) -> object:
-        """Move it there."""
+        """Move the file to the target, replacing what is there."""
         ...
 
 
 @contextmanager
-def atomic_write(place: Path) -> Iterator[Path]:
-    """Give a name beside a file under which it is written; at the end the draft takes its place.
+def atomic_write(path: Path) -> Iterator[Path]:
+    """Yield a temporary path beside the file; on success the temporary file replaces the file.
 
-    Nothing is left of a draft whose writing fails or is interrupted; what was there before then stays.
+    If writing fails or is interrupted, the temporary file is removed and an existing file stays as it was.
     """
-    temporary = place.with_name(f".{place.name}.{secrets.token_hex(4)}.part")
+    temporary = path.with_name(f".{path.name}.{secrets.token_hex(4)}.part")
     try:
         yield temporary
-        replace_with_retry(temporary, place)
+        replace_with_retry(temporary, path)
     finally:
         temporary.unlink(missing_ok=True)
 
 
-def replace_with_retry(file: Replaceable, place: Path) -> None:
-    """Move a file to its place, over what is there; OSError where it cannot be.
+def replace_with_retry(source: Replaceable, target: Path) -> None:
+    """Move a file over the target, retrying for up to 1.6 s; OSError if it still fails.
 
-    Windows moves neither a file that somebody reads nor over one, be it only a virus scanner for a moment: that is
-    waited for, a second and a half at most.
+    On Windows neither a file that another process has open nor a file it would replace can be moved. A virus scanner
+    holds a new file for a moment, so PermissionError is retried.
     """
-    for pause in PAUSES:
+    for delay in RETRY_DELAYS:
         try:
-            file.replace(place)
+            source.replace(target)
         except PermissionError:
-            time.sleep(pause)
+            time.sleep(delay)
         else:
             return
-    file.replace(place)
+    source.replace(target)

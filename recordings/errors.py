@@ -1,33 +1,33 @@
-"""What can be wrong with a recording or the folder it lies in.
+"""Errors of the recordings package.
 
 RecordingError
-├── NotFoundError       there is no such run
-├── DamagedError        cut short, empty, not MCAP
-├── UnknownFormatError  written by a version that is not known here
+├── NotFoundError       no run of this id or name
+├── DamagedError        the file is cut short, empty or not MCAP
+├── UnknownFormatError  the file is no run, or of a format version that this program does not read
 ├── StorageError        the folder is missing, read-only or full
 │   └── RunExistsError  a run of this id exists already
-└── ForeignFormatError  a file of another program cannot be read or written, or lacks what was asked for
+└── ForeignFormatError  a file of another format cannot be read or written, or lacks a requested column or stretch
 """
 
 
 class RecordingError(Exception):
-    """Anything wrong with a recording; the message names the file and what was expected."""
+    """Base class; the message names the file and what was expected."""
 
 
 class NotFoundError(RecordingError):
-    """There is no such run."""
+    """No run of this id or name exists."""
 
 
 class DamagedError(RecordingError):
-    """The file is not a whole recording."""
+    """The file is not a complete recording."""
 
 
 class UnknownFormatError(RecordingError):
-    """The file was written in a format version that is not known here."""
+    """The file is no run, or of a format version that this program does not read."""
 
 
 class StorageError(RecordingError):
-    """Nothing can be written there."""
+    """A file or folder cannot be read or written."""
 
 
 class RunExistsError(StorageError):
@@ -35,4 +35,4 @@ class RunExistsError(StorageError):
 
 
 class ForeignFormatError(RecordingError):
-    """A file of another program cannot be read or written, or lacks what was asked for."""
+    """A file of another format cannot be read or written, or lacks a requested column or stretch."""

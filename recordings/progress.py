@@ -1,10 +1,10 @@
-"""How far long work on a recording is."""
+"""Progress callback of operations on large recordings."""
 
 from collections.abc import Callable
 
 Progress = Callable[[float], None]
-"""Told the part that is done, 0 to 1."""
+"""Called with the fraction done, 0 to 1."""
 
 
-def ignore_progress(_part: float) -> None:
-    """Tell nobody."""
+def ignore_progress(_fraction: float) -> None:
+    """Do nothing: the default progress callback."""

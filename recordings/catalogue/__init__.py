@@ -1,1 +1,1 @@
-"""The runs of a data folder: catalogue, search, annotations, trash."""
+"""The catalogue of a data folder: index database, search, annotations, incoming runs, trash."""

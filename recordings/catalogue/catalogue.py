@@ -1,4 +1,4 @@
-"""The runs of a data folder."""
+"""The catalogue of the runs in a data folder."""
 
 import os
 import re
@@ -14,11 +14,9 @@ from typing import Any
 
 from recordings.catalogue import annotations, trash
 from recordings.catalogue.database import Database
-from recordings.catalogue.entry import RunEntry
-from recordings.catalogue.indexing import CachedRun, IndexReport, Summarise, compare, holds, verdict_of
-from recordings.catalogue.run_file import RunFile
-from recordings.catalogue.run_store import RunStore
-from recordings.catalogue.run_summary import SummarisedRun
+from recordings.catalogue.entry import RunEntry, RunFile
+from recordings.catalogue.indexing import CachedRun, IndexReport, Summarise, compare, is_current, verdict_of
+from recordings.catalogue.run_store import RunStore, SummarisedRun
 from recordings.catalogue.search import Search
 from recordings.catalogue.trash import TrashedRun
 from recordings.errors import NotFoundError, RecordingError, StorageError
@@ -29,15 +27,15 @@ __all__ = ["Catalogue", "RunEntry", "data_folder"]
 
 SUFFIX = ".mcap"
 RUN_ID = re.compile(r"[A-Za-z0-9](?:[A-Za-z0-9_(). -]{0,98}[A-Za-z0-9_)-])?")
-"""What the id of a run, the name of its file without suffix, may look like: nothing that leads out of the folder."""
-WRITING_INTERVAL = 1.0
-"""Seconds for which summaries are gathered before they are written: a transaction for each costs more than they do."""
+"""A valid run id, which is the file's name without suffix; no valid id leads out of the data folder."""
+WRITE_INTERVAL = 1.0
+"""Seconds for which summaries are collected before they are written: one transaction each would cost more."""
 DATA_VARIABLE = "RIG_DATA"
 DEFAULT_FOLDER = "data"
 
 
 def data_folder(setting: str = "") -> Path:
-    """Return the folder where runs go.
+    """Return the data folder.
 
     Parameters
     ----------
@@ -48,16 +46,16 @@ def data_folder(setting: str = "") -> Path:
 
 
 class Catalogue:
-    """The runs of a data folder: the files are the truth, what is known of them is kept in a database.
+    """The runs of a data folder; the files are authoritative, a database caches what was read from them.
 
-    It may be used from several threads, and on one folder by several processes.
+    Safe for several threads, and for several processes on one folder.
 
     Parameters
     ----------
     folder : Path
         The data folder; it need not exist before the first run.
     url : str
-        Database as SQLAlchemy takes it; empty for the environment's RIG_CATALOGUE, or else SQLite in the folder.
+        SQLAlchemy URL of the database; empty for the environment's RIG_CATALOGUE, or else SQLite in the folder.
     """
 
     def __init__(self, folder: Path, url: str = "") -> None:
@@ -65,102 +63,102 @@ class Catalogue:
         self.url = url
         self._store = RunStore(folder, Database(folder, url))
         self._lock = threading.Lock()
-        self._known: dict[str, CachedRun] = {}
+        self._cache: dict[str, CachedRun] = {}
 
     def runs(self) -> list[RunEntry]:
-        """Return all runs, newest first; a file that cannot be read is listed with what is wrong with it.
+        """Return all runs, newest first; an unreadable file is listed with its fault.
 
         Raises
         ------
         StorageError
-            Where the folder or the database cannot be read. A folder that does not exist yet holds no runs.
+            If the folder or the database cannot be read. A folder that does not exist yet has no runs.
         """
         files = self._files()
-        entries = self._looked_up(files, None) if files else []
+        entries = self._entries(files, None) if files else []
         with self._lock:
-            self._known = {run_id: known for run_id, known in self._known.items() if run_id in files}
+            self._cache = {run_id: cached for run_id, cached in self._cache.items() if run_id in files}
         return sorted(entries, key=lambda entry: (entry.started_ns, entry.id), reverse=True)
 
     def run(self, run_id: str) -> RunEntry:
-        """Return one run; NotFoundError where there is none."""
+        """Return one run; NotFoundError if there is none."""
         path = self.path(run_id)
-        file = RunFile.seen(path)
-        entries = [] if file is None else self._looked_up({run_id: file}, run_id)
+        file = RunFile.from_path(path)
+        entries = [] if file is None else self._entries({run_id: file}, run_id)
         if not entries:
             raise NotFoundError(f"run {run_id!r}: there is no such run in {self.folder}")
         return entries[0]
 
     def search(self, search: Search) -> list[RunEntry]:
-        """Return the runs that a search asks for, newest first.
+        """Return the runs that match a search, newest first.
 
-        Speeds and findings are those of the runs that `index` has summed up.
+        Speeds, findings and markers are those of the runs that `index` has summarised.
         """
         present = {entry.id for entry in self.runs()}
-        return [kept.entry for run_id, kept in self._store.entries(search).items() if run_id in present]
+        return [stored.entry for run_id, stored in self._store.entries(search).items() if run_id in present]
 
     def annotate(self, run_id: str, *, remark: str | None = None, tags: Iterable[str] | None = None) -> RunEntry:
-        """Give a run other words or tags; they are kept in a file beside it.
+        """Change the remark or the tags of a run and return its entry; they are stored in a file beside it.
 
         Parameters
         ----------
         run_id : str
             The run.
         remark : str or None
-            Words on it; None leaves them.
+            New remark; None leaves it.
         tags : iterable of str or None
             All its tags; None leaves them.
 
         Raises
         ------
         NotFoundError
-            Where there is no such run.
+            If there is no such run.
         ValueError
-            Where a tag or the remark cannot be one.
+            If a tag or the remark is not valid.
         StorageError
-            Where they cannot be kept.
+            If they cannot be stored.
         """
         path = self.path(run_id)
-        with self._store.turn():  # what is read and written again must not change in between
+        with self._store.writer_lock():  # no other process may change the file between reading and writing it
             before = annotations.load(path)
-            words = annotations.checked(
+            changed = annotations.validated(
                 before.remark if remark is None else remark, before.tags if tags is None else tuple(tags)
             )
-            annotations.store(path, words)
+            annotations.store(path, changed)
         return self.run(run_id)
 
     def index(
         self, summarise: Summarise, *, verify_files: bool = False, on_status: Callable[[str], object] = str
     ) -> IndexReport:
-        """Bring what is kept up to date with the files, and sum up the runs that have not been.
+        """Update the catalogue from the files, and summarise the runs that have no summary yet.
 
         Parameters
         ----------
         summarise : callable
             Returns the summary of a reader's run.
         verify_files : bool
-            Whether to verify the files that have not been since they changed.
+            Whether to verify the files that were not verified since they changed.
         on_status : callable
             Called with a line of text before each run that is read or verified.
 
         Raises
         ------
         StorageError
-            Where the folder or the database cannot be read or written.
+            If the folder or the database cannot be read or written.
         """
         before = self._store.entries()
         present = {entry.id: entry for entry in self.runs()}
         report = compare(before, present)
-        self._store.forget(list(report.vanished))
-        kept = {run_id: each for run_id, each in self._store.entries().items() if run_id in present}
-        self._summarise([each.entry for each in kept.values() if not each.is_summarised], summarise, on_status)
-        for run_id, each in kept.items():
-            if verify_files and not each.entry.verdict:
+        self._store.delete_runs(list(report.vanished))
+        runs = {run_id: stored for run_id, stored in self._store.entries().items() if run_id in present}
+        self._summarise([stored.entry for stored in runs.values() if not stored.is_summarised], summarise, on_status)
+        for run_id, stored in runs.items():
+            if verify_files and not stored.entry.verdict:
                 on_status(f"verifying {run_id}")
-                self._store.store_verdict(run_id, verdict_of(each.entry.path))
+                self._store.store_verdict(run_id, verdict_of(stored.entry.path))
         return report
 
     def store_verdict(self, run_id: str, verdict: str) -> None:
-        """Keep what a verification of a run came to (a `Verdict`). NotFoundError, StorageError."""
+        """Store the `Verdict` of a verification of a run; NotFoundError, StorageError."""
         self._store.store_verdict(self.run(run_id).id, verdict)
 
     def path(self, run_id: str) -> Path:
@@ -169,9 +167,9 @@ class Catalogue:
         Raises
         ------
         NotFoundError
-            Where there is no such run, or the id is none. Only ids that cannot lead out of the folder reach the disk.
+            If there is no such run, or the id is not valid. Invalid ids never reach the file system.
         StorageError
-            Where the folder cannot be read.
+            If the folder cannot be read.
         """
         if RUN_ID.fullmatch(run_id):
             path = self.folder / f"{run_id}{SUFFIX}"
@@ -183,62 +181,64 @@ class Catalogue:
         raise NotFoundError(f"run {run_id[:120]!r}: there is no such run in {self.folder}")
 
     def path_for(self, run_id: str) -> Path:
-        """Return where the file of a run of this id belongs, whether it is there or not; NotFoundError for no id."""
+        """Return the path that a run of this id has or would have; NotFoundError if the id is not valid."""
         if not RUN_ID.fullmatch(run_id):
-            raise NotFoundError(f"run {run_id[:120]!r}: no run can have this id")
+            raise NotFoundError(f"run {run_id[:120]!r}: not a valid run id")
         return self.folder / f"{run_id}{SUFFIX}"
 
     def move_to_trash(self, run_id: str) -> Path:
-        """Move a run into the folder `trash` of the data folder; return where it is. NotFoundError, StorageError."""
-        place = trash.move_to_trash(self.path(run_id))
-        with suppress(StorageError):  # a full disk: that it has gone is seen by whoever looks
-            self._store.forget([run_id])
-        return place
+        """Move a run into the folder `trash` of the data folder; return its new path. NotFoundError, StorageError."""
+        path = trash.move_to_trash(self.path(run_id))
+        with suppress(StorageError):  # on a full disk the row stays; runs without a file are not listed
+            self._store.delete_runs([run_id])
+        return path
 
     def trashed_runs(self) -> list[TrashedRun]:
-        """Return what lies in the trash, by name. StorageError where it cannot be read."""
-        return list(trash.listed(self.folder, SUFFIX))
+        """Return the runs in the trash, sorted by name; StorageError if it cannot be read."""
+        return list(trash.list_trash(self.folder, SUFFIX))
 
     def restore(self, name: str, run_id: str = "") -> RunEntry:
-        """Move a run out of the trash again, and return it.
+        """Move a run out of the trash, and return its entry.
 
         Parameters
         ----------
         name : str
-            Its name there.
+            Its name in the trash.
         run_id : str
-            What it is to be called; empty: its name in the trash.
+            Its new id; empty for its name in the trash.
 
         Raises
         ------
         NotFoundError
-            There is none of this name, or no run can be called so.
+            If the trash has no run of this name, or the id is not valid.
         RunExistsError, StorageError
-            There is a run of this id already, or it cannot be moved.
+            If a run of this id exists, or the run cannot be moved.
         """
-        place = self.path_for(run_id or name)
-        trash.restore(self.folder, name, place)
-        return self.run(place.stem)
+        path = self.path_for(run_id or name)
+        trash.restore(self.folder, name, path)
+        return self.run(path.stem)
 
     def new_run(self, rig_name: str, started_ns: int) -> tuple[str, Path]:
-        """Return an id that is free, and the path for its file; the folder is made where it is missing.
+        """Return an unused run id and the path for its file; the folder is created if missing.
 
         Parameters
         ----------
         rig_name : str
             Name of the rig.
         started_ns : int
-            When the run begins, ns since 1970; the id shows it as the computer's own clock does.
+            Start of the run, ns since 1970; the id shows it in the computer's time zone.
 
         Raises
         ------
         StorageError
-            Where the folder cannot be made.
+            If the folder cannot be created.
         """
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
-            raise StorageError(f"{self.folder}: the data folder cannot be made: {error.strerror or error}") from error
+            raise StorageError(
+                f"{self.folder}: the data folder cannot be created: {error.strerror or error}"
+            ) from error
         started = datetime.fromtimestamp(started_ns // NANOSECONDS, UTC).astimezone()
         name = re.sub(r"[^a-z0-9]+", "-", rig_name.lower()).strip("-")[:40].strip("-") or "rig"
         first = f"{started:%Y-%m-%dT%H-%M-%S}-{name}"
@@ -250,39 +250,33 @@ class Catalogue:
         return run_id, path
 
     def free_bytes(self) -> int:
-        """Return the room left on the disk of the folder, bytes.
-
-        Raises
-        ------
-        StorageError
-            Where that cannot be found out.
-        """
+        """Return the free space on the folder's disk, bytes; StorageError if it cannot be determined."""
         folder = self.folder.absolute()
         while not folder.exists() and folder != folder.parent:
             folder = folder.parent
         try:
             return shutil.disk_usage(folder).free
         except OSError as error:
-            raise StorageError(f"{folder}: free room cannot be found out: {error.strerror or error}") from error
+            raise StorageError(f"{folder}: free space cannot be determined: {error.strerror or error}") from error
 
     def load_cached(self, run_id: str, name: str) -> dict[str, Any] | None:
-        """Return a document kept for a run, or None where there is none for its file as it is now."""
-        file = RunFile.seen(self.path(run_id))
-        with suppress(StorageError):  # nothing depends on it: it is computed again
+        """Return a cached result of a run; None if there is none for the file in its present state."""
+        file = RunFile.from_path(self.path(run_id))
+        with suppress(StorageError):  # the result can be computed again
             return None if file is None else self._store.load_cached(run_id, name, file.size, file.changed_ns)
         return None
 
-    def store_cached(self, run_id: str, name: str, document: dict[str, Any]) -> None:
-        """Keep a document for a run as long as its file does not change."""
-        file = RunFile.seen(self.path(run_id))
+    def store_cached(self, run_id: str, name: str, result: dict[str, Any]) -> None:
+        """Cache a result of a run until its file changes."""
+        file = RunFile.from_path(self.path(run_id))
         with suppress(StorageError):
             if file is not None:
-                self._store.store_cached(run_id, name, file.size, file.changed_ns, document)
+                self._store.store_cached(run_id, name, file.size, file.changed_ns, result)
 
     def _files(self) -> dict[str, RunFile]:
-        """Return the files of runs by id."""
+        """Return the run files of the folder by id."""
         try:
-            names = os.listdir(self.folder)  # noqa: PTH208 - ten thousand paths would cost as much as the rest
+            names = os.listdir(self.folder)  # noqa: PTH208 - ten thousand Path objects would cost as much as the rest
         except FileNotFoundError:
             return {}
         except OSError as error:
@@ -290,53 +284,60 @@ class Catalogue:
         stems = (name.removesuffix(SUFFIX) for name in names if name.endswith(SUFFIX))
         annotated = {name.removesuffix(annotations.SUFFIX) for name in names if name.endswith(annotations.SUFFIX)}
         paths = (self.folder / f"{stem}{SUFFIX}" for stem in stems if RUN_ID.fullmatch(stem))
-        files = ((path.stem, RunFile.seen(path, may_have_words=path.stem in annotated)) for path in paths)
+        files = ((path.stem, RunFile.from_path(path, may_have_annotations=path.stem in annotated)) for path in paths)
         return {stem: file for stem, file in files if file is not None}
 
-    def _looked_up(self, files: dict[str, RunFile], only: str | None) -> list[RunEntry]:
-        """Return the entries of files: from memory, else from the database, else from the files themselves."""
+    def _entries(self, files: dict[str, RunFile], only: str | None) -> list[RunEntry]:
+        """Return the entries of files: from memory, else from the database, else from the files themselves.
+
+        `only` is the id of the run when `files` holds just one, so that one row is read instead of all.
+        """
         revision = self._store.revision()
         with self._lock:
-            known = {run_id: self._known.get(run_id) for run_id in files}
-        served = {
-            run_id: each.entry
-            for run_id, each in known.items()
-            if each is not None and each.serves(files[run_id], revision)
+            cached = {run_id: self._cache.get(run_id) for run_id in files}
+        entries = {
+            run_id: run.entry
+            for run_id, run in cached.items()
+            if run is not None and run.is_valid(files[run_id], revision)
         }
-        if len(served) < len(files):
-            kept = self._store.entries(run_id=only or "")
-            unread = [run_id for run_id in files if run_id not in served and not holds(kept.get(run_id), files[run_id])]
-            fresh = {run_id: CachedRun.read(files[run_id]) for run_id in unread}
-            settled = [run_id for run_id in unread if not fresh[run_id].is_growing]
-            words = [
-                run_id
-                for run_id in files
-                if (run_id in settled and files[run_id].remarked_ns)
-                or (run_id in kept and kept[run_id].remarked_ns != files[run_id].remarked_ns)
-            ]
-            try:
-                self._keep([fresh[run_id].entry for run_id in settled], [files[run_id] for run_id in words])
-                if settled or words:
-                    kept = self._store.entries(run_id=only or "")
-            except StorageError:  # a full disk: what is known cannot be kept, but the files tell it all the same
-                fresh |= {run_id: CachedRun.read(files[run_id]) for run_id in words if run_id not in fresh}
-                kept = {run_id: each for run_id, each in kept.items() if run_id not in fresh}
-            found = {run_id: CachedRun.of(kept[run_id]) for run_id in files if run_id in kept and run_id not in served}
-            found |= {run_id: each for run_id, each in fresh.items() if run_id not in found or each.is_growing}
+        if len(entries) < len(files):
+            missing = {run_id: file for run_id, file in files.items() if run_id not in entries}
+            found = self._read_entries(files, missing, only)
             with self._lock:
-                self._known |= found
-            served |= {run_id: each.entry for run_id, each in found.items()}
-        return list(served.values())
+                self._cache |= found
+            entries |= {run_id: run.entry for run_id, run in found.items()}
+        return list(entries.values())
 
-    def _keep(self, entries: list[RunEntry], annotated: list[RunFile]) -> None:
-        """Keep what files have told, and what is said of runs."""
-        self._store.put(entries)
-        for file in annotated:
-            self._store.annotate(file.path.stem, annotations.load(file.path), file.remarked_ns)
+    def _read_entries(
+        self, files: dict[str, RunFile], missing: dict[str, RunFile], only: str | None
+    ) -> dict[str, CachedRun]:
+        """Return entries that are not in memory, and store in the database what had to be read from files."""
+        stored = self._store.entries(run_id=only or "")
+        unread = [run_id for run_id, file in missing.items() if not is_current(stored.get(run_id), file)]
+        fresh = {run_id: CachedRun.from_file(files[run_id]) for run_id in unread}
+        ended = [run_id for run_id in unread if not fresh[run_id].is_growing]
+        annotated = [
+            run_id
+            for run_id in files
+            if (run_id in ended and files[run_id].remarked_ns)
+            or (run_id in stored and stored[run_id].remarked_ns != files[run_id].remarked_ns)
+        ]
+        try:
+            self._store.store_entries([fresh[run_id].entry for run_id in ended])
+            for run_id in annotated:
+                file = files[run_id]
+                self._store.annotate(run_id, annotations.load(file.path), file.remarked_ns)
+            if ended or annotated:
+                stored = self._store.entries(run_id=only or "")
+        except StorageError:  # a full disk: nothing can be stored, but the files can still be read
+            fresh |= {run_id: CachedRun.from_file(files[run_id]) for run_id in annotated if run_id not in fresh}
+            stored = {run_id: run for run_id, run in stored.items() if run_id not in fresh}
+        found = {run_id: CachedRun.from_stored(stored[run_id]) for run_id in missing if run_id in stored}
+        return found | {run_id: run for run_id, run in fresh.items() if run_id not in found or run.is_growing}
 
     def _summarise(self, entries: Iterable[RunEntry], summarise: Summarise, on_status: Callable[[str], object]) -> None:
-        """Keep what a search needs of runs' summaries; a run that cannot be read has none."""
-        found: list[SummarisedRun] = []
+        """Store the summaries and markers of runs; a run that cannot be read has none."""
+        summarised: list[SummarisedRun] = []
         written_at = time.monotonic()
         try:
             for entry in entries:
@@ -344,9 +345,9 @@ class Catalogue:
                     continue
                 on_status(f"reading {entry.id}")
                 with suppress(RecordingError), RunReader(entry.path) as reader:
-                    found.append(SummarisedRun(entry, summarise(reader), reader.markers()))
-                if time.monotonic() > written_at + WRITING_INTERVAL:
-                    self._store.summarise(found)
-                    found, written_at = [], time.monotonic()
+                    summarised.append(SummarisedRun(entry, summarise(reader), reader.markers()))
+                if time.monotonic() > written_at + WRITE_INTERVAL:
+                    self._store.store_summaries(summarised)
+                    summarised, written_at = [], time.monotonic()
         finally:
-            self._store.summarise(found)
+            self._store.store_summaries(summarised)

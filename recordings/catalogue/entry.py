@@ -1,30 +1,57 @@
-"""A run as the catalogue lists it.
-
-What tells whether two runs were measured with the same calibrations.
-"""
+"""A run's file in the data folder and its entry in the catalogue."""
 
 import hashlib
 import json
+import stat
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Self
 
 from analysis.signals.header import Acquisition, RunHeader
+from recordings.catalogue.annotations import annotations_path
 from recordings.errors import RecordingError
 from recordings.mcap.header import calibration_to_json
 from recordings.mcap.reader import RunReader
 
-
-def calibration_identity(acquisition: Acquisition) -> str:
-    """Return what is equal for equal calibrations of the probes, and only then: hexadecimal digits."""
-    documents = {
-        channel.name: calibration_to_json(channel.calibration)
-        for channel in acquisition.channels
-        if channel.calibration is not None
-    }
-    return hashlib.sha256(json.dumps(documents, sort_keys=True).encode()).hexdigest()[:16]
+NOT_FINISHED = "not finished: it is still being written, or its writer was killed"
 
 
-NOT_FINISHED = "not finished: it is still being written, or its writer was ended by force"
+@dataclass(frozen=True, slots=True)
+class RunFile:
+    """Size and modification times of a run's file: what changes when the file changes.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    size : int
+        Bytes.
+    changed_ns : int
+        Modification time of the file, ns since 1970.
+    remarked_ns : int
+        Modification time of the annotations beside it, ns since 1970; 0 without annotations.
+    """
+
+    path: Path
+    size: int
+    changed_ns: int
+    remarked_ns: int
+
+    @classmethod
+    def from_path(cls, path: Path, *, may_have_annotations: bool = True) -> Self | None:
+        """Return the state of a file on disk; None if it is missing or not a regular file."""
+        try:
+            status = path.stat()
+        except OSError:
+            return None
+        if not stat.S_ISREG(status.st_mode):
+            return None
+        remarked_ns = 0
+        if may_have_annotations:
+            with suppress(OSError):
+                remarked_ns = annotations_path(path).stat().st_mtime_ns
+        return cls(path, status.st_size, status.st_mtime_ns, remarked_ns)
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,33 +61,33 @@ class RunEntry:
     Parameters
     ----------
     id : str
-        The run's id.
+        Run id: the file's name without suffix.
     path : Path
-        Its file.
+        The run's file.
     size : int
         Size of the file, bytes.
     changed_ns : int
-        When the file was last written to, ns since 1970.
+        Modification time of the file, ns since 1970.
     header : RunHeader or None
-        What was known when it started; None where the file cannot be read.
+        The run's header; None if the file cannot be read.
     duration : float
         Sample time, s.
     samples : int
         Samples per channel.
     is_complete : bool
-        Whether it was finished properly.
+        Whether the run was finished properly.
     is_gap_free : bool
-        Whether it is one segment without a loss.
+        Whether the run is one segment without a loss.
     fault : str
-        What is wrong with the file, for the operator; empty where all is well.
+        What is wrong with the file, for the operator; empty if nothing is.
     remark : str
-        Words added afterwards.
+        Text added after recording.
     tags : tuple of str
-        Tags given afterwards.
+        Tags added after recording.
     verdict : str
-        What the last verification of the file as it is came to (a `Verdict`); empty where there was none.
+        Result of the last verification of the file in its present state (a `Verdict`); empty if not verified.
     calibration : str
-        Identity of the probes' calibrations (`recordings.catalogue.entry`).
+        `calibration_identity` of the probes' calibrations.
     """
 
     id: str
@@ -80,12 +107,12 @@ class RunEntry:
 
     @property
     def started_ns(self) -> int:
-        """When the run began, ns since 1970; the file's last change where that cannot be read."""
+        """Start of the run, ns since 1970; the file's modification time if the header cannot be read."""
         return self.changed_ns if self.header is None else self.header.started_ns
 
 
 def read_entry(path: Path, size: int, changed_ns: int) -> RunEntry:
-    """Return the entry of a file, from the file alone; what is wrong with it is in the entry."""
+    """Return the entry of a file, read from the file alone; a read error becomes the entry's fault."""
     try:
         with RunReader(path) as reader:
             return RunEntry(
@@ -103,3 +130,13 @@ def read_entry(path: Path, size: int, changed_ns: int) -> RunEntry:
             )
     except RecordingError as error:
         return RunEntry(path.stem, path, size, changed_ns, fault=str(error))
+
+
+def calibration_identity(acquisition: Acquisition) -> str:
+    """Return a hash of the probes' calibrations, 16 hexadecimal digits: equal for equal calibrations only."""
+    calibrations = {
+        channel.name: calibration_to_json(channel.calibration)
+        for channel in acquisition.channels
+        if channel.calibration is not None
+    }
+    return hashlib.sha256(json.dumps(calibrations, sort_keys=True).encode()).hexdigest()[:16]

@@ -1,4 +1,4 @@
-"""A recording that comes from elsewhere: written aside, looked through, and only then given its place."""
+"""A recording that is copied into the data folder: written to a temporary file, verified, then moved to its path."""
 
 import os
 import tempfile
@@ -11,78 +11,86 @@ from recordings.integrity.verify import verify
 
 
 class IncomingRun:
-    """A file that is on its way in; nothing is left of it unless it was settled.
+    """A temporary file in the data folder that becomes a run with `commit`; `discard` removes it otherwise.
 
     Parameters
     ----------
-    place : Path
-        Where it is to lie; its folder is made where it is missing.
+    path : Path
+        The run's future path; its folder is created if missing.
 
     Raises
     ------
     RunExistsError
-        There is a file already.
+        If there is a file at the path.
     StorageError
-        Nothing can be written there.
+        If the folder cannot be written.
     """
 
-    def __init__(self, place: Path) -> None:
-        self._place = place
-        if place.exists():
-            raise RunExistsError(f"{place.name}: there is such a run already")
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        if path.exists():
+            raise _exists(path)
         try:
-            place.parent.mkdir(parents=True, exist_ok=True)
-            handle, name = tempfile.mkstemp(dir=place.parent, prefix=f".{place.stem}.", suffix=".part")
+            path.parent.mkdir(parents=True, exist_ok=True)
+            handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}.", suffix=".part")
         except OSError as error:
-            raise StorageError(f"{place}: cannot be written: {error.strerror or error}") from error
+            raise _not_written(path, error) from error
         self.temporary = Path(name)
         self._file = os.fdopen(handle, "wb")
 
-    def write(self, portion: bytes) -> None:
-        """Write a further portion; StorageError where the disk takes no more."""
+    def write(self, data: bytes) -> None:
+        """Append data; StorageError if the disk is full or fails."""
         try:
-            self._file.write(portion)
+            self._file.write(data)
         except OSError as error:
-            raise StorageError(f"{self._place}: cannot be written: {error.strerror or error}") from error
+            raise _not_written(self._path, error) from error
 
     def close(self) -> None:
-        """End the writing; StorageError where the disk takes no more."""
+        """Flush the data to the disk and close the file; StorageError if the disk is full or fails."""
         try:
             self._file.flush()
             os.fsync(self._file.fileno())
             self._file.close()
         except OSError as error:
-            raise StorageError(f"{self._place}: cannot be written: {error.strerror or error}") from error
+            raise _not_written(self._path, error) from error
 
     def commit(self) -> None:
-        """Give the file its place; never in place of another. RunExistsError, StorageError."""
-        move_without_overwriting(self.temporary, self._place)
+        """Move the file to the run's path, never over another file; RunExistsError, StorageError."""
+        move_without_overwriting(self.temporary, self._path)
 
     def discard(self) -> None:
-        """Leave nothing behind; harmless when settled."""
+        """Remove the temporary file; no effect after `commit`."""
         with suppress(OSError):
             self._file.close()
         with suppress(OSError):
             self.temporary.unlink(missing_ok=True)
 
 
-def move_without_overwriting(temporary: Path, place: Path) -> None:
-    """Give a finished file its place in the data folder; never in place of another. RunExistsError, StorageError."""
+def move_without_overwriting(source: Path, target: Path) -> None:
+    """Move a finished file into the data folder, never over another file; RunExistsError, StorageError."""
     try:
-        place.open("xb").close()
+        target.open("xb").close()  # reserves the name, so that no other process can take it
     except FileExistsError as error:
-        raise RunExistsError(f"{place.name}: there is such a run already") from error
+        raise _exists(target) from error
     except OSError as error:
-        raise StorageError(f"{place}: cannot be written: {error.strerror or error}") from error
+        raise _not_written(target, error) from error
     try:
-        replace_with_retry(temporary, place)
+        replace_with_retry(source, target)
     except OSError as error:
-        place.unlink(missing_ok=True)
-        raise StorageError(f"{place}: cannot be written: {error.strerror or error}") from error
+        target.unlink(missing_ok=True)
+        raise _not_written(target, error) from error
 
 
-def require_sound(temporary: Path) -> None:
-    """Raise DamagedError with what is wrong where a file is no whole recording."""
-    found = verify(temporary)
-    if found.faults:
-        raise DamagedError("no whole recording: " + "; ".join(f"{fault.where}: {fault.what}" for fault in found.faults))
+def require_sound(path: Path) -> None:
+    """Raise DamagedError with all faults if a file is not a complete, intact recording."""
+    faults = verify(path).faults
+    if faults:
+        raise DamagedError("not an intact recording: " + "; ".join(f"{fault.where}: {fault.what}" for fault in faults))
+
+
+def _exists(path: Path) -> RunExistsError:
+    return RunExistsError(f"{path.name}: a run of this name exists already")
+
+
+def _not_written(path: Path, error: OSError) -> StorageError:
+    return StorageError(f"{path}: cannot be written: {error.strerror or error}")

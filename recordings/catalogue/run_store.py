@@ -1,7 +1,8 @@
-"""The rows of one data folder in the catalogue's database."""
+"""Rows of one data folder in the catalogue's database: entries, summaries, tags, cached results."""
 
 import hashlib
 import json
+import math
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -10,34 +11,36 @@ from typing import Any
 
 from sqlalchemy import ColumnElement, Connection, RowMapping, and_, delete, select, update
 
+from analysis.live.summary import RunSummary
 from analysis.signals.header import RunHeader
 from recordings.catalogue.annotations import Annotations
 from recordings.catalogue.database import Database
 from recordings.catalogue.entry import RunEntry
-from recordings.catalogue.run_summary import SummarisedRun
-from recordings.catalogue.search import Search, condition
-from recordings.catalogue.tables import DOCUMENT, FINDING, MARK, REVISION, RUN, SETUP, TAG
+from recordings.catalogue.search import RPM, Search, search_condition
+from recordings.catalogue.tables import CACHED, FINDING, MARKER, REVISION, RUN, SETUP, TAG
 from recordings.errors import DamagedError
 from recordings.mcap.header import header_from_json, header_to_json
+from recordings.mcap.markers import Marker
 
-OWN_KEYS = {"run": "", "started_ns": 0, "note": ""}
-"""What of a header is a single run's own; the rest is kept once for all runs that share it."""
+MICRO = 1e-6
+PER_RUN_KEYS = {"run": "", "started_ns": 0, "note": ""}
+"""Header keys that differ from run to run; the rest is stored once for all runs that share it."""
 
 
 @dataclass(frozen=True, slots=True)
 class StoredRun:
-    """An entry as it is kept.
+    """An entry as read from the database.
 
     Parameters
     ----------
     entry : RunEntry
         The entry.
     remarked_ns : int
-        Last change of the annotations in it, ns since 1970; 0 where there were none.
+        Modification time of the annotations in the entry, ns since 1970; 0 without annotations.
     is_summarised : bool
-        Whether what a search needs of its summary is kept too.
+        Whether the summary is stored too.
     revision : int
-        Of the folder's rows when it was read.
+        Revision of the folder's rows when the entry was read.
     """
 
     entry: RunEntry
@@ -46,15 +49,67 @@ class StoredRun:
     revision: int
 
 
+@dataclass(frozen=True, slots=True)
+class SummarisedRun:
+    """A run with its summary and markers, as rows of the search tables.
+
+    Parameters
+    ----------
+    entry : RunEntry
+        The run, with the state of its file when it was read.
+    summary : RunSummary
+        Its summary.
+    markers : tuple of Marker
+        Its markers.
+    """
+
+    entry: RunEntry
+    summary: RunSummary
+    markers: tuple[Marker, ...]
+
+    def columns(self) -> dict[str, Any]:
+        """Return the summary columns of the run's own row."""
+        summary = self.summary
+        return {
+            "is_summarised": True,
+            "lowest_speed_rpm": _finite(summary.lowest_speed / RPM),
+            "highest_speed_rpm": _finite(summary.highest_speed / RPM),
+            "largest_peak_to_peak_um": _finite(summary.largest_peak_to_peak / MICRO),
+            "severity": summary.severity.value,
+        }
+
+    def finding_rows(self) -> list[dict[str, Any]]:
+        """Return one row for each sub-synchronous component."""
+        return [
+            {
+                "number": number,
+                "order": whirl.order,
+                "is_forward": whirl.is_forward,
+                "onset_rpm": whirl.begin.speed / RPM,
+                "end_rpm": whirl.end.speed / RPM,
+                "largest_peak_um": whirl.amplitude / MICRO,
+            }
+            for number, whirl in enumerate(self.summary.whirls)
+            if math.isfinite(whirl.begin.speed) and math.isfinite(whirl.end.speed)
+        ]
+
+    def marker_rows(self) -> list[dict[str, Any]]:
+        """Return one row for each marker."""
+        return [
+            {"number": number, "segment": marker.segment, "sample": marker.sample, "text": marker.text}
+            for number, marker in enumerate(self.markers)
+        ]
+
+
 class RunStore:
-    """Entries of a folder's runs, kept in a database.
+    """Entries of the runs of a data folder in the catalogue's database.
 
     Parameters
     ----------
     folder : Path
         The data folder.
     database : Database
-        Where the rows are.
+        The database.
     """
 
     def __init__(self, folder: Path, database: Database) -> None:
@@ -64,107 +119,109 @@ class RunStore:
         self._setups: dict[str, RunHeader] = {}
 
     def revision(self) -> int:
-        """Return a number that rises with every change of the folder's rows, by whomever."""
+        """Return the folder's revision: a number that increases with every change of its rows, by any process."""
         with self._database.reading() as connection:
             return self._revision(connection)
 
     def entries(self, search: Search | None = None, run_id: str = "") -> dict[str, StoredRun]:
-        """Return what is kept, newest first, by id: of all runs, of those of a search, or of one."""
-        of_folder = RUN.c.folder == self._name
-        wanted = and_(of_folder, condition(search)) if search else of_folder
+        """Return the stored runs by id, newest first: all, those that match a search, or the one of an id."""
+        is_wanted = RUN.c.folder == self._name
+        if search is not None:
+            is_wanted = and_(is_wanted, search_condition(search))
         if run_id:
-            wanted = and_(wanted, RUN.c.id == run_id)
+            is_wanted = and_(is_wanted, RUN.c.id == run_id)
         with self._database.reading() as connection:
             revision = self._revision(connection)
-            rows = connection.execute(select(RUN).where(wanted).order_by(RUN.c.started_ns.desc(), RUN.c.id.desc()))
-            kept = list(rows.mappings())
-            self._load_setups(connection, {row["setup"] for row in kept} - {None})
+            selected = select(RUN).where(is_wanted).order_by(RUN.c.started_ns.desc(), RUN.c.id.desc())
+            rows = list(connection.execute(selected).mappings())
+            self._load_setups(connection, {row["setup"] for row in rows} - {None})
             tags = self._tags(connection, run_id)
         return {
             row["id"]: StoredRun(
                 self._entry(row, tags.get(row["id"], ())), row["remarked_ns"], row["is_summarised"], revision
             )
-            for row in kept
+            for row in rows
         }
 
-    def put(self, entries: list[RunEntry]) -> None:
-        """Keep entries in place of those before; what was known of files that have changed since is forgotten."""
+    def store_entries(self, entries: list[RunEntry]) -> None:
+        """Store entries in place of earlier ones; the summaries, findings and tags of those are deleted."""
         if not entries:
             return
         setups, rows = {}, []
         for entry in entries:
             setup = None
             if entry.header is not None:
-                document = json.dumps(header_to_json(entry.header) | OWN_KEYS, sort_keys=True)
-                setup = hashlib.sha256(document.encode()).hexdigest()
-                setups[setup] = document
+                shared = json.dumps(header_to_json(entry.header) | PER_RUN_KEYS, sort_keys=True)
+                setup = hashlib.sha256(shared.encode()).hexdigest()
+                setups[setup] = shared
             rows.append(self._row(entry, setup))
         with self._writing() as connection:
-            self._database.put(connection, SETUP, [{"id": key, "document": text} for key, text in setups.items()])
-            for entry in entries:  # findings and tags go with it
+            self._database.upsert(connection, SETUP, [{"id": key, "document": text} for key, text in setups.items()])
+            for entry in entries:  # deletes findings and tags with the row
                 connection.execute(delete(RUN).where(self._is(RUN, entry.id)))
-            self._database.put(connection, RUN, rows)
+            self._database.upsert(connection, RUN, rows)
 
     def annotate(self, run_id: str, annotations: Annotations, changed_ns: int) -> None:
-        """Keep the words on a run."""
+        """Store the annotations of a run, with the modification time of their file, ns since 1970."""
         with self._writing() as connection:
             values = {"remark": annotations.remark, "remarked_ns": changed_ns}
             if connection.execute(update(RUN).where(self._is(RUN, run_id)).values(values)).rowcount:
                 connection.execute(delete(TAG).where(self._is(TAG, run_id)))
                 rows = [{"folder": self._name, "id": run_id, "tag": tag} for tag in annotations.tags]
-                self._database.put(connection, TAG, rows)
+                self._database.upsert(connection, TAG, rows)
 
     @contextmanager
-    def turn(self) -> Iterator[None]:
-        """Keep all other writers of the catalogue, in whatever process, waiting."""
+    def writer_lock(self) -> Iterator[None]:
+        """Hold the catalogue's write lock: all other writers, in any process, wait."""
         with self._database.writing():
             yield
 
     def store_verdict(self, run_id: str, verdict: str) -> None:
-        """Keep what a verification came to."""
+        """Store the verdict of a verification."""
         with self._writing() as connection:
             connection.execute(update(RUN).where(self._is(RUN, run_id)).values(verdict=verdict))
 
-    def summarise(self, found: Iterable[SummarisedRun]) -> None:
-        """Keep what was found in runs whose files have not changed since."""
+    def store_summaries(self, runs: Iterable[SummarisedRun]) -> None:
+        """Store summaries and markers of runs; a run whose file has changed since it was read is left out."""
         with self._writing() as connection:
-            for one in found:
-                entry, key = one.entry, {"folder": self._name, "id": one.entry.id}
+            for run in runs:
+                entry, key = run.entry, {"folder": self._name, "id": run.entry.id}
                 same = and_(self._is(RUN, entry.id), RUN.c.size == entry.size, RUN.c.changed_ns == entry.changed_ns)
-                if connection.execute(update(RUN).where(same).values(one.columns())).rowcount:
-                    for table, rows in ((FINDING, one.finding_rows()), (MARK, one.marker_rows())):
+                if connection.execute(update(RUN).where(same).values(run.columns())).rowcount:
+                    for table, rows in ((FINDING, run.finding_rows()), (MARKER, run.marker_rows())):
                         connection.execute(delete(table).where(self._is(table, entry.id)))
-                        self._database.put(connection, table, [key | row for row in rows])
+                        self._database.upsert(connection, table, [key | row for row in rows])
 
-    def forget(self, run_ids: list[str]) -> None:
-        """Drop what is kept of runs that are gone."""
+    def delete_runs(self, run_ids: list[str]) -> None:
+        """Delete all rows of runs whose files are gone."""
         with self._writing() as connection:
             for run_id in run_ids:
-                connection.execute(delete(DOCUMENT).where(self._is(DOCUMENT, run_id)))
+                connection.execute(delete(CACHED).where(self._is(CACHED, run_id)))
                 connection.execute(delete(RUN).where(self._is(RUN, run_id)))
 
     def load_cached(self, run_id: str, name: str, size: int, changed_ns: int) -> dict[str, Any] | None:
-        """Return a document computed from the file of this size and time of change; None where there is none."""
-        of_file = and_(DOCUMENT.c.name == name, DOCUMENT.c.size == size, DOCUMENT.c.changed_ns == changed_ns)
+        """Return a result cached for the file of this size and modification time; None if there is none."""
+        of_file = and_(CACHED.c.name == name, CACHED.c.size == size, CACHED.c.changed_ns == changed_ns)
         with self._database.reading() as connection:
-            text = connection.execute(select(DOCUMENT.c.document).where(self._is(DOCUMENT, run_id), of_file)).scalar()
+            text = connection.execute(select(CACHED.c.document).where(self._is(CACHED, run_id), of_file)).scalar()
         try:
-            document = None if text is None else json.loads(text)
+            result = None if text is None else json.loads(text)
         except ValueError:
             return None
-        return document if isinstance(document, dict) else None
+        return result if isinstance(result, dict) else None
 
-    def store_cached(self, run_id: str, name: str, size: int, changed_ns: int, document: Mapping[str, Any]) -> None:
-        """Keep a document computed from the file of this size and time of change."""
+    def store_cached(self, run_id: str, name: str, size: int, changed_ns: int, result: Mapping[str, Any]) -> None:
+        """Cache a result computed from the file of this size and modification time."""
         row = {"folder": self._name, "id": run_id, "name": name, "size": size, "changed_ns": changed_ns}
-        with self._database.writing() as connection:  # no part of an entry: the revision stays
-            self._database.put(connection, DOCUMENT, [row | {"document": json.dumps(document)}])
+        with self._database.writing() as connection:  # no part of an entry, so the revision stays
+            self._database.upsert(connection, CACHED, [row | {"document": json.dumps(result)}])
 
     @contextmanager
     def _writing(self) -> Iterator[Connection]:
+        """Yield a writing connection that increments the revision."""
         with self._database.writing() as connection:
             number = self._revision(connection) + 1
-            self._database.put(connection, REVISION, [{"folder": self._name, "number": number}])
+            self._database.upsert(connection, REVISION, [{"folder": self._name, "number": number}])
             yield connection
 
     def _revision(self, connection: Connection) -> int:
@@ -217,20 +274,25 @@ class RunStore:
             calibration=row["calibration"],
         )
 
-    def _load_setups(self, connection: Connection, wanted: set[str]) -> None:
-        missing = wanted - self._setups.keys()
+    def _load_setups(self, connection: Connection, keys: set[str]) -> None:
+        """Load the shared header parts of these keys into memory."""
+        missing = keys - self._setups.keys()
         if not missing:
             return
-        for key, document in connection.execute(select(SETUP.c.id, SETUP.c.document)):
+        for key, text in connection.execute(select(SETUP.c.id, SETUP.c.document)):
             if key in missing:
                 try:
-                    self._setups[key] = header_from_json(json.loads(document))
-                except (DamagedError, ValueError):  # as good as none: its runs are read again
+                    self._setups[key] = header_from_json(json.loads(text))
+                except (DamagedError, ValueError):  # its runs are read from their files again
                     continue
 
     def _tags(self, connection: Connection, run_id: str) -> dict[str, tuple[str, ...]]:
-        wanted = self._is(TAG, run_id) if run_id else TAG.c.folder == self._name
+        is_wanted = self._is(TAG, run_id) if run_id else TAG.c.folder == self._name
         tags: dict[str, tuple[str, ...]] = {}
-        for of_run, tag in connection.execute(select(TAG.c.id, TAG.c.tag).where(wanted).order_by(TAG.c.tag)):
-            tags[of_run] = (*tags.get(of_run, ()), tag)
+        for tagged_id, tag in connection.execute(select(TAG.c.id, TAG.c.tag).where(is_wanted).order_by(TAG.c.tag)):
+            tags[tagged_id] = (*tags.get(tagged_id, ()), tag)
         return tags
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None

@@ -1,31 +1,31 @@
-"""Questions to the catalogue."""
+"""Search criteria for runs, and their SQL condition."""
 
 import math
 from dataclasses import dataclass
 
 from sqlalchemy import ColumnElement, and_, exists, or_
 
-from recordings.catalogue.tables import FINDING, MARK, RUN, TAG
+from recordings.catalogue.tables import FINDING, MARKER, RUN, TAG
 
 RPM = 2 * math.pi / 60
 
 
 @dataclass(frozen=True, slots=True)
 class Search:
-    """What runs are wanted; all that is given must hold.
+    """Search criteria; a run must meet all that are given.
 
-    Speeds and findings are known of runs that have been indexed with their summary.
+    Only runs that are indexed with their summary have speeds and findings.
 
     Parameters
     ----------
     started_from_ns, started_before_ns : int or None
-        When the run began, ns since 1970.
+        Start of the run, ns since 1970: from, and before.
     speed_low, speed_high : float or None
-        The run went through some speed of this range, rad/s.
+        The run reached a speed within this range, rad/s.
     text : str
-        Words that all stand somewhere in id, rig, note, remark or a marker, whatever their case.
+        Words that must all occur in id, rig, note, remark or markers, in any case.
     tags : tuple of str
-        Tags that it all has.
+        Tags that the run must all have.
     onset_below : float or None
         A sub-synchronous component began below this speed, rad/s.
     is_complete : bool or None
@@ -35,7 +35,7 @@ class Search:
     serial : str
         Serial number of the device.
     calibration : str
-        Identity of the probes' calibrations (`recordings.catalogue.entry`), or its first digits.
+        `calibration_identity` of the probes' calibrations, or its first digits.
     """
 
     started_from_ns: int | None = None
@@ -51,8 +51,8 @@ class Search:
     calibration: str = ""
 
 
-def condition(search: Search) -> ColumnElement[bool]:
-    """Return the search as a condition on a row of the table of runs."""
+def search_condition(search: Search) -> ColumnElement[bool]:
+    """Return the criteria as an SQL condition on a row of the run table."""
     terms: list[ColumnElement[bool]] = [RUN.c.id == RUN.c.id]
     if search.started_from_ns is not None:
         terms.append(RUN.c.started_ns >= search.started_from_ns)
@@ -67,12 +67,12 @@ def condition(search: Search) -> ColumnElement[bool]:
     terms += [column == name for column, name in ((RUN.c.rig, search.rig), (RUN.c.serial, search.serial)) if name]
     if search.calibration:
         terms.append(RUN.c.calibration.startswith(search.calibration, autoescape=True))
-    searched = (RUN.c.id, RUN.c.rig, RUN.c.note, RUN.c.remark)
+    text_columns = (RUN.c.id, RUN.c.rig, RUN.c.note, RUN.c.remark)
     for word in search.text.split():
-        named = exists().where(
-            MARK.c.folder == RUN.c.folder, MARK.c.id == RUN.c.id, MARK.c.text.icontains(word, autoescape=True)
+        in_markers = exists().where(
+            MARKER.c.folder == RUN.c.folder, MARKER.c.id == RUN.c.id, MARKER.c.text.icontains(word, autoescape=True)
         )
-        terms.append(or_(named, *(column.icontains(word, autoescape=True) for column in searched)))
+        terms.append(or_(in_markers, *(column.icontains(word, autoescape=True) for column in text_columns)))
     terms += [
         exists().where(TAG.c.folder == RUN.c.folder, TAG.c.id == RUN.c.id, TAG.c.tag == tag) for tag in search.tags
     ]

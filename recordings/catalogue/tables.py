@@ -1,9 +1,9 @@
-"""The tables of the catalogue, alike on SQLite and PostgreSQL."""
+"""Tables of the catalogue, the same on SQLite and PostgreSQL."""
 
 from sqlalchemy import BigInteger, Boolean, Column, Float, ForeignKeyConstraint, Integer, MetaData, String, Table, Text
 
 VERSION = 2
-"""Of the tables; a catalogue of another version is thrown away and built again from the files."""
+"""Version of the tables; a catalogue of another version is deleted and built again from the files."""
 
 ID_LENGTH = 128
 FOLDER_LENGTH = 512
@@ -12,20 +12,18 @@ METADATA = MetaData()
 
 SCHEMA = Table("rig_schema", METADATA, Column("version", Integer, primary_key=True))
 
-REVISION = (
-    Table(  # rises with every change of a folder's rows: what was read before is still true as long as it does not
-        "rig_revision",
-        METADATA,
-        Column("folder", String(FOLDER_LENGTH), primary_key=True),
-        Column("number", BigInteger, nullable=False),
-    )
+REVISION = Table(  # incremented with every change of a folder's rows: cached entries hold as long as it stays
+    "rig_revision",
+    METADATA,
+    Column("folder", String(FOLDER_LENGTH), primary_key=True),
+    Column("number", BigInteger, nullable=False),
 )
 
 SETUP = Table(
     "rig_setup",
     METADATA,
-    Column("id", String(64), primary_key=True),  # SHA-256 of the document
-    Column("document", Text, nullable=False),  # a header without what is a single run's own
+    Column("id", String(64), primary_key=True),  # SHA-256 of the JSON document
+    Column("document", Text, nullable=False),  # header as JSON, without the keys of a single run
 )
 
 RUN = Table(
@@ -36,20 +34,20 @@ RUN = Table(
     Column("size", BigInteger, nullable=False),
     Column("changed_ns", BigInteger, nullable=False),
     Column("started_ns", BigInteger, nullable=False),
-    Column("setup", String(64)),  # null where the file cannot be read
-    Column("run", Text, nullable=False, default=""),  # the id in the header: a copy has another name
+    Column("setup", String(64)),  # null if the file cannot be read
+    Column("run", Text, nullable=False, default=""),  # the id in the header: a renamed copy has another file name
     Column("rig", Text, nullable=False, default=""),
-    Column("note", Text, nullable=False, default=""),  # the operator's words, recorded with the run
+    Column("note", Text, nullable=False, default=""),  # the operator's note, stored in the recording
     Column("serial", Text, nullable=False, default=""),
-    Column("calibration", String(64), nullable=False, default=""),  # identity of the probes' calibrations
+    Column("calibration", String(64), nullable=False, default=""),  # `calibration_identity`
     Column("duration_s", Float, nullable=False),
     Column("samples", BigInteger, nullable=False),
     Column("is_complete", Boolean, nullable=False),
     Column("is_gap_free", Boolean, nullable=False),
     Column("fault", Text, nullable=False),
-    Column("remark", Text, nullable=False, default=""),  # words added afterwards
-    Column("remarked_ns", BigInteger, nullable=False, default=0),  # last change of the file with remark and tags
-    Column("verdict", String(16), nullable=False, default=""),  # empty where it has not been verified
+    Column("remark", Text, nullable=False, default=""),  # added after recording
+    Column("remarked_ns", BigInteger, nullable=False, default=0),  # modification time of the annotations file
+    Column("verdict", String(16), nullable=False, default=""),  # empty if not verified
     Column("is_summarised", Boolean, nullable=False, default=False),
     Column("lowest_speed_rpm", Float),
     Column("highest_speed_rpm", Float),
@@ -58,8 +56,8 @@ RUN = Table(
 )
 
 
-def _of_run(table: str, *columns: Column[object]) -> Table:
-    """Return a table whose rows belong to a run and go with it."""
+def _run_table(table: str, *columns: Column[object]) -> Table:
+    """Return a table whose rows belong to a run and are deleted with it."""
     return Table(
         table,
         METADATA,
@@ -70,9 +68,9 @@ def _of_run(table: str, *columns: Column[object]) -> Table:
     )
 
 
-TAG = _of_run("rig_tag", Column[object]("tag", String(64), primary_key=True))
+TAG = _run_table("rig_tag", Column[object]("tag", String(64), primary_key=True))
 
-FINDING = _of_run(  # sub-synchronous components
+FINDING = _run_table(  # sub-synchronous components
     "rig_finding",
     Column[object]("number", Integer, primary_key=True),
     Column[object]("order", Float, nullable=False),
@@ -82,7 +80,7 @@ FINDING = _of_run(  # sub-synchronous components
     Column[object]("largest_peak_um", Float, nullable=False),
 )
 
-MARK = _of_run(  # moments that were named while the run was recorded
+MARKER = _run_table(
     "rig_mark",
     Column[object]("number", Integer, primary_key=True),
     Column[object]("segment", Integer, nullable=False),
@@ -90,7 +88,7 @@ MARK = _of_run(  # moments that were named while the run was recorded
     Column[object]("text", Text, nullable=False),
 )
 
-DOCUMENT = Table(  # computed from runs; good only for the file of this size and time of change
+CACHED = Table(  # results computed from a run, valid for the file of this size and modification time
     "rig_document",
     METADATA,
     Column("folder", String(FOLDER_LENGTH), primary_key=True),

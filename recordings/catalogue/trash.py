@@ -1,4 +1,4 @@
-"""Runs that are put away: moved into a folder inside the data folder, never deleted, and moved back."""
+"""The trash: a folder inside the data folder to which runs are moved; nothing is deleted, and runs can be restored."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -6,7 +6,7 @@ from itertools import count
 from pathlib import Path
 
 from recordings.atomic_file import replace_with_retry
-from recordings.catalogue import annotations
+from recordings.catalogue.annotations import annotations_path
 from recordings.catalogue.incoming_run import move_without_overwriting
 from recordings.errors import NotFoundError, StorageError
 
@@ -20,7 +20,7 @@ class TrashedRun:
     Parameters
     ----------
     name : str
-        Its file's name there, without suffix: the run's id, with a number behind where there was one already.
+        Name of its file in the trash without suffix: the run's id, with a number appended if that name was taken.
     size : int
         Bytes.
     """
@@ -30,79 +30,79 @@ class TrashedRun:
 
 
 def move_to_trash(run: Path) -> Path:
-    """Move a run's file and what was said of it into the trash beside it; return where the file is now.
+    """Move a run's file and its annotations to the trash beside it; return the new path.
 
-    NotFoundError where it has gone, StorageError where it cannot be moved.
+    Raises NotFoundError if the file is gone, StorageError if it cannot be moved.
     """
     folder = run.parent / FOLDER
     try:
         folder.mkdir(exist_ok=True)
-        place = _free(folder, run)
+        target = _reserved_path(folder, run)
         try:
-            replace_with_retry(run, place)
+            replace_with_retry(run, target)
         except OSError:
-            place.unlink()
+            target.unlink()
             raise
-        _move_words(run, place)
+        _move_annotations(run, target)
     except FileNotFoundError as error:
-        raise NotFoundError(f"run {run.stem!r}: its file has gone") from error
+        raise NotFoundError(f"run {run.stem!r}: its file is gone") from error
     except OSError as error:
         raise StorageError(f"{run}: cannot be moved to {folder}: {error.strerror or error}") from error
-    return place
+    return target
 
 
-def listed(data: Path, suffix: str) -> Iterator[TrashedRun]:
-    """Yield the files with a suffix in the trash of a data folder, by name; StorageError where it cannot be read."""
+def list_trash(data_folder: Path, suffix: str) -> Iterator[TrashedRun]:
+    """Yield the files with this suffix in the trash, sorted by name; StorageError if the trash cannot be read."""
     try:
-        for path in sorted((data / FOLDER).glob(f"*{suffix}")):
+        for path in sorted((data_folder / FOLDER).glob(f"*{suffix}")):
             if path.is_file():
                 yield TrashedRun(path.stem, path.stat().st_size)
     except OSError as error:
-        raise StorageError(f"{data / FOLDER}: cannot be read: {error.strerror or error}") from error
+        raise StorageError(f"{data_folder / FOLDER}: cannot be read: {error.strerror or error}") from error
 
 
-def restore(data: Path, name: str, place: Path) -> None:
-    """Move a run out of the trash of a data folder to its place in it, never in place of another.
+def restore(data_folder: Path, name: str, target: Path) -> None:
+    """Move a run from the trash back into the data folder, never over another file.
 
     Parameters
     ----------
-    data : Path
-        The folder.
+    data_folder : Path
+        The data folder.
     name : str
-        As `listed` gives it.
-    place : Path
-        Where the run is to lie.
+        Name in the trash, as in `TrashedRun`.
+    target : Path
+        New path of the run.
 
     Raises
     ------
     NotFoundError
-        There is none of this name.
+        If the trash has no run of this name.
     RunExistsError, StorageError
-        There is a run already, or it cannot be moved.
+        If there is a file at the target, or the run cannot be moved.
     """
-    file = data / FOLDER / f"{name}{place.suffix}"
-    if name not in {each.name for each in listed(data, place.suffix)}:
-        raise NotFoundError(f"{name[:120]!r}: there is none of this name in {file.parent}")
-    move_without_overwriting(file, place)
+    file = data_folder / FOLDER / f"{name}{target.suffix}"
+    if name not in {run.name for run in list_trash(data_folder, target.suffix)}:
+        raise NotFoundError(f"{name[:120]!r}: no run of this name in {file.parent}")
+    move_without_overwriting(file, target)
     try:
-        _move_words(file, place)
+        _move_annotations(file, target)
     except OSError as error:
-        raise StorageError(f"{place}: what was said of it stays in {file.parent}: {error.strerror or error}") from error
+        raise StorageError(f"{target}: its annotations stay in {file.parent}: {error.strerror or error}") from error
 
 
-def _free(folder: Path, run: Path) -> Path:
-    """Return a file of the trash that nobody else can take."""
+def _reserved_path(folder: Path, run: Path) -> Path:
+    """Return the path of a new, empty file in the trash; creating it reserves the name among processes."""
     for number in count(1):
-        place = folder / (run.name if number == 1 else f"{run.stem} ({number}){run.suffix}")
+        path = folder / (run.name if number == 1 else f"{run.stem} ({number}){run.suffix}")
         try:
-            place.open("xb").close()
+            path.open("xb").close()
         except FileExistsError:
             continue
-        return place
-    raise AssertionError("numbers have no end")
+        return path
+    raise AssertionError("unreachable")
 
 
-def _move_words(run: Path, place: Path) -> None:
-    words = annotations.place_of(run)
-    if words.exists():
-        words.replace(annotations.place_of(place))
+def _move_annotations(run: Path, target: Path) -> None:
+    annotations = annotations_path(run)
+    if annotations.exists():
+        annotations.replace(annotations_path(target))

@@ -306,7 +306,7 @@ class Container:
         return DamagedError(f"{self.path}: the {place.length} bytes from byte {place.offset} on are damaged")
 
 
-def is_ended(path: Path) -> bool:
+def has_end_magic(path: Path) -> bool:
     """Return whether a file ends as a finished MCAP file does."""
     try:
         with path.open("rb") as file:

@@ -140,7 +140,7 @@ def recovery(tell: ReportProgress, target: Path, place: CatalogueLocation, run: 
     catalogue = place.catalogue()
     copy = catalogue.path_for(f"{run}-recovered")
     if copy.exists():
-        raise RunExistsError(f"{copy.name}: there is such a run already")
+        raise RunExistsError(f"{copy.name}: a run of this name exists already")
     temporary = target.with_name(copy.name)
     found = recover(catalogue.path(run), temporary)
     move_without_overwriting(temporary, copy)

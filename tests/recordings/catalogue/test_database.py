@@ -44,7 +44,7 @@ def test_a_catalogue_that_another_process_holds_is_left_alone(tmp_path: Path) ->
         other.execute("BEGIN IMMEDIATE")
         with (
             pytest.raises(StorageError, match=r"catalogue\.sqlite: database is locked"),
-            Database(tmp_path, patience=0.1).writing(),
+            Database(tmp_path, lock_timeout=0.1).writing(),
         ):
             pass
     assert file.stat().st_ino == before
@@ -71,9 +71,9 @@ def test_a_server_that_takes_a_call_and_says_nothing_is_given_up() -> None:
 def test_a_writer_of_a_server_waits_for_its_turn_no_longer_than_it_may(postgresql: str, tmp_path: Path) -> None:
     address = new_schema(postgresql, f"test_{uuid4().hex}")
     with Database(tmp_path, address).writing(), pytest.raises(StorageError, match="lock timeout"):  # noqa: SIM117
-        with Database(tmp_path, address, patience=0.2).writing():
+        with Database(tmp_path, address, lock_timeout=0.2).writing():
             pass
-    with Database(tmp_path, address, patience=0.2).writing():
+    with Database(tmp_path, address, lock_timeout=0.2).writing():
         pass
 
 

@@ -187,7 +187,7 @@ def test_recovery_lists_a_copy_of_what_is_intact(bench: RecordedBench) -> None:
     assert listed["samples"] == made["samples"]
     again = ended(bench, begun(bench, kind="recovery", run="cut"))
     assert again.state == "failed"
-    assert "such a run already" in again.detail
+    assert "exists already" in again.detail
 
 
 def test_index_says_what_is_new(bench: RecordedBench) -> None:
