@@ -106,7 +106,7 @@ def _add_option(command: argparse.ArgumentParser, field: str, info: FieldInfo) -
     default_text = "" if default is None else f" (default: {default})"
     choices = [each.value for each in type(default)] if isinstance(type(default), EnumType) else None
     description = PARAMETER_NAME.sub(lambda named: _option(named[1]), f"{info.description}{default_text}")
-    description = description.replace("%", "%%").replace("is a 404", "is refused")
+    description = description.replace("%", "%%")
     metavar = None if choices else "VALUE"
     command.add_argument(
         _option(field), dest=f"{DEST_PREFIX}{field}", choices=choices, default=argparse.SUPPRESS, metavar=metavar,

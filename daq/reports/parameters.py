@@ -33,7 +33,7 @@ class FrameQuery(QueryParameters):
     time_s: Annotated[
         float | None,
         Field(
-            description="Sample time in the segment, s; no frame within 1 s is a 404",
+            description="Sample time in the segment, s; refused where no frame is within 1 s",
             ge=0,
             le=MAX_TIME,
             examples=[98.4],
@@ -42,8 +42,8 @@ class FrameQuery(QueryParameters):
     speed_rpm: Annotated[
         float | None,
         Field(
-            description="Shaft speed, r/min; 404 where no frame is within 2 % (or 100 r/min). With `time_s`, the frame "
-            "of about this speed that is nearest to that time; without either, the frame of the largest vibration",
+            description="Shaft speed, r/min; refused where no frame is within 2 % (or 100 r/min). With `time_s`, the "
+            "frame of about this speed that is nearest to that time; without either, the frame of the largest vibration",
             gt=0,
             le=MAX_SPEED_RPM,
             examples=[11_000.0],
@@ -125,7 +125,7 @@ class SamplesQuery(QueryParameters):
     segment: Annotated[int, Field(description="Gap-free stretch of the run", ge=0, le=1_000_000, examples=[0])] = 0
     from_s: Annotated[
         float,
-        Field(description="Time in the segment, s; past its end is a 404", ge=0, le=MAX_TIME, examples=[1.0]),
+        Field(description="Time in the segment, s; refused past its end", ge=0, le=MAX_TIME, examples=[1.0]),
     ] = 0.0
     duration_s: Annotated[
         float,

@@ -325,7 +325,7 @@ def test_progress_rises_while_samples_are_read(reader: RunReader) -> None:
 
 def done(bench: RecordedBench, **order: object) -> Any:
     """Have a job done; return its result's answer."""
-    begun = bench.client.post(f"{API}/jobs", json={"kind": "answer", "run": RUN, **order})
+    begun = bench.client.post(f"{API}/jobs", json={"kind": "result", "run": RUN, **order})
     assert begun.status_code == 202, begun.text
     place = begun.headers["location"]
     until = time.monotonic() + 120.0
@@ -337,12 +337,12 @@ def done(bench: RecordedBench, **order: object) -> Any:
 
 def test_job_makes_the_very_answer_of_an_address_and_draws_it(bench: RecordedBench) -> None:
     asked = {"orders": "0.45,1,2"}
-    made = done(bench, address="analyses/envelopes", parameters=asked)
+    made = done(bench, path="analyses/envelopes", parameters=asked)
     assert made.json() == bench.get("/analyses/envelopes", **asked).json()
-    drawn = done(bench, address="analyses/bifurcation", parameters={"format": "svg"})
+    drawn = done(bench, path="analyses/bifurcation", parameters={"format": "svg"})
     assert drawn.headers["content-type"] == "image/svg+xml"
     assert drawn.text == bench.get("/analyses/bifurcation", format="svg").text
-    wrong = {"kind": "answer", "run": RUN, "address": "analyses/bode", "parameters": {"order": -1}}
+    wrong = {"kind": "result", "run": RUN, "path": "analyses/bode", "parameters": {"order": -1}}
     assert bench.client.post(f"{API}/jobs", json=wrong).status_code == 422
 
 
