@@ -43,7 +43,7 @@ class FrameQuery(QueryParameters):
         float | None,
         Field(
             description="Shaft speed, r/min; refused where no frame is within 2 % (or 100 r/min). With `time_s`, the "
-            "frame of about this speed that is nearest to that time; without either, the frame of the largest vibration",
+            "frame near this speed that is nearest to that time. Without either, the frame of the largest vibration",
             gt=0,
             le=MAX_SPEED_RPM,
             examples=[11_000.0],
