@@ -12,7 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from analysis.live.alarms import Alarm, MonitoredQuantity
 from analysis.signals.blocks import TimeInRun
 from analysis.signals.header import Severity
-from daq.schemas.units import Schema, finite, micrometres, moment, rpm
+from daq.schemas.units import Schema, finite, micrometres, utc_time, rpm
 from daq.session.alarms import alarm_name, alarm_value_text
 from daq.session.live_update import TimedMarker
 from recordings.mcap.markers import MAX_MARKER_LENGTH, Marker, MarkerKind
@@ -68,7 +68,7 @@ def marker_schema(marker: Marker, rate: float) -> MarkerSchema:
         text=marker.text,
         segment=marker.segment,
         time_s=finite(marker.sample / rate),
-        marked_at=moment(marker.host_time_ns),
+        marked_at=utc_time(marker.host_time_ns),
     )
 
 
@@ -79,7 +79,7 @@ def live_marker_schema(placed: TimedMarker) -> LiveMarkerSchema:
         text=placed.marker.text,
         segment=placed.marker.segment,
         time_s=finite(placed.time),
-        marked_at=moment(placed.marker.host_time_ns),
+        marked_at=utc_time(placed.marker.host_time_ns),
         elapsed_s=finite(placed.elapsed),
     )
 

@@ -18,7 +18,7 @@ from daq.schemas.header import (
     limits_schema,
     runout_schema,
 )
-from daq.schemas.units import Schema, finite, micrometres, moment, rpm
+from daq.schemas.units import Schema, finite, micrometres, utc_time, rpm
 from daq.schemas.vibration import (
     Direction,
     MeasuredProbeVectorsSchema,
@@ -222,7 +222,7 @@ def live_schema(frame: LiveUpdate) -> LiveSchema:
     return LiveSchema(
         run=header.run,
         rig=header.rig,
-        started_at=moment(header.started_ns),
+        started_at=utc_time(header.started_ns),
         device=device_schema(header.acquisition.device),
         limits=limits_schema(header.limits),
         runout=runout_schema(header.settings.runout, frame.runout),

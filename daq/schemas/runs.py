@@ -10,7 +10,7 @@ from typing import Annotated
 from pydantic import Field
 
 from daq.schemas.header import ChannelSchema, DeviceSchema, channel_schema, device_schema
-from daq.schemas.units import Schema, finite, moment
+from daq.schemas.units import Schema, finite, utc_time
 from recordings.catalogue.catalogue import RunEntry
 from recordings.catalogue.indexing import IndexReport
 
@@ -67,7 +67,7 @@ def run_schema(entry: RunEntry) -> RunSchema:
         note=None if header is None else header.note,
         device=None if header is None else device_schema(header.acquisition.device),
         channels=None if header is None else tuple(map(channel_schema, header.acquisition.channels)),
-        started_at=moment(entry.started_ns),
+        started_at=utc_time(entry.started_ns),
         duration_s=None if header is None else finite(entry.duration),
         sample_rate_hz=None if header is None else finite(header.acquisition.rate),
         samples=None if header is None else entry.samples,

@@ -17,7 +17,7 @@ from analysis.whirl.findings import WhirlFinding, WhirlHysteresis, whirl_hystere
 from daq.schemas.agreement import AgreementSchema, CounterSchema, agreement_schema, counter_schema
 from daq.schemas.events import AlarmSchema, MarkerSchema, TimeInRunSchema, alarm_schema, time_in_run_schema
 from daq.schemas.header import RunOutSchema, runout_schema
-from daq.schemas.units import Schema, finite, micrometres, moment, rpm
+from daq.schemas.units import Schema, finite, micrometres, utc_time, rpm
 from daq.schemas.vibration import (
     Direction,
     ProbeVectorsSchema,
@@ -256,7 +256,7 @@ def summary_schema(
         run=summary.run,
         rig=summary.rig,
         note=summary.note,
-        started_at=moment(summary.started_ns),
+        started_at=utc_time(summary.started_ns),
         duration_s=finite(summary.duration) or 0.0,
         samples=summary.samples,
         is_gap_free=summary.is_gap_free,

@@ -48,7 +48,7 @@ def lag_degrees(vector: complex) -> float | None:
     return round(math.degrees(-math.atan2(vector.imag, vector.real)) % 360.0, DECIMALS) % 360.0
 
 
-def moment(nanoseconds: int) -> datetime:
+def utc_time(nanoseconds: int) -> datetime:
     """Return the wall clock's ns since 1970 as a date and time in UTC, to the microsecond."""
     seconds, rest = divmod(nanoseconds, 1_000_000_000)
     return datetime.fromtimestamp(seconds, UTC).replace(microsecond=rest // 1000)

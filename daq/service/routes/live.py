@@ -17,7 +17,7 @@ from daq.errors import RigError
 from daq.schemas.events import AcknowledgedAlarmsSchema, AcknowledgeRequest, MarkerRequest, MarkerSchema
 from daq.schemas.live import live_schema
 from daq.schemas.snapshot import live_curves_schema
-from daq.schemas.units import moment
+from daq.schemas.units import utc_time
 from daq.service.problem_types import ProblemType
 from daq.service.problems import ProblemError, problem_response
 from daq.service.routing import EVENTS, BoundedThreadPool, Routing, event_stream
@@ -130,7 +130,7 @@ class RunControlRoutes:
         except RigError as error:
             raise ProblemError(ProblemType.RUN_CANNOT_START, str(error)) from error
         response.headers["Location"] = f"/api/v1/runs/{header.run}"
-        return StartedRunSchema(run=header.run, rig=header.rig, started_at=moment(header.started_ns))
+        return StartedRunSchema(run=header.run, rig=header.rig, started_at=utc_time(header.started_ns))
 
     async def stop(self, _order: StopRequest) -> StoppingRunSchema:
         """Ask for the end, as Ctrl-C at the bench does: the file is finished and kept. `/live` tells when that is done.

@@ -5,7 +5,7 @@ from datetime import UTC, datetime
 
 from pydantic import Field
 
-from daq.schemas.units import Schema, moment
+from daq.schemas.units import Schema, utc_time
 from daq.service.uploads import Upload
 from recordings.exchange.table import Column, Table
 
@@ -68,7 +68,7 @@ def columns_schema(name: str, table: Table) -> ColumnsSchema:
         name=name,
         rows=table.n_rows,
         rate_hz=table.rate,
-        started_at=None if table.started_ns is None else moment(table.started_ns),
+        started_at=None if table.started_ns is None else utc_time(table.started_ns),
         columns=tuple(map(_column, table.columns)),
     )
 

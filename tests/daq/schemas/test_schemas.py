@@ -13,7 +13,7 @@ from analysis.signals.snapshot import Whirl
 from daq.schemas.live import live_schema
 from daq.schemas.runs import run_schema
 from daq.schemas.summary import summary_schema
-from daq.schemas.units import finite, lag_degrees, micrometres, moment, rpm
+from daq.schemas.units import finite, lag_degrees, micrometres, utc_time, rpm
 from daq.session.live_update import LiveUpdate
 from tests.daq.support.live_updates import RPM, make_live_updates
 from tests.daq.support.service_fakes import make_agreement, make_entries, make_summary
@@ -34,7 +34,7 @@ def strict(text: str) -> object:
 def test_units_turn_si_into_what_the_bench_reads() -> None:
     assert micrometres(12.34567e-6) == 12.3457
     assert rpm(1000.0 * RPM) == 1000.0
-    assert moment(1_795_511_527_250_000_999).isoformat() == "2026-11-24T09:12:07.250000+00:00"
+    assert utc_time(1_795_511_527_250_000_999).isoformat() == "2026-11-24T09:12:07.250000+00:00"
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])

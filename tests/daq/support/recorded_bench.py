@@ -12,7 +12,7 @@ from daq.config.rig import Rig
 from daq.drivers.factory import open_source
 from daq.reports.run_summaries import Summaries
 from daq.schemas.events import AcknowledgedAlarmsSchema, MarkerSchema, alarm_schema
-from daq.schemas.units import moment
+from daq.schemas.units import utc_time
 from daq.service.app import ServiceFeatures, create_app
 from daq.service.jobs.queue import CatalogueLocation, JobQueue
 from daq.service.results_reader import ResultsReader
@@ -59,7 +59,7 @@ class Steered:
         if self.live.frame is None:
             return None
         return MarkerSchema(
-            kind=MarkerKind.WORD, text=text, segment=0, time_s=1.0, marked_at=moment(1_795_511_527_250_000_000)
+            kind=MarkerKind.WORD, text=text, segment=0, time_s=1.0, marked_at=utc_time(1_795_511_527_250_000_000)
         )
 
     def acknowledge(self) -> AcknowledgedAlarmsSchema | None:
