@@ -12,7 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from analysis.live.alarms import Alarm, MonitoredQuantity
 from analysis.signals.blocks import TimeInRun
 from analysis.signals.header import Severity
-from daq.schemas.units import Schema, finite, micrometres, utc_time, rpm
+from daq.schemas.units import Schema, finite, micrometres, rpm, utc_time
 from daq.session.alarms import alarm_name, alarm_value_text
 from daq.session.live_update import TimedMarker
 from recordings.mcap.markers import MAX_MARKER_LENGTH, Marker, MarkerKind

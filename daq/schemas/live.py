@@ -18,7 +18,7 @@ from daq.schemas.header import (
     limits_schema,
     runout_schema,
 )
-from daq.schemas.units import Schema, finite, micrometres, utc_time, rpm
+from daq.schemas.units import Schema, finite, micrometres, rpm, utc_time
 from daq.schemas.vibration import (
     Direction,
     MeasuredProbeVectorsSchema,

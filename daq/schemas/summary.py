@@ -17,7 +17,7 @@ from analysis.whirl.findings import WhirlFinding, WhirlHysteresis, whirl_hystere
 from daq.schemas.agreement import AgreementSchema, CounterSchema, agreement_schema, counter_schema
 from daq.schemas.events import AlarmSchema, MarkerSchema, TimeInRunSchema, alarm_schema, time_in_run_schema
 from daq.schemas.header import RunOutSchema, runout_schema
-from daq.schemas.units import Schema, finite, micrometres, utc_time, rpm
+from daq.schemas.units import Schema, finite, micrometres, rpm, utc_time
 from daq.schemas.vibration import (
     Direction,
     ProbeVectorsSchema,

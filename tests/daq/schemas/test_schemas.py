@@ -13,7 +13,7 @@ from analysis.signals.snapshot import Whirl
 from daq.schemas.live import live_schema
 from daq.schemas.runs import run_schema
 from daq.schemas.summary import summary_schema
-from daq.schemas.units import finite, lag_degrees, micrometres, utc_time, rpm
+from daq.schemas.units import finite, lag_degrees, micrometres, rpm, utc_time
 from daq.session.live_update import LiveUpdate
 from tests.daq.support.live_updates import RPM, make_live_updates
 from tests.daq.support.service_fakes import make_agreement, make_entries, make_summary
