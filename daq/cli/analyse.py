@@ -32,7 +32,7 @@ PROGRESS_DELAY = 1.0  # s before progress is shown
 TABLE_SUFFIXES = (".csv", ".parquet")
 PLOT_FORMS = {".svg": AnalysisForm.SVG, ".png": AnalysisForm.PNG}
 PARAMETER_NAME = re.compile(r"`(\w+)`")  # another parameter in a description
-DEST_PREFIX = "parameter_"  # keeps the analysis parameters apart from the other options
+DEST_PREFIX = "parameter_"  # separates analysis parameters from other options
 FORMAT_PARAMETER = "format"  # no option: the suffix of -o sets the format
 
 _EPILOG = """\

@@ -53,7 +53,7 @@ def follow(run: Run, stop: StopFlag, console: Console) -> RunOutcome:
             run.stop()
         console.progress(status_line(run.latest()))
         console.done()
-    finally:  # close the run whatever happens here: the recorder has an open file
+    finally:  # close the run even after an error here: the recorder has an open file
         outcome = run.close()
     return outcome
 

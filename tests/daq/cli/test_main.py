@@ -59,7 +59,7 @@ def test_summary_and_runs_speak_to_people_too(rig_file: RigFiles, capsys: pytest
     run = recorded_run(rig_file, capsys).run
     assert main(["summary", run]) == 0
     told = capsys.readouterr().out
-    assert re.search(r"gap-free  [\d,]+–3,\d{3} r/min  max \d+ µm pp on [xy] at 3,\d{3} r/min", told)
+    assert re.search(r"complete, no samples lost  [\d,]+–3,\d{3} r/min  max \d+ µm pp on [xy] at 3,\d{3} r/min", told)
     assert "sub-synchronous  none" in told
     assert re.search(r"^model +1X ", told, re.MULTILINE)
     assert main(["runs"]) == 0
@@ -207,7 +207,7 @@ def test_signal_ends_the_recording_with_a_whole_file(number: signal.Signals, rig
         time.sleep(0.02)
     code, out = command.end(number)
     assert code == 130
-    assert "gap-free" in out
+    assert "complete, no samples lost" in out
     (path,) = places.glob("*.mcap")
     with RunReader(path) as reader:
         assert reader.is_complete

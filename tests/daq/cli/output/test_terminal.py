@@ -1,4 +1,4 @@
-"""What is printed fits the terminal that it is printed on: its width and its letters."""
+"""Terminal output: width, ASCII fallback, JSON and the help pages."""
 
 import argparse
 import contextlib
@@ -21,14 +21,14 @@ FRAME = make_live_updates(150)[-1]
 
 
 class Terminal(io.StringIO):
-    """A terminal that does not tell how wide it is: of 80 columns."""
+    """A terminal that does not report its width; 80 columns are assumed."""
 
     def isatty(self) -> bool:
         return True
 
 
 def parsers(parser: argparse.ArgumentParser) -> Iterator[argparse.ArgumentParser]:
-    """Yield a command and those below it."""
+    """Yield a command's parser and those of its subcommands."""
     yield parser
     for action in parser._actions:
         if isinstance(action, argparse._SubParsersAction):
@@ -36,7 +36,7 @@ def parsers(parser: argparse.ArgumentParser) -> Iterator[argparse.ArgumentParser
                 yield from parsers(below)
 
 
-def test_running_line_is_rewritten_within_the_terminal_and_keeps_what_matters_most() -> None:
+def test_status_line_is_rewritten_within_the_terminal_width_with_the_most_important_parts() -> None:
     long = replace(FRAME, status=replace(FRAME.status, model="computing 43 %", skipped=12_345))
     terminal = Terminal()
     console = Console(terminal)
@@ -51,7 +51,7 @@ def test_running_line_is_rewritten_within_the_terminal_and_keeps_what_matters_mo
     assert terminal.getvalue().endswith(" \r")
 
 
-def test_line_has_all_its_parts_where_there_is_room_for_them() -> None:
+def test_status_line_drops_parts_that_do_not_fit() -> None:
     line = "00:15  12,015 r/min ▲  x 32 µm  y 32 µm pp  lost 0  0.49X 13 µm  disk 33 h"
     assert fit_to_width(line, None) == fit_to_width(line, 120) == line
     assert fit_to_width(line, 70) == "00:15  12,015 r/min ▲  x 32 µm  y 32 µm pp  lost 0  0.49X 13 µm …"
@@ -59,7 +59,7 @@ def test_line_has_all_its_parts_where_there_is_room_for_them() -> None:
     assert fit_to_width("one sentence that is longer than that", 20) == "one sentence that …"
 
 
-def test_long_lines_go_on_below_their_own_words() -> None:
+def test_long_lines_wrap_below_the_text_after_their_label() -> None:
     line = "model            whirl predicted from 18,000 r/min (0.21X), measured from 14,703 r/min (0.17X)"
     first, second = wrap_line(line, 80).split("\n")
     assert first.endswith("measured from")
@@ -67,12 +67,12 @@ def test_long_lines_go_on_below_their_own_words() -> None:
     assert wrap_line(line, None) == line
 
 
-def test_lines_in_a_file_are_whole(capsys: pytest.CaptureFixture[str]) -> None:
+def test_lines_in_a_file_are_not_wrapped(capsys: pytest.CaptureFixture[str]) -> None:
     print_lines(["word " * 40])
     assert capsys.readouterr().out == "word " * 40 + "\n"
 
 
-def test_progress_in_a_file_begins_when_there_is_some() -> None:
+def test_progress_in_a_file_starts_at_one_per_cent() -> None:
     file = io.StringIO()
     console = Console(file)
     for part in (0.001, 0.25, 0.5):
@@ -81,24 +81,24 @@ def test_progress_in_a_file_begins_when_there_is_some() -> None:
 
 
 @pytest.mark.parametrize(
-    ("encoding", "told"),
+    ("encoding", "expected"),
     [("utf-8", "∠µ° ± × ▲ ≥ … é"), ("cp1252", "<µ° ± × ^ >= … é"), ("ascii", "<udeg +/- x ^ >= ... ?")],
 )
-def test_letters_that_a_terminal_does_not_know_are_written_with_those_it_knows(encoding: str, told: str) -> None:
+def test_characters_missing_in_the_encoding_are_written_as_ascii(encoding: str, expected: str) -> None:
     written = io.BytesIO()
     with io.TextIOWrapper(written, encoding=encoding) as stream:
         use_ascii_fallback(stream)
         print("∠µ° ± × ▲ ≥ … é", end="", file=stream, flush=True)
-        assert written.getvalue().decode(encoding) == told
+        assert written.getvalue().decode(encoding) == expected
 
 
 @pytest.mark.parametrize("encoding", ["utf-8", "cp1252", "ascii"])
-def test_json_is_read_as_utf_8_whatever_the_terminal_writes(encoding: str) -> None:
+def test_json_is_valid_utf_8_in_any_terminal_encoding(encoding: str) -> None:
     written = io.BytesIO()
     with io.TextIOWrapper(written, encoding=encoding) as stream, contextlib.redirect_stdout(stream):
-        print_json({"told": "31 µm ∠ 45°"})
+        print_json({"text": "31 µm ∠ 45°"})
         stream.flush()
-        assert json.loads(written.getvalue().decode("utf-8")) == {"told": "31 µm ∠ 45°"}
+        assert json.loads(written.getvalue().decode("utf-8")) == {"text": "31 µm ∠ 45°"}
 
 
 def test_every_help_page_fits_a_terminal_of_80_columns() -> None:
@@ -114,6 +114,6 @@ def test_every_help_page_fits_a_terminal_of_80_columns() -> None:
     assert [line for page in pages.values() for line in page.splitlines() if len(line) > 80] == []
 
 
-def test_rig_alone_shows_what_there_is(capsys: pytest.CaptureFixture[str]) -> None:
+def test_rig_without_arguments_prints_the_help(capsys: pytest.CaptureFixture[str]) -> None:
     assert main([]) == 2
     assert "preflight  Check the rig before a run" in capsys.readouterr().err
