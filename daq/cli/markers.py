@@ -90,7 +90,7 @@ def run_acknowledge(args: argparse.Namespace) -> int:
         print_json(response)
         return 0
     for alarm in response["alarms"]:
-        print(f"acknowledged {alarm['name']}: {alarm['told']}")
+        print(f"acknowledged {alarm['name']}: {alarm['message']}")
     if not response["alarms"]:
         print("no new alarm")
     return 0

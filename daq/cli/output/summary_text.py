@@ -225,7 +225,7 @@ def _tacho_warnings(tacho: TachoSummarySchema) -> Iterator[str]:
     if tacho.filled or tacho.rejected:
         yield f"tacho: {tacho.pulses:,} pulses, {tacho.filled:,} filled in, {tacho.rejected:,} edges rejected"
     if tacho.phase_reference_is_arbitrary:
-        yield "tacho: marks are indistinguishable: phases refer to the first one seen and cannot be compared between runs"
+        yield "tacho: marks are indistinguishable: phases refer to the first seen and cannot be compared between runs"
     if tacho.counter is not None and tacho.counter.message:
         yield f"tacho: {tacho.counter.message}"
 
