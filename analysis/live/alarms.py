@@ -88,11 +88,11 @@ class LimitMonitor:
                 "0 or more"
             )
         self._limit, self._fall, self._hold = limit, limit * (1.0 - hysteresis), hold
-        self._passed: TimeInRun | None = None  # where the present passing began
+        self._exceeded_since: TimeInRun | None = None  # where the present passing began
         self.is_on = False
         self.largest, self.largest_at = 0.0, TimeInRun(0, 0.0, math.nan)  # of the present passing
 
-    def update(self, value: float, moment: TimeInRun) -> bool:
+    def update(self, value: float, at: TimeInRun) -> bool:
         """Take a value later than the one before; return whether the alarm is on.
 
         NaN, not known, changes nothing; over a gap a limit is not held.
@@ -100,13 +100,13 @@ class LimitMonitor:
         if math.isnan(value):
             return self.is_on
         if value < (self._fall if self.is_on else self._limit):
-            self._passed, self.is_on = None, False
+            self._exceeded_since, self.is_on = None, False
             return False
-        if self._passed is None or (not self.is_on and self._passed.segment != moment.segment):
-            self._passed, self.largest = moment, 0.0
+        if self._exceeded_since is None or (not self.is_on and self._exceeded_since.segment != at.segment):
+            self._exceeded_since, self.largest = at, 0.0
         if value > self.largest:
-            self.largest, self.largest_at = value, moment
-        self.is_on = self.is_on or moment.time - self._passed.time >= self._hold
+            self.largest, self.largest_at = value, at
+        self.is_on = self.is_on or at.time - self._exceeded_since.time >= self._hold
         return self.is_on
 
 
@@ -142,38 +142,38 @@ class AlarmMonitor:
             for severity, limit in zip((Severity.ALARM, Severity.DANGER), pair, strict=True)
             if math.isfinite(limit)
         ]
-        self._lasting: dict[int, Alarm] = {}  # by the number of their watch
-        self._over: list[Alarm] = []
+        self._active: dict[int, Alarm] = {}  # by the number of their watch
+        self._ended: list[Alarm] = []
         self._count = 0
 
     def update(self, snapshot: Snapshot) -> tuple[Alarm, ...]:
         """Take a snapshot, in the order in which they came; return the alarms that came with it."""
-        moment = TimeInRun(snapshot.segment, snapshot.time, snapshot.speed)
-        came, values = [], monitored_values(snapshot)
+        at = TimeInRun(snapshot.segment, snapshot.time, snapshot.speed)
+        new_alarms, values = [], monitored_values(snapshot)
         for key, (quantity, row, probe, severity, limit, watch) in enumerate(self._watches):
-            is_on = watch.update(float(values[quantity][row]), moment)
-            lasting = self._lasting.get(key)
+            is_on = watch.update(float(values[quantity][row]), at)
+            active = self._active.get(key)
             if not is_on:
-                if lasting is not None:
-                    self._close(replace(self._lasting.pop(key), end=moment))
-            elif lasting is None:
+                if active is not None:
+                    self._close(replace(self._active.pop(key), end=at))
+            elif active is None:
                 self._count += 1
-                alarm = Alarm(self._count, quantity, probe, severity, limit, moment, watch.largest, watch.largest_at)
-                self._lasting[key] = alarm
-                came.append(alarm)
-            elif watch.largest > lasting.largest:
-                self._lasting[key] = replace(lasting, largest=watch.largest, largest_at=watch.largest_at)
-        return tuple(came)
+                alarm = Alarm(self._count, quantity, probe, severity, limit, at, watch.largest, watch.largest_at)
+                self._active[key] = alarm
+                new_alarms.append(alarm)
+            elif watch.largest > active.largest:
+                self._active[key] = replace(active, largest=watch.largest, largest_at=watch.largest_at)
+        return tuple(new_alarms)
 
     def _close(self, alarm: Alarm) -> None:
-        self._over.append(alarm)
-        if len(self._over) > MAX_ALARMS:
-            self._over.remove(min(self._over, key=lambda alarm: alarm.largest / alarm.limit))
+        self._ended.append(alarm)
+        if len(self._ended) > MAX_ALARMS:
+            self._ended.remove(min(self._ended, key=lambda alarm: alarm.largest / alarm.limit))
 
     @property
     def alarms(self) -> tuple[Alarm, ...]:
         """All alarms so far, in the order in which they came."""
-        return tuple(sorted([*self._over, *self._lasting.values()], key=lambda alarm: alarm.number))
+        return tuple(sorted([*self._ended, *self._active.values()], key=lambda alarm: alarm.number))
 
 
 def monitored_values(snapshot: Snapshot) -> dict[MonitoredQuantity, FloatArray]:

@@ -11,13 +11,13 @@ from analysis.signals.blocks import SampleBlock, SegmentEnd
 from analysis.signals.header import CODE_MAX, CODE_MIN, Acquisition, AnalysisSettings, Channel, Role
 from analysis.signals.snapshot import OrderFrame, Snapshot, TachoReport, TachoState, Trace
 from analysis.tacho.edge_reader import TachoEdgeReader
-from analysis.tacho.pulse_train import SILENCE, PulseTrain
+from analysis.tacho.pulse_train import NO_PULSE_TIMEOUT, PulseTrain
 from analysis.tacho.shaft_angle import smooth_angle
 
 FloatArray = NDArray[np.float64]
 
 FIT_TURNS = 8  # before a frame that its smooth angle is fitted to as well
-TRACE_POINTS = 1000  # at most, about
+MAX_TRACE_POINTS = 1000  # at most, about
 _CODES = np.arange(2**16, dtype=np.uint16).view(np.int16)  # tables over them are indexed by a code's bits as uint16
 
 
@@ -61,7 +61,7 @@ class Analyser:
         self._clipped = np.zeros(self._n_channels, dtype=np.int64)
         self._beyond = np.zeros(len(self._rows), dtype=np.int64)
         self._codes = np.empty((self._n_channels, self._hop), dtype=np.int16)
-        hops_in_a_turn = int(SILENCE / settings.update_interval) + 2
+        hops_in_a_turn = int(NO_PULSE_TIMEOUT / settings.update_interval) + 2
         self._extremes: deque[tuple[int, FloatArray, FloatArray]] = deque(maxlen=hops_in_a_turn)
         self._restart(-1, 0)
 
@@ -168,7 +168,7 @@ class Analyser:
         return np.asarray(high - low, dtype=np.float64)
 
     def _trace(self, first: int, displacement: FloatArray, tacho: FloatArray) -> Trace:
-        stride = -(-tacho.size // TRACE_POINTS)
+        stride = -(-tacho.size // MAX_TRACE_POINTS)
         thinned = displacement[:, ::stride]
         return Trace(
             time=(first + np.arange(0, tacho.size, stride)) / self._rate,

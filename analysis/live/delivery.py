@@ -10,10 +10,10 @@ from analysis.signals.blocks import SampleBlock
 from analysis.signals.header import Acquisition
 
 PPM = 1e-6
-CONFIDENCE = 2.0  # standard deviations
-GROUP = 1.0  # s of samples that are taken as one: delays within it belong together
-LEAST_GROUPS = 5
-NO_CLOCK = 0.01  # an error beyond which the samples did not come as time went: simulated or replayed flat out
+CONFIDENCE_SIGMAS = 2.0  # standard deviations
+GROUP_DURATION = 1.0  # s of samples that are taken as one: delays within it belong together
+MIN_GROUPS = 5
+MAX_CLOCK_ERROR = 0.01  # an error beyond which the samples did not come as time went: simulated or replayed flat out
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +34,7 @@ class ClockError:
 
 
 @dataclass(slots=True)
-class _Line:
+class _SegmentRegression:
     """Running sums of one segment: host time (s, from its first group) against card time (s)."""
 
     origin_ns: int
@@ -70,7 +70,7 @@ class ClockEstimator:
 
     def __init__(self, rate: float) -> None:
         self._rate = rate
-        self._lines: dict[int, _Line] = {}
+        self._lines: dict[int, _SegmentRegression] = {}
         self._group = -1
         self._held: list[tuple[float, float]] = []
 
@@ -79,10 +79,10 @@ class ClockEstimator:
         line = self._lines.get(block.segment)
         if line is None:
             self._close_group()
-            line = self._lines[block.segment] = _Line(block.host_time_ns)
+            line = self._lines[block.segment] = _SegmentRegression(block.host_time_ns)
             self._group = 0
         card = (block.end + block.backlog) / self._rate
-        group = int(block.end / (self._rate * GROUP))
+        group = int(block.end / (self._rate * GROUP_DURATION))
         if group != self._group:
             self._close_group()
             self._group = group
@@ -93,14 +93,14 @@ class ClockEstimator:
         lines = [line for line in self._lines.values() if line.n >= 2]
         n = sum(line.n for line in lines)
         freedom = n - len(lines) - 1
-        if n < LEAST_GROUPS or freedom < 1:
+        if n < MIN_GROUPS or freedom < 1:
             return None
         spread = sum(line.card_card for line in lines)
         slope = sum(line.card_late for line in lines) / spread
         rest = max(0.0, sum(line.late_late for line in lines) - slope**2 * spread)
-        if abs(slope) > NO_CLOCK:
+        if abs(slope) > MAX_CLOCK_ERROR:
             return None
-        return ClockError(-slope / (1.0 + slope), CONFIDENCE * math.sqrt(rest / freedom / spread))
+        return ClockError(-slope / (1.0 + slope), CONFIDENCE_SIGMAS * math.sqrt(rest / freedom / spread))
 
     def _close_group(self) -> None:
         if self._held:

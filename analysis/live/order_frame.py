@@ -4,13 +4,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.resampling.decimation import DecimationPyramid
-from analysis.resampling.interpolation import HALF, interpolate
+from analysis.resampling.interpolation import HALF_WIDTH, interpolate
 from analysis.signals.header import Acquisition, AnalysisSettings, Role
 from analysis.signals.probes import ProbePair
 from analysis.signals.snapshot import OrderFrame, RunOut
 from analysis.signals.uncertainty import noise_floor_sigma
 from analysis.spectra.order_spectrum import order_spectrum, order_vectors
-from analysis.tacho.edge_reader import LATE
+from analysis.tacho.edge_reader import MAX_STAMP_DELAY
 from analysis.tacho.shaft_angle import SmoothAngle
 from analysis.vectors.runout import RunOutEstimator
 from analysis.whirl.components import find_whirls, noise_floor, quantile
@@ -18,10 +18,10 @@ from analysis.whirl.components import find_whirls, noise_floor, quantile
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
-LOWEST_RATE = 1.0  # revolutions a second: below 60 r/min there is no frame
+MIN_TURN_RATE = 1.0  # revolutions a second: below 60 r/min there is no frame
 FLOOR_LINES = 6  # at either side of an order, from the third on, that tell its noise, as in `order_track`
 SPARE_TURNS = 4  # that the pyramid remembers beside a frame
-_HIGHEST_PART = 0.2  # of the angular sampling: orders above it are not wanted
+_PASSBAND_FRACTION = 0.2  # of the angular sampling: orders above it are not wanted
 
 
 class OrderFrameBuilder:
@@ -48,12 +48,12 @@ class OrderFrameBuilder:
             )
         self._settings = settings
         self._rate = acquisition.rate
-        self._late = round(LATE * acquisition.rate) if acquisition.tacho.reference == "counter" else 0
+        self._late = round(MAX_STAMP_DELAY * acquisition.rate) if acquisition.tacho.reference == "counter" else 0
         rows = (acquisition.row(Role.PROBE_X), acquisition.row(Role.PROBE_Y))
         self._pair = ProbePair(acquisition.channels[rows[0]].angle, acquisition.channels[rows[1]].angle)
         self._skews = np.array(rows)[:, None] / acquisition.convert_rate
         self._stride = 1
-        while settings.highest_order > _HIGHEST_PART * settings.points_per_revolution * self._stride:
+        while settings.highest_order > _PASSBAND_FRACTION * settings.points_per_revolution * self._stride:
             self._stride *= 2
         self._points = settings.points_per_revolution * self._stride
         self._runout = RunOutEstimator(settings.runout)
@@ -62,8 +62,8 @@ class OrderFrameBuilder:
     def new_pyramid(self, first: int) -> DecimationPyramid:
         """Return an empty pyramid that serves every speed, for samples from index ``first`` on."""
         turns = self._settings.revolutions + SPARE_TURNS
-        keep = int(turns * self._most_per_turn) + 8 * HALF
-        return DecimationPyramid(2, self._level(LOWEST_RATE) + 1, keep, first, self._late)
+        keep = int(turns * self._most_per_turn) + 8 * HALF_WIDTH
+        return DecimationPyramid(2, self._level(MIN_TURN_RATE) + 1, keep, first, self._late)
 
     def _level(self, turn_rate: float) -> int:
         return max(int(np.ceil(np.log2(self._rate / (self._most_per_turn * turn_rate)))), 0)
@@ -92,18 +92,18 @@ class OrderFrameBuilder:
             begin = end - revolutions
             edges = angle.time(np.array([begin, begin + 0.5 * revolutions, end]))
             turn_rate = revolutions / float(edges[2] - edges[0])
-            if not LOWEST_RATE <= turn_rate < self._rate:
+            if not MIN_TURN_RATE <= turn_rate < self._rate:
                 return None
             level = self._level(turn_rate)
             samples, first = pyramid.level(level)
             scale = self._rate / 2**level
             outside = (edges[[0, 2]] - self._skews) * scale - first  # channel k is sampled k / convert_rate later
-            if outside.min() < HALF - 1:
+            if outside.min() < HALF_WIDTH - 1:
                 return None
-            if outside.max() < samples.shape[1] - 1 - HALF:
+            if outside.max() < samples.shape[1] - 1 - HALF_WIDTH:
                 turns = begin + np.arange(revolutions * self._points) / self._points
                 positions = (angle.time(turns) - self._skews) * scale - first
-                if positions.min() < HALF - 1 or positions.max() >= samples.shape[1] - 1 - HALF:
+                if positions.min() < HALF_WIDTH - 1 or positions.max() >= samples.shape[1] - 1 - HALF_WIDTH:
                     return None
                 return self._evaluate(interpolate(samples, positions), edges, angle.jitter)
         return None
@@ -137,10 +137,10 @@ class OrderFrameBuilder:
             sigma=sigma,
             angle_sigma=jitter * speed * float(np.sqrt(1.5 / revolutions)),
             runout=runout,
-            compensated_orbit=self._without(orbit, runout),
+            compensated_orbit=self._compensated_orbit(orbit, runout),
         )
 
-    def _without(self, orbit: FloatArray, runout: RunOut | None) -> FloatArray | None:
+    def _compensated_orbit(self, orbit: FloatArray, runout: RunOut | None) -> FloatArray | None:
         """Return the orbit, from the probes, less the run-out in the bench's directions, where that is asked for."""
         if runout is None or not self._settings.runout.from_orbit:
             return None

@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
 
-FREEDOM = 1  # points more than coefficients, at least: a polynomial through every point shows no residual
-GRID = 1001
-ORDERS = (1, 7)
-USUAL_ORDER = 3
+MIN_FREEDOM = 1  # points more than coefficients, at least: a polynomial through every point shows no residual
+GRID_POINTS = 1001
+ORDER_RANGE = (1, 7)
+DEFAULT_ORDER = 3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,7 +46,7 @@ class CalibrationFit:
 
 def default_order(points: int) -> int:
     """Return the order that suits so many points: 3, lower where they are few."""
-    return max(ORDERS[0], min(USUAL_ORDER, points - 1 - FREEDOM))
+    return max(ORDER_RANGE[0], min(DEFAULT_ORDER, points - 1 - MIN_FREEDOM))
 
 
 def fit_calibration(gaps: FloatArray, volts: FloatArray, order: int) -> CalibrationFit:
@@ -75,9 +75,9 @@ def fit_calibration(gaps: FloatArray, volts: FloatArray, order: int) -> Calibrat
     gaps, volts = np.asarray(gaps, dtype=np.float64), np.asarray(volts, dtype=np.float64)
     if gaps.ndim != 1 or gaps.shape != volts.shape:
         raise ValueError(f"gaps, volts: shapes {gaps.shape} and {volts.shape}, expected the same, (n,)")
-    if not ORDERS[0] <= order <= ORDERS[1]:
-        raise ValueError(f"order {order}, expected {ORDERS[0]} to {ORDERS[1]}")
-    fewest = order + 1 + FREEDOM
+    if not ORDER_RANGE[0] <= order <= ORDER_RANGE[1]:
+        raise ValueError(f"order {order}, expected {ORDER_RANGE[0]} to {ORDER_RANGE[1]}")
+    fewest = order + 1 + MIN_FREEDOM
     if gaps.size < fewest:
         raise ValueError(f"{gaps.size} points, expected at least {fewest} for a polynomial of order {order}")
     if not (np.all(np.isfinite(gaps)) and np.all(np.isfinite(volts))):
@@ -86,9 +86,9 @@ def fit_calibration(gaps: FloatArray, volts: FloatArray, order: int) -> Calibrat
     low, high = float(volts.min()), float(volts.max())
     fitted = Polynomial.fit(volts, gaps, order).convert()
     coefficients = tuple(float(c) for c in np.pad(fitted.coef, (0, order + 1 - fitted.coef.size)))
-    slopes = fitted.deriv()(np.linspace(low, high, GRID))
+    slopes = fitted.deriv()(np.linspace(low, high, GRID_POINTS))
     if np.any(slopes <= 0.0):
-        at = float(np.linspace(low, high, GRID)[int(np.argmin(slopes))])
+        at = float(np.linspace(low, high, GRID_POINTS)[int(np.argmin(slopes))])
         odd = _odd_point(gaps, volts, order)
         without = "" if odd is None else f", or leave out the point at {gaps[odd] * 1e6:g} µm"
         raise ValueError(
@@ -100,10 +100,10 @@ def fit_calibration(gaps: FloatArray, volts: FloatArray, order: int) -> Calibrat
 def _odd_point(gaps: FloatArray, volts: FloatArray, order: int) -> int | None:
     """Return the point without which the polynomial rises and fits the others best; None where there is no such."""
     best, odd = np.inf, None
-    for k in range(gaps.size if gaps.size > order + 1 + FREEDOM else 0):
+    for k in range(gaps.size if gaps.size > order + 1 + MIN_FREEDOM else 0):
         others = np.delete(volts, k), np.delete(gaps, k)
         fitted = Polynomial.fit(*others, order)
-        slopes = fitted.deriv()(np.linspace(others[0].min(), others[0].max(), GRID))
+        slopes = fitted.deriv()(np.linspace(others[0].min(), others[0].max(), GRID_POINTS))
         residual = float(np.max(np.abs(fitted(others[0]) - others[1])))
         if np.all(slopes > 0.0) and residual < best:
             best, odd = residual, k

@@ -7,10 +7,12 @@ from analysis.preflight.checks import Check, Finding
 from analysis.resampling.angular_record import tacho_edges
 from analysis.signals.header import Acquisition, TachoCounter
 from analysis.signals.snapshot import CounterReport, CounterState
-from analysis.tacho.counter_comparison import MARGIN, SETTLED, CounterComparison
+from analysis.tacho.counter_comparison import SETTLING_TIME, START_MARGIN, CounterComparison
 
-FEWEST_EDGES = 3  # to compare
-OTHER_EDGE = 0.02  # of the time between edges: stamps so far off are of the mark's other edge, or of another signal
+MIN_EDGES = 3  # to compare
+MIN_WRONG_EDGE_OFFSET = (
+    0.02  # of the time between edges: stamps so far off are of the mark's other edge, or of another signal
+)
 
 
 def counter_check(acquisition: Acquisition, codes: NDArray[np.int16], ticks: NDArray[np.int64] | None) -> Check:
@@ -46,9 +48,9 @@ def counter_check(acquisition: Acquisition, codes: NDArray[np.int16], ticks: NDA
         )
         return Check.warned("tacho counter", Finding.INCONCLUSIVE, f"{ticks.size} stamps", _limit(counter), advice)
     comparison = CounterComparison(counter)
-    comparison.advance(sampled, ticks / counter.timebase, duration - MARGIN + SETTLED)
+    comparison.advance(sampled, ticks / counter.timebase, duration - START_MARGIN + SETTLING_TIME)
     report = comparison.report(is_working=True)
-    if report.compared + report.missing + report.extra < FEWEST_EDGES:
+    if report.compared + report.missing + report.extra < MIN_EDGES:
         advice = "hardly anything turns, so counter and samples cannot be compared: turn the shaft by hand meanwhile"
         return Check.warned("tacho counter", Finding.STILL, f"{ticks.size} stamps", _limit(counter), advice)
     return _compared(counter, report, float(np.median(np.diff(sampled))) if sampled.size > 1 else np.nan)
@@ -65,7 +67,9 @@ def _compared(counter: TachoCounter, report: CounterReport, period: float) -> Ch
             "0.8 and 2.2 V there"
         )
         return _bad(counter, Finding.SILENT, value, advice)
-    most_are_apart = 2 * report.out_of_tolerance > report.compared and report.largest_difference > OTHER_EDGE * period
+    most_are_apart = (
+        2 * report.out_of_tolerance > report.compared and report.largest_difference > MIN_WRONG_EDGE_OFFSET * period
+    )
     if report.compared == 0 or most_are_apart:
         advice = (
             f"the counter stamps other edges than the samples show: look at tacho.counter.edge and {counter.terminal}"

@@ -11,10 +11,10 @@ from analysis.spectra.disturbances import LowFrequencySignal
 
 FloatArray = NDArray[np.float64]
 
-DEAD = 0.5  # codes rms: even the card by itself is noisier
-QUIET = 1.5  # codes rms: the card's own noise; a conditioner's is larger
-ZERO_VOLTS = 0.3  # about zero: an input that nothing drives, held down by its bias resistor
-CLIPPED = 1e-3  # part of the samples at a rail: more is no spark but a voltage out of range
+MAX_STUCK_NOISE = 0.5  # codes rms: even the card by itself is noisier
+MAX_CARD_NOISE = 1.5  # codes rms: the card's own noise; a conditioner's is larger
+MAX_OPEN_VOLTS = 0.3  # about zero: an input that nothing drives, held down by its bias resistor
+MAX_CLIPPED_FRACTION = 1e-3  # part of the samples at a rail: more is no spark but a voltage out of range
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -72,20 +72,20 @@ def gap_check(probe: ProbeSignal) -> Check:
     name = f"{probe.name} gap"
     value, limit = f"{mean:.2f} V", f"{channel.gap_low:g} to {channel.gap_high:g} V"
     at_rails = float(np.mean((probe.codes == CODE_MIN) | (probe.codes == CODE_MAX)))
-    if at_rails > CLIPPED:
+    if at_rails > MAX_CLIPPED_FRACTION:
         advice = (
             f"{probe.name} reads {mean:.2f} V, for {100 * at_rails:.0f} % of the time at the end of what "
             f"{channel.physical} can read: gap too wide, or range_v too small for the conditioner"
         )
         return Check.failed(name, Finding.CLIPPED, value, limit, advice)
     noise = float(np.std(probe.codes))
-    if noise < QUIET and abs(mean) < ZERO_VOLTS:
+    if noise < MAX_CARD_NOISE and abs(mean) < MAX_OPEN_VOLTS:
         advice = (
             f"{probe.name} reads {mean:.2f} V and not even a sensor's noise: unplugged, or its conditioner has no "
             f"supply; look at the cable to {channel.physical}"
         )
         return Check.failed(name, Finding.OPEN, value, limit, advice)
-    if noise < DEAD:
+    if noise < MAX_STUCK_NOISE:
         advice = f"{probe.name} stands at {mean:.2f} V without even noise: stuck, or nothing connected to it"
         return Check.failed(name, Finding.OPEN, value, limit, advice)
     if channel.gap_low <= mean <= channel.gap_high:

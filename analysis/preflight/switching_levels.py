@@ -7,14 +7,14 @@ from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
 
-EXTREMES = (0.2, 99.8)  # percent of the samples: what lies outside is not asked
-LEAST_SEPARATION = 0.1  # V
-MOST_BETWEEN = 0.2  # part of the samples in the middle half of the span: a sine has a third there
-CLEAR = 6.0  # of the scatter: how far apart two levels are that are no noise
+EXTREME_PERCENTILES = (0.2, 99.8)  # percent of the samples: what lies outside is not asked
+MIN_SEPARATION = 0.1  # V
+MAX_BETWEEN = 0.2  # part of the samples in the middle half of the span: a sine has a third there
+MIN_SEPARATION_SIGMAS = 6.0  # of the scatter: how far apart two levels are that are no noise
 MAD_TO_RMS = 1.4826  # of normal noise
-HYSTERESIS = 0.25  # of the separation: keeps noise from counting and leaves the edges their steep middle
-HYSTERESIS_NOISE = 8.0  # of the scatter
-MOST_HYSTERESIS = 0.6  # of the separation
+HYSTERESIS_FRACTION = 0.25  # of the separation: keeps noise from counting and leaves the edges their steep middle
+HYSTERESIS_SIGMAS = 8.0  # of the scatter
+MAX_HYSTERESIS_FRACTION = 0.6  # of the separation
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,8 +49,8 @@ class SignalLevels:
     @property
     def hysteresis(self) -> float:
         """Distance of the two switching levels that suits them, V: a quarter of the swing, more where it is noisy."""
-        wanted = max(HYSTERESIS * self.separation, HYSTERESIS_NOISE * self.scatter)
-        return min(wanted, MOST_HYSTERESIS * self.separation)
+        wanted = max(HYSTERESIS_FRACTION * self.separation, HYSTERESIS_SIGMAS * self.scatter)
+        return min(wanted, MAX_HYSTERESIS_FRACTION * self.separation)
 
 
 def find_state_levels(volts: FloatArray) -> SignalLevels | None:
@@ -72,12 +72,12 @@ def find_state_levels(volts: FloatArray) -> SignalLevels | None:
     """
     if volts.ndim != 1 or volts.size == 0:
         raise ValueError(f"volts: shape {volts.shape}, expected (n,) with n > 0")
-    bottom, top = np.percentile(volts, EXTREMES)
+    bottom, top = np.percentile(volts, EXTREME_PERCENTILES)
     span = top - bottom
-    if span < LEAST_SEPARATION:
+    if span < MIN_SEPARATION:
         return None
     between = np.mean((volts > bottom + 0.25 * span) & (volts < top - 0.25 * span))
-    if between > MOST_BETWEEN:
+    if between > MAX_BETWEEN:
         return None
     is_high = volts > 0.5 * (bottom + top)
     levels = [float(np.median(volts[part])) for part in (~is_high, is_high)]
@@ -86,4 +86,4 @@ def find_state_levels(volts: FloatArray) -> SignalLevels | None:
         for part, level in zip((~is_high, is_high), levels, strict=True)
     ]
     found = SignalLevels(levels[0], levels[1], max(scatters), float(np.mean(is_high)))
-    return found if found.separation >= max(LEAST_SEPARATION, CLEAR * found.scatter) else None
+    return found if found.separation >= max(MIN_SEPARATION, MIN_SEPARATION_SIGMAS * found.scatter) else None

@@ -13,11 +13,11 @@ from analysis.tacho.edges import EdgeDetector
 FloatArray = NDArray[np.float64]
 RPM = 2.0 * np.pi / 60.0
 
-FEWEST_EDGES = 3  # to speak of a speed
-NOISE_ROOM = 6.0  # times the scatter must fit between a level and its switching level
-HYSTERESIS = (0.1, 0.5)  # of the swing: below, slow edges with noise count twice; above, a weaker pulse is missed
-NEAR_LIMIT = 0.9  # of the speed limit: from here on it is said
-RANGE_ROOM = 0.98  # of the card's range that a level may take
+MIN_EDGES = 3  # to speak of a speed
+MIN_NOISE_MARGIN = 6.0  # times the scatter must fit between a level and its switching level
+HYSTERESIS_RANGE = (0.1, 0.5)  # of the swing: below, slow edges with noise count twice; above, a weaker pulse is missed
+WARNING_FRACTION = 0.9  # of the speed limit: from here on it is said
+MAX_RANGE_FRACTION = 0.98  # of the card's range that a level may take
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -57,7 +57,7 @@ class TachoSignal:
     def angle(self) -> FloatArray | None:
         """Angle of the shaft at the samples, rad, from one of its marks; None where that passes too few times."""
         edges = self.edges[:: self.tacho.pulses_per_revolution]  # several may lie unevenly
-        if edges.size < FEWEST_EDGES:
+        if edges.size < MIN_EDGES:
             return None
         turns = np.arange(edges.size, dtype=np.float64)
         sample = np.arange(self.volts.size, dtype=np.float64)
@@ -71,7 +71,7 @@ class TachoSignal:
     @property
     def speed(self) -> float:
         """Mean speed, rad/s; NaN where too few marks pass."""
-        if self.edges.size < FEWEST_EDGES:
+        if self.edges.size < MIN_EDGES:
             return np.nan
         turns = (self.edges.size - 1) / self.tacho.pulses_per_revolution
         return float(2.0 * np.pi * turns * self.rate / (self.edges[-1] - self.edges[0]))
@@ -81,7 +81,7 @@ class TachoSignal:
         """Robust scatter of the periods about their slow course, relative; NaN where too few marks pass."""
         marks = self.tacho.pulses_per_revolution  # each is compared with itself: several may lie unevenly
         turns = self.edges[marks:] - self.edges[:-marks]
-        if turns.size < 2 * marks + FEWEST_EDGES - 2:
+        if turns.size < 2 * marks + MIN_EDGES - 2:
             return np.nan
         # A steady change of speed bends none; of white scatter the bends have the 6-fold power.
         bends = turns[2 * marks :] - 2.0 * turns[marks:-marks] + turns[: -2 * marks]
@@ -128,7 +128,7 @@ def speed_limit_check(tacho: Tacho, speed: float) -> Check:
             f"with {mark} pulses are missed from {limit} on, quietly: paint half of the turn, or use a faster sensor"
         )
         return Check.failed(name, Finding.SPEED, value, limit, advice)
-    if speed > NEAR_LIMIT * highest:
+    if speed > WARNING_FRACTION * highest:
         advice = f"with {mark} the sensor misses pulses soon above: watch for a speed that halves"
         return Check.warned(name, Finding.SPEED, value, limit, advice)
     return Check.passed(name, value, limit)
@@ -160,7 +160,10 @@ def _levels_check(signal: TachoSignal, levels: SignalLevels) -> Check:
     value = f"{levels.low:.2f} and {levels.high:.2f} V"
     proposal = f"threshold_v = {levels.middle:.2g}, hysteresis_v = {levels.hysteresis:.2g}"
     if levels.low < low and levels.high > high:
-        if levels.high > RANGE_ROOM * signal.channel.range_high or levels.low < RANGE_ROOM * signal.channel.range_low:
+        if (
+            levels.high > MAX_RANGE_FRACTION * signal.channel.range_high
+            or levels.low < MAX_RANGE_FRACTION * signal.channel.range_low
+        ):
             advice = f"the tacho uses up the range of {signal.channel.physical}: a larger range_v, or a divider"
             return Check.warned(name, Finding.CLIPPED, value, limit, advice)
         return Check.passed(name, value, limit)
@@ -178,7 +181,7 @@ def _levels_check(signal: TachoSignal, levels: SignalLevels) -> Check:
 
 
 def _hysteresis_check(signal: TachoSignal, levels: SignalLevels) -> Check:
-    least, most = HYSTERESIS
+    least, most = HYSTERESIS_RANGE
     share = signal.tacho.hysteresis / levels.separation
     name, value = "tacho hysteresis", f"{signal.tacho.hysteresis:g} V, {100 * share:.0f} % of the swing"
     limit = f"{100 * least:.0f} to {100 * most:.0f} % of {levels.separation:.2f} V"
@@ -191,10 +194,10 @@ def _hysteresis_check(signal: TachoSignal, levels: SignalLevels) -> Check:
 
 def _noise_check(signal: TachoSignal, levels: SignalLevels) -> Check:
     low, high = _switching(signal.tacho)
-    least = NOISE_ROOM * levels.scatter
+    least = MIN_NOISE_MARGIN * levels.scatter
     room = min(low - levels.low, levels.high - high, signal.tacho.hysteresis)
     name, value = "tacho noise", f"{1e3 * levels.scatter:.0f} mV rms"
-    limit = f"{1e3 * room / NOISE_ROOM:.0f} mV rms"
+    limit = f"{1e3 * room / MIN_NOISE_MARGIN:.0f} mV rms"
     if room >= least:
         return Check.passed(name, value, limit)
     advice = (
@@ -206,9 +209,9 @@ def _noise_check(signal: TachoSignal, levels: SignalLevels) -> Check:
 
 def _pulses_check(signal: TachoSignal, most: float) -> Check:
     name, limit = "tacho pulses", f"scatter below {100 * most:g} % of the period"
-    if signal.edges.size < FEWEST_EDGES:
+    if signal.edges.size < MIN_EDGES:
         advice = "too few marks passed for a speed: let it turn faster and look again"
-        return Check.warned(name, Finding.STILL, f"{signal.edges.size} marks", f"at least {FEWEST_EDGES}", advice)
+        return Check.warned(name, Finding.STILL, f"{signal.edges.size} marks", f"at least {MIN_EDGES}", advice)
     speed, scatter = signal.speed / RPM, signal.scatter
     if np.isnan(scatter):
         return Check.passed(name, f"{speed:,.0f} r/min", limit)

@@ -12,12 +12,12 @@ from analysis.spectra.disturbances import LowFrequencySignal
 
 FloatArray = NDArray[np.float64]
 
-ALIKE = 0.999  # correlation of two whole signals that are one, if their means are one too,
-SAME_MEAN = 0.01  # V: an orbit may be a straight line, but no two gaps are the same
-ALIKE_NOISE = 0.6  # of their noise: two conditioners have none in common
-MOVES = 0.5 * MICRO  # m rms, of both probes between 2 and 1000 Hz: the shaft turns
-BACKWARD = 3.0  # times the forward circle: no light rotor on its films whirls backward so
-LEAST_CIRCLE = 0.05 * MICRO  # m peak: less says nothing of a direction
+MAX_CORRELATION = 0.999  # correlation of two whole signals that are one, if their means are one too,
+MAX_EQUAL_MEAN = 0.01  # V: an orbit may be a straight line, but no two gaps are the same
+MAX_NOISE_CORRELATION = 0.6  # of their noise: two conditioners have none in common
+MIN_MOTION = 0.5 * MICRO  # m rms, of both probes between 2 and 1000 Hz: the shaft turns
+MAX_BACKWARD_RATIO = 3.0  # times the forward circle: no light rotor on its films whirls backward so
+MIN_CIRCLE = 0.05 * MICRO  # m peak: less says nothing of a direction
 ROLES = (Role.PROBE_X, Role.PROBE_Y)
 
 
@@ -49,30 +49,30 @@ def wiring_checks(
     probes = [ProbeSignal.from_codes(acquisition.channels[rows[role]], codes[rows[role]]) for role in ROLES]
     channel, tacho_codes = acquisition.channels[rows[Role.TACHO]], codes[rows[Role.TACHO]]
     tacho = TachoSignal.from_codes(channel, acquisition.tacho, tacho_codes, acquisition.rate)
-    pulsing = [probe for probe in probes if _pulses(probe, tacho)]
+    pulsing = [probe for probe in probes if _is_switching(probe, tacho)]
     checks = [_pulsing_check(probe, tacho) for probe in pulsing]
-    told = bool(pulsing) and tacho.levels is None  # the tacho's own input has a probe's voltage then
-    angle = None if told else tacho.angle
+    is_exchanged = bool(pulsing) and tacho.levels is None  # the tacho's own input has a probe's voltage then
+    angle = None if is_exchanged else tacho.angle
     rest = [probe for probe in probes if probe not in pulsing]
     gaps = [gap_check(probe) for probe in rest]
     sound = [probe for probe, gap in zip(rest, gaps, strict=True) if gap.verdict is Verdict.GOOD]
     slow = [LowFrequencySignal(probe.displacement, acquisition.rate, angle) for probe in sound]
     checks += gaps
-    motion = bool(slow) and all(signal.motion_rms() > MOVES for signal in slow)
+    motion = bool(slow) and all(signal.motion_rms() > MIN_MOTION for signal in slow)
     untold = np.inf if motion else 0.0
     turning = untold if angle is None else tacho.speed / (2.0 * np.pi)
     for probe, signal in zip(sound, slow, strict=True):
         checks += [clipping_check(probe), calibrated_check(probe), hum_check(probe, signal, turning, limits)]
     if len(sound) == len(ROLES):
-        checks.append(_apart_check(*sound))
+        checks.append(_separate_signals_check(*sound))
         if angle is not None and checks[-1].verdict is Verdict.GOOD:
             checks.append(_direction_check(sound, slow))
-    if not told:
+    if not is_exchanged:
         checks += tacho_checks(tacho, limits, motion=motion)
     return tuple(checks)
 
 
-def _pulses(probe: ProbeSignal, tacho: TachoSignal) -> bool:
+def _is_switching(probe: ProbeSignal, tacho: TachoSignal) -> bool:
     """Return whether a probe's input has a switching sensor's voltage."""
     levels = find_state_levels(probe.volts)
     return levels is not None and levels.separation > tacho.tacho.hysteresis
@@ -91,12 +91,18 @@ def _pulsing_check(probe: ProbeSignal, tacho: TachoSignal) -> Check:
     return Check.failed(f"{probe.name} signal", Finding.BRIDGED, seen, "a probe's voltage", advice)
 
 
-def _apart_check(first: ProbeSignal, second: ProbeSignal) -> Check:
-    whole, noise = _alike(first.volts, second.volts), _alike(np.diff(first.volts, 2), np.diff(second.volts, 2))
+def _separate_signals_check(first: ProbeSignal, second: ProbeSignal) -> Check:
+    whole, noise = (
+        _correlation(first.volts, second.volts),
+        _correlation(np.diff(first.volts, 2), np.diff(second.volts, 2)),
+    )
     name = f"probes {first.channel.name} and {second.channel.name} apart"
-    value, limit = f"correlation {whole:.3f}, noise {noise:.2f}", f"below {ALIKE:g}, noise {ALIKE_NOISE:g}"
-    differ = whole < ALIKE or abs(first.mean - second.mean) > SAME_MEAN
-    if differ and noise < ALIKE_NOISE:
+    value, limit = (
+        f"correlation {whole:.3f}, noise {noise:.2f}",
+        f"below {MAX_CORRELATION:g}, noise {MAX_NOISE_CORRELATION:g}",
+    )
+    differ = whole < MAX_CORRELATION or abs(first.mean - second.mean) > MAX_EQUAL_MEAN
+    if differ and noise < MAX_NOISE_CORRELATION:
         return Check.passed(name, value, limit)
     advice = (
         f"{first.name} and {second.name} show one and the same signal: {first.channel.physical} and "
@@ -105,7 +111,7 @@ def _apart_check(first: ProbeSignal, second: ProbeSignal) -> Check:
     return Check.failed(name, Finding.BRIDGED, value, limit, advice)
 
 
-def _alike(first: FloatArray, second: FloatArray) -> float:
+def _correlation(first: FloatArray, second: FloatArray) -> float:
     """Return the correlation of two signals; 0 where one does not move."""
     first, second = first - np.mean(first), second - np.mean(second)
     power = float(np.sum(first**2) * np.sum(second**2))
@@ -117,7 +123,7 @@ def _direction_check(probes: list[ProbeSignal], slow: list[LowFrequencySignal]) 
     forward, backward = _circles([probe.channel for probe in probes], [signal.vectors[0] for signal in slow])
     name, limit = "1X direction", "forward"
     value = f"forward {forward / MICRO:.2f}, backward {backward / MICRO:.2f} µm peak"
-    if backward < BACKWARD * forward or backward < LEAST_CIRCLE:
+    if backward < MAX_BACKWARD_RATIO * forward or backward < MIN_CIRCLE:
         return Check.passed(name, value, limit)
     first, second = (probe.channel for probe in probes)
     advice = (

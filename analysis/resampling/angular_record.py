@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.resampling.decimation import DecimationPyramid
-from analysis.resampling.interpolation import HALF, interpolate
+from analysis.resampling.interpolation import HALF_WIDTH, interpolate
 from analysis.signals.errors import AnalysisError, RecordTooShortError
 from analysis.signals.header import CODE_MAX, CODE_MIN, Acquisition, Role
 from analysis.signals.probes import ProbePair, require_displacement
@@ -16,7 +16,7 @@ from analysis.tacho.shaft_angle import ShaftAngle, shaft_angle
 
 FloatArray = NDArray[np.float64]
 
-PASSED = 0.2  # of the angular sampling: the highest order that is kept without loss
+PASSBAND_FRACTION = 0.2  # of the angular sampling: the highest order that is kept without loss
 CHUNK_POINTS = 16_384  # angular samples that are read at a time: what a core's cache holds
 _CODES = np.arange(2**16, dtype=np.uint16).view(np.int16)  # tables over them are indexed by a code's bits as uint16
 CHUNK_SAMPLES = 500_000  # samples of the tacho that are searched for edges at a time
@@ -82,7 +82,7 @@ class AngularRecord:
     @property
     def highest_order(self) -> float:
         """Order up to which nothing is lost and nothing folds in."""
-        return PASSED * self.points
+        return PASSBAND_FRACTION * self.points
 
     @property
     def speeds(self) -> FloatArray:
@@ -189,7 +189,7 @@ class _LevelReader:
     """
 
     def __init__(self, displacement: FloatArray, rate: float, skew: FloatArray, times: FloatArray, points: int) -> None:
-        most_per_turn = 2.0 * (1.0 - PASSED) * points  # samples of the level that is read
+        most_per_turn = 2.0 * (1.0 - PASSBAND_FRACTION) * points  # samples of the level that is read
         self._levels = np.maximum(np.ceil(np.log2(rate * np.diff(times) / most_per_turn)), 0).astype(np.int64)
         self._pyramid = DecimationPyramid(2, int(self._levels.max()) + 1, displacement.shape[1], 0)
         self._pyramid.push(displacement)
@@ -203,7 +203,7 @@ class _LevelReader:
             scale = self._rate / 2 ** int(level)
             low = (times[:-1] - self._skew.max()) * scale - origin
             high = (times[1:] - self._skew.min()) * scale - origin
-            inside |= (self._levels == level) & (low >= HALF) & (high < samples.shape[1] - 1 - HALF)
+            inside |= (self._levels == level) & (low >= HALF_WIDTH) & (high < samples.shape[1] - 1 - HALF_WIDTH)
         if not inside.any():
             raise RecordTooShortError("the samples hold no whole revolution")
         return int(np.argmax(inside)), inside.size - int(np.argmax(inside[::-1]))

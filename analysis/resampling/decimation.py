@@ -6,14 +6,14 @@ from scipy.signal.windows import kaiser
 
 FloatArray = NDArray[np.float64]
 
-REACH = 27  # odd: samples on each side that the half-band filter uses
+HALF_BAND_REACH = 27  # odd: samples on each side that the half-band filter uses
 _BETA = 8.6  # of its Kaiser window: stop band 86 dB from 0.3 of the input rate
 
 
 def _half_band() -> FloatArray:
     """Return the taps at odd distances of the half-band low-pass (that at 0 is 1/2, those at even distances vanish)."""
-    distance = np.arange(-REACH, REACH + 1, 2)
-    taps = np.sin(0.5 * np.pi * distance) / (np.pi * distance) * kaiser(2 * REACH + 1, _BETA)[::2]
+    distance = np.arange(-HALF_BAND_REACH, HALF_BAND_REACH + 1, 2)
+    taps = np.sin(0.5 * np.pi * distance) / (np.pi * distance) * kaiser(2 * HALF_BAND_REACH + 1, _BETA)[::2]
     return np.asarray(0.5 * taps / taps.sum(), dtype=np.float64)  # gain 1 at rest
 
 
@@ -45,13 +45,13 @@ class DecimationPyramid:
     Process. 30, 1982; Kaiser's window.
     """
 
-    def __init__(self, n_channels: int, levels: int, keep: int, first: int, late: int = 0) -> None:
-        self._keep = [max(keep, 4 * REACH) + (late >> level) for level in range(levels)]
+    def __init__(self, n_channels: int, levels: int, capacity: int, first: int, late: int = 0) -> None:
+        self._capacity = [max(capacity, 4 * HALF_BAND_REACH) + (late >> level) for level in range(levels)]
         self._samples = [np.empty((n_channels, 0)) for _ in range(levels)]
         self._first = [first]
         self._next = [first]  # index, in its level, of the first sample not yet made; that of level 0 is its end
         for _ in range(levels - 1):
-            start = -((-self._first[-1] - REACH) // 2)
+            start = -((-self._first[-1] - HALF_BAND_REACH) // 2)
             self._first.append(start)
             self._next.append(start)
 
@@ -64,12 +64,12 @@ class DecimationPyramid:
         """Take consecutive samples, shape (n_channels, n); they are kept, not copied, where they are the first."""
         self._append(0, samples)
         for level in range(1, self.levels):
-            first, end = self._next[level], (self._next[level - 1] - 1 - REACH) // 2 + 1
+            first, end = self._next[level], (self._next[level - 1] - 1 - HALF_BAND_REACH) // 2 + 1
             if end <= first:
                 break
             below, origin = self._samples[level - 1], self._first[level - 1]
             even = below[:, 2 * first - origin : 2 * end - 1 - origin : 2]
-            odd = below[:, 2 * first - REACH - origin : 2 * end - 1 + REACH - origin : 2]
+            odd = below[:, 2 * first - HALF_BAND_REACH - origin : 2 * end - 1 + HALF_BAND_REACH - origin : 2]
             filtered = 0.5 * even
             for row, of_channel in enumerate(odd):
                 filtered[row] += np.correlate(of_channel, _TAPS, mode="valid")  # the taps are symmetric
@@ -83,7 +83,7 @@ class DecimationPyramid:
 
     def _trim(self) -> None:
         for level, samples in enumerate(self._samples):
-            surplus = samples.shape[1] - self._keep[level]
+            surplus = samples.shape[1] - self._capacity[level]
             if surplus > 0:
                 self._samples[level] = samples[:, surplus:].copy()
                 self._first[level] += surplus

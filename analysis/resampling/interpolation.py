@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
 
-HALF = 16  # samples used on each side
+HALF_WIDTH = 16  # samples used on each side
 _PHASES = 512  # rows of the table between two samples
 _BETA = 7.7  # of the Kaiser window: error below 1e-3 to 0.42 of the sampling rate
 
@@ -13,8 +13,8 @@ _BETA = 7.7  # of the Kaiser window: error below 1e-3 to 0.42 of the sampling ra
 def _kernel_table() -> FloatArray:
     """Return the weights of 2 * HALF neighbours for each of the phases from 0 to 1, shape (_PHASES + 1, 2 * HALF)."""
     fraction = np.arange(_PHASES + 1)[:, None] / _PHASES
-    distance = fraction - np.arange(1 - HALF, HALF + 1)
-    window = np.i0(_BETA * np.sqrt(np.maximum(1.0 - (distance / HALF) ** 2, 0.0)))
+    distance = fraction - np.arange(1 - HALF_WIDTH, HALF_WIDTH + 1)
+    window = np.i0(_BETA * np.sqrt(np.maximum(1.0 - (distance / HALF_WIDTH) ** 2, 0.0)))
     weights = np.sinc(distance) * window
     return np.asarray(weights / weights.sum(axis=1, keepdims=True), dtype=np.float64)
 
@@ -50,21 +50,21 @@ def interpolate(samples: FloatArray, positions: FloatArray) -> FloatArray:
     window, weights interpolated linearly between 512 phases.
     """
     whole = np.floor(positions).astype(np.int64)
-    if positions.size and (whole.min() < HALF - 1 or whole.max() + HALF > samples.shape[-1] - 1):
+    if positions.size and (whole.min() < HALF_WIDTH - 1 or whole.max() + HALF_WIDTH > samples.shape[-1] - 1):
         raise ValueError(
-            f"positions: {positions.min():.1f} to {positions.max():.1f} samples, expected {HALF - 1} to "
-            f"below {samples.shape[-1] - HALF}"
+            f"positions: {positions.min():.1f} to {positions.max():.1f} samples, expected {HALF_WIDTH - 1} to "
+            f"below {samples.shape[-1] - HALF_WIDTH}"
         )
     fine = (positions - whole) * _PHASES
     row = np.minimum(fine.astype(np.int64), _PHASES - 1)
     part = fine - row
     values = np.empty(positions.shape)
     for channel, of_channel in enumerate(samples):
-        neighbours = np.lib.stride_tricks.sliding_window_view(of_channel, 2 * HALF)
+        neighbours = np.lib.stride_tricks.sliding_window_view(of_channel, 2 * HALF_WIDTH)
         for begin in range(0, positions.shape[1], _BLOCK):
             here = np.s_[channel, begin : begin + _BLOCK]
             weights = _SLOPE[row[here]]
             weights *= part[here][:, None]
             weights += _TABLE[row[here]]
-            np.einsum("mk,mk->m", weights, neighbours[whole[here] - (HALF - 1)], out=values[here])
+            np.einsum("mk,mk->m", weights, neighbours[whole[here] - (HALF_WIDTH - 1)], out=values[here])
     return values

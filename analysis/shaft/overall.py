@@ -13,15 +13,15 @@ from analysis.signals.probes import require_displacement
 
 FloatArray = NDArray[np.float64]
 
-SKETCH = 16  # of so many samples one is looked at first
-MARGIN = 8  # samples of that sketch, beyond those that belong to the few
+SUBSAMPLING = 16  # of so many samples one is looked at first
+SUBSAMPLE_MARGIN = 8  # samples of that sketch, beyond those that belong to the few
 GLITCH_TIME = 2e-4  # s at either extreme of an interval that does not count as the shaft's: a sensor's glitches,
-GLITCH_PART = 50  # and at most one sample in so many
+MIN_SAMPLES_PER_GLITCH = 50  # and at most one sample in so many
 
 
 def glitch_samples(size: int, rate: float) -> int:
     """Return how many of so many samples at a rate, Hz, do not count at either extreme, as glitches lie there."""
-    return min(round(GLITCH_TIME * rate), size // GLITCH_PART)
+    return min(round(GLITCH_TIME * rate), size // MIN_SAMPLES_PER_GLITCH)
 
 
 def trimmed_extremes(samples: FloatArray, spare: int) -> tuple[FloatArray, FloatArray]:
@@ -48,8 +48,8 @@ def trimmed_extremes(samples: FloatArray, spare: int) -> tuple[FloatArray, Float
         raise ValueError(f"samples, spare: shape {samples.shape} and {spare}, expected (n_rows, n) and less than n / 2")
     low, high = np.empty(len(samples)), np.empty(len(samples))
     for row, values in enumerate(samples):
-        sketch = np.sort(values[::SKETCH])
-        place = min(2 * spare // SKETCH + MARGIN, sketch.size - 1)
+        sketch = np.sort(values[::SUBSAMPLING])
+        place = min(2 * spare // SUBSAMPLING + SUBSAMPLE_MARGIN, sketch.size - 1)
         few = values[values <= sketch[place]]
         low[row] = np.partition(few if few.size > spare else values, spare)[spare]
         few = values[values >= sketch[-1 - place]]

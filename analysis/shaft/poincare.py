@@ -11,11 +11,14 @@ from analysis.signals.errors import RecordTooShortError
 
 FloatArray = NDArray[np.float64]
 
-FEWEST = 48  # revolutions from which a pattern is told
-MOST_PERIODS = 6
-SMALL = 0.01  # of the motion: points nearer than that are one
-TIGHT = 0.1  # of the points' extent: scatter within a cluster
-FILLED_SECTORS, THIN = 10, 0.35  # of 16 sectors about the middle, and scatter of the radius of a curve
+MIN_REVOLUTIONS = 48  # revolutions from which a pattern is told
+MAX_PERIOD = 6
+MAX_POINT_EXTENT = 0.01  # of the motion: points nearer than that are one
+MAX_CLUSTER_SCATTER = 0.1  # of the points' extent: scatter within a cluster
+MIN_FILLED_SECTORS, MAX_RADIUS_SCATTER = (
+    10,
+    0.35,
+)  # of 16 sectors about the middle, and scatter of the radius of a curve
 
 
 class Pattern(StrEnum):
@@ -74,12 +77,12 @@ def poincare_section(record: AngularRecord, noise: float = 0.0) -> PoincareSecti
     points = record.pair.to_bench(record.waveform[:, :, 0])
     points = points - points.mean(axis=1, keepdims=True)
     extent = float(np.sqrt(np.mean(np.sum(points**2, axis=0))))
-    if record.revolutions < FEWEST:
+    if record.revolutions < MIN_REVOLUTIONS:
         return PoincareSection(points, record.speeds, Pattern.UNKNOWN, 0, extent)
     period, scatter = _period(points)
-    if extent <= max(5.0 * noise, SMALL * float(record.waveform.std())):
+    if extent <= max(5.0 * noise, MAX_POINT_EXTENT * float(record.waveform.std())):
         return PoincareSection(points, record.speeds, Pattern.POINT, 1, extent)
-    if scatter < max(TIGHT * extent, 2.0 * noise):
+    if scatter < max(MAX_CLUSTER_SCATTER * extent, 2.0 * noise):
         pattern = Pattern.POINT if period == 1 else Pattern.CLUSTERS
         return PoincareSection(points, record.speeds, pattern, period, scatter)
     pattern = Pattern.CURVE if _is_curve(points) else Pattern.CLOUD
@@ -90,7 +93,7 @@ def _period(points: FloatArray) -> tuple[int, float]:
     """Return after how many revolutions the points repeat best, and how far they miss, m rms."""
     misses = [
         float(np.sqrt(0.5 * np.mean(np.sum((points[:, k:] - points[:, :-k]) ** 2, axis=0))))
-        for k in range(1, MOST_PERIODS + 1)
+        for k in range(1, MAX_PERIOD + 1)
     ]
     best = min(misses)
     period = next(k for k, miss in enumerate(misses, start=1) if miss <= 1.5 * best)
@@ -102,7 +105,7 @@ def _is_curve(points: FloatArray) -> bool:
     axes, _ = np.linalg.qr((points / np.abs(points).max()).T)  # an ellipse becomes a circle
     radius = np.hypot(*axes.T)
     sectors = np.unique(np.floor(np.arctan2(axes[:, 1], axes[:, 0]) / (np.pi / 8.0)))
-    return bool(sectors.size >= FILLED_SECTORS and radius.std() < THIN * radius.mean())
+    return bool(sectors.size >= MIN_FILLED_SECTORS and radius.std() < MAX_RADIUS_SCATTER * radius.mean())
 
 
 def bifurcation_diagram(record: AngularRecord, *, averaging_revolutions: int = 64) -> tuple[FloatArray, FloatArray]:

@@ -55,7 +55,7 @@ class TachoReport:
     phase_reference_is_arbitrary: bool = False
 
 
-RECENT = 10.0  # s: what happened longer ago is history to whoever watches
+RECENT_TIME = 10.0  # s: what happened longer ago is history to whoever watches
 
 
 class CounterState(StrEnum):
@@ -87,8 +87,10 @@ class CounterReport:
         How much later the counter has them, in the mean, s; NaN where none were compared.
     largest_difference : float
         Largest distance of the two, s; NaN where none were compared.
-    recent, recent_mismatches : int
-        Edges of either that were compared in the last `RECENT` s, and those of them that are missing, extra or apart.
+    recent : int
+        Edges of either that were compared in the last `RECENT_TIME` s.
+    recent_mismatches : int
+        Of those: missing, extra or out of tolerance.
     """
 
     is_working: bool
@@ -135,7 +137,7 @@ class CounterReport:
         if self.state in {CounterState.AGREES, CounterState.FAILED}:
             return ""
         how_many = f"{self.recent_mismatches:,} of {self.recent:,}" if self.recent_mismatches else "none"
-        return f"{how_many} in the last {RECENT:g} s"
+        return f"{how_many} in the last {RECENT_TIME:g} s"
 
 
 @dataclass(frozen=True, slots=True, eq=False)

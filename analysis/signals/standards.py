@@ -10,22 +10,22 @@ import numpy as np
 
 MICRO = 1e-6
 RPM = 60.0 / (2.0 * np.pi)  # r/min of a rad/s
-ISO_SPEEDS = (120.0, 30_000.0)  # r/min, in the title of ISO 20816-3:2022
+ISO_SPEED_RANGE = (120.0, 30_000.0)  # r/min, in the title of ISO 20816-3:2022
 ISO_ZONES = (("A/B", 4800.0), ("B/C", 9000.0), ("C/D", 13_200.0))  # um peak-to-peak times the root of r/min
 ISO_SCOPE = "industrial machines above 15 kW that run at 120 to 30,000 r/min"
 ISO_SOURCE = (
     "zone boundaries of ISO 7919-3 and its successor ISO 20816-3 as the field quotes them, scope from its title; not "
     "checked against the standard's text"
 )
-API_LARGEST, API_SPEED = 25.4, 12_000.0  # um peak-to-peak; r/min
+API_MAX_LIMIT, API_REFERENCE_SPEED = 25.4, 12_000.0  # um peak-to-peak; r/min
 API_SCOPE = "axial and centrifugal compressors of the process industry, at the mechanical running test"
 API_SOURCE = (
     "API 617, 4.8.2.11, and API 684, SP6.8.2.11, as the open rotor program ROSS cites them; not checked against the "
     "standard's text"
 )
-RUNOUT, RUNOUT_PART = 6.4, 0.25  # um peak-to-peak; of the allowed vibration
-RUNOUT_SCOPE = "the places of a shaft that proximity probes look at, both kinds of run-out together"
-RUNOUT_SOURCE = "API 670 as the field quotes it; not checked against the standard's text"
+API_MIN_RUNOUT, API_RUNOUT_FRACTION = 6.4, 0.25  # um peak-to-peak; of the allowed vibration
+API_RUNOUT_SCOPE = "the places of a shaft that proximity probes look at, both kinds of run-out together"
+API_RUNOUT_SOURCE = "API 670 as the field quotes it; not checked against the standard's text"
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +71,7 @@ def standard_limits(speed: float) -> tuple[StandardLimit, ...]:
     if not 0.0 < speed < np.inf:
         raise ValueError(f"speed: {speed} rad/s, expected more than 0, finite")
     rpm = speed * RPM
-    inside = ISO_SPEEDS[0] <= rpm <= ISO_SPEEDS[1]
+    inside = ISO_SPEED_RANGE[0] <= rpm <= ISO_SPEED_RANGE[1]
     iso = [
         StandardLimit(
             "ISO 20816-3",
@@ -83,23 +83,23 @@ def standard_limits(speed: float) -> tuple[StandardLimit, ...]:
         )
         for name, k in ISO_ZONES
     ]
-    running = min(API_LARGEST * float(np.sqrt(API_SPEED / rpm)), API_LARGEST) * MICRO
+    running = min(API_MAX_LIMIT * float(np.sqrt(API_REFERENCE_SPEED / rpm)), API_MAX_LIMIT) * MICRO
     runout = allowed_combined_runout(running)
     return (
         *iso,
         StandardLimit("API 617", "vibration limit", running, API_SCOPE, in_scope=True, source=API_SOURCE),
-        StandardLimit("API 670", "combined run-out", runout, RUNOUT_SCOPE, in_scope=True, source=RUNOUT_SOURCE),
+        StandardLimit("API 670", "combined run-out", runout, API_RUNOUT_SCOPE, in_scope=True, source=API_RUNOUT_SOURCE),
     )
 
 
 def allowed_combined_runout(allowed: float) -> float:
     """Return the run-out that API 670 bears beside an allowed vibration, both m peak-to-peak.
 
-    6.4 um or a quarter of the allowed vibration, whichever is more (`RUNOUT_SOURCE`).
+    6.4 um or a quarter of the allowed vibration, whichever is more (`API_RUNOUT_SOURCE`).
     """
     if not allowed >= 0.0:
         raise ValueError(f"allowed: {allowed} m peak-to-peak, expected 0 or more")
-    return max(RUNOUT * MICRO, RUNOUT_PART * allowed)
+    return max(API_MIN_RUNOUT * MICRO, API_RUNOUT_FRACTION * allowed)
 
 
 def permissible_unbalance(grade: float, mass: float, speed: float) -> float:

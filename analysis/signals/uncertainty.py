@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.float64]
 
 RAYLEIGH_MEDIAN = float(np.sqrt(2.0 * np.log(2.0)))  # over the standard deviation of one part
-NEIGHBOURS = 2.0 / 3.0  # correlation of the noise of two lines side by side, Hann, each along its own phase
-SMALLEST = 1e-100  # amplitude, in any unit: below it there is no line
+NEIGHBOUR_CORRELATION = 2.0 / 3.0  # correlation of the noise of two lines side by side, Hann, each along its own phase
+MIN_AMPLITUDE = 1e-100  # amplitude, in any unit: below it there is no line
 
 
 def noise_floor_sigma(floor: FloatArray) -> FloatArray:
@@ -108,6 +108,6 @@ def order_sigma(peak: FloatArray, neighbour: FloatArray, sigma: FloatArray, revo
     delta = (2B - A) / (A + B) lines; its variance is 9 (A² + B² - 2 rho A B) sigma² / (A + B)^4 with the noise of the
     two lines, each along its own phase, correlated by rho = 2/3.
     """
-    spread = peak**2 + neighbour**2 - 2.0 * NEIGHBOURS * peak * neighbour
-    total = np.maximum(peak + neighbour, SMALLEST)
+    spread = peak**2 + neighbour**2 - 2.0 * NEIGHBOUR_CORRELATION * peak * neighbour
+    total = np.maximum(peak + neighbour, MIN_AMPLITUDE)
     return np.asarray(3.0 * np.sqrt(spread) / total * (sigma / total) / revolutions, dtype=np.float64)

@@ -19,15 +19,15 @@ Number = TypeVar("Number", np.float64, np.complex128)
 
 TAU = 2.0 * np.pi
 SLOW_RATE = 5000.0  # Hz to which signals are thinned: the mains' and the shaft's lines lie well below
-MAINS = (50.0, 60.0)  # Hz
-MAINS_DRIFT = 0.6  # Hz about a mains frequency in which its line must be the highest, a resolution of about 1 s
-NEIGHBOURS = 5.0  # Hz about it
-STEP = 0.1  # Hz
-SKIRT = 2.5  # lines of the window's resolution about the mains' that its own skirt reaches
+MAINS_FREQUENCIES = (50.0, 60.0)  # Hz
+MAX_MAINS_OFFSET = 0.6  # Hz about a mains frequency in which its line must be the highest, a resolution of about 1 s
+SEARCH_WIDTH = 5.0  # Hz about it
+SEARCH_STEP = 0.1  # Hz
+SKIRT_LINES = 2.5  # lines of the window's resolution about the mains' that its own skirt reaches
 BASE_RATE = 100.0  # Hz, of the signal shifted down by a mains frequency: the neighbours lie well below
 ORDERS = (1, 2, 3, 4)  # of the shaft that are taken out
-SEPARABLE = 0.5  # part of a mains line's energy that the shaft's orders must leave of it
-SINGULAR = 1e-10  # of the largest power: what is less is no direction of its own
+MIN_SEPARABLE_ENERGY = 0.5  # part of a mains line's energy that the shaft's orders must leave of it
+MIN_RELATIVE_POWER = 1e-10  # of the largest power: what is less is no direction of its own
 MOTION_BAND = (2.0, 1000.0)  # Hz
 
 
@@ -82,7 +82,9 @@ class LowFrequencySignal:
         self._basis = np.stack([*still, *self._turning], axis=1)
         weighted = self._window[:, np.newaxis] * self._basis
         powers, turn = np.linalg.eigh(weighted.T @ weighted)
-        turn = turn[:, powers > SINGULAR * powers[-1]] / np.sqrt(powers[powers > SINGULAR * powers[-1]])
+        turn = turn[:, powers > MIN_RELATIVE_POWER * powers[-1]] / np.sqrt(
+            powers[powers > MIN_RELATIVE_POWER * powers[-1]]
+        )
         self._factor = weighted @ turn  # orthonormal columns that span the orders
         solution = turn @ (self._factor.T @ (self._window * thinned))
         self._solution = solution
@@ -102,14 +104,14 @@ class LowFrequencySignal:
 
     def mains_line(self) -> MainsLine:
         """Return the stronger of the lines at 50 and 60 Hz."""
-        return max((self._line(frequency) for frequency in MAINS), key=lambda line: line.amplitude)
+        return max((self._line(frequency) for frequency in MAINS_FREQUENCIES), key=lambda line: line.amplitude)
 
     def motion_rms(self) -> float:
         """Return the rms of all that moves between 2 and 1000 Hz but for the mains' lines, in the signal's unit."""
         spectrum = np.fft.rfft(self._moving)
         frequency = np.fft.rfftfreq(self._moving.size, 1.0 / self._rate)
         kept = (frequency >= MOTION_BAND[0]) & (frequency <= MOTION_BAND[1])
-        for mains in MAINS:
+        for mains in MAINS_FREQUENCIES:
             nearest = np.round(frequency / mains)
             kept &= (nearest == 0) | (np.abs(frequency - nearest * mains) > 2.0)
         power = 2.0 * np.sum(np.abs(spectrum[kept]) ** 2) / self._moving.size
@@ -117,8 +119,8 @@ class LowFrequencySignal:
 
     def _line(self, mains: float) -> MainsLine:
         left = self._left_of(mains)
-        is_separable = left >= SEPARABLE
-        offsets = np.arange(-NEIGHBOURS, NEIGHBOURS + STEP / 2, STEP)
+        is_separable = left >= MIN_SEPARABLE_ENERGY
+        offsets = np.arange(-SEARCH_WIDTH, SEARCH_WIDTH + SEARCH_STEP / 2, SEARCH_STEP)
         signal = self._rest if is_separable else self._moving
         step = max(int(self._rate / BASE_RATE), 1)
         base = _thinned(signal * np.exp(-1j * TAU * mains * self._time), step)
@@ -127,9 +129,9 @@ class LowFrequencySignal:
         heights = np.abs(phases @ base) * 2.0 * step / np.sum(self._window)
         highest = int(np.argmax(heights))
         scale = 1.0 / left if is_separable else 1.0
-        beside = heights[np.abs(offsets) > SKIRT * self._rate / self._window.size]
+        beside = heights[np.abs(offsets) > SKIRT_LINES * self._rate / self._window.size]
         sigma = scale * float(noise_floor_sigma(np.median(beside))) if beside.size else np.nan
-        is_highest = abs(offsets[highest]) <= MAINS_DRIFT
+        is_highest = abs(offsets[highest]) <= MAX_MAINS_OFFSET
         return MainsLine(mains, scale * float(heights[highest]) if is_highest else 0.0, sigma, is_separable)
 
     def _left_of(self, mains: float) -> float:
@@ -155,9 +157,9 @@ def _order_columns(angle: FloatArray) -> list[FloatArray]:
     return columns
 
 
-BLOCKS = 20  # of the record, of which the means are compared
-SHORTEST_HUM = 0.4  # s
-CLEAR = 4.0  # standard deviations of the slope
+DRIFT_BLOCKS = 20  # of the record, of which the means are compared
+MIN_HUM_DURATION = 0.4  # s
+MIN_SLOPE_SIGMAS = 4.0  # standard deviations of the slope
 
 
 @dataclass(frozen=True, slots=True)
@@ -181,7 +183,7 @@ class Drift:
     @property
     def is_significant(self) -> bool:
         """Whether the slope stands 4 standard deviations from none."""
-        return abs(self.slope) > CLEAR * self.sigma
+        return abs(self.slope) > MIN_SLOPE_SIGMAS * self.sigma
 
 
 def drift(values: FloatArray, rate: float) -> Drift:
@@ -205,14 +207,14 @@ def drift(values: FloatArray, rate: float) -> Drift:
     """
     if values.ndim != 1 or not np.isfinite(values).all():
         raise ValueError(f"values: shape {values.shape}, expected (n,), finite")
-    n = values.size // BLOCKS
+    n = values.size // DRIFT_BLOCKS
     if n < 10:
-        raise RecordTooShortError(f"{values.size} samples, expected at least {10 * BLOCKS}")
-    means = values[: n * BLOCKS].reshape(BLOCKS, n).mean(axis=1)
-    time = (np.arange(BLOCKS) - 0.5 * (BLOCKS - 1)) * n / rate
+        raise RecordTooShortError(f"{values.size} samples, expected at least {10 * DRIFT_BLOCKS}")
+    means = values[: n * DRIFT_BLOCKS].reshape(DRIFT_BLOCKS, n).mean(axis=1)
+    time = (np.arange(DRIFT_BLOCKS) - 0.5 * (DRIFT_BLOCKS - 1)) * n / rate
     slope = float(time @ means / (time @ time))
     rest = means - means.mean() - slope * time
-    sigma = float(np.sqrt(rest @ rest / (BLOCKS - 2) / (time @ time)))
+    sigma = float(np.sqrt(rest @ rest / (DRIFT_BLOCKS - 2) / (time @ time)))
     return Drift(slope, sigma, slope * values.size / rate)
 
 
@@ -244,8 +246,10 @@ def mains_hum(values: FloatArray, rate: float, record: AngularRecord | None = No
     begin, end = (record.times[0], record.times[-1]) if record is not None else (-np.inf, np.inf)
     inside = (time >= begin) & (time <= end)
     seconds = float(np.count_nonzero(inside) / rate)
-    if seconds < SHORTEST_HUM:
-        raise RecordTooShortError(f"{seconds:.3f} s of samples, expected at least {SHORTEST_HUM} s to tell the mains")
+    if seconds < MIN_HUM_DURATION:
+        raise RecordTooShortError(
+            f"{seconds:.3f} s of samples, expected at least {MIN_HUM_DURATION} s to tell the mains"
+        )
     angle = None
     if record is not None:
         turns = np.arange(record.times.size, dtype=np.float64)

@@ -12,10 +12,10 @@ from analysis.spectra.order_map import OrderMap
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
-STRONG = 10.0  # times the floor: lines that tell of the probes
+MIN_LINE_TO_FLOOR = 10.0  # times the floor: lines that tell of the probes
 PROBE_TOLERANCE = 0.05  # of a probe's sensitivity, what API 670 is quoted to allow: a mismatch nobody may exclude
-CONSISTENT = 4.0  # mean square of what one mismatch leaves of the lines, over their variance
-CALIBRATED = 5e-4  # of a line: what leakage and a probe's curve leave uncertain beside the noise
+MAX_REDUCED_CHI_SQUARE = 4.0  # mean square of what one mismatch leaves of the lines, over their variance
+LINE_UNCERTAINTY = 5e-4  # of a line: what leakage and a probe's curve leave uncertain beside the noise
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,7 +148,7 @@ def probe_mismatch(order_map: OrderMap) -> ProbeMismatch:
     size = np.sqrt(np.mean(np.abs(spectrum) ** 2, axis=(0, 1)))
     peak = np.zeros(size.size, dtype=np.bool_)
     peak[1:-1] = (size[1:-1] > size[:-2]) & (size[1:-1] >= size[2:])
-    peak &= size > STRONG * max(float(np.median(order_map.noise)), 1e-300)
+    peak &= size > MIN_LINE_TO_FLOOR * max(float(np.median(order_map.noise)), 1e-300)
     lines = np.flatnonzero(peak)
     # Along the probes: x is the reference direction, y lies a quarter turn further in the turning sense.
     lead = order_map.pair.lead
@@ -163,11 +163,11 @@ def probe_mismatch(order_map: OrderMap) -> ProbeMismatch:
     ratio = np.where(with_shaft, ratio, np.conj(ratio))
     floor = order_map.noise[:, None] / np.sqrt(2.0 * np.log(2.0))
     variance = np.sum((floor * np.abs(main)) ** 2, axis=0) / energy**2
-    weight = 1.0 / (variance + CALIBRATED**2)
+    weight = 1.0 / (variance + LINE_UNCERTAINTY**2)
     mean = complex(np.sum(weight * ratio) / np.sum(weight))
     chi = float(np.sum(weight * np.abs(ratio - mean) ** 2) / (2.0 * (lines.size - 1)))
     sigma = 2.0 * float(np.sqrt(max(chi, 1.0) / np.sum(weight)))
-    agrees = chi < CONSISTENT and abs(mean) < PROBE_TOLERANCE and abs(lead) == 1.0
+    agrees = chi < MAX_REDUCED_CHI_SQUARE and abs(mean) < PROBE_TOLERANCE and abs(lead) == 1.0
     if not agrees:
         return ProbeMismatch(0.0, 0.0, np.nan, is_determined=False, components=int(lines.size))
     return ProbeMismatch(

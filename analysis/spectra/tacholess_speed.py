@@ -20,14 +20,14 @@ from analysis.tacho.shaft_angle import DEGREE, ShaftAngle
 
 FloatArray = NDArray[np.float64]
 
-RATE_ROOM = 5.0  # samples a turn at the highest speed searched: the ridge needs no more
+SAMPLES_PER_TURN = 5.0  # samples a turn at the highest speed searched: the ridge needs no more
 FRAME_TURNS = 16.0  # at the lowest speed searched
-STEP_PART = 0.25  # of a frame
+STEP_FRACTION = 0.25  # of a frame
 SLOPE_COST = 0.5  # of log amplitude for a change of a line from frame to frame
-MOST_LINES = 12  # by which the ridge may move from frame to frame
-LEAST_SIGMA = 1e-4  # lines: what a speed that changes within a frame leaves
+MAX_LINE_CHANGE = 12  # by which the ridge may move from frame to frame
+MIN_SIGMA = 1e-4  # lines: what a speed that changes within a frame leaves
 TWO_PROBES_MEDIAN = 1.832  # of the root of two probes' squared noise over the standard deviation of one part of one
-SURE = 3.0  # ratio of the ridge to the strongest line beside it at confidence 0.5
+RATIO_AT_HALF_CONFIDENCE = 3.0  # ratio of the ridge to the strongest line beside it at confidence 0.5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -104,7 +104,7 @@ def speed_from_ridge(displacement: FloatArray, rate: float, lowest: float, highe
     if not 0.0 < lowest < highest < np.pi * rate * 0.9:
         raise ValueError(f"lowest, highest: {lowest} and {highest} rad/s, expected rising, to {0.9 * np.pi * rate:.0f}")
     n = 2 * round(0.5 * FRAME_TURNS * 2.0 * np.pi / lowest * rate)
-    step = max(round(n * STEP_PART), 1)
+    step = max(round(n * STEP_FRACTION), 1)
     starts = np.arange(0, displacement.shape[1] - n + 1, step)
     if starts.size < 4:
         raise RecordTooShortError(f"{displacement.shape[1]} samples, expected at least {n + 3 * step}")
@@ -147,7 +147,7 @@ def angular_record_without_tacho(
     """
     if not highest > 0.0:
         raise ValueError(f"highest: {highest} rad/s, expected more than 0")
-    needed = RATE_ROOM * highest / (2.0 * np.pi)
+    needed = SAMPLES_PER_TURN * highest / (2.0 * np.pi)
     level = max(int(np.floor(np.log2(acquisition.rate / needed))), 0)
     pyramid = DecimationPyramid(2, level + 1, codes.shape[-1], 0)
     pyramid.push(probe_displacement(acquisition, codes))
@@ -161,11 +161,11 @@ def angular_record_without_tacho(
 def _ridge(gain: FloatArray) -> NDArray[np.int64]:
     """Return the line of the best path in each frame."""
     n, lines = gain.shape
-    moves = np.arange(-MOST_LINES, MOST_LINES + 1)
+    moves = np.arange(-MAX_LINE_CHANGE, MAX_LINE_CHANGE + 1)
     best = gain[0].copy()
     came = np.empty((n, lines), dtype=np.int64)
     for frame in range(1, n):
-        padded = np.pad(best, MOST_LINES, constant_values=-np.inf)
+        padded = np.pad(best, MAX_LINE_CHANGE, constant_values=-np.inf)
         reached = np.lib.stride_tricks.sliding_window_view(padded, moves.size) - SLOPE_COST * np.abs(moves)
         move = np.argmax(reached, axis=1)
         came[frame] = np.arange(lines) + moves[move]
@@ -194,6 +194,6 @@ def _read(
     return RidgeSpeed(
         times=np.asarray((starts + 0.5 * n) / rate, dtype=np.float64),
         speeds=(first + at + delta) * line_width,
-        sigma=line_width * np.maximum(order_sigma(peak, beside, floor / TWO_PROBES_MEDIAN, 1), LEAST_SIGMA),
-        confidence=np.where(np.isfinite(ratio), ratio**2 / (ratio**2 + SURE**2), 1.0),
+        sigma=line_width * np.maximum(order_sigma(peak, beside, floor / TWO_PROBES_MEDIAN, 1), MIN_SIGMA),
+        confidence=np.where(np.isfinite(ratio), ratio**2 / (ratio**2 + RATIO_AT_HALF_CONFIDENCE**2), 1.0),
     )

@@ -6,12 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.signals.header import TachoCounter
-from analysis.signals.snapshot import RECENT, CounterReport
+from analysis.signals.snapshot import RECENT_TIME, CounterReport
 
 FloatArray = NDArray[np.float64]
 
-SETTLED = 0.5  # s after which an edge that has not come will not come
-MARGIN = 5e-3  # s from where the waveform begins: of an edge there it shows only a part
+SETTLING_TIME = 0.5  # s after which an edge that has not come will not come
+START_MARGIN = 5e-3  # s from where the waveform begins: of an edge there it shows only a part
 
 
 class CounterComparison:
@@ -35,7 +35,7 @@ class CounterComparison:
         """Forget the edges that have not been compared and go on from another time, s; the counts run on."""
         self._recent: deque[tuple[float, int, int]] = deque()  # up to when, s: edges of either, and those that differ
         self._sampled = self._stamped = np.empty(0)
-        self._done = begin + MARGIN  # time up to which edges have been compared, s
+        self._done = begin + START_MARGIN  # time up to which edges have been compared, s
 
     def advance(self, sampled: FloatArray, stamped: FloatArray, now: float) -> None:
         """Take the edges and stamps of a further stretch of a segment and compare what has settled.
@@ -49,14 +49,14 @@ class CounterComparison:
         """
         self._sampled = np.concatenate([self._sampled, sampled])
         self._stamped = np.concatenate([self._stamped, stamped])
-        until = now - SETTLED
+        until = now - SETTLING_TIME
         if until > self._done:
             self._recent.append((until, *self._compare(self._done, until)))
-            while self._recent[0][0] <= until - RECENT:
+            while self._recent[0][0] <= until - RECENT_TIME:
                 self._recent.popleft()
             self._done = until
-            self._sampled = self._sampled[self._sampled > until - SETTLED]
-            self._stamped = self._stamped[self._stamped > until - SETTLED]
+            self._sampled = self._sampled[self._sampled > until - SETTLING_TIME]
+            self._stamped = self._stamped[self._stamped > until - SETTLING_TIME]
 
     def report(self, *, is_working: bool) -> CounterReport:
         """Return the counts since the run began."""

@@ -14,7 +14,7 @@ from analysis.tacho.edges import EdgeDetector
 
 FloatArray = NDArray[np.float64]
 
-LATE = 0.5  # s that a stamp may come late before its absence is taken for the shaft's
+MAX_STAMP_DELAY = 0.5  # s that a stamp may come late before its absence is taken for the shaft's
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -61,7 +61,7 @@ class TachoEdgeReader:
     def restart(self, first: int) -> None:
         """Begin a segment, or go on in one after a gap, at a sample."""
         self._detector = EdgeDetector(self._tacho)
-        self._came: list[tuple[int, NDArray[np.int64]]] = []  # first sample of the block, and what came with it
+        self._stamps: list[tuple[int, NDArray[np.int64]]] = []  # first sample of the block, and what came with it
         self._fails_from: int | None = None
         self._last = -np.inf
         if self._comparison is not None:
@@ -74,7 +74,7 @@ class TachoEdgeReader:
         if block.ticks is None:
             self._fails_from = block.first_sample if self._fails_from is None else self._fails_from
         elif block.ticks.size:
-            self._came.append((block.first_sample, block.ticks))
+            self._stamps.append((block.first_sample, block.ticks))
 
     def read(self, volts: FloatArray, first: int) -> TachoEdges:
         """Return the edges of a further stretch of the waveform.
@@ -91,16 +91,16 @@ class TachoEdgeReader:
         if self._counter is None:
             return TachoEdges(found + (self._skew - delay), end, elapsed)
         sampled = found + self._skew
-        stamped = np.concatenate([np.empty(0), *self._stamped(first + volts.size)])
+        stamped = np.concatenate([np.empty(0), *self._due_stamps(first + volts.size)])
         is_working = self._is_working(first + volts.size)
         if self._comparison is not None and is_working:
             self._comparison.advance(sampled, stamped, end)
         if not (self._counter.is_reference and is_working):
-            return TachoEdges(self._following(sampled) - delay, end, elapsed)
-        edges = self._following(stamped)
+            return TachoEdges(self._new_edges(sampled) - delay, end, elapsed)
+        edges = self._new_edges(stamped)
         if edges.size:
             elapsed = max(elapsed, float(edges[-1] - edges[0]))
-        return TachoEdges(edges - delay, max(end - LATE, self._last), elapsed)
+        return TachoEdges(edges - delay, max(end - MAX_STAMP_DELAY, self._last), elapsed)
 
     def report(self, end: int) -> CounterReport | None:
         """Return how counter and waveform compare, up to a sample; None without a counter."""
@@ -109,21 +109,21 @@ class TachoEdgeReader:
     def _is_working(self, end: int) -> bool:
         return self._fails_from is None or end <= self._fails_from
 
-    def _following(self, edges: FloatArray) -> FloatArray:
+    def _new_edges(self, edges: FloatArray) -> FloatArray:
         """Return the edges behind the last that was given: counter and waveform may both have the one at a change."""
         edges = edges[edges > self._last]
         if edges.size:
             self._last = float(edges[-1])
         return edges
 
-    def _stamped(self, end: int) -> Iterator[FloatArray]:
+    def _due_stamps(self, end: int) -> Iterator[FloatArray]:
         """Yield the times, s, of stamps that lie before a sample and came with a block that begins before it."""
         if self._counter is None:
             return
         timebase, waiting = self._counter.timebase, []
-        for first, ticks in self._came:
+        for first, ticks in self._stamps:
             known = int(np.searchsorted(ticks, end / self._rate * timebase)) if first < end else 0
             yield ticks[:known] / timebase
             if known < ticks.size:
                 waiting.append((first, ticks[known:]))
-        self._came = waiting
+        self._stamps = waiting

@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-ALIKE = 1.2  # ratio of a mark's successive intervals where nothing is missing or double
-LONGER = 1.1  # than every other interval: so much longer is one that tells its mark from the others
-LEARNED_TURNS, LEARNED_FEWEST = 2, 16  # in a row without a fault that tell the spacing: revolutions, intervals at least
+MAX_INTERVAL_RATIO = 1.2  # ratio of a mark's successive intervals where nothing is missing or double
+MIN_GAP_RATIO = 1.1  # than every other interval: so much longer is one that tells its mark from the others
+MIN_TURNS, MIN_INTERVALS = 2, 16  # in a row without a fault that tell the spacing: revolutions, intervals at least
 
 
 def interval_ratios(numbers: IntArray, times: FloatArray, marks: int) -> FloatArray | None:
@@ -60,7 +60,7 @@ def reference_mark(parts: FloatArray) -> int | None:
     if parts.size == 1:
         return 0
     second, longest = np.sort(parts)[-2:]
-    return int(np.argmax(parts)) if longest >= LONGER * second else None
+    return int(np.argmax(parts)) if longest >= MIN_GAP_RATIO * second else None
 
 
 class MarkSpacing:
@@ -76,11 +76,11 @@ class MarkSpacing:
 
     def __init__(self, marks: int) -> None:
         self._marks = marks
-        self._needed = max(LEARNED_TURNS * marks, LEARNED_FEWEST)
+        self._needed = max(MIN_TURNS * marks, MIN_INTERVALS)
         self._edges: deque[float] = deque(maxlen=3 * (self._needed + marks))
         self.is_known = marks == 1
         self.ratios = np.ones(marks)  # from theta = 0 on, where that is told
-        self.shortest = 1.0  # of the parts
+        self.shortest_ratio = 1.0  # of the parts
         self.is_even = True
         self.has_reference = marks == 1
 
@@ -99,9 +99,9 @@ class MarkSpacing:
             return False
         mark = reference_mark(parts)
         self.is_known, self.has_reference = True, mark is not None
-        self.is_even = bool(parts.max() < LONGER * parts.min())
+        self.is_even = bool(parts.max() < MIN_GAP_RATIO * parts.min())
         if not self.is_even:
-            self.ratios, self.shortest = np.roll(parts, -(mark or 0)), float(parts.min())
+            self.ratios, self.shortest_ratio = np.roll(parts, -(mark or 0)), float(parts.min())
         self._edges.clear()
         return True
 
@@ -111,7 +111,7 @@ class MarkSpacing:
         if intervals.size < self._needed + self._marks:
             return None
         later, before = intervals[self._marks :], intervals[: -self._marks]
-        alike = (later < ALIKE * before) & (before < ALIKE * later)
+        alike = (later < MAX_INTERVAL_RATIO * before) & (before < MAX_INTERVAL_RATIO * later)
         bounds = np.flatnonzero(np.diff(np.concatenate([[False], alike, [False]]).astype(np.int8)))
         lengths = bounds[1::2] - bounds[::2]
         if not lengths.size or lengths.max() < self._needed:
@@ -130,7 +130,7 @@ class MarkSpacing:
             Ratio of successive intervals, each over its part, up to which they fit.
         """
         longest = int(np.argmax(intervals[: self._marks]))
-        longest_parts = np.flatnonzero(self.ratios >= self.ratios.max() / LONGER)
+        longest_parts = np.flatnonzero(self.ratios >= self.ratios.max() / MIN_GAP_RATIO)
         for mark in longest_parts[:1].tolist() if self.is_even else longest_parts.tolist():
             first = (mark - longest) % self._marks
             even = intervals / self.ratios[(first + np.arange(intervals.size)) % self._marks]

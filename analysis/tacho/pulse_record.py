@@ -11,16 +11,18 @@ from numpy.typing import NDArray
 
 from analysis.signals.errors import TachoRefusedError
 from analysis.signals.header import Tacho
-from analysis.tacho.mark_spacing import ALIKE, interval_ratios, reference_mark
-from analysis.tacho.pulse_train import HISTORY, MOST_REPAIRED, PulseTrain
+from analysis.tacho.mark_spacing import MAX_INTERVAL_RATIO, interval_ratios, reference_mark
+from analysis.tacho.pulse_train import HISTORY, MAX_REPAIRED, PulseTrain
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-FEWEST_PULSES = 8
-FEWEST_GAPS = 3
-REGULAR = 0.5  # part of the places at one distance from one another where pulses are missing: no chance made these
-COUNTED = 0.9  # part of the pulses that one train must hold: less is a shaft that stood still between
+MIN_PULSES = 8
+MIN_GAPS = 3
+MAX_PERIODIC_GAPS = (
+    0.5  # part of the places at one distance from one another where pulses are missing: no chance made these
+)
+MIN_TRAIN_FRACTION = 0.9  # part of the pulses that one train must hold: less is a shaft that stood still between
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -93,8 +95,8 @@ def pulse_record(times: FloatArray, tacho: Tacho) -> PulseRecord:
     times = np.asarray(times, dtype=np.float64)
     if times.ndim != 1 or not np.isfinite(times).all() or (np.diff(times) <= 0.0).any():
         raise ValueError(f"times: shape {times.shape}, expected (n,) finite and rising, s")
-    if times.size < FEWEST_PULSES:
-        raise TachoRefusedError(f"{times.size} tacho pulses in the record, expected at least {FEWEST_PULSES}")
+    if times.size < MIN_PULSES:
+        raise TachoRefusedError(f"{times.size} tacho pulses in the record, expected at least {MIN_PULSES}")
     if _is_clean(np.diff(times), tacho.pulses_per_revolution):
         return _record(np.arange(times.size), times, times.size, tacho)
     single = replace(tacho, pulses_per_revolution=1)
@@ -103,16 +105,16 @@ def pulse_record(times: FloatArray, tacho: Tacho) -> PulseRecord:
     if forward is None or backward is None:
         raise TachoRefusedError(f"none of {times.size} tacho edges make a regular train: noise, or no shaft")
     back_numbers, back_times = -backward[0][::-1], -backward[1][::-1]
-    numbers, kept = _agreed(forward, (back_numbers, back_times))
+    numbers, kept = _merge_counts(forward, (back_numbers, back_times))
     begin, end = np.searchsorted(times, [kept[0], kept[-1]])
     seen = int(end - begin) + 1
-    if seen < COUNTED * times.size and forward[0].size < COUNTED * times.size - FEWEST_PULSES:
+    if seen < MIN_TRAIN_FRACTION * times.size and forward[0].size < MIN_TRAIN_FRACTION * times.size - MIN_PULSES:
         raise TachoRefusedError(
             f"the longest regular train holds {seen} of {times.size} tacho edges, from {kept[0]:.3f} to "
             f"{kept[-1]:.3f} s: analyse the record in parts between the breaks"
         )
     numbers = numbers - numbers[0]
-    _refuse_patchwork(numbers, kept, times[begin : end + 1], tacho.pulses_per_revolution)
+    _refuse_many_repairs(numbers, kept, times[begin : end + 1], tacho.pulses_per_revolution)
     return _record(numbers, kept, seen, tacho)
 
 
@@ -121,7 +123,7 @@ def _is_clean(intervals: FloatArray, marks: int) -> bool:
     if intervals.size < 2 * marks + 1:
         return False
     ratios = intervals[marks:] / intervals[:-marks]
-    return bool(ratios.max() < ALIKE and ratios.min() > 1.0 / ALIKE)
+    return bool(ratios.max() < MAX_INTERVAL_RATIO and ratios.min() > 1.0 / MAX_INTERVAL_RATIO)
 
 
 def _record(numbers: IntArray, times: FloatArray, seen: int, tacho: Tacho) -> PulseRecord:
@@ -151,10 +153,12 @@ def _trains(times: FloatArray, tacho: Tacho) -> Iterator[tuple[IntArray, FloatAr
         yield np.array([mark[0] for mark in marks], dtype=np.int64), np.array([mark[1] for mark in marks])
 
 
-def _agreed(forward: tuple[IntArray, FloatArray], backward: tuple[IntArray, FloatArray]) -> tuple[IntArray, FloatArray]:
+def _merge_counts(
+    forward: tuple[IntArray, FloatArray], backward: tuple[IntArray, FloatArray]
+) -> tuple[IntArray, FloatArray]:
     """Return numbers and times of the pulses of both trains, and of the one where the other has not begun."""
     common, in_forward, in_backward = np.intersect1d(forward[1], backward[1], return_indices=True)
-    if common.size < FEWEST_PULSES:
+    if common.size < MIN_PULSES:
         raise TachoRefusedError(
             "the tacho's pulses make several trains: analyse the record in parts between the breaks"
         )
@@ -173,19 +177,19 @@ def _agreed(forward: tuple[IntArray, FloatArray], backward: tuple[IntArray, Floa
     return numbers, times
 
 
-def _refuse_patchwork(numbers: IntArray, times: FloatArray, edges: FloatArray, marks: int) -> None:
+def _refuse_many_repairs(numbers: IntArray, times: FloatArray, edges: FloatArray, marks: int) -> None:
     """Raise where more than the live tracker would bear needed a repair, or the same did again and again."""
     repaired = int(numbers[-1] - numbers[0]) + 1 - numbers.size + edges.size - times.size
-    allowed = MOST_REPAIRED / HISTORY * numbers.size
+    allowed = MAX_REPAIRED / HISTORY * numbers.size
     if repaired > allowed:
         raise TachoRefusedError(
             f"tacho: {repaired} of {numbers.size} pulses are missing or double, expected at most {int(allowed)}"
         )
     is_gap = np.zeros(int(numbers[-1]), dtype=np.bool_)
     is_gap[numbers[:-1][np.diff(numbers) > 1]] = True
-    for distance in range(2, min(2 * marks, is_gap.size // FEWEST_GAPS) + 1):
+    for distance in range(2, min(2 * marks, is_gap.size // MIN_GAPS) + 1):
         again = np.count_nonzero(is_gap[distance:] & is_gap[:-distance])
-        if distance % marks and again > max(REGULAR * is_gap.size / distance, FEWEST_GAPS):
+        if distance % marks and again > max(MAX_PERIODIC_GAPS * is_gap.size / distance, MIN_GAPS):
             raise TachoRefusedError(
                 f"tacho: a pulse is missing every {distance}: expected a pattern that repeats with the {marks} marks "
                 "of a revolution"

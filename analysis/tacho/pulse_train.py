@@ -13,21 +13,24 @@ from analysis.tacho.mark_spacing import MarkSpacing
 FloatArray = NDArray[np.float64]
 
 GATE = 0.3  # of the predicted period: how far an edge may lie from its prediction
-GATE_FILLED = 0.25  # the same where pulses before it are missing
-MOST_FILLED = 2  # successive pulses that may be missing
+GATE_AFTER_GAP = 0.25  # the same where pulses before it are missing
+MAX_MISSING_PULSES = 2  # successive pulses that may be missing
 SEED_INTERVALS = 4  # like intervals that make a train
-SEED_RATIO = 1.25  # of successive intervals
-SETTLED = SEED_INTERVALS + 1  # pulses of a train before its speed is believed
-SETTLED_TURNS, SETTLED_PULSES = 6, 64  # of a train of several marks whose spacing could not be learned, at least
-MOST_DOUBT = 20  # edges in vain that are remembered: each asks for one pulse more
-CLEAN = 0.05  # change from one interval to the next with which pulses are beyond question
-DIRTY_STREAK = 4  # successive pulses that each needed a repair: the train is not what it was taken for
-MOST_START = 2  # edges in vain with which a shaft may start
-MOST_REJECTED = 10  # edges between two pulses
-HISTORY, MOST_REPAIRED = 64, 8  # of the last pulses
-MOST_JITTER = 0.05  # of the pulses' period
-SILENCE = 2.0  # s without an edge: no pulses
-FEWEST_SAMPLES = 20  # a pulse; more edges than that are no shaft
+MAX_SEED_RATIO = 1.25  # of successive intervals
+MIN_TRAIN_PULSES = SEED_INTERVALS + 1  # pulses of a train before its speed is believed
+MIN_TRAIN_TURNS, MIN_MULTI_MARK_PULSES = (
+    6,
+    64,
+)  # of a train of several marks whose spacing could not be learned, at least
+MAX_REJECTED_EDGES = 20  # edges in vain that are remembered: each asks for one pulse more
+MAX_INTERVAL_CHANGE = 0.05  # change from one interval to the next with which pulses are beyond question
+MAX_SUCCESSIVE_REPAIRS = 4  # successive pulses that each needed a repair: the train is not what it was taken for
+MAX_REJECTED_AT_START = 2  # edges in vain with which a shaft may start
+MAX_REJECTED_BETWEEN_PULSES = 10  # edges between two pulses
+HISTORY, MAX_REPAIRED = 64, 8  # of the last pulses
+MAX_JITTER = 0.05  # of the pulses' period
+NO_PULSE_TIMEOUT = 2.0  # s without an edge: no pulses
+MIN_SAMPLES_PER_PULSE = 20  # a pulse; more edges than that are no shaft
 
 
 class PulseTrain:
@@ -67,20 +70,20 @@ class PulseTrain:
         self._seed: deque[float] = deque(maxlen=SEED_INTERVALS + 1)  # or a whole revolution of uneven marks
         self._intervals: deque[float] = deque(maxlen=2 * SEED_INTERVALS)
         self._repaired: deque[bool] = deque(maxlen=HISTORY)
-        self._recently_skipped: deque[int] = deque(maxlen=DIRTY_STREAK)
+        self._recently_skipped: deque[int] = deque(maxlen=MAX_SUCCESSIVE_REPAIRS)
         self._pulses = self._filled = self._rejected = 0
         self.restart()
 
     def restart(self) -> None:
         """Forget the train but not the counts: the next edge does not follow the last."""
         self._last_edge = -np.inf
-        self._doubt = 0  # edges that led to no train
-        self._flooded = False
+        self._unexplained_edges = 0  # edges that led to no train
+        self._is_flooded = False
         self._repaired.clear()
         self._spacing.forget_edges()
-        self._lose()
+        self._drop_train()
 
-    def _lose(self) -> None:
+    def _drop_train(self) -> None:
         if self._on_end is not None and self._marks:
             self._on_end(tuple(self._marks))
         self._locked = False
@@ -88,8 +91,8 @@ class PulseTrain:
         self._time = self._before = self._predicted = 0.0
         self._skipped = 1  # periods between the last pulse and the one before,
         self._span = 1.0  # and how many even ones they make
-        self._dirty = self._rejected_since = 0
-        self._folded = False  # whether the train came from one of which pulses went missing regularly
+        self._repairs_in_a_row = self._rejected_since = 0
+        self._has_periodic_gaps = False  # whether the train came from one of which pulses went missing regularly
         self._seed.clear()
         self._intervals.clear()
         self._marks.clear()
@@ -108,63 +111,63 @@ class PulseTrain:
         rate : float
             Sample rate, Hz.
         """
-        self._flooded = edges.size > 8 + elapsed * rate / FEWEST_SAMPLES
-        if self._flooded:
+        self._is_flooded = edges.size > 8 + elapsed * rate / MIN_SAMPLES_PER_PULSE
+        if self._is_flooded:
             self._rejected += edges.size
             self._last_edge = now
-            self._doubt = MOST_DOUBT
+            self._unexplained_edges = MAX_REJECTED_EDGES
             self._spacing.forget_edges()
-            self._lose()
+            self._drop_train()
             return
         if self._spacing.add_edges(edges) and not self._spacing.is_even:
-            self._doubt = 0
-            self._lose()
+            self._unexplained_edges = 0
+            self._drop_train()
             self._seed = deque(maxlen=max(SEED_INTERVALS, self._tacho.pulses_per_revolution) + 1)
-        for time in edges[self._follow(edges) :].tolist():
-            self._edge(time)
+        for time in edges[self._accept_clean(edges) :].tolist():
+            self._add_edge(time)
             self._last_edge = time
-        if self._locked and now - self._time > self._expected(MOST_FILLED + 1) + GATE * self._expected(1):
-            self._lose()
-        if now - self._last_edge > SILENCE:
-            self._doubt = 0
-            self._lose()
+        if self._locked and now - self._time > self._expected(MAX_MISSING_PULSES + 1) + GATE * self._expected(1):
+            self._drop_train()
+        if now - self._last_edge > NO_PULSE_TIMEOUT:
+            self._unexplained_edges = 0
+            self._drop_train()
 
-    def _follow(self, edges: FloatArray) -> int:
+    def _accept_clean(self, edges: FloatArray) -> int:
         """Accept a clean stretch of pulses at once, all but the last few; return how many.
 
         What it accepts the gate would have accepted one by one: each interval is like the one before.
         """
         n = edges.size - (self._intervals.maxlen or 0) - 1
-        if n < 1 or not self._locked or self._dirty or self._rejected_since:
+        if n < 1 or not self._locked or self._repairs_in_a_row or self._rejected_since:
             return 0
         times = np.concatenate([[self._time], edges[:n]])
         numbers = self._number + np.arange(1, n + 1)
         turns, rests = np.divmod(numbers, self._tacho.pulses_per_revolution)
         intervals = np.diff(times) / self._spacing.ratios[rests]
         before = np.concatenate([[sum(self._trend())], intervals[:-1]])
-        if (np.abs(intervals - before) > CLEAN * before).any():
+        if (np.abs(intervals - before) > MAX_INTERVAL_CHANGE * before).any():
             return 0
         marked = np.flatnonzero(rests == 0)[-(self._marks.maxlen or n) :]
         self._marks.extend(zip(turns[marked].tolist(), edges[marked].tolist(), strict=True))
         self._repaired.extend([False] * min(n, HISTORY))
-        self._recently_skipped.extend([1] * min(n, DIRTY_STREAK))
+        self._recently_skipped.extend([1] * min(n, MAX_SUCCESSIVE_REPAIRS))
         self._intervals.extend(intervals.tolist())
         self._pulses += n
         self._number += n
         self._before, self._time = float(times[-2]), float(times[-1])
         self._skipped, self._predicted = 1, self._time
         self._span = float(self._spacing.ratios[rests[-1]])
-        self._doubt = max(self._doubt - n, 0)
+        self._unexplained_edges = max(self._unexplained_edges - n, 0)
         return n
 
     def _expected(self, periods: int) -> float:
         """Return the time from the last pulse to the one so many periods later."""
-        return self._later(periods, *self._trend())
+        return self._time_ahead(periods, *self._trend())
 
-    def _later(self, periods: int, last: float, slope: float) -> float:
-        return self._even_periods(periods) * last + slope * 0.5 * periods * (periods + 1)
+    def _time_ahead(self, periods: int, last: float, slope: float) -> float:
+        return self._mean_intervals(periods) * last + slope * 0.5 * periods * (periods + 1)
 
-    def _even_periods(self, periods: int) -> float:
+    def _mean_intervals(self, periods: int) -> float:
         """Return how many even periods the next ones make."""
         if self._spacing.is_even:
             return periods
@@ -182,38 +185,38 @@ class PulseTrain:
         slope = min(max((younger - older) / (0.5 * n), -0.2 * younger), 0.2 * younger)
         return younger + 0.5 * (n - half - 1) * slope, slope
 
-    def _edge(self, time: float) -> None:
+    def _add_edge(self, time: float) -> None:
         if not self._locked:
-            self._search(time)
+            self._seek_train(time)
             return
         since = time - self._time
         last, slope = self._trend()
-        period = (last + slope) * self._spacing.shortest
-        if since < self._later(1, last, slope) - GATE * period:
+        period = (last + slope) * self._spacing.shortest_ratio
+        if since < self._time_ahead(1, last, slope) - GATE * period:
             self._double(time)
             return
-        for periods in range(1, MOST_FILLED + 2):
-            gate = GATE if periods == 1 else GATE_FILLED
-            expected = self._later(periods, last, slope)
+        for periods in range(1, MAX_MISSING_PULSES + 2):
+            gate = GATE if periods == 1 else GATE_AFTER_GAP
+            expected = self._time_ahead(periods, last, slope)
             if abs(since - expected) <= gate * period:
                 self._accept(time, periods, self._time + expected)
                 return
-        if since < self._expected(MOST_FILLED + 1):
+        if since < self._expected(MAX_MISSING_PULSES + 1):
             self._reject()
         else:
-            self._doubt = min(self._doubt + SEED_INTERVALS, MOST_DOUBT)
-            self._lose()
-            self._search(time)
+            self._unexplained_edges = min(self._unexplained_edges + SEED_INTERVALS, MAX_REJECTED_EDGES)
+            self._drop_train()
+            self._seek_train(time)
 
-    def _search(self, time: float) -> None:
+    def _seek_train(self, time: float) -> None:
         if len(self._seed) == self._seed.maxlen:
             self._rejected += 1
-            self._doubt = min(self._doubt + 1, MOST_DOUBT)
+            self._unexplained_edges = min(self._unexplained_edges + 1, MAX_REJECTED_EDGES)
         self._seed.append(time)
         intervals = np.diff(self._seed)
         if intervals.size < (self._seed.maxlen or 0) - 1 or intervals.min() <= 0.0:
             return
-        ends_first = self._spacing.first_mark(intervals, SEED_RATIO)
+        ends_first = self._spacing.first_mark(intervals, MAX_SEED_RATIO)
         if ends_first is None:
             return
         marks = self._tacho.pulses_per_revolution
@@ -227,34 +230,34 @@ class PulseTrain:
         self._before, self._time = self._seed[-2], self._seed[-1]
         self._predicted = self._time
         for number, seed in zip(numbers.tolist(), self._seed, strict=True):
-            self._mark(number, seed)
+            self._add_mark(number, seed)
 
-    def _mark(self, number: int, time: float) -> None:
+    def _add_mark(self, number: int, time: float) -> None:
         turn, rest = divmod(number, self._tacho.pulses_per_revolution)
         if rest == 0:
             self._marks.append((turn, time))
 
     def _accept(self, time: float, periods: int, predicted: float) -> None:
-        is_dirty = periods > 1 or self._rejected_since > 0
-        self._dirty = self._dirty + 1 if is_dirty else 0
-        self._repaired.append(is_dirty)
+        is_repair = periods > 1 or self._rejected_since > 0
+        self._repairs_in_a_row = self._repairs_in_a_row + 1 if is_repair else 0
+        self._repaired.append(is_repair)
         self._pulses += 1
         self._filled += periods - 1
         self._rejected_since = 0
-        self._span = self._even_periods(periods)
+        self._span = self._mean_intervals(periods)
         self._intervals.extend([(time - self._time) / self._span] * periods)
         self._number += periods
         self._before, self._time = self._time, time
         self._skipped, self._predicted = periods, predicted
         self._recently_skipped.append(periods)
-        self._mark(self._number, time)
-        if not is_dirty:
-            self._doubt = max(self._doubt - 1, 0)
-        if self._dirty >= DIRTY_STREAK:
-            is_folded = len(set(self._recently_skipped)) == 1 and periods > 1
-            self._doubt = 0 if is_folded else MOST_DOUBT
-            self._lose()
-            self._folded = is_folded
+        self._add_mark(self._number, time)
+        if not is_repair:
+            self._unexplained_edges = max(self._unexplained_edges - 1, 0)
+        if self._repairs_in_a_row >= MAX_SUCCESSIVE_REPAIRS:
+            has_periodic_gaps = len(set(self._recently_skipped)) == 1 and periods > 1
+            self._unexplained_edges = 0 if has_periodic_gaps else MAX_REJECTED_EDGES
+            self._drop_train()
+            self._has_periodic_gaps = has_periodic_gaps
 
     def _double(self, time: float) -> None:
         is_better = abs(time - self._predicted) < abs(self._time - self._predicted)
@@ -267,7 +270,7 @@ class PulseTrain:
             self._intervals.extend([interval] * self._skipped)
             if was_mark:
                 self._marks.pop()
-                self._mark(self._number, time)
+                self._add_mark(self._number, time)
             self._rejected += 1
             self._repaired.append(True)
             return
@@ -276,9 +279,9 @@ class PulseTrain:
     def _reject(self) -> None:
         self._rejected += 1
         self._rejected_since += 1
-        if self._rejected_since > MOST_REJECTED:
-            self._doubt = MOST_DOUBT
-            self._lose()
+        if self._rejected_since > MAX_REJECTED_BETWEEN_PULSES:
+            self._unexplained_edges = MAX_REJECTED_EDGES
+            self._drop_train()
 
     @property
     def marks(self) -> tuple[NDArray[np.int64], FloatArray]:
@@ -290,8 +293,8 @@ class PulseTrain:
     def is_settled(self) -> bool:
         """Whether there is a train that has held long enough to be believed."""
         marks = self._tacho.pulses_per_revolution
-        fewest = SETTLED if self._spacing.is_known else max(SETTLED_TURNS * marks, SETTLED_PULSES)
-        return self._locked and self._number + 1 >= fewest + self._doubt
+        needed = MIN_TRAIN_PULSES if self._spacing.is_known else max(MIN_TRAIN_TURNS * marks, MIN_MULTI_MARK_PULSES)
+        return self._locked and self._number + 1 >= needed + self._unexplained_edges
 
     def speed(self, interval: float) -> float:
         """Return the mean speed over the last whole revolutions that fill ``interval`` seconds (at least one), rad/s.
@@ -317,15 +320,15 @@ class PulseTrain:
         jitter : float
             Scatter of the edges about the smooth angle, s; NaN where it is not known.
         """
-        if now - self._last_edge > SILENCE:
+        if now - self._last_edge > NO_PULSE_TIMEOUT:
             return TachoState.NO_PULSES
-        if self._flooded or not self.is_settled or np.isnan(speed):
-            return TachoState.IRREGULAR if self._doubt > MOST_START else TachoState.NO_PULSES
+        if self._is_flooded or not self.is_settled or np.isnan(speed):
+            return TachoState.IRREGULAR if self._unexplained_edges > MAX_REJECTED_AT_START else TachoState.NO_PULSES
         period = 2.0 * np.pi / (speed * self._tacho.pulses_per_revolution)
-        if sum(self._repaired) > MOST_REPAIRED or jitter > MOST_JITTER * period:
+        if sum(self._repaired) > MAX_REPAIRED or jitter > MAX_JITTER * period:
             return TachoState.IRREGULAR
         fraction = min(self._tacho.mark_fraction, 1.0 - self._tacho.mark_fraction)
-        if self._folded or fraction * period < self._tacho.response_time:
+        if self._has_periodic_gaps or fraction * period < self._tacho.response_time:
             return TachoState.TOO_FAST
         return TachoState.GOOD
 

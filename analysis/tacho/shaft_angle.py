@@ -16,11 +16,11 @@ from analysis.tacho.pulse_record import PulseRecord
 FloatArray = NDArray[np.float64]
 
 DEGREE = 3
-KNOT_TURNS = 8.0  # at most: pulses averaged by one piece of the spline
-FEWEST_KNOT_TURNS = 3.0
+MAX_KNOT_TURNS = 8.0  # at most: pulses averaged by one piece of the spline
+MIN_KNOT_TURNS = 3.0
 KNOT_TIME = 0.08  # s: slower fluctuations of speed are followed
 MAD_TO_SIGMA = 1.4826  # of a normal distribution
-OUTLIER, OUTLIER_PART = 6.0, 0.01  # times the scatter, and part of a revolution: further off is another edge
+OUTLIER_SIGMAS, OUTLIER_TURNS = 6.0, 0.01  # times the scatter, and part of a revolution: further off is another edge
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -68,7 +68,7 @@ def smooth_angle(turns: NDArray[np.int64], times: FloatArray) -> SmoothAngle:
         raise ValueError(f"turns, times: shapes {turns.shape} and {times.shape}, expected the same, 2 marks at least")
     time, residual = _fit_spline(turns, times)
     scatter = MAD_TO_SIGMA * float(np.median(np.abs(residual - np.median(residual))))
-    allowed = max(OUTLIER * scatter, OUTLIER_PART * float(times[-1] - times[0]) / float(turns[-1] - turns[0]))
+    allowed = max(OUTLIER_SIGMAS * scatter, OUTLIER_TURNS * float(times[-1] - times[0]) / float(turns[-1] - turns[0]))
     good = np.abs(residual) <= allowed
     good[[0, -1]] = True  # they carry the ends
     if not good.all() and np.count_nonzero(good) > 2 * DEGREE:
@@ -80,7 +80,7 @@ def smooth_angle(turns: NDArray[np.int64], times: FloatArray) -> SmoothAngle:
 def _fit_spline(turns: NDArray[np.int64], times: FloatArray) -> tuple[BSpline, FloatArray]:
     """Return the spline and what it leaves of each mark, s."""
     span = float(turns[-1] - turns[0])
-    apart = min(max(KNOT_TIME * span / float(times[-1] - times[0]), FEWEST_KNOT_TURNS), KNOT_TURNS)
+    apart = min(max(KNOT_TIME * span / float(times[-1] - times[0]), MIN_KNOT_TURNS), MAX_KNOT_TURNS)
     pieces = max(1, round(span / apart))
     inner = turns[0] + span * np.arange(pieces + 1) / pieces
     knots = np.concatenate([np.full(DEGREE, inner[0]), inner, np.full(DEGREE, inner[-1])])
@@ -95,10 +95,10 @@ def _fit_spline(turns: NDArray[np.int64], times: FloatArray) -> tuple[BSpline, F
     return BSpline(knots, coefficients, DEGREE), residual
 
 
-MISSED = 3e-6  # revolutions that the spline may miss a steady rise of speed by: 0.001 degrees
-FEWEST_TURNS = 4
-MOST_OFF = 3  # pulses in a row that may be false
-MOST_FITS = 3  # after the first: a false pulse bends what it lies in, and false ones hide behind worse
+MAX_SPLINE_ERROR = 3e-6  # revolutions that the spline may miss a steady rise of speed by: 0.001 degrees
+MIN_TURNS = 4
+MAX_SUCCESSIVE_OUTLIERS = 3  # pulses in a row that may be false
+MAX_REFITS = 3  # after the first: a false pulse bends what it lies in, and false ones hide behind worse
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -196,16 +196,16 @@ def shaft_angle(record: PulseRecord) -> ShaftAngle:
     """
     marks = record.pulses_per_revolution
     whole = np.count_nonzero(record.numbers % marks == 0) - 1
-    if whole < FEWEST_TURNS:
-        raise RecordTooShortError(f"the tacho's pulses span {whole} revolutions, expected at least {FEWEST_TURNS}")
+    if whole < MIN_TURNS:
+        raise RecordTooShortError(f"the tacho's pulses span {whole} revolutions, expected at least {MIN_TURNS}")
     offsets = _mark_offsets(record)
     turns = record.numbers / marks + offsets[record.numbers % marks]
-    allowed = OUTLIER_PART * np.gradient(record.times, turns) / marks
+    allowed = OUTLIER_TURNS * np.gradient(record.times, turns) / marks
     good, fit = np.ones(turns.size, dtype=np.bool_), _fit(turns, record.times)
-    for _ in range(MOST_FITS):
+    for _ in range(MAX_REFITS):
         within = (turns >= turns[good][0]) & (turns <= turns[good][-1])
         off = np.abs(record.times - fit.time(turns))
-        near = within & (off <= np.maximum(OUTLIER * fit.scatter, allowed))
+        near = within & (off <= np.maximum(OUTLIER_SIGMAS * fit.scatter, allowed))
         if (near == good).all():
             break
         _refuse_jumps(near, record.times)
@@ -243,7 +243,7 @@ def _refuse_jumps(good: NDArray[np.bool_], times: FloatArray) -> None:
     """Raise where several pulses in a row lie off: no false edges, but a speed that changes as no shaft's does."""
     bad = np.concatenate([[False], ~good, [False]]).astype(np.int8)
     begins, ends = np.flatnonzero(np.diff(bad) == 1), np.flatnonzero(np.diff(bad) == -1)
-    long = np.flatnonzero(ends - begins > MOST_OFF)
+    long = np.flatnonzero(ends - begins > MAX_SUCCESSIVE_OUTLIERS)
     if long.size:
         raise TachoRefusedError(
             f"tacho: {ends[long[0]] - begins[long[0]]} pulses in a row from {times[begins[long[0]]]:.4f} s on lie off "
@@ -258,7 +258,7 @@ def _inner_knots(turns: FloatArray, times: FloatArray) -> list[float]:
     h^4 15 a³ / (384 n^6) revolutions where knots lie h apart.
     """
     per_turn = (turns.size - 1) / float(turns[-1] - turns[0])  # pulses a revolution
-    span, last = int(max(KNOT_TURNS * per_turn, DEGREE + 1)), turns.size - 1
+    span, last = int(max(MAX_KNOT_TURNS * per_turn, DEGREE + 1)), turns.size - 1
     at, knots = 0, [float(turns[0])]
     while True:
         middle = min(max(at, span), max(last - span, 0))
@@ -267,8 +267,8 @@ def _inner_knots(turns: FloatArray, times: FloatArray) -> list[float]:
         after = (turns[high] - turns[middle]) / (times[high] - times[middle])
         rise = 2.0 * abs(after - before) / (times[high] - times[low]) if middle > low else 0.0
         bend = 15.0 * rise**3 / (384.0 * after**6)
-        straight = (MISSED / bend) ** 0.25 if bend > 0.0 else KNOT_TURNS
-        apart = max(min(KNOT_TIME * after, straight, KNOT_TURNS), FEWEST_KNOT_TURNS)
+        straight = (MAX_SPLINE_ERROR / bend) ** 0.25 if bend > 0.0 else MAX_KNOT_TURNS
+        apart = max(min(KNOT_TIME * after, straight, MAX_KNOT_TURNS), MIN_KNOT_TURNS)
         step = max(round(apart * per_turn), DEGREE)
         at += step
         if at > last - step:

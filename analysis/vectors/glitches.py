@@ -12,7 +12,7 @@ FloatArray = NDArray[np.float64]
 
 LAGS = (-4, -3, -2, -1, 1, 2, 3, 4)  # turns that a sample is compared with
 THRESHOLD = 6.0  # times the scatter of the turns at that place
-MOST_REPAIRED = 3  # successive samples; longer ones are told, not touched
+MAX_REPAIRED = 3  # successive samples; longer ones are told, not touched
 CHUNK = 200_000
 
 
@@ -121,7 +121,7 @@ def _bridge(samples: FloatArray, flagged: NDArray[np.bool_], repaired: NDArray[n
     begins, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
     left = 0
     for begin, end in zip(begins.tolist(), ends.tolist(), strict=True):
-        if end - begin > MOST_REPAIRED or begin == 0 or end == samples.size:
+        if end - begin > MAX_REPAIRED or begin == 0 or end == samples.size:
             left += 1
             continue
         samples[begin:end] = np.interp(np.arange(begin, end), [begin - 1, end], [samples[begin - 1], samples[end]])

@@ -13,7 +13,7 @@ from analysis.spectra.order_spectrum import hann
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
-NO_NOISE = 3.0  # times the median: one line of noise in 500 is larger
+MAX_NOISE_RATIO = 3.0  # times the median: one line of noise in 500 is larger
 FLOOR_LINES = 6  # lines at either side of the order, from the third on, that tell the noise
 
 
@@ -129,7 +129,7 @@ def _lines(order: float, revolutions: int) -> FloatArray:
 def _floor(sizes: FloatArray) -> FloatArray:
     """Return the median of the lines of each frame, shape (2, n, n_lines), but for those that no noise made."""
     median = np.median(sizes, axis=(0, 2), keepdims=True)
-    return np.asarray(np.nanmedian(np.where(sizes <= NO_NOISE * median, sizes, np.nan), axis=(0, 2)))
+    return np.asarray(np.nanmedian(np.where(sizes <= MAX_NOISE_RATIO * median, sizes, np.nan), axis=(0, 2)))
 
 
 def _kernel(lines: FloatArray, points: int, points_per_turn: int) -> ComplexArray:

@@ -18,9 +18,9 @@ from analysis.vectors.order_track import OrderTrack
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
-SLOW_PART = 0.1  # of the first critical speed: below it the shaft hardly moves
-FEWEST = 8  # revolutions
-WANDERING = 0.2  # change of the 1X vector over the slow roll, of itself: the shaft moved
+MAX_SPEED_FRACTION = 0.1  # of the first critical speed: below it the shaft hardly moves
+MIN_REVOLUTIONS = 8  # revolutions
+MAX_DRIFT = 0.2  # change of the 1X vector over the slow roll, of itself: the shaft moved
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -64,7 +64,7 @@ class SlowRoll:
 
     def is_valid(self, critical_speed: float) -> bool:
         """Whether it was slow beside the first critical speed, rad/s, and the shaft did not move."""
-        return self.fastest <= SLOW_PART * critical_speed and self.drift <= WANDERING
+        return self.fastest <= MAX_SPEED_FRACTION * critical_speed and self.drift <= MAX_DRIFT
 
     def exceeds_api_670(self, allowed: float) -> bool:
         """Whether run-out passes what API 670 bears beside an allowed vibration, m peak-to-peak."""
@@ -107,9 +107,10 @@ def slow_roll(record: AngularRecord, slowest: float, fastest: float) -> SlowRoll
     D. Bently and C. Hatch, Fundamentals of Rotating Machinery Diagnostics, 2002: slow-roll vector and waveform.
     """
     chosen = np.flatnonzero((record.speeds >= slowest) & (record.speeds <= fastest))
-    if chosen.size < FEWEST:
+    if chosen.size < MIN_REVOLUTIONS:
         raise RecordTooShortError(
-            f"{chosen.size} revolutions between {slowest:.1f} and {fastest:.1f} rad/s, expected at least {FEWEST}"
+            f"{chosen.size} revolutions between {slowest:.1f} and {fastest:.1f} rad/s, expected at least "
+            f"{MIN_REVOLUTIONS}"
         )
     used = record.waveform[:, chosen]
     used = used - used.mean(axis=2, keepdims=True)
@@ -130,7 +131,7 @@ def slow_roll(record: AngularRecord, slowest: float, fastest: float) -> SlowRoll
     )
 
 
-FASTER = 1.05  # over the speed of slow roll: beyond it what the slow frames told stands
+RUN_UP_FACTOR = 1.05  # over the speed of slow roll: beyond it what the slow frames told stands
 
 
 class RunOutEstimator:
@@ -182,6 +183,6 @@ class RunOutEstimator:
             self._sum = vectors + (self._sum if self._frames else 0.0)
             self._sigmas = self._sigmas + sigma  # frames share samples: their mean is taken as no surer than one
             self._frames += 1
-        elif speed > FASTER * self._slow_roll:
+        elif speed > RUN_UP_FACTOR * self._slow_roll:
             self._known = self.estimate
         return self._known

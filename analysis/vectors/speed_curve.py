@@ -13,9 +13,9 @@ from analysis.vectors.order_track import OrderTrack
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
-TURNING = 0.02  # of the span of speeds: smaller ups and downs do not end a run-up
-RIPPLE = 0.005  # of the speed: the same
-PROMINENT = 1.1  # a peak's amplitude over the larger of the lowest points at its sides
+MIN_REVERSAL_OF_SPAN = 0.02  # of the span of speeds: smaller ups and downs do not end a run-up
+MIN_REVERSAL_OF_SPEED = 0.005  # of the speed: the same
+MIN_PEAK_RATIO = 1.1  # a peak's amplitude over the larger of the lowest points at its sides
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +89,7 @@ class SpeedCurve:
             if not amplitude[at - 1] <= amplitude[at] > amplitude[at + 1]:
                 continue
             left, right = _saddle(amplitude[at::-1]), _saddle(amplitude[at:])
-            if amplitude[at] >= PROMINENT * max(left, right):
+            if amplitude[at] >= MIN_PEAK_RATIO * max(left, right):
                 found.append(_resonance(self.speeds, amplitude, lag, at))
         return tuple(found)
 
@@ -144,7 +144,7 @@ def _curve(track: OrderTrack, chosen: NDArray[np.bool_], direction: RampDirectio
 
 def _directions(speeds: FloatArray) -> NDArray[np.bool_]:
     """Return whether the speed goes up at each frame: between turning points that are no mere ripple."""
-    step = max(TURNING * float(np.ptp(speeds)), RIPPLE * float(speeds.max()))
+    step = max(MIN_REVERSAL_OF_SPAN * float(np.ptp(speeds)), MIN_REVERSAL_OF_SPEED * float(speeds.max()))
     turns, high, low, going = [0], 0, 0, 0
     for at, speed in enumerate(speeds):
         high, low = (at if speed > speeds[high] else high), (at if speed < speeds[low] else low)

@@ -14,10 +14,10 @@ from analysis.tacho.shaft_angle import ShaftAngle
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
-PASSED = 0.2  # of the thinned rate: the highest order lies below it
-SLOW_TURNS = 16.0  # over which the shaft's mean position is taken and taken off
+MAX_ORDER_FRACTION = 0.2  # of the thinned rate: the highest order lies below it
+MEAN_TURNS = 16.0  # over which the shaft's mean position is taken and taken off
 POLES = 2  # differences of the envelope that are held small
-WORST_WEIGHT = 1e13  # of the structural equation: beyond it the solution has lost its digits
+MAX_WEIGHT = 1e13  # of the structural equation: beyond it the solution has lost its digits
 HALF_POWER = np.sqrt(2.0) - 1.0
 _STENCIL = np.array([1.0, -2.0, 1.0])
 
@@ -163,7 +163,7 @@ def probe_envelopes(
     if not orders:
         raise ValueError("orders: none, expected one at least")
     fastest = float(angle.speed(np.linspace(angle.first, angle.last, 1_000)).max()) / (2.0 * np.pi)
-    level = max(int(np.floor(np.log2(PASSED * rate / (max(orders) * fastest)))), 0)
+    level = max(int(np.floor(np.log2(MAX_ORDER_FRACTION * rate / (max(orders) * fastest)))), 0)
     pyramid = DecimationPyramid(2, level + 1, displacement.shape[1], 0)
     pyramid.push(displacement)
     samples, origin = pyramid.level(level)
@@ -191,7 +191,7 @@ def _slow(values: FloatArray, turns: FloatArray) -> FloatArray:
     if turns.size < 2:
         return np.zeros(values.size)
     sums = np.concatenate([[0.0], np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(turns))])
-    half = 0.5 * SLOW_TURNS
+    half = 0.5 * MEAN_TURNS
     middle = np.clip(turns, turns[0] + half, max(turns[-1] - half, turns[0] + half))
     low, high = np.maximum(middle - half, turns[0]), np.minimum(middle + half, turns[-1])
     return np.asarray((np.interp(high, turns, sums) - np.interp(low, turns, sums)) / (high - low), dtype=np.float64)
@@ -236,8 +236,8 @@ def _weights(widths: FloatArray, rate: float) -> FloatArray:
     if not 0.0 < narrowest <= widest < 0.5 * rate:
         raise ValueError(f"bandwidth: {narrowest} to {widest} Hz, expected above 0 to below {0.5 * rate} Hz")
     weights = 0.5 * HALF_POWER / (2.0 * np.sin(0.5 * np.pi * widths / rate)) ** (2 * POLES)
-    if float(weights.max()) > WORST_WEIGHT:
-        lowest = rate * 2.0 / np.pi * 0.5 * (0.5 * HALF_POWER / WORST_WEIGHT) ** (0.5 / POLES)
+    if float(weights.max()) > MAX_WEIGHT:
+        lowest = rate * 2.0 / np.pi * 0.5 * (0.5 * HALF_POWER / MAX_WEIGHT) ** (0.5 / POLES)
         raise ValueError(
             f"bandwidth: {narrowest:.3g} Hz at {rate:.0f} samples a second, expected at least {lowest:.3g} Hz: "
             "decimate the waveform"

@@ -12,14 +12,14 @@ from analysis.signals.uncertainty import noise_floor_sigma, order_sigma
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
-LOWEST, HIGHEST = 0.08, 0.92  # orders searched
-MOST_COMPONENTS = 4  # in one frame
-ABOVE_NOISE = 5.0  # times the floor
-OF_SYNCHRONOUS = 0.005  # of 1X: what an imperfect angle leaves of it at least,
-OF_SCATTER = 0.5  # and for each radian by which the marks scatter about the angle
-BESIDE_SYNCHRONOUS = 0.02  # of 1X within some lines of it: what a 1X that swells leaves beside it
-OF_STRONGEST = 0.05  # below it a component may be what the stronger one left
-OF_NEIGHBOUR, NEIGHBOUR_LINES = 0.25, 4.0  # the same for one as near as this
+MIN_ORDER, MAX_ORDER = 0.08, 0.92  # orders searched
+MAX_COMPONENTS = 4  # in one frame
+MIN_TO_FLOOR = 5.0  # times the floor
+MIN_TO_1X = 0.005  # of 1X: what an imperfect angle leaves of it at least,
+MIN_TO_1X_PER_RADIAN = 0.5  # and for each radian by which the marks scatter about the angle
+MIN_TO_1X_NEARBY = 0.02  # of 1X within some lines of it: what a 1X that swells leaves beside it
+MIN_TO_STRONGER = 0.05  # below it a component may be what the stronger one left
+MIN_TO_STRONGER_NEARBY, NEARBY_LINES = 0.25, 4.0  # the same for one as near as this
 _QUARTILE_TO_MEDIAN = 1.552  # of the Rayleigh distribution that the lines of noise have
 
 
@@ -125,7 +125,7 @@ class ComponentSearch:
     scatter: FloatArray
     pair: ProbePair
 
-    def find(self, most: int = MOST_COMPONENTS) -> list[Components]:
+    def find(self, most: int = MAX_COMPONENTS) -> list[Components]:
         """Return the components, of each frame the strongest first.
 
         Parameters
@@ -150,14 +150,14 @@ class ComponentSearch:
                 break
             found.append(component)
             if len(found) < most:
-                self._take_out(rest, component, good)
+                self._subtract(rest, component, good)
         return found
 
-    def _strongest(self, rest: ComplexArray, before: list[Components]) -> Components:
+    def _strongest(self, rest: ComplexArray, stronger_components: list[Components]) -> Components:
         """Return the strongest component that is left of each frame."""
         n = self.revolutions
         size = np.sqrt(np.sum(rest.real**2 + rest.imag**2, axis=0))
-        first, last = max(int(np.ceil(LOWEST * n)), 2), int(HIGHEST * n)
+        first, last = max(int(np.ceil(MIN_ORDER * n)), 2), int(MAX_ORDER * n)
         searched = size[:, first : last + 1]
         is_peak = (searched >= size[:, first - 1 : last]) & (searched > size[:, first + 1 : last + 2])
         line = first + np.argmax(np.where(is_peak, searched, -1.0), axis=1)
@@ -171,7 +171,7 @@ class ComponentSearch:
         X, Y = self.pair.vectors_to_bench(vectors)
         forward, backward = 0.5 * np.abs(X + 1j * Y), 0.5 * np.abs(X - 1j * Y)
         order = (line + delta) / n
-        good = is_peak.any(axis=1) & (forward + backward > self._bar(order, before))
+        good = is_peak.any(axis=1) & (forward + backward > self._threshold(order, stronger_components))
         return Components(
             order=np.where(good, order, np.nan),
             order_sigma=order_sigma(np.maximum(peak, 1e-300), beside, noise_floor_sigma(self.noise), n),
@@ -180,20 +180,20 @@ class ComponentSearch:
             vectors=vectors,
         )
 
-    def _bar(self, order: FloatArray, before: list[Components]) -> FloatArray:
+    def _threshold(self, order: FloatArray, stronger_components: list[Components]) -> FloatArray:
         """Return the amplitude above which a component at an order is believed, m peak."""
         n = self.revolutions
         synchronous = np.abs(self.spectrum[:, :, n]).max(axis=0)
-        beside_1x = np.abs(order - 1.0) * n < NEIGHBOUR_LINES
-        part = np.where(beside_1x, BESIDE_SYNCHRONOUS, OF_SYNCHRONOUS) + OF_SCATTER * self.scatter
-        bar = np.maximum(part * synchronous, ABOVE_NOISE * self.floor)
-        for stronger in before:
+        beside_1x = np.abs(order - 1.0) * n < NEARBY_LINES
+        part = np.where(beside_1x, MIN_TO_1X_NEARBY, MIN_TO_1X) + MIN_TO_1X_PER_RADIAN * self.scatter
+        bar = np.maximum(part * synchronous, MIN_TO_FLOOR * self.floor)
+        for stronger in stronger_components:
             held = np.where(np.isfinite(stronger.order), stronger.forward + stronger.backward, 0.0)
-            near = np.abs(order - stronger.order) * n < NEIGHBOUR_LINES
-            bar = np.maximum(bar, np.where(near, OF_NEIGHBOUR, OF_STRONGEST) * held)
+            near = np.abs(order - stronger.order) * n < NEARBY_LINES
+            bar = np.maximum(bar, np.where(near, MIN_TO_STRONGER_NEARBY, MIN_TO_STRONGER) * held)
         return np.asarray(bar, dtype=np.float64)
 
-    def _take_out(self, rest: ComplexArray, component: Components, good: NDArray[np.bool_]) -> None:
+    def _subtract(self, rest: ComplexArray, component: Components, good: NDArray[np.bool_]) -> None:
         """Take a component with its window's skirts out of what is left."""
         away = self.revolutions * np.where(good, component.order, 0.0)[:, None] - np.arange(rest.shape[2])
         skirt = np.sinc(away) + 0.5 * (np.sinc(away - 1.0) + np.sinc(away + 1.0))
@@ -206,7 +206,7 @@ def find_whirls(
     noise: float,
     pair: ProbePair,
     scatter: float = 0.0,
-    most: int = MOST_COMPONENTS,
+    most: int = MAX_COMPONENTS,
 ) -> tuple[Whirl, ...]:
     """Return the sub-synchronous components of one frame that stand above the floor, the strongest first.
 
@@ -231,7 +231,7 @@ def find_whirls(
     `Search.components`; the bars are this program's own, what such components are in A. Muszynska, J. Sound Vib. 110,
     1986.
     """
-    first, last = max(int(np.ceil(LOWEST * revolutions)), 2), int(HIGHEST * revolutions)
+    first, last = max(int(np.ceil(MIN_ORDER * revolutions)), 2), int(MAX_ORDER * revolutions)
     rest = np.abs(without_synchronous(spectrum, revolutions)[:, first : last + 1])
     floor = max(noise, _QUARTILE_TO_MEDIAN * quantile(rest, 0.25))
     search = ComponentSearch(

@@ -8,11 +8,11 @@ from analysis.signals.blocks import TimeInRun
 from analysis.signals.ramp import RampDirection
 from analysis.signals.snapshot import OrderFrame, Whirl
 
-SAME_ORDER = 0.05  # orders: nearer whirls are one component
-LONGEST_BREAK = 0.5  # s without the component before it has ended
-FEWEST_FRAMES = 3
-MOST_FINDINGS = 256  # the weakest is dropped
-_FOLLOW = 0.3  # how fast the order that is looked for follows
+MAX_ORDER_CHANGE = 0.05  # orders: nearer whirls are one component
+MAX_BREAK = 0.5  # s without the component before it has ended
+MIN_FRAMES = 3
+MAX_FINDINGS = 256  # the weakest is dropped
+_SMOOTHING = 0.3  # how fast the order that is looked for follows
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,16 +77,16 @@ class WhirlHysteresis:
 
 def whirl_hysteresis(findings: Sequence[WhirlFinding]) -> tuple[WhirlHysteresis, ...]:
     """Return onset on the run-up and end on the run-down of every component that a run showed in both directions."""
-    told = []
+    found = []
     came = [one for one in findings if one.begin_direction is RampDirection.RUN_UP and math.isfinite(one.begin.speed)]
     went = [one for one in findings if one.end_direction is RampDirection.RUN_DOWN and math.isfinite(one.end.speed)]
     orders: list[float] = []
     for first in sorted(came, key=lambda one: one.begin.speed):
-        ends = [one.end.speed for one in went if abs(one.order - first.order) <= 2.0 * SAME_ORDER]
-        if ends and all(abs(first.order - order) > 2.0 * SAME_ORDER for order in orders):
+        ends = [one.end.speed for one in went if abs(one.order - first.order) <= 2.0 * MAX_ORDER_CHANGE]
+        if ends and all(abs(first.order - order) > 2.0 * MAX_ORDER_CHANGE for order in orders):
             orders.append(first.order)
-            told.append(WhirlHysteresis(first.order_at_begin, first.begin.speed, min(ends)))
-    return tuple(told)
+            found.append(WhirlHysteresis(first.order_at_begin, first.begin.speed, min(ends)))
+    return tuple(found)
 
 
 @dataclass(slots=True)
@@ -108,27 +108,27 @@ class _Track:
     begin_direction: RampDirection = RampDirection.RUN_UP
     end_direction: RampDirection = RampDirection.RUN_UP
 
-    def add(self, whirl: Whirl, moment: TimeInRun, frame_time: float, direction: RampDirection) -> None:
+    def add(self, whirl: Whirl, at: TimeInRun, frame_time: float, direction: RampDirection) -> None:
         amplitude = whirl.amplitude
-        self.recent_order += _FOLLOW * (whirl.order - self.recent_order)
-        self.end, self.end_direction = moment, direction
+        self.recent_order += _SMOOTHING * (whirl.order - self.recent_order)
+        self.end, self.end_direction = at, direction
         if self.frames == 0:
             self.begin_direction = direction
         if amplitude > self.amplitude:
-            self.amplitude, self.largest = amplitude, moment
+            self.amplitude, self.largest = amplitude, at
         self.weight += amplitude
         self.weighted_order += amplitude * whirl.order
         self.forward += whirl.forward
         self.backward += whirl.backward
         self.frames += 1
-        self.frame_time = max(self.frame_time, frame_time) if self.frames <= FEWEST_FRAMES else self.frame_time
-        if self.frames <= FEWEST_FRAMES:
+        self.frame_time = max(self.frame_time, frame_time) if self.frames <= MIN_FRAMES else self.frame_time
+        if self.frames <= MIN_FRAMES:
             self.begin_order = self.weighted_order / self.weight
 
     @property
     def is_sure(self) -> bool:
         """Whether frames that share no samples showed it, so that no single disturbance can be behind it."""
-        return self.frames >= FEWEST_FRAMES and self.end.time - self.begin.time >= self.frame_time
+        return self.frames >= MIN_FRAMES and self.end.time - self.begin.time >= self.frame_time
 
     def finding(self) -> WhirlFinding:
         return WhirlFinding(
@@ -176,18 +176,18 @@ class WhirlTracker:
         """
         resolution = float(frame.orders[1])
         frame_time = 2.0 * math.pi / (frame.speed * resolution)
-        moment = TimeInRun(segment, time - 0.5 * frame_time, frame.speed)
-        self._close(moment.time - max(LONGEST_BREAK, frame_time))
-        near = max(SAME_ORDER, 0.5 * resolution)
+        at = TimeInRun(segment, time - 0.5 * frame_time, frame.speed)
+        self._close(at.time - max(MAX_BREAK, frame_time))
+        near = max(MAX_ORDER_CHANGE, 0.5 * resolution)
         free = list(self._open)
         for whirl in frame.whirls:
             track = min(free, key=lambda track: abs(track.recent_order - whirl.order), default=None)
             if track is None or abs(track.recent_order - whirl.order) > near:
-                track = _Track(whirl.order, moment, moment, moment)
+                track = _Track(whirl.order, at, at, at)
                 self._open.append(track)
             else:
                 free.remove(track)
-            track.add(whirl, moment, frame_time, direction)
+            track.add(whirl, at, frame_time, direction)
 
     def end_segment(self) -> None:
         """End all components: time does not run on into the next segment."""
@@ -198,7 +198,7 @@ class WhirlTracker:
             self._open.remove(track)
             if track.is_sure:
                 self._closed.append(track)
-        if len(self._closed) > MOST_FINDINGS:
+        if len(self._closed) > MAX_FINDINGS:
             self._closed.remove(min(self._closed, key=lambda track: track.weight))
 
     def findings(self) -> tuple[WhirlFinding, ...]:

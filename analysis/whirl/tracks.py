@@ -14,12 +14,12 @@ FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 IntArray = NDArray[np.int64]
 
-SAME_ORDER = 0.05  # orders by which a component may move on from frame to frame
-LONGEST_BREAK = 4  # frames' lengths without it before it has ended
-FEWEST_FRAMES = 4
-TELLING_RANGE = 1.05  # fastest over slowest speed of a track before its behaviour is told
-NEAR = 0.25  # of the exponent of frequency against speed: 1 is whirl, 0 is whip
-LOCKED_BETTER = 0.5  # residual of the track that locks over that which does not
+MAX_ORDER_CHANGE = 0.05  # orders by which a component may move on from frame to frame
+MAX_BREAK_FRAMES = 4  # frames' lengths without it before it has ended
+MIN_FRAMES = 4
+MIN_SPEED_RATIO = 1.05  # fastest over slowest speed of a track before its behaviour is told
+EXPONENT_TOLERANCE = 0.25  # of the exponent of frequency against speed: 1 is whirl, 0 is whip
+MAX_LOCK_RESIDUAL = 0.5  # residual of the track that locks over that which does not
 
 
 class Behaviour(StrEnum):
@@ -130,11 +130,11 @@ def _linked(order_map: OrderMap, found: list[Components]) -> list[list[tuple[int
     if not found:
         return []
     orders = np.stack([component.order for component in found], axis=1)
-    near = max(SAME_ORDER, 0.5 / order_map.revolutions)
+    near = max(MAX_ORDER_CHANGE, 0.5 / order_map.revolutions)
     open_tracks: list[list[tuple[int, int]]] = []
     done: list[list[tuple[int, int]]] = []
     for frame, row in enumerate(orders):
-        frame_turns = LONGEST_BREAK * order_map.revolutions
+        frame_turns = MAX_BREAK_FRAMES * order_map.revolutions
         for track in [t for t in open_tracks if order_map.turns[frame] - order_map.turns[t[-1][0]] > frame_turns]:
             open_tracks.remove(track)
             done.append(track)
@@ -150,7 +150,7 @@ def _linked(order_map: OrderMap, found: list[Components]) -> list[list[tuple[int
     lasted = [
         track
         for track in done + open_tracks
-        if len(track) >= FEWEST_FRAMES
+        if len(track) >= MIN_FRAMES
         and order_map.turns[track[-1][0]] - order_map.turns[track[0][0]] >= order_map.revolutions
     ]
     return sorted(lasted)
@@ -183,7 +183,7 @@ def _behaviour(speeds: FloatArray, orders: FloatArray, independent: float) -> tu
 
     Of the frames the part ``independent`` counts, as the others share its samples.
     """
-    if float(speeds.max() / speeds.min()) < TELLING_RANGE:
+    if float(speeds.max() / speeds.min()) < MIN_SPEED_RATIO:
         return Behaviour.UNKNOWN, np.nan, np.nan, np.nan
     log_speed, log_frequency = np.log(speeds), np.log(orders * speeds)
     away = log_speed - log_speed.mean()
@@ -194,11 +194,15 @@ def _behaviour(speeds: FloatArray, orders: FloatArray, independent: float) -> tu
     lock_speed, lock_residual = _best_lock(log_speed, log_frequency)
     straight = float(residual @ residual)
     inside = log_speed.min() + 0.02 < np.log(lock_speed) < log_speed.max() - 0.02
-    if inside and lock_residual < LOCKED_BETTER * straight and NEAR < exponent < 1.0 - 0.5 * NEAR:
+    if (
+        inside
+        and lock_residual < MAX_LOCK_RESIDUAL * straight
+        and EXPONENT_TOLERANCE < exponent < 1.0 - 0.5 * EXPONENT_TOLERANCE
+    ):
         return Behaviour.WHIRL_TO_WHIP, exponent, sigma, lock_speed
-    if abs(exponent - 1.0) < NEAR:
+    if abs(exponent - 1.0) < EXPONENT_TOLERANCE:
         return Behaviour.WHIRL, exponent, sigma, np.nan
-    return (Behaviour.WHIP if abs(exponent) < NEAR else Behaviour.NEITHER), exponent, sigma, np.nan
+    return (Behaviour.WHIP if abs(exponent) < EXPONENT_TOLERANCE else Behaviour.NEITHER), exponent, sigma, np.nan
 
 
 def _best_lock(log_speed: FloatArray, log_frequency: FloatArray) -> tuple[float, float]:

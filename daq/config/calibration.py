@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import AfterValidator, Field, ValidationError
 
-from analysis.preflight.calibration_fit import ORDERS, CalibrationFit, default_order, fit_calibration
+from analysis.preflight.calibration_fit import ORDER_RANGE, CalibrationFit, default_order, fit_calibration
 from analysis.signals.header import Calibration
 from daq.config.schema import NotNegative, Section
 from daq.config.toml_files import plain_json, read_tables, read_text, to_toml, validation_faults
@@ -33,7 +33,9 @@ class CalibrationTable(Section):
     """`[calibration]`: gap = sum of ``coefficients_um[k]`` · volts**k; left out, they are fitted to the points."""
 
     coefficients_um: Annotated[tuple[float, ...], Field(min_length=2, max_length=8)] | None = None  # µm per volt**k
-    order: Annotated[int, Field(ge=ORDERS[0], le=ORDERS[1])] | None = None  # of the fit, where there are only points
+    order: Annotated[int, Field(ge=ORDER_RANGE[0], le=ORDER_RANGE[1])] | None = (
+        None  # of the fit, where there are only points
+    )
     volts_low: float | None = None  # the span that was calibrated; left out: that of the points
     volts_high: float | None = None
     residual_um: NotNegative | None = None  # largest deviation of a calibration point

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 
-from analysis.resampling.angular_record import PASSED, AngularRecord, angular_record, probe_displacement
+from analysis.resampling.angular_record import PASSBAND_FRACTION, AngularRecord, angular_record, probe_displacement
 from analysis.signals.errors import RecordTooShortError
 from analysis.signals.header import CODE_MAX, CODE_MIN, Role, RunHeader
 from analysis.signals.probes import ProbePair
@@ -112,7 +112,7 @@ class RunSamples:
         RequestTooLargeError
             More revolutions than may be held at once.
         """
-        points = max(POINTS, 2 ** math.ceil(math.log2(highest_order / PASSED)))
+        points = max(POINTS, 2 ** math.ceil(math.log2(highest_order / PASSBAND_FRACTION)))
         pulses, angle = self.angle(stretch)
         self._require_order(highest_order, angle)
         first, last = math.ceil(angle.first), math.floor(angle.last)
@@ -184,7 +184,7 @@ class RunSamples:
         begin = max(float(found.time[first]) - SLOWER * (self.header.settings.revolutions + GUARD) * turn, 0.0)
         stretch = self.stretch(int(found.segment[first]), begin, float(found.time[last]) + GUARD * turn - begin)
         with translated_errors(f"run {self.header.run}, slow roll up to {speed_rpm:,.0f} r/min"):
-            return slow_roll(self.record(stretch, points * PASSED), 0.0, speed_rpm * RPM)
+            return slow_roll(self.record(stretch, points * PASSBAND_FRACTION), 0.0, speed_rpm * RPM)
 
     def history(self) -> RunHistory:
         """Return the run's results: what was recorded, or the samples analysed again."""

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.tacho.shaft_angle import ShaftAngle
-from analysis.vectors.vold_kalman import PASSED, SLOW_TURNS, probe_envelopes
+from analysis.vectors.vold_kalman import MAX_ORDER_FRACTION, MEAN_TURNS, probe_envelopes
 from daq.reports.analysis_result import AnalysisResult
 from daq.reports.columns import columns
 from daq.reports.errors import InsufficientDataError, RequestTooLargeError, translated_errors
@@ -26,7 +26,7 @@ MIN_DURATION = 8.0  # s of envelopes in one solution
 SETTLING = (
     6.0  # over the bandwidth: time at either side of them by which a solution is that of the whole, to 1e-7, s Hz
 )
-SLOW = 1.5 * SLOW_TURNS  # turns at either side that the mean position needs
+SLOW = 1.5 * MEAN_TURNS  # turns at either side that the mean position needs
 MOST_UNKNOWNS = 2_000_000  # orders squared times samples that are solved for together: about 1.5 GB
 INSET = 0.02  # s at the ends of a stretch that the filters need
 FINE = 128  # instants of a waveform a revolution
@@ -230,7 +230,7 @@ def _slowest(angle: ShaftAngle) -> float:
 def _require_solvable(run: RunSamples, duration: float, angle: ShaftAngle, orders: tuple[float, ...]) -> None:
     """Raise RequestTooLargeError where more would be solved for together than memory bears, in s of samples."""
     fastest = float(angle.speed(np.linspace(angle.first, angle.last, 1_000)).max()) / (2.0 * math.pi)
-    level = max(math.floor(math.log2(PASSED * run.rate / (max(orders) * fastest))), 0)
+    level = max(math.floor(math.log2(MAX_ORDER_FRACTION * run.rate / (max(orders) * fastest))), 0)
     unknowns = len(orders) ** 2 * duration * run.rate / 2**level
     if unknowns > MOST_UNKNOWNS:
         longest = MOST_UNKNOWNS / unknowns * duration

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from analysis.preflight.probe_checks import DEAD, QUIET, ZERO_VOLTS
+from analysis.preflight.probe_checks import MAX_CARD_NOISE, MAX_OPEN_VOLTS, MAX_STUCK_NOISE
 from analysis.preflight.switching_levels import SignalLevels, find_state_levels
 from analysis.signals.blocks import SegmentEnd
 from analysis.signals.header import CODE_MAX, CODE_MIN, Role
@@ -81,7 +81,7 @@ def measure_point(rig: Rig, name: str, gap: float) -> CalibrationPoint:
         )
     volts = acquisition.channels[row].volts(codes)
     noise = float(np.std(codes))
-    if noise < DEAD or (noise < QUIET and abs(float(np.mean(volts))) < ZERO_VOLTS):
+    if noise < MAX_STUCK_NOISE or (noise < MAX_CARD_NOISE and abs(float(np.mean(volts))) < MAX_OPEN_VOLTS):
         raise DeviceError(
             DeviceFault.REJECTED,
             f"probe {name} shows not even a sensor's noise at {gap / MICRO:g} µm: unplugged, without supply or out of "

@@ -5,8 +5,8 @@ import pytest
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from analysis.resampling.decimation import REACH, DecimationPyramid
-from analysis.resampling.interpolation import HALF, interpolate
+from analysis.resampling.decimation import HALF_BAND_REACH, DecimationPyramid
+from analysis.resampling.interpolation import HALF_WIDTH, interpolate
 from analysis.spectra.order_spectrum import order_spectrum
 
 FloatArray = NDArray[np.float64]
@@ -24,8 +24,10 @@ def test_interpolation_keeps_waves_to_four_tenths_of_the_rate(frequency: float, 
 
 def test_interpolation_gives_the_samples_themselves() -> None:
     samples = np.random.default_rng(0).standard_normal((2, 80))
-    positions = np.tile(np.arange(HALF - 1.0, 80.0 - 1 - HALF), (2, 1))
-    np.testing.assert_allclose(interpolate(samples, positions), samples[:, HALF - 1 : -1 - HALF], atol=1e-14)
+    positions = np.tile(np.arange(HALF_WIDTH - 1.0, 80.0 - 1 - HALF_WIDTH), (2, 1))
+    np.testing.assert_allclose(
+        interpolate(samples, positions), samples[:, HALF_WIDTH - 1 : -1 - HALF_WIDTH], atol=1e-14
+    )
 
 
 def test_interpolation_reads_each_channel_at_its_own_positions() -> None:
@@ -33,7 +35,7 @@ def test_interpolation_reads_each_channel_at_its_own_positions() -> None:
     np.testing.assert_allclose(interpolate(ramp, np.array([[50.25], [40.5]])), [[50.25], [40.5]], atol=1e-3)
 
 
-@pytest.mark.parametrize("position", [HALF - 1.01, 100.0 - HALF])
+@pytest.mark.parametrize("position", [HALF_WIDTH - 1.01, 100.0 - HALF_WIDTH])
 def test_interpolation_refuses_positions_at_the_ends(position: float) -> None:
     with pytest.raises(ValueError, match="positions"):
         interpolate(np.zeros((1, 100)), np.array([[position]]))
@@ -54,7 +56,7 @@ def test_a_level_holds_the_samples_at_its_rate(level: int) -> None:
     at = (first + np.arange(kept.shape[1])) * 2**level
     truth = np.stack([np.cos(2 * np.pi * frequency * at), 3.0 + np.sin(2 * np.pi * frequency * at)])
     np.testing.assert_allclose(kept, truth, atol=1e-4)
-    assert at[-1] > 20_000 - 2 * REACH * 2**level
+    assert at[-1] > 20_000 - 2 * HALF_BAND_REACH * 2**level
 
 
 @pytest.mark.parametrize("frequency", [0.3, 0.37, 0.5])

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from analysis.resampling.angular_record import AngularRecord, angular_record
 from analysis.resampling.decimation import DecimationPyramid
-from analysis.resampling.interpolation import HALF, interpolate
+from analysis.resampling.interpolation import HALF_WIDTH, interpolate
 from analysis.resampling.synchronous_average import synchronous_average, synchronous_residual
 from analysis.shaft.centreline import centreline
 from analysis.shaft.orbit import direct_orbit, filtered_orbit, orbit_without
@@ -89,7 +89,7 @@ LINEAR_OF_RECORDS: dict[str, Callable[[AngularRecord], Values]] = {
 LINEAR_OF_SAMPLES: dict[str, Callable[[FloatArray], Values]] = {
     "angular record": lambda wave: angular_record(wave, RATE, ANGLE, PAIR).waveform,
     "half-band levels": pyramid,
-    "interpolation": lambda wave: interpolate(wave, HALF + np.linspace(0.0, 900.0, 500) * np.ones((2, 1))),
+    "interpolation": lambda wave: interpolate(wave, HALF_WIDTH + np.linspace(0.0, 900.0, 500) * np.ones((2, 1))),
     "order spectrum": lambda wave: order_spectrum(wave, 16)[1],
     "Vold-Kalman": lambda wave: order_envelopes(wave[0], TURNING, RATE, (1.0, 2.0), bandwidth=20.0).envelopes,
     "drift": lambda wave: np.array([drift(row, RATE).slope for row in wave]),

@@ -7,7 +7,7 @@ import pytest
 
 from analysis.signals.ramp import RampDirection
 from analysis.signals.snapshot import OrderFrame, Whirl
-from analysis.whirl.findings import MOST_FINDINGS, WhirlFinding, WhirlTracker, whirl_hysteresis
+from analysis.whirl.findings import MAX_FINDINGS, WhirlFinding, WhirlTracker, whirl_hysteresis
 
 HOP = 0.1
 
@@ -83,12 +83,12 @@ def test_a_component_still_there_is_found_and_a_segment_ends_it() -> None:
 
 def test_the_number_of_findings_is_bounded() -> None:
     tracker = WhirlTracker()
-    for segment in range(MOST_FINDINGS + 20):
+    for segment in range(MAX_FINDINGS + 20):
         for number in range(4):
             tracker.add_frame(segment, HOP * (number + 1), frame(1000.0, 0.49, amplitude=1e-6 * (segment + 1)))
         tracker.end_segment()
     findings = tracker.findings()
-    assert len(findings) == MOST_FINDINGS
+    assert len(findings) == MAX_FINDINGS
     assert findings[0].begin.segment == 20
 
 
