@@ -1,1 +1,1 @@
-"""The rotor on floating-ring bearings: finite elements, oil films, motion in time, prediction over speed."""
+"""Rotor on floating-ring bearings: finite elements, oil films, motion in time, prediction over speed."""

@@ -1,4 +1,4 @@
-"""Compiling functions with numba: at their first call, kept on disk, renewed when what they are built on changes."""
+"""Compilation with numba on the first call, with a cache on disk that also depends on imported sources."""
 
 import hashlib
 import inspect
@@ -13,15 +13,15 @@ R = TypeVar("R")
 
 
 class Compiler:
-    """The decorators of one file's compiled functions.
+    """Decorators for the compiled functions of one file.
 
-    Numba renews kept code when the file changes in which its function stands, not when a file changes whose functions
-    are compiled into it. So kept code also has the content of those files in its name.
+    Numba invalidates cached code when the function's own file changes, but not when a file changes whose functions are
+    compiled into it. The name of the cached code therefore contains a digest of those files.
 
     Parameters
     ----------
     *built_on : module
-        Whose functions, types and constants go into the compiled code.
+        Modules whose functions, types and constants are compiled into the code.
     """
 
     def __init__(self, *dependencies: ModuleType) -> None:
@@ -29,20 +29,20 @@ class Compiler:
         self._digest = hashlib.sha256(sources.encode()).hexdigest()[:12] if dependencies else ""
 
     def compiled(self, function: Callable[P, R]) -> Callable[P, R]:
-        """Compile a function at its first call, keep it on disk, and release the interpreter's lock while it runs."""
+        """Compile a function on its first call, cache it on disk, and release the GIL while it runs."""
         return self._decorated(function, forceinline=False)
 
     def inlined(self, function: Callable[P, R]) -> Callable[P, R]:
-        """Compile a function into those that call it: without counting of arrays' references, a third faster."""
+        """Inline a function into its callers: a third faster, because arrays are not reference-counted."""
         return self._decorated(function, forceinline=True)
 
     def _decorated(self, function: Callable[P, R], *, forceinline: bool) -> Callable[P, R]:
-        # The one place where numba's decorator, which carries no types, meets typed code.
+        # numba's decorator is untyped: the casts stay in this function.
         decorate = cast("Callable[..., Any]", numba.njit)
         options = {"nogil": True, "error_model": "numpy", "forceinline": forceinline}
         if self._digest:
-            function.__qualname__ += f"_{self._digest}"  # numba names the file after it
+            function.__qualname__ += f"_{self._digest}"  # numba names the cache file after it
         try:
             return cast("Callable[P, R]", decorate(function, cache=True, **options))
-        except RuntimeError:  # no folder to keep it in, neither beside the source nor in the user's cache
+        except RuntimeError:  # no writable cache folder, neither beside the source nor in the user's cache
             return cast("Callable[P, R]", decorate(function, **options))

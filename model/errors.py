@@ -1,20 +1,20 @@
-"""What a caller of the model may have to handle.
+"""Errors of the model that a caller may handle.
 
     ModelError
-    ├── EquilibriumError    no place was found at which the oil film carries its load
-    └── WallContactError    a journal or ring came so close to the wall that the oil film's equations end
+    ├── EquilibriumError    no position was found at which the oil film carries its load
+    └── WallContactError    a journal or ring reached the wall of its film
 
-Misuse (sizes, stations, speeds that make no sense) is a ``ValueError``.
+Misuse (invalid sizes, stations or speeds) is a ``ValueError``.
 """
 
 
 class ModelError(Exception):
-    """The model cannot answer."""
+    """The model has no solution for these parameters."""
 
 
 class EquilibriumError(ModelError):
-    """No place short of the wall was found at which a film carries its load, or a film's solution did not settle."""
+    """A film has no equilibrium position within its clearance, or its iteration did not converge."""
 
 
 class WallContactError(ModelError):
-    """The motion reached the wall: a film's eccentricity ratio came to 1."""
+    """The motion reached the wall: the eccentricity ratio of a film is 1."""

@@ -1,1 +1,1 @@
-"""Nonlinear motion of the rotor in time, synchronous motion and its stability."""
+"""Nonlinear motion of the rotor in time; synchronous motion and its stability."""

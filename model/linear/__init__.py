@@ -1,1 +1,1 @@
-"""The rotor on linear supports: modes, Campbell diagram, critical speeds, response."""
+"""Rotor on linear supports: modes, Campbell diagram, critical speeds, response."""

@@ -1,1 +1,1 @@
-"""Predicted vibration at the probes over speed, and its comparison with a run."""
+"""Predicted vibration at the probes over speed, and comparison with a run."""

@@ -1,7 +1,8 @@
-"""Matrices of one round shaft segment between ``(z, phi)`` at its ends: stiffness, mass, rotary inertia, gyroscopic.
+"""Element matrices of a round shaft segment: stiffness, mass, rotary inertia and gyroscopic.
 
-Thesis, eq. (4.6) to (4.9), with the shear of Timoshenko's beam through one number, ``shear`` (Przemieniecki's Phi):
-bending stiffness over shear stiffness. Where it is 0 the matrices are the thesis's, of Euler and Bernoulli's beam.
+Degrees of freedom are ``(z, phi)`` at both ends. Thesis, eqs. (4.6) to (4.9), extended to the Timoshenko beam by the
+shear parameter ``shear``, bending stiffness over shear stiffness (Przemieniecki's Phi). With 0 the matrices are those
+of the thesis, for the Euler-Bernoulli beam.
 """
 
 import math
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
 
-LEVERS = np.array([0, 1, 0, 1])
+LENGTH_POWERS = np.array([0, 1, 0, 1])  # slopes carry a factor of the length
 
 
 def second_moment(radius: float, inner_radius: float = 0.0) -> float:
@@ -25,14 +26,14 @@ def area(radius: float, inner_radius: float = 0.0) -> float:
 
 
 def shear_coefficient(poissons_ratio: float, radius: float, inner_radius: float = 0.0) -> float:
-    """Return the part of a round section's area that carries shear, after Cowper (J. Appl. Mech. 33, 1966)."""
+    """Return the shear coefficient kappa of a round section after Cowper (J. Appl. Mech. 33, 1966)."""
     nu, hollow = poissons_ratio, (inner_radius / radius) ** 2
     wall = (1 + hollow) ** 2
     return 6 * (1 + nu) * wall / ((7 + 6 * nu) * wall + (20 + 12 * nu) * hollow)
 
 
 def stiffness_element(bending_stiffness: float, length: float, shear: float = 0.0) -> FloatArray:
-    """Return a segment's stiffness.
+    """Return the stiffness matrix of a segment.
 
     Parameters
     ----------
@@ -41,7 +42,7 @@ def stiffness_element(bending_stiffness: float, length: float, shear: float = 0.
     length : float
         m.
     shear : float
-        12 E I / (kappa G A l²); 0 for Euler and Bernoulli's beam.
+        12 E I / (kappa G A l²); 0 for the Euler-Bernoulli beam.
 
     Returns
     -------
@@ -60,7 +61,7 @@ def stiffness_element(bending_stiffness: float, length: float, shear: float = 0.
 
 
 def mass_element(linear_density: float, length: float, shear: float = 0.0) -> FloatArray:
-    """Return a segment's consistent mass matrix.
+    """Return the consistent mass matrix of a segment, for translation.
 
     Parameters
     ----------
@@ -82,12 +83,12 @@ def mass_element(linear_density: float, length: float, shear: float = 0.0) -> Fl
 
 
 def rotary_inertia_element(inertia_density: float, length: float, shear: float = 0.0) -> FloatArray:
-    """Return a segment's rotary inertia; with twice the density, its gyroscopic matrix.
+    """Return the rotary inertia matrix of a segment; with twice the density, its gyroscopic matrix.
 
     Parameters
     ----------
     inertia_density : float
-        Moment of inertia per length: about a diameter for eq. (4.7), about the axis for eq. (4.8), kg m.
+        Moment of inertia per unit length, kg m: about a diameter for eq. (4.7), about the axis for eq. (4.8).
     length, shear : float
         As for `stiffness_element`.
 
@@ -103,5 +104,5 @@ def rotary_inertia_element(inertia_density: float, length: float, shear: float =
 
 
 def _scaled_by_length(shape: FloatArray, length: float) -> FloatArray:
-    levers = length**LEVERS
-    return np.asarray(shape * np.outer(levers, levers), dtype=np.float64)
+    factors = length**LENGTH_POWERS
+    return np.asarray(shape * np.outer(factors, factors), dtype=np.float64)

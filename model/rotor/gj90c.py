@@ -1,4 +1,4 @@
-"""The GJ90C turbocharger of the thesis: its printed parameters and the assumptions that make them complete."""
+"""The GJ90C turbocharger of the thesis: the printed parameters, completed by assumptions."""
 
 import math
 
@@ -9,10 +9,10 @@ from model.rotor.rotor import Disc, Rotor, Segment, ShaftMass
 def gj90c_rotor() -> Rotor:
     """Return the rotor of Table 5.1.
 
-    The values are the printed ones, also where the polar inertia of a bare shaft station is below the diametral: Table
-    5.3 was computed with them. ``r`` are radii (read as diameters they miss Table 5.2 fourfold). The journals are
-    stations 3 and 4, the only pair that gives the rigid modes of Table 5.3. Station 1 is the compressor's end, 2 its
-    wheel, 5 the turbine wheel.
+    The values are as printed, although the polar inertia of a bare shaft station is smaller than the diametral one:
+    Table 5.3 was computed with them. ``r`` are radii; read as diameters, they miss Table 5.2 by a factor of four. The
+    journals are stations 3 and 4, the only pair that gives the rigid modes of Table 5.3. Station 1 is the compressor
+    end, 2 the compressor wheel, 5 the turbine wheel.
     """
     masses = (0.01, 0.06, 0.015, 0.02, 0.07, 0.01)  # Table 5.1
     diametral_inertias = (0.2e-6, 9e-6, 0.2e-6, 0.2e-6, 8e-6, 0.2e-6)  # Table 5.1
@@ -28,7 +28,7 @@ def gj90c_rotor() -> Rotor:
         ),
         discs=tuple(Disc(station, *size) for station, size in enumerate(sizes, 1)),
         bearing_stations=(3, 4),
-        shaft_mass=ShaftMass.NONE,  # it is in the masses
+        shaft_mass=ShaftMass.NONE,  # included in the disc masses
     )
 
 
@@ -44,8 +44,9 @@ def gj90c(
 ) -> ModelParameters:
     """Return the GJ90C on its floating rings.
 
-    The ring's outer radius is chapter 6's 9 mm (ring speed 0.407 of the shaft's), not Table 3.1's 7 mm. The printed
-    imbalances (1e-5 to 5e-5 kg m) pin the journals to the wall; the default is of the size that a balanced wheel has.
+    The outer radius of the ring is the 9 mm of chapter 6 (ring speed 0.407 of the shaft speed), not the 7 mm of Table
+    3.1. The printed imbalances (1e-5 to 5e-5 kg m) pin the journals to the wall; the default is typical of a balanced
+    wheel.
 
     Parameters
     ----------
@@ -54,18 +55,18 @@ def gj90c(
     imbalance_station : int
         Station of the imbalance, 1 to 6; 5 is the turbine wheel.
     imbalance_phase : float
-        Heavy spot from the tacho mark in the direction of rotation, rad.
+        Angle of the heavy spot from the once-per-turn mark in the direction of rotation, rad.
     viscosity : float
         Of the oil, Pa s (Table 6.1).
     inner_clearance, outer_clearance : float
         Radial clearances, m (Table 6.1).
     probe_angles : tuple of float, length 2
-        Where the probes sit, rad from +X, positive in the direction of rotation.
+        Angles of the probes from +X, positive in the direction of rotation, rad.
 
     Returns
     -------
     ModelParameters
-        With gravity, seen at the compressor's end.
+        With gravity; the probes are at the compressor end.
     """
     bearing = FloatingRing(
         length=10e-3,  # Table 3.1

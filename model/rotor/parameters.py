@@ -1,4 +1,4 @@
-"""Everything the model is told: rotor, bearings, imbalance, gravity, and where the probes look."""
+"""Parameters of the model: rotor, floating-ring bearings, imbalance, gravity and probe positions."""
 
 import math
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ GRAVITY = 9.80665  # m/s²
 
 @dataclass(frozen=True, slots=True)
 class FloatingRing:
-    """A floating-ring bearing: an oil film inside and one outside a ring that turns by itself.
+    """A floating-ring bearing: an oil film inside and one outside a freely rotating ring.
 
     Parameters
     ----------
@@ -29,12 +29,12 @@ class FloatingRing:
     viscosity : float
         Dynamic viscosity of the oil in both films, Pa s.
     static_load : float
-        Force on each ring towards -Y, N, besides its weight: that of the oil feed.
+        Force of the oil feed on each ring towards -Y, in addition to its weight, N.
 
     Raises
     ------
     ValueError
-        Where a size is not positive or the ring has no wall.
+        If a size is not positive, the ring has no wall, or a film is thicker than a tenth of the journal radius.
     """
 
     length: float
@@ -71,78 +71,80 @@ class FloatingRing:
 
     @property
     def clearance(self) -> float:
-        """How far the journal's centre can move from the housing's, m."""
+        """Largest displacement of the journal centre from the housing centre, m."""
         return self.inner_clearance + self.outer_clearance
 
     @property
     def ring_speed_ratio(self) -> float:
-        """Speed of the ring over the shaft's, from the balance of the films' drag at small eccentricity."""
+        """Ring speed over shaft speed, from the balance of the drag of both films at small eccentricity."""
         drag = self.ring_outer_radius**3 * self.inner_clearance / (self.journal_radius**3 * self.outer_clearance)
         return 1 / (1 + drag)  # Eq. (3.25)
 
 
 @dataclass(frozen=True, slots=True)
 class Imbalance:
-    """An imbalance.
+    """An imbalance at a station.
 
     Parameters
     ----------
     station : int
-        Where it sits, from 1 at the compressor's end.
+        Counted from 1 at the compressor end.
     magnitude : float
         Mass times eccentricity, kg m.
     phase : float
-        Angle of the heavy spot from the tacho mark in the direction of rotation, rad. At theta = 0 the mark points
-        to +X.
+        Angle of the heavy spot from the once-per-turn mark in the direction of rotation, rad. At theta = 0 the mark
+        points to +X.
     """
 
     station: int
     magnitude: float
     phase: float = 0.0
 
-    def require_below(self, most: float, why: str) -> None:
-        """Raise ValueError unless it is finite and not larger than ``most``, kg m."""
+    def require_below(self, maximum: float, reason: str) -> None:
+        """Raise ValueError unless the imbalance is finite and at most ``maximum``, kg m."""
         if not (math.isfinite(self.magnitude) and self.magnitude >= 0):
             raise ValueError(f"imbalance: {self.magnitude:g} kg m, expected a finite value, 0 or more")
         if not math.isfinite(self.phase):
             raise ValueError(f"imbalance: phase {self.phase} rad, expected a finite angle")
-        if self.magnitude > most:
+        if self.magnitude > maximum:
             raise ValueError(
-                f"imbalance: {self.magnitude:g} kg m at station {self.station}, expected at most {most:g} kg m {why}"
+                f"imbalance: {self.magnitude:g} kg m at station {self.station}, expected at most {maximum:g} kg m "
+                f"{reason}"
             )
 
 
 @dataclass(frozen=True, slots=True)
 class ModelParameters:
-    """The rotor on its two equal floating-ring bearings as the probes see it.
+    """A rotor on two equal floating-ring bearings, with its loads and the probes.
 
     Parameters
     ----------
     rotor : Rotor
-        The shaft with its wheels.
+        Shaft and discs.
     bearing : FloatingRing or None
-        Both bearings; None for a rotor without oil films, which is studied on its linear supports alone.
+        Both bearings; None for a rotor without oil films, on its linear supports alone.
     imbalances : tuple of Imbalance
-        What shakes it; may be empty.
+        May be empty.
     gravity : float
         Acceleration towards -Y, m/s²; 0 switches it off.
     probe_station : int
-        Station that the probes look at, from 1 at the compressor's end.
+        Station at which the probes measure, counted from 1 at the compressor end.
     probe_angles : tuple of float, length 2
-        Where the probes x and y sit, rad from +X, positive in the direction of rotation.
+        Angles of the probes x and y from +X, positive in the direction of rotation, rad.
     loads : tuple of StaticLoad
-        What presses on the shaft besides its weight.
+        Constant forces on the shaft in addition to its weight.
     supports : tuple of Support
-        Linear supports: beside the floating rings in the motion, alone for modes, critical speeds and linear response.
+        Linear supports. The motion in time uses them together with the floating rings; modes, critical speeds and the
+        linear response use them alone.
     rubs : tuple of Rub
-        Walls that the shaft may touch in the motion.
+        Walls that the shaft may touch in the motion in time.
 
     Raises
     ------
     ValueError
-        Where a station does not exist, gravity is negative, a bearing has no journals, or an imbalance is larger than
-        the rotor's mass times the bearing's clearance: a rotor that turns about its centre of mass would not fit into
-        the bearing.
+        If a station does not exist, gravity is negative, a bearing has no journals, or an imbalance is larger than the
+        rotor mass times the bearing clearance: rotating about its centre of mass, the rotor would not fit into the
+        bearing.
     """
 
     rotor: Rotor
@@ -174,22 +176,22 @@ class ModelParameters:
             for thing in things:
                 if not 1 <= thing.station <= last:
                     raise ValueError(f"{name}: station {thing.station}, expected 1 to {last}")
-        most, why = math.inf, ""
+        maximum, reason = math.inf, ""
         if self.bearing is not None:
-            most = self.rotor.mass * self.bearing.clearance
-            why = f"(the rotor's mass times the bearing's clearance of {self.bearing.clearance:g} m)"
+            maximum = self.rotor.mass * self.bearing.clearance
+            reason = f"(the rotor's mass times the bearing's clearance of {self.bearing.clearance:g} m)"
             self.rotor.require_journals()
         for imbalance in self.imbalances:
-            imbalance.require_below(most, why)
+            imbalance.require_below(maximum, reason)
 
     @property
     def floating_ring(self) -> FloatingRing:
-        """The bearings of a rotor on oil films; ValueError where it has none."""
+        """The bearings of a rotor on oil films; ValueError if it has none."""
         if self.bearing is None:
             raise ValueError("bearing: none, expected a rotor on oil films, with [bearing] in its file")
         return self.bearing
 
     @property
     def is_loaded(self) -> bool:
-        """Whether weight or other loads at rest press the shaft or the rings out of the bearings' centre."""
+        """Whether weight or other constant loads move the shaft or the rings out of the bearing centre."""
         return bool(self.gravity > 0 or self.loads or self.floating_ring.static_load)

@@ -1,8 +1,8 @@
-"""The rotor: discs on shaft segments, in complex coordinates.
+"""The rotor: discs on shaft segments, and its matrices in complex coordinates.
 
-With ``z = x + i y`` and the slope ``phi = theta_y - i theta_x`` at each station the two planes become one (thesis, eq.
-(5.12)): ``M z'' - i Omega J z' + K z = F`` with real symmetric matrices, degrees of freedom
-``(z_1, phi_1, z_2, phi_2, ...)``. X points right, Y up, the shaft turns from X to Y.
+With ``z = x + i y`` and the slope ``phi = theta_y - i theta_x`` at each station, both planes combine into one equation
+(thesis, eq. (5.12)): ``M z'' - i Omega J z' + K z = F`` with real symmetric matrices and the degrees of freedom
+``(z_1, phi_1, z_2, phi_2, ...)``. X points right, Y up, and the shaft turns from X to Y.
 """
 
 import math
@@ -26,17 +26,17 @@ FloatArray = NDArray[np.float64]
 
 
 class Beam(StrEnum):
-    """How the segments bend."""
+    """Beam theory of the segments."""
 
     EULER_BERNOULLI = "euler-bernoulli"
-    TIMOSHENKO = "timoshenko"  # with shear
+    TIMOSHENKO = "timoshenko"  # with shear deformation
 
 
 class ShaftMass(StrEnum):
-    """Where the segments' own mass is."""
+    """Distribution of the mass of the segments."""
 
-    NONE = "none"  # in the discs' (5.13)
-    LUMPED = "lumped"  # half at each end, with its rotary inertia
+    NONE = "none"  # included in the disc masses (5.13)
+    LUMPED = "lumped"  # half at each end, with rotary inertia
     CONSISTENT = "consistent"  # along the segment, (4.6) to (4.8)
 
 
@@ -55,14 +55,14 @@ class Segment:
     youngs_modulus : float
         Pa.
     density : float
-        kg/m³; may be 0 where the shaft's own mass is not counted.
+        kg/m³; may be 0 with `ShaftMass.NONE`.
     poissons_ratio : float
-        For shear.
+        For the shear deformation.
 
     Raises
     ------
     ValueError
-        Where a size is not positive, the shaft has no wall, or Poisson's ratio is not between 0 and 0.5.
+        If a size is not positive, the shaft has no wall, or Poisson's ratio is not between 0 and 0.5.
     """
 
     length: float
@@ -90,17 +90,17 @@ class Segment:
 
     @property
     def linear_density(self) -> float:
-        """Mass per length, kg/m."""
+        """Mass per unit length, kg/m."""
         return self.density * area(self.radius, self.inner_radius)
 
     @property
     def inertia_density(self) -> float:
-        """Moment of inertia about a diameter per length, kg m; about the axis it is twice that."""
+        """Moment of inertia about a diameter per unit length, kg m; about the axis it is twice this."""
         return self.density * second_moment(self.radius, self.inner_radius)
 
     @property
     def shear_parameter(self) -> float:
-        """Bending over shear stiffness, 12 E I / (kappa G A l²)."""
+        """Bending stiffness over shear stiffness, 12 E I / (kappa G A l²)."""
         shear_modulus = self.youngs_modulus / (2 * (1 + self.poissons_ratio))
         section = area(self.radius, self.inner_radius)
         kappa = shear_coefficient(self.poissons_ratio, self.radius, self.inner_radius)
@@ -114,7 +114,7 @@ class Disc:
     Parameters
     ----------
     station : int
-        Counted from 1 at the compressor's end.
+        Counted from 1 at the compressor end.
     mass : float
         kg.
     diametral_inertia, polar_inertia : float
@@ -123,7 +123,7 @@ class Disc:
     Raises
     ------
     ValueError
-        Where a size is not positive.
+        If a size is not positive.
     """
 
     station: int
@@ -144,21 +144,21 @@ class Rotor:
     Parameters
     ----------
     segments : tuple of Segment, length n - 1
-        From the compressor's end on.
+        In order from the compressor end.
     discs : tuple of Disc
         Any number at any station.
     bearing_stations : tuple of int, length 2 or 0
-        Stations of the two journals, counted from 1 at the compressor's end, rising; none of a rotor without any.
+        Stations of the two journals, counted from 1 at the compressor end, rising; empty for a rotor without journals.
     shaft_mass : ShaftMass
-        Where the segments' own mass is.
+        Distribution of the mass of the segments.
     beam : Beam
-        How they bend.
+        Beam theory of the segments.
 
     Raises
     ------
     ValueError
-        Where there is no segment, a disc or journal is at no station, the bearing stations are not two different
-        stations in rising order, or a station has no mass.
+        If there is no segment, a disc or journal is at no station, the bearing stations are not two different stations
+        in rising order, or a station has no mass.
     """
 
     segments: tuple[Segment, ...]
@@ -181,17 +181,15 @@ class Rotor:
                     f"bearing_stations: {self.bearing_stations}, expected two different stations from 1 to {n}, "
                     "in rising order"
                 )
-        heavy = {disc.station for disc in self.discs}
+        with_disc = {disc.station for disc in self.discs}
         if self.shaft_mass is not ShaftMass.NONE:
             for number, segment in enumerate(self.segments, 1):
                 if segment.density == 0:
                     raise ValueError(
-                        f"density: 0 kg/m³ in segment {number}, expected more, for its mass is {self.shaft_mass.value}"
+                        f"density: 0 kg/m³ in segment {number}, expected above 0 with shaft_mass {self.shaft_mass}"
                     )
-        elif missing := sorted(set(range(1, n + 1)) - heavy):
-            raise ValueError(
-                f"disc: none at station {missing[0]}, expected one at every station where the shaft has no mass"
-            )
+        elif missing := sorted(set(range(1, n + 1)) - with_disc):
+            raise ValueError(f"disc: none at station {missing[0]}, expected one at every station with shaft_mass none")
 
     @property
     def stations(self) -> int:
@@ -200,12 +198,12 @@ class Rotor:
 
     @property
     def positions(self) -> FloatArray:
-        """Where the stations are along the axis, (n,), m, from the compressor's end."""
+        """Axial positions of the stations from the compressor end, (n,), m."""
         return np.concatenate(([0.0], np.cumsum([segment.length for segment in self.segments])))
 
     @property
     def mass(self) -> float:
-        """Of the whole rotor, kg."""
+        """Mass of the rotor, kg."""
         discs = sum(disc.mass for disc in self.discs)
         if self.shaft_mass is ShaftMass.NONE:
             return discs
@@ -213,14 +211,14 @@ class Rotor:
 
     @property
     def journal_stations(self) -> tuple[int, int]:
-        """Stations of the two journals; ValueError where there are none."""
+        """Stations of the two journals; ValueError if there are none."""
         self.require_journals()
         first, second = self.bearing_stations
         return first, second
 
     @property
     def journals(self) -> tuple[int, int]:
-        """Degrees of freedom (counted from 0) that are the journals' displacements."""
+        """Degrees of freedom (counted from 0) of the displacements of the journals."""
         first, second = self.journal_stations
         return self.displacement(first), self.displacement(second)
 
@@ -233,49 +231,49 @@ class Rotor:
         """Raise ValueError unless there are two journals."""
         if len(self.bearing_stations) != 2:
             count = len(self.bearing_stations) or "none"
-            raise ValueError(f"journal: {count}, expected two stations where bearings or springs can stand")
+            raise ValueError(f"journal: {count}, expected two stations for bearings or springs")
 
     def displacement(self, station: int) -> int:
-        """Return the degree of freedom (counted from 0) that is the displacement of a station (counted from 1)."""
+        """Return the degree of freedom (counted from 0) of the displacement of a station (counted from 1)."""
         if not 1 <= station <= self.stations:
             raise ValueError(f"station: {station}, expected 1 to {self.stations}")
         return 2 * (station - 1)
 
     def radius(self, station: int) -> float:
-        """Return the shaft's radius at a station (counted from 1), the larger of its two segments', m."""
+        """Return the shaft radius at a station (counted from 1), the larger of both adjacent segments, m."""
         if not 1 <= station <= self.stations:
             raise ValueError(f"station: {station}, expected 1 to {self.stations}")
         return max(segment.radius for segment in self.segments[max(station - 2, 0) : station])
 
     def mass_matrix(self) -> FloatArray:
-        """Return M, (2 n, 2 n): masses, kg, and diametral inertias, kg m², of discs (5.13) and shaft."""
+        """Return the mass matrix M of discs (5.13) and shaft, (2 n, 2 n): masses, kg, and diametral inertias, kg m²."""
         mass = np.zeros((2 * self.stations, 2 * self.stations))
         for disc in self.discs:
             place = self.displacement(disc.station)
             mass[place, place] += disc.mass
             mass[place + 1, place + 1] += disc.diametral_inertia
-        return mass + self._assembled(self._own_mass)
+        return mass + self._assemble(self._own_mass)
 
     def gyroscopic_matrix(self) -> FloatArray:
-        """Return J, (2 n, 2 n): polar inertias, kg m², at the slopes."""
+        """Return the gyroscopic matrix J, (2 n, 2 n): polar inertias, kg m², at the slopes."""
         gyroscopic = np.zeros((2 * self.stations, 2 * self.stations))
         for disc in self.discs:
             slope = self.displacement(disc.station) + 1
             gyroscopic[slope, slope] += disc.polar_inertia
-        return gyroscopic + self._assembled(self._own_gyroscopic)
+        return gyroscopic + self._assemble(self._own_gyroscopic)
 
     def stiffness_matrix(self) -> FloatArray:
-        """Return K, (2 n, 2 n), of the free shaft: N/m, N and N m."""
-        return self._assembled(
+        """Return the stiffness matrix K of the free shaft, (2 n, 2 n): N/m, N and N m."""
+        return self._assemble(
             lambda segment: stiffness_element(segment.bending_stiffness, segment.length, self._shear(segment))
         )
 
-    def _assembled(self, element: Callable[[Segment], FloatArray]) -> FloatArray:
-        whole = np.zeros((2 * self.stations, 2 * self.stations))
+    def _assemble(self, element: Callable[[Segment], FloatArray]) -> FloatArray:
+        matrix = np.zeros((2 * self.stations, 2 * self.stations))
         for number, segment in enumerate(self.segments):
             dofs = slice(2 * number, 2 * number + 4)
-            whole[dofs, dofs] += element(segment)
-        return whole
+            matrix[dofs, dofs] += element(segment)
+        return matrix
 
     def _shear(self, segment: Segment) -> float:
         return segment.shear_parameter if self.beam is Beam.TIMOSHENKO else 0.0
@@ -301,12 +299,12 @@ class Rotor:
 
 
 def require_positive(name: str, value: float, unit: str) -> None:
-    """Raise ValueError, naming quantity, value and unit, unless the value is finite and above 0."""
+    """Raise ValueError with name, value and unit unless the value is finite and above 0."""
     if not (math.isfinite(value) and value > 0):
         raise ValueError(f"{name}: {value:g} {unit}, expected a finite value above 0")
 
 
 def require_rising(speeds: FloatArray) -> None:
-    """Raise ValueError unless the speeds, rad/s, are two or more, above 0, and rise."""
+    """Raise ValueError unless there are two or more speeds, rad/s, above 0 and rising."""
     if speeds.ndim != 1 or speeds.size < 2 or not (speeds[0] > 0 and np.all(np.diff(speeds) > 0)):
         raise ValueError(f"speeds: {speeds}, rad/s, expected two or more, rising, above 0")

@@ -1,4 +1,4 @@
-"""A rotor from a document: what a rotor.toml says, checked, in SI units. `docs/model.md` describes the format."""
+"""Parser for rotor.toml: validated model parameters in SI units. `docs/model.md` describes the format."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -14,7 +14,7 @@ from model.rotor.tables import Table, TableError
 
 T = TypeVar("T")
 
-MIN_STATION_DISTANCE = 1e-5  # m, of two stations
+MIN_STATION_DISTANCE = 1e-5  # m, between neighbouring stations
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,22 +25,22 @@ class _Material:
 
 
 def parse_rotor(tables: Mapping[str, object]) -> ModelParameters:
-    """Return the model's parameters from a rotor's document.
+    """Return the model parameters described by a rotor file.
 
     Parameters
     ----------
-    root : mapping
-        As `tomllib` reads a rotor.toml: tables, lists, numbers and texts.
+    tables : mapping
+        Content of a rotor.toml as `tomllib` returns it.
 
     Returns
     -------
     ModelParameters
-        Rotor, floating rings, linear supports, walls, imbalances, loads and the station of the probes.
+        Rotor, floating rings, linear supports, walls, imbalances, loads and probes.
 
     Raises
     ------
     TableError
-        A ValueError with every fault: unknown keys (the nearest is named) and units, missing quantities, sizes that
+        A ValueError with all faults: unknown keys (with the closest match) and units, missing quantities, sizes that
         are not above 0, stations out of order, supports, walls, discs or imbalances at no station, an imbalance
         beyond the clearance.
     """
@@ -81,7 +81,7 @@ def parse_rotor(tables: Mapping[str, object]) -> ModelParameters:
 
 
 def _build(table: Table, faults: list[str], make: Callable[[], T]) -> T | None:
-    """Return what is made of a table that had no fault; what it refuses becomes a fault of the table."""
+    """Return the object built from a table; None if the table has faults. A ValueError becomes a fault."""
     before = len(faults)
     table.report_unknown_keys()
     if len(faults) > before:
@@ -142,9 +142,9 @@ def _positions(root: Table) -> list[float]:
         if positions and position < positions[-1] + MIN_STATION_DISTANCE:
             table.fault(
                 f"position: {position:g} m of station {number}, expected more than {positions[-1]:g} m, where station "
-                f"{number - 1} is, by {MIN_STATION_DISTANCE:g} m at least: stations stand in order along the axis"
+                f"{number - 1} is, by {MIN_STATION_DISTANCE:g} m at least: stations must be in order along the axis"
             )
-            position = positions[-1] + MIN_STATION_DISTANCE  # so that nothing else is said of it
+            position = positions[-1] + MIN_STATION_DISTANCE  # avoids follow-up faults
         positions.append(position)
     if len(positions) < 2:
         root.fault(f"station: {len(positions)} stations, expected two or more tables [[station]]")
@@ -171,7 +171,7 @@ def _segments(
         if number >= len(positions):
             table.report_unknown_keys()
             continue
-        length = float(f"{positions[number] - positions[number - 1]:.12g}")  # 30 mm less 5 mm is 25 mm
+        length = float(f"{positions[number] - positions[number - 1]:.12g}")  # 30 mm - 5 mm = 25 mm, without rounding
         make = partial(Segment, length, radius, inner_radius, own.youngs_modulus, own.density, own.poissons_ratio)
         segments.append(_build(table, faults, make))
     return segments
@@ -193,7 +193,7 @@ def _disc(table: Table, last: int, faults: list[str]) -> Disc | None:
 
 
 def _journals(root: Table, last: int) -> tuple[int, ...]:
-    """Return the stations of the two bearings; none of a rotor that has neither bearings nor journals."""
+    """Return the stations of the two journals; empty for a rotor without bearings and journals."""
     stations = []
     for table in root.tables("journal"):
         stations.append(table.integer("station"))
@@ -201,7 +201,7 @@ def _journals(root: Table, last: int) -> tuple[int, ...]:
     if not stations and not root.has("bearing"):
         return ()
     if len(stations) != 2:
-        root.fault(f"journal: {len(stations)}, expected two tables [[journal]], each with its station")
+        root.fault(f"journal: {len(stations)}, expected two tables [[journal]], each with a station")
         return 1, 2
     for number, station in enumerate(stations):
         if last and not 1 <= station <= last:

@@ -1,4 +1,4 @@
-"""Rub and impact between the shaft and what stands around it (section 4.4)."""
+"""Rub and impact between the shaft and a surrounding wall (thesis, section 4.4)."""
 
 import math
 from dataclasses import dataclass
@@ -13,31 +13,31 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Rub:
-    """A wall that pushes back and rubs where the shaft touches it.
+    """A wall that presses and rubs on the shaft when the shaft touches it.
 
-    The thesis gives neither its stiffness nor its friction. It takes the journal's displacement from the housing
-    against both clearances together (`FloatingRing.clearance`): there the wall begins where both films are closed,
-    which the films never allow, so that in the motion walls are of seals and wheels.
+    The thesis gives neither stiffness nor friction. It compares the displacement of the journal from the housing with
+    the sum of both clearances (`FloatingRing.clearance`). The films prevent that contact, so here walls represent seals
+    and wheel casings.
 
     Parameters
     ----------
     station : int
-        Counted from 1 at the compressor's end.
+        Counted from 1 at the compressor end.
     clearance : float
-        Displacement from the bearings' centre line at which contact begins, m.
+        Displacement from the bearing centre line at which contact begins, m.
     stiffness : float
-        Of the wall, radial, N/m.
+        Radial stiffness of the wall, N/m.
     radius : float
-        Of the shaft or wheel where it rubs, m.
+        Radius of the rubbing surface of shaft or wheel, m.
     friction : float
-        Rubbing force over the pressing one, 0 or more.
+        Friction coefficient, 0 or more.
     damping : float
-        By what part the wall presses more for each metre a second of the shaft inwards, s/m: Hunt and Crossley's.
+        Hunt-Crossley damping: relative increase of the contact force per m/s of approach, s/m.
 
     Raises
     ------
     ValueError
-        Where stiffness, radius or clearance is not positive or friction or damping is negative.
+        If stiffness, radius or clearance is not positive or friction or damping is negative.
     """
 
     station: int
@@ -57,5 +57,5 @@ class Rub:
 
     @property
     def sizes(self) -> FloatArray:
-        """Clearance, stiffness, friction, damping and radius, (5,), as `forces.wall_force` takes them."""
+        """Clearance, stiffness, friction, damping and radius, (5,): the array that `forces.wall_force` takes."""
         return np.array([self.clearance, self.stiffness, self.friction, self.damping, self.radius])

@@ -1,4 +1,4 @@
-"""Linear supports of a rotor: springs and dampers, direct or through a ring with mass, and what loads it at rest."""
+"""Linear supports of a rotor (springs and dampers, direct or through a ring with mass) and static loads."""
 
 import math
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ ZERO_MATRIX: Matrix = ((0.0, 0.0), (0.0, 0.0))
 
 @dataclass(frozen=True, slots=True)
 class SupportCoefficients:
-    """Linear stiffness and damping in the bench's X and Y.
+    """Linear stiffness and damping in X and Y.
 
     Parameters
     ----------
@@ -28,7 +28,7 @@ class SupportCoefficients:
     Raises
     ------
     ValueError
-        Where a value is not finite or the matrix is not 2 by 2.
+        If a value is not finite or a matrix is not 2 by 2.
     """
 
     stiffness: Matrix
@@ -44,36 +44,36 @@ class SupportCoefficients:
 
     @classmethod
     def isotropic(cls, stiffness: float, damping: float = 0.0) -> "SupportCoefficients":
-        """Return the same in all directions, N/m (above 0) and N s/m."""
+        """Return coefficients that are equal in all directions, N/m (above 0) and N s/m."""
         require_positive("stiffness", stiffness, "N/m")
         return cls(((stiffness, 0.0), (0.0, stiffness)), ((damping, 0.0), (0.0, damping)))
 
     @property
     def is_undamped_isotropic(self) -> bool:
-        """Whether it is an undamped spring, the same in all directions, that does not push away."""
+        """Whether this is an undamped isotropic spring of non-negative stiffness."""
         (xx, xy), (yx, yy) = self.stiffness
         return xx == yy >= 0 and xy == yx == 0 and self.damping == ZERO_MATRIX
 
 
 @dataclass(frozen=True, slots=True)
 class Support:
-    """What holds the rotor at a station.
+    """A linear support at a station.
 
     Parameters
     ----------
     station : int
-        Counted from 1 at the compressor's end.
+        Counted from 1 at the compressor end.
     inner : Coefficients
-        Between shaft and housing, or between shaft and ring where there is one.
+        Between shaft and housing, or between shaft and ring if there is one.
     outer : Coefficients, optional
         Between ring and housing.
     ring_mass : float
-        kg; above 0 exactly where ``outer`` is given.
+        kg; above 0 if and only if ``outer`` is given.
 
     Raises
     ------
     ValueError
-        Where a ring has no mass or a mass no outer film.
+        If a ring has no mass or a mass is given without ``outer``.
     """
 
     station: int
@@ -85,22 +85,22 @@ class Support:
         if self.outer is not None:
             require_positive("ring_mass", self.ring_mass, "kg")
         elif self.ring_mass != 0:
-            raise ValueError(f"ring_mass: {self.ring_mass:g} kg, expected none where nothing holds the ring")
+            raise ValueError(f"ring_mass: {self.ring_mass:g} kg, expected none without outer coefficients")
 
     @property
     def is_undamped_isotropic(self) -> bool:
-        """Whether all of it is undamped and the same in all directions."""
+        """Whether all coefficients are undamped and isotropic."""
         return self.inner.is_undamped_isotropic and (self.outer is None or self.outer.is_undamped_isotropic)
 
 
 @dataclass(frozen=True, slots=True)
 class StaticLoad:
-    """A force at a station that neither turns nor changes.
+    """A constant force at a station.
 
     Parameters
     ----------
     station : int
-        Counted from 1 at the compressor's end.
+        Counted from 1 at the compressor end.
     x, y : float
         Force towards +X and +Y, N.
     """
@@ -116,7 +116,7 @@ class StaticLoad:
 
 
 def equivalent_stiffness(inner: float, outer: float, ring_mass: float, frequency: float) -> float:
-    """Return the stiffness of two springs in series with a ring between them.
+    """Return the dynamic stiffness of two springs in series with a ring between them.
 
     Parameters
     ----------
@@ -125,17 +125,17 @@ def equivalent_stiffness(inner: float, outer: float, ring_mass: float, frequency
     ring_mass : float
         kg.
     frequency : float
-        Of the whirl, rad/s.
+        Whirl frequency, rad/s.
 
     Returns
     -------
     float
-        N/m: below 0 where the ring moves against the shaft.
+        N/m; negative if the ring moves in antiphase to the shaft.
 
     Raises
     ------
     ValueError
-        At the ring's own resonance, where it is infinite.
+        At the resonance of the ring, where the stiffness is infinite.
     """
     through = outer - ring_mass * frequency**2
     if inner + through == 0:

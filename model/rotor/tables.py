@@ -1,6 +1,7 @@
-"""Reading nested tables, as TOML gives them, with every fault said: quantity, value, unit, expectation.
+"""Reader for nested TOML tables of physical quantities that collects all faults.
 
-A quantity's key ends with its unit: ``radius_mm``, ``mass_kg``. Any unit of its dimension will do.
+The key of a quantity ends with its unit, as in ``radius_mm`` or ``mass_kg``; any unit of its dimension is accepted.
+A fault names quantity, value, unit and what was expected.
 """
 
 import difflib
@@ -32,7 +33,7 @@ PLAUSIBLE_RANGES: Final[dict[str, tuple[float, float]]] = {
     "damping": (1e-9, 1e9), "contact damping": (1e-9, 1e6), "imbalance": (1e-15, 1e3), "angle": (0.0, 1e4),
     "force": (1e-12, 1e7), "acceleration": (1e-9, 1e5), "number": (0.0, 1e3),
 }  # fmt: skip
-"""Sizes in SI units, 0 aside, beyond which a value is a slip of the pen, and arithmetic loses its digits."""
+"""Plausible sizes in SI units (0 is always allowed): a value outside is a typing error or loses precision."""
 UNIT_LABELS: Final[dict[str, str]] = {
     "um": "µm", "kg_m2": "kg m²", "kg_mm2": "kg mm²", "g_mm2": "g mm²", "gpa": "GPa", "mpa": "MPa", "pa": "Pa",
     "kg_m3": "kg/m³", "g_cm3": "g/cm³", "pa_s": "Pa s", "mpa_s": "mPa s", "cp": "cP", "n_m": "N/m", "n_mm": "N/mm",
@@ -44,12 +45,12 @@ Limit = str  # "positive", "not negative" or "any"
 
 
 class TableError(ValueError):
-    """A document is wrong.
+    """A table has faults.
 
     Parameters
     ----------
     faults : sequence of str
-        All that is wrong.
+        All faults found.
     """
 
     def __init__(self, faults: Sequence[str]) -> None:
@@ -57,21 +58,22 @@ class TableError(ValueError):
         self.faults = tuple(faults)
 
     def __reduce__(self) -> tuple[type["TableError"], tuple[tuple[str, ...]]]:
-        """Return what makes it anew in another process."""
+        """Return the arguments for pickling: errors are passed between processes."""
         return type(self), (self.faults,)
 
 
 class Table:
-    """One table of a document.
+    """One table of a TOML file.
 
     Parameters
     ----------
     data : mapping
-        Its content.
+        Content of the table.
     name : str
-        Where it is, as "segment[2]"; empty for the whole document.
+        Path of the table, such as "segment[2]"; empty for the root.
     faults : list of str
-        Where what is wrong is put down; a wrong value reads as a harmless one, so that the rest can be checked.
+        List to which faults are added. An invalid value is replaced by a harmless one, so that the rest can be
+        checked.
     """
 
     def __init__(self, data: Mapping[str, object], name: str, faults: list[str]) -> None:
@@ -80,11 +82,11 @@ class Table:
         self._used_keys: set[str] = set()
 
     def has(self, name: str) -> bool:
-        """Return whether there is a key of that name, or a quantity of that name in any unit."""
+        """Return whether the table has this key, or a quantity of this name in any unit."""
         return any(key == name or key.startswith(f"{name}_") for key in self._data)
 
     def number(self, name: str, dimension: str, default: float | None = None, limit: Limit = "positive") -> float:
-        """Return a quantity in SI units; the default, in SI units, where it is not there."""
+        """Return a quantity in SI units, or the default, in SI units, if it is missing."""
         found = self._quantity(name, dimension, required=default is None)
         if found is None:
             return 1.0 if default is None else default
@@ -103,7 +105,7 @@ class Table:
         return first, second
 
     def matrix(self, name: str, dimension: str, *, required: bool) -> tuple[tuple[float, float], tuple[float, float]]:
-        """Return a 2 by 2 matrix in SI units, given as such or as one number for all directions; 0 where not given."""
+        """Return a 2 by 2 matrix in SI units, given as matrix or as one isotropic value; zeros if missing."""
         found = self._quantity(name, dimension, required=required)
         if found is None:
             return (0.0, 0.0), (0.0, 0.0)
@@ -133,7 +135,7 @@ class Table:
         return value
 
     def text(self, name: str, default: str, choices: Sequence[str] = ()) -> str:
-        """Return a text, one of the choices where there are any."""
+        """Return a string; if choices are given, one of them."""
         self._expected_keys.append(name)
         value = self._data.get(name, default)
         self._used_keys.add(name)
@@ -144,28 +146,28 @@ class Table:
         return value
 
     def table(self, name: str, *, required: bool = True) -> "Table | None":
-        """Return a table in this one; None where there is none."""
+        """Return a table nested in this one; None if it is missing."""
         self._expected_keys.append(name)
         self._used_keys.add(name)
         value = self._data.get(name)
         if isinstance(value, Mapping):
-            return Table(value, self._place(name), self._faults)
+            return Table(value, self._path(name), self._faults)
         if value is not None or required:
-            self.fault(f"{name}: {'missing' if value is None else value}, expected a table [{self._place(name)}]")
+            self.fault(f"{name}: {'missing' if value is None else value}, expected a table [{self._path(name)}]")
         return None
 
     def tables(self, name: str) -> list["Table"]:
-        """Return the tables of a list in this one; none where there is no such list."""
+        """Return the nested tables of an array; an empty list if it is missing."""
         self._expected_keys.append(name)
         self._used_keys.add(name)
         value = self._data.get(name, [])
         if not isinstance(value, list) or not all(isinstance(one, Mapping) for one in value):
-            self.fault(f"{name} = {value}: expected tables [[{self._place(name)}]]")
+            self.fault(f"{name} = {value}: expected tables [[{self._path(name)}]]")
             return []
-        return [Table(one, f"{self._place(name)}[{number}]", self._faults) for number, one in enumerate(value)]
+        return [Table(one, f"{self._path(name)}[{number}]", self._faults) for number, one in enumerate(value)]
 
     def report_unknown_keys(self) -> None:
-        """Put down every key that nothing was read from."""
+        """Add a fault for every key that was not read."""
         for key in self._data:
             if key not in self._used_keys:
                 near = difflib.get_close_matches(key, self._expected_keys, n=1, cutoff=0.5)
@@ -173,14 +175,14 @@ class Table:
                 self.fault(f"{key} = {self._data[key]}: unknown key, {hint}")
 
     def fault(self, text: str) -> None:
-        """Put down a fault of this table."""
-        self._faults.append(self._place(text))
+        """Add a fault of this table."""
+        self._faults.append(self._path(text))
 
-    def _place(self, key: str) -> str:
+    def _path(self, key: str) -> str:
         return f"{self._name}.{key}" if self._name else key
 
     def _quantity(self, name: str, dimension: str, *, required: bool) -> "_Quantity | None":
-        """Return where a quantity is and in which unit; None where it is not there."""
+        """Return key and unit of a quantity; None if it is missing."""
         units = DIMENSIONS[dimension]
         keys = {f"{name}_{unit}" if unit else name: unit for unit in units}
         usual = next(iter(keys))
@@ -188,7 +190,7 @@ class Table:
         present = [key for key in keys if key in self._data]
         self._used_keys.update(present)
         if len(present) > 1:
-            self.fault(f"{present[1]} = {self._data[present[1]]}: expected it once, {present[0]} says it already")
+            self.fault(f"{present[1]} = {self._data[present[1]]}: expected one key only, {present[0]} is given already")
         if present:
             unit = keys[present[0]]
             return _Quantity(present[0], UNIT_LABELS.get(unit, unit), units[unit], PLAUSIBLE_RANGES[dimension])
@@ -203,7 +205,7 @@ class Table:
 
     @staticmethod
     def _is_unit_of(key: str, name: str) -> bool:
-        """Return whether a key is that quantity with some unit, or none."""
+        """Return whether a key names this quantity, with any unit or none."""
         return key == name or key.startswith(f"{name}_")
 
     def _scaled(self, quantity: "_Quantity", value: object, limit: Limit) -> float:
@@ -214,10 +216,10 @@ class Table:
         shown = (
             f"{value:g} {unit}".rstrip() if abs(value) < MAX_NUMBER or not isinstance(value, int) else "too many digits"
         )
-        least = {"positive": "above 0", "not negative": "0 or more", "any": ""}[limit]
-        is_finite = -MAX_NUMBER < value < MAX_NUMBER  # false of what is no number, too
+        bound = {"positive": "above 0", "not negative": "0 or more", "any": ""}[limit]
+        is_finite = -MAX_NUMBER < value < MAX_NUMBER  # also false for NaN
         if not is_finite or (limit == "positive" and value <= 0) or (limit == "not negative" and value < 0):
-            self.fault(f"{key} = {shown}: expected a finite value {least}".rstrip())
+            self.fault(f"{key} = {shown}: expected a finite value {bound}".rstrip())
             return 1.0
         lowest, highest = quantity.range
         if value and not lowest <= abs(value * factor) <= highest:
@@ -230,7 +232,7 @@ class Table:
 
 @dataclass(frozen=True, slots=True)
 class _Quantity:
-    """A quantity in a table: its key, its unit as shown and in SI units, and the sizes that it may have in these."""
+    """Key of a quantity, label of its unit, factor to SI units, and plausible range in SI units."""
 
     key: str
     unit: str

@@ -1,1 +1,1 @@
-"""Chapters 3, 5 and 6 of the thesis computed again."""
+"""Chapters 3, 5 and 6 of the thesis, recomputed."""

@@ -66,7 +66,7 @@ def test_shaft_has_the_mass_and_the_inertias_of_a_tube_however_they_are_spread(
         ({"bearing_stations": (1, 3)}, r"bearing_stations: \(1, 3\)"),
         (
             {"segments": (replace(STEEL, density=0.0),), "shaft_mass": ShaftMass.LUMPED},
-            r"density: 0 kg/m³ in segment 1, expected more, for its mass is lumped",
+            r"density: 0 kg/m³ in segment 1, expected above 0 with shaft_mass lumped",
         ),
     ],
 )
