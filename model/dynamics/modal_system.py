@@ -133,7 +133,7 @@ class ModalSystem:
 
     Parameters
     ----------
-    shaft : Shaft
+    shaft : ModalShaft
         Modes.
     films : Films
         Of each of the two bearings.

@@ -206,9 +206,9 @@ def integrate(
 
     Parameters
     ----------
-    parts, constraints, matrices : Parts, Constraints or None, Levels
+    parts, constraints, matrices : Parts, Constraints or None, NewmarkMatrices
         The system and its step.
-    state : State
+    state : MotionState
         Where the motion stands; changed.
     angles, speeds : ndarray of float64, shape (n,)
         The shaft's angle, rad, and speed, rad/s, at the ends of the steps.

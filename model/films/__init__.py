@@ -1,1 +1,1 @@
-"""Oil films of floating-ring bearings: force models, coefficients, equilibrium, lubrication."""
+"""Oil films of floating-ring bearings: force models, coefficients, equilibrium and lubrication."""

@@ -1,13 +1,13 @@
-"""Capone's force of a cavitated short film and its stiffness, compiled.
+"""Capone's force of a cavitated short film and its derivatives, compiled on the first call.
 
-Complex numbers are vectors in the bench's plane, ``X + i Y``. Nothing is compiled when the file is imported.
+Complex numbers are vectors in the plane of measurement, ``X + i Y``.
 """
 
 import numpy as np
 
 from model.compiling import Compiler
 
-MIN_WALL_MARGIN = 1e-4  # smallest 1 - eccentricity² that is computed: beyond it the film's equations lose their digits
+MIN_WALL_MARGIN = 1e-4  # minimum of 1 - eccentricity²: closer to the wall the film equations lose precision
 
 compiler = Compiler()
 
@@ -16,17 +16,18 @@ compiler = Compiler()
 def capone_force(
     position: complex, velocity: complex, clearance: float, surface_speed: float, factor: float
 ) -> complex:
-    """Return the force of a short film, cavitated where its pressure falls below zero, on the inner body, N.
+    """Return the force of a cavitated short film on the inner body, N.
 
-    Capone's closed form, thesis eq. (4.38), with one correction: F = q / (1 - q²). The printed q / (1 - x² - y²) is
-    equal only without squeeze and wrong by up to fifteen times at large velocities.
+    Capone's closed form, thesis eq. (4.38): the film carries pressure where it is positive. One correction:
+    F = q / (1 - q²). The printed q / (1 - x² - y²) is equal only without squeeze, and wrong by up to a factor of 15 at
+    large velocities.
 
     Parameters
     ----------
     position : complex
-        Of the inner body from the outer one, m; less than the clearance.
+        Of the inner body relative to the outer one, m; less than the clearance.
     velocity : complex
-        Of the inner body against the outer one, m/s.
+        Of the inner body relative to the outer one, m/s.
     clearance : float
         Radial, m.
     surface_speed : float
@@ -37,7 +38,7 @@ def capone_force(
     Returns
     -------
     complex
-        N; 0 where nothing moves.
+        N; 0 if nothing moves.
     """
     x, y = position.real / clearance, position.imag / clearance
     A = surface_speed * x - 2 * velocity.imag / clearance
@@ -64,17 +65,17 @@ def capone_force(
 def capone_force_derivatives(
     velocity_ratio: complex, position: complex, velocity: complex, clearance: float, surface_speed: float, factor: float
 ) -> tuple[complex, complex]:
-    """Return the change of a film's force with the position in X and in Y, N/m, by finite differences.
+    """Return the derivatives of a film force with respect to X and Y, N/m, by finite differences.
 
     Parameters
     ----------
     velocity_ratio : complex
-        Change of velocity per change of position, 1/s: 2 / step in the march, i Omega in the turning frame.
+        Change of velocity per change of position, 1/s: 2 / step in Newmark's method, i Omega in the rotating frame.
     position, velocity, clearance, surface_speed, factor : complex and float
         As for ``capone_force``.
     """
     start = capone_force(position, velocity, clearance, surface_speed, factor)
-    in_x = -1e-7 * clearance if position.real > 0 else 1e-7 * clearance  # never towards the wall
+    in_x = -1e-7 * clearance if position.real > 0 else 1e-7 * clearance  # always away from the wall
     in_y = -1e-7 * clearance if position.imag > 0 else 1e-7 * clearance
     of_x = capone_force(position + in_x, velocity + velocity_ratio * in_x, clearance, surface_speed, factor)
     of_y = capone_force(position + 1j * in_y, velocity + velocity_ratio * 1j * in_y, clearance, surface_speed, factor)

@@ -1,8 +1,8 @@
-"""The eight linear coefficients of an oil film (section 4.3.1): in closed form and by differentiation; films in series.
+"""The eight linear coefficients of an oil film (thesis, section 4.3.1), and of two films in series.
 
-Stiffness and damping are what resists: ``F = F0 - K dx - C dx'``, with rows for the force's X and Y and columns for the
-displacement's. The thesis writes (4.20) with the opposite sign and (4.28)-(4.35) with this one. Closed forms are for a
-load that points down (-Y) and a shaft that turns counter-clockwise.
+Sign convention: ``F = F0 - K dx - C dx'``, with rows for X and Y of the force and columns for X and Y of the
+displacement. The thesis writes (4.20) with the opposite sign and (4.28)-(4.35) with this one. Closed forms hold for a
+downward load (-Y) and counter-clockwise rotation.
 """
 
 import math
@@ -27,14 +27,14 @@ COMPLEX_STEP = 1e-30
 
 @dataclass(frozen=True, slots=True)
 class LinearCoefficients:
-    """A film about its state of rest.
+    """Linear coefficients of a film about an equilibrium position.
 
     Parameters
     ----------
     position : complex
-        Of the inner body from the outer one, X + i Y, m.
+        Of the inner body relative to the outer one, X + i Y, m.
     force : complex
-        Of the film on the inner body there, X + i Y, N.
+        Static force of the film on the inner body, X + i Y, N.
     stiffness : ndarray, shape (2, 2)
         k_xx, k_xy; k_yx, k_yy, N/m.
     damping : ndarray, shape (2, 2)
@@ -47,12 +47,12 @@ class LinearCoefficients:
     damping: FloatArray
 
     def impedance(self, whirl_speed: float) -> ComplexArray:
-        """Return K + i omega C at an angular frequency in rad/s, N/m, shape (2, 2)."""
+        """Return the impedance K + i omega C at a whirl frequency in rad/s, N/m, shape (2, 2)."""
         return np.asarray(self.stiffness + 1j * whirl_speed * self.damping)
 
 
 def short_film_ratios(eccentricity: float) -> tuple[FloatArray, FloatArray]:
-    """Return the coefficients of the infinitely short film without their units.
+    """Return the dimensionless coefficients of the infinitely short film.
 
     Parameters
     ----------
@@ -62,8 +62,8 @@ def short_film_ratios(eccentricity: float) -> tuple[FloatArray, FloatArray]:
     Returns
     -------
     tuple of ndarray, shape (2, 2)
-        Stiffness over W / C and damping over W / (C w), W the load and w the sum of the surfaces' speeds; Friswell et
-        al., Dynamics of Rotating Machines, section 5.5.
+        Stiffness over W / C and damping over W / (C w), with load W and sum w of the surface speeds; Friswell et al.,
+        Dynamics of Rotating Machines, section 5.5.
 
     Raises
     ------
@@ -85,14 +85,14 @@ def short_film_ratios(eccentricity: float) -> tuple[FloatArray, FloatArray]:
 
 
 def short_film_load(eccentricity: float) -> float:
-    """Return the load of the infinitely short film at rest over `Film.factor` times w."""
+    """Return the static load of the infinitely short film over `Film.factor` times w."""
     _require_inside(eccentricity)
     e = eccentricity
     return 4 * e / (1 - e**2) ** 2 * math.sqrt(e**2 + (math.pi / 4) ** 2 * (1 - e**2))
 
 
 def short_film_attitude(eccentricity: float) -> float:
-    """Return the angle of the displacement from the load in the direction of rotation, rad."""
+    """Return the attitude angle, from the load to the displacement in the direction of rotation, rad."""
     _require_inside(eccentricity)
     return math.atan2(math.pi * math.sqrt(1 - eccentricity**2), 4 * eccentricity)
 
@@ -103,7 +103,7 @@ def short_film_coefficients(film: Film, load: float, surface_speed: float) -> Li
     Parameters
     ----------
     film : Film
-        Its sizes and viscosity.
+        Sizes and viscosity.
     load : float
         Downwards, N.
     surface_speed : float
@@ -118,7 +118,7 @@ def short_film_coefficients(film: Film, load: float, surface_speed: float) -> Li
     ValueError
         Where load or speed is not positive.
     EquilibriumError
-        Where the load would press the inner body against the wall.
+        If the load presses the inner body against the wall.
     """
     require_positive("load", load, "N")
     require_positive("surface_speed", surface_speed, "rad/s")
@@ -128,7 +128,7 @@ def short_film_coefficients(film: Film, load: float, surface_speed: float) -> Li
             f"load: {load:g} N presses the inner body to {MAX_ECCENTRICITY} of its clearance, expected less than "
             f"{short_film_load(MAX_ECCENTRICITY) * film.factor * surface_speed:g} N"
         )
-    lightest = 1e-3 * target / math.pi  # load is pi times the eccentricity at first and grows faster
+    lightest = 1e-3 * target / math.pi  # the load is pi times a small eccentricity, and grows faster
     eccentricity = brentq(lambda e: short_film_load(e) - target, min(lightest, 0.5), MAX_ECCENTRICITY, xtol=1e-15)
     stiffness, damping = short_film_ratios(eccentricity)
     angle = short_film_attitude(eccentricity) - math.pi / 2
@@ -140,18 +140,18 @@ def short_film_coefficients(film: Film, load: float, surface_speed: float) -> Li
 def differentiated_coefficients(
     film: Film, position: complex, surface_speed: float, form: CaponeForm = CaponeForm.EXACT
 ) -> LinearCoefficients:
-    """Return the coefficients of Capone's force at rest, by a complex step: exact to rounding.
+    """Return the coefficients of Capone's force at rest by complex-step differentiation, exact to rounding.
 
     Parameters
     ----------
     film : Film
-        Its sizes and viscosity.
+        Sizes and viscosity.
     position : complex
-        Of the inner body from the outer one, X + i Y, m; not its centre, where a film at rest has no force.
+        Of the inner body relative to the outer one, X + i Y, m; not the centre, where a static film has no force.
     surface_speed : float
         w, rad/s.
-    form : Capone, optional
-        Which force; at rest both have the same coefficients.
+    form : CaponeForm, optional
+        Form of the force; at rest both have the same coefficients.
 
     Returns
     -------
@@ -160,7 +160,7 @@ def differentiated_coefficients(
     Raises
     ------
     ValueError
-        Where the position is the centre or lies at or beyond the wall, or the speed is 0.
+        If the position is the centre or at or beyond the wall, or the speed is 0.
     """
     _require_inside(abs(position) / film.clearance)
     if not (math.isfinite(surface_speed) and surface_speed != 0):
@@ -182,7 +182,7 @@ def differentiated_coefficients(
 def series_impedance(
     inner: LinearCoefficients, outer: LinearCoefficients, ring_mass: float, whirl_speed: float
 ) -> ComplexArray:
-    """Return what a journal feels of two films in series with the ring's mass between them.
+    """Return the impedance at the journal of two films in series with the ring mass between them.
 
     Parameters
     ----------
@@ -191,12 +191,12 @@ def series_impedance(
     ring_mass : float
         kg.
     whirl_speed : float
-        Angular frequency of the motion, rad/s.
+        Angular frequency of the whirl, rad/s.
 
     Returns
     -------
     ndarray of complex, shape (2, 2)
-        Force that resists per displacement of the journal, N/m.
+        Resisting force per displacement of the journal, N/m.
     """
     Z_i, Z_o = inner.impedance(whirl_speed), outer.impedance(whirl_speed)
     ring = Z_i + Z_o - ring_mass * whirl_speed**2 * np.eye(2)
@@ -206,18 +206,18 @@ def series_impedance(
 def floating_ring_coefficients(
     bearing: FloatingRing, load: float, speed: float, gravity: float = GRAVITY
 ) -> tuple[LinearCoefficients, LinearCoefficients]:
-    """Return the coefficients of both short films of a floating-ring bearing whose ring turns as (3.25) says.
+    """Return the coefficients of both short films of a floating-ring bearing, with the ring speed of (3.25).
 
     Parameters
     ----------
     bearing : FloatingRing
-        Its sizes.
+        Sizes and viscosity.
     load : float
         On the journal, downwards, N.
     speed : float
         Of the shaft, rad/s.
     gravity : float, optional
-        m/s²; the outer film carries the ring's weight too.
+        m/s²; the outer film also carries the weight of the ring.
 
     Returns
     -------

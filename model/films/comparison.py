@@ -1,4 +1,4 @@
-"""One film by all the models at hand: what its length and its cavity make of load, attitude and coefficients."""
+"""Comparison of the short, finite and long film: load, attitude and coefficients over eccentricity."""
 
 import math
 from dataclasses import dataclass
@@ -19,18 +19,18 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class FilmComparison:
-    """A film at rest over its eccentricity.
+    """Static results of three film models over eccentricity.
 
     Parameters
     ----------
     eccentricities : ndarray, shape (n,)
         Ratios.
     short_load, finite_load, long_load : ndarray, shape (n,)
-        Of the infinitely short film, the film of its length and the infinitely long one, N.
+        Of the infinitely short film, the film of finite length and the infinitely long film, N.
     short_attitude, finite_attitude, long_attitude : ndarray, shape (n,)
-        Angle of the displacement from the load in the direction of rotation, rad.
+        Angle from the load to the displacement in the direction of rotation, rad.
     short_coefficients, finite_coefficients : tuple of LinearCoefficients, length n
-        With the load pointing down.
+        For a downward load.
     """
 
     eccentricities: FloatArray
@@ -45,29 +45,29 @@ class FilmComparison:
 
 
 def compare_film_models(film: Film, surface_speed: float, eccentricities: ArrayLike, grid: Grid) -> FilmComparison:
-    """Return load, attitude and coefficients of a film by three models.
+    """Return load, attitude and coefficients of a film by the short, finite and long model.
 
     Parameters
     ----------
     film : Film
-        Its sizes and viscosity.
+        Sizes and viscosity.
     surface_speed : float
         Sum of the angular speeds of both surfaces, rad/s.
     eccentricities : array_like, shape (n,)
         Ratios, above 0 and below 1.
     grid : Grid
-        Division of the film of finite length.
+        Grid of the film of finite length.
 
     Returns
     -------
-    FilmStudy
-        The infinitely long film begins without pressure where it is thickest, as the others do without a groove or
-        nearly so.
+    FilmComparison
+        The infinitely long film starts with zero pressure at its thickest position, as the others do, at least nearly,
+        without a groove.
 
     Raises
     ------
     ValueError
-        Where the speed is not positive, or an eccentricity lies outside its range or too near the wall for the grid.
+        If the speed is not positive, or an eccentricity is outside its range or too close to the wall for the grid.
     """
     require_positive("surface_speed", surface_speed, "rad/s")
     ratios = np.atleast_1d(np.asarray(eccentricities, dtype=np.float64))
@@ -91,7 +91,7 @@ def compare_film_models(film: Film, surface_speed: float, eccentricities: ArrayL
 
 
 def film_from_thickest(eccentricity: float) -> LongFilm:
-    """Return the infinitely long film that begins without pressure where it is thickest: the printed (3.20), (3.21).
+    """Return the infinitely long film that starts with zero pressure at its thickest position: (3.20), (3.21).
 
     Parameters
     ----------
@@ -104,24 +104,24 @@ def film_from_thickest(eccentricity: float) -> LongFilm:
 
 def _upright_short(film: Film, ratio: float, surface_speed: float) -> LinearCoefficients:
     flat = differentiated_coefficients(film, complex(ratio * film.clearance), surface_speed)
-    return differentiated_coefficients(film, _turned(flat), surface_speed)
+    return differentiated_coefficients(film, _upright_position(flat), surface_speed)
 
 
 def _upright_finite(film: Film, ratio: float, surface_speed: float, grid: Grid) -> LinearCoefficients:
     flat = perturbed_coefficients(film, complex(ratio * film.clearance), surface_speed, grid)
-    return _rotated(flat, _turned(flat) / flat.position)
+    return _rotate(flat, _upright_position(flat) / flat.position)
 
 
-def _turned(found: LinearCoefficients) -> complex:
-    # the position turned so that the film's force points up
+def _upright_position(found: LinearCoefficients) -> complex:
+    # the position, rotated so that the film force points up
     return found.position * 1j * abs(found.force) / found.force
 
 
-def _rotated(found: LinearCoefficients, turn: complex) -> LinearCoefficients:
-    rotation = np.array([[turn.real, -turn.imag], [turn.imag, turn.real]])
+def _rotate(found: LinearCoefficients, rotation_factor: complex) -> LinearCoefficients:
+    rotation = np.array([[rotation_factor.real, -rotation_factor.imag], [rotation_factor.imag, rotation_factor.real]])
     return LinearCoefficients(
-        found.position * turn,
-        found.force * turn,
+        found.position * rotation_factor,
+        found.force * rotation_factor,
         rotation @ found.stiffness @ rotation.T,
         rotation @ found.damping @ rotation.T,
     )

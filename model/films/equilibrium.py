@@ -1,7 +1,6 @@
-"""Where a body runs in an infinitely long film under a load, and the pressure there (chapter 3).
+"""Equilibrium of a body in an infinitely long film under a load, and the pressure around it (thesis, chapter 3).
 
-``Psi`` is the place around the film, rad, 0 straight against the load, where the oil comes in, growing in the direction
-of rotation.
+``Psi`` is the angle around the film in the direction of rotation, rad. It is 0 opposite to the load, at the oil inlet.
 """
 
 import math
@@ -18,8 +17,8 @@ from model.rotor.rotor import require_positive
 
 FloatArray = NDArray[np.float64]
 
-MAX_EQUILIBRIUM_ECCENTRICITY = 0.999  # eccentricity ratio beyond which an equilibrium is refused
-MIN_ECCENTRICITY, MAX_ECCENTRICITY = 1e-6, 1 - 1e-9  # searched
+MAX_EQUILIBRIUM_ECCENTRICITY = 0.999  # eccentricity ratio of an accepted equilibrium
+MIN_ECCENTRICITY, MAX_ECCENTRICITY = 1e-6, 1 - 1e-9  # search range
 SEARCH_EXTENTS = (
     0.99,
     0.95,
@@ -32,25 +31,25 @@ SEARCH_EXTENTS = (
     0.3,
     0.2,
     0.1,
-)  # the last film begins far past the inlet under any load
+)  # with the last one the film starts far past the inlet under any load
 
 
 @dataclass(frozen=True, slots=True)
 class FilmEquilibrium:
-    """An infinitely long film that carries a load.
+    """Equilibrium of an infinitely long film under a load.
 
     Parameters
     ----------
     shape : LongFilm
         Eccentricity and ends of the film.
     attitude : float
-        Angle of the displacement from the load in the direction of rotation, rad.
+        Angle from the load to the displacement in the direction of rotation, rad.
     scale : float
         K = 6 eta R² w / C², Pa.
     inlet_pressure : float
         At Psi = 0, Pa.
     load : float
-        Carried by the pressure, downwards, N.
+        Load carried by the pressure, downwards, N.
     """
 
     shape: LongFilm
@@ -66,22 +65,22 @@ class FilmEquilibrium:
 
     @property
     def is_complete(self) -> bool:
-        """Whether the film runs all the way round, without a cavity."""
+        """Whether the film covers the full circumference, without a cavity."""
         return self.shape.is_complete
 
     @property
     def rupture(self) -> float | None:
-        """Where the film ends and the cavity starts, Psi from 0 to 2 pi, rad; none in a complete film."""
-        return None if self.is_complete else self._place(self.shape.end)
+        """Angle at which the film ruptures and the cavity starts, Psi from 0 to 2 pi, rad; None in a complete film."""
+        return None if self.is_complete else self._angle(self.shape.end)
 
     @property
     def reformation(self) -> float | None:
-        """Where the cavity ends and the film starts again, Psi above 0 and at most 2 pi, rad; none when complete."""
+        """Angle at which the film reforms, Psi above 0 and at most 2 pi, rad; None in a complete film."""
         if self.is_complete:
             return None
-        place = self._place(self.shape.start)
+        angle = self._angle(self.shape.start)
         turn = 2 * math.pi
-        return turn if min(place, turn - place) < 1e-9 else place
+        return turn if min(angle, turn - angle) < 1e-9 else angle
 
     def pressure(self, psi: ArrayLike) -> FloatArray:
         """Return the pressure, Pa.
@@ -89,7 +88,7 @@ class FilmEquilibrium:
         Parameters
         ----------
         psi : array_like
-            Places around the bearing, rad; any turn.
+            Angles around the bearing, rad; any value.
 
         Returns
         -------
@@ -104,19 +103,19 @@ class FilmEquilibrium:
             return np.asarray(self.inlet_pressure + self.scale * (shape.rise(phi) - shape.inlet_rise))
         return np.where(phi < shape.end, np.maximum(self.scale * shape.rise(phi), 0.0), 0.0)
 
-    def _place(self, phi: float) -> float:
+    def _angle(self, phi: float) -> float:
         return float((bearing_angle(phi, self.shape.eccentricity) + self.attitude) % (2 * math.pi))
 
 
 def film_equilibrium(load: float, scale: float, area: float, inlet_pressure: float) -> FilmEquilibrium:
-    """Return where the inner body of an infinitely long film runs under a load.
+    """Return the equilibrium of an infinitely long film under a load.
 
     Parameters
     ----------
     load : float
         Downwards, N.
     scale : float
-        K = 6 eta R² w / C², w the sum of the surfaces' speeds, Pa.
+        K = 6 eta R² w / C², with w the sum of the surface speeds, Pa.
     area : float
         Length times radius, m².
     inlet_pressure : float
@@ -129,9 +128,9 @@ def film_equilibrium(load: float, scale: float, area: float, inlet_pressure: flo
     Raises
     ------
     ValueError
-        Where a quantity makes no sense.
+        If a quantity is invalid.
     EquilibriumError
-        Where the load would press the body against the wall.
+        If the load presses the body against the wall, or is too small to resolve.
     """
     for name, value, unit in (("load", load, "N"), ("scale", scale, "Pa"), ("area", area, "m²")):
         require_positive(name, value, unit)
@@ -142,17 +141,17 @@ def film_equilibrium(load: float, scale: float, area: float, inlet_pressure: flo
     if rise < shape.inlet_rise:
         shape = _ruptured_with(target, load, rise)
     if shape.eccentricity > MAX_EQUILIBRIUM_ECCENTRICITY:
-        raise _against_the_wall(load, shape.eccentricity)
+        raise _wall_error(load, shape.eccentricity)
     return FilmEquilibrium(shape, shape.attitude, scale, inlet_pressure, load)
 
 
 def just_complete_film(pressure: float) -> LongFilm:
-    """Return the film that has just closed: complete, and without pressure at one place.
+    """Return the film at the limit of cavitation: complete, with zero pressure at one angle.
 
     Parameters
     ----------
     pressure : float
-        At the inlet, over the load per length and radius.
+        Inlet pressure over load per length and radius.
 
     Returns
     -------
@@ -161,7 +160,7 @@ def just_complete_film(pressure: float) -> LongFilm:
     Raises
     ------
     EquilibriumError
-        Where it lies too near the centre or the wall to be computed.
+        If it is too close to the centre or to the wall to be computed.
     """
 
     def excess(eccentricity: float) -> float:
@@ -170,14 +169,14 @@ def just_complete_film(pressure: float) -> LongFilm:
 
     if not excess(MIN_ECCENTRICITY) < 0 < excess(MAX_EQUILIBRIUM_ECCENTRICITY):
         raise EquilibriumError(
-            f"inlet_pressure: {pressure:g} of the load per length and radius, expected what closes a film between "
-            f"{MIN_ECCENTRICITY:g} and {MAX_EQUILIBRIUM_ECCENTRICITY} of its clearance"
+            f"inlet_pressure: {pressure:g} of the load per length and radius, expected a value that gives a "
+            f"complete film between {MIN_ECCENTRICITY:g} and {MAX_EQUILIBRIUM_ECCENTRICITY} of its clearance"
         )
     return complete_film(_root(excess, MIN_ECCENTRICITY, MAX_EQUILIBRIUM_ECCENTRICITY))
 
 
 def _ruptured_with(target: float, load: float, rise: float) -> LongFilm:
-    # the film under a load that has the inlet's pressure at its top; load and rise grow with eccentricity and extent
+    # Film under a load with the given pressure at the inlet. Load and rise grow with eccentricity and extent.
 
     def film(extent: float) -> LongFilm:
         return ruptured_film(_eccentricity_under(target, load, lambda eps: ruptured_film(eps, extent)), extent)
@@ -187,14 +186,14 @@ def _ruptured_with(target: float, load: float, rise: float) -> LongFilm:
 
 
 def _eccentricity_under(target: float, load: float, film: Callable[[float], LongFilm]) -> float:
-    # the eccentricity ratio at which films of a kind carry the load, K L R
+    # Eccentricity ratio at which a film of this type carries the load, K L R.
     if film(MIN_ECCENTRICITY).load > target:
         raise EquilibriumError(
             f"load: {load:g} N displaces the body by less than {MIN_ECCENTRICITY:g} of its clearance, "
             "expected a load that the film's equations can resolve"
         )
     if film(MAX_ECCENTRICITY).load < target:
-        raise _against_the_wall(load, MAX_ECCENTRICITY)
+        raise _wall_error(load, MAX_ECCENTRICITY)
     return _root(lambda eps: film(eps).load - target, MIN_ECCENTRICITY, MAX_ECCENTRICITY)
 
 
@@ -202,7 +201,7 @@ def _root(function: Callable[[float], float], low: float, high: float) -> float:
     return float(brentq(function, low, high, xtol=1e-15, rtol=1e-14))
 
 
-def _against_the_wall(load: float, eccentricity: float) -> EquilibriumError:
+def _wall_error(load: float, eccentricity: float) -> EquilibriumError:
     return EquilibriumError(
         f"load: {load:g} N presses the body to {eccentricity:.9g} of its clearance, "
         f"expected a load that leaves it within {MAX_EQUILIBRIUM_ECCENTRICITY} of it"

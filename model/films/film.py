@@ -1,4 +1,4 @@
-"""The oil films of a floating-ring bearing: two in series, each with Capone's short-bearing force."""
+"""The two oil films of a floating-ring bearing in series, with Capone's short-bearing force."""
 
 import cmath
 import math
@@ -28,7 +28,7 @@ class Film:
     Raises
     ------
     ValueError
-        Where one of them is not positive.
+        If a value is not positive.
     """
 
     radius: float
@@ -42,7 +42,7 @@ class Film:
 
     @property
     def factor(self) -> float:
-        """Size of the force at unit surface speed, mu R L³ / (4 C²), N s."""
+        """Force factor mu R L³ / (4 C²), N s: the scale of the force at unit surface speed."""
         return self.viscosity * self.radius * self.length**3 / (4 * self.clearance**2)
 
     def force(
@@ -53,23 +53,23 @@ class Film:
         Parameters
         ----------
         position : complex
-            Of the inner body from the outer one, X + i Y, m.
+            Of the inner body relative to the outer one, X + i Y, m.
         velocity : complex
-            Of the inner body against the outer one, m/s.
+            Of the inner body relative to the outer one, m/s.
         surface_speed : float
             Sum of the angular speeds of both surfaces, rad/s.
-        form : Capone, optional
-            The exact force, or the one that the thesis prints.
+        form : CaponeForm, optional
+            The exact force, or the form printed in the thesis.
 
         Returns
         -------
         complex
-            X + i Y, N; thesis eq. (4.38), with its F corrected unless the printed form is asked for.
+            X + i Y, N; thesis eq. (4.38), with F corrected unless ``form`` is the printed one.
 
         Raises
         ------
         ValueError
-            Where the position lies at or beyond the wall, or velocity or speed are not finite.
+            If the position is at or beyond the wall, or velocity or speed are not finite.
         """
         eccentricity = abs(position) / self.clearance
         if not 1 - eccentricity**2 >= MIN_WALL_MARGIN:
@@ -87,14 +87,14 @@ class Film:
 
 @dataclass(frozen=True, slots=True)
 class FilmPair:
-    """The films of a floating ring at a shaft speed.
+    """The two films of a floating ring.
 
     Parameters
     ----------
     inner, outer : Film
         Journal in ring and ring in housing.
     inner_speed, outer_speed : float
-        Sum of the speeds of each film's surfaces over the shaft's speed.
+        Sum of the surface speeds of each film over the shaft speed.
     """
 
     inner: Film
@@ -104,7 +104,7 @@ class FilmPair:
 
 
 def bearing_films(bearing: FloatingRing) -> FilmPair:
-    """Return the films of a floating-ring bearing; the ring turns as eq. (3.25) says."""
+    """Return the films of a floating-ring bearing, with the ring speed of eq. (3.25)."""
     ratio = bearing.ring_speed_ratio
     return FilmPair(
         inner=Film(bearing.journal_radius, bearing.length, bearing.inner_clearance, bearing.viscosity),

@@ -1,8 +1,9 @@
-"""A film of finite length with Reynolds's boundary condition: the yardstick for the closed forms.
+"""Finite-volume solution of a film of finite length with the Reynolds cavitation condition.
 
-Where the film would have to pull it breaks: pressure is nowhere below 0 and has no slope where it ends. So ``p >= 0``,
-the outflow ``M p + b >= 0``, and one of the two is 0 in every volume. The set of volumes that carry is found by solving
-sparse linear systems until it stays; M is an M-matrix, for which this ends after a few.
+The film cavitates instead of carrying tension: the pressure is never negative, and its gradient is zero at the rupture.
+This is a linear complementarity problem: ``p >= 0``, outflow ``M p + b >= 0``, and one of both is 0 in every volume.
+The full-film volumes are found by an active-set iteration with sparse linear systems. M is an M-matrix, so a few
+iterations suffice. The result is the reference for the closed forms.
 """
 
 import math
@@ -22,25 +23,25 @@ FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
 MAX_ITERATIONS = 100
-MIN_NODES_IN_GAP = 4  # between the thinnest place and where the film is twice as thick
+MIN_NODES_IN_GAP = 4  # from the thinnest position to the one where the film is twice as thick
 ROUNDING_TOLERANCE = 1e-13  # of the largest outflow
 
 
 @dataclass(frozen=True, slots=True)
 class Groove:
-    """A groove along the whole film that holds a pressure.
+    """An axial groove over the full length, at a given pressure.
 
     Parameters
     ----------
     angle : float
-        From +X in the direction of rotation, rad. The grid is turned so that a place falls on it.
+        From +X in the direction of rotation, rad. The grid is rotated so that a node lies on it.
     pressure : float
         Pa, 0 or more.
 
     Raises
     ------
     ValueError
-        Where one of them makes no sense.
+        If a value is invalid.
     """
 
     angle: float
@@ -60,15 +61,15 @@ class FilmPressure:
     Parameters
     ----------
     grid : Grid
-        Where it is known: `grid.angles` around, from the middle to the end along.
+        Nodes: `grid.angles` in the circumference, from the middle to the end in the axial direction.
     pressure : ndarray, shape (grid.along + 1, grid.around)
         Pa.
     is_full_film : ndarray of bool, shape (grid.along, grid.around)
-        Which volumes carry; the others have broken or are the groove.
+        Volumes with a full film; the others cavitate or are the groove.
     force : complex
         On the inner body, X + i Y, N.
     iterations : int
-        How many linear systems were solved.
+        Number of linear systems solved.
     """
 
     grid: Grid
@@ -89,24 +90,24 @@ def solve_reynolds(
     flow: Flow = Flow.BOTH,
     cavitates: bool = True,
 ) -> FilmPressure:
-    """Return the pressure in a film of finite length, open to no pressure at both ends.
+    """Return the pressure in a film of finite length, with zero pressure at both ends.
 
     Parameters
     ----------
     film : Film
-        Its sizes and viscosity.
+        Sizes and viscosity.
     position, velocity : complex
-        Of the inner body against the outer one, X + i Y, m and m/s.
+        Of the inner body relative to the outer one, X + i Y, m and m/s.
     surface_speed : float
         Sum of the angular speeds of both surfaces, rad/s.
     grid : Grid
-        Its division.
+        Grid of the film.
     groove : Groove, optional
-        Where oil is fed.
+        Oil supply.
     flow : Flow, optional
-        Directions in which pressure drives the oil.
+        Directions of the pressure-driven flow.
     cavitates : bool, optional
-        Whether the film breaks; where it does not, its pressure may be below 0.
+        Whether the film cavitates; if not, its pressure may be negative.
 
     Returns
     -------
@@ -115,9 +116,9 @@ def solve_reynolds(
     Raises
     ------
     ValueError
-        Where the position lies at or beyond the wall, or something is not finite.
+        If the position is at or beyond the wall, or a value is not finite.
     EquilibriumError
-        Where the carrying set does not settle.
+        If the full-film set does not converge.
     """
     if groove is not None:
         grid = replace(grid, first_angle=groove.angle)
@@ -147,7 +148,7 @@ def solve_reynolds(
 
 
 def _coarse_to_fine(grid: Grid) -> list[Grid]:
-    # the carrying set grows by a volume an iteration: start it on coarser grids
+    # The full-film set grows by one volume per iteration: start it on coarser grids.
     grids = [grid]
     while grids[-1].around % 4 == 0 and grids[-1].around >= 32:
         last = grids[-1]
@@ -157,7 +158,7 @@ def _coarse_to_fine(grid: Grid) -> list[Grid]:
 
 
 def _refined(is_full_film: BoolArray, grid: Grid) -> BoolArray:
-    # a coarser grid's carrying set: each place stands for itself and the next
+    # The full-film set of a coarser grid: each node becomes itself and its next neighbour.
     along = np.repeat(is_full_film, grid.along // is_full_film.shape[0], axis=0)
     return np.repeat(along, grid.around // is_full_film.shape[1], axis=1)
 
@@ -165,12 +166,12 @@ def _refined(is_full_film: BoolArray, grid: Grid) -> BoolArray:
 def thickness(
     film: Film, position: complex, velocity: complex, grid: Grid
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the film's thickness between and at a grid's places, clearances, and its change there, clearances/s.
+    """Return the film thickness at faces and at nodes, clearances, and its rate at nodes, clearances/s.
 
     Raises
     ------
     ValueError
-        Where the position lies at or beyond the wall or the velocity is not finite.
+        If the position is at or beyond the wall or the velocity is not finite.
     """
     _require_inside(film, position)
     if not np.isfinite(velocity):
@@ -190,37 +191,37 @@ def _require_inside(film: Film, position: complex) -> None:
 
 
 def _require_resolved(eccentricity: float, grid: Grid) -> None:
-    narrow = math.sqrt(2 * (1 - eccentricity))  # over which the thickness doubles from its least
+    narrow = math.sqrt(2 * (1 - eccentricity))  # angle over which the thickness doubles from its minimum
     if narrow < MIN_NODES_IN_GAP * grid.width:
         raise ValueError(
-            f"around: {grid.around} places, expected at least {math.ceil(MIN_NODES_IN_GAP * 2 * math.pi / narrow)} to "
+            f"around: {grid.around} nodes, expected at least {math.ceil(MIN_NODES_IN_GAP * 2 * math.pi / narrow)} to "
             f"resolve the film at {eccentricity:.6f} of its clearance"
         )
 
 
 def slenderness(film: Film) -> float:
-    """Return (2 R / L)² of a film."""
+    """Return the slenderness (2 R / L)² of a film."""
     return (2 * film.radius / film.length) ** 2
 
 
 def pressure_unit(film: Film) -> float:
-    """Return mu R² / C² of a film, Pa s."""
+    """Return the pressure unit mu R² / C² of a film, Pa s."""
     return film.viscosity * (film.radius / film.clearance) ** 2
 
 
 class Volumes(NamedTuple):
-    """The balances of a film's volumes: matrix @ pressure + source flows out of them.
+    """Flow balance of the volumes of a film: the outflow is ``matrix @ pressure + source``.
 
     Parameters
     ----------
     matrix : csr_array
         Outflow per pressure.
     source : ndarray
-        Outflow with the surfaces.
+        Outflow due to the motion of the surfaces.
     given : ndarray
-        Pressure where it is given, else 0.
+        Prescribed pressure; 0 elsewhere.
     free : ndarray of bool
-        Where it is not given.
+        Volumes without prescribed pressure.
     """
 
     matrix: sparse.csr_array
@@ -230,10 +231,10 @@ class Volumes(NamedTuple):
 
 
 def _full_film_pressure(volumes: Volumes, first: BoolArray, *, cavitates: bool) -> tuple[FloatArray, BoolArray, int]:
-    # pressures, which volumes carry, and after how many systems
+    # Return pressures, full-film volumes and the number of systems solved.
     is_full_film = first
     fixed = volumes.matrix @ volumes.given + volumes.source
-    least = -ROUNDING_TOLERANCE * float(np.max(np.abs(fixed)))
+    threshold = -ROUNDING_TOLERANCE * float(np.max(np.abs(fixed)))
     for iteration in range(1, MAX_ITERATIONS + 1):
         solution = volumes.given.copy()
         among = np.flatnonzero(is_full_film)
@@ -241,11 +242,11 @@ def _full_film_pressure(volumes: Volumes, first: BoolArray, *, cavitates: bool) 
         if not cavitates:
             return solution, is_full_film, iteration
         outflow = volumes.matrix @ solution + volumes.source
-        following = volumes.free & np.where(is_full_film, solution > 0, outflow < least)
+        following = volumes.free & np.where(is_full_film, solution > 0, outflow < threshold)
         if np.array_equal(following, is_full_film):
             return solution, is_full_film, iteration
         is_full_film = following
     raise EquilibriumError(
-        f"film pressure: the carrying part of {is_full_film.size} volumes still changes after {MAX_ITERATIONS} "
-        "iterations, expected it to settle; take another grid"
+        f"film pressure: the full-film part of {is_full_film.size} volumes still changes after {MAX_ITERATIONS} "
+        "iterations, expected it to converge; use another grid"
     )

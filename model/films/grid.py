@@ -1,7 +1,8 @@
-"""A film divided into volumes: what flows out of each of them by pressure and with the surfaces.
+"""Finite-volume grid of an oil film: flow driven by pressure and by the motion of the surfaces.
 
-The film is even about its middle, so half its length is divided, and the whole turn. With h in clearances, zeta from
-the middle (0) to the end (1), p in mu R²/C² and w the sum of both surfaces' speeds, Reynolds's equation is
+The film is symmetric about its middle, so the grid covers half of its length and the full circumference. With h in
+clearances, zeta from the middle (0) to the end (1), p in mu R²/C² and w the sum of both surface speeds, the Reynolds
+equation is
 
     d/dtheta (h³ dp/dtheta) + (2R/L)² d/dzeta (h³ dp/dzeta) = 6 (w dh/dtheta + 2 dh/dt)
 """
@@ -18,30 +19,30 @@ FloatArray = NDArray[np.float64]
 
 
 class Flow(Enum):
-    """Along which directions pressure drives the oil."""
+    """Directions of the pressure-driven flow."""
 
     BOTH = "both"
     AXIAL = "axial"
-    """Only along the axis: the infinitely short film, for comparison."""
+    """Axial flow only: the infinitely short film, for comparison."""
 
 
 @dataclass(frozen=True, slots=True)
 class Grid:
-    """How finely a film is divided.
+    """Numbers of nodes of a film.
 
     Parameters
     ----------
     around : int
-        Places around the film, an even number of 8 or more.
+        Nodes in the circumference, an even number of 8 or more.
     along : int
         Intervals from the middle of the film to its end, an even number of 2 or more.
     first_angle : float
-        Of the first place, from +X in the direction of rotation, rad.
+        Angle of the first node, from +X in the direction of rotation, rad.
 
     Raises
     ------
     ValueError
-        Where a number of intervals is odd or too small.
+        If a number of intervals is odd or too small.
     """
 
     around: int = 180
@@ -49,30 +50,30 @@ class Grid:
     first_angle: float = 0.0
 
     def __post_init__(self) -> None:
-        for name, value, least in (("around", self.around, 8), ("along", self.along, 2)):
-            if value < least or value % 2:
-                raise ValueError(f"{name}: {value} intervals, expected an even number, {least} or more")
+        for name, value, minimum in (("around", self.around, 8), ("along", self.along, 2)):
+            if value < minimum or value % 2:
+                raise ValueError(f"{name}: {value} intervals, expected an even number, {minimum} or more")
         if not math.isfinite(self.first_angle):
             raise ValueError(f"first_angle: {self.first_angle} rad, expected a finite angle")
 
     @property
     def angles(self) -> FloatArray:
-        """Places around the film, rad, shape (around,)."""
+        """Angles of the nodes, rad, shape (around,)."""
         return np.asarray(self.first_angle + self.width * np.arange(self.around), dtype=np.float64)
 
     @property
     def faces(self) -> FloatArray:
-        """Angles half-way to the next place, rad, shape (around,)."""
+        """Angles half-way to the next node, rad, shape (around,)."""
         return self.angles + self.width / 2
 
     @property
     def width(self) -> float:
-        """Of a volume around the film, rad."""
+        """Angular width of a volume, rad."""
         return 2 * math.pi / self.around
 
     @property
     def lengths(self) -> FloatArray:
-        """Of the rows of volumes from the middle on, half lengths, shape (along,); the one at the middle is halved."""
+        """Axial lengths of the volumes from the middle on, in half lengths, shape (along,); the first one is halved."""
         lengths = np.full(self.along, 1 / self.along)
         lengths[0] /= 2
         return lengths
@@ -80,12 +81,12 @@ class Grid:
     def flow_matrix(
         self, at_nodes: FloatArray, at_faces: FloatArray, slenderness: float, flow: Flow
     ) -> sparse.csr_array:
-        """Return how much flows out of every volume per pressure in every other.
+        """Return the matrix of the outflow of every volume per pressure in every volume.
 
         Parameters
         ----------
         at_nodes, at_faces : ndarray, shape (around,)
-            h³ at the places and half-way between them; or a derivative of it.
+            h³ at the nodes and at the faces between them, or a derivative of it.
         slenderness : float
             (2 R / L)².
         flow : Flow
@@ -94,7 +95,7 @@ class Grid:
         Returns
         -------
         csr_array, shape (along * around, along * around)
-            Volumes row by row from the middle of the film; the end has no pressure.
+            Volumes row by row from the middle of the film; the pressure at the end is zero.
         """
         line = np.full(self.along, 2.0)  # links to both neighbours; at the middle to one
         line[0] = 1.0
@@ -110,14 +111,14 @@ class Grid:
         return sparse.csr_array(total)
 
     def surface_flow(self, wedge: FloatArray, squeeze: FloatArray) -> FloatArray:
-        """Return what the surfaces carry out of every volume.
+        """Return the outflow of every volume due to the motion of the surfaces.
 
         Parameters
         ----------
         wedge : ndarray, shape (around,)
-            w h half-way between the places.
+            w h at the faces.
         squeeze : ndarray, shape (around,)
-            dh/dt at the places.
+            dh/dt at the nodes.
 
         Returns
         -------
@@ -127,7 +128,7 @@ class Grid:
         return np.outer(self.lengths, out).ravel()
 
     def resultant(self, pressure: FloatArray) -> complex:
-        """Return the integral of p e^(i theta) around, averaged over the length, of a field of volumes."""
+        """Return the integral of p e^(i theta) over the circumference, averaged over the length."""
         rows = np.vstack([pressure.reshape(self.along, self.around), np.zeros(self.around)])
         weights = np.tile([2.0, 4.0], self.along // 2 + 1)[: self.along + 1]
         weights[0] = weights[-1] = 1.0  # Simpson's rule: exact for the parabola of a short film

@@ -1,13 +1,13 @@
-"""The infinitely long oil film of chapter 3: Sommerfeld's closed forms for a film that ruptures and forms again.
+"""The infinitely long oil film of chapter 3: Sommerfeld's closed forms for a film with rupture and reformation.
 
-The film is ``h = C (1 + eps cos theta)``; ``theta`` counts from the thickest place in the direction of rotation. It
-begins at ``theta_s`` with no pressure, ends at ``theta_e`` with neither pressure nor slope, and carries nothing from
-there to its next start. All follows in closed form from the eccentricity ratio ``eps`` and the end, which are thus
-the parameters here. Pressures are in units of ``K = 6 eta R² w / C²`` and forces in units of ``K L R``, where ``w`` is
-the sum of both surfaces' angular speeds.
+The thickness is ``h = C (1 + eps cos theta)``, with ``theta`` from the thickest position in the direction of rotation.
+The film starts at ``theta_s`` with zero pressure and ends at ``theta_e`` with zero pressure and zero pressure gradient;
+from there to its next start it is cavitated. The parameters are the eccentricity ratio ``eps`` and the end; everything
+else follows in closed form. Pressures are in units of ``K = 6 eta R² w / C²`` and forces in units of ``K L R``, with
+``w`` the sum of both surface speeds.
 
-The printed (3.20) and (3.21) hold for a film that begins at the thickest place (theta_s = 0) only, which is not what
-the chapter's results use; the forms here hold for any beginning.
+The printed (3.20) and (3.21) hold only for a film that starts at the thickest position (theta_s = 0), which is not what
+the results of the chapter use. The forms here hold for any start.
 """
 
 import math
@@ -21,12 +21,12 @@ FloatArray = NDArray[np.float64]
 
 
 def sommerfeld_angle(theta: ArrayLike, eccentricity: float) -> FloatArray:
-    """Return Sommerfeld's variable of an angle, rad, on the same turn as the angle.
+    """Return the Sommerfeld variable of an angle, rad, in the same revolution as the angle.
 
     Parameters
     ----------
     theta : array_like
-        From the thickest place in the direction of rotation, rad; any turn.
+        From the thickest position in the direction of rotation, rad; any revolution.
     eccentricity : float
         Ratio, at least 0 and below 1.
 
@@ -41,7 +41,7 @@ def sommerfeld_angle(theta: ArrayLike, eccentricity: float) -> FloatArray:
 
 
 def bearing_angle(phi: ArrayLike, eccentricity: float) -> FloatArray:
-    """Return the angle from the thickest place, rad, of Sommerfeld's variable: the inverse of `sommerfeld_angle`."""
+    """Return the angle from the thickest position, rad: the inverse of `sommerfeld_angle`."""
     angle = np.asarray(phi, dtype=np.float64)
     beta = eccentricity / (1 + math.sqrt(1 - eccentricity**2))
     return np.asarray(angle + 2 * np.arctan2(beta * np.sin(angle), 1 - beta * np.cos(angle)))  # Eq. (3.13)
@@ -53,7 +53,7 @@ def sommerfeld_integrals(phi: ArrayLike, eccentricity: float) -> tuple[FloatArra
     Parameters
     ----------
     phi : array_like
-        Sommerfeld's variable, rad.
+        Sommerfeld variable, rad.
     eccentricity : float
         Ratio, at least 0 and below 1.
 
@@ -71,19 +71,19 @@ def sommerfeld_integrals(phi: ArrayLike, eccentricity: float) -> tuple[FloatArra
 
 @dataclass(frozen=True, slots=True)
 class LongFilm:
-    """The shape of an infinitely long film's pressure at an eccentricity.
+    """Dimensionless pressure distribution of an infinitely long film at an eccentricity.
 
     Parameters
     ----------
     eccentricity : float
         Ratio to the clearance, above 0 and below 1.
     start : float
-        Sommerfeld's variable where the film begins, rad, between `end` - 2 pi and pi. A complete film has
-        `end` - 2 pi here, where its pressure is lowest.
+        Sommerfeld variable at the start of the film, rad, between `end` - 2 pi and pi. For a complete film it is
+        `end` - 2 pi, where the pressure is lowest.
     end : float
-        Sommerfeld's variable where the film ends, rad, above pi.
+        Sommerfeld variable at the end of the film, rad, above pi.
     is_complete : bool
-        Whether the film runs all the way round.
+        Whether the film covers the full circumference.
     """
 
     eccentricity: float
@@ -92,12 +92,12 @@ class LongFilm:
     is_complete: bool
 
     def rise(self, phi: ArrayLike) -> FloatArray:
-        """Return the pressure above that at the film's start, K.
+        """Return the pressure relative to the start of the film, K.
 
         Parameters
         ----------
         phi : array_like
-            Sommerfeld's variable, rad, on the turn from `start` to `end`.
+            Sommerfeld variable, rad, from `start` to `end`.
 
         Returns
         -------
@@ -108,7 +108,7 @@ class LongFilm:
 
     @property
     def force(self) -> tuple[float, float]:
-        """Force on the inner body, K L R: along its displacement and across it in the direction of rotation."""
+        """Force on the inner body, K L R: along its displacement, and perpendicular in the direction of rotation."""
         eps = self.eccentricity
         cos_e, cos_s = math.cos(self.end), math.cos(self.start)
         sin_e, sin_s = math.sin(self.end), math.sin(self.start)
@@ -125,51 +125,51 @@ class LongFilm:
 
     @property
     def load(self) -> float:
-        """Size of the force, K L R."""
+        """Magnitude of the force, K L R."""
         return math.hypot(*self.force)
 
     @property
     def attitude(self) -> float:
-        """Angle of the displacement from the load in the direction of rotation, rad."""
+        """Angle from the load to the displacement in the direction of rotation, rad."""
         along, across = self.force
         return math.atan2(across, -along)  # Eqs. (3.22), (3.23) with no side force
 
     @property
     def inlet_rise(self) -> float:
-        """Pressure at the top of the bearing, straight against the load, above that at the film's start, K.
+        """Pressure at the top of the bearing, opposite to the load, relative to the start of the film, K.
 
-        Below 0 the top lies in the cavity: no such film can be fed there.
+        If negative, the top is in the cavity: such a film cannot be fed there.
         """
         inlet = float(sommerfeld_angle(-self.attitude, self.eccentricity))
         return float(_rise(np.float64(inlet), self.start, self.end, self.eccentricity))
 
 
 def complete_film(eccentricity: float) -> LongFilm:
-    """Return the film that runs all the way round; its end is where its pressure is lowest."""
+    """Return the film that covers the full circumference; its end is where its pressure is lowest."""
     end = 2 * math.pi - math.acos(-eccentricity / 2)
     return LongFilm(eccentricity, end - 2 * math.pi, end, is_complete=True)
 
 
 def ruptured_film(eccentricity: float, extent: float) -> LongFilm:
-    """Return the film that ends at a given place.
+    """Return the film that ends at a given position.
 
     Parameters
     ----------
     eccentricity : float
         Ratio, above 0 and below 1.
     extent : float
-        Where the film ends between the thinnest place (0) and the end of the complete film (1), in Sommerfeld's
+        End of the film, between the thinnest position (0) and the end of the complete film (1), in the Sommerfeld
         variable.
 
     Returns
     -------
     LongFilm
-        With no pressure at its start and at its end; at `extent` 1 the two meet.
+        With zero pressure at its start and at its end; at `extent` 1 both coincide.
 
     Raises
     ------
     ValueError
-        Where one of them lies outside its range.
+        If a value is outside its range.
     """
     if not 0 < eccentricity < 1:
         raise ValueError(f"eccentricity: {eccentricity:g} of the clearance, expected above 0 and below 1 (the wall)")
@@ -177,15 +177,15 @@ def ruptured_film(eccentricity: float, extent: float) -> LongFilm:
         raise ValueError(f"extent: {extent:g}, expected above 0 and at most 1 (the complete film's end)")
     last = 2 * math.pi - math.acos(-eccentricity / 2)
     end = math.pi + extent * (last - math.pi)
-    low, high = end - 2 * math.pi, 2 * math.pi - end  # from the lowest to the highest pressure: rising all the way
-    if not _climb(low, end, eccentricity) < 0:
-        return LongFilm(eccentricity, low, end, is_complete=False)  # extent 1: start and end meet
-    start = brentq(_climb, low, high, args=(end, eccentricity), xtol=1e-14, rtol=1e-14)
+    low, high = end - 2 * math.pi, 2 * math.pi - end  # from the lowest to the highest pressure, monotonic
+    if not _start_condition(low, end, eccentricity) < 0:
+        return LongFilm(eccentricity, low, end, is_complete=False)  # extent 1: start and end coincide
+    start = brentq(_start_condition, low, high, args=(end, eccentricity), xtol=1e-14, rtol=1e-14)
     return LongFilm(eccentricity, float(start), end, is_complete=False)
 
 
-def _climb(phi: float, end: float, eps: float) -> float:
-    # the braces of (3.16) from the film's end to phi: 0 at the film's start; in plain floats for the root search
+def _start_condition(phi: float, end: float, eps: float) -> float:
+    # The braces of (3.16) from the end of the film to phi: 0 at its start. Plain floats, for a fast root search.
     cos_e, sin, cos = math.cos(end), math.sin(phi), math.cos(phi)
     return (
         2 * (sin - math.sin(end)) * (1 + eps * cos_e)

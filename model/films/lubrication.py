@@ -1,12 +1,12 @@
-"""Lubrication of a floating-ring bearing at rest in its bearing (chapter 3): where journal and ring run, and the oil.
+"""Lubrication of a floating-ring bearing under a constant load (thesis, chapter 3): equilibrium and oil flow.
 
-Axes: X right, Y up, the shaft turns counter-clockwise, the load points down. ``Psi`` is the place around the bearing,
-rad, 0 at the top where the oil comes in, growing in the direction of rotation. The inner film carries the load; the
-outer one carries the load and the ring's weight; so each film is solved by itself. Both films are infinitely long.
+Axes: X right, Y up; the shaft turns counter-clockwise and the load points down. ``Psi`` is the angle around the bearing
+in the direction of rotation, rad, 0 at the oil inlet at the top. The inner film carries the load, the outer one the
+load and the ring weight, so each film is solved separately. Both films are infinitely long.
 
-With Table 3.1 taken literally the chapter's numbers do not follow. Two calibrations, for which the thesis gives no
-cause, bring back its equilibria and cavities but not its flows: `Lubrication.load_factor` and
-`Lubrication.inner_capacity_factor`, set in `thesis_like_lubrication`. The physics is `nominal_lubrication`.
+Table 3.1 taken literally does not give the numbers of the chapter. Two calibration factors, for which the thesis names
+no cause, reproduce its equilibria and cavities but not its flows: `Lubrication.load_factor` and
+`Lubrication.inner_capacity_factor`, set in `thesis_like_lubrication`. `nominal_lubrication` has no calibration.
 """
 
 import math
@@ -26,14 +26,14 @@ HOLES = 6  # evenly spaced in the ring, section 3.3.3
 
 @dataclass(frozen=True, slots=True)
 class RingEquilibrium:
-    """Journal and ring at rest in their bearing.
+    """Equilibrium of journal and ring in the bearing.
 
     Parameters
     ----------
     inner, outer : FilmEquilibrium
         Journal in ring and ring in housing.
     flow_scale : float
-        Flow through one hole, kg/s per root of Pa.
+        Flow through one hole, kg/s per square root of Pa.
     """
 
     inner: FilmEquilibrium
@@ -41,69 +41,70 @@ class RingEquilibrium:
     flow_scale: float
 
     def pressure_difference(self, psi: ArrayLike) -> FloatArray:
-        """Return the outer film's pressure less the inner film's at places around the bearing (rad), Pa."""
+        """Return the pressure of the outer film minus that of the inner film at angles around the bearing (rad), Pa."""
         return self.outer.pressure(psi) - self.inner.pressure(psi)
 
     def hole_flow(self, psi: ArrayLike) -> FloatArray:
-        """Return the oil that flows through one hole at places around the bearing (rad), kg/s, positive inwards.
+        """Return the oil flow through one hole at angles around the bearing (rad), kg/s, positive inwards.
 
-        As the root of the pressure difference, (3.24), with `flow_scale` for what the thesis leaves out.
+        Proportional to the square root of the pressure difference, (3.24); `flow_scale` replaces the constants that the
+        thesis omits.
         """
         difference = self.pressure_difference(psi)
         return np.asarray(self.flow_scale * np.sign(difference) * np.sqrt(np.abs(difference)))  # Eq. (3.24)
 
     def flow(self, ring_angle: ArrayLike) -> FloatArray:
-        """Return the oil that flows through the six holes into the inner film, kg/s.
+        """Return the oil flow through the six holes into the inner film, kg/s.
 
         Parameters
         ----------
         ring_angle : array_like
-            Place of the first hole, Psi, rad.
+            Angle of the first hole, Psi, rad.
 
         Returns
         -------
         ndarray
-            kg/s in the shape of `ring_angle`, positive into the inner film. In proportion to the calibration
-            `flow_scale`, so known in shape and sign only.
+            kg/s in the shape of `ring_angle`, positive into the inner film. Proportional to the calibration
+            `flow_scale`, so only shape and sign are meaningful.
         """
         holes = 2 * np.pi / HOLES * np.arange(HOLES)
-        places = np.asarray(ring_angle, dtype=np.float64)[..., np.newaxis] + holes
-        return np.asarray(np.sum(self.hole_flow(places), axis=-1))
+        angles = np.asarray(ring_angle, dtype=np.float64)[..., np.newaxis] + holes
+        return np.asarray(np.sum(self.hole_flow(angles), axis=-1))
 
     def mean_flow(self, angles: int = 240) -> float:
-        """Return the flow into the inner film averaged over a turn of the ring, kg/s (a calibrated figure).
+        """Return the flow into the inner film averaged over a revolution of the ring, kg/s (a calibrated value).
 
         Parameters
         ----------
         angles : int
-            How many ring angles between two holes are averaged.
+            Number of ring angles between two holes over which the flow is averaged.
         """
         return float(np.mean(self.flow(2 * np.pi / HOLES * (np.arange(angles) + 0.5) / angles)))
 
 
 @dataclass(frozen=True, slots=True)
 class Lubrication:
-    """A floating-ring bearing with its oil supply, as chapter 3 takes it.
+    """A floating-ring bearing with its oil supply, as modelled in chapter 3.
 
     Parameters
     ----------
     bearing : FloatingRing
-        Sizes, ring's mass and the oil's viscosity.
+        Sizes, ring mass and oil viscosity.
     load_factor : float
-        Calibration of both films' loads: load carried by the films over the load stated; 1 is the physics.
+        Calibration of the load of both films: load carried over load stated; 1 is uncalibrated.
     inner_capacity_factor : float
-        Calibration of the inner film's pressures; 1 is the physics.
+        Calibration of the pressures of the inner film; 1 is uncalibrated.
     flow_scale : float
-        Calibration of the flow through one hole, kg/s per root of Pa. The thesis gives neither the holes' diameter nor
-        their length, and its (3.24) has no unit of flow: flows are known up to this factor and not predicted. The
-        default gives the 2.1e-4 kg/s of page 84 (10 N, 1e5 Pa, 1,000 rad/s) with both other factors at 1.
+        Calibration of the flow through one hole, kg/s per square root of Pa. The thesis gives neither diameter nor
+        length of the holes, and its (3.24) has no unit of flow: flows are known up to this factor only. The default
+        gives the 2.1e-4 kg/s of page 84 (10 N, 1e5 Pa, 1,000 rad/s) with both other factors at 1.
     gravity : float
         m/s².
 
     Raises
     ------
     ValueError
-        Where one of the factors is not positive or gravity is negative.
+        If a factor is not positive or gravity is negative.
     """
 
     bearing: FloatingRing
@@ -128,11 +129,13 @@ class Lubrication:
     def inner_scale(self) -> float:
         """K of the inner film at a shaft speed of 1 rad/s, Pa s."""
         b = self.bearing
-        surfaces = 1 + b.ring_speed_ratio * b.ring_inner_radius / b.journal_radius  # Eq. (3.2): the sum of speeds
+        surfaces = (
+            1 + b.ring_speed_ratio * b.ring_inner_radius / b.journal_radius
+        )  # Eq. (3.2): sum of the surface speeds
         return self.inner_capacity_factor * 6 * b.viscosity * b.journal_radius**2 * surfaces / b.inner_clearance**2
 
     def equilibrium(self, load: float, speed: float, inlet_pressure: float) -> RingEquilibrium:
-        """Return where journal and ring run.
+        """Return the equilibrium of journal and ring.
 
         Parameters
         ----------
@@ -141,7 +144,7 @@ class Lubrication:
         speed : float
             Of the shaft, rad/s.
         inlet_pressure : float
-            Of the oil at the top of the outer film, Pa; the inner film begins with none.
+            Oil pressure at the top of the outer film, Pa; the inner film starts at zero pressure.
 
         Returns
         -------
@@ -150,14 +153,14 @@ class Lubrication:
         Raises
         ------
         ValueError
-            Where a quantity makes no sense.
+            If a quantity is invalid.
         EquilibriumError
-            Where a film cannot carry the load.
+            If a film cannot carry the load.
         """
         require_positive("load", load, "N")
         require_positive("speed", speed, "rad/s")
         b = self.bearing
-        inner_load = self.load_factor * load  # the ring's balance adds its weight: the films decouple
+        inner_load = self.load_factor * load  # force balance of the ring: its weight is added, so the films decouple
         outer_load = inner_load + b.ring_mass * self.gravity
         return RingEquilibrium(
             inner=film_equilibrium(inner_load, self.inner_scale * speed, b.length * b.journal_radius, 0.0),
@@ -198,7 +201,7 @@ class Lubrication:
 
 
 def table_3_1() -> FloatingRing:
-    """Return the bearing of Table 3.1."""
+    """Return the bearing of Table 3.1 of the thesis."""
     return FloatingRing(
         length=10e-3,
         journal_radius=5e-3,
@@ -211,10 +214,10 @@ def table_3_1() -> FloatingRing:
 
 
 def nominal_lubrication() -> Lubrication:
-    """Return chapter 3's bearing as its table and equations say."""
+    """Return the bearing of chapter 3 according to its table and equations, without calibration."""
     return Lubrication(table_3_1())
 
 
 def thesis_like_lubrication() -> Lubrication:
-    """Return chapter 3's bearing calibrated to the equilibria that the chapter states; the cause is unknown."""
+    """Return the bearing of chapter 3, calibrated to the equilibria stated there; the cause is unknown."""
     return Lubrication(table_3_1(), load_factor=5.0, inner_capacity_factor=0.382)

@@ -1,4 +1,4 @@
-"""The linear coefficients and the equilibrium of a film of finite length, by perturbation: (4.22)-(4.35)."""
+"""Linear coefficients and equilibrium of a film of finite length, by perturbation: (4.22)-(4.35)."""
 
 import numpy as np
 from scipy.sparse.linalg import splu
@@ -13,19 +13,19 @@ from model.films.grid import Flow, Grid
 def perturbed_coefficients(
     film: Film, position: complex, surface_speed: float, grid: Grid, flow: Flow = Flow.BOTH
 ) -> LinearCoefficients:
-    """Return the coefficients of a film of finite length: the thesis's perturbation with the axial flow kept.
+    """Return the coefficients of a film of finite length, by perturbation including the axial flow.
 
-    The balances of the film's volumes are differentiated, which is (4.24)-(4.27) before the equation of the film at
-    rest is put in; the thesis prints the part around the film alone, that is, an infinitely long film.
+    The flow balances of the volumes are differentiated: this is (4.24)-(4.27) before the static Reynolds equation is
+    inserted. The thesis prints the circumferential part only, that is, an infinitely long film.
 
     Parameters
     ----------
     film, position, surface_speed : Film, complex and float
         As for `model.films.coefficients.differentiated_coefficients`.
     grid : Grid
-        Division of the film.
+        Grid of the film.
     flow : Flow, optional
-        Directions in which pressure drives the oil.
+        Directions of the pressure-driven flow.
 
     Returns
     -------
@@ -34,9 +34,9 @@ def perturbed_coefficients(
     Raises
     ------
     ValueError
-        Where the position lies at or beyond the wall.
+        If the position is at or beyond the wall.
     EquilibriumError
-        Where the film at rest does not settle.
+        If the static film does not converge.
     """
     rest = solve_reynolds(film, position, 0j, surface_speed, grid, flow=flow)
     unit = pressure_unit(film)
@@ -66,16 +66,16 @@ def perturbed_coefficients(
 def finite_film_equilibrium(
     film: Film, load: float, surface_speed: float, grid: Grid, max_steps: int = 30
 ) -> LinearCoefficients:
-    """Return where a film of finite length carries a load, and its coefficients there.
+    """Return the equilibrium of a film of finite length under a load, and its coefficients there.
 
     Parameters
     ----------
     film, load, surface_speed : Film, float and float
         As for `model.films.coefficients.short_film_coefficients`.
     grid : Grid
-        Division of the film.
+        Grid of the film.
     max_steps : int
-        Newton's steps after which it gives up.
+        Maximum number of Newton steps.
 
     Returns
     -------
@@ -84,9 +84,9 @@ def finite_film_equilibrium(
     Raises
     ------
     ValueError
-        Where load or speed is not positive, or the grid is too coarse for how near the wall the load presses.
+        If load or speed is not positive, or the grid is too coarse for the eccentricity under this load.
     EquilibriumError
-        Where Newton's steps do not settle within the clearance.
+        If Newton's method does not converge within the clearance.
     """
     position = short_film_coefficients(film, load, surface_speed).position
     for _ in range(max_steps):
@@ -96,8 +96,8 @@ def finite_film_equilibrium(
             return found
         step = np.linalg.solve(found.stiffness, [missing.real, missing.imag])
         move = complex(step[0], step[1])
-        room = film.clearance - abs(position)
-        position += move * min(1.0, 0.5 * room / abs(move))
+        gap = film.clearance - abs(position)
+        position += move * min(1.0, 0.5 * gap / abs(move))
     raise EquilibriumError(
         f"load: {load:g} N is not balanced after {max_steps} steps ({abs(missing):g} N missing at "
         f"{abs(position) / film.clearance:.6f} of the clearance), expected at most {1e-9 * load:g} N"

@@ -1,13 +1,12 @@
-"""The infinitely short oil film: the thesis's three force laws of section 2.1.4, for many states at once.
+"""The infinitely short oil film: the three force laws of section 2.1.4 of the thesis, for arrays of states.
 
-A film is short where the oil flows out along the axis alone. Its force in closed form depends on which half of the film
-is taken to carry pressure: the half behind the thinnest place whatever the motion (2.4), or the half whose pressure is
-above zero, which moves with the velocity (Capone's (2.7) in Cartesian and (2.9) in polar coordinates; the two are the
-same film).
+In a short film the oil flows in axial direction only. Its closed form depends on which half of the film carries
+pressure. In (2.4) it is the converging half, independent of the velocity. In Capone's film it is the half with positive
+pressure, which moves with the velocity; (2.7) is its form in Cartesian, (2.9) in polar coordinates.
 
-Positions are complex, ``X + i Y``, in clearances; velocities in clearances per second; speeds in rad/s. Forces come in
-rad/s and are to be multiplied by ``mu R L³ / (4 C²)`` (`Film.factor`, N s): so a film that does not turn is nothing
-special. ``w`` is the sum of the angular speeds of both surfaces.
+Positions are complex, ``X + i Y``, in clearances; velocities in clearances per second; speeds in rad/s. Forces are in
+rad/s, to be multiplied by ``mu R L³ / (4 C²)`` (`Film.factor`, N s), so that a film without rotation needs no special
+case. ``w`` is the sum of the angular speeds of both surfaces.
 """
 
 from enum import Enum
@@ -22,50 +21,50 @@ Numbers = TypeVar("Numbers", FloatArray, ComplexArray)
 
 
 class CaponeForm(Enum):
-    """Which F stands in Capone's force."""
+    """The term F of Capone's force."""
 
     EXACT = "exact"
-    """F = q / (1 - q²), the integral of the pressure."""
+    """F = q / (1 - q²), from the integral of the pressure."""
     AS_PRINTED = "as printed"
-    """F = q / (1 - x² - y²) as the thesis prints it: the same to first order in the velocity, wrong beyond."""
+    """F = q / (1 - x² - y²) as printed in the thesis: correct to first order in the velocity only."""
 
 
 class LoadedHalf(Enum):
-    """Which half of the film carries."""
+    """The half of the film that carries pressure."""
 
     FIXED = "fixed"
-    """The one that narrows towards the thinnest place, whatever the motion: (2.4)."""
+    """The converging half, independent of the velocity: (2.4)."""
     MOVING = "moving"
-    """The one whose pressure is above zero, which moves with the velocity: (2.9)."""
+    """The half with positive pressure, which moves with the velocity: (2.9)."""
 
 
 def capone_components(
     x: Numbers, y: Numbers, x_rate: Numbers, y_rate: Numbers, surface_speed: float, form: CaponeForm
 ) -> tuple[Numbers, Numbers]:
-    """Return Capone's force from separate coordinates, which may be complex to differentiate by a complex step.
+    """Return Capone's force from real coordinates; complex values allow complex-step differentiation.
 
     Parameters
     ----------
     x, y : ndarray
         Position of the inner body, clearances.
     x_rate, y_rate : ndarray
-        Its velocity, clearances per second.
+        Velocity of the inner body, clearances per second.
     surface_speed : float
         w, rad/s.
-    form : Capone
-        Which F.
+    form : CaponeForm
+        Form of the term F.
 
     Returns
     -------
     tuple of ndarray
-        Along X and Y on the inner body, rad/s.
+        Force on the inner body in X and Y, rad/s.
     """
     A = surface_speed * x - 2 * y_rate
     B = surface_speed * y + 2 * x_rate
     s = np.sqrt(A * A + B * B)
     moves = s != 0
     size = np.where(moves, s, 1.0)
-    cos_a, sin_a = -A / size, -B / size  # alpha of (2.7): arctan(B/A) less half turns by sign, without its 0/0
+    cos_a, sin_a = -A / size, -B / size  # alpha of (2.7), without its 0/0
     u = 1 - x * x - y * y
     root = np.sqrt(u)
     p = y * cos_a - x * sin_a
@@ -74,33 +73,33 @@ def capone_components(
     V = (2 + p * G) / u
     F = q / (1 - q * q) if form is CaponeForm.EXACT else q / u
     along_x = -s / u * (3 * x * V - sin_a * G - 2 * cos_a * F)
-    along_y = -s / u * (3 * y * V + cos_a * G - 2 * sin_a * F)  # Eq. (2.7); its second sign before cos a G set right
+    along_y = -s / u * (3 * y * V + cos_a * G - 2 * sin_a * F)  # Eq. (2.7); second sign before cos a G corrected
     return np.where(moves, along_x, 0.0), np.where(moves, along_y, 0.0)
 
 
 def capone_forces(
     position: ArrayLike, velocity: ArrayLike, surface_speed: float, form: CaponeForm = CaponeForm.EXACT
 ) -> ComplexArray:
-    """Return the force of a short film whose pressure carries wherever it is above zero, on the inner body.
+    """Return Capone's force of a short film on the inner body: the film carries where its pressure is positive.
 
     Parameters
     ----------
     position, velocity : array_like
-        Of the inner body against the outer one, X + i Y, clearances and clearances per second; shapes that broadcast.
+        Of the inner body relative to the outer one, X + i Y, clearances and clearances per second; broadcastable.
     surface_speed : float
         w, rad/s.
-    form : Capone, optional
-        The exact force, or the one that the thesis prints.
+    form : CaponeForm, optional
+        The exact force, or the form printed in the thesis.
 
     Returns
     -------
     ndarray
-        X + i Y, rad/s; times `Film.factor` in N.
+        X + i Y, rad/s; multiply by `Film.factor` for N.
 
     Raises
     ------
     ValueError
-        Where a position lies at or beyond the wall or something is not finite.
+        If a position is at or beyond the wall or a value is not finite.
     """
     z, v = np.asarray(position, dtype=np.complex128), np.asarray(velocity, dtype=np.complex128)
     _require_inside(np.abs(z))
@@ -124,23 +123,23 @@ def short_film_pressure(
     angle : array_like
         From +X in the direction of rotation, rad.
     station : array_like
-        Along the film, lengths from its middle, -1/2 to 1/2; broadcasts with `angle`.
+        Axial position in film lengths from the middle, -1/2 to 1/2; broadcasts with `angle`.
 
     Returns
     -------
     ndarray
-        Over mu L² / C², rad/s; 0 in the cavity.
+        Pressure over mu L² / C², rad/s; 0 in the cavity.
 
     Raises
     ------
     ValueError
-        Where the position lies at or beyond the wall.
+        If the position is at or beyond the wall.
     """
     _require_inside(np.abs(np.asarray(position)))
     theta, z = np.asarray(angle, dtype=np.float64), np.asarray(station, dtype=np.float64)
     turn = np.exp(-1j * theta)
     h = 1 - (position * turn).real
-    squeeze = surface_speed * (position * turn).imag + 2 * (velocity * turn).real  # of the film's closing, Eq. (2.5)
+    squeeze = surface_speed * (position * turn).imag + 2 * (velocity * turn).real  # closing rate of the film, Eq. (2.5)
     return np.asarray(np.maximum(-3 * squeeze / h**3 * (z**2 - 0.25), 0.0))  # Eq. (2.6)
 
 
@@ -151,30 +150,30 @@ def half_film_force(
     surface_speed: float,
     half: LoadedHalf,
 ) -> ComplexArray:
-    """Return the force of the infinitely short bearing of which one half carries.
+    """Return the force of the infinitely short film of which one half carries pressure.
 
     Parameters
     ----------
     eccentricity : array_like
         Ratio, 0 to below 1.
     eccentricity_rate : array_like
-        Its change, 1/s.
+        Rate of the eccentricity ratio, 1/s.
     whirl_speed : array_like
         Angular speed of the line of centres, rad/s.
     surface_speed : float
         w, rad/s.
-    half : Half
-        Which half.
+    half : LoadedHalf
+        The half that carries pressure.
 
     Returns
     -------
     ndarray
-        Outwards + i forwards on the inner body, rad/s; times `Film.factor` in N.
+        Radial + i tangential force on the inner body, rad/s; multiply by `Film.factor` for N.
 
     Raises
     ------
     ValueError
-        Where an eccentricity lies outside its range or something is not finite.
+        If an eccentricity is outside its range or a value is not finite.
     """
     eps, rate, whirl = np.broadcast_arrays(
         np.asarray(eccentricity, dtype=np.float64),
@@ -185,7 +184,9 @@ def half_film_force(
     _require_finite("eccentricity_rate", rate, "1/s")
     _require_finite("whirl_speed", whirl, "rad/s")
     _require_finite("surface_speed", surface_speed, "rad/s")
-    sweep = np.asarray(eps * (surface_speed - 2 * whirl))  # of the oil past the line of centres, times eccentricity
+    sweep = np.asarray(
+        eps * (surface_speed - 2 * whirl)
+    )  # oil speed relative to the line of centres, times eccentricity
     return np.asarray(
         4 * (_fixed_half(eps, rate, sweep) if half is LoadedHalf.FIXED else _moving_half(eps, rate, sweep))
     )
@@ -202,11 +203,13 @@ def _fixed_half(eps: FloatArray, rate: FloatArray, sweep: FloatArray) -> Complex
 
 def _moving_half(eps: FloatArray, rate: FloatArray, sweep: FloatArray) -> ComplexArray:
     s = 1 - eps**2
-    start = np.arctan2(rate, sweep / 2)  # the film runs half a turn from here, from the thickest place on
+    start = np.arctan2(
+        rate, sweep / 2
+    )  # the film extends over half a turn from this angle, measured from the thickest position
     beta = eps / (1 + np.sqrt(s))
     turn = 2 * np.arctan2(beta * np.sin(start), 1 + beta * np.cos(start))
     back = 2 * np.arctan2(-beta * np.sin(start), 1 - beta * np.cos(start))
-    first, last = start - turn, start + np.pi - back  # in Sommerfeld's variable; the Delta of (2.9) is their distance
+    first, last = start - turn, start + np.pi - back  # Sommerfeld variables; their difference is the Delta of (2.9)
     Jcc = (_cos_squared(last, eps) - _cos_squared(first, eps)) / s**2.5
     Jsc = (_sin_cos(last, eps) - _sin_cos(first, eps)) / s**2
     Jss = (_sin_squared(last) - _sin_squared(first)) / s**1.5

@@ -63,9 +63,9 @@ class Support:
     ----------
     station : int
         Counted from 1 at the compressor end.
-    inner : Coefficients
+    inner : SupportCoefficients
         Between shaft and housing, or between shaft and ring if there is one.
-    outer : Coefficients, optional
+    outer : SupportCoefficients, optional
         Between ring and housing.
     ring_mass : float
         kg; above 0 if and only if ``outer`` is given.

@@ -53,7 +53,7 @@ def motion_study(
         Turns that are left out, then those that are looked at.
     seed : float
         How far the motion is disturbed where it is unstable, m: see `model.studies.stepped_motion`.
-    table : Shown, optional
+    table : MotionTable, optional
         What the table lists: all stations, or the orbit, order spectrum or Poincaré's points at one.
 
     Raises

@@ -54,7 +54,7 @@ class Stability:
         (`model.dynamics.whirl.Whirl`); NaN where no synchronous motion was found.
     film_growth_rates : mapping of FilmName to ndarray of float64, shape (n,)
         Of each film's least stable whirl, 1/s.
-    bands : tuple of Band
+    bands : tuple of UnstableBand
         Where each film's whirl grows, in rising order of their starts.
     """
 

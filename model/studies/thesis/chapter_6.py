@@ -69,7 +69,7 @@ class Case:
         Stated, rad/s: where the inner film's whirl ends; NaN where nothing is.
     imbalance_fraction : float
         Of the printed imbalance that is computed.
-    spectra : tuple of Look
+    spectra : tuple of Spectrum
         Spectra and trajectories that are shown of it.
     """
 

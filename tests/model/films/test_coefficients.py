@@ -211,7 +211,7 @@ def test_differentiation_names_what_it_cannot_take() -> None:
 
 
 def test_finite_film_names_a_load_that_its_grid_cannot_resolve() -> None:
-    with pytest.raises(ValueError, match=r"around: 48 places, expected at least \d+ to resolve the film"):
+    with pytest.raises(ValueError, match=r"around: 48 nodes, expected at least \d+ to resolve the film"):
         finite_film_equilibrium(FILM, 1e5, SPEED, Grid(48, 4))
 
 

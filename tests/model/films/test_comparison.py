@@ -71,5 +71,5 @@ def test_study_names_what_it_cannot_take() -> None:
         compare_film_models(FILM, SPEED, [0.5, 1.0], Grid())
     with pytest.raises(ValueError, match=r"eccentricities: shape \(1, 2\), expected \(n,\)"):
         compare_film_models(FILM, SPEED, [[0.5, 0.6]], Grid())
-    with pytest.raises(ValueError, match="around: 48 places, expected at least"):
+    with pytest.raises(ValueError, match="around: 48 nodes, expected at least"):
         compare_film_models(FILM, SPEED, [0.97], Grid(48, 4))

@@ -127,7 +127,7 @@ def test_nothing_that_moves_gives_no_force() -> None:
         (complex(math.nan, 0), 0j, SPEED, r"position: nan µm"),
         (HALF_WAY, complex(0, math.inf), SPEED, r"velocity: .* m/s, expected a finite value"),
         (HALF_WAY, 0j, math.nan, r"surface_speed: nan rad/s, expected a finite value"),
-        (0.999 * CLEARANCE + 0j, 0j, SPEED, r"around: 180 places, expected at least \d+ to resolve the film at 0.999"),
+        (0.999 * CLEARANCE + 0j, 0j, SPEED, r"around: 180 nodes, expected at least \d+ to resolve the film at 0.999"),
     ],
 )
 def test_solver_names_a_state_that_it_cannot_take(
