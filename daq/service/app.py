@@ -1,7 +1,4 @@
-"""The service: REST under /api/v1, the operator's page at /, the reference at /docs.
-
-What a service can do beside telling of runs and of the live one.
-"""
+"""The web application: REST under /api/v1, the operator's page at /, the REST reference at /docs."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -16,7 +13,7 @@ from daq.service.access import AccessControlMiddleware, SecurityHeadersMiddlewar
 from daq.service.jobs.queue import JobQueue
 from daq.service.pages import PUBLIC_PATHS, Pages, reference_page
 from daq.service.problem_types import ProblemSchema, ProblemType
-from daq.service.problems import UnhandledErrorMiddleware, install
+from daq.service.problems import UnhandledErrorMiddleware, add_exception_handlers
 from daq.service.results_reader import ResultsReader
 from daq.service.routes.catalogue import Catalogue, CatalogueRoutes, Summaries
 from daq.service.routes.jobs import JobRoutes
@@ -24,7 +21,7 @@ from daq.service.routes.live import LiveStreamRoutes, RunControl, RunControlRout
 from daq.service.routes.run_edits import EditableCatalogue, RunEditRoutes
 from daq.service.routes.runs import RunRoutes
 from daq.service.routes.uploads import UploadRoutes
-from daq.service.routing import PREFIX, HeadAsGetMiddleware, Routing
+from daq.service.routing import API_PREFIX, HeadAsGetMiddleware, Routing
 from daq.service.stream import LiveFeed
 from daq.service.uploads import UploadStore
 
@@ -62,18 +59,18 @@ READ_ONLY: Final = ServiceFeatures()
 
 DISTRIBUTION = "rig-service"
 SCHEMA = "#/components/schemas/{model}"
-DESCRIPTION = (
-    "Runs of a rotor test rig: what is recorded, what the shaft does now, and what a run was. "
-    "Names of fields carry their units; amplitudes say peak (zero-to-peak) or peak-to-peak; a phase is the lag after "
-    "the tacho's mark in degrees, 0 to 360; x and y are the two probes. Numbers are rounded to four decimals."
+API_DESCRIPTION = (
+    "Recorded runs of a rotor test rig, their results, and the live values of the current run. "
+    "Field names include the unit; amplitudes are peak (zero-to-peak) or peak-to-peak as named; phases are lags after "
+    "the tacho mark in degrees, 0 to 360; x and y are the two probes. Numbers are rounded to four decimals."
 )
-TAGS = [
-    {"name": "runs", "description": "What was recorded"},
-    {"name": "results", "description": "What was measured in a run, and what the model says of it"},
-    {"name": "analyses", "description": "What a run's samples say as a whole, as tables and drawings"},
-    {"name": "uploads", "description": "Files of other programs that are to become runs"},
-    {"name": "jobs", "description": "What takes too long to wait for"},
-    {"name": "live", "description": "What is recorded or replayed now"},
+OPENAPI_TAGS = [
+    {"name": "runs", "description": "Recorded runs"},
+    {"name": "results", "description": "Measured results of a run, and the model's prediction for it"},
+    {"name": "analyses", "description": "Analyses of a run's samples, as tables and plots"},
+    {"name": "uploads", "description": "Files of other programs, for import as runs"},
+    {"name": "jobs", "description": "Work that takes longer than a request may"},
+    {"name": "live", "description": "The run that is being recorded or replayed"},
     {"name": "service", "description": "The service itself"},
 ]
 
@@ -95,37 +92,37 @@ def create_app(
     catalogue : Catalogue
         The recorded runs.
     live : LiveFeed
-        The run under way.
+        The current run.
     summaries : Summaries
-        What runs were.
+        Summaries of runs.
     viewer_url : str or None
-        Address of the web viewer that the page embeds; None where there is none.
+        URL of the web viewer that the page embeds; None if there is none.
     features : ServiceFeatures
-        What else it can do.
+        Optional parts.
     host : str
-        Address that the server is bound to. One of this machine alone answers only to this machine's own names.
+        Address that the server is bound to. A loopback address accepts only loopback host names.
     token : str or None
-        What requests to the REST addresses must bear (``Authorization: Bearer ...``). Needed where others can
+        Bearer token required by the REST routes (``Authorization: Bearer ...``). Required if other machines can
         reach ``host``.
 
     Raises
     ------
     ServiceError
-        Others can reach ``host`` and there is no token, or the token cannot be sent in a header.
+        Other machines can reach ``host`` and there is no token, or a header cannot carry the token.
     """
     _check_access(host, token)
-    following = LiveStreamRoutes(live)
+    live_streams = LiveStreamRoutes(live)
     app = Service(with_token=token is not None)
-    app.ending.append(following.end)
-    install(app)
-    always = (
+    app.shutdown_hooks.append(live_streams.close_streams)
+    add_exception_handlers(app)
+    common_problems = (
         ProblemType.HOST_NOT_ALLOWED,
         ProblemType.INTERNAL_ERROR,
         *((ProblemType.TOKEN_REQUIRED,) if token is not None else ()),
     )
-    routing = Routing(APIRouter(prefix=PREFIX), always)
+    routing = Routing(APIRouter(prefix=API_PREFIX), common_problems)
     CatalogueRoutes(catalogue, live, summaries, app.version).add_to(routing)
-    following.add_to(routing)
+    live_streams.add_to(routing)
     RunControlRoutes(features.run_control, features.run_starter).add_to(routing)
     if features.results is not None:
         RunRoutes(catalogue, live, features.results, app.version).add_to(routing)
@@ -137,7 +134,7 @@ def create_app(
             UploadRoutes(uploads, features.results, features.catalogue.free_bytes).add_to(routing)
         job_routes = JobRoutes(catalogue, live, features.jobs, uploads)
         job_routes.add_to(routing)
-        app.ending += [job_routes.end, uploads.close]
+        app.shutdown_hooks += [job_routes.close_streams, uploads.close]
     app.include_router(routing.router)
     app.include_router(Pages(viewer_url, reference_page(app.openapi())).router())
     app.add_middleware(UnhandledErrorMiddleware)
@@ -169,32 +166,32 @@ def _check_access(host: str, token: str | None) -> None:
 
 
 class Service(FastAPI):
-    """The application with a schema that tells of problem documents and of the token."""
+    """FastAPI application whose OpenAPI schema includes problem responses and the bearer token."""
 
     def __init__(self, *, with_token: bool) -> None:
         super().__init__(
             title="Rig service",
             version=version(DISTRIBUTION),
-            description=DESCRIPTION,
-            openapi_tags=TAGS,
+            description=API_DESCRIPTION,
+            openapi_tags=OPENAPI_TAGS,
             license_info={"name": "Apache License 2.0", "identifier": "Apache-2.0"},
             docs_url=None,
             redoc_url=None,
             redirect_slashes=False,
         )
-        self.ending: list[Callable[[], None]] = []
+        self.shutdown_hooks: list[Callable[[], None]] = []
         self._with_token = with_token
 
-    def end(self) -> None:
-        """Let all go whose answers have no end of their own, so that the server need not wait for them."""
-        for end in self.ending:
-            end()
+    def close_streams(self) -> None:
+        """End endless responses (event streams and sockets), so that the server need not wait for them."""
+        for close in self.shutdown_hooks:
+            close()
 
     def openapi(self) -> dict[str, Any]:
-        """Return the OpenAPI document."""
+        """Return the OpenAPI schema."""
         schema = super().openapi()
         used = {tag for path in schema["paths"].values() for operation in path.values() for tag in operation["tags"]}
-        schema["tags"] = [tag for tag in TAGS if tag["name"] in used]
+        schema["tags"] = [tag for tag in OPENAPI_TAGS if tag["name"] in used]
         components = schema["components"]
         if ProblemSchema.__name__ not in components["schemas"]:
             problem = ProblemSchema.model_json_schema(ref_template=SCHEMA, mode="serialization")

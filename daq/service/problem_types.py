@@ -1,7 +1,4 @@
-"""Every kind of problem that a request can meet.
-
-What goes wrong, told as RFC 9457 tells it.
-"""
+"""Problem types of the REST service and their response schema (RFC 9457)."""
 
 from enum import Enum
 from typing import Any
@@ -12,142 +9,144 @@ from daq.schemas.units import Schema
 
 
 class Fault(Schema):
-    """One parameter that is wrong."""
+    """An invalid parameter."""
 
-    parameter: str = Field(description="Where it stands: query or path, and its name", examples=["query.limit"])
+    parameter: str = Field(description="Location (query, path or body) and name", examples=["query.limit"])
     detail: str = Field(
-        description="What was given and what was expected",
+        description="The value and what was expected",
         examples=["'0': expected a number greater than or equal to 1"],
     )
 
 
 class ProblemSchema(Schema):
-    """A request that could not be answered (RFC 9457, application/problem+json)."""
+    """A failed request (RFC 9457, application/problem+json)."""
 
     type: str = Field(
-        description="Address of the problem's explanation; names the kind of problem for programs",
+        description="URL of the problem type's explanation; programs branch on its fragment",
         examples=["/docs#run-not-found"],
     )
-    title: str = Field(description="The kind of problem in words", examples=["There is no such run"])
-    status: int = Field(description="HTTP status of the answer", examples=[404])
-    detail: str = Field(description="This case", examples=["no run '2026-11-24T09-12-07-gj90c' in this data folder"])
-    instance: str = Field(description="What was asked for", examples=["/api/v1/runs/2026-11-24T09-12-07-gj90c"])
+    title: str = Field(description="Title of the problem type", examples=["Run not found"])
+    status: int = Field(description="HTTP status of the response", examples=[404])
+    detail: str = Field(
+        description="Cause in this request", examples=["no run '2026-11-24T09-12-07-gj90c' in this data folder"]
+    )
+    instance: str = Field(description="Path of the request", examples=["/api/v1/runs/2026-11-24T09-12-07-gj90c"])
     faults: tuple[Fault, ...] = Field(
-        description="Every parameter that is wrong; empty where it is not about parameters", examples=[[]]
+        description="All invalid parameters; empty if the problem has another cause", examples=[[]]
     )
     job: dict[str, Any] | None = Field(
-        description="What to POST to /api/v1/jobs for the same without a time limit; null where no job does it",
+        description="Job request for the same result without time limit, for POST /api/v1/jobs; null if there is none",
         examples=[None],
     )
 
 
 class ProblemType(Enum):
-    """A kind of problem: its HTTP status, its title, and when it is met and what to do."""
+    """A problem type (RFC 9457): HTTP status, title, and an explanation of cause and remedy."""
 
     INVALID_PARAMETER = (
         422,
-        "A parameter is wrong",
-        "Unknown, malformed or out of range; `faults` names every one of them.",
+        "A parameter is invalid",
+        "Unknown, malformed or out of range; `faults` names all invalid parameters.",
     )
     RUN_NOT_FOUND = (
         404,
-        "There is no such run",
-        "No recording in the data folder has this id. Ids are listed by /api/v1/runs.",
+        "Run not found",
+        "No recording in the data folder has this id. /api/v1/runs lists the ids.",
     )
     NO_LIVE_RUN = (
         404,
-        "No run is under way",
-        "The service is well, but nothing is recorded or replayed now. Ask again later.",
+        "No run is in progress",
+        "The service works, but nothing is being recorded or replayed now. Try again later.",
     )
     NOT_FOUND = (
         404,
-        "There is nothing at this address",
-        "The addresses that exist are listed on /docs.",
+        "Not found",
+        "No route has this path. /docs lists all routes.",
     )
     METHOD_NOT_ALLOWED = (
         405,
-        "This cannot be done here",
-        "`Allow` names the methods that this address knows.",
+        "Method not allowed",
+        "`Allow` names the methods of this path.",
     )
     NO_DATA = (
         404,
-        "The run holds nothing there",
-        "No frame, sample or prediction lies at or near this time or speed; `detail` tells what there is.",
+        "The run has no data at this time or speed",
+        "No order frame, sample or prediction lies at or near this time or speed; `detail` names what is available.",
     )
     INSUFFICIENT_DATA = (
         409,
-        "The samples do not tell this",
-        "Too few revolutions, a tacho that does not tell the angle, an order out of reach; `detail` says which.",
+        "The samples are insufficient for this analysis",
+        "Too few revolutions, no usable shaft angle from the tacho, an order above the bandwidth; see `detail`.",
     )
     RESPONSE_TOO_LARGE = (
         413,
-        "More than one answer may hold",
-        "Ask for a shorter stretch at a time.",
+        "The response would be too large",
+        "Request a shorter time range.",
     )
     NOT_ACCEPTABLE = (
         406,
-        "No form that is accepted can be sent",
-        "`Accept` must allow one of the types of the answer.",
+        "No acceptable format is available",
+        "`Accept` must allow one of the media types of the response.",
     )
     CROSS_SITE_REQUEST = (
         403,
-        "Another site may not ask for this",
-        "A page that is not the service's own asks.",
+        "Requests from other sites are not allowed",
+        "The request comes from a web page of another site, which the service's `--cors` option does not allow.",
     )
     UNSUPPORTED_MEDIA_TYPE = (
         415,
-        "The content's type is not the one expected",
-        "Send `Content-Type: application/json`.",
+        "The content type is not supported",
+        "Send the content type that `detail` names.",
     )
     RUN_CANNOT_START = (
         409,
-        "No run can be started now",
-        "Another is under way, or device or disk stand against it.",
+        "The run cannot be started",
+        "Another run is in progress, or the device or the disk is not ready; see `detail`.",
     )
     RUN_EXISTS = (
         409,
-        "There is such a run already",
-        "Nothing is ever written over a recording: choose another id.",
+        "The run exists already",
+        "Recordings are never overwritten: choose another id.",
     )
     PRECONDITION_FAILED = (
         412,
-        "It is not what it was",
-        "Somebody has changed it since the answer whose `ETag` was sent as `If-Match`; ask for it again.",
+        "The resource has changed",
+        "It has changed since the response whose `ETag` was sent as `If-Match`; request it again.",
     )
     NOT_IN_TRASH = (
         404,
-        "There is no such run in the trash",
-        "It was never put away, or was taken back. What lies there is listed by /api/v1/trash.",
+        "The trash has no such run",
+        "It was never deleted, or has been restored. /api/v1/trash lists the runs in the trash.",
     )
     INVALID_RECORDING = (
         422,
-        "What was sent is no whole recording",
-        "It was looked through and not kept; see `detail`.",
+        "The content is not a complete recording",
+        "The content was checked and discarded; see `detail`.",
     )
     UNREADABLE_UPLOAD = (
         409,
-        "What was sent cannot be read",
-        "It is no file of the format that its name tells, is cut short, or holds no columns of numbers; see `detail`.",
+        "The uploaded file cannot be read",
+        "It is not in the format of its suffix, is truncated, or has no numeric columns; see `detail`.",
     )
     UPLOAD_NOT_FOUND = (
         404,
-        "There is no such upload",
-        "It was never sent, was deleted, or was sent so long ago that it is forgotten.",
+        "Upload not found",
+        "It never existed, was deleted, or has expired.",
     )
     TOO_MANY_UPLOADS = (
         429,
-        "Too many uploads are kept",
-        "Delete one that nobody needs; `Retry-After` says when to ask again at the earliest.",
+        "Too many uploads are stored",
+        "Delete an upload that is not needed; `Retry-After` gives the earliest time for another attempt.",
     )
     REQUEST_TIMEOUT = (
         408,
-        "What is sent comes too slowly",
-        "Nothing came for so long that the rest is not waited for; nothing of it is kept.",
+        "The content arrives too slowly",
+        "No content arrived within the time limit; the part received is discarded.",
     )
     CONTENT_TOO_LARGE = (
         413,
-        "What was sent is too large",
-        "It passes the limit, or what room the disk has left, or does not tell its size.",
+        "The content is too large",
+        "It exceeds the limit or the free disk space, or the request does not state its size.",
     )
     RANGE_NOT_SATISFIABLE = (
         416,
@@ -156,58 +155,58 @@ class ProblemType(Enum):
     )
     MODEL_NOT_READY = (
         503,
-        "The model has no answer yet",
-        "Its map is being computed; ask again later.",
+        "The model is not ready",
+        "Its map is being computed; try again later.",
     )
     RUN_UNDER_WAY = (
         409,
-        "The run has not ended",
-        "A summary is given when it has; /api/v1/live tells how it stands now.",
+        "The run is still in progress",
+        "The summary is available after its end; /api/v1/live gives its current state.",
     )
     RUN_DAMAGED = (
         409,
-        "The recording is not whole",
-        "The file is cut short, empty or no recording. The run is listed, but no summary can be given as it stands.",
+        "The recording is damaged",
+        "The file is truncated, empty or not a recording. The run is listed, but has no summary.",
     )
     RUN_FORMAT_UNKNOWN = (
         409,
-        "The recording's format is not known here",
+        "The recording has an unknown format version",
         "Another version of the program wrote the file. The run is listed, but this version cannot read it.",
     )
     TOKEN_REQUIRED = (
         401,
-        "A token is needed",
-        "Other machines can reach the service, so every request to /api carries `Authorization: Bearer <token>`.",
+        "A token is required",
+        "Other machines can reach the service: every request to /api needs `Authorization: Bearer <token>`.",
     )
     HOST_NOT_ALLOWED = (
         421,
-        "This name does not belong to the service",
-        "A service of this machine alone answers to localhost, 127.0.0.1 and [::1]; another name may be a trick.",
+        "The host name is not allowed",
+        "A service bound to loopback accepts only localhost, 127.0.0.1 and [::1], against DNS rebinding.",
     )
     BUSY = (
         503,
         "Too many requests are waiting",
-        "Ask again after the seconds that `Retry-After` gives.",
+        "Try again after the seconds that `Retry-After` gives.",
     )
     STORAGE_UNAVAILABLE = (
         503,
         "The data folder cannot be read or written",
-        "It is missing, unreadable, read-only, full or was taken away; see `detail`.",
+        "It is missing, unreadable, read-only, full or was removed; see `detail`.",
     )
     TIME_LIMIT_EXCEEDED = (
         503,
-        "This takes longer than an answer may",
-        "A job does it without that limit: send what `job` says to /api/v1/jobs with POST.",
+        "The request exceeds its time limit",
+        "A job has no such limit: POST the content of `job` to /api/v1/jobs.",
     )
     TOO_MANY_JOBS = (
         429,
         "Too many jobs are waiting",
-        "Wait for one to end, or delete one that nobody needs; `Retry-After` says when to ask again at the earliest.",
+        "Wait for one to end, or delete one; `Retry-After` gives the earliest time for another attempt.",
     )
     JOB_NOT_FOUND = (
         404,
-        "There is no such job",
-        "It was never begun, was deleted, or ended so long ago that it is forgotten.",
+        "Job not found",
+        "It never existed, was deleted, or has expired.",
     )
     NO_RESULT = (
         409,
@@ -216,8 +215,8 @@ class ProblemType(Enum):
     )
     INTERNAL_ERROR = (
         500,
-        "The service failed",
-        "A fault of the program; its log tells more.",
+        "Internal error",
+        "A defect of the program; its log has the details.",
     )
 
     def __init__(self, status: int, title: str, explanation: str) -> None:
@@ -227,11 +226,11 @@ class ProblemType(Enum):
 
     @property
     def slug(self) -> str:
-        """The last part of the problem's ``type``."""
+        """The fragment of the problem's ``type``, for example ``run-not-found``."""
         return self.name.lower().replace("_", "-")
 
 
-READING = (
+RUN_READ_PROBLEMS = (
     ProblemType.RUN_NOT_FOUND,
     ProblemType.INVALID_PARAMETER,
     ProblemType.RUN_UNDER_WAY,
@@ -241,4 +240,4 @@ READING = (
     ProblemType.STORAGE_UNAVAILABLE,
     ProblemType.BUSY,
 )
-"""How every question about a recorded run can fail."""
+"""Problems of every request that reads a recorded run."""

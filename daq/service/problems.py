@@ -1,7 +1,4 @@
-"""How a request that fails is answered: with a problem document (RFC 9457).
-
-What happens when the program itself is at fault: the client is told, the log has the rest, the service goes on.
-"""
+"""Problem responses (RFC 9457): exception handlers, and middleware for unhandled errors."""
 
 import logging
 from collections.abc import Mapping
@@ -16,12 +13,12 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from daq.service.problem_types import Fault, ProblemSchema, ProblemType
 from recordings.errors import DamagedError, NotFoundError, RecordingError, StorageError, UnknownFormatError
 
-PROBLEM_TYPE: Final = "application/problem+json"
-UNREADABLE: Final = 400
-MOST_ECHOED: Final = 200  # letters of what was sent that an answer repeats
-METHODS: Final = ("DELETE", "GET", "PATCH", "POST", "PUT")
-REFERENCE: Final = "/docs#"
-PASSING: Final = frozenset(
+PROBLEM_MEDIA_TYPE: Final = "application/problem+json"
+HTTP_BAD_REQUEST: Final = 400
+MAX_ECHOED_CHARACTERS: Final = 200  # of a request's value in a response
+HTTP_METHODS: Final = ("DELETE", "GET", "PATCH", "POST", "PUT")
+PROBLEM_REFERENCE: Final = "/docs#"
+TRANSIENT: Final = frozenset(
     {
         ProblemType.BUSY,
         ProblemType.STORAGE_UNAVAILABLE,
@@ -30,23 +27,23 @@ PASSING: Final = frozenset(
         ProblemType.TOO_MANY_UPLOADS,
     }
 )
-"""Problems that may be over in a moment: `Retry-After` says when to ask again."""
+"""Transient problems, sent with `Retry-After`."""
 
 
 JobHint: TypeAlias = dict[str, Any]
 
 
 class ProblemError(Exception):
-    """A request that cannot be answered.
+    """A request that fails with a problem response.
 
     Parameters
     ----------
     problem_type : ProblemType
-        What kind of problem it is.
+        Problem type.
     detail : str
-        This case.
+        Cause in this request.
     job : dict or None
-        The order for a job that does it; None where none does.
+        Job request for the same result; None if there is none.
     """
 
     def __init__(self, problem_type: ProblemType, detail: str, job: JobHint | None = None) -> None:
@@ -66,36 +63,36 @@ def problem_response(
     job: JobHint | None = None,
     headers: Mapping[str, str] | None = None,
 ) -> Response:
-    """Return the answer that tells of a problem.
+    """Return a problem response.
 
     Parameters
     ----------
     problem_type : ProblemType
-        What kind it is.
+        Problem type.
     detail, instance : str
-        This case, and the path that was asked for.
+        Cause in this request, and its path.
     faults : tuple of Fault
-        Parameters that are wrong.
+        Invalid parameters.
     status : int or None
-        HTTP status where it is not the kind's own.
+        HTTP status; None for that of the problem type.
     job : dict or None
-        The order for a job that does it.
+        Job request for the same result.
     headers : mapping of str to str or None
         Further headers.
     """
-    document = _document(problem_type, detail, instance, faults, status, job)
+    problem = _problem_schema(problem_type, detail, instance, faults, status, job)
     extra = {"Cache-Control": "no-store", **(headers or {})}
     if problem_type is ProblemType.TOKEN_REQUIRED:
         extra["WWW-Authenticate"] = 'Bearer realm="rig"'
-    if problem_type in PASSING:
+    if problem_type in TRANSIENT:
         extra["Retry-After"] = "2"
-    if problem_type is ProblemType.BUSY:  # a client that has to come again need not keep its place meanwhile
+    if problem_type is ProblemType.BUSY:  # a client that retries later need not hold a connection meanwhile
         extra["Connection"] = "close"
-    return Response(document.model_dump_json(), status_code=document.status, headers=extra, media_type=PROBLEM_TYPE)
+    return Response(problem.model_dump_json(), status_code=problem.status, headers=extra, media_type=PROBLEM_MEDIA_TYPE)
 
 
 def recording_problem(error: RecordingError) -> ProblemType:
-    """Return the kind of problem that an error of the recordings is."""
+    """Return the problem type of an error from the recordings package."""
     by_error: tuple[tuple[type[RecordingError], ProblemType], ...] = (
         (NotFoundError, ProblemType.RUN_NOT_FOUND),
         (DamagedError, ProblemType.RUN_DAMAGED),
@@ -109,18 +106,18 @@ def recording_problem(error: RecordingError) -> ProblemType:
 
 
 def openapi_responses(*problem_types: ProblemType) -> dict[int | str, dict[str, Any]]:
-    """Return the problems that a route may answer with, as OpenAPI tells them, by status."""
+    """Return the OpenAPI responses of problem types, by status."""
     responses: dict[int | str, dict[str, Any]] = {}
     for problem_type in problem_types:
-        known = responses.setdefault(
-            problem_type.status, {"description": "", "content": {PROBLEM_TYPE: _no_examples()}}
+        content = responses.setdefault(
+            problem_type.status, {"description": "", "content": {PROBLEM_MEDIA_TYPE: _no_examples()}}
         )
-        known["description"] = "; ".join(
-            filter(None, (known["description"], f"{problem_type.title} (`{problem_type.slug}`)"))
+        content["description"] = "; ".join(
+            filter(None, (content["description"], f"{problem_type.title} (`{problem_type.slug}`)"))
         )
-        known["content"][PROBLEM_TYPE]["examples"][problem_type.slug] = {
+        content["content"][PROBLEM_MEDIA_TYPE]["examples"][problem_type.slug] = {
             "summary": problem_type.title,
-            "value": _document(problem_type, problem_type.explanation, "/api/v1/…").model_dump(mode="json"),
+            "value": _problem_schema(problem_type, problem_type.explanation, "/api/v1/…").model_dump(mode="json"),
         }
     return responses
 
@@ -129,7 +126,7 @@ def _no_examples() -> dict[str, Any]:
     return {"schema": {"$ref": "#/components/schemas/ProblemSchema"}, "examples": {}}
 
 
-def _document(
+def _problem_schema(
     problem_type: ProblemType,
     detail: str,
     instance: str,
@@ -138,37 +135,37 @@ def _document(
     job: JobHint | None = None,
 ) -> ProblemSchema:
     return ProblemSchema(
-        type=REFERENCE + problem_type.slug,
+        type=PROBLEM_REFERENCE + problem_type.slug,
         title=problem_type.title,
         status=status or problem_type.status,
         detail=detail,
-        instance=_short(instance),
+        instance=_truncated(instance),
         faults=faults,
         job=job,
     )
 
 
-def install(app: FastAPI) -> None:
-    """Make ``app`` answer every error that is expected with a problem document."""
-    app.exception_handler(ProblemError)(_of_problem)
-    app.exception_handler(RecordingError)(_of_recording)
-    app.exception_handler(RequestValidationError)(_of_validation)
-    app.exception_handler(HTTPException)(_of_http)
+def add_exception_handlers(app: FastAPI) -> None:
+    """Add exception handlers that turn expected errors into problem responses."""
+    app.exception_handler(ProblemError)(_handle_problem)
+    app.exception_handler(RecordingError)(_handle_recording_error)
+    app.exception_handler(RequestValidationError)(_handle_validation_error)
+    app.exception_handler(HTTPException)(_handle_http_exception)
 
 
-async def _of_problem(request: Request, error: ProblemError) -> Response:
+async def _handle_problem(request: Request, error: ProblemError) -> Response:
     return problem_response(error.problem_type, error.detail, request.url.path, job=error.job)
 
 
-async def _of_recording(request: Request, error: RecordingError) -> Response:
+async def _handle_recording_error(request: Request, error: RecordingError) -> Response:
     return problem_response(recording_problem(error), str(error), request.url.path)
 
 
-async def _of_validation(request: Request, error: RequestValidationError) -> Response:
+async def _handle_validation_error(request: Request, error: RequestValidationError) -> Response:
     faults = tuple(
         Fault(
             parameter=".".join(str(part) for part in fault["loc"]),
-            detail=f"{_short(repr(fault['input']))}: {fault['msg'][:1].lower()}{fault['msg'][1:]}",
+            detail=f"{_truncated(repr(fault['input']))}: {fault['msg'][:1].lower()}{fault['msg'][1:]}",
         )
         for fault in error.errors()
     )
@@ -176,35 +173,33 @@ async def _of_validation(request: Request, error: RequestValidationError) -> Res
     return problem_response(ProblemType.INVALID_PARAMETER, detail, request.url.path, faults=faults)
 
 
-async def _of_http(request: Request, error: HTTPException) -> Response:
+async def _handle_http_exception(request: Request, error: HTTPException) -> Response:
     path = request.url.path
     if error.status_code == ProblemType.METHOD_NOT_ALLOWED.status:
         return problem_response(
             ProblemType.METHOD_NOT_ALLOWED,
             ProblemType.METHOD_NOT_ALLOWED.explanation,
             path,
-            headers={"Allow": ", ".join(_methods(request))},
+            headers={"Allow": ", ".join(_allowed_methods(request))},
         )
-    if error.status_code == UNREADABLE:  # content that is no JSON at all
+    if error.status_code == HTTP_BAD_REQUEST:  # the content is not JSON
         return problem_response(ProblemType.INVALID_PARAMETER, str(error.detail), path)
     detail = (
-        f"there is nothing at {_short(path)}"
-        if error.status_code == ProblemType.NOT_FOUND.status
-        else str(error.detail)
+        f"no route at {_truncated(path)}" if error.status_code == ProblemType.NOT_FOUND.status else str(error.detail)
     )
     return problem_response(ProblemType.NOT_FOUND, detail, path, status=error.status_code, headers=error.headers)
 
 
-def _short(text: str) -> str:
-    return text if len(text) <= MOST_ECHOED else f"{text[:MOST_ECHOED]}…"
+def _truncated(text: str) -> str:
+    return text if len(text) <= MAX_ECHOED_CHARACTERS else f"{text[:MAX_ECHOED_CHARACTERS]}…"
 
 
-def _methods(request: Request) -> list[str]:
-    """Return the methods that an address knows, whichever of its routes."""
+def _allowed_methods(request: Request) -> list[str]:
+    """Return the methods of all routes that match the request's path."""
     scope = dict(request.scope)
     return sorted(
         method
-        for method in METHODS
+        for method in HTTP_METHODS
         if any(route.matches({**scope, "method": method})[0] is Match.FULL for route in request.app.routes)
     )
 
@@ -213,31 +208,31 @@ logger = logging.getLogger(__name__)
 
 
 class UnhandledErrorMiddleware:
-    """Turns an exception that nobody expected into a problem document and a log entry.
+    """Middleware that turns an unhandled exception into a problem response and a log entry.
 
     Parameters
     ----------
     app : ASGI application
-        Who may fail.
+        The wrapped application.
     """
 
     def __init__(self, app: ASGIApp) -> None:
         self._app = app
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Pass the request on; raise only where an answer has been begun."""
-        begun = False
+        """Pass the request on; re-raise only if the response has started."""
+        has_started = False
 
         async def send_on(message: Message) -> None:
-            nonlocal begun
-            begun = True
+            nonlocal has_started
+            has_started = True
             await send(message)
 
         try:
             await self._app(scope, receive, send_on)
-        except Exception as error:  # whatever it is, the service must go on for the others
-            if begun or scope["type"] != "http":
+        except Exception as error:  # the service must stay available to other clients
+            if has_started or scope["type"] != "http":
                 raise
             logger.exception("%s %s failed", scope["method"], scope["path"])
-            detail = f"{type(error).__name__}; the service's log tells more"
+            detail = f"{type(error).__name__}; see the service's log"
             await problem_response(ProblemType.INTERNAL_ERROR, detail, scope["path"])(scope, receive, send)

@@ -1,7 +1,4 @@
-"""The HTTP server, in a thread of its own.
-
-A client's connection: closed where a request does not come in time, refused where there are too many.
-"""
+"""HTTP server in its own thread, with limits on connections and on the time of a request's header."""
 
 import asyncio
 import contextlib
@@ -25,8 +22,8 @@ from daq.service.problem_types import ProblemType
 if sys.platform != "win32":
     import resource
 
-MOST: Final = 2000
-REFUSAL: Final = json.dumps(
+MAX_CONNECTIONS: Final = 2000
+BUSY_BODY: Final = json.dumps(
     {
         "type": f"/docs#{ProblemType.BUSY.slug}",
         "title": ProblemType.BUSY.title,
@@ -37,111 +34,115 @@ REFUSAL: Final = json.dumps(
         "job": None,
     }
 ).encode()
-REFUSED: Final = (
+BUSY_RESPONSE: Final = (
     b"HTTP/1.1 503 Service Unavailable\r\nContent-Type: application/problem+json\r\nRetry-After: 2\r\n"
-    b"Connection: close\r\nContent-Length: %d\r\n\r\n%b" % (len(REFUSAL), REFUSAL)
+    b"Connection: close\r\nContent-Length: %d\r\n\r\n%b" % (len(BUSY_BODY), BUSY_BODY)
 )
 
 
-def most_connections() -> int:
-    """Return how many connections there may be: half of what files a program may have open, where that is limited."""
-    most = MOST
+def max_connections() -> int:
+    """Return the maximum number of connections: 2000, or half of the limit on open files if that is lower."""
+    limit = MAX_CONNECTIONS
     if sys.platform != "win32":
         allowed, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
         if allowed != resource.RLIM_INFINITY:
-            most = min(MOST, allowed // 2)
-    return most
+            limit = min(MAX_CONNECTIONS, allowed // 2)
+    return limit
 
 
-class Connection(H11Protocol):
-    """One client over HTTP/1.1."""
+class LimitedHttpProtocol(H11Protocol):
+    """HTTP/1.1 connection that is refused above a limit and closed if a request's header does not arrive in time."""
 
-    most: ClassVar[int] = most_connections()
-    """Connections at once."""
-    patience: ClassVar[float] = 15.0
-    """s for a whole request up to its content; who waits between two requests is let go by the server itself."""
+    max_connections: ClassVar[int] = max_connections()
+    """Simultaneous connections."""
+    request_timeout: ClassVar[float] = 15.0
+    """s for a request's line and headers. uvicorn itself closes connections that are idle between requests."""
 
     def __init__(self, *arguments: Any, **options: Any) -> None:
         super().__init__(*arguments, **options)
         self._timer: asyncio.TimerHandle | None = None
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]  # as uvicorn has it
-        """Take a client in, or turn it away."""
+        """Start the timeout, or refuse the client if there are too many."""
         super().connection_made(transport)
-        if len(self.connections) > self.most:
-            transport.write(REFUSED)
+        if len(self.connections) > self.max_connections:
+            transport.write(BUSY_RESPONSE)
             transport.close()
         else:
-            self._wait()
+            self._start_timeout()
 
     def data_received(self, data: bytes) -> None:
-        """Take what a client has sent."""
+        """Handle received bytes; cancel the timeout once the headers are complete."""
         if self.transport.is_closing():
             return
         super().data_received(data)
         if self.conn.their_state is not h11.IDLE:
-            self._wait_no_longer()
+            self._cancel_timeout()
         elif self._timer is None:
-            self._wait()
+            self._start_timeout()
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """Let a client go."""
-        self._wait_no_longer()
+        """Cancel the timeout."""
+        self._cancel_timeout()
         super().connection_lost(exc)
 
-    def _wait(self) -> None:
-        self._timer = self.loop.call_later(self.patience, self.transport.close)
+    def _start_timeout(self) -> None:
+        self._timer = self.loop.call_later(self.request_timeout, self.transport.close)
 
-    def _wait_no_longer(self) -> None:
+    def _cancel_timeout(self) -> None:
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None
 
 
-START_DEADLINE = 60.0  # s: a machine that is busy imports slowly
+START_DEADLINE = 60.0  # s: imports are slow on a busy machine
 BACKLOG = 128
-MOST_PORT = 65_535
-MOST_TOLD = 4096  # bytes of a message over a WebSocket: clients have nothing to say there
+MAX_PORT = 65_535
+MAX_WEBSOCKET_MESSAGE = 4096  # bytes of an incoming message: clients need not send any
 
 
 class ServiceServer:
-    """Serves an application over HTTP from a thread that it owns; installs no signal handler.
+    """HTTP server that runs an application in its own thread and installs no signal handler.
 
     Parameters
     ----------
     app : ASGI application
-        What is served.
+        The served application.
     host : str
-        Address or name to listen at.
+        Address or name to listen on.
     port : int
-        Port to listen at; 0 takes a free one.
-    connection : type
-        What serves a client.
+        Port to listen on; 0 takes a free one.
+    protocol : type
+        Protocol class of a client's connection.
     """
 
     def __init__(
-        self, app: ASGIApp, host: str = "127.0.0.1", port: int = 0, connection: type[Connection] = Connection
+        self,
+        app: ASGIApp,
+        host: str = "127.0.0.1",
+        port: int = 0,
+        protocol: type[LimitedHttpProtocol] = LimitedHttpProtocol,
     ) -> None:
-        self._connection = connection
+        self._protocol = protocol
         self._app = app
         self._host = host
         self._port = port
-        self._server: _Server | None = None
+        self._server: _EmbeddedServer | None = None
         self._thread: threading.Thread | None = None
 
     @property
     def port(self) -> int:
-        """The port that is listened at; before `start` the one that was asked for."""
+        """The port that the server listens on; the requested one before `start`."""
         return self._port
 
     @property
     def url(self) -> str:
-        """The page's address, for a browser on this machine."""
+        """The page's URL, for a browser on this machine."""
         reachable = {"": "127.0.0.1", "0.0.0.0": "127.0.0.1", "::": "::1"}.get(self._host, self._host)  # noqa: S104 - compared, not bound
         return f"http://{f'[{reachable}]' if ':' in reachable else reachable}:{self._port}"
 
     def start(self) -> None:
-        """Listen and return when requests are answered; ServiceError where the address cannot be had."""
+        """Start listening and return once the server responds; ServiceError if the address is not available."""
         if self._thread is not None:
             raise ValueError(f"the server at {self.url} was started already")
         listener = _listen(self._host, self._port)
@@ -149,18 +150,18 @@ class ServiceServer:
         config = uvicorn.Config(
             self._app,
             loop="asyncio",
-            http=self._connection,
+            http=self._protocol,
             ws="websockets-sansio",
-            ws_max_size=MOST_TOLD,
+            ws_max_size=MAX_WEBSOCKET_MESSAGE,
             lifespan="off",
             log_config=None,
-            log_level="error",  # a client that talks nonsense is no news for the operator
+            log_level="error",  # malformed requests do not concern the operator
             access_log=False,
             server_header=False,
             proxy_headers=False,
         )
-        logging.getLogger("uvicorn.error").addFilter(_is_news)
-        self._server = _Server(config)
+        logging.getLogger("uvicorn.error").addFilter(_is_relevant)
+        self._server = _EmbeddedServer(config)
         self._thread = threading.Thread(
             target=self._server.run, kwargs={"sockets": [listener]}, name="service", daemon=True
         )
@@ -169,17 +170,17 @@ class ServiceServer:
         while not self._server.started:
             if not self._thread.is_alive() or time.monotonic() > deadline:
                 self.close()
-                raise ServiceError(f"the service at {self.url} did not come up; the log tells why")
+                raise ServiceError(f"the service at {self.url} did not start within {START_DEADLINE:g} s; see the log")
             time.sleep(0.005)
 
     def close(self, deadline: float = 3.0) -> None:
-        """Stop listening, let answers under way finish, and return within about ``deadline`` s; again does nothing."""
+        """Stop listening, finish responses in progress, and return within about ``deadline`` s; idempotent."""
         server, thread = self._server, self._thread
         if server is None or thread is None:
             return
-        end = getattr(self._app, "end", None)
-        if callable(end):  # an application whose answers may have no end of their own
-            end()
+        close_streams = getattr(self._app, "close_streams", None)
+        if callable(close_streams):  # an application with endless responses
+            close_streams()
         server.should_exit = True
         thread.join(deadline)
         if thread.is_alive():
@@ -188,14 +189,14 @@ class ServiceServer:
         self._server = self._thread = None
 
 
-def _is_news(record: logging.LogRecord) -> bool:
-    """Say whether a record is for the operator: not that a socket was refused, or an answer given up at the end."""
-    is_given_up = record.exc_info is not None and isinstance(record.exc_info[1], asyncio.CancelledError)
-    return not is_given_up and "without completing handshake" not in record.getMessage()
+def _is_relevant(record: logging.LogRecord) -> bool:
+    """Return whether a record concerns the operator: not a refused socket or a response cancelled at shutdown."""
+    is_cancelled = record.exc_info is not None and isinstance(record.exc_info[1], asyncio.CancelledError)
+    return not is_cancelled and "without completing handshake" not in record.getMessage()
 
 
-class _Server(uvicorn.Server):
-    """uvicorn's server, which leaves signals to the program that it runs in."""
+class _EmbeddedServer(uvicorn.Server):
+    """uvicorn server that leaves signals to the surrounding program."""
 
     @contextlib.contextmanager
     def capture_signals(self) -> Iterator[None]:
@@ -204,8 +205,8 @@ class _Server(uvicorn.Server):
 
 def _listen(host: str, port: int) -> socket.socket:
     wanted = f"{host}:{port}"
-    if not 0 <= port <= MOST_PORT:  # getaddrinfo would take it modulo 65536
-        raise ServiceError(f"the service cannot listen at {wanted}: the port must lie between 0 and {MOST_PORT}")
+    if not 0 <= port <= MAX_PORT:  # getaddrinfo takes ports modulo 65536
+        raise ServiceError(f"the service cannot listen at {wanted}: the port must lie between 0 and {MAX_PORT}")
     try:
         family, _, _, _, address = socket.getaddrinfo(
             host or None, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
@@ -215,6 +216,6 @@ def _listen(host: str, port: int) -> socket.socket:
         raise ServiceError(
             f"the service cannot listen at {wanted}: {error.strerror or error}; port 0 takes a free one"
         ) from error
-    # Connections inherit it; asyncio sets it only where the listener names TCP. Without it an answer takes 40 ms.
+    # Connections inherit it; asyncio sets it only if the listener names TCP. Without it a response takes 40 ms.
     listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
     return listener

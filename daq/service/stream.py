@@ -1,7 +1,4 @@
-"""One look at the live run for all who follow it; who is slow loses the oldest, and holds up nobody.
-
-The run under way, as all addresses see it.
-"""
+"""The current run's updates, and their broadcast to any number of clients."""
 
 import asyncio
 import threading
@@ -16,107 +13,111 @@ from daq.session.live_update import LiveUpdate
 
 
 class LiveFeed(Protocol):
-    """The run that is under way."""
+    """Source of the current run's latest update."""
 
     def latest(self) -> LiveUpdate | None:
-        """Return its latest moment at once; None where there is no run."""
+        """Return the latest update without waiting; None if there is no run."""
         ...
 
 
 def require_ended(live: LiveFeed, run: str) -> None:
-    """Raise ProblemError where a run, by its id, is the one that is under way."""
-    frame = live.latest()
-    if frame is not None and frame.header.run == run and frame.status.state.is_under_way:
-        raise ProblemError(ProblemType.RUN_UNDER_WAY, f"run {run} is still {frame.status.state.value}")
+    """Raise ProblemError if the run with this id is still in progress."""
+    update = live.latest()
+    if update is not None and update.header.run == run and update.status.state.is_under_way:
+        raise ProblemError(ProblemType.RUN_UNDER_WAY, f"run {run} is still {update.status.state.value}")
 
 
-INTERVAL = 0.1  # s
-MOST_CLIENTS = 64
-MOST_WAITING = 4  # moments that wait for a client
-SILENCE = 15.0  # s without a moment before a client is told that the service is still there
+POLL_INTERVAL = 0.1  # s
+MAX_CLIENTS = 64
+MAX_QUEUED_UPDATES = 4  # per client
+KEEP_ALIVE_INTERVAL = 15.0  # s without an update until a comment shows that the service is alive
 
 
 class LiveBroadcaster:
-    """Follows the live run as long as anybody listens; lives on one event loop, but may be ended from any thread.
+    """Polls the live run while clients listen, and sends each change to all of them.
+
+    A slow client loses its oldest updates and delays no other. One event loop runs it; any thread may close it.
 
     Parameters
     ----------
     live : LiveFeed
-        The run under way.
-    told : callable
-        Returns what is told of a moment of it.
+        The current run.
+    schema_of : callable
+        Converts an update to the schema that is sent.
     interval : float
-        s between two looks.
+        Polling interval, s.
     """
 
-    def __init__(self, live: LiveFeed, told: Callable[[LiveUpdate], Schema], interval: float = INTERVAL) -> None:
+    def __init__(
+        self, live: LiveFeed, schema_of: Callable[[LiveUpdate], Schema], interval: float = POLL_INTERVAL
+    ) -> None:
         self._live = live
-        self._told = told
+        self._schema_of = schema_of
         self._interval = interval
         self._clients: set[asyncio.Queue[str | None]] = set()
-        self._following: asyncio.Task[None] | None = None
-        self._ended = threading.Event()
-        self._last: LiveUpdate | None = None
-        self._text = "null"
+        self._task: asyncio.Task[None] | None = None
+        self._closed = threading.Event()
+        self._last_update: LiveUpdate | None = None
+        self._last_text = "null"
 
-    async def moments(self) -> AsyncIterator[str]:
-        """Yield what is told, JSON, at once and whenever it changes; ``null`` where there is no run.
+    async def updates(self) -> AsyncIterator[str]:
+        """Yield the current update as JSON, then each change; ``null`` if there is no run.
 
-        An empty text says that the service is still there. ProblemError (busy) where too many listen already.
+        An empty text is a keep-alive. Raises ProblemError (busy) if there are too many clients.
         """
-        self.require_room()
-        waiting: asyncio.Queue[str | None] = asyncio.Queue(MOST_WAITING)
-        self._clients.add(waiting)
+        self.require_capacity()
+        queue: asyncio.Queue[str | None] = asyncio.Queue(MAX_QUEUED_UPDATES)
+        self._clients.add(queue)
         try:
-            if self._following is None or self._following.done():
-                self._look()
-                self._following = asyncio.get_running_loop().create_task(self._follow())
-            yield self._text
+            if self._task is None or self._task.done():
+                self._poll()
+                self._task = asyncio.get_running_loop().create_task(self._run())
+            yield self._last_text
             while True:
                 try:
-                    text = await asyncio.wait_for(waiting.get(), SILENCE)
+                    text = await asyncio.wait_for(queue.get(), KEEP_ALIVE_INTERVAL)
                 except TimeoutError:
                     text = ""
                 if text is None:
                     return
                 yield text
         finally:
-            self._clients.discard(waiting)
+            self._clients.discard(queue)
 
-    def require_room(self) -> None:
-        """Raise ProblemError (busy) where too many listen already."""
-        if len(self._clients) >= MOST_CLIENTS or self._ended.is_set():
+    def require_capacity(self) -> None:
+        """Raise ProblemError (busy) if there are too many clients."""
+        if len(self._clients) >= MAX_CLIENTS or self._closed.is_set():
             raise ProblemError(ProblemType.BUSY, f"{len(self._clients)} clients follow the live run already")
 
-    def end(self) -> None:
-        """Let all who listen go."""
-        self._ended.set()
+    def close(self) -> None:
+        """End the updates of all clients."""
+        self._closed.set()
 
-    async def _follow(self) -> None:
-        while self._clients and not self._ended.is_set():
+    async def _run(self) -> None:
+        while self._clients and not self._closed.is_set():
             await asyncio.sleep(self._interval)
-            if self._look():
-                for waiting in self._clients:
-                    _put(waiting, self._text)
-        for waiting in self._clients:
-            _put(waiting, None)
+            if self._poll():
+                for queue in self._clients:
+                    _put_latest(queue, self._last_text)
+        for queue in self._clients:
+            _put_latest(queue, None)
 
-    def _look(self) -> bool:
-        """Look at the run; return whether there is something else to tell."""
-        frame, before, text = self._live.latest(), self._last, self._text
-        self._last = frame
-        if frame is None or before is None:
-            is_same = frame is before
+    def _poll(self) -> bool:
+        """Read the latest update; return whether the text to send has changed."""
+        update, before, text = self._live.latest(), self._last_update, self._last_text
+        self._last_update = update
+        if update is None or before is None:
+            is_same = update is before
         else:
-            is_same = frame.snapshot is before.snapshot and frame.status == before.status
+            is_same = update.snapshot is before.snapshot and update.status == before.status
         if not is_same:
-            self._text = "null" if frame is None else self._told(frame).model_dump_json()
-        return self._text != text
+            self._last_text = "null" if update is None else self._schema_of(update).model_dump_json()
+        return self._last_text != text
 
 
-def _put(waiting: asyncio.Queue[str | None], text: str | None) -> None:
-    """Put a moment where a client waits for it, in place of the oldest where there is no room."""
-    if waiting.full():
+def _put_latest(queue: asyncio.Queue[str | None], text: str | None) -> None:
+    """Put a text into a client's queue; a full queue loses its oldest text."""
+    if queue.full():
         with suppress(asyncio.QueueEmpty):
-            waiting.get_nowait()
-    waiting.put_nowait(text)
+            queue.get_nowait()
+    queue.put_nowait(text)

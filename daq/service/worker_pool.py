@@ -100,7 +100,7 @@ class WorkerProcess:
             watch.cancel()
         return message
 
-    def end(self) -> None:
+    def cancel(self) -> None:
         """Give up what is under way; nothing is begun any more."""
         self._ending.set()
 
@@ -177,7 +177,7 @@ class WorkerPool:
     def close(self) -> None:
         """Give up what is under way and end them all."""
         for process in self._all:
-            process.end()
+            process.cancel()
         ended = self._returned(len(self._all))
         for process in self._all:
             if process not in ended:  # it stands still in the midst of a message

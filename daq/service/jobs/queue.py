@@ -214,21 +214,21 @@ class JobQueue:
             job = self.job(job_id)
             del self._jobs[job_id]
             if self._running == job_id:
-                self._process.end()
+                self._process.cancel()
             else:
                 self._discard(job_id)
         return job.cancelled()
 
-    def end(self) -> None:
+    def stop(self) -> None:
         """Give up what is under way; nothing is begun any more."""
         with self._changed:
             self._is_ended = True
-            self._process.end()
+            self._process.cancel()
             self._changed.notify_all()
 
     def close(self) -> None:
         """Give up what is under way, wait for its end, and leave no result behind."""
-        self.end()
+        self.stop()
         if self._thread is not None:
             self._thread.join(JOIN_TIMEOUT)
             self._process.kill()  # where it stands still; else it has ended
@@ -280,7 +280,7 @@ class JobQueue:
             self._keep(job.id, state=JobState.FAILED, ended=time.time(), fault=str(error))
         except Exception as error:  # whatever it is, the next job must be done all the same
             logger.exception("job %s (%s) failed", job.id, job.task.description)
-            fault = f"{type(error).__name__}; the service's log tells more"
+            fault = f"{type(error).__name__}; see the service's log"
             self._keep(job.id, state=JobState.FAILED, ended=time.time(), fault=fault)
         else:
             self._keep(job.id, state=JobState.DONE, ended=time.time(), progress=Progress("done", 1.0), result=target)

@@ -19,9 +19,9 @@ from daq.reports.parameters import (
     RecordedWaterfallQuery,
 )
 from daq.reports.registry import KINDS, AnalysisKind
-from daq.service.problem_types import READING, ProblemType
+from daq.service.problem_types import RUN_READ_PROBLEMS, ProblemType
 from daq.service.problems import ProblemError
-from daq.service.responses import NOT_MODIFIED, best_type
+from daq.service.responses import NOT_MODIFIED, preferred_media_type
 from daq.service.routing import Routing, RunId
 
 PLOT_TYPES: Final = {"svg": "image/svg+xml", "png": "image/png"}
@@ -57,10 +57,10 @@ def add_plots(routing: Routing, answer: PlotAnswer) -> None:
                 f"plot_run_{what.replace('-', '_')}_{form}",
                 "results",
                 f"{meaning}, drawn as {form.upper()}",
-                *READING,
+                *RUN_READ_PROBLEMS,
                 ProblemType.NO_DATA,
                 *((ProblemType.NOT_ACCEPTABLE,) if form == "png" else ()),
-                answers={200: {"content": {media_type: {"schema": CONTENT[form]}}}, **NOT_MODIFIED},
+                responses={200: {"content": {media_type: {"schema": CONTENT[form]}}}, **NOT_MODIFIED},
             )
 
 
@@ -133,19 +133,19 @@ def add_analyses(routing: Routing, answer: Answer) -> None:
             f"analyse_run_{name.replace('-', '_')}",
             "analyses",
             kind.title,
-            *READING,
+            *RUN_READ_PROBLEMS,
             ProblemType.NO_DATA,
             ProblemType.INSUFFICIENT_DATA,
             ProblemType.RESPONSE_TOO_LARGE,
             ProblemType.NOT_ACCEPTABLE,
             model=AnalysisSchema,
-            answers={200: {"content": FORMS}, **NOT_MODIFIED},
+            responses={200: {"content": FORMS}, **NOT_MODIFIED},
         )
 
 
 def _endpoint(answer: Answer, name: str, question: type[AnalysisQuery]) -> Endpoint:
     async def analyse(request: Request, run: RunId, query: Annotated[AnalysisQuery, Query()]) -> Response:
-        form = query.format or best_type(request.headers.get("accept"), FORM_TYPES)
+        form = query.format or preferred_media_type(request.headers.get("accept"), FORM_TYPES)
         if form is None:
             raise ProblemError(ProblemType.NOT_ACCEPTABLE, f"expected one of {', '.join(FORM_TYPES)}")
         return await answer(request, run, f"analyses/{name}.{form}", query)

@@ -13,7 +13,7 @@ from daq.schemas.snapshot import LiveCurvesSchema, live_curves_schema
 from daq.schemas.summary import SummarySchema
 from daq.service.problem_types import ProblemType
 from daq.service.problems import ProblemError
-from daq.service.responses import NOT_MODIFIED, document_tag, is_known
+from daq.service.responses import NOT_MODIFIED, matches_etag, strong_etag
 from daq.service.routes.run_query import RunQuery
 from daq.service.routing import BoundedThreadPool, Routing, RunId
 from daq.service.schemas.health import HealthSchema, health_schema
@@ -85,7 +85,7 @@ class CatalogueRoutes:
             ProblemType.RUN_NOT_FOUND,
             *listing,
             model=RunSchema,
-            answers=NOT_MODIFIED,
+            responses=NOT_MODIFIED,
         )
         routing.add(
             "/runs/{run}/summary",
@@ -126,8 +126,8 @@ class CatalogueRoutes:
     async def run(self, request: Request, run: RunId) -> Response:
         """Answers from the recording's header and end alone, in milliseconds."""
         document = run_schema(await self._lookup_threads.run(partial(self._catalogue.run, run)))
-        headers = {"ETag": document_tag(document), "Cache-Control": "private, no-cache"}
-        if is_known(request.headers.get("if-none-match"), headers["ETag"]):
+        headers = {"ETag": strong_etag(document), "Cache-Control": "private, no-cache"}
+        if matches_etag(request.headers.get("if-none-match"), headers["ETag"]):
             return Response(status_code=304, headers=headers)
         return Response(document.model_dump_json(), headers=headers, media_type="application/json")
 

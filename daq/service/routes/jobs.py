@@ -19,24 +19,24 @@ from daq.service.jobs.studies import study_task
 from daq.service.jobs.tasks import header_of, index_task, run_task
 from daq.service.problem_types import ProblemType
 from daq.service.problems import ProblemError
-from daq.service.responses import NOT_MODIFIED, OCTETS, file_answer
+from daq.service.responses import NOT_MODIFIED, OCTET_STREAM, file_response
 from daq.service.routes.analyses import CONTENT, PLOT_TYPES
-from daq.service.routing import EVENTS, PREFIX, BoundedThreadPool, Routing, event_stream
+from daq.service.routing import API_PREFIX, EVENT_STREAM, BoundedThreadPool, Routing, event_stream
 from daq.service.schemas.importing import ImportRequest, RigFromRun, RigFromToml
 from daq.service.stream import LiveFeed, require_ended
 from daq.service.uploads import UploadNotFoundError, UploadStore
 from recordings.catalogue.catalogue import RunEntry
 
 LOOK: Final = 0.2  # s between two looks at a job that is followed
-SILENCE: Final = 15.0  # s without news before a client is told that the service is still there
-MOST_FOLLOWERS: Final = 16
+KEEP_ALIVE_INTERVAL: Final = 15.0  # s without news before a client is told that the service is still there
+MAX_FOLLOWERS: Final = 16
 BINARY: Final = {"schema": {"type": "string", "format": "binary"}}
 JSON: Final = {"schema": {"type": "object"}}
 
 MEDIA_TYPES: Final = {"json": "application/json", **PLOT_TYPES}
 RESULTS: Final = {
     "application/json": JSON,
-    OCTETS: BINARY,
+    OCTET_STREAM: BINARY,
     **{media_type: {"schema": CONTENT[form]} for form, media_type in PLOT_TYPES.items()},
 }
 
@@ -113,7 +113,7 @@ class JobRoutes:
             "jobs",
             "A job, whenever it changes",
             *known,
-            answers=event_stream("job"),
+            responses=event_stream("job"),
         )
         routing.add(
             "/jobs/{job}/result",
@@ -125,14 +125,14 @@ class JobRoutes:
             ProblemType.NO_RESULT,
             ProblemType.RANGE_NOT_SATISFIABLE,
             ProblemType.STORAGE_UNAVAILABLE,
-            answers={
+            responses={
                 200: {"description": "The result", "content": RESULTS},
-                206: {"description": "The stretch that `Range` asks for", "content": {OCTETS: BINARY}},
+                206: {"description": "The stretch that `Range` asks for", "content": {OCTET_STREAM: BINARY}},
                 **NOT_MODIFIED,
             },
         )
 
-    def end(self) -> None:
+    def close_streams(self) -> None:
         """Let all who follow jobs go."""
         self._ended.set()
 
@@ -147,7 +147,7 @@ class JobRoutes:
             job = await self._lookup_threads.run(partial(self._jobs.begin, task))
         except JobQueueFullError as error:
             raise ProblemError(ProblemType.TOO_MANY_JOBS, str(error)) from error
-        response.headers["Location"] = f"{PREFIX}/jobs/{job.id}"
+        response.headers["Location"] = f"{API_PREFIX}/jobs/{job.id}"
         return job_schema(job)
 
     async def _task(self, order: JobRequest) -> Task:
@@ -202,9 +202,9 @@ class JobRoutes:
         known = await self._known(job)
         if known.result is None:
             raise ProblemError(ProblemType.NO_RESULT, known.fault or f"job {job} is {known.state.value}")
-        media_type = MEDIA_TYPES.get(known.result.suffix.removeprefix("."), OCTETS)
+        media_type = MEDIA_TYPES.get(known.result.suffix.removeprefix("."), OCTET_STREAM)
         try:
-            return await file_answer(request, known.result, media_type, tag=f'"{job}"')
+            return await file_response(request, known.result, media_type, etag=f'"{job}"')
         except OSError as error:
             raise ProblemError(ProblemType.STORAGE_UNAVAILABLE, f"job {job}: its result has gone") from error
 
@@ -212,10 +212,10 @@ class JobRoutes:
         """Send server-sent events of type `job` whose data is the document of the job; they end with the job."""
         known = await self._known(job)
         if request.scope.get("rig.head"):
-            return Response(media_type=EVENTS)
-        if self._followers >= MOST_FOLLOWERS or self._ended.is_set():
+            return Response(media_type=EVENT_STREAM)
+        if self._followers >= MAX_FOLLOWERS or self._ended.is_set():
             raise ProblemError(ProblemType.BUSY, f"{self._followers} clients follow jobs already")
-        return StreamingResponse(self._events(known), media_type=EVENTS, headers={"X-Accel-Buffering": "no"})
+        return StreamingResponse(self._events(known), media_type=EVENT_STREAM, headers={"X-Accel-Buffering": "no"})
 
     async def _events(self, job: Job) -> AsyncIterator[str]:
         self._followers += 1
@@ -229,7 +229,7 @@ class JobRoutes:
                 if job != before:
                     silent = 0.0
                     yield _event(job)
-                elif silent >= SILENCE:
+                elif silent >= KEEP_ALIVE_INTERVAL:
                     silent = 0.0
                     yield ": still here\n\n"
         finally:

@@ -20,7 +20,7 @@ from daq.schemas.snapshot import live_curves_schema
 from daq.schemas.units import utc_time
 from daq.service.problem_types import ProblemType
 from daq.service.problems import ProblemError, problem_response
-from daq.service.routing import EVENTS, BoundedThreadPool, Routing, event_stream
+from daq.service.routing import EVENT_STREAM, BoundedThreadPool, Routing, event_stream
 from daq.service.schemas.runs import StartedRunSchema, StartRequest, StoppingRunSchema, StopRequest
 from daq.service.stream import LiveBroadcaster, LiveFeed
 
@@ -189,7 +189,7 @@ class LiveStreamRoutes:
             "live",
             "The run under way, whenever it changes",
             ProblemType.BUSY,
-            answers=event_stream("live"),
+            responses=event_stream("live"),
         )
         routing.router.add_api_websocket_route("/live/socket", self._values.socket, name="live_run_socket")
         routing.add(
@@ -199,7 +199,7 @@ class LiveStreamRoutes:
             "live",
             "Orbit and order spectrum, whenever they change",
             ProblemType.BUSY,
-            answers=event_stream("curves"),
+            responses=event_stream("curves"),
         )
         routing.router.add_api_websocket_route("/live/curves/socket", self._curves.socket, name="live_curves_socket")
 
@@ -219,10 +219,10 @@ class LiveStreamRoutes:
         """
         return self._curves.events(request)
 
-    def end(self) -> None:
+    def close_streams(self) -> None:
         """Let all who follow go."""
-        self._values.end()
-        self._curves.end()
+        self._values.close()
+        self._curves.close()
 
 
 class _Followed:
@@ -239,24 +239,24 @@ class _Followed:
     def __init__(self, hub: LiveBroadcaster, name: str) -> None:
         self._hub = hub
         self._name = name
-        self.end = hub.end
+        self.close = hub.close
 
     def events(self, request: Request) -> Response:
         """Return the stream of events."""
-        self._hub.require_room()
+        self._hub.require_capacity()
         if request.scope.get("rig.head"):
-            return Response(media_type=EVENTS)
-        return StreamingResponse(self._events(), media_type=EVENTS, headers={"X-Accel-Buffering": "no"})
+            return Response(media_type=EVENT_STREAM)
+        return StreamingResponse(self._events(), media_type=EVENT_STREAM, headers={"X-Accel-Buffering": "no"})
 
     async def _events(self) -> AsyncIterator[str]:
         with suppress(ProblemError):  # the last place was taken in between: the stream ends, and the client comes again
-            async for text in self._hub.moments():
+            async for text in self._hub.updates():
                 yield f"event: {self._name}\ndata: {text}\n\n" if text else ": still here\n\n"
 
     async def socket(self, socket: WebSocket) -> None:
         """Send the live document as text whenever it changes."""
         try:
-            self._hub.require_room()
+            self._hub.require_capacity()
         except ProblemError as error:
             await socket.send_denial_response(problem_response(error.problem_type, error.detail, socket.url.path))
             return
@@ -272,7 +272,7 @@ class _Followed:
 
     async def _send(self, socket: WebSocket) -> None:
         with suppress(WebSocketDisconnect, ProblemError, RuntimeError):
-            async for text in self._hub.moments():
+            async for text in self._hub.updates():
                 if text:
                     await socket.send_text(text)
             await socket.close(1001)

@@ -10,9 +10,9 @@ from fastapi import Request, Response
 from daq.schemas.runs import RunSchema, run_schema
 from daq.service.problem_types import ProblemType
 from daq.service.problems import ProblemError
-from daq.service.responses import OCTETS, document_tag, is_meant
+from daq.service.responses import OCTET_STREAM, allows_change, strong_etag
 from daq.service.results_reader import ResultsReader
-from daq.service.routing import PREFIX, BoundedThreadPool, IfMatch, Routing, RunId
+from daq.service.routing import API_PREFIX, BoundedThreadPool, IfMatch, Routing, RunId
 from daq.service.schemas.runs import (
     AnnotationRequest,
     RestoreRequest,
@@ -27,7 +27,7 @@ from recordings.catalogue.trash import TrashedRun
 from recordings.errors import NotFoundError, RunExistsError
 
 MOST_BYTES: Final = 64 * 1024**3
-BINARY = {"content": {OCTETS: {"schema": {"type": "string", "format": "binary"}}}, "required": True}
+BINARY = {"content": {OCTET_STREAM: {"schema": {"type": "string", "format": "binary"}}}, "required": True}
 
 
 TrashName = Annotated[
@@ -156,7 +156,7 @@ class RunEditRoutes:
             document = run_schema(await self._edit_threads.run(changed))
         except ValueError as error:
             raise ProblemError(ProblemType.INVALID_PARAMETER, str(error)) from error
-        response.headers["ETag"] = document_tag(document)
+        response.headers["ETag"] = strong_etag(document)
         return document
 
     async def move_to_trash(self, run: RunId, if_match: IfMatch = None) -> TrashedRunSchema:
@@ -172,7 +172,7 @@ class RunEditRoutes:
 
     def _require_meant(self, run: str, if_match: str | None) -> None:
         """Raise ProblemError where a run is no longer what a change rests on."""
-        if if_match is not None and not is_meant(if_match, document_tag(run_schema(self._catalogue.run(run)))):
+        if if_match is not None and not allows_change(if_match, strong_etag(run_schema(self._catalogue.run(run)))):
             raise ProblemError(ProblemType.PRECONDITION_FAILED, f"run {run} has changed")
 
     async def trash(self) -> TrashSchema:
@@ -188,7 +188,7 @@ class RunEditRoutes:
             raise ProblemError(ProblemType.NOT_IN_TRASH, str(error)) from error
         except RunExistsError as error:
             raise ProblemError(ProblemType.RUN_EXISTS, str(error)) from error
-        response.headers["Location"] = f"{PREFIX}/runs/{entry.id}"
+        response.headers["Location"] = f"{API_PREFIX}/runs/{entry.id}"
         return run_schema(entry)
 
     async def arrive(self, request: Request, run: RunId, response: Response) -> RunSchema:
@@ -198,5 +198,5 @@ class RunEditRoutes:
         """
         place = self._catalogue.path_for(run)
         await self._incoming.take(request, place, self._results.require_sound)
-        response.headers["Location"] = f"{PREFIX}/runs/{run}"
+        response.headers["Location"] = f"{API_PREFIX}/runs/{run}"
         return run_schema(await self._edit_threads.run(partial(self._catalogue.run, run)))

@@ -30,9 +30,17 @@ from daq.schemas.results import (
 )
 from daq.schemas.snapshot import FullSpectrumSchema, OrbitSchema, OrderSpectrumSchema
 from daq.schemas.units import Schema
-from daq.service.problem_types import READING, ProblemType
+from daq.service.problem_types import RUN_READ_PROBLEMS, ProblemType
 from daq.service.problems import ProblemError
-from daq.service.responses import NOT_MODIFIED, OCTETS, accepts_gzip, best_type, entity_tag, file_answer, is_known
+from daq.service.responses import (
+    NOT_MODIFIED,
+    OCTET_STREAM,
+    accepts_gzip,
+    file_response,
+    matches_etag,
+    preferred_media_type,
+    weak_etag,
+)
 from daq.service.results_reader import ResultsReader
 from daq.service.routes.analyses import ARROW, NPZ, PLOT_TYPES, add_analyses, add_plots
 from daq.service.routing import BoundedThreadPool, Routing, RunId
@@ -93,9 +101,9 @@ class RunRoutes:
         for what, endpoint, meaning, model in results:
             name = f"get_run_{what.replace('-', '_')}"
             problem_types = (
-                READING
+                RUN_READ_PROBLEMS
                 if endpoint in {self.order_vectors, self.findings, self.trend}
-                else (*READING, ProblemType.NO_DATA)
+                else (*RUN_READ_PROBLEMS, ProblemType.NO_DATA)
             )
             routing.add(
                 f"/runs/{{run}}/{what}",
@@ -105,11 +113,11 @@ class RunRoutes:
                 meaning,
                 *problem_types,
                 model=model,
-                answers=NOT_MODIFIED,
+                responses=NOT_MODIFIED,
             )
         add_plots(routing, self._answer)
         add_analyses(routing, self._answer)
-        predicted = (*READING, ProblemType.NO_DATA, ProblemType.MODEL_NOT_READY)
+        predicted = (*RUN_READ_PROBLEMS, ProblemType.NO_DATA, ProblemType.MODEL_NOT_READY)
         routing.add(
             "/runs/{run}/prediction",
             self.prediction,
@@ -132,12 +140,12 @@ class RunRoutes:
             "get_run_samples",
             "results",
             "Samples of a stretch of time",
-            *READING,
+            *RUN_READ_PROBLEMS,
             ProblemType.NO_DATA,
             ProblemType.RESPONSE_TOO_LARGE,
             ProblemType.NOT_ACCEPTABLE,
             model=SamplesSchema,
-            answers={200: {"content": {NPZ: BINARY, ARROW: BINARY}}, **NOT_MODIFIED},
+            responses={200: {"content": {NPZ: BINARY, ARROW: BINARY}}, **NOT_MODIFIED},
         )
         routing.add(
             "/runs/{run}/file",
@@ -152,9 +160,9 @@ class RunRoutes:
             ProblemType.STORAGE_UNAVAILABLE,
             ProblemType.BUSY,
             ProblemType.RANGE_NOT_SATISFIABLE,
-            answers={
-                200: {"description": "The whole file, MCAP", "content": {OCTETS: BINARY}},
-                206: {"description": "The stretch that `Range` asks for", "content": {OCTETS: BINARY}},
+            responses={
+                200: {"description": "The whole file, MCAP", "content": {OCTET_STREAM: BINARY}},
+                206: {"description": "The stretch that `Range` asks for", "content": {OCTET_STREAM: BINARY}},
                 **NOT_MODIFIED,
             },
         )
@@ -211,16 +219,16 @@ class RunRoutes:
 
         The archive holds an array `channel:NAME` for each channel and a table `about` of names and values.
         """
-        form = query.format or best_type(request.headers.get("accept"), SAMPLE_TYPES)
+        form = query.format or preferred_media_type(request.headers.get("accept"), SAMPLE_TYPES)
         if form is None:
             raise ProblemError(ProblemType.NOT_ACCEPTABLE, f"expected one of {', '.join(SAMPLE_TYPES)}")
         form = SampleFormat(form)
         media_type = next(name for name, each in SAMPLE_TYPES.items() if each is form)
         packed = form is SampleFormat.JSON and accepts_gzip(request.headers.get("accept-encoding"))
         entry = await self._entry(run)
-        tag = entity_tag(entry, self._version, form.value, str(packed))
-        headers = {**_headers(tag, packed=packed), "Vary": "Accept, Accept-Encoding"}
-        if is_known(request.headers.get("if-none-match"), tag):
+        etag = weak_etag(entry, self._version, form.value, str(packed))
+        headers = {**_headers(etag, packed=packed), "Vary": "Accept, Accept-Encoding"}
+        if matches_etag(request.headers.get("if-none-match"), etag):
             return Response(status_code=304, headers=headers)
         body = await self._result_threads.run(partial(self._results.samples, entry, query, form, packed=packed))
         return Response(body, headers=headers, media_type=media_type)
@@ -229,7 +237,7 @@ class RunRoutes:
         """Send the recording, or with `Range` a stretch of it; `If-Range` makes sure that it is of the same file."""
         entry = await self._entry(run)
         try:
-            return await file_answer(request, entry.path, begins=MAGIC)
+            return await file_response(request, entry.path, magic=MAGIC)
         except FileNotFoundError as error:
             raise ProblemError(ProblemType.RUN_NOT_FOUND, f"run {run}: its file has gone") from error
         except OSError as error:
@@ -241,11 +249,11 @@ class RunRoutes:
         media_type = MEDIA_TYPES.get(what.rpartition(".")[2], "application/json")
         packed = media_type in TEXTS and accepts_gzip(request.headers.get("accept-encoding"))
         entry = await self._entry(run)
-        tag = entity_tag(entry, self._version, what, str(packed))
-        headers = _headers(tag, packed=packed)
+        etag = weak_etag(entry, self._version, what, str(packed))
+        headers = _headers(etag, packed=packed)
         if isinstance(query, AnalysisQuery):
             headers["Vary"] = "Accept, Accept-Encoding"
-        if is_known(request.headers.get("if-none-match"), tag):
+        if matches_etag(request.headers.get("if-none-match"), etag):
             return Response(status_code=304, headers=headers)
         body = await self._result_threads.run(partial(self._results.answer, entry, what, query, packed=packed))
         return Response(body, headers=headers, media_type=media_type)
@@ -256,6 +264,6 @@ class RunRoutes:
         return await self._lookup_threads.run(partial(self._catalogue.run, run))
 
 
-def _headers(tag: str, *, packed: bool) -> dict[str, str]:
+def _headers(etag: str, *, packed: bool) -> dict[str, str]:
     coding = {"Content-Encoding": "gzip"} if packed else {}
-    return {"ETag": tag, "Cache-Control": "private, no-cache", "Vary": "Accept-Encoding", **coding}
+    return {"ETag": etag, "Cache-Control": "private, no-cache", "Vary": "Accept-Encoding", **coding}

@@ -9,9 +9,9 @@ from fastapi import Path, Query, Request, Response
 from daq.reports.parameters import QueryParameters
 from daq.service.problem_types import ProblemType
 from daq.service.problems import ProblemError
-from daq.service.responses import OCTETS
+from daq.service.responses import OCTET_STREAM
 from daq.service.results_reader import ResultsReader
-from daq.service.routing import PREFIX, BoundedThreadPool, Routing
+from daq.service.routing import API_PREFIX, BoundedThreadPool, Routing
 from daq.service.schemas.uploads import (
     ColumnsSchema,
     UploadListSchema,
@@ -28,7 +28,7 @@ from daq.service.uploads import (
     UploadStoreFullError,
 )
 
-CONTENT: Final = {"content": {OCTETS: {"schema": {"type": "string", "format": "binary"}}}, "required": True}
+CONTENT: Final = {"content": {OCTET_STREAM: {"schema": {"type": "string", "format": "binary"}}}, "required": True}
 
 UploadId = Annotated[
     str, Path(description="Id of the upload, as /api/v1/uploads lists it", examples=["5d41402abc4b2a76"])
@@ -117,8 +117,8 @@ class UploadRoutes:
         Up to 2 GiB. Nothing is looked at yet, and nothing of its name reaches the disk but the suffix.
         """
         sent = request.headers.get("content-type", "")
-        if sent.partition(";")[0].strip().lower() != OCTETS:
-            raise ProblemError(ProblemType.UNSUPPORTED_MEDIA_TYPE, f"{sent or 'no type'!r}, expected {OCTETS}")
+        if sent.partition(";")[0].strip().lower() != OCTET_STREAM:
+            raise ProblemError(ProblemType.UNSUPPORTED_MEDIA_TYPE, f"{sent or 'no type'!r}, expected {OCTET_STREAM}")
         try:
             place = await self._lookup_threads.run(partial(self._uploads.place, query.name))
             size = await self._incoming.take(request, place)
@@ -127,7 +127,7 @@ class UploadRoutes:
             raise ProblemError(ProblemType.TOO_MANY_UPLOADS, str(error)) from error
         except ValueError as error:
             raise ProblemError(ProblemType.INVALID_PARAMETER, str(error)) from error
-        response.headers["Location"] = f"{PREFIX}/uploads/{upload.id}"
+        response.headers["Location"] = f"{API_PREFIX}/uploads/{upload.id}"
         return upload_schema(upload)
 
     async def all(self) -> UploadListSchema:

@@ -193,7 +193,7 @@ def test_page_follows_the_run_by_socket_or_by_asking_whichever_is_let_through(re
     try:
         page = seen(server.url, tmp_path)
     finally:
-        app.end()
+        app.close_streams()
         server.close()
     assert 'data-state="recording"' in page
     assert text_of(page, "speed") == "12,005"
@@ -222,7 +222,7 @@ def test_page_is_told_of_the_picture_and_does_not_ask_for_it(tmp_path: Path) -> 
     try:
         page = seen(server.url, tmp_path)
     finally:
-        app.end()
+        app.close_streams()
         server.close()
     assert 'class="picture"' in page
     assert counting.asked.count("websocket /api/v1/live/curves/socket") == 1

@@ -9,7 +9,7 @@ import pytest
 
 from daq.errors import ServiceError
 from daq.schemas.summary import SummarySchema
-from daq.service.access import host_name, is_loopback
+from daq.service.access import host_without_port, is_loopback
 from daq.service.app import create_app
 from daq.service.pages import PUBLIC_PATHS
 from daq.service.problem_types import ProblemSchema
@@ -179,4 +179,4 @@ def test_address_that_others_reach_is_not_taken_for_loopback(host: str) -> None:
     [("LocalHost:80", "localhost"), ("[::1]:80", "[::1]"), ("[::1", ""), ("", ""), ("10.0.0.1", "10.0.0.1")],
 )
 def test_host_name_is_read_without_its_port(header: str, name: str) -> None:
-    assert host_name(header) == name
+    assert host_without_port(header) == name

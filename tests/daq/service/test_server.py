@@ -15,7 +15,7 @@ from starlette.types import Receive, Scope, Send
 from daq.errors import ServiceError
 from daq.service.problem_types import ProblemSchema
 from daq.service.problems import UnhandledErrorMiddleware
-from daq.service.server import Connection, ServiceServer
+from daq.service.server import LimitedHttpProtocol, ServiceServer
 
 
 class Hello:
@@ -165,16 +165,16 @@ def test_answer_that_breaks_off_after_it_began_is_not_passed_off_as_whole() -> N
     server.close()
 
 
-class Hasty(Connection):
+class Hasty(LimitedHttpProtocol):
     """A connection of a server for few and quick clients."""
 
-    most = 3
-    patience = 0.3
+    max_connections = 3
+    request_timeout = 0.3
 
 
 @pytest.fixture
 def hasty() -> Iterator[ServiceServer]:
-    server = ServiceServer(Hello(), connection=Hasty)
+    server = ServiceServer(Hello(), protocol=Hasty)
     server.start()
     yield server
     server.close()
@@ -219,7 +219,7 @@ def test_client_that_sends_letter_by_letter_is_let_go(hasty: ServiceServer) -> N
 
 
 def test_client_too_many_is_asked_to_come_again_and_finds_room_later(hasty: ServiceServer) -> None:
-    idle = [sends(hasty, b"") for _ in range(Hasty.most)]
+    idle = [sends(hasty, b"") for _ in range(Hasty.max_connections)]
     refused = left(sends(hasty, b""))
     assert refused.startswith(b"HTTP/1.1 503 Service Unavailable\r\n")
     problem = ProblemSchema.model_validate_json(refused.partition(b"\r\n\r\n")[2])

@@ -272,12 +272,15 @@ def test_job_about_the_run_under_way_is_refused(bench: RecordedBench) -> None:
 
 def test_order_that_is_too_large_or_hides_its_size_is_refused_unread(bench: RecordedBench) -> None:
     json_type = {"Content-Type": "application/json"}
-    portions = (b" " for _ in range(3))
+    file_chunks = (b" " for _ in range(3))
     assert problem(bench.client.post(f"{API}/jobs", content=b" " * 2**21, headers=json_type)) == (
         413,
         "content-too-large",
     )
-    assert problem(bench.client.post(f"{API}/jobs", content=portions, headers=json_type)) == (413, "content-too-large")
+    assert problem(bench.client.post(f"{API}/jobs", content=file_chunks, headers=json_type)) == (
+        413,
+        "content-too-large",
+    )
     assert bench.client.get(f"{API}/jobs").status_code == 200
 
 

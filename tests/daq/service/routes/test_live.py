@@ -15,7 +15,7 @@ from websockets.typing import Origin, Subprotocol
 
 from analysis.signals.header import Severity
 from daq.schemas.live import LiveSchema
-from daq.service.stream import MOST_CLIENTS, MOST_WAITING
+from daq.service.stream import MAX_CLIENTS, MAX_QUEUED_UPDATES
 from tests.daq.support.live_updates import make_live_updates, with_alarm, with_further_alarms
 from tests.daq.support.recorded_bench import API, RecordedBench, open_recorded_bench
 
@@ -77,7 +77,7 @@ def test_picture_is_told_by_events_and_socket_when_it_changes(bench: RecordedBen
         first = json.loads(socket.recv(60.0))
         assert first == bench.client.get(f"{API}/live/curves").json()
         assert [next(lines), json.loads(next(lines).removeprefix("data: ")), next(lines)] == [
-            "event: picture",
+            "event: curves",
             first,
             "",
         ]
@@ -98,12 +98,12 @@ def test_client_that_does_not_read_holds_up_nobody_and_loses_the_oldest(bench: R
             bench.live.frame = frame
             assert json.loads(quick.recv(60.0))["status"]["elapsed_s"] == pytest.approx(frame.status.elapsed)
         assert bench.client.get(f"{API}/live", timeout=60.0).status_code == 200
-    assert len(FRAMES) > MOST_WAITING
+    assert len(FRAMES) > MAX_QUEUED_UPDATES
 
 
 def test_one_client_too_many_is_asked_to_come_again(bench: RecordedBench) -> None:
     with ExitStack() as open_sockets:
-        for _ in range(MOST_CLIENTS):
+        for _ in range(MAX_CLIENTS):
             open_sockets.enter_context(connect(address(bench))).recv(60.0)
         with pytest.raises(InvalidStatus) as refused:
             open_sockets.enter_context(connect(address(bench)))

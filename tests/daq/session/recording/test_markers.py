@@ -144,4 +144,4 @@ def test_mark_without_a_recording_says_what_is_missing(capsys: pytest.CaptureFix
         assert main(["mark", "--port", port]) == 2
     finally:
         bench.close()
-    assert f"127.0.0.1:{port}: there is nothing at" in capsys.readouterr().err  # it serves recorded runs alone
+    assert f"127.0.0.1:{port}: no route at" in capsys.readouterr().err  # it serves recorded runs alone
