@@ -1,13 +1,13 @@
-"""The errors of the live side; each knows the exit code of the command that meets it.
+"""The exceptions of daq, each with the exit code of the command that it ends.
 
     RigError
-    ├── ConfigError         rig.toml or a file it names is wrong: every fault in one go          exit 2
-    ├── UsageError          the command was asked for something that does not exist              exit 2
+    ├── ConfigError         rig.toml or a file that it names is wrong; lists all errors          exit 2
+    ├── UsageError          the command names something that does not exist                      exit 2
     ├── DeviceError         the device is missing, busy, too old, or failed                      exit 3
-    ├── ServiceError        an address is taken, the page cannot be served                       exit 2
-    └── StoppedError        somebody stopped it before anything was recorded                     exit 130
+    ├── ServiceError        the service cannot start, for example because its port is in use     exit 2
+    └── StoppedError        the operator stopped the command before it recorded anything         exit 130
 
-Samples lost in a run are no exception but a fact of the run: `SegmentEnd` (exit 5, file kept).
+Lost samples raise no exception: the end of the segment records them (`SegmentEnd`, exit 5), and the file is complete.
 """
 
 from enum import StrEnum
@@ -15,20 +15,20 @@ from typing import Self
 
 
 class RigError(Exception):
-    """Anything the operator is told in one clear message."""
+    """Base class: an error reported to the operator as one message, without a traceback."""
 
     exit_code = 1
 
 
 class ConfigError(RigError):
-    """The configuration is wrong.
+    """A configuration file is wrong.
 
     Parameters
     ----------
     file : str
-        The file that is wrong.
-    faults : sequence of str
-        Every fault found, each with key, value and what was expected.
+        The file.
+    faults : list of str
+        All errors found, each with key, value and what was expected.
     """
 
     exit_code = 2
@@ -37,38 +37,38 @@ class ConfigError(RigError):
         self.file = file
         self.faults = faults
         lines = "\n".join(f"  {fault}" for fault in faults)
-        super().__init__(f"{file}: {len(faults)} {'fault' if len(faults) == 1 else 'faults'}\n{lines}")
+        super().__init__(f"{file}: {len(faults)} {'error' if len(faults) == 1 else 'errors'}\n{lines}")
 
     def __reduce__(self) -> tuple[type[Self], tuple[str, list[str]]]:
-        """Return what makes it anew in another process."""
+        """Return the class and its arguments, so that the error can be pickled to another process."""
         return type(self), (self.file, self.faults)
 
 
 class UsageError(RigError):
-    """The command or its arguments ask for something that does not exist."""
+    """A command or its arguments name something that does not exist."""
 
     exit_code = 2
 
 
 class ServiceError(RigError):
-    """The service cannot be offered."""
+    """The service cannot start."""
 
     exit_code = 2
 
 
 class StoppedError(RigError):
-    """Somebody asked for the end before the device was open."""
+    """A stop was requested before the device was open."""
 
     exit_code = 130
 
 
 class DeviceFault(StrEnum):
-    """What is wrong with a device."""
+    """Category of a device error."""
 
     MISSING = "missing"
     BUSY = "busy"
     DRIVER = "driver"
-    REJECTED = "rejected"  # it refused the settings
+    REJECTED = "rejected"  # the device refused the settings
     TIMEOUT = "timeout"
     OTHER = "other"
 
@@ -79,11 +79,11 @@ class DeviceError(RigError):
     Parameters
     ----------
     fault : DeviceFault
-        What kind of trouble it is.
+        Its category.
     message : str
-        The trouble in the words of the bench, and what to do.
+        What is wrong, and what to do.
     code : int
-        The driver's code; 0 where it gave none.
+        The driver's error code; 0 if it gave none.
     """
 
     exit_code = 3
@@ -95,5 +95,5 @@ class DeviceError(RigError):
         super().__init__(f"{message} (driver code {code})" if code else message)
 
     def __reduce__(self) -> tuple[type[Self], tuple[DeviceFault, str, int]]:
-        """Return what makes it anew in another process."""
+        """Return the class and its arguments, so that the error can be pickled to another process."""
         return type(self), (self.fault, self.message, self.code)

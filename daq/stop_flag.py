@@ -1,4 +1,4 @@
-"""The request for the end, which may come at any instant: from a thread, and from the handler of a signal."""
+"""Stop requests: a flag that threads and signal handlers may set at any time, and the signals that set it."""
 
 import signal
 import time
@@ -7,37 +7,37 @@ from contextlib import contextmanager
 from types import FrameType
 
 POLL_INTERVAL = 0.05
-"""So long, s, a request may go unnoticed by one who waits."""
+"""Longest delay, s, before a waiting thread notices the flag."""
 
 EXIT_INTERRUPTED = 130
-"""Exit code of what was stopped by hand."""
+"""Exit code of a command that the operator stopped."""
 
 _NAMES = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")  # SIGHUP: POSIX only; SIGBREAK: Windows only
 
 
 class StopFlag:
-    """Whether the end has been asked for.
+    """A request to stop.
 
     Notes
     -----
-    A `threading.Event` takes a lock in `set` and in `wait`. A handler runs in the thread that it interrupts: one that
-    sets the event for which its own thread waits may find the lock taken for ever. This is a plain flag instead, and
-    who waits for it looks again and again.
+    This is a plain flag, polled by waiting threads, not a `threading.Event`: an event takes a lock in `set` and in
+    `wait`. A signal handler runs in the thread that it interrupts. If that thread waits for the event and the handler
+    sets it, the lock may already be taken, and the thread hangs for ever.
     """
 
     def __init__(self) -> None:
-        self._asked = False
+        self._is_set = False
 
     def set(self) -> None:
-        """Ask for the end."""
-        self._asked = True
+        """Request the stop."""
+        self._is_set = True
 
     def is_set(self) -> bool:
-        """Return whether the end has been asked for."""
-        return self._asked
+        """Return whether the stop has been requested."""
+        return self._is_set
 
     def wait(self, timeout: float) -> bool:
-        """Wait up to `timeout` s, shorter where the end is asked for; return whether it has been."""
+        """Wait up to `timeout` s for a stop request; return whether there is one."""
         due = time.monotonic() + timeout
         while not self.is_set() and (left := due - time.monotonic()) > 0:
             time.sleep(min(left, POLL_INTERVAL))
@@ -45,20 +45,20 @@ class StopFlag:
 
 
 def stop_signals() -> list[signal.Signals]:
-    """Return the signals that ask for the end; not SIGHUP where the command was begun with nohup."""
+    """Return the signals that request a stop; without SIGHUP if the command was started with nohup."""
     known = [getattr(signal, name) for name in _NAMES if hasattr(signal, name)]
     return [number for number in known if number.name != "SIGHUP" or signal.getsignal(number) != signal.SIG_IGN]
 
 
 @contextmanager
 def stop_on_signals() -> Iterator[StopFlag]:
-    """Give a flag that is set when the operator or the system asks for the end."""
+    """Yield a flag that the stop signals set; restore the previous handlers at the end."""
     flag = StopFlag()
 
-    def ask(_number: int, _frame: FrameType | None) -> None:
+    def set_flag(_number: int, _frame: FrameType | None) -> None:
         flag.set()
 
-    before = {number: signal.signal(number, ask) for number in stop_signals()}
+    before = {number: signal.signal(number, set_flag) for number in stop_signals()}
     try:
         yield flag
     finally:

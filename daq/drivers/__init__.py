@@ -1,1 +1,1 @@
-"""Sources of sample blocks: the real card, the simulated rig and the replay of a recording."""
+"""Sources of sample blocks: the NI card, the simulated rig and the replay of a recording."""

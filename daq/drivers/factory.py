@@ -1,4 +1,4 @@
-"""Which source a rig asks for, and what of it is recorded."""
+"""Opens the source that a rig names, and applies its trigger."""
 
 from daq.config.rig import Rig
 from daq.config.schema import Backend, TriggerSection, parse_condition
@@ -18,18 +18,18 @@ def open_source(rig: Rig) -> Source:
     Parameters
     ----------
     rig : Rig
-        A validated rig.
+        The rig.
 
     Raises
     ------
     DeviceError
-        The device, or the software that speaks to it, is missing, busy or refuses the settings.
+        The device or its driver is missing, busy or rejects the settings.
     """
     session = rig.config.session
     restarts = RestartLimiter(session.restarts_per_minute)
     if rig.config.device.backend is Backend.NIDAQMX:
         return ReconnectingSource(
-            lambda: open_ni_source(rig, restarts), restarts, retry=session.retry_s, patience=session.reconnect_s
+            lambda: open_ni_source(rig, restarts), restarts, retry_interval=session.retry_s, timeout=session.reconnect_s
         )
     try:
         card = SimulatedCard(rig)
@@ -45,20 +45,20 @@ def open_source(rig: Rig) -> Source:
     )
 
 
-def apply_trigger(source: Source, section: TriggerSection, watch: TriggerListener) -> Source:
-    """Return an opened source with the conditions from and up to which it is recorded, if there are any.
+def apply_trigger(source: Source, section: TriggerSection, listener: TriggerListener) -> Source:
+    """Return a source limited to the samples between start and stop condition, or unchanged without conditions.
 
     Parameters
     ----------
     source : Source
-        What is acquired.
+        The opened source.
     section : TriggerSection
-        The conditions, which have been found good.
-    watch : TriggerListener
-        Who is told what the trigger does.
+        The conditions.
+    listener : TriggerListener
+        Receives the trigger's events.
     """
     start, stop = parse_condition(section.start), parse_condition(section.stop)
     if start is None and stop is None:
         return source
     trigger = Trigger(start, stop, section.pre_s, section.hold_s, section.hold_off_s, section.events)
-    return TriggeredSource(source, trigger, watch)
+    return TriggeredSource(source, trigger, listener)

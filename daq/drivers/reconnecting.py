@@ -1,4 +1,4 @@
-"""A device that may go away and come back in the midst of a run."""
+"""A source that reconnects to its device during a run."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -10,28 +10,28 @@ from daq.drivers.source import RestartLimiter, Source
 from daq.errors import DeviceError, DeviceFault
 from daq.stop_flag import StopFlag
 
-BROKEN = frozenset({EndReason.UNPLUGGED, EndReason.DEVICE_ERROR})
-FINAL = frozenset({DeviceFault.BUSY, DeviceFault.REJECTED, DeviceFault.DRIVER})  # waiting does not help
+RECONNECT_REASONS = frozenset({EndReason.UNPLUGGED, EndReason.DEVICE_ERROR})
+PERMANENT_FAULTS = frozenset({DeviceFault.BUSY, DeviceFault.REJECTED, DeviceFault.DRIVER})  # waiting does not help
 
 
 class ReconnectingSource:
-    """A `Source` that opens its device anew when it went away, and goes on with the next segment.
+    """A `Source` that reopens its device after a disconnection and continues with the next segment.
 
-    A card that was unplugged or lost its supply, a device server that is gone or frozen: the segment ends with what is
-    known of the loss, and the device is opened again and again until it is back. Where it comes back as another, is
-    held by somebody else, refuses its settings or stays away for too long, the run ends with a segment without samples
-    that says so.
+    When the card is unplugged or loses its supply, or the device server disappears or freezes, the segment ends with
+    what is known of the loss, and the device is reopened until it is back. If another device comes back, or the device
+    is busy, rejects its settings or stays disconnected for too long, the run ends with an empty segment that states the
+    reason.
 
     Parameters
     ----------
     open_device : callable
-        Opens the device; DeviceError where it cannot be opened, which leaves nothing reserved.
+        Opens the device; raises DeviceError if that fails, leaving nothing reserved.
     restarts : RestartLimiter
-        How often a new segment may begin.
-    retry : float
+        Limits new segments after faults.
+    retry_interval : float
         Time between two attempts, s.
-    patience : float
-        How long the device may stay away, s; 0: it is not waited for.
+    timeout : float
+        How long the device may stay disconnected, s; 0 to end the run at once.
 
     Raises
     ------
@@ -40,23 +40,23 @@ class ReconnectingSource:
     """
 
     def __init__(
-        self, open_device: Callable[[], Source], restarts: RestartLimiter, *, retry: float, patience: float
+        self, open_device: Callable[[], Source], restarts: RestartLimiter, *, retry_interval: float, timeout: float
     ) -> None:
         self._open = open_device
         self._restarts = restarts
-        self._retry = retry
-        self._patience = patience
+        self._retry_interval = retry_interval
+        self._timeout = timeout
         self._stopping = StopFlag()
         self._device = open_device()
         self._acquisition = self._device.acquisition
 
     @property
     def acquisition(self) -> Acquisition:
-        """The acquisition as it really is, read back from the device."""
+        """The acquisition with its actual settings, read back from the device."""
         return self._acquisition
 
     def blocks(self) -> Iterator[SourceItem]:
-        """Start, and yield blocks and segment ends until stopped or finally failed."""
+        """Start, and yield blocks and segment ends until stopped or until reconnecting fails."""
         first = 0
         while True:
             base, goes_on = first, False
@@ -65,7 +65,7 @@ class ReconnectingSource:
                 if isinstance(numbered, SampleBlock):
                     yield numbered
                     continue
-                goes_on, numbered = self._judged(numbered)
+                goes_on, numbered = self._decide(numbered)
                 first = numbered.segment + 1
                 yield numbered
             self._device.close()
@@ -81,48 +81,48 @@ class ReconnectingSource:
                 return
 
     def stop(self) -> None:
-        """Ask for the end, from any thread."""
+        """Request the stop, from any thread."""
         self._stopping.set()
         self._device.stop()
 
     def close(self) -> None:
-        """Release the device; harmless when closed, from any thread."""
+        """Release the device, from any thread; may be called twice."""
         self._stopping.set()
         self._device.close()
 
-    def _judged(self, end: SegmentEnd) -> tuple[bool, SegmentEnd]:
-        """Return whether the device is to be opened anew after this end, and the end with what is to be said."""
-        if end.reason not in BROKEN or self._stopping.is_set() or self._patience == 0:
+    def _decide(self, end: SegmentEnd) -> tuple[bool, SegmentEnd]:
+        """Return whether to reconnect after this segment end, and the end with its final detail."""
+        if end.reason not in RECONNECT_REASONS or self._stopping.is_set() or self._timeout == 0:
             return False, end
-        return (True, end) if self._restarts.take() else (False, self._restarts.last(end))
+        return (True, end) if self._restarts.allow() else (False, self._restarts.with_reason(end))
 
     def _reconnect(self) -> DeviceError | None:
-        """Open the device again until it is there or the end was asked for; return why it stays away."""
-        deadline = time.monotonic() + self._patience
+        """Reopen the device until it is back or a stop is requested; return the error if it stays disconnected."""
+        deadline = time.monotonic() + self._timeout
         while not self._stopping.is_set():
-            self._stopping.wait(self._retry)
+            self._stopping.wait(self._retry_interval)
             if self._stopping.is_set():
                 return None
             try:
                 device = self._open()
             except DeviceError as error:
-                if error.fault in FINAL:
+                if error.fault in PERMANENT_FAULTS:
                     return error
                 if time.monotonic() >= deadline:
-                    text = f"the device did not come back within {self._patience:g} s (session.reconnect_s): {error}"
+                    text = f"the device did not come back within {self._timeout:g} s (session.reconnect_s): {error}"
                     return DeviceError(error.fault, text)
                 continue
             if device.acquisition != self._acquisition:
                 device.close()
-                return DeviceError(DeviceFault.OTHER, _another(device.acquisition, self._acquisition))
+                return DeviceError(DeviceFault.OTHER, _other_device(device.acquisition, self._acquisition))
             self._device = device
             return None
         return None
 
 
-def _another(new: Acquisition, old: Acquisition) -> str:
-    """Say that what came back cannot be recorded under the run's header."""
+def _other_device(new: Acquisition, old: Acquisition) -> str:
+    """Return the message that the reconnected device does not match the run's header."""
     if (new.device.product, new.device.serial) != (old.device.product, old.device.serial):
-        came, was = (f"{device.product} {device.serial}" for device in (new.device, old.device))
-        return f"another card came back, {came} in place of {was}: begin a new run"
-    return "the card came back with other scaling, rate or driver: begin a new run"
+        found, expected = (f"{device.product} {device.serial}" for device in (new.device, old.device))
+        return f"another card was connected, {found} instead of {expected}: start a new run"
+    return "the card was reconnected with another scaling, rate or driver: start a new run"

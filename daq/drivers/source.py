@@ -1,7 +1,4 @@
-"""The seam between whatever delivers samples and whatever takes them.
-
-How often a run may begin anew after a fault.
-"""
+"""The interface of all sample sources, and the limit on new segments after faults."""
 
 import time
 from collections import deque
@@ -9,21 +6,21 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import Protocol
 
-from analysis.signals.blocks import SampleBlock, SegmentEnd, SourceItem
+from analysis.signals.blocks import SegmentEnd, SourceItem
 from analysis.signals.header import Acquisition
 
 
 class Source(Protocol):
     """A device, a simulated rig or a recording, opened and ready to deliver blocks.
 
-    A source is opened by its constructor or `open_source`, which raise `DeviceError` (and leave nothing reserved).
-    `blocks` may be iterated once. Every segment's blocks are followed by its `SegmentEnd`; a fault of the device in the
-    midst of a run is such an end, not an exception.
+    Its constructor or `open_source` opens it and raises `DeviceError`, leaving nothing reserved, if that fails.
+    `blocks` may be called once. A `SegmentEnd` follows the blocks of every segment. A fault of the device during the
+    run is such an end, not an exception.
     """
 
     @property
     def acquisition(self) -> Acquisition:
-        """The acquisition as it really is, read back from the device."""
+        """The acquisition with its actual settings, read back from the device."""
         ...
 
     def blocks(self) -> Iterator[SourceItem]:
@@ -31,23 +28,11 @@ class Source(Protocol):
         ...
 
     def stop(self) -> None:
-        """Ask for the end, from any thread; `blocks` ends soon, with every sample read until then delivered."""
+        """Request the stop, from any thread; `blocks` delivers all samples read so far and ends."""
         ...
 
     def close(self) -> None:
-        """Release the device; harmless when already closed."""
-        ...
-
-
-class Sink(Protocol):
-    """Whatever takes what a source yields."""
-
-    def block(self, block: SampleBlock) -> None:
-        """Take a block; it must not be changed."""
-        ...
-
-    def segment_end(self, end: SegmentEnd) -> None:
-        """Take note of the end of a segment."""
+        """Release the device; may be called twice."""
         ...
 
 
@@ -55,28 +40,28 @@ WINDOW = 60.0  # s
 
 
 class RestartLimiter:
-    """Counts the new segments that a run begins after faults; one thread uses it.
+    """Limits how often a run continues in a new segment after a fault; for use by one thread.
 
     Parameters
     ----------
     per_minute : int
-        New segments within any minute; 0 for none at all.
+        Maximum number of new segments within any minute; 0 for none.
     """
 
     def __init__(self, per_minute: int) -> None:
         self._per_minute = per_minute
-        self._begun: deque[float] = deque(maxlen=max(per_minute, 1))
+        self._times: deque[float] = deque(maxlen=max(per_minute, 1))
 
-    def take(self) -> bool:
-        """Count a new segment and return True, or return False where there have been too many."""
+    def allow(self) -> bool:
+        """Count a new segment and return True; return False if the limit is reached."""
         now = time.monotonic()
-        full = len(self._begun) == self._per_minute
-        if self._per_minute == 0 or (full and now - self._begun[0] < WINDOW):
+        full = len(self._times) == self._per_minute
+        if self._per_minute == 0 or (full and now - self._times[0] < WINDOW):
             return False
-        self._begun.append(now)
+        self._times.append(now)
         return True
 
-    def last(self, end: SegmentEnd) -> SegmentEnd:
-        """Return the end of a segment after which none begins, with that said."""
-        why = "every fault ends the run" if self._per_minute == 0 else f"{self._per_minute} new segments in a minute"
-        return replace(end, detail=f"{end.detail}; the run ends here: {why} (session.restarts_per_minute)")
+    def with_reason(self, end: SegmentEnd) -> SegmentEnd:
+        """Return the run's last segment end with the limit added to its detail."""
+        reason = "every fault ends the run" if self._per_minute == 0 else f"{self._per_minute} new segments in a minute"
+        return replace(end, detail=f"{end.detail}; the run ends here: {reason} (session.restarts_per_minute)")

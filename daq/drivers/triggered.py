@@ -1,7 +1,4 @@
-"""A source that is recorded from one condition, with what came before it, up to another; once or again and again.
-
-A quick estimate of speed, for triggers; the analysis has the good one.
-"""
+"""A source that delivers the samples between a start and a stop condition, with pre-trigger, once or repeatedly."""
 
 import math
 from collections import deque
@@ -19,81 +16,84 @@ from daq.config.schema import SPEED, TIME, TriggerCondition
 from daq.drivers.source import Source
 
 RPM = 60.0  # revolutions a second to r/min
-STANDSTILL = 1.0  # s without an edge after which the shaft is taken to stand
-TURNS = 8  # that a speed is taken from, at most
-LEAST_TURNS = 2  # that must agree: two edges alone may be a glitch
-ALIKE = 0.25  # of the median turn by which a turn may differ: one with a doubled or missing edge differs by more
+STANDSTILL_TIMEOUT = 1.0  # s without an edge after which the speed is 0
+MAX_TURNS = 8  # averaged for a speed
+MIN_TURNS = 2  # that must agree: two edges alone may be a glitch
+MAX_TURN_DEVIATION = 0.25  # of the median turn; a doubled or missing edge makes a turn differ by more
 
 
 class SpeedEstimator:
-    """Follows the speed by the tacho's last edges, from the reference that the rig declares.
+    """A quick estimate of the speed from the last tacho edges, for triggers; the analysis computes the accurate speed.
 
-    Where that is the card's counter, its stamps are taken at once, without the waiting of the analysis for late ones;
-    where it fails, the waveform is taken for the rest of the segment.
+    The edges are those of the tacho's reference. If that is the card's counter, its stamps are used at once, while the
+    analysis waits for late ones. If the counter fails, the waveform is used for the rest of the segment.
 
     Parameters
     ----------
     acquisition : Acquisition
-        What the codes mean.
+        Acquisition of the source.
     """
 
     def __init__(self, acquisition: Acquisition) -> None:
         self._acquisition = acquisition
         self._row = acquisition.row(Role.TACHO)
         self._pulses = acquisition.tacho.pulses_per_revolution
-        self._edges: deque[float] = deque(maxlen=TURNS * self._pulses + 1)  # in samples
-        self._begin()
+        self._edges: deque[float] = deque(maxlen=MAX_TURNS * self._pulses + 1)  # in samples
+        self._reset()
 
-    def _begin(self) -> None:
+    def _reset(self) -> None:
         self._by_counter = self._acquisition.tacho.reference == "counter"
         self._detector = EdgeDetector(self._acquisition.tacho)
         self._edges.clear()
 
-    def block(self, block: SampleBlock) -> float:
-        """Take a block of a segment and return the speed at its end, r/min; 0 where the shaft stands."""
+    def update(self, block: SampleBlock) -> float:
+        """Return the speed at the end of the next block, r/min; 0 at standstill."""
         if block.first_sample == 0:
-            self._begin()
+            self._reset()
         if self._by_counter and block.ticks is None:
             self._by_counter = False
             self._edges.clear()
-        self._edges.extend(self._found(block))
+        self._edges.extend(self._edges_of(block))
         rate = self._acquisition.rate
-        while self._edges and block.end - self._edges[0] > 2 * STANDSTILL * rate:
+        while self._edges and block.end - self._edges[0] > 2 * STANDSTILL_TIMEOUT * rate:
             self._edges.popleft()
-        if not self._edges or block.end - self._edges[-1] > STANDSTILL * rate:
+        if not self._edges or block.end - self._edges[-1] > STANDSTILL_TIMEOUT * rate:
             return 0.0
         edges = np.array(self._edges)
         turns = edges[self._pulses :] - edges[: -self._pulses]
-        alike = turns[np.abs(turns - np.median(turns)) <= ALIKE * np.median(turns)] if turns.size else turns
-        return RPM * rate / float(alike.mean()) if alike.size >= LEAST_TURNS else 0.0
+        agreeing = (
+            turns[np.abs(turns - np.median(turns)) <= MAX_TURN_DEVIATION * np.median(turns)] if turns.size else turns
+        )
+        return RPM * rate / float(agreeing.mean()) if agreeing.size >= MIN_TURNS else 0.0
 
-    def _found(self, block: SampleBlock) -> NDArray[np.float64]:
-        """Return the block's edges by the reference, in samples of the segment."""
+    def _edges_of(self, block: SampleBlock) -> NDArray[np.float64]:
+        """Return the block's edges from the reference, in samples of the segment."""
         if self._by_counter and block.ticks is not None:
             return block.ticks / self._acquisition.ticks_per_sample
         volts = self._acquisition.channels[self._row].volts(block.codes[self._row])
         return self._detector.edges(volts, block.first_sample)
 
 
-NORMAL = frozenset({EndReason.STOPPED, EndReason.FINISHED})
+NORMAL_END_REASONS = frozenset({EndReason.STOPPED, EndReason.FINISHED})
 
 
 @dataclass(frozen=True, slots=True)
 class Trigger:
-    """From when to when, and how often.
+    """Start and stop conditions and their timing.
 
     Parameters
     ----------
-    start, stop : Condition or None
-        None to start at once, or to go on until stopped. A channel's voltage is above a value where any sample is.
+    start, stop : TriggerCondition or None
+        None to start at once, or to continue until stopped. A channel's voltage is above a value if any sample of a
+        block is.
     before : float
-        Samples from at least so long before the start condition began to hold are given too, s.
+        Pre-trigger time, s: samples from at least this long before the start condition began to hold are delivered too.
     hold : float
-        How long a condition must hold, s: a single glitch starts nothing.
+        How long a condition must hold, s, so that a single glitch does not start or stop an event.
     hold_off : float
-        For so long after a stop no start is looked for, s.
+        Time after a stop during which no start is detected, s.
     events : int
-        After so many the run ends; 0 for no end.
+        Number of events after which the run ends; 0 for no limit.
     """
 
     start: TriggerCondition | None
@@ -106,16 +106,16 @@ class Trigger:
 
 @dataclass(frozen=True, slots=True)
 class TriggerStart:
-    """An event that begins with the next block.
+    """The start of an event.
 
     Parameters
     ----------
     event : int
-        Its number, from 1.
+        Number of the event, from 1.
     start : Condition
         What holds.
     segment, sample : int
-        Where in what is given it began to hold.
+        Position in the delivered samples at which the condition began to hold.
     """
 
     event: int
@@ -125,65 +125,64 @@ class TriggerStart:
 
 
 class TriggerListener(Protocol):
-    """Who is told what a trigger does, between the items."""
+    """Receives the events of a trigger, between the items of its source."""
 
     def on_waiting(self, event: int, speed: float) -> None:
-        """Take note that the start of an event is waited for, at this speed, r/min."""
+        """Handle a wait for the start of an event; `speed` is the current speed, r/min."""
         ...
 
     def on_skipped(self, samples: int) -> None:
-        """Count samples per channel that are not given, before the next item that is."""
+        """Handle a number of samples per channel that are not delivered, before the next delivered item."""
         ...
 
     def on_start(self, start: TriggerStart) -> None:
-        """Take note of an event, before its first block."""
+        """Handle the start of an event, before its first block."""
         ...
 
 
 class TriggeredSource:
-    """A `Source` that gives of another what lies between two conditions, as often as is wanted.
+    """A `Source` that delivers another source's samples between start and stop conditions.
 
-    Until the start condition has held for a while the latest samples are only kept; then they are given, as the
-    beginning of a segment, and all that follows, until the stop condition has held for as long. That finishes the
-    segment, and the start is waited for again or the run ends. No sample is given twice, and what is not given is
-    counted: what came before a start reaches back to the stop before it at most. Whatever is lost while a start is
-    waited for is told by a segment without samples.
+    Until the start condition has held for the hold time, the latest samples are only buffered. Then they begin a
+    segment, and all further samples follow until the stop condition has held. That ends the segment, and the trigger is
+    rearmed or the run ends. No sample is delivered twice: the pre-trigger samples reach back to the previous stop at
+    most. Skipped samples are counted. A loss during the wait for a start is reported by an empty segment.
 
     Parameters
     ----------
     source : Source
-        What is acquired all along.
+        The source, which acquires continuously.
     trigger : Trigger
-        What of it is given.
-    watch : TriggerListener
-        Who is told.
+        The conditions.
+    listener : TriggerListener
+        Receives the trigger's events.
 
     Raises
     ------
     ValueError
-        A condition is on a channel that does not exist, or there is none to begin or end several events.
+        A condition names an unknown channel, or several events lack a start or stop condition.
     """
 
-    def __init__(self, source: Source, trigger: Trigger, watch: TriggerListener) -> None:
+    def __init__(self, source: Source, trigger: Trigger, listener: TriggerListener) -> None:
         self._source = source
         self._trigger = trigger
-        self._watch = watch
+        self._listener = listener
         self._rate = source.acquisition.rate
         self._before = round((trigger.before + trigger.hold) * self._rate)
-        self._speed = SpeedEstimator(source.acquisition)
-        self._now = 0.0  # r/min
+        self._speed_estimator = SpeedEstimator(source.acquisition)
+        self._speed = 0.0  # r/min
         self._numbering = _Numbering(source.acquisition.ticks_per_sample)
-        self._held: deque[SampleBlock] = deque()
-        self._events = 0  # that have begun
-        self._off = 0  # samples for which no start is looked for
+        self._pre_trigger: deque[SampleBlock] = deque()
+        self._events = 0  # started so far
+        self._hold_off = 0  # samples left in which no start is detected
         names = [channel.name for channel in source.acquisition.channels]
         for condition in (trigger.start, trigger.stop):
             if condition is not None and condition.quantity not in {SPEED, TIME, *names}:
                 raise ValueError(f"{condition}: expected speed, time or a channel, {', '.join(names)}")
         if trigger.events != 1 and (trigger.start is None or trigger.stop is None):
             raise ValueError(f"events: {trigger.events}, expected 1 without a start and a stop condition")
-        self._start = _Awaited(trigger.start, trigger.hold, source.acquisition)
-        self._stop = _Awaited(trigger.stop, trigger.hold, source.acquisition)
+        self._start = _ConditionHold(trigger.start, trigger.hold, source.acquisition)
+        self._stop = _ConditionHold(trigger.stop, trigger.hold, source.acquisition)
 
     @property
     def acquisition(self) -> Acquisition:
@@ -191,121 +190,121 @@ class TriggeredSource:
         return self._source.acquisition
 
     def stop(self) -> None:
-        """Ask for the end, from any thread."""
+        """Request the stop, from any thread."""
         self._source.stop()
 
     def close(self) -> None:
-        """Release the device; harmless when closed."""
+        """Release the device; may be called twice."""
         self._source.close()
 
     def blocks(self) -> Iterator[SourceItem]:
-        """Yield what lies between the conditions; one segment at least, which may be empty."""
-        is_given, is_over = self._trigger.start is None, False
-        self._events = int(is_given)
+        """Yield the segments between the conditions; at least one, which may be empty."""
+        is_active, is_over = self._trigger.start is None, False
+        self._events = int(is_active)
         for item in self._source.blocks():
             if is_over:
-                continue  # what is read while the source stops lies behind the end
+                continue  # samples read while the source stops come after the end
             if isinstance(item, SegmentEnd):
-                yield from self._ended(item, is_given=is_given)
+                yield from self._ended(item, is_active=is_active)
                 continue
-            self._now = self._speed.block(item)
-            if is_given:
+            self._speed = self._speed_estimator.update(item)
+            if is_active:
                 yield self._numbering.block(item)
-                if self._stop.fires(item, self._now):
+                if self._stop.fires(item, self._speed):
                     yield self._numbering.end(self._finished())
-                    is_given, is_over = False, self._events == self._trigger.events
-                    self._off = round(self._trigger.hold_off * self._rate)
+                    is_active, is_over = False, self._events == self._trigger.events
+                    self._hold_off = round(self._trigger.hold_off * self._rate)
                     if is_over:
                         self._source.stop()
             else:
-                self._held.append(item)
+                self._pre_trigger.append(item)
                 if self._starts(item):
-                    is_given = True
-                    yield from self._begin()
+                    is_active = True
+                    yield from self._start_event()
                 else:
-                    self._keep()
+                    self._wait()
         if self._events == 0:
             detail = f"{self._trigger.start} was not reached"
             yield self._numbering.end(SegmentEnd(0, 0, EndReason.STOPPED, detail=detail))
 
     def _starts(self, block: SampleBlock) -> bool:
-        """Return whether an event starts with this block."""
-        if self._off > 0:
-            self._off -= block.n_samples
+        """Return whether this block starts an event."""
+        if self._hold_off > 0:
+            self._hold_off -= block.n_samples
             return False
-        return self._start.fires(block, self._now)
+        return self._start.fires(block, self._speed)
 
-    def _begin(self) -> Iterator[SampleBlock]:
-        """Give what was kept as the beginning of an event."""
+    def _start_event(self) -> Iterator[SampleBlock]:
+        """Start an event: yield the pre-trigger samples."""
         self._events += 1
-        n = sum(block.n_samples for block in self._held)
+        n = sum(block.n_samples for block in self._pre_trigger)
         if self._trigger.start is not None:
             segment, sample = self._numbering.segment, max(n - self._start.held_for, 0)
-            self._watch.on_start(TriggerStart(self._events, self._trigger.start, segment, sample))
+            self._listener.on_start(TriggerStart(self._events, self._trigger.start, segment, sample))
         self._start.reset()
         self._stop.reset()
-        while self._held:
-            yield self._numbering.block(self._held.popleft())
+        while self._pre_trigger:
+            yield self._numbering.block(self._pre_trigger.popleft())
 
-    def _keep(self) -> None:
-        """Forget what lies further back than is wanted, and tell that the start is waited for."""
-        n = sum(block.n_samples for block in self._held)
-        while self._held and n - self._held[0].n_samples >= self._before:
-            n -= self._forget()
-        self._watch.on_waiting(self._events + 1, self._now)
+    def _wait(self) -> None:
+        """Discard samples older than the pre-trigger time, and report that the trigger is waiting."""
+        n = sum(block.n_samples for block in self._pre_trigger)
+        while self._pre_trigger and n - self._pre_trigger[0].n_samples >= self._before:
+            n -= self._discard()
+        self._listener.on_waiting(self._events + 1, self._speed)
 
-    def _forget(self) -> int:
-        samples = self._held.popleft().n_samples
-        self._watch.on_skipped(samples)
+    def _discard(self) -> int:
+        samples = self._pre_trigger.popleft().n_samples
+        self._listener.on_skipped(samples)
         return samples
 
     def _finished(self) -> SegmentEnd:
         return SegmentEnd(0, 0, EndReason.FINISHED, detail=f"stopped by {self._trigger.stop}")
 
-    def _ended(self, end: SegmentEnd, *, is_given: bool) -> Iterator[SegmentEnd]:
-        """Give the end of a segment of the source, where it ends what was given or tells of a loss."""
+    def _ended(self, end: SegmentEnd, *, is_active: bool) -> Iterator[SegmentEnd]:
+        """Yield the end of the source's segment if it ends an event or reports a loss."""
         self._start.interrupt()
         self._stop.interrupt()
-        while self._held:
-            self._forget()
-        if is_given:
+        while self._pre_trigger:
+            self._discard()
+        if is_active:
             yield self._numbering.end(end)
-        elif end.reason not in NORMAL or not end.is_gap_free:
-            detail = f"while {self._trigger.start} was waited for: {end.detail or end.reason.value}"
+        elif end.reason not in NORMAL_END_REASONS or not end.is_gap_free:
+            detail = f"while waiting for {self._trigger.start}: {end.detail or end.reason.value}"
             yield self._numbering.end(replace(end, detail=detail))
 
 
-class _Awaited:
-    """A condition that is waited for; none, which never fires."""
+class _ConditionHold:
+    """Detects when a condition has held for the hold time; without a condition it never fires."""
 
     def __init__(self, condition: TriggerCondition | None, hold: float, acquisition: Acquisition) -> None:
         self._condition = condition
         self._rate = acquisition.rate
-        self._least = hold * acquisition.rate
+        self._hold = hold * acquisition.rate
         self._channels = {channel.name: (row, channel) for row, channel in enumerate(acquisition.channels)}
-        self._seen = 0  # samples since it is awaited
+        self._seen = 0  # samples since the reset
         self.held_for = 0
-        """Samples for which it has held."""
+        """Number of samples for which the condition has held."""
 
     def reset(self) -> None:
-        """Begin to wait."""
+        """Restart the detection."""
         self._seen = self.held_for = 0
 
     def interrupt(self) -> None:
-        """Take note of a gap, over which nothing holds."""
+        """Handle a gap: the hold time starts again after it."""
         self.held_for = 0
 
     def fires(self, block: SampleBlock, speed: float) -> bool:
-        """Take a block, with the speed at its end, r/min, and return whether the condition has held for long enough."""
+        """Return whether, at the end of a block and at its speed, r/min, the condition has held for the hold time."""
         self._seen += block.n_samples
         if self._condition is None:
             return False
         holds = self._condition.holds(self._value(self._condition, block, speed))
         self.held_for = self.held_for + block.n_samples if holds else 0
-        return holds and self.held_for >= self._least
+        return holds and self.held_for >= self._hold
 
     def _value(self, condition: TriggerCondition, block: SampleBlock, speed: float) -> float:
-        """Return the condition's quantity, in the condition's unit."""
+        """Return the value of the condition's quantity, in the condition's unit."""
         if condition.quantity == SPEED:
             return speed
         if condition.quantity == TIME:
@@ -317,7 +316,7 @@ class _Awaited:
 
 
 class _Numbering:
-    """Numbers what is given anew: segments from 0, samples of each from 0."""
+    """Renumbers the delivered items: segments from 0, samples of each from 0."""
 
     def __init__(self, ticks_per_sample: float) -> None:
         self._ticks_per_sample = ticks_per_sample

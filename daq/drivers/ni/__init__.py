@@ -1,6 +1,6 @@
-"""The NI USB-6251, by the driver on this machine or by a gRPC device server elsewhere.
+"""The NI USB-6251, through NI-DAQmx on this machine or at a gRPC device server.
 
-nidaqmx and gRPC are imported when the card is opened: they are the extra `card`.
+nidaqmx and gRPC, the optional extra `card`, are imported when a card is opened.
 """
 
 from daq.drivers.ni.devices import FoundDevice

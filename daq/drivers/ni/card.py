@@ -1,4 +1,4 @@
-"""The card as NI-DAQmx offers it: its acquisition, reserved, started, read and released."""
+"""The card through nidaqmx: its analog inputs and its counter, configured, started, read and released."""
 
 import math
 import threading
@@ -6,46 +6,109 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 
 import numpy as np
-from nidaqmx.constants import AcquisitionType, TaskMode, TerminalConfiguration
+from nidaqmx.constants import AcquisitionType, TaskMode, TerminalConfiguration, TriggerType
+from nidaqmx.constants import Edge as NiEdge
 from nidaqmx.errors import DaqReadError, Error
-from nidaqmx.stream_readers import AnalogUnscaledReader
+from nidaqmx.stream_readers import AnalogUnscaledReader, CounterReader
 from nidaqmx.system.device import Device
 from nidaqmx.task import Task
 from nidaqmx.task.channels import AIChannel
 from numpy.typing import NDArray
 
-from analysis.signals.header import Acquisition, Channel, Role, TachoCounter
+from analysis.signals.header import Acquisition, Channel, Edge, Role, TachoCounter
 from analysis.signals.header import Device as DeviceRecord
+from daq.config.checks import TIMEBASES
 from daq.config.rig import Rig
-from daq.config.schema import ChannelSection
+from daq.config.schema import ChannelSection, RigConfig
 from daq.drivers.ni.connection import Connection
-from daq.drivers.ni.counter import NiCounter
 from daq.drivers.ni.error_codes import ABSENT_CODES, NOT_YET_AVAILABLE
 from daq.errors import DeviceError, DeviceFault
 
-PATIENCE = 1.0  # s that a block may come late before the device is asked what is wrong
-ABANDONED_AFTER = 1.5  # s without a read after which a server's leftover acquisition belongs to nobody
+READ_MARGIN = 1.0  # s in addition to a block's duration before a read times out
+ABANDONED_AFTER = 1.5  # s without a read after which an existing acquisition at a server counts as abandoned
+PULSE_RATE_MARGIN = 4.0  # times the pulse rate at full speed that is provided for: doubled edges, overspeed
+MIN_STAMPS = 64  # of the counter's buffers
 
 TERMINALS = {
     "differential": TerminalConfiguration.DIFF,
     "rse": TerminalConfiguration.RSE,
     "nrse": TerminalConfiguration.NRSE,
 }
+EDGES = {Edge.RISING: NiEdge.RISING, Edge.FALLING: NiEdge.FALLING}
+
+
+class NiCounter:
+    """A counter that counts a clock and latches the count at every tacho edge; reserved until its task is closed.
+
+    The analog inputs' start trigger starts the count from 0 at the first sample, so the counter must be started first.
+
+    Parameters
+    ----------
+    task : Task
+        A task without channels; the caller closes it.
+    device : str
+        The driver's name of the card, as "Dev1".
+    counter : TachoCounter
+        Counter, line and clock.
+    config : RigConfig
+        Determines the expected pulse rate.
+    """
+
+    def __init__(self, task: Task, device: str, counter: TachoCounter, config: RigConfig) -> None:
+        pulse_rate = PULSE_RATE_MARGIN * config.limits.speed_rpm / 60 * config.tacho.pulses_per_revolution
+        size = MIN_STAMPS + math.ceil(pulse_rate * config.timing.buffer_s)
+        channel = task.ci_channels.add_ci_count_edges_chan(f"{device}/{counter.counter}")
+        channel.ci_count_edges_term = f"/{device}/{TIMEBASES[counter.timebase]}"
+        task.timing.cfg_samp_clk_timing(
+            pulse_rate,
+            source=f"/{device}/{counter.terminal}",
+            active_edge=EDGES[counter.edge],
+            sample_mode=AcquisitionType.CONTINUOUS,
+            samps_per_chan=size,
+        )
+        task.in_stream.input_buf_size = size
+        trigger = task.triggers.arm_start_trigger
+        trigger.trig_type = TriggerType.DIGITAL_EDGE
+        trigger.dig_edge_src = f"/{device}/ai/StartTrigger"
+        trigger.dig_edge_edge = NiEdge.RISING
+        task.control(TaskMode.TASK_COMMIT)
+        self._task = task
+        self._reader = CounterReader(task.in_stream)
+        self._reader.verify_array_shape = False
+        self._counts = np.empty(MIN_STAMPS + math.ceil(pulse_rate * config.timing.block_s), np.uint32)
+
+    @property
+    def task(self) -> Task:
+        """The task that holds the counter."""
+        return self._task
+
+    def read(self) -> tuple[NDArray[np.uint32], bool]:
+        """Return the unread latched counts without waiting, and whether these were all.
+
+        The read requests a fixed number of counts, because a USB card then sends even a partly filled packet.
+        """
+        try:
+            n = self._reader.read_many_sample_uint32(self._counts, self._counts.size, timeout=0.0)
+        except DaqReadError as error:
+            if error.error_code != NOT_YET_AVAILABLE:
+                raise
+            n = error.samps_per_chan_read
+        return self._counts[:n].copy(), n < self._counts.size
 
 
 class NiCard:
-    """The card with its acquisition configured and committed: reserved until `release`.
+    """The card with its acquisition configured and committed; reserved until `release`.
 
     Parameters
     ----------
     rig : Rig
-        Which card, which inputs, how fast.
+        Determines card, inputs and rate.
 
     Raises
     ------
     DeviceError
-        From the constructor, which leaves nothing reserved, and from every method but `release` and `close`. Its code
-        is 0 where not the driver but the way to it failed.
+        From the constructor, which then leaves nothing reserved, and from every method except `release` and `close`.
+        Its code is 0 if the connection failed, not the driver.
     """
 
     def __init__(self, rig: Rig) -> None:
@@ -56,29 +119,29 @@ class NiCard:
         self._closed = False
         with ExitStack() as undo:
             undo.callback(self.close)
-            with self._connection.translated():
+            with self._connection.errors_translated():
                 self._system = self._connection.system()
-                device = self._connection.device(self._system)
+                device = self._connection.find_card(self._system)
                 self._name = str(device.name)
-                self._task = self._connection.lasting_task(self._name, abandoned_after=ABANDONED_AFTER)
+                self._task = self._connection.acquisition_task(self._name, abandoned_after=ABANDONED_AFTER)
                 self.acquisition = self._configure(self._task, rig, device)
                 if rig.tacho.counter is not None:
-                    self._counter = self._open_counter(rig, rig.tacho.counter)
+                    self._counter = self._create_counter(rig, rig.tacho.counter)
             undo.pop_all()
 
     def start(self) -> None:
-        """Start, or start again after a `stop`: samples count from 0."""
-        with self._use() as task:
+        """Start, also after a `stop`; samples count from 0."""
+        with self._locked_task() as task:
             task.start()
 
     def stop(self) -> None:
         """Stop; the card stays reserved and can be started again."""
-        with self._use() as task:
+        with self._locked_task() as task:
             task.stop()
 
     def read(self) -> NDArray[np.int16]:
-        """Wait for the next block and return its codes, (n_channels, n_samples): fewer samples where they came late."""
-        with self._use():
+        """Wait for the next block and return its codes, (n_channels, n_samples); a late block may be shorter."""
+        with self._locked_task():
             try:
                 n = self._reader.read_int16(self._buffer, self._block, self._timeout)
             except DaqReadError as error:
@@ -89,43 +152,43 @@ class NiCard:
         return self._buffer[: rows * n].reshape(rows, n).copy()  # the driver packs short reads at the front
 
     def backlog(self) -> int:
-        """Return the samples per channel that are acquired and not read."""
-        with self._use() as task:
+        """Return the number of samples per channel that are acquired but not read."""
+        with self._locked_task() as task:
             return int(task.in_stream.avail_samp_per_chan)
 
     def position(self) -> int:
-        """Return the samples per channel that the driver has delivered since the start."""
-        with self._use() as task:
+        """Return the number of samples per channel that the driver has delivered since the start."""
+        with self._locked_task() as task:
             return int(task.in_stream.curr_read_pos)
 
     def acquired(self) -> int:
-        """Return the samples per channel that the card has taken since the start."""
-        with self._use() as task:
+        """Return the number of samples per channel that the card has acquired since the start."""
+        with self._locked_task() as task:
             return int(task.in_stream.total_samp_per_chan_acquired)
 
     def start_counter(self) -> None:
-        """Start the counter, or start it again; it waits for `start`."""
-        with self._use_counter() as counter:
+        """Start the counter, also after `stop_counter`; it begins to count at `start`."""
+        with self._locked_counter() as counter:
             counter.task.start()
 
     def stop_counter(self) -> None:
         """Stop the counter; it stays reserved."""
-        with self._use_counter() as counter:
+        with self._locked_counter() as counter:
             counter.task.stop()
 
     def counts(self) -> tuple[NDArray[np.uint32], bool]:
-        """Return the counts that the tacho's edges have latched since the last call, and whether that was all."""
-        with self._use_counter() as counter:
+        """Return the counts latched at tacho edges since the last call, and whether these were all."""
+        with self._locked_counter() as counter:
             return counter.read()
 
-    def warnings(self) -> list[str]:
-        """Return what the driver has warned of since this was last asked, each warning once."""
-        return self._connection.warned.news()
+    def new_warnings(self) -> list[str]:
+        """Return the driver's warnings since the last call, each warning once."""
+        return self._connection.warnings.take_new()
 
     def is_present(self) -> bool:
-        """Ask the driver whether the card is still there; only after `release`, for a card at work cannot be tested."""
+        """Return whether the card is still connected; only after `release`, because a busy card cannot be tested."""
         try:
-            with self._lock, self._connection.translated():
+            with self._lock, self._connection.errors_translated():
                 if self._closed:
                     raise _closed()
                 if self._name not in self._system.devices.device_names:
@@ -136,24 +199,25 @@ class NiCard:
         return True
 
     def release(self) -> None:
-        """Give the card free for others; harmless when it is, waits for a read in progress."""
+        """Free the card for other programs, after a read in progress; may be called twice."""
         with self._lock:
             counter, self._counter = self._counter, None
             task, self._task = self._task, None
-            for held in (None if counter is None else counter.task, task):
-                if held is not None:
-                    with suppress(Error):  # a card that is gone, or its server, cannot be told
-                        held.close()
+            for each in (None if counter is None else counter.task, task):
+                if each is not None:
+                    with suppress(Error):  # the card or its server may be gone
+                        each.close()
 
     def close(self) -> None:
-        """Release the card and the connection to it; harmless when closed."""
+        """Release the card and close the connection to it; may be called twice."""
         self.release()
         with self._lock:
             self._closed = True
             self._connection.close()
 
-    def _open_counter(self, rig: Rig, counter: TachoCounter) -> NiCounter:
-        task = self._connection.lasting_task(self._name, "-counter", abandoned_after=0.0)  # whose the inputs are
+    def _create_counter(self, rig: Rig, counter: TachoCounter) -> NiCounter:
+        # No wait for another client: this one has already reserved the analog inputs.
+        task = self._connection.acquisition_task(self._name, "-counter", abandoned_after=0.0)
         try:
             return NiCounter(task, self._name, counter, rig.config)
         except Error:
@@ -163,25 +227,24 @@ class NiCard:
 
     def _configure(self, task: Task, rig: Rig, device: Device) -> Acquisition:
         timing = rig.config.timing
-        sections = sorted(rig.config.channel, key=lambda section: section.role is Role.TACHO)  # the tacho settles last
+        sections = sorted(rig.config.channel, key=lambda section: section.role is Role.TACHO)  # settles last
         inputs = [self._add(task, section) for section in sections]
         size = math.ceil(timing.rate_hz * timing.buffer_s)
         task.timing.cfg_samp_clk_timing(timing.rate_hz, sample_mode=AcquisitionType.CONTINUOUS, samps_per_chan=size)
-        task.in_stream.input_buf_size = size  # samps_per_chan alone only raises the driver's own choice
-        task.control(TaskMode.TASK_COMMIT)  # reserves the card, and coerces what is read back below
+        task.in_stream.input_buf_size = size  # samps_per_chan alone only raises the driver's default
+        task.control(TaskMode.TASK_COMMIT)  # reserves the card and coerces the settings that are read back below
         rate = float(task.timing.samp_clk_rate)
         self._block = max(1, round(rate * timing.block_s))
-        self._timeout = self._block / rate + PATIENCE
+        self._timeout = self._block / rate + READ_MARGIN
         self._buffer = np.empty(self._block * len(inputs), np.int16)
         self._reader = AnalogUnscaledReader(task.in_stream)
         self._reader.verify_array_shape = False  # a flat buffer: the rows of a wide one would be misplaced
-        version = self._system.driver_version
         return Acquisition(
             device=DeviceRecord(
                 backend="nidaqmx",
                 product=str(device.product_type),
                 serial=f"{device.serial_num:X}",
-                driver="NI-DAQmx " + ".".join(str(part) for part in version) + self._connection.where,
+                driver=self._connection.driver(self._system),
                 simulated=bool(device.is_simulated),
             ),
             rate=rate,
@@ -202,15 +265,15 @@ class NiCard:
         return channel
 
     @contextmanager
-    def _use(self) -> Iterator[Task]:
-        with self._lock, self._connection.translated():
+    def _locked_task(self) -> Iterator[Task]:
+        with self._lock, self._connection.errors_translated():
             if self._task is None:
                 raise _closed()
             yield self._task
 
     @contextmanager
-    def _use_counter(self) -> Iterator[NiCounter]:
-        with self._lock, self._connection.translated():
+    def _locked_counter(self) -> Iterator[NiCounter]:
+        with self._lock, self._connection.errors_translated():
             if self._counter is None:
                 raise _closed()
             yield self._counter

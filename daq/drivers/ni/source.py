@@ -1,4 +1,4 @@
-"""The card as a source: fixed-size blocks, read by the caller's thread, and every gap told."""
+"""The card as a source of sample blocks, and functions that list and test devices."""
 
 import datetime as dt
 import time
@@ -11,9 +11,9 @@ from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd, SourceIt
 from analysis.signals.header import Acquisition
 from daq.config.rig import Rig
 from daq.config.schema import DeviceSection
-from daq.drivers.ni.counter_stamps import Stamps
+from daq.drivers.ni.counter_stamps import CounterStamps
 from daq.drivers.ni.devices import FoundDevice
-from daq.drivers.ni.error_codes import ABSENT_CODES, OVERRUN_CODES, card_extra
+from daq.drivers.ni.error_codes import ABSENT_CODES, OVERRUN_CODES, card_extra_required
 from daq.drivers.source import RestartLimiter
 from daq.errors import DeviceError
 from daq.stop_flag import StopFlag
@@ -21,114 +21,114 @@ from daq.stop_flag import StopFlag
 if TYPE_CHECKING:
     from daq.drivers.ni.card import NiCard
 
-COMPARED_EVERY = 1.0  # s of samples, after which our count is compared with the driver's
+COUNT_CHECK_INTERVAL = 1.0  # s of samples between two comparisons of our sample count with the driver's
 
 
 def open_ni_source(rig: Rig, restarts: RestartLimiter | None = None) -> "NiSource":
-    """Open the card that a rig names, reserve it and read back what it was really set to.
+    """Return the card that a rig names, opened, reserved and with its actual settings read back.
 
     Parameters
     ----------
     rig : Rig
         A rig whose backend is nidaqmx.
     restarts : RestartLimiter or None
-        How often a new segment may begin; None for what the rig says.
+        Limits new segments after faults; None for the rig's own limit.
 
     Returns
     -------
     NiSource
-        Ready to deliver blocks.
+        A source that is ready to deliver blocks.
 
     Raises
     ------
     DeviceError
-        Package or driver not installed, server out of reach, card missing or busy, settings rejected. Nothing is left
-        reserved.
+        The package or driver is not installed, the server is unreachable, the card is missing or busy, or the driver
+        rejects the settings. Nothing stays reserved.
     """
-    with card_extra():
+    with card_extra_required():
         from daq.drivers.ni.card import NiCard  # noqa: PLC0415 - an optional extra, and slow to import
     return NiSource(NiCard(rig), restarts or RestartLimiter(rig.config.session.restarts_per_minute))
 
 
 def connected_devices(section: DeviceSection) -> list[FoundDevice]:
-    """Return what is connected to this machine, or to the device server that a section names.
+    """Return the devices connected to this machine, or to the device server that a section names.
 
     Raises
     ------
     DeviceError
-        Package or driver not installed, server out of reach.
+        The package or driver is not installed, or the server is unreachable.
     """
-    with card_extra():
-        from daq.drivers.ni.system import NiSystem  # noqa: PLC0415 - an optional extra, and slow to import
-    with closing(NiSystem(section)) as system:
-        return system.devices()
+    with card_extra_required():
+        from daq.drivers.ni.connection import Connection  # noqa: PLC0415 - an optional extra, and slow to import
+    with closing(Connection(section)) as connection:
+        return connection.devices()
 
 
 def self_test(section: DeviceSection) -> dt.date | None:
-    """Let the card that a section names test itself; it must be idle.
+    """Run the self-test of the card that a section names; the card must be idle.
 
     Returns
     -------
     date or None
-        When it last calibrated itself; None where it does not tell.
+        Date of its last self-calibration; None if unknown.
 
     Raises
     ------
     DeviceError
-        Package or driver not installed, server out of reach, card missing, busy or failed.
+        The package or driver is not installed, the server is unreachable, or the card is missing, busy or defective.
     """
-    with card_extra():
-        from daq.drivers.ni.system import NiSystem  # noqa: PLC0415 - an optional extra, and slow to import
-    with closing(NiSystem(section)) as system:
-        return system.self_test()
+    with card_extra_required():
+        from daq.drivers.ni.connection import Connection  # noqa: PLC0415 - an optional extra, and slow to import
+    with closing(Connection(section)) as connection:
+        return connection.self_test()
 
 
 class NiSource:
-    """The card, opened and ready to deliver blocks.
+    """A `Source` that reads an opened card.
 
-    After an overrun the acquisition starts anew, as the next segment; any other fault ends it.
+    After an overrun the acquisition restarts as the next segment; any other fault ends the run.
 
     Parameters
     ----------
     card : NiCard
         The card with its acquisition committed; closed by `close`.
     restarts : RestartLimiter
-        How often a new segment may begin.
+        Limits new segments after faults.
     """
 
     def __init__(self, card: "NiCard", restarts: RestartLimiter) -> None:
         self._card = card
         self._restarts = restarts
-        self._stamps = Stamps(card)
+        self._stamps = CounterStamps(card)
         self._stopping = StopFlag()
-        self._iterated = False
+        self._is_started = False
 
     @property
     def acquisition(self) -> Acquisition:
-        """The acquisition as it really is, read back from the device."""
+        """The acquisition with its actual settings, read back from the device."""
         return self._card.acquisition
 
     def blocks(self) -> Iterator[SourceItem]:
         """Start, and yield blocks and segment ends until stopped or failed.
 
-        A card that does not even start is told by the end of a segment without samples.
+        If the card does not start, the only item is the end of a segment without samples.
 
         Raises
         ------
         RuntimeError
-            Iterated a second time.
+            Called a second time.
         """
-        if self._iterated:
-            raise RuntimeError("blocks: iterated a second time, expected once; open the card anew")
-        self._iterated = True
+        if self._is_started:
+            raise RuntimeError("blocks: called a second time, expected once; open the card again")
+        self._is_started = True
         return self._run()
 
     def stop(self) -> None:
-        """Ask for the end, from any thread; `blocks` ends within a block."""
+        """Request the stop, from any thread; `blocks` ends within a block."""
         self._stopping.set()
 
     def close(self) -> None:
-        """Release the card and the connection to it; harmless when closed, from any thread."""
+        """Release the card and close the connection to it, from any thread; may be called twice."""
         self._stopping.set()
         self._card.close()
 
@@ -141,10 +141,10 @@ class NiSource:
                 except DeviceError as error:
                     yield self._fault(segment, 0, error)
                     return
-                end = self._told((yield from self._segment(segment)))
+                end = self._with_details((yield from self._segment(segment)))
                 goes_on = end.reason is EndReason.OVERRUN and not self._stopping.is_set()
-                if goes_on and not self._restarts.take():
-                    goes_on, end = False, self._restarts.last(end)
+                if goes_on and not self._restarts.allow():
+                    goes_on, end = False, self._restarts.with_reason(end)
                 yield end
                 if not goes_on or self._stopping.is_set():
                     return
@@ -157,14 +157,14 @@ class NiSource:
             try:
                 self._card.stop()
             except DeviceError as error:
-                if error.code not in OVERRUN_CODES:  # stopping says once more what ended the acquisition
+                if error.code not in OVERRUN_CODES:  # stopping reports once more what ended the acquisition
                     raise
         self._stamps.start(again=again)
         self._card.start()
 
     def _segment(self, segment: int) -> Generator[SourceItem, None, SegmentEnd]:
-        count = compared = 0
-        apart: int | None = None  # driver's count less ours: what it counts from is its own matter, as long as it stays
+        count = checked = 0
+        offset: int | None = None  # driver's count minus ours: its zero point is unknown, but must not change
         while not self._stopping.is_set():
             try:
                 codes = self._card.read()
@@ -173,27 +173,27 @@ class NiSource:
             host_time_ns = time.time_ns()
             backlog, fault = self._backlog()
             first, count = count, count + codes.shape[1]
-            if fault is not None and fault.code == 0:  # the way to the driver failed: the counter need not be asked
+            if fault is not None and fault.code == 0:  # the connection failed, so the counter cannot be read
                 self._stamps.fail(count, fault)
-            ticks = self._stamps.upto(count, backlog)
+            ticks = self._stamps.take_until(count, backlog)
             yield SampleBlock(codes, segment, first, host_time_ns, backlog, ticks)
             if fault is not None:
                 return self._fault(segment, count, fault)
-            if count - compared >= COMPARED_EVERY * self.acquisition.rate:
-                compared = count
+            if count - checked >= COUNT_CHECK_INTERVAL * self.acquisition.rate:
+                checked = count
                 try:
                     position = self._card.position()
                 except DeviceError as error:
                     return self._fault(segment, count, error)
-                apart = position - count if apart is None else apart
-                if position - count != apart:
-                    return _miscounted(segment, count, position - apart)
+                offset = position - count if offset is None else offset
+                if position - count != offset:
+                    return _miscounted(segment, count, position - offset)
         return self._stopped(segment, count)
 
-    def _told(self, end: SegmentEnd) -> SegmentEnd:
-        """Return a segment's end with what is to be said of the counter, and what the driver has warned of."""
-        end = self._stamps.told(end)
-        return replace(end, detail="; ".join(filter(None, (end.detail, *self._card.warnings()))))
+    def _with_details(self, end: SegmentEnd) -> SegmentEnd:
+        """Return a segment's end with the counter's fault and the driver's warnings added to its detail."""
+        end = self._stamps.with_fault(end)
+        return replace(end, detail="; ".join(filter(None, (end.detail, *self._card.new_warnings()))))
 
     def _backlog(self) -> tuple[int, DeviceError | None]:
         try:
@@ -202,18 +202,18 @@ class NiSource:
             return 0, error
 
     def _stopped(self, segment: int, count: int) -> SegmentEnd:
-        """End what was stopped, if the driver counted as many samples as we did."""
+        """Return the end of a stopped segment; a fault if the driver counted other than we did."""
         try:
             position = self._card.position()
         except DeviceError as error:
-            detail = f"the driver's own count could not be asked: {error}"
+            detail = f"the driver's own count could not be read: {error}"
             return SegmentEnd(segment, count, EndReason.STOPPED, detail=detail)
         if position == count:
             return SegmentEnd(segment, count, EndReason.STOPPED)
         return _miscounted(segment, count, position)
 
     def _fault(self, segment: int, count: int, error: DeviceError) -> SegmentEnd:
-        if error.code == 0:  # the way to the driver failed: there is nobody to ask
+        if error.code == 0:  # the connection failed, so the loss is unknown
             return SegmentEnd(segment, count, EndReason.DEVICE_ERROR, lost_is_exact=False, detail=str(error))
         try:
             lost = max(0, self._card.acquired() - count)
@@ -225,15 +225,15 @@ class NiSource:
         else:
             self._card.release()
             if error.code in ABSENT_CODES or not self._card.is_present():
-                reason, detail = EndReason.UNPLUGGED, f"the card is gone: {detail}"
+                reason, detail = EndReason.UNPLUGGED, f"the card is disconnected: {detail}"
             else:
                 reason = EndReason.DEVICE_ERROR
         return SegmentEnd(segment, count, reason, lost, lost_is_exact=False, detail=detail)
 
 
 def _miscounted(segment: int, count: int, position: int) -> SegmentEnd:
-    """Return the end of a segment of which the driver has counted other than we have."""
-    detail = f"the driver counts {position} samples delivered, {count} were taken"
+    """Return the end of a segment in which the driver's sample count differs from ours."""
+    detail = f"the driver counts {position} delivered samples, but {count} were received"
     if position > count:
         return SegmentEnd(segment, count, EndReason.OVERRUN, lost=position - count, detail=detail)
     return SegmentEnd(segment, count, EndReason.DEVICE_ERROR, lost_is_exact=False, detail=detail)

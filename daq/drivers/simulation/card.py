@@ -1,4 +1,4 @@
-"""The simulated USB-6251 with the simulated bench wired to it: codes, as the card would deliver them."""
+"""The simulated USB-6251 and the simulated bench connected to it."""
 
 import math
 
@@ -9,33 +9,33 @@ from analysis.signals.header import Acquisition, Channel, Device, Role
 from daq.config.rig import MICRO, RPM, Rig
 from daq.config.schema import ChannelSection
 from daq.drivers.simulation import converter
-from daq.drivers.simulation.motion import Instants, Motion
+from daq.drivers.simulation.motion import MotionComponent, SamplingInstants
 from daq.drivers.simulation.probe import SimulatedProbe
-from daq.drivers.simulation.random_streams import Purpose, draws
+from daq.drivers.simulation.random_streams import StreamPurpose, random_stream
 from daq.drivers.simulation.shaft import shaft_motion
-from daq.drivers.simulation.speed import SpeedCourse, speed_course
+from daq.drivers.simulation.speed import SpeedProfile, make_speed_profile
 from daq.drivers.simulation.tacho import SimulatedTacho, TachoSignal
 from daq.drivers.simulation.wiring import SimulatedWiring
 
-PORTION = 8192  # samples made together, however many are asked for
+PORTION = 8192  # samples computed together, whatever the block size, so that the codes do not depend on it
 
 
 class SimulatedCard:
-    """A bench that runs along its profile once, and the card that digitises it.
+    """A simulated bench that runs once through its speed profile, and the card that digitises it.
 
-    The codes are the same whatever the portions in which they are taken, and the same again for the same rig.
+    The same rig always gives the same codes, for any block size.
 
     Parameters
     ----------
     rig : Rig
-        Which card, channels and bench to simulate.
+        Card, channels and bench to simulate.
     """
 
     def __init__(self, rig: Rig) -> None:
         config, bench = rig.config, rig.config.simulation
         self._acquisition = _acquisition(rig)
-        self._course = _course(rig)
-        self._motion: Motion = shaft_motion(rig, self._course, self._acquisition)
+        self._speed_profile = _speed_profile(rig)
+        self._motion: MotionComponent = shaft_motion(rig, self._speed_profile, self._acquisition)
         rate = self._acquisition.rate
         self._n_samples = int(bench.profile[-1].time_s * rate)
         self._probe_rows = [self._acquisition.row(role) for role in (Role.PROBE_X, Role.PROBE_Y)]
@@ -60,7 +60,7 @@ class SimulatedCard:
                 rise=bench.tacho_rise_us * MICRO,
                 jitter=bench.tacho_jitter_us * MICRO,
             ),
-            course=self._course,
+            speed_profile=self._speed_profile,
             seed=bench.seed,
         )
         self._tacho_noise = bench.tacho_noise_v
@@ -70,17 +70,17 @@ class SimulatedCard:
         self._seed = bench.seed
         self._portion = 0
         self._left = np.empty((len(config.channel), 0), dtype=np.int16)
-        self._taken = 0
+        self._n_read = 0
 
     @property
     def acquisition(self) -> Acquisition:
-        """The acquisition as the card's driver would report it after it was committed."""
+        """The acquisition, as the driver of a real card would report it."""
         return self._acquisition
 
     @property
-    def course(self) -> SpeedCourse:
-        """The true speed and angle of the shaft."""
-        return self._course
+    def speed_profile(self) -> SpeedProfile:
+        """The shaft's true speed and angle."""
+        return self._speed_profile
 
     @property
     def n_samples(self) -> int:
@@ -88,75 +88,75 @@ class SimulatedCard:
         return self._n_samples
 
     @property
-    def taken(self) -> int:
-        """Samples per channel taken so far."""
-        return self._taken
+    def n_read(self) -> int:
+        """Samples per channel read so far."""
+        return self._n_read
 
     def skip(self, n: int) -> None:
-        """Let samples pass that nobody reads."""
+        """Discard samples, as lost in an overrun."""
         while n > 0 and (passed := self.next_codes(min(n, PORTION)).shape[1]) > 0:
             n -= passed
 
     def next_codes(self, n: int) -> NDArray[np.int16]:
         """Return the next codes, shape (n_channels, n); fewer at the end of the run, none after it."""
-        wanted = min(n, self._n_samples - self._taken)
-        taken = [self._left[:, :wanted]]
+        wanted = min(n, self._n_samples - self._n_read)
+        parts = [self._left[:, :wanted]]
         self._left = self._left[:, wanted:]
-        missing = wanted - taken[0].shape[1]
+        missing = wanted - parts[0].shape[1]
         while missing > 0:
-            made = self._make()
-            taken.append(made[:, :missing])
-            self._left = made[:, missing:]
-            missing -= taken[-1].shape[1]
-        self._taken += wanted
-        return np.concatenate(taken, axis=1)
+            portion = self._next_portion()
+            parts.append(portion[:, :missing])
+            self._left = portion[:, missing:]
+            missing -= parts[-1].shape[1]
+        self._n_read += wanted
+        return np.concatenate(parts, axis=1)
 
     def ticks(self, first: int, stop: int, begin: int = 0) -> NDArray[np.int64]:
-        """Return what the counter stamps from a sample of the run on and before another.
+        """Return the counter's stamps of the edges in an interval of samples.
 
         Parameters
         ----------
         first, stop : int
-            The samples, from the beginning of the run.
+            First sample and one past the last, from the beginning of the run.
         begin : int
-            Sample at which the counter began to count.
+            Sample at which the counter started.
 
         Returns
         -------
         ndarray of int64, shape (n_pulses,)
-            Whole ticks of its timebase between its beginning and the edges; none without a counter.
+            Whole ticks of the timebase from the counter's start to the edges; empty without a counter.
         """
         counter, rate = self._acquisition.tacho.counter, self._acquisition.rate
         if counter is None or stop <= first or not self._wiring.reaches_counter:
             return np.empty(0, np.int64)
-        moments = self._tacho.stamps(first / rate, stop / rate, counter.edge)
-        return np.floor((moments - begin / rate) * counter.timebase).astype(np.int64)
+        times = self._tacho.stamps(first / rate, stop / rate, counter.edge)
+        return np.floor((times - begin / rate) * counter.timebase).astype(np.int64)
 
-    def _make(self) -> NDArray[np.int16]:
-        """Make the next portion of the run."""
+    def _next_portion(self) -> NDArray[np.int16]:
+        """Return the codes of the run's next portion."""
         acquisition, portion = self._acquisition, self._portion
         time = (portion * PORTION + np.arange(PORTION)) / acquisition.rate
         lags = np.arange(len(acquisition.channels)) / acquisition.convert_rate
-        displacement = self._motion.advance(Instants.along(self._course, time, lags[self._probe_rows]))
+        displacement = self._motion.advance(SamplingInstants.along(self._speed_profile, time, lags[self._probe_rows]))
         volts = np.empty((len(acquisition.channels), PORTION))
         for row, probe, moved in zip(self._probe_rows, self._probes, displacement, strict=True):
             volts[row] = probe.volts(portion, moved)
-        noise = draws(self._seed, Purpose.TACHO_NOISE, portion).standard_normal(PORTION)
+        noise = random_stream(self._seed, StreamPurpose.TACHO_NOISE, portion).standard_normal(PORTION)
         volts[self._tacho_row] = self._tacho.volts(time + lags[self._tacho_row]) + self._tacho_noise * noise
         self._portion += 1
-        at_inputs = self._wiring.carry(portion, time, volts)
-        made = np.empty(at_inputs.shape, dtype=np.int16)
+        at_inputs = self._wiring.transmit(portion, time, volts)
+        codes = np.empty(at_inputs.shape, dtype=np.int16)
         for row, channel in enumerate(acquisition.channels):
-            made[row] = converter.codes(at_inputs[row], channel.scaling)
-        return made
+            codes[row] = converter.codes(at_inputs[row], channel.scaling)
+        return codes
 
 
-def _course(rig: Rig) -> SpeedCourse:
+def _speed_profile(rig: Rig) -> SpeedProfile:
     bench = rig.config.simulation
-    return speed_course(
+    return make_speed_profile(
         [point.time_s for point in bench.profile],
         [point.speed_rpm * RPM for point in bench.profile],
-        draws(bench.seed, Purpose.SPEED),
+        random_stream(bench.seed, StreamPurpose.SPEED),
         rms=bench.speed_fluctuation,
         correlation_time=bench.fluctuation_time_s,
         drift=bench.speed_drift / 60.0,

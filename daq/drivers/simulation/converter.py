@@ -1,6 +1,6 @@
-"""What the simulated USB-6251 does to a voltage: its clocks, its ranges, its uncalibrated 16 bits.
+"""The A/D converter of the simulated USB-6251: clocks, ranges and its uncalibrated 16 bits.
 
-Figures after NI's M Series manual and 6255 specification; see `convert_rate` and `scaling`.
+The figures are from NI's M Series manual and 6255 specification; see `convert_rate` and `scaling`.
 """
 
 import numpy as np
@@ -11,10 +11,10 @@ from analysis.signals.header import CODE_MAX, CODE_MIN
 FloatArray = NDArray[np.float64]
 
 TIMEBASE = 20e6  # Hz
-FASTEST_CONVERT = 1e6  # Hz, aggregate over several channels
-PADDING = 10e-6  # s that the driver adds for the amplifier to settle, where there is room
+MAX_CONVERT_RATE = 1e6  # Hz, aggregate over several channels
+PADDING = 10e-6  # s that the driver adds for the amplifier to settle if the sample interval allows it
 
-# Of an uncalibrated converter, relative to the range: it reaches 4.8 % beyond it, and is neither centred nor straight.
+# An uncalibrated converter, relative to the range: it exceeds the range by 4.8 % and has offset and curvature.
 OFFSET = 6e-5
 GAIN = 1.048
 SQUARE = 1.5e-5  # at full scale
@@ -22,23 +22,23 @@ CUBE = -2.5e-5  # at full scale
 
 
 def coerced_rate(rate: float) -> float:
-    """Return the rate, Hz, that the card's timebase allows: 20 MHz over a whole number."""
+    """Return the nearest rate, Hz, that the card's timebase allows: 20 MHz over a whole number."""
     return TIMEBASE / max(round(TIMEBASE / rate), 1)
 
 
 def convert_rate(rate: float, channels: int) -> float:
     """Return the rate, Hz, of the multiplexer's convert clock.
 
-    The fastest conversion plus 10 µs if that fits between two samples, else evenly spaced (M Series manual, AI Convert
-    Clock), in whole ticks of the timebase.
+    One fastest conversion plus 10 µs per channel if that fits into the sample interval, else evenly spaced (M Series
+    manual, AI Convert Clock), in whole ticks of the timebase.
     """
     between_samples = round(TIMEBASE / rate)
-    padded = round(TIMEBASE * (1.0 / FASTEST_CONVERT + PADDING))
+    padded = round(TIMEBASE * (1.0 / MAX_CONVERT_RATE + PADDING))
     return TIMEBASE / (padded if padded * channels <= between_samples else between_samples // channels)
 
 
 def scaling(full_range: float) -> tuple[float, float, float, float]:
-    """Return the device's polynomial, V per code**k, in the range of plus and minus ``full_range``, V."""
+    """Return the device's scaling polynomial, V per code**k, for the range ±``full_range``, V."""
     full_code = float(CODE_MAX + 1)
     return (
         OFFSET * full_range,
@@ -49,10 +49,10 @@ def scaling(full_range: float) -> tuple[float, float, float, float]:
 
 
 def codes(volts: FloatArray, polynomial: tuple[float, ...]) -> NDArray[np.int16]:
-    """Return the converter's codes for voltages, V: the polynomial inverted, rounded, and held at the rails."""
+    """Return the converter's codes for voltages, V: the inverted scaling polynomial, rounded and clipped."""
     offset, gain, square, cube = polynomial
     linear = (volts - offset) / gain
     code = linear
-    for _ in range(2):  # the curvature is below a code, so that each step gains four digits
+    for _ in range(2):  # the curvature is small, so each iteration gains four digits
         code = linear - code * code * (square + cube * code) / gain
     return np.clip(np.rint(code), CODE_MIN, CODE_MAX).astype(np.int16)

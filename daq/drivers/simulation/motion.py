@@ -1,4 +1,4 @@
-"""The motion of the simulated shaft at the probes: the sum of what its parts make it do."""
+"""Components of the simulated shaft's motion at the probes: run-out, synchronous motion, prescribed whirl."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,29 +7,29 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from daq.drivers.simulation.speed import SpeedCourse
+from daq.drivers.simulation.speed import SpeedProfile
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
-FULL_GROWTH = 0.1  # a whirl has its full amplitude this part of its onset speed above the onset
-FADE = 0.01  # and is gone over this part of its end speed
+FULL_GROWTH = 0.1  # a whirl reaches its full amplitude at this fraction of its onset speed above the onset
+FADE = 0.01  # fraction of its end speed over which it vanishes
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Instants:
-    """When the two probes are sampled, and where the shaft is in its turn then.
+class SamplingInstants:
+    """The sampling instants of the two probes, with angle and speed of the shaft.
 
     Parameters
     ----------
     time : ndarray of float64, shape (2, n)
-        Of each probe, s.
+        Time at each probe, s.
     angle : ndarray of float64, shape (2, n)
         Angle turned, rad.
     speed : ndarray of float64, shape (n,)
-        Shaft speed, rad/s; the probes' difference in time changes it by nothing that could be seen.
+        Shaft speed, rad/s; its change between the two probes' instants is negligible.
     cosine, sine : ndarray of float64, shape (2, n)
-        Of the angle.
+        Cosine and sine of the angle.
     """
 
     time: FloatArray
@@ -39,25 +39,25 @@ class Instants:
     sine: FloatArray
 
     @classmethod
-    def along(cls, course: SpeedCourse, time: FloatArray, lags: FloatArray) -> "Instants":
-        """Return the instants of samples at times, s, each probe late by its lag, s."""
-        angle, speed = course.at(time)
+    def along(cls, speed_profile: SpeedProfile, time: FloatArray, lags: FloatArray) -> "SamplingInstants":
+        """Return the instants of samples at times, s, each probe delayed by its lag, s."""
+        angle, speed = speed_profile.angle_and_speed(time)
         late = lags[:, np.newaxis]
         angles = angle + speed * late
         return cls(time=time + late, angle=angles, speed=speed, cosine=np.cos(angles), sine=np.sin(angles))
 
 
-class Motion(Protocol):
-    """A part of the shaft's motion."""
+class MotionComponent(Protocol):
+    """A component of the shaft's motion."""
 
-    def advance(self, instants: Instants) -> FloatArray:
-        """Return the displacement towards each probe, m, shape (2, n); instants follow on those of the last call."""
+    def advance(self, instants: SamplingInstants) -> FloatArray:
+        """Return the displacement towards each probe, m, shape (2, n); instants continue those of the last call."""
         ...
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RunOut:
-    """What a round-turning but uneven surface shows: 1X and 2X that no speed changes.
+    """Run-out of an uneven surface: 1X and 2X that do not depend on speed.
 
     Parameters
     ----------
@@ -68,8 +68,8 @@ class RunOut:
     first: ComplexArray
     second: ComplexArray
 
-    def advance(self, instants: Instants) -> FloatArray:
-        """Return the displacement towards each probe, m; see `Motion`."""
+    def advance(self, instants: SamplingInstants) -> FloatArray:
+        """Return the displacement towards each probe, m; see `MotionComponent`."""
         first, second = self.first[:, np.newaxis], self.second[:, np.newaxis]
         cosine, sine = instants.cosine, instants.sine
         # cos 2 theta = 2 cos² - 1, sin 2 theta = 2 sin cos
@@ -79,12 +79,12 @@ class RunOut:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SynchronousMotion:
-    """Whirl with the shaft's speed, as large as the speed makes it, about a steady place.
+    """Synchronous (1X) motion with a speed-dependent vector, about a steady position.
 
     Parameters
     ----------
     speeds : ndarray of float64, shape (m,)
-        Grid of speeds, rad/s, rising.
+        Speed grid, rad/s, rising.
     vectors : ndarray of complex128, shape (2, m)
         1X vector at each probe over the grid, m peak; x(t) = Re[X exp(i theta)].
     static : ndarray of float64, shape (2,)
@@ -95,8 +95,8 @@ class SynchronousMotion:
     vectors: ComplexArray
     static: FloatArray
 
-    def advance(self, instants: Instants) -> FloatArray:
-        """Return the displacement towards each probe, m; see `Motion`."""
+    def advance(self, instants: SamplingInstants) -> FloatArray:
+        """Return the displacement towards each probe, m; see `MotionComponent`."""
         displacement = np.empty_like(instants.angle)
         for probe, vector in enumerate(self.vectors):
             real = np.interp(instants.speed, self.speeds, vector.real)
@@ -107,23 +107,23 @@ class SynchronousMotion:
 
 
 @dataclass(frozen=True, slots=True)
-class ToldWhirl:
-    """A sub-synchronous component that the bench shows because it is told to.
+class PrescribedWhirl:
+    """A sub-synchronous whirl with prescribed order and amplitude.
 
     Parameters
     ----------
     angles : tuple of float
-        Where the probes sit, rad.
+        Probe angles, rad.
     order : float
-        Its frequency over the shaft's.
+        Its frequency relative to the shaft's.
     onset, end : float
-        Shaft speeds between which it lives, rad/s.
+        Shaft speeds between which it exists, rad/s.
     amplitude : float
-        From `FULL_GROWTH` above the onset on, m peak.
+        Amplitude from `FULL_GROWTH` above the onset on, m peak.
     forward : bool
-        Whether it goes round with the shaft.
+        Whether it whirls in the direction of rotation.
     phase : float
-        Where it is when the shaft's angle is 0, rad.
+        Its phase at shaft angle 0, rad.
     """
 
     angles: tuple[float, float]
@@ -137,15 +137,15 @@ class ToldWhirl:
     def envelope(self, speed: FloatArray) -> FloatArray:
         """Return its amplitude, m peak, at speeds, rad/s.
 
-        It rises with the square root of the distance from the onset, as a limit cycle born in a Hopf bifurcation does,
-        until it is full.
+        It rises with the square root of the distance from the onset, as a limit cycle after a Hopf bifurcation, up to
+        the full amplitude.
         """
         growth = np.sqrt(np.clip((speed - self.onset) / (FULL_GROWTH * self.onset), 0.0, 1.0))
         fade = np.clip((self.end - speed) / (FADE * self.end), 0.0, 1.0)
         return np.asarray(self.amplitude * growth * fade, dtype=np.float64)
 
-    def advance(self, instants: Instants) -> FloatArray:
-        """Return the displacement towards each probe, m; see `Motion`."""
+    def advance(self, instants: SamplingInstants) -> FloatArray:
+        """Return the displacement towards each probe, m; see `MotionComponent`."""
         envelope = self.envelope(instants.speed)
         if not np.any(envelope):
             return np.zeros_like(instants.angle)
@@ -154,31 +154,33 @@ class ToldWhirl:
 
 
 @dataclass(frozen=True, slots=True)
-class Together:
-    """Several motions at once.
+class MotionSum:
+    """The sum of several components.
 
     Parameters
     ----------
-    parts : sequence of Motion
+    parts : sequence of MotionComponent
         At least one.
     """
 
-    parts: Sequence[Motion]
+    parts: Sequence[MotionComponent]
 
-    def advance(self, instants: Instants) -> FloatArray:
-        """Return the displacement towards each probe, m; see `Motion`."""
+    def advance(self, instants: SamplingInstants) -> FloatArray:
+        """Return the displacement towards each probe, m; see `MotionComponent`."""
         total = self.parts[0].advance(instants)
         for part in self.parts[1:]:
             total += part.advance(instants)
         return total
 
 
-def circular(amplitude: float, phase: float, angles: tuple[float, float]) -> ComplexArray:
-    """Return the vectors at two probes of a forward circular motion of an amplitude, m peak, and phase, rad."""
+def circular_vectors(amplitude: float, phase: float, angles: tuple[float, float]) -> ComplexArray:
+    """Return the vectors at two probes of a forward circular motion with given amplitude, m peak, and phase, rad."""
     return np.asarray(amplitude * np.exp(1j * (phase - np.array(angles))), dtype=np.complex128)
 
 
-def towards(angles: tuple[float, float], displacement: FloatArray) -> FloatArray:
-    """Return the parts towards two probes of a displacement in the bench's X and Y, first axis (2,), m."""
+def towards_probes(angles: tuple[float, float], displacement: FloatArray) -> FloatArray:
+    """Return a displacement's projections on two probe axes, m; its first axis (2,) holds the bench's X and Y."""
     x, y = displacement
-    return np.stack([x * np.cos(angle) + y * np.sin(angle) for angle in angles])  # the same bits for any length
+    return np.stack(
+        [x * np.cos(angle) + y * np.sin(angle) for angle in angles]
+    )  # not a matrix product, whose rounding depends on the length

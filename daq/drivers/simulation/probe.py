@@ -1,21 +1,21 @@
-"""One simulated probe: from displacement to the voltage of its conditioner."""
+"""A simulated probe: from displacement to the voltage of its conditioner."""
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from analysis.signals.header import Calibration
-from daq.drivers.simulation.random_streams import Purpose, draws
+from daq.drivers.simulation.random_streams import StreamPurpose, random_stream
 
 FloatArray = NDArray[np.float64]
 
-TABLE = 4096
-BEYOND = 0.1  # part of the calibrated span by which the conditioner's output goes beyond it before it saturates
+TABLE_SIZE = 4096
+SATURATION_MARGIN = 0.1  # of the calibrated span: the conditioner's output exceeds the span by it, then saturates
 GLITCH_LENGTH = 1e-4  # s
 
 
 class GapToVolts:
-    """A calibration read backwards: the voltage that a gap gives, saturating beyond the calibrated span.
+    """The inverse of a calibration: voltage as a function of gap, saturating beyond the calibrated span.
 
     Parameters
     ----------
@@ -24,13 +24,13 @@ class GapToVolts:
     """
 
     def __init__(self, calibration: Calibration) -> None:
-        margin = BEYOND * (calibration.volts_high - calibration.volts_low)
-        volts = np.linspace(calibration.volts_low - margin, calibration.volts_high + margin, TABLE)
+        margin = SATURATION_MARGIN * (calibration.volts_high - calibration.volts_low)
+        volts = np.linspace(calibration.volts_low - margin, calibration.volts_high + margin, TABLE_SIZE)
         gaps = np.polynomial.polynomial.polyval(volts, calibration.coefficients)
         falls = np.flatnonzero(np.diff(gaps) <= 0.0)
-        middle = TABLE // 2
+        middle = TABLE_SIZE // 2
         first = int(falls[falls < middle].max()) + 1 if np.any(falls < middle) else 0
-        stop = int(falls[falls >= middle].min()) + 1 if np.any(falls >= middle) else TABLE
+        stop = int(falls[falls >= middle].min()) + 1 if np.any(falls >= middle) else TABLE_SIZE
         self._volts, self._gaps = volts[first:stop], gaps[first:stop]
 
     def __call__(self, gap: FloatArray) -> FloatArray:
@@ -38,13 +38,13 @@ class GapToVolts:
         return np.asarray(np.interp(gap, self._gaps, self._volts), dtype=np.float64)
 
     def slope(self, gap: float) -> float:
-        """Return the change of voltage with gap, V/m, near a gap, m; 0 where the output is saturated."""
+        """Return the change of voltage with gap, V/m, near a gap, m; 0 if the output is saturated."""
         near = np.array([gap - 1e-6, gap + 1e-6])
         return float(np.diff(self(near))[0] / 2e-6)
 
 
-class FirstOrder:
-    """A first-order low pass, exact for an input that is linear between samples.
+class FirstOrderLowPass:
+    """A first-order low-pass filter, exact for an input that is linear between samples.
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ class FirstOrder:
         self._state: FloatArray | None = None
 
     def __call__(self, signal: FloatArray) -> FloatArray:
-        """Return the next samples; before the first the input stood still."""
+        """Return the next filtered samples; the input is assumed constant before the first one."""
         if self._state is None:
             self._state = np.array([(1.0 - self._forward[0]) * signal[0]])
         filtered, self._state = lfilter(self._forward, self._back, signal, zi=self._state)
@@ -76,15 +76,15 @@ class SimulatedProbe:
     Parameters
     ----------
     calibration : Calibration
-        Of the probe.
+        Calibration of the probe.
     standing_gap : float
-        With the shaft in the bearing's centre, m.
+        Gap with the shaft in the bearing's centre, m.
     noise : float
-        Of the conditioner, m rms.
+        Noise of the conditioner, m rms.
     bandwidth : float
-        Of the conditioner, Hz.
+        Bandwidth of the conditioner, Hz.
     glitches : tuple of float
-        How many a second, and the rms of their heights, m.
+        Glitches per second, and the rms of their heights, m.
     rate : float
         Sample rate, Hz.
     key : tuple of int
@@ -105,7 +105,7 @@ class SimulatedProbe:
         self._gap_to_volts = GapToVolts(calibration)
         self._standing_gap = standing_gap
         self._noise = noise * abs(self._gap_to_volts.slope(standing_gap))
-        self._low_pass = FirstOrder(bandwidth, rate)
+        self._low_pass = FirstOrderLowPass(bandwidth, rate)
         self._glitches = glitches
         self._rate = rate
         self._seed, self._number = key
@@ -116,19 +116,19 @@ class SimulatedProbe:
         Parameters
         ----------
         portion : int
-            Its number, from 0, one after the other.
+            Its number; consecutive calls count from 0.
         displacement : ndarray of float64, shape (n,)
-            Of the shaft towards the probe, m.
+            Displacement of the shaft towards the probe, m.
         """
         gap = self._standing_gap - displacement - self._glitch(portion, displacement.size)
         volts = self._low_pass(self._gap_to_volts(gap))
-        rng = draws(self._seed, Purpose.PROBE_NOISE, self._number, portion)
+        rng = random_stream(self._seed, StreamPurpose.PROBE_NOISE, self._number, portion)
         return volts + self._noise * rng.standard_normal(displacement.size)
 
     def _glitch(self, portion: int, n: int) -> FloatArray | float:
-        """Return the glitches of a portion, m: short half waves that no shaft could make."""
+        """Return the glitches of a portion, m: half sine waves too short to be shaft motion."""
         per_second, height = self._glitches
-        rng = draws(self._seed, Purpose.GLITCHES, self._number, portion)
+        rng = random_stream(self._seed, StreamPurpose.GLITCHES, self._number, portion)
         count = int(rng.poisson(per_second * n / self._rate))
         length = min(max(int(GLITCH_LENGTH * self._rate), 1), n)
         if count == 0:

@@ -1,12 +1,12 @@
-"""Random draws of the simulated rig: each from its own seed, so that a run does not depend on how it is read."""
+"""Independent random streams of the simulated rig, so that a run does not depend on the block size of its reader."""
 
 from enum import IntEnum
 
 import numpy as np
 
 
-class Purpose(IntEnum):
-    """What a stream of draws is for."""
+class StreamPurpose(IntEnum):
+    """Purpose of a random stream."""
 
     SPEED = 1
     PHASES = 2
@@ -18,16 +18,16 @@ class Purpose(IntEnum):
     WIRING_NOISE = 8
 
 
-def draws(seed: int, purpose: Purpose, *index: int) -> np.random.Generator:
-    """Return the generator for one purpose and one fixed portion of the run.
+def random_stream(seed: int, purpose: StreamPurpose, *index: int) -> np.random.Generator:
+    """Return the random generator of one purpose and one fixed portion of the run.
 
     Parameters
     ----------
     seed : int
-        Of the whole run, not negative.
-    purpose : Purpose
-        What is drawn.
+        Seed of the run, not negative.
+    purpose : StreamPurpose
+        Purpose of the stream.
     *index : int
-        Channel, portion: whatever tells this stream from others of its purpose; not negative.
+        Channel, portion: numbers, not negative, that distinguish the streams of one purpose.
     """
     return np.random.default_rng((seed, int(purpose), *index))

@@ -1,7 +1,4 @@
-"""Which motion the simulated shaft makes, from the rig's configuration.
-
-The shaft moved by the rotor model: integrated in time, coarser than it is sampled, and interpolated.
-"""
+"""The simulated shaft's motion from the rig's configuration, including the rotor model integrated in time."""
 
 import math
 
@@ -13,39 +10,39 @@ from daq.config.rig import MICRO, RPM, Rig
 from daq.config.rotor import model_parameters
 from daq.config.schema import SimulationSection
 from daq.drivers.simulation.motion import (
-    Instants,
-    Motion,
+    MotionComponent,
+    MotionSum,
+    PrescribedWhirl,
     RunOut,
+    SamplingInstants,
     SynchronousMotion,
-    Together,
-    ToldWhirl,
-    circular,
-    towards,
+    circular_vectors,
+    towards_probes,
 )
-from daq.drivers.simulation.random_streams import Purpose, draws
-from daq.drivers.simulation.speed import SpeedCourse
+from daq.drivers.simulation.random_streams import StreamPurpose, random_stream
+from daq.drivers.simulation.speed import SpeedProfile
 from model.dynamics.motion import STEPS_PER_TURN, ShaftMotion
 from model.dynamics.synchronous import synchronous_response
 from model.rotor.parameters import ModelParameters
 
 FloatArray = NDArray[np.float64]
 
-BEFORE, AFTER = 1, 2  # steps on either side of a sample that the cubic through four of them needs
+STEPS_BEFORE, STEPS_AFTER = 1, 2  # steps on either side of a sample that the cubic interpolation needs
 
 
 class ModelMotion:
-    """The model's motion at the samples.
+    """The motion of the rotor model: integrated with a step longer than the sample interval, and interpolated.
 
     Parameters
     ----------
     parameters : ModelParameters
         The rotor.
-    course : SpeedCourse
+    speed_profile : SpeedProfile
         Speed and angle of the shaft.
     rate : float
-        Sample rate, Hz; a step of the integration is a whole number of samples.
+        Sample rate, Hz; an integration step is a whole number of samples.
     angles : tuple of float
-        Where the probes sit, rad.
+        Probe angles, rad.
 
     Raises
     ------
@@ -54,69 +51,69 @@ class ModelMotion:
     """
 
     def __init__(
-        self, parameters: ModelParameters, course: SpeedCourse, rate: float, angles: tuple[float, float]
+        self, parameters: ModelParameters, speed_profile: SpeedProfile, rate: float, angles: tuple[float, float]
     ) -> None:
-        fastest = max(float(course.speeds.max()), 1.0)
-        self._step = max(int(rate * 2.0 * np.pi / (STEPS_PER_TURN * fastest)), 1) / rate
-        self._course = course
+        highest_speed = max(float(speed_profile.speeds.max()), 1.0)
+        self._step = max(int(rate * 2.0 * np.pi / (STEPS_PER_TURN * highest_speed)), 1) / rate
+        self._speed_profile = speed_profile
         self._angles = angles
-        self._next = -BEFORE  # number of the first step that is not integrated yet
-        angle, speed = course.at(np.array([(self._next - 1) * self._step]))
+        self._next = -STEPS_BEFORE  # number of the first step that is not integrated yet
+        angle, speed = speed_profile.angle_and_speed(np.array([(self._next - 1) * self._step]))
         self._shaft = ShaftMotion(parameters, float(speed[0]), angle=float(angle[0]))
-        self._path = np.empty((2, 0))  # X and Y at the last steps, the last of them number `_next - 1`
+        self._path = np.empty((2, 0))  # X and Y at the latest steps, up to number `_next - 1`
 
-    def advance(self, instants: Instants) -> FloatArray:
-        """Return the displacement towards each probe, m; see `Motion`.
+    def advance(self, instants: SamplingInstants) -> FloatArray:
+        """Return the displacement towards each probe, m; see `MotionComponent`.
 
         Raises
         ------
         WallContactError
-            The shaft reaches a wall; it cannot be continued then.
+            The shaft reaches a wall; the motion cannot be continued then.
         """
         position = instants.time / self._step
         whole = np.floor(position).astype(np.int64)
-        self._integrate(int(whole.min()) - BEFORE, int(whole.max()) + AFTER)
-        path = towards(self._angles, self._path)
-        place = whole - (self._next - self._path.shape[1])
+        self._integrate(int(whole.min()) - STEPS_BEFORE, int(whole.max()) + STEPS_AFTER)
+        path = towards_probes(self._angles, self._path)
+        index = whole - (self._next - self._path.shape[1])
         weights = _cubic(position - whole)
         displacement = np.zeros_like(position)
         for probe in range(2):
-            for offset, weight in zip(range(-BEFORE, AFTER + 1), weights, strict=True):
-                displacement[probe] += weight[probe] * path[probe, place[probe] + offset]
+            for offset, weight in zip(range(-STEPS_BEFORE, STEPS_AFTER + 1), weights, strict=True):
+                displacement[probe] += weight[probe] * path[probe, index[probe] + offset]
         return displacement
 
     def _integrate(self, first: int, last: int) -> None:
-        """Follow the shaft up to a step, and forget what lies before another."""
+        """Integrate up to step `last`, and discard the steps before `first`."""
         steps = np.arange(self._next, last + 1)
-        angle, speed = self._course.at(self._step * steps.astype(np.float64))
+        angle, speed = self._speed_profile.angle_and_speed(self._step * steps.astype(np.float64))
         further = self._shaft.advance(angle, speed, self._step)
-        keep = max(self._next - first, 0)
-        kept = self._path[:, self._path.shape[1] - min(keep, self._path.shape[1]) :]
-        self._path = np.concatenate([kept, further], axis=1)
+        n_needed = min(max(self._next - first, 0), self._path.shape[1])
+        needed = self._path[:, self._path.shape[1] - n_needed :]
+        self._path = np.concatenate([needed, further], axis=1)
         self._next = last + 1
 
 
 def _cubic(part: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return Lagrange's weights of the four steps about a sample, ``part`` of a step after the second."""
+    """Return the Lagrange weights of the four steps about a sample that lies ``part`` of a step after the second."""
     past, left, after = part + 1.0, 1.0 - part, 2.0 - part
     return -part * left * after / 6.0, past * left * after / 2.0, past * part * after / 2.0, -past * part * left / 6.0
 
 
-GRID = 48  # speeds at which the synchronous response is computed
-SLOWEST = 50.0  # rad/s: below it the response is taken to fall to nothing
+N_SPEEDS = 48  # at which the synchronous response is computed
+MIN_SPEED = 50.0  # rad/s: below it the response is assumed to fall to zero
 
 
-def shaft_motion(rig: Rig, course: SpeedCourse, acquisition: Acquisition) -> Motion:
-    """Return the motion that the rig's simulation asks for.
+def shaft_motion(rig: Rig, speed_profile: SpeedProfile, acquisition: Acquisition) -> MotionComponent:
+    """Return the motion that `[simulation]` configures.
 
     Parameters
     ----------
     rig : Rig
         The rig.
-    course : SpeedCourse
+    speed_profile : SpeedProfile
         Speed of the shaft.
     acquisition : Acquisition
-        Of the card that samples it.
+        Acquisition of the card.
 
     Raises
     ------
@@ -126,19 +123,21 @@ def shaft_motion(rig: Rig, course: SpeedCourse, acquisition: Acquisition) -> Mot
     bench = rig.config.simulation
     angle_x, angle_y = (acquisition.channels[acquisition.row(role)].angle for role in (Role.PROBE_X, Role.PROBE_Y))
     angles = (angle_x, angle_y)
-    first, second, *phases = draws(bench.seed, Purpose.PHASES).uniform(0.0, math.tau, size=2 + len(bench.whirl))
+    first, second, *phases = random_stream(bench.seed, StreamPurpose.PHASES).uniform(
+        0.0, math.tau, size=2 + len(bench.whirl)
+    )
     run_out = RunOut(
-        first=circular(bench.run_out_um * MICRO, first, angles),
-        second=circular(bench.second_order_um * MICRO, second, angles),
+        first=circular_vectors(bench.run_out_um * MICRO, first, angles),
+        second=circular_vectors(bench.second_order_um * MICRO, second, angles),
     )
     if bench.motion == "model":
-        return Together([run_out, ModelMotion(model_parameters(rig.config), course, acquisition.rate, angles)])
-    return Together([run_out, _synchronous(rig, course, angles), *_whirls(bench, angles, phases)])
+        return MotionSum([run_out, ModelMotion(model_parameters(rig.config), speed_profile, acquisition.rate, angles)])
+    return MotionSum([run_out, _synchronous(rig, speed_profile, angles), *_whirls(bench, angles, phases)])
 
 
-def _whirls(bench: SimulationSection, angles: tuple[float, float], phases: list[float]) -> list[ToldWhirl]:
+def _whirls(bench: SimulationSection, angles: tuple[float, float], phases: list[float]) -> list[PrescribedWhirl]:
     return [
-        ToldWhirl(
+        PrescribedWhirl(
             angles=angles,
             order=whirl.order,
             onset=whirl.onset_rpm * RPM,
@@ -151,11 +150,11 @@ def _whirls(bench: SimulationSection, angles: tuple[float, float], phases: list[
     ]
 
 
-def _synchronous(rig: Rig, course: SpeedCourse, angles: tuple[float, float]) -> SynchronousMotion:
-    """Return the model's synchronous motion over the speeds of the run, one branch followed from the lowest up."""
+def _synchronous(rig: Rig, speed_profile: SpeedProfile, angles: tuple[float, float]) -> SynchronousMotion:
+    """Return the model's synchronous motion over the run's speeds, on the branch that starts at the lowest speed."""
     parameters = model_parameters(rig.config)
-    highest = 1.01 * max(float(course.speeds.max()), SLOWEST)  # a grid also for a run at one speed
-    speeds = np.linspace(max(float(course.speeds.min()), SLOWEST), highest, GRID)
+    highest = 1.01 * max(float(speed_profile.speeds.max()), MIN_SPEED)  # so that a run at one speed has a grid too
+    speeds = np.linspace(max(float(speed_profile.speeds.min()), MIN_SPEED), highest, N_SPEEDS)
     responses = [synchronous_response(parameters, float(speeds[0]))]
     for speed in speeds[1:]:
         responses.append(synchronous_response(parameters, float(speed), responses[-1]))
@@ -163,5 +162,5 @@ def _synchronous(rig: Rig, course: SpeedCourse, angles: tuple[float, float]) -> 
     return SynchronousMotion(
         speeds=np.concatenate([[0.0], speeds]),
         vectors=np.concatenate([np.zeros((2, 1)), vectors], axis=1),
-        static=towards(angles, np.array([0.0, -rig.config.simulation.sag_um * MICRO])),
+        static=towards_probes(angles, np.array([0.0, -rig.config.simulation.sag_um * MICRO])),
     )

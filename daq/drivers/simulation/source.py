@@ -1,4 +1,4 @@
-"""The simulated card as a source: at the pace of a real one, with its buffer, or as fast as it goes."""
+"""The simulated card as a source: in real time with the buffer of a real card, or as fast as possible."""
 
 import time
 from collections.abc import Generator, Iterator
@@ -15,23 +15,23 @@ from model.errors import WallContactError
 
 
 class SimulatedSource:
-    """Blocks of the simulated card.
+    """A `Source` that delivers the simulated card's blocks.
 
-    A reader that is later than the buffer allows loses samples, as it would with the card: the segment ends with the
-    loss, and the acquisition goes on as the next segment. The bench does not wait meanwhile.
+    A reader that is later than the buffer allows loses samples, as with a real card: the segment ends with the loss,
+    and the acquisition continues as the next segment. The simulated bench does not wait for the reader.
 
     Parameters
     ----------
     card : SimulatedCard
-        What is wired up; nothing has been taken from it.
+        The card, from which no samples have been read.
     block : int
-        Samples per channel in a block.
+        Samples per channel and block.
     buffer : int
-        Samples per channel that the device holds for a late reader.
+        Samples per channel that the card's buffer holds.
     real_time : bool
-        Whether samples come at the card's rate; else as fast as they are taken.
+        Whether samples arrive at the card's rate; otherwise as fast as they are read.
     restarts : RestartLimiter
-        How often a new segment may begin.
+        Limits new segments after faults.
     """
 
     def __init__(
@@ -44,17 +44,17 @@ class SimulatedSource:
         self._restarts = restarts
         self._stopping = StopFlag()
         self._started = 0.0
-        self._read = 0  # samples per channel given in this segment
+        self._read = 0  # samples per channel delivered in this segment
 
     @property
     def acquisition(self) -> Acquisition:
-        """The acquisition as the card's driver would report it."""
+        """The acquisition, as the driver of a real card would report it."""
         return self._card.acquisition
 
     def blocks(self) -> Iterator[SourceItem]:
-        """Start, and yield blocks until stopped or at the profile's end.
+        """Start, and yield blocks and segment ends until stopped or until the speed profile ends.
 
-        Deadlines are counted from the start, so that the pace does not drift.
+        Deadlines count from the start, so that the pace does not drift.
         """
         self._started = time.monotonic()
         lost, segment = 0, 0
@@ -66,26 +66,26 @@ class SimulatedSource:
             except WallContactError as error:
                 end = SegmentEnd(segment, self._read, EndReason.DEVICE_ERROR, detail=str(error))
             lost = end.lost
-            over = self._stopping.is_set() or self._card.taken + lost >= self._card.n_samples
+            over = self._stopping.is_set() or self._card.n_read + lost >= self._card.n_samples
             goes_on = end.reason is EndReason.OVERRUN and not over
-            if goes_on and not self._restarts.take():
-                goes_on, end = False, self._restarts.last(end)
+            if goes_on and not self._restarts.allow():
+                goes_on, end = False, self._restarts.with_reason(end)
             yield end
             if not goes_on or self._stopping.is_set():
                 return
             segment += 1
 
     def stop(self) -> None:
-        """Ask for the end, from any thread."""
+        """Request the stop, from any thread."""
         self._stopping.set()
 
     def close(self) -> None:
-        """Ask for the end; nothing is held."""
+        """Request the stop; there is no device to release."""
         self._stopping.set()
 
     def _segment(self, segment: int) -> Generator[SampleBlock, None, SegmentEnd]:
         """Yield the blocks of a segment and return its end."""
-        before = self._card.taken
+        before = self._card.n_read
         while not self._stopping.is_set():
             late = self._acquired() - before - self._read
             if late > self._buffer:
@@ -93,29 +93,29 @@ class SimulatedSource:
             codes = self._card.next_codes(self._block)
             if codes.shape[1] == 0:
                 return SegmentEnd(segment, self._read, EndReason.FINISHED)
-            if not self._wait_for(self._card.taken):
+            if not self._wait_for(self._card.n_read):
                 break
             first, self._read = self._read, self._read + codes.shape[1]
-            backlog = max(self._acquired() - self._card.taken, 0)
+            backlog = max(self._acquired() - self._card.n_read, 0)
             ticks = self._ticks(before, first)
             yield SampleBlock(codes, segment, first, host_time_ns=time.time_ns(), backlog=backlog, ticks=ticks)
         return SegmentEnd(segment, self._read, EndReason.STOPPED)
 
     def _ticks(self, before: int, first: int) -> NDArray[np.int64] | None:
-        """Return what the card's counter stamped since a sample of the segment, which began at a sample of the run."""
+        """Return the counter's stamps since the segment's sample `first`; the segment begins at the run's `before`."""
         if self.acquisition.tacho.counter is None:
             return None
-        return self._card.ticks(before + first, self._card.taken, before)
+        return self._card.ticks(before + first, self._card.n_read, before)
 
     def _wait_for(self, sample: int) -> bool:
-        """Wait until the card has digitised a sample; return whether nobody asked for the end meanwhile."""
+        """Wait until the card has digitised a sample; return False if a stop was requested meanwhile."""
         if not self._real_time:
             return True
         due = self._started + sample / self.acquisition.rate
         return not self._stopping.wait(max(due - time.monotonic(), 0.0))
 
     def _acquired(self) -> int:
-        """Return how many samples per channel the card has digitised by now; 0 where it waits for its reader."""
+        """Return how many samples per channel the card has digitised by now; 0 if it does not run in real time."""
         if not self._real_time:
             return 0
         return min(int((time.monotonic() - self._started) * self.acquisition.rate), self._card.n_samples)

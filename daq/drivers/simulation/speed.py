@@ -1,4 +1,4 @@
-"""The speed of the simulated shaft and the angle it has turned, as functions of time."""
+"""Speed and angle of the simulated shaft as functions of time."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,20 +10,20 @@ from scipy.signal import lfilter
 FloatArray = NDArray[np.float64]
 
 KNOT_STEP = 0.02  # s; speed is linear between knots
-BEFORE = 2.0  # s of motion before the first sample: the tacho has a past
-AFTER = 2.0  # s of motion after the last
+LEAD_IN = 2.0  # s of motion before the first sample, so that the tacho has earlier edges
+LEAD_OUT = 2.0  # s of motion after the last sample
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class SpeedCourse:
-    """Speed as a function of time, linear between evenly spaced knots, and its exact integral.
+class SpeedProfile:
+    """The shaft's speed over time, linear between evenly spaced knots, and its exact integral, the angle.
 
     Parameters
     ----------
     start : float
         Time of the first knot, s.
     step : float
-        Between knots, s.
+        Time between knots, s.
     speeds : ndarray of float64, shape (n,)
         Shaft speed at the knots, rad/s, not negative.
     angles : ndarray of float64, shape (n,)
@@ -35,8 +35,8 @@ class SpeedCourse:
     speeds: FloatArray
     angles: FloatArray
 
-    def at(self, time: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return angle, rad, and speed, rad/s, at times, s, within the course."""
+    def angle_and_speed(self, time: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return angle, rad, and speed, rad/s, at times, s, within the profile."""
         position = (time - self.start) / self.step
         knot = np.clip(position.astype(np.int64), 0, self.speeds.size - 2)
         since = (position - knot) * self.step
@@ -45,15 +45,15 @@ class SpeedCourse:
         gained = acceleration * since
         return self.angles[knot] + since * (speed_at_knot + 0.5 * gained), speed_at_knot + gained
 
-    def time_of(self, angle: FloatArray) -> FloatArray:
-        """Return the times, s, at which the shaft first reaches angles, rad; NaN for those outside the course."""
+    def time_at(self, angle: FloatArray) -> FloatArray:
+        """Return the times, s, at which the shaft first reaches angles, rad; NaN outside the profile."""
         after = np.searchsorted(self.angles, angle, side="left")
         inside = (after > 0) & (after < self.angles.size)
         knot = np.where(inside, after - 1, 0)
         speed = self.speeds[knot]
         acceleration = (self.speeds[knot + 1] - speed) / self.step
         left = np.where(inside, angle - self.angles[knot], 1.0)
-        # left = speed t + acceleration t² / 2, solved in the form that keeps its digits
+        # left = speed t + acceleration t² / 2, solved in the form without cancellation
         root = np.sqrt(np.maximum(speed**2 + 2.0 * acceleration * left, 0.0))
         with np.errstate(divide="ignore", invalid="ignore"):
             since = 2.0 * left / (speed + root)
@@ -61,16 +61,16 @@ class SpeedCourse:
 
 
 def fluctuation(rng: np.random.Generator, n: int, correlation: float) -> FloatArray:
-    """Return slow noise of unit rms.
+    """Return slow noise of unit rms: white noise through two equal first-order filters.
 
-    White noise through two equal first-order filters: the air wanders, the rotor's inertia smooths it.
+    One filter represents the drive air's slow variation, the other the rotor's inertia.
 
     Parameters
     ----------
     rng : Generator
-        Draws from it.
+        Source of the noise.
     n : int
-        How many values.
+        Number of values.
     correlation : float
         Time constant of each filter, in values.
     """
@@ -82,7 +82,7 @@ def fluctuation(rng: np.random.Generator, n: int, correlation: float) -> FloatAr
     return np.asarray(slow / np.sqrt(variance), dtype=np.float64)
 
 
-def speed_course(
+def make_speed_profile(
     times: Sequence[float],
     speeds: Sequence[float],
     rng: np.random.Generator,
@@ -90,26 +90,26 @@ def speed_course(
     rms: float,
     correlation_time: float,
     drift: float,
-) -> SpeedCourse:
-    """Return the course of a run along a profile.
+) -> SpeedProfile:
+    """Return the speed profile through given corners, with random fluctuation.
 
     Parameters
     ----------
     times, speeds : sequence of float
-        Corners of the profile, s (rising, from 0) and rad/s.
+        Corners, s (rising, from 0) and rad/s.
     rng : Generator
-        Draws the fluctuation.
+        Source of the fluctuation and of the initial angle.
     rms : float
-        Of the fluctuation, relative to the speed.
+        RMS of the fluctuation, relative to the speed.
     correlation_time : float
-        Of the fluctuation, s.
+        Correlation time of the fluctuation, s.
     drift : float
         Relative change of speed per second.
     """
-    knots = int(np.ceil((times[-1] + BEFORE + AFTER) / KNOT_STEP)) + 1
-    time = -BEFORE + KNOT_STEP * np.arange(knots)
+    knots = int(np.ceil((times[-1] + LEAD_IN + LEAD_OUT) / KNOT_STEP)) + 1
+    time = -LEAD_IN + KNOT_STEP * np.arange(knots)
     noise = fluctuation(rng, knots, correlation_time / KNOT_STEP)
     speed = np.interp(time, times, speeds) * (1.0 + rms * noise) * (1.0 + drift * np.maximum(time, 0.0))
     speed = np.maximum(speed, 0.0)
     turned = np.concatenate(([0.0], np.cumsum(0.5 * KNOT_STEP * (speed[1:] + speed[:-1]))))
-    return SpeedCourse(start=-BEFORE, step=KNOT_STEP, speeds=speed, angles=rng.uniform(0.0, 2.0 * np.pi) + turned)
+    return SpeedProfile(start=-LEAD_IN, step=KNOT_STEP, speeds=speed, angles=rng.uniform(0.0, 2.0 * np.pi) + turned)

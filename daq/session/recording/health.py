@@ -2,7 +2,7 @@
 
 from analysis.signals.blocks import SegmentEnd
 from daq.config.schema import TimingSection
-from daq.drivers.reconnecting import BROKEN
+from daq.drivers.reconnecting import RECONNECT_REASONS
 from daq.session.live_update import RunState
 from daq.session.recording.statistics import RecorderStatistics
 
@@ -14,7 +14,7 @@ FULL = 0.5
 
 def loss_message(end: SegmentEnd) -> str:
     """Return what is to be said of the end of a segment with which something went wrong; nothing where all is well."""
-    if end.is_gap_free and end.reason not in BROKEN:
+    if end.is_gap_free and end.reason not in RECONNECT_REASONS:
         return ""
     lost = f"{'' if end.lost_is_exact else 'at least '}{end.lost:,} samples lost"
     return f"segment {end.segment} ended after {end.samples:,} samples: {end.reason.value}, {lost}; {end.detail}"

@@ -15,7 +15,7 @@ from analysis.signals.blocks import SegmentEnd
 from analysis.signals.header import RunHeader
 from analysis.signals.snapshot import Snapshot
 from daq.config.rig import Rig
-from daq.drivers.reconnecting import BROKEN
+from daq.drivers.reconnecting import RECONNECT_REASONS
 from daq.errors import DeviceError, DeviceFault, RigError, StoppedError
 from daq.session.alarms import acknowledgement_marker, alarm_marker
 from daq.session.live_analysis import LiveAnalysis
@@ -218,7 +218,7 @@ class RecordedRun:
     def _patience(self, end: SegmentEnd) -> str:
         """Return that a device that went away is waited for, where it is."""
         patience = self._order.rig.config.session.reconnect_s
-        is_awaited = end.reason in BROKEN and patience > 0
+        is_awaited = end.reason in RECONNECT_REASONS and patience > 0
         return f"; it is waited for, {patience:g} s at most (session.reconnect_s)" if is_awaited else ""
 
     def _watch(self) -> None:

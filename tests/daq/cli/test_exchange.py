@@ -238,7 +238,7 @@ def test_a_mapping_that_does_not_fit_tells_every_fault(
     made = mapping({"x": {"source": "a"}, "z": {"source": "b"}, "tacho": {"source": "c", "unit": "um"}})
     assert main(["import", str(tmp_path / "log.csv"), "--mapping", str(made)]) == 2
     told = capsys.readouterr().err
-    assert "mapping.toml: 4 faults" in told
+    assert "mapping.toml: 4 errors" in told
     for word in (
         "channel.y: is missing",
         "channel.z: the rig has no such",
@@ -252,7 +252,7 @@ def test_a_mapping_that_does_not_fit_tells_every_fault(
     made.write_text('rig = "rig.toml"\nrate_hz = -1\nstarted = "soon"\n')
     assert main(["import", str(tmp_path / "log.csv"), "--mapping", str(made)]) == 2
     told = capsys.readouterr().err
-    assert "mapping.toml: 3 faults" in told
+    assert "mapping.toml: 3 errors" in told
     assert "channel: missing, expected tables: [channel.NAME]" in told
     assert list(folder.glob("*.mcap")) == []
 

@@ -79,7 +79,7 @@ def test_config_with_several_faults_tells_them_all_and_records_nothing(
     path = rig_file(timing={"rate_hz": -1.0}, limits={"clearence_um": 3.0})
     assert main(["record", str(path)]) == 2
     told = capsys.readouterr().err
-    assert f"{path}: 2 faults" in told
+    assert f"{path}: 2 errors" in told
     assert "timing.rate_hz" in told
     assert "clearance_um" in told
     assert not places.exists()

@@ -32,7 +32,7 @@ def stamped(acquisition: Acquisition, edges: Iterable[float], end: float, *, fai
         low, high = first * acquisition.ticks_per_sample, (first + BLOCK) * acquisition.ticks_per_sample
         within = ticks[(ticks >= low) & (ticks < high)]
         failed = first >= fails_from * acquisition.rate
-        speeds.append(estimate.block(SampleBlock(silent, 0, first, 0, 0, None if failed else within)))
+        speeds.append(estimate.update(SampleBlock(silent, 0, first, 0, 0, None if failed else within)))
     return speeds
 
 
@@ -53,12 +53,12 @@ def test_speed_comes_from_the_samples_once_the_counter_fails_and_from_it_again_i
     for k in range(40):
         codes = card.next_codes(BLOCK)
         speeds.append(
-            estimate.block(SampleBlock(codes, 0, k * BLOCK, 0, 0, None if k >= 10 else np.empty(0, np.int64)))
+            estimate.update(SampleBlock(codes, 0, k * BLOCK, 0, 0, None if k >= 10 else np.empty(0, np.int64)))
         )
     assert set(speeds[:10]) == {0.0}
     assert speeds[20:] == pytest.approx([600.0] * 20, rel=1e-2)
     ticks = np.arange(1, 8) * 8_000_000
-    assert estimate.block(SampleBlock(codes, 1, 0, 0, 0, ticks)) == pytest.approx(600.0)
+    assert estimate.update(SampleBlock(codes, 1, 0, 0, 0, ticks)) == pytest.approx(600.0)
 
 
 @pytest.mark.parametrize("pulses", [1, 2])

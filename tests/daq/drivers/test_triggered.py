@@ -156,7 +156,7 @@ def test_glitch_shorter_than_the_hold_starts_nothing(rig: RigFactory) -> None:
 def test_samples_from_before_a_gap_are_not_given_as_what_came_before(rig: RigFactory) -> None:
     blocks, ends = run_of(scripted(rig(), [0, 0, 0, None, 0, 3, 0, None, 0], hold=0.0))
     assert [(block.segment, block.first_sample) for block in blocks] == [(1, 0), (1, 2000), (1, 4000), (2, 0)]
-    told = "while x > 2 V was waited for: overrun"
+    told = "while waiting for x > 2 V: overrun"
     assert ends == [
         SegmentEnd(0, 0, EndReason.OVERRUN, 7, detail=told),
         SegmentEnd(1, 6000, EndReason.OVERRUN, 7),
@@ -205,7 +205,7 @@ def test_device_that_fails_while_a_start_is_waited_for_is_told(rig: RigFactory) 
     end = SegmentEnd(0, 0, EndReason.UNPLUGGED, detail="the card is gone")
     source = TriggeredSource(Scripted(acquisition, [end]), Trigger(ABOVE, None), Watch())
     assert [*source.blocks()] == [
-        replace(end, detail="while x > 2 V was waited for: the card is gone"),
+        replace(end, detail="while waiting for x > 2 V: the card is gone"),
         SegmentEnd(1, 0, EndReason.STOPPED, detail="x > 2 V was not reached"),
     ]
 

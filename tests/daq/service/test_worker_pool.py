@@ -79,7 +79,7 @@ def wrong_beyond_words() -> None:
 @pytest.mark.parametrize(
     ("work", "error", "words"),
     [
-        (wrong_configuration, ConfigError, "rig.toml: 2 faults\n  one\n  two"),
+        (wrong_configuration, ConfigError, "rig.toml: 2 errors\n  one\n  two"),
         (wrong_rotor, TableError, "one; two"),
         (wrong_device, DeviceError, "Dev1 is in use (driver code -50103)"),
         (wrong_beyond_words, RuntimeError, "UnsendableError: rig.toml: line 7"),

@@ -83,7 +83,7 @@ def test_summary_with_a_wrong_record_says_what_is_wrong(
     run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["summary", str(run), "--calibration", f"x={tmp_path / 'gone.toml'}"]) == 2
-    assert "gone.toml: 1 fault\n  no such file" in capsys.readouterr().err
+    assert "gone.toml: 1 error\n  no such file" in capsys.readouterr().err
     assert main(["summary", str(run), "--calibration", f"z={tmp_path / 'probe-x.toml'}"]) == 2
     assert "no probe 'z'" in capsys.readouterr().err
     with pytest.raises(SystemExit):

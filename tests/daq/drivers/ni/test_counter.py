@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd, SourceItem
 from daq.config.schema import CounterSection
 from daq.drivers.ni import NiSource, open_ni_source
-from daq.drivers.ni.counter_stamps import WRAP, Unwrapping
+from daq.drivers.ni.counter_stamps import WRAP, CounterUnwrapper
 from daq.drivers.simulation.card import SimulatedCard
 from daq.errors import DeviceFault
 from tests.daq.drivers.ni.bench import bench, ends_of, refused, take
@@ -168,7 +168,7 @@ def test_counter_of_another_clock_is_found_out(card: NiSource, server: DeviceSer
         if len(items) == 6:
             card.stop()
     (end,) = ends_of(items)
-    assert "another clock, or not begun with them" in end.detail
+    assert "another clock or did not start with them" in end.detail
     assert end.is_gap_free
 
 
@@ -207,16 +207,16 @@ def test_server_that_freezes_ends_a_run_with_a_counter_and_both_tasks_are_cleare
 def test_counts_go_on_rising_through_every_wrap() -> None:
     rng = np.random.default_rng(7)
     truth = np.cumsum(rng.integers(1, WRAP, 200))
-    unwrapping = Unwrapping()
+    unwrapping = CounterUnwrapper()
     for part in np.array_split(truth, 23):
         np.testing.assert_array_equal(unwrapping.ticks((part % WRAP).astype(np.uint32)), part)
 
 
 def test_counts_after_a_silence_of_many_wraps_lie_where_the_samples_are() -> None:
-    unwrapping = Unwrapping()
+    unwrapping = CounterUnwrapper()
     assert unwrapping.ticks(np.array([17], np.uint32)).tolist() == [17]
     for wraps in (1, 2, 5, 1000):
         tick = wraps * WRAP + 5
-        unwrapping.none_before(tick - 1000)
+        unwrapping.no_edge_before(tick - 1000)
         assert unwrapping.ticks(np.array([5], np.uint32)).tolist() == [tick]
     assert math.isclose(WRAP / 80e6, 53.687, abs_tol=1e-3)

@@ -49,13 +49,13 @@ def test_self_test_passes_for_a_card_that_answers(server: DeviceServer) -> None:
 
 def test_self_test_that_fails_is_told_with_the_drivers_code(server: DeviceServer) -> None:
     server.driver.answers_tests = False
-    with pytest.raises(DeviceError, match="does not answer") as caught:
+    with pytest.raises(DeviceError, match="does not respond") as caught:
         self_test(section(server))
     assert (caught.value.fault, caught.value.code) == (DeviceFault.MISSING, -201003)
 
 
 def test_self_test_of_a_card_that_is_not_there_names_what_is(server: DeviceServer) -> None:
-    with pytest.raises(DeviceError, match="there is Dev1: USB-6251, serial number 1A2B3C"):
+    with pytest.raises(DeviceError, match="connected: Dev1: USB-6251, serial number 1A2B3C"):
         self_test(section(server, serial="DEAD"))
 
 

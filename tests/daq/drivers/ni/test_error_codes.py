@@ -10,9 +10,9 @@ from daq.drivers.ni.error_codes import (
     BUSY_CODES,
     OTHER_CODES,
     OVERRUN_CODES,
-    bench_words,
     device_fault,
-    driver_words,
+    driver_text,
+    operator_message,
 )
 from daq.errors import DeviceFault
 
@@ -73,6 +73,6 @@ def test_what_the_driver_says_a_setting_is_about_is_kept_without_task_and_code()
     )
     told = "Requested value is not a supported value for this property."
     about = "Property: DAQmx_SampClk_Rate, Requested Value: 400.0e3, Maximum Value: 333.3e3"
-    assert driver_words(text) == f"{told} ({about})"
-    assert bench_words(-200077, text) == f"the driver says: {told} ({about})"
-    assert driver_words("") == ""
+    assert driver_text(text) == f"{told} ({about})"
+    assert operator_message(-200077, text) == f"the driver reports: {told} ({about})"
+    assert driver_text("") == ""

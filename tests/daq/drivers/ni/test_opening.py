@@ -45,7 +45,7 @@ def test_missing_card_is_told_with_what_is_there(server: DeviceServer, device: d
 
 def test_missing_card_is_told_where_none_is_there(server: DeviceServer) -> None:
     server.driver.devices = {}
-    assert "there is no device" in str(refused(bench(server.target)))
+    assert "connected: no device" in str(refused(bench(server.target)))
 
 
 # Failing to open
@@ -120,7 +120,7 @@ def test_server_that_is_frozen_ends_the_opening_by_the_deadline(server: DeviceSe
     error = refused(bench(server.target, deadline_s=0.4))
     assert time.monotonic() - began < 30
     assert error.fault is DeviceFault.TIMEOUT
-    assert f"{server.target} did not answer within its deadline of 0.4 s" in str(error)
+    assert f"{server.target} did not respond within its deadline of 0.4 s" in str(error)
 
 
 def test_server_too_old_for_a_call_is_a_matter_of_the_driver(server: DeviceServer) -> None:

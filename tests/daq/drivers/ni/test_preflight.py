@@ -87,7 +87,7 @@ def test_what_the_driver_warns_of_is_told(server: DeviceServer, tmp_path: Path) 
     [
         ({"answers_tests": False}, Finding.MISSING, "check its supply and its USB cable"),
         ({"held_elsewhere": True}, Finding.BUSY, "another program holds the card"),
-        ({"devices": {}}, Finding.MISSING, "no USB-6251 of name Dev1 is connected"),
+        ({"devices": {}}, Finding.MISSING, "no USB-6251 with name Dev1 is connected"),
     ],
 )
 def test_card_that_gives_no_samples_is_a_failed_check_and_the_rest_is_judged(

@@ -116,7 +116,7 @@ def test_another_card_in_its_place_is_not_recorded_under_the_runs_header(server:
         server.faults["ReadBinaryI16"].extend([0, -201003])
         server.driver.devices["Dev1"] = ("USB-6251", 0xABC)
         _, other = ends_of(list(source.blocks()))
-    assert "another card came back, USB-6251 ABC in place of USB-6251 1A2B3C" in other.detail
+    assert "another card was connected, USB-6251 ABC instead of USB-6251 1A2B3C" in other.detail
     assert server.tasks == []
 
 

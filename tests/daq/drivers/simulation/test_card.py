@@ -50,7 +50,7 @@ def displacements(card: SimulatedCard, codes: NDArray[np.int16]) -> FloatArray:
 def lines(card: SimulatedCard, displacement: FloatArray, orders: list[float]) -> NDArray[np.complex128]:
     """Return the vectors of orders, (n_orders, 2), m peak, fitted on the true angle at channel 0's instants."""
     time = np.arange(displacement.shape[1]) / card.acquisition.rate
-    angle, _ = card.course.at(time)
+    angle, _ = card.speed_profile.angle_and_speed(time)
     columns = [np.ones_like(angle)] + [wave(order * angle) for order in orders for wave in (np.cos, np.sin)]
     fitted = np.linalg.lstsq(np.stack(columns, axis=1), displacement.T)[0]
     return np.asarray(fitted[1::2] - 1j * fitted[2::2])
@@ -95,7 +95,7 @@ def test_skipped_samples_leave_the_rest_as_it_was(rig: RigFactory) -> None:
     card = SimulatedCard(bench)
     card.skip(12_345)
     np.testing.assert_array_equal(card.next_codes(5_000), whole[:, 12_345:17_345])
-    assert card.taken == 17_345
+    assert card.n_read == 17_345
 
 
 @pytest.mark.parametrize(
@@ -224,7 +224,7 @@ def test_tacho_crosses_its_threshold_a_delay_after_the_mark(rig: RigFactory, edg
     tacho = {"edge": edge, "delay_s": delay_s, "mark_fraction": 0.4, "threshold_v": 3.0}
     card = SimulatedCard(rig(timing={"rate_hz": 100_000.0}, simulation=QUIET | bench, tacho=tacho))
     found = crossings(card, taken(card, 50_000), rising=edge == "rising")
-    angle, _ = card.course.at(found - delay_s)
+    angle, _ = card.speed_profile.angle_and_speed(found - delay_s)
     off = np.angle(np.exp(1j * angle))
     assert 298 <= found.size <= 301  # 2 s at 9,000 r/min in the mean
     assert np.abs(off).max() < math.radians(0.1)
@@ -252,7 +252,7 @@ def test_tacho_edges_scatter_as_told(rig: RigFactory) -> None:
         )
     )
     found = crossings(card, taken(card, 50_000))
-    angle, _ = card.course.at(found)
+    angle, _ = card.speed_profile.angle_and_speed(found)
     late = np.angle(np.exp(1j * angle)) / (12_000.0 * RPM)
     assert late.std() == pytest.approx(20e-6, rel=0.1)
     assert late.mean() == pytest.approx(0.0, abs=3e-6)
@@ -267,21 +267,21 @@ def test_tacho_of_a_standing_shaft_stays_where_it_is(rig: RigFactory) -> None:
 
 def test_speed_wanders_and_drifts_as_told(rig: RigFactory) -> None:
     bench = {"speed_fluctuation": 0.01, "fluctuation_time_s": 0.1, "speed_drift": 0.06, "profile": steady(60.0)}
-    course = SimulatedCard(rig(simulation=bench)).course
-    _, speed = course.at(np.linspace(0.0, 60.0, 6001))
+    course = SimulatedCard(rig(simulation=bench)).speed_profile
+    _, speed = course.angle_and_speed(np.linspace(0.0, 60.0, 6001))
     drifted = SPEED * RPM * (1 + 0.06 * np.linspace(0.0, 1.0, 6001))
     assert np.std(speed / drifted) == pytest.approx(0.01, rel=0.2)
     assert np.mean(speed / drifted) == pytest.approx(1.0, abs=0.003)
 
 
 def test_angle_is_the_integral_of_the_speed_and_turns_back_into_time(rig: RigFactory) -> None:
-    course = SimulatedCard(rig(simulation={"speed_fluctuation": 0.02})).course
+    course = SimulatedCard(rig(simulation={"speed_fluctuation": 0.02})).speed_profile
     time = np.linspace(0.0, 2.0, 200_001)
-    angle, speed = course.at(time)
+    angle, speed = course.angle_and_speed(time)
     turned = np.concatenate(([0.0], np.cumsum(0.5 * np.diff(time) * (speed[1:] + speed[:-1]))))
     np.testing.assert_allclose(angle - angle[0], turned, atol=1e-5)
-    np.testing.assert_allclose(course.time_of(angle[::100]), time[::100], atol=1e-9)
-    assert np.isnan(course.time_of(np.array([-1.0, 1e9]))).all()
+    np.testing.assert_allclose(course.time_at(angle[::100]), time[::100], atol=1e-9)
+    assert np.isnan(course.time_at(np.array([-1.0, 1e9]))).all()
 
 
 def test_analyser_finds_what_the_bench_was_told(rig: RigFactory) -> None:

@@ -31,8 +31,8 @@ def test_shaft_moves_as_the_model_integrated_at_every_sample(rig: RigFactory) ->
     codes = card.next_codes(6000)
     seen = np.stack([card.acquisition.channels[row].displacement(codes[row]) for row in (0, 1)])
 
-    rate, course = card.acquisition.rate, card.course
-    angle, speed = course.at(np.arange(-4, 6000) / rate)
+    rate, course = card.acquisition.rate, card.speed_profile
+    angle, speed = course.angle_and_speed(np.arange(-4, 6000) / rate)
     shaft = ShaftMotion(model_parameters(bench.config), float(speed[0]), angle=float(angle[0]))
     path = shaft.advance(angle[1:], speed[1:], 1 / rate)[:, 3:]
     diagonal = np.array([[1.0, 1.0], [-1.0, 1.0]]) / np.sqrt(2.0)  # the probes sit at 45 and 135 degrees

@@ -140,7 +140,7 @@ class TouchingCard(SimulatedCard):
     touches = 2500
 
     def next_codes(self, n: int) -> NDArray[np.int16]:
-        if self.taken + n > self.touches:
+        if self.n_read + n > self.touches:
             raise WallContactError("the shaft touches the wall")
         return super().next_codes(n)
 

@@ -99,7 +99,7 @@ def test_operator_sees_buffer_silence_and_recovery_of_a_run_over_the_wire(rig: R
         server.freeze()
         silent = wait_for_state(run, 60, RunState.INTERRUPTED)
         assert silent.detail.startswith("no samples for ")
-        while "did not answer within its deadline" not in run.latest().status.detail:
+        while "did not respond within its deadline" not in run.latest().status.detail:
             assert not run.wait(0.01)
         assert "it is waited for, 60 s at most" in run.latest().status.detail
         server.thaw()
