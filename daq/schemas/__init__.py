@@ -1,1 +1,1 @@
-"""JSON schemas shared by REST and the command line; the name of every field carries its unit."""
+"""JSON schemas shared by REST and the command line; every field name carries its unit."""

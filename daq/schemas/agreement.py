@@ -1,7 +1,4 @@
-"""How far a run agrees with the model.
-
-How the tacho's counter and its waveform compare, as a document.
-"""
+"""Schemas of comparisons: a run with the model, the tacho's counter with its waveform."""
 
 from typing import Annotated
 
@@ -15,81 +12,84 @@ Count = Annotated[int, Field(ge=0)]
 
 
 class SynchronousAgreementSchema(Schema):
-    """Measured against predicted 1X; both probes count alike."""
+    """Measured and predicted 1X compared over both probes."""
 
-    speeds: Count = Field(description="Number of measured speeds that are compared", examples=[52])
+    speeds: Count = Field(description="Number of measured speeds compared", examples=[52])
     median_amplitude_ratio: float | None = Field(
         description="Median of measured over predicted amplitude", examples=[0.97]
     )
     worst_amplitude_ratio: float | None = Field(
         description="The ratio furthest from 1 on a logarithmic scale", examples=[1.31]
     )
-    worst_amplitude_at_rpm: float | None = Field(description="Speed at which that was, r/min", examples=[14_800.0])
+    worst_amplitude_at_rpm: float | None = Field(description="Speed of that ratio, r/min", examples=[14_800.0])
     median_lag_difference_deg: float | None = Field(
         description="Median of measured minus predicted lag, degrees; positive where the measurement lags more",
         examples=[3.2],
     )
-    worst_lag_difference_deg: float | None = Field(description="The largest in size, degrees", examples=[-24.0])
-    worst_lag_at_rpm: float | None = Field(description="Speed at which that was, r/min", examples=[14_900.0])
+    worst_lag_difference_deg: float | None = Field(
+        description="The difference with the largest magnitude, degrees", examples=[-24.0]
+    )
+    worst_lag_at_rpm: float | None = Field(description="Speed of that difference, r/min", examples=[14_900.0])
     agrees_to_rpm: float | None = Field(
-        description="Speed up to which, from the lowest compared, every amplitude is within a factor of 1.28 and every "
-        "lag within 30°, r/min; null where the lowest already is not",
+        description="Speed up to which, from the lowest compared, every amplitude agrees within a factor of 1.28 and "
+        "every lag within 30°, r/min; null where the lowest speed already does not",
         examples=[14_000.0],
     )
     within_amplitude_ratio: float | None = Field(
-        description="Up to there, largest distance of a ratio from 1", examples=[0.08]
+        description="Largest distance of a ratio from 1 up to that speed", examples=[0.08]
     )
     within_lag_difference_deg: float | None = Field(
-        description="Up to there, largest size of a lag's difference, degrees", examples=[11.0]
+        description="Largest magnitude of a lag difference up to that speed, degrees", examples=[11.0]
     )
 
 
 class WhirlAgreementSchema(Schema):
-    """Predicted and measured whirl of one rank: the first to come with rising speed, the second, and so on."""
+    """Predicted and measured whirl of the same rank in order of onset speed."""
 
     predicted_order: float | None = Field(
-        description="Order at the onset that the model expects; null where it expects no such whirl", examples=[0.7]
+        description="Predicted order at onset; null where no such whirl is predicted", examples=[0.7]
     )
     predicted_onset_rpm: float | None = Field(
-        description="Speed at which the model expects it to begin, r/min; null likewise", examples=[9500.0]
+        description="Predicted onset speed, r/min; null likewise", examples=[9500.0]
     )
     predicted_largest_peak_um: float | None = Field(
-        description="Its largest size there, half the major axis of its ellipse, zero-to-peak, µm; null likewise",
+        description="Largest predicted amplitude, half the major axis of the ellipse, zero-to-peak, µm; null likewise",
         examples=[22.0],
     )
     measured_order: float | None = Field(
-        description="Order that was measured; null where the run showed no such whirl", examples=[0.49]
+        description="Measured order; null where the run showed no such whirl", examples=[0.49]
     )
     measured_onset_rpm: float | None = Field(
-        description="Speed at which it began, r/min; null likewise", examples=[10_980.0]
+        description="Measured onset speed, r/min; null likewise", examples=[10_980.0]
     )
     measured_largest_peak_um: float | None = Field(
-        description="Its largest size, half the major axis of its ellipse, zero-to-peak, µm; null likewise",
+        description="Largest measured amplitude, half the major axis of the ellipse, zero-to-peak, µm; null likewise",
         examples=[14.2],
     )
     onset_ratio: float | None = Field(
         description="Measured over predicted onset speed; null where one of them is missing", examples=[1.156]
     )
     was_reached: bool = Field(
-        description="Whether the run came to the predicted onset; true where nothing is predicted", examples=[True]
+        description="Whether the run reached the predicted onset speed; true where no whirl is predicted",
+        examples=[True],
     )
 
 
 class AgreementSchema(Schema):
-    """A run against the model."""
+    """Agreement of a run with the model."""
 
     synchronous: SynchronousAgreementSchema | None = Field(
-        description="1X by speed; null where no measured speed can be compared"
+        description="1X over speed; null where no measured speed can be compared"
     )
-    whirls: tuple[WhirlAgreementSchema, ...] = Field(description="Below 1X, in rising order of onset")
+    whirls: tuple[WhirlAgreementSchema, ...] = Field(description="Whirls below 1X, by rising onset speed")
     instability_onset_rpm: float | None = Field(
-        description="Lowest speed from which the model's 1X motion is unstable, r/min; null where it never is",
+        description="Lowest speed at which the predicted 1X motion is unstable, r/min; null where it is always stable",
         examples=[9320.0],
     )
 
 
 def agreement_schema(agreement: Agreement) -> AgreementSchema:
-    """Return how far a run agrees with the model as a document."""
+    """Return the schema of an agreement."""
     synchronous = agreement.synchronous
     return AgreementSchema(
         synchronous=None if synchronous is None else _synchronous(synchronous),
@@ -128,30 +128,36 @@ def _whirl(whirl: WhirlAgreement) -> WhirlAgreementSchema:
 
 
 class CounterSchema(Schema):
-    """The tacho's counter against its waveform since the run began."""
+    """Comparison of the tacho's counter with its waveform since the start of the run."""
 
-    state: CounterState = Field(description="The verdict", examples=["agrees"])
-    compared: Count = Field(description="Edges that both have", examples=[40_180])
-    missing: Count = Field(description="Edges of the waveform that the counter has not stamped", examples=[0])
-    extra: Count = Field(description="Stamps where the waveform has no edge", examples=[0])
-    out_of_tolerance: Count = Field(description="Edges that lie further apart than the rig says they may", examples=[0])
-    mean_difference_us: float | None = Field(
-        description="How much later the counter has them, in the mean, µs", examples=[0.02]
+    state: CounterState = Field(description="Verdict of the comparison", examples=["agrees"])
+    compared: Count = Field(description="Edges found by both", examples=[40_180])
+    missing: Count = Field(description="Edges of the waveform without a time stamp of the counter", examples=[0])
+    extra: Count = Field(description="Time stamps without an edge of the waveform", examples=[0])
+    out_of_tolerance: Count = Field(
+        description="Edges with a time difference above the limit of the rig file", examples=[0]
     )
-    largest_difference_us: float | None = Field(description="Largest distance of the two, µs", examples=[0.41])
-    recent: Count = Field(description="Edges of either in the last 10 s", examples=[250])
-    recent_mismatches: Count = Field(description="Of those, the ones that are missing, extra or apart", examples=[0])
+    mean_difference_us: float | None = Field(
+        description="Mean time of the counter minus that of the waveform, µs", examples=[0.02]
+    )
+    largest_difference_us: float | None = Field(
+        description="Largest magnitude of the time difference, µs", examples=[0.41]
+    )
+    recent: Count = Field(description="Edges found by either in the last 10 s", examples=[250])
+    recent_mismatches: Count = Field(
+        description="Edges of the last 10 s that are missing, extra or out of tolerance", examples=[0]
+    )
     message: str = Field(
-        description="What an operator should know of the whole run; empty where they agree", examples=[""]
+        description="Disagreement over the whole run, for the operator; empty where both agree", examples=[""]
     )
     recent_message: str = Field(
-        description="Whether they still differ where they have; empty where they agree, or the counter has failed",
+        description="Disagreement in the last 10 s; empty where both agree or the counter has failed",
         examples=[""],
     )
 
 
 def counter_schema(counter: CounterReport | None) -> CounterSchema | None:
-    """Return a comparison as a document; None where no counter stamps."""
+    """Return the schema of a counter report; None without a counter."""
     if counter is None:
         return None
     return CounterSchema(

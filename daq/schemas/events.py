@@ -1,8 +1,4 @@
-"""Limits that were passed, and who took note.
-
-A place in a run.
-Moments that were marked while a run was recorded.
-"""
+"""Schemas of events in a run: times in the run, markers, alarms and their acknowledgement."""
 
 from datetime import datetime
 from typing import Annotated
@@ -19,50 +15,50 @@ from recordings.mcap.markers import MAX_MARKER_LENGTH, Marker, MarkerKind
 
 
 class TimeInRunSchema(Schema):
-    """A place in a run."""
+    """A time in a run and the shaft speed at that time."""
 
     segment: int = Field(description="Gap-free stretch of the run, from 0", examples=[0], ge=0)
     time_s: float = Field(description="Sample time in that segment, s", examples=[98.4])
     speed_rpm: float | None = Field(description="Shaft speed there, r/min; null where unknown", examples=[10_980.0])
 
 
-def time_in_run_schema(place: TimeInRun) -> TimeInRunSchema:
-    """Return a place in a run as a document."""
-    return TimeInRunSchema(segment=place.segment, time_s=finite(place.time) or 0.0, speed_rpm=rpm(place.speed))
+def time_in_run_schema(time: TimeInRun) -> TimeInRunSchema:
+    """Return the schema of a time in a run."""
+    return TimeInRunSchema(segment=time.segment, time_s=finite(time.time) or 0.0, speed_rpm=rpm(time.speed))
 
 
 class MarkerSchema(Schema):
-    """A moment and its name."""
+    """A named time in a run."""
 
     kind: MarkerKind = Field(
-        description="A word of somebody, an alarm that came, or the acknowledgement of alarms", examples=["word"]
+        description="Text added by an operator, start of an alarm, or acknowledgement of alarms", examples=["word"]
     )
-    text: str = Field(description="Its name", examples=["knocking begins"])
-    segment: int = Field(description="The segment in which it lies", examples=[0], ge=0)
+    text: str = Field(description="Text of the marker", examples=["knocking begins"])
+    segment: int = Field(description="Gap-free stretch of the run, from 0", examples=[0], ge=0)
     time_s: float | None = Field(
-        description="Sample time in the segment, s, right within a block and the card's backlog", examples=[12.3]
+        description="Sample time in the segment, s, accurate to a block plus the card's backlog", examples=[12.3]
     )
     marked_at: datetime = Field(description="Wall clock of the host, UTC", examples=["2026-11-24T09:12:19.550000Z"])
 
 
 class LiveMarkerSchema(MarkerSchema):
-    """A moment of the run under way."""
+    """A marker of the live run."""
 
-    elapsed_s: float | None = Field(description="Sample time since the run began, s", examples=[12.3])
+    elapsed_s: float | None = Field(description="Sample time since the start of the run, s", examples=[12.3])
 
 
 class MarkerRequest(BaseModel):
-    """What the present moment is to be called."""
+    """Request to add a marker at the current time."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    text: Annotated[str, Field(description="Its name", examples=["knocking begins"], max_length=MAX_MARKER_LENGTH)] = (
-        "mark"
-    )
+    text: Annotated[
+        str, Field(description="Text of the marker", examples=["knocking begins"], max_length=MAX_MARKER_LENGTH)
+    ] = "mark"
 
 
 def marker_schema(marker: Marker, rate: float) -> MarkerSchema:
-    """Return a marker as a document, for the run's sample rate, Hz."""
+    """Return the schema of a marker at the run's sample rate, Hz."""
     return MarkerSchema(
         kind=marker.kind,
         text=marker.text,
@@ -73,7 +69,7 @@ def marker_schema(marker: Marker, rate: float) -> MarkerSchema:
 
 
 def live_marker_schema(placed: TimedMarker) -> LiveMarkerSchema:
-    """Return a marker of the run under way as a document."""
+    """Return the schema of a marker of the live run."""
     return LiveMarkerSchema(
         kind=placed.marker.kind,
         text=placed.marker.text,
@@ -85,53 +81,53 @@ def live_marker_schema(placed: TimedMarker) -> LiveMarkerSchema:
 
 
 class AlarmSchema(Schema):
-    """A limit that was passed: by vibration for as long as the rig's `limits.hold_s` asks, by the speed at all."""
+    """An exceeded limit: by vibration for at least the rig's `limits.hold_s`, by speed at once."""
 
-    number: int = Field(description="In the order in which they came, from 1", examples=[2], ge=1)
+    number: int = Field(description="Number in order of time, from 1", examples=[2], ge=1)
     quantity: MonitoredQuantity = Field(
-        description="What passed it: the overall vibration, 1X, the components below 1X together, or the speed; of the "
-        "limits and the largest values, those in its unit are given, the others null",
+        description="Watched quantity: overall vibration, 1X, the sum of components below 1X, or speed. Limits and "
+        "largest values in other units than its own are null",
         examples=["overall"],
     )
     probe: str | None = Field(description="The operator's name for the probe; null for the speed", examples=["x"])
-    severity: Severity = Field(description="Which limit", examples=["danger"])
+    severity: Severity = Field(description="Severity of the exceeded limit", examples=["danger"])
     limit_peak_to_peak_um: float | None = Field(
         description="Limit of the overall vibration, µm peak-to-peak", examples=[95.0]
     )
-    limit_peak_um: float | None = Field(description="Limit of 1X or of what is below it, µm peak", examples=[None])
+    limit_peak_um: float | None = Field(
+        description="Limit of 1X, or of the components below 1X, µm peak", examples=[None]
+    )
     limit_rpm: float | None = Field(description="Limit of the speed, r/min", examples=[None])
-    begin: TimeInRunSchema = Field(description="When the alarm came")
+    begin: TimeInRunSchema = Field(description="Start of the alarm")
     largest_peak_to_peak_um: float | None = Field(
-        description="Largest overall vibration since the limit was passed, µm peak-to-peak", examples=[97.2]
+        description="Largest overall vibration since the limit was exceeded, µm peak-to-peak", examples=[97.2]
     )
     largest_peak_um: float | None = Field(
-        description="Largest 1X, or sum of the amplitudes below it, since then, µm peak", examples=[None]
+        description="Largest 1X, or sum of the amplitudes below 1X, since then, µm peak", examples=[None]
     )
     largest_rpm: float | None = Field(description="Highest speed since then, r/min", examples=[None])
-    largest_at: TimeInRunSchema = Field(description="Where that was")
+    largest_at: TimeInRunSchema = Field(description="Time of the largest value")
     end: TimeInRunSchema | None = Field(
-        description="When the value had fallen below the limit by the rig's hysteresis; null while it lasts, or "
-        "where it lasted to the run's end"
+        description="Time when the value fell below the limit by the rig's hysteresis; null while the alarm lasts or "
+        "where it lasts to the end of the run"
     )
-    name: str = Field(description="Which it is, for people", examples=["danger at x"])
-    message: str = Field(
-        description="The largest value and the limit, for people", examples=["97 µm peak-to-peak, limit 95"]
-    )
+    name: str = Field(description="Name of the alarm as displayed", examples=["danger at x"])
+    message: str = Field(description="Largest value and limit as displayed", examples=["97 µm peak-to-peak, limit 95"])
 
 
 class AcknowledgeRequest(Schema):
-    """An order to take note of the alarms in sight; it has no fields."""
+    """Request to acknowledge all active alarms; it has no fields."""
 
 
 class AcknowledgedAlarmsSchema(Schema):
-    """Alarms that somebody has taken note of."""
+    """Acknowledged alarms."""
 
     run: str = Field(description="Id of the run", examples=["2026-11-24T09-12-07-gj90c"])
-    alarms: tuple[AlarmSchema, ...] = Field(description="Those that were new; those that last stay in sight")
+    alarms: tuple[AlarmSchema, ...] = Field(description="Newly acknowledged alarms; those that last stay displayed")
 
 
 def alarm_schema(alarm: Alarm) -> AlarmSchema:
-    """Return an alarm as a document."""
+    """Return the schema of an alarm."""
     is_overall, is_speed = alarm.quantity is MonitoredQuantity.OVERALL, alarm.quantity is MonitoredQuantity.SPEED
     is_peak = not is_overall and not is_speed
     return AlarmSchema(

@@ -1,7 +1,4 @@
-"""What a run's header says: which device delivered it and what was watched.
-
-What was taken off as run-out, and where that is known from.
-"""
+"""Schemas of a run's header: device, channels, limits and run-out."""
 
 from pydantic import Field
 
@@ -12,70 +9,68 @@ from daq.schemas.vibration import ProbeVectorsSchema, probe_vectors_schema
 
 
 class DeviceSchema(Schema):
-    """What delivered the samples."""
+    """The device that delivered the samples."""
 
-    backend: str = Field(description="The driver behind it", examples=["nidaqmx"])
+    backend: str = Field(description="Driver", examples=["nidaqmx"])
     product: str = Field(description="Product name as the device gives it", examples=["USB-6251"])
-    serial: str = Field(description="Serial number as printed on it", examples=["1A2B3C"])
-    simulated: bool = Field(description="Whether it is simulated: no real shaft turned", examples=[False])
+    serial: str = Field(description="Serial number as printed on the device", examples=["1A2B3C"])
+    simulated: bool = Field(description="Whether the device is simulated", examples=[False])
 
 
 class ChannelSchema(Schema):
-    """An input and what is wired to it."""
+    """An input channel and the sensor wired to it."""
 
-    name: str = Field(description="The operator's name for it", examples=["x"])
-    role: Role = Field(description="What it measures", examples=["probe_x"])
+    name: str = Field(description="Name of the channel", examples=["x"])
+    role: Role = Field(description="Measured quantity", examples=["probe_x"])
     angle_deg: float | None = Field(
-        description="Where a probe sits, degrees from +X (right), positive with the rotation; null for the tacho",
+        description="Angle of a probe from +X (right), degrees, positive with the rotation; null for the tacho",
         examples=[45.0],
     )
 
 
 class LimitsSchema(Schema):
-    """What the operator must not pass, and the room there is."""
+    """Limits of vibration and speed, and the clearance."""
 
     peak_to_peak_alarm_um: float | None = Field(
-        description="Overall vibration that raises the alarm, µm peak-to-peak", examples=[80.0]
+        description="Alarm limit of overall vibration, µm peak-to-peak", examples=[80.0]
     )
     peak_to_peak_danger_um: float | None = Field(
-        description="Overall vibration at which the run must end, µm peak-to-peak", examples=[95.0]
+        description="Danger limit of overall vibration, µm peak-to-peak", examples=[95.0]
     )
-    clearance_um: float | None = Field(
-        description="Radius of the circle that the shaft can move in, µm", examples=[100.0]
-    )
+    clearance_um: float | None = Field(description="Radius of the clearance circle, µm", examples=[100.0])
     speed_rpm: float | None = Field(description="Highest speed of the rig, r/min", examples=[20_000.0])
     order_1x_peak_alarm_um: float | None = Field(
-        description="1X at either probe, as measured, that raises the alarm, µm peak; null: not watched",
+        description="Alarm limit of 1X at either probe, as measured, µm peak; null: not watched",
         examples=[30.0],
     )
-    order_1x_peak_danger_um: float | None = Field(description="The same for danger, µm peak", examples=[40.0])
+    order_1x_peak_danger_um: float | None = Field(description="Danger limit of it, µm peak", examples=[40.0])
     below_1x_peak_alarm_um: float | None = Field(
-        description="Amplitudes of all components below 1X at either probe, added, that raise the alarm, µm peak; "
+        description="Alarm limit of the sum of amplitudes of all components below 1X at either probe, µm peak; "
         "null: not watched",
         examples=[20.0],
     )
-    below_1x_peak_danger_um: float | None = Field(description="The same for danger, µm peak", examples=[35.0])
+    below_1x_peak_danger_um: float | None = Field(description="Danger limit of it, µm peak", examples=[35.0])
     speed_alarm_rpm: float | None = Field(
-        description="Speed that raises the alarm, r/min; null: not watched", examples=[18_000.0]
+        description="Alarm limit of the speed, r/min; null: not watched", examples=[18_000.0]
     )
-    speed_danger_rpm: float | None = Field(description="The same for danger, r/min", examples=[19_500.0])
+    speed_danger_rpm: float | None = Field(description="Danger limit of the speed, r/min", examples=[19_500.0])
 
 
 def channel_schema(channel: Channel) -> ChannelSchema:
-    """Return a channel as a document."""
+    """Return the schema of a channel."""
     angle = None if channel.role is Role.TACHO else degrees(channel.angle)
     return ChannelSchema(name=channel.name, role=channel.role, angle_deg=angle)
 
 
 def device_schema(device: Device) -> DeviceSchema:
-    """Return a device as a document."""
+    """Return the schema of a device."""
     return DeviceSchema(
         backend=device.backend, product=device.product, serial=device.serial, simulated=device.simulated
     )
 
 
 def limits_schema(limits: Limits) -> LimitsSchema:
-    """Return limits as a document."""
+    """Return the schema of limits."""
     return LimitsSchema(
         peak_to_peak_alarm_um=micrometres(limits.peak_to_peak_alarm),
         peak_to_peak_danger_um=micrometres(limits.peak_to_peak_danger),
@@ -91,26 +86,27 @@ def limits_schema(limits: Limits) -> LimitsSchema:
 
 
 class RunOutSchema(Schema):
-    """What the probes see of the surface; what is called compensated is less by it, all else is as measured."""
+    """Run-out of the shaft surface; only values named compensated have it subtracted."""
 
-    source: str = Field(description="Where it is known from", examples=["slow roll of this run", "rig.toml"])
+    source: str = Field(description="Source of the run-out", examples=["slow roll of this run", "rig.toml"])
     slow_roll_rpm: float | None = Field(
-        description="Speed up to which the run tells it, r/min; null where it was known before", examples=[600.0]
+        description="Highest speed of the slow roll, r/min; null where the run-out was known before the run",
+        examples=[600.0],
     )
-    is_known: bool = Field(description="Whether it is known: a slow roll must come first", examples=[True])
-    from_orbit: bool = Field(description="Whether it is taken off the orbit too", examples=[False])
-    order_1x: ProbeVectorsSchema | None = Field(description="The run-out at running speed; null until it is known")
-    order_2x: ProbeVectorsSchema | None = Field(description="The run-out at twice running speed; null likewise")
+    is_known: bool = Field(description="Whether the run-out is known; a slow roll must come first", examples=[True])
+    from_orbit: bool = Field(description="Whether it is subtracted from the orbit too", examples=[False])
+    order_1x: ProbeVectorsSchema | None = Field(description="Run-out at 1X; null until it is known")
+    order_2x: ProbeVectorsSchema | None = Field(description="Run-out at 2X; null likewise")
 
 
 def runout_schema(settings: RunOutSettings, runout: RunOut | None) -> RunOutSchema | None:
-    """Return what is taken off as a document; None where nothing is to be."""
+    """Return the schema of the run-out; None without compensation."""
     if not settings.is_enabled:
         return None
-    told_by_run = settings.slow_roll_speed > 0.0
+    is_from_run = settings.slow_roll_speed > 0.0
     return RunOutSchema(
-        source="slow roll of this run" if told_by_run else settings.source,
-        slow_roll_rpm=rpm(settings.slow_roll_speed) if told_by_run else None,
+        source="slow roll of this run" if is_from_run else settings.source,
+        slow_roll_rpm=rpm(settings.slow_roll_speed) if is_from_run else None,
         is_known=runout is not None,
         from_orbit=settings.from_orbit,
         order_1x=None if runout is None else probe_vectors_schema(runout.vectors[0].tolist()),

@@ -1,4 +1,4 @@
-"""The run that is under way at this moment: its state, the shaft, and the model beside it."""
+"""Schemas of the live run: recording status, measured vibration and prediction."""
 
 from datetime import datetime
 from typing import Annotated
@@ -35,118 +35,114 @@ Speed = Annotated[float | None, Field(description="Shaft speed, r/min", examples
 
 
 class ClippingSchema(Schema):
-    """What a channel lost at the ends of the converter's range since the run began."""
+    """Clipped samples of a channel since the start of the run."""
 
-    channel: str = Field(description="Its name", examples=["x"])
-    samples: Count = Field(description="Samples there", examples=[12])
-    blocks: Count = Field(description="Blocks with any", examples=[2])
+    channel: str = Field(description="Name of the channel", examples=["x"])
+    samples: Count = Field(description="Samples at either end of the converter's range", examples=[12])
+    blocks: Count = Field(description="Blocks with clipped samples", examples=[2])
     last_s: float | None = Field(
-        description="Sample time since the run began of the end of the last such block, s", examples=[131.2]
+        description="End of the last such block, sample time since the start of the run, s", examples=[131.2]
     )
 
 
 class StatusSchema(Schema):
-    """The state of the recording."""
+    """Status of the recording."""
 
-    state: RunState = Field(description="Where the run stands", examples=["recording"])
-    elapsed_s: float = Field(description="Sample time since the run began, s", examples=[161.2])
+    state: RunState = Field(description="State of the run", examples=["recording"])
+    elapsed_s: float = Field(description="Sample time since the start of the run, s", examples=[161.2])
     samples: Count = Field(description="Samples per channel recorded or replayed", examples=[32_240_000])
-    lost_samples: Count = Field(description="Samples per channel known to be lost", examples=[0])
+    lost_samples: Count = Field(description="Lost samples per channel", examples=[0])
     lost_is_exact: bool = Field(description="False where `lost_samples` is a lower bound", examples=[True])
-    backlog_s: float | None = Field(description="What the device held at the last read, s", examples=[0.1])
+    backlog_s: float | None = Field(description="Unread samples in the device at the last read, s", examples=[0.1])
     disk_left_s: float | None = Field(
-        description="How long the disk lasts at this rate, s; null where nothing is written", examples=[147_600.0]
+        description="Time until the disk is full at this rate, s; null where nothing is written", examples=[147_600.0]
     )
     skipped_samples: Count = Field(
-        description="Samples per channel that the live analysis had to skip; they are recorded", examples=[0]
+        description="Samples per channel that the live analysis skipped; they are recorded", examples=[0]
     )
-    dropped_updates: Count = Field(description="Pictures that the view could not draw in time", examples=[0])
-    severity: Severity = Field(description="The worst of the alarms that last", examples=["normal"])
-    latched_severity: Severity = Field(description="The worst of the alarms in sight", examples=["normal"])
+    dropped_updates: Count = Field(description="Live updates that the viewer could not draw in time", examples=[0])
+    severity: Severity = Field(description="Highest severity of the present alarms", examples=["normal"])
+    latched_severity: Severity = Field(description="Highest severity of the displayed alarms", examples=["normal"])
     alarms: tuple[AlarmSchema, ...] = Field(
-        description="Alarms in sight: they last, or nobody has acknowledged them (where the rig latches alarms)"
+        description="Displayed alarms: present, or latched and not yet acknowledged"
     )
-    acknowledged_alarm: Count = Field(
-        description="Number of the last alarm that somebody has acknowledged; 0 for none", examples=[0]
-    )
-    markers: tuple[LiveMarkerSchema, ...] = Field(description="The last moments that were marked, in their order")
+    acknowledged_alarm: Count = Field(description="Number of the last acknowledged alarm; 0 for none", examples=[0])
+    markers: tuple[LiveMarkerSchema, ...] = Field(description="The latest markers in order of time")
     model: str = Field(
-        description='"ready", "ready, not exact: " and why, "computing 34 %", or why there is no prediction',
+        description='"ready", "ready, not exact: " with the reason, "computing 34 %", or why there is no prediction',
         examples=["ready"],
     )
     clipped: tuple[ClippingSchema, ...] = Field(
-        description="The channels that have been clipped, counted as they are recorded; empty in a replay"
+        description="Clipped channels, counted while recording; empty in a replay"
     )
     last_loss: str = Field(
-        description="What became of the last segment with which something went wrong; empty where there was none",
+        description="End of the last segment that ended with a fault; empty without any",
         examples=["segment 0 ended after 20,000 samples: overrun, at least 451,609 samples lost; …"],
     )
-    detail: str = Field(description="What went wrong; empty where all is well", examples=[""])
+    detail: str = Field(description="Error message; empty without an error", examples=[""])
 
 
 class TachoSchema(Schema):
-    """What the tacho gives, and what was seen of it since the run began."""
+    """State and statistics of the tacho since the start of the run."""
 
-    state: TachoState = Field(description="The verdict on the last update interval", examples=["good"])
+    state: TachoState = Field(description="State over the last update interval", examples=["good"])
     pulses: Count = Field(description="Pulses accepted", examples=[24_310])
-    filled: Count = Field(description="Pulses that were missing and filled in", examples=[0])
+    filled: Count = Field(description="Missing pulses that were filled in", examples=[0])
     rejected: Count = Field(description="Edges rejected as doubles or noise", examples=[0])
     jitter_us: float | None = Field(
         description="Robust scatter (median absolute deviation) of the edges about the smooth angle, µs", examples=[4.8]
     )
     phase_reference_is_arbitrary: bool = Field(
-        description="Whether several marks cannot be told apart, so that phases are referred to the first one seen of "
-        "every train of pulses and cannot be compared between trains or runs",
+        description="Whether several keyphasor marks are indistinguishable, so that phases refer to the first one of "
+        "each pulse train and cannot be compared between trains or runs",
         examples=[False],
     )
     reference: str = Field(
-        description='What speed and phase are taken from: "samples" of the tacho, or a "counter" that stamps its edges',
+        description='Source of speed and phase: "samples" of the tacho, or a "counter" that time-stamps its edges',
         examples=["samples"],
     )
-    counter: CounterSchema | None = Field(
-        description="How the counter and the samples compare; null where no counter stamps"
-    )
+    counter: CounterSchema | None = Field(description="Comparison of counter and samples; null without a counter")
 
 
 class WhirlSchema(Schema):
-    """A component below 1X."""
+    """A measured component below 1X."""
 
-    order: float = Field(description="Its frequency over the shaft's", examples=[0.49])
+    order: float = Field(description="Frequency over shaft frequency", examples=[0.49])
     order_sigma: float | None = Field(description="Standard deviation of the order", examples=[0.0004])
-    frequency_hz: float | None = Field(description="Its frequency, Hz", examples=[90.2])
+    frequency_hz: float | None = Field(description="Frequency, Hz", examples=[90.2])
     amplitude_peak_um: float | None = Field(
-        description="Half the major axis of its ellipse, µm zero-to-peak", examples=[12.1]
+        description="Half the major axis of the ellipse, µm zero-to-peak", examples=[12.1]
     )
     amplitude_sigma_um: float | None = Field(
-        description="Standard deviation of that, from the noise between the lines, µm", examples=[0.05]
+        description="Standard deviation of the amplitude, from the noise between the lines, µm", examples=[0.05]
     )
-    direction: Direction = Field(description="Whether it goes round with the shaft", examples=["forward"])
+    direction: Direction = Field(description="Sense of the whirl relative to the rotation", examples=["forward"])
 
 
 class PredictedWhirlSchema(Schema):
-    """The strongest component below 1X that the model expects."""
+    """The strongest predicted component below 1X."""
 
-    order: float = Field(description="Its frequency over the shaft's", examples=[0.7])
-    frequency_hz: float | None = Field(description="Its frequency, Hz", examples=[128.8])
+    order: float = Field(description="Frequency over shaft frequency", examples=[0.7])
+    frequency_hz: float | None = Field(description="Frequency, Hz", examples=[128.8])
     amplitude_peak_um: float | None = Field(
-        description="Half the major axis of its ellipse, µm zero-to-peak", examples=[22.0]
+        description="Half the major axis of the ellipse, µm zero-to-peak", examples=[22.0]
     )
 
 
 class ProbeSchema(Schema):
-    """One probe as it stands."""
+    """Present state of a probe."""
 
-    name: str = Field(description="The operator's name for it", examples=["x"])
+    name: str = Field(description="Name of the channel", examples=["x"])
     gap_v: float | None = Field(description="Mean (gap) voltage over the last update interval, V", examples=[5.02])
-    gap_ok: bool = Field(description="Whether that lies in the probe's window", examples=[True])
-    clipped_samples: Count = Field(description="Samples at the converter's rails since the run began", examples=[0])
+    gap_ok: bool = Field(description="Whether the gap voltage lies in the probe's window", examples=[True])
+    clipped_samples: Count = Field(description="Clipped samples since the start of the run", examples=[0])
 
 
 class MeasurementSchema(Schema):
-    """The shaft as the probes and the tacho see it."""
+    """Vibration and speed measured by the probes and the tacho."""
 
     segment: Count = Field(description="Gap-free stretch of the run, from 0", examples=[0])
-    sample: Count = Field(description="One past the last sample used, in the segment", examples=[32_230_000])
+    sample: Count = Field(description="Index in the segment, one past the last sample used", examples=[32_230_000])
     time_s: float = Field(description="Sample time in the segment, s", examples=[161.15])
     speed_rpm: Speed
     acceleration_rpm_per_s: float | None = Field(
@@ -158,66 +154,64 @@ class MeasurementSchema(Schema):
     peak_to_peak_x_um: float | None = Field(description="Overall at probe x, µm peak-to-peak", examples=[38.4])
     peak_to_peak_y_um: float | None = Field(description="Overall at probe y, µm peak-to-peak", examples=[41.0])
     peak_to_peak_clearance_fraction: float | None = Field(
-        description="The larger of both over the clearance's diameter: 1 is all the room there is", examples=[0.205]
+        description="Larger of both as a fraction of the diametral clearance", examples=[0.205]
     )
     order_1x: MeasuredProbeVectorsSchema | None = Field(
-        description="At running speed, as measured; null until there are enough revolutions"
+        description="1X as measured; null until there are enough revolutions"
     )
-    order_2x: MeasuredProbeVectorsSchema | None = Field(
-        description="At twice running speed, as measured; null likewise"
-    )
+    order_2x: MeasuredProbeVectorsSchema | None = Field(description="2X as measured; null likewise")
     order_1x_compensated: MeasuredProbeVectorsSchema | None = Field(
-        description="At running speed less run-out; null where no run-out is known"
+        description="1X minus run-out; null where no run-out is known"
     )
     order_2x_compensated: MeasuredProbeVectorsSchema | None = Field(
-        description="At twice running speed less run-out; null where no run-out is known"
+        description="2X minus run-out; null where no run-out is known"
     )
     noise_peak_um: float | None = Field(
-        description="Floor of the order spectrum between its lines, µm zero-to-peak", examples=[0.05]
+        description="Noise floor of the order spectrum, µm zero-to-peak", examples=[0.05]
     )
-    whirl: WhirlSchema | None = Field(description="Strongest component below 1X; null where none stands out")
+    whirl: WhirlSchema | None = Field(description="Strongest component below 1X; null where none exceeds the noise")
     whirls: tuple[WhirlSchema, ...] = Field(
-        description="All components below 1X that stand out, at most four, the strongest first"
+        description="Components below 1X above the noise, at most four, the strongest first"
     )
 
 
 class PredictedVibrationSchema(Schema):
-    """What the model says the probes should see at the measured speed."""
+    """Vibration predicted at the probes for the measured speed."""
 
     speed_rpm: Speed
     is_exact: bool = Field(
-        description="Whether the motion is integrated at exactly this speed; else it is interpolated between others",
+        description="True where the motion is integrated at this speed, false where interpolated between speeds",
         examples=[True],
     )
     peak_to_peak_x_um: float | None = Field(description="Overall at probe x, µm peak-to-peak", examples=[52.0])
     peak_to_peak_y_um: float | None = Field(description="Overall at probe y, µm peak-to-peak", examples=[53.1])
-    order_1x: ProbeVectorsSchema = Field(description="At running speed")
-    order_2x: ProbeVectorsSchema = Field(description="At twice running speed")
-    whirl: PredictedWhirlSchema | None = Field(description="Strongest component below 1X; null where none is expected")
+    order_1x: ProbeVectorsSchema = Field(description="Predicted 1X")
+    order_2x: ProbeVectorsSchema = Field(description="Predicted 2X")
+    whirl: PredictedWhirlSchema | None = Field(description="Strongest component below 1X; null where none is predicted")
     growth_rate_per_s: float | None = Field(
-        description="Growth rate of the least stable whirl about 1X motion, 1/s; positive: the oil film lets go",
+        description="Growth rate of the least stable whirl about the 1X motion, 1/s; positive: unstable",
         examples=[14.2],
     )
 
 
 class LiveSchema(Schema):
-    """One moment of the run that is under way, or of the last one while the service stays up."""
+    """Latest state of the live run, or of the last one since the service started."""
 
     run: str = Field(description="Id of the run", examples=["2026-11-24T09-12-07-gj90c"])
     rig: str = Field(description="Name of the rig", examples=["gj90c"])
     started_at: datetime = Field(description="Wall clock at the start, UTC", examples=["2026-11-24T09:12:07.250000Z"])
     device: DeviceSchema
     limits: LimitsSchema
-    runout: RunOutSchema | None = Field(description="What is taken off as run-out; null where nothing is to be")
+    runout: RunOutSchema | None = Field(description="Run-out; null without compensation")
     status: StatusSchema
-    measured: MeasurementSchema | None = Field(description="The shaft; null before the first result")
+    measured: MeasurementSchema | None = Field(description="Measured vibration; null before the first result")
     predicted: PredictedVibrationSchema | None = Field(
-        description="The model at the measured speed; null where speed or model are not known"
+        description="Prediction at the measured speed; null where speed or prediction is unknown"
     )
 
 
 def live_schema(frame: LiveUpdate) -> LiveSchema:
-    """Return one moment of a run as a document."""
+    """Return the schema of a live update."""
     header, snapshot, prediction = frame.header, frame.snapshot, frame.prediction
     return LiveSchema(
         run=header.run,
@@ -306,7 +300,7 @@ def _compensated_line(frame: OrderFrame, order: int) -> MeasuredProbeVectorsSche
 
 
 def _whirls(frame: OrderFrame) -> tuple[WhirlSchema, ...]:
-    return tuple(told for whirl in frame.whirls if (told := _whirl(whirl, frame)) is not None)
+    return tuple(schema for whirl in frame.whirls if (schema := _whirl(whirl, frame)) is not None)
 
 
 def _probe(snapshot: Snapshot, header: RunHeader, probe: int) -> ProbeSchema:
@@ -334,7 +328,7 @@ def _whirl(whirl: Whirl, frame: OrderFrame) -> WhirlSchema | None:
 
 
 def predicted_vibration_schema(prediction: Prediction) -> PredictedVibrationSchema:
-    """Return what the model says at a speed as a document."""
+    """Return the schema of a prediction."""
     order = finite(prediction.whirl_order)
     whirl = None
     if order is not None:

@@ -1,10 +1,4 @@
-"""What a preflight found.
-
-What is connected.
-Whether a rig file is good, and what was understood of it.
-
-What a calibration found.
-"""
+"""Schemas of commands run before a recording: preflight, connected devices, check of a rig file, calibration."""
 
 from pathlib import Path
 from typing import Annotated
@@ -25,42 +19,42 @@ from daq.session.preflight.preflight import PreflightReport
 
 
 class CalibratedPointSchema(Schema):
-    """A point and how well the polynomial meets it."""
+    """A calibration point and its residual."""
 
-    gap_um: float = Field(description="Set with the micrometer, µm")
-    volts: float = Field(description="The conditioner's mean output, V")
-    residual_um: float | None = Field(description="The polynomial's gap less the point's, µm")
+    gap_um: float = Field(description="Gap set with the micrometer, µm")
+    volts: float = Field(description="Mean output of the conditioner, V")
+    residual_um: float | None = Field(description="Gap of the polynomial minus that of the point, µm")
 
 
 class GapCalibrationSchema(Schema):
-    """A probe's new calibration."""
+    """A new calibration of a probe."""
 
-    channel: str = Field(description="The probe", examples=["x"])
-    file: str = Field(description="The record that was written")
+    channel: str = Field(description="Name of the probe", examples=["x"])
+    file: str = Field(description="Calibration file that was written")
     coefficients_um: tuple[float, ...] = Field(description="gap = sum of coefficients_um[k] · volts**k, µm per V**k")
     volts_low: float | None = Field(description="Lower end of the calibrated span, V")
     volts_high: float | None = Field(description="Upper end of the calibrated span, V")
     residual_um: float | None = Field(description="Largest deviation of a point, µm")
-    points: tuple[CalibratedPointSchema, ...] = Field(description="As they were measured")
+    points: tuple[CalibratedPointSchema, ...] = Field(description="Points in order of measurement")
 
 
 class TachoCalibrationSchema(Schema):
-    """Switching levels for the tacho; the proposal is null where its signal does not switch."""
+    """Proposed switching levels of the tacho; null where its signal does not switch."""
 
     level_low_v: float | None = Field(description="Lower level of the signal, V")
     level_high_v: float | None = Field(description="Upper level of the signal, V")
-    noise_v: float | None = Field(description="Scatter about its level, V rms")
-    duty_cycle: float | None = Field(description="Part of the time at the upper level, 0 to 1")
+    noise_v: float | None = Field(description="Noise about the levels, V RMS")
+    duty_cycle: float | None = Field(description="Fraction of the time at the upper level, 0 to 1")
     threshold_v: float | None = Field(description="Proposed middle of the switching levels, V")
     hysteresis_v: float | None = Field(description="Proposed distance of the switching levels, V")
-    current_threshold_v: float = Field(description="As the rig file has it, V")
-    current_hysteresis_v: float = Field(description="As the rig file has it, V")
+    current_threshold_v: float = Field(description="Present value in the rig file, V")
+    current_hysteresis_v: float = Field(description="Present value in the rig file, V")
 
 
 def gap_calibration_schema(
     channel: str, path: Path, record: CalibrationRecord, fit: CalibrationFit
 ) -> GapCalibrationSchema:
-    """Return a probe's new calibration as a document."""
+    """Return the schema of a probe's new calibration."""
     table = record.calibration
     return GapCalibrationSchema(
         channel=channel,
@@ -77,7 +71,7 @@ def gap_calibration_schema(
 
 
 def tacho_calibration_schema(tacho: Tacho, levels: SignalLevels | None) -> TachoCalibrationSchema:
-    """Return the tacho's levels and what they ask for as a document."""
+    """Return the schema of the tacho's levels and proposed thresholds."""
     return TachoCalibrationSchema(
         level_low_v=None if levels is None else finite(levels.low),
         level_high_v=None if levels is None else finite(levels.high),
@@ -91,29 +85,29 @@ def tacho_calibration_schema(tacho: Tacho, levels: SignalLevels | None) -> Tacho
 
 
 class PreflightCheckSchema(Schema):
-    """One line of the table."""
+    """Result of one preflight check."""
 
-    name: str = Field(description="What was looked at", examples=["probe y gap"])
-    verdict: Verdict = Field(description="How it came out")
-    finding: Finding | None = Field(description="What is wrong; null where the check passed")
-    value: str = Field(description="What was seen, with its unit", examples=["0.02 V"])
-    limit: str = Field(description="What was expected, with its unit", examples=["1.5 to 8.5 V"])
-    advice: str = Field(description="What it means at the bench and what to do; empty where nothing is to be done")
+    name: str = Field(description="Name of the check", examples=["probe y gap"])
+    verdict: Verdict = Field(description="Verdict of the check")
+    finding: Finding | None = Field(description="Type of the fault; null where the check passed")
+    value: str = Field(description="Measured value with its unit", examples=["0.02 V"])
+    limit: str = Field(description="Expected value with its unit", examples=["1.5 to 8.5 V"])
+    advice: str = Field(description="Meaning at the bench and remedy; empty where nothing is to be done")
 
 
 class PreflightSchema(Schema):
-    """Whether a rig is ready."""
+    """Result of a preflight."""
 
     rig: str = Field(description="Name of the rig", examples=["gj90c"])
-    verdict: Verdict = Field(description="The worst of all checks; FAIL stands against a run")
-    device: DeviceSchema | None = Field(description="What delivered the samples; null where nothing did")
-    sample_rate_hz: float | None = Field(description="Samples per channel and second as the card does it, Hz")
-    convert_rate_hz: float | None = Field(description="Clock of the multiplexer between channels, Hz")
-    checks: tuple[PreflightCheckSchema, ...] = Field(description="In the order in which an operator would look")
+    verdict: Verdict = Field(description="Worst verdict of all checks; FAIL blocks a run")
+    device: DeviceSchema | None = Field(description="Device that delivered the samples; null without one")
+    sample_rate_hz: float | None = Field(description="Actual samples per channel and second, Hz")
+    convert_rate_hz: float | None = Field(description="Convert clock of the multiplexer, Hz")
+    checks: tuple[PreflightCheckSchema, ...] = Field(description="Checks in the order of an inspection")
 
 
 def preflight_schema(rig: str, found: PreflightReport) -> PreflightSchema:
-    """Return what was found as a document."""
+    """Return the schema of a preflight of a rig."""
     acquisition = found.acquisition
     return PreflightSchema(
         rig=rig,
@@ -137,18 +131,18 @@ def _check_schema(check: Check) -> PreflightCheckSchema:
 
 
 class FoundDeviceSchema(Schema):
-    """A device that the driver lists."""
+    """A connected device."""
 
-    name: str = Field(description="The driver's name for it, which moves with the port", examples=["Dev1"])
+    name: str = Field(description="Name given by the driver; it changes with the USB port", examples=["Dev1"])
     product: str = Field(description="Product name as the device gives it", examples=["USB-6251"])
-    serial: str = Field(description="Serial number as printed on it", examples=["1A2B3C"])
-    simulated: bool = Field(description="Whether the driver only simulates it")
-    busy: bool | None = Field(description="Whether another acquisition holds it; null where it cannot be asked")
-    driver: str = Field(description="Name and version of the driver, and where it is", examples=["NI-DAQmx 24.5.1"])
+    serial: str = Field(description="Serial number as printed on the device", examples=["1A2B3C"])
+    simulated: bool = Field(description="Whether the driver simulates the device")
+    busy: bool | None = Field(description="Whether another acquisition uses the device; null where unknown")
+    driver: str = Field(description="Name, version and host of the driver", examples=["NI-DAQmx 24.5.1"])
 
 
 def found_device_schema(device: FoundDevice) -> FoundDeviceSchema:
-    """Return a device as a document."""
+    """Return the schema of a connected device."""
     return FoundDeviceSchema(
         name=device.name,
         product=device.product,
@@ -160,35 +154,35 @@ def found_device_schema(device: FoundDevice) -> FoundDeviceSchema:
 
 
 class CheckedChannelSchema(Schema):
-    """One input and what is wired to it."""
+    """An input of the card and the sensor wired to it."""
 
-    name: str = Field(description="The operator's name for it", examples=["x"])
-    role: Role = Field(description="What it measures")
-    physical: str = Field(description="The card's input", examples=["ai0"])
-    calibration: str = Field(description="The calibration file as the rig file names it; empty for the tacho")
+    name: str = Field(description="Name of the channel", examples=["x"])
+    role: Role = Field(description="Measured quantity")
+    physical: str = Field(description="Input of the card", examples=["ai0"])
+    calibration: str = Field(description="Calibration file as given in the rig file; empty for the tacho")
 
 
 class RigCheckSchema(Schema):
-    """Whether a rig file is good; what was understood is null, and channels are none, where it is not."""
+    """Check of a rig file; values are null and channels empty where it is invalid."""
 
-    file: str = Field(description="The rig file")
-    is_valid: bool = Field(description="Whether there is no fault in it or in a file that it names")
-    faults: tuple[str, ...] = Field(description="Every fault, with key, value and what was expected")
+    file: str = Field(description="Path of the rig file")
+    is_valid: bool = Field(description="Whether the rig file and the files it names are free of errors")
+    faults: tuple[str, ...] = Field(description="All errors, with key, value and what was expected")
     rig: str | None = Field(description="Name of the rig", examples=["gj90c"])
-    channels: tuple[CheckedChannelSchema, ...] = Field(description="In the order in which they are sampled")
-    sample_rate_hz: float | None = Field(description="Samples per channel and second that the card will do, Hz")
-    convert_rate_hz: float | None = Field(description="Clock of the multiplexer to be expected, Hz")
+    channels: tuple[CheckedChannelSchema, ...] = Field(description="Channels in sampling order")
+    sample_rate_hz: float | None = Field(description="Samples per channel and second that the card will use, Hz")
+    convert_rate_hz: float | None = Field(description="Expected convert clock of the multiplexer, Hz")
     tacho_reference: str | None = Field(
-        description='What speed and phase are taken from: "samples" of the tacho, or a "counter" that stamps its edges'
+        description='Source of speed and phase: "samples" of the tacho, or a "counter" that time-stamps its edges'
     )
-    counter_resolution_ns: float | None = Field(description="Of the stamps, ns; null where no counter stamps")
+    counter_resolution_ns: float | None = Field(description="Resolution of the time stamps, ns; null without a counter")
     disk_bytes_per_hour: Annotated[int, Field(ge=0)] | None = Field(
-        description="What a run takes at most, bytes an hour"
+        description="Upper limit of the data rate of a run, bytes per hour"
     )
 
 
 def invalid_rig_schema(error: ConfigError) -> RigCheckSchema:
-    """Return the faults of a rig file as a document."""
+    """Return the schema of an invalid rig file with its errors."""
     return RigCheckSchema(
         file=error.file,
         is_valid=False,
@@ -204,7 +198,7 @@ def invalid_rig_schema(error: ConfigError) -> RigCheckSchema:
 
 
 def valid_rig_schema(rig: Rig, *, rate: float, convert_rate: float, disk_rate: float) -> RigCheckSchema:
-    """Return what was understood of a rig file as a document; rates in Hz, the disk's in bytes a second."""
+    """Return the schema of a valid rig file; rates in Hz, ``disk_rate`` in bytes per second."""
     return RigCheckSchema(
         file=str(rig.path),
         is_valid=True,

@@ -1,4 +1,4 @@
-"""How a recorded run went: its vectors over speed, its trend over time, its spectra over speed, its samples."""
+"""Schemas of a recorded run's results: vectors over speed, trend, cascade, waterfall, samples and comparison."""
 
 from typing import Annotated
 
@@ -13,26 +13,26 @@ Values = tuple[float | None, ...]
 
 
 class OrderVectorsSchema(Schema):
-    """1X and 2X over speed, each the mean of the frames in a bin of 200 r/min, with their scatter."""
+    """1X and 2X over speed: mean and scatter of the frames in bins of 200 r/min."""
 
     run: str = Field(description="Id of the run", examples=["2026-11-24T09-12-07-gj90c"])
-    by_speed: tuple[SpeedRowSchema, ...] = Field(description="In rising order of speed, as in the summary")
+    by_speed: tuple[SpeedRowSchema, ...] = Field(description="Rows in rising order of speed, as in the summary")
 
 
 class WhirlFindingsSchema(Schema):
-    """What was found below 1X."""
+    """Components found below 1X."""
 
     run: str = Field(description="Id of the run", examples=["2026-11-24T09-12-07-gj90c"])
     sub_synchronous: tuple[SubSynchronousSchema, ...] = Field(
-        description="Components below 1X in the order in which they began, as in the summary"
+        description="Components below 1X in order of onset, as in the summary"
     )
 
 
 class TrendSchema(Schema):
-    """Values over time, in columns; each entry stands for the smallest and the largest of so many results."""
+    """Trend over time in columns; each entry holds the minimum and maximum of several results."""
 
     run: str = Field(description="Id of the run", examples=["2026-11-24T09-12-07-gj90c"])
-    results_per_entry: Count = Field(description="At most so many results stand behind one entry", examples=[1])
+    results_per_entry: Count = Field(description="Maximum number of results in one entry", examples=[1])
     segment: tuple[int, ...] = Field(description="Gap-free stretch of the run, from 0", examples=[[0, 0]])
     time_s: Values = Field(description="Sample time in the segment of the last result, s", examples=[[0.1, 0.2]])
     speed_min_rpm: Values = Field(description="Shaft speed, r/min", examples=[[6000.1, 6001.5]])
@@ -52,10 +52,10 @@ class TrendSchema(Schema):
         description="Phase lag of 1X at probe y in the last result, 0 to 360 degrees", examples=[[136.9, 137.0]]
     )
     whirl_order: Values = Field(
-        description="Order of the largest component below 1X; null where none stood out", examples=[[None, 0.49]]
+        description="Order of the largest component below 1X; null without one above the noise", examples=[[None, 0.49]]
     )
     whirl_peak_um: Values = Field(
-        description="Its size, half the major axis of its ellipse, µm zero-to-peak; null likewise",
+        description="Amplitude of it, half the major axis of the ellipse, µm zero-to-peak; null likewise",
         examples=[[None, 12.1]],
     )
 
@@ -63,39 +63,39 @@ class TrendSchema(Schema):
 Orders = Annotated[
     Values,
     Field(
-        description="Lowest order of each column; a column ends where the next begins. Negative ones, of full spectra "
-        "alone, go against the rotation",
+        description="Lowest order of each column; a column ends where the next begins. Negative orders, only in full "
+        "spectra, are against the rotation",
         examples=[[0.0, 0.0625]],
     ),
 ]
 
 
 class CascadeSchema(Schema):
-    """Order spectra over speed, thinned to what a screen shows: of every cell the largest amplitude."""
+    """Order spectra over speed, thinned to the resolution of a screen: the largest amplitude of each cell."""
 
     run: str = Field(description="Id of the run", examples=["2026-11-24T09-12-07-gj90c"])
     speeds_rpm: Values = Field(
-        description="Middle of the bin of speed of each row that a frame has reached, r/min", examples=[[6050.0]]
+        description="Centre of the speed bin of each row with frames, r/min", examples=[[6050.0]]
     )
     orders: Orders
     amplitude_peak_um: tuple[Values, ...] = Field(
-        description="By speed and order, the larger of the two probes, or of full spectra the circle, µm zero-to-peak",
+        description="By speed and order, the larger of the two probes; in full spectra the radius, µm zero-to-peak",
         examples=[[[0.05, 0.04]]],
     )
 
 
 class WaterfallSchema(Schema):
-    """Order spectra over time, thinned to what a screen shows: of every cell the largest amplitude."""
+    """Order spectra over time, thinned to the resolution of a screen: the largest amplitude of each cell."""
 
     run: str = Field(description="Id of the run", examples=["2026-11-24T09-12-07-gj90c"])
     segment: Count = Field(description="Gap-free stretch of the run, from 0", examples=[0])
     times_s: Values = Field(
-        description="Sample time in the segment at the middle of each row that has a frame, s", examples=[[0.5]]
+        description="Centre of the time bin of each row with frames, sample time in the segment, s", examples=[[0.5]]
     )
     speeds_rpm: Values = Field(description="Mean shaft speed of each row, r/min", examples=[[6050.0]])
     orders: Orders
     amplitude_peak_um: tuple[Values, ...] = Field(
-        description="By time and order, the larger of the two probes, or of full spectra the circle, µm zero-to-peak",
+        description="By time and order, the larger of the two probes; in full spectra the radius, µm zero-to-peak",
         examples=[[[0.05, 0.04]]],
     )
 
@@ -103,41 +103,41 @@ class WaterfallSchema(Schema):
 class ChannelSamplesSchema(Schema):
     """Samples of one channel."""
 
-    name: str = Field(description="The operator's name for it", examples=["x"])
-    unit: str = Field(description="µm towards the probe (minus the gap), V, or code", examples=["µm"])
-    values: Values = Field(description="One a sample", examples=[[-402.1, -402.3]])
+    name: str = Field(description="Name of the channel", examples=["x"])
+    unit: str = Field(description="µm towards the probe (minus the gap), V or code", examples=["µm"])
+    values: Values = Field(description="One value per sample", examples=[[-402.1, -402.3]])
 
 
 class SamplesSchema(Schema):
-    """A stretch of samples."""
+    """Consecutive samples of all channels."""
 
     run: str = Field(description="Id of the run", examples=["2026-11-24T09-12-07-gj90c"])
     segment: Count = Field(description="Gap-free stretch of the run, from 0", examples=[0])
-    first_sample: Count = Field(description="Index of the first one in the segment", examples=[20_000])
-    samples: Count = Field(description="How many of each channel", examples=[2])
+    first_sample: Count = Field(description="Index of the first sample in the segment", examples=[20_000])
+    samples: Count = Field(description="Number of samples per channel", examples=[2])
     rate_hz: float = Field(description="Samples per channel and second, Hz", examples=[200_000.0])
-    channels: tuple[ChannelSamplesSchema, ...] = Field(description="In the order of the card")
+    channels: tuple[ChannelSamplesSchema, ...] = Field(description="Channels in sampling order")
 
 
 class PredictionSchema(Schema):
-    """What the model says of the run's rig at a speed."""
+    """Prediction for the run's rig at a speed."""
 
     run: str = Field(description="Id of the run", examples=["2026-11-24T09-12-07-gj90c"])
     predicted: PredictedVibrationSchema
 
 
 class ComparisonSchema(Schema):
-    """The measurement at a speed beside the model's prediction for it."""
+    """Measurement at a speed compared with the prediction."""
 
     run: str = Field(description="Id of the run", examples=["2026-11-24T09-12-07-gj90c"])
-    measured: SpeedRowSchema = Field(description="The bin of speed that is nearest")
-    predicted: PredictedVibrationSchema = Field(description="The model at that bin's mean speed")
+    measured: SpeedRowSchema = Field(description="Nearest speed bin")
+    predicted: PredictedVibrationSchema = Field(description="Prediction at the mean speed of that bin")
     amplitude_ratio_x: float | None = Field(
-        description="Measured (less run-out where known) over predicted 1X at probe x; null where nothing is predicted",
+        description="Measured (minus run-out where known) over predicted 1X at probe x; null without prediction",
         examples=[0.97],
     )
     amplitude_ratio_y: float | None = Field(
-        description="Measured (less run-out where known) over predicted 1X at probe y; null where nothing is predicted",
+        description="Measured (minus run-out where known) over predicted 1X at probe y; null without prediction",
         examples=[1.02],
     )
     lag_difference_x_deg: float | None = Field(

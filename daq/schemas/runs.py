@@ -1,7 +1,4 @@
-"""What the catalogue knows of the runs, as documents.
-
-A run in the list of runs.
-"""
+"""Schemas of the catalogue: runs, the list of runs, the report of an indexing."""
 
 from collections.abc import Sequence
 from datetime import datetime
@@ -19,32 +16,32 @@ RunId = Annotated[str, Field(description="Id of the run", max_length=200, exampl
 
 
 class RunSchema(Schema):
-    """A recorded run; where its file cannot be read, what the file would tell is null."""
+    """A recorded run; where its file cannot be read, values from the file are null."""
 
-    run: str = Field(description="Its id", examples=["2026-11-24T09-12-07-gj90c"])
+    run: str = Field(description="Id of the run", examples=["2026-11-24T09-12-07-gj90c"])
     rig: str | None = Field(description="Name of the rig", examples=["gj90c"])
-    note: str | None = Field(description="The operator's words", examples=["after the oil change"])
-    device: DeviceSchema | None = Field(description="What delivered the samples")
-    channels: tuple[ChannelSchema, ...] | None = Field(description="What was sampled, in the order of the samples")
+    note: str | None = Field(description="Note of the operator", examples=["after the oil change"])
+    device: DeviceSchema | None = Field(description="Device that delivered the samples")
+    channels: tuple[ChannelSchema, ...] | None = Field(description="Channels in sampling order")
     started_at: datetime = Field(
-        description="Wall clock at the start, UTC; the file's last change where it cannot be read",
+        description="Wall clock at the start, UTC; modification time of a file that cannot be read",
         examples=["2026-11-24T09:12:07.250000Z"],
     )
     duration_s: float | None = Field(description="Sampled time, s", examples=[300.0])
     sample_rate_hz: float | None = Field(description="Samples per channel and second, Hz", examples=[200_000.0])
     samples: Count | None = Field(description="Samples per channel", examples=[60_000_000])
-    is_complete: bool = Field(description="Whether the recording was finished in order", examples=[True])
-    is_gap_free: bool = Field(description="Whether it is one stretch of which no sample was lost", examples=[True])
+    is_complete: bool = Field(description="Whether the recording was finished properly", examples=[True])
+    is_gap_free: bool = Field(description="Whether the run is one segment without lost samples", examples=[True])
     size_bytes: Count = Field(description="Size of the file, bytes", examples=[154_000_000])
-    fault: str = Field(description="What is wrong with the file; empty where nothing is", examples=[""])
+    fault: str = Field(description="Error of the file; empty without an error", examples=[""])
     calibration: str | None = Field(
-        description="Identity of the probes' calibrations: equal where they are equal, hexadecimal",
+        description="Hash of the probes' calibrations, hexadecimal; equal for equal calibrations",
         examples=["5d41402abc4b2a76"],
     )
-    remark: str = Field(description="Words added afterwards", examples=["bearing changed after this run"])
-    tags: tuple[str, ...] = Field(description="Tags given afterwards", examples=[["reference"]])
+    remark: str = Field(description="Remark added afterwards", examples=["bearing changed after this run"])
+    tags: tuple[str, ...] = Field(description="Tags added afterwards", examples=[["reference"]])
     verdict: str = Field(
-        description="What the last verification of the file came to: sound, not whole, unreadable; empty without one",
+        description="Verdict of the last verification: sound, not whole, unreadable; empty without one",
         examples=["sound"],
     )
 
@@ -52,14 +49,14 @@ class RunSchema(Schema):
 class RunListSchema(Schema):
     """A page of the list of runs."""
 
-    runs: tuple[RunSchema, ...] = Field(description="In the order asked for")
-    total: Count = Field(description="Runs that fit the question, on all pages", examples=[12])
-    limit: Count = Field(description="At most so many on a page", examples=[20])
-    offset: Count = Field(description="So many of the first were passed over", examples=[0])
+    runs: tuple[RunSchema, ...] = Field(description="Runs in the requested order")
+    total: Count = Field(description="Number of matching runs on all pages", examples=[12])
+    limit: Count = Field(description="Maximum number of runs on a page", examples=[20])
+    offset: Count = Field(description="Number of runs skipped before this page", examples=[0])
 
 
 def run_schema(entry: RunEntry) -> RunSchema:
-    """Return a run of the catalogue as a document."""
+    """Return the schema of a run of the catalogue."""
     header = entry.header
     return RunSchema(
         run=entry.id,
@@ -83,12 +80,12 @@ def run_schema(entry: RunEntry) -> RunSchema:
 
 
 def run_list_schema(entries: Sequence[RunEntry], total: int, limit: int, offset: int) -> RunListSchema:
-    """Return a page of runs, of ``total`` on all pages, as a document."""
+    """Return the schema of a page of runs; ``total`` counts all pages."""
     return RunListSchema(runs=tuple(run_schema(entry) for entry in entries), total=total, limit=limit, offset=offset)
 
 
 class IndexReportSchema(Schema):
-    """How the files differ from what was known of them, by their runs' ids."""
+    """Run ids by how their files differ from the catalogue before the indexing."""
 
     new: tuple[str, ...]
     changed: tuple[str, ...]
@@ -98,7 +95,7 @@ class IndexReportSchema(Schema):
 
 
 def index_report_schema(report: IndexReport) -> IndexReportSchema:
-    """Return what an index found as a document."""
+    """Return the schema of an index report."""
     return IndexReportSchema(
         new=report.new,
         changed=report.changed,

@@ -1,7 +1,4 @@
-"""What can be drawn of the shaft at this moment: its orbit and its order spectrum, the model's beside them.
-
-One moment of a recorded run: its order spectrum, its full spectrum, its orbit.
-"""
+"""Schemas of one order frame: order spectrum, full spectrum and orbit, recorded or live, measured or predicted."""
 
 from typing import Annotated
 
@@ -22,10 +19,10 @@ Values = tuple[float | None, ...]
 
 
 class OrderFrameSchema(Schema):
-    """Which order frame of the run was taken."""
+    """Position of an order frame in the run."""
 
     segment: Count = Field(description="Gap-free stretch of the run, from 0", examples=[0])
-    sample: Count = Field(description="One past the last sample used, in the segment", examples=[32_230_000])
+    sample: Count = Field(description="Index in the segment, one past the last sample used", examples=[32_230_000])
     time_s: float = Field(description="Sample time in the segment, s", examples=[161.15])
     speed_rpm: float | None = Field(description="Mean shaft speed over the frame, r/min", examples=[11042.1])
     acceleration_rpm_per_s: float | None = Field(
@@ -34,11 +31,11 @@ class OrderFrameSchema(Schema):
 
 
 class OrderSpectrumSchema(Schema):
-    """The order spectrum at one moment."""
+    """Order spectrum of a frame."""
 
     run: str = Field(description="Id of the run", examples=["2026-11-24T09-12-07-gj90c"])
     frame: OrderFrameSchema
-    orders: Values = Field(description="Frequency over the shaft's", examples=[[0.0, 0.0625, 0.125]])
+    orders: Values = Field(description="Frequency over shaft frequency", examples=[[0.0, 0.0625, 0.125]])
     amplitude_peak_x_um: Values = Field(
         description="At probe x by order, Hann window, µm zero-to-peak", examples=[[0.05, 0.04, 0.06]]
     )
@@ -47,33 +44,31 @@ class OrderSpectrumSchema(Schema):
     )
     lag_x_deg: Values = Field(description="Phase lag at probe x, 0 to 360 degrees", examples=[[12.0, 340.1, 77.5]])
     lag_y_deg: Values = Field(description="Phase lag at probe y, 0 to 360 degrees", examples=[[102.0, 70.1, 167.5]])
-    noise_peak_um: float | None = Field(
-        description="Floor of the spectrum between its lines, µm zero-to-peak", examples=[0.05]
-    )
+    noise_peak_um: float | None = Field(description="Noise floor of the spectrum, µm zero-to-peak", examples=[0.05])
 
 
 class FullSpectrumSchema(Schema):
-    """Circles with the shaft's rotation (positive orders) and against it (negative ones) at one moment."""
+    """Full spectrum of a frame: forward (positive orders) and backward (negative orders) components."""
 
     run: str = Field(description="Id of the run", examples=["2026-11-24T09-12-07-gj90c"])
     frame: OrderFrameSchema
     orders: Values = Field(
-        description="Frequency over the shaft's; negative: against the rotation", examples=[[-1.0, 0.0, 1.0]]
+        description="Frequency over shaft frequency; negative: against the rotation", examples=[[-1.0, 0.0, 1.0]]
     )
-    amplitude_peak_um: Values = Field(description="Radius of the circle, µm", examples=[[0.8, 0.1, 15.0]])
+    amplitude_peak_um: Values = Field(description="Radius of the circular component, µm", examples=[[0.8, 0.1, 15.0]])
     uncertain: tuple[bool, ...] = Field(
-        description="Whether probes within their tolerance could have made this circle of its counterpart",
+        description="Whether the tolerance of the probes could produce this component from its counterpart",
         examples=[[True, False, False]],
     )
 
 
 class OrbitSchema(Schema):
-    """The shaft's path at one moment."""
+    """Orbit of a frame."""
 
     run: str = Field(description="Id of the run", examples=["2026-11-24T09-12-07-gj90c"])
     frame: OrderFrameSchema
     points_per_revolution: Count = Field(
-        description="From the first point on, every such point lies on the tacho's mark", examples=[64]
+        description="Points per revolution; the first of each lies at the keyphasor mark", examples=[64]
     )
     orbit_x_um: Values = Field(
         description="Displacement in the bench's X (to the right), mean removed, µm", examples=[[15.2, 15.1, 14.9]]
@@ -82,19 +77,17 @@ class OrbitSchema(Schema):
         description="Displacement in the bench's Y (up) at the same points, µm", examples=[[0.1, 1.6, 3.1]]
     )
     compensated_orbit_x_um: Values | None = Field(
-        description="The same in X less run-out, µm; null where that was not asked for or not known",
+        description="X minus run-out, µm; null without compensation or before the run-out is known",
         examples=[[14.2, 14.1, 13.9]],
     )
     compensated_orbit_y_um: Values | None = Field(
-        description="The same in Y less run-out, µm; null likewise", examples=[[0.2, 1.5, 3.0]]
+        description="Y minus run-out, µm; null likewise", examples=[[0.2, 1.5, 3.0]]
     )
-    clearance_um: float | None = Field(
-        description="Radius of the circle that the shaft can move in, µm", examples=[100.0]
-    )
+    clearance_um: float | None = Field(description="Radius of the clearance circle, µm", examples=[100.0])
 
 
 def order_frame_schema(snapshot: Snapshot, frame: OrderFrame) -> OrderFrameSchema:
-    """Return where a frame is as a document."""
+    """Return the schema of the position of a frame."""
     return OrderFrameSchema(
         segment=snapshot.segment,
         sample=snapshot.sample,
@@ -105,7 +98,7 @@ def order_frame_schema(snapshot: Snapshot, frame: OrderFrame) -> OrderFrameSchem
 
 
 def order_spectrum_schema(header: RunHeader, snapshot: Snapshot, frame: OrderFrame) -> OrderSpectrumSchema:
-    """Return the order spectrum of a frame as a document."""
+    """Return the schema of the order spectrum of a frame."""
     x, y = np.abs(frame.spectrum)
     return OrderSpectrumSchema(
         run=header.run,
@@ -120,7 +113,7 @@ def order_spectrum_schema(header: RunHeader, snapshot: Snapshot, frame: OrderFra
 
 
 def full_spectrum_schema(header: RunHeader, snapshot: Snapshot, frame: OrderFrame) -> FullSpectrumSchema:
-    """Return the full spectrum of a frame as a document."""
+    """Return the schema of the full spectrum of a frame."""
     channels = header.acquisition.channels
     x, y = (channels[header.acquisition.row(role)] for role in (Role.PROBE_X, Role.PROBE_Y))
     full = full_spectrum(frame.orders, frame.spectrum, ProbePair(x.angle, y.angle))
@@ -136,7 +129,7 @@ def full_spectrum_schema(header: RunHeader, snapshot: Snapshot, frame: OrderFram
 
 
 def orbit_schema(header: RunHeader, snapshot: Snapshot, frame: OrderFrame) -> OrbitSchema:
-    """Return the orbit of a frame as a document."""
+    """Return the schema of the orbit of a frame."""
     compensated = frame.compensated_orbit
     rows = (None, None) if compensated is None else tuple(tuple(map(micrometres, row)) for row in compensated.tolist())
     return OrbitSchema(
@@ -162,15 +155,13 @@ class OrbitAndSpectrumSchema(Schema):
         description="Displacement in the bench's Y (up) at the same points, µm", examples=[[0.1, 1.6, 3.1]]
     )
     compensated_orbit_x_um: Values | None = Field(
-        description="The same in X less run-out, µm; null where that is not asked for or not known",
+        description="X minus run-out, µm; null without compensation or before the run-out is known",
         examples=[[14.2, 14.1, 13.9]],
     )
     compensated_orbit_y_um: Values | None = Field(
-        description="The same in Y less run-out, µm; null likewise", examples=[[0.2, 1.5, 3.0]]
+        description="Y minus run-out, µm; null likewise", examples=[[0.2, 1.5, 3.0]]
     )
-    orders: Values = Field(
-        description="Axis of the spectrum: frequency over the shaft's", examples=[[0.0, 0.0625, 0.125]]
-    )
+    orders: Values = Field(description="Frequency over shaft frequency", examples=[[0.0, 0.0625, 0.125]])
     spectrum_peak_x_um: Values = Field(
         description="Amplitude at probe x by order, Hann window, zero-to-peak, µm", examples=[[0.05, 0.04, 0.06]]
     )
@@ -180,22 +171,22 @@ class OrbitAndSpectrumSchema(Schema):
 
 
 class LiveCurvesSchema(Schema):
-    """The shaft's orbit and order spectrum at one moment."""
+    """Latest orbit and order spectrum of the live run, measured and predicted."""
 
     run: str = Field(description="Id of the run", examples=["2026-11-24T09-12-07-gj90c"])
     points_per_revolution: int = Field(
-        description="Points of an orbit in a revolution; from the first on, every such point lies on the tacho's mark",
+        description="Points of the orbit per revolution; the first of each lies at the keyphasor mark",
         examples=[64],
     )
-    clearance_um: float | None = Field(
-        description="Radius of the circle that the shaft can move in, µm", examples=[100.0]
+    clearance_um: float | None = Field(description="Radius of the clearance circle, µm", examples=[100.0])
+    measured: OrbitAndSpectrumSchema | None = Field(
+        description="Measured; null until there are enough whole revolutions"
     )
-    measured: OrbitAndSpectrumSchema | None = Field(description="Null until there are enough whole revolutions")
-    predicted: OrbitAndSpectrumSchema | None = Field(description="Null where speed or model are not known")
+    predicted: OrbitAndSpectrumSchema | None = Field(description="Predicted; null where speed or prediction is unknown")
 
 
 def live_curves_schema(frame: LiveUpdate) -> LiveCurvesSchema:
-    """Return what can be drawn of one moment of a run as a document."""
+    """Return the schema of the curves of a live update."""
     header, prediction = frame.header, frame.prediction
     measured = None if frame.snapshot is None else frame.snapshot.frame
     return LiveCurvesSchema(

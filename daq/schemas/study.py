@@ -1,4 +1,4 @@
-"""Studies of the model: what is to be computed, and the table that comes of it, as `rig model … --json` gives it."""
+"""Schemas of model studies: requests and the resulting table, as in `rig model … --json`."""
 
 import math
 from typing import Annotated, Literal, Self, TypeAlias
@@ -9,53 +9,64 @@ from daq.schemas.runs import RunId
 from daq.schemas.units import Schema
 from model.studies.study import Cell, Study
 
-MOST_SPEEDS = 2000
-FASTEST = 1e6  # rad/s
-STIFFEST = 1e15  # N/m
+MAX_POINTS = 2000
+MAX_SPEED = 1e6  # rad/s
+MAX_STIFFNESS = 1e15  # N/m
 
 Count = Annotated[int, Field(strict=True, ge=1, le=100, examples=[10])]
 Station = Annotated[
-    int | None, Field(strict=True, ge=1, le=1000, description="That is looked at; null: the probes'", examples=[1])
+    int | None,
+    Field(
+        strict=True,
+        ge=1,
+        le=1000,
+        description="Station of the shaft to report; null: the station of the probes",
+        examples=[1],
+    ),
 ]
-SpringStiffness = Annotated[float, Field(strict=True, gt=0, le=STIFFEST)]
-SPRINGS = "Of a spring at each journal in the film's place, N/m; null: "
+SpringStiffness = Annotated[float, Field(strict=True, gt=0, le=MAX_STIFFNESS)]
+SPRINGS = "Stiffness of a spring at each journal in place of the film, N/m; null: "
 
 
 class Speeds(Schema):
-    """Evenly spaced speeds of the shaft, both ends with them; they rise."""
+    """Evenly spaced rising shaft speeds, both ends included."""
 
-    from_rad_s: Annotated[float, Field(strict=True, ge=0, le=FASTEST)] = Field(
+    from_rad_s: Annotated[float, Field(strict=True, ge=0, le=MAX_SPEED)] = Field(
         description="Lowest, rad/s", examples=[100.0]
     )
-    to_rad_s: Annotated[float, Field(strict=True, gt=0, le=FASTEST)] = Field(
+    to_rad_s: Annotated[float, Field(strict=True, gt=0, le=MAX_SPEED)] = Field(
         description="Highest, rad/s", examples=[4000.0]
     )
-    count: Annotated[int, Field(strict=True, ge=2, le=MOST_SPEEDS)] = Field(description="How many", examples=[79])
+    count: Annotated[int, Field(strict=True, ge=2, le=MAX_POINTS)] = Field(
+        description="Number of speeds", examples=[79]
+    )
 
     @model_validator(mode="after")
-    def _rises(self) -> Self:
+    def _check_rising(self) -> Self:
         if self.to_rad_s <= self.from_rad_s:
             raise ValueError(f"to_rad_s {self.to_rad_s:g}, expected more than from_rad_s {self.from_rad_s:g}")
         return self
 
 
 class TurningSpeeds(Speeds):
-    """Evenly spaced speeds of a shaft that turns, both ends with them; they rise."""
+    """Evenly spaced rising shaft speeds above zero, both ends included."""
 
-    from_rad_s: Annotated[float, Field(strict=True, gt=0, le=FASTEST)] = Field(
+    from_rad_s: Annotated[float, Field(strict=True, gt=0, le=MAX_SPEED)] = Field(
         description="Lowest, rad/s", examples=[100.0]
     )
 
 
 class Stiffnesses(Schema):
-    """Stiffnesses of equal ratio, both ends with them; they rise."""
+    """Geometrically spaced rising stiffnesses, both ends included."""
 
     from_n_m: SpringStiffness = Field(description="Lowest, N/m", examples=[1e3])
     to_n_m: SpringStiffness = Field(description="Highest, N/m", examples=[1e10])
-    count: Annotated[int, Field(strict=True, ge=2, le=MOST_SPEEDS)] = Field(description="How many", examples=[71])
+    count: Annotated[int, Field(strict=True, ge=2, le=MAX_POINTS)] = Field(
+        description="Number of stiffnesses", examples=[71]
+    )
 
     @model_validator(mode="after")
-    def _rises(self) -> Self:
+    def _check_rising(self) -> Self:
         if self.to_n_m <= self.from_n_m:
             raise ValueError(f"to_n_m {self.to_n_m:g}, expected more than from_n_m {self.from_n_m:g}")
         return self
@@ -67,10 +78,10 @@ ALL_STIFFNESSES = Stiffnesses(from_n_m=1e3, to_n_m=1e10, count=71)
 
 
 class RotorStudyRequest(Schema):
-    """Of which rotor a study is."""
+    """Base of the study requests: selects the rotor."""
 
     run: RunId | None = Field(
-        None, description="A run whose rig's rotor it is; null: the thesis's GJ90C", examples=[None]
+        None, description="Run whose rotor is studied; null: the GJ90C of the thesis", examples=[None]
     )
 
 
@@ -81,52 +92,52 @@ class ModesRequest(RotorStudyRequest):
     stiffness_n_m: SpringStiffness | None = Field(
         None, description=f"{SPRINGS}free, or on the rotor's own supports", examples=[1e7]
     )
-    speed_rad_s: Annotated[float, Field(strict=True, ge=0, le=FASTEST)] = Field(
-        0.0, description="Of the shaft, rad/s", examples=[1000.0]
+    speed_rad_s: Annotated[float, Field(strict=True, ge=0, le=MAX_SPEED)] = Field(
+        0.0, description="Shaft speed, rad/s", examples=[1000.0]
     )
-    count: Count = Field(10, description="How many modes")
+    count: Count = Field(10, description="Number of modes")
 
 
 class CampbellRequest(RotorStudyRequest):
-    """Natural frequencies over speed, each mode followed, and critical speeds: `rig model campbell`."""
+    """Campbell diagram with critical speeds: `rig model campbell`."""
 
     kind: Literal["campbell"]
     stiffness_n_m: SpringStiffness | None = Field(
         None, description=f"{SPRINGS}none on supports that hold the rotor, else 10,000", examples=[1e7]
     )
-    speeds: Speeds = Field(CAMPBELL_SPEEDS, description="Of the shaft, rad/s", examples=[CAMPBELL_SPEEDS.model_dump()])
-    count: Count = Field(10, description="How many branches, both senses")
+    speeds: Speeds = Field(CAMPBELL_SPEEDS, description="Shaft speed, rad/s", examples=[CAMPBELL_SPEEDS.model_dump()])
+    count: Count = Field(10, description="Number of branches, forward and backward")
 
 
 class CriticalSpeedsRequest(RotorStudyRequest):
-    """Undamped critical speeds over the stiffness of the bearings: `rig model critical`."""
+    """Undamped critical speeds over bearing stiffness: `rig model critical`."""
 
     kind: Literal["critical"]
     stiffnesses: Stiffnesses = Field(
-        ALL_STIFFNESSES, description="Of each bearing, N/m", examples=[ALL_STIFFNESSES.model_dump()]
+        ALL_STIFFNESSES, description="Stiffness of each bearing, N/m", examples=[ALL_STIFFNESSES.model_dump()]
     )
-    highest_rad_s: Annotated[float, Field(strict=True, gt=0, le=FASTEST)] = Field(
-        2e5, description="Speeds up to it, rad/s", examples=[2e5]
+    highest_rad_s: Annotated[float, Field(strict=True, gt=0, le=MAX_SPEED)] = Field(
+        2e5, description="Highest speed searched, rad/s", examples=[2e5]
     )
 
 
 class ResponseRequest(RotorStudyRequest):
-    """1X over speed, run-up and run-down on the films, or linear on springs: `rig model response`."""
+    """1X response over speed: run-up and run-down on the oil films, or linear on springs: `rig model response`."""
 
     kind: Literal["response"]
     stiffness_n_m: SpringStiffness | None = Field(None, description=f"{SPRINGS}on the films", examples=[1e7])
     speeds: TurningSpeeds = Field(
-        THESIS_SPEEDS, description="Of the shaft, rad/s", examples=[THESIS_SPEEDS.model_dump()]
+        THESIS_SPEEDS, description="Shaft speed, rad/s", examples=[THESIS_SPEEDS.model_dump()]
     )
     station: Station = None
 
 
 class InstabilityOnsetRequest(RotorStudyRequest):
-    """Where the films let go: growth of the least stable whirl over speed: `rig model onset`."""
+    """Onset speed of instability: growth rate of the least stable whirl over speed: `rig model onset`."""
 
     kind: Literal["onset"]
     speeds: TurningSpeeds = Field(
-        THESIS_SPEEDS, description="Of the shaft, rad/s", examples=[THESIS_SPEEDS.model_dump()]
+        THESIS_SPEEDS, description="Shaft speed, rad/s", examples=[THESIS_SPEEDS.model_dump()]
     )
 
 
@@ -136,18 +147,18 @@ StudyRequest: TypeAlias = (
 
 
 class StudySchema(Schema):
-    """What came of a study: a table, the same that `rig model … --json` gives, unrounded."""
+    """Result of a study: the unrounded table of `rig model … --json`."""
 
-    title: str = Field(description="What was studied", examples=["Campbell diagram, springs of 1e+04 N/m"])
+    title: str = Field(description="Title of the study", examples=["Campbell diagram, springs of 1e+04 N/m"])
     rows: tuple[dict[str, float | str | None], ...] = Field(
-        description="The table by rows; its names carry units, null where there is no number",
+        description="Rows of the table; names carry units, null where a value is undefined",
         examples=[[{"speed_rad_s": 100.0, "branch_1_hz": -19.5}]],
     )
-    remarks: tuple[str, ...] = Field(description="What must be known to read the table", examples=[[]])
+    remarks: tuple[str, ...] = Field(description="Notes on reading the table", examples=[[]])
 
 
 def study_schema(study: Study) -> StudySchema:
-    """Return a study as a document."""
+    """Return the schema of a study."""
     rows = tuple({name: _plain(cell) for name, cell in row.items()} for row in study.rows())
     return StudySchema(title=study.title, rows=rows, remarks=study.remarks)
 

@@ -1,4 +1,4 @@
-"""What a run was."""
+"""Schema of the summary of a run."""
 
 from datetime import datetime
 from typing import Annotated
@@ -32,83 +32,85 @@ Count = Annotated[int, Field(ge=0)]
 
 
 class SegmentEndSchema(Schema):
-    """A gap-free stretch of the run and how it ended."""
+    """A gap-free segment of the run and its end."""
 
-    segment: Count = Field(description="Its number, from 0", examples=[0])
-    samples: Count = Field(description="Samples per channel that it holds", examples=[60_000_000])
-    end_reason: EndReason = Field(description="Why it ended", examples=["finished"])
-    lost_samples: Count = Field(description="Samples per channel known to be lost after its last one", examples=[0])
+    segment: Count = Field(description="Number of the segment, from 0", examples=[0])
+    samples: Count = Field(description="Samples per channel", examples=[60_000_000])
+    end_reason: EndReason = Field(description="Reason of the end", examples=["finished"])
+    lost_samples: Count = Field(description="Lost samples per channel after the last one", examples=[0])
     lost_is_exact: bool = Field(description="False where `lost_samples` is a lower bound", examples=[True])
-    detail: str = Field(description="What the driver said; empty where all was well", examples=[""])
+    detail: str = Field(description="Message of the driver; empty without an error", examples=[""])
 
 
 class ProbeSummarySchema(Schema):
-    """One probe over the whole run."""
+    """Summary of one probe over the run."""
 
-    name: str = Field(description="The operator's name for it", examples=["x"])
+    name: str = Field(description="Name of the channel", examples=["x"])
     gap_mean_v: float | None = Field(description="Mean gap voltage, V", examples=[5.02])
-    gap_min_v: float | None = Field(description="Smallest gap voltage over an update interval, V", examples=[4.97])
-    gap_max_v: float | None = Field(description="Largest gap voltage over an update interval, V", examples=[5.08])
-    gap_ok: bool = Field(description="Whether it lay in the probe's window throughout", examples=[True])
+    gap_min_v: float | None = Field(description="Smallest mean gap voltage of an update interval, V", examples=[4.97])
+    gap_max_v: float | None = Field(description="Largest mean gap voltage of an update interval, V", examples=[5.08])
+    gap_ok: bool = Field(description="Whether the gap voltage stayed in the probe's window", examples=[True])
     largest_peak_to_peak_um: float | None = Field(
         description="Largest overall vibration, µm peak-to-peak", examples=[96.1]
     )
     largest_clearance_fraction: float | None = Field(
-        description="That over the clearance's diameter: 1 is all the room there is", examples=[0.48]
+        description="Largest overall vibration as a fraction of the diametral clearance", examples=[0.48]
     )
-    largest_at: TimeInRunSchema | None = Field(description="Where that was; null where nothing was measured")
-    severity: Severity = Field(description="The largest vibration against the limits", examples=["danger"])
+    largest_at: TimeInRunSchema | None = Field(
+        description="Time of the largest vibration; null where nothing was measured"
+    )
+    severity: Severity = Field(description="Severity of the largest vibration", examples=["danger"])
     samples_beyond_calibration: Count = Field(
-        description="Samples whose voltage lay outside the calibrated span: their displacement is extrapolated",
+        description="Samples outside the calibrated voltage span; their displacement is extrapolated",
         examples=[0],
     )
 
 
 class TachoSummarySchema(Schema):
-    """What was seen of the tacho over the whole run."""
+    """Summary of the tacho over the run."""
 
     pulses: Count = Field(description="Pulses accepted", examples=[40_210])
-    filled: Count = Field(description="Pulses that were missing and filled in", examples=[0])
+    filled: Count = Field(description="Missing pulses that were filled in", examples=[0])
     rejected: Count = Field(description="Edges rejected as doubles or noise", examples=[2])
     jitter_us: float | None = Field(
         description="Robust scatter (median absolute deviation) of the edges at the run's end, µs", examples=[4.8]
     )
     snapshots_by_state: dict[TachoState, Count] = Field(
-        description="Number of results in each state of the tacho; states that did not occur are left out",
+        description="Number of results in each tacho state; states without results are omitted",
         examples=[{"good": 2980, "no pulses": 20}],
     )
     phase_reference_is_arbitrary: bool = Field(
-        description="Whether several marks cannot be told apart, so that phases are referred to the first one seen of "
-        "every train of pulses and cannot be compared between trains or runs",
+        description="Whether several keyphasor marks are indistinguishable, so that phases refer to the first one of "
+        "each pulse train and cannot be compared between trains or runs",
         examples=[False],
     )
     reference: str = Field(
-        description='What speed and phase are taken from: "samples" of the tacho, or a "counter" that stamps its edges',
+        description='Source of speed and phase: "samples" of the tacho, or a "counter" that time-stamps its edges',
         examples=["samples"],
     )
-    counter: CounterSchema | None = Field(
-        description="How the counter and the samples compare; null where no counter stamps"
-    )
+    counter: CounterSchema | None = Field(description="Comparison of counter and samples; null without a counter")
 
 
 class SpeedRowSchema(Schema):
-    """What the results in one bin of speed said, of a run-up or of a run-down."""
+    """Averages over one speed bin of a run-up or run-down."""
 
-    ramp_direction: RampDirection = Field(description="Whether the shaft was running up or down", examples=["run-up"])
+    ramp_direction: RampDirection = Field(description="Ramp direction of the shaft speed", examples=["run-up"])
     speed_rpm: float | None = Field(description="Mean shaft speed, r/min", examples=[11_025.0])
     frames: Count = Field(description="Number of order spectra in the bin", examples=[24])
-    order_1x: ProbeVectorsSchema = Field(description="At running speed, mean of the vectors as measured")
-    order_2x: ProbeVectorsSchema = Field(description="At twice running speed, mean of the vectors as measured")
+    order_1x: ProbeVectorsSchema = Field(description="Mean 1X vector as measured")
+    order_2x: ProbeVectorsSchema = Field(description="Mean 2X vector as measured")
     order_1x_compensated: ProbeVectorsSchema | None = Field(
-        description="The mean of 1X less run-out; null where no run-out was known"
+        description="Mean 1X vector minus run-out; null where no run-out was known"
     )
     order_2x_compensated: ProbeVectorsSchema | None = Field(
-        description="The mean of 2X less run-out; null where no run-out was known"
+        description="Mean 2X vector minus run-out; null where no run-out was known"
     )
     scatter_1x_peak_x_um: float | None = Field(
         description="Standard deviation of the 1X vectors at x about their mean, µm zero-to-peak", examples=[0.4]
     )
-    scatter_1x_peak_y_um: float | None = Field(description="The same at y, µm zero-to-peak", examples=[0.5])
+    scatter_1x_peak_y_um: float | None = Field(
+        description="Standard deviation of the 1X vectors at y about their mean, µm zero-to-peak", examples=[0.5]
+    )
     mean_peak_to_peak_x_um: float | None = Field(description="Mean overall at x, µm peak-to-peak", examples=[38.4])
     mean_peak_to_peak_y_um: float | None = Field(description="Mean overall at y, µm peak-to-peak", examples=[41.0])
     largest_peak_to_peak_x_um: float | None = Field(
@@ -118,86 +120,86 @@ class SpeedRowSchema(Schema):
         description="Largest overall at y, µm peak-to-peak", examples=[47.2]
     )
     whirl_order: float | None = Field(
-        description="Order of the largest component below 1X; null where none stood out", examples=[0.49]
+        description="Order of the largest component below 1X; null without one above the noise", examples=[0.49]
     )
     whirl_peak_um: float | None = Field(
-        description="Its size, half the major axis of its ellipse, µm zero-to-peak; null likewise", examples=[12.1]
+        description="Amplitude of it, half the major axis of the ellipse, µm zero-to-peak; null likewise",
+        examples=[12.1],
     )
-    noise_peak_um: float | None = Field(description="Mean floor of the order spectra, µm zero-to-peak", examples=[0.05])
+    noise_peak_um: float | None = Field(
+        description="Mean noise floor of the order spectra, µm zero-to-peak", examples=[0.05]
+    )
 
 
 class SubSynchronousSchema(Schema):
-    """A component below 1X from its beginning to its end."""
+    """A component below 1X from onset to end."""
 
-    order: float | None = Field(
-        description="Its frequency over the shaft's, mean weighted with amplitude", examples=[0.49]
+    order: float | None = Field(description="Frequency over shaft frequency, amplitude-weighted mean", examples=[0.49])
+    order_at_begin: float | None = Field(
+        description="Frequency over shaft frequency in the first results", examples=[0.492]
     )
-    order_at_begin: float | None = Field(description="The same over its first results", examples=[0.492])
-    begin: TimeInRunSchema = Field(description="The first result that showed it")
-    begin_ramp_direction: RampDirection = Field(
-        description="Whether the shaft was running up or down then", examples=["run-up"]
-    )
-    end: TimeInRunSchema = Field(description="The last result that showed it")
-    end_ramp_direction: RampDirection = Field(
-        description="Whether the shaft was running up or down then", examples=["run-down"]
-    )
+    begin: TimeInRunSchema = Field(description="First result with the component")
+    begin_ramp_direction: RampDirection = Field(description="Ramp direction at the onset", examples=["run-up"])
+    end: TimeInRunSchema = Field(description="Last result with the component")
+    end_ramp_direction: RampDirection = Field(description="Ramp direction at the end", examples=["run-down"])
     largest_peak_um: float | None = Field(
-        description="Its largest size, half the major axis of its ellipse, µm zero-to-peak", examples=[14.2]
+        description="Largest amplitude, half the major axis of the ellipse, µm zero-to-peak", examples=[14.2]
     )
-    largest_at: TimeInRunSchema = Field(description="Where that was")
-    direction: Direction = Field(description="Whether it went round with the shaft", examples=["forward"])
-    frames: Count = Field(description="Number of order spectra that showed it", examples=[212])
+    largest_at: TimeInRunSchema = Field(description="Time of the largest amplitude")
+    direction: Direction = Field(description="Sense of the whirl relative to the rotation", examples=["forward"])
+    frames: Count = Field(description="Number of order spectra with the component", examples=[212])
 
 
 class HysteresisSchema(Schema):
-    """How much longer a component below 1X stays on the run-down than the run-up took to bring it."""
+    """Hysteresis of a component below 1X: onset speed of the run-up, end speed of the run-down."""
 
-    order: float | None = Field(description="Its frequency over the shaft's when it came", examples=[0.492])
-    onset_rpm: float | None = Field(description="Lowest speed at which it came on a run-up, r/min", examples=[11020.0])
-    end_rpm: float | None = Field(description="Lowest speed at which it went on a run-down, r/min", examples=[10310.0])
+    order: float | None = Field(description="Frequency over shaft frequency at the onset", examples=[0.492])
+    onset_rpm: float | None = Field(description="Lowest onset speed on a run-up, r/min", examples=[11020.0])
+    end_rpm: float | None = Field(description="Lowest end speed on a run-down, r/min", examples=[10310.0])
     width_rpm: float | None = Field(
-        description="By how much lower it went than it came, r/min; negative where it went sooner", examples=[710.0]
+        description="Onset speed minus end speed, r/min; negative where it ended above the onset speed",
+        examples=[710.0],
     )
 
 
 class SummarySchema(Schema):
-    """What a run was."""
+    """Summary of a run."""
 
     run: str = Field(description="Id of the run", examples=["2026-11-24T09-12-07-gj90c"])
     rig: str = Field(description="Name of the rig", examples=["gj90c"])
-    note: str = Field(description="The operator's words", examples=["after the oil change"])
+    note: str = Field(description="Note of the operator", examples=["after the oil change"])
     started_at: datetime = Field(description="Wall clock at the start, UTC", examples=["2026-11-24T09:12:07.250000Z"])
-    duration_s: float = Field(description="Sampled time of all segments together, s", examples=[300.0])
-    samples: Count = Field(description="Samples per channel in all segments together", examples=[60_000_000])
-    is_gap_free: bool = Field(description="Whether the run is one stretch of which no sample was lost", examples=[True])
-    lost_samples: Count = Field(description="Samples per channel known to be lost", examples=[0])
+    duration_s: float = Field(description="Total sampled time of all segments, s", examples=[300.0])
+    samples: Count = Field(description="Samples per channel in all segments", examples=[60_000_000])
+    is_gap_free: bool = Field(description="Whether the run is one segment without lost samples", examples=[True])
+    lost_samples: Count = Field(description="Lost samples per channel", examples=[0])
     lost_is_exact: bool = Field(description="False where `lost_samples` is a lower bound", examples=[True])
     clipped_samples: tuple[Count, ...] = Field(
-        description="Samples at the converter's rails, for each channel in the order of the card", examples=[[0, 0, 0]]
+        description="Clipped samples of each channel in sampling order", examples=[[0, 0, 0]]
     )
-    segments: tuple[SegmentEndSchema, ...] = Field(description="The run's gap-free stretches")
+    segments: tuple[SegmentEndSchema, ...] = Field(description="Gap-free segments of the run")
     markers: tuple[MarkerSchema, ...] = Field(
-        description="Moments that were marked while the run was recorded, in order: words, alarms, acknowledgements"
+        description="Markers in order of time: text of an operator, alarms, acknowledgements"
     )
     clock_error_ppm: float | None = Field(
-        description="The card's clock against the computer's over the run, positive where the card is fast; null where "
-        "the run is too short or did not go in real time",
+        description="Error of the card's clock against the computer's, positive where the card is fast; null where the "
+        "run is too short or was not recorded in real time",
         examples=[12.3],
     )
     clock_uncertainty_ppm: float | None = Field(
-        description="How far off that may be on either side, 95 %; null likewise", examples=[0.4]
+        description="Half width of the 95 % interval of the clock error; null likewise", examples=[0.4]
     )
     largest_backlog_s: float | None = Field(
-        description="The longest that samples waited in the card's buffer, s; null where there is no card, or the run "
+        description="Longest time that samples waited in the card's buffer, s; null without a card or where the run "
         "was not finished",
         examples=[0.12],
     )
     buffer_s: float | None = Field(
-        description="What the card's buffer holds, s: a larger backlog loses samples; null where there is no card",
+        description="Capacity of the card's buffer, s: a larger backlog loses samples; null without a card",
         examples=[8.0],
     )
     lowest_speed_rpm: float | None = Field(
-        description="Lowest shaft speed, r/min; null where the tacho never told", examples=[1004.0]
+        description="Lowest shaft speed, r/min; null where the tacho measured none", examples=[1004.0]
     )
     highest_speed_rpm: float | None = Field(
         description="Highest shaft speed, r/min; null likewise", examples=[15_120.0]
@@ -205,29 +207,27 @@ class SummarySchema(Schema):
     largest_peak_to_peak_um: float | None = Field(
         description="Largest overall vibration of either probe, µm peak-to-peak", examples=[96.1]
     )
-    severity: Severity = Field(description="That against the limits, held or not", examples=["danger"])
-    alarms: tuple[AlarmSchema, ...] = Field(
-        description="Limits that were passed for long enough, in the order in which their alarms came"
+    severity: Severity = Field(
+        description="Severity of the largest overall vibration, regardless of the hold time", examples=["danger"]
     )
+    alarms: tuple[AlarmSchema, ...] = Field(description="Alarms: limits exceeded for the hold time, in order of time")
     standards: tuple[StandardSchema, ...] = Field(
-        description="What standards say of the largest vibration, for information; empty where its speed is unknown"
+        description="Limits of standards for the largest vibration, for information; empty where its speed is unknown"
     )
-    probes: tuple[ProbeSummarySchema, ...] = Field(description="The probes x and y")
-    tacho: TachoSummarySchema | None = Field(description="The tacho; null where nothing was measured")
+    probes: tuple[ProbeSummarySchema, ...] = Field(description="Probes x and y")
+    tacho: TachoSummarySchema | None = Field(description="Tacho; null where nothing was measured")
     snapshots: Count = Field(description="Number of results", examples=[3000])
     frames: Count = Field(description="Number of results with an order spectrum", examples=[2950])
     by_speed: tuple[SpeedRowSchema, ...] = Field(
-        description="Amplitude, phase and peak-to-peak by speed, run-up and run-down apart, in rising order of speed"
+        description="Amplitude, phase and peak-to-peak by rising speed, run-up and run-down separately"
     )
-    runout: RunOutSchema | None = Field(description="What was taken off as run-out; null where nothing was to be")
-    sub_synchronous: tuple[SubSynchronousSchema, ...] = Field(
-        description="Components below 1X in the order in which they began"
-    )
+    runout: RunOutSchema | None = Field(description="Run-out; null without compensation")
+    sub_synchronous: tuple[SubSynchronousSchema, ...] = Field(description="Components below 1X in order of onset")
     hysteresis: tuple[HysteresisSchema, ...] = Field(
-        description="Of the components that came on a run-up and went on a run-down"
+        description="Hysteresis of the components with onset on a run-up and end on a run-down"
     )
     agreement: AgreementSchema | None = Field(
-        description="How far the model agrees; null where it is off or its prediction is still being computed"
+        description="Agreement with the model; null where the model is off or still being computed"
     )
 
 
@@ -237,18 +237,18 @@ def summary_schema(
     delivery: DeliveryStatistics | None = None,
     markers: tuple[MarkerSchema, ...] = (),
 ) -> SummarySchema:
-    """Return what a run was as a document.
+    """Return the schema of a run's summary.
 
     Parameters
     ----------
     summary : RunSummary
-        What was measured.
+        Measured summary.
     agreement : Agreement or None
-        How far the model agrees; None where there is no prediction for it.
+        Agreement with the model; None without a prediction.
     delivery : Delivery or None
-        How the samples came from the device; None where nobody knows.
+        Backlog and clock of the acquisition; None where unknown.
     markers : tuple of MarkerSchema
-        Moments that somebody named.
+        Markers of the run.
     """
     tacho, delivery = summary.tacho, delivery or DeliveryStatistics()
     clock = delivery.clock
@@ -293,7 +293,7 @@ def summary_schema(
         by_speed=tuple(speed_row_schema(row) for row in summary.rows),
         runout=runout_schema(summary.runout_settings, summary.runout),
         sub_synchronous=tuple(sub_synchronous_schema(finding) for finding in summary.whirls),
-        hysteresis=tuple(_hysteresis(each) for each in whirl_hysteresis(summary.whirls)),
+        hysteresis=tuple(_hysteresis(hysteresis) for hysteresis in whirl_hysteresis(summary.whirls)),
         agreement=None if agreement is None else agreement_schema(agreement),
     )
 
@@ -339,7 +339,7 @@ def _compensated(row: SpeedRow, order: int) -> ProbeVectorsSchema | None:
 
 
 def speed_row_schema(row: SpeedRow) -> SpeedRowSchema:
-    """Return what one bin of speed said as a document."""
+    """Return the schema of a speed bin."""
     order = finite(row.whirl_order)
     return SpeedRowSchema(
         ramp_direction=row.direction,
@@ -362,7 +362,7 @@ def speed_row_schema(row: SpeedRow) -> SpeedRowSchema:
 
 
 def sub_synchronous_schema(finding: WhirlFinding) -> SubSynchronousSchema:
-    """Return a component below 1X as a document."""
+    """Return the schema of a component below 1X."""
     return SubSynchronousSchema(
         order=finite(finding.order),
         order_at_begin=finite(finding.order_at_begin),

@@ -1,8 +1,6 @@
-"""From SI and radians to the units of the documents: µm, r/min, degrees of lag.
+"""Base class of the schemas, and conversion from SI and radians to their units: µm, r/min, degrees of lag.
 
-Numbers are rounded to four decimals, far below what the probes resolve; NaN and infinity become None.
-
-The form that all documents share.
+Numbers are rounded to four decimals, far below the resolution of the probes; NaN and infinity become None.
 """
 
 import cmath
@@ -13,7 +11,7 @@ from pydantic import BaseModel, ConfigDict
 
 
 class Schema(BaseModel):
-    """A JSON document: its fields are all there, always, and no other; what is not known is null."""
+    """Base class of the JSON schemas: frozen, no extra fields, null for unknown values."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
@@ -22,7 +20,7 @@ DECIMALS = 4
 
 
 def finite(value: float) -> float | None:
-    """Return ``value`` (any unit) rounded to the documents' decimals, None where it is not finite."""
+    """Return ``value`` (any unit) rounded to `DECIMALS`, None where it is not finite."""
     return round(float(value), DECIMALS) if math.isfinite(value) else None
 
 
@@ -49,6 +47,6 @@ def lag_degrees(vector: complex) -> float | None:
 
 
 def utc_time(nanoseconds: int) -> datetime:
-    """Return the wall clock's ns since 1970 as a date and time in UTC, to the microsecond."""
+    """Return ns since 1970 as a UTC date and time, to the microsecond."""
     seconds, rest = divmod(nanoseconds, 1_000_000_000)
     return datetime.fromtimestamp(seconds, UTC).replace(microsecond=rest // 1000)

@@ -1,4 +1,4 @@
-"""Whether a recording is whole, and what a recovery brought back, as documents."""
+"""Schemas of the verification and recovery of recordings."""
 
 from daq.schemas.units import Schema
 from recordings.integrity.checks import Check, Finding
@@ -7,7 +7,7 @@ from recordings.integrity.verify import Verdict, Verification
 
 
 class VerificationFindingSchema(Schema):
-    """Something found in a recording's file."""
+    """A finding of a verification."""
 
     check: Check
     location: str
@@ -16,7 +16,7 @@ class VerificationFindingSchema(Schema):
 
 
 class VerificationSchema(Schema):
-    """What an inspection of a recording's file came to."""
+    """Result of verifying a recording's file."""
 
     run: str
     path: str
@@ -30,7 +30,7 @@ class VerificationSchema(Schema):
 
 
 class MissingSamplesSchema(Schema):
-    """Samples of a segment that a recovery did not bring back; null where nobody knows how far the segment went."""
+    """Samples of a segment that were not recovered; null where the end of the segment is unknown."""
 
     segment: int
     first_sample: int
@@ -39,7 +39,7 @@ class MissingSamplesSchema(Schema):
 
 
 class RecoveredSegmentSchema(Schema):
-    """A segment of the copy and where its samples lay in the damaged recording."""
+    """A segment of the copy and the position of its samples in the damaged recording."""
 
     segment: int
     from_segment: int
@@ -48,7 +48,7 @@ class RecoveredSegmentSchema(Schema):
 
 
 class RecoverySchema(Schema):
-    """What a recovery brought back."""
+    """Result of a recovery."""
 
     source: str
     target: str
@@ -59,7 +59,7 @@ class RecoverySchema(Schema):
 
 
 def verification_schema(verification: Verification) -> VerificationSchema:
-    """Return an inspection as a document."""
+    """Return the schema of a verification."""
     return VerificationSchema(
         run=verification.run,
         path=str(verification.path),
@@ -74,7 +74,7 @@ def verification_schema(verification: Verification) -> VerificationSchema:
 
 
 def recovery_schema(recovery: Recovery) -> RecoverySchema:
-    """Return a recovery as a document."""
+    """Return the schema of a recovery."""
     return RecoverySchema(
         source=str(recovery.source),
         target=str(recovery.target),

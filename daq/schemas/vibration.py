@@ -1,7 +1,4 @@
-"""How vibration is told: a line of the order spectrum at the two probes, and which way a whirl goes.
-
-What the standards say of a vibration, for information.
-"""
+"""Schemas of vibration: vectors at the two probes, sense of whirl, limits of standards."""
 
 import math
 from collections.abc import Sequence
@@ -15,32 +12,32 @@ from daq.schemas.units import Schema, degrees, finite, lag_degrees, micrometres
 
 
 class Direction(StrEnum):
-    """Which way a whirl goes round."""
+    """Sense of a whirl relative to the rotation."""
 
     FORWARD = "forward"  # with the shaft
     BACKWARD = "backward"
 
 
 def direction(*, is_forward: bool) -> Direction:
-    """Return the word for a direction."""
+    """Return the sense of a whirl."""
     return Direction.FORWARD if is_forward else Direction.BACKWARD
 
 
 class ProbeVectorsSchema(Schema):
-    """One line of the order spectrum at the two probes."""
+    """Amplitude and phase lag of one order at the two probes."""
 
     amplitude_peak_x_um: float | None = Field(description="Amplitude at probe x, µm zero-to-peak", examples=[15.2])
     lag_x_deg: float | None = Field(
-        description="Phase lag at probe x after the tacho's mark, 0 to 360 degrees", examples=[47.3]
+        description="Phase lag at probe x after the keyphasor mark, 0 to 360 degrees", examples=[47.3]
     )
     amplitude_peak_y_um: float | None = Field(description="Amplitude at probe y, µm zero-to-peak", examples=[16.8])
     lag_y_deg: float | None = Field(
-        description="Phase lag at probe y after the tacho's mark, 0 to 360 degrees", examples=[136.9]
+        description="Phase lag at probe y after the keyphasor mark, 0 to 360 degrees", examples=[136.9]
     )
 
 
 def probe_vectors_schema(vectors: Sequence[complex]) -> ProbeVectorsSchema:
-    """Return the complex peak amplitudes of one line at the probes x and y, m, as a document."""
+    """Return the schema of the complex peak amplitudes of one order at probes x and y, m."""
     x, y = (complex(vector) for vector in vectors)
     return ProbeVectorsSchema(
         amplitude_peak_x_um=micrometres(math.hypot(x.real, x.imag)),
@@ -51,22 +48,24 @@ def probe_vectors_schema(vectors: Sequence[complex]) -> ProbeVectorsSchema:
 
 
 class MeasuredProbeVectorsSchema(ProbeVectorsSchema):
-    """One line of the measured order spectrum at the two probes, and how sure it is."""
+    """Measured amplitude and phase lag of one order at the two probes, with standard deviations."""
 
     amplitude_sigma_um: float | None = Field(
-        description="Standard deviation of either amplitude, from the noise beside the line, µm", examples=[0.05]
+        description="Standard deviation of either amplitude, from the noise between the lines, µm", examples=[0.05]
     )
     lag_sigma_x_deg: float | None = Field(
         description="Standard deviation of the lag at probe x, from noise and the tacho's jitter, degrees",
         examples=[0.3],
     )
-    lag_sigma_y_deg: float | None = Field(description="The same at probe y, degrees", examples=[0.3])
+    lag_sigma_y_deg: float | None = Field(
+        description="Standard deviation of the lag at probe y, degrees", examples=[0.3]
+    )
 
 
 def measured_probe_vectors_schema(
     vectors: Sequence[complex], sigma: float, phase_sigma: Sequence[float]
 ) -> MeasuredProbeVectorsSchema:
-    """Return a line with the standard deviations of its amplitudes, m, and of its phases at x and y, rad."""
+    """Return the schema of one order with the standard deviations of its amplitudes, m, and phases at x and y, rad."""
     return MeasuredProbeVectorsSchema(
         **probe_vectors_schema(vectors).model_dump(),
         amplitude_sigma_um=micrometres(sigma),
@@ -75,32 +74,32 @@ def measured_probe_vectors_schema(
     )
 
 
-VIBRATION = ("ISO 20816-3", "API 617")  # whose figures are limits of overall vibration
+VIBRATION_STANDARDS = ("ISO 20816-3", "API 617")  # with limits of overall vibration
 
 
 class StandardSchema(Schema):
-    """A figure of a standard beside the largest vibration, for information: none is written for floating rings."""
+    """A limit of a standard compared with the largest vibration, for information: none covers floating rings."""
 
-    standard: str = Field(description="Where it stands", examples=["ISO 20816-3"])
-    name: str = Field(description="What it is called there", examples=["zone boundary A/B"])
+    standard: str = Field(description="Name of the standard", examples=["ISO 20816-3"])
+    name: str = Field(description="Name of the limit in the standard", examples=["zone boundary A/B"])
     limit_peak_to_peak_um: float | None = Field(
-        description="The figure at the speed of the largest vibration, µm peak-to-peak; null where its scope ends",
+        description="Limit at the speed of the largest vibration, µm peak-to-peak; null outside its scope",
         examples=[39.1],
     )
     limit_ratio: float | None = Field(
-        description="The run's largest overall vibration over the figure; null likewise", examples=[2.46]
+        description="Largest overall vibration over the limit; null likewise", examples=[2.46]
     )
     scope: str = Field(
-        description="What it is meant for",
+        description="Machines that the standard covers",
         examples=["industrial machines above 15 kW that run at 120 to 30,000 r/min"],
     )
     source: str = Field(
-        description="Where the figure was read", examples=["as the field quotes it; not checked against the text"]
+        description="Source of the limit", examples=["as the field quotes it; not checked against the text"]
     )
 
 
 def standard_schemas(probes: tuple[ProbeSummary, ...]) -> tuple[StandardSchema, ...]:
-    """Return the figures at the speed of the largest vibration; none where that or its speed is unknown."""
+    """Return the limits of standards at the speed of the largest vibration; empty where that speed is unknown."""
     worst = max(probes, key=lambda probe: probe.largest_peak_to_peak, default=None)
     if worst is None or worst.largest is None or not 0.0 < worst.largest.speed < math.inf:
         return ()
@@ -114,5 +113,5 @@ def standard_schemas(probes: tuple[ProbeSummary, ...]) -> tuple[StandardSchema, 
             source=figure.source,
         )
         for figure in standard_limits(worst.largest.speed)
-        if figure.standard in VIBRATION
+        if figure.standard in VIBRATION_STANDARDS
     )
