@@ -1,4 +1,4 @@
-"""Calibrating at the command line: steps, files of points, records that are never overwritten, the tacho's levels."""
+"""`rig calibrate`: micrometer steps, files of points, records that are never overwritten, the tacho's levels."""
 
 import io
 import json
@@ -21,7 +21,7 @@ STILL = {"profile": [{"time_s": 0.0, "speed_rpm": 0.0}, {"time_s": 1.5, "speed_r
 
 @contextmanager
 def typed(text: str) -> Iterator[None]:
-    """Let the operator have typed this."""
+    """Provide this text on standard input."""
     before, sys.stdin = sys.stdin, io.StringIO(text)
     try:
         yield
@@ -30,7 +30,7 @@ def typed(text: str) -> Iterator[None]:
 
 
 class _UntilCtrlC(io.StringIO):
-    """Lines that were typed, and then Ctrl-C."""
+    """Typed lines followed by Ctrl-C."""
 
     def readline(self, size: int | None = -1, /) -> str:  # type: ignore[override]  # typeshed has bytes for every file
         line = super().readline(-1 if size is None else size)
@@ -41,7 +41,7 @@ class _UntilCtrlC(io.StringIO):
 
 @contextmanager
 def typed_until_ctrl_c(text: str) -> Iterator[None]:
-    """Let the operator have typed this, and pressed Ctrl-C."""
+    """Provide this text on standard input, then Ctrl-C."""
     before, sys.stdin = sys.stdin, _UntilCtrlC(text)
     try:
         yield
@@ -49,8 +49,8 @@ def typed_until_ctrl_c(text: str) -> Iterator[None]:
         sys.stdin = before
 
 
-def written(folder: Path) -> list[Path]:
-    """Return the records that a calibration has written."""
+def new_records(folder: Path) -> list[Path]:
+    """Return the calibration records written in a folder."""
     return sorted(folder.glob("probe-x-*.toml"))
 
 
@@ -60,27 +60,25 @@ def points_file(folder: Path, text: str = POINTS) -> str:
     return str(path)
 
 
-def test_fit_that_is_next_to_exact_still_says_how_well_it_fits(rig_file: RigFiles, tmp_path: Path) -> None:
+def test_almost_exact_fit_reports_its_residual(rig_file: RigFiles, tmp_path: Path) -> None:
     rig = rig_file()
     exact = "".join(f"{gap},{gap / 100 + 1e-7 * (gap % 200)}\n" for gap in range(100, 1000, 100))
     assert main(["calibrate", "gap", str(rig), "x", "--points", points_file(tmp_path, exact)]) == 0
-    (record,) = written(rig.parent)
+    (record,) = new_records(rig.parent)
     assert 0.0 < load_calibration(record).residual < 1e-9
 
 
-def test_steps_at_the_micrometer_give_back_the_probes_curve(
-    rig_file: RigFiles, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_micrometer_steps_reproduce_the_probes_curve(rig_file: RigFiles, capsys: pytest.CaptureFixture[str]) -> None:
     path = rig_file()
     with typed("100\n250\nx\n-5\n400\n9\n-\n550,0\n700\n850\n\n"):
         assert main(["calibrate", "gap", str(path), "x", "--operator", "me", "--target", "steel"]) == 0
-    told = capsys.readouterr()
-    assert told.err.count("step 4, gap in µm: ") == 2
-    assert "'x': expected a gap in µm" in told.err
-    assert "'-5': expected a gap in µm" in told.err
-    assert "largest residual 0.0" in told.out
-    (record,) = written(path.parent)
-    assert f'calibration = "{record.name}"' in told.out
+    captured = capsys.readouterr()
+    assert captured.err.count("step 4, gap in µm: ") == 2
+    assert "'x': expected a gap in µm" in captured.err
+    assert "'-5': expected a gap in µm" in captured.err
+    assert "largest residual 0.0" in captured.out
+    (record,) = new_records(path.parent)
+    assert f'calibration = "{record.name}"' in captured.out
     new, old = load_calibration(record), load_calibration(path.parent / "probe-x.toml")
     assert new.coefficients == pytest.approx(old.coefficients, rel=0.02, abs=1e-7)
     assert new.residual < 0.1e-6
@@ -90,25 +88,25 @@ def test_steps_at_the_micrometer_give_back_the_probes_curve(
     assert [point.gap_um for point in load_record(record).point] == [100, 250, 400, 550, 700, 850]
 
 
-def test_points_from_a_file_are_fitted_and_shown(rig_file: RigFiles, capsys: pytest.CaptureFixture[str]) -> None:
+def test_points_from_a_file_are_fitted(rig_file: RigFiles, capsys: pytest.CaptureFixture[str]) -> None:
     path = rig_file()
     assert (
         main(["calibrate", "gap", str(path), "y", "--points", points_file(path.parent), "--order", "1", "--json"]) == 0
     )
-    document = json.loads(capsys.readouterr().out)
-    assert document["channel"] == "y"
-    assert len(document["coefficients_um"]) == 2
-    assert document["coefficients_um"][1] == pytest.approx(98.6, abs=0.5)
-    assert [point["gap_um"] for point in document["points"]] == [100, 300, 500, 700, 900]
-    assert document["residual_um"] == pytest.approx(max(abs(p["residual_um"]) for p in document["points"]), abs=1e-3)
-    assert load_calibration(Path(document["file"])).residual == pytest.approx(document["residual_um"] * 1e-6)
+    result = json.loads(capsys.readouterr().out)
+    assert result["channel"] == "y"
+    assert len(result["coefficients_um"]) == 2
+    assert result["coefficients_um"][1] == pytest.approx(98.6, abs=0.5)
+    assert [point["gap_um"] for point in result["points"]] == [100, 300, 500, 700, 900]
+    assert result["residual_um"] == pytest.approx(max(abs(p["residual_um"]) for p in result["points"]), abs=1e-3)
+    assert load_calibration(Path(result["file"])).residual == pytest.approx(result["residual_um"] * 1e-6)
 
 
-def test_points_of_a_german_spreadsheet_are_understood(rig_file: RigFiles) -> None:
+def test_points_with_decimal_commas_and_semicolons_are_read(rig_file: RigFiles) -> None:
     path = rig_file()
     text = "Spalt;Volt\n100,5;0,95\n300;2,97\n500;5,01\n700;7,04\n"
     assert main(["calibrate", "gap", str(path), "x", "--points", points_file(path.parent, text)]) == 0
-    (record,) = written(path.parent)
+    (record,) = new_records(path.parent)
     assert load_record(record).point[0].gap_um == 100.5
 
 
@@ -117,7 +115,7 @@ def test_record_is_never_overwritten(rig_file: RigFiles, capsys: pytest.CaptureF
     points = points_file(path.parent)
     for _ in range(2):
         assert main(["calibrate", "gap", str(path), "x", "--points", points]) == 0
-    first, second = written(path.parent)
+    first, second = new_records(path.parent)
     assert first.name != second.name
     before = first.read_bytes()
     assert main(["calibrate", "gap", str(path), "x", "--points", points, "-o", str(first)]) == 2
@@ -125,21 +123,21 @@ def test_record_is_never_overwritten(rig_file: RigFiles, capsys: pytest.CaptureF
     assert first.read_bytes() == before
 
 
-def test_points_that_make_no_calibration_are_refused_and_steps_are_kept(
+def test_points_that_cannot_be_fitted_are_refused_and_measured_steps_saved(
     rig_file: RigFiles, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = rig_file()
     with typed("500\n400\n"):
         assert main(["calibrate", "gap", str(path), "x"]) == 2
-    told = capsys.readouterr().err
-    assert "2 points, expected at least 3" in told
-    (kept,) = path.parent.glob("*.csv")
-    assert str(kept) in told
-    assert len(kept.read_text(encoding="utf-8").splitlines()) == 3
-    assert written(path.parent) == []
+    err = capsys.readouterr().err
+    assert "2 points, expected at least 3" in err
+    (saved,) = path.parent.glob("*.csv")
+    assert str(saved) in err
+    assert len(saved.read_text(encoding="utf-8").splitlines()) == 3
+    assert new_records(path.parent) == []
 
 
-def test_steps_are_kept_beside_those_of_another_attempt_and_where_the_dialog_is_broken_off(
+def test_steps_are_saved_beside_earlier_ones_and_on_ctrl_c(
     rig_file: RigFiles, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = rig_file()
@@ -148,23 +146,23 @@ def test_steps_are_kept_beside_those_of_another_attempt_and_where_the_dialog_is_
             assert main(["calibrate", "gap", str(path), "x"]) == 2
     with typed_until_ctrl_c("300\n450\n600\n"):
         assert main(["calibrate", "gap", str(path), "x"]) == 130
-    kept = sorted(path.parent.glob("*.csv"))
-    assert sorted(len(file.read_text(encoding="utf-8").splitlines()) for file in kept) == [3, 3, 4]
-    told = capsys.readouterr().err
-    assert "3 points saved to " in told
-    assert all(str(file) in told for file in kept)
+    saved = sorted(path.parent.glob("*.csv"))
+    assert sorted(len(file.read_text(encoding="utf-8").splitlines()) for file in saved) == [3, 3, 4]
+    err = capsys.readouterr().err
+    assert "3 points saved to " in err
+    assert all(str(file) in err for file in saved)
 
 
-def test_step_that_cannot_be_measured_costs_none_of_those_before_it(
+def test_step_that_cannot_be_measured_leaves_earlier_steps(
     rig_file: RigFiles, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = rig_file()
     with typed("100\n300\n500\n700\n9000\n900\n\n"):
         assert main(["calibrate", "gap", str(path), "x"]) == 0
-    told = capsys.readouterr().err
-    assert "not measured: probe x is at the end of what ai0 can read at 9000 µm: leave this step out" in told
-    assert told.count("step 5, gap in µm: ") == 2
-    (record,) = written(path.parent)
+    err = capsys.readouterr().err
+    assert "not measured: probe x is at the end of what ai0 can read at 9000 µm: leave this step out" in err
+    assert err.count("step 5, gap in µm: ") == 2
+    (record,) = new_records(path.parent)
     assert [point.gap_um for point in load_record(record).point] == [100, 300, 500, 700, 900]
 
 
@@ -186,9 +184,7 @@ def test_wrong_channel_or_points_are_named(
     assert message in capsys.readouterr().err
 
 
-def test_gap_beyond_the_cards_range_is_not_taken_for_a_point(
-    rig_file: RigFiles, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_gap_beyond_the_cards_range_is_refused(rig_file: RigFiles, capsys: pytest.CaptureFixture[str]) -> None:
     path = rig_file(
         channel=[
             {"name": "x", "role": "probe_x", "physical": "ai0", "calibration": "probe-x.toml", "range_v": 5.0}
@@ -202,13 +198,13 @@ def test_gap_beyond_the_cards_range_is_not_taken_for_a_point(
     assert "at the end of what ai0 can read at 900 µm" in capsys.readouterr().err
 
 
-def test_probe_that_is_unplugged_gives_no_point(rig_file: RigFiles, capsys: pytest.CaptureFixture[str]) -> None:
+def test_unplugged_probe_is_refused(rig_file: RigFiles, capsys: pytest.CaptureFixture[str]) -> None:
     with typed("500\n"):
         assert main(["calibrate", "gap", str(rig_file(simulation={"miswiring": "probe x open"})), "x"]) == 3
     assert "probe x shows not even a sensor's noise at 500 µm: unplugged, without supply" in capsys.readouterr().err
 
 
-def test_record_with_points_alone_is_a_calibration(tmp_path: Path) -> None:
+def test_record_with_points_only_is_fitted_on_loading(tmp_path: Path) -> None:
     path = tmp_path / "points.toml"
     points = "".join(f"[[point]]\ngap_um = {100 * k}\nvolts = {k}.0\n" for k in range(1, 7))
     path.write_text(f'[calibration]\ndate = "2026-11-24"\norder = 1\n{points}', encoding="utf-8")
@@ -228,7 +224,7 @@ def test_record_with_points_alone_is_a_calibration(tmp_path: Path) -> None:
         ("[[point]]\ngap_um = 1\nvolts = 1", "point: 1 points, expected at least 3"),
     ],
 )
-def test_record_without_a_curve_says_what_is_missing(tmp_path: Path, text: str, fault: str) -> None:
+def test_record_without_curve_or_points_is_refused(tmp_path: Path, text: str, fault: str) -> None:
     path = tmp_path / "record.toml"
     path.write_text(f'[calibration]\ndate = "2026-11-24"\n{text}\n', encoding="utf-8")
     with pytest.raises(ConfigError) as caught:
@@ -236,26 +232,22 @@ def test_record_without_a_curve_says_what_is_missing(tmp_path: Path, text: str, 
     assert caught.value.faults[0].startswith(fault)
 
 
-def test_tacho_levels_propose_the_switching_levels(rig_file: RigFiles, capsys: pytest.CaptureFixture[str]) -> None:
+def test_tacho_proposes_threshold_and_hysteresis(rig_file: RigFiles, capsys: pytest.CaptureFixture[str]) -> None:
     levels = {"tacho_high_v": 5.0, "tacho_low_v": 1.0}
     assert main(["calibrate", "tacho", str(rig_file(simulation=levels))]) == 0
-    told = capsys.readouterr().out
-    assert "switches between 1.00 and 5.00 V" in told
-    assert "\nthreshold_v = 3.00\nhysteresis_v = 1.00\n" in told
-    assert "1.65 and 2.65 V lie between those of the signal" in told
+    out = capsys.readouterr().out
+    assert "switches between 1.00 and 5.00 V" in out
+    assert "\nthreshold_v = 3.00\nhysteresis_v = 1.00\n" in out
+    assert "1.65 and 2.65 V lie between those of the signal" in out
 
 
-def test_tacho_too_weak_for_the_rig_gets_levels_of_its_own(
-    rig_file: RigFiles, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_weak_tacho_signal_gets_lower_levels(rig_file: RigFiles, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["calibrate", "tacho", str(rig_file(simulation={"miswiring": "tacho weak"})), "--json"]) == 0
-    document = json.loads(capsys.readouterr().out)
-    assert (
-        document["level_low_v"] < document["threshold_v"] < document["level_high_v"] < document["current_threshold_v"]
-    )
+    result = json.loads(capsys.readouterr().out)
+    assert result["level_low_v"] < result["threshold_v"] < result["level_high_v"] < result["current_threshold_v"]
 
 
-def test_tacho_that_does_not_switch_gets_no_levels(rig_file: RigFiles, capsys: pytest.CaptureFixture[str]) -> None:
+def test_tacho_that_does_not_switch_exits_with_4(rig_file: RigFiles, capsys: pytest.CaptureFixture[str]) -> None:
     path = str(rig_file(simulation=STILL))
     assert main(["calibrate", "tacho", path]) == 4
     assert "turn the shaft" in capsys.readouterr().out

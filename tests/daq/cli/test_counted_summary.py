@@ -1,4 +1,4 @@
-"""What is told of a run whose tacho is stamped by a counter: before it, while it goes, and afterwards."""
+"""Preflight, status line, summary and export of a run whose tacho edges are timed by a counter."""
 
 import datetime as dt
 from functools import partial
@@ -35,7 +35,7 @@ def counted_rigs(rig: RigFactory) -> RigFactory:
     return partial(counted, rig)
 
 
-def test_counter_that_stamps_the_other_edge_is_told(rig: RigFactory, tmp_path: Path) -> None:
+def test_counter_on_the_wrong_edge_is_reported(rig: RigFactory, tmp_path: Path) -> None:
     wrong = rig(tacho={"counter": {"edge": "falling"}}, simulation=RISING)
     snapshot = analysed(header_of(wrong, tmp_path), items_of(wrong))[-1]
     assert snapshot.counter is not None
@@ -44,12 +44,12 @@ def test_counter_that_stamps_the_other_edge_is_told(rig: RigFactory, tmp_path: P
 
 
 @pytest.mark.parametrize("miswiring", ["tacho silent", "tacho reversed", "tacho weak"])
-def test_counter_is_as_silent_as_the_tacho_at_its_line(counted: RigFactory, miswiring: str) -> None:
+def test_silent_tacho_gives_no_counter_edges(counted: RigFactory, miswiring: str) -> None:
     rig = counted(simulation={**RISING, "miswiring": miswiring})
     assert ticks_of(items_of(rig)).size == 0
 
 
-def test_stamps_are_exported_with_their_times(counted: RigFactory, tmp_path: Path) -> None:
+def test_counter_edges_are_exported_with_their_times(counted: RigFactory, tmp_path: Path) -> None:
     rig = counted()
     path = recorded(rig, tmp_path)
     truth = ticks_of(items_of(rig))
@@ -64,7 +64,7 @@ def test_stamps_are_exported_with_their_times(counted: RigFactory, tmp_path: Pat
             pulses_table(reader, 100.0, 200.0)
 
 
-def test_run_without_a_counter_has_no_stamps_to_export(rig: RigFactory, tmp_path: Path) -> None:
+def test_run_without_a_counter_has_no_edges_to_export(rig: RigFactory, tmp_path: Path) -> None:
     with (
         RunReader(recorded(rig(), tmp_path)) as reader,
         pytest.raises(ForeignFormatError, match="no stamps of a counter"),
@@ -72,7 +72,7 @@ def test_run_without_a_counter_has_no_stamps_to_export(rig: RigFactory, tmp_path
         pulses_table(reader)
 
 
-def test_preflight_looks_at_the_counter(counted: RigFactory, tmp_path: Path) -> None:
+def test_preflight_checks_the_counter(counted: RigFactory, tmp_path: Path) -> None:
     good = run_preflight_checks(counted(), PlannedRun(tmp_path), dt.date(2026, 11, 22), lambda _: None)
     (check,) = (check for check in good.checks if check.name == "tacho counter")
     assert check.verdict is Verdict.GOOD
@@ -81,7 +81,7 @@ def test_preflight_looks_at_the_counter(counted: RigFactory, tmp_path: Path) -> 
     assert [check.verdict for check in bad.checks if check.name == "tacho counter"] == [Verdict.WARN]
 
 
-def test_summary_says_what_speed_comes_from(counted: RigFactory, tmp_path: Path) -> None:
+def test_summary_names_the_source_of_the_speed(counted: RigFactory, tmp_path: Path) -> None:
     with RunReader(recorded(counted(), tmp_path)) as reader:
         document = summary_schema(summarise(reader), None)
     assert document.tacho is not None
@@ -91,7 +91,7 @@ def test_summary_says_what_speed_comes_from(counted: RigFactory, tmp_path: Path)
     assert any("speed and phase from the counter" in line for line in summary_lines(document))
 
 
-def test_running_line_names_a_counter_that_differs(rig: RigFactory, tmp_path: Path) -> None:
+def test_status_line_shows_a_counter_that_disagrees(rig: RigFactory, tmp_path: Path) -> None:
     for edge, is_named in (("rising", False), ("falling", True)):
         chosen = rig(tacho={"counter": {"edge": edge}}, simulation=RISING)
         header = header_of(chosen, tmp_path)

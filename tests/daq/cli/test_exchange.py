@@ -1,4 +1,4 @@
-"""`rig export` and `rig import`: a run that goes out and comes back is the same within the format's precision."""
+"""`rig export` and `rig import`: a round trip preserves a run within the format's precision."""
 
 import os
 from collections.abc import Callable, Iterator
@@ -33,7 +33,7 @@ NAMES = ("x", "y", "tacho")
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Iterator[Path]:
-    """Make runs go to a folder of the test's own."""
+    """Return the test's own data folder."""
     before = dict(os.environ)
     os.environ["RIG_DATA"] = str(tmp_path / "data")
     os.environ.pop("RIG_CATALOGUE", None)
@@ -55,13 +55,13 @@ def run(folder: Path, rig: Callable[..., Rig]) -> Path:
     return path
 
 
-def test_progress_of_reading_a_run_rises_to_the_whole(run: Path) -> None:
+def test_reading_progress_rises_to_1(run: Path) -> None:
     with RunReader(run) as reader:
-        for made in (samples_table, results_table):
-            told: list[float] = []
-            made(reader, on_progress=told.append)
-            assert told == sorted(told)
-            assert told[-1] == pytest.approx(1.0, abs=0.06)
+        for make_table in (samples_table, results_table):
+            fractions: list[float] = []
+            make_table(reader, on_progress=fractions.append)
+            assert fractions == sorted(fractions)
+            assert fractions[-1] == pytest.approx(1.0, abs=0.06)
 
 
 @pytest.fixture
@@ -89,7 +89,7 @@ def engineering(path: Path) -> list[np.ndarray[tuple[int, ...], np.dtype[np.floa
 
 
 @pytest.mark.parametrize("suffix", ["tdms", "csv", "mat", "uff"])
-def test_a_run_goes_out_and_comes_back(
+def test_exported_run_is_imported_unchanged(
     run: Path, folder: Path, tmp_path: Path, mapping: MakeMapping, capsys: Captured, suffix: str
 ) -> None:
     target = tmp_path / f"out.{suffix}"
@@ -114,7 +114,7 @@ def test_a_run_goes_out_and_comes_back(
         assert step < 0.01, "the step of the imported codes is far below what the probes resolve"
     with RunReader(folder / "original.mcap") as one, RunReader(imported) as other:
         assert other.header.acquisition.rate == one.header.acquisition.rate
-        assert other.header.acquisition.tacho.counter is None  # the rig has one; nobody has its stamps
+        assert other.header.acquisition.tacho.counter is None  # the rig has one, but the file has no stamps
         assert abs(other.header.started_ns - one.header.started_ns) < 1000
         assert other.header.note == ("" if suffix == "uff" else "cold oil")
         assert [c.angle for c in other.header.acquisition.channels] == [
@@ -126,7 +126,7 @@ def test_a_run_goes_out_and_comes_back(
     np.testing.assert_allclose(sizes[1], sizes[0], atol=0.05e-6)
 
 
-def test_a_part_of_a_run_is_exported(run: Path, tmp_path: Path) -> None:
+def test_part_of_a_run_is_exported(run: Path, tmp_path: Path) -> None:
     target = tmp_path / "part.parquet"
     assert main(["export", str(run), "--to", str(target), "--from", "0.5s", "--until", "1.25s"]) == 0
     table = pq.read_table(target)
@@ -156,7 +156,7 @@ def test_results_are_exported_to_every_format(run: Path, tmp_path: Path, capsys:
         assert table.column("y_2x_um")[-1].as_py() == pytest.approx(abs(frame.vectors[1, 1]) * 1e6)
         assert table.schema.field("x_1x_lag_deg").metadata[b"unit"] == b"deg"
         assert table.column("sigma_1x_um")[-1].as_py() == pytest.approx(frame.sigma[0] * 1e6)
-        assert np.isnan(table.column("x_1x_compensated_um").to_numpy()).all()  # no run-out was asked for
+        assert np.isnan(table.column("x_1x_compensated_um").to_numpy()).all()  # no run-out is configured
         assert np.isnan(table.column("second_whirl_order").to_numpy()).all()
 
 
@@ -182,7 +182,7 @@ def bench_volts() -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
     return np.stack([5 + np.sin(2 * np.pi * turn), 5 + np.cos(2 * np.pi * turn), 4.0 * (turn % 1 < 0.5)])
 
 
-def test_a_measurement_of_labview_becomes_a_run(
+def test_labview_measurement_is_imported(
     folder: Path, tmp_path: Path, mapping: MakeMapping, rig: Callable[..., Rig]
 ) -> None:
     volts = bench_volts()
@@ -208,7 +208,7 @@ def test_a_measurement_of_labview_becomes_a_run(
     assert path.stem.startswith("2012-05-01T10-30-00")
 
 
-def test_a_tdms_file_of_volts_and_a_sound_file_of_codes_become_runs(
+def test_tdms_file_of_volts_and_wav_file_of_codes_are_imported(
     folder: Path, tmp_path: Path, mapping: MakeMapping
 ) -> None:
     volts = bench_volts()
@@ -231,42 +231,42 @@ def test_a_tdms_file_of_volts_and_a_sound_file_of_codes_become_runs(
     assert len(list(folder.glob("*.mcap"))) == 2
 
 
-def test_a_mapping_that_does_not_fit_tells_every_fault(
+def test_mapping_that_does_not_fit_reports_every_fault(
     folder: Path, tmp_path: Path, mapping: MakeMapping, capsys: Captured
 ) -> None:
     (tmp_path / "log.csv").write_text("a,b,c\n1,2,3\n2,3,4\n")
     made = mapping({"x": {"source": "a"}, "z": {"source": "b"}, "tacho": {"source": "c", "unit": "um"}})
     assert main(["import", str(tmp_path / "log.csv"), "--mapping", str(made)]) == 2
-    told = capsys.readouterr().err
-    assert "mapping.toml: 4 errors" in told
+    err = capsys.readouterr().err
+    assert "mapping.toml: 4 errors" in err
     for word in (
         "channel.y: is missing",
         "channel.z: the rig has no such",
         "channel.tacho.unit",
         "rate_hz: is missing",
     ):
-        assert word in told
+        assert word in err
     made = mapping({name: {"source": "d"} for name in NAMES}, rate_hz=100.0)
     assert main(["import", str(tmp_path / "log.csv"), "--mapping", str(made)]) == 2
     assert "no column 'd'; there are 'a', 'b', 'c'" in capsys.readouterr().err
     made.write_text('rig = "rig.toml"\nrate_hz = -1\nstarted = "soon"\n')
     assert main(["import", str(tmp_path / "log.csv"), "--mapping", str(made)]) == 2
-    told = capsys.readouterr().err
-    assert "mapping.toml: 3 errors" in told
-    assert "channel: missing, expected tables: [channel.NAME]" in told
+    err = capsys.readouterr().err
+    assert "mapping.toml: 3 errors" in err
+    assert "channel: missing, expected tables: [channel.NAME]" in err
     assert list(folder.glob("*.mcap")) == []
 
 
-def test_an_export_that_cannot_be_is_refused(run: Path, tmp_path: Path, capsys: Captured) -> None:
+def test_impossible_export_is_refused(run: Path, tmp_path: Path, capsys: Captured) -> None:
     cases = {
         ("--to", "x.xls"): "suffix '.xls', expected one of",
         ("--to", "x.csv", "--from", "5s"): "0 samples from 5 s to inf s of a segment of 2 s, expected 1 to",
         ("--to", "x.csv", "--segment", "3"): "segment 3, expected one of 0",
         ("--to", "x.csv", "--from", "9s", "--results"): "holds no results",
     }
-    for arguments, told in cases.items():
+    for arguments, expected in cases.items():
         assert main(["export", str(run), *arguments]) == 2
-        assert told in capsys.readouterr().err
+        assert expected in capsys.readouterr().err
     with pytest.raises(SystemExit):
         main(["export", str(run), "--to", str(tmp_path / "x.csv"), "--from", "soon"])
     assert "expected a time such as 10s" in capsys.readouterr().err

@@ -1,4 +1,4 @@
-"""What stays on the terminal of a run that is followed."""
+"""What `follow` prints on the terminal while a run goes on."""
 
 import io
 from dataclasses import replace
@@ -13,8 +13,8 @@ from tests.daq.support.live_updates import make_live_updates
 FRAME = make_live_updates(1)[0]
 
 
-class Played:
-    """A run that shows one status after the other, and ends with the last."""
+class ScriptedRun:
+    """A run that reports these statuses in turn and ends with the last."""
 
     def __init__(self, *statuses: Status) -> None:
         self._statuses = [*statuses, statuses[-1]]
@@ -35,26 +35,26 @@ class Played:
 
 def followed(*statuses: Status) -> list[str]:
     stream = io.StringIO()
-    follow(Played(*statuses), StopFlag(), Console(stream))  # type: ignore[arg-type] # all that is used of a run
-    return [line for line in stream.getvalue().splitlines() if not line[:2].isdigit()]  # but for the progress
+    follow(ScriptedRun(*statuses), StopFlag(), Console(stream))  # type: ignore[arg-type] # has the methods of a run that are used
+    return [line for line in stream.getvalue().splitlines() if not line[:2].isdigit()]  # without the progress lines
 
 
-def test_each_trouble_and_loss_is_a_line_that_stays() -> None:
+def test_each_loss_and_degraded_state_prints_one_line() -> None:
     good = Status(RunState.RECORDING)
     filling = Status(RunState.DEGRADED, detail="5 s wait in the card's buffer")
     lost = Status(RunState.RECORDING, last_loss="segment 0 ended after 7 samples: overrun")
     silent = replace(lost, state=RunState.INTERRUPTED, detail="no samples for 2 s")
     again = replace(silent, last_loss="segment 1 ended after 9 samples: unplugged")
-    told = followed(
+    lines = followed(
         good, filling, filling, lost, lost, silent, replace(silent, detail="no samples for 3 s"), again, lost
     )
-    assert told[:4] == [filling.detail, lost.last_loss, silent.detail, again.last_loss]
+    assert lines[:4] == [filling.detail, lost.last_loss, silent.detail, again.last_loss]
     assert followed(good, good) == []
 
 
-def test_stop_is_asked_for_once() -> None:
-    run = Played(*[Status(RunState.RECORDING)] * 4)
+def test_stop_is_sent_once() -> None:
+    run = ScriptedRun(*[Status(RunState.RECORDING)] * 4)
     stop = StopFlag()
     stop.set()
-    assert follow(run, stop, Console(io.StringIO())).is_stopped_by_user  # type: ignore[arg-type] # all that is used of a run
+    assert follow(run, stop, Console(io.StringIO())).is_stopped_by_user  # type: ignore[arg-type] # has the methods of a run that are used
     assert run.stopped == 1

@@ -1,3 +1,5 @@
+"""`rig record`, `summary`, `replay`, `runs`, `serve` and `predict` as an operator calls them."""
+
 import json
 import os
 import re
@@ -25,7 +27,7 @@ LIMITS = {"speed_rpm": 4000.0}
 
 @pytest.fixture(autouse=True)
 def places(tmp_path: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """Runs go to a folder of the test's own, predictions to one of the session's."""
+    """Return the test's own data folder; predictions are cached for the session."""
     before = dict(os.environ)
     os.environ["RIG_DATA"] = str(tmp_path / "data")
     os.environ["RIG_CACHE"] = str(tmp_path_factory.getbasetemp() / "cache")
@@ -35,13 +37,13 @@ def places(tmp_path: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator
 
 
 def recorded_run(rig_file: RigFiles, capsys: pytest.CaptureFixture[str]) -> SummarySchema:
-    """Record the short run, and return its summary as the command printed it."""
+    """Record the short run; return the summary that the command prints."""
     path = rig_file(simulation=SHORT, limits=LIMITS)
     assert main(["record", str(path), "--no-view", "--port", "0", "--json", "--note", "a word"]) == 0
     return SummarySchema.model_validate_json(capsys.readouterr().out)
 
 
-def test_record_prints_a_summary_that_summary_and_replay_repeat(
+def test_record_summary_and_replay_print_the_same_summary(
     rig_file: RigFiles, capsys: pytest.CaptureFixture[str], places: Path
 ) -> None:
     summary = recorded_run(rig_file, capsys)
@@ -55,38 +57,38 @@ def test_record_prints_a_summary_that_summary_and_replay_repeat(
     assert SummarySchema.model_validate_json(capsys.readouterr().out) == summary
 
 
-def test_summary_and_runs_speak_to_people_too(rig_file: RigFiles, capsys: pytest.CaptureFixture[str]) -> None:
+def test_summary_and_runs_print_text_and_json(rig_file: RigFiles, capsys: pytest.CaptureFixture[str]) -> None:
     run = recorded_run(rig_file, capsys).run
     assert main(["summary", run]) == 0
-    told = capsys.readouterr().out
-    assert re.search(r"complete, no samples lost  [\d,]+–3,\d{3} r/min  max \d+ µm pp on [xy] at 3,\d{3} r/min", told)
-    assert "sub-synchronous  none" in told
-    assert re.search(r"^model +1X ", told, re.MULTILINE)
+    out = capsys.readouterr().out
+    assert re.search(r"complete, no samples lost  [\d,]+–3,\d{3} r/min  max \d+ µm pp on [xy] at 3,\d{3} r/min", out)
+    assert "sub-synchronous  none" in out
+    assert re.search(r"^model +1X ", out, re.MULTILINE)
     assert main(["runs"]) == 0
     assert re.search(rf"^{run} +2\.0 s +\d\.\d MB  complete  “a word”$", capsys.readouterr().out, re.MULTILINE)
     assert main(["runs", "--json"]) == 0
     assert [run["run"] for run in json.loads(capsys.readouterr().out)] == [run]
 
 
-def test_runs_of_an_empty_folder_says_so(capsys: pytest.CaptureFixture[str], places: Path) -> None:
+def test_runs_reports_an_empty_folder(capsys: pytest.CaptureFixture[str], places: Path) -> None:
     assert main(["runs"]) == 0
     assert capsys.readouterr().out == f"no runs in {places}\n"
 
 
-def test_config_with_several_faults_tells_them_all_and_records_nothing(
+def test_record_reports_all_faults_of_a_rig_file_and_records_nothing(
     rig_file: RigFiles, capsys: pytest.CaptureFixture[str], places: Path
 ) -> None:
     path = rig_file(timing={"rate_hz": -1.0}, limits={"clearence_um": 3.0})
     assert main(["record", str(path)]) == 2
-    told = capsys.readouterr().err
-    assert f"{path}: 2 errors" in told
-    assert "timing.rate_hz" in told
-    assert "clearance_um" in told
+    err = capsys.readouterr().err
+    assert f"{path}: 2 errors" in err
+    assert "timing.rate_hz" in err
+    assert "clearance_um" in err
     assert not places.exists()
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "expected"),
     [
         (["record", "nowhere.toml"], "nowhere.toml"),
         (["summary", "../secret"], "'../secret': there is no such run"),
@@ -94,35 +96,35 @@ def test_config_with_several_faults_tells_them_all_and_records_nothing(
         (["summary", "nowhere.mcap"], "nowhere.mcap: there is no such file"),
     ],
 )
-def test_what_does_not_exist_is_named(arguments: list[str], told: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_missing_file_or_run_is_named(arguments: list[str], expected: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(arguments) == 2
     captured = capsys.readouterr()
     assert captured.err.startswith("rig: ")
-    assert told in captured.err
+    assert expected in captured.err
     assert captured.out == ""
 
 
 @pytest.mark.parametrize("arguments", [["record", "x.toml", "--for", "soon"], ["replay", "x", "--pace", "-1"]])
-def test_wrong_usage_ends_with_the_usage(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+def test_wrong_usage_prints_the_usage(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as caught:
         main(arguments)
     assert caught.value.code == 2
     assert "usage: rig" in capsys.readouterr().err
 
 
-def test_other_machines_are_let_in_only_with_a_token(rig_file: RigFiles, capsys: pytest.CaptureFixture[str]) -> None:
+def test_other_host_requires_a_token(rig_file: RigFiles, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["record", str(rig_file(simulation=SHORT)), "--host", "0.0.0.0", "--no-view"]) == 2  # noqa: S104 - refused
     assert "--token" in capsys.readouterr().err
 
 
-def test_missing_device_ends_with_three(rig_file: RigFiles, capsys: pytest.CaptureFixture[str], places: Path) -> None:
+def test_missing_device_exits_with_3(rig_file: RigFiles, capsys: pytest.CaptureFixture[str], places: Path) -> None:
     path = rig_file(device={"backend": "nidaqmx", "target": "127.0.0.1:9", "deadline_s": 0.5})
     assert main(["record", str(path), "--no-view", "--port", "0"]) == 3
     assert "127.0.0.1:9" in capsys.readouterr().err
     assert not list(places.glob("*.mcap"))
 
 
-def test_port_that_is_taken_is_named(rig_file: RigFiles, capsys: pytest.CaptureFixture[str]) -> None:
+def test_port_in_use_is_named(rig_file: RigFiles, capsys: pytest.CaptureFixture[str]) -> None:
     with socket.create_server(("127.0.0.1", 0)) as other:
         port = other.getsockname()[1]
         assert main(["record", str(rig_file(simulation=SHORT)), "--no-view", "--port", str(port)]) == 2
@@ -130,23 +132,23 @@ def test_port_that_is_taken_is_named(rig_file: RigFiles, capsys: pytest.CaptureF
 
 
 @pytest.mark.parametrize(
-    ("content", "told"),
+    ("content", "expected"),
     [(b"", "empty"), (b"not a recording at all, only some text that is long enough", "MCAP")],
 )
-def test_file_that_is_no_recording_is_told(
-    content: bytes, told: str, capsys: pytest.CaptureFixture[str], places: Path
+def test_file_that_is_no_recording_is_reported(
+    content: bytes, expected: str, capsys: pytest.CaptureFixture[str], places: Path
 ) -> None:
     places.mkdir()
     (places / "2026-01-01T00-00-00-odd.mcap").write_bytes(content)
     assert main(["summary", "2026-01-01T00-00-00-odd"]) == 2
     error = capsys.readouterr().err
     assert "2026-01-01T00-00-00-odd.mcap" in error
-    assert told in error
+    assert expected in error
     assert main(["runs"]) == 0
     assert "2026-01-01T00-00-00-odd" in capsys.readouterr().out
 
 
-def test_recording_that_is_cut_short_is_summed_up_as_far_as_it_goes(
+def test_truncated_recording_is_summarised_up_to_its_end(
     rig_file: RigFiles, capsys: pytest.CaptureFixture[str], places: Path
 ) -> None:
     run = recorded_run(rig_file, capsys).run
@@ -158,7 +160,7 @@ def test_recording_that_is_cut_short_is_summed_up_as_far_as_it_goes(
     assert 0 < summary.samples < 40_000
 
 
-def test_predict_shows_what_the_model_expects(rig_file: RigFiles, capsys: pytest.CaptureFixture[str]) -> None:
+def test_predict_prints_the_prediction_over_speed(rig_file: RigFiles, capsys: pytest.CaptureFixture[str]) -> None:
     path = str(rig_file(limits=LIMITS))
     assert main(["predict", path, "--speed", "3000", "--json"]) == 0
     (prediction,) = json.loads(capsys.readouterr().out)
@@ -173,7 +175,7 @@ def test_predict_shows_what_the_model_expects(rig_file: RigFiles, capsys: pytest
 
 
 class Command:
-    """The command in a process of its own, as the operator starts it."""
+    """A command in its own process, as an operator starts it."""
 
     def __init__(self, *arguments: str) -> None:
         self._process = subprocess.Popen(
@@ -199,7 +201,9 @@ class Command:
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
 @pytest.mark.parametrize("number", [pytest.param(signal.SIGINT, marks=pytest.mark.campaign), signal.SIGTERM])
-def test_signal_ends_the_recording_with_a_whole_file(number: signal.Signals, rig_file: RigFiles, places: Path) -> None:
+def test_signal_ends_the_recording_with_a_complete_file(
+    number: signal.Signals, rig_file: RigFiles, places: Path
+) -> None:
     command = Command("record", str(rig_file(simulation=SLOW, limits=LIMITS)), "--no-view", "--port", "0")
     deadline = time.monotonic() + 60
     while httpx.get(f"{command.url}/api/v1/live", timeout=60).json()["status"]["samples"] < 6_000:
@@ -214,7 +218,7 @@ def test_signal_ends_the_recording_with_a_whole_file(number: signal.Signals, rig
         assert reader.n_samples > 5_000
 
 
-def test_rest_answers_while_a_run_is_recorded(rig_file: RigFiles) -> None:
+def test_rest_responds_while_a_run_is_recording(rig_file: RigFiles) -> None:
     command = Command("record", str(rig_file(simulation=SLOW, limits=LIMITS)), "--no-view", "--port", "0")
     try:
         deadline = time.monotonic() + 60
@@ -231,7 +235,7 @@ def test_rest_answers_while_a_run_is_recorded(rig_file: RigFiles) -> None:
     assert code == 130
 
 
-def test_serve_stays_up_until_it_is_stopped(rig_file: RigFiles, capsys: pytest.CaptureFixture[str]) -> None:
+def test_serve_runs_until_it_is_stopped(rig_file: RigFiles, capsys: pytest.CaptureFixture[str]) -> None:
     summary = recorded_run(rig_file, capsys)
     command = Command("serve", "--port", "0")
     try:

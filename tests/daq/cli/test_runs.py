@@ -1,4 +1,4 @@
-"""`rig verify`, `recover`, `index`, `runs`, `annotate`: exit codes and words."""
+"""`rig verify`, `recover`, `index`, `runs` and `annotate`: exit codes and output."""
 
 import json
 import os
@@ -25,7 +25,7 @@ STARTED_NS = 1_795_511_527_000_000_000
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Iterator[Path]:
-    """Make runs go to a folder of the test's own."""
+    """Return the test's own data folder."""
     before = dict(os.environ)
     os.environ["RIG_DATA"] = str(tmp_path / "data")
     os.environ.pop("RIG_CATALOGUE", None)
@@ -49,30 +49,30 @@ def run(folder: Path, rig: Callable[..., Rig]) -> Path:
     return path
 
 
-def test_verify_tells_a_sound_run(run: Path, capsys: Captured) -> None:
+def test_verify_reports_a_sound_run(run: Path, capsys: Captured) -> None:
     assert main(["verify", RUN]) == 0
-    told = capsys.readouterr().out.splitlines()
-    assert re.fullmatch(rf"{run}: sound  40,000 samples per channel, 1 segment, \d+ intact chunks, 0\.\d MB", told[0])
+    lines = capsys.readouterr().out.splitlines()
+    assert re.fullmatch(rf"{run}: sound  40,000 samples per channel, 1 segment, \d+ intact chunks, 0\.\d MB", lines[0])
     assert main(["verify", str(run), "--json"]) == 0
     document = json.loads(capsys.readouterr().out)
     assert (document["run"], document["verdict"], document["samples"]) == (RUN, "sound", 40_000)
 
 
-def test_a_cut_run_is_not_whole_and_its_recovery_says_what_is_missing(
+def test_truncated_run_fails_verification_and_recovery_lists_what_is_missing(
     run: Path, folder: Path, capsys: Captured
 ) -> None:
     run.write_bytes(run.read_bytes()[: run.stat().st_size // 2])
     assert main(["verify", RUN]) == 5
-    told = capsys.readouterr().out
-    assert f"{run}: not whole" in told
-    assert re.search(r"^fault  file        end of file: the index at the end is missing", told, re.MULTILINE)
+    out = capsys.readouterr().out
+    assert f"{run}: not whole" in out
+    assert re.search(r"^fault  file        end of file: the index at the end is missing", out, re.MULTILINE)
     assert main(["recover", RUN]) == 5
     copy = folder / f"{RUN}-recovered.mcap"
     with RunReader(copy) as reader:
         n = reader.n_samples
-    told = capsys.readouterr().out
-    assert told.startswith(f"{copy}: {n:,} samples per channel in 1 segment, ")
-    assert f"missing  segment 0: everything after its first {n} samples" in told
+    out = capsys.readouterr().out
+    assert out.startswith(f"{copy}: {n:,} samples per channel in 1 segment, ")
+    assert f"missing  segment 0: everything after its first {n} samples" in out
     assert main(["verify", str(copy)]) == 0
     assert main(["recover", RUN]) == 2
     assert "exists already" in capsys.readouterr().err
@@ -81,7 +81,7 @@ def test_a_cut_run_is_not_whole_and_its_recovery_says_what_is_missing(
     assert missing == {"segment": 0, "first_sample": n, "stop_sample": None, "samples": None}
 
 
-def test_a_hole_is_told_by_its_samples(run: Path, folder: Path, capsys: Captured) -> None:
+def test_recovery_lists_the_samples_of_a_damaged_chunk(run: Path, folder: Path, capsys: Captured) -> None:
     with closing(Container(run)) as container:
         place = container.chunks[1]
     data = bytearray(run.read_bytes())
@@ -91,20 +91,20 @@ def test_a_hole_is_told_by_its_samples(run: Path, folder: Path, capsys: Captured
     assert main(["runs"]) == 0
     assert re.search(rf"^{RUN} .* MB  not whole", capsys.readouterr().out, re.MULTILINE)
     assert main(["recover", RUN, "-o", str(folder / "copy.mcap")]) == 5
-    told = capsys.readouterr().out
-    missing = re.search(r"^missing  segment 0: samples (\d+) to (\d+) \((\d+) per channel\)$", told, re.MULTILINE)
+    out = capsys.readouterr().out
+    missing = re.search(r"^missing  segment 0: samples (\d+) to (\d+) \((\d+) per channel\)$", out, re.MULTILINE)
     assert missing is not None
     first, last, samples = map(int, missing.groups())
     assert samples == last - first + 1
-    assert f"{40_000 - samples:,} samples per channel in 2 segments, 1 damaged chunk left out" in told
+    assert f"{40_000 - samples:,} samples per channel in 2 segments, 1 damaged chunk left out" in out
 
 
-def test_a_whole_run_is_copied_with_nothing_missing(run: Path, folder: Path, capsys: Captured) -> None:
+def test_recovery_of_a_sound_run_misses_nothing(run: Path, folder: Path, capsys: Captured) -> None:
     assert main(["recover", str(run), "-o", str(folder / "copy.mcap")]) == 0
     assert "nothing is missing" in capsys.readouterr().out
 
 
-def test_what_is_no_recording_ends_with_two(folder: Path, capsys: Captured) -> None:
+def test_file_that_is_no_recording_exits_with_2(folder: Path, capsys: Captured) -> None:
     (folder / "text.mcap").write_text("no recording")
     for command in ("verify", "recover"):
         assert main([command, "text"]) == 2
@@ -113,7 +113,7 @@ def test_what_is_no_recording_ends_with_two(folder: Path, capsys: Captured) -> N
         assert "there is no such run" in capsys.readouterr().err
 
 
-def test_index_tells_what_is_new_damaged_and_gone(run: Path, folder: Path, capsys: Captured) -> None:
+def test_index_lists_new_damaged_and_missing_runs(run: Path, folder: Path, capsys: Captured) -> None:
     assert main(["index", "--verify"]) == 0
     assert capsys.readouterr().out == f"new       {RUN}\n{folder}: 1 runs, 0 unchanged\n"
     assert main(["runs", "--json"]) == 0
@@ -122,47 +122,47 @@ def test_index_tells_what_is_new_damaged_and_gone(run: Path, folder: Path, capsy
     run.unlink()
     (folder / "text.mcap").write_text("no recording")
     assert main(["index"]) == 5
-    told = capsys.readouterr().out.splitlines()
-    assert told[:2] == ["new       text", f"missing   {RUN}"]
-    assert told[2].startswith("damaged   text: ")
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[:2] == ["new       text", f"missing   {RUN}"]
+    assert lines[2].startswith("damaged   text: ")
     assert main(["index", "--json"]) == 5
     assert json.loads(capsys.readouterr().out)["damaged"] == ["text"]
 
 
-def test_runs_are_asked_for_by_time_rig_calibration_speed_words_and_tags(run: Path, capsys: Captured) -> None:
+def test_runs_are_filtered_by_time_rig_calibration_speed_text_and_tags(run: Path, capsys: Captured) -> None:
     assert run.exists()
     assert main(["index"]) == 0
     assert main(["annotate", RUN, "--tag", "good", "--tag", "odd", "--remark", "bearing\nnew"]) == 0
     assert main(["annotate", RUN, "--untag", "odd"]) == 0
     assert capsys.readouterr().out.splitlines()[-1] == f"{RUN}  #good  “cold oil”  “bearing new”"
-    yes = [["--since", "2026-11-01"], ["--speed", "5900-6100"], ["--text", "COLD bearing"], ["--tag", "good"]]
-    no = [["--before", "2026-11-01"], ["--speed", "7000-8000"], ["--text", "warm"], ["--tag", "odd"]]
-    no.append(["--onset-below", "9000"])
+    matching = [["--since", "2026-11-01"], ["--speed", "5900-6100"], ["--text", "COLD bearing"], ["--tag", "good"]]
+    other = [["--before", "2026-11-01"], ["--speed", "7000-8000"], ["--text", "warm"], ["--tag", "odd"]]
+    other.append(["--onset-below", "9000"])
     assert main(["runs", "--json"]) == 0
     (listed,) = json.loads(capsys.readouterr().out)
-    yes += [["--rig", listed["rig"]], ["--calibration", listed["calibration"][:6]]]
-    no += [["--rig", "none"], ["--calibration", "none"], ["--device", "none"]]
-    for question in yes:
-        assert main(["runs", *question]) == 0
+    matching += [["--rig", listed["rig"]], ["--calibration", listed["calibration"][:6]]]
+    other += [["--rig", "none"], ["--calibration", "none"], ["--device", "none"]]
+    for option in matching:
+        assert main(["runs", *option]) == 0
         assert re.fullmatch(
             rf"{RUN} +2\.0 s .* MB  complete  #good  “cold oil”  “bearing new”\n", capsys.readouterr().out
         )
-    for question in no:
-        assert main(["runs", *question]) == 0
+    for option in other:
+        assert main(["runs", *option]) == 0
         assert capsys.readouterr().out.startswith("no matching runs in ")
 
 
 @pytest.mark.parametrize(
     "arguments", [["--since", "yesterday"], ["--speed", "9"], ["--speed", "9-x"], ["--speed", "9-3"]]
 )
-def test_a_question_that_is_none_is_refused(arguments: list[str], capsys: Captured) -> None:
+def test_invalid_filter_is_refused(arguments: list[str], capsys: Captured) -> None:
     with pytest.raises(SystemExit) as caught:
         main(["runs", *arguments])
     assert caught.value.code == 2
     assert "expected a" in capsys.readouterr().err
 
 
-def test_a_tag_that_cannot_be_one_is_refused(run: Path, capsys: Captured) -> None:
+def test_invalid_tag_is_refused(run: Path, capsys: Captured) -> None:
     assert main(["annotate", RUN, "--tag", " "]) == 2
     assert "rig: tag: ' ', expected" in capsys.readouterr().err
     assert run.exists()

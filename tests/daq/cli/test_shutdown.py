@@ -1,4 +1,4 @@
-"""However a recording is ended, its file is finished and the device released."""
+"""However a recording ends, its file is complete and the device is released."""
 
 import os
 import re
@@ -38,7 +38,7 @@ RigFiles = Callable[..., Path]
 RigFactory = Callable[..., Rig]
 
 PAGE = re.compile(r"page (http://[\d.:]+)/")
-ENOUGH = 6_000  # samples per channel that are recorded before the end is asked for
+MIN_SAMPLES = 6_000  # per channel, recorded before the run is stopped
 
 
 @pytest.fixture
@@ -49,19 +49,19 @@ def environment(tmp_path: Path, tmp_path_factory: pytest.TempPathFactory) -> dic
 
 def wait_for_samples(address: str) -> None:
     deadline = time.monotonic() + 60
-    while recorded_samples(address) < ENOUGH:
+    while recorded_samples(address) < MIN_SAMPLES:
         assert time.monotonic() < deadline
         time.sleep(0.02)
 
 
-def whole_run(folder: Path) -> RunReader:
+def only_run(folder: Path) -> RunReader:
     (path,) = folder.glob("*.mcap")
     return RunReader(path)
 
 
 @POSIX
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_signal_to_all_processes_of_the_command_ends_it_with_a_whole_file(
+def test_signal_to_all_processes_ends_the_recording_with_a_complete_file(
     number: signal.Signals, rig_file: RigFiles, tmp_path: Path, environment: dict[str, str]
 ) -> None:
     rig = rig_file(simulation=REAL_TIME_MINUTE, limits={"speed_rpm": 4000.0})
@@ -74,23 +74,23 @@ def test_signal_to_all_processes_of_the_command_ends_it_with_a_whole_file(
         start_new_session=True,
     )
     assert process.stderr is not None
-    told = ""
+    err = ""
     for line in process.stderr:
-        told += line
+        err += line
         if found := PAGE.search(line):
             wait_for_samples(found[1])
             break
     os.killpg(process.pid, number)
     out, more = process.communicate(timeout=120)
-    assert process.returncode == 130, told + more
+    assert process.returncode == 130, err + more
     assert "complete, no samples lost" in out
-    with whole_run(tmp_path / "data") as reader:
+    with only_run(tmp_path / "data") as reader:
         assert reader.is_gap_free
-        assert reader.n_samples >= ENOUGH
+        assert reader.n_samples >= MIN_SAMPLES
 
 
 @POSIX
-def test_terminal_that_is_closed_ends_the_recording_with_a_whole_file(
+def test_closed_terminal_ends_the_recording_with_a_complete_file(
     rig_file: RigFiles, tmp_path: Path, environment: dict[str, str]
 ) -> None:
     import pty  # noqa: PLC0415 - POSIX only
@@ -99,22 +99,22 @@ def test_terminal_that_is_closed_ends_the_recording_with_a_whole_file(
     process, terminal = pty.fork()
     if process == 0:
         os.execve(sys.executable, record_command(rig), environment)  # noqa: S606 - the terminal is this process's own
-    seen = b""
-    while (found := PAGE.search(seen.decode(errors="replace"))) is None:
-        seen += os.read(terminal, 4096)
+    output = b""
+    while (found := PAGE.search(output.decode(errors="replace"))) is None:
+        output += os.read(terminal, 4096)
     wait_for_samples(found[1])
     os.close(terminal)
     deadline = time.monotonic() + 120
     while os.waitpid(process, os.WNOHANG)[0] == 0:
         assert time.monotonic() < deadline
         time.sleep(0.1)
-    with whole_run(tmp_path / "data") as reader:
+    with only_run(tmp_path / "data") as reader:
         assert reader.is_gap_free
-        assert reader.n_samples >= ENOUGH
+        assert reader.n_samples >= MIN_SAMPLES
 
 
-class Failing:
-    """A source that meets a fault of the program after three blocks."""
+class FailingSource:
+    """A source that raises an unexpected error after three blocks."""
 
     def __init__(self, source: Source) -> None:
         self._source = source
@@ -127,7 +127,7 @@ class Failing:
     def blocks(self) -> Iterator[SourceItem]:
         for count, item in enumerate(self._source.blocks()):
             if count == 3:
-                raise ZeroDivisionError("in the midst of a run")
+                raise ZeroDivisionError("in the middle of a run")
             yield item
 
     def stop(self) -> None:
@@ -146,11 +146,9 @@ def own_handlers() -> Iterator[None]:
 
 
 @pytest.mark.usefixtures("own_handlers")
-def test_fault_of_the_program_in_the_recorder_finishes_the_file_and_releases_the_device(
-    rig: RigFactory, tmp_path: Path
-) -> None:
+def test_error_in_the_recorder_completes_the_file_and_releases_the_device(rig: RigFactory, tmp_path: Path) -> None:
     made = recording_request(rig(), tmp_path)
-    source = Failing(open_source(made.rig))
+    source = FailingSource(open_source(made.rig))
     header = run_header(made, source)
     here, there = Pipe()
     ring = BlockRing.create(3, 2001, 16)
@@ -163,7 +161,7 @@ def test_fault_of_the_program_in_the_recorder_finishes_the_file_and_releases_the
             RecorderStatistics(RecorderStatistics.allocate()),
             there,
         )
-        threading.Timer(0.5, here.send, ["not an order"]).start()
+        threading.Timer(0.5, here.send, ["not a command"]).start()
         threading.Timer(1.0, here.close).start()
         recorder.run()
     assert source.closed
@@ -173,18 +171,18 @@ def test_fault_of_the_program_in_the_recorder_finishes_the_file_and_releases_the
 
 
 @pytest.mark.usefixtures("own_handlers")
-def test_fault_of_the_program_in_the_recorder_is_told(rig: RigFactory, tmp_path: Path) -> None:
+def test_error_in_the_recorder_is_reported(rig: RigFactory, tmp_path: Path) -> None:
     made = recording_request(rig(), tmp_path)
-    source = Failing(open_source(made.rig))
+    source = FailingSource(open_source(made.rig))
     header = run_header(made, source)
     here, there = Pipe()
     ring = BlockRing.create(3, 2001, 16)
-    told: list[object] = []
+    messages: list[object] = []
 
     def watch() -> None:
-        while not any(isinstance(message, AcquisitionEnded) for message in told):
-            told.append(here.recv())
-        here.send("anything but an order, which is passed over")
+        while not any(isinstance(message, AcquisitionEnded) for message in messages):
+            messages.append(here.recv())
+        here.send("not a command, which is ignored")
         here.close()
 
     watching = threading.Thread(target=watch)
@@ -199,25 +197,23 @@ def test_fault_of_the_program_in_the_recorder_is_told(rig: RigFactory, tmp_path:
     )
     recorder.run()
     watching.join(5)
-    assert [type(message) for message in told] == [DeviceOpened, AcquisitionEnded]
-    assert "stopped by a fault of the program: ZeroDivisionError: in the midst of a run" in recorder._message
+    assert [type(message) for message in messages] == [DeviceOpened, AcquisitionEnded]
+    assert "stopped by a fault of the program: ZeroDivisionError: in the middle of a run" in recorder._message
 
 
 @pytest.mark.usefixtures("own_handlers")
-def test_fault_of_the_program_in_the_recorders_listener_finishes_the_file_and_is_told(
-    rig: RigFactory, tmp_path: Path
-) -> None:
+def test_error_in_the_recorders_listener_completes_the_file_and_is_reported(rig: RigFactory, tmp_path: Path) -> None:
     made = recording_request(rig(simulation=REAL_TIME_MINUTE, limits={"speed_rpm": 4000.0}), tmp_path)
     source = open_source(made.rig)
     here, there = Pipe()
     ring = BlockRing.create(3, 2001, 16)
-    told: list[object] = []
+    messages: list[object] = []
 
     def watch() -> None:
-        told.append(here.recv())
+        messages.append(here.recv())
         here.send(EncodedResult("/nonsense", 0, b"", 0))
-        while not isinstance(told[-1], FileClosed):
-            told.append(here.recv())
+        while not isinstance(messages[-1], FileClosed):
+            messages.append(here.recv())
 
     watching = threading.Thread(target=watch)
     watching.start()
@@ -226,7 +222,7 @@ def test_fault_of_the_program_in_the_recorders_listener_finishes_the_file_and_is
         writer = PartWriter(made.path, header, PartLimits())
         _Recorder(made, source, writer, ring, RecorderStatistics(RecorderStatistics.allocate()), there).run()
         watching.join(10)
-    closed = told[-1]
+    closed = messages[-1]
     assert isinstance(closed, FileClosed)
     assert closed.message.startswith("recording stopped by a fault of the program: ValueError: topic: '/nonsense'")
     with RunReader(made.path) as reader:
@@ -234,19 +230,19 @@ def test_fault_of_the_program_in_the_recorders_listener_finishes_the_file_and_is
         assert [end.reason for end in reader.segment_ends] == [EndReason.STOPPED]
 
 
-def test_screen_that_fails_at_every_frame_does_not_stop_the_recording(rig: RigFactory, tmp_path: Path) -> None:
-    class Broken(UpdateList):
+def test_view_that_fails_at_every_update_does_not_stop_the_recording(rig: RigFactory, tmp_path: Path) -> None:
+    class FailingView(UpdateList):
         def offer(self, frame: LiveUpdate) -> None:
-            raise ZeroDivisionError("a screen that fails")
+            raise ZeroDivisionError("a view that fails")
 
-    run = start_recording(rig(simulation={"pace": "real time"}), tmp_path, Broken())
+    run = start_recording(rig(simulation={"pace": "real time"}), tmp_path, FailingView())
     assert run.wait(60)
     assert run.close().exit_code == 0
     with RunReader(run.path) as reader:
         assert reader.n_samples == 40_000
 
 
-def test_fault_of_the_terminal_side_closes_the_run() -> None:
+def test_error_in_the_terminal_output_closes_the_run() -> None:
     class MonitoredQuantity:
         closed = False
 
@@ -262,5 +258,5 @@ def test_fault_of_the_terminal_side_closes_the_run() -> None:
 
     run = MonitoredQuantity()
     with pytest.raises(ZeroDivisionError):
-        follow(run, StopFlag(), Console())  # type: ignore[arg-type] # a run in all that is used here
+        follow(run, StopFlag(), Console())  # type: ignore[arg-type] # has the methods of a run that are used
     assert run.closed

@@ -1,4 +1,4 @@
-"""Every command ends whenever it is asked to: with its exit code, without a word, and with nothing left."""
+"""Every command shuts down cleanly on a signal: exit code 130, no error output, nothing left behind."""
 
 import os
 import random
@@ -18,19 +18,17 @@ from tests.daq.conftest import CALIBRATION, TABLES, merged
 from tests.daq.support.commands import StoppedCommand, StopRequest, run_and_stop
 from tests.daq.support.recorded_bench import RUN, record_run
 
-pytestmark = pytest.mark.skipif(
-    sys.platform != "linux", reason="signals of POSIX, and processes as Linux tells of them"
-)
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="POSIX signals and /proc")
 
 LIMITS = {"speed_rpm": 4000.0}
-STILL = {"pace": "real time", "profile": [{"time_s": t, "speed_rpm": 3000.0} for t in (0.0, 60.0)]}
+STEADY = {"pace": "real time", "profile": [{"time_s": t, "speed_rpm": 3000.0} for t in (0.0, 60.0)]}
 ROUNDS = 25
-NOISE = ("Traceback", "Exception ignored", "KeyboardInterrupt", "Error", "leaked", "Warning", "fatal", "Fatal")
+ERROR_WORDS = ("Traceback", "Exception ignored", "KeyboardInterrupt", "Error", "leaked", "Warning", "fatal", "Fatal")
 
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Where commands are tried: a rig, a run, and a cache that knows the rig's model."""
+    """A rig file, a recorded run and a prediction cache to run commands with."""
 
     folder: Path
     rig: Path
@@ -38,7 +36,7 @@ class Place:
     environment: dict[str, str]
 
     def arguments(self, command: str, folder: Path) -> list[str]:
-        """Return a command that does something for some seconds, and writes into a folder if anywhere."""
+        """Return the arguments of a command that takes seconds and writes only into a folder."""
         sweep = [
             "--vary",
             "viscosity_pa_s=0.005:0.035:7",
@@ -62,7 +60,7 @@ class Place:
         }[command]
 
     def environment_for(self, command: str, folder: Path) -> dict[str, str]:
-        """Return the environment: a data folder of its own, and for what computes the model an empty cache."""
+        """Return the environment with an own data folder; `predict` also gets an empty cache."""
         own = {"RIG_DATA": str(folder / "data")}
         return self.environment | own | ({"RIG_CACHE": str(folder / "cache")} if command == "predict" else {})
 
@@ -73,7 +71,7 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Place:
     for name in ("probe-x.toml", "probe-y.toml"):
         (folder / name).write_text(to_toml({"calibration": CALIBRATION}), encoding="utf-8")
     rig, quick = folder / "rig.toml", folder / "quick.toml"
-    rig.write_text(to_toml(merged(TABLES, {"simulation": STILL, "limits": LIMITS})), encoding="utf-8")
+    rig.write_text(to_toml(merged(TABLES, {"simulation": STEADY, "limits": LIMITS})), encoding="utf-8")
     quick.write_text(to_toml(merged(TABLES, {"limits": LIMITS})), encoding="utf-8")
     (folder / "runs").mkdir()
     environment = dict(os.environ) | {"RIG_CACHE": str(tmp_path_factory.getbasetemp() / "cache")}
@@ -81,50 +79,50 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Place:
     return Place(folder, rig, run, environment)
 
 
-def drawn(chance: random.Random) -> StopRequest:
-    """Draw how a command is asked for its end."""
-    again = chance.choice((None, chance.uniform(0.0, 0.3), chance.uniform(0.0, 3.0)))
+def random_request(chance: random.Random) -> StopRequest:
+    """Return a random stop request."""
+    repeat_after = chance.choice((None, chance.uniform(0.0, 0.3), chance.uniform(0.0, 3.0)))
     number = chance.choice((signal.SIGINT, signal.SIGTERM))
-    return StopRequest(number, chance.uniform(0.0, 4.0), again, chance.random() < 0.3)
+    return StopRequest(number, chance.uniform(0.0, 4.0), repeat_after, chance.random() < 0.3)
 
 
-def check(command: str, left: StoppedCommand, folder: Path) -> None:
-    """See to it that a command was ended as it should be."""
-    assert left.code in ({0} if command == "serve" else {0, 130}) | {130}, left
-    assert not any(word in left.err for word in NOISE), left
-    assert not left.processes, left
-    assert not [path for path in folder.rglob("*") if ".part" in path.suffixes], left
+def check(command: str, stopped: StoppedCommand, folder: Path) -> None:
+    """Assert that a stopped command left nothing behind and exited correctly."""
+    assert stopped.code in ({0} if command == "serve" else {0, 130}) | {130}, stopped
+    assert not any(word in stopped.err for word in ERROR_WORDS), stopped
+    assert not stopped.processes, stopped
+    assert not [path for path in folder.rglob("*") if ".part" in path.suffixes], stopped
     for path in folder.glob("data/*.mcap"):
-        assert verify(path).verdict is Verdict.SOUND, left
+        assert verify(path).verdict is Verdict.SOUND, stopped
     results = {"thesis": "thesis.html", "sweep": "sweep.parquet", "export": "samples.csv"}
     if command in results:
-        assert (folder / results[command]).exists() == (left.code == 0), left
+        assert (folder / results[command]).exists() == (stopped.code == 0), stopped
 
 
-def tried(place: Place, command: str, seed: int, folder: Path) -> StoppedCommand:
-    """Try a command with a seed, and check what became of it."""
+def run_and_check(place: Place, command: str, seed: int, folder: Path) -> StoppedCommand:
+    """Run a command, stop it by a request drawn from a seed, and check the result."""
     folder.mkdir()
-    asked = drawn(random.Random(f"{command} {seed}"))  # noqa: S311 - reproducible on purpose
-    left = run_and_stop(place.arguments(command, folder), place.environment_for(command, folder), folder, asked)
+    request = random_request(random.Random(f"{command} {seed}"))  # noqa: S311 - reproducible on purpose
+    stopped = run_and_stop(place.arguments(command, folder), place.environment_for(command, folder), folder, request)
     try:
-        check(command, left, folder)
+        check(command, stopped, folder)
     except AssertionError as error:
-        raise AssertionError(f"seed {seed}, {asked}: {error}") from None
-    return left
+        raise AssertionError(f"seed {seed}, {request}: {error}") from None
+    return stopped
 
 
 COMMANDS = ("record", "record shortly", "replay", "serve", "predict", "thesis", "sweep", "export", "index", "verify")
 
 
-def test_command_that_is_asked_to_end_while_it_is_loaded_ends_without_a_word(place: Place, tmp_path: Path) -> None:
-    left = run_and_stop(
+def test_command_stopped_during_import_prints_nothing(place: Place, tmp_path: Path) -> None:
+    stopped = run_and_stop(
         place.arguments("export", tmp_path), place.environment, tmp_path, StopRequest(signal.SIGTERM, 0.0, 0.05)
     )
-    check("export", left, tmp_path)
-    assert (left.code, left.out, left.err) == (130, "", "")
+    check("export", stopped, tmp_path)
+    assert (stopped.code, stopped.out, stopped.err) == (130, "", "")
 
 
-def test_request_for_the_end_is_noted_then_interrupts_and_is_passed_over_while_the_command_tidies_up() -> None:
+def test_signal_is_recorded_then_interrupts_and_is_ignored_during_clean_up() -> None:
     handler = _StopSignalHandler()
     handler(signal.SIGTERM, None)
     assert handler.is_stop_received
@@ -134,7 +132,7 @@ def test_request_for_the_end_is_noted_then_interrupts_and_is_passed_over_while_t
     handler(signal.SIGINT, None)
 
 
-def test_terminal_that_closes_does_not_end_what_was_begun_with_nohup() -> None:
+def test_closed_terminal_does_not_stop_a_command_under_nohup() -> None:
     before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
     try:
         assert signal.SIGHUP not in stop_signals()
@@ -145,15 +143,15 @@ def test_terminal_that_closes_does_not_end_what_was_begun_with_nohup() -> None:
 
 @pytest.mark.campaign
 @pytest.mark.parametrize("command", COMMANDS)
-def test_command_ends_at_any_moment_tidily_and_without_a_word(command: str, place: Place, tmp_path: Path) -> None:
+def test_command_shuts_down_cleanly_at_any_time(command: str, place: Place, tmp_path: Path) -> None:
     failed, longest, codes = [], 0.0, []
     for seed in range(int(os.environ.get("ROUNDS", ROUNDS))):
         try:
-            left = tried(place, command, seed, tmp_path / str(seed))
+            stopped = run_and_check(place, command, seed, tmp_path / str(seed))
         except AssertionError as error:
             failed.append(str(error))
             continue
-        longest = max(longest, left.stop_time)
-        codes.append(left.code)
-    print(f"\n{command}: {len(codes)} times, {codes.count(130)} of them stopped, the longest end {longest:.1f} s")
+        longest = max(longest, stopped.stop_time)
+        codes.append(stopped.code)
+    print(f"\n{command}: {len(codes)} times, {codes.count(130)} stopped, slowest shutdown {longest:.1f} s")
     assert not failed, "\n\n".join(failed)
