@@ -243,7 +243,7 @@ def test_view_that_fails_at_every_update_does_not_stop_the_recording(rig: RigFac
 
 
 def test_error_in_the_terminal_output_closes_the_run() -> None:
-    class MonitoredQuantity:
+    class FailingRun:
         closed = False
 
         def wait(self, timeout: float) -> bool:
@@ -256,7 +256,7 @@ def test_error_in_the_terminal_output_closes_the_run() -> None:
             self.closed = True
             return RunOutcome(())
 
-    run = MonitoredQuantity()
+    run = FailingRun()
     with pytest.raises(ZeroDivisionError):
         follow(run, StopFlag(), Console())  # type: ignore[arg-type] # has the methods of a run that are used
     assert run.closed
