@@ -20,7 +20,7 @@ from recordings.progress import Progress, ignore_progress
 MICRO = 1e-6
 RPM = 2 * math.pi / 60
 PIECE = 2_000_000  # samples of each channel that are read at a time
-MOST_SAMPLES = 50_000_000
+MAX_SAMPLES = 50_000_000
 """Per channel in one table: it is made in memory."""
 RESULT_UNITS = {
     "segment": "",
@@ -86,10 +86,10 @@ def samples_table(
     acquisition = reader.header.acquisition
     first = max(0, math.ceil(start * acquisition.rate - 1e-6))
     last = end.samples if math.isinf(stop) else min(end.samples, math.ceil(stop * acquisition.rate - 1e-6))
-    if not 0 < last - first <= MOST_SAMPLES:
+    if not 0 < last - first <= MAX_SAMPLES:
         raise ForeignFormatError(
             f"{reader.path}: {max(0, last - first)} samples from {start:g} s to {stop:g} s of a segment of "
-            f"{end.samples / acquisition.rate:g} s, expected 1 to {MOST_SAMPLES}"
+            f"{end.samples / acquisition.rate:g} s, expected 1 to {MAX_SAMPLES}"
         )
     codes = np.empty((len(acquisition.channels), last - first), dtype=np.int16)
     for low in range(first, last, PIECE):

@@ -12,7 +12,7 @@ from recordings.mcap.container import Container
 from recordings.mcap.layout import (
     CHANNEL_IDS,
     END_RECORD,
-    MARK,
+    MARKER,
     PULSES,
     RECOVERED_RECORD,
     SAMPLES,
@@ -20,8 +20,7 @@ from recordings.mcap.layout import (
     decode_metadata,
 )
 from recordings.mcap.markers import Marker, decode_marker
-from recordings.mcap.messages import decode_block, decode_segment_end
-from recordings.mcap.pulses import PulseMerger
+from recordings.mcap.messages import PulseMerger, decode_block, decode_segment_end
 from recordings.mcap.reader import segment_end_from_json
 from recordings.mcap.salvage import read_header, search_chunks
 from recordings.mcap.writer import write_run
@@ -156,7 +155,7 @@ class _Salvage:
         self._named = {place.offset for place in container.chunks}
         self._known_ends = self._ends()
         self._acquisition = header.acquisition
-        self._join = PulseMerger(header.acquisition)
+        self._pulses = PulseMerger(header.acquisition)
         self.damaged = 0
         self.stretches: list[RecoveredSegment] = []
         self.missing: list[MissingSamples] = []
@@ -169,7 +168,7 @@ class _Salvage:
         """Yield all blocks and ends of segments that can be read, in the order of the file."""
         self.damaged = 0
         self._markers = []
-        self._join = PulseMerger(self._acquisition)
+        self._pulses = PulseMerger(self._acquisition)
         for place in self._places:
             yield from self._chunk(place)
 
@@ -255,12 +254,12 @@ class _Salvage:
         for message in messages:
             try:
                 if message.channel == CHANNEL_IDS[SAMPLES]:
-                    yield self._join.block(decode_block(message.data))
+                    yield self._pulses.merge(decode_block(message.data))
                 elif message.channel == CHANNEL_IDS[PULSES]:
-                    self._join.pulses(message.data)
+                    self._pulses.add_pulses(message.data)
                 elif message.channel == CHANNEL_IDS[SEGMENT_END]:
                     yield decode_segment_end(message.data)
-                elif message.channel == CHANNEL_IDS[MARK]:
+                elif message.channel == CHANNEL_IDS[MARKER]:
                     self._markers.append(decode_marker(message.data))
             except ValueError:  # intact, but no message of ours
                 continue

@@ -25,7 +25,7 @@ from recordings.progress import Progress, ignore_progress
 WINDOW = 4 << 20
 WALK = 0.9  # of the work: going through the records; the rest is the checksum over all of them
 SAMPLES_ID, END_ID, FEATURES_ID, FRAME_ID, MARKER_ID, PULSES_ID = range(1, 7)
-MOST_FINDINGS = 100
+MAX_FINDINGS = 100
 
 
 class Verdict(StrEnum):
@@ -125,7 +125,7 @@ class _Inspection:
     def verification(self) -> Verification:
         findings: list[Finding] = []
         for finding in self._all():
-            if len(findings) == MOST_FINDINGS:
+            if len(findings) == MAX_FINDINGS:
                 findings.append(Finding(finding.check, finding.where, "and more: the list ends here"))
                 break
             findings.append(finding)

@@ -1,9 +1,7 @@
-"""An MCAP file being written in chunks of the caller's making.
+"""MCAP writer in chunks that the caller composes, on a file that is only appended to.
 
-The library's own writer holds about 0.8 kB of objects for each chunk, which is 15 MB an hour at five chunks a second.
-Here a chunk costs the 100 bytes that it will take in the index. The records themselves are the library's.
-
-A new file that is only appended to.
+The mcap library's own writer holds about 0.8 kB of objects for each chunk, which is 15 MB an hour at five chunks a
+second. Here a chunk costs the 100 bytes that it takes in the index. The records are encoded by the library.
 """
 
 import io
@@ -42,21 +40,24 @@ from mcap.writer import MCAP0_MAGIC
 from recordings.errors import StorageError
 
 SYNC_INTERVAL = 1.0
-"""Seconds between the moments at which what was written is made to survive a loss of power."""
+"""Seconds between two fsync calls: a power failure loses at most so much of a run."""
+ALLOCATION_STEP = 1 << 20
+"""Bytes of disk space that are allocated ahead."""
+ZSTD_LEVEL = 2
+"""Measured with noise of 0 to 100 codes: as fast as the usual 3 or up to five times faster, and never 2 % larger."""
+FOOTER_CRC_BYTES = 4
+TAIL_RESERVE = 1 << 16
+"""Bytes beside the summary that stay allocated so that the file can be finished when the disk is full."""
 
 
-ALLOCATION = 1 << 20
-"""Bytes by which room is asked for ahead."""
+class AppendOnlyFile:
+    """A new, unbuffered file that can be rolled back to its last commit.
 
+    On POSIX, disk space is allocated ahead of the data, so that the file can still be finished when the disk is full.
+    Until it is closed the file therefore ends in zeros.
 
-class AppendedFile:
-    """A new file without a buffer of its own, that knows up to where it is whole.
-
-    Where the system can (POSIX), room on the disk is taken ahead of what is written, so that a file can still be
-    finished when the disk has become full. Until it is closed it therefore ends in zeros.
-
-    A thread of its own has the operating system bring what it holds to the disk every second: a pulled plug costs about
-    so much of a run, and the writing thread need not wait for it.
+    A separate thread calls fsync every second, so that a power failure costs about a second of a run and the writing
+    thread never waits for the disk.
 
     Parameters
     ----------
@@ -66,21 +67,21 @@ class AppendedFile:
     Raises
     ------
     StorageError
-        Where it cannot be created.
+        If it cannot be created.
     """
 
     def __init__(self, path: Path) -> None:
         try:
             self._file = io.FileIO(path, "xb")
         except FileExistsError as error:
-            raise StorageError(f"{path}: exists already; a run is never written over another") from error
+            raise StorageError(f"{path}: exists already; runs are never overwritten") from error
         except FileNotFoundError as error:
             raise StorageError(f"{path}: cannot be created: there is no folder {path.parent}") from error
         except OSError as error:
             raise StorageError(f"{path}: cannot be created: {error.strerror or error}") from error
         self._path = path
         self._length = 0
-        self._settled = 0
+        self._committed = 0
         self._allocated = 0
         self._closing = threading.Event()
         self._syncer = threading.Thread(target=self._sync, name=f"sync {path.name}", daemon=True)
@@ -92,62 +93,62 @@ class AppendedFile:
         return self._length
 
     def write(self, data: bytes, reserve: int = 0) -> None:
-        """Append all of the data, or nothing and raise OSError where the disk is full.
+        """Append all of the data; OSError if the disk is full, and then nothing is appended.
 
         Parameters
         ----------
         data : bytes
-            What to append.
+            The data.
         reserve : int
-            Bytes for which there must be room behind it.
+            Bytes of free space required after it.
         """
         self._allocate(self._length + len(data) + reserve)
-        left = memoryview(data)
+        remaining = memoryview(data)
         try:
-            while left:
-                left = left[self._file.write(left) :]
+            while remaining:
+                remaining = remaining[self._file.write(remaining) :]
         except OSError:
             self._file.seek(self._length)
             raise
         self._length += len(data)
 
-    def settle(self) -> None:
-        """Remember that the file is whole up to here."""
-        self._settled = self._length
+    def commit(self) -> None:
+        """Record that the file is complete up to here."""
+        self._committed = self._length
 
-    def cut_back(self) -> None:
-        """Drop what was written since the file was last whole, and close; where nothing is whole, there is no file."""
-        self._end_syncing()
-        with suppress(OSError):  # the disk is gone: readers find the last whole chunk of what it holds
-            self._file.truncate(self._settled)
+    def roll_back(self) -> None:
+        """Truncate to the last commit and close; without a commit, remove the file."""
+        self._stop_syncing()
+        with suppress(OSError):  # the disk is gone: readers find the last complete chunk of what it has
+            self._file.truncate(self._committed)
         with suppress(OSError):
             self._file.close()
-        if self._settled == 0:
+        if self._committed == 0:
             with suppress(OSError):
                 self._path.unlink()
 
     def close(self) -> None:
-        """Bring all to the disk and close the file; OSError where the system only now finds that it cannot keep it."""
-        self._end_syncing()
+        """Flush to the disk and close the file; OSError if the system reports only now that it could not write."""
+        self._stop_syncing()
         self._file.truncate(self._length)
         os.fsync(self._file.fileno())
         self._file.close()
 
     def _allocate(self, stop: int) -> None:
-        """Make sure of the room up to a place in the file; OSError where there is none."""
-        if stop <= self._allocated or not hasattr(os, "posix_fallocate"):  # Windows: the disk is full when it is
+        """Allocate disk space up to an offset in the file; OSError if the disk is full."""
+        if stop <= self._allocated or not hasattr(os, "posix_fallocate"):  # Windows has no such call
             return
-        for wanted in (max(stop, self._allocated + ALLOCATION), stop):
+        for target in (max(stop, self._allocated + ALLOCATION_STEP), stop):
             try:
-                os.posix_fallocate(self._file.fileno(), self._allocated, wanted - self._allocated)
+                os.posix_fallocate(self._file.fileno(), self._allocated, target - self._allocated)
             except OSError:
-                if wanted == stop:
+                if target == stop:
                     raise
             else:
-                self._allocated = wanted
+                self._allocated = target
                 return
 
-    def _end_syncing(self) -> None:
+    def _stop_syncing(self) -> None:
         self._closing.set()
         self._syncer.join()
 
@@ -156,30 +157,23 @@ class AppendedFile:
         while not self._closing.wait(SYNC_INTERVAL):
             length = self._length
             if length > synced:
-                with suppress(OSError):  # the next write or the close meets the same trouble and says so
+                with suppress(OSError):  # the next write or the close fails too, and reports it
                     os.fsync(self._file.fileno())
                 synced = length
 
 
-ZSTD_LEVEL = 2
-"""Measured with noise of 0 to 100 codes: as fast as the usual 3 or up to five times so, and never 2 % larger."""
-FOOTER_CRC_BYTES = 4
-TAIL_RESERVE = 1 << 16
-"""Bytes beside the summary that are kept free so that a file can be finished when the disk is full."""
-
-
-class ChunkedFile:
-    """Writes the records of an MCAP file; every method raises OSError where the disk does not take them.
+class ChunkWriter:
+    """Writer of the records of an MCAP file; every method raises OSError if the disk is full or fails.
 
     Parameters
     ----------
     file : AppendedFile
-        Where they go.
+        The file.
     profile, library : str
-        What the MCAP header says.
+        Fields of the MCAP header.
     """
 
-    def __init__(self, file: AppendedFile, profile: str, library: str) -> None:
+    def __init__(self, file: AppendOnlyFile, profile: str, library: str) -> None:
         self._file = file
         self._crc = 0
         self._compressor = zstandard.ZstdCompressor(level=ZSTD_LEVEL)
@@ -190,10 +184,10 @@ class ChunkedFile:
         self._append(MCAP0_MAGIC + encode_records(Header(profile=profile, library=library)))
 
     def add_metadata(self, name: str, entries: Mapping[str, str], *, is_tail: bool = False) -> None:
-        """Write a metadata record; one of the tail may use the room that is kept for finishing."""
+        """Write a metadata record; with `is_tail` it may use the reserved space at the end."""
         offset, record = self._file.length, encode_records(Metadata(name=name, metadata=dict(entries)))
         self._append(record, is_tail=is_tail)
-        self._note(MetadataIndex(offset=offset, length=len(record), name=name), Opcode.METADATA_INDEX)
+        self._add_to_summary(MetadataIndex(offset=offset, length=len(record), name=name), Opcode.METADATA_INDEX)
 
     def add_attachment(self, name: str, media_type: str, time_ns: int, data: bytes) -> None:
         """Write an attachment."""
@@ -201,18 +195,18 @@ class ChunkedFile:
         record = encode_records(Attachment(time_ns, time_ns, name, media_type, data))
         self._append(record)
         index = AttachmentIndex(offset, len(record), time_ns, time_ns, len(data), name, media_type)
-        self._note(index, Opcode.ATTACHMENT_INDEX)
+        self._add_to_summary(index, Opcode.ATTACHMENT_INDEX)
 
     def add_channel(self, channel: Channel, schema: Schema) -> None:
-        """Write a schema and its channel, in front of the first chunk and once more in the summary."""
+        """Write a schema and its channel, before the first chunk and once more in the summary."""
         self._append(encode_records(schema, channel))
-        self._note(schema, Opcode.SCHEMA)
-        self._note(channel, Opcode.CHANNEL)
+        self._add_to_summary(schema, Opcode.SCHEMA)
+        self._add_to_summary(channel, Opcode.CHANNEL)
 
     def add_chunk(self, messages: Iterable[Message], *, is_tail: bool = False) -> None:
-        """Write a chunk and its index; nothing where there are no messages.
+        """Write messages as a chunk with its index; nothing if there are none.
 
-        One of the tail may use the room that is kept for finishing.
+        With `is_tail` the chunk may use the reserved space at the end.
         """
         builder: Any = RecordBuilder()
         indexes: dict[int, MessageIndex] = {}
@@ -234,18 +228,18 @@ class ChunkedFile:
             uncompressed_size=len(data),
         )
         offset, record = self._file.length, encode_records(chunk)
-        places, index_records = {}, b""
+        index_offsets, index_records = {}, b""
         for channel, index in indexes.items():
-            places[channel] = offset + len(record) + len(index_records)
+            index_offsets[channel] = offset + len(record) + len(index_records)
             index_records += encode_records(index)
         self._append(record + index_records, is_tail=is_tail)
-        self._note(
+        self._add_to_summary(
             ChunkIndex(
                 message_start_time=chunk.message_start_time,
                 message_end_time=chunk.message_end_time,
                 chunk_start_offset=offset,
                 chunk_length=len(record),
-                message_index_offsets=places,
+                message_index_offsets=index_offsets,
                 message_index_length=len(index_records),
                 compression=chunk.compression,
                 compressed_size=len(chunk.data),
@@ -260,7 +254,7 @@ class ChunkedFile:
     def finish(self) -> None:
         """Write the summary and the end of the file."""
         self._append(encode_records(DataEnd(data_section_crc=self._crc)), is_tail=True)
-        self._note(self._statistics(), Opcode.STATISTICS)
+        self._add_to_summary(self._statistics(), Opcode.STATISTICS)
         start = self._file.length
         summary, offsets = b"", []
         for opcode, records in self._summary.items():
@@ -291,14 +285,14 @@ class ChunkedFile:
         self._file.write(data, reserve)
         self._crc = zlib.crc32(data, self._crc)
 
-    def _note(self, record: McapRecord, opcode: Opcode) -> None:
-        """Keep a record for the summary."""
+    def _add_to_summary(self, record: McapRecord, opcode: Opcode) -> None:
+        """Add a record to the summary that `finish` writes."""
         self._summary[opcode] += encode_records(record)
         self._records[opcode] += 1
 
 
 def encode_records(*records: McapRecord) -> bytes:
-    """Return records as the bytes they are in the file."""
+    """Return records as the bytes of the file."""
     builder: Any = RecordBuilder()  # not all of its methods are annotated
     for record in records:
         record.write(builder)

@@ -1,7 +1,7 @@
-"""An MCAP file as it lies on the disk, whole or cut short: its metadata, and its chunks by place.
+"""Low-level reader of an MCAP file, finished or cut short: its records, metadata and chunks.
 
-A chunk is read only if its CRC fits, the index at the end is used only if its CRC fits, and without it the records are
-walked from the start up to where they break off.
+A chunk is read only if its CRC matches. The index at the end is used only if its CRC matches; without it the records
+are read one after another from the start, up to the point where they break off.
 """
 
 import os
@@ -27,17 +27,17 @@ from recordings.errors import DamagedError, NotFoundError, StorageError
 from recordings.mcap.chunk_table import ChunkLocation, ChunkTable
 
 MAGIC = MCAP0_MAGIC
-"""What every MCAP file begins and, when it is whole, ends with."""
+"""First bytes of every MCAP file, and last bytes of a finished one."""
 RECORD = struct.Struct("<BQ")  # opcode, length of the content
 FOOTER = struct.Struct("<BQQQI")  # opcode, length, start of the summary, start of its offsets, CRC
 MESSAGE = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
-LARGEST_CHUNK = 256 << 20
-LARGEST_METADATA = 16 << 20
+MAX_CHUNK_SIZE = 256 << 20
+MAX_METADATA_SIZE = 16 << 20
 
 
 @dataclass(frozen=True, slots=True)
 class StoredMessage:
-    """A message as it lies in a chunk."""
+    """A message of a chunk: channel id, log time and serialised data."""
 
     channel: int
     log_time_ns: int
@@ -46,14 +46,14 @@ class StoredMessage:
 
 @dataclass(frozen=True, slots=True)
 class Record:
-    """A record by its place, with the first bytes of its content.
+    """Position of a record in the file, with the first bytes of its content.
 
     Parameters
     ----------
     opcode : int
-        Its kind.
+        MCAP opcode.
     offset, length : int
-        Place of its content in the file, bytes.
+        Position and length of its content in the file, bytes.
     peek : bytes
         The first bytes of its content, fewer at the end of the file.
     """
@@ -67,7 +67,7 @@ class Record:
 
 
 class Container:
-    """An open MCAP file; it may be read from several threads.
+    """An open MCAP file; safe for several threads.
 
     Parameters
     ----------
@@ -77,11 +77,11 @@ class Container:
     Raises
     ------
     NotFoundError
-        Where there is no such file.
+        If there is no such file.
     DamagedError
-        Where it is empty or not MCAP.
+        If it is empty or not MCAP.
     StorageError
-        Where it cannot be read.
+        If it cannot be read.
     """
 
     def __init__(self, path: Path) -> None:
@@ -103,54 +103,48 @@ class Container:
 
     @property
     def is_finished(self) -> bool:
-        """Whether the file has its index at the end, intact."""
+        """Whether the file ends with an intact index."""
         return self._summary_stop > 0
 
     @property
     def has_magic(self) -> bool:
-        """Whether the file begins as MCAP does."""
+        """Whether the file begins with MCAP's magic bytes."""
         return self.read(0, len(MAGIC)) == MAGIC
 
     @property
     def data_stop(self) -> int:
-        """Where the summary begins, bytes; the file's size where it has none that is intact."""
+        """Offset of the summary, bytes; the file's size without an intact summary."""
         return self._summary_start or self.size
 
     @cached_property
     def _metadata_records(self) -> list[Metadata]:
-        places = [*self._metadata_at_start(), *self._metadata_in_summary()] if self.is_finished else self._walk[0]
-        records = [self.metadata_at(offset, length) for offset, length in dict.fromkeys(places)]
+        locations = [*self._metadata_at_start(), *self._metadata_in_summary()] if self.is_finished else self._walk[0]
+        records = [self.metadata_at(offset, length) for offset, length in dict.fromkeys(locations)]
         return [record for record in records if record is not None]
 
     def metadata(self, name: str) -> list[Mapping[str, str]]:
-        """Return the entries of all metadata records of this name that can be read, in the order of the file."""
+        """Return the entries of all readable metadata records of this name, in file order."""
         return [record.metadata for record in self._metadata_records if record.name == name]
 
     @cached_property
     def chunks(self) -> ChunkTable:
-        """All chunks in the order of the file."""
+        """All chunks in file order."""
         return ChunkTable.from_index(list(self.summary(Opcode.CHUNK_INDEX))) if self.is_finished else self._walk[1]
 
-    def messages(self, place: ChunkLocation) -> Iterator[StoredMessage]:
-        """Yield the messages of a chunk in the order of writing.
-
-        Raises
-        ------
-        DamagedError
-            Where the chunk is not what its checksum says.
-        """
-        data = self._chunk_data(place)
+    def messages(self, chunk: ChunkLocation) -> Iterator[StoredMessage]:
+        """Yield the messages of a chunk in the order of writing; DamagedError if its checksum does not match."""
+        data = self._chunk_data(chunk)
         position = 0
         while position < len(data):
             if position + RECORD.size > len(data):
-                raise self._damaged(place)
+                raise self._damaged(chunk)
             opcode, length = RECORD.unpack_from(data, position)
             position += RECORD.size
             if position + length > len(data):
-                raise self._damaged(place)
+                raise self._damaged(chunk)
             if opcode == Opcode.MESSAGE:
                 if length < MESSAGE.size:
-                    raise self._damaged(place)
+                    raise self._damaged(chunk)
                 channel, _, log_time, _ = MESSAGE.unpack_from(data, position)
                 yield StoredMessage(channel, log_time, data[position + MESSAGE.size : position + length])
             position += length
@@ -161,7 +155,7 @@ class Container:
             self._file.close()
 
     def read(self, offset: int, length: int) -> bytes:
-        """Return bytes of the file, fewer at its end."""
+        """Return bytes of the file, fewer at its end; StorageError."""
         try:
             with self._lock:
                 if self._file.closed:
@@ -174,11 +168,11 @@ class Container:
     def _check_magic(self) -> None:
         if self.size == 0:
             raise DamagedError(f"{self.path}: is empty")
-        if not self.has_magic and not self.is_finished:  # an index that fits its checksum is proof enough
+        if not self.has_magic and not self.is_finished:  # an intact index is proof enough
             raise DamagedError(f"{self.path}: is not an MCAP file (its first bytes are not MCAP's)")
 
     def _find_summary(self) -> tuple[int, int]:
-        """Return start and end of the summary, or zeros where the file has none that is intact."""
+        """Return start and end of the summary; zeros if there is no intact summary."""
         nothing = (0, 0)
         stop = self.size - FOOTER.size - len(MAGIC)
         if stop < len(MAGIC):
@@ -190,12 +184,12 @@ class Container:
         return (start, stop) if zlib.crc32(self.read(start, stop - start + FOOTER.size - 4)) == crc else nothing
 
     def records(self) -> Iterator[Record]:
-        """Yield the records up to the end of the data; where they break off, on from the next that the index names."""
-        return self._records(self._named)
+        """Yield the records of the data section; after damage, from the next record that the index lists."""
+        return self._records(self._indexed_offsets)
 
-    def _records(self, named: Sequence[int]) -> Iterator[Record]:
-        """Yield records from the start on; `named` are places where one is known to begin, in order."""
-        ahead = deque(named)
+    def _records(self, known_offsets: Sequence[int]) -> Iterator[Record]:
+        """Yield records from the start on; `known_offsets`, sorted, are where to continue after damage."""
+        ahead = deque(known_offsets)
         offset = len(MAGIC)
         while True:
             while ahead and ahead[0] <= offset:
@@ -210,24 +204,24 @@ class Container:
                 return
 
     def _record_at(self, offset: int, stop: int) -> Record | None:
-        """Return the record of the data that begins here, None where there is none that ends before `stop`."""
+        """Return the record at an offset; None if there is none, or it would reach beyond `stop`."""
         head = self.read(offset, RECORD.size + Record.PEEK)
         if len(head) < RECORD.size:
             return None
         opcode, length = RECORD.unpack_from(head)
-        if opcode in (0, Opcode.DATA_END) or offset + RECORD.size + length > stop:  # 0: a file system's filling
+        if opcode in (0, Opcode.DATA_END) or offset + RECORD.size + length > stop:  # 0: zeros of allocated space
             return None
         return Record(opcode, offset + RECORD.size, length, head[RECORD.size :])
 
     @cached_property
-    def _named(self) -> list[int]:
-        """Where the records begin that the index names."""
+    def _indexed_offsets(self) -> list[int]:
+        """Sorted offsets of the records that the index lists."""
         if not self.is_finished:
             return []
-        places = [place.offset - RECORD.size for place in self.chunks]
-        for kind in (Opcode.METADATA_INDEX, Opcode.ATTACHMENT_INDEX):
-            places += [int.from_bytes(content[:8], "little") for content in self.summary(kind)]
-        return sorted(places)
+        offsets = [chunk.offset - RECORD.size for chunk in self.chunks]
+        for opcode in (Opcode.METADATA_INDEX, Opcode.ATTACHMENT_INDEX):
+            offsets += [int.from_bytes(content[:8], "little") for content in self.summary(opcode)]
+        return sorted(offsets)
 
     def _metadata_at_start(self) -> Iterator[tuple[int, int]]:
         for record in self._records([]):
@@ -238,7 +232,7 @@ class Container:
 
     @cached_property
     def _walk(self) -> tuple[list[tuple[int, int]], ChunkTable]:
-        """Places of metadata, and chunks, found by walking the records."""
+        """Metadata locations and chunks, found by reading the records one after another."""
         metadata, chunks, channels = [], list[Record](), list[set[int]]()
         for record in self.records():
             if record.opcode == Opcode.METADATA:
@@ -249,8 +243,8 @@ class Container:
             elif record.opcode == Opcode.MESSAGE_INDEX and channels:
                 channels[-1].add(int.from_bytes(record.peek[:2], "little"))
         if channels:
-            channels[-1].clear()  # what the last chunk holds is not known: its index may be cut
-        return metadata, ChunkTable.of(
+            channels[-1].clear()  # unknown for the last chunk: its index may be cut off
+        return metadata, ChunkTable.from_locations(
             ChunkLocation(chunk.offset, chunk.length, int.from_bytes(chunk.peek, "little"), frozenset(indexed) or None)
             for chunk, indexed in zip(chunks, channels, strict=True)
         )
@@ -261,7 +255,7 @@ class Container:
             yield offset + RECORD.size, length - RECORD.size
 
     def summary(self, wanted: Opcode) -> Iterator[bytes]:
-        """Yield the contents of the summary's records of one kind; its CRC has been checked."""
+        """Yield the contents of the summary's records with this opcode."""
         data = self.read(self._summary_start, self._summary_stop - self._summary_start)
         position = 0
         while position < len(data):
@@ -272,8 +266,8 @@ class Container:
             position += length
 
     def metadata_at(self, offset: int, length: int) -> Metadata | None:
-        """Return a metadata record, or None where it cannot be read."""
-        if length > LARGEST_METADATA:
+        """Return the metadata record at an offset; None if it cannot be read."""
+        if length > MAX_METADATA_SIZE:
             return None
         try:
             record: Metadata = Metadata.read(ReadDataStream(BytesIO(self.read(offset, length))))
@@ -281,33 +275,33 @@ class Container:
             return None
         return record
 
-    def _chunk_data(self, place: ChunkLocation) -> bytes:
+    def _chunk_data(self, chunk: ChunkLocation) -> bytes:
         """Return the uncompressed records of a chunk."""
         try:
-            chunk = Chunk.read(ReadDataStream(BytesIO(self.read(place.offset, place.length))))
-            data = self._uncompressed(place, chunk)
+            record = Chunk.read(ReadDataStream(BytesIO(self.read(chunk.offset, chunk.length))))
+            data = self._uncompressed(chunk, record)
         except (McapError, struct.error, UnicodeDecodeError, zstandard.ZstdError) as error:
-            raise self._damaged(place) from error
-        if len(data) != chunk.uncompressed_size or zlib.crc32(data) != chunk.uncompressed_crc:
-            raise self._damaged(place)
+            raise self._damaged(chunk) from error
+        if len(data) != record.uncompressed_size or zlib.crc32(data) != record.uncompressed_crc:
+            raise self._damaged(chunk)
         return data
 
-    def _uncompressed(self, place: ChunkLocation, chunk: Chunk) -> bytes:
-        if chunk.compression == "":
-            return chunk.data
-        if chunk.compression != "zstd":
-            raise DamagedError(f"{self.path}: a chunk is compressed as {chunk.compression!r}, expected zstd or nothing")
-        declared = zstandard.frame_content_size(chunk.data)  # -1 where whoever rewrote the file left it out
-        if declared not in (-1, chunk.uncompressed_size) or chunk.uncompressed_size > LARGEST_CHUNK:
-            raise self._damaged(place)
-        return zstandard.decompress(chunk.data, max_output_size=chunk.uncompressed_size)
+    def _uncompressed(self, chunk: ChunkLocation, record: Chunk) -> bytes:
+        if record.compression == "":
+            return record.data
+        if record.compression != "zstd":
+            raise DamagedError(f"{self.path}: a chunk is compressed with {record.compression!r}, expected zstd")
+        declared = zstandard.frame_content_size(record.data)  # -1: omitted by another program that rewrote the file
+        if declared not in (-1, record.uncompressed_size) or record.uncompressed_size > MAX_CHUNK_SIZE:
+            raise self._damaged(chunk)
+        return zstandard.decompress(record.data, max_output_size=record.uncompressed_size)
 
-    def _damaged(self, place: ChunkLocation) -> DamagedError:
-        return DamagedError(f"{self.path}: the {place.length} bytes from byte {place.offset} on are damaged")
+    def _damaged(self, chunk: ChunkLocation) -> DamagedError:
+        return DamagedError(f"{self.path}: the {chunk.length} bytes from byte {chunk.offset} on are damaged")
 
 
 def has_end_magic(path: Path) -> bool:
-    """Return whether a file ends as a finished MCAP file does."""
+    """Return whether a file ends with MCAP's magic bytes, as finished files do."""
     try:
         with path.open("rb") as file:
             file.seek(-len(MAGIC), os.SEEK_END)

@@ -1,7 +1,4 @@
-"""A run's header as a JSON document and back, bit for bit: SI values, the unit in every name.
-
-A part of a JSON document that is read key by key, so that a fault can be named.
-"""
+"""Conversion of a run's header to JSON and back, bit for bit: SI values, the unit in every key."""
 
 import math
 from collections.abc import Mapping
@@ -30,14 +27,14 @@ Choice = TypeVar("Choice", bound=StrEnum)
 
 @dataclass(frozen=True, slots=True)
 class Section:
-    """A group of values and where it stands; what is missing or of another kind is a DamagedError.
+    """A JSON object and its path; a missing key or a value of another type raises a DamagedError that names it.
 
     Parameters
     ----------
     where : str
-        Its place, as "header.acquisition".
+        Path of the object, as "header.acquisition".
     values : mapping of str to object
-        What it holds.
+        Its values.
     """
 
     where: str
@@ -45,43 +42,43 @@ class Section:
 
     def __post_init__(self) -> None:
         if not isinstance(self.values, Mapping):
-            raise DamagedError(f"{self.where}: {self.values!r}, expected a group of values")
+            raise DamagedError(f"{self.where}: {self.values!r}, expected an object")
 
     def has(self, key: str) -> bool:
-        """Whether there is such a key."""
+        """Return whether the key exists."""
         return key in self.values
 
     def is_null(self, key: str) -> bool:
-        """Whether the value is given as none."""
+        """Return whether the value is null."""
         return self._get(key) is None
 
     def section(self, key: str) -> Self:
-        """Return the group of this key."""
+        """Return the object of this key."""
         return type(self)(f"{self.where}.{key}", self._get(key))
 
     def sections(self, key: str) -> list[Self]:
-        """Return the groups of a list."""
+        """Return the objects of a list."""
         return [type(self)(f"{self.where}.{key}[{k}]", value) for k, value in enumerate(self._list(key))]
 
     def text(self, key: str) -> str:
-        """Return a text."""
+        """Return a string."""
         value = self._get(key)
         if not isinstance(value, str):
-            raise self._wrong(key, value, "a text")
+            raise self._wrong(key, value, "a string")
         return value
 
-    def flag(self, key: str) -> bool:
-        """Return true or false."""
+    def boolean(self, key: str) -> bool:
+        """Return a boolean."""
         value = self._get(key)
         if not isinstance(value, bool):
             raise self._wrong(key, value, "true or false")
         return value
 
-    def whole(self, key: str) -> int:
-        """Return a whole number."""
+    def integer(self, key: str) -> int:
+        """Return an integer."""
         value = self._get(key)
         if not isinstance(value, int) or isinstance(value, bool):
-            raise self._wrong(key, value, "a whole number")
+            raise self._wrong(key, value, "an integer")
         return value
 
     def number(self, key: str) -> float:
@@ -89,16 +86,16 @@ class Section:
         return self._number(key, self._get(key))
 
     def numbers(self, key: str) -> tuple[float, ...]:
-        """Return the numbers of a list."""
+        """Return a list of numbers."""
         return tuple(self._number(key, value) for value in self._list(key))
 
-    def choice(self, key: str, kind: type[Choice]) -> Choice:
-        """Return one of a kind's values."""
+    def choice(self, key: str, choices: type[Choice]) -> Choice:
+        """Return a member of an enumeration."""
         value = self.text(key)
         try:
-            return kind(value)
+            return choices(value)
         except ValueError:
-            raise self._wrong(key, value, "one of " + ", ".join(kind)) from None
+            raise self._wrong(key, value, "one of " + ", ".join(choices)) from None
 
     def _get(self, key: str) -> Any:
         if key not in self.values:
@@ -120,9 +117,9 @@ class Section:
         return DamagedError(f"{self.where}.{key}: {value!r}, expected {expected}")
 
 
-Document = dict[str, Any]
+Json = dict[str, Any]
 
-_WATCHED = {  # limits that are missing where they are not watched
+_OPTIONAL_LIMITS = {  # missing if not monitored
     "order_1x_peak_alarm_m": "order_1x_alarm",
     "order_1x_peak_danger_m": "order_1x_danger",
     "below_1x_peak_alarm_m": "below_1x_alarm",
@@ -132,22 +129,22 @@ _WATCHED = {  # limits that are missing where they are not watched
 }
 
 
-def header_to_json(header: RunHeader) -> Document:
-    """Return all of a header as a document that JSON can hold."""
+def header_to_json(header: RunHeader) -> Json:
+    """Return a header as a JSON object."""
     return {
         "run": header.run,
         "rig": header.rig,
         "started_ns": header.started_ns,
         "program": header.program,
         "note": header.note,
-        "acquisition": _acquisition_document(header.acquisition),
+        "acquisition": _acquisition_to_json(header.acquisition),
         "analysis": {
             "update_interval_s": header.settings.update_interval,
             "revolutions": header.settings.revolutions,
             "points_per_revolution": header.settings.points_per_revolution,
             "highest_order": header.settings.highest_order,
             "orbit_revolutions": header.settings.orbit_revolutions,
-            "runout": _runout_document(header.settings.runout),
+            "runout": _runout_to_json(header.settings.runout),
         },
         "limits": {
             "peak_to_peak_alarm_m": header.limits.peak_to_peak_alarm,
@@ -157,14 +154,18 @@ def header_to_json(header: RunHeader) -> Document:
             "hysteresis_fraction": header.limits.hysteresis,
             "hold_s": header.limits.hold,
             "latch": header.limits.latch,
-            **{key: limit for key, name in _WATCHED.items() if math.isfinite(limit := getattr(header.limits, name))},
+            **{
+                key: limit
+                for key, name in _OPTIONAL_LIMITS.items()
+                if math.isfinite(limit := getattr(header.limits, name))
+            },
         },
         "config_toml": header.config_toml,
     }
 
 
-def calibration_to_json(calibration: Calibration) -> Document:
-    """Return a probe's calibration: gap in metres = sum of gap_m_per_v_to_k[k] * volts**k."""
+def calibration_to_json(calibration: Calibration) -> Json:
+    """Return a probe's calibration as a JSON object: gap in metres = sum of gap_m_per_v_to_k[k] * volts**k."""
     return {
         "gap_m_per_v_to_k": list(calibration.coefficients),
         "volts_low_v": calibration.volts_low,
@@ -179,20 +180,20 @@ def calibration_to_json(calibration: Calibration) -> Document:
 
 
 def header_from_json(document: Mapping[str, Any]) -> RunHeader:
-    """Return the header that a document holds; DamagedError names the key that is missing or wrong."""
+    """Return the header of a JSON object; DamagedError names the key that is missing or wrong."""
     top = Section("header", document)
     analysis, limits = top.section("analysis"), top.section("limits")
     return RunHeader(
         run=top.text("run"),
         rig=top.text("rig"),
-        started_ns=top.whole("started_ns"),
+        started_ns=top.integer("started_ns"),
         acquisition=_acquisition(top.section("acquisition")),
         settings=AnalysisSettings(
             update_interval=analysis.number("update_interval_s"),
-            revolutions=analysis.whole("revolutions"),
-            points_per_revolution=analysis.whole("points_per_revolution"),
+            revolutions=analysis.integer("revolutions"),
+            points_per_revolution=analysis.integer("points_per_revolution"),
             highest_order=analysis.number("highest_order"),
-            orbit_revolutions=analysis.whole("orbit_revolutions"),
+            orbit_revolutions=analysis.integer("orbit_revolutions"),
             runout=_runout(analysis.section("runout")) if analysis.has("runout") else RunOutSettings(),
         ),
         limits=_limits(limits),
@@ -202,7 +203,7 @@ def header_from_json(document: Mapping[str, Any]) -> RunHeader:
     )
 
 
-def _runout_document(runout: RunOutSettings) -> Document:
+def _runout_to_json(runout: RunOutSettings) -> Json:
     return {
         "slow_roll_speed_rad_per_s": runout.slow_roll_speed,
         "vectors": [
@@ -221,7 +222,7 @@ def _runout(section: Section) -> RunOutSettings:
         slow_roll_speed=section.number("slow_roll_speed_rad_per_s"),
         vectors=tuple(
             (
-                vector.whole("order"),
+                vector.integer("order"),
                 complex(vector.number("x_real_m"), vector.number("x_imag_m")),
                 complex(vector.number("y_real_m"), vector.number("y_imag_m")),
             )
@@ -229,7 +230,7 @@ def _runout(section: Section) -> RunOutSettings:
         ),
         sigma=(sigma_1x, sigma_2x),
         source=section.text("source"),
-        from_orbit=section.flag("from_orbit"),
+        from_orbit=section.boolean("from_orbit"),
     )
 
 
@@ -240,18 +241,18 @@ def _limits(section: Section) -> Limits:
         clearance=section.number("clearance_m"),
         speed=section.number("speed_rad_per_s"),
     )
-    if not section.has("hold_s"):  # an older file: alarms as they are by default
+    if not section.has("hold_s"):  # an older file: the defaults of alarms
         return known
     return replace(
         known,
         hysteresis=section.number("hysteresis_fraction"),
         hold=section.number("hold_s"),
-        latch=section.flag("latch"),
-        **{name: section.number(key) for key, name in _WATCHED.items() if section.has(key)},
+        latch=section.boolean("latch"),
+        **{name: section.number(key) for key, name in _OPTIONAL_LIMITS.items() if section.has(key)},
     )
 
 
-def _acquisition_document(acquisition: Acquisition) -> Document:
+def _acquisition_to_json(acquisition: Acquisition) -> Json:
     device, tacho = acquisition.device, acquisition.tacho
     return {
         "device": {
@@ -264,7 +265,7 @@ def _acquisition_document(acquisition: Acquisition) -> Document:
         "rate_hz": acquisition.rate,
         "convert_rate_hz": acquisition.convert_rate,
         "buffer_samples": acquisition.buffer,
-        "channels": [_channel_document(channel) for channel in acquisition.channels],
+        "channels": [_channel_to_json(channel) for channel in acquisition.channels],
         "tacho": {
             "threshold_v": tacho.threshold,
             "hysteresis_v": tacho.hysteresis,
@@ -274,11 +275,11 @@ def _acquisition_document(acquisition: Acquisition) -> Document:
             "response_time_s": tacho.response_time,
             "delay_s": tacho.delay,
         }
-        | ({} if tacho.counter is None else {"counter": _counter_document(tacho.counter)}),
+        | ({} if tacho.counter is None else {"counter": _counter_to_json(tacho.counter)}),
     }
 
 
-def _counter_document(counter: TachoCounter) -> Document:
+def _counter_to_json(counter: TachoCounter) -> Json:
     return {
         "counter": counter.counter,
         "terminal": counter.terminal,
@@ -289,7 +290,7 @@ def _counter_document(counter: TachoCounter) -> Document:
     }
 
 
-def _channel_document(channel: Channel) -> Document:
+def _channel_to_json(channel: Channel) -> Json:
     return {
         "name": channel.name,
         "role": channel.role.value,
@@ -312,7 +313,7 @@ def _acquisition(section: Section) -> Acquisition:
             product=device.text("product"),
             serial=device.text("serial"),
             driver=device.text("driver"),
-            simulated=device.flag("simulated"),
+            simulated=device.boolean("simulated"),
         ),
         rate=section.number("rate_hz"),
         convert_rate=section.number("convert_rate_hz"),
@@ -321,13 +322,13 @@ def _acquisition(section: Section) -> Acquisition:
             threshold=tacho.number("threshold_v"),
             hysteresis=tacho.number("hysteresis_v"),
             edge=tacho.choice("edge", Edge),
-            pulses_per_revolution=tacho.whole("pulses_per_revolution"),
+            pulses_per_revolution=tacho.integer("pulses_per_revolution"),
             mark_fraction=tacho.number("mark_fraction"),
             response_time=tacho.number("response_time_s"),
             delay=tacho.number("delay_s"),
             counter=_counter(tacho.section("counter")) if tacho.has("counter") else None,
         ),
-        buffer=section.whole("buffer_samples") if section.has("buffer_samples") else 0,  # older files do not tell
+        buffer=section.integer("buffer_samples") if section.has("buffer_samples") else 0,  # missing in older files
     )
 
 
@@ -337,7 +338,7 @@ def _counter(section: Section) -> TachoCounter:
         terminal=section.text("terminal"),
         edge=section.choice("edge", Edge),
         timebase=section.number("timebase_hz"),
-        is_reference=section.flag("is_reference"),
+        is_reference=section.boolean("is_reference"),
         max_difference=section.number("agreement_s"),
     )
 
@@ -373,5 +374,5 @@ def _calibration(section: Section) -> Calibration:
 
 
 def _finite(value: float) -> float | None:
-    """Return the value, or None for an open end: JSON has no infinity."""
+    """Return the value, or None for infinity, which JSON cannot represent."""
     return value if math.isfinite(value) else None

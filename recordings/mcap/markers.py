@@ -1,42 +1,43 @@
-"""Moments that somebody named while a run was recorded, alarms that came, and who took note of them."""
+"""Markers of a run: notes at a time, added by the operator or by alarms and their acknowledgement."""
 
 from dataclasses import dataclass
 from enum import StrEnum
 
 from analysis.signals.header import RunHeader
-from recordings.mcap.layout import MARK, sample_time_ns
+from recordings.mcap.layout import MARKER, sample_time_ns
 from recordings.mcap.messages import parse_message
 from recordings.mcap.results import EncodedResult
 from recordings.mcap.schema import rig_pb2
 
 MAX_MARKER_LENGTH = 200
-"""A marker's text is cut off after so many."""
+"""Characters; longer texts are cut off."""
 
 
 class MarkerKind(StrEnum):
-    """Why a moment is marked."""
+    """Origin of a marker."""
 
-    WORD = "word"  # somebody named it
-    ALARM = "alarm"  # a limit had been passed for long enough
-    ACKNOWLEDGED = "acknowledged"  # somebody took note of the alarms up to then
+    WORD = "word"  # a note by the operator
+    ALARM = "alarm"  # a limit was exceeded for the alarm's hold time
+    ACKNOWLEDGED = "acknowledged"  # the operator acknowledged the alarms up to here
 
 
 @dataclass(frozen=True, slots=True)
 class Marker:
-    """A moment and its name.
+    """A note at a sample of a run.
 
     Parameters
     ----------
     segment : int
-        The segment in which it lies.
+        Segment of the run.
     sample : int
-        Samples per channel that were recorded of the segment when it came: right within a block and the card's backlog.
+        Samples per channel of the segment that had been recorded when the marker was added: accurate to one block and
+        the card's backlog.
     text : str
-        Its name.
+        The note.
     host_time_ns : int
-        Wall clock of the host when it came, ns since 1970.
+        The host's wall clock when the marker was added, ns since 1970.
     kind : MarkerKind
-        Why it is marked.
+        Origin.
     """
 
     segment: int
@@ -47,7 +48,7 @@ class Marker:
 
 
 def encode_marker(marker: Marker, header: RunHeader) -> EncodedResult:
-    """Return the message that keeps a marker."""
+    """Return a marker as a message for the run's file."""
     rate = header.acquisition.rate
     message = rig_pb2.Mark(
         segment=marker.segment,
@@ -58,11 +59,11 @@ def encode_marker(marker: Marker, header: RunHeader) -> EncodedResult:
         kind=marker.kind.value,
     )
     log_time_ns = header.started_ns + sample_time_ns(marker.sample, rate)
-    return EncodedResult(MARK, log_time_ns, message.SerializeToString(), marker.segment)
+    return EncodedResult(MARKER, log_time_ns, message.SerializeToString(), marker.segment)
 
 
 def decode_marker(data: bytes) -> Marker:
-    """Return the marker of a message; ValueError where the bytes are none."""
+    """Return the marker of a serialised message; ValueError."""
     message = parse_message(rig_pb2.Mark(), data)
     kind = MarkerKind(message.kind or MarkerKind.WORD)
     return Marker(message.segment, message.sample, message.text, message.host_time_ns, kind)

@@ -1,8 +1,6 @@
-"""Blocks and segment ends as the bytes of their messages, and the definitions that go into every file.
+"""Encoding and decoding of sample blocks, segment ends and counter pulses; the message definitions of a file."""
 
-How a block's codes become bytes that compress well: differences, folded to small numbers, low bytes first.
-"""
-
+from dataclasses import replace
 from typing import TypeVar
 
 import numpy as np
@@ -11,6 +9,7 @@ from google.protobuf.message import DecodeError
 from numpy.typing import NDArray
 
 from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd
+from analysis.signals.header import Acquisition
 from recordings.mcap.schema import rig_pb2
 from recordings.mcap.schema.rig_pb2 import CODEC_DELTA_SHUFFLE, CODEC_INT16
 
@@ -18,7 +17,10 @@ BYTES_PER_CODE = 2
 
 
 def pack_codes(codes: NDArray[np.int16]) -> bytes:
-    """Return the codes as CODEC_DELTA_SHUFFLE bytes.
+    """Return the codes as CODEC_DELTA_SHUFFLE bytes, which compress well.
+
+    Differences along each channel are folded (0, -1, 1, -2 … to 0, 1, 2, 3 …), so that small changes of either sign
+    become small numbers; then come all low bytes, then all high bytes, which are nearly all zero.
 
     Parameters
     ----------
@@ -35,7 +37,7 @@ def pack_codes(codes: NDArray[np.int16]) -> bytes:
     folded[:, 1:] -= values[:, :-1]  # differences modulo 65536
     signs = np.negative(folded >> np.uint16(15))
     folded <<= np.uint16(1)
-    folded ^= signs  # 0, -1, 1, -2 … become 0, 1, 2, 3 …
+    folded ^= signs
     planes = np.empty((BYTES_PER_CODE, *codes.shape), dtype=np.uint8)
     planes[0] = folded & np.uint16(0xFF)
     planes[1] = folded >> np.uint16(8)
@@ -43,7 +45,7 @@ def pack_codes(codes: NDArray[np.int16]) -> bytes:
 
 
 def unpack_codes(data: bytes, codec: int, n_channels: int, n_samples: int) -> NDArray[np.int16]:
-    """Return the codes that `pack` (or a writer of plain int16) made into bytes.
+    """Return the codes from the bytes of `pack_codes` or of plain int16.
 
     Parameters
     ----------
@@ -62,7 +64,7 @@ def unpack_codes(data: bytes, codec: int, n_channels: int, n_samples: int) -> ND
     Raises
     ------
     ValueError
-        Where the codec is not known or the number of bytes does not fit the shape.
+        If the codec is unknown, or the number of bytes does not fit the shape.
     """
     expected = BYTES_PER_CODE * n_channels * n_samples
     if len(data) != expected:
@@ -73,9 +75,8 @@ def unpack_codes(data: bytes, codec: int, n_channels: int, n_samples: int) -> ND
     if codec != CODEC_DELTA_SHUFFLE:
         raise ValueError(f"codec: {codec}, expected {CODEC_INT16} or {CODEC_DELTA_SHUFFLE}")
     low, high = np.frombuffer(data, dtype=np.uint8).reshape(BYTES_PER_CODE, *shape)
-    deltas = high.astype(
-        np.uint16
-    )  # folded as yet; arithmetic on whole planes is four times as fast as shuffling bytes
+    # still folded; arithmetic on whole planes is four times as fast as shuffling bytes
+    deltas = high.astype(np.uint16)
     deltas <<= np.uint16(8)
     deltas |= low
     is_odd = deltas & np.uint16(1)
@@ -96,7 +97,7 @@ Message = TypeVar(
 
 
 def parse_message(message: Message, data: bytes) -> Message:
-    """Fill an empty message from bytes and return it; ValueError where the bytes are none."""
+    """Parse bytes into an empty message and return it; ValueError if the bytes are not such a message."""
     try:
         message.ParseFromString(data)
     except DecodeError as error:
@@ -105,14 +106,14 @@ def parse_message(message: Message, data: bytes) -> Message:
 
 
 def message_definitions() -> bytes:
-    """Return the definitions of all messages as a serialised FileDescriptorSet."""
+    """Return the definitions of all message types as a serialised FileDescriptorSet."""
     files = FileDescriptorSet()
     rig_pb2.DESCRIPTOR.CopyToProto(files.file.add())
     return files.SerializeToString(deterministic=True)
 
 
 def encode_block(block: SampleBlock) -> bytes:
-    """Return the message of a block."""
+    """Return a block as a serialised message."""
     message = rig_pb2.SampleBlock(
         segment=block.segment,
         first_sample=block.first_sample,
@@ -127,20 +128,20 @@ def encode_block(block: SampleBlock) -> bytes:
 
 
 def decode_block(data: bytes) -> SampleBlock:
-    """Return the block of a message; ValueError where the bytes are none."""
+    """Return the block of a serialised message; ValueError."""
     message = parse_message(rig_pb2.SampleBlock(), data)
     codes = unpack_codes(message.codes, message.codec, message.channels, message.samples)
     return SampleBlock(codes, message.segment, message.first_sample, message.host_time_ns, message.backlog)
 
 
 def block_span(data: bytes) -> tuple[int, int]:
-    """Return the segment of a block's message and the index one past its last sample, without unpacking the codes."""
+    """Return segment and end (one past the last sample) of a serialised block, without unpacking the codes."""
     message = parse_message(rig_pb2.SampleBlock(), data)
     return message.segment, message.first_sample + message.samples
 
 
 def encode_segment_end(end: SegmentEnd) -> bytes:
-    """Return the message of a segment's end."""
+    """Return a segment end as a serialised message."""
     message = rig_pb2.SegmentEnd(
         segment=end.segment,
         samples=end.samples,
@@ -153,8 +154,82 @@ def encode_segment_end(end: SegmentEnd) -> bytes:
 
 
 def decode_segment_end(data: bytes) -> SegmentEnd:
-    """Return the segment's end of a message; ValueError where the bytes are none."""
+    """Return the segment end of a serialised message; ValueError."""
     message = parse_message(rig_pb2.SegmentEnd(), data)
     return SegmentEnd(
         message.segment, message.samples, EndReason(message.reason), message.lost, message.lost_is_exact, message.detail
     )
+
+
+class PulseEncoder:
+    """Encoder of the counter's pulse messages, which numbers the pulses of each segment.
+
+    Parameters
+    ----------
+    acquisition : Acquisition
+        Whether there is a counter.
+    """
+
+    def __init__(self, acquisition: Acquisition) -> None:
+        self._has_counter = acquisition.tacho.counter is not None
+        self._segment = -1
+        self._next, self._has_failed = 0, False
+        self.count = 0
+        """Pulses in all messages."""
+
+    def encode(self, block: SampleBlock) -> bytes | None:
+        """Return the message that precedes a block's; None without a counter, without pulses, or after a failure."""
+        if block.segment != self._segment:
+            self._segment, self._next, self._has_failed = block.segment, 0, False
+        if not self._has_counter or self._has_failed:
+            return None
+        if block.ticks is None:
+            self._has_failed = True
+        elif block.ticks.size == 0:
+            return None
+        ticks = [] if block.ticks is None else block.ticks.tolist()
+        message = rig_pb2.Pulses(
+            segment=block.segment,
+            first_sample=block.first_sample,
+            first_pulse=self._next,
+            ticks=ticks,
+            has_failed=self._has_failed,
+        )
+        self._next += len(ticks)
+        self.count += len(ticks)
+        return message.SerializeToString()
+
+
+class PulseMerger:
+    """Adds the counter's pulses to the blocks of a file.
+
+    Parameters
+    ----------
+    acquisition : Acquisition
+        Whether there was a counter.
+    """
+
+    def __init__(self, acquisition: Acquisition) -> None:
+        self._has_counter = acquisition.tacho.counter is not None
+        self._pending: dict[tuple[int, int], rig_pb2.Pulses] = {}
+        self._failed_segment = -1
+
+    def add_pulses(self, data: bytes) -> None:
+        """Take a serialised pulse message; ValueError."""
+        message = parse_message(rig_pb2.Pulses(), data)
+        self._pending[message.segment, message.first_sample] = message
+
+    def merge(self, block: SampleBlock) -> SampleBlock:
+        """Return a block with its pulses, whose message must have been taken before."""
+        if not self._has_counter:
+            return block
+        key = (block.segment, block.first_sample)
+        message = self._pending.get(key)
+        # messages of earlier blocks stay only if those blocks were damaged
+        self._pending = {later: pending for later, pending in self._pending.items() if later > key}
+        if message is not None and message.has_failed:
+            self._failed_segment = block.segment
+        if block.segment == self._failed_segment:
+            return block
+        ticks = np.array([] if message is None else message.ticks, dtype=np.int64)
+        return replace(block, ticks=ticks)

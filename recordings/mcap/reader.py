@@ -1,4 +1,4 @@
-"""Reading a run's file, finished or cut short."""
+"""Reading run files, finished or cut short: header, samples, pulses, markers and recorded results."""
 
 from collections.abc import Iterator
 from contextlib import suppress
@@ -20,37 +20,34 @@ from recordings.mcap.layout import (
     CHANNEL_IDS,
     END_RECORD,
     FEATURES,
-    MARK,
+    MARKER,
     NANOSECONDS,
     ORDER_FRAME,
     PULSES,
     SAMPLES,
     SEGMENT_END,
-    Sequence,
-    cut_end,
     decode_metadata,
     sample_time_ns,
 )
 from recordings.mcap.markers import Marker, decode_marker
-from recordings.mcap.messages import block_span, decode_block, decode_segment_end, parse_message
-from recordings.mcap.pulses import PulseMerger
+from recordings.mcap.messages import PulseMerger, block_span, decode_block, decode_segment_end, parse_message
 from recordings.mcap.results import decode_snapshot
-from recordings.mcap.salvage import read_header
+from recordings.mcap.salvage import SequenceFilter, cut_end, read_header
 from recordings.mcap.schema import rig_pb2
 
 SAMPLE_CHANNEL = frozenset({CHANNEL_IDS[SAMPLES]})
 END_CHANNEL = frozenset({CHANNEL_IDS[SEGMENT_END]})
 PULSE_CHANNEL = frozenset({CHANNEL_IDS[PULSES]})
-LATEST = 1.0  # s by which a stamp may come later than the sample that it belongs to
-MARKER_CHANNEL = frozenset({CHANNEL_IDS[MARK]})
-MARKERS_LEAD_NS = 2 * NANOSECONDS  # by which a marker may be earlier than the results that share its chunk
+MAX_PULSE_DELAY = 1.0  # s by which a pulse may be read later than the sample at its time
+MARKER_CHANNEL = frozenset({CHANNEL_IDS[MARKER]})
+MARKERS_LEAD_NS = 2 * NANOSECONDS  # by which a marker may precede the results in its chunk
 RESULT_CHANNELS = frozenset({CHANNEL_IDS[FEATURES], CHANNEL_IDS[ORDER_FRAME]})
 
 
 class RunReader:
-    """A recorded run. It may be used from several threads; each iterator by one.
+    """A recorded run, safe for several threads (each iterator for one).
 
-    A file that was cut short (its writer killed, the disk full, still being written) opens as far as it goes: its last
+    A file that is cut short (its writer killed, the disk full, still being written) is read as far as it goes; its last
     segment then ends with `EndReason.CUT`.
 
     Parameters
@@ -61,13 +58,13 @@ class RunReader:
     Raises
     ------
     NotFoundError
-        Where there is no such file.
+        If there is no such file.
     DamagedError
-        Where it is empty, not MCAP, or cut before the first samples.
+        If it is empty, not MCAP, or cut before the first samples.
     UnknownFormatError
-        Where it is no run or of a format version that is not known here.
+        If it is no run, or of a format version that this program does not read.
     StorageError
-        Where it cannot be read.
+        If it cannot be read.
     """
 
     def __init__(self, path: Path) -> None:
@@ -90,7 +87,7 @@ class RunReader:
 
     @property
     def segment_ends(self) -> tuple[SegmentEnd, ...]:
-        """How each segment ended, in order."""
+        """End of each segment, in order."""
         return self._ends
 
     @property
@@ -115,48 +112,48 @@ class RunReader:
 
     @property
     def skipped_samples(self) -> int:
-        """Samples per channel that the live analysis skipped; the results in the file lack them, the samples do not."""
+        """Samples per channel that the live analysis skipped: their results are missing, the samples are not."""
         return self._skipped_samples
 
     @property
     def delivery(self) -> DeliveryStatistics:
-        """How the samples came from the device; nothing is known of that where the run was not finished."""
+        """Statistics of the transfer from the device; empty if the run was not finished."""
         return self._delivery
 
     def segment_started_ns(self, segment: int) -> int:
-        """Return when a segment began by sample time, ns since 1970; ValueError where there is none of this number."""
+        """Return the start of a segment by sample time, ns since 1970; ValueError if there is no such segment."""
         if segment not in self._starts_ns:
             raise ValueError(f"segment: {segment}, expected one of {sorted(self._starts_ns)}")
         return self._starts_ns[segment]
 
     def items(self) -> Iterator[SourceItem]:
-        """Yield blocks as recorded, each segment followed by its end.
+        """Yield the recorded blocks, each segment followed by its end.
 
-        Where the file is damaged inside a segment, the rest of that segment is left out, and its end says so.
+        After damage, the rest of the segment is left out and its end counts it as lost.
         """
-        sequence = Sequence({end.segment: end for end in self._ends})
-        join = PulseMerger(self.header.acquisition)
+        sequence = SequenceFilter({end.segment: end for end in self._ends})
+        merger = PulseMerger(self.header.acquisition)
         for message in self._messages(SAMPLE_CHANNEL | END_CHANNEL | PULSE_CHANNEL):
             if message.channel in SAMPLE_CHANNEL:
-                with suppress(ValueError):  # a message that does not say what it should is as good as lost
-                    yield from sequence.block(join.block(self._block(message.data)))
+                with suppress(ValueError):  # an invalid message counts as lost
+                    yield from sequence.add_block(merger.merge(self._block(message.data)))
             elif message.channel in PULSE_CHANNEL:
                 with suppress(ValueError):
-                    join.pulses(message.data)
+                    merger.add_pulses(message.data)
             elif message.channel in END_CHANNEL:
                 with suppress(ValueError):
-                    yield from sequence.segment_end(decode_segment_end(message.data))
+                    yield from sequence.add_segment_end(decode_segment_end(message.data))
         yield from sequence.finish()
 
     def samples(self, segment: int, first: int, stop: int) -> NDArray[np.int16]:
-        """Return the codes of a stretch of a segment.
+        """Return the codes of part of a segment.
 
         Parameters
         ----------
         segment : int
             The segment.
         first, stop : int
-            First sample, and one past the last, in the segment.
+            First sample, and one past the last, as indices in the segment.
 
         Returns
         -------
@@ -166,9 +163,9 @@ class RunReader:
         Raises
         ------
         ValueError
-            Where there are no such samples.
+            If the segment has no such samples.
         DamagedError
-            Where the file is damaged there.
+            If the file is damaged there.
         """
         ends = {end.segment: end for end in self._ends}
         if segment not in ends:
@@ -180,17 +177,17 @@ class RunReader:
         for block in self._blocks_from(segment, first):
             if block.first_sample > filled or filled >= stop:
                 break
-            upto = min(block.end, stop)
-            codes[:, filled - first : upto - first] = block.codes[
-                :, filled - block.first_sample : upto - block.first_sample
+            end = min(block.end, stop)
+            codes[:, filled - first : end - first] = block.codes[
+                :, filled - block.first_sample : end - block.first_sample
             ]
-            filled = upto
+            filled = end
         if filled < stop:
             raise DamagedError(f"{self.path}: segment {segment} is damaged after sample {filled}")
         return codes
 
     def ticks(self, segment: int, first: int, stop: int) -> NDArray[np.int64]:
-        """Return when the tacho's edges came in a stretch of a segment, as a counter stamped them.
+        """Return the times of the tacho's edges in part of a segment, from the card's counter.
 
         Parameters
         ----------
@@ -200,19 +197,19 @@ class RunReader:
         Returns
         -------
         ndarray of int64, shape (n_pulses,)
-            Ticks of the counter's timebase since the segment's first sample, rising; those in damaged places are left
-            out.
+            Ticks of the counter's timebase since the segment's first sample, increasing; pulses in damaged chunks are
+            missing.
         """
         acquisition = self.header.acquisition
         parts = [np.empty(0, np.int64)]
         if segment in self._starts_ns:
             time_ns = self._starts_ns[segment] + sample_time_ns(first, acquisition.rate)
-            first_place = self._container.chunks.last_before(PULSE_CHANNEL, time_ns)
-            for message in self._messages(PULSE_CHANNEL, first_place):
+            first_chunk = self._container.chunks.last_before(PULSE_CHANNEL, time_ns)
+            for message in self._messages(PULSE_CHANNEL, first_chunk):
                 if message.channel in PULSE_CHANNEL:
                     with suppress(ValueError):
                         found = parse_message(rig_pb2.Pulses(), message.data)
-                        if (found.segment, found.first_sample) >= (segment, stop + LATEST * acquisition.rate):
+                        if (found.segment, found.first_sample) >= (segment, stop + MAX_PULSE_DELAY * acquisition.rate):
                             break
                         if found.segment == segment:
                             parts.append(np.array(found.ticks, dtype=np.int64))
@@ -221,7 +218,7 @@ class RunReader:
         return ticks[(ticks >= low) & (ticks < high)]
 
     def markers(self) -> tuple[Marker, ...]:
-        """Return the moments that were named while the run was recorded; those in damaged places are left out."""
+        """Return the markers in time order; those in damaged chunks are missing."""
         markers = []
         for message in self._messages(MARKER_CHANNEL):
             if message.channel in MARKER_CHANNEL:
@@ -230,22 +227,22 @@ class RunReader:
         return tuple(sorted(markers, key=lambda marker: (marker.segment, marker.sample)))
 
     def snapshots(self) -> Iterator[Snapshot]:
-        """Yield the snapshots as recorded, with an empty trace; those in damaged places are left out."""
+        """Yield the recorded snapshots, with an empty trace; those in damaged chunks are missing."""
         return self._snapshots(0)
 
-    def _snapshots(self, first_place: int) -> Iterator[Snapshot]:
+    def _snapshots(self, first_chunk: int) -> Iterator[Snapshot]:
         frame: rig_pb2.OrderFrame | None = None
-        for message in self._messages(RESULT_CHANNELS, first_place):
+        for message in self._messages(RESULT_CHANNELS, first_chunk):
             with suppress(ValueError):  # a result that cannot be read can be computed again
                 if message.channel == CHANNEL_IDS[ORDER_FRAME]:
                     frame = parse_message(rig_pb2.OrderFrame(), message.data)
                 elif message.channel == CHANNEL_IDS[FEATURES]:
                     features = parse_message(rig_pb2.Features(), message.data)
-                    same = frame is not None and (frame.segment, frame.sample) == (features.segment, features.sample)
-                    yield decode_snapshot(features, frame if same else None)
+                    belongs = frame is not None and (frame.segment, frame.sample) == (features.segment, features.sample)
+                    yield decode_snapshot(features, frame if belongs else None)
 
     def snapshot(self, segment: int, sample: int) -> Snapshot | None:
-        """Return the snapshot at a sample as recorded, without reading those before; None where there is none.
+        """Return the recorded snapshot at a sample, without reading those before; None if there is none.
 
         Parameters
         ----------
@@ -264,31 +261,31 @@ class RunReader:
         return None
 
     def close(self) -> None:
-        """Close the file; harmless when closed already."""
+        """Close the file; no effect if closed already."""
         self._container.close()
 
     def _read_header(self) -> RunHeader:
         return read_header(self._container)
 
     def _read_ends(self) -> None:
-        document = self._end_document()
-        self._is_complete = bool(document.get("complete", False))
-        self._skipped_samples = int(document.get("skipped_samples", 0))
+        record = self._end_record()
+        self._is_complete = bool(record.get("complete", False))
+        self._skipped_samples = int(record.get("skipped_samples", 0))
         self._delivery = DeliveryStatistics(
-            _clock_error(document), document.get("largest_backlog_s"), self.header.acquisition.buffer_time
+            _clock_error(record), record.get("largest_backlog_s"), self.header.acquisition.buffer_time
         )
         if self._is_complete:
-            self._ends = tuple(segment_end_from_json(end) for end in document["segments"])
+            self._ends = tuple(segment_end_from_json(end) for end in record["segments"])
         else:
-            self._ends = self._survey()
+            self._ends = self._found_ends()
         self._starts_ns: dict[int, int] = {}
         start_ns = self.header.started_ns
         for end in self._ends:
             self._starts_ns[end.segment] = start_ns
             start_ns += sample_time_ns(end.samples + end.lost, self.header.acquisition.rate)
 
-    def _end_document(self) -> dict[str, Any]:
-        """Return what the run came to, or nothing where it was not finished or that record is damaged."""
+    def _end_record(self) -> dict[str, Any]:
+        """Return the end record; empty if the run was not finished or the record is damaged."""
         entries = self._container.metadata(END_RECORD)
         if not entries or not self._container.is_finished:
             return {}
@@ -297,16 +294,16 @@ class RunReader:
         except DamagedError:
             return {}
 
-    def _survey(self) -> tuple[SegmentEnd, ...]:
-        """Find how far a file goes that was not finished."""
+    def _found_ends(self) -> tuple[SegmentEnd, ...]:
+        """Return the segment ends of a file that was not finished, from its messages."""
         ends = {}
         for message in self._messages(END_CHANNEL):
             if message.channel in END_CHANNEL:
                 with suppress(ValueError):
                     end = decode_segment_end(message.data)
                     ends[end.segment] = end
-        for place in reversed(self._container.chunks):
-            if place.may_hold(SAMPLE_CHANNEL) and (span := self._last_span(place)) is not None:
+        for chunk in reversed(self._container.chunks):
+            if chunk.may_contain(SAMPLE_CHANNEL) and (span := self._last_span(chunk)) is not None:
                 segment, samples = span
                 if segment not in ends:
                     ends[segment] = cut_end(segment, samples)
@@ -315,27 +312,27 @@ class RunReader:
             raise DamagedError(f"{self.path}: cut short or damaged: it breaks off before the first samples")
         return tuple(ends[segment] for segment in sorted(ends))
 
-    def _last_span(self, place: ChunkLocation) -> tuple[int, int] | None:
-        """Return segment and end of the last block of a chunk, or None where there is none."""
+    def _last_span(self, chunk: ChunkLocation) -> tuple[int, int] | None:
+        """Return segment and end of the last block of a chunk; None if it has no block."""
         span = None
         with suppress(DamagedError, ValueError):
-            for message in self._container.messages(place):
+            for message in self._container.messages(chunk):
                 if message.channel in SAMPLE_CHANNEL:
                     span = block_span(message.data)
         return span
 
-    def _messages(self, channels: frozenset[int], first_place: int = 0) -> Iterator[StoredMessage]:
-        """Yield the messages of the chunks that may hold some of these channels; damaged chunks are left out."""
-        for place in self._container.chunks.starting_at(first_place):
-            if place.may_hold(channels):
-                with suppress(DamagedError):  # whoever looks for what was in it finds it missing
-                    yield from self._container.messages(place)
+    def _messages(self, channels: frozenset[int], first_chunk: int = 0) -> Iterator[StoredMessage]:
+        """Yield the messages of all chunks that may contain these channels; damaged chunks are left out."""
+        for chunk in self._container.chunks.starting_at(first_chunk):
+            if chunk.may_contain(channels):
+                with suppress(DamagedError):  # the callers notice what is missing
+                    yield from self._container.messages(chunk)
 
     def _blocks_from(self, segment: int, sample: int) -> Iterator[SampleBlock]:
-        """Yield the blocks of a segment from the one on that holds this sample."""
+        """Yield the blocks of a segment, from the one with this sample on."""
         time_ns = self._starts_ns[segment] + sample_time_ns(sample, self.header.acquisition.rate)
-        first_place = self._container.chunks.last_before(SAMPLE_CHANNEL, time_ns)
-        for message in self._messages(SAMPLE_CHANNEL, first_place):
+        first_chunk = self._container.chunks.last_before(SAMPLE_CHANNEL, time_ns)
+        for message in self._messages(SAMPLE_CHANNEL, first_chunk):
             if message.channel in SAMPLE_CHANNEL:
                 with suppress(ValueError):
                     block = self._block(message.data)
@@ -352,11 +349,11 @@ class RunReader:
         return block
 
 
-def segment_end_from_json(document: dict[str, Any]) -> SegmentEnd:
-    """Return the end of a segment as the record of the run's end tells it."""
-    return SegmentEnd(**(document | {"reason": EndReason(document["reason"])}))
+def segment_end_from_json(values: dict[str, Any]) -> SegmentEnd:
+    """Return a segment end from an entry of the end record."""
+    return SegmentEnd(**(values | {"reason": EndReason(values["reason"])}))
 
 
-def _clock_error(document: dict[str, Any]) -> ClockError | None:
-    error, uncertainty = document.get("clock_error_ppm"), document.get("clock_uncertainty_ppm")
+def _clock_error(record: dict[str, Any]) -> ClockError | None:
+    error, uncertainty = record.get("clock_error_ppm"), record.get("clock_uncertainty_ppm")
     return None if error is None or uncertainty is None else ClockError(error * PPM, uncertainty * PPM)

@@ -1,4 +1,4 @@
-"""Snapshots as messages for a run's file, and back bit for bit."""
+"""Encoding of analysis snapshots as messages of a run file, and decoding, bit for bit."""
 
 import cmath
 import math
@@ -29,18 +29,18 @@ RPM = 2 * math.pi / 60
 
 @dataclass(frozen=True, slots=True)
 class EncodedResult:
-    """A message ready to be written.
+    """A serialised message, ready to be written.
 
     Parameters
     ----------
     topic : str
         Its topic.
     log_time_ns : int
-        ns since 1970, as if its segment had begun with the run; the writer adds where the segment began.
+        Log time, ns since 1970, as if its segment had started with the run; the writer adds the segment's start.
     data : bytes
         The serialised message.
     segment : int
-        The segment it belongs to.
+        Segment of the run.
     """
 
     topic: str
@@ -50,19 +50,19 @@ class EncodedResult:
 
 
 def encode_snapshot(snapshot: Snapshot, header: RunHeader) -> list[EncodedResult]:
-    """Return the messages that keep a snapshot, all but its trace (the samples are in the same file).
+    """Return a snapshot as messages, without its trace (the samples are in the same file).
 
     Parameters
     ----------
     snapshot : Snapshot
-        What the analyser said.
+        Result of the analyser.
     header : RunHeader
-        The run that it belongs to.
+        Header of the run.
 
     Returns
     -------
     list of EncodedResult
-        The order frame, if there is one, and the features; to be written in this order.
+        The order frame, if any, and the features, in the order of writing.
     """
     messages: list[tuple[str, rig_pb2.OrderFrame | rig_pb2.Features]] = [(FEATURES, _features(snapshot))]
     if snapshot.frame is not None:
@@ -74,12 +74,12 @@ def encode_snapshot(snapshot: Snapshot, header: RunHeader) -> list[EncodedResult
 
 
 def decode_snapshot(features: rig_pb2.Features, frame: rig_pb2.OrderFrame | None) -> Snapshot:
-    """Return the snapshot that a pair of messages keeps; its trace is empty.
+    """Return the snapshot of a pair of messages; its trace is empty.
 
     Raises
     ------
     ValueError
-        Where the messages do not fit each other or hold what no analyser says.
+        If the messages do not belong together or have invalid values.
     """
     if features.has_order_frame != (frame is not None):
         raise ValueError(f"features of sample {features.sample}: the order frame is missing")
@@ -254,7 +254,7 @@ def _vector(value: complex) -> rig_pb2.Vector:
 
 def _decoded_frame(message: rig_pb2.OrderFrame) -> OrderFrame:
     whirls = [*([message.whirl] if message.HasField("whirl") else []), *message.weaker_whirls]
-    has_sigma = message.HasField("sigma_1x_m")  # older files tell none
+    has_sigma = message.HasField("sigma_1x_m")  # missing in older files
     has_orbit = len(message.compensated_orbit_x_m) > 0
     return OrderFrame(
         speed=message.speed_rad_per_s,
@@ -301,7 +301,7 @@ def _vectors(messages: Sequence[rig_pb2.Vector]) -> ComplexArray:
 
 
 def _complex(real: Sequence[float], imag: Sequence[float]) -> ComplexArray:
-    values = np.empty(len(real), dtype=np.complex128)  # built by parts: a sum would lose the sign of a zero
+    values = np.empty(len(real), dtype=np.complex128)  # set by parts: real + 1j * imag would lose the sign of a zero
     values.real, values.imag = real, imag
     return values
 

@@ -1,7 +1,4 @@
-"""Finding what is intact in a damaged file where its records do not lead from one to the next any more.
-
-The header of a run, from whichever of its copies is intact.
-"""
+"""Reading damaged files: search for intact chunks and header copies, and filtering of blocks after damage."""
 
 import struct
 from collections.abc import Iterator, Mapping
@@ -9,6 +6,7 @@ from pathlib import Path
 
 from mcap.opcode import Opcode
 
+from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd, SourceItem
 from analysis.signals.header import RunHeader
 from recordings.errors import DamagedError, RecordingError, UnknownFormatError
 from recordings.mcap.chunk_table import ChunkLocation
@@ -16,7 +14,7 @@ from recordings.mcap.container import RECORD, Container
 from recordings.mcap.header import header_from_json
 from recordings.mcap.layout import RUN_RECORD, decode_metadata
 
-WINDOW = 16 << 20
+WINDOW = 16 << 20  # bytes that are searched at a time
 COMPRESSION = struct.pack("<I", 4) + b"zstd"
 BEFORE_COMPRESSION = struct.Struct("<BQQQQI")  # opcode, length, first and last time, size, CRC of a chunk
 BEFORE_DATA = RECORD.size + 28 + len(COMPRESSION) + 8
@@ -24,7 +22,7 @@ BEFORE_DATA = RECORD.size + 28 + len(COMPRESSION) + 8
 
 
 def search_chunks(container: Container) -> Iterator[ChunkLocation]:
-    """Yield what looks like a compressed chunk, wherever it lies in the file; its checksum tells whether it is one."""
+    """Yield what looks like a zstd-compressed chunk anywhere in the file; only its checksum shows whether it is one."""
     for found in _positions(container, COMPRESSION):
         start = found - BEFORE_COMPRESSION.size
         head = container.read(start, BEFORE_DATA) if start >= 0 else b""
@@ -37,7 +35,7 @@ def search_chunks(container: Container) -> Iterator[ChunkLocation]:
 
 
 def search_metadata(container: Container, name: str) -> Iterator[Mapping[str, str]]:
-    """Yield the entries of what looks like a metadata record of this name, wherever it lies in the file."""
+    """Yield the entries of what looks like a metadata record of this name anywhere in the file."""
     pattern = struct.pack("<I", len(name)) + name.encode()
     for found in _positions(container, pattern):
         start = found - RECORD.size
@@ -49,25 +47,25 @@ def search_metadata(container: Container, name: str) -> Iterator[Mapping[str, st
 
 
 def _positions(container: Container, pattern: bytes) -> Iterator[int]:
-    """Yield where a pattern stands in a file."""
+    """Yield the offsets of a byte pattern in a file."""
     offset = 0
     while window := container.read(offset, WINDOW + len(pattern) - 1):
-        place = window.find(pattern)
-        while place >= 0:
-            yield offset + place
-            place = window.find(pattern, place + 1)
+        position = window.find(pattern)
+        while position >= 0:
+            yield offset + position
+            position = window.find(pattern, position + 1)
         offset += WINDOW
 
 
 def read_header(container: Container) -> RunHeader:
-    """Return the header of a run; the whole file is searched for it where its records do not lead there.
+    """Return the header of a run from its first intact copy; a damaged file is searched for one.
 
     Raises
     ------
     DamagedError
-        Where no copy is intact.
+        If no copy is intact.
     UnknownFormatError
-        Where the file is no run or of a format version that is not known here.
+        If the file is no run, or of a format version that this program does not read.
     """
     faults: list[RecordingError] = []
     for entries in container.metadata(RUN_RECORD) or search_metadata(container, RUN_RECORD):
@@ -83,9 +81,79 @@ def read_header(container: Container) -> RunHeader:
 
 
 def decode_header(path: Path, entries: Mapping[str, str]) -> RunHeader:
-    """Return the header that one of its copies holds; DamagedError or UnknownFormatError where it holds none."""
+    """Return the header in a metadata record's entries; DamagedError, UnknownFormatError."""
     document = decode_metadata(path, RUN_RECORD, entries)
     try:
         return header_from_json(document)
     except DamagedError as error:
         raise DamagedError(f"{path}: {error}") from error
+
+
+BREAKS_OFF = "the recording breaks off here"
+
+
+class SequenceFilter:
+    """Filter that passes on consecutive blocks; the rest of a segment after damage is dropped and counted as lost.
+
+    Parameters
+    ----------
+    ends : mapping of int to SegmentEnd
+        The recorded end of each segment, as far as known.
+    """
+
+    def __init__(self, ends: Mapping[int, SegmentEnd]) -> None:
+        self._ends = ends
+        self._segment = -1
+        self._next_sample = 0
+        self._is_open = False
+        self._is_broken = False
+
+    def add_block(self, block: SampleBlock) -> Iterator[SourceItem]:
+        """Take the next block of the file; yield it, after the end of the segment before, if it is in sequence."""
+        if block.segment < self._segment or (block.segment == self._segment and not self._is_open):
+            return
+        if block.segment > self._segment:
+            yield from self.finish()
+            self._segment, self._next_sample = block.segment, 0
+            self._is_open, self._is_broken = True, False
+        if self._is_broken or block.first_sample != self._next_sample:
+            self._is_broken = True
+            return
+        self._next_sample = block.end
+        yield block
+
+    def add_segment_end(self, end: SegmentEnd) -> Iterator[SourceItem]:
+        """Take the next segment end of the file; yield it, with what was dropped added to the loss."""
+        if end.segment < self._segment or (end.segment == self._segment and not self._is_open):
+            return
+        if end.segment > self._segment:
+            yield from self.finish()
+            self._segment, self._next_sample = end.segment, 0
+        self._is_open = False
+        yield self._end(end)
+
+    def finish(self) -> Iterator[SourceItem]:
+        """Yield the end of the open segment, if there is one."""
+        if self._is_open:
+            self._is_open = False
+            yield self._end(self._ends.get(self._segment))
+
+    def _end(self, recorded: SegmentEnd | None) -> SegmentEnd:
+        if recorded is None:
+            return cut_end(self._segment, self._next_sample)
+        missing = recorded.samples - self._next_sample
+        if missing <= 0:
+            return recorded
+        return SegmentEnd(
+            segment=self._segment,
+            samples=self._next_sample,
+            reason=EndReason.CUT,
+            lost=missing + recorded.lost,
+            lost_is_exact=recorded.lost_is_exact,
+            detail=f"the recording is damaged after sample {self._next_sample} of {recorded.samples}",
+        )
+
+
+def cut_end(segment: int, samples: int) -> SegmentEnd:
+    """Return the end of a segment whose recording breaks off: the loss is unknown."""
+    return SegmentEnd(segment, samples, EndReason.CUT, lost=0, lost_is_exact=False, detail=BREAKS_OFF)

@@ -1,7 +1,4 @@
-"""Writing a run's file as the run goes.
-
-A whole run written at once from samples that are there already, with the results of their analysis.
-"""
+"""Writing run files: block by block while a run is recorded, or a complete run from samples that exist already."""
 
 import json
 from collections import deque
@@ -18,7 +15,7 @@ from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd, SourceIt
 from analysis.signals.header import RunHeader
 from analysis.signals.snapshot import Snapshot
 from recordings.errors import StorageError
-from recordings.mcap.chunk_writer import AppendedFile, ChunkedFile
+from recordings.mcap.chunk_writer import AppendOnlyFile, ChunkWriter
 from recordings.mcap.header import calibration_to_json, header_to_json
 from recordings.mcap.layout import (
     CALIBRATION_RECORD,
@@ -35,37 +32,36 @@ from recordings.mcap.layout import (
     sample_time_ns,
 )
 from recordings.mcap.markers import Marker, encode_marker
-from recordings.mcap.messages import encode_block, encode_segment_end, message_definitions
-from recordings.mcap.pulses import PulseEncoder
+from recordings.mcap.messages import PulseEncoder, encode_block, encode_segment_end, message_definitions
 from recordings.mcap.results import EncodedResult, encode_snapshot
 
 CHUNK_BYTES = 1 << 20
 FLUSH_INTERVAL = 0.2
-"""Seconds of samples that may be in the writer's hands, the block that is under way from the device among them.
+"""Maximum seconds of samples in memory, including the block that the device is still acquiring.
 
-A killed process loses these and what came while it was waiting for the processor: a quarter second at most, or a block
-where blocks are longer.
+A killed process loses these and what arrived while it waited for the processor: a quarter second at most, or one block
+if blocks are longer.
 """
 RESULT_INTERVAL = 2.0
-"""Results are gathered for so many seconds of samples into chunks of their own: they are read without the samples."""
+"""Seconds of samples whose results are collected into one chunk, separate from samples: results are read alone."""
 
 
 class RunWriter:
-    """A run's file being written; a sink of blocks.
+    """Writer of a run's file while the run is recorded.
 
-    Only one thread may hand over blocks, segment ends and `close`; results may come from any other at the same time.
+    Blocks, segment ends and `close` must come from one thread; results may come from any thread at the same time.
 
     Parameters
     ----------
     path : Path
-        File to be created; it must not exist, its folder must.
+        File to create; it must not exist, its folder must.
     header : RunHeader
-        What is known of the run; written first.
+        Header of the run, written first.
 
     Raises
     ------
     StorageError
-        Where the file exists already or cannot be created.
+        If the file exists already or cannot be created.
     """
 
     def __init__(self, path: Path, header: RunHeader) -> None:
@@ -79,8 +75,8 @@ class RunWriter:
         self._starts_ns = {0: header.started_ns}
         self._segment = 0
         self._next_sample = 0
-        self._kept_samples = 0  # of the open segment, in the file
-        self._kept_pulses = 0  # of the run, in the file
+        self._written_samples = 0  # of the open segment
+        self._written_pulses = 0  # of the run
         self._since_flush = 0
         self._since_results = 0
         self._sequence = 0
@@ -88,38 +84,38 @@ class RunWriter:
         self._chunk_bytes = 0
         self._failure = ""
         self._closed = False
-        self._file = AppendedFile(path)
+        self._file = AppendOnlyFile(path)
         try:
-            self._mcap = ChunkedFile(self._file, PROFILE, header.program)
+            self._mcap = ChunkWriter(self._file, PROFILE, header.program)
             self._begin()
         except OSError as error:
             raise self._fail(error) from error
 
     @property
     def size(self) -> int:
-        """Bytes written; the file itself may be larger, for room is taken ahead."""
+        """Bytes written; the file itself may be larger, since disk space is allocated ahead."""
         return self._file.length
 
-    def block(self, block: SampleBlock) -> None:
+    def write_block(self, block: SampleBlock) -> None:
         """Write a block.
 
         Parameters
         ----------
         block : SampleBlock
-            It must follow the one before without a gap.
+            The samples that follow the last block without a gap.
 
         Raises
         ------
         StorageError
-            Where it cannot be written, now or since an earlier failure; what was written before stays readable.
+            If it cannot be written, or a write failed before; what was written before stays readable.
         ValueError
-            Where the block does not follow or has another number of channels.
+            If the block is out of sequence or has another number of channels.
         """
         if self._failure:
             raise StorageError(self._failure)
         self._check(block)
         log_time = self._starts_ns[self._segment] + sample_time_ns(block.first_sample, self._rate)
-        pulses = self._pulses.message(block)
+        pulses = self._pulses.encode(block)
         if pulses is not None:
             self._add(_message(PULSES, log_time, pulses))
         self._add(_message(SAMPLES, log_time, encode_block(block), self._sequence))
@@ -136,15 +132,15 @@ class RunWriter:
         except OSError as error:
             raise self._fail(error) from error
 
-    def segment_end(self, end: SegmentEnd) -> None:
-        """Write the end of a segment; nothing happens after a failure.
+    def write_segment_end(self, end: SegmentEnd) -> None:
+        """Write the end of a segment; no effect after a failed write.
 
         Raises
         ------
         StorageError
-            Where it cannot be written.
+            If it cannot be written.
         ValueError
-            Where it is not the end of the segment being written.
+            If it is not the end of the segment being written.
         """
         if self._failure:
             return
@@ -160,28 +156,28 @@ class RunWriter:
             self._flush()
             self._ends.append(end)
             self._segment += 1
-            self._next_sample = self._kept_samples = 0
+            self._next_sample = self._written_samples = 0
             self._starts_ns[self._segment] = start_ns + sample_time_ns(end.samples + end.lost, self._rate)
             self._flush_results()
         except OSError as error:
             raise self._fail(error) from error
 
-    def result(self, result: EncodedResult) -> None:
-        """Take a result, from any thread; it is written with the samples that come, at the latest on `close`.
+    def add_result(self, result: EncodedResult) -> None:
+        """Queue a result, from any thread; it is written with later samples, at the latest by `close`.
 
-        What comes after `close` or after a failure is forgotten. ValueError where the topic is none of a run's.
+        After `close` or a failed write results are dropped. ValueError if the topic is not one of a run's.
         """
         if result.topic not in CHANNEL_IDS:
             raise ValueError(f"topic: {result.topic!r}, expected one of {', '.join(CHANNEL_IDS)}")
         self._results.append(result)
 
-    def record(self, name: str, document: Mapping[str, Any]) -> None:
-        """Write a document that says more of the run, as where its samples came from; from the thread that closes.
+    def write_metadata(self, name: str, document: Mapping[str, Any]) -> None:
+        """Write a JSON document as a metadata record, such as the origin of imported samples; from the writing thread.
 
         Raises
         ------
         StorageError
-            Where it cannot be written; what was written before stays readable.
+            If it cannot be written; what was written before stays readable.
         """
         if self._failure:
             raise StorageError(self._failure)
@@ -189,10 +185,10 @@ class RunWriter:
             self._mcap.add_metadata(name, encode_metadata(document))
         except OSError as error:
             raise self._fail(error) from error
-        self._file.settle()
+        self._file.commit()
 
     def close(self, skipped_samples: int = 0) -> None:
-        """Write what the run came to and finish the file; harmless when closed already or after a failure.
+        """Write the end record and finish the file; no effect if closed already or after a failed write.
 
         Parameters
         ----------
@@ -202,7 +198,7 @@ class RunWriter:
         Raises
         ------
         StorageError
-            Where it cannot be written; what was written before stays readable.
+            If it cannot be written; what was written before stays readable.
         """
         if self._closed:
             return
@@ -214,11 +210,11 @@ class RunWriter:
             raise self._fail(error) from error
         self._closed = True
 
-    def abandon(self) -> None:
-        """Let go of the file and remove it, where a run that was not recorded live could not be written whole."""
+    def discard(self) -> None:
+        """Close and remove the file, when an imported or recovered run could not be written completely."""
         if not self._failure:
-            self._failure = f"{self.path}: has been abandoned"
-            self._file.cut_back()
+            self._failure = f"{self.path}: has been discarded"
+            self._file.roll_back()
         self._closed = True
         self.path.unlink(missing_ok=True)
 
@@ -231,20 +227,20 @@ class RunWriter:
             {c.name: json.dumps(calibration_to_json(c.calibration)) for c in channels if c.calibration is not None},
         )
         self._mcap.add_attachment(CONFIG_ATTACHMENT, "application/toml", header.started_ns, header.config_toml.encode())
-        data, names = message_definitions(), ",".join(channel.name for channel in channels)
-        about = {SAMPLES: {"rate_hz": repr(self._rate), "channels": names}}
+        definitions, names = message_definitions(), ",".join(channel.name for channel in channels)
+        channel_metadata = {SAMPLES: {"rate_hz": repr(self._rate), "channels": names}}
         if header.acquisition.tacho.counter is not None:
-            about[PULSES] = {"timebase_hz": repr(header.acquisition.tacho.counter.timebase)}
+            channel_metadata[PULSES] = {"timebase_hz": repr(header.acquisition.tacho.counter.timebase)}
         for topic, message in TOPICS.items():
             number = CHANNEL_IDS[topic]
             self._mcap.add_channel(
-                Channel(number, topic, MessageEncoding.Protobuf, about.get(topic, {}), number),
-                Schema(number, data, SchemaEncoding.Protobuf, f"rig.{message}"),
+                Channel(number, topic, MessageEncoding.Protobuf, channel_metadata.get(topic, {}), number),
+                Schema(number, definitions, SchemaEncoding.Protobuf, f"rig.{message}"),
             )
         self._mcap.add_metadata(
             RUN_RECORD, encode_metadata(header_to_json(header))
         )  # again: without it nothing can be read
-        self._file.settle()
+        self._file.commit()
 
     def _add(self, message: Message) -> None:
         self._chunk.append(message)
@@ -261,28 +257,28 @@ class RunWriter:
             )
 
     def _flush(self) -> None:
-        """Hand the samples that have been gathered to the operating system."""
+        """Write the collected samples to the operating system."""
         self._mcap.add_chunk(self._chunk)
-        self._kept_samples, self._kept_pulses = self._next_sample, self._pulses.told
-        self._file.settle()
+        self._written_samples, self._written_pulses = self._next_sample, self._pulses.count
+        self._file.commit()
         self._chunk = []
         self._chunk_bytes = 0
         self._since_flush = 0
 
     def _flush_results(self) -> None:
-        """Hand the results that have been gathered to the operating system."""
+        """Write the collected results to the operating system."""
         self._since_results = 0
-        self._mcap.add_chunk(self._taken_results())
-        self._file.settle()
+        self._mcap.add_chunk(self._queued_results())
+        self._file.commit()
 
-    def _taken_results(self) -> Iterator[Message]:
+    def _queued_results(self) -> Iterator[Message]:
         while self._results:
             result = self._results.popleft()
             start_ns = self._starts_ns.get(result.segment, self._starts_ns[self._segment])
             log_time = result.log_time_ns + start_ns - self._starts_ns[0]
             yield _message(result.topic, log_time, result.data)
 
-    def _end_document(self, skipped_samples: int) -> dict[str, object]:
+    def _end_to_json(self, skipped_samples: int) -> dict[str, object]:
         delivery = self._delivery.statistics()
         clock = delivery.clock
         return {
@@ -290,7 +286,7 @@ class RunWriter:
             "gap_free": len(self._ends) == 1 and self._ends[0].is_gap_free,
             "samples": sum(end.samples for end in self._ends) + self._next_sample,
             "skipped_samples": skipped_samples,
-            "pulses": self._kept_pulses,
+            "pulses": self._written_pulses,
             "clock_error_ppm": None if clock is None else clock.error / PPM,
             "clock_uncertainty_ppm": None if clock is None else clock.uncertainty / PPM,
             "largest_backlog_s": delivery.backlog,
@@ -308,40 +304,45 @@ class RunWriter:
         }
 
     def _finish(self, skipped_samples: int) -> None:
-        """Write what the run came to and the index; the room for both has been kept."""
-        self._mcap.add_metadata(END_RECORD, encode_metadata(self._end_document(skipped_samples)), is_tail=True)
+        """Write the end record and the index; disk space for both is reserved."""
+        self._mcap.add_metadata(END_RECORD, encode_metadata(self._end_to_json(skipped_samples)), is_tail=True)
         self._mcap.finish()
         self._file.close()
 
     def _fail(self, error: OSError) -> StorageError:
-        """Finish the file with what is in it, or cut it back to what is whole; let go of it, and say what happened."""
+        """Finish the file with its present content, or roll it back; close it, and return the error to raise."""
         self._failure = f"{self.path}: cannot be written: {error.strerror or error}"
         self._closed = True
         try:
             self._finish_early()
         except OSError:
-            self._file.cut_back()
+            self._file.roll_back()
         return StorageError(self._failure)
 
     def _finish_early(self) -> None:
-        """Finish the file after a failure; results of the last samples may be missing: all are to be made anew."""
-        if self._kept_samples:
-            lost = self._next_sample - self._kept_samples
+        """Finish the file after a failed write; results of the last samples may be missing, so all count as skipped."""
+        if self._written_samples:
+            lost = self._next_sample - self._written_samples
             end = SegmentEnd(
-                self._segment, self._kept_samples, EndReason.RECORDER, lost, lost_is_exact=False, detail=self._failure
+                self._segment,
+                self._written_samples,
+                EndReason.RECORDER,
+                lost,
+                lost_is_exact=False,
+                detail=self._failure,
             )
             log_time = self._starts_ns[self._segment] + sample_time_ns(end.samples, self._rate)
             message = _message(SEGMENT_END, log_time, encode_segment_end(end), end.segment)
             self._mcap.add_chunk([message], is_tail=True)
             self._ends.append(end)
-        self._next_sample = self._kept_samples = 0
+        self._next_sample = self._written_samples = 0
         if not self._ends:
             raise OSError(self._failure)  # nothing was recorded
         self._finish(sum(end.samples for end in self._ends))
 
 
 def _message(topic: str, log_time: int, data: bytes, sequence: int = 0) -> Message:
-    """Return a message published when it was logged: by the run's own time, not by the host's clock."""
+    """Return a message whose publish time is its log time: the run's own time, not the host's clock."""
     return Message(CHANNEL_IDS[topic], log_time, data, log_time, sequence)
 
 
@@ -349,53 +350,52 @@ def write_run(
     path: Path,
     header: RunHeader,
     items: Iterable[SourceItem],
-    remarks: Mapping[str, Mapping[str, Any]],
+    metadata: Mapping[str, Mapping[str, Any]],
     markers: Iterable[Marker] = (),
 ) -> None:
-    """Write a run; nothing is left of it where that fails.
+    """Write a complete run with the results of its analysis; if that fails, the file is removed.
 
     Parameters
     ----------
     path : Path
-        File to be created; it must not exist, its folder must.
+        File to create; it must not exist, its folder must.
     header : RunHeader
-        Of the run.
+        Header of the run.
     items : iterable of SampleBlock and SegmentEnd
         Its samples, in order; every segment has its end.
-    remarks : mapping of str to mapping
-        Further records by name, written when all samples have been taken.
-
+    metadata : mapping of str to mapping
+        Further metadata records by name, read after the last item.
     markers : iterable of Marker
-        Named moments, taken when all samples have been.
+        Markers, read after the last item.
 
     Raises
     ------
     StorageError
-        Where it cannot be written.
+        If the file cannot be written.
     RecordingError
-        Where the items cannot be read on.
+        If the items cannot be read.
     """
     writer = RunWriter(path, header)
     try:
         analyser = Analyser(header.acquisition, header.settings)
         for item in items:
             if isinstance(item, SampleBlock):
-                writer.block(item)
-                _keep(writer, header, analyser.add_block(item))
+                writer.write_block(item)
+                _write_snapshots(writer, header, analyser.add_block(item))
             else:
-                _keep(writer, header, analyser.end_segment(item))
-                writer.segment_end(item)
+                _write_snapshots(writer, header, analyser.end_segment(item))
+                writer.write_segment_end(item)
         for marker in markers:
-            writer.result(encode_marker(marker, header))
-        for name, document in remarks.items():
-            writer.record(name, document)
+            writer.add_result(encode_marker(marker, header))
+        for name, document in metadata.items():
+            writer.write_metadata(name, document)
         writer.close()
     except BaseException:
-        writer.abandon()
+        writer.discard()
         raise
 
 
-def _keep(writer: RunWriter, header: RunHeader, snapshots: list[Snapshot]) -> None:
+def _write_snapshots(writer: RunWriter, header: RunHeader, snapshots: list[Snapshot]) -> None:
     for snapshot in snapshots:
         for result in encode_snapshot(snapshot, header):
-            writer.result(result)
+            writer.add_result(result)

@@ -42,7 +42,7 @@ def write_run(path: Path, blocks: Iterator[SampleBlock] | list[SampleBlock]) -> 
     writer = RunWriter(path, bench_header())
     n_samples = 0
     for block in blocks:
-        writer.block(block)
+        writer.write_block(block)
         n_samples = block.end
-    writer.segment_end(SegmentEnd(0, n_samples, EndReason.FINISHED))
+    writer.write_segment_end(SegmentEnd(0, n_samples, EndReason.FINISHED))
     writer.close()

@@ -169,11 +169,11 @@ class _Recorder:
                 item = replace(
                     item, reason=EndReason.FINISHED if planned else item.reason, detail=self._message or item.detail
                 )
-            self._writer.segment_end(item)
+            self._writer.write_segment_end(item)
             self._statistics.add_end(item)
             self._ends.append(item)
         else:
-            self._writer.block(item)
+            self._writer.write_block(item)
             self._statistics.add_block(item)
             self._guard_disk()
             if self._limit is not None and self._statistics.samples >= self._limit:
@@ -194,7 +194,7 @@ class _Recorder:
         text = f"start: {start.condition}, after {self._passed:,} samples ({self._passed / self._rate:,.1f} s) skipped"
         self._passed = 0
         marker = Marker(start.segment, start.sample, text, time.time_ns())
-        self._writer.result(encode_marker(marker, self._header))
+        self._writer.add_result(encode_marker(marker, self._header))
 
     def _give_up(self, item: SampleBlock | SegmentEnd, message: str) -> None:
         """Stop when the file takes no more; what came after the last good block is counted as lost."""
@@ -231,7 +231,7 @@ class _Recorder:
                 message = self._pipe.recv()
                 if isinstance(message, EncodedResult):
                     with suppress(RecordingError):  # the sample path meets the same trouble and tells it
-                        self._writer.result(message)
+                        self._writer.add_result(message)
                 elif isinstance(message, StopRequest):
                     self._source.stop()
                 elif isinstance(message, ResultsEnded):

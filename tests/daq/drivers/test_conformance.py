@@ -120,12 +120,14 @@ class Replayed:
         segment = first = 0
         for item in source.blocks():
             if isinstance(item, SampleBlock):
-                writer.block(item.relocated(segment, item.first_sample - first, source.acquisition.ticks_per_sample))
+                writer.write_block(
+                    item.relocated(segment, item.first_sample - first, source.acquisition.ticks_per_sample)
+                )
                 if overrun and item.end == 6000:
-                    writer.segment_end(SegmentEnd(0, 6000, EndReason.OVERRUN, 100, detail="the reader was late"))
+                    writer.write_segment_end(SegmentEnd(0, 6000, EndReason.OVERRUN, 100, detail="the reader was late"))
                     segment, first = 1, 6000
             else:
-                writer.segment_end(SegmentEnd(segment, item.samples - first, item.reason))
+                writer.write_segment_end(SegmentEnd(segment, item.samples - first, item.reason))
         writer.close()
         source.close()
         return writer.path

@@ -47,8 +47,8 @@ def run(tmp_path: Path) -> Path:
         codes = codes_of(end.segment, end.samples)
         for first in range(0, end.samples, BLOCK):
             part = np.ascontiguousarray(codes[:, first : first + BLOCK])
-            writer.block(SampleBlock(part, end.segment, first, 1_000 + first, first // BLOCK))
-        writer.segment_end(end)
+            writer.write_block(SampleBlock(part, end.segment, first, 1_000 + first, first // BLOCK))
+        writer.write_segment_end(end)
     writer.close()
     return writer.path
 

@@ -38,9 +38,9 @@ def run(rig: RigFactory, tmp_path: Path) -> Path:
     writer = RunWriter(tmp_path / "run.mcap", header)
     for item in source.blocks():
         if isinstance(item, SampleBlock):
-            writer.block(item)
+            writer.write_block(item)
         else:
-            writer.segment_end(item)
+            writer.write_segment_end(item)
     writer.close(skipped_samples=1)  # whoever sums it up analyses the samples
     return writer.path
 

@@ -192,9 +192,9 @@ def record(bench: Bench, path: Path) -> float:
         blocks = 0
         for item in source.blocks():
             if isinstance(item, SegmentEnd):
-                writer.segment_end(item)
+                writer.write_segment_end(item)
                 continue
-            writer.block(item)
+            writer.write_block(item)
             blocks += 1
             if blocks == BLOCKS:
                 source.stop()

@@ -30,8 +30,8 @@ def record(tmp_path: Path, header: RunHeader, make_block: MakeBlock) -> Callable
     def write(run_id: str, started_ns: int) -> Path:
         writer = RunWriter(tmp_path / f"{run_id}.mcap", replace(header, run=run_id, started_ns=started_ns))
         for k in range(5):
-            writer.block(make_block(0, 2000 * k, 2000))
-        writer.segment_end(SegmentEnd(0, 10_000, EndReason.STOPPED))
+            writer.write_block(make_block(0, 2000 * k, 2000))
+        writer.write_segment_end(SegmentEnd(0, 10_000, EndReason.STOPPED))
         writer.close()
         return writer.path
 
@@ -94,7 +94,7 @@ def test_a_run_being_written_is_seen_to_grow_and_to_be_complete_at_once(
     catalogue = Catalogue(tmp_path)
     writer = RunWriter(tmp_path / "run.mcap", header)
     for k in range(100):
-        writer.block(make_block(0, 2000 * k, 2000))
+        writer.write_block(make_block(0, 2000 * k, 2000))
         if k == 10:
             assert 0 < catalogue.run("run").samples <= 22_000
             assert catalogue.run("run").fault.startswith("not finished")
@@ -102,7 +102,7 @@ def test_a_run_being_written_is_seen_to_grow_and_to_be_complete_at_once(
     while catalogue.run("run").samples < 195_000:  # a file that is long to read is not read again at once
         assert time.monotonic() < deadline
         time.sleep(0.01)
-    writer.segment_end(SegmentEnd(0, 200_000, EndReason.STOPPED))
+    writer.write_segment_end(SegmentEnd(0, 200_000, EndReason.STOPPED))
     writer.close()
     entry = catalogue.run("run")
     assert (entry.samples, entry.is_complete, entry.fault) == (200_000, True, "")

@@ -25,7 +25,7 @@ def test_a_folder_that_takes_no_catalogue_is_no_fault(
     tmp_path: Path, header: RunHeader, make_block: Callable[..., SampleBlock]
 ) -> None:
     writer = RunWriter(tmp_path / "run.mcap", header)
-    writer.block(make_block(0, 0, 2000))
+    writer.write_block(make_block(0, 0, 2000))
     writer.close()
     (tmp_path / ".rig").write_text("a file in its place")
     catalogue = Catalogue(tmp_path)
@@ -82,7 +82,7 @@ def test_a_catalogue_goes_on_when_its_server_comes_back(
     tmp_path: Path, header: RunHeader, make_block: Callable[..., SampleBlock]
 ) -> None:
     writer = RunWriter(tmp_path / "run.mcap", header)
-    writer.block(make_block(0, 0, 2000))
+    writer.write_block(make_block(0, 0, 2000))
     writer.close()
     port = free_port()
     catalogue = Catalogue(tmp_path, f"postgresql+psycopg://rig@127.0.0.1:{port}/postgres")
@@ -100,7 +100,7 @@ def test_a_catalogue_that_is_thrown_away_while_it_is_used_is_made_anew(
     tmp_path: Path, header: RunHeader, make_block: Callable[..., SampleBlock], thrown: str
 ) -> None:
     writer = RunWriter(tmp_path / "run.mcap", header)
-    writer.block(make_block(0, 0, 2000))
+    writer.write_block(make_block(0, 0, 2000))
     writer.close()
     catalogue, other = Catalogue(tmp_path), Catalogue(tmp_path)
     assert [entry.id for entry in catalogue.runs()] == [entry.id for entry in other.runs()] == ["run"]
@@ -120,8 +120,8 @@ def test_runs_are_listed_and_put_away_though_the_catalogue_takes_no_more(
     catalogue = Catalogue(tmp_path)
     for name in ("first", "second"):
         writer = RunWriter(tmp_path / f"{name}.mcap", header)
-        writer.block(make_block(0, 0, 2000))
-        writer.segment_end(SegmentEnd(0, 2000, EndReason.STOPPED))
+        writer.write_block(make_block(0, 0, 2000))
+        writer.write_segment_end(SegmentEnd(0, 2000, EndReason.STOPPED))
         writer.close()
         assert name in {entry.id for entry in catalogue.runs()}
         with closing(sqlite3.connect(tmp_path / ".rig" / "catalogue.sqlite")) as full:

@@ -36,8 +36,8 @@ def record(tmp_path: Path, header: RunHeader, make_block: MakeBlock) -> Record:
     def write(run_id: str, started_s: int = 1, note: str = "") -> Path:
         path = tmp_path / f"{run_id}.mcap"
         writer = RunWriter(path, replace(header, run=run_id, started_ns=started_s * SECOND, note=note))
-        writer.block(make_block(0, 0, 2000))
-        writer.segment_end(SegmentEnd(0, 2000, EndReason.STOPPED))
+        writer.write_block(make_block(0, 0, 2000))
+        writer.write_segment_end(SegmentEnd(0, 2000, EndReason.STOPPED))
         writer.close()
         os.utime(path, (started_s + 100, started_s + 100))
         return path
@@ -56,9 +56,9 @@ def summarise(reader: RunReader) -> RunSummary:
 
 def test_a_run_is_found_by_a_moment_that_was_named(tmp_path: Path, header: RunHeader, make_block: MakeBlock) -> None:
     writer = RunWriter(tmp_path / "run.mcap", header)
-    writer.block(make_block(0, 0, 2000))
-    writer.result(encode_marker(Marker(0, 1000, "oil valve opened", 7), header))
-    writer.segment_end(SegmentEnd(0, 2000, EndReason.STOPPED))
+    writer.write_block(make_block(0, 0, 2000))
+    writer.add_result(encode_marker(Marker(0, 1000, "oil valve opened", 7), header))
+    writer.write_segment_end(SegmentEnd(0, 2000, EndReason.STOPPED))
     writer.close()
     catalogue = Catalogue(tmp_path)
     assert catalogue.search(Search(text="valve")) == []

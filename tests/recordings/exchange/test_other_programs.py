@@ -39,10 +39,10 @@ def run(tmp_path: Path, header: RunHeader, make_block: MakeBlock, make_snapshot:
     """Return the file of a short run with results."""
     writer = RunWriter(tmp_path / "run.mcap", header)
     for k in range(N_BLOCKS):
-        writer.block(make_block(0, BLOCK * k, BLOCK))
+        writer.write_block(make_block(0, BLOCK * k, BLOCK))
         for result in encode_snapshot(make_snapshot(0, BLOCK * (k + 1)), header):
-            writer.result(result)
-    writer.segment_end(SegmentEnd(0, BLOCK * N_BLOCKS, EndReason.STOPPED))
+            writer.add_result(result)
+    writer.write_segment_end(SegmentEnd(0, BLOCK * N_BLOCKS, EndReason.STOPPED))
     writer.close()
     return writer.path
 

@@ -17,9 +17,9 @@ from analysis.signals.snapshot import Snapshot
 from recordings.errors import DamagedError, RecordingError
 from recordings.mcap.chunk_writer import encode_records
 from recordings.mcap.container import RECORD, Container
-from recordings.mcap.layout import Sequence
 from recordings.mcap.reader import RunReader
 from recordings.mcap.results import encode_snapshot
+from recordings.mcap.salvage import SequenceFilter
 from recordings.mcap.writer import RunWriter
 
 MakeBlock = Callable[..., SampleBlock]
@@ -33,11 +33,13 @@ def run(tmp_path: Path, header: RunHeader, make_block: MakeBlock, make_snapshot:
     writer = RunWriter(tmp_path / "run.mcap", header)
     for segment in range(2):
         for k in range(N_BLOCKS):
-            writer.block(make_block(segment, k * BLOCK, BLOCK))
+            writer.write_block(make_block(segment, k * BLOCK, BLOCK))
             if k % 10 == 9:
                 for result in encode_snapshot(make_snapshot(segment, (k + 1) * BLOCK), header):
-                    writer.result(result)
-        writer.segment_end(SegmentEnd(segment, N_BLOCKS * BLOCK, EndReason.STOPPED if segment else EndReason.OVERRUN))
+                    writer.add_result(result)
+        writer.write_segment_end(
+            SegmentEnd(segment, N_BLOCKS * BLOCK, EndReason.STOPPED if segment else EndReason.OVERRUN)
+        )
     writer.close()
     return writer.path
 
@@ -117,7 +119,7 @@ def test_a_flipped_bit_anywhere_never_gives_wrong_samples(
 def cut_in_the_last_samples(path: Path) -> bytes:
     """Return what is left of a file that breaks off in its last chunk of samples."""
     container = Container(path)
-    place = [place for place in container.chunks if place.may_hold(frozenset({1}))][-1]
+    place = [place for place in container.chunks if place.may_contain(frozenset({1}))][-1]
     container.close()
     return path.read_bytes()[: place.offset + place.length // 2]
 
@@ -200,11 +202,11 @@ def test_a_run_that_is_still_being_written_can_be_read_so_far(
 ) -> None:
     writer = RunWriter(tmp_path / "run.mcap", header)
     for k in range(20):
-        writer.block(make_block(0, k * 2000, 2000))
+        writer.write_block(make_block(0, k * 2000, 2000))
     with RunReader(writer.path) as reader:
         assert 40_000 - reader.n_samples <= 0.25 * header.acquisition.rate
         np.testing.assert_array_equal(reader.samples(0, 100, 30_000), codes_of(0, 100, 30_000))
-    writer.segment_end(SegmentEnd(0, 40_000, EndReason.STOPPED))
+    writer.write_segment_end(SegmentEnd(0, 40_000, EndReason.STOPPED))
     writer.close()
     with RunReader(writer.path) as reader:
         assert reader.is_complete
@@ -239,7 +241,7 @@ def test_records_that_hold_nonsense_are_passed_over(
 ) -> None:
     writer = RunWriter(tmp_path / "run.mcap", header)
     for k in range(4):
-        writer.block(make_block(0, k * 2000, 2000))
+        writer.write_block(make_block(0, k * 2000, 2000))
     forged = tmp_path / "forged.mcap"
     forged.write_bytes(writer.path.read_bytes() + NONSENSE[nonsense])
     writer.close()
@@ -248,18 +250,18 @@ def test_records_that_hold_nonsense_are_passed_over(
 
 def test_blocks_that_come_twice_or_late_are_passed_over(make_block: MakeBlock) -> None:
     ends = {0: SegmentEnd(0, 100, EndReason.OVERRUN), 1: SegmentEnd(1, 100, EndReason.STOPPED)}
-    sequence = Sequence(ends)
+    sequence = SequenceFilter(ends)
     first, second = make_block(0, 0, 100), make_block(1, 0, 100)
-    assert [*sequence.block(first), *sequence.segment_end(ends[0])] == [first, ends[0]]
-    assert [*sequence.block(first), *sequence.segment_end(ends[0])] == []
-    assert list(sequence.block(second)) == [second]
-    assert [*sequence.block(first), *sequence.segment_end(ends[0])] == []
+    assert [*sequence.add_block(first), *sequence.add_segment_end(ends[0])] == [first, ends[0]]
+    assert [*sequence.add_block(first), *sequence.add_segment_end(ends[0])] == []
+    assert list(sequence.add_block(second)) == [second]
+    assert [*sequence.add_block(first), *sequence.add_segment_end(ends[0])] == []
     assert list(sequence.finish()) == [ends[1]]
     assert list(sequence.finish()) == []
 
 
 def test_a_segment_whose_beginning_is_missing_is_told_by_its_end(make_block: MakeBlock) -> None:
-    sequence = Sequence({})
-    assert list(sequence.block(make_block(0, 100, 100))) == []
+    sequence = SequenceFilter({})
+    assert list(sequence.add_block(make_block(0, 100, 100))) == []
     (end,) = sequence.finish()
     assert end == SegmentEnd(0, 0, EndReason.CUT, 0, lost_is_exact=False, detail="the recording breaks off here")

@@ -26,11 +26,13 @@ def data(tmp_path: Path, header: RunHeader, make_block: MakeBlock, make_snapshot
     writer = RunWriter(tmp_path / "run.mcap", header)
     for segment in range(2):
         for k in range(N_BLOCKS):
-            writer.block(make_block(segment, k * BLOCK, BLOCK))
+            writer.write_block(make_block(segment, k * BLOCK, BLOCK))
             if k % 10 == 9:
                 for result in encode_snapshot(make_snapshot(segment, (k + 1) * BLOCK), header):
-                    writer.result(result)
-        writer.segment_end(SegmentEnd(segment, N_BLOCKS * BLOCK, EndReason.STOPPED if segment else EndReason.OVERRUN))
+                    writer.add_result(result)
+        writer.write_segment_end(
+            SegmentEnd(segment, N_BLOCKS * BLOCK, EndReason.STOPPED if segment else EndReason.OVERRUN)
+        )
     writer.close()
     return bytearray(writer.path.read_bytes())
 

@@ -37,8 +37,8 @@ def run(tmp_path: Path, header: RunHeader, make_block: MakeBlock) -> Path:
         [(EndReason.OVERRUN, 77), (EndReason.UNPLUGGED, 0), (EndReason.STOPPED, 0)]
     ):
         for k in range(N_BLOCKS):
-            writer.block(make_block(segment, k * BLOCK, BLOCK))
-        writer.segment_end(SegmentEnd(segment, N, reason, lost, lost_is_exact=reason is not EndReason.UNPLUGGED))
+            writer.write_block(make_block(segment, k * BLOCK, BLOCK))
+        writer.write_segment_end(SegmentEnd(segment, N, reason, lost, lost_is_exact=reason is not EndReason.UNPLUGGED))
     writer.close()
     return writer.path
 
@@ -171,11 +171,11 @@ def test_marks_stay_at_their_moments(tmp_path: Path, header: RunHeader, make_blo
     moments = [(0, 500, "start"), (0, 7500, "in the hole"), (0, 15_000, "after it"), (1, 900, "next segment")]
     for segment in range(2):
         for k in range(N_BLOCKS):
-            writer.block(make_block(segment, k * BLOCK, BLOCK))
+            writer.write_block(make_block(segment, k * BLOCK, BLOCK))
         for of_segment, sample, text in moments:
             if of_segment == segment:
-                writer.result(encode_marker(Marker(segment, sample, text, 7), header))
-        writer.segment_end(SegmentEnd(segment, N, EndReason.OVERRUN))
+                writer.add_result(encode_marker(Marker(segment, sample, text, 7), header))
+        writer.write_segment_end(SegmentEnd(segment, N, EndReason.OVERRUN))
     writer.close()
     whole = recover(writer.path, tmp_path / "whole.mcap").target
     with RunReader(writer.path) as one, RunReader(whole) as other:

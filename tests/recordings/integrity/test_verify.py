@@ -27,11 +27,11 @@ def run(tmp_path: Path, header: RunHeader, make_block: MakeBlock, make_snapshot:
     writer = RunWriter(tmp_path / "run.mcap", header)
     for segment, lost in ((0, 123), (1, 0)):
         for k in range(10):
-            writer.block(make_block(segment, k * 1000, 1000))
+            writer.write_block(make_block(segment, k * 1000, 1000))
         for result in encode_snapshot(make_snapshot(segment, 10_000), header):
-            writer.result(result)
+            writer.add_result(result)
         reason = EndReason.OVERRUN if lost else EndReason.STOPPED
-        writer.segment_end(SegmentEnd(segment, 10_000, reason, lost))
+        writer.write_segment_end(SegmentEnd(segment, 10_000, reason, lost))
     writer.close()
     return writer.path
 
@@ -97,7 +97,7 @@ def test_a_file_that_is_cut_is_not_whole(run: Path) -> None:
 
 def test_a_hole_is_told_and_what_the_index_names_behind_it_is_looked_at(run: Path) -> None:
     container = Container(run)
-    samples = [place for place in container.chunks if place.may_hold(frozenset({1}))]
+    samples = [place for place in container.chunks if place.may_contain(frozenset({1}))]
     container.close()
     whole = verify(run)
     first, after = samples[1].offset - 9, samples[2].offset - 9
@@ -125,7 +125,7 @@ def test_a_header_of_which_one_copy_is_spoilt_still_serves_and_is_told(run: Path
 
 def test_a_run_closed_inside_a_segment_is_not_whole(tmp_path: Path, header: RunHeader, make_block: MakeBlock) -> None:
     writer = RunWriter(tmp_path / "run.mcap", header)
-    writer.block(make_block(0, 0, 1000))
+    writer.write_block(make_block(0, 0, 1000))
     writer.close()
     assert (Check.COUNTS, "the run was closed inside a segment") in faults(writer.path)
 
@@ -134,9 +134,9 @@ def test_another_header_in_place_of_the_second_copy_is_told(
     tmp_path: Path, header: RunHeader, make_block: MakeBlock
 ) -> None:
     writer = RunWriter(tmp_path / "run.mcap", header)
-    writer.record(RUN_RECORD, {"run": "another"})
-    writer.block(make_block(0, 0, 1000))
-    writer.segment_end(SegmentEnd(0, 1000, EndReason.STOPPED))
+    writer.write_metadata(RUN_RECORD, {"run": "another"})
+    writer.write_block(make_block(0, 0, 1000))
+    writer.write_segment_end(SegmentEnd(0, 1000, EndReason.STOPPED))
     writer.close()
     assert (Check.CRC, "header: analysis is missing") in faults(writer.path)
 
@@ -153,7 +153,7 @@ def test_a_run_of_a_format_to_come_is_an_error(run: Path) -> None:
     version = b"\x06\0\0\0format\x01\0\0\0"
     assert run.read_bytes().count(version + b"1") == 3
     run.write_bytes(run.read_bytes().replace(version + b"1", version + b"2"))
-    with pytest.raises(UnknownFormatError, match="run format version '2', known here: 1"):
+    with pytest.raises(UnknownFormatError, match="run format version '2', expected 1"):
         verify(run)
     assert encode_metadata({})["format"] == "1"
 
@@ -199,7 +199,7 @@ def test_a_long_list_of_faults_ends(tmp_path: Path, header: RunHeader, make_bloc
     path = tmp_path / "run.mcap"
     writer = RunWriter(path, header)
     for k in range(150):
-        writer.block(make_block(0, 6000 * k, 6000))
+        writer.write_block(make_block(0, 6000 * k, 6000))
     writer.close()
     container = Container(path)
     places = list(container.chunks)

@@ -53,9 +53,9 @@ def test_a_table_of_places_gives_them_back() -> None:
         ChunkLocation(200, 50, 7, None),
         ChunkLocation(300, 50, 8, frozenset({1})),
     ]
-    table = ChunkTable.of(places)
+    table = ChunkTable.from_locations(places)
     assert [*table] == places
-    assert [place.may_hold(frozenset({2})) for place in table] == [False, True, False]
+    assert [place.may_contain(frozenset({2})) for place in table] == [False, True, False]
 
 
 def test_the_chunk_is_found_in_which_a_time_lies_whatever_lies_between() -> None:
@@ -68,7 +68,7 @@ def test_the_chunk_is_found_in_which_a_time_lies_whatever_lies_between() -> None
     assert table.last_before(frozenset({7}), 10) == 0
 
 
-@pytest.mark.parametrize("table", [ChunkTable.from_index([]), ChunkTable.of([])], ids=["index", "walk"])
+@pytest.mark.parametrize("table", [ChunkTable.from_index([]), ChunkTable.from_locations([])], ids=["index", "walk"])
 def test_a_table_of_nothing_is_empty(table: ChunkTable) -> None:
     assert [*table] == []
     assert table.last_before(frozenset({1}), 5) == 0

@@ -46,12 +46,12 @@ def write_until_full(
     """Return the samples handed over and what the writer said in the end."""
     while True:
         try:
-            writer.block(make_block(0, first, 2000))
+            writer.write_block(make_block(0, first, 2000))
         except StorageError as error:
             return first + 2000, str(error)
         first += 2000
         for result in encode_snapshot(make_snapshot(0, first), header):
-            writer.result(result)
+            writer.add_result(result)
 
 
 def test_a_run_on_a_full_disk_is_finished(
@@ -95,7 +95,7 @@ def test_a_disk_that_fills_while_it_is_used_by_others_too_still_lets_the_run_be_
     writer = RunWriter(small_disk / "run.mcap", header)
     first = 0
     for _ in range(20):
-        writer.block(make_block(0, first, 2000))
+        writer.write_block(make_block(0, first, 2000))
         first += 2000
     (small_disk / "ballast").write_bytes(bytes(shutil.disk_usage(small_disk).free))
     _, told = write_until_full(writer, header, make_block, make_snapshot, first)

@@ -56,13 +56,13 @@ def test_numbers_in_the_document_have_their_unit_in_the_name(header: RunHeader) 
 @pytest.mark.parametrize(
     ("path", "value", "message"),
     [
-        (("run",), 3, r"header\.run: 3, expected a text"),
-        (("started_ns",), 1.5, r"header\.started_ns: 1\.5, expected a whole number"),
+        (("run",), 3, r"header\.run: 3, expected a string"),
+        (("started_ns",), 1.5, r"header\.started_ns: 1\.5, expected an integer"),
         (("acquisition", "rate_hz"), "fast", r"header\.acquisition\.rate_hz: 'fast', expected a number"),
         (("acquisition", "channels"), {}, r"header\.acquisition\.channels: \{\}, expected a list"),
         (("acquisition", "channels", 1, "role"), "z", r"channels\[1\]\.role: 'z', expected one of probe_x, probe_y"),
         (("acquisition", "device", "simulated"), 0, r"device\.simulated: 0, expected true or false"),
-        (("acquisition", "tacho"), [], r"header\.acquisition\.tacho: \[\], expected a group"),
+        (("acquisition", "tacho"), [], r"header\.acquisition\.tacho: \[\], expected an object"),
         (("limits", "clearance_m"), True, r"header\.limits\.clearance_m: True, expected a number"),
     ],
 )

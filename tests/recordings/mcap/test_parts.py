@@ -51,13 +51,13 @@ def written(folder: Path, header: RunHeader, limits: PartLimits, *, blocks: int 
     segment = first = 0
     for k in range(blocks):
         if k == 7:
-            writer.segment_end(SegmentEnd(0, first, EndReason.OVERRUN, 50))
+            writer.write_segment_end(SegmentEnd(0, first, EndReason.OVERRUN, 50))
             segment, first = 1, 0
-        writer.block(SampleBlock(codes(k * BLOCK), segment, first, 0))
+        writer.write_block(SampleBlock(codes(k * BLOCK), segment, first, 0))
         first += BLOCK
         if k == 8:
-            writer.result(encode_marker(Marker(segment, first, "here", 5), header))
-    writer.segment_end(SegmentEnd(segment, first, EndReason.STOPPED))
+            writer.add_result(encode_marker(Marker(segment, first, "here", 5), header))
+    writer.write_segment_end(SegmentEnd(segment, first, EndReason.STOPPED))
     writer.close()
     return writer
 
@@ -84,10 +84,10 @@ def test_parts_say_where_they_go_on_and_when_they_began(tmp_path: Path, header: 
     ends = [reader.segment_ends for reader in readers]
     for reader in readers:
         reader.close()
-    assert ends[0] == (SegmentEnd(0, 300, EndReason.FINISHED, detail="goes on in run-part2 with the next sample"),)
+    assert ends[0] == (SegmentEnd(0, 300, EndReason.FINISHED, detail="continues in run-part2 with the next sample"),)
     assert ends[2] == (
         SegmentEnd(0, 100, EndReason.OVERRUN, 50),
-        SegmentEnd(1, 200, EndReason.FINISHED, detail="goes on in run-part4 with the next sample"),
+        SegmentEnd(1, 200, EndReason.FINISHED, detail="continues in run-part4 with the next sample"),
     )
     assert ends[3] == (SegmentEnd(0, 300, EndReason.STOPPED),)
     assert [reader.header.note for reader in readers[:2]] == ["a word", "a word (part 2 of run)"]
@@ -136,8 +136,8 @@ def event(
 ) -> None:
     """Write an event of numbered samples, the first of which has this number."""
     for k in range(blocks):
-        writer.block(SampleBlock(codes(first + k * BLOCK), segment, k * BLOCK, 0))
-    writer.segment_end(SegmentEnd(segment, blocks * BLOCK, reason))
+        writer.write_block(SampleBlock(codes(first + k * BLOCK), segment, k * BLOCK, 0))
+    writer.write_segment_end(SegmentEnd(segment, blocks * BLOCK, reason))
 
 
 def test_each_event_is_a_file_of_its_own_that_is_whole_before_the_next(tmp_path: Path, header: RunHeader) -> None:
@@ -182,7 +182,7 @@ def test_long_event_goes_on_in_parts_of_its_own(tmp_path: Path, header: RunHeade
 def test_loss_between_two_events_is_told_in_the_next(tmp_path: Path, header: RunHeader) -> None:
     writer = PartWriter(tmp_path / "run.mcap", header, PartLimits(is_rearmed=True))
     event(writer, 0, 1)
-    writer.segment_end(SegmentEnd(1, 0, EndReason.OVERRUN, 70))
+    writer.write_segment_end(SegmentEnd(1, 0, EndReason.OVERRUN, 70))
     event(writer, 2, 1)
     writer.close()
     with RunReader(tmp_path / "run-event2.mcap") as reader:
@@ -199,7 +199,7 @@ def test_mark_between_two_events_lies_at_the_beginning_of_the_next(
 ) -> None:
     writer = PartWriter(tmp_path / "run.mcap", header, PartLimits(is_rearmed=True))
     event(writer, 0, 1)
-    writer.result(encode_marker(Marker(1, 0, "between", 5), header))
+    writer.add_result(encode_marker(Marker(1, 0, "between", 5), header))
     if comes:
         event(writer, 1, 1)
     writer.close()

@@ -16,7 +16,7 @@ from analysis.signals.snapshot import CounterReport, Snapshot
 from recordings.integrity.checks import Check, Finding, PulseCheck
 from recordings.integrity.verify import verify
 from recordings.mcap.header import header_from_json, header_to_json
-from recordings.mcap.pulses import PulseEncoder, PulseMerger
+from recordings.mcap.messages import PulseEncoder, PulseMerger
 from recordings.mcap.reader import RunReader
 from recordings.mcap.results import encode_snapshot
 from recordings.mcap.schema import rig_pb2
@@ -62,10 +62,10 @@ def write(path: Path, header: RunHeader, blocks: list[SampleBlock]) -> Path:
     writer = RunWriter(path, header)
     for before, block in pairwise([None, *blocks]):
         if block is not None and before is not None and block.segment != before.segment:
-            writer.segment_end(SegmentEnd(before.segment, before.end, EndReason.OVERRUN, 5))
+            writer.write_segment_end(SegmentEnd(before.segment, before.end, EndReason.OVERRUN, 5))
         assert block is not None
-        writer.block(block)
-    writer.segment_end(SegmentEnd(blocks[-1].segment, blocks[-1].end, EndReason.STOPPED))
+        writer.write_block(block)
+    writer.write_segment_end(SegmentEnd(blocks[-1].segment, blocks[-1].end, EndReason.STOPPED))
     writer.close()
     return path
 
@@ -124,18 +124,18 @@ def test_stamps_are_read_by_time_without_the_rest(run: Path) -> None:
 def test_stamps_that_come_well_ahead_of_their_blocks_find_them_though_one_is_damaged(
     counted: RunHeader, blocks: list[SampleBlock]
 ) -> None:
-    teller, join = PulseEncoder(counted.acquisition), PulseMerger(counted.acquisition)
-    messages = [teller.message(block) for block in blocks[:3]]
+    encoder, merger = PulseEncoder(counted.acquisition), PulseMerger(counted.acquisition)
+    messages = [encoder.encode(block) for block in blocks[:3]]
     for message in messages:
         assert message is not None
-        join.pulses(message)
+        merger.add_pulses(message)
     bare = [replace(block, ticks=None) for block in blocks]
     for k in (0, 2):
-        joined, original = join.block(bare[k]).ticks, blocks[k].ticks
-        assert joined is not None
+        merged, original = merger.merge(bare[k]).ticks, blocks[k].ticks
+        assert merged is not None
         assert original is not None
-        np.testing.assert_array_equal(joined, original)
-    fourth = join.block(bare[3])
+        np.testing.assert_array_equal(merged, original)
+    fourth = merger.merge(bare[3])
     assert fourth.ticks is not None
     assert fourth.ticks.size == 0
 
@@ -183,9 +183,9 @@ def test_count_of_stamps_that_differs_from_the_runs_end_is_a_fault(
     tmp_path: Path, counted: RunHeader, blocks: list[SampleBlock]
 ) -> None:
     writer = RunWriter(tmp_path / "short.mcap", counted)
-    writer.block(blocks[0])
-    writer.segment_end(SegmentEnd(0, BLOCK, EndReason.STOPPED))
-    writer._pulses.told += 1
+    writer.write_block(blocks[0])
+    writer.write_segment_end(SegmentEnd(0, BLOCK, EndReason.STOPPED))
+    writer._pulses.count += 1
     writer.close()
     (fault,) = verify(writer.path).faults
     assert fault.what == f"{stamps(0, BLOCK).size} stamps of the tacho's counter, expected {stamps(0, BLOCK).size + 1}"
@@ -196,11 +196,11 @@ def test_comparison_with_the_counter_comes_back_with_its_snapshot(
 ) -> None:
     report = CounterReport(True, 12_345, 1, 2, 3, -1.0e-7 / 3, 4.2e-5 / 7, 250, 4)
     writer = RunWriter(tmp_path / "kept.mcap", counted)
-    writer.block(blocks[0])
+    writer.write_block(blocks[0])
     for counter in (report, None):
         for result in encode_snapshot(replace(make_snapshot(0, 700), counter=counter), counted):
-            writer.result(result)
-    writer.segment_end(SegmentEnd(0, BLOCK, EndReason.STOPPED))
+            writer.add_result(result)
+    writer.write_segment_end(SegmentEnd(0, BLOCK, EndReason.STOPPED))
     writer.close()
     with RunReader(writer.path) as reader:
         assert [snapshot.counter for snapshot in reader.snapshots()] == [report, None]

@@ -44,10 +44,10 @@ def run(tmp_path: Path, header: RunHeader, make_block: MakeBlock, make_snapshot:
     for end in ENDS:
         for first in range(0, end.samples, BLOCK):
             block = make_block(end.segment, first, min(BLOCK, end.samples - first))
-            writer.block(block)
+            writer.write_block(block)
             for result in encode_snapshot(make_snapshot(end.segment, block.end, with_frame=first > 0), header):
-                writer.result(result)
-        writer.segment_end(end)
+                writer.add_result(result)
+        writer.write_segment_end(end)
     writer.close(skipped_samples=4321)
     return writer.path
 
@@ -243,7 +243,7 @@ def test_an_mcap_file_of_another_program_is_no_run(tmp_path: Path) -> None:
 @pytest.mark.parametrize("version", ["2", "0", "one"])
 def test_an_unknown_format_version_is_named_with_the_known_one(tmp_path: Path, version: str) -> None:
     write_foreign(tmp_path / "run.mcap", encode_metadata({}) | {"format": version})
-    with pytest.raises(UnknownFormatError, match=f"run format version '{version}', known here: 1"):
+    with pytest.raises(UnknownFormatError, match=f"run format version '{version}', expected 1"):
         RunReader(tmp_path / "run.mcap")
 
 

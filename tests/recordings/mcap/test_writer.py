@@ -76,22 +76,22 @@ def test_a_read_only_folder_is_named(read_only_folder: Path, header: RunHeader) 
 
 def test_a_block_that_does_not_follow_is_refused(tmp_path: Path, header: RunHeader, make_block: MakeBlock) -> None:
     writer = RunWriter(tmp_path / "run.mcap", header)
-    writer.block(make_block(0, 0, 100))
+    writer.write_block(make_block(0, 0, 100))
     with pytest.raises(ValueError, match="segment 0 from sample 200, expected segment 0 from sample 100"):
-        writer.block(make_block(0, 200, 100))
+        writer.write_block(make_block(0, 200, 100))
     with pytest.raises(ValueError, match="segment 1 from sample 0"):
-        writer.block(make_block(1, 0, 100))
+        writer.write_block(make_block(1, 0, 100))
     with pytest.raises(ValueError, match="block of 2 channels, expected 3"):
-        writer.block(make_block(0, 100, 100, n_channels=2))
+        writer.write_block(make_block(0, 100, 100, n_channels=2))
     with pytest.raises(ValueError, match="end of segment 0 after 300 samples, expected segment 0 after 100"):
-        writer.segment_end(SegmentEnd(0, 300, EndReason.STOPPED))
+        writer.write_segment_end(SegmentEnd(0, 300, EndReason.STOPPED))
     writer.close()
 
 
 def test_a_result_of_an_unknown_topic_is_refused(tmp_path: Path, header: RunHeader) -> None:
     writer = RunWriter(tmp_path / "run.mcap", header)
     with pytest.raises(ValueError, match="topic: '/weather'"):
-        writer.result(EncodedResult("/weather", 0, b""))
+        writer.add_result(EncodedResult("/weather", 0, b""))
     writer.close()
 
 
@@ -100,9 +100,9 @@ def test_a_result_of_a_segment_that_never_began_does_not_stop_the_recording(
 ) -> None:
     writer = RunWriter(tmp_path / "run.mcap", header)
     for result in encode_snapshot(make_snapshot(7, 2000), header):
-        writer.result(result)
-    writer.block(make_block(0, 0, 2000))
-    writer.segment_end(SegmentEnd(0, 2000, EndReason.STOPPED))
+        writer.add_result(result)
+    writer.write_block(make_block(0, 0, 2000))
+    writer.write_segment_end(SegmentEnd(0, 2000, EndReason.STOPPED))
     writer.close()
     with RunReader(writer.path) as reader:
         assert [snapshot.segment for snapshot in reader.snapshots()] == [7]
@@ -111,8 +111,8 @@ def test_a_result_of_a_segment_that_never_began_does_not_stop_the_recording(
 
 def test_closing_twice_is_harmless(tmp_path: Path, header: RunHeader, make_block: MakeBlock) -> None:
     writer = RunWriter(tmp_path / "run.mcap", header)
-    writer.block(make_block(0, 0, 100))
-    writer.segment_end(SegmentEnd(0, 100, EndReason.STOPPED))
+    writer.write_block(make_block(0, 0, 100))
+    writer.write_segment_end(SegmentEnd(0, 100, EndReason.STOPPED))
     writer.close(skipped_samples=7)
     size = writer.path.stat().st_size
     writer.close()
@@ -127,8 +127,8 @@ def test_file_tells_the_largest_backlog_and_the_buffer_that_it_stood_in(
     card = replace(header, acquisition=replace(header.acquisition, buffer=160_000))
     writer = RunWriter(tmp_path / "run.mcap", card)
     for first, backlog in ((0, 40), (100, 3000), (200, 0)):
-        writer.block(replace(make_block(0, first, 100), backlog=backlog))
-    writer.segment_end(SegmentEnd(0, 300, EndReason.STOPPED))
+        writer.write_block(replace(make_block(0, first, 100), backlog=backlog))
+    writer.write_segment_end(SegmentEnd(0, 300, EndReason.STOPPED))
     writer.close()
     with RunReader(writer.path) as reader:
         assert reader.header == card
@@ -140,7 +140,7 @@ def test_closing_within_a_segment_leaves_the_run_incomplete(
     tmp_path: Path, header: RunHeader, make_block: MakeBlock
 ) -> None:
     writer = RunWriter(tmp_path / "run.mcap", header)
-    writer.block(make_block(0, 0, 100))
+    writer.write_block(make_block(0, 0, 100))
     writer.close()
     with RunReader(writer.path) as reader:
         assert not reader.is_complete
@@ -156,14 +156,14 @@ def test_results_from_another_thread_are_all_kept_in_order(
     def analyse() -> None:
         for k in range(1, 201):
             for result in encode_snapshot(make_snapshot(0, 2000 * k), header):
-                writer.result(result)
+                writer.add_result(result)
 
     thread = threading.Thread(target=analyse)
     thread.start()
     for k in range(200):
-        writer.block(make_block(0, 2000 * k, 2000))
+        writer.write_block(make_block(0, 2000 * k, 2000))
     thread.join()
-    writer.segment_end(SegmentEnd(0, 400_000, EndReason.STOPPED))
+    writer.write_segment_end(SegmentEnd(0, 400_000, EndReason.STOPPED))
     writer.close()
     with RunReader(writer.path) as reader:
         assert [snapshot.sample for snapshot in reader.snapshots()] == [2000 * k for k in range(1, 201)]
@@ -184,7 +184,7 @@ WRITE_FOR_EVER = """
     while True:
         codes = np.arange(first, first + 2000, dtype=np.int64).astype(np.int16)
         block = SampleBlock(np.stack([codes, codes, codes]), 0, first, 0)
-        writer.block(block)
+        writer.write_block(block)
         first = block.end
         print(first, flush=True)
         sys.stdin.readline()
@@ -245,16 +245,16 @@ def test_a_full_disk_is_said_and_what_was_written_stays_readable(
     def write_on() -> None:
         nonlocal handed_over
         while True:
-            writer.block(make_block(0, handed_over, 2000))
+            writer.write_block(make_block(0, handed_over, 2000))
             handed_over += 2000
 
     with room_for(limit), pytest.raises(StorageError) as first:
         write_on()
     assert str(first.value) == f"{path}: cannot be written: File too large"
     with pytest.raises(StorageError) as again:
-        writer.block(make_block(0, handed_over, 2000))
+        writer.write_block(make_block(0, handed_over, 2000))
     assert str(again.value) == str(first.value)
-    writer.segment_end(SegmentEnd(0, handed_over, EndReason.RECORDER))
+    writer.write_segment_end(SegmentEnd(0, handed_over, EndReason.RECORDER))
     writer.close()
     with RunReader(path) as reader:
         assert not reader.is_complete
@@ -275,22 +275,22 @@ def test_a_disk_that_fills_at_the_end_of_a_segment_is_said(
     tmp_path: Path, header: RunHeader, make_block: MakeBlock
 ) -> None:
     writer = RunWriter(tmp_path / "run.mcap", header)
-    writer.block(make_block(0, 0, 2000))
+    writer.write_block(make_block(0, 0, 2000))
     with room_for(10), pytest.raises(StorageError, match="File too large"):
-        writer.segment_end(SegmentEnd(0, 2000, EndReason.STOPPED))
+        writer.write_segment_end(SegmentEnd(0, 2000, EndReason.STOPPED))
 
 
 @needs_limits
 def test_a_disk_that_fills_on_closing_loses_no_sample(tmp_path: Path, header: RunHeader, make_block: MakeBlock) -> None:
     writer = RunWriter(tmp_path / "run.mcap", header)
-    writer.block(make_block(0, 0, 2000))
-    writer.segment_end(SegmentEnd(0, 2000, EndReason.STOPPED))
+    writer.write_block(make_block(0, 0, 2000))
+    writer.write_segment_end(SegmentEnd(0, 2000, EndReason.STOPPED))
     with room_for(10), pytest.raises(StorageError, match="File too large"):
         writer.close()
     with RunReader(writer.path) as reader:
         assert reader.segment_ends == (SegmentEnd(0, 2000, EndReason.STOPPED),)
         assert not reader.is_complete
-    writer.abandon()
+    writer.discard()
     assert not writer.path.exists()
 
 
@@ -301,10 +301,10 @@ def test_a_long_run_keeps_memory_flat(tmp_path: Path, header: RunHeader, make_bl
     blocks = [make_block(0, 0, 2000)]
     sizes = []
     for k in range(6000):  # ten minutes
-        writer.block(SampleBlock(blocks[0].codes, 0, 2000 * k, 0))
+        writer.write_block(SampleBlock(blocks[0].codes, 0, 2000 * k, 0))
         if k in (1000, 5999):
             sizes.append(process.memory_info().rss)
-    writer.segment_end(SegmentEnd(0, 12_000_000, EndReason.FINISHED))
+    writer.write_segment_end(SegmentEnd(0, 12_000_000, EndReason.FINISHED))
     writer.close()
     assert sizes[1] - sizes[0] < 10_000_000
     with RunReader(writer.path) as reader:
@@ -317,10 +317,10 @@ def test_times_in_the_file_are_the_run_s_start_plus_sample_time(
     tmp_path: Path, header: RunHeader, make_block: MakeBlock
 ) -> None:
     writer = RunWriter(tmp_path / "run.mcap", header)
-    writer.block(make_block(0, 0, 3000))
-    writer.segment_end(SegmentEnd(0, 3000, EndReason.OVERRUN, lost=1000))
-    writer.block(make_block(1, 0, 3000))
-    writer.segment_end(SegmentEnd(1, 3000, EndReason.STOPPED))
+    writer.write_block(make_block(0, 0, 3000))
+    writer.write_segment_end(SegmentEnd(0, 3000, EndReason.OVERRUN, lost=1000))
+    writer.write_block(make_block(1, 0, 3000))
+    writer.write_segment_end(SegmentEnd(1, 3000, EndReason.STOPPED))
     writer.close()
     with writer.path.open("rb") as file:
         times = [message.log_time - header.started_ns for _, _, message in make_reader(file).iter_messages()]

@@ -94,8 +94,8 @@ def lines_after(rig: Rig, path: Path, *ends: SegmentEnd, backlog: int = 0) -> li
     writer = RunWriter(path, run_header(recording_request(rig, path.parent), source))
     for end in ends:
         if end.samples:
-            writer.block(SampleBlock(np.zeros((3, end.samples), np.int16), end.segment, 0, 0, backlog))
-        writer.segment_end(end)
+            writer.write_block(SampleBlock(np.zeros((3, end.samples), np.int16), end.segment, 0, 0, backlog))
+        writer.write_segment_end(end)
     writer.close()
     source.close()
     with RunReader(path) as reader:

@@ -31,9 +31,9 @@ def recorded_with_stall(rig: Rig, folder: Path) -> tuple[SegmentEnd, ...]:
     blocks = 0
     for item in source.blocks():
         if isinstance(item, SegmentEnd):
-            writer.segment_end(item)
+            writer.write_segment_end(item)
             continue
-        writer.block(item)
+        writer.write_block(item)
         blocks += 1
         if blocks == 3:
             time.sleep(STALL)

@@ -238,9 +238,9 @@ def test_part_of_a_run_counts_from_its_own_first_sample(counted: RigFactory, tmp
     writer = PartWriter(path, header, PartLimits(samples=30_000))
     for item in items_of(rig):
         if isinstance(item, SampleBlock):
-            writer.block(item)
+            writer.write_block(item)
         else:
-            writer.segment_end(item)
+            writer.write_segment_end(item)
     writer.close()
     card, begin = SimulatedCard(rig), 0
     for name in file_ids(path):

@@ -44,7 +44,7 @@ def record_for_ever(rig_toml: Path, path: Path, taken: "Synchronized[int]") -> N
         if isinstance(item, SampleBlock):
             with taken.get_lock():
                 taken.value += item.n_samples
-            writer.block(item)
+            writer.write_block(item)
 
 
 @pytest.mark.parametrize("n_kills", [2, pytest.param(100, marks=pytest.mark.campaign)], ids=["few", "full"])
