@@ -5,15 +5,15 @@ from dataclasses import dataclass
 from typing import Final
 
 from daq.reports.analysis_result import AnalysisResult
-from daq.reports.kinds.envelopes import envelopes, waveforms
-from daq.reports.kinds.orbits import orbit_of, poincare
-from daq.reports.kinds.overall import overall_of
-from daq.reports.kinds.positions import bifurcation_of, centreline_of
-from daq.reports.kinds.revolution import slow_roll_of, synchronous
-from daq.reports.kinds.spectra import frequency_spectrum_of, full_spectrum_of, order_spectrum
-from daq.reports.kinds.spectral_maps import cascade, waterfall
-from daq.reports.kinds.sub_synchronous import sub_synchronous
-from daq.reports.kinds.vectors import bode_of, polar_of
+from daq.reports.kinds.envelopes import analyse_envelopes, analyse_waveforms
+from daq.reports.kinds.orbits import analyse_orbit, analyse_poincare
+from daq.reports.kinds.overall import analyse_overall
+from daq.reports.kinds.positions import analyse_bifurcation, analyse_centreline
+from daq.reports.kinds.revolution import analyse_slow_roll, analyse_synchronous_average
+from daq.reports.kinds.spectra import analyse_frequency_spectrum, analyse_full_spectrum, analyse_order_spectrum
+from daq.reports.kinds.spectral_maps import analyse_cascade, analyse_waterfall
+from daq.reports.kinds.sub_synchronous import analyse_sub_synchronous
+from daq.reports.kinds.vectors import analyse_bode, analyse_polar
 from daq.reports.parameters import (
     AnalysisQuery,
     AverageQuery,
@@ -88,63 +88,63 @@ KINDS: Final[Mapping[str, AnalysisKind]] = {
             "lag_sigma_y_deg",
         ),
         OrderSpectrumQuery,
-        order_spectrum,
+        analyse_order_spectrum,
     ),
     "full-spectrum": AnalysisKind(
         "The full spectrum about a moment",
         "Circles with and against the rotation by order about a moment",
         ("order", "amplitude_peak_um", "uncertain"),
         FullSpectrumQuery,
-        full_spectrum_of,
+        analyse_full_spectrum,
     ),
     "frequency-spectrum": AnalysisKind(
         "The frequency spectrum of a stretch",
         "Amplitude by frequency, averaged over a stretch of time; needs no tacho",
         ("frequency_hz", "amplitude_peak_x_um", "amplitude_peak_y_um"),
         FrequencySpectrumQuery,
-        frequency_spectrum_of,
+        analyse_frequency_spectrum,
     ),
     "cascade": AnalysisKind(
         "Spectra over speed",
         "Spectra over speed: of orders, full, or of frequencies",
         ("speed_rpm", "order", "amplitude_peak_um"),
         CascadeQuery,
-        cascade,
+        analyse_cascade,
     ),
     "waterfall": AnalysisKind(
         "Spectra over time",
         "Spectra over time: of orders, full, or of frequencies",
         ("time_s", "order", "amplitude_peak_um"),
         WaterfallQuery,
-        waterfall,
+        analyse_waterfall,
     ),
     "bode": AnalysisKind(
         "Vectors of an order over speed, as Bode plot",
         "Amplitude and phase lag of any order over speed, run-up and run-down apart",
         VECTORS,
         VectorsQuery,
-        bode_of,
+        analyse_bode,
     ),
     "polar": AnalysisKind(
         "Vectors of an order over speed, as polar plot",
         "The same vectors, drawn in the plane",
         VECTORS,
         VectorsQuery,
-        polar_of,
+        analyse_polar,
     ),
     "orbit": AnalysisKind(
         "The orbit about a moment",
         "The shaft's path about a moment: direct, of chosen orders (1X, 2X, nX), or without them (not-1X)",
         ("revolution", "angle_deg", "time_s", "X_um", "Y_um"),
         OrbitQuery,
-        orbit_of,
+        analyse_orbit,
     ),
     "centreline": AnalysisKind(
         "The shaft's centreline",
         "The shaft's mean position in its clearance over speed",
         ("time_s", "speed_rpm", "X_um", "Y_um", "X_sigma_um", "Y_sigma_um", "eccentricity_ratio", "attitude_deg"),
         CentrelineQuery,
-        centreline_of,
+        analyse_centreline,
     ),
     "envelopes": AnalysisKind(
         "Orders over time",
@@ -161,35 +161,35 @@ KINDS: Final[Mapping[str, AnalysisKind]] = {
             "lag_y_deg",
         ),
         EnvelopesQuery,
-        envelopes,
+        analyse_envelopes,
     ),
     "waveforms": AnalysisKind(
         "Waveforms of orders about a moment",
         "Waveforms of single orders about a moment, by the Vold-Kalman filter",
         ("time_s", "angle_deg", "order", "displacement_x_um", "displacement_y_um"),
         WaveformsQuery,
-        waveforms,
+        analyse_waveforms,
     ),
     "average": AnalysisKind(
         "The average revolution and its residual",
         "The synchronous average of a revolution about a moment, and the residual",
         ("angle_deg", "average_x_um", "average_y_um", "residual_rms_x_um", "residual_rms_y_um"),
         AverageQuery,
-        synchronous,
+        analyse_synchronous_average,
     ),
     "poincare": AnalysisKind(
         "Poincaré points",
         "The shaft's positions at the mark about a moment, and what they make",
         ("revolution", "time_s", "speed_rpm", "X_um", "Y_um"),
         PoincareQuery,
-        poincare,
+        analyse_poincare,
     ),
     "bifurcation": AnalysisKind(
         "The bifurcation diagram",
         "The shaft's position at the mark of every revolution over speed",
         ("time_s", "speed_rpm", "X_um", "Y_um"),
         BifurcationQuery,
-        bifurcation_of,
+        analyse_bifurcation,
     ),
     "sub-synchronous": AnalysisKind(
         "What is below 1X",
@@ -212,7 +212,7 @@ KINDS: Final[Mapping[str, AnalysisKind]] = {
             "behaviour",
         ),
         SubSynchronousQuery,
-        sub_synchronous,
+        analyse_sub_synchronous,
     ),
     "overall": AnalysisKind(
         "Overall vibration over time",
@@ -227,13 +227,13 @@ KINDS: Final[Mapping[str, AnalysisKind]] = {
             "severity",
         ),
         OverallQuery,
-        overall_of,
+        analyse_overall,
     ),
     "slow-roll": AnalysisKind(
         "The run-out of the slow roll",
         "The run-out that the run's own slow turning tells",
         ("angle_deg", "runout_x_um", "runout_y_um"),
         SlowRollQuery,
-        slow_roll_of,
+        analyse_slow_roll,
     ),
 }

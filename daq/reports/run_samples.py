@@ -24,15 +24,15 @@ from recordings.mcap.reader import RunReader
 
 FloatArray = NDArray[np.float64]
 
-PIECE = 1_000_000  # samples of each channel that are read at a time
-MOST_SAMPLES = 30_000_000  # of each probe that may be held at once
-MOST_POINTS = 16_000_000  # of each probe against the angle
-HELD = 0.3  # of the sample rate: up to there interpolation is good
-POINTS = 64  # a revolution, at least
-ALIGNED = 4096  # samples: where pieces begin, so that halved rates have their samples at the same instants
-ROOM_TURNS, ROOM_SAMPLES = 2.0, 128  # about a piece: what the filters and the interpolator reach
-GUARD = 12  # revolutions about a moment, by which the angle is sure at its ends
-SLOWER = 1.3  # how much slower the shaft may have been in the revolutions before a moment
+CHUNK_SIZE = 1_000_000  # samples of each channel that are read at a time
+MAX_SAMPLES = 30_000_000  # of each probe that may be held at once
+MAX_POINTS = 16_000_000  # of each probe against the angle
+MAX_FREQUENCY_FRACTION = 0.3  # of the sample rate: up to there interpolation is good
+MIN_POINTS = 64  # a revolution, at least
+CHUNK_ALIGNMENT = 4096  # samples: where pieces begin, so that halved rates have their samples at the same instants
+MARGIN_TURNS, MARGIN_SAMPLES = 2.0, 128  # about a piece: what the filters and the interpolator reach
+GUARD_TURNS = 12  # revolutions about a moment, by which the angle is sure at its ends
+SPEED_MARGIN = 1.3  # how much slower the shaft may have been in the revolutions before a moment
 RPM = math.pi / 30.0
 
 
@@ -58,31 +58,31 @@ class RunSamples:
         Samples of each channel that are read at a time.
     """
 
-    def __init__(self, reader: RunReader, tell: ProgressCallback, piece: int = PIECE) -> None:
+    def __init__(self, reader: RunReader, on_progress: ProgressCallback, chunk_size: int = CHUNK_SIZE) -> None:
         self._reader = reader
-        self._tell = tell
-        self._found: RunHistory | None = None
-        self.piece = piece
+        self._on_progress = on_progress
+        self._history: RunHistory | None = None
+        self.chunk_size = chunk_size
         self.header: RunHeader = reader.header
         self.rate = reader.header.acquisition.rate
 
     @property
     def pair(self) -> ProbePair:
         """Where the probes sit."""
-        return ProbePair(*self.directions)
+        return ProbePair(*self.probe_angles)
 
     @property
-    def directions(self) -> tuple[float, float]:
+    def probe_angles(self) -> tuple[float, float]:
         """Where the probes x and y sit, rad from X."""
         acquisition = self.header.acquisition
         x, y = (acquisition.channels[acquisition.row(role)].angle for role in (Role.PROBE_X, Role.PROBE_Y))
         return x, y
 
-    def tell(self, doing: str, part: float | None = None) -> None:
+    def report_progress(self, doing: str, part: float | None = None) -> None:
         """Tell what goes on."""
-        self._tell(doing, part)
+        self._on_progress(doing, part)
 
-    def stretch(self, segment: int | None, start: float = 0.0, duration: float | None = None) -> SampleRange:
+    def sample_range(self, segment: int | None, start: float = 0.0, duration: float | None = None) -> SampleRange:
         """Return a stretch of a segment, of the longest where none is named; DataNotFoundError where it is empty."""
         held = {end.segment: end.samples for end in self._reader.segment_ends}
         chosen = max(held, key=lambda one: held[one], default=0) if segment is None else segment
@@ -95,14 +95,14 @@ class RunSamples:
             raise DataNotFoundError(f"run {self.header.run}: {there}, nothing from {start:g} s")
         return SampleRange(chosen, first, stop)
 
-    def angle(self, stretch: SampleRange) -> tuple[PulseRecord, ShaftAngle]:
+    def shaft_angle(self, span: SampleRange) -> tuple[PulseRecord, ShaftAngle]:
         """Return the pulses of the tacho and the angle of the shaft; times are s in the segment."""
-        times = self._pulse_times(stretch)
-        with translated_errors(f"run {self.header.run}, {self._span(stretch)}"):
+        times = self._pulse_times(span)
+        with translated_errors(f"run {self.header.run}, {self._span(span)}"):
             pulses = pulse_record(times, self.header.acquisition.tacho)
             return pulses, shaft_angle(pulses)
 
-    def record(self, stretch: SampleRange, highest_order: float = 1.0) -> AngularRecord:
+    def angular_record(self, span: SampleRange, highest_order: float = 1.0) -> AngularRecord:
         """Return displacement against angle; times are s in the segment.
 
         Raises
@@ -112,57 +112,55 @@ class RunSamples:
         RequestTooLargeError
             More revolutions than may be held at once.
         """
-        points = max(POINTS, 2 ** math.ceil(math.log2(highest_order / PASSBAND_FRACTION)))
-        pulses, angle = self.angle(stretch)
+        points = max(MIN_POINTS, 2 ** math.ceil(math.log2(highest_order / PASSBAND_FRACTION)))
+        pulses, angle = self.shaft_angle(span)
         self._require_order(highest_order, angle)
         first, last = math.ceil(angle.first), math.floor(angle.last)
-        if (last - first) * points > MOST_POINTS:
-            most = MOST_POINTS // points
+        if (last - first) * points > MAX_POINTS:
+            most = MAX_POINTS // points
             raise RequestTooLargeError(
                 f"{last - first:,} revolutions, expected at most {most:,}: ask for a shorter stretch"
             )
-        with translated_errors(f"run {self.header.run}, {self._span(stretch)}"):
-            return replace(self._resampled(stretch, angle, range(first, last + 1), points), pulses=pulses)
+        with translated_errors(f"run {self.header.run}, {self._span(span)}"):
+            return replace(self._resampled(span, angle, range(first, last + 1), points), pulses=pulses)
 
-    def displacement(self, stretch: SampleRange, task: str = "reading samples") -> FloatArray:
+    def displacement(self, span: SampleRange, task: str = "reading samples") -> FloatArray:
         """Return the displacement towards the probes, shape (2, n), m.
 
         ``task`` is reported with the progress; empty reports none. RequestTooLargeError where the range is too long.
         """
-        size = stretch.stop - stretch.first
-        if size > MOST_SAMPLES:
-            longest = MOST_SAMPLES / self.rate
+        size = span.stop - span.first
+        if size > MAX_SAMPLES:
+            longest = MAX_SAMPLES / self.rate
             raise RequestTooLargeError(
-                f"{size:,} samples, expected at most {MOST_SAMPLES:,}: ask for {longest:,.0f} s at most"
+                f"{size:,} samples, expected at most {MAX_SAMPLES:,}: ask for {longest:,.0f} s at most"
             )
         found = np.empty((2, size))
-        for low in range(0, size, self.piece):
-            high = min(low + self.piece, size)
-            found[:, low:high] = self._probes(SampleRange(stretch.segment, stretch.first + low, stretch.first + high))[
-                0
-            ]
+        for low in range(0, size, self.chunk_size):
+            high = min(low + self.chunk_size, size)
+            found[:, low:high] = self._probes(SampleRange(span.segment, span.first + low, span.first + high))[0]
             if task:
-                self._tell(task, high / size)
+                self._on_progress(task, high / size)
         return found
 
-    def moment(
+    def range_before_frame(
         self, segment: int | None, time: float | None, speed_rpm: float | None, revolutions: int
     ) -> tuple[SampleRange, float]:
         """Return the samples about the recorded frame that is nearest to a moment, and its end, s in the segment.
 
         They hold so many revolutions before it; DataNotFoundError where no frame is near.
         """
-        found = self._turning()
+        found = self._history_with_speed()
         index = found.nearest(segment, time, None if speed_rpm is None else speed_rpm * RPM)
         end, speed = float(found.time[index]), float(found.frame_speed[index])
         turn = 2.0 * math.pi / speed
-        begin = max(end - SLOWER * (revolutions + GUARD) * turn, 0.0)
-        after = end + GUARD * turn + ROOM_SAMPLES / self.rate
-        return self.stretch(int(found.segment[index]), begin, after - begin), end
+        begin = max(end - SPEED_MARGIN * (revolutions + GUARD_TURNS) * turn, 0.0)
+        after = end + GUARD_TURNS * turn + MARGIN_SAMPLES / self.rate
+        return self.sample_range(int(found.segment[index]), begin, after - begin), end
 
-    def revolutions_to(self, stretch: SampleRange, end: float, revolutions: int, highest_order: float) -> AngularRecord:
+    def last_revolutions(self, span: SampleRange, end: float, revolutions: int, highest_order: float) -> AngularRecord:
         """Return the last whole revolutions before an instant, s; InsufficientDataError where there are not so many."""
-        record = self.record(stretch, highest_order)
+        record = self.angular_record(span, highest_order)
         if record.revolutions < revolutions:
             raise InsufficientDataError(
                 f"run {self.header.run}: {record.revolutions} whole revolutions about {end:.1f} s, expected at least "
@@ -174,27 +172,31 @@ class RunSamples:
 
     def slow_roll(self, segment: int | None, speed_rpm: float, points: int) -> SlowRoll:
         """Return the run-out that the revolutions up to a speed tell; InsufficientDataError where they do not."""
-        found = self._turning()
-        slow = (found.frame_speed <= speed_rpm * RPM) & (found.segment == self.stretch(segment).segment)
+        found = self._history_with_speed()
+        slow = (found.frame_speed <= speed_rpm * RPM) & (found.segment == self.sample_range(segment).segment)
         if not slow.any():
             raise InsufficientDataError(f"run {self.header.run}: it never turned as slowly as {speed_rpm:,.0f} r/min")
         first = int(np.argmax(slow))
         last = first + int(np.argmin(np.append(slow[first:], False))) - 1
         turn = 2.0 * math.pi / float(found.frame_speed[first])
-        begin = max(float(found.time[first]) - SLOWER * (self.header.settings.revolutions + GUARD) * turn, 0.0)
-        stretch = self.stretch(int(found.segment[first]), begin, float(found.time[last]) + GUARD * turn - begin)
+        begin = max(
+            float(found.time[first]) - SPEED_MARGIN * (self.header.settings.revolutions + GUARD_TURNS) * turn, 0.0
+        )
+        span = self.sample_range(int(found.segment[first]), begin, float(found.time[last]) + GUARD_TURNS * turn - begin)
         with translated_errors(f"run {self.header.run}, slow roll up to {speed_rpm:,.0f} r/min"):
-            return slow_roll(self.record(stretch, points * PASSBAND_FRACTION), 0.0, speed_rpm * RPM)
+            return slow_roll(self.angular_record(span, points * PASSBAND_FRACTION), 0.0, speed_rpm * RPM)
 
     def history(self) -> RunHistory:
         """Return the run's results: what was recorded, or the samples analysed again."""
-        if self._found is None:
+        if self._history is None:
             path = self._reader.path
             is_recorded = self._reader.is_complete and self._reader.skipped_samples == 0
-            self._found = load_history(path) if is_recorded else read_history(path, partial(self._tell, "analysing"))
-        return self._found
+            self._history = (
+                load_history(path) if is_recorded else read_history(path, partial(self._on_progress, "analysing"))
+            )
+        return self._history
 
-    def _turning(self) -> RunHistory:
+    def _history_with_speed(self) -> RunHistory:
         """Return the run's results; InsufficientDataError where the tacho never told a speed."""
         found = self.history()
         if not np.isfinite(found.frame_speed).any():
@@ -206,44 +208,44 @@ class RunSamples:
     def _require_order(self, order: float, angle: ShaftAngle) -> None:
         """Raise InsufficientDataError where an order lies beyond what the samples hold."""
         fastest = float(angle.speed(np.linspace(angle.first, angle.last, 1_000)).max())
-        reached, held = order * fastest / (2.0 * math.pi), HELD * self.rate
+        reached, held = order * fastest / (2.0 * math.pi), MAX_FREQUENCY_FRACTION * self.rate
         if reached > held:
             raise InsufficientDataError(
                 f"run {self.header.run}: order {order:g} reaches {reached:,.0f} Hz at {fastest / RPM:,.0f} r/min, "
                 f"expected at most {held:,.0f} Hz at {self.rate:,.0f} samples a second"
             )
 
-    def _pulse_times(self, stretch: SampleRange) -> FloatArray:
+    def _pulse_times(self, span: SampleRange) -> FloatArray:
         """Return when the tacho's edges came, s in the segment; the sensor's delay is still in."""
         acquisition, counter = self.header.acquisition, self.header.acquisition.tacho.counter
         if counter is not None and counter.is_reference:
-            ticks = self._reader.ticks(stretch.segment, stretch.first, stretch.stop)
+            ticks = self._reader.ticks(span.segment, span.first, span.stop)
             if ticks.size:
                 return np.asarray(ticks / counter.timebase, dtype=np.float64)
         row = acquisition.row(Role.TACHO)
         channel, detector = acquisition.channels[row], EdgeDetector(acquisition.tacho)
         edges = [np.empty(0)]
-        for low in range(stretch.first, stretch.stop, self.piece):
-            high = min(low + self.piece, stretch.stop)
-            codes = self._reader.samples(stretch.segment, low, high)
+        for low in range(span.first, span.stop, self.chunk_size):
+            high = min(low + self.chunk_size, span.stop)
+            codes = self._reader.samples(span.segment, low, high)
             edges.append(detector.edges(channel.volts(codes[row]), low))
-            self._tell("looking for the tacho's edges", (high - stretch.first) / (stretch.stop - stretch.first))
+            self._on_progress("looking for the tacho's edges", (high - span.first) / (span.stop - span.first))
         return np.asarray(np.concatenate(edges) / acquisition.rate + row / acquisition.convert_rate, dtype=np.float64)
 
-    def _resampled(self, stretch: SampleRange, angle: ShaftAngle, turns: range, points: int) -> AngularRecord:
+    def _resampled(self, span: SampleRange, angle: ShaftAngle, turns: range, points: int) -> AngularRecord:
         """Return the revolutions that begin and end at ``turns``."""
         times = np.asarray(angle.time(np.array(turns)), dtype=np.float64)
-        breaks = np.flatnonzero(np.diff(np.floor(times[:-1] * self.rate / self.piece))) + 1
+        breaks = np.flatnonzero(np.diff(np.floor(times[:-1] * self.rate / self.chunk_size))) + 1
         parts: list[AngularRecord] = []
         clipped = np.zeros(2, dtype=np.int64)
         for begin, end in zip([0, *breaks.tolist()], [*breaks.tolist(), len(turns) - 1], strict=True):
-            piece = self._piece(stretch, times, begin, end)
+            piece = self._piece(span, times, begin, end)
             displacement, at_rail = self._probes(piece)
             low, high = (np.clip(times[[begin, end]] * self.rate - piece.first, 0, None)).astype(np.int64)
             clipped += np.count_nonzero(at_rail[:, low:high], axis=1)
             with suppress(RecordTooShortError):  # the first and the last piece may hold no whole revolution
                 parts.append(self._part(displacement, angle, piece, (turns[begin], turns[end]), points))
-            self._tell("reading samples against angle", end / (len(turns) - 1))
+            self._on_progress("reading samples against angle", end / (len(turns) - 1))
         ends = [part.first_turn + part.revolutions for part in parts]
         if not parts or ends[:-1] != [part.first_turn for part in parts[1:]]:
             raise RecordTooShortError("the samples hold no whole revolution")
@@ -255,13 +257,15 @@ class RunSamples:
             clipped=(int(clipped[0]), int(clipped[1])),
         )
 
-    def _piece(self, stretch: SampleRange, times: FloatArray, begin: int, end: int) -> SampleRange:
+    def _piece(self, span: SampleRange, times: FloatArray, begin: int, end: int) -> SampleRange:
         """Return the samples that the revolutions between two marks, by their places in ``times``, are read from."""
-        low = times[begin] - ROOM_TURNS * (times[begin + 1] - times[begin])
-        high = times[end] + ROOM_TURNS * (times[end] - times[end - 1])
-        first = (math.floor(low * self.rate) - ROOM_SAMPLES - stretch.first) // ALIGNED * ALIGNED + stretch.first
-        stop = math.ceil(high * self.rate) + ROOM_SAMPLES
-        return SampleRange(stretch.segment, max(first, stretch.first), min(stop, stretch.stop))
+        low = times[begin] - MARGIN_TURNS * (times[begin + 1] - times[begin])
+        high = times[end] + MARGIN_TURNS * (times[end] - times[end - 1])
+        first = (
+            math.floor(low * self.rate) - MARGIN_SAMPLES - span.first
+        ) // CHUNK_ALIGNMENT * CHUNK_ALIGNMENT + span.first
+        stop = math.ceil(high * self.rate) + MARGIN_SAMPLES
+        return SampleRange(span.segment, max(first, span.first), min(stop, span.stop))
 
     def _part(
         self, displacement: FloatArray, angle: ShaftAngle, piece: SampleRange, turns: tuple[int, int], points: int
@@ -273,17 +277,17 @@ class RunSamples:
         part = angular_record(displacement, self.rate, here, self.pair, points=points, skews=(skews[0], skews[1]))
         return replace(part, times=part.times + shift)
 
-    def _probes(self, stretch: SampleRange) -> tuple[FloatArray, NDArray[np.bool_]]:
+    def _probes(self, span: SampleRange) -> tuple[FloatArray, NDArray[np.bool_]]:
         """Return the displacement towards the probes, m, and which samples were at the converter's rails."""
-        codes = self._reader.samples(stretch.segment, stretch.first, stretch.stop)
+        codes = self._reader.samples(span.segment, span.first, span.stop)
         acquisition = self.header.acquisition
         rows = [acquisition.row(role) for role in (Role.PROBE_X, Role.PROBE_Y)]
         at_rail = (codes[rows] == CODE_MIN) | (codes[rows] == CODE_MAX)
-        with translated_errors(f"run {self.header.run}, {self._span(stretch)}"):
+        with translated_errors(f"run {self.header.run}, {self._span(span)}"):
             return probe_displacement(acquisition, codes), at_rail
 
-    def _span(self, stretch: SampleRange) -> str:
-        return f"segment {stretch.segment}, {stretch.first / self.rate:.1f} to {stretch.stop / self.rate:.1f} s"
+    def _span(self, span: SampleRange) -> str:
+        return f"segment {span.segment}, {span.first / self.rate:.1f} to {span.stop / self.rate:.1f} s"
 
 
 def moved(angle: ShaftAngle, shift: float) -> ShaftAngle:

@@ -14,9 +14,9 @@ from daq.reports.errors import InsufficientDataError, RequestTooLargeError, tran
 from daq.reports.kinds.orbits import orders_of
 from daq.reports.kinds.prepared_record import MICRO, RPM, in_degrees
 from daq.reports.parameters import EnvelopesQuery, WaveformsQuery
-from daq.reports.plots.layouts import OTHERS, SPEED
+from daq.reports.plots.layouts import DISTINCT_COLOURS, SPEED_COLOUR
 from daq.reports.plots.panel import Curve, Panel, Style
-from daq.reports.run_samples import ALIGNED, RunSamples, SampleRange, moved
+from daq.reports.run_samples import CHUNK_ALIGNMENT, RunSamples, SampleRange, moved
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -27,7 +27,7 @@ SETTLING = (
     6.0  # over the bandwidth: time at either side of them by which a solution is that of the whole, to 1e-7, s Hz
 )
 SLOW = 1.5 * MEAN_TURNS  # turns at either side that the mean position needs
-MOST_UNKNOWNS = 2_000_000  # orders squared times samples that are solved for together: about 1.5 GB
+MAX_UNKNOWNS = 2_000_000  # orders squared times samples that are solved for together: about 1.5 GB
 INSET = 0.02  # s at the ends of a stretch that the filters need
 FINE = 128  # instants of a waveform a revolution
 
@@ -75,20 +75,20 @@ class Solution:
     sigma: FloatArray
 
 
-def envelopes(run: RunSamples, query: EnvelopesQuery) -> AnalysisResult:
+def analyse_envelopes(run: RunSamples, query: EnvelopesQuery) -> AnalysisResult:
     """Return amplitude and phase of several orders at both probes over time."""
     is_usual = query.bandwidth_hz is None and query.bandwidth_percent is None
     chosen = OrderFilter(
         orders_of(query.orders), BANDWIDTH if is_usual else query.bandwidth_hz, query.bandwidth_percent
     )
-    stretch = run.stretch(query.segment, query.from_s, query.duration_s)
-    angle = run.angle(stretch)[1]
+    span = run.sample_range(query.segment, query.from_s, query.duration_s)
+    angle = run.shaft_angle(span)[1]
     begin, end = (float(angle.time(turn)) for turn in (angle.first, angle.last))
-    begin, end = max(begin, stretch.first / run.rate) + INSET, min(end, stretch.stop / run.rate) - INSET
+    begin, end = max(begin, span.first / run.rate) + INSET, min(end, span.stop / run.rate) - INSET
     if not begin < end:
         raise InsufficientDataError(f"run {run.header.run}: the stretch is shorter than {2.0 * INSET:g} s")
     times = np.linspace(begin, end, query.entries)
-    found = solve_orders(run, stretch, angle, times, chosen)
+    found = solve_orders(run, span, angle, times, chosen)
     speeds = angle.speed(angle.turns(times)) * RPM
     sizes, sigma = np.abs(found.envelopes) * MICRO, found.sigma * MICRO
     title = f"{run.header.run} · Vold-Kalman · {times[0]:.1f} to {times[-1]:.1f} s"
@@ -98,13 +98,13 @@ def envelopes(run: RunSamples, query: EnvelopesQuery) -> AnalysisResult:
             title if probe == 0 else "the same at probe y", "s", f"µm zero-to-peak at {'xy'[probe]}",
             tuple(
                 Curve(f"{order:g}X", times.tolist(), size.tolist(), colour=colour)
-                for order, size, colour in zip(chosen.orders, sizes[probe], OTHERS, strict=False)
+                for order, size, colour in zip(chosen.orders, sizes[probe], DISTINCT_COLOURS, strict=False)
             ),
             caption if probe == 0 else "",
         )
         for probe in (0, 1)
     ]  # fmt: skip
-    panels.append(Panel("speed", "s", "r/min", (Curve("", times.tolist(), speeds.tolist(), colour=SPEED),)))
+    panels.append(Panel("speed", "s", "r/min", (Curve("", times.tolist(), speeds.tolist(), colour=SPEED_COLOUR),)))
     by_probe = {}
     for probe, name in enumerate("xy"):
         by_probe[f"amplitude_peak_{name}_um"] = sizes[probe].ravel()
@@ -123,14 +123,14 @@ def envelopes(run: RunSamples, query: EnvelopesQuery) -> AnalysisResult:
     )
 
 
-def waveforms(run: RunSamples, query: WaveformsQuery) -> AnalysisResult:
+def analyse_waveforms(run: RunSamples, query: WaveformsQuery) -> AnalysisResult:
     """Return the waveforms of single orders in the last revolutions before a moment."""
     chosen = OrderFilter(orders_of(query.orders), query.bandwidth_hz, None)
-    about, end = run.moment(query.segment, query.time_s, query.speed_rpm, query.revolutions)
-    room = chosen.settling(_slowest(run.angle(about)[1]))
+    about, end = run.range_before_frame(query.segment, query.time_s, query.speed_rpm, query.revolutions)
+    room = chosen.settling(_slowest(run.shaft_angle(about)[1]))
     begin = max(about.first / run.rate - room, 0.0)
-    stretch = run.stretch(about.segment, begin, about.stop / run.rate + room - begin)
-    angle = run.angle(stretch)[1]
+    span = run.sample_range(about.segment, begin, about.stop / run.rate + room - begin)
+    angle = run.shaft_angle(span)[1]
     end = min(end, float(angle.time(angle.last)) - INSET)
     last = float(angle.turns(np.array([end]))[0])
     turns = np.linspace(last - query.revolutions, last, FINE * query.revolutions + 1)
@@ -139,7 +139,7 @@ def waveforms(run: RunSamples, query: WaveformsQuery) -> AnalysisResult:
             f"run {run.header.run}: fewer than {query.revolutions} revolutions before {end:.1f} s"
         )
     times = np.asarray(angle.time(turns), dtype=np.float64)
-    found = solve_orders(run, stretch, angle, times, chosen)
+    found = solve_orders(run, span, angle, times, chosen)
     turning = np.exp(2j * np.pi * np.array(chosen.orders)[:, None] * turns)
     waves = (found.envelopes * turning).real * MICRO
     sigma = float(np.median(found.sigma)) * MICRO
@@ -172,7 +172,7 @@ def _waves(
     marks = np.interp(np.arange(math.ceil(turns[0]), turns[-1]), turns, shifted)
     curves = [
         Curve(f"{order:g}X", shifted.tolist(), row.tolist(), colour=colour)
-        for order, row, colour in zip(chosen.orders, rows, OTHERS, strict=False)
+        for order, row, colour in zip(chosen.orders, rows, DISTINCT_COLOURS, strict=False)
     ]
     dots = [Curve("", marks.tolist(), np.interp(marks, shifted, row).tolist(), Style.MARKS) for row in rows]
     shown = caption if probe == 0 else ""
@@ -181,7 +181,7 @@ def _waves(
 
 def solve_orders(
     run: RunSamples,
-    stretch: SampleRange,
+    span: SampleRange,
     angle: ShaftAngle,
     times: FloatArray,
     chosen: OrderFilter,
@@ -193,7 +193,7 @@ def solve_orders(
     """
     room = chosen.settling(_slowest(angle))
     core = max(min_duration, 2.0 * room)
-    _require_solvable(run, min(core + 2.0 * room, (stretch.stop - stretch.first) / run.rate), angle, chosen.orders)
+    _require_solvable(run, min(core + 2.0 * room, (span.stop - span.first) / run.rate), angle, chosen.orders)
     vectors = np.empty((2, len(chosen.orders), times.size), dtype=np.complex128)
     sigma = np.empty(vectors.shape)
     number = np.floor((times - times[0]) / core).astype(np.intp)
@@ -201,10 +201,10 @@ def solve_orders(
         here = np.flatnonzero(number == one)
         if not here.size:
             continue
-        before = max(math.floor((times[here[0]] - room) * run.rate) - stretch.first, 0)
-        first = stretch.first + before // ALIGNED * ALIGNED
-        stop = min(math.ceil((times[here[-1]] + room) * run.rate), stretch.stop)
-        displacement = run.displacement(SampleRange(stretch.segment, first, stop), task="")
+        before = max(math.floor((times[here[0]] - room) * run.rate) - span.first, 0)
+        first = span.first + before // CHUNK_ALIGNMENT * CHUNK_ALIGNMENT
+        stop = min(math.ceil((times[here[-1]] + room) * run.rate), span.stop)
+        displacement = run.displacement(SampleRange(span.segment, first, stop), task="")
         with translated_errors(f"run {run.header.run}"):
             found_times, found = probe_envelopes(
                 displacement, run.rate, moved(angle, -first / run.rate), chosen.orders,
@@ -213,7 +213,7 @@ def solve_orders(
         for probe, pair in enumerate(found):
             vectors[probe][:, here] = _between(times[here], found_times + first / run.rate, pair.envelopes)
             sigma[probe][:, here] = _between(times[here], found_times + first / run.rate, pair.sigma).real
-        run.tell("solving for the orders", float((one + 1) / (number[-1] + 1)))
+        run.report_progress("solving for the orders", float((one + 1) / (number[-1] + 1)))
     return Solution(vectors, sigma)
 
 
@@ -232,8 +232,8 @@ def _require_solvable(run: RunSamples, duration: float, angle: ShaftAngle, order
     fastest = float(angle.speed(np.linspace(angle.first, angle.last, 1_000)).max()) / (2.0 * math.pi)
     level = max(math.floor(math.log2(MAX_ORDER_FRACTION * run.rate / (max(orders) * fastest))), 0)
     unknowns = len(orders) ** 2 * duration * run.rate / 2**level
-    if unknowns > MOST_UNKNOWNS:
-        longest = MOST_UNKNOWNS / unknowns * duration
+    if unknowns > MAX_UNKNOWNS:
+        longest = MAX_UNKNOWNS / unknowns * duration
         raise RequestTooLargeError(
             f"{len(orders)} orders so narrow are solved for {duration:,.0f} s at a time, expected at most "
             f"{longest:,.0f} s: ask for a shorter stretch, fewer orders or a wider band"

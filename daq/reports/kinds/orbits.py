@@ -30,17 +30,17 @@ def orders_of(text: str) -> tuple[float, ...]:
     return tuple(float(part) for part in text.split(","))
 
 
-def orbit_of(run: RunSamples, query: OrbitQuery) -> AnalysisResult:
+def analyse_orbit(run: RunSamples, query: OrbitQuery) -> AnalysisResult:
     """Return the orbit of the last revolutions before a moment."""
     orders = orders_of(query.orders)
     used = max(query.revolutions, AVERAGED)
-    taken = record_before_frame(run, query, used, max(1.0, *orders))
+    prepared = record_before_frame(run, query, used, max(1.0, *orders))
     with translated_errors(f"run {run.header.run}"):
-        found, what = _orbit(taken, query, orders)
+        found, what = _orbit(prepared, query, orders)
     motion = found.motion * MICRO
     turns, points = motion.shape[1:]
     begin = found.times[0, 0]
-    figures, words = dict(taken.figures), []
+    figures, words = dict(prepared.figures), []
     for order, ellipse in zip(orders, found.ellipses, strict=False):
         sense = "forward" if ellipse.minor >= 0.0 else "backward"
         size = f"{ellipse.major * MICRO:.3g} × {abs(ellipse.minor) * MICRO:.3g} ± {found.sigma * MICRO:.2g} µm peak"
@@ -54,7 +54,7 @@ def orbit_of(run: RunSamples, query: OrbitQuery) -> AnalysisResult:
             "sigma_peak_um": found.sigma * MICRO,
         }
     x, y = found.peak_to_peak * MICRO
-    title = f"{run.header.run} · {what} orbit{taken.words} · {taken.place}"
+    title = f"{run.header.run} · {what} orbit{prepared.title_suffix} · {prepared.position}"
     extent = f"{turns} turns, X {x:.3g}, Y {y:.3g} µm peak-to-peak"
     caption = "; ".join([*words[:1], extent])
     paths = [(motion[0, turn].tolist(), motion[1, turn].tolist()) for turn in range(turns)]
@@ -67,23 +67,25 @@ def orbit_of(run: RunSamples, query: OrbitQuery) -> AnalysisResult:
             X_um=motion[0].ravel(),
             Y_um=motion[1].ravel(),
         ),
-        panels=(orbit(title, paths, run.directions, caption), _timebase(found, begin)),
+        panels=(orbit(title, paths, run.probe_angles, caption), _timebase(found, begin)),
         figures=figures,
-        remarks=(*words, *taken.remarks),
+        remarks=(*words, *prepared.remarks),
     )
 
 
-def _orbit(taken: PreparedRecord, query: OrbitQuery, orders: tuple[float, ...]) -> tuple[FilteredOrbit, str]:
+def _orbit(prepared: PreparedRecord, query: OrbitQuery, orders: tuple[float, ...]) -> tuple[FilteredOrbit, str]:
     named = " and ".join(f"{order:g}X" for order in orders)
     match query.filter:
         case OrbitFilter.DIRECT:
-            return direct_orbit(taken.record, query.revolutions), "direct"
+            return direct_orbit(prepared.record, query.revolutions), "direct"
         case OrbitFilter.ORDERS:
             return filtered_orbit(
-                taken.record, orders, revolutions=query.revolutions, averaging_revolutions=AVERAGED
+                prepared.record, orders, revolutions=query.revolutions, averaging_revolutions=AVERAGED
             ), named
         case OrbitFilter.REST:
-            found = orbit_without(taken.record, orders, revolutions=query.revolutions, averaging_revolutions=AVERAGED)
+            found = orbit_without(
+                prepared.record, orders, revolutions=query.revolutions, averaging_revolutions=AVERAGED
+            )
             return found, f"not-{named}"
 
 
@@ -98,13 +100,13 @@ def _timebase(found: FilteredOrbit, begin: float) -> Panel:
     return Panel("time base, with the mark", "ms", "µm", (*curves, *marks), y_from_zero=False)
 
 
-def poincare(run: RunSamples, query: PoincareQuery) -> AnalysisResult:
+def analyse_poincare(run: RunSamples, query: PoincareQuery) -> AnalysisResult:
     """Return where the shaft was when the mark passed, in the last revolutions before a moment."""
-    taken = record_before_frame(run, query, query.revolutions)
+    prepared = record_before_frame(run, query, query.revolutions)
     with translated_errors(f"run {run.header.run}"):
-        found = poincare_section(taken.record)
+        found = poincare_section(prepared.record)
     points = found.points * MICRO
-    title = f"{run.header.run} · Poincaré points{taken.words} · {taken.place}"
+    title = f"{run.header.run} · Poincaré points{prepared.title_suffix} · {prepared.position}"
     told = _pattern(found)
     scatter = found.scatter * MICRO
     caption = f"{query.revolutions} turns: {told}; scatter {scatter:.3g} µm RMS"
@@ -113,14 +115,14 @@ def poincare(run: RunSamples, query: PoincareQuery) -> AnalysisResult:
         title=title,
         columns=columns(
             revolution=np.arange(points.shape[1]),
-            time_s=taken.record.times[:-1],
+            time_s=prepared.record.times[:-1],
             speed_rpm=found.speeds * 30.0 / np.pi,
             X_um=points[0],
             Y_um=points[1],
         ),
         panels=(Panel(title, "X at the mark, µm", "Y at the mark, µm", (dots,), caption, is_square=True),),
-        figures={"period": float(found.period), "scatter_um": scatter, **taken.figures},
-        remarks=(f"the points make {told}", *taken.remarks),
+        figures={"period": float(found.period), "scatter_um": scatter, **prepared.figures},
+        remarks=(f"the points make {told}", *prepared.remarks),
     )
 
 

@@ -8,23 +8,23 @@ from daq.reports.columns import columns
 from daq.reports.errors import InsufficientDataError, RequestTooLargeError, translated_errors
 from daq.reports.kinds.prepared_record import MICRO, RPM
 from daq.reports.parameters import OverallQuery
-from daq.reports.plots.layouts import SPEED
+from daq.reports.plots.layouts import SPEED_COLOUR
 from daq.reports.plots.panel import Curve, Panel, Style
 from daq.reports.run_samples import RunSamples, SampleRange
 
-MOST_INTERVALS = 100_000
+MAX_INTERVALS = 100_000
 
 
-def overall_of(run: RunSamples, query: OverallQuery) -> AnalysisResult:
+def analyse_overall(run: RunSamples, query: OverallQuery) -> AnalysisResult:
     """Return the peak-to-peak of each interval, all orders together, and the speed then."""
-    stretch, limits = run.stretch(query.segment, query.from_s, query.duration_s), run.header.limits
-    parts = list(_parts(run, stretch, query.interval_s))
+    span, limits = run.sample_range(query.segment, query.from_s, query.duration_s), run.header.limits
+    parts = list(_parts(run, span, query.interval_s))
     sizes = np.concatenate([part.peak_to_peak for part, _ in parts], axis=1)
     times = np.concatenate([part.times + begin for part, begin in parts])
     remarks: tuple[str, ...] = ()
     speeds = np.full(times.size, np.nan)
     try:
-        angle = run.angle(stretch)[1]
+        angle = run.shaft_angle(span)[1]
         half = 0.5 * query.interval_s
         speeds = 2.0 * np.pi * (angle.turns(times + half) - angle.turns(times - half)) / query.interval_s * RPM
     except InsufficientDataError as error:
@@ -48,6 +48,7 @@ def overall_of(run: RunSamples, query: OverallQuery) -> AnalysisResult:
     ]
     curves = (Curve("x", times.tolist(), x.tolist()), Curve("y", times.tolist(), y.tolist()), *limit_lines)
     rpm = [None if np.isnan(value) else value for value in speeds.tolist()]
+    speed_curve = Curve("", times.tolist(), rpm, colour=SPEED_COLOUR)
     return AnalysisResult(
         title=title,
         columns=columns(
@@ -58,30 +59,30 @@ def overall_of(run: RunSamples, query: OverallQuery) -> AnalysisResult:
         ),
         panels=(
             Panel(title, "s", "µm peak-to-peak", curves, caption),
-            Panel("speed", "s", "r/min", (Curve("", times.tolist(), rpm, colour=SPEED),), x_range=(ends[0], ends[1])),
+            Panel("speed", "s", "r/min", (speed_curve,), x_range=(ends[0], ends[1])),
         ),
         figures={"peak_to_peak_max_um": float(larger[at]) * MICRO},
         remarks=remarks,
     )  # fmt: skip
 
 
-def _parts(run: RunSamples, stretch: SampleRange, interval: float) -> list[tuple[Overall, float]]:
+def _parts(run: RunSamples, span: SampleRange, interval: float) -> list[tuple[Overall, float]]:
     """Return the levels of successive parts of whole intervals, each with its begin, s in the segment."""
     size = max(round(interval * run.rate), 2)
-    count = (stretch.stop - stretch.first) // size
-    if count > MOST_INTERVALS:
-        raise RequestTooLargeError(f"{count:,} intervals, expected at most {MOST_INTERVALS:,}: ask for longer ones")
+    count = (span.stop - span.first) // size
+    if count > MAX_INTERVALS:
+        raise RequestTooLargeError(f"{count:,} intervals, expected at most {MAX_INTERVALS:,}: ask for longer ones")
     if count == 0:
         raise InsufficientDataError(f"run {run.header.run}: the stretch is shorter than {interval:g} s")
-    together = max(run.piece // size, 1)
+    together = max(run.chunk_size // size, 1)
     found = []
     for low in range(0, count, together):
-        first = stretch.first + low * size
-        piece = SampleRange(stretch.segment, first, stretch.first + min(low + together, count) * size)
+        first = span.first + low * size
+        piece = SampleRange(span.segment, first, span.first + min(low + together, count) * size)
         with translated_errors(f"run {run.header.run}"):
             part = overall(
                 run.displacement(piece, task=""), run.rate, run.header.limits.clearance, interval=size / run.rate
             )
         found.append((part, first / run.rate))
-        run.tell("reading samples", min(low + together, count) / count)
+        run.report_progress("reading samples", min(low + together, count) / count)
     return found

@@ -12,21 +12,21 @@ from daq.reports.parameters import BifurcationQuery, CentrelineQuery
 from daq.reports.plots.panel import Curve, Panel, Style
 from daq.reports.run_samples import RunSamples
 
-MOST_DOTS = 20_000  # of a drawing
+MAX_DOTS = 20_000  # of a drawing
 OUTSIDE = 0.05  # of the clearance, by which the reference may be wrong
 NOTES_APART = 0.12  # of the clearance: from one speed to the next that is written at a centreline
 
 
-def bifurcation_of(run: RunSamples, query: BifurcationQuery) -> AnalysisResult:
+def analyse_bifurcation(run: RunSamples, query: BifurcationQuery) -> AnalysisResult:
     """Return the position at the mark of every revolution over speed."""
-    taken = record_over_interval(run, query, 1.0)
-    run.tell("computing")
+    prepared = record_over_interval(run, query, 1.0)
+    run.report_progress("computing")
     with translated_errors(f"run {run.header.run}"):
-        speeds, positions = bifurcation_diagram(taken.record, averaging_revolutions=query.averaging_revolutions)
+        speeds, positions = bifurcation_diagram(prepared.record, averaging_revolutions=query.averaging_revolutions)
     speeds, positions = speeds * RPM, positions * MICRO
-    step = -(-speeds.size // MOST_DOTS)
+    step = -(-speeds.size // MAX_DOTS)
     shown = slice(None, None, step)
-    title = f"{run.header.run} · bifurcation diagram{taken.words} · {taken.place}"
+    title = f"{run.header.run} · bifurcation diagram{prepared.title_suffix} · {prepared.position}"
     caption = f"each revolution a point, at the mark, less the mean of {query.averaging_revolutions} about it"
     reach = 1.05 * float(np.abs(positions).max())
     panels = tuple(
@@ -39,24 +39,24 @@ def bifurcation_of(run: RunSamples, query: BifurcationQuery) -> AnalysisResult:
     )  # fmt: skip
     return AnalysisResult(
         title=title,
-        columns=columns(time_s=taken.record.times[:-1], speed_rpm=speeds, X_um=positions[0], Y_um=positions[1]),
+        columns=columns(time_s=prepared.record.times[:-1], speed_rpm=speeds, X_um=positions[0], Y_um=positions[1]),
         panels=panels,
-        figures=taken.figures,
-        remarks=taken.remarks,
+        figures=prepared.figures,
+        remarks=prepared.remarks,
     )
 
 
-def centreline_of(run: RunSamples, query: CentrelineQuery) -> AnalysisResult:
+def analyse_centreline(run: RunSamples, query: CentrelineQuery) -> AnalysisResult:
     """Return the mean position of the shaft in its clearance over time."""
-    taken = record_over_interval(run, query, 1.0)
+    prepared = record_over_interval(run, query, 1.0)
     clearance = run.header.limits.clearance
-    parked, reference = _parked(taken, query)
-    run.tell("computing")
+    parked, reference = _parked(prepared, query)
+    run.report_progress("computing")
     with translated_errors(f"run {run.header.run}"):
-        found = centreline(taken.record, parked, clearance, revolutions=query.revolutions)
+        found = centreline(prepared.record, parked, clearance, revolutions=query.revolutions)
     x, y = found.positions * MICRO
     sigma, speeds = found.sigma * MICRO, found.speeds * RPM
-    title = f"{run.header.run} · shaft centreline · {taken.place}"
+    title = f"{run.header.run} · shaft centreline · {prepared.position}"
     caption = f"{reference}; ± {np.median(sigma):.2g} µm (1 σ); circle: clearance of {clearance * MICRO:g} µm"
     around, above = (found.circle() * MICRO).tolist()
     notes: list[tuple[str, float, float]] = []
@@ -79,17 +79,17 @@ def centreline_of(run: RunSamples, query: CentrelineQuery) -> AnalysisResult:
             eccentricity_ratio=found.eccentricity_ratio, attitude_deg=np.degrees(found.attitude),
         ),
         panels=(panel,),
-        figures=taken.figures,
-        remarks=(reference, *remarks, *taken.remarks),
+        figures=prepared.figures,
+        remarks=(reference, *remarks, *prepared.remarks),
     )  # fmt: skip
 
 
-def _parked(taken: PreparedRecord, query: CentrelineQuery) -> tuple[np.ndarray, str]:
+def _parked(prepared: PreparedRecord, query: CentrelineQuery) -> tuple[np.ndarray, str]:
     """Return the displacement at the probes while the shaft lay at the bottom, m, and where it is from."""
     if query.rest_x_um is not None and query.rest_y_um is not None:
         given = np.array([query.rest_x_um, query.rest_y_um]) / MICRO
         return given, "position at rest as given"
-    record = taken.record
+    record = prepared.record
     slowest = np.argsort(record.speeds)[: min(query.revolutions, record.revolutions)]
     speed = float(record.speeds[slowest].mean()) * RPM
     told = f"the slowest {slowest.size} turns, {speed:,.0f} r/min, taken to lie at the bottom"

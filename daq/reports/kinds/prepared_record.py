@@ -15,7 +15,7 @@ FloatArray: TypeAlias = NDArray[np.float64]
 
 MICRO = 1e6  # µm in a metre
 RPM = 30.0 / math.pi  # r/min in a rad/s
-MOST_REPAIRED = 0.02  # of the pulses, filled or rejected, from where on that is worth a word
+MAX_REPAIRED_FRACTION = 0.02  # of the pulses, filled or rejected, from where on that is worth a word
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -26,7 +26,7 @@ class PreparedRecord:
     ----------
     record : AngularRecord
         Displacement against angle, less run-out where that was asked for.
-    words : str
+    title_suffix : str
         Of a title: whether it is compensated.
     figures : dict of str to float
         How good it is.
@@ -35,12 +35,12 @@ class PreparedRecord:
     """
 
     record: AngularRecord
-    words: str
+    title_suffix: str
     figures: dict[str, float]
     remarks: tuple[str, ...]
 
     @property
-    def place(self) -> str:
+    def position(self) -> str:
         """Where it is, of a title: a speed, or from which to which."""
         speeds = self.record.speeds * RPM
         if float(np.ptp(speeds)) < 0.02 * float(speeds.max()):
@@ -51,17 +51,17 @@ class PreparedRecord:
 
 def record_over_interval(run: RunSamples, query: ShaftAngleIntervalQuery, highest_order: float) -> PreparedRecord:
     """Return the record of a stretch of time."""
-    stretch = run.stretch(query.segment, query.from_s, query.duration_s)
-    return _taken(run, run.record(stretch, highest_order), query.slow_roll_rpm, query.segment)
+    span = run.sample_range(query.segment, query.from_s, query.duration_s)
+    return _prepared(run, run.angular_record(span, highest_order), query.slow_roll_rpm, query.segment)
 
 
 def record_before_frame(
     run: RunSamples, query: FrameAnalysisQuery, revolutions: int, highest_order: float = 1.0
 ) -> PreparedRecord:
     """Return the last revolutions before a moment."""
-    stretch, end = run.moment(query.segment, query.time_s, query.speed_rpm, revolutions)
-    record = run.revolutions_to(stretch, end, revolutions, highest_order)
-    return _taken(run, record, query.slow_roll_rpm, stretch.segment)
+    span, end = run.range_before_frame(query.segment, query.time_s, query.speed_rpm, revolutions)
+    record = run.last_revolutions(span, end, revolutions, highest_order)
+    return _prepared(run, record, query.slow_roll_rpm, span.segment)
 
 
 def in_degrees(vectors: NDArray[np.complex128]) -> FloatArray:
@@ -69,7 +69,9 @@ def in_degrees(vectors: NDArray[np.complex128]) -> FloatArray:
     return np.asarray(np.degrees(-np.angle(vectors)) % 360.0, dtype=np.float64)
 
 
-def _taken(run: RunSamples, record: AngularRecord, slow_roll_rpm: float | None, segment: int | None) -> PreparedRecord:
+def _prepared(
+    run: RunSamples, record: AngularRecord, slow_roll_rpm: float | None, segment: int | None
+) -> PreparedRecord:
     figures = {
         "speed_min_rpm": float(record.speeds.min()) * RPM,
         "speed_max_rpm": float(record.speeds.max()) * RPM,
@@ -81,7 +83,7 @@ def _taken(run: RunSamples, record: AngularRecord, slow_roll_rpm: float | None, 
         figures |= {"pulses_filled": float(record.pulses.filled), "pulses_rejected": float(record.pulses.rejected)}
         if record.pulses.too_fast:
             remarks.append("the tacho's sensor was past its response: pulses may be missing unnoticed")
-        if record.pulses.repaired_fraction > MOST_REPAIRED:
+        if record.pulses.repaired_fraction > MAX_REPAIRED_FRACTION:
             remarks.append(f"{100 * record.pulses.repaired_fraction:.0f} % of the tacho's pulses were repaired")
     if any(record.clipped):
         x, y = record.clipped

@@ -10,24 +10,24 @@ from daq.reports.errors import translated_errors
 from daq.reports.kinds.prepared_record import MICRO, RPM, record_before_frame
 from daq.reports.parameters import AverageQuery, SlowRollQuery
 from daq.reports.plots.panel import Curve, Panel
-from daq.reports.run_samples import POINTS, RunSamples
+from daq.reports.run_samples import MIN_POINTS, RunSamples
 
 FloatArray = NDArray[np.float64]
 
 ANGLE = "shaft angle after the mark, degrees"
 
 
-def synchronous(run: RunSamples, query: AverageQuery) -> AnalysisResult:
+def analyse_synchronous_average(run: RunSamples, query: AverageQuery) -> AnalysisResult:
     """Return the mean revolution before a moment, and the residual: what is left of each without it."""
-    taken = record_before_frame(run, query, query.revolutions)
+    prepared = record_before_frame(run, query, query.revolutions)
     with translated_errors(f"run {run.header.run}"):
-        found = synchronous_average(taken.record)
+        found = synchronous_average(prepared.record)
     mean = (found.waveform - found.waveform.mean(axis=1, keepdims=True)) * MICRO
-    rest = (taken.record.waveform - found.waveform[:, None]) * MICRO
+    rest = (prepared.record.waveform - found.waveform[:, None]) * MICRO
     residual = np.sqrt(np.mean(rest**2, axis=1))
     sigma = found.sigma * MICRO
     degrees = np.arange(mean.shape[1]) * 360.0 / mean.shape[1]
-    title = f"{run.header.run} · average revolution{taken.words} · {taken.place}"
+    title = f"{run.header.run} · average revolution{prepared.title_suffix} · {prepared.position}"
     caption = f"mean of {found.revolutions} turns; ± {sigma[0]:.2g} µm at x, ± {sigma[1]:.2g} µm at y (1 σ)"
     return AnalysisResult(
         title=title,
@@ -42,14 +42,14 @@ def synchronous(run: RunSamples, query: AverageQuery) -> AnalysisResult:
             _over_angle(title, "µm", degrees, mean, caption),
             _over_angle("residual: RMS of what does not repeat", "µm RMS", degrees, residual, ""),
         ),
-        figures={"average_sigma_x_um": float(sigma[0]), "average_sigma_y_um": float(sigma[1]), **taken.figures},
-        remarks=taken.remarks,
+        figures={"average_sigma_x_um": float(sigma[0]), "average_sigma_y_um": float(sigma[1]), **prepared.figures},
+        remarks=prepared.remarks,
     )
 
 
-def slow_roll_of(run: RunSamples, query: SlowRollQuery) -> AnalysisResult:
+def analyse_slow_roll(run: RunSamples, query: SlowRollQuery) -> AnalysisResult:
     """Return the run-out that the run's own slow turning tells."""
-    found = run.slow_roll(query.segment, query.slow_roll_rpm, POINTS)
+    found = run.slow_roll(query.segment, query.slow_roll_rpm, MIN_POINTS)
     waveform, sigma = found.waveform * MICRO, found.sigma * MICRO
     degrees = np.arange(waveform.shape[1]) * 360.0 / waveform.shape[1]
     title = f"{run.header.run} · run-out · {found.slowest * RPM:,.0f} to {found.fastest * RPM:,.0f} r/min"

@@ -12,7 +12,7 @@ from daq.reports.columns import columns
 from daq.reports.errors import translated_errors
 from daq.reports.kinds.prepared_record import MICRO, in_degrees, record_before_frame
 from daq.reports.parameters import FrequencySpectrumQuery, FullSpectrumQuery, OrderSpectrumQuery
-from daq.reports.plots.layouts import BOTH_WAYS, spectrum
+from daq.reports.plots.layouts import FULL_SPECTRUM_LABEL, spectrum
 from daq.reports.run_samples import RunSamples
 
 FloatArray = NDArray[np.float64]
@@ -25,12 +25,12 @@ UNITS = {
 }
 
 
-def order_spectrum(run: RunSamples, query: OrderSpectrumQuery) -> AnalysisResult:
+def analyse_order_spectrum(run: RunSamples, query: OrderSpectrumQuery) -> AnalysisResult:
     """Return the order spectrum of the last revolutions before a moment."""
-    taken = record_before_frame(run, query, query.revolutions, query.highest_order)
+    prepared = record_before_frame(run, query, query.revolutions, query.highest_order)
     with translated_errors(f"run {run.header.run}"):
         found = order_map(
-            taken.record, revolutions=query.revolutions, overlap=0.0, highest_order=query.highest_order,
+            prepared.record, revolutions=query.revolutions, overlap=0.0, highest_order=query.highest_order,
             window=query.window,
         )  # fmt: skip
     size = found.amplitudes(query.scaling)[:, 0] * MICRO
@@ -50,24 +50,26 @@ def order_spectrum(run: RunSamples, query: OrderSpectrumQuery) -> AnalysisResult
         "lag_sigma_y_deg": lag_sigma[1],
     }
     scaled = sigma * MICRO * query.scaling.factor
-    title = f"{run.header.run} · order spectrum{taken.words} · {taken.place}"
+    title = f"{run.header.run} · order spectrum{prepared.title_suffix} · {prepared.position}"
     caption = f"{query.window.value} window over {query.revolutions} revolutions; ± {scaled:.3g} µm (1 σ of the floor)"
     rows = list(zip("xy", size.tolist(), strict=True))
     return AnalysisResult(
         title=title,
         columns=columns(**table),
         panels=tuple(spectrum(title, "order", UNITS[query.scaling], found.orders.tolist(), rows, caption)),
-        figures={f"sigma_{name}_um": scaled, "noise_peak_um": float(found.noise[0]) * MICRO, **taken.figures},
-        remarks=taken.remarks,
+        figures={f"sigma_{name}_um": scaled, "noise_peak_um": float(found.noise[0]) * MICRO, **prepared.figures},
+        remarks=prepared.remarks,
         representative_rows=peaks(size.max(axis=0)),
     )
 
 
-def full_spectrum_of(run: RunSamples, query: FullSpectrumQuery) -> AnalysisResult:
+def analyse_full_spectrum(run: RunSamples, query: FullSpectrumQuery) -> AnalysisResult:
     """Return the circles with and against the rotation in the last revolutions before a moment."""
-    taken = record_before_frame(run, query, query.revolutions, query.highest_order)
+    prepared = record_before_frame(run, query, query.revolutions, query.highest_order)
     with translated_errors(f"run {run.header.run}"):
-        lines = order_map(taken.record, revolutions=query.revolutions, overlap=0.0, highest_order=query.highest_order)
+        lines = order_map(
+            prepared.record, revolutions=query.revolutions, overlap=0.0, highest_order=query.highest_order
+        )
     mismatch = probe_mismatch(lines)
     found = full_spectrum(lines.orders, lines.spectrum[:, 0], lines.pair, mismatch)
     size = found.amplitudes * MICRO
@@ -75,33 +77,35 @@ def full_spectrum_of(run: RunSamples, query: FullSpectrumQuery) -> AnalysisResul
     larger = found.uncertain & ~smaller
     uncertain = np.where(np.concatenate([smaller[:0:-1], larger]), "yes", "no")
     sigma = float(noise_floor_sigma(lines.noise)[0]) / np.sqrt(2.0) * MICRO
-    figures = {"sigma_peak_um": sigma, **taken.figures}
+    figures = {"sigma_peak_um": sigma, **prepared.figures}
     if mismatch.is_determined:
         figures["probe_gain_mismatch"] = mismatch.gain
-    title = f"{run.header.run} · full spectrum{taken.words} · {taken.place}"
+    title = f"{run.header.run} · full spectrum{prepared.title_suffix} · {prepared.position}"
     caption = f"hann window over {query.revolutions} revolutions; ± {sigma:.3g} µm (1 σ of the floor)"
     return AnalysisResult(
         title=title,
         columns=columns(order=found.axis, amplitude_peak_um=size, uncertain=uncertain),
         panels=tuple(
-            spectrum(title, BOTH_WAYS, UNITS[Scaling.PEAK], found.axis.tolist(), [("", size.tolist())], caption)
+            spectrum(
+                title, FULL_SPECTRUM_LABEL, UNITS[Scaling.PEAK], found.axis.tolist(), [("", size.tolist())], caption
+            )
         ),
         figures=figures,
-        remarks=taken.remarks,
+        remarks=prepared.remarks,
         representative_rows=peaks(size),
     )
 
 
-def frequency_spectrum_of(run: RunSamples, query: FrequencySpectrumQuery) -> AnalysisResult:
+def analyse_frequency_spectrum(run: RunSamples, query: FrequencySpectrumQuery) -> AnalysisResult:
     """Return the frequency spectrum of a stretch of time, averaged."""
-    stretch = run.stretch(query.segment, query.from_s, query.duration_s)
-    displacement = run.displacement(stretch)
-    run.tell("computing")
+    span = run.sample_range(query.segment, query.from_s, query.duration_s)
+    displacement = run.displacement(span)
+    run.report_progress("computing")
     with translated_errors(f"run {run.header.run}"):
         found = frequency_spectrum(displacement, run.rate, resolution=query.resolution_hz)
     kept = found.frequencies <= query.highest_hz
     frequencies, (x, y) = found.frequencies[kept], found.amplitudes[:, kept] * MICRO
-    begin, end = stretch.first / run.rate, stretch.stop / run.rate
+    begin, end = span.first / run.rate, span.stop / run.rate
     title = f"{run.header.run} · frequency spectrum · {begin:.1f} to {end:.1f} s"
     caption = (
         f"hann window, lines of {found.noise_bandwidth:.3g} Hz, mean of {found.frames}; "

@@ -14,13 +14,13 @@ from daq.reports.columns import columns
 from daq.reports.errors import InsufficientDataError, RequestTooLargeError, translated_errors
 from daq.reports.kinds.prepared_record import MICRO, RPM, record_over_interval
 from daq.reports.parameters import CascadeQuery, MapLines, MapQuery, WaterfallQuery
-from daq.reports.plots.layouts import BOTH_WAYS, stacked
+from daq.reports.plots.layouts import FULL_SPECTRUM_LABEL, stacked
 from daq.reports.plots.panel import Curve, Style
 from daq.reports.run_samples import RunSamples
 
 FloatArray = NDArray[np.float64]
 
-MOST_ROWS = 400
+MAX_ROWS = 400
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,7 +51,7 @@ class _Spectra:
     remarks: tuple[str, ...]
 
 
-def cascade(run: RunSamples, query: CascadeQuery) -> AnalysisResult:
+def analyse_cascade(run: RunSamples, query: CascadeQuery) -> AnalysisResult:
     """Return the largest lines of each bin of speed."""
     found = _spectra(run, query)
     number = np.round(found.speeds / query.width_rpm)
@@ -62,7 +62,7 @@ def cascade(run: RunSamples, query: CascadeQuery) -> AnalysisResult:
     return _shown(run, query, found, "cascade", feet * query.width_rpm, sizes, "r/min", guides)
 
 
-def waterfall(run: RunSamples, query: WaterfallQuery) -> AnalysisResult:
+def analyse_waterfall(run: RunSamples, query: WaterfallQuery) -> AnalysisResult:
     """Return the largest lines of each bin of time."""
     found = _spectra(run, query)
     width = max((found.times[-1] - found.times[0]) / query.rows, 1e-9)
@@ -75,30 +75,30 @@ def waterfall(run: RunSamples, query: WaterfallQuery) -> AnalysisResult:
 def _spectra(run: RunSamples, query: MapQuery) -> _Spectra:
     if query.lines is MapLines.FREQUENCIES:
         return _of_frequencies(run, query)
-    taken = record_over_interval(run, query, query.highest_order)
-    run.tell("computing")
+    prepared = record_over_interval(run, query, query.highest_order)
+    run.report_progress("computing")
     with translated_errors(f"run {run.header.run}"):
-        lines = order_map(taken.record, revolutions=query.revolutions, highest_order=query.highest_order)
+        lines = order_map(prepared.record, revolutions=query.revolutions, highest_order=query.highest_order)
     sigma = noise_floor_sigma(lines.noise) * MICRO
     axis, sizes = lines.orders, lines.amplitudes().max(axis=0)
     if query.lines is MapLines.FULL:
         full = full_spectrum(lines.orders, lines.spectrum, lines.pair, probe_mismatch(lines))
         axis, sizes, sigma = full.axis, full.amplitudes, sigma / np.sqrt(2.0)
-    words = f"{'full ' if query.lines is MapLines.FULL else ''}{{}}{taken.words}"
+    words = f"{'full ' if query.lines is MapLines.FULL else ''}{{}}{prepared.title_suffix}"
     caption = f"hann window over {query.revolutions} revolutions, µm zero-to-peak; ± {np.median(sigma):.2g} µm (1 σ)"
-    return _Spectra(axis, sizes * MICRO, lines.times, lines.speeds * RPM, sigma, words, caption, taken.remarks)
+    return _Spectra(axis, sizes * MICRO, lines.times, lines.speeds * RPM, sigma, words, caption, prepared.remarks)
 
 
 def _of_frequencies(run: RunSamples, query: MapQuery) -> _Spectra:
-    stretch = run.stretch(query.segment, query.from_s, query.duration_s)
+    span = run.sample_range(query.segment, query.from_s, query.duration_s)
     remarks: tuple[str, ...] = ()
     try:
-        angle = run.angle(stretch)[1]
+        angle = run.shaft_angle(span)[1]
     except InsufficientDataError as error:
         angle, remarks = None, (f"speeds are not known: {error}",)
-    displacement = run.displacement(stretch)
-    run.tell("computing")
-    begin = stretch.first / run.rate
+    displacement = run.displacement(span)
+    run.report_progress("computing")
+    begin = span.first / run.rate
     with translated_errors(f"run {run.header.run}"):
         found = frequency_map(displacement, run.rate, None, resolution=query.resolution_hz, highest=query.highest_hz)
     length = 1.0 / query.resolution_hz
@@ -117,8 +117,8 @@ def _of_frequencies(run: RunSamples, query: MapQuery) -> _Spectra:
 def _largest(found: _Spectra, number: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the bins that hold spectra, and of each the largest lines."""
     bins = np.unique(number[np.isfinite(number)])
-    if bins.size > MOST_ROWS:
-        raise RequestTooLargeError(f"{bins.size} spectra, expected at most {MOST_ROWS}: ask for wider bins")
+    if bins.size > MAX_ROWS:
+        raise RequestTooLargeError(f"{bins.size} spectra, expected at most {MAX_ROWS}: ask for wider bins")
     return bins, np.stack([found.sizes[number == one].max(axis=0) for one in bins])
 
 
@@ -140,7 +140,7 @@ def _shown(
     guides: tuple[Curve, ...],
 ) -> AnalysisResult:  # fmt: skip
     is_order = query.lines is not MapLines.FREQUENCIES
-    across = {MapLines.ORDERS: "order", MapLines.FULL: BOTH_WAYS, MapLines.FREQUENCIES: "Hz"}[query.lines]
+    across = {MapLines.ORDERS: "order", MapLines.FULL: FULL_SPECTRUM_LABEL, MapLines.FREQUENCIES: "Hz"}[query.lines]
     title = f"{run.header.run} · {found.words.format(name)}"
     rows, lines = sizes.shape
     table = {

@@ -11,7 +11,7 @@ from daq.reports.columns import columns
 from daq.reports.errors import translated_errors
 from daq.reports.kinds.prepared_record import MICRO, RPM, record_over_interval
 from daq.reports.parameters import SubSynchronousQuery
-from daq.reports.plots.layouts import OTHERS
+from daq.reports.plots.layouts import DISTINCT_COLOURS
 from daq.reports.plots.panel import Curve, Panel, Style
 from daq.reports.run_samples import RunSamples
 
@@ -19,19 +19,21 @@ GUIDES = (0.5, 1.0)  # orders that are drawn beside
 HIGHEST = 2.0  # order that the search needs
 
 
-def sub_synchronous(run: RunSamples, query: SubSynchronousQuery) -> AnalysisResult:
+def analyse_sub_synchronous(run: RunSamples, query: SubSynchronousQuery) -> AnalysisResult:
     """Return the components below 1X, in the order in which they began."""
-    taken = record_over_interval(run, query, HIGHEST)
-    run.tell("computing")
+    prepared = record_over_interval(run, query, HIGHEST)
+    run.report_progress("computing")
     with translated_errors(f"run {run.header.run}"):
-        tracks = subsynchronous_tracks(order_map(taken.record, revolutions=query.revolutions, highest_order=HIGHEST))
-    title = f"{run.header.run} · components below 1X{taken.words} · {taken.place}"
+        tracks = subsynchronous_tracks(order_map(prepared.record, revolutions=query.revolutions, highest_order=HIGHEST))
+    title = f"{run.header.run} · components below 1X{prepared.title_suffix} · {prepared.position}"
     return AnalysisResult(
         title=title,
         columns=columns(**_table(tracks)),
-        panels=_panels(title, tracks, float(taken.record.speeds.min()) * RPM, float(taken.record.speeds.max()) * RPM),
-        figures=taken.figures,
-        remarks=taken.remarks if tracks else ("none stood out", *taken.remarks),
+        panels=_panels(
+            title, tracks, float(prepared.record.speeds.min()) * RPM, float(prepared.record.speeds.max()) * RPM
+        ),
+        figures=prepared.figures,
+        remarks=prepared.remarks if tracks else ("none stood out", *prepared.remarks),
         representative_rows=np.arange(len(tracks)),
     )
 
@@ -67,7 +69,7 @@ def _table(tracks: tuple[SubsynchronousTrack, ...]) -> dict[str, np.ndarray]:
 
 def _panels(title: str, tracks: tuple[SubsynchronousTrack, ...], slowest: float, fastest: float) -> tuple[Panel, ...]:
     frequency, size = [], []
-    for number, track in zip(cycle(OTHERS), tracks, strict=False):
+    for number, track in zip(cycle(DISTINCT_COLOURS), tracks, strict=False):
         arrow = "▲" if track.end_speed >= track.onset_speed else "▼"
         name = f"{track.order:.2f}X {track.behaviour.value} {arrow}"
         speeds = (track.speeds * RPM).tolist()

@@ -12,43 +12,43 @@ from daq.reports.columns import columns
 from daq.reports.errors import translated_errors
 from daq.reports.kinds.prepared_record import MICRO, RPM, in_degrees, record_over_interval
 from daq.reports.parameters import VectorsQuery
-from daq.reports.plots.layouts import Course, bode, polar
+from daq.reports.plots.layouts import RampCurve, bode, polar
 from daq.reports.plots.panel import Panel, Values
 from daq.reports.run_samples import RunSamples
 
 PEAK = "µm zero-to-peak"
 SURE = np.radians(30.0)  # a lag that is less sure than that is not drawn
-CLEAR, MOST_PEAKS = 20.0, 3  # standard deviations that a peak must have; and how many are told of a curve
+CLEAR, MAX_PEAKS = 20.0, 3  # standard deviations that a peak must have; and how many are told of a curve
 ARROWS = {RampDirection.RUN_UP: "▲", RampDirection.RUN_DOWN: "▼"}
 
 
-def bode_of(run: RunSamples, query: VectorsQuery) -> AnalysisResult:
+def analyse_bode(run: RunSamples, query: VectorsQuery) -> AnalysisResult:
     """Return an order over speed, drawn as phase lag and amplitude."""
-    return _vectors(run, query, lambda title, what, courses, caption: bode(title, what, PEAK, courses, caption))
+    return _vectors(run, query, lambda title, what, ramps, caption: bode(title, what, PEAK, ramps, caption))
 
 
-def polar_of(run: RunSamples, query: VectorsQuery) -> AnalysisResult:
+def analyse_polar(run: RunSamples, query: VectorsQuery) -> AnalysisResult:
     """Return an order over speed, drawn in the plane; a lag of 0 lies where the probe sits."""
-    zeros = run.directions
-    return _vectors(run, query, lambda title, what, courses, caption: polar(title, what, PEAK, courses, zeros, caption))
+    zeros = run.probe_angles
+    return _vectors(run, query, lambda title, what, ramps, caption: polar(title, what, PEAK, ramps, zeros, caption))
 
 
 def _vectors(
-    run: RunSamples, query: VectorsQuery, drawn: Callable[[str, str, list[Course], str], list[Panel]]
+    run: RunSamples, query: VectorsQuery, drawn: Callable[[str, str, list[RampCurve], str], list[Panel]]
 ) -> AnalysisResult:
-    taken = record_over_interval(run, query, query.order)
-    run.tell("computing")
+    prepared = record_over_interval(run, query, query.order)
+    run.report_progress("computing")
     with translated_errors(f"run {run.header.run}"):
-        track = track_order(taken.record, query.order, revolutions=query.revolutions)
+        track = track_order(prepared.record, query.order, revolutions=query.revolutions)
     curves = speed_curves(track, query.width_rpm / RPM)
-    what = f"{query.order:g}X{taken.words}"
+    what = f"{query.order:g}X{prepared.title_suffix}"
     sigma = float(np.median(np.concatenate([curve.sigma.ravel() for curve in curves]))) * MICRO
-    courses = [_course(curve, ARROWS[curve.direction] if len(curves) > 1 else "") for curve in curves]
-    title = f"{run.header.run} · {taken.place}"
+    ramps = [_ramp_curve(curve, ARROWS[curve.direction] if len(curves) > 1 else "") for curve in curves]
+    title = f"{run.header.run} · {prepared.position}"
     made = f"{query.revolutions} revolutions a vector, bins of {query.width_rpm:g} r/min"
     caption = f"{what}: {made}; ± {sigma:.2g} µm (median 1 σ)"
     found = [(curve, probe, one) for curve in curves for probe in (0, 1) for one in _resonances(curve, probe)]
-    figures = {"sigma_peak_um": sigma, **taken.figures}
+    figures = {"sigma_peak_um": sigma, **prepared.figures}
     largest = max(found, key=lambda each: each[2].amplitude, default=None)
     if largest is not None:
         figures |= {
@@ -64,9 +64,9 @@ def _vectors(
             **{name: np.concatenate(parts) for name, parts in _by_probe(curves).items()},
             frames=np.concatenate([curve.frames for curve in curves]),
         ),
-        panels=tuple(drawn(title, what, courses, caption)),
+        panels=tuple(drawn(title, what, ramps, caption)),
         figures=figures,
-        remarks=(*(_resonance(*each) for each in found), *taken.remarks),
+        remarks=(*(_resonance(*each) for each in found), *prepared.remarks),
     )
 
 
@@ -80,20 +80,20 @@ def _by_probe(curves: tuple[SpeedCurve, ...]) -> dict[str, list[np.ndarray]]:
     return found
 
 
-def _course(curve: SpeedCurve, arrow: str) -> Course:
+def _ramp_curve(curve: SpeedCurve, arrow: str) -> RampCurve:
     """Return a curve to be drawn; a lag that is not known has none."""
     lags = np.where(curve.phase_sigma < SURE, in_degrees(curve.vectors), np.nan)
     rows = [[None if np.isnan(value) else value for value in row] for row in lags.tolist()]
     x, y = (curve.amplitudes * MICRO).tolist()
     known: tuple[Values, Values] = (rows[0], rows[1])
-    return Course(arrow, (curve.speeds * RPM).tolist(), (x, y), known)
+    return RampCurve(arrow, (curve.speeds * RPM).tolist(), (x, y), known)
 
 
 def _resonances(curve: SpeedCurve, probe: int) -> list[Resonance]:
     """Return the largest peaks of an amplitude that no noise makes."""
     noise = np.interp([one.speed for one in curve.resonances(probe)], curve.speeds, curve.sigma[probe])
     clear = [one for one, sigma in zip(curve.resonances(probe), noise, strict=True) if one.amplitude > CLEAR * sigma]
-    return sorted(clear, key=lambda one: one.amplitude, reverse=True)[:MOST_PEAKS]
+    return sorted(clear, key=lambda one: one.amplitude, reverse=True)[:MAX_PEAKS]
 
 
 def _resonance(curve: SpeedCurve, probe: int, one: Resonance) -> str:

@@ -7,20 +7,20 @@ from itertools import pairwise
 
 from daq.reports.plots.panel import FULL_TURN, ROOM, Curve, Panel, Style, Values
 
-BOTH_WAYS = "order (negative: against the rotation)"
+FULL_SPECTRUM_LABEL = "order (negative: against the rotation)"
 NOTES_APART = 0.15  # of the largest vector: from one speed to the next that is written at a polar plot
 LINES = 40  # of a cascade, at most
 LINE_HEIGHT = 0.2  # of the axis that the feet stand at, that the largest line of a cascade takes
 PLACE = 0.97  # of the axes of an orbit, where a probe is written
 BLANK = 0.05  # of a turn before the mark that an orbit is blank: it goes from blank to bright
 PROBES = ("x", "y")
-OTHERS = (0, 4, 1, 5, 2, 3)  # colours of what is no pair of probes, the most different first
-SPEED = 6  # colour of a speed over time
+DISTINCT_COLOURS = (0, 4, 1, 5, 2, 3)  # colours of what is no pair of probes, the most different first
+SPEED_COLOUR = 6  # colour of a speed over time
 NAMED, NAMED_PART = 6, 0.01  # lines of a spectrum that are named, at most, and of the largest, at least
 
 
 @dataclass(frozen=True, slots=True)
-class Course:
+class RampCurve:
     """Vectors of one order over speed, in one direction of the speed.
 
     Parameters
@@ -39,16 +39,16 @@ class Course:
     lags: tuple[Values, Values]
 
 
-def bode(title: str, what: str, unit: str, courses: Sequence[Course], caption: str = "") -> list[Panel]:
+def bode(title: str, what: str, unit: str, ramps: Sequence[RampCurve], caption: str = "") -> list[Panel]:
     """Return phase lag, growing downwards, above amplitude, both over speed."""
     lag: list[Curve] = []
     size: list[Curve] = []
-    begin = _begin([course.lags[probe] for course in courses for probe in (0, 1)])
-    for row, course in enumerate(courses):
+    begin = _begin([ramp.lags[probe] for ramp in ramps for probe in (0, 1)])
+    for row, ramp in enumerate(ramps):
         for probe, name in enumerate(PROBES):
-            named, colour = f"{name} {course.arrow}".strip(), 2 * row + probe
-            lag.append(Curve(named, *_wrapped(course.speeds, course.lags[probe], begin), colour=colour))
-            size.append(Curve(named, course.speeds, course.amplitudes[probe], colour=colour))
+            named, colour = f"{name} {ramp.arrow}".strip(), 2 * row + probe
+            lag.append(Curve(named, *_wrapped(ramp.speeds, ramp.lags[probe], begin), colour=colour))
+            size.append(Curve(named, ramp.speeds, ramp.amplitudes[probe], colour=colour))
     return [
         Panel(
             title, "r/min", f"phase lag of {what}, degrees", tuple(lag), caption, y_range=(begin, begin + FULL_TURN),
@@ -59,18 +59,18 @@ def bode(title: str, what: str, unit: str, courses: Sequence[Course], caption: s
 
 
 def polar(
-    title: str, what: str, unit: str, courses: Sequence[Course], zeros: tuple[float, float], caption: str = ""
+    title: str, what: str, unit: str, ramps: Sequence[RampCurve], zeros: tuple[float, float], caption: str = ""
 ) -> list[Panel]:
     """Return the vectors in the plane, for each probe; a lag of 0 lies at ``zeros``, rad, and lags grow clockwise."""
     panels = []
     for probe, name in enumerate(PROBES):
         curves: list[Curve] = []
         paths: list[tuple[float, float, float]] = []
-        for row, course in enumerate(courses):
-            places = _places(course, probe, zeros[probe])
+        for row, ramp in enumerate(ramps):
+            places = _places(ramp, probe, zeros[probe])
             paths += places
             path = [x for _, x, _ in places], [y for _, _, y in places]
-            curves.append(Curve(course.arrow, *path, colour=2 * row + probe))
+            curves.append(Curve(ramp.arrow, *path, colour=2 * row + probe))
         label = f"{unit}; lag clockwise, against the rotation; r/min along the path"
         panels.append(
             Panel(
@@ -159,10 +159,10 @@ def _peaks(across: Values, row: Values, least: float) -> list[tuple[float, float
     return [(x, size) for size, x in sorted(tops, reverse=True)[:NAMED]]
 
 
-def _places(course: Course, probe: int, zero: float) -> list[tuple[float, float, float]]:
+def _places(ramp: RampCurve, probe: int, zero: float) -> list[tuple[float, float, float]]:
     """Return the speeds at which the vector of a probe is known, and where it points then."""
     places = []
-    for speed, radius, lag in zip(course.speeds, course.amplitudes[probe], course.lags[probe], strict=True):
+    for speed, radius, lag in zip(ramp.speeds, ramp.amplitudes[probe], ramp.lags[probe], strict=True):
         if speed is not None and radius is not None and lag is not None:
             angle = zero - math.radians(lag)
             places.append((speed, radius * math.cos(angle), radius * math.sin(angle)))

@@ -1,7 +1,7 @@
 """What can be drawn of a run: the same documents that REST gives as numbers."""
 
 from analysis.signals.ramp import RampDirection
-from daq.reports.plots.layouts import BOTH_WAYS, Course, bode, orbit, polar, spectrum, stacked
+from daq.reports.plots.layouts import FULL_SPECTRUM_LABEL, RampCurve, bode, orbit, polar, spectrum, stacked
 from daq.reports.plots.panel import Panel, Values
 from daq.schemas.results import CascadeSchema, OrderVectorsSchema, WaterfallSchema
 from daq.schemas.snapshot import FullSpectrumSchema, OrbitSchema, OrderSpectrumSchema
@@ -27,7 +27,9 @@ def result_panels(document: Schema, what: str, directions: tuple[float, float]) 
             rows = (("x", document.amplitude_peak_x_um), ("y", document.amplitude_peak_y_um))
             return spectrum(_title(document), "order", PEAK, document.orders, rows)
         case FullSpectrumSchema():
-            return spectrum(_title(document), BOTH_WAYS, PEAK, document.orders, (("", document.amplitude_peak_um),))
+            return spectrum(
+                _title(document), FULL_SPECTRUM_LABEL, PEAK, document.orders, (("", document.amplitude_peak_um),)
+            )
         case OrbitSchema():
             turns = _turns(document, document.orbit_x_um, document.orbit_y_um)
             measured = orbit(_title(document), turns, directions)
@@ -37,10 +39,10 @@ def result_panels(document: Schema, what: str, directions: tuple[float, float]) 
             less = _turns(document, across, up)
             return [orbit(_title(document), less, directions, "compensated: less run-out"), measured]
         case OrderVectorsSchema():
-            what_of, courses = _courses(document)
+            what_of, ramps = _ramp_curves(document)
             if what == "polar":
-                return polar(document.run, what_of, PEAK, courses, directions)
-            return bode(document.run, what_of, PEAK, courses)
+                return polar(document.run, what_of, PEAK, ramps, directions)
+            return bode(document.run, what_of, PEAK, ramps)
         case CascadeSchema():
             return [_stacked(document, "cascade", document.speeds_rpm, "r/min")]
         case WaterfallSchema():
@@ -59,7 +61,7 @@ def _turns(document: OrbitSchema, xs: Values, ys: Values) -> list[tuple[Values, 
     return [(xs[k : k + points], ys[k : k + points]) for k in range(0, len(xs), points)]
 
 
-def _courses(document: OrderVectorsSchema) -> tuple[str, list[Course]]:
+def _ramp_curves(document: OrderVectorsSchema) -> tuple[str, list[RampCurve]]:
     """Return what is drawn of 1X, and its vectors by speed, run-up and run-down apart, each with its arrow.
 
     Where run-out was known, what it left is drawn, and nothing of the speeds before it was.
@@ -72,8 +74,8 @@ def _courses(document: OrderVectorsSchema) -> tuple[str, list[Course]]:
         known = [(speed, line) for speed, line in points if line is not None]
         if known:
             ways.append((arrow, known))
-    courses = [
-        Course(
+    ramps = [
+        RampCurve(
             arrow if len(ways) > 1 else "",
             [speed for speed, _ in known],
             ([line.amplitude_peak_x_um for _, line in known], [line.amplitude_peak_y_um for _, line in known]),
@@ -81,10 +83,10 @@ def _courses(document: OrderVectorsSchema) -> tuple[str, list[Course]]:
         )
         for arrow, known in ways
     ]
-    return "1X compensated" if compensated else "1X", courses
+    return "1X compensated" if compensated else "1X", ramps
 
 
 def _stacked(document: CascadeSchema | WaterfallSchema, name: str, feet: Values, label: str) -> Panel:
     is_full = any((order or 0.0) < 0.0 for order in document.orders)
-    title, across = f"{document.run} · {name}", BOTH_WAYS if is_full else "order"
+    title, across = f"{document.run} · {name}", FULL_SPECTRUM_LABEL if is_full else "order"
     return stacked(title, across, label, document.orders, feet, document.amplitude_peak_um, PEAK)

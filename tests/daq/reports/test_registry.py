@@ -101,9 +101,9 @@ def whole(reader: RunReader) -> tuple[Acquisition, Codes]:
 def moment(reader: RunReader, revolutions: int, **at: float) -> AngularRecord:
     """Return what the library makes of the samples about a moment."""
     run = RunSamples(reader, untold)
-    stretch, end = run.moment(0, at.get("time_s"), at.get("speed_rpm"), revolutions)
-    made = angular_record_from_codes(reader.header.acquisition, reader.samples(0, stretch.first, stretch.stop))
-    last = int(np.searchsorted(made.times + stretch.first / run.rate, end + 0.5 / run.rate)) - 1
+    span, end = run.range_before_frame(0, at.get("time_s"), at.get("speed_rpm"), revolutions)
+    made = angular_record_from_codes(reader.header.acquisition, reader.samples(0, span.first, span.stop))
+    last = int(np.searchsorted(made.times + span.first / run.rate, end + 0.5 / run.rate)) - 1
     return made.section(last - revolutions, last)
 
 
@@ -265,7 +265,7 @@ def test_centreline_and_components_below_1x_are_the_librarys(bench: RecordedBenc
 def test_envelopes_are_the_librarys_and_waveforms_their_sum_of_parts(bench: RecordedBench, reader: RunReader) -> None:
     acquisition, codes = whole(reader)
     run = RunSamples(reader, untold)
-    angle = run.angle(SampleRange(0, 0, reader.n_samples))[1]
+    angle = run.shaft_angle(SampleRange(0, 0, reader.n_samples))[1]
     displacement = probe_displacement(acquisition, codes)
     times, (x, _) = probe_envelopes(displacement, acquisition.rate, angle, (0.45, 1.0), bandwidth=6.0)
     found = given(bench, "envelopes", orders="0.45,1", bandwidth_hz=6, entries=200)
@@ -286,17 +286,17 @@ def test_envelopes_are_the_librarys_and_waveforms_their_sum_of_parts(bench: Reco
 def test_envelopes_solved_for_in_pieces_are_those_of_all_at_once(reader: RunReader) -> None:
     told: list[float | None] = []
     run = RunSamples(reader, lambda doing, part: told.append(part) if doing.startswith("solving") else None)
-    stretch, chosen = run.stretch(0), OrderFilter((0.45, 1.0), 20.0, None)
-    angle, wanted = run.angle(stretch)[1], np.linspace(0.5, 4.5, 300)
-    once = solve_orders(run, stretch, angle, wanted, chosen, min_duration=10.0)
+    span, chosen = run.sample_range(0), OrderFilter((0.45, 1.0), 20.0, None)
+    angle, wanted = run.shaft_angle(span)[1], np.linspace(0.5, 4.5, 300)
+    once = solve_orders(run, span, angle, wanted, chosen, min_duration=10.0)
     assert told == [1.0]
-    pieces = solve_orders(run, stretch, angle, wanted, chosen, min_duration=0.5)
+    pieces = solve_orders(run, span, angle, wanted, chosen, min_duration=0.5)
     assert told[1:] == [0.5, 1.0]
     np.testing.assert_allclose(pieces.envelopes, once.envelopes, atol=2e-11)
 
 
 def test_samples_read_in_pieces_give_the_record_of_all_at_once(reader: RunReader) -> None:
-    pieces = RunSamples(reader, untold, piece=7_000).record(SampleRange(0, 0, reader.n_samples))
+    pieces = RunSamples(reader, untold, chunk_size=7_000).angular_record(SampleRange(0, 0, reader.n_samples))
     once = angular_record_from_codes(*whole(reader))
     assert pieces.first_turn == once.first_turn
     np.testing.assert_allclose(pieces.times, once.times, atol=1e-12)
@@ -315,7 +315,7 @@ def test_part_of_a_run_is_that_part(bench: RecordedBench) -> None:
 
 def test_progress_rises_while_samples_are_read(reader: RunReader) -> None:
     told: list[tuple[str, float | None]] = []
-    run = RunSamples(reader, lambda doing, part: told.append((doing, part)), piece=10_000)
+    run = RunSamples(reader, lambda doing, part: told.append((doing, part)), chunk_size=10_000)
     KINDS["bifurcation"].analyse(run, KINDS["bifurcation"].parameters())
     parts = [part for doing, part in told if doing == "reading samples against angle" and part is not None]
     assert len(parts) > 5
