@@ -1,8 +1,8 @@
-"""A step's condensed equations, compiled: Newton's method finds where points of the shaft and rings come to.
+"""Condensed equations of a time step, compiled: Newton's method for the positions of journals and rings.
 
-Bodies are points of the shaft (the two journals, then others that are held or may touch a wall) and, after them, rings
-(the two floating ones, then those of linear supports): ``n`` points, ``size`` bodies. Without constraints these are
-constants to the compiler, and nothing of the constraints is compiled.
+Bodies are ``n`` points of the shaft (the two journals, then other stations with supports or walls), followed by the
+rings (the two floating rings, then those of linear supports): ``size`` bodies in total. Without constraints both
+numbers are compile-time constants, and the code for constraints is not compiled.
 """
 
 import numpy as np
@@ -26,7 +26,7 @@ compiler = Compiler(capone_kernel, forces, state, modal_system)
 
 @compiler.inlined
 def _wall_margin(films: Films, n: int, positions: ComplexArray) -> float:
-    # smallest 1 - eccentricity² of the four films
+    # minimum of 1 - eccentricity² over the four films
     nearest = 1.0
     for b in range(2):
         inner, outer = positions[b] - positions[n + b], positions[n + b]
@@ -37,7 +37,7 @@ def _wall_margin(films: Films, n: int, positions: ComplexArray) -> float:
 
 @compiler.inlined
 def _velocities(size: int, step: float, bodies: ComplexArray, start: ComplexArray) -> None:
-    # Newmark's, at the end of the step
+    # Newmark's velocities at the end of the step
     for j in range(size):
         bodies[1, j] = 2 / step * (bodies[0, j] - start[0, j]) - start[1, j]
 
@@ -46,7 +46,7 @@ def _velocities(size: int, step: float, bodies: ComplexArray, start: ComplexArra
 def _inner_film_arguments(
     films: Films, body: int, ring: int, speed: float, bodies: ComplexArray
 ) -> tuple[complex, complex, float, float, float]:
-    # A journal's position and velocity in its ring, and the film between them
+    # Arguments of capone_force for a journal in its ring
     position, rate = bodies[0, body] - bodies[0, ring], bodies[1, body] - bodies[1, ring]
     return position, rate, films.inner_clearance, films.inner_speed * speed, films.inner_factor
 
@@ -55,13 +55,13 @@ def _inner_film_arguments(
 def _outer_film_arguments(
     films: Films, ring: int, speed: float, bodies: ComplexArray
 ) -> tuple[complex, complex, float, float, float]:
-    # The same of a ring in the housing
+    # Arguments of capone_force for a ring in the housing
     return bodies[0, ring], bodies[1, ring], films.outer_clearance, films.outer_speed * speed, films.outer_factor
 
 
 @compiler.inlined
 def _film_forces(films: Films, n: int, speed: float, bodies: ComplexArray, forces: ComplexArray) -> None:
-    # The films' forces where the bodies are now
+    # Forces of the films at the present positions
     for b in range(2):
         r = n + b
         inner = capone_force(*_inner_film_arguments(films, b, r, speed, bodies))
@@ -73,7 +73,7 @@ def _film_forces(films: Films, n: int, speed: float, bodies: ComplexArray, force
 def _constraint_forces(
     constraints: Constraints, n: int, speed: float, bodies: ComplexArray, forces: ComplexArray
 ) -> None:
-    # The supports' and walls' forces besides
+    # Forces of supports and walls, added to those of the films
     for p in range(2, n):
         forces[p] = 0j
     for s in range(constraints.supported.shape[0]):
@@ -92,7 +92,7 @@ def _constraint_forces(
 
 @compiler.inlined
 def _add_derivative(derivatives: ComplexArray, body: int, other: int, slope: tuple[complex, complex]) -> None:
-    # A force between two bodies, or a body and the housing where the other is below 0
+    # Add the derivative of a force between two bodies; ``other`` < 0 is the housing
     for k in range(2):
         derivatives[body, body, k] += slope[k]
         if other >= 0:
@@ -111,7 +111,7 @@ def _film_derivatives(
     bodies: ComplexArray,
     derivatives: ComplexArray,
 ) -> None:
-    # Changes of the films' forces with displacements of the bodies, velocities following them
+    # Derivatives of the film forces with respect to displacements, including the velocities that depend on them
     for j in range(size):
         for k in range(size):
             derivatives[j, k, 0] = derivatives[j, k, 1] = 0j
@@ -135,7 +135,7 @@ def _film_derivatives(
 def _constraint_derivatives(
     constraints: Constraints, speed: float, velocity_ratio: complex, bodies: ComplexArray, derivatives: ComplexArray
 ) -> None:
-    # The same of supports and walls
+    # Derivatives of the forces of supports and walls
     for s in range(constraints.supported.shape[0]):
         p, r = constraints.supported[s]
         coefficients = constraints.coefficients[s]
@@ -150,7 +150,7 @@ def _constraint_derivatives(
 
 @compiler.inlined
 def _newton_matrix(n: int, size: int, work: Workspace, matrix: FloatArray) -> None:
-    # left half of ``augmented``: d(residual) / d(bodies)
+    # Left half of ``augmented``: d(residual) / d(positions)
     derivatives, H = work.derivatives, work.receptance
     for j in range(2 * size):
         for k in range(4 * size):
@@ -159,7 +159,7 @@ def _newton_matrix(n: int, size: int, work: Workspace, matrix: FloatArray) -> No
     for body in range(size):
         for k in range(2):
             for j in range(size):
-                first, last = (0, n) if j < n else (j, j + 1)  # a force on a ring moves no other body
+                first, last = (0, n) if j < n else (j, j + 1)  # a force on a ring moves only this ring
                 for c in range(first, last):
                     through = H[j, c] * derivatives[c, body, k]
                     matrix[2 * j, 2 * body + k] -= through.real
@@ -168,7 +168,7 @@ def _newton_matrix(n: int, size: int, work: Workspace, matrix: FloatArray) -> No
 
 @compiler.inlined
 def _invert(n: int, augmented: FloatArray) -> None:
-    # Gauss and Jordan's method with row pivots: the right half becomes the inverse of the left.
+    # Gauss-Jordan elimination with row pivoting: the right half becomes the inverse of the left half.
     for row in range(n):
         augmented[row, n + row] = 1.0
     for column in range(n):
@@ -190,7 +190,7 @@ def _invert(n: int, augmented: FloatArray) -> None:
 
 @compiler.inlined
 def _residual(n: int, size: int, work: Workspace) -> float:
-    # Residual where the bodies are now; returns its largest part, m.
+    # Residual at the present positions; returns its largest component, m.
     H, forces, largest = work.receptance, work.forces, 0.0
     for j in range(size):
         error = work.bodies[0, j] - work.free[j]
@@ -204,7 +204,7 @@ def _residual(n: int, size: int, work: Workspace) -> float:
 
 @compiler.inlined
 def _newton_step(films: Films, n: int, size: int, augmented: FloatArray, work: Workspace) -> bool:
-    # Newton's step, halved while it would lead to the wall
+    # Newton step, halved while it leads too close to a wall
     positions, change = work.bodies[0], work.change
     limit = max(MIN_WALL_MARGIN, 0.2 * _wall_margin(films, n, positions))
     for j in range(2 * size):
@@ -217,13 +217,13 @@ def _newton_step(films: Films, n: int, size: int, augmented: FloatArray, work: W
             positions[j] += fraction * complex(change[2 * j], change[2 * j + 1])
         if _wall_margin(films, n, positions) >= limit:
             return True
-        fraction = -0.5 * fraction if fraction > 0 else 0.5 * fraction  # walk back half of the way
+        fraction = -0.5 * fraction if fraction > 0 else 0.5 * fraction  # step back half way
     return False
 
 
 @compiler.inlined
 def _starting_point(films: Films, n: int, size: int, step: float, work: Workspace) -> None:
-    # Where the bodies would come to without acceleration; where they are, if that leads to a film's wall
+    # Positions without acceleration; the present ones if these are at or beyond a wall
     positions, start = work.bodies[0], work.start
     for j in range(size):
         positions[j] = start[0, j] + step * start[1, j]
@@ -236,7 +236,7 @@ def _starting_point(films: Films, n: int, size: int, step: float, work: Workspac
 def solve(
     films: Films, constraints: Constraints | None, step: float, level: int, state: MotionState, work: Workspace
 ) -> bool:
-    """Find the bodies, positions and velocities, at the end of the step; return whether they were found."""
+    """Solve for positions and velocities of the bodies at the end of the step; return whether Newton converged."""
     n, size = 2, 4
     if constraints is not None:
         n, size = int(constraints.points), work.forces.size
@@ -266,12 +266,12 @@ def solve(
 
 @compiler.compiled
 def bearing_forces(films: Films, constraints: Constraints | None, speed: float, bodies: ComplexArray) -> ComplexArray:
-    """Return the bearings' forces on the bodies, (size,), N.
+    """Return the forces of films, supports and walls on the bodies, (size,), N.
 
     Parameters
     ----------
     films, constraints : Films, Constraints or None
-        What acts on them.
+        Films, supports and walls.
     speed : float
         Of the shaft, rad/s.
     bodies : ndarray of complex128, shape (2, size)
@@ -290,7 +290,7 @@ def bearing_forces(films: Films, constraints: Constraints | None, speed: float, 
 def bearing_force_derivatives(
     films: Films, constraints: Constraints | None, speed: float, velocity_ratio: complex, bodies: ComplexArray
 ) -> ComplexArray:
-    """Return the change of `bearing_forces` with displacements in X and in Y, (size, size, 2), N/m.
+    """Return the derivatives of `bearing_forces` with respect to X and Y, (size, size, 2), N/m.
 
     Parameters
     ----------

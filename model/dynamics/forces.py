@@ -1,6 +1,6 @@
-"""The forces on shaft and rings, compiled: a linear support's, a touched wall's, and their slopes.
+"""Forces of linear supports and walls on the shaft, with their derivatives, compiled on the first call.
 
-Complex numbers are vectors in the bench's plane, ``X + i Y``. Nothing is compiled when the file is imported.
+Complex numbers are vectors in the plane of measurement, ``X + i Y``.
 """
 
 import numpy as np
@@ -11,32 +11,30 @@ from model.compiling import Compiler
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
-FRICTION_TRANSITION_SPEED = (
-    1e-3  # m/s: sliding slower than this rubs less, in proportion, so that friction does not jump where it turns
-)
+FRICTION_TRANSITION_SPEED = 1e-3  # m/s: regularises friction, so that it does not jump at the reversal of sliding
 
 compiler = Compiler()
 
 
 @compiler.compiled
 def support_force(position: complex, velocity: complex, coefficients: ComplexArray) -> complex:
-    """Return the force of a linear support on what it holds, N.
+    """Return the force of a linear support on the shaft or ring, N.
 
     Parameters
     ----------
     position, velocity : complex
-        Of what it holds against what holds it, m and m/s.
+        Of the supported body relative to the supporting one, m and m/s.
     coefficients : ndarray of complex128, shape (4,)
         a, b, c, d of ``-(a z + b conj z + c z' + d conj z')``, N/m and N s/m.
     """
-    held = coefficients[0] * position + coefficients[1] * position.conjugate()
-    force: complex = -(held + coefficients[2] * velocity + coefficients[3] * velocity.conjugate())
+    restoring = coefficients[0] * position + coefficients[1] * position.conjugate()
+    force: complex = -(restoring + coefficients[2] * velocity + coefficients[3] * velocity.conjugate())
     return force
 
 
 @compiler.compiled
 def support_force_derivatives(velocity_ratio: complex, coefficients: ComplexArray) -> tuple[complex, complex]:
-    """Return the change of a support's force with the position in X and in Y, N/m; ``velocity_ratio`` as for a film."""
+    """Return the derivatives of `support_force` with respect to X and Y, N/m; ``velocity_ratio`` as for a film."""
     of_x = support_force(1 + 0j, velocity_ratio, coefficients)
     return of_x, support_force(1j, velocity_ratio * 1j, coefficients)
 
@@ -48,26 +46,25 @@ def wall_force(
     speed: float,
     sizes: FloatArray,
 ) -> complex:
-    """Return the force of a wall on the shaft that touches it, N.
+    """Return the contact force of a wall on the shaft, N.
 
-    Thesis eqs. (4.41) and (4.42), with Hunt and Crossley's damping, which grows with the depth: the force does not jump
-    where contact begins. A wall never pulls.
+    Thesis eqs. (4.41) and (4.42) with Hunt-Crossley damping, which is proportional to the depth, so that the force does
+    not jump at first contact. A wall never pulls.
 
     Parameters
     ----------
     position, velocity : complex
-        Of the shaft's centre, m and m/s.
+        Of the shaft centre, m and m/s.
     speed : float
         Of the shaft, rad/s.
     sizes : ndarray of float64, shape (5,)
-        Clearance, m: displacement at which contact begins; radial stiffness, N/m; friction, the rubbing force over the
-        pressing one; damping, by what part a metre per second into the wall presses more, s/m; radius of the shaft's
-        surface that rubs, m.
+        Clearance, the displacement at which contact begins, m; radial stiffness, N/m; friction coefficient; damping,
+        the relative increase of the contact force per m/s of approach, s/m; radius of the rubbing surface, m.
 
     Returns
     -------
     complex
-        N; 0 without contact.
+        Contact and friction force, N; 0 without contact.
     """
     clearance, stiffness, friction, damping, radius = sizes[0], sizes[1], sizes[2], sizes[3], sizes[4]
     distance = abs(position)
@@ -75,7 +72,7 @@ def wall_force(
     if depth <= 0.0:
         return 0j
     outwards = position / distance
-    along = outwards.conjugate() * velocity  # outwards + i forwards
+    along = outwards.conjugate() * velocity  # radial + i tangential
     press = stiffness * depth * (1 + damping * along.real)  # Eq. (4.41)
     if press <= 0.0:
         return 0j
@@ -94,7 +91,7 @@ def wall_force_derivatives(
     speed: float,
     sizes: FloatArray,
 ) -> tuple[complex, complex]:
-    """Return the change of a wall's force with the position in X and in Y, N/m, by finite differences.
+    """Return the derivatives of `wall_force` with respect to X and Y, N/m, by finite differences.
 
     Parameters
     ----------
@@ -104,7 +101,7 @@ def wall_force_derivatives(
         As for ``capone_force_derivatives``.
     """
     start, reach = wall_force(position, velocity, speed, sizes), 1e-7 * sizes[0]
-    in_x = reach if position.real > 0 else -reach  # deeper into the wall, where it is touched
+    in_x = reach if position.real > 0 else -reach  # into the wall
     in_y = reach if position.imag > 0 else -reach
     of_x = wall_force(position + in_x, velocity + velocity_ratio * in_x, speed, sizes)
     of_y = wall_force(position + 1j * in_y, velocity + velocity_ratio * 1j * in_y, speed, sizes)

@@ -1,4 +1,4 @@
-"""What the integration in time needs of the parameters: modes of the shaft, films, supports, walls, its time steps."""
+"""Modal model for the integration in time: shaft modes, films, rings, supports, walls and Newmark matrices."""
 
 import math
 from dataclasses import dataclass
@@ -18,14 +18,14 @@ FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 IntArray = NDArray[np.int64]
 
-DEFAULT_MODES = 6  # two rigid, four bending: within 0.05 % of all twelve
-MODES_WITH_CONSTRAINTS = 16  # where supports or walls act too: stiff ones bend the shaft between its lowest modes
-N_LEVELS = 6  # how often a time step may be divided by four
-MAX_BOUNCE_PHASE = 0.2  # rad: by how much a shaft that bounces on a wall may swing on in one step
+DEFAULT_MODES = 6  # two rigid-body, four bending: within 0.05 % of the result with all twelve
+MODES_WITH_CONSTRAINTS = 16  # with supports or walls: stiff ones excite higher modes
+N_LEVELS = 6  # levels of step size, each a fourth of the one before
+MAX_BOUNCE_PHASE = 0.2  # rad: phase of a bounce on a wall per time step
 
 
 class ModalShaft(NamedTuple):
-    """The shaft's modes as the march needs them.
+    """Modes of the free shaft and their excitation.
 
     Parameters
     ----------
@@ -34,13 +34,13 @@ class ModalShaft(NamedTuple):
     gyroscopic : ndarray of float64, shape (m, m)
         Modal polar inertia.
     points : ndarray of float64, shape (n_points, m)
-        Mode shapes where forces act, kg^-1/2: at the journals, then at other stations that are held or may rub.
+        Mode shapes at the points where forces act, kg^-1/2: the journals, then other stations with supports or walls.
     probe : ndarray of float64, shape (m,)
-        Mode shapes at the probes' station.
+        Mode shapes at the station of the probes.
     imbalance : ndarray of complex128, shape (m,)
-        Modal imbalance at theta = 0, kg m times shape.
+        Modal imbalance at theta = 0, kg m times mode shape.
     weight : ndarray of complex128, shape (m,)
-        Modal weight and other loads at rest.
+        Modal weight and other constant loads.
     """
 
     squared_frequencies: FloatArray
@@ -62,11 +62,11 @@ class Films(NamedTuple):
     Parameters
     ----------
     inner_factor, outer_factor : float
-        mu R L³ / (4 C²) of each film, N s: its force at unit surface speed is of this size.
+        mu R L³ / (4 C²) of each film, N s: the scale of its force at unit surface speed.
     inner_clearance, outer_clearance : float
         Radial clearances, m.
     inner_speed, outer_speed : float
-        Sum of the speeds of a film's two surfaces over the shaft's speed.
+        Sum of the surface speeds of a film over the shaft speed.
     """
 
     inner_factor: float
@@ -78,14 +78,14 @@ class Films(NamedTuple):
 
 
 class Rings(NamedTuple):
-    """The rings: the two floating ones, then those of linear supports.
+    """Rings: the two floating rings, then those of linear supports.
 
     Parameters
     ----------
     mass : ndarray of float64, shape (n_rings,)
         kg.
     gravity : ndarray of float64, shape (n_rings,)
-        Force towards -Y over its mass, of its weight and the oil feed, m/s².
+        Constant force towards -Y (weight and oil feed) over mass, m/s².
     """
 
     mass: FloatArray
@@ -93,7 +93,7 @@ class Rings(NamedTuple):
 
 
 class Parts(NamedTuple):
-    """What every motion has: shaft, films and rings."""
+    """Shaft, films and rings: the parts of every system."""
 
     shaft: ModalShaft
     films: Films
@@ -101,22 +101,23 @@ class Parts(NamedTuple):
 
 
 class Constraints(NamedTuple):
-    """Linear supports of the shaft and walls that it may touch. Bodies are its points, then the rings.
+    """Linear supports of the shaft and walls that it may touch. Bodies are points of the shaft, then rings.
 
     Parameters
     ----------
     points : int
-        Of the shaft.
+        Number of points of the shaft.
     supported : ndarray of int64, shape (n_supports, 2)
-        Bodies: the point that each support holds, and the ring through which, -1 for none.
+        Indices of the supported point and of the ring between, -1 for none.
     coefficients : ndarray of complex128, shape (n_supports, 8)
-        Between shaft and ring, or housing, then between ring and housing: see `model.dynamics.forces.support_force`.
+        Coefficients of `model.dynamics.forces.support_force`: four between shaft and ring (or housing), then four
+        between ring and housing.
     wall_points : ndarray of int64, shape (n_walls,)
-        The point that may touch each wall.
+        Index of the point that may touch each wall.
     walls : ndarray of float64, shape (n_walls, 5)
-        See `model.dynamics.forces.wall_force`.
+        Parameters of `model.dynamics.forces.wall_force`.
     max_steps : ndarray of float64, shape (n_walls,)
-        Time steps that follow a bounce on each wall, s.
+        Largest time step that resolves a bounce on each wall, s.
     """
 
     points: int
@@ -129,23 +130,22 @@ class Constraints(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ModalSystem:
-    """The parameters as the compiled kernel takes them.
+    """The model parameters as modal matrices, for the compiled integration.
 
     Parameters
     ----------
     shaft : ModalShaft
-        Modes.
+        Modes of the free shaft.
     films : Films
-        Of each of the two bearings.
+        Films of each of the two equal bearings.
     rings : Rings
-        Floating ones and others.
+        Floating rings and rings of supports.
     constraints : Constraints, optional
-        Supports and walls, where there are any.
+        Supports and walls; None without any.
     stations : ndarray of float64, shape (n_stations, m)
         Mode shapes at all stations, kg^-1/2.
     eccentricities : ndarray of float64, shape (4, m + n_rings)
-        What places of modes and rings are as the films' eccentricity ratios: of both inner films, then of both outer
-        ones.
+        Matrix from modal and ring coordinates to the eccentricity ratios of both inner, then both outer films.
     """
 
     shaft: ModalShaft
@@ -157,9 +157,9 @@ class ModalSystem:
 
     @classmethod
     def of(cls, parameters: ModelParameters, modes: int | None = None) -> "ModalSystem":
-        """Reduce the parameters to the lowest free modes; the last few are kept for those that ask again.
+        """Return the system with the lowest free modes, from a cache of the last few.
 
-        Where no number of ``modes`` is given, it is what the forces need that act on the shaft.
+        Without ``modes``, the number depends on whether supports or walls act on the shaft.
         """
         if modes is None:
             modes = MODES_WITH_CONSTRAINTS if parameters.supports or parameters.rubs else DEFAULT_MODES
@@ -167,7 +167,7 @@ class ModalSystem:
 
     @classmethod
     def reduced(cls, parameters: ModelParameters, modes: int) -> "ModalSystem":
-        """Reduce the parameters anew; ValueError where the rotor has no films."""
+        """Build the system without the cache; ValueError if the rotor has no films."""
         films, rings = _films(parameters.floating_ring), _rings(parameters)
         rotor = parameters.rotor
         free = free_modes(rotor, modes)
@@ -205,18 +205,20 @@ class ModalSystem:
 
     @property
     def is_isotropic(self) -> bool:
-        """Whether no support differs by direction, so that the motion that goes round with the shaft is a circle."""
+        """Whether all supports are isotropic, so that the synchronous motion is a circle."""
         return self.constraints is None or not self.constraints.coefficients[:, 1::2].any()
 
     def is_inside_clearances(self, motion: ComplexArray) -> bool:
-        """Return whether a motion, (3, m + n_rings), is short of every film's wall."""
+        """Return whether a motion, (3, m + n_rings), is inside the clearance of every film."""
         return bool(np.all(1 - np.abs(self.eccentricities @ motion[0]) ** 2 >= MIN_WALL_MARGIN))
 
     def at_rest(self, *, angle: float, speed: float) -> MotionState:
-        """Return a motion at rest in the bearings' centre, the shaft at this angle, rad, and speed, rad/s."""
+        """Return the state at rest in the bearing centre, with the shaft at this angle, rad, and speed, rad/s."""
         shaft, modes = self.shaft, self.shaft.squared_frequencies.size
         motion = np.zeros((3, modes + self.rings.mass.size), np.complex128)
-        motion[2, :modes] = speed**2 * np.exp(1j * angle) * shaft.imbalance + shaft.weight  # no film force there yet
+        motion[2, :modes] = (
+            speed**2 * np.exp(1j * angle) * shaft.imbalance + shaft.weight
+        )  # the film force is zero there
         motion[2, modes:] = -1j * self.rings.gravity
         n = 2 * (shaft.points.shape[0] + self.rings.mass.size)
         return MotionState(
@@ -228,7 +230,7 @@ class ModalSystem:
         )
 
     def matrices(self, step: float) -> NewmarkMatrices:
-        """Return Newmark's matrices for a time step, s, and its fourths."""
+        """Return Newmark's matrices for a time step, s, and its divisions by four."""
         steps = np.array([step / 4**level for level in range(N_LEVELS)])
         transforms, gyroscopic = [], []
         for h in steps:
@@ -253,7 +255,7 @@ def _films(bearing: FloatingRing) -> Films:
         outer_factor=size * bearing.ring_outer_radius / bearing.outer_clearance**2,
         inner_clearance=bearing.inner_clearance,
         outer_clearance=bearing.outer_clearance,
-        inner_speed=1 + ring * bearing.ring_inner_radius / bearing.journal_radius,  # surfaces of ring and journal
+        inner_speed=1 + ring * bearing.ring_inner_radius / bearing.journal_radius,  # surface speeds of ring and journal
         outer_speed=ring,
     )
 

@@ -1,7 +1,7 @@
-"""Motion of the shaft in time: modes, gyroscopic moments, films, supports, walls, imbalance and weight.
+"""Motion of the shaft in time under imbalance and weight, on films, supports and walls.
 
-Newmark's method (beta = 1/4, gamma = 1/2: second order, no numerical damping) in complex modal coordinates; each step
-is condensed to where films, supports and walls act on shaft and rings, and Newton's method finds their forces.
+Newmark's method (beta = 1/4, gamma = 1/2: second order, no numerical damping) in complex modal coordinates. Each step
+is condensed to the points where films, supports and walls act, and Newton's method solves for their forces.
 """
 
 import math
@@ -19,16 +19,17 @@ FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 STEPS_PER_TURN = 64
-MIN_SPEED = 50.0  # rad/s: below it a turn's time is no measure for settling or for the step
-WALL_CONTACT_ECCENTRICITY = 0.99  # of a film's clearance: the wall is what stops a motion there
-MAX_STEP_ANGLE = 64 * MAX_SUBSTEP_ANGLE  # what three divisions by four make small enough, rad
+MIN_SPEED = 50.0  # rad/s: at lower speeds time steps and settling do not scale with the revolution
+WALL_CONTACT_ECCENTRICITY = 0.99  # eccentricity ratio above which a failed step is a contact with the film wall
+MAX_STEP_ANGLE = 64 * MAX_SUBSTEP_ANGLE  # rad: three divisions by four reach the largest substep
 
 
 class ShaftMotion:
-    """The shaft's motion along any course of angle and speed.
+    """Motion of the shaft along any time history of angle and speed.
 
-    All state is kept between calls: the result does not depend on how a course is cut into calls, bit for bit. The
-    imbalance's term with the angular acceleration, smaller than the kept one by acceleration / speed², is left out.
+    The state is preserved between calls, so the result does not depend, bit for bit, on how a time history is divided
+    into calls. The imbalance force of the angular acceleration is neglected: it is smaller than that of the speed by
+    acceleration / speed².
 
     Parameters
     ----------
@@ -37,16 +38,16 @@ class ShaftMotion:
     speed : float
         Speed at the start, rad/s, 0 or more.
     turns_to_settle : int
-        Turns at ``speed`` before the start, from rest in the bearings' centre.
+        Turns at ``speed`` before the start, from rest in the bearing centre.
     angle : float
-        Of the shaft at the start, rad: the first step leads from there to the first angle given to ``advance``.
+        Of the shaft at the start, rad: the first step goes from there to the first angle passed to ``advance``.
 
     Raises
     ------
     ValueError
-        Where speed or turns are negative.
+        If speed or turns are negative.
     WallContactError
-        Where the motion reaches a wall while it settles, or friction at one drives it without end.
+        If the motion reaches a film wall while it settles, or is driven unstable by friction at a wall.
     """
 
     def __init__(
@@ -67,30 +68,30 @@ class ShaftMotion:
 
     @property
     def speed(self) -> float:
-        """Speed of the shaft now, rad/s."""
+        """Present speed of the shaft, rad/s."""
         return float(self._state.speed[0])
 
     @property
     def displacement(self) -> FloatArray:
-        """Displacement at the probes' station now, (2,), in X and Y, m."""
+        """Present displacement at the station of the probes, (2,), in X and Y, m."""
         now = complex(self._system.shaft.probe @ self._modal)
         return np.array([now.real, now.imag])
 
     @property
     def state(self) -> ComplexArray:
-        """Where the motion is: (3, n_modes + n_rings) displacements, velocities, accelerations of modes and rings."""
+        """Present state: displacements, velocities, accelerations of modes and rings, (3, n_modes + n_rings)."""
         return self._state.motion.copy()
 
     @property
     def _modal(self) -> ComplexArray:
-        """Displacements of the modes now."""
+        """Present displacements of the modes."""
         return self._state.motion[0, : self._system.shaft.squared_frequencies.size]
 
     def resume(self, state: ComplexArray, speed: float) -> None:
-        """Go on at the present angle and speed from a `state` that the same rotor had at another speed, rad/s.
+        """Continue at the present angle and speed from a `state` of the same rotor at another speed, rad/s.
 
-        ValueError where its shape or numbers make no sense, WallContactError where it lies at or beyond a film's wall;
-        the motion stays as it was then.
+        Raises ValueError for an invalid state and WallContactError for one at or beyond a film wall; the motion is then
+        unchanged.
         """
         if state.shape != self._state.motion.shape:
             raise ValueError(f"state: shape {state.shape}, expected {self._state.motion.shape}")
@@ -104,7 +105,7 @@ class ShaftMotion:
         self.change_speed(present)
 
     def change_speed(self, speed: float) -> None:
-        """Go on at another speed, rad/s, above 0, at once: velocities grow with the speed, places stay."""
+        """Change the speed, rad/s, above 0, at once: positions stay, velocities scale with the speed."""
         _require_speed(speed)
         ratio = speed / max(self.speed, MIN_SPEED)
         self._state.motion[1] *= ratio
@@ -112,93 +113,94 @@ class ShaftMotion:
         self._state.speed[0] = speed
 
     def set_initial_state(self, initial_state: FloatArray) -> None:
-        """Put the motion where a `SynchronousOrbit` stands; exact from the next step on.
+        """Set the motion to the initial state of a `SynchronousOrbit`, exact from the next step on.
 
-        WallContactError where that is at or beyond a film's wall: the motion cannot be continued then.
+        Raises WallContactError at or beyond a film wall; the motion cannot be continued then.
         """
         self._state.set_initial_state(initial_state)
         self._require_within(self._state.motion, self.speed)
 
     def disturb(self, disturbance: FloatArray) -> None:
-        """Move the motion by a part of a `SynchronousOrbit`'s disturbance; errors are `set_initial_state`'s."""
+        """Add a fraction of a disturbance of a `SynchronousOrbit`; raises the errors of `set_initial_state`."""
         self._state.disturb(disturbance)
         self._require_within(self._state.motion, self.speed)
 
     def integrate_turns(self, count: int, points_per_turn: int = STEPS_PER_TURN) -> FloatArray:
-        """Follow the shaft through whole turns at its present speed, which must not be 0.
+        """Integrate over whole turns at the present speed, which must not be 0.
 
         Parameters
         ----------
         count : int
-            Turns.
+            Number of turns.
         points_per_turn : int
-            Steps in a turn.
+            Steps per turn.
 
         Returns
         -------
         ndarray of float64, shape (2, count * points_per_turn)
-            Displacement at the probes' station in X and Y, m, from the present angle on (the end of the last turn is
-            not in it).
+            Displacement at the station of the probes in X and Y, m, from the present angle on, without the end of the
+            last turn.
         """
         return np.asarray(self._integrate_turns(self._system.shaft.probe[None, :], count, points_per_turn)[0])
 
     def integrate_stations(self, count: int, points_per_turn: int = STEPS_PER_TURN) -> FloatArray:
-        """Follow the shaft as `turns` does and return what every station does, (n_stations, 2, n), m."""
+        """Integrate as `integrate_turns` does; return the displacement of all stations, (n_stations, 2, n), m."""
         return self._integrate_turns(self._system.stations, count, points_per_turn)
 
     def integrate_stations_and_films(
         self, count: int, points_per_turn: int = STEPS_PER_TURN
     ) -> tuple[FloatArray, FloatArray]:
-        """Follow the shaft as `turns` does and return what every station and every film does.
+        """Integrate as `integrate_turns` does; return the motion of all stations and films.
 
         Returns
         -------
         stations : ndarray of float64, shape (n_stations, 2, n)
             Displacement in X and Y, m.
         eccentricities : ndarray of float64, shape (4, 2, n)
-            Of the films in X and Y, in parts of their clearances: journals in their rings, then rings in the housing.
+            Eccentricity ratios of the films in X and Y: journals in their rings, then rings in the housing.
         """
         system = self._system
         stations, modes = system.stations.shape
         outputs = np.concatenate((np.zeros((stations, system.eccentricities.shape[1])), system.eccentricities))
         outputs[:stations, :modes] = system.stations
-        whole = self._integrate_turns(outputs, count, points_per_turn)
-        return whole[:stations], whole[stations:]
+        displacements = self._integrate_turns(outputs, count, points_per_turn)
+        return displacements[:stations], displacements[stations:]
 
     def _integrate_turns(self, outputs: FloatArray, count: int, points_per_turn: int) -> FloatArray:
         if self.speed == 0:
             raise ValueError("speed: 0 rad/s, expected a turning shaft")
         turn = 2 * math.pi / points_per_turn
         angle = self._state.angle[0] + turn * np.arange(1, count * points_per_turn + 1)
-        now = np.array([sum(row * self._state.motion[0, : row.size]) for row in outputs])  # in the march's order
+        now = np.array(
+            [sum(row * self._state.motion[0, : row.size]) for row in outputs]
+        )  # same order of summation as in `newmark.integrate`
         later = self._advance(angle, np.full(angle.size, self.speed), turn / self.speed, outputs)
         first = np.stack((now.real, now.imag), axis=-1)[..., None]
         return np.concatenate((first, later[..., :-1]), axis=-1)
 
     def advance(self, angle: FloatArray, speed: FloatArray, step: float) -> FloatArray:
-        """Follow the shaft through further time steps.
+        """Integrate over further time steps.
 
         Parameters
         ----------
         angle : ndarray of float64, shape (n,)
-            Of the shaft at the ends of the steps, rad.
+            Angle of the shaft at the ends of the steps, rad.
         speed : ndarray of float64, shape (n,)
-            Of the shaft there, rad/s, 0 or more.
+            Speed of the shaft at the ends of the steps, rad/s, 0 or more.
         step : float
-            Time step, s. Steps in which the shaft makes more than 1/48 turn, or touches a wall, are divided inside.
+            Time step, s. Steps of more than 1/48 turn, or in contact with a wall, are divided internally.
 
         Returns
         -------
         ndarray of float64, shape (2, n)
-            Displacement at the probes' station in the bench's directions X and Y, m, from the bearings' centre.
+            Displacement from the bearing centre at the station of the probes, in X and Y, m.
 
         Raises
         ------
         ValueError
-            Where shapes, speeds or the step make no sense.
+            If shapes, speeds or the step are invalid.
         WallContactError
-            Where the motion reaches a bearing's wall, or friction at a wall drives it without end; it cannot be
-            continued then.
+            If the motion reaches a film wall, or is driven unstable by friction at a wall; it cannot be continued then.
         """
         return np.asarray(self._advance(angle, speed, step, self._system.shaft.probe[None, :])[0])
 
@@ -229,31 +231,32 @@ class ShaftMotion:
         return np.stack((path.real, path.imag), axis=1)
 
     def _require_within(self, motion: ComplexArray, speed: float) -> None:
-        """Raise WallContactError where a film's wall is reached."""
+        """Raise WallContactError if a film wall is reached."""
         if not self._system.is_inside_clearances(motion):
             raise WallContactError(self._max_eccentricity(motion, speed)[1])
 
     def _failure_message(self, speed: float) -> str:
-        """Return why a motion ends that could not be continued."""
-        eccentricity, said = self._max_eccentricity(self._state.motion, speed)
+        """Return the message for a failed step."""
+        eccentricity, message = self._max_eccentricity(self._state.motion, speed)
         if not self._rubs or eccentricity >= WALL_CONTACT_ECCENTRICITY:
-            return said
+            return message
         rates = np.abs(self._system.stations @ self._state.motion[1, : self._modal.size])
         rub = max(self._rubs, key=lambda rub: float(rates[rub.station - 1]))
         return (
             f"rub: the shaft bounces at {rates[rub.station - 1]:.3g} m/s on the wall of station {rub.station} at "
-            f"{speed:.1f} rad/s, faster than any step follows, expected less friction than {rub.friction:g}"
+            f"{speed:.1f} rad/s, faster than the shortest time step resolves, expected less "
+            f"friction than {rub.friction:g}"
         )
 
     def _max_eccentricity(self, motion: ComplexArray, speed: float) -> tuple[float, str]:
-        """Return the largest eccentricity ratio of a motion, and in words where that is."""
+        """Return the largest eccentricity ratio of a motion, and a message naming the film."""
         films, ratios = self._system.films, np.abs(self._system.eccentricities @ motion[0])
         closest = int(np.argmax(ratios))
         film, body, clearance = (
             ("inner", "journal", films.inner_clearance) if closest < 2 else ("outer", "ring", films.outer_clearance)
         )
         return float(ratios[closest]), (
-            f"eccentricity: the {body} came to {ratios[closest] * clearance * 1e6:.2f} µm of the {film} film's "
+            f"eccentricity: the {body} reached {ratios[closest] * clearance * 1e6:.2f} µm of the {film} film's "
             f"clearance of {clearance * 1e6:g} µm at {speed:.1f} rad/s, expected less than the clearance: the shaft "
             "touches the wall"
         )

@@ -1,7 +1,7 @@
-"""The implicit march in time, compiled: Newmark's steps, each condensed to where forces act on shaft and rings.
+"""Implicit integration in time with Newmark's method, compiled on the first call.
 
-Nothing is compiled when the file is imported, only at the first call. Complex numbers are vectors in the bench's plane,
-``X + i Y``.
+Each step is condensed to the points where forces act on shaft and rings. Complex numbers are vectors in the plane of
+measurement, ``X + i Y``.
 """
 
 import numpy as np
@@ -18,7 +18,7 @@ FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 NO_FAILURE = -1
-MAX_SUBSTEP_ANGLE = 2 * np.pi / 48  # that the shaft may make in one step, rad
+MAX_SUBSTEP_ANGLE = 2 * np.pi / 48  # shaft rotation per time step, rad
 
 compiler = Compiler(condensed, capone_kernel, forces, state, modal_system)
 
@@ -45,7 +45,7 @@ def _workspace(modes: int, points: int, rings: int) -> Workspace:
 def _modes_without_forces(
     shaft: ModalShaft, matrices: NewmarkMatrices, level: int, state: MotionState, work: Workspace
 ) -> None:
-    # Where the modes, in diagonal coordinates, would come to without forces of bearings, and their compliances.
+    # Diagonal modal coordinates at the end of the step without bearing forces, and their compliances.
     h, speed, T = matrices.steps[level], state.speed[0], matrices.transforms[level]
     q, v, a = state.motion[0], state.motion[1], state.motion[2]
     force, y, compliance = work.modal[0], work.modal[1], work.modal[2]
@@ -72,7 +72,7 @@ def _modes_without_forces(
 def _bodies_without_forces(
     shaft: ModalShaft, rings: Rings, matrices: NewmarkMatrices, level: int, state: MotionState, work: Workspace
 ) -> None:
-    # Where the bodies would come to without forces of bearings, and how such forces would move them.
+    # Positions of the bodies at the end of the step without bearing forces, and the receptance for such forces.
     h, psi, shapes, H = matrices.steps[level], matrices.points[level], shaft.points, work.receptance
     y, compliance = work.modal[1], work.modal[2]
     for p in range(shapes.shape[0]):
@@ -97,7 +97,7 @@ def _bodies_without_forces(
 
 @compiler.inlined
 def _needs_shorter_step(constraints: Constraints, step: float, bodies: ComplexArray, ahead: float) -> bool:
-    # Whether a wall is touched now, or a time ``ahead``, and a step of this length would not follow it
+    # Whether a wall is in contact now, or after the time ``ahead``, and this step is too long to resolve it
     for w in range(constraints.wall_points.size):
         if step > constraints.max_steps[w]:
             p, clearance = constraints.wall_points[w], constraints.walls[w, 0]
@@ -115,7 +115,7 @@ def _step(
     state: MotionState,
     work: Workspace,
 ) -> bool:
-    # Newmark's step, beta = 1/4, gamma = 1/2, to the state's angle and speed; False where a shorter one is needed
+    # Newmark step, beta = 1/4, gamma = 1/2, to the angle and speed of the state; False if a shorter step is needed
     shaft, films, rings = parts
     _modes_without_forces(shaft, matrices, level, state, work)
     _bodies_without_forces(shaft, rings, matrices, level, state, work)
@@ -136,7 +136,7 @@ def _step(
 
 @compiler.inlined
 def _finish_modes(matrices: NewmarkMatrices, level: int, n: int, state: MotionState, work: Workspace) -> None:
-    # The modes at the end of the step, the forces on the shaft's n points known
+    # Modes at the end of the step, from the forces on the n points of the shaft
     h, T, psi, y, compliance = (
         matrices.steps[level],
         matrices.transforms[level],
@@ -162,7 +162,7 @@ def _finish_modes(matrices: NewmarkMatrices, level: int, n: int, state: MotionSt
 
 @compiler.inlined
 def _copy(source: ComplexArray, target: ComplexArray) -> None:
-    # In loops: an assignment of slices takes ten times as long to compile.
+    # Loops: slice assignment takes ten times as long to compile.
     for row in range(source.shape[0]):
         for column in range(source.shape[1]):
             target[row, column] = source[row, column]
@@ -177,7 +177,7 @@ def _substeps(
     state: MotionState,
     work: Workspace,
 ) -> bool:
-    # One step of the caller's in 4^level parts
+    # One step of the caller in 4^level substeps
     interval = work.interval
     pieces = 4**level
     for piece in range(1, pieces + 1):
@@ -199,28 +199,28 @@ def integrate(
     outputs: FloatArray,
     displacement: ComplexArray,
 ) -> int:
-    """Follow the shaft through ``angles`` and ``speeds`` at equal steps.
+    """Integrate the motion along ``angles`` and ``speeds`` with equal time steps.
 
-    Where the shaft turns too far in a step, touches a wall, or Newton's method finds no way, the step is divided by
+    If the shaft turns too far in a step, touches a wall, or Newton's method does not converge, the step is divided by
     four, repeatedly.
 
     Parameters
     ----------
     parts, constraints, matrices : Parts, Constraints or None, NewmarkMatrices
-        The system and its step.
+        The system and its time step.
     state : MotionState
-        Where the motion stands; changed.
+        State of the motion; changed in place.
     angles, speeds : ndarray of float64, shape (n,)
-        The shaft's angle, rad, and speed, rad/s, at the ends of the steps.
-    outputs : ndarray of float64, shape (n_seen, m)
-        Mode shapes at the stations that are looked at.
-    displacement : ndarray of complex128, shape (n_seen, n)
-        Filled with the displacement there, m.
+        Angle, rad, and speed, rad/s, of the shaft at the ends of the steps.
+    outputs : ndarray of float64, shape (n_outputs, m)
+        Mode shapes at the output stations.
+    displacement : ndarray of complex128, shape (n_outputs, n)
+        Receives the displacement at the output stations, m.
 
     Returns
     -------
     int
-        ``NO_FAILURE``, or the step at which no division helped: the motion reached a wall.
+        ``NO_FAILURE``, or the index of the step that failed at the shortest length: the motion reached a wall.
     """
     shaft = parts.shaft
     work = _workspace(shaft.squared_frequencies.size, shaft.points.shape[0], parts.rings.mass.size)

@@ -1,9 +1,9 @@
-"""Whether the synchronous motion is stable when the rotor has weight: the periodic orbit and its Floquet multipliers.
+"""Stability of the synchronous motion under imbalance and weight: periodic orbit and Floquet multipliers.
 
-Newmark's step sees of displacement q, velocity v and acceleration a only ``4/h² q + 4/h v + a`` and ``2/h q + v``: two
-numbers a coordinate say where the motion stands. They are written here as a displacement and a velocity, divided by
-the speed, without acceleration. The map of one turn in these coordinates is differentiated (32 numbers for six modes
-and two rings) and its fixed point is found by Newton's method, also where it is unstable.
+Newmark's step depends on displacement q, velocity v and acceleration a only through ``4/h² q + 4/h v + a`` and
+``2/h q + v``, so two numbers per coordinate define the state. They are expressed as a displacement and a velocity over
+speed, without acceleration. The Poincaré map over one turn in these coordinates (32 numbers for six modes and two
+rings) is differentiated, and Newton's method finds its fixed point, stable or not.
 """
 
 import cmath
@@ -24,27 +24,27 @@ from model.rotor.rotor import require_positive
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
-SETTLING_TURNS = 60  # from rest towards the orbit, before Newton's method
+SETTLING_TURNS = 60  # from rest, before Newton's method
 MAX_ITERATIONS = 40
-TOLERANCE = 1e-5  # of the inner clearance
-PERTURBATION = 1e-4  # of the inner clearance
-MIN_MULTIPLIER = 1e-6  # of a disturbance after a turn: less than that is no whirl
+TOLERANCE = 1e-5  # of the inner clearance: error of the fixed point
+PERTURBATION = 1e-4  # of the inner clearance: step of finite differences
+MIN_MULTIPLIER = 1e-6  # smaller Floquet multipliers are numerical noise
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SynchronousOrbit:
-    """The motion that repeats itself every turn, stable or not.
+    """Periodic synchronous motion, stable or unstable.
 
     Parameters
     ----------
     speed : float
         rad/s.
     initial_state : ndarray of float64, shape (4 (n_modes + n_rings),)
-        Where it stands at theta = 0, in the coordinates above, to begin from at a neighbouring speed.
+        State at theta = 0 in the coordinates above; a start for neighbouring speeds.
     whirls : tuple of Whirl
-        What grows fastest or decays slowest in the one film, and in the other: the least stable first.
+        Least stable whirl of each film, the less stable first.
     disturbances : ndarray of float64, shape (n_whirls, 4 (n_modes + n_rings))
-        These at one moment, in the same coordinates: each moves a journal or ring by 1 m.
+        Disturbance of the state at theta = 0 for each whirl, scaled to 1 m at the journal or ring that moves most.
     """
 
     speed: float
@@ -54,24 +54,24 @@ class SynchronousOrbit:
 
     @property
     def disturbance(self) -> FloatArray:
-        """What grows fastest or decays slowest, (4 (n_modes + n_rings),)."""
+        """Disturbance of the least stable whirl, (4 (n_modes + n_rings),)."""
         return np.asarray(self.disturbances[0])
 
     @property
     def growth_rate(self) -> float:
-        """Of that disturbance, 1/s; positive where the motion is unstable."""
+        """Growth rate of the least stable whirl, 1/s; positive if the motion is unstable."""
         return self.whirls[0].growth_rate
 
     @property
     def whirl_order(self) -> float:
-        """Frequency of that disturbance over the shaft's; negative where it goes against the shaft."""
+        """Order of the least stable whirl, frequency over shaft speed; negative for reverse whirl."""
         return self.whirls[0].order
 
 
 def synchronous_orbit(
     parameters: ModelParameters, speed: float, start: SynchronousOrbit | None = None, *, steps: int = STEPS_PER_TURN
 ) -> SynchronousOrbit:
-    """Return the synchronous motion under imbalance and weight, and how its disturbances grow.
+    """Return the synchronous motion under imbalance and weight, and the growth of its disturbances.
 
     Parameters
     ----------
@@ -80,25 +80,25 @@ def synchronous_orbit(
     speed : float
         rad/s, above 0.
     start : SynchronousOrbit, optional
-        At a neighbouring speed; without it the motion is begun from rest.
+        Orbit at a neighbouring speed; without it the iteration starts from rest.
     steps : int
-        Of the integration in a turn.
+        Time steps per turn.
 
     Returns
     -------
     SynchronousOrbit
-        The periodic motion.
+        The periodic motion and its least stable whirls.
 
     Raises
     ------
     ModelError
-        Where none is found within the clearances.
+        If none is found within the clearances.
     """
     require_positive("speed", speed, "rad/s")
     turn = _PoincareMap(ModalSystem.of(parameters), speed, steps)
     initial_state = turn.after(np.zeros(turn.size), SETTLING_TURNS) if start is None else start.initial_state
     jacobian, following = turn.differentiate(initial_state)
-    begun_at, last = initial_state, math.inf
+    differentiated_at, last = initial_state, math.inf
     for _ in range(MAX_ITERATIONS):
         miss = following - initial_state
         error = float(np.max(np.abs(miss))) / turn.unit
@@ -106,20 +106,20 @@ def synchronous_orbit(
             break
         if error > 0.3 * last:
             jacobian, following = turn.differentiate(initial_state)
-            begun_at = initial_state
+            differentiated_at = initial_state
         last = error
         initial_state = initial_state + np.linalg.solve(np.eye(turn.size) - jacobian, miss)
         following = turn.after(initial_state, 1)
     else:
-        raise ModelError(f"synchronous motion at {speed:.1f} rad/s: none found that repeats itself every turn")
-    if np.max(np.abs(initial_state - begun_at)) > 100 * PERTURBATION * turn.unit:
+        raise ModelError(f"synchronous motion at {speed:.1f} rad/s: no periodic motion found")
+    if np.max(np.abs(initial_state - differentiated_at)) > 100 * PERTURBATION * turn.unit:
         jacobian, _ = turn.differentiate(initial_state)
     whirls, disturbances = turn.whirls(initial_state, jacobian)
     return SynchronousOrbit(speed=speed, initial_state=initial_state, whirls=whirls, disturbances=disturbances)
 
 
 class _PoincareMap:
-    """The map of where the motion stands at theta = 0 to where it stands a turn later."""
+    """Poincaré map: from the state at theta = 0 to the state one turn later."""
 
     def __init__(self, system: ModalSystem, speed: float, steps: int) -> None:
         self._system, self._speed = system, speed
@@ -132,35 +132,38 @@ class _PoincareMap:
         self.unit = system.films.inner_clearance / float(np.abs(system.shaft.journals[:, 0]).max())
 
     def after(self, initial_state: FloatArray, turns: int) -> FloatArray:
-        """Return where the motion stands after whole turns; ModelError where it reaches a wall."""
+        """Return the state after whole turns; ModelError if the motion reaches a wall."""
         (q, v, a), _ = self._integrated(initial_state, turns, np.empty((0, self._modes)))
         h = self._step
-        seen = 2 / h * q + v
-        rate = h / 2 * (4 / h**2 * q + 4 / h * v + a) - seen
-        return np.ascontiguousarray(np.concatenate((h / 2 * (seen - rate), rate / self._speed))).view(np.float64)
+        combined = 2 / h * q + v
+        rate = h / 2 * (4 / h**2 * q + 4 / h * v + a) - combined
+        return np.ascontiguousarray(np.concatenate((h / 2 * (combined - rate), rate / self._speed))).view(np.float64)
 
-    def _integrated(self, initial_state: FloatArray, turns: int, seen: FloatArray) -> tuple[ComplexArray, ComplexArray]:
-        """Return the motion after whole turns, and what was seen of it at the ends of the steps."""
+    def _integrated(
+        self, initial_state: FloatArray, turns: int, outputs: FloatArray
+    ) -> tuple[ComplexArray, ComplexArray]:
+        """Return the motion after whole turns, and the outputs at the ends of the steps."""
         system, state = self._system, self._system.at_rest(angle=0.0, speed=self._speed)
         state.set_initial_state(initial_state)
         angles = 2 * math.pi / self._steps * np.arange(1, turns * self._steps + 1, dtype=np.float64)
-        speeds, path = np.full(angles.size, self._speed), np.empty((seen.shape[0], angles.size), np.complex128)
+        speeds, path = np.full(angles.size, self._speed), np.empty((outputs.shape[0], angles.size), np.complex128)
         is_possible = system.is_inside_clearances(state.motion) and (
-            integrate(system.parts, system.constraints, self._matrices, state, angles, speeds, seen, path) == NO_FAILURE
+            integrate(system.parts, system.constraints, self._matrices, state, angles, speeds, outputs, path)
+            == NO_FAILURE
         )
         if not is_possible:
             raise ModelError(f"synchronous motion at {self._speed:.1f} rad/s: none found within the clearances")
         return state.motion, path
 
     def whirls(self, initial_state: FloatArray, jacobian: FloatArray) -> tuple[tuple[Whirl, ...], FloatArray]:
-        """Return the least stable whirl of each film, the less stable first, and what each begins with."""
+        """Return the least stable whirl of each film, the less stable first, and the disturbance of each."""
         multipliers, vectors = np.linalg.eig(jacobian)
         orbit, found = self._eccentricities(initial_state), dict[FilmName, tuple[Whirl, FloatArray]]()
         for place in np.argsort(-np.abs(multipliers), kind="stable"):
             multiplier, vector = complex(multipliers[place]), vectors[:, place]
             if len(found) == len(FilmName) or (found and abs(multiplier) < MIN_MULTIPLIER):
                 break
-            if multiplier.imag < 0:  # the other of a pair
+            if multiplier.imag < 0:  # conjugate of a pair
                 continue
             exponent = complex(math.log(max(abs(multiplier), 1e-300)), cmath.phase(multiplier)) / (2 * math.pi)
             small = PERTURBATION * self.unit / float(np.abs(vector).max())
@@ -172,22 +175,22 @@ class _PoincareMap:
         return tuple(whirl for whirl, _ in found.values()), np.stack([begin for _, begin in found.values()])
 
     def _eccentricities(self, initial_state: FloatArray) -> ComplexArray:
-        """Return the films' eccentricity ratios through a turn, (4, steps)."""
+        """Return the eccentricity ratios of the films over a turn, (4, steps)."""
         return self._integrated(initial_state, 1, self._system.eccentricities)[1]
 
     def _scaled(self, disturbance: FloatArray) -> FloatArray:
-        """Return the disturbance of that shape in which the journal or ring that moves most moves by 1 m."""
+        """Return the disturbance scaled to 1 m at the journal or ring that moves most."""
         place = np.ascontiguousarray(disturbance).view(np.complex128)[: self._modes + self._rings]
         journals = self._system.shaft.journals @ place[: self._modes]
         return disturbance / max(float(np.abs(journals).max()), float(np.abs(place[self._modes :]).max()))
 
     def differentiate(self, initial_state: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the map's derivative, (size, size), and its value."""
+        """Return the derivative of the map, (size, size), and its value."""
         following = self.after(initial_state, 1)
         jacobian = np.empty((self.size, self.size))
         change = PERTURBATION * self.unit
         for column in range(self.size):
-            beside = initial_state.copy()
-            beside[column] += change
-            jacobian[:, column] = (self.after(beside, 1) - following) / change
+            shifted = initial_state.copy()
+            shifted[column] += change
+            jacobian[:, column] = (self.after(shifted, 1) - following) / change
         return jacobian, following

@@ -1,4 +1,4 @@
-"""What the march in time carries from step to step, and what it keeps for a step's size."""
+"""Data of the integration in time: state of the motion, Newmark matrices of a step size, work arrays."""
 
 from typing import NamedTuple
 
@@ -12,7 +12,7 @@ NO_LEVEL = -1
 
 
 class NewmarkMatrices(NamedTuple):
-    """Newmark's matrix for a time step and its fourths: ``T diag(1 / (1 - i Omega g)) T^T`` is its inverse.
+    """Newmark's matrices for a time step and its divisions by four; inverse ``T diag(1 / (1 - i Omega g)) T^T``.
 
     Parameters
     ----------
@@ -23,7 +23,7 @@ class NewmarkMatrices(NamedTuple):
     gyroscopic : ndarray of float64, shape (n_levels, m)
         g, s.
     points : ndarray of float64, shape (n_levels, n_points, m)
-        The points' mode shapes times T.
+        Mode shapes at the points, times T.
     """
 
     steps: FloatArray
@@ -33,16 +33,16 @@ class NewmarkMatrices(NamedTuple):
 
 
 class MotionState(NamedTuple):
-    """All that the motion carries from step to step; changed in place.
+    """State of the motion between time steps; changed in place.
 
     Parameters
     ----------
     motion : ndarray of complex128, shape (3, m + n_rings)
-        Displacements, velocities and accelerations of the modes, and of the rings, m, m/s, m/s².
+        Displacements, velocities and accelerations of modes, then rings, m, m/s, m/s².
     augmented : ndarray of float64, shape (n, 2 n)
-        The inverse of Newton's matrix in the right half, kept as long as it serves; n = 2 (n_points + n_rings).
+        Inverse Newton matrix in the right half, reused while Newton converges; n = 2 (n_points + n_rings).
     level : ndarray of int64, shape (1,)
-        Level that it belongs to; ``NO_LEVEL`` for none.
+        Level of step size of this inverse; ``NO_LEVEL`` for none.
     angle, speed : ndarray of float64, shape (1,)
         Of the shaft, rad and rad/s.
     """
@@ -54,12 +54,12 @@ class MotionState(NamedTuple):
     speed: FloatArray
 
     def set_initial_state(self, initial_state: FloatArray) -> None:
-        """Put the motion where ``initial_state`` says, (4 (m + n_rings),): see `model.dynamics.stability`."""
+        """Set the motion to an initial state, (4 (m + n_rings),): see `model.dynamics.stability`."""
         self.motion[:] = 0.0
         self.disturb(initial_state)
 
     def disturb(self, disturbance: FloatArray) -> None:
-        """Move the motion by a difference of where it stands."""
+        """Add a disturbance of the same form as an initial state."""
         position, rate = disturbance.view(np.complex128).reshape(2, -1)
         self.motion[0] += position
         self.motion[1] += self.speed[0] * rate
@@ -67,30 +67,30 @@ class MotionState(NamedTuple):
 
 
 class Workspace(NamedTuple):
-    """Room for the unknowns of a step, made once a march. Bodies are points of the shaft, then rings.
+    """Work arrays of a time step, allocated once per integration. Bodies are points of the shaft, then rings.
 
     Parameters
     ----------
     bodies : ndarray of complex128, shape (2, n_bodies)
-        Positions, m, and velocities, m/s, as Newton's method moves them.
+        Positions, m, and velocities, m/s: the iterates of Newton's method.
     start : ndarray of complex128, shape (2, n_bodies)
-        The same where the step starts.
+        Positions and velocities at the start of the step.
     free : ndarray of complex128, shape (n_bodies,)
-        Where they would come to without forces of bearings, m.
+        Positions at the end of the step without bearing forces, m.
     receptance : ndarray of complex128, shape (n_bodies, n_bodies)
-        Displacement of a body for a force on another, m/N.
+        Displacement of a body per force on another, m/N.
     forces : ndarray of complex128, shape (n_bodies,)
-        Of bearings on the bodies, N.
+        Bearing forces on the bodies, N.
     derivatives : ndarray of complex128, shape (n_bodies, n_bodies, 2)
-        Changes of the forces with displacements in X and in Y, N/m.
+        Derivatives of the forces with respect to X and Y, N/m.
     residual, change : ndarray of float64, shape (2 n_bodies,)
-        What the equations miss and Newton's answer, m: X and Y alternately.
+        Residual of the equations and Newton step, m: X and Y alternately.
     modal : ndarray of complex128, shape (3, m)
         Forces, diagonal coordinates, compliances.
     saved : ndarray of complex128, shape (3, m + n_rings)
-        The motion at the start of the caller's step.
+        Motion at the start of the caller's step, for a restart with shorter steps.
     interval : ndarray of float64, shape (2, 2)
-        Angle, rad, and speed, rad/s, of the shaft where the caller's step starts and ends.
+        Angle, rad, and speed, rad/s, of the shaft at start and end of the caller's step.
     """
 
     bodies: ComplexArray

@@ -1,10 +1,10 @@
-"""The motion that goes round with the imbalance, and whether it is stable.
+"""Synchronous response to imbalance on the films, without weight, and its stability.
 
-Without weight the synchronous motion stands still in a frame that turns with the shaft: a few complex unknowns (two
-journals, two rings, other points that are held or touch a wall) instead of an integration in time, and its stability is
-an eigenvalue problem. Weight moves the centre of the motion and makes it elliptic; it is left out here, so that a
-lightly shaken shaft at low speed looks less stable than it is. Supports that differ by direction make the motion
-elliptic too: then it is the one that repeats itself every turn (`model.dynamics.stability`).
+Without weight the synchronous motion is an equilibrium in the frame rotating with the shaft: a few complex unknowns
+(two journals, two rings, other points with supports or walls) instead of an integration in time, and its stability is
+an eigenvalue problem. Weight would shift the centre of the motion and make it elliptic; without it a shaft with little
+imbalance looks less stable at low speed than it is. Anisotropic supports make the motion elliptic too: in that case it
+is the periodic orbit of `model.dynamics.stability`.
 """
 
 from collections.abc import Iterable
@@ -26,13 +26,13 @@ FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 MAX_ITERATIONS = 60
-MAX_ECCENTRICITY = 0.9999  # largest eccentricity ratio
-ELLIPTIC_STEPS = 256  # a turn, of a motion that is integrated: 1X within 0.02 %
+MAX_ECCENTRICITY = 0.9999  # eccentricity ratio accepted in Newton's method
+ELLIPTIC_STEPS = 256  # time steps per turn of an elliptic motion: 1X within 0.02 %
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SynchronousResponse:
-    """Synchronous motion at one speed.
+    """Synchronous response at one speed.
 
     Parameters
     ----------
@@ -41,17 +41,16 @@ class SynchronousResponse:
     vectors : ndarray of complex128, shape (2,)
         1X at the probes x and y, m peak, x(t) = Re[X exp(i theta)].
     circle : complex
-        Displacement at the probes' station at theta = 0, X + i Y, m: the motion is this circle; of an ellipse, its
-        part that goes round with the shaft.
+        Displacement at the station of the probes at theta = 0, X + i Y, m: the radius vector of the circular motion, or
+        the forward component of an elliptic motion.
     stations : ndarray of complex128, shape (2, n_stations)
         1X at every station in X and Y, m peak.
     bodies : ndarray of complex128, shape (n_bodies,)
-        Circles of the two journals, of other points where forces act, of the rings, m; empty for an ellipse.
+        Circles of the two journals, other points where forces act, and rings, m; empty for an elliptic motion.
     whirls : tuple of Whirl
-        About this motion: what grows fastest or decays slowest in the one film, and in the other, the least stable
-        first.
+        Least stable whirl of each film about this motion, the less stable first.
     orbit : SynchronousOrbit, optional
-        The motion as integrated, where it is an ellipse.
+        The periodic orbit, if the motion is elliptic.
     """
 
     speed: float
@@ -64,12 +63,12 @@ class SynchronousResponse:
 
     @property
     def growth_rate(self) -> float:
-        """Of the least stable whirl, 1/s; positive where it grows."""
+        """Growth rate of the least stable whirl, 1/s; positive if the motion is unstable."""
         return self.whirls[0].growth_rate
 
     @property
     def whirl_order(self) -> float:
-        """Frequency of that whirl over the shaft's; negative where it goes against the shaft."""
+        """Order of the least stable whirl, frequency over shaft speed; negative for reverse whirl."""
         return self.whirls[0].order
 
     @property
@@ -81,29 +80,29 @@ class SynchronousResponse:
 def synchronous_response(
     parameters: ModelParameters, speed: float, start: SynchronousResponse | None = None, *, modes: int | None = None
 ) -> SynchronousResponse:
-    """Return the synchronous motion at a speed and the growth of its least stable whirl.
+    """Return the synchronous response at a speed and its least stable whirls.
 
     Parameters
     ----------
     parameters : ModelParameters
-        The rotor; its weight and other loads at rest are not used.
+        The rotor; its weight and other constant loads are ignored.
     speed : float
         rad/s, above 0.
     start : SynchronousResponse, optional
-        Motion at a neighbouring speed, to follow one branch where there are several.
+        Response at a neighbouring speed, to follow one branch of several.
     modes : int, optional
-        Free modes of the rotor that are kept.
+        Number of free modes of the rotor.
 
     Returns
     -------
     SynchronousResponse
-        The motion that is reached from ``start``; without it, or where that fails, by raising the imbalance, or else
-        the speed, step by step.
+        The motion reached from ``start``. Without it, or if that fails, continuation in the imbalance, then in the
+        speed.
 
     Raises
     ------
     ModelError
-        Where Newton's method finds no motion within the clearances.
+        If Newton's method finds no motion within the clearances.
     """
     require_positive("speed", speed, "rad/s")
     system = ModalSystem.of(parameters, modes)
@@ -113,7 +112,9 @@ def synchronous_response(
     rest = np.zeros(frame.bodies, np.complex128)
     found = frame.solve(rest if start is None else start.bodies, 1.0)
     if found is None:
-        found = _continuation(rest, ((frame, float(part)) for part in np.linspace(0.05, 1.0, 20)))
+        found = _continuation(
+            rest, ((frame, float(imbalance_fraction)) for imbalance_fraction in np.linspace(0.05, 1.0, 20))
+        )
     if found is None:
         speeds = np.geomspace(speed / 20, speed, 60)
         found = _continuation(rest, ((_RotatingFrame(system, float(lower)), 1.0) for lower in speeds))
@@ -139,7 +140,7 @@ def _probe_vectors(parameters: ModelParameters, forward: complex, reverse: compl
 
 
 def _elliptic(parameters: ModelParameters, speed: float, start: SynchronousOrbit | None) -> SynchronousResponse:
-    """Return the synchronous motion from the orbit that repeats itself every turn, without weight."""
+    """Return an elliptic synchronous response from the periodic orbit without weight."""
     bearing = replace(parameters.floating_ring, static_load=0.0)
     unloaded = replace(parameters, bearing=bearing, gravity=0.0, loads=())
     orbit = synchronous_orbit(unloaded, speed, start, steps=ELLIPTIC_STEPS)
@@ -162,9 +163,9 @@ def _elliptic(parameters: ModelParameters, speed: float, start: SynchronousOrbit
 
 
 def _continuation(found: ComplexArray, steps: "Iterable[tuple[_RotatingFrame, float]]") -> ComplexArray | None:
-    """Solve for one frame and part of the imbalance after the other, each from the one before; None where one fails."""
-    for frame, part in steps:
-        following = frame.solve(found, part)
+    """Solve a sequence of frames and fractions of the imbalance, each from the previous; None if one fails."""
+    for frame, imbalance_fraction in steps:
+        following = frame.solve(found, imbalance_fraction)
         if following is None:
             return None
         found = following
@@ -172,7 +173,7 @@ def _continuation(found: ComplexArray, steps: "Iterable[tuple[_RotatingFrame, fl
 
 
 class _RotatingFrame:
-    """The equations of motion in the frame that turns with the shaft; bodies are points of the shaft, then rings."""
+    """Equations of motion in the frame rotating with the shaft; bodies are points of the shaft, then rings."""
 
     def __init__(self, system: ModalSystem, speed: float) -> None:
         self._system, self._speed = system, speed
@@ -188,34 +189,34 @@ class _RotatingFrame:
         self._unloaded = np.zeros(self.bodies, np.complex128)
         self._unloaded[:n] = shaft.points @ self._compliance @ (speed**2 * shaft.imbalance)
 
-    def _moving(self, positions: ComplexArray) -> ComplexArray:
+    def _state(self, positions: ComplexArray) -> ComplexArray:
         return np.stack((positions, 1j * self._speed * positions))
 
     def _forces(self, positions: ComplexArray) -> ComplexArray:
         system = self._system
-        return bearing_forces(system.films, system.constraints, self._speed, self._moving(positions))
+        return bearing_forces(system.films, system.constraints, self._speed, self._state(positions))
 
     def _force_derivatives(self, positions: ComplexArray, velocity_ratio: complex) -> FloatArray:
-        """Return changes of the forces with the places, (2 bodies, 2 bodies), X and Y alternately."""
+        """Return the derivatives of the forces by position, (2 bodies, 2 bodies), X and Y alternately."""
         system, size = self._system, self.bodies
         derivatives = bearing_force_derivatives(
-            system.films, system.constraints, self._speed, velocity_ratio, self._moving(positions)
+            system.films, system.constraints, self._speed, velocity_ratio, self._state(positions)
         )
         pairs = np.stack((derivatives.real, derivatives.imag), axis=1)  # body, its X or Y, other body, its X or Y
         return np.asarray(pairs.reshape(2 * size, 2 * size))
 
-    def _residual(self, positions: ComplexArray, part: float) -> ComplexArray:
-        return np.asarray(positions - part * self._unloaded - self._receptance @ self._forces(positions))
+    def _residual(self, positions: ComplexArray, imbalance_fraction: float) -> ComplexArray:
+        return np.asarray(positions - imbalance_fraction * self._unloaded - self._receptance @ self._forces(positions))
 
     def _jacobian(self, positions: ComplexArray) -> FloatArray:
         through = _kron(self._receptance, np.eye(2)) @ self._force_derivatives(positions, 1j * self._speed)
         return np.asarray(np.eye(2 * self.bodies) - through)
 
-    def solve(self, positions: ComplexArray, part: float) -> ComplexArray | None:
-        """Return where the bodies are, (n_bodies,), for a part of the imbalance; None where Newton's method fails."""
+    def solve(self, positions: ComplexArray, imbalance_fraction: float) -> ComplexArray | None:
+        """Return the positions, (n_bodies,), for a fraction of the imbalance; None if Newton's method fails."""
         if self._eccentricity(positions) >= MAX_ECCENTRICITY:
             positions = np.zeros(self.bodies, np.complex128)
-        residual = self._residual(positions, part)
+        residual = self._residual(positions, imbalance_fraction)
         for _ in range(MAX_ITERATIONS):
             if np.max(np.abs(residual)) < 1e-10 * self._system.films.inner_clearance:
                 return positions
@@ -224,7 +225,7 @@ class _RotatingFrame:
             while fraction > 1e-6:
                 trial = positions + fraction * change
                 if self._eccentricity(trial) < MAX_ECCENTRICITY:
-                    following = self._residual(trial, part)
+                    following = self._residual(trial, imbalance_fraction)
                     if np.linalg.norm(following) < np.linalg.norm(residual):
                         break
                 fraction /= 2
@@ -239,7 +240,7 @@ class _RotatingFrame:
         return float(max(inner.max(), outer.max()))
 
     def modal(self, positions: ComplexArray) -> ComplexArray:
-        """Return the displacements of the modes, (m,)."""
+        """Return the modal displacements, (m,)."""
         shaft, forces = self._system.shaft, self._forces(positions)[: self._points]
         return np.asarray(self._compliance @ (self._speed**2 * shaft.imbalance + shaft.points.T @ forces))
 
@@ -253,16 +254,16 @@ class _RotatingFrame:
         damping[:modes, :modes] -= 1j * speed * shaft.gyroscopic
         stiffness = -(speed**2) * np.eye(size, dtype=np.complex128)
         stiffness[:modes, :modes] += np.diag(shaft.squared_frequencies) + speed**2 * shaft.gyroscopic
-        seen, pushed = np.zeros((self.bodies, size)), np.zeros((size, self.bodies))
-        seen[:n, :modes], seen[n:, modes:] = shaft.points, np.eye(mass.size)
-        pushed[:modes, :n], pushed[modes:, n:] = shaft.points.T, np.diag(1 / mass)
-        seen, pushed = _kron(seen, np.eye(2)), _kron(pushed, np.eye(2))
+        observation, input_matrix = np.zeros((self.bodies, size)), np.zeros((size, self.bodies))
+        observation[:n, :modes], observation[n:, modes:] = shaft.points, np.eye(mass.size)
+        input_matrix[:modes, :n], input_matrix[modes:, n:] = shaft.points.T, np.diag(1 / mass)
+        observation, input_matrix = _kron(observation, np.eye(2)), _kron(input_matrix, np.eye(2))
         still, moving = (
             self._force_derivatives(positions, 1j * speed),
             self._force_derivatives(positions, (1 + 1j) * speed),
         )
-        stiffness_real = _expand(stiffness) - pushed @ still @ seen
-        damping_real = _expand(damping) - pushed @ ((moving - still) / speed) @ seen
+        stiffness_real = _expand(stiffness) - input_matrix @ still @ observation
+        damping_real = _expand(damping) - input_matrix @ ((moving - still) / speed) @ observation
         n = 2 * size
         first_order = np.block([[np.zeros((n, n)), np.eye(n)], [-stiffness_real, -damping_real]])
         values, vectors = np.linalg.eig(first_order)
@@ -272,10 +273,10 @@ class _RotatingFrame:
         shares = inner_shares(np.take_along_axis(circles, reverse[None, None], axis=0)[0])
         orders = 1 + np.where(reverse == 0, values.imag, -values.imag) / speed
         found: dict[FilmName, Whirl] = {}
-        for place in np.argsort(-values.real, kind="stable"):
+        for index in np.argsort(-values.real, kind="stable"):
             if len(found) == len(FilmName):
                 break
-            whirl = Whirl(float(values[place].real), float(orders[place]), float(shares[place]))
+            whirl = Whirl(float(values[index].real), float(orders[index]), float(shares[index]))
             found.setdefault(whirl.film, whirl)
         return tuple(found.values())
 
@@ -285,12 +286,12 @@ def _real(vector: ComplexArray) -> FloatArray:
 
 
 def _expand(matrix: ComplexArray) -> FloatArray:
-    """Write a complex matrix as a real one on (Re, Im) pairs."""
+    """Return a complex matrix as a real one acting on (Re, Im) pairs."""
     turned = np.array([[0.0, -1.0], [1.0, 0.0]])
     return _kron(matrix.real, np.eye(2)) + _kron(matrix.imag, turned)
 
 
 def _kron(matrix: FloatArray, pair: FloatArray) -> FloatArray:
-    """Return Kronecker's product with a 2 by 2 matrix, much faster than NumPy's for any two."""
+    """Return the Kronecker product with a 2 by 2 matrix, much faster than `numpy.kron`."""
     rows, columns = matrix.shape
     return np.asarray((matrix[:, None, :, None] * pair[None, :, None, :]).reshape(2 * rows, 2 * columns), np.float64)

@@ -1,4 +1,4 @@
-"""Natural frequencies over speed, each branch followed by its shape, also where branches come close and part again."""
+"""Campbell diagram: natural frequencies over speed, each branch tracked by its mode shape."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 IntArray = NDArray[np.intp]
 
-MIN_MAC = 0.1  # smallest likeness of the modes of one branch at neighbouring speeds
+MIN_MAC = 0.1  # modal assurance criterion between neighbouring speeds of one branch
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -25,8 +25,8 @@ class Campbell:
     speeds : ndarray of float64, shape (n_speeds,)
         rad/s.
     frequencies : ndarray of float64, shape (n_branches, n_speeds)
-        rad/s, by rising frequency at the first speed: above 0 forward, below 0 reverse; NaN where a branch has ended,
-        as when damping stops its swinging.
+        rad/s, sorted at the first speed: positive forward, negative reverse; NaN where a branch has ended, for example
+        because it becomes overdamped.
     growth_rates : ndarray of float64, shape (n_branches, n_speeds)
         1/s.
     """
@@ -36,9 +36,9 @@ class Campbell:
     growth_rates: FloatArray
 
     def sorted_frequencies(self, count: int, *, forward: bool) -> FloatArray:
-        """Return the ``count`` lowest frequencies of one sense at each speed, (count, n_speeds), rad/s, not followed.
+        """Return the ``count`` lowest frequencies of one whirl direction at each speed, (count, n_speeds), rad/s.
 
-        NaN where there are fewer.
+        They are sorted by size, not tracked; NaN where there are fewer.
         """
         size = self.frequencies if forward else -self.frequencies
         lowest = np.sort(np.where(size >= 0, size, np.nan), axis=0)[:count]
@@ -47,46 +47,46 @@ class Campbell:
 
 
 def campbell(system: LinearSystem, speeds: Sequence[float] | FloatArray, branches: int | None = None) -> Campbell:
-    """Return the natural frequencies over speed.
+    """Return the Campbell diagram.
 
     Parameters
     ----------
     system : LinearSystem
         Rotor on supports.
     speeds : sequence of float
-        Rising, rad/s. Where two branches come close and part again they exchange shapes: in steps that are short
-        against that a branch keeps apart from the other, in longer ones it keeps its shape and crosses.
+        Rising, rad/s. In a veering region two branches exchange their shapes. With steps much shorter than the region a
+        branch veers; with longer steps it keeps its shape and crosses the other.
     branches : int, optional
-        How many to follow, from the lowest; all where it is not given.
+        Number of branches, from the lowest; default all.
 
     Returns
     -------
     Campbell
-        Branches matched from speed to speed so that the modal assurance criterion of all together is largest.
+        Branches matched from speed to speed by the largest total modal assurance criterion.
 
     Raises
     ------
     ValueError
-        Where speeds are none or not rising, or the branches too many.
+        If there are no speeds, they do not rise, or there are fewer branches.
     """
     wanted = np.asarray(speeds, np.float64)
     if wanted.size == 0 or np.any(np.diff(wanted) <= 0):
         raise ValueError(f"speeds: {wanted}, rad/s, expected one or more, rising")
     frequencies, growth_rates, vectors = _spectra(system, wanted)
-    most = frequencies[0].size
-    count = most if branches is None else branches
-    if not 1 <= count <= most:
-        raise ValueError(f"branches: {count}, expected 1 to {most}")
-    followed = np.full((2, count, wanted.size), np.nan)
+    maximum = frequencies[0].size
+    count = maximum if branches is None else branches
+    if not 1 <= count <= maximum:
+        raise ValueError(f"branches: {count}, expected 1 to {maximum}")
+    tracked = np.full((2, count, wanted.size), np.nan)
     here: IntArray = np.arange(count)
     alive: IntArray = np.arange(count)
-    followed[:, :, 0] = frequencies[0][:count], growth_rates[0][:count]
+    tracked[:, :, 0] = frequencies[0][:count], growth_rates[0][:count]
     for step in range(1, wanted.size):
-        kept, here = _follow(vectors[step - 1][here], vectors[step])
-        alive = alive[kept]
-        followed[0, alive, step] = frequencies[step][here]
-        followed[1, alive, step] = growth_rates[step][here]
-    return Campbell(wanted, followed[0], followed[1])
+        continued, here = _match(vectors[step - 1][here], vectors[step])
+        alive = alive[continued]
+        tracked[0, alive, step] = frequencies[step][here]
+        tracked[1, alive, step] = growth_rates[step][here]
+    return Campbell(wanted, tracked[0], tracked[1])
 
 
 def _spectra(
@@ -105,12 +105,12 @@ def _spectra(
 
 
 def modal_assurance(first: WhirlModes, second: WhirlModes) -> FloatArray:
-    """Return the modal assurance criterion of each mode of the first with each of the second, 0 to 1."""
+    """Return the modal assurance criterion (MAC) of all pairs of modes, first by second, 0 to 1."""
     return np.asarray(np.abs(first.vectors.conj() @ second.vectors.T) ** 2, np.float64)
 
 
-def _follow(last: FloatArray | ComplexArray, following: FloatArray | ComplexArray) -> tuple[IntArray, IntArray]:
-    """Return which of the modes go on, and as which of the following ones."""
+def _match(last: FloatArray | ComplexArray, following: FloatArray | ComplexArray) -> tuple[IntArray, IntArray]:
+    """Return the indices of the modes that continue, and those of the modes they continue as."""
     alike = np.abs(last.conj() @ following.T) ** 2
     best = np.argmax(alike, axis=1)
     if np.unique(best).size == best.size and np.all(alike[np.arange(best.size), best] > MIN_MAC):

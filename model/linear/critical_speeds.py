@@ -1,4 +1,4 @@
-"""Critical speeds of a rotor on linear supports, directly as eigenvalues, and how they move with the stiffness."""
+"""Critical speeds of a rotor on linear supports as eigenvalues, and the critical speed map over stiffness."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -34,24 +34,24 @@ class CriticalSpeedMap:
 
 
 def system_critical_speeds(system: LinearSystem, highest: float) -> CriticalSpeeds:
-    """Return the undamped critical speeds of a rotor on supports, without a search through speeds.
+    """Return the undamped critical speeds of a rotor on supports, without a search over speed.
 
     Parameters
     ----------
     system : LinearSystem
-        Damping and the antisymmetric part of its stiffness are left out.
+        Damping and the antisymmetric part of the stiffness are ignored.
     highest : float
-        Speed up to which they are given, rad/s.
+        Largest speed returned, rad/s.
 
     Returns
     -------
     CriticalSpeeds
-        Where supports differ by direction, each goes by the sense in which most of its motion turns.
+        On anisotropic supports each is assigned to the whirl direction of the larger part of its motion.
 
     Raises
     ------
     ValueError
-        Where the supports leave the rotor free to move.
+        If the supports leave the rotor free to move.
     """
     require_positive("highest", highest, "rad/s")
     if system.is_undamped_isotropic:
@@ -61,8 +61,8 @@ def system_critical_speeds(system: LinearSystem, highest: float) -> CriticalSpee
         stiffness = (system.stiffness + system.stiffness.T) / 2
         # U = q exp(i Omega t): det(K - Omega² (M - i G)) = 0
         speeds, vectors = _speeds(system.mass - 1j * system.gyroscopic, stiffness)
-        turns_back = forward_share(np.asarray(system.displacements(vectors.T))) < -EQUALITY_TOLERANCE
-        forward, reverse = speeds[~turns_back], speeds[turns_back]
+        is_reverse = forward_share(np.asarray(system.displacements(vectors.T))) < -EQUALITY_TOLERANCE
+        forward, reverse = speeds[~is_reverse], speeds[is_reverse]
     return CriticalSpeeds(
         forward=tuple(float(speed) for speed in forward if speed <= highest),
         reverse=tuple(float(speed) for speed in reverse if speed <= highest),
@@ -72,7 +72,7 @@ def system_critical_speeds(system: LinearSystem, highest: float) -> CriticalSpee
 def critical_speed_map(
     rotor: Rotor, stiffnesses: Sequence[float] | FloatArray, stations: Sequence[int] | None = None
 ) -> CriticalSpeedMap:
-    """Return the undamped critical speeds on equal springs of each stiffness.
+    """Return the undamped critical speeds on equal springs, for each stiffness.
 
     Parameters
     ----------
@@ -81,12 +81,12 @@ def critical_speed_map(
     stiffnesses : sequence of float
         N/m, above 0.
     stations : sequence of int, optional
-        Where the springs are; the journals where it is not given.
+        Stations of the springs; default the journals.
 
     Returns
     -------
     CriticalSpeedMap
-        All of them: a discretised shaft has a finite number.
+        All critical speeds: a discretised shaft has a finite number.
     """
     wanted = np.asarray(stiffnesses, np.float64)
     if wanted.ndim != 1 or wanted.size == 0:
@@ -102,11 +102,11 @@ def critical_speed_map(
 
 
 def _speeds(inertia: FloatArray | ComplexArray, stiffness: FloatArray) -> tuple[FloatArray, ComplexArray]:
-    """Return the rising speeds at which det(K - Omega² inertia) = 0, and the shapes there as columns."""
+    """Return the rising speeds at which det(K - Omega² inertia) = 0, and their shapes as columns."""
     try:
         values, columns = eigh(inertia, stiffness)
     except LinAlgError as error:
         raise ValueError("supports: they leave the rotor free to move, expected a stiffness that holds it") from error
     inverse_squares, vectors = np.asarray(values, np.float64), np.asarray(columns, np.complex128)
-    real = inverse_squares > 0  # an inertia below 0, of a flat disc, is met by no speed
+    real = inverse_squares > 0  # a negative effective inertia, as of a thin disc, has no critical speed
     return 1 / np.sqrt(inverse_squares[real][::-1]), vectors[:, real][:, ::-1]

@@ -1,8 +1,8 @@
-"""The rotor on linear supports: its matrices in both planes and its whirling modes at a speed.
+"""Rotor on linear supports: system matrices in both planes and whirl modes at a speed.
 
-Coordinates are ``U1 = (x, theta_y, ...)`` with the rings' x after the stations, then ``U2 = (y, -theta_x, ...)`` with
-the rings' y: ``M U'' + (C + Omega G) U' + K U = F``. Where all supports are undamped and the same in all directions,
-``z = U1 + i U2`` halves the problem and makes it symmetric.
+Coordinates are ``U1 = (x, theta_y, ...)``, followed by x of the rings, then ``U2 = (y, -theta_x, ...)``, followed by y
+of the rings: ``M U'' + (C + Omega G) U' + K U = F``. If all supports are undamped and isotropic, ``z = U1 + i U2``
+halves the problem and makes it symmetric.
 """
 
 from collections.abc import Sequence
@@ -18,9 +18,9 @@ FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 IntArray = NDArray[np.intp]
 
-OVERDAMPED_TOLERANCE = 1e-9  # of the size of an eigenvalue: below it the imaginary part is rounding
-EQUALITY_TOLERANCE = 1e-9  # relative distance below which two eigenvalues are equal: what sets them apart is rounding
-ROUNDING_TOLERANCE = 1e-11  # of the largest eigenvalue: the rounding of the others
+OVERDAMPED_TOLERANCE = 1e-9  # relative imaginary part of an eigenvalue below which it is rounding
+EQUALITY_TOLERANCE = 1e-9  # relative difference of two eigenvalues below which it is rounding
+ROUNDING_TOLERANCE = 1e-11  # rounding of all eigenvalues, relative to the largest
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -30,13 +30,13 @@ class LinearSystem:
     Parameters
     ----------
     stations : int
-        Of the rotor, n.
+        Number of stations of the rotor, n.
     coordinates : int
-        Of one plane, N: 2 n and one for each ring.
+        Number of coordinates of one plane, N: 2 n and one for each ring.
     mass, damping, gyroscopic, stiffness : ndarray of float64, shape (2 N, 2 N)
-        M, C, G, K in kg, N s/m, kg m² and N/m and their like for slopes.
+        M, C, G, K in kg, N s/m, kg m² and N/m, and the corresponding units for slopes.
     is_undamped_isotropic : bool
-        Whether no support is damped or differs by direction.
+        Whether all supports are undamped and isotropic.
     """
 
     stations: int
@@ -49,13 +49,13 @@ class LinearSystem:
 
     @property
     def plane(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """M, J and K of one plane, (N, N) each."""
+        """Matrices M, J and K of one plane, (N, N) each."""
         n = self.coordinates
         return self.mass[:n, :n], self.gyroscopic[:n, n:], self.stiffness[:n, :n]
 
     @property
     def is_fully_supported(self) -> bool:
-        """Whether the supports leave no part free to move."""
+        """Whether the supports leave no rigid-body motion."""
         return bool(np.linalg.matrix_rank(self.stiffness) == 2 * self.coordinates)
 
     def displacements(self, vectors: NDArray[np.generic]) -> NDArray[np.generic]:
@@ -66,22 +66,23 @@ class LinearSystem:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class WhirlModes:
-    """Modes of the turning rotor, by rising frequency.
+    """Modes of the rotating rotor, by rising frequency.
 
     Parameters
     ----------
     speed : float
         rad/s.
     frequencies : ndarray of float64, shape (n_modes,)
-        Damped, rad/s: above 0 where the mode goes round with the shaft (forward), below 0 where against it (reverse).
+        Damped natural frequencies, rad/s: positive for forward whirl, negative for reverse whirl.
     growth_rates : ndarray of float64, shape (n_modes,)
-        1/s; below 0 where the mode decays.
+        1/s; negative if the mode decays.
     shapes : ndarray of complex128, shape (n_modes, 2, n_stations)
-        Displacement in X and Y, the largest semi-axis 1: x(t) = Re[X exp(i |frequency| t)].
+        Displacement in X and Y, scaled to a largest semi-axis of 1: x(t) = Re[X exp(i |frequency| t)].
     forward : ndarray of float64, shape (n_modes, n_stations)
-        Forward less reverse amplitude over both, at each station: 1 a forward circle, 0 a line, -1 a reverse circle.
+        (forward - reverse) / (forward + reverse) amplitude at each station: 1 forward circle, 0 line, -1 reverse
+        circle.
     vectors : ndarray of complex128, shape (n_modes, size)
-        The eigenvectors in coordinates in which modes are told apart, of unit length.
+        Eigenvectors of unit length, in the coordinates used for mode tracking.
     """
 
     speed: float
@@ -93,7 +94,7 @@ class WhirlModes:
 
 
 def linear_system(rotor: Rotor, supports: Sequence[Support]) -> LinearSystem:
-    """Return the matrices of a rotor on supports; ValueError where one is at no station."""
+    """Return the system of a rotor on supports; ValueError if a support is at no station."""
     n_dofs = 2 * rotor.stations
     rings = [support for support in supports if support.outer is not None]
     n = n_dofs + len(rings)
@@ -112,10 +113,10 @@ def linear_system(rotor: Rotor, supports: Sequence[Support]) -> LinearSystem:
         between = np.zeros(n)
         between[rotor.displacement(support.station)] = 1
         if support.outer is not None:
-            ring_place = np.eye(n)[n_dofs + rings.index(support)]
-            between -= ring_place
-            stiffness += np.kron(support.outer.stiffness, np.outer(ring_place, ring_place))
-            damping += np.kron(support.outer.damping, np.outer(ring_place, ring_place))
+            ring_vector = np.eye(n)[n_dofs + rings.index(support)]
+            between -= ring_vector
+            stiffness += np.kron(support.outer.stiffness, np.outer(ring_vector, ring_vector))
+            damping += np.kron(support.outer.damping, np.outer(ring_vector, ring_vector))
         stiffness += np.kron(support.inner.stiffness, np.outer(between, between))
         damping += np.kron(support.inner.damping, np.outer(between, between))
     return LinearSystem(
@@ -130,7 +131,7 @@ def linear_system(rotor: Rotor, supports: Sequence[Support]) -> LinearSystem:
 
 
 def whirl_modes(system: LinearSystem, speeds: Sequence[float] | FloatArray) -> list[WhirlModes]:
-    """Return the modes at each speed, rad/s; what is damped too much to swing is left out."""
+    """Return the whirl modes at each speed, rad/s, without overdamped ones."""
     wanted = np.asarray(speeds, np.float64)
     if wanted.ndim != 1 or not np.isfinite(wanted).all():
         raise ValueError(f"speeds: {wanted}, rad/s, expected a list of finite values")
@@ -140,43 +141,44 @@ def whirl_modes(system: LinearSystem, speeds: Sequence[float] | FloatArray) -> l
 
 
 def undamped_isotropic_states(system: LinearSystem, speeds: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the modes of a rotor on undamped supports that are the same in all directions.
+    """Return the modes of a rotor on undamped isotropic supports.
 
     Parameters
     ----------
     system : LinearSystem
-        With ``is_undamped_isotropic``.
+        A system with ``is_undamped_isotropic``.
     speeds : ndarray of float64, shape (n,)
         rad/s.
 
     Returns
     -------
     frequencies : ndarray of float64, shape (n, 2 N)
-        By size, rad/s, below 0 for reverse ones; of equal sizes the reverse one first, as just above rest.
+        Sorted by absolute value, rad/s, negative for reverse modes; at equal size the reverse mode first, which is the
+        order just above standstill.
     states : ndarray of float64, shape (n, 2 N, 2 N)
-        In rows, orthonormal.
-    to_place : ndarray of float64, shape (2 N, N)
-        States times it are displacements and slopes, times the frequency.
+        Orthonormal state vectors in rows.
+    to_displacements : ndarray of float64, shape (2 N, N)
+        ``states @ to_displacements`` are displacements and slopes, times the frequency.
     """
     M, J, K = system.plane
     n = system.coordinates
     stiffnesses = np.diag(K)
-    # slopes and displacements on one scale: otherwise rounding takes five digits of the lowest modes
+    # Scale slopes and displacements alike: otherwise the lowest modes lose five digits to rounding.
     scale = np.sqrt(np.where(stiffnesses > 0, stiffnesses, 1.0))
     squares, vectors = np.linalg.eigh(K / np.outer(scale, scale))
-    squares[squares < n * np.finfo(np.float64).eps * squares.max()] = 0  # what eigh leaves where the rotor is free
+    squares[squares < n * np.finfo(np.float64).eps * squares.max()] = 0  # rounding error of rigid-body modes
     root = scale[:, None] * vectors * np.sqrt(squares)  # K = root root^T
     to_unit = np.linalg.inv(np.linalg.cholesky(M))
     # (K + w Omega J - w² M) Z = 0 with a = root^T Z, b = w L^T Z, M = L L^T, is one symmetric eigenproblem:
-    whole = np.zeros((speeds.size, 2 * n, 2 * n))
-    whole[:, :n, n:] = root.T @ to_unit.T
-    whole[:, n:, :n] = to_unit @ root
-    whole[:, n:, n:] = speeds[:, None, None] * (to_unit @ J @ to_unit.T)
-    frequencies, columns = np.linalg.eigh(whole)
+    matrix = np.zeros((speeds.size, 2 * n, 2 * n))
+    matrix[:, :n, n:] = root.T @ to_unit.T
+    matrix[:, n:, :n] = to_unit @ root
+    matrix[:, n:, n:] = speeds[:, None, None] * (to_unit @ J @ to_unit.T)
+    frequencies, columns = np.linalg.eigh(matrix)
     sizes = np.abs(frequencies)
-    frequencies[sizes <= ROUNDING_TOLERANCE * sizes.max(axis=1, keepdims=True)] = 0.0  # the free rotor's
+    frequencies[sizes <= ROUNDING_TOLERANCE * sizes.max(axis=1, keepdims=True)] = 0.0  # rigid-body modes
     states = np.array(np.swapaxes(columns, 1, 2))
-    slope = np.zeros((2 * n, 2 * n))  # of the matrix over speed
+    slope = np.zeros((2 * n, 2 * n))  # derivative of the matrix with respect to speed
     slope[n:, n:] = to_unit @ J @ to_unit.T
     for signed, rows in zip(frequencies, states, strict=True):
         _separate_equal(signed, rows, slope)
@@ -186,14 +188,14 @@ def undamped_isotropic_states(system: LinearSystem, speeds: FloatArray) -> tuple
 
 
 def _groups(values: FloatArray | ComplexArray) -> list[IntArray]:
-    """Return the indexes of neighbouring values that are equal but for rounding, (k,) each, k = 1 where none is."""
+    """Return index groups of neighbouring values that are equal within rounding."""
     sizes = np.abs(values)
     apart = np.abs(np.diff(values)) > EQUALITY_TOLERANCE * sizes[1:] + ROUNDING_TOLERANCE * sizes.max(initial=0.0)
     return np.split(np.arange(values.size), np.flatnonzero(apart) + 1)
 
 
 def _by_size(values: FloatArray, sizes: FloatArray, sense: FloatArray) -> IntArray:
-    """Return the order of rising size in which equal sizes go by sense, reverse first, then by value."""
+    """Return the sort order by size; equal sizes are sorted by direction, reverse first, then by value."""
     order = np.argsort(sizes, kind="stable")
     rank = np.empty(sizes.size, np.intp)
     for number, group in enumerate(_groups(sizes[order])):
@@ -204,9 +206,9 @@ def _by_size(values: FloatArray, sizes: FloatArray, sense: FloatArray) -> IntArr
 def _separate_equal(
     values: FloatArray | ComplexArray, rows: FloatArray | ComplexArray, form: FloatArray | ComplexArray
 ) -> None:
-    """Turn orthonormal vectors of equal values, in place, to where a Hermitian form has its extremes, rising.
+    """Rotate eigenvectors of equal values in place so that a Hermitian form is diagonal and rising.
 
-    Any combination of them is an eigenvector too, and which ones LAPACK gives depends on the processor.
+    Any combination of them is an eigenvector too; which ones LAPACK returns depends on the processor.
     """
     for group in _groups(values):
         if group.size > 1:
@@ -216,12 +218,12 @@ def _separate_equal(
 
 def _undamped_isotropic_modes(system: LinearSystem, speeds: FloatArray) -> list[WhirlModes]:
     found = []
-    frequencies, states, to_place = undamped_isotropic_states(system, speeds)
+    frequencies, states, to_displacements = undamped_isotropic_states(system, speeds)
     for speed, signed, rows in zip(speeds, frequencies, states, strict=True):
-        place = rows @ to_place
+        displacements = rows @ to_displacements
         sense = np.where(signed < 0, -1.0, 1.0)
-        whole_place = np.concatenate((place, -1j * sense[:, None] * place), axis=1)
-        found.append(_modes(system, float(speed), signed, np.zeros(signed.size), whole_place, rows + 0j))
+        both_planes = np.concatenate((displacements, -1j * sense[:, None] * displacements), axis=1)
+        found.append(_modes(system, float(speed), signed, np.zeros(signed.size), both_planes, rows + 0j))
     return found
 
 
@@ -232,33 +234,33 @@ def _general_modes(system: LinearSystem, speed: float) -> WhirlModes:
     C = to_unit @ (system.damping + speed * system.gyroscopic) @ to_unit.T
     state = np.block([[np.zeros((size, size)), np.eye(size)], [-K, -C]])
     values, vectors = np.linalg.eig(state)
-    swinging = values.imag > OVERDAMPED_TOLERANCE * np.maximum(np.abs(values), 1e-300)
-    values, unit = values[swinging], vectors[:size, swinging].T
+    is_oscillating = values.imag > OVERDAMPED_TOLERANCE * np.maximum(np.abs(values), 1e-300)
+    values, unit = values[is_oscillating], vectors[:size, is_oscillating].T
     order = _by_size(values.real, values.imag, np.zeros(values.size))
     values, unit = values[order], unit[order] / np.linalg.norm(unit[order], axis=1, keepdims=True)
     for group in _groups(values):
         if group.size > 1:
             unit[group] = np.linalg.qr(unit[group].T)[0].T
     _separate_equal(values, unit, _forward_power(system, to_unit))
-    place = unit @ to_unit
+    displacements = unit @ to_unit
     signed = np.where(
-        forward_share(np.asarray(system.displacements(place))) < -EQUALITY_TOLERANCE, -values.imag, values.imag
+        forward_share(np.asarray(system.displacements(displacements))) < -EQUALITY_TOLERANCE, -values.imag, values.imag
     )
     order = _by_size(values.real, values.imag, np.sign(signed))
-    return _modes(system, speed, signed[order], values.real[order], place[order], unit[order])
+    return _modes(system, speed, signed[order], values.real[order], displacements[order], unit[order])
 
 
 def forward_share(displacements: NDArray[np.generic]) -> FloatArray:
-    """Return by how much forward motion outweighs reverse, of (..., 2, n) the (...): -1 to 1, about 0 for lines."""
+    """Return (forward - reverse) / total power of displacements (..., 2, n): -1 to 1, about 0 for lines."""
     x, y = np.asarray(displacements[..., 0, :], np.complex128), np.asarray(displacements[..., 1, :], np.complex128)
     with_shaft, against = (np.abs(x + 1j * y) ** 2).sum(axis=-1), (np.abs(x - 1j * y) ** 2).sum(axis=-1)
     total = with_shaft + against
     return np.asarray((with_shaft - against) / np.where(total > 0, total, 1.0), np.float64)
 
 
-def _forward_power(system: LinearSystem, to_place: FloatArray) -> ComplexArray:
-    """Return the Hermitian form, (2 N, 2 N), of the forward less the reverse power of vectors times ``to_place``."""
-    x, y = np.moveaxis(np.asarray(system.displacements(to_place)), -2, 0)
+def _forward_power(system: LinearSystem, to_displacements: FloatArray) -> ComplexArray:
+    """Return the Hermitian form of forward minus reverse power of ``vectors @ to_displacements``, (2 N, 2 N)."""
+    x, y = np.moveaxis(np.asarray(system.displacements(to_displacements)), -2, 0)
     return np.asarray(0.5j * (x @ y.T - y @ x.T), np.complex128)
 
 
@@ -267,10 +269,10 @@ def _modes(
     speed: float,
     frequencies: FloatArray,
     growth_rates: FloatArray,
-    place: ComplexArray,
+    displacements: ComplexArray,
     vectors: ComplexArray,
 ) -> WhirlModes:
-    shapes = np.asarray(system.displacements(place), np.complex128)
+    shapes = np.asarray(system.displacements(displacements), np.complex128)
     x, y = shapes[:, 0], shapes[:, 1]
     # x(t) + i y(t) = (X + i Y)/2 exp(i w t) + (conj X + i conj Y)/2 exp(-i w t)
     with_shaft, against = np.abs(x + 1j * y) / 2, np.abs(x - 1j * y) / 2

@@ -13,12 +13,12 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FreeModes:
-    """Modes of the unsupported rotor at rest, ``shapes.T @ M @ shapes = 1``.
+    """Modes of the unsupported rotor at standstill, normalised to ``shapes.T @ M @ shapes = 1``.
 
     Parameters
     ----------
     frequencies : ndarray of float64, shape (n_modes,)
-        Rising, rad/s; the first two, of the rigid rotor, are 0.
+        Rising, rad/s; the first two are the rigid-body modes at 0.
     shapes : ndarray of float64, shape (n_dofs, n_modes)
         Displacements, kg^-1/2, and slopes, kg^-1/2 / m, of the stations.
     """
@@ -29,12 +29,12 @@ class FreeModes:
 
 @dataclass(frozen=True, slots=True)
 class CriticalSpeeds:
-    """Speeds at which imbalance meets a natural frequency, rad/s, rising.
+    """Critical speeds, rad/s, rising.
 
     Parameters
     ----------
     forward, reverse : tuple of float
-        Of modes that go round with the shaft and against it.
+        Of forward and of reverse whirl modes.
     """
 
     forward: tuple[float, ...]
@@ -47,21 +47,21 @@ def free_modes(rotor: Rotor, count: int | None = None) -> FreeModes:
     Parameters
     ----------
     rotor : Rotor
-        Of n stations.
+        With n stations.
     count : int, optional
-        Number of modes, 2 to 2 n; all where it is not given.
+        Number of modes, 2 to 2 n; default all.
 
     Returns
     -------
     FreeModes
-        Two rigid ones, then bending.
+        Two rigid-body modes, then bending modes.
     """
     n_dofs = 2 * rotor.stations
     count = n_dofs if count is None else count
     if not 2 <= count <= n_dofs:
         raise ValueError(f"count: {count} modes, expected 2 to {n_dofs}")
     squares, shapes = eigh(rotor.stiffness_matrix(), rotor.mass_matrix())
-    squares[:2] = 0.0  # the free rotor has two rigid modes; what eigh leaves there is rounding
+    squares[:2] = 0.0  # two rigid-body modes: eigh leaves rounding errors
     shapes[:, :2] = _rigid_shapes(rotor)
     return FreeModes(np.sqrt(squares[:count]), shapes[:, :count])
 
@@ -75,7 +75,7 @@ def _rigid_shapes(rotor: Rotor) -> FloatArray:
 
 
 def supported_stiffness(rotor: Rotor, bearing_stiffness: float) -> FloatArray:
-    """Return K, (n_dofs, n_dofs), with a spring of ``bearing_stiffness``, N/m, at each journal."""
+    """Return the stiffness matrix with a spring of ``bearing_stiffness``, N/m, at each journal, (n_dofs, n_dofs)."""
     require_positive("bearing_stiffness", bearing_stiffness, "N/m")
     stiffness = rotor.stiffness_matrix()
     for journal in rotor.journals:
@@ -84,12 +84,12 @@ def supported_stiffness(rotor: Rotor, bearing_stiffness: float) -> FloatArray:
 
 
 def natural_frequencies(rotor: Rotor, bearing_stiffness: float, speed: float) -> FloatArray:
-    """Return all natural frequencies of the turning rotor on springs.
+    """Return all natural frequencies of the rotating rotor on springs.
 
     Parameters
     ----------
     rotor : Rotor
-        Of n stations.
+        With n stations.
     bearing_stiffness : float
         Of each bearing, N/m.
     speed : float
@@ -98,7 +98,7 @@ def natural_frequencies(rotor: Rotor, bearing_stiffness: float, speed: float) ->
     Returns
     -------
     ndarray of float64, shape (4 n,)
-        Rising, rad/s: below 0 reverse precession, above 0 forward.
+        Rising, rad/s: negative for reverse, positive for forward precession.
     """
     K = supported_stiffness(rotor, bearing_stiffness)
     M, J = rotor.mass_matrix(), rotor.gyroscopic_matrix()
@@ -110,7 +110,7 @@ def natural_frequencies(rotor: Rotor, bearing_stiffness: float, speed: float) ->
 
 
 def critical_speeds(rotor: Rotor, bearing_stiffness: float, highest: float) -> CriticalSpeeds:
-    """Return the critical speeds of the rotor on springs, without a search through speeds.
+    """Return the critical speeds of the rotor on springs, without a search over speed.
 
     Parameters
     ----------
@@ -119,12 +119,12 @@ def critical_speeds(rotor: Rotor, bearing_stiffness: float, highest: float) -> C
     bearing_stiffness : float
         Of each bearing, N/m.
     highest : float
-        Speed up to which they are given, rad/s.
+        Largest speed returned, rad/s.
 
     Returns
     -------
     CriticalSpeeds
-        Where the frequency of a mode equals the speed (forward) or minus the speed (reverse).
+        Speeds at which the frequency of a mode equals the speed (forward) or minus the speed (reverse).
     """
     K = supported_stiffness(rotor, bearing_stiffness)
     M, J = rotor.mass_matrix(), rotor.gyroscopic_matrix()

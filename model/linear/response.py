@@ -1,4 +1,4 @@
-"""Forced motion of a rotor on linear supports: imbalance at any stations, weight and loads at rest."""
+"""Response of a rotor on linear supports: to imbalance, and static to weight and loads."""
 
 from collections.abc import Sequence
 
@@ -16,14 +16,14 @@ ComplexArray = NDArray[np.complex128]
 def imbalance_response(
     system: LinearSystem, imbalances: Sequence[Imbalance], speeds: Sequence[float] | FloatArray
 ) -> ComplexArray:
-    """Return the linear motion under imbalance.
+    """Return the linear imbalance response.
 
     Parameters
     ----------
     system : LinearSystem
         Rotor on supports.
     imbalances : sequence of Imbalance
-        What shakes it.
+        Imbalances at any stations.
     speeds : sequence of float
         rad/s.
 
@@ -35,29 +35,29 @@ def imbalance_response(
     Raises
     ------
     ValueError
-        Where an imbalance is at no station, or a speed is an undamped critical one.
+        If an imbalance is at no station, or a speed is an undamped critical speed.
     """
     n = system.coordinates
-    shaken = np.zeros(2 * n, np.complex128)
+    excitation = np.zeros(2 * n, np.complex128)
     for one in imbalances:
         heavy_spot = one.magnitude * np.exp(1j * one.phase)
-        place = _displacement_dof(system, one.station, "imbalance")
-        shaken[place] += heavy_spot
-        shaken[n + place] += -1j * heavy_spot  # a quarter turn later
+        dof = _displacement_dof(system, one.station, "imbalance")
+        excitation[dof] += heavy_spot
+        excitation[n + dof] += -1j * heavy_spot  # lags by 90°
     speeds = np.asarray(speeds, np.float64)
     squares = speeds[:, None, None] ** 2
     # U = q exp(i Omega t): (K - Omega² M + i Omega (C + Omega G)) q = Omega² u
     dynamic = system.stiffness - squares * (system.mass - 1j * system.gyroscopic)
     dynamic = dynamic + 1j * speeds[:, None, None] * system.damping
     try:
-        vectors = np.linalg.solve(dynamic, (squares[:, 0] * shaken)[..., None])[..., 0]
+        vectors = np.linalg.solve(dynamic, (squares[:, 0] * excitation)[..., None])[..., 0]
     except np.linalg.LinAlgError as error:
         raise ValueError("speeds: one is a critical speed without damping, expected others, rad/s") from error
     return np.asarray(system.displacements(vectors), np.complex128)
 
 
 def static_deflection(system: LinearSystem, loads: Sequence[StaticLoad] = (), gravity: float = 0.0) -> FloatArray:
-    """Return how the resting rotor, and the rings, sag.
+    """Return the static deflection of the rotor under weight and loads.
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ def static_deflection(system: LinearSystem, loads: Sequence[StaticLoad] = (), gr
     Raises
     ------
     ValueError
-        Where a load is at no station or nothing holds the rotor.
+        If a load is at no station or the supports leave the rotor free to move.
     """
     n = system.coordinates
     force = np.zeros(2 * n)
@@ -84,9 +84,9 @@ def static_deflection(system: LinearSystem, loads: Sequence[StaticLoad] = (), gr
     downwards[1 : 2 * system.stations : 2] = 0  # slopes
     force[n:] -= gravity * (system.plane[0] @ downwards)
     for load in loads:
-        place = _displacement_dof(system, load.station, "load")
-        force[place] += load.x
-        force[n + place] += load.y
+        dof = _displacement_dof(system, load.station, "load")
+        force[dof] += load.x
+        force[n + dof] += load.y
     if not system.is_fully_supported:
         raise ValueError("supports: they leave the rotor free to move, expected a stiffness that holds it")
     return np.asarray(system.displacements(np.linalg.solve(system.stiffness, force)), np.float64)

@@ -158,7 +158,7 @@ def test_change_of_speed_keeps_the_place(default: ModelParameters) -> None:
 
 def test_motion_that_reaches_the_wall_says_where_and_at_what_speed() -> None:
     dry = gj90c(viscosity=1e-7)
-    with pytest.raises(WallContactError, match=r"eccentricity: the ring came to .* µm of the outer .* at 10\.0 rad/s"):
+    with pytest.raises(WallContactError, match=r"eccentricity: the ring reached .* µm of the outer .* at 10\.0 rad/s"):
         ShaftMotion(dry, 10.0)
 
 
@@ -169,14 +169,14 @@ def test_state_beyond_the_wall_is_refused_and_changes_nothing(default: ModelPara
     motion = ShaftMotion(default, 900.0, 5)
     before, beyond = motion.state, motion.state
     beyond[0, -1] = ring
-    said = rf"eccentricity: the journal came to .* µm of the {film} film's clearance of 20 µm at 950\.0 rad/s, expected"
+    said = rf"eccentricity: the journal reached .* µm of the {film} film's clearance of 20 µm at 950\.0 rad/s, expected"
     with pytest.raises(WallContactError, match=said):
         motion.resume(beyond, 950.0)
     assert np.array_equal(motion.state, before)
     beyond[0] = 0
     beyond[0, -1] = 80e-6  # the ring in the housing, the journal in the middle of the ring
     beyond[0, :6] = np.linalg.lstsq(ModalSystem.of(default).shaft.journals, np.array([0, 80e-6]), rcond=None)[0]
-    with pytest.raises(WallContactError, match=r"eccentricity: the ring came to 80\.00 µm of the outer film's"):
+    with pytest.raises(WallContactError, match=r"eccentricity: the ring reached 80\.00 µm of the outer film's"):
         motion.resume(beyond, 950.0)
     beyond[0, -1] = np.nan
     with pytest.raises(ValueError, match="state: expected finite values"):
@@ -185,9 +185,9 @@ def test_state_beyond_the_wall_is_refused_and_changes_nothing(default: ModelPara
 
 def test_disturbance_that_leads_to_the_wall_is_told(default: ModelParameters) -> None:
     orbit = synchronous_orbit(default, 900.0)
-    with pytest.raises(WallContactError, match=r"eccentricity: the .* came to .* at 900\.0 rad/s"):
+    with pytest.raises(WallContactError, match=r"eccentricity: the .* reached .* at 900\.0 rad/s"):
         ShaftMotion(default, 900.0, 5).disturb(30e-6 * orbit.disturbance)
-    with pytest.raises(WallContactError, match=r"eccentricity: the .* came to .* at 900\.0 rad/s"):
+    with pytest.raises(WallContactError, match=r"eccentricity: the .* reached .* at 900\.0 rad/s"):
         ShaftMotion(default, 900.0, 5).set_initial_state(orbit.initial_state + 90e-6 * orbit.disturbance)
 
 

@@ -107,7 +107,7 @@ def test_closing_ends_the_computation(tmp_path: Path) -> None:
 def test_motion_that_fails_switches_the_model_off_with_the_reason(tmp_path: Path) -> None:
     with predictor(tmp_path, viscosity=1e-7, speeds=[10.0, 11.0]) as failing:
         assert failing.wait(PATIENCE) is None
-        assert failing.state.startswith("off: eccentricity: the ring came to")
+        assert failing.state.startswith("off: eccentricity: the ring reached")
 
 
 def test_computation_that_is_killed_switches_the_model_off(tmp_path: Path) -> None:
