@@ -129,7 +129,7 @@ def create_app(
         if features.catalogue is not None:
             RunEditRoutes(features.catalogue, live, features.results).add_to(routing)
     if features.jobs is not None:
-        uploads = UploadStore(features.jobs.place.folder)
+        uploads = UploadStore(features.jobs.location.folder)
         if features.results is not None and features.catalogue is not None:
             UploadRoutes(uploads, features.results, features.catalogue.free_bytes).add_to(routing)
         job_routes = JobRoutes(catalogue, live, features.jobs, uploads)

@@ -28,7 +28,7 @@ from daq.service import rendering as answers
 from daq.service.problem_types import ProblemType
 from daq.service.problems import JobHint, ProblemError
 from daq.service.schemas.uploads import ColumnsSchema, columns_schema
-from daq.service.worker_pool import DEADLINE, WorkerPool, WorkerStoppedError, WorkerTimeoutError
+from daq.service.worker_pool import TIME_LIMIT, WorkerPool, WorkerStoppedError, WorkerTimeoutError
 from model.prediction.prediction_map import Prediction
 from recordings.catalogue.catalogue import RunEntry
 from recordings.catalogue.incoming_run import require_sound
@@ -84,9 +84,9 @@ class ResultsReader:
         How long one may take, s; longer work is a job.
     """
 
-    def __init__(self, models: Models, processes: int = 1, deadline: float = DEADLINE) -> None:
+    def __init__(self, models: Models, processes: int = 1, time_limit: float = TIME_LIMIT) -> None:
         self._models = models
-        self._processes = WorkerPool(processes, deadline)
+        self._processes = WorkerPool(processes, time_limit)
 
     def answer(self, run: RunEntry, what: str, query: BaseModel | None, *, packed: bool) -> bytes:
         """Return the answer of this name (see `daq.service.rendering`) as JSON, gzipped where it is `packed`."""
@@ -111,7 +111,7 @@ class ResultsReader:
     def require_sound(self, temporary: Path) -> None:
         """Raise ProblemError where a file that was sent in is no whole recording."""
         try:
-            self._run(require_sound, temporary, deadline=ARRIVAL_LIMIT)
+            self._run(require_sound, temporary, time_limit=ARRIVAL_LIMIT)
         except (DamagedError, UnknownFormatError) as error:
             raise ProblemError(
                 ProblemType.INVALID_RECORDING, str(error).replace(str(temporary), "what was sent")
@@ -154,10 +154,10 @@ class ResultsReader:
         return prediction
 
     def _run(
-        self, work: Callable[..., T], *arguments: object, deadline: float | None = None, job: JobHint | None = None
+        self, work: Callable[..., T], *arguments: object, time_limit: float | None = None, job: JobHint | None = None
     ) -> T:
         try:
-            return self._processes.run(work, *arguments, deadline=deadline)
+            return self._processes.run(work, *arguments, time_limit=time_limit)
         except tuple(FAILURES) as error:
             is_overdue = isinstance(error, WorkerTimeoutError)
             detail = f"{error}; POST `job` to /api/v1/jobs" if is_overdue and job else str(error)

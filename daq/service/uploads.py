@@ -25,8 +25,8 @@ from recordings.exchange.formats import IMPORT_FORMATS
 MOST_KEPT: Final = 16
 MOST_BYTES: Final = 2 * 1024**3  # of one file
 MAX_NAME_LENGTH: Final = 200
-KEPT_FOR: Final = 3600.0  # s
-ABANDONED: Final = 24 * 3600.0  # s: what is so old is of a service that was ended by force
+RETENTION_TIME: Final = 3600.0  # s
+ABANDONED_AFTER: Final = 24 * 3600.0  # s: what is so old is of a service that was ended by force
 
 
 class UploadNotFoundError(LookupError):
@@ -82,8 +82,8 @@ class UploadStore:
         How long, s.
     """
 
-    def __init__(self, folder: Path, kept_for: float = KEPT_FOR) -> None:
-        self._kept_for = kept_for
+    def __init__(self, folder: Path, retention_time: float = RETENTION_TIME) -> None:
+        self._retention_time = retention_time
         self._folder = folder / ".rig" / "uploads"
         self._lock = threading.Lock()
         self._uploads: dict[str, Upload] = {}  # in the order in which they came
@@ -108,7 +108,7 @@ class UploadStore:
     def add(self, name: str, path: Path, size: int) -> Upload:
         """Register a file written at the path from `place`; return it or raise UploadStoreFullError."""
         now = time.time()
-        upload = Upload(path.parent.name, name, path, size, now, now + self._kept_for)
+        upload = Upload(path.parent.name, name, path, size, now, now + self._retention_time)
         with self._lock:
             if len(self._uploads) >= MOST_KEPT:
                 _discard(path.parent)
@@ -154,7 +154,7 @@ class UploadStore:
                 self._drop(upload)
         for folder in self._folder.glob("*"):
             try:
-                is_old = now - folder.stat().st_mtime > ABANDONED
+                is_old = now - folder.stat().st_mtime > ABANDONED_AFTER
             except OSError:  # another service has been faster
                 continue
             if is_old and folder.name not in self._uploads:

@@ -1,4 +1,4 @@
-"""Processes of low priority that read recordings: what a request costs is never paid by the process that acquires."""
+"""Low-priority worker processes that read recordings, so that requests cost the acquiring process no time."""
 
 import multiprocessing
 import pickle
@@ -16,118 +16,117 @@ from typing import Any, Self, TypeVar
 from daq.errors import ServiceError
 from daq.session.processes import JOIN_TIMEOUT, end_process, leave_signals_to_parent, lower_priority, start_process
 
-T = TypeVar("T")
-DEADLINE = 30.0  # s that one piece of work may take
-STEPS = 15  # of priority below the acquisition and the live view
-LOOK = 0.2  # s between two looks at whether the process is to end
-MESSAGE = 30.0  # s that a message may take once it has begun to come; one that takes longer stands still
+ResultT = TypeVar("ResultT")
+TIME_LIMIT = 30.0  # s for one function call
+NICE_INCREMENT = 15  # of priority below the acquisition and the live view
+POLL_INTERVAL = 0.2  # s between two checks for cancellation
+MESSAGE_TIMEOUT = (
+    30.0  # s for the rest of a message once it has started to arrive; after that the worker counts as hung
+)
 
 
 class WorkerStoppedError(ServiceError):
-    """The work was not finished: it took too long, its process went away, or the service ends."""
+    """The function did not finish: time limit exceeded, worker process died, or service shutting down."""
 
 
 class WorkerTimeoutError(WorkerStoppedError):
-    """The work took too long."""
+    """The function exceeded its time limit."""
 
 
-class _Word(Enum):
-    """What a message from the process is."""
+class _MessageType(Enum):
+    """Type of a message from a worker process."""
 
-    TOLD = "told"
+    PROGRESS = "progress"
     DONE = "done"
     FAILED = "failed"
 
 
 class WorkerProcess:
-    """One process that does one piece of work at a time; started when first needed, and again where it went away."""
+    """One process that runs one function at a time; started on first use, and restarted if it has died."""
 
     def __init__(self) -> None:
         self._pipe: Connection | None = None
         self._process: BaseProcess | None = None
-        self._ending = threading.Event()
+        self._is_cancelled = threading.Event()
 
     def run(
         self,
-        work: Callable[..., T],
+        function: Callable[..., ResultT],
         arguments: tuple[object, ...],
-        deadline: float,
-        told: Callable[[Any], None] | None = None,
-    ) -> T:
-        """Return what ``work`` returns there, within ``deadline`` s; what it raises is raised here.
+        time_limit: float,
+        on_progress: Callable[[Any], None] | None = None,
+    ) -> ResultT:
+        """Return the result of ``function``, run in the process within ``time_limit`` s; re-raise its exception.
 
-        With ``told``, its first argument there is a callable that takes words on how it goes; they are told here.
+        With ``on_progress``, the function's first argument is a callable; what it is called with is passed on here.
         """
-        pipe = self._started()
-        until = time.monotonic() + deadline
+        pipe = self._ensure_started()
+        end_time = time.monotonic() + time_limit
         try:
-            pipe.send((work, arguments, told is not None))
+            pipe.send((function, arguments, on_progress is not None))
             while True:
-                self._await(pipe, until, deadline)
-                word, content = self._received(pipe)
-                if word is not _Word.TOLD:
+                self._wait_for_message(pipe, end_time, time_limit)
+                message_type, content = self._receive(pipe)
+                if message_type is not _MessageType.PROGRESS:
                     break
-                if told is not None:
-                    told(content)
+                if on_progress is not None:
+                    on_progress(content)
         except (OSError, EOFError) as error:
-            self._kill()
-            raise WorkerStoppedError(f"the reading process went away: {error}") from error
-        if word is _Word.FAILED:
+            self.stop()
+            raise WorkerStoppedError(f"the worker process died: {error}") from error
+        if message_type is _MessageType.FAILED:
             raise content
-        done: T = content
+        done: ResultT = content
         return done
 
-    def _await(self, pipe: Connection, until: float, deadline: float) -> None:
-        """Return when there is a message."""
+    def _wait_for_message(self, pipe: Connection, end_time: float, time_limit: float) -> None:
+        """Wait until a message arrives."""
         is_there = False
         while not is_there:
-            is_there = pipe.poll(LOOK)
-            if self._ending.is_set():
-                self._kill()
-                raise WorkerStoppedError("the service ends")
-            if time.monotonic() > until:
-                self._kill()
-                raise WorkerTimeoutError(f"not done after {deadline:g} s")
+            is_there = pipe.poll(POLL_INTERVAL)
+            if self._is_cancelled.is_set():
+                self.stop()
+                raise WorkerStoppedError("the service is shutting down")
+            if time.monotonic() > end_time:
+                self.stop()
+                raise WorkerTimeoutError(f"not done after {time_limit:g} s")
 
-    def _received(self, pipe: Connection) -> tuple[_Word, Any]:
-        """Return the message that is there; EOFError or OSError where it stops in its midst."""
-        watch = threading.Timer(MESSAGE, self.kill)
+    def _receive(self, pipe: Connection) -> tuple[_MessageType, Any]:
+        """Return the arriving message; EOFError or OSError if it stops half way."""
+        watch = threading.Timer(MESSAGE_TIMEOUT, self.kill)
         watch.daemon = True
         watch.start()
         try:
-            message: tuple[_Word, Any] = pipe.recv()
+            message: tuple[_MessageType, Any] = pipe.recv()
         finally:
             watch.cancel()
         return message
 
     def cancel(self) -> None:
-        """Give up what is under way; nothing is begun any more."""
-        self._ending.set()
+        """Cancel the running function and refuse further ones."""
+        self._is_cancelled.set()
 
     def kill(self) -> None:
-        """End the process by force, from any thread; who waits for what it does is told that it went away."""
+        """Kill the process, from any thread; a waiting `run` raises WorkerStoppedError."""
         process = self._process
         if process is not None:
             process.kill()
 
-    def join(self) -> None:
-        """End the process."""
-        self._kill()
-
-    def _started(self) -> Connection:
-        if self._ending.is_set():
-            raise WorkerStoppedError("the service ends")
+    def _ensure_started(self) -> Connection:
+        if self._is_cancelled.is_set():
+            raise WorkerStoppedError("the service is shutting down")
         if self._pipe is None or self._process is None or not self._process.is_alive():
-            self._kill()
+            self.stop()
             context = multiprocessing.get_context("spawn")  # the same on every platform, and safe beside threads
-            pipe, there = context.Pipe()
-            process = context.Process(target=_serve, args=(there,), name="rig-reader", daemon=True)
-            with there:
+            pipe, child_pipe = context.Pipe()
+            process = context.Process(target=_run_worker, args=(child_pipe,), name="rig-worker", daemon=True)
+            with child_pipe:
                 start_process(process)
             self._pipe, self._process = pipe, process
         return self._pipe
 
-    def _kill(self) -> None:
+    def stop(self) -> None:
+        """Stop the process."""
         if self._pipe is not None:
             self._pipe.close()
         if self._process is not None:
@@ -136,62 +135,62 @@ class WorkerProcess:
 
 
 class WorkerPool:
-    """A fixed number of reading processes; who finds them all busy waits.
+    """A fixed number of worker processes; callers wait for an idle one.
 
     Parameters
     ----------
     count : int
-        How many.
-    deadline : float
-        How long one piece of work may take, s.
+        Number of processes.
+    time_limit : float
+        Time limit of one function call, s.
     """
 
-    def __init__(self, count: int = 1, deadline: float = DEADLINE) -> None:
-        self._all = [WorkerProcess() for _ in range(count)]
-        self._deadline = deadline
-        self._free: queue.SimpleQueue[WorkerProcess] = queue.SimpleQueue()
-        for process in self._all:
-            self._free.put(process)
+    def __init__(self, count: int = 1, time_limit: float = TIME_LIMIT) -> None:
+        self._workers = [WorkerProcess() for _ in range(count)]
+        self._time_limit = time_limit
+        self._idle: queue.SimpleQueue[WorkerProcess] = queue.SimpleQueue()
+        for process in self._workers:
+            self._idle.put(process)
 
-    def run(self, work: Callable[..., T], *arguments: object, deadline: float | None = None) -> T:
-        """Return what ``work``, a function of a module, returns for ``arguments``, done in one of the processes.
+    def run(self, function: Callable[..., ResultT], *arguments: object, time_limit: float | None = None) -> ResultT:
+        """Return the result of ``function``, a module-level function, run in one of the processes.
 
         Parameters
         ----------
-        work, *arguments : callable, object
-            What is to be done.
-        deadline : float or None
-            How long it may take, s, where that is another time.
+        function, *arguments : callable, object
+            The function and its arguments.
+        time_limit : float or None
+            Time limit, s; None for that of the pool.
 
         Raises
         ------
         WorkerStoppedError
-            It was not finished.
+            The function did not finish.
         """
-        process = self._free.get()
+        process = self._idle.get()
         try:
-            return process.run(work, arguments, self._deadline if deadline is None else deadline)
+            return process.run(function, arguments, self._time_limit if time_limit is None else time_limit)
         finally:
-            self._free.put(process)
+            self._idle.put(process)
 
     def close(self) -> None:
-        """Give up what is under way and end them all."""
-        for process in self._all:
+        """Cancel running functions and stop all processes."""
+        for process in self._workers:
             process.cancel()
-        ended = self._returned(len(self._all))
-        for process in self._all:
-            if process not in ended:  # it stands still in the midst of a message
+        finished = self._collect_idle(len(self._workers))
+        for process in self._workers:
+            if process not in finished:  # it hangs in the middle of a message
                 process.kill()
-        for process in ended + self._returned(len(self._all) - len(ended)):
-            process.join()
-            self._free.put(process)  # whoever waits for it is told that the service ends
+        for process in finished + self._collect_idle(len(self._workers) - len(finished)):
+            process.stop()
+            self._idle.put(process)  # a caller that waits for it then raises WorkerStoppedError
 
-    def _returned(self, count: int) -> list[WorkerProcess]:
-        """Return the processes that are free in time."""
+    def _collect_idle(self, count: int) -> list[WorkerProcess]:
+        """Return the processes that become idle within JOIN_TIMEOUT."""
         free = []
         for _ in range(count):
             with suppress(queue.Empty):
-                free.append(self._free.get(timeout=JOIN_TIMEOUT))
+                free.append(self._idle.get(timeout=JOIN_TIMEOUT))
         return free
 
     def __enter__(self) -> Self:
@@ -203,33 +202,33 @@ class WorkerPool:
         self.close()
 
 
-def _serve(pipe: Connection) -> None:
-    """Do what is asked for until nobody asks any more; the entry point of the process."""
+def _run_worker(pipe: Connection) -> None:
+    """Run received functions until the pipe closes: the entry point of a worker process."""
     leave_signals_to_parent()
-    lower_priority(STEPS)
+    lower_priority(NICE_INCREMENT)
 
-    def tell(words: object) -> None:
-        pipe.send((_Word.TOLD, words))
+    def report_progress(progress: object) -> None:
+        pipe.send((_MessageType.PROGRESS, progress))
 
     while True:
         try:
-            work, arguments, tells = pipe.recv()
+            function, arguments, reports_progress = pipe.recv()
         except (EOFError, OSError):
             return
         try:
-            answer = (_Word.DONE, work(*((tell,) if tells else ()), *arguments))
-        except Exception as error:  # noqa: BLE001 - whatever it is, it is raised where it was asked for
-            answer = (_Word.FAILED, _sendable(error))
+            message = (_MessageType.DONE, function(*((report_progress,) if reports_progress else ()), *arguments))
+        except Exception as error:  # noqa: BLE001 - re-raised in the calling process
+            message = (_MessageType.FAILED, _picklable(error))
         try:
-            pipe.send(answer)
+            pipe.send(message)
         except (EOFError, OSError):
             return
 
 
-def _sendable(error: Exception) -> Exception:
-    """Return an error, or what tells of it where it cannot be sent to another process."""
+def _picklable(error: Exception) -> Exception:
+    """Return an error, or a RuntimeError with its text if it cannot be pickled."""
     try:
-        pickle.loads(pickle.dumps(error))  # noqa: S301 - what was made here
-    except Exception:  # noqa: BLE001 - errors of libraries, in whatever way they cannot be sent
+        pickle.loads(pickle.dumps(error))  # noqa: S301 - pickled in the same line
+    except Exception:  # noqa: BLE001 - pickling errors of foreign exceptions are of any type
         return RuntimeError(f"{type(error).__name__}: {error}")
     return error

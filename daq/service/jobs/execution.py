@@ -85,18 +85,18 @@ def analysis(tell: ReportProgress, target: Path, path: Path, kind: str, query: A
     target.write_bytes(encode_analysis(made, run, kind, AnalysisForm(target.suffix.removeprefix("."))))
 
 
-def summary(tell: ReportProgress, target: Path, place: CatalogueLocation, run: str) -> None:
+def summary(tell: ReportProgress, target: Path, location: CatalogueLocation, run: str) -> None:
     """Sum a run up and keep its summary."""
-    _write(target, Summaries(place.catalogue(), CachedPredictionMaps()).summary_with_agreement(run, _waiting(tell)))
+    _write(target, Summaries(location.catalogue(), CachedPredictionMaps()).summary_with_agreement(run, _waiting(tell)))
 
 
 def analyse(
-    tell: ReportProgress, target: Path, place: CatalogueLocation, run: str, calibrations: Mapping[str, Calibration]
+    tell: ReportProgress, target: Path, location: CatalogueLocation, run: str, calibrations: Mapping[str, Calibration]
 ) -> None:
     """Analyse a run's samples anew."""
     _write(
         target,
-        Summaries(place.catalogue(), CachedPredictionMaps()).recalibrated_summary(run, calibrations, _waiting(tell)),
+        Summaries(location.catalogue(), CachedPredictionMaps()).recalibrated_summary(run, calibrations, _waiting(tell)),
     )
 
 
@@ -126,18 +126,18 @@ def export(tell: ReportProgress, target: Path, path: Path, made: Callable[..., T
         raise ForeignFormatError(str(error).replace(str(target), target.name)) from error
 
 
-def verification(tell: ReportProgress, target: Path, place: CatalogueLocation, run: str) -> None:
+def verification(tell: ReportProgress, target: Path, location: CatalogueLocation, run: str) -> None:
     """Look through a recording's file and keep the verdict."""
-    catalogue = place.catalogue()
+    catalogue = location.catalogue()
     found = verify(catalogue.path(run), parts_told(tell, "verifying"))
     catalogue.store_verdict(run, found.verdict.value)
     _write(target, verification_schema(found))
 
 
-def recovery(tell: ReportProgress, target: Path, place: CatalogueLocation, run: str) -> None:
+def recovery(tell: ReportProgress, target: Path, location: CatalogueLocation, run: str) -> None:
     """Copy what is intact of a recording; the copy is listed when it is whole."""
     tell(Progress("copying what is intact"))
-    catalogue = place.catalogue()
+    catalogue = location.catalogue()
     copy = catalogue.path_for(f"{run}-recovered")
     if copy.exists():
         raise RunExistsError(f"{copy.name}: a run of this name exists already")
@@ -147,9 +147,11 @@ def recovery(tell: ReportProgress, target: Path, place: CatalogueLocation, run: 
     _write(target, recovery_schema(replace(found, target=copy)))
 
 
-def index(tell: ReportProgress, target: Path, place: CatalogueLocation, verifying: bool) -> None:  # noqa: FBT001 - sent through a pipe
+def index(tell: ReportProgress, target: Path, location: CatalogueLocation, verifying: bool) -> None:  # noqa: FBT001 - sent through a pipe
     """Bring the catalogue up to date."""
-    report = place.catalogue().index(summarise, verify_files=verifying, on_status=lambda words: tell(Progress(words)))
+    report = location.catalogue().index(
+        summarise, verify_files=verifying, on_status=lambda words: tell(Progress(words))
+    )
     _write(target, index_report_schema(report))
 
 

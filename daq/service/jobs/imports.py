@@ -21,20 +21,22 @@ from recordings.errors import ForeignFormatError
 MAPPING = "mapping"
 
 
-def import_task(request: ImportRequest, upload: Upload, rig: Rig, place: CatalogueLocation) -> Task:
+def import_task(request: ImportRequest, upload: Upload, rig: Rig, location: CatalogueLocation) -> Task:
     """Return what an order is to do; ConfigError where the mapping does not give what the rig needs."""
     columns = request.mapping.model_dump(mode="json", exclude_none=True)
     foreign = ForeignFile(
         upload.path, upload.name, request.mapping, MAPPING, to_toml({"rig": rig.config.rig, **columns})
     )
     require_mapping_fits(foreign, rig)
-    return Task(request.kind, f"import of {upload.name}", "", import_upload, (place, foreign, rig), "run.json")
+    return Task(request.kind, f"import of {upload.name}", "", import_upload, (location, foreign, rig), "run.json")
 
 
-def import_upload(tell: ReportProgress, target: Path, place: CatalogueLocation, foreign: ForeignFile, rig: Rig) -> None:
+def import_upload(
+    tell: ReportProgress, target: Path, location: CatalogueLocation, foreign: ForeignFile, rig: Rig
+) -> None:
     """Make a file into a run and tell which."""
     tell(Progress("reading"))
-    catalogue = place.catalogue()
+    catalogue = location.catalogue()
     try:
         rig = with_reference_runout(_without_paths(rig, catalogue), catalogue.folder)
         run, _ = write_imported_run(foreign, rig, catalogue, target.parent, parts_told(tell, "writing and analysing"))

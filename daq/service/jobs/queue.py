@@ -1,4 +1,4 @@
-"""Long work that nobody waits for: begun, told of, cancelled, and its results kept for a while."""
+"""Job queue: one job at a time in a worker process, with progress, cancellation and results for an hour."""
 
 import logging
 import secrets
@@ -18,27 +18,27 @@ from model.errors import ModelError
 from recordings.catalogue.catalogue import Catalogue
 from recordings.errors import RecordingError
 
-MOST_UNFINISHED: Final = 8
-MOST_KEPT: Final = 32
-KEPT_FOR: Final = 3600.0  # s after its end that a job and its result are kept
-LIMIT: Final = 6 * 3600.0  # s that one job may take
-TIDYING: Final = 60.0  # s between two looks at what is too old
-ABANDONED: Final = 24 * 3600.0  # s: results this old are of a service that was ended by force
+MAX_UNFINISHED_JOBS: Final = 8
+MAX_JOBS: Final = 32
+RETENTION_TIME: Final = 3600.0  # s after a job's end until it and its result are deleted
+JOB_TIME_LIMIT: Final = 6 * 3600.0  # s for one job
+CLEANUP_INTERVAL: Final = 60.0  # s between two deletions of expired jobs
+ABANDONED_AFTER: Final = 24 * 3600.0  # s: older results were left behind by a killed service
 JOIN_TIMEOUT: Final = 5.0  # s
 
 logger = logging.getLogger(__name__)
 
 
 class JobNotFoundError(LookupError):
-    """There is no such job."""
+    """No job has this id."""
 
 
 class JobQueueFullError(RuntimeError):
-    """Too many jobs wait already, or the service ends."""
+    """Too many jobs are waiting, or the service is shutting down."""
 
 
 class JobState(StrEnum):
-    """How a job stands."""
+    """State of a job."""
 
     WAITING = "waiting"
     RUNNING = "running"
@@ -48,20 +48,20 @@ class JobState(StrEnum):
 
     @property
     def is_final(self) -> bool:
-        """Whether nothing more comes."""
+        """Whether the job has ended."""
         return self not in {JobState.WAITING, JobState.RUNNING}
 
 
 @dataclass(frozen=True, slots=True)
 class Progress:
-    """Where a job stands.
+    """Progress of a job.
 
     Parameters
     ----------
     step : str
-        What it does.
+        Current step, in words.
     fraction : float or None
-        What part of that is done, 0 to 1; None where that cannot be told.
+        Completed fraction of the step, 0 to 1; None if unknown.
     """
 
     step: str
@@ -73,20 +73,20 @@ ReportProgress: TypeAlias = Callable[[Progress], None]
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """What a job is to do.
+    """The function that a job runs, its arguments and its result file.
 
     Parameters
     ----------
     kind, description : str
-        What kind of work it is, and what it is in words.
+        Kind of job, and its description in words.
     run : str
-        Id of the run that it is about; empty where it is about none.
+        Id of its run; empty if it concerns none.
     work : callable
-        A function of a module that takes a `ReportProgress`, the file to write its result to, and ``arguments``.
+        A module-level function of a `ReportProgress`, the result file's path, and ``arguments``.
     arguments : tuple
-        What else it is given; all of it can be sent to another process.
+        Further arguments; all can be pickled.
     file : str
-        Name of the result's file; its suffix tells the form.
+        Name of the result file; its suffix gives the format.
     """
 
     kind: str
@@ -99,117 +99,119 @@ class Task:
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """A job as it stands; times are wall clock, s since 1970.
+    """State of a job at one time; times are wall clock, s since 1970.
 
     Parameters
     ----------
     id : str
-        Its id, which cannot be guessed.
+        Its random id.
     task : Task
-        What it does.
+        Its task.
     state : JobState
-        How it stands.
-    created, started, ended : float
-        When it was asked for, began and ended; 0 where it has not.
+        Its state.
+    submitted, started, ended : float
+        Time of the request, of the start and of the end; 0 if not yet.
     progress : Progress
-        Where it stands.
-    fault : str
+        Its progress.
+    error : str
         Why it failed.
     result : Path or None
-        Its result, once it is done.
+        Result file of a completed job.
     """
 
     id: str
     task: Task
     state: JobState
-    created: float
+    submitted: float
     started: float = 0.0
     ended: float = 0.0
     progress: Progress = Progress("")
-    fault: str = ""
+    error: str = ""
     result: Path | None = None
 
-    def cancelled(self) -> Self:
-        """Return the job as it is when nobody wants it any more."""
+    def as_cancelled(self) -> Self:
+        """Return the job in the state after cancellation; a job that has ended is unchanged."""
         return self if self.state.is_final else replace(self, state=JobState.CANCELLED, ended=time.time())
 
 
 @dataclass(frozen=True, slots=True)
 class CatalogueLocation:
-    """Where a process finds the runs.
+    """Picklable location of a catalogue, for worker processes.
 
     Parameters
     ----------
     folder : Path
         The data folder.
     url : str
-        The catalogue's database, as `Catalogue` takes it.
+        URL of the catalogue's database, as for `Catalogue`.
     """
 
     folder: Path
     url: str = ""
 
     def catalogue(self) -> Catalogue:
-        """Return the catalogue."""
+        """Open the catalogue."""
         return Catalogue(self.folder, self.url)
 
 
 class JobQueue:
-    """Does jobs one after the other, in a process of low priority; one that is cancelled is ended with that process.
+    """Runs jobs one after the other in a low-priority process; cancelling a job kills that process.
 
     Parameters
     ----------
-    place : CatalogueLocation
-        The runs; results lie in a folder beside them, `.rig/jobs`.
-    kept_for : float
-        How long a job is kept after its end, s.
-    limit : float
-        How long one may take, s.
+    location : CatalogueLocation
+        The runs; results are in the folder `.rig/jobs` beside them.
+    retention_time : float
+        Time from the end of a job until its deletion, s.
+    time_limit : float
+        Time limit of one job, s.
     """
 
-    def __init__(self, place: CatalogueLocation, kept_for: float = KEPT_FOR, limit: float = LIMIT) -> None:
-        self.place = place
-        self._folder = place.folder / ".rig" / "jobs"
-        self._kept_for = kept_for
-        self._limit = limit
+    def __init__(
+        self, location: CatalogueLocation, retention_time: float = RETENTION_TIME, time_limit: float = JOB_TIME_LIMIT
+    ) -> None:
+        self.location = location
+        self._folder = location.folder / ".rig" / "jobs"
+        self._retention_time = retention_time
+        self._time_limit = time_limit
         self._changed = threading.Condition()
-        self._jobs: dict[str, Job] = {}  # in the order in which they were asked for
+        self._jobs: dict[str, Job] = {}  # in order of submission
         self._process = WorkerProcess()
         self._running = ""
         self._thread: threading.Thread | None = None
-        self._is_ended = False
+        self._is_stopped = False
 
-    def begin(self, task: Task) -> Job:
-        """Take a job on and return it; JobQueueFullError where too many wait."""
+    def submit(self, task: Task) -> Job:
+        """Queue a job and return it; JobQueueFullError if too many are waiting."""
         with self._changed:
-            self._tidy(room=1)
+            self._delete_expired(reserve=1)
             unfinished = sum(not job.state.is_final for job in self._jobs.values())
-            if self._is_ended or unfinished >= MOST_UNFINISHED:
-                raise JobQueueFullError(f"{unfinished} jobs are under way or waiting already")
+            if self._is_stopped or unfinished >= MAX_UNFINISHED_JOBS:
+                raise JobQueueFullError(f"{unfinished} jobs are running or waiting; the limit is {MAX_UNFINISHED_JOBS}")
             job = Job(secrets.token_hex(8), task, JobState.WAITING, time.time())
             self._jobs[job.id] = job
             if self._thread is None:
-                self._thread = threading.Thread(target=self._work, name="jobs", daemon=True)
+                self._thread = threading.Thread(target=self._run_jobs, name="jobs", daemon=True)
                 self._thread.start()
             self._changed.notify_all()
             return job
 
-    def all(self) -> tuple[Job, ...]:
-        """Return all jobs, the one asked for last first."""
+    def list_jobs(self) -> tuple[Job, ...]:
+        """Return all jobs, the newest first."""
         with self._changed:
-            self._tidy()
+            self._delete_expired()
             return tuple(reversed(self._jobs.values()))
 
     def job(self, job_id: str) -> Job:
-        """Return a job; JobNotFoundError where there is none."""
+        """Return a job by its id; JobNotFoundError if there is none."""
         with self._changed:
-            self._tidy()
+            self._delete_expired()
             if job_id not in self._jobs:
-                raise JobNotFoundError(f"job {job_id[:40]!r}: there is none of this id")
+                raise JobNotFoundError(f"no job has the id {job_id[:40]!r}")
             return self._jobs[job_id]
 
-    def remove(self, job_id: str) -> Job:
-        """Cancel a job that has not ended, forget it with its result, and return it as it was last."""
+    def delete(self, job_id: str) -> Job:
+        """Cancel a job if it has not ended, delete it with its result, and return its last state."""
         with self._changed:
             job = self.job(job_id)
             del self._jobs[job_id]
@@ -217,98 +219,98 @@ class JobQueue:
                 self._process.cancel()
             else:
                 self._discard(job_id)
-        return job.cancelled()
+        return job.as_cancelled()
 
     def stop(self) -> None:
-        """Give up what is under way; nothing is begun any more."""
+        """Cancel the running job and refuse further ones."""
         with self._changed:
-            self._is_ended = True
+            self._is_stopped = True
             self._process.cancel()
             self._changed.notify_all()
 
     def close(self) -> None:
-        """Give up what is under way, wait for its end, and leave no result behind."""
+        """Cancel the running job, wait for its end, and delete all results."""
         self.stop()
         if self._thread is not None:
             self._thread.join(JOIN_TIMEOUT)
-            self._process.kill()  # where it stands still; else it has ended
+            self._process.kill()  # no effect unless the process hangs
             self._thread.join(JOIN_TIMEOUT)
         with self._changed:
             for job_id in self._jobs:
                 self._discard(job_id)
             self._jobs.clear()
 
-    def _work(self) -> None:
-        """Do one job after the other: the body of the thread."""
-        self._sweep()
-        while (job := self._next()) is not None:
-            self._do(job, self._process)
+    def _run_jobs(self) -> None:
+        """Run one job after the other: the body of the thread."""
+        self._delete_abandoned()
+        while (job := self._wait_for_job()) is not None:
+            self._run_job(job, self._process)
             with self._changed:
                 self._running = ""
                 if job.id not in self._jobs:  # it was cancelled, and its process ended with it
                     self._discard(job.id)
-                    if not self._is_ended:
+                    if not self._is_stopped:
                         self._process = WorkerProcess()
-        self._process.join()
+        self._process.stop()
 
-    def _next(self) -> Job | None:
-        """Wait for a job and return it as it begins; None where the service ends."""
+    def _wait_for_job(self) -> Job | None:
+        """Wait for a job, mark it as running and return it; None when the queue is stopped."""
         with self._changed:
-            while not self._is_ended:
+            while not self._is_stopped:
                 waiting = [job for job in self._jobs.values() if job.state is JobState.WAITING]
                 if waiting:
                     job = replace(waiting[0], state=JobState.RUNNING, started=time.time())
                     self._jobs[job.id] = job
                     self._running = job.id
                     return job
-                if not self._changed.wait(TIDYING):
-                    self._tidy()
-                    self._process.join()  # no use in keeping it; it is started anew for the next job
+                if not self._changed.wait(CLEANUP_INTERVAL):
+                    self._delete_expired()
+                    self._process.stop()  # frees its memory; the next job starts it again
         return None
 
-    def _do(self, job: Job, process: WorkerProcess) -> None:
-        """Do a job and keep how it ended."""
+    def _run_job(self, job: Job, process: WorkerProcess) -> None:
+        """Run a job and store its outcome."""
 
-        def told(progress: Progress) -> None:
-            self._keep(job.id, progress=progress)
+        def on_progress(progress: Progress) -> None:
+            self._update(job.id, progress=progress)
 
         target = self._folder / job.id / job.task.file
         try:
             target.parent.mkdir(parents=True)
-            process.run(job.task.work, (target, *job.task.arguments), self._limit, told)
+            process.run(job.task.work, (target, *job.task.arguments), self._time_limit, on_progress)
         except (RigError, RecordingError, ModelError, WorkerStoppedError, OSError, ValueError, LookupError) as error:
-            self._keep(job.id, state=JobState.FAILED, ended=time.time(), fault=str(error))
-        except Exception as error:  # whatever it is, the next job must be done all the same
+            self._update(job.id, state=JobState.FAILED, ended=time.time(), error=str(error))
+        except Exception as error:  # the next job must run regardless
             logger.exception("job %s (%s) failed", job.id, job.task.description)
-            fault = f"{type(error).__name__}; see the service's log"
-            self._keep(job.id, state=JobState.FAILED, ended=time.time(), fault=fault)
+            message = f"{type(error).__name__}; see the service's log"
+            self._update(job.id, state=JobState.FAILED, ended=time.time(), error=message)
         else:
-            self._keep(job.id, state=JobState.DONE, ended=time.time(), progress=Progress("done", 1.0), result=target)
+            self._update(job.id, state=JobState.DONE, ended=time.time(), progress=Progress("done", 1.0), result=target)
 
-    def _keep(self, job_id: str, **changes: object) -> None:
+    def _update(self, job_id: str, **changes: object) -> None:
         with self._changed:
             if job_id in self._jobs:
                 self._jobs[job_id] = replace(self._jobs[job_id], **changes)  # type: ignore[arg-type]  # names are Job's
 
-    def _tidy(self, room: int = 0) -> None:
-        """Forget jobs that ended long ago, and the oldest that ended where they are too many."""
+    def _delete_expired(self, reserve: int = 0) -> None:
+        """Delete expired jobs, and the oldest ended ones above the limit."""
         ended = sorted((job for job in self._jobs.values() if job.state.is_final), key=lambda job: job.ended)
-        too_many = len(self._jobs) + room - MOST_KEPT
-        for place, job in enumerate(ended):
-            if place < too_many or time.time() - job.ended > self._kept_for:
+        too_many = len(self._jobs) + reserve - MAX_JOBS
+        for index, job in enumerate(ended):
+            if index < too_many or time.time() - job.ended > self._retention_time:
                 del self._jobs[job.id]
                 self._discard(job.id)
 
     def _discard(self, job_id: str) -> None:
         shutil.rmtree(self._folder / job_id, ignore_errors=True)
 
-    def _sweep(self) -> None:
-        """Throw away what services that were ended by force have left."""
+    def _delete_abandoned(self) -> None:
+        """Delete results left behind by killed services."""
         for folder in self._folder.glob("*"):
             try:
-                if time.time() - folder.stat().st_mtime > ABANDONED:
+                if time.time() - folder.stat().st_mtime > ABANDONED_AFTER:
                     shutil.rmtree(folder, ignore_errors=True)
-            except OSError:  # another service has been faster
+            except OSError:  # another service has deleted it meanwhile
                 continue
 
     def __enter__(self) -> Self:

@@ -209,7 +209,7 @@ class PredictionMapSchema(Schema):
 
 def job_schema(job: Job) -> JobSchema:
     """Return a job as a document."""
-    place = f"{JOBS}/{job.id}"
+    location = f"{JOBS}/{job.id}"
     return JobSchema(
         job=job.id,
         kind=job.task.kind,
@@ -218,12 +218,12 @@ def job_schema(job: Job) -> JobSchema:
         state=job.state,
         progress=job.progress.fraction,
         step=job.progress.step,
-        detail=job.fault,
-        created_at=_clock(job.created),
+        detail=job.error,
+        created_at=_clock(job.submitted),
         started_at=_clock(job.started) if job.started else None,
         ended_at=_clock(job.ended) if job.ended else None,
-        events=f"{place}/events",
-        result=f"{place}/result" if job.result is not None else None,
+        events=f"{location}/events",
+        result=f"{location}/result" if job.result is not None else None,
     )
 
 

@@ -50,13 +50,13 @@ QUESTIONS: Final[Mapping[ResultPath, type[QueryParameters]]] = {
 }
 
 
-def index_task(request: IndexRequest, place: CatalogueLocation) -> Task:
+def index_task(request: IndexRequest, location: CatalogueLocation) -> Task:
     """Return what an order is to do that is about no run."""
     about = "catalogue, with verification" if request.verify else "catalogue"
-    return Task(request.kind, about, "", execution.index, (place, request.verify), "index.json")
+    return Task(request.kind, about, "", execution.index, (location, request.verify), "index.json")
 
 
-def run_task(request: RunJobRequest, entry: RunEntry, place: CatalogueLocation) -> Task:
+def run_task(request: RunJobRequest, entry: RunEntry, location: CatalogueLocation) -> Task:
     """Return what an order is to do with a run.
 
     Raises
@@ -69,7 +69,7 @@ def run_task(request: RunJobRequest, entry: RunEntry, place: CatalogueLocation) 
     match request:
         case ResultRequest(path=ResultPath.SUMMARY):
             _asked(request)
-            return task(f"summary of {run}", work=execution.summary, arguments=(place, run), file="summary.json")
+            return task(f"summary of {run}", work=execution.summary, arguments=(location, run), file="summary.json")
         case ResultRequest(path=result_path) if isinstance(query := _asked(request), AnalysisQuery):
             kind, form = result_path.removeprefix(ANALYSES), query.format or AnalysisForm.JSON
             return task(
@@ -79,7 +79,7 @@ def run_task(request: RunJobRequest, entry: RunEntry, place: CatalogueLocation) 
             asked = (path, result_path.value, _asked(request))
             return task(f"{result_path} of {run}", work=execution.answer, arguments=asked, file=f"{result_path}.json")
         case ReanalysisRequest():
-            given = (place, run, _calibrations(request, entry))
+            given = (location, run, _calibrations(request, entry))
             return task(f"{run} analysed anew", work=execution.analyse, arguments=given, file="summary.json")
         case PredictionRequest():
             changes = request.model_dump(exclude={"kind", "run"}, exclude_none=True)
@@ -94,9 +94,9 @@ def run_task(request: RunJobRequest, entry: RunEntry, place: CatalogueLocation) 
             )
         case VerificationRequest():
             file = "verification.json"
-            return task(f"verification of {run}", work=execution.verification, arguments=(place, run), file=file)
+            return task(f"verification of {run}", work=execution.verification, arguments=(location, run), file=file)
         case RecoveryRequest():
-            return task(f"recovery of {run}", work=execution.recovery, arguments=(place, run), file="recovery.json")
+            return task(f"recovery of {run}", work=execution.recovery, arguments=(location, run), file="recovery.json")
 
 
 def _asked(request: ResultRequest) -> QueryParameters | None:

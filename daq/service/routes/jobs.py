@@ -144,7 +144,7 @@ class JobRoutes:
         """
         task = await self._task(order)
         try:
-            job = await self._lookup_threads.run(partial(self._jobs.begin, task))
+            job = await self._lookup_threads.run(partial(self._jobs.submit, task))
         except JobQueueFullError as error:
             raise ProblemError(ProblemType.TOO_MANY_JOBS, str(error)) from error
         response.headers["Location"] = f"{API_PREFIX}/jobs/{job.id}"
@@ -154,13 +154,13 @@ class JobRoutes:
         """Return what is to be done."""
         match order:
             case IndexRequest():
-                return index_task(order, self._jobs.place)
+                return index_task(order, self._jobs.location)
             case ImportRequest():
                 return await self._import(order)
             case RotorStudyRequest():
                 return study_task(order, None if order.run is None else header_of(await self._run(order.run)))
             case _:
-                return run_task(order, await self._run(order.run), self._jobs.place)
+                return run_task(order, await self._run(order.run), self._jobs.location)
 
     async def _import(self, order: ImportRequest) -> Task:
         try:
@@ -170,7 +170,7 @@ class JobRoutes:
                     rig = rig_of_run(header_of(await self._run(run)))
                 case RigFromToml() as text:
                     rig = await self._lookup_threads.run(partial(rig_of_text, text))
-            return import_task(order, upload, rig, self._jobs.place)
+            return import_task(order, upload, rig, self._jobs.location)
         except UploadNotFoundError as error:
             raise ProblemError(ProblemType.UPLOAD_NOT_FOUND, str(error)) from error
         except ConfigError as error:
@@ -183,7 +183,7 @@ class JobRoutes:
 
     async def all(self) -> JobListSchema:
         """List the jobs that wait, go on, or ended not long ago."""
-        jobs = await self._lookup_threads.run(self._jobs.all)
+        jobs = await self._lookup_threads.run(self._jobs.list_jobs)
         return JobListSchema(jobs=tuple(map(job_schema, jobs)))
 
     async def job(self, job: JobId) -> JobSchema:
@@ -193,7 +193,7 @@ class JobRoutes:
     async def remove(self, job: JobId) -> JobSchema:
         """End the job's process where it has not ended, forget the job and its result, and tell how it stood last."""
         try:
-            return job_schema(await self._lookup_threads.run(partial(self._jobs.remove, job)))
+            return job_schema(await self._lookup_threads.run(partial(self._jobs.delete, job)))
         except JobNotFoundError as error:
             raise ProblemError(ProblemType.JOB_NOT_FOUND, str(error)) from error
 
@@ -201,7 +201,7 @@ class JobRoutes:
         """Send what came of the job, or with `Range` a stretch of it: JSON, or the file that was exported."""
         known = await self._known(job)
         if known.result is None:
-            raise ProblemError(ProblemType.NO_RESULT, known.fault or f"job {job} is {known.state.value}")
+            raise ProblemError(ProblemType.NO_RESULT, known.error or f"job {job} is {known.state.value}")
         media_type = MEDIA_TYPES.get(known.result.suffix.removeprefix("."), OCTET_STREAM)
         try:
             return await file_response(request, known.result, media_type, etag=f'"{job}"')
@@ -240,7 +240,7 @@ class JobRoutes:
         try:
             return self._jobs.job(job.id)
         except JobNotFoundError:
-            return job.cancelled()
+            return job.as_cancelled()
 
     async def _known(self, job_id: str) -> Job:
         try:

@@ -29,7 +29,7 @@ def until(said: Callable[[], bool]) -> None:
 
 @pytest.fixture
 def processes() -> Iterator[WorkerPool]:
-    with WorkerPool(1, deadline=PATIENCE) as started:
+    with WorkerPool(1, time_limit=PATIENCE) as started:
         yield started
 
 
@@ -100,12 +100,12 @@ def test_process_that_goes_away_is_told_and_replaced(processes: WorkerPool) -> N
 
 
 def test_work_that_takes_too_long_is_given_up() -> None:
-    with WorkerPool(1, deadline=PATIENCE) as processes:
+    with WorkerPool(1, time_limit=PATIENCE) as processes:
         processes.run(len, "")  # begun, so that the deadline below is the work's alone
-        processes._deadline = 0.5
+        processes._time_limit = 0.5
         with pytest.raises(WorkerTimeoutError, match=r"0\.5 s"):
             processes.run(time.sleep, 60.0)
-        assert processes.run(time.sleep, 0.6, deadline=PATIENCE) is None
+        assert processes.run(time.sleep, 0.6, time_limit=PATIENCE) is None
 
 
 def count(tell: Callable[[int], None], numbers: int) -> str:
@@ -115,10 +115,10 @@ def count(tell: Callable[[int], None], numbers: int) -> str:
 
 
 def test_work_tells_how_it_goes() -> None:
-    process, told = WorkerProcess(), list[int]()
-    assert process.run(count, (3,), PATIENCE, told.append) == "done"
-    assert told == [0, 1, 2]
-    process.join()
+    process, progress = WorkerProcess(), list[int]()
+    assert process.run(count, (3,), PATIENCE, progress.append) == "done"
+    assert progress == [0, 1, 2]
+    process.stop()
 
 
 def chatter(tell: Callable[[int], None]) -> None:
@@ -135,24 +135,24 @@ def test_work_that_talks_and_talks_is_given_up_in_time() -> None:
 
 
 def test_closing_gives_up_what_is_under_way() -> None:
-    processes = WorkerPool(1, deadline=60.0)
+    processes = WorkerPool(1, time_limit=60.0)
     processes.run(len, "")
-    told: list[str] = []
+    progress: list[str] = []
 
     def wait() -> None:
         try:
             processes.run(time.sleep, 60.0)
         except WorkerStoppedError as error:
-            told.append(str(error))
+            progress.append(str(error))
 
     threads = [threading.Thread(target=wait) for _ in range(2)]
     for thread in threads:
         thread.start()
-    until(processes._free.empty)
+    until(processes._idle.empty)
     processes.close()
     for thread in threads:
         thread.join(PATIENCE)
-    assert told == ["the service ends"] * 2
+    assert progress == ["the service is shutting down"] * 2
 
 
 def stand_still() -> None:
@@ -178,22 +178,22 @@ def test_process_that_stands_still_is_ended_when_its_time_is_over() -> None:
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no such signal there")
 def test_closing_ends_a_process_that_stands_still_in_the_midst_of_an_answer() -> None:
-    processes = WorkerPool(1, deadline=PATIENCE)
-    told: list[str] = []
+    processes = WorkerPool(1, time_limit=PATIENCE)
+    progress: list[str] = []
 
     def wait() -> None:
         try:
             processes.run(stand_still_in_the_midst_of_an_answer)
         except WorkerStoppedError as error:
-            told.append(str(error))
+            progress.append(str(error))
 
     thread = threading.Thread(target=wait)
     thread.start()
-    (process,) = processes._all
+    (process,) = processes._workers
     until(lambda: process._process is not None and psutil.Process(process._process.pid).status() == "stopped")
     child = process._process
     assert child is not None
     processes.close()
     thread.join(PATIENCE)
-    assert told[0].startswith("the reading process went away")
+    assert progress[0].startswith("the worker process died")
     assert not child.is_alive()

@@ -102,13 +102,13 @@ def open_recorded_bench(
     origins: tuple[str, ...] = (),
     run_starter: RunStarter | None = None,
     job_limit: float = 60.0,
-    answer_limit: float = 60.0,
+    request_limit: float = 60.0,
 ) -> RecordedBench:
     """Serve the runs of a folder at a free port of this machine, as if bound to ``host``."""
     catalogue, live, predictors = Catalogue(folder), FakeLive(), Predictors()
-    results = ResultsReader(KnownModels(), deadline=answer_limit)
+    results = ResultsReader(KnownModels(), time_limit=request_limit)
     steered = Steered(live)
-    jobs = JobQueue(CatalogueLocation(folder), limit=job_limit)
+    jobs = JobQueue(CatalogueLocation(folder), time_limit=job_limit)
     features = ServiceFeatures(results, steered, run_starter, catalogue, jobs, origins)
     summaries = Summaries(catalogue, predictors, results.summary)
     app = create_app(catalogue, live, summaries, None, features=features, host=host, token=token)

@@ -318,7 +318,7 @@ def test_uploads_are_forgotten_and_limited_in_number(tmp_path: Path) -> None:
         place.write_bytes(b"x")
         return uploads.add(name, place, 1).id
 
-    passing, lasting = UploadStore(tmp_path / "a", kept_for=0.0), UploadStore(tmp_path / "b")
+    passing, lasting = UploadStore(tmp_path / "a", retention_time=0.0), UploadStore(tmp_path / "b")
     put(passing, "run.csv")
     assert passing.all() == ()
     assert not list((tmp_path / "a/.rig/uploads").iterdir())

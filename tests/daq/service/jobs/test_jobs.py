@@ -253,7 +253,7 @@ def test_order_that_cannot_be_followed_is_refused(
 
 def test_answer_that_takes_too_long_names_the_job_that_makes_it(served: RecordedBench, tmp_path: Path) -> None:
     (tmp_path / f"{RUN}.mcap").write_bytes((served.folder / f"{RUN}.mcap").read_bytes())
-    hasty = open_recorded_bench(tmp_path, answer_limit=0.0)
+    hasty = open_recorded_bench(tmp_path, request_limit=0.0)
     try:
         refused = hasty.get("/plots/cascade.svg", rows=20)
         assert problem(refused) == (503, "time-limit-exceeded")
