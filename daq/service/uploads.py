@@ -169,7 +169,7 @@ def _discard(folder: Path) -> None:
     shutil.rmtree(folder, ignore_errors=True)
 
 
-RESERVE: Final = 1024**3  # bytes that stay free on the disk
+DISK_RESERVE: Final = 1024**3  # bytes that stay free on the disk
 AT_ONCE: Final = 2
 LEAST: Final = 64 * 1024  # bytes that must come at a time, but for the last
 PATIENCE: Final = 30.0  # s for them
@@ -212,7 +212,7 @@ class UploadReceiver:
         ProblemError, StorageError
             It cannot be taken; nothing is left of it.
         """
-        limit = min(self._most_bytes, await to_thread.run_sync(self._free_bytes) - RESERVE)
+        limit = min(self._most_bytes, await to_thread.run_sync(self._free_bytes) - DISK_RESERVE)
         sent = request.headers.get("content-length", "0")
         if sent.isdecimal() and int(sent) > limit:
             raise ProblemError(

@@ -1,7 +1,4 @@
-"""What jobs do; each function is the work of a process of its own and writes its result to a file.
-
-Words on how a job goes, no more often than anybody looks.
-"""
+"""The functions that jobs run in a worker process; each writes its result to a file and reports its progress."""
 
 import math
 import shutil
@@ -17,7 +14,7 @@ from daq.config.rotor import model_parameters
 from daq.reports.analysis_export import encode_analysis, run_analysis
 from daq.reports.parameters import AnalysisForm, AnalysisQuery
 from daq.reports.run_history import read_history
-from daq.reports.run_summaries import ProgressCallback, Summaries
+from daq.reports.run_summaries import Summaries
 from daq.schemas.live import predicted_vibration_schema
 from daq.schemas.runs import index_report_schema
 from daq.schemas.units import Schema
@@ -36,136 +33,131 @@ from recordings.integrity.recover import recover
 from recordings.integrity.verify import verify
 from recordings.mcap.reader import RunReader
 
-PAUSE = 0.1  # s between two words on how it goes
+REPORT_INTERVAL = 0.1  # s between two progress reports of one step
+DISK_RESERVE = 1024**3  # bytes that stay free on the disk for a recording
+MAX_BYTES_PER_NUMBER = 24  # in any export format
 
 
 class ProgressThrottle:
-    """Tells no more often than anybody looks.
+    """Limits the rate of progress reports; a new step is always reported.
 
     Parameters
     ----------
-    tell : Tell
-        Who is told.
+    report : ReportProgress
+        Receives the reports.
     """
 
-    def __init__(self, tell: ReportProgress) -> None:
-        self._tell = tell
-        self._doing = ""
-        self._told = -math.inf
+    def __init__(self, report: ReportProgress) -> None:
+        self._report = report
+        self._step = ""
+        self._reported_at = -math.inf
 
-    def words(self, doing: str, part: float | None) -> None:
-        """Tell what is done, and what part of it, 0 to 1; None where that cannot be told."""
+    def report(self, step: str, fraction: float | None) -> None:
+        """Report a step and its completed fraction, 0 to 1; None if unknown."""
         now = time.monotonic()
-        if doing != self._doing or now - self._told >= PAUSE:
-            self._doing, self._told = doing, now
-            self._tell(Progress(doing, part))
+        if step != self._step or now - self._reported_at >= REPORT_INTERVAL:
+            self._step, self._reported_at = step, now
+            self._report(Progress(step, fraction))
 
 
-def parts_told(tell: ReportProgress, doing: str) -> Callable[[float], None]:
-    """Return what takes the part of something that is done, 0 to 1, and tells it."""
-    words = ProgressThrottle(tell).words
-    return lambda part: words(doing, part)
+def fraction_reporter(report: ReportProgress, step: str) -> Callable[[float], None]:
+    """Return a function that reports the completed fraction of a step, 0 to 1."""
+    throttle = ProgressThrottle(report)
+    return lambda fraction: throttle.report(step, fraction)
 
 
-RESERVE = 1024**3  # bytes that stay free on the disk: a run may be recorded on it
-BYTES_A_NUMBER = 24  # at most, in any form
+def result_job(report: ReportProgress, target: Path, path: Path, what: str, query: object) -> None:
+    """Write the result of a run that the REST path ``what`` returns."""
+    history = read_history(path, fraction_reporter(report, "reading"))
+    report(Progress("putting together"))
+    _write_json(target, document_of(path, what, query, history))
 
 
-def answer(tell: ReportProgress, target: Path, path: Path, what: str, query: object) -> None:
-    """Make the document of an address of a run's results."""
-    found = read_history(path, parts_told(tell, "reading"))
-    tell(Progress("putting together"))
-    _write(target, document_of(path, what, query, found))
+def analysis_job(report: ReportProgress, target: Path, path: Path, kind: str, query: AnalysisQuery) -> None:
+    """Write an analysis of a run's samples, in the format of the target's suffix."""
+    run, analysis = run_analysis(path, kind, query, ProgressThrottle(report).report)
+    report(Progress("writing"))
+    target.write_bytes(encode_analysis(analysis, run, kind, AnalysisForm(target.suffix.removeprefix("."))))
 
 
-def analysis(tell: ReportProgress, target: Path, path: Path, kind: str, query: AnalysisQuery) -> None:
-    """Analyse a run's samples as a whole, in the form that the target's suffix tells."""
-    run, made = run_analysis(path, kind, query, _waiting(tell))
-    tell(Progress("writing"))
-    target.write_bytes(encode_analysis(made, run, kind, AnalysisForm(target.suffix.removeprefix("."))))
+def summary_job(report: ReportProgress, target: Path, location: CatalogueLocation, run: str) -> None:
+    """Write a run's summary and cache it."""
+    summaries = Summaries(location.catalogue(), CachedPredictionMaps())
+    _write_json(target, summaries.summary_with_agreement(run, ProgressThrottle(report).report))
 
 
-def summary(tell: ReportProgress, target: Path, location: CatalogueLocation, run: str) -> None:
-    """Sum a run up and keep its summary."""
-    _write(target, Summaries(location.catalogue(), CachedPredictionMaps()).summary_with_agreement(run, _waiting(tell)))
-
-
-def analyse(
-    tell: ReportProgress, target: Path, location: CatalogueLocation, run: str, calibrations: Mapping[str, Calibration]
+def reanalysis_job(
+    report: ReportProgress, target: Path, location: CatalogueLocation, run: str, calibrations: Mapping[str, Calibration]
 ) -> None:
-    """Analyse a run's samples anew."""
-    _write(
-        target,
-        Summaries(location.catalogue(), CachedPredictionMaps()).recalibrated_summary(run, calibrations, _waiting(tell)),
-    )
+    """Write the summary of a run analysed again with corrected calibrations."""
+    summaries = Summaries(location.catalogue(), CachedPredictionMaps())
+    _write_json(target, summaries.recalibrated_summary(run, calibrations, ProgressThrottle(report).report))
 
 
-def predict(tell: ReportProgress, target: Path, header: RunHeader, changes: Mapping[str, float]) -> None:
-    """Compute the model over speed for the rig of a run, with other values of its `[model]`."""
+def prediction_job(report: ReportProgress, target: Path, header: RunHeader, changes: Mapping[str, float]) -> None:
+    """Write the model's prediction over speed for a run's rig, with changed values of its `[model]`."""
     config = read_recorded_config(header.config_toml, f"configuration of run {header.run}")
     config = config.model_copy(update={"model": config.model.model_copy(update=dict(changes))})
-    parts = parts_told(tell, "computing speed by speed")
-    wanted = CachedPredictionMap(model_parameters(config), header.settings, header.limits)
-    found = wanted.computed(lambda done, total: parts(done / total))
-    by_speed = tuple(predicted_vibration_schema(found.at(speed)) for speed in found.speeds.tolist())
-    _write(target, PredictionMapSchema(run=header.run, by_speed=by_speed))
+    report_fraction = fraction_reporter(report, "computing speed by speed")
+    cached_map = CachedPredictionMap(model_parameters(config), header.settings, header.limits)
+    prediction_map = cached_map.computed(lambda done, total: report_fraction(done / total))
+    by_speed = tuple(predicted_vibration_schema(prediction_map.at(speed)) for speed in prediction_map.speeds.tolist())
+    _write_json(target, PredictionMapSchema(run=header.run, by_speed=by_speed))
 
 
-def export(tell: ReportProgress, target: Path, path: Path, made: Callable[..., Table], part: Mapping[str, Any]) -> None:
-    """Write a run or a part of it in the form of another program."""
+def export_job(
+    report: ReportProgress, target: Path, path: Path, to_table: Callable[..., Table], selection: Mapping[str, Any]
+) -> None:
+    """Write a run or a part of it as a file of another program."""
     with RunReader(path) as reader:
-        table = made(reader, **part, on_progress=parts_told(tell, "reading"))
-    size, free = BYTES_A_NUMBER * table.n_rows * len(table.columns), shutil.disk_usage(target.parent).free
-    if size > free - RESERVE:
-        raise StorageError(f"{target.name}: up to {size:,} bytes, expected at most {max(free - RESERVE, 0):,}")
-    doing = f"writing {table.n_rows:,} rows"
-    tell(Progress(doing, 0.0))
+        table = to_table(reader, **selection, on_progress=fraction_reporter(report, "reading"))
+    size, free = MAX_BYTES_PER_NUMBER * table.n_rows * len(table.columns), shutil.disk_usage(target.parent).free
+    if size > free - DISK_RESERVE:
+        raise StorageError(f"{target.name}: up to {size:,} bytes, expected at most {max(free - DISK_RESERVE, 0):,}")
+    step = f"writing {table.n_rows:,} rows"
+    report(Progress(step, 0.0))
     try:
-        write_table(target, table, parts_told(tell, doing))
+        write_table(target, table, fraction_reporter(report, step))
     except ForeignFormatError as error:
         raise ForeignFormatError(str(error).replace(str(target), target.name)) from error
 
 
-def verification(tell: ReportProgress, target: Path, location: CatalogueLocation, run: str) -> None:
-    """Look through a recording's file and keep the verdict."""
+def verification_job(report: ReportProgress, target: Path, location: CatalogueLocation, run: str) -> None:
+    """Verify a recording's file, store the verdict in the catalogue and write the findings."""
     catalogue = location.catalogue()
-    found = verify(catalogue.path(run), parts_told(tell, "verifying"))
-    catalogue.store_verdict(run, found.verdict.value)
-    _write(target, verification_schema(found))
+    verification = verify(catalogue.path(run), fraction_reporter(report, "verifying"))
+    catalogue.store_verdict(run, verification.verdict.value)
+    _write_json(target, verification_schema(verification))
 
 
-def recovery(tell: ReportProgress, target: Path, location: CatalogueLocation, run: str) -> None:
-    """Copy what is intact of a recording; the copy is listed when it is whole."""
-    tell(Progress("copying what is intact"))
+def recovery_job(report: ReportProgress, target: Path, location: CatalogueLocation, run: str) -> None:
+    """Copy the intact data of a recording into a new run, which is listed once complete."""
+    report(Progress("copying what is intact"))
     catalogue = location.catalogue()
     copy = catalogue.path_for(f"{run}-recovered")
     if copy.exists():
         raise RunExistsError(f"{copy.name}: a run of this name exists already")
     temporary = target.with_name(copy.name)
-    found = recover(catalogue.path(run), temporary)
+    recovery = recover(catalogue.path(run), temporary)
     move_without_overwriting(temporary, copy)
-    _write(target, recovery_schema(replace(found, target=copy)))
+    _write_json(target, recovery_schema(replace(recovery, target=copy)))
 
 
-def index(tell: ReportProgress, target: Path, location: CatalogueLocation, verifying: bool) -> None:  # noqa: FBT001 - sent through a pipe
-    """Bring the catalogue up to date."""
-    report = location.catalogue().index(
-        summarise, verify_files=verifying, on_status=lambda words: tell(Progress(words))
+def index_job(report: ReportProgress, target: Path, location: CatalogueLocation, verifying: bool) -> None:  # noqa: FBT001 - sent through a pipe
+    """Update the catalogue from the files, and verify them if wanted."""
+    index_report = location.catalogue().index(
+        summarise, verify_files=verifying, on_status=lambda status: report(Progress(status))
     )
-    _write(target, index_report_schema(report))
+    _write_json(target, index_report_schema(index_report))
 
 
-def part_of(start: float, stop: float | None, segment: int | None) -> dict[str, Any]:
-    """Return which part of a run is exported, as `samples_table` and `results_table` take it."""
+def export_selection(start: float, stop: float | None, segment: int | None) -> dict[str, Any]:
+    """Return the exported part of a run, as keyword arguments of `samples_table` and `results_table`."""
     return {"start": start, "stop": math.inf if stop is None else stop, "segment": segment}
 
 
 TABLES = {"samples": samples_table, "results": results_table, "pulses": pulses_table}
 
 
-def _write(target: Path, document: Schema) -> None:
-    target.write_text(document.model_dump_json(), encoding="utf-8")
-
-
-def _waiting(tell: ReportProgress) -> ProgressCallback:
-    return ProgressThrottle(tell).words
+def _write_json(target: Path, schema: Schema) -> None:
+    target.write_text(schema.model_dump_json(), encoding="utf-8")

@@ -1,4 +1,4 @@
-"""Another program's file made into a run, as a job."""
+"""Import job: converts an uploaded file of another program into a run."""
 
 from pathlib import Path
 
@@ -9,7 +9,7 @@ from daq.config.rig import Rig
 from daq.config.toml_files import to_toml
 from daq.errors import ConfigError
 from daq.schemas.runs import run_schema
-from daq.service.jobs.execution import parts_told
+from daq.service.jobs.execution import fraction_reporter
 from daq.service.jobs.queue import CatalogueLocation, Progress, ReportProgress, Task
 from daq.service.schemas.importing import ImportRequest, RigFromToml
 from daq.service.uploads import Upload
@@ -22,56 +22,58 @@ MAPPING = "mapping"
 
 
 def import_task(request: ImportRequest, upload: Upload, rig: Rig, location: CatalogueLocation) -> Task:
-    """Return what an order is to do; ConfigError where the mapping does not give what the rig needs."""
+    """Return the task of an import request; ConfigError if the mapping lacks a channel of the rig."""
     columns = request.mapping.model_dump(mode="json", exclude_none=True)
     foreign = ForeignFile(
         upload.path, upload.name, request.mapping, MAPPING, to_toml({"rig": rig.config.rig, **columns})
     )
     require_mapping_fits(foreign, rig)
-    return Task(request.kind, f"import of {upload.name}", "", import_upload, (location, foreign, rig), "run.json")
+    return Task(request.kind, f"import of {upload.name}", "", import_job, (location, foreign, rig), "run.json")
 
 
-def import_upload(
-    tell: ReportProgress, target: Path, location: CatalogueLocation, foreign: ForeignFile, rig: Rig
+def import_job(
+    report: ReportProgress, target: Path, location: CatalogueLocation, foreign: ForeignFile, rig: Rig
 ) -> None:
-    """Make a file into a run and tell which."""
-    tell(Progress("reading"))
+    """Convert a file into a run and write the run's schema."""
+    report(Progress("reading"))
     catalogue = location.catalogue()
     try:
-        rig = with_reference_runout(_without_paths(rig, catalogue), catalogue.folder)
-        run, _ = write_imported_run(foreign, rig, catalogue, target.parent, parts_told(tell, "writing and analysing"))
+        rig = with_reference_runout(_check_runout_source(rig, catalogue), catalogue.folder)
+        run, _ = write_imported_run(
+            foreign, rig, catalogue, target.parent, fraction_reporter(report, "writing and analysing")
+        )
     except ForeignFormatError as error:
         raise ForeignFormatError(str(error).replace(str(foreign.path), foreign.name)) from error
     target.write_text(run_schema(catalogue.run(run)).model_dump_json(), encoding="utf-8")
 
 
 def rig_of_run(header: RunHeader) -> Rig:
-    """Return the rig of a run as it was then.
+    """Return the rig of a run with its configuration and calibrations at the time of recording.
 
     Raises
     ------
     ConfigError
-        The run was imported: where its samples were displacements already, its calibrations are none of the rig's.
+        The run was imported. If its samples were displacements, its calibrations are not those of the rig.
     """
     name = f"run {header.run}"
     if header.acquisition.device.backend == IMPORTED_BACKEND:
-        raise ConfigError(name, ["was imported itself: expected a run that was recorded, or the rig in text"])
+        raise ConfigError(name, ["was imported: expected a recorded run, or the rig as TOML"])
     channels = header.acquisition.channels
     calibrations = {channel.name: channel.calibration for channel in channels if channel.calibration is not None}
     return Rig(Path(name), read_recorded_config(header.config_toml, name), calibrations, header.config_toml)
 
 
-def rig_of_text(text: RigFromToml) -> Rig:
-    """Return the rig in a text; ConfigError where it is wrong."""
-    given = {name: to_calibration(record, f"calibrations.{name}") for name, record in text.calibrations.items()}
-    return parse_rig(text.toml, given, "toml")
+def rig_from_toml(text: RigFromToml) -> Rig:
+    """Return the rig of a TOML text; ConfigError if it is invalid."""
+    calibrations = {name: to_calibration(record, f"calibrations.{name}") for name, record in text.calibrations.items()}
+    return parse_rig(text.toml, calibrations, "toml")
 
 
-def _without_paths(rig: Rig, catalogue: Catalogue) -> Rig:
-    """Return a rig whose run-out is of no run or of one of the data folder: no path of a request reaches the disk."""
+def _check_runout_source(rig: Rig, catalogue: Catalogue) -> Rig:
+    """Return the rig unchanged if its run-out comes from no run or one of the data folder, never from a path."""
     name = rig.config.runout.from_run
     if name.endswith(SUFFIX):
-        raise ConfigError("runout.from_run", [f"{name!r}: expected the id of a run, no file"])
+        raise ConfigError("runout.from_run", [f"{name!r}: expected the id of a run, not a file"])
     if name:
         catalogue.path(name)
     return rig

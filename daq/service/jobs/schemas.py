@@ -1,4 +1,4 @@
-"""Jobs: what is to be done, and how it stands."""
+"""Request and response schemas of jobs."""
 
 from datetime import UTC, datetime
 from enum import StrEnum
@@ -13,15 +13,15 @@ from daq.schemas.runs import RunId
 from daq.schemas.study import StudyRequest
 from daq.schemas.units import Schema
 from daq.service.jobs.queue import Job, JobState
-from daq.service.schemas.importing import ImportRequest, as_a_file
+from daq.service.schemas.importing import ImportRequest, validate_as_file
 
 JOBS = "/api/v1/jobs"
 
-Parameter: TypeAlias = str | float | bool | None
+ParameterValue: TypeAlias = str | float | bool | None
 
 
 class ResultPath(StrEnum):
-    """The last part of the address of a run's results."""
+    """Path of a result below `/api/v1/runs/{run}/`."""
 
     SUMMARY = "summary"
     ORDER_VECTORS = "order-vectors"
@@ -52,7 +52,7 @@ class ResultPath(StrEnum):
 
 
 class ExportFormat(StrEnum):
-    """Form of an exported file."""
+    """Format of an exported file."""
 
     CSV = "csv"
     PARQUET = "parquet"
@@ -63,7 +63,7 @@ class ExportFormat(StrEnum):
 
 
 class ExportContent(StrEnum):
-    """What is exported."""
+    """Exported content."""
 
     SAMPLES = "samples"
     RESULTS = "results"
@@ -71,35 +71,35 @@ class ExportContent(StrEnum):
 
 
 class ResultRequest(Schema):
-    """Make the answer of a run's address, without the time limit that it has."""
+    """Compute a result of a run without the time limit of its route."""
 
     kind: Literal["result"]
     run: RunId
-    path: ResultPath = Field(description="Last part of the URL", examples=["cascade"])
-    parameters: dict[str, Parameter] = Field(
-        default_factory=dict, description="Its parameters, by name", examples=[{"rows": 100}]
+    path: ResultPath = Field(description="Path of the result below `/api/v1/runs/{run}/`", examples=["cascade"])
+    parameters: dict[str, ParameterValue] = Field(
+        default_factory=dict, description="Query parameters of the path, by name", examples=[{"rows": 100}]
     )
 
 
 class ReanalysisRequest(Schema):
-    """Analyse a run's samples anew, with corrected calibrations where some are given; the recording stays as it is."""
+    """Analyse a run's samples again, optionally with corrected calibrations; the recording is not changed."""
 
     kind: Literal["analysis"]
     run: RunId
-    calibrations: dict[str, Annotated[CalibrationRecord, BeforeValidator(as_a_file(CalibrationRecord))]] = Field(
+    calibrations: dict[str, Annotated[CalibrationRecord, BeforeValidator(validate_as_file(CalibrationRecord))]] = Field(
         default_factory=dict,
-        description="By the name of the probe's channel, each in the form of a calibration file",
+        description="By name of the probe's channel, each with the content of a calibration file",
         examples=[{}],
     )
 
 
 class PredictionRequest(Schema):
-    """Compute the model over speed for a run's rig, with other parameters where some are given."""
+    """Compute the model over speed for a run's rig, optionally with changed parameters."""
 
     kind: Literal["prediction"]
     run: RunId
     imbalance_kg_m: Annotated[float, Field(strict=True, ge=0, le=1)] | None = Field(
-        None, description="Of the first imbalance, kg m", examples=[5e-7]
+        None, description="First imbalance, kg m", examples=[5e-7]
     )
     viscosity_pa_s: Annotated[float, Field(strict=True, gt=0, le=10)] | None = Field(
         None, description="Dynamic viscosity of the oil in both films, Pa s", examples=[0.012]
@@ -113,47 +113,47 @@ class PredictionRequest(Schema):
 
 
 class ExportRequest(Schema):
-    """Write a run, or a part of it, in the form of another program."""
+    """Export a run, or a part of it, in a format of another program."""
 
     kind: Literal["export"]
     run: RunId
-    format: ExportFormat = Field(description="Form of the file", examples=["csv"])
+    format: ExportFormat = Field(description="Format of the file", examples=["csv"])
     content: ExportContent = Field(
         ExportContent.SAMPLES,
-        description="Samples in µm and V, results over time, or the tacho's edges as a counter stamped them",
+        description="Samples in µm and V, results over time, or the tacho edges' counter timestamps",
         examples=["results"],
     )
     segment: Annotated[int, Field(strict=True, ge=0, le=1_000_000)] | None = Field(
-        None, description="Which gap-free stretch, where there are several", examples=[0]
+        None, description="Index of the gap-free segment; null: the only one", examples=[0]
     )
     from_s: Annotated[float, Field(strict=True, ge=0, le=MAX_TIME)] = Field(
-        0.0, description="Time in it, s", examples=[0.0]
+        0.0, description="Start time in the segment, s", examples=[0.0]
     )
     until_s: Annotated[float, Field(strict=True, gt=0, le=MAX_TIME)] | None = Field(
-        None, description="Time in it, s; null: to its end", examples=[0.5]
+        None, description="End time in the segment, s; null: its end", examples=[0.5]
     )
 
 
 class VerificationRequest(Schema):
-    """Look through a recording's whole file and keep the verdict."""
+    """Verify a recording's whole file and store the verdict."""
 
     kind: Literal["verification"]
     run: RunId
 
 
 class RecoveryRequest(Schema):
-    """Copy all that is intact of a damaged recording into a run of its own, RUN-recovered."""
+    """Copy all intact data of a damaged recording into a new run, RUN-recovered."""
 
     kind: Literal["recovery"]
     run: RunId
 
 
 class IndexRequest(Schema):
-    """Bring the catalogue up to date with the files, and sum up the runs that have not been."""
+    """Update the catalogue from the files, and summarise runs that have no summary yet."""
 
     kind: Literal["index"]
     verify: bool = Field(
-        False, strict=True, description="Whether files are verified too that have not been", examples=[False]
+        False, strict=True, description="Whether to verify files that have not been verified yet", examples=[False]
     )
 
 
@@ -166,49 +166,51 @@ JobRequest: TypeAlias = Annotated[
 
 
 class JobSchema(Schema):
-    """A job as it stands."""
+    """State of a job."""
 
     job: str = Field(description="Its id", examples=["9f3c0f6e2d1b4a57"])
-    kind: str = Field(description="What kind of work it is", examples=["export"])
+    kind: str = Field(description="Kind of job", examples=["export"])
     description: str = Field(
-        description="What it does, in words", examples=["samples of 2026-11-24T09-12-07-gj90c as csv"]
+        description="Description in words", examples=["samples of 2026-11-24T09-12-07-gj90c as csv"]
     )
-    run: str | None = Field(description="Id of the run that it is about; null where it is about none")
-    state: JobState = Field(description="How it stands", examples=["running"])
+    run: str | None = Field(description="Id of its run; null if it concerns none")
+    state: JobState = Field(description="State", examples=["running"])
     progress: float | None = Field(
-        description="What part of what it does now is done, 0 to 1; null where that cannot be told",
+        description="Completed fraction of the current step, 0 to 1; null if unknown",
         ge=0, le=1, examples=[0.42],
     )  # fmt: skip
-    step: str = Field(description="What it does now; empty before it begins", examples=["reading samples"])
-    detail: str = Field(description="Why it failed; empty where it has not", examples=[""])
-    created_at: datetime = Field(description="When it was asked for, UTC", examples=["2026-11-24T10:00:00Z"])
-    started_at: datetime | None = Field(description="When it began, UTC", examples=["2026-11-24T10:00:01Z"])
-    ended_at: datetime | None = Field(description="When it ended, UTC", examples=[None])
+    step: str = Field(description="Current step; empty before the start", examples=["reading samples"])
+    detail: str = Field(description="Why it failed; empty if it has not", examples=[""])
+    created_at: datetime = Field(description="Time of the request, UTC", examples=["2026-11-24T10:00:00Z"])
+    started_at: datetime | None = Field(
+        description="Start time, UTC; null if not started", examples=["2026-11-24T10:00:01Z"]
+    )
+    ended_at: datetime | None = Field(description="End time, UTC; null if not ended", examples=[None])
     events: str = Field(
-        description="Address of its progress as server-sent events", examples=[f"{JOBS}/9f3c0f6e2d1b4a57/events"]
+        description="URL of its progress as server-sent events", examples=[f"{JOBS}/9f3c0f6e2d1b4a57/events"]
     )
     result: str | None = Field(
-        description="Address of its result; null until it is done", examples=[f"{JOBS}/9f3c0f6e2d1b4a57/result"]
+        description="URL of its result; null until it is done", examples=[f"{JOBS}/9f3c0f6e2d1b4a57/result"]
     )
 
 
 class JobListSchema(Schema):
-    """All jobs that are known."""
+    """All jobs."""
 
-    jobs: tuple[JobSchema, ...] = Field(description="The one asked for last first")
+    jobs: tuple[JobSchema, ...] = Field(description="Newest first")
 
 
 class PredictionMapSchema(Schema):
-    """The model over speed."""
+    """The model's prediction over speed."""
 
     run: RunId
     by_speed: tuple[PredictedVibrationSchema, ...] = Field(
-        description="In rising order of speed, about every 250 r/min"
+        description="In ascending order of speed, about every 250 r/min"
     )
 
 
 def job_schema(job: Job) -> JobSchema:
-    """Return a job as a document."""
+    """Return the schema of a job."""
     location = f"{JOBS}/{job.id}"
     return JobSchema(
         job=job.id,
@@ -219,13 +221,13 @@ def job_schema(job: Job) -> JobSchema:
         progress=job.progress.fraction,
         step=job.progress.step,
         detail=job.error,
-        created_at=_clock(job.submitted),
-        started_at=_clock(job.started) if job.started else None,
-        ended_at=_clock(job.ended) if job.ended else None,
+        created_at=_utc(job.submitted),
+        started_at=_utc(job.started) if job.started else None,
+        ended_at=_utc(job.ended) if job.ended else None,
         events=f"{location}/events",
         result=f"{location}/result" if job.result is not None else None,
     )
 
 
-def _clock(seconds: float) -> datetime:
+def _utc(seconds: float) -> datetime:
     return datetime.fromtimestamp(seconds, UTC)

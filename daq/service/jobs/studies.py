@@ -1,4 +1,4 @@
-"""Studies of the model as jobs: the very functions that `rig model` calls, for the same defaults."""
+"""Study jobs: the model studies of `rig model`, with the same functions and defaults."""
 
 from pathlib import Path
 
@@ -30,17 +30,17 @@ FloatArray = NDArray[np.float64]
 
 
 def study_task(request: StudyRequest, header: RunHeader | None) -> Task:
-    """Return what an order is to do, for the rotor of the rig of a run, or without one for the thesis's."""
-    whose = "the thesis's rotor" if header is None else f"the rotor of {header.run}"
+    """Return the task of a study for the rotor of a run's rig, or for the thesis's rotor without a run."""
+    rotor = "the thesis's rotor" if header is None else f"the rotor of {header.run}"
     run = "" if header is None else header.run
-    return Task(request.kind, f"{request.kind} of {whose}", run, study, (header, request), f"{request.kind}.json")
+    return Task(request.kind, f"{request.kind} of {rotor}", run, study_job, (header, request), f"{request.kind}.json")
 
 
-def study(tell: ReportProgress, target: Path, header: RunHeader | None, request: StudyRequest) -> None:
-    """Compute a study."""
-    tell(Progress("computing"))
-    found = computed(_parameters(header), request)
-    target.write_text(study_schema(found).model_dump_json(), encoding="utf-8")
+def study_job(report: ReportProgress, target: Path, header: RunHeader | None, request: StudyRequest) -> None:
+    """Compute a study and write it as JSON."""
+    report(Progress("computing"))
+    result = compute_study(_parameters(header), request)
+    target.write_text(study_schema(result).model_dump_json(), encoding="utf-8")
 
 
 def _parameters(header: RunHeader | None) -> ModelParameters:
@@ -49,8 +49,8 @@ def _parameters(header: RunHeader | None) -> ModelParameters:
     return model_parameters(read_recorded_config(header.config_toml, f"configuration of run {header.run}"))
 
 
-def computed(parameters: ModelParameters, request: StudyRequest) -> Study:
-    """Return the study that is asked for; ValueError, ModelError where there is none."""
+def compute_study(parameters: ModelParameters, request: StudyRequest) -> Study:
+    """Return the requested study; ValueError or ModelError if it cannot be computed."""
     match request:
         case ModesRequest():
             return modes_study(parameters, request.stiffness_n_m, request.speed_rad_s, request.count)

@@ -1,4 +1,4 @@
-"""From an order to what a job does."""
+"""Tasks of the job queue, made from job requests."""
 
 from collections.abc import Mapping
 from functools import partial
@@ -38,90 +38,102 @@ from daq.service.problems import ProblemError
 from daq.session.offline import corrected_header
 from recordings.catalogue.catalogue import RunEntry
 
-ANALYSES: Final = "analyses/"
-QUESTIONS: Final[Mapping[ResultPath, type[QueryParameters]]] = {
+ANALYSIS_PREFIX: Final = "analyses/"
+RESULT_QUERIES: Final[Mapping[ResultPath, type[QueryParameters]]] = {
     ResultPath.TREND: TrendQuery,
     ResultPath.CASCADE: RecordedCascadeQuery,
     ResultPath.WATERFALL: RecordedWaterfallQuery,
     ResultPath.ORDER_SPECTRUM: FrameQuery,
     ResultPath.FULL_SPECTRUM: FrameQuery,
     ResultPath.ORBIT: FrameQuery,
-    **{ResultPath(f"{ANALYSES}{name}"): kind.parameters for name, kind in KINDS.items()},
+    **{ResultPath(f"{ANALYSIS_PREFIX}{name}"): kind.parameters for name, kind in KINDS.items()},
 }
 
 
 def index_task(request: IndexRequest, location: CatalogueLocation) -> Task:
-    """Return what an order is to do that is about no run."""
+    """Return the task of a catalogue update."""
     about = "catalogue, with verification" if request.verify else "catalogue"
-    return Task(request.kind, about, "", execution.index, (location, request.verify), "index.json")
+    return Task(request.kind, about, "", execution.index_job, (location, request.verify), "index.json")
 
 
 def run_task(request: RunJobRequest, entry: RunEntry, location: CatalogueLocation) -> Task:
-    """Return what an order is to do with a run.
+    """Return the task of a job request for a run.
 
     Raises
     ------
     ProblemError, RequestValidationError
-        It cannot be done with this run.
+        The request is not possible for this run.
     """
     run, path = entry.id, entry.path
+    arguments: tuple[object, ...]
     task = partial(Task, request.kind, run=run)
     match request:
         case ResultRequest(path=ResultPath.SUMMARY):
-            _asked(request)
-            return task(f"summary of {run}", work=execution.summary, arguments=(location, run), file="summary.json")
-        case ResultRequest(path=result_path) if isinstance(query := _asked(request), AnalysisQuery):
-            kind, form = result_path.removeprefix(ANALYSES), query.format or AnalysisForm.JSON
+            _query(request)
+            return task(f"summary of {run}", work=execution.summary_job, arguments=(location, run), file="summary.json")
+        case ResultRequest(path=result_path) if isinstance(query := _query(request), AnalysisQuery):
+            kind, form = result_path.removeprefix(ANALYSIS_PREFIX), query.format or AnalysisForm.JSON
             return task(
-                f"{kind} of {run}", work=execution.analysis, arguments=(path, kind, query), file=f"{kind}.{form}"
+                f"{kind} of {run}", work=execution.analysis_job, arguments=(path, kind, query), file=f"{kind}.{form}"
             )
         case ResultRequest(path=result_path):
-            asked = (path, result_path.value, _asked(request))
-            return task(f"{result_path} of {run}", work=execution.answer, arguments=asked, file=f"{result_path}.json")
+            arguments = (path, result_path.value, _query(request))
+            return task(
+                f"{result_path} of {run}", work=execution.result_job, arguments=arguments, file=f"{result_path}.json"
+            )
         case ReanalysisRequest():
-            given = (location, run, _calibrations(request, entry))
-            return task(f"{run} analysed anew", work=execution.analyse, arguments=given, file="summary.json")
+            arguments = (location, run, _calibrations(request, entry))
+            return task(f"reanalysis of {run}", work=execution.reanalysis_job, arguments=arguments, file="summary.json")
         case PredictionRequest():
             changes = request.model_dump(exclude={"kind", "run"}, exclude_none=True)
-            words = "".join(f", {name} {value:g}" for name, value in changes.items())
-            wanted = (header_of(entry), changes)
-            return task(f"model of {run}{words}", work=execution.predict, arguments=wanted, file="prediction.json")
-        case ExportRequest(format=form):
-            part = execution.part_of(request.from_s, request.until_s, request.segment)
-            cut = (path, execution.TABLES[request.content], part)
+            changed = "".join(f", {name} {value:g}" for name, value in changes.items())
+            arguments = (header_of(entry), changes)
             return task(
-                f"{request.content} of {run} as {form}", work=execution.export, arguments=cut, file=f"{run}.{form}"
+                f"model of {run}{changed}", work=execution.prediction_job, arguments=arguments, file="prediction.json"
+            )
+        case ExportRequest(format=form):
+            selection = execution.export_selection(request.from_s, request.until_s, request.segment)
+            arguments = (path, execution.TABLES[request.content], selection)
+            return task(
+                f"{request.content} of {run} as {form}",
+                work=execution.export_job,
+                arguments=arguments,
+                file=f"{run}.{form}",
             )
         case VerificationRequest():
             file = "verification.json"
-            return task(f"verification of {run}", work=execution.verification, arguments=(location, run), file=file)
+            return task(f"verification of {run}", work=execution.verification_job, arguments=(location, run), file=file)
         case RecoveryRequest():
-            return task(f"recovery of {run}", work=execution.recovery, arguments=(location, run), file="recovery.json")
+            return task(
+                f"recovery of {run}", work=execution.recovery_job, arguments=(location, run), file="recovery.json"
+            )
 
 
-def _asked(request: ResultRequest) -> QueryParameters | None:
-    """Return the parameters of an address as its question; RequestValidationError where they are none."""
-    form = QUESTIONS.get(request.path, QueryParameters)
+def _query(request: ResultRequest) -> QueryParameters | None:
+    """Return the validated query parameters of a result; RequestValidationError if they are invalid."""
+    query_class = RESULT_QUERIES.get(request.path, QueryParameters)
     try:
-        question = form.model_validate(request.parameters)
+        query = query_class.model_validate(request.parameters)
     except ValidationError as error:
         faults = [{**fault, "loc": ("body", "parameters", *fault["loc"])} for fault in error.errors()]
         raise RequestValidationError(faults) from error
-    return question if request.path in QUESTIONS else None
+    return query if request.path in RESULT_QUERIES else None
 
 
 def _calibrations(request: ReanalysisRequest, entry: RunEntry) -> dict[str, Calibration]:
-    """Return the calibrations of an order; ProblemError where they are none for this run."""
+    """Return the calibrations of a request; ProblemError if they do not fit this run."""
     try:
-        given = {name: to_calibration(record, f"calibrations.{name}") for name, record in request.calibrations.items()}
-        corrected_header(header_of(entry), given)
+        calibrations = {
+            name: to_calibration(record, f"calibrations.{name}") for name, record in request.calibrations.items()
+        }
+        corrected_header(header_of(entry), calibrations)
     except (ConfigError, UsageError) as error:
         raise ProblemError(ProblemType.INVALID_PARAMETER, str(error)) from error
-    return given
+    return calibrations
 
 
 def header_of(entry: RunEntry) -> RunHeader:
-    """Return a run's header; ProblemError where it cannot be read."""
+    """Return a run's header; ProblemError if it cannot be read."""
     if entry.header is None:
         raise ProblemError(ProblemType.RUN_DAMAGED, f"run {entry.id}: {entry.fault}")
     return entry.header

@@ -12,7 +12,7 @@ from fastapi.responses import StreamingResponse
 
 from daq.errors import ConfigError
 from daq.schemas.study import RotorStudyRequest
-from daq.service.jobs.imports import import_task, rig_of_run, rig_of_text
+from daq.service.jobs.imports import import_task, rig_from_toml, rig_of_run
 from daq.service.jobs.queue import Job, JobNotFoundError, JobQueue, JobQueueFullError, Task
 from daq.service.jobs.schemas import IndexRequest, JobListSchema, JobRequest, JobSchema, job_schema
 from daq.service.jobs.studies import study_task
@@ -169,7 +169,7 @@ class JobRoutes:
                 case RigFromRun(run=run):
                     rig = rig_of_run(header_of(await self._run(run)))
                 case RigFromToml() as text:
-                    rig = await self._lookup_threads.run(partial(rig_of_text, text))
+                    rig = await self._lookup_threads.run(partial(rig_from_toml, text))
             return import_task(order, upload, rig, self._jobs.location)
         except UploadNotFoundError as error:
             raise ProblemError(ProblemType.UPLOAD_NOT_FOUND, str(error)) from error

@@ -1,7 +1,4 @@
-"""Another program's file that is to become a run: of which rig, and which columns are which channels.
-
-Content of files as a part of a document, taken as strictly as the files are: a text is no number.
-"""
+"""Import request: rig, column mapping and calibrations, validated as strictly as the configuration files."""
 
 import json
 from collections.abc import Callable
@@ -16,54 +13,55 @@ from daq.schemas.runs import RunId
 from daq.schemas.units import Schema
 
 
-def as_a_file(model: type[BaseModel]) -> Callable[[object], object]:
-    """Return what takes a value as a file of this model is read; ValueError tells every fault."""
+def validate_as_file(model: type[BaseModel]) -> Callable[[object], object]:
+    """Return a validator that treats a value as the content of a file; its ValueError names every error."""
 
-    def taken(value: object) -> object:
+    def validate(value: object) -> object:
         try:
             return model.model_validate_json(json.dumps(value), strict=True)
         except ValidationError as error:
-            raise ValueError("; ".join(map(_said, error.errors()))) from error
+            raise ValueError("; ".join(map(_error_text, error.errors()))) from error
 
-    return taken
+    return validate
 
 
-def _said(fault: ErrorDetails) -> str:
+def _error_text(fault: ErrorDetails) -> str:
     return f"{'.'.join(map(str, fault['loc']))}: {fault['msg'].removeprefix('Value error, ')}"
 
 
-MOST_TOML = 200_000  # letters
+MAX_TOML_LENGTH = 200_000  # characters
 
 
 class RigFromRun(Schema):
-    """The rig of a run: its channels, calibrations, tacho and limits as they were then."""
+    """The rig of a recorded run: channels, calibrations, tacho and limits at the time of recording."""
 
     source: Literal["run"]
     run: RunId
 
 
 class RigFromToml(Schema):
-    """A rig in words: no file that the text names is read."""
+    """A rig as TOML text; files that the text names are not read."""
 
     source: Literal["toml"]
-    toml: str = Field(description="Content of a rig.toml", max_length=MOST_TOML, examples=['rig = "gj90c"\n…'])
-    calibrations: dict[str, Annotated[CalibrationRecord, BeforeValidator(as_a_file(CalibrationRecord))]] = Field(
+    toml: str = Field(description="Content of a rig.toml", max_length=MAX_TOML_LENGTH, examples=['rig = "gj90c"\n…'])
+    calibrations: dict[str, Annotated[CalibrationRecord, BeforeValidator(validate_as_file(CalibrationRecord))]] = Field(
         default_factory=dict,
-        description="By the name of the probe's channel, each in the form of a calibration file, in place of the files "
-        "that the text names",
+        description="By name of the probe's channel, each with the content of a calibration file; they replace the "
+        "files that the text names",
         examples=[{}],
     )
 
 
 class ImportRequest(Schema):
-    """Make a file that was sent in to `/api/v1/uploads` into a run, as `rig import` does; the result tells which."""
+    """Import an uploaded file as a run, as `rig import` does; the result is the run."""
 
     kind: Literal["import"]
     upload: str = Field(description="Id of the upload", max_length=200, examples=["5d41402abc4b2a76"])
     rig: Annotated[RigFromRun | RigFromToml, Field(discriminator="source")] = Field(
-        description="Whose channels they are", examples=[{"source": "run", "run": "2026-11-24T09-12-07-gj90c"}]
+        description="The rig that the channels belong to",
+        examples=[{"source": "run", "run": "2026-11-24T09-12-07-gj90c"}],
     )
-    mapping: Annotated[ChannelMapping, BeforeValidator(as_a_file(ChannelMapping))] = Field(
-        description="Which columns are which channels: what a mapping file of `rig import` says",
+    mapping: Annotated[ChannelMapping, BeforeValidator(validate_as_file(ChannelMapping))] = Field(
+        description="Columns of the channels: the content of a mapping file of `rig import`",
         examples=[{"channel": {"x": {"source": "Kaman 1", "unit": "V"}}}],
     )

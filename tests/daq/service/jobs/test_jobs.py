@@ -316,18 +316,18 @@ def test_numbers_of_an_exported_table_are_those_of_the_samples(bench: RecordedBe
     assert np.allclose(table.column("x_um").to_numpy(), shown["channel:x"])
 
 
-def test_stamps_of_a_run_that_has_none_cannot_be_exported(bench: RecordedBench) -> None:
+def test_export_of_counter_timestamps_needs_a_run_that_has_them(bench: RecordedBench) -> None:
     failed = ended(bench, begun(bench, kind="export", run=RUN, format="csv", content="pulses"))
     assert failed.state == "failed"
     assert "holds no stamps of a counter" in failed.detail
 
 
-def test_verifying_and_exporting_tell_what_part_is_done(bench: RecordedBench, tmp_path: Path) -> None:
+def test_verification_and_export_report_the_completed_fraction(bench: RecordedBench, tmp_path: Path) -> None:
     verifying: list[Progress] = []
-    execution.verification(verifying.append, tmp_path / "verification.json", CatalogueLocation(bench.folder), RUN)
+    execution.verification_job(verifying.append, tmp_path / "verification.json", CatalogueLocation(bench.folder), RUN)
     exporting: list[Progress] = []
-    path, part = bench.folder / f"{RUN}.mcap", execution.part_of(0.0, None, None)
-    execution.export(exporting.append, tmp_path / "run.csv", path, execution.TABLES["samples"], part)
+    path, part = bench.folder / f"{RUN}.mcap", execution.export_selection(0.0, None, None)
+    execution.export_job(exporting.append, tmp_path / "run.csv", path, execution.TABLES["samples"], part)
     assert {told.step for told in verifying} == {"verifying"}
     assert exporting[0].step == "reading"
     assert exporting[-1].step == "writing 40,000 rows"

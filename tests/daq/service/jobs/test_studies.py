@@ -1,4 +1,4 @@
-"""Studies of the model as a service does them: the very numbers of `rig model … --json`."""
+"""Study jobs return the same numbers as `rig model … --json`."""
 
 import json
 from pathlib import Path
@@ -10,26 +10,26 @@ from pydantic import TypeAdapter
 from daq.cli.main import main
 from daq.schemas.study import StudyRequest
 from daq.service.jobs.queue import Progress
-from daq.service.jobs.studies import study, study_task
+from daq.service.jobs.studies import study_job, study_task
 from model.errors import ModelError
 
 Captured = pytest.CaptureFixture[str]
 SLOW = {"from_rad_s": 200.0, "to_rad_s": 600.0, "count": 3}
 
 
-def done(order: dict[str, object], folder: Path) -> Any:
-    """Do what a job does, and return its result."""
-    told: list[Progress] = []
-    wanted: StudyRequest = TypeAdapter(StudyRequest).validate_python(order)
-    task = study_task(wanted, None)
-    assert task.work is study
-    study(told.append, folder / task.file, *task.arguments)  # type: ignore[arg-type]  # as a process is handed them
-    assert told == [Progress("computing")]
+def run_study_job(request: dict[str, object], folder: Path) -> Any:
+    """Run a study job and return its result."""
+    progress: list[Progress] = []
+    parsed: StudyRequest = TypeAdapter(StudyRequest).validate_python(request)
+    task = study_task(parsed, None)
+    assert task.work is study_job
+    study_job(progress.append, folder / task.file, *task.arguments)  # type: ignore[arg-type]  # as the worker process receives them
+    assert progress == [Progress("computing")]
     return json.loads((folder / task.file).read_text(encoding="utf-8"))
 
 
 @pytest.mark.parametrize(
-    ("order", "command"),
+    ("study_request", "command"),
     [
         ({"kind": "modes"}, ["modes"]),
         ({"kind": "modes", "stiffness_n_m": 1e7, "speed_rad_s": 500.0, "count": 6},
@@ -43,24 +43,24 @@ def done(order: dict[str, object], folder: Path) -> Any:
         ({"kind": "onset", "speeds": SLOW}, ["onset", "--speeds", "200:600:3"]),
     ],
 )  # fmt: skip
-def test_study_gives_the_numbers_of_the_command(
-    tmp_path: Path, capsys: Captured, order: dict[str, object], command: list[str]
+def test_study_job_returns_the_numbers_of_the_command(
+    tmp_path: Path, capsys: Captured, study_request: dict[str, object], command: list[str]
 ) -> None:
-    made = done(order, tmp_path)
+    result = run_study_job(study_request, tmp_path)
     assert main(["model", *command, "--json"]) == 0
-    assert made == json.loads(capsys.readouterr().out)
+    assert result == json.loads(capsys.readouterr().out)
 
 
 @pytest.mark.parametrize("kind", ["campbell", "critical", "response", "onset"])
-def test_study_has_the_defaults_of_the_command(kind: str) -> None:
-    order: StudyRequest = TypeAdapter(StudyRequest).validate_python({"kind": kind})
-    ranges = {name: value for name, value in order.model_dump().items() if isinstance(value, dict)}
+def test_study_request_has_the_defaults_of_the_command(kind: str) -> None:
+    request: StudyRequest = TypeAdapter(StudyRequest).validate_python({"kind": kind})
+    ranges = {name: value for name, value in request.model_dump().items() if isinstance(value, dict)}
     assert list(ranges.values()) == {
         "campbell": [{"from_rad_s": 0.0, "to_rad_s": 8000.0, "count": 81}],
         "critical": [{"from_n_m": 1e3, "to_n_m": 1e10, "count": 71}],
     }.get(kind, [{"from_rad_s": 100.0, "to_rad_s": 4000.0, "count": 79}])
 
 
-def test_study_that_the_model_refuses_says_why(tmp_path: Path) -> None:
+def test_study_job_reports_why_the_model_rejects_a_request(tmp_path: Path) -> None:
     with pytest.raises((ValueError, ModelError), match="999"):
-        done({"kind": "response", "speeds": SLOW, "station": 999}, tmp_path)
+        run_study_job({"kind": "response", "speeds": SLOW, "station": 999}, tmp_path)
