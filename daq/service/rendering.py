@@ -1,4 +1,4 @@
-"""The answers that are made of a recording's file by a reading process, ready to be sent."""
+"""Responses computed from a recording's file in a worker process: results as JSON and as plots, gzipped if wanted."""
 
 import gzip
 import re
@@ -26,97 +26,101 @@ from daq.schemas.summary import speed_row_schema, sub_synchronous_schema
 from daq.schemas.units import Schema
 
 RPM = np.pi / 30.0
-ANSWERS_KEPT = 128
-PLOTS = re.compile(r"plots/([a-z-]+)\.(svg|png)")
-PLOTTED = {"bode": "order-vectors", "polar": "order-vectors"}  # of what plots are that have a name of their own
-LEVEL = 4  # of gzip: beyond it nothing is gained but time spent
+RESPONSE_CACHE_SIZE = 128
+PLOT_PATH = re.compile(r"plots/([a-z-]+)\.(svg|png)")
+PLOT_SOURCES = {"bode": "order-vectors", "polar": "order-vectors"}  # results shown by plots with another name
+GZIP_LEVEL = 4  # higher levels take more time and save almost nothing
 
 
-def order_vectors(_path: Path, found: RunHistory) -> Schema:
+def order_vectors(_path: Path, history: RunHistory) -> Schema:
     """Return 1X and 2X over speed."""
-    return OrderVectorsSchema(run=found.header.run, by_speed=tuple(speed_row_schema(row) for row in found.summary.rows))
-
-
-def findings(_path: Path, found: RunHistory) -> Schema:
-    """Return what was found below 1X."""
-    return WhirlFindingsSchema(
-        run=found.header.run,
-        sub_synchronous=tuple(sub_synchronous_schema(finding) for finding in found.summary.whirls),
+    return OrderVectorsSchema(
+        run=history.header.run, by_speed=tuple(speed_row_schema(row) for row in history.summary.rows)
     )
 
 
-def trend(_path: Path, found: RunHistory, query: TrendQuery) -> Schema:
-    """Return values over time."""
+def findings(_path: Path, history: RunHistory) -> Schema:
+    """Return the sub-synchronous components."""
+    return WhirlFindingsSchema(
+        run=history.header.run,
+        sub_synchronous=tuple(sub_synchronous_schema(finding) for finding in history.summary.whirls),
+    )
+
+
+def trend(_path: Path, history: RunHistory, query: TrendQuery) -> Schema:
+    """Return speed and vibration over time."""
     begin = query.from_s
     end = np.inf if query.duration_s is None else begin + query.duration_s
-    return trend_schema(found, query.segment, begin, end, query.entries)
+    return trend_schema(history, query.segment, begin, end, query.entries)
 
 
-def moment(path: Path, found: RunHistory, at: FrameQuery, *, what: str) -> Schema:
-    """Return order spectrum, full spectrum or orbit of the frame nearest to a moment."""
-    index = found.nearest(at.segment, at.time_s, None if at.speed_rpm is None else at.speed_rpm * RPM)
-    snapshot, frame = snapshot_at(path, found, index)
+def nearest_frame(path: Path, history: RunHistory, at: FrameQuery, *, what: str) -> Schema:
+    """Return order spectrum, full spectrum or orbit of the order frame nearest to a time or speed."""
+    index = history.nearest(at.segment, at.time_s, None if at.speed_rpm is None else at.speed_rpm * RPM)
+    snapshot, frame = snapshot_at(path, history, index)
     if what == "order-spectrum":
-        return order_spectrum_schema(found.header, snapshot, frame)
+        return order_spectrum_schema(history.header, snapshot, frame)
     if what == "full-spectrum":
-        return full_spectrum_schema(found.header, snapshot, frame)
-    return orbit_schema(found.header, snapshot, frame)
+        return full_spectrum_schema(history.header, snapshot, frame)
+    return orbit_schema(history.header, snapshot, frame)
 
 
 def summary(path: Path) -> RunSummary:
-    """Return what the run was."""
+    """Return the run's summary."""
     return load_history(path).summary
 
 
-ANSWERS: dict[str, Callable[..., Schema]] = {
+RESULTS: dict[str, Callable[..., Schema]] = {
     "order-vectors": order_vectors,
     "findings": findings,
     "trend": trend,
     "cascade": cascade,
     "waterfall": waterfall,
-    "order-spectrum": partial(moment, what="order-spectrum"),
-    "full-spectrum": partial(moment, what="full-spectrum"),
-    "orbit": partial(moment, what="orbit"),
+    "order-spectrum": partial(nearest_frame, what="order-spectrum"),
+    "full-spectrum": partial(nearest_frame, what="full-spectrum"),
+    "orbit": partial(nearest_frame, what="orbit"),
 }
 
 
-def document_of(path: Path, what: str, query: object, found: RunHistory | None = None) -> Schema:
-    """Return the document of an address; of records that were read already where they are given."""
-    asked = () if query is None else (query,)
-    return ANSWERS[what](path, load_history(path) if found is None else found, *asked)
+def result_schema(path: Path, what: str, query: object, history: RunHistory | None = None) -> Schema:
+    """Return the schema of a result; ``history`` saves reading the recording."""
+    parameters = () if query is None else (query,)
+    return RESULTS[what](path, load_history(path) if history is None else history, *parameters)
 
 
-def address_of(what: str) -> str:
-    """Return the address of the numbers of an answer, which may be a plot of them."""
+def result_path(what: str) -> str:
+    """Return the path of the result that a path shows, for example ``order-vectors`` for ``plots/bode.svg``."""
     analysed = ANALYSIS_PATH.fullmatch(what)
     if analysed is not None:
         return analysed[1]
-    drawn = PLOTS.fullmatch(what)
-    return what if drawn is None else PLOTTED.get(drawn[1], drawn[1])
+    plot = PLOT_PATH.fullmatch(what)
+    return what if plot is None else PLOT_SOURCES.get(plot[1], plot[1])
 
 
-def answer_of(path: Path, what: str, query: object, packed: bool) -> bytes:  # noqa: FBT001 - sent through a pipe
-    """Return an answer as JSON, gzipped where that is wanted; made once as long as the file does not change."""
+def result_response(path: Path, what: str, query: object, gzipped: bool) -> bytes:  # noqa: FBT001 - sent through a pipe
+    """Return the body of a response; cached until the file changes."""
     status = file_status(path)
-    return _answer(path, status.st_size, status.st_mtime_ns, what, query, packed)
+    return _cached_response(path, status.st_size, status.st_mtime_ns, what, query, gzipped)
 
 
-@lru_cache(maxsize=ANSWERS_KEPT)
-def _answer(path: Path, _size: int, _changed_ns: int, what: str, query: object, packed: bool) -> bytes:  # noqa: FBT001 - a key of the cache
-    drawn = PLOTS.fullmatch(what)
+@lru_cache(maxsize=RESPONSE_CACHE_SIZE)
+def _cached_response(path: Path, _size: int, _changed_ns: int, what: str, query: object, gzipped: bool) -> bytes:  # noqa: FBT001 - part of the cache key
+    plot = PLOT_PATH.fullmatch(what)
     if isinstance(query, AnalysisQuery):
         body = analysis_response(path, what, query)
-    elif drawn is None:
-        body = document_of(path, what, query).model_dump_json().encode()
+    elif plot is None:
+        body = result_schema(path, what, query).model_dump_json().encode()
     else:
-        name, form = drawn.groups()
-        panels = result_panels(document_of(path, address_of(what), query), name, _directions(load_history(path).header))
+        name, form = plot.groups()
+        panels = result_panels(
+            result_schema(path, result_path(what), query), name, _probe_angles(load_history(path).header)
+        )
         body = render_svg(panels).encode() if form == "svg" else render_png(panels)
-    return gzip.compress(body, LEVEL, mtime=0) if packed else body
+    return gzip.compress(body, GZIP_LEVEL, mtime=0) if gzipped else body
 
 
-def _directions(header: RunHeader) -> tuple[float, float]:
-    """Return where the probes x and y sit, rad from X."""
+def _probe_angles(header: RunHeader) -> tuple[float, float]:
+    """Return the angles of the probes x and y, rad from X."""
     acquisition = header.acquisition
     x, y = (acquisition.channels[acquisition.row(role)].angle for role in (Role.PROBE_X, Role.PROBE_Y))
     return x, y

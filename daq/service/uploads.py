@@ -1,6 +1,6 @@
-"""Files of other programs that were sent in, kept until they are imported: no name of theirs reaches the disk.
+"""Uploads: receiving request bodies as files, and storing them for an hour until they are imported.
 
-Files that are sent in: few at once, none too large or too slow, and nothing is left of what does not come whole.
+Nothing of a client's file name reaches the disk but the suffix; incomplete uploads are deleted.
 """
 
 import secrets
@@ -22,37 +22,37 @@ from recordings.catalogue.incoming_run import IncomingRun
 from recordings.errors import RunExistsError
 from recordings.exchange.formats import IMPORT_FORMATS
 
-MOST_KEPT: Final = 16
-MOST_BYTES: Final = 2 * 1024**3  # of one file
+MAX_UPLOADS: Final = 16
+MAX_UPLOAD_SIZE: Final = 2 * 1024**3  # bytes of one file
 MAX_NAME_LENGTH: Final = 200
 RETENTION_TIME: Final = 3600.0  # s
-ABANDONED_AFTER: Final = 24 * 3600.0  # s: what is so old is of a service that was ended by force
+ABANDONED_AFTER: Final = 24 * 3600.0  # s: older files were left behind by a killed service
 
 
 class UploadNotFoundError(LookupError):
-    """There is no such upload."""
+    """No upload has this id."""
 
 
 class UploadStoreFullError(RuntimeError):
-    """Too many are kept."""
+    """Too many uploads are stored."""
 
 
 @dataclass(frozen=True, slots=True)
 class Upload:
-    """A file that was sent in.
+    """An uploaded file.
 
     Parameters
     ----------
     id : str
-        Its id, which cannot be guessed.
+        Its random id.
     name : str
-        What its sender calls it.
+        The client's name of the file.
     path : Path
-        Where it lies; only the suffix is of its name.
+        Its path; only the suffix comes from the name.
     size : int
-        Bytes.
+        Size, bytes.
     uploaded, expires : float
-        Wall clock when it was there and when it is deleted, s since 1970.
+        Wall clock of the complete upload and of the deletion, s since 1970.
     """
 
     id: str
@@ -63,8 +63,8 @@ class Upload:
     expires: float
 
 
-def require_name(name: str) -> None:
-    """Raise ValueError where a file cannot be called so: a plain name of a format that can be imported."""
+def check_name(name: str) -> None:
+    """Raise ValueError unless the name is a plain file name with the suffix of an import format."""
     if not name.isprintable() or not 0 < len(name) <= MAX_NAME_LENGTH or set(name) & set("/\\:"):
         raise ValueError(f"name {name[:60]!r}: expected a file's name without its folders")
     if PurePath(name).suffix.lower() not in IMPORT_FORMATS:
@@ -72,191 +72,193 @@ def require_name(name: str) -> None:
 
 
 class UploadStore:
-    """Keeps uploads for a while; may be used from any thread.
+    """Stores uploads for a limited time; thread-safe.
 
     Parameters
     ----------
     folder : Path
-        The data folder; they lie in `.rig/uploads`.
-    kept_for : float
-        How long, s.
+        The data folder; uploads are in its `.rig/uploads`.
+    retention_time : float
+        Time until an upload is deleted, s.
     """
 
     def __init__(self, folder: Path, retention_time: float = RETENTION_TIME) -> None:
         self._retention_time = retention_time
         self._folder = folder / ".rig" / "uploads"
         self._lock = threading.Lock()
-        self._uploads: dict[str, Upload] = {}  # in the order in which they came
+        self._uploads: dict[str, Upload] = {}  # in order of upload
 
-    def place(self, name: str) -> Path:
-        """Return where a file of a name is to be written.
+    def path_for(self, name: str) -> Path:
+        """Return the path for a new file with this name.
 
         Raises
         ------
         ValueError
-            It cannot be called so.
+            The name is invalid.
         UploadStoreFullError
-            Too many are kept.
+            Too many uploads are stored.
         """
-        require_name(name)
+        check_name(name)
         with self._lock:
-            self._tidy()
-            if len(self._uploads) >= MOST_KEPT:
-                raise UploadStoreFullError(f"{len(self._uploads)} uploads are kept already")
+            self._delete_expired()
+            if len(self._uploads) >= MAX_UPLOADS:
+                raise UploadStoreFullError(f"{len(self._uploads)} uploads are stored; the limit is {MAX_UPLOADS}")
         return self._folder / secrets.token_hex(8) / f"upload{PurePath(name).suffix.lower()}"
 
     def add(self, name: str, path: Path, size: int) -> Upload:
-        """Register a file written at the path from `place`; return it or raise UploadStoreFullError."""
+        """Register a file written at the path from `path_for`; UploadStoreFullError if there are too many."""
         now = time.time()
         upload = Upload(path.parent.name, name, path, size, now, now + self._retention_time)
         with self._lock:
-            if len(self._uploads) >= MOST_KEPT:
-                _discard(path.parent)
-                raise UploadStoreFullError(f"{len(self._uploads)} uploads are kept already")
+            if len(self._uploads) >= MAX_UPLOADS:
+                _delete_folder(path.parent)
+                raise UploadStoreFullError(f"{len(self._uploads)} uploads are stored; the limit is {MAX_UPLOADS}")
             self._uploads[upload.id] = upload
         return upload
 
-    def all(self) -> tuple[Upload, ...]:
-        """Return all uploads, the one sent last first."""
+    def list_uploads(self) -> tuple[Upload, ...]:
+        """Return all uploads, the newest first."""
         with self._lock:
-            self._tidy()
+            self._delete_expired()
             return tuple(reversed(self._uploads.values()))
 
     def upload(self, upload_id: str) -> Upload:
-        """Return an upload; UploadNotFoundError where there is none."""
+        """Return an upload by its id; UploadNotFoundError if there is none."""
         with self._lock:
-            self._tidy()
-            return self._known(upload_id)
+            self._delete_expired()
+            return self._find(upload_id)
 
-    def remove(self, upload_id: str) -> Upload:
+    def delete(self, upload_id: str) -> Upload:
         """Delete an upload and return it."""
         with self._lock:
-            upload = self._known(upload_id)
-            self._drop(upload)
+            upload = self._find(upload_id)
+            self._delete(upload)
         return upload
 
     def close(self) -> None:
-        """Leave nothing behind."""
+        """Delete all uploads."""
         with self._lock:
             for upload in tuple(self._uploads.values()):
-                self._drop(upload)
+                self._delete(upload)
 
-    def _known(self, upload_id: str) -> Upload:
+    def _find(self, upload_id: str) -> Upload:
         if upload_id not in self._uploads:
-            raise UploadNotFoundError(f"upload {upload_id[:40]!r}: there is none of this id")
+            raise UploadNotFoundError(f"no upload has the id {upload_id[:40]!r}")
         return self._uploads[upload_id]
 
-    def _tidy(self) -> None:
-        """Forget what is too old, and throw away what services that were ended by force have left."""
+    def _delete_expired(self) -> None:
+        """Delete expired uploads, and files left behind by killed services."""
         now = time.time()
         for upload in tuple(self._uploads.values()):
             if now >= upload.expires:
-                self._drop(upload)
+                self._delete(upload)
         for folder in self._folder.glob("*"):
             try:
                 is_old = now - folder.stat().st_mtime > ABANDONED_AFTER
-            except OSError:  # another service has been faster
+            except OSError:  # another service has deleted it meanwhile
                 continue
             if is_old and folder.name not in self._uploads:
-                _discard(folder)
+                _delete_folder(folder)
 
-    def _drop(self, upload: Upload) -> None:
+    def _delete(self, upload: Upload) -> None:
         del self._uploads[upload.id]
-        _discard(upload.path.parent)
+        _delete_folder(upload.path.parent)
 
 
-def _discard(folder: Path) -> None:
+def _delete_folder(folder: Path) -> None:
     shutil.rmtree(folder, ignore_errors=True)
 
 
 DISK_RESERVE: Final = 1024**3  # bytes that stay free on the disk
-AT_ONCE: Final = 2
-LEAST: Final = 64 * 1024  # bytes that must come at a time, but for the last
-PATIENCE: Final = 30.0  # s for them
+MAX_CONCURRENT: Final = 2
+MIN_CHUNK_SIZE: Final = 64 * 1024  # bytes; only the last chunk is smaller
+CHUNK_TIMEOUT: Final = 30.0  # s for a chunk to arrive
 
 
 class UploadReceiver:
-    """Takes the content of requests into files.
+    """Writes request bodies to files, with limits on size, speed and concurrency.
 
     Parameters
     ----------
     free_bytes : callable
-        Returns the room left on the disk, bytes.
-    most_bytes : int
-        Most that one file may have.
-    patience : float
-        Longest time for a portion of 64 KiB, s.
+        Returns the free disk space, bytes.
+    max_size : int
+        Maximum size of one file, bytes.
+    chunk_timeout : float
+        Maximum time for a chunk of 64 KiB, s.
     """
 
-    def __init__(self, free_bytes: Callable[[], int], most_bytes: int, patience: float = PATIENCE) -> None:
+    def __init__(self, free_bytes: Callable[[], int], max_size: int, chunk_timeout: float = CHUNK_TIMEOUT) -> None:
         self._free_bytes = free_bytes
-        self._most_bytes = most_bytes
-        self._patience = patience
-        self._threads = CapacityLimiter(AT_ONCE)
-        self._arriving = 0
+        self._max_size = max_size
+        self._chunk_timeout = chunk_timeout
+        self._threads = CapacityLimiter(MAX_CONCURRENT)
+        self._active = 0
 
-    async def take(self, request: Request, place: Path, look: Callable[[Path], None] | None = None) -> int:
-        """Write the content of a request into a new file; return its size, bytes.
+    async def receive(self, request: Request, path: Path, check: Callable[[Path], None] | None = None) -> int:
+        """Write a request's body to a new file; return its size, bytes.
 
         Parameters
         ----------
         request : Request
-            Whose content it is.
-        place : Path
-            Where it is to lie; its folder is made where it is missing.
-        look : callable or None
-            Looks through the file before it gets its place, and raises where it must not have it.
+            The request.
+        path : Path
+            The new file; a missing folder is created.
+        check : callable or None
+            Checks the complete temporary file, and raises to reject it.
 
         Raises
         ------
         ProblemError, StorageError
-            It cannot be taken; nothing is left of it.
+            The body is rejected; no file is left.
         """
-        limit = min(self._most_bytes, await to_thread.run_sync(self._free_bytes) - DISK_RESERVE)
+        limit = min(self._max_size, await to_thread.run_sync(self._free_bytes) - DISK_RESERVE)
         sent = request.headers.get("content-length", "0")
         if sent.isdecimal() and int(sent) > limit:
             raise ProblemError(
                 ProblemType.CONTENT_TOO_LARGE, f"{int(sent):,} bytes, expected at most {max(limit, 0):,}"
             )
-        if self._arriving >= AT_ONCE:
-            raise ProblemError(ProblemType.BUSY, f"{self._arriving} files are being sent in already")
-        self._arriving += 1
+        if self._active >= MAX_CONCURRENT:
+            raise ProblemError(
+                ProblemType.BUSY, f"{self._active} uploads are in progress; the limit is {MAX_CONCURRENT}"
+            )
+        self._active += 1
         try:
-            return await self._take(request, place, limit, look)
+            return await self._receive(request, path, limit, check)
         except RunExistsError as error:
             raise ProblemError(ProblemType.RUN_EXISTS, str(error)) from error
         finally:
-            self._arriving -= 1
+            self._active -= 1
 
-    async def _take(self, request: Request, place: Path, limit: int, look: Callable[[Path], None] | None) -> int:
-        aside = partial(to_thread.run_sync, limiter=self._threads)
-        incoming = await aside(partial(IncomingRun, place))
+    async def _receive(self, request: Request, path: Path, limit: int, check: Callable[[Path], None] | None) -> int:
+        in_thread = partial(to_thread.run_sync, limiter=self._threads)
+        incoming = await in_thread(partial(IncomingRun, path))
         try:
-            size = await self._received(request, incoming, limit)
-            await aside(incoming.close)
-            if look is not None:
-                await aside(look, incoming.temporary)
-            await aside(incoming.commit)
+            size = await self._write_body(request, incoming, limit)
+            await in_thread(incoming.close)
+            if check is not None:
+                await in_thread(check, incoming.temporary)
+            await in_thread(incoming.commit)
         finally:
             await to_thread.run_sync(incoming.discard)
         return size
 
-    async def _received(self, request: Request, incoming: IncomingRun, limit: int) -> int:
+    async def _write_body(self, request: Request, incoming: IncomingRun, limit: int) -> int:
         size, stream = 0, request.stream()
         is_whole = False
         while not is_whole:
-            portion = bytearray()
+            chunk = bytearray()
             try:
-                with fail_after(self._patience):
-                    while len(portion) < LEAST and not is_whole:
+                with fail_after(self._chunk_timeout):
+                    while len(chunk) < MIN_CHUNK_SIZE and not is_whole:
                         piece = await anext(stream, None)
                         is_whole = piece is None
-                        portion += piece or b""
+                        chunk += piece or b""
             except TimeoutError as error:
-                told = f"{len(portion):,} bytes in {self._patience:g} s after {size:,}"
-                raise ProblemError(ProblemType.REQUEST_TIMEOUT, told) from error
-            size += len(portion)
+                detail = f"{len(chunk):,} bytes in {self._chunk_timeout:g} s after {size:,}"
+                raise ProblemError(ProblemType.REQUEST_TIMEOUT, detail) from error
+            size += len(chunk)
             if size > limit:
                 raise ProblemError(ProblemType.CONTENT_TOO_LARGE, f"more than {max(limit, 0):,} bytes")
-            await to_thread.run_sync(incoming.write, bytes(portion), limiter=self._threads)
+            await to_thread.run_sync(incoming.write, bytes(chunk), limiter=self._threads)
         return size

@@ -21,7 +21,7 @@ from daq.schemas.units import Schema
 from daq.schemas.verification import recovery_schema, verification_schema
 from daq.service.jobs.queue import CatalogueLocation, Progress, ReportProgress
 from daq.service.jobs.schemas import PredictionMapSchema
-from daq.service.rendering import document_of
+from daq.service.rendering import result_schema
 from daq.session.offline import summarise
 from daq.session.prediction.map_cache import CachedPredictionMap, CachedPredictionMaps
 from recordings.catalogue.incoming_run import move_without_overwriting
@@ -70,7 +70,7 @@ def result_job(report: ReportProgress, target: Path, path: Path, what: str, quer
     """Write the result of a run that the REST path ``what`` returns."""
     history = read_history(path, fraction_reporter(report, "reading"))
     report(Progress("putting together"))
-    _write_json(target, document_of(path, what, query, history))
+    _write_json(target, result_schema(path, what, query, history))
 
 
 def analysis_job(report: ReportProgress, target: Path, path: Path, kind: str, query: AnalysisQuery) -> None:

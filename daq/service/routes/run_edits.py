@@ -26,7 +26,7 @@ from recordings.catalogue.catalogue import RunEntry
 from recordings.catalogue.trash import TrashedRun
 from recordings.errors import NotFoundError, RunExistsError
 
-MOST_BYTES: Final = 64 * 1024**3
+MAX_RECORDING_SIZE: Final = 64 * 1024**3
 BINARY = {"content": {OCTET_STREAM: {"schema": {"type": "string", "format": "binary"}}}, "required": True}
 
 
@@ -86,7 +86,7 @@ class RunEditRoutes:
         self._live = live
         self._results = results
         self._edit_threads = BoundedThreadPool(threads=1, waiting=16)
-        self._incoming = UploadReceiver(catalogue.free_bytes, MOST_BYTES)
+        self._incoming = UploadReceiver(catalogue.free_bytes, MAX_RECORDING_SIZE)
 
     def add_to(self, routing: Routing) -> None:
         """Make the addresses known."""
@@ -197,6 +197,6 @@ class RunEditRoutes:
         What is there already is never written over, and of what is refused nothing is left.
         """
         place = self._catalogue.path_for(run)
-        await self._incoming.take(request, place, self._results.require_sound)
+        await self._incoming.receive(request, place, self._results.require_sound)
         response.headers["Location"] = f"{API_PREFIX}/runs/{run}"
         return run_schema(await self._edit_threads.run(partial(self._catalogue.run, run)))

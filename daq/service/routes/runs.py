@@ -224,13 +224,13 @@ class RunRoutes:
             raise ProblemError(ProblemType.NOT_ACCEPTABLE, f"expected one of {', '.join(SAMPLE_TYPES)}")
         form = SampleFormat(form)
         media_type = next(name for name, each in SAMPLE_TYPES.items() if each is form)
-        packed = form is SampleFormat.JSON and accepts_gzip(request.headers.get("accept-encoding"))
+        gzipped = form is SampleFormat.JSON and accepts_gzip(request.headers.get("accept-encoding"))
         entry = await self._entry(run)
-        etag = weak_etag(entry, self._version, form.value, str(packed))
-        headers = {**_headers(etag, packed=packed), "Vary": "Accept, Accept-Encoding"}
+        etag = weak_etag(entry, self._version, form.value, str(gzipped))
+        headers = {**_headers(etag, gzipped=gzipped), "Vary": "Accept, Accept-Encoding"}
         if matches_etag(request.headers.get("if-none-match"), etag):
             return Response(status_code=304, headers=headers)
-        body = await self._result_threads.run(partial(self._results.samples, entry, query, form, packed=packed))
+        body = await self._result_threads.run(partial(self._results.samples, entry, query, form, gzipped=gzipped))
         return Response(body, headers=headers, media_type=media_type)
 
     async def file(self, request: Request, run: RunId) -> Response:
@@ -247,15 +247,15 @@ class RunRoutes:
 
     async def _answer(self, request: Request, run: str, what: str, query: QueryParameters | None = None) -> Response:
         media_type = MEDIA_TYPES.get(what.rpartition(".")[2], "application/json")
-        packed = media_type in TEXTS and accepts_gzip(request.headers.get("accept-encoding"))
+        gzipped = media_type in TEXTS and accepts_gzip(request.headers.get("accept-encoding"))
         entry = await self._entry(run)
-        etag = weak_etag(entry, self._version, what, str(packed))
-        headers = _headers(etag, packed=packed)
+        etag = weak_etag(entry, self._version, what, str(gzipped))
+        headers = _headers(etag, gzipped=gzipped)
         if isinstance(query, AnalysisQuery):
             headers["Vary"] = "Accept, Accept-Encoding"
         if matches_etag(request.headers.get("if-none-match"), etag):
             return Response(status_code=304, headers=headers)
-        body = await self._result_threads.run(partial(self._results.answer, entry, what, query, packed=packed))
+        body = await self._result_threads.run(partial(self._results.result, entry, what, query, gzipped=gzipped))
         return Response(body, headers=headers, media_type=media_type)
 
     async def _entry(self, run: str) -> RunEntry:
@@ -264,6 +264,6 @@ class RunRoutes:
         return await self._lookup_threads.run(partial(self._catalogue.run, run))
 
 
-def _headers(etag: str, *, packed: bool) -> dict[str, str]:
-    coding = {"Content-Encoding": "gzip"} if packed else {}
+def _headers(etag: str, *, gzipped: bool) -> dict[str, str]:
+    coding = {"Content-Encoding": "gzip"} if gzipped else {}
     return {"ETag": etag, "Cache-Control": "private, no-cache", "Vary": "Accept-Encoding", **coding}

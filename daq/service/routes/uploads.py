@@ -20,7 +20,7 @@ from daq.service.schemas.uploads import (
 )
 from daq.service.uploads import (
     MAX_NAME_LENGTH,
-    MOST_BYTES,
+    MAX_UPLOAD_SIZE,
     Upload,
     UploadNotFoundError,
     UploadReceiver,
@@ -63,7 +63,7 @@ class UploadRoutes:
     def __init__(self, uploads: UploadStore, results: ResultsReader, free_bytes: Callable[[], int]) -> None:
         self._uploads = uploads
         self._results = results
-        self._incoming = UploadReceiver(free_bytes, MOST_BYTES)
+        self._incoming = UploadReceiver(free_bytes, MAX_UPLOAD_SIZE)
         self._lookup_threads = BoundedThreadPool(threads=2, waiting=32)
         self._result_threads = BoundedThreadPool(threads=1, waiting=4)
 
@@ -120,9 +120,9 @@ class UploadRoutes:
         if sent.partition(";")[0].strip().lower() != OCTET_STREAM:
             raise ProblemError(ProblemType.UNSUPPORTED_MEDIA_TYPE, f"{sent or 'no type'!r}, expected {OCTET_STREAM}")
         try:
-            place = await self._lookup_threads.run(partial(self._uploads.place, query.name))
-            size = await self._incoming.take(request, place)
-            upload = await self._lookup_threads.run(partial(self._uploads.add, query.name, place, size))
+            path = await self._lookup_threads.run(partial(self._uploads.path_for, query.name))
+            size = await self._incoming.receive(request, path)
+            upload = await self._lookup_threads.run(partial(self._uploads.add, query.name, path, size))
         except UploadStoreFullError as error:
             raise ProblemError(ProblemType.TOO_MANY_UPLOADS, str(error)) from error
         except ValueError as error:
@@ -132,7 +132,9 @@ class UploadRoutes:
 
     async def all(self) -> UploadListSchema:
         """List the files that were sent in during the last hour."""
-        return UploadListSchema(uploads=tuple(map(upload_schema, await self._lookup_threads.run(self._uploads.all))))
+        return UploadListSchema(
+            uploads=tuple(map(upload_schema, await self._lookup_threads.run(self._uploads.list_uploads)))
+        )
 
     async def upload(self, upload: UploadId) -> UploadSchema:
         """Tell what the file is called, and until when it is kept."""
@@ -146,7 +148,7 @@ class UploadRoutes:
     async def remove(self, upload: UploadId) -> UploadSchema:
         """Delete the file and tell what it was."""
         try:
-            return upload_schema(await self._lookup_threads.run(partial(self._uploads.remove, upload)))
+            return upload_schema(await self._lookup_threads.run(partial(self._uploads.delete, upload)))
         except UploadNotFoundError as error:
             raise ProblemError(ProblemType.UPLOAD_NOT_FOUND, str(error)) from error
 

@@ -1,4 +1,4 @@
-"""Whether the service answers, and what it stands on."""
+"""Schema of the service's health."""
 
 from enum import StrEnum
 
@@ -9,47 +9,49 @@ from daq.session.live_update import LiveUpdate, RunState
 
 
 class Health(StrEnum):
-    """How the service is."""
+    """Overall health of the service."""
 
     GOOD = "good"
-    TROUBLE = "trouble"  # it answers, but the data folder cannot be read or the run has failed
+    TROUBLE = "trouble"  # the data folder cannot be read, or the current run has failed
 
 
 class HealthSchema(Schema):
-    """The service's own state."""
+    """Health of the service."""
 
     health: Health = Field(description="good, or trouble with the reason in `detail`", examples=["good"])
-    detail: str = Field(description="What is wrong; empty where nothing is", examples=[""])
+    detail: str = Field(description="Cause of the trouble; empty if there is none", examples=[""])
     version: str = Field(description="Version of the service", examples=["0.1.0"])
-    uptime_s: float = Field(description="Time since the service was made, s", examples=[162.4])
-    runs: int | None = Field(description="Runs in the data folder; null where it cannot be read", examples=[12], ge=0)
+    uptime_s: float = Field(description="Time since the start of the service, s", examples=[162.4])
+    runs: int | None = Field(
+        description="Number of runs in the data folder; null if it cannot be read", examples=[12], ge=0
+    )
     live_run: str | None = Field(
-        description="Id of the run that is under way; null where none is", examples=["2026-11-24T09-12-07-gj90c"]
+        description="Id of the run in progress; null if there is none", examples=["2026-11-24T09-12-07-gj90c"]
     )
 
 
 def health_schema(
     version: str, uptime: float, runs: int | None, frame: LiveUpdate | None, trouble: str = ""
 ) -> HealthSchema:
-    """Return the state of a service.
+    """Return the health of the service.
 
     Parameters
     ----------
     version : str
-        Of the service.
+        Version of the service.
     uptime : float
-        Since it was made, s.
+        Time since its start, s.
     runs : int or None
-        Runs in the data folder, None where it cannot be read.
+        Number of runs in the data folder; None if it cannot be read.
     frame : LiveUpdate or None
         The latest of the live run.
     trouble : str
-        What is wrong with the data folder; empty where nothing is.
+        Error of the data folder; empty if there is none.
 
     Returns
     -------
     HealthSchema
-        Trouble where the folder cannot be read or the live run has failed.
+        Trouble if the folder cannot be read or the current run has failed.
     """
     failed = frame is not None and frame.status.state is RunState.FAILED
     reasons = [trouble] if trouble else []

@@ -1,4 +1,4 @@
-"""Files of other programs that were sent in, and what is in them."""
+"""Schemas of uploaded files and their columns."""
 
 import math
 from datetime import UTC, datetime
@@ -9,71 +9,71 @@ from daq.schemas.units import Schema, utc_time
 from daq.service.uploads import Upload
 from recordings.exchange.table import Column, Table
 
-UPLOADS = "/api/v1/uploads"
+UPLOADS_URL = "/api/v1/uploads"
 
 
 class UploadSchema(Schema):
-    """A file that was sent in; an order of kind `import` makes it into a run."""
+    """An uploaded file; a job of kind `import` converts it into a run."""
 
     upload: str = Field(description="Its id", examples=["5d41402abc4b2a76"])
-    name: str = Field(description="What it is called", examples=["run-up.tdms"])
+    name: str = Field(description="Its file name", examples=["run-up.tdms"])
     size_bytes: int = Field(description="Its size, bytes", ge=0, examples=[48_000_000])
-    uploaded_at: datetime = Field(description="When it was there, UTC", examples=["2026-11-24T10:00:00Z"])
-    expires_at: datetime = Field(description="When it is deleted, UTC", examples=["2026-11-24T11:00:00Z"])
-    columns: str = Field(description="Address of what is in it", examples=[f"{UPLOADS}/5d41402abc4b2a76/columns"])
+    uploaded_at: datetime = Field(description="Time of the complete upload, UTC", examples=["2026-11-24T10:00:00Z"])
+    expires_at: datetime = Field(description="Time of its deletion, UTC", examples=["2026-11-24T11:00:00Z"])
+    columns: str = Field(description="URL of its columns", examples=[f"{UPLOADS_URL}/5d41402abc4b2a76/columns"])
 
 
 class UploadListSchema(Schema):
-    """All files that were sent in."""
+    """All uploaded files."""
 
-    uploads: tuple[UploadSchema, ...] = Field(description="The one sent last first")
+    uploads: tuple[UploadSchema, ...] = Field(description="Newest first")
 
 
 class ColumnSchema(Schema):
-    """A column of numbers."""
+    """A numeric column."""
 
-    name: str = Field(description="As a mapping names it", examples=["group/Kaman 1"])
-    unit: str = Field(description="As the file says it; empty where it does not", examples=["V"])
-    lowest: float | None = Field(description="Its smallest number, in that unit; null: not finite", examples=[-1.25])
-    highest: float | None = Field(description="Its largest number, in that unit; null: not finite", examples=[1.31])
+    name: str = Field(description="Its name, for use in a mapping", examples=["group/Kaman 1"])
+    unit: str = Field(description="Unit from the file; empty if it gives none", examples=["V"])
+    lowest: float | None = Field(description="Minimum, in that unit; null: not finite", examples=[-1.25])
+    highest: float | None = Field(description="Maximum, in that unit; null: not finite", examples=[1.31])
 
 
 class ColumnsSchema(Schema):
-    """What is in a file of another program."""
+    """Content of an uploaded file."""
 
-    name: str = Field(description="What the file is called", examples=["run-up.tdms"])
+    name: str = Field(description="File name", examples=["run-up.tdms"])
     rows: int = Field(description="Numbers in each column", ge=0, examples=[2_000_000])
-    rate_hz: float | None = Field(description="Rows a second, Hz; null: the file does not tell", examples=[20_000.0])
+    rate_hz: float | None = Field(description="Sampling rate, Hz; null: not in the file", examples=[20_000.0])
     started_at: datetime | None = Field(
-        description="Wall clock at the first row, UTC; null: the file does not tell", examples=["2012-05-01T08:30:00Z"]
+        description="Wall clock at the first row, UTC; null: not in the file", examples=["2012-05-01T08:30:00Z"]
     )
-    columns: tuple[ColumnSchema, ...] = Field(description="In the file's order")
+    columns: tuple[ColumnSchema, ...] = Field(description="In the order of the file")
 
 
 def upload_schema(upload: Upload) -> UploadSchema:
-    """Return an upload as a document."""
+    """Return the schema of an upload."""
     return UploadSchema(
         upload=upload.id,
         name=upload.name,
         size_bytes=upload.size,
         uploaded_at=datetime.fromtimestamp(upload.uploaded, UTC),
         expires_at=datetime.fromtimestamp(upload.expires, UTC),
-        columns=f"{UPLOADS}/{upload.id}/columns",
+        columns=f"{UPLOADS_URL}/{upload.id}/columns",
     )
 
 
 def columns_schema(name: str, table: Table) -> ColumnsSchema:
-    """Return what is in a file of a name."""
+    """Return the schema of a table from the named file."""
     return ColumnsSchema(
         name=name,
         rows=table.n_rows,
         rate_hz=table.rate,
         started_at=None if table.started_ns is None else utc_time(table.started_ns),
-        columns=tuple(map(_column, table.columns)),
+        columns=tuple(map(_column_schema, table.columns)),
     )
 
 
-def _column(column: Column) -> ColumnSchema:
-    ends = float(column.values.min()), float(column.values.max())
-    lowest, highest = (end if math.isfinite(end) else None for end in ends)
+def _column_schema(column: Column) -> ColumnSchema:
+    extremes = float(column.values.min()), float(column.values.max())
+    lowest, highest = (extreme if math.isfinite(extreme) else None for extreme in extremes)
     return ColumnSchema(name=column.name, unit=column.unit, lowest=lowest, highest=highest)

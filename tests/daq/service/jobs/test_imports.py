@@ -313,19 +313,19 @@ def test_upload_needs_the_token_where_others_reach_the_service(tmp_path: Path) -
 
 def test_uploads_are_forgotten_and_limited_in_number(tmp_path: Path) -> None:
     def put(uploads: UploadStore, name: str) -> str:
-        place = uploads.place(name)
+        place = uploads.path_for(name)
         place.parent.mkdir(parents=True)
         place.write_bytes(b"x")
         return uploads.add(name, place, 1).id
 
     passing, lasting = UploadStore(tmp_path / "a", retention_time=0.0), UploadStore(tmp_path / "b")
     put(passing, "run.csv")
-    assert passing.all() == ()
+    assert passing.list_uploads() == ()
     assert not list((tmp_path / "a/.rig/uploads").iterdir())
     for _ in range(16):
         put(lasting, "run.csv")
     with pytest.raises(UploadStoreFullError, match="16 uploads are kept already"):
-        lasting.place("run.csv")
+        lasting.path_for("run.csv")
 
 
 def test_content_that_does_not_come_is_not_waited_for(tmp_path: Path) -> None:
@@ -339,8 +339,8 @@ def test_content_that_does_not_come_is_not_waited_for(tmp_path: Path) -> None:
             raise AssertionError("nothing more comes")
 
         request = Request({"type": "http", "method": "POST", "headers": []}, receive)
-        incoming = UploadReceiver(lambda: 2**40, 1000, patience=0.05)
-        await incoming.take(request, tmp_path / "new" / "file")
+        incoming = UploadReceiver(lambda: 2**40, 1000, chunk_timeout=0.05)
+        await incoming.receive(request, tmp_path / "new" / "file")
 
     with pytest.raises(ProblemError, match=r"4 bytes in 0\.05 s after 0"):
         asyncio.run(take())
