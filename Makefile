@@ -1,5 +1,5 @@
-# Two commands: `make run` records a simulated run-up with live view and REST; `make test` checks everything.
-# Both do all their set-up in .venv, from bare Debian packages: python3 (3.11 or newer), python3-venv, make.
+# `make run` records a simulated run-up with live view and REST; `make test` runs all checks and tests.
+# Both set up .venv themselves; they need the Debian packages python3 (3.11 or newer), python3-venv and make.
 
 PYTHON ?= python3
 VENV := .venv
@@ -22,7 +22,7 @@ serve: $(RUNTIME)
 test: $(READY) check
 	OPENBLAS_NUM_THREADS=1 $(BIN)/pytest -n 3 --dist loadfile
 
-# The same tests, measured: they take a third longer.
+# The tests with branch coverage; takes a third longer.
 coverage: $(READY)
 	$(BIN)/coverage erase
 	OPENBLAS_NUM_THREADS=1 $(BIN)/coverage run -m pytest -n 3 --dist loadfile
@@ -41,11 +41,11 @@ bench: $(VENV)/ready-bench
 campaign: $(READY)
 	$(BIN)/pytest tests -m campaign -s
 
-# ROSS, another rotor program, computes again what tests/validation/ross/ross.json holds. It has an environment of its own.
+# Recomputes tests/validation/ross/ross.json with ROSS, another rotor program, in its own environment.
 oracle: $(READY) $(ORACLE)
 	$(BIN)/pytest tests/validation -m oracle
 
-# The numeric tests alone, for another OPENBLAS_CORETYPE (Prescott, Haswell, Zen, SkylakeX) than this processor's own.
+# The numeric tests only; set OPENBLAS_CORETYPE (Prescott, Haswell, Zen, SkylakeX) to use the kernels of another processor.
 numbers: $(READY)
 	OPENBLAS_NUM_THREADS=1 $(BIN)/pytest -n 2 --dist loadfile tests/analysis tests/model tests/validation
 
@@ -58,7 +58,7 @@ $(ORACLE): tests/validation/ross/requirements.txt
 proto: $(READY)
 	$(BIN)/python -m grpc_tools.protoc --proto_path=recordings/mcap/schema --python_out=recordings/mcap/schema --pyi_out=recordings/mcap/schema rig.proto
 
-# What running needs; the tests' tools come with `make test`.
+# Installs what `make run` needs; `make test` installs the test tools as well.
 $(RUNTIME): pyproject.toml constraints.txt
 	@command -v $(PYTHON) >/dev/null || { echo "$(PYTHON) is missing: apt install python3 python3-venv"; exit 1; }
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \

@@ -1,7 +1,7 @@
-"""What holds for all tests: how they are measured, and what becomes of one that hangs.
+"""Settings of all tests: coverage, hypothesis and the time limit.
 
-A hang is told with the stacks of all threads (pyproject.toml); what takes long, on purpose or by load, is none.
-Coverage is that of the tests' own processes. Commands and recorders that they start would take half as long again.
+A test that exceeds the time limit (pyproject.toml) prints the stacks of all threads; long tests have none. Coverage
+measures only the test processes: measuring the commands and recorders that they start would take half as long again.
 """
 
 import faulthandler
@@ -13,7 +13,7 @@ from hypothesis import settings
 if "PYTEST_XDIST_WORKER" in os.environ:
     os.environ.pop("COVERAGE_PROCESS_CONFIG", None)
 
-LONG = ("benchmark", "campaign", "oracle")
+NO_TIME_LIMIT = ("benchmark", "campaign", "oracle")
 
 settings.register_profile("busy", deadline=None)
 settings.load_profile("busy")
@@ -21,5 +21,5 @@ settings.load_profile("busy")
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_runtest_setup(item: pytest.Item) -> None:
-    if any(item.get_closest_marker(name) for name in LONG):
+    if any(item.get_closest_marker(name) for name in NO_TIME_LIMIT):
         faulthandler.cancel_dump_traceback_later()
