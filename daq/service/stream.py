@@ -23,7 +23,7 @@ class LiveFeed(Protocol):
 def require_ended(live: LiveFeed, run: str) -> None:
     """Raise ProblemError if the run with this id is still in progress."""
     update = live.latest()
-    if update is not None and update.header.run == run and update.status.state.is_under_way:
+    if update is not None and update.header.run == run and update.status.state.is_active:
         raise ProblemError(ProblemType.RUN_UNDER_WAY, f"run {run} is still {update.status.state.value}")
 
 

@@ -1,1 +1,1 @@
-"""One run, live: the recorder process, the ring of blocks between processes, the live analysis."""
+"""Runs: the recorder process, live analysis, replay, import, preflight checks, predictions and sweeps."""

@@ -1,4 +1,4 @@
-"""A foreign file made into a run, for a rig that a mapping names."""
+"""Import of files from other programs as runs of a rig, with a mapping from columns to channels."""
 
 import hashlib
 import math
@@ -23,26 +23,26 @@ from recordings.mcap.layout import IMPORTED_RECORD
 from recordings.mcap.writer import write_run
 
 IMPORTED_BACKEND = "imported"
-"""What has delivered the samples of a run that was imported."""
+"""Value of `Device.backend` in an imported run."""
 SIMULTANEOUS_CONVERT_RATE = 1e12
-"""Convert rate, Hz, where nothing is known of a multiplexer: all channels are sampled at once."""
-RATE_TOLERANCE = 1e-3
+"""Convert rate, Hz, without a known multiplexer: all channels are sampled at the same time."""
+RATE_TOLERANCE = 1e-3  # relative, between the rate in the mapping and in the file
 
 
 @dataclass(frozen=True, slots=True)
 class ForeignFile:
-    """A file of another program and what is known of it.
+    """A file from another program, with its mapping.
 
     Parameters
     ----------
     path : Path
-        Where it lies; its suffix tells the format.
+        Its path; the suffix determines the format.
     name : str
-        What it is called.
+        Its name in messages and in the run.
     mapping : ChannelMapping
-        Which of its columns are which channels.
+        Assigns its columns to the channels.
     mapping_name, mapping_text : str
-        What the mapping is called, and how it was written.
+        Name and source text of the mapping.
     """
 
     path: Path
@@ -53,14 +53,14 @@ class ForeignFile:
 
 
 def import_run(file: Path, mapping_file: Path, catalogue: Catalogue) -> tuple[str, Path]:
-    """Make a foreign file into a run of a data folder; return its id and its file.
+    """Import a file into the data folder of a catalogue; return the run's id and file.
 
     Raises
     ------
     ConfigError
-        Where the mapping or the rig's file is wrong, or they do not fit each other or the file.
+        The mapping or the rig file is invalid, or the mapping does not match the rig or the file.
     RecordingError
-        Where the file cannot be read or the run cannot be written.
+        The file cannot be read or the run cannot be written.
     """
     mapping, text = load_mapping(mapping_file)
     rig = with_reference_runout(load_rig(mapping_file.parent / mapping.rig), catalogue.folder)
@@ -68,20 +68,20 @@ def import_run(file: Path, mapping_file: Path, catalogue: Catalogue) -> tuple[st
 
 
 def require_mapping_fits(foreign: ForeignFile, rig: Rig) -> None:
-    """Raise ConfigError where a mapping does not give every channel of a rig what it needs."""
-    if faults := _misfits(foreign.mapping, rig):
+    """Raise ConfigError where a mapping does not match the channels of a rig."""
+    if faults := _mapping_faults(foreign.mapping, rig):
         raise ConfigError(foreign.mapping_name, faults)
 
 
-def _misfits(mapping: ChannelMapping, rig: Rig) -> list[str]:
+def _mapping_faults(mapping: ChannelMapping, rig: Rig) -> list[str]:
     missing = [section.name for section in rig.config.channel if section.name not in mapping.channel]
     unknown = mapping.channel.keys() - {section.name for section in rig.config.channel}
-    faults = [f"channel.{name}: is missing, expected the column of the rig's channel" for name in missing]
+    faults = [f"channel.{name}: is missing, expected the column of this channel of the rig" for name in missing]
     faults += [f"channel.{name}: the rig has no such channel" for name in sorted(unknown)]
     for section in rig.config.channel:
         wanted = mapping.channel.get(section.name)
         if wanted is not None and section.role is Role.TACHO and wanted.unit in LENGTH_UNITS:
-            faults.append(f'channel.{section.name}.unit = "{wanted.unit}": a tacho gives "V" or "mV"')
+            faults.append(f'channel.{section.name}.unit = "{wanted.unit}": expected "V" or "mV" for a tacho')
     return faults
 
 
@@ -89,31 +89,31 @@ def write_imported_run(
     foreign: ForeignFile,
     rig: Rig,
     catalogue: Catalogue,
-    drafts: Path | None = None,
-    told: Callable[[float], None] | None = None,
+    temporary_folder: Path | None = None,
+    on_progress: Callable[[float], None] | None = None,
 ) -> tuple[str, Path]:
-    """Make a foreign file into a run of a rig; return its id and its file.
+    """Write a file as a run of a rig; return the run's id and file.
 
     Parameters
     ----------
-    foreign, rig, catalogue : Foreign, Rig, Catalogue
-        What is imported, of which rig, and where to.
-    drafts : Path or None
-        A folder on the disk of the runs in which it is written first, so that nobody sees half a run.
-    told : callable or None
-        Told what part of the samples is written and analysed, 0 to 1.
+    foreign, rig, catalogue : ForeignFile, Rig, Catalogue
+        The file, its rig, and the catalogue that gets the run.
+    temporary_folder : Path or None
+        Folder on the same disk in which the run is written first, so that no reader sees an incomplete run.
+    on_progress : callable or None
+        Receives the fraction of the samples written and analysed, 0 to 1.
 
     Raises
     ------
     ConfigError
-        Where the mapping does not fit the rig or the file.
+        The mapping does not match the rig or the file.
     RecordingError
-        Where the file cannot be read or the run cannot be written.
+        The file cannot be read or the run cannot be written.
     """
     mapping, table = foreign.mapping, read_table(foreign.path)
-    rate, faults = mapping.rate_hz or table.rate, _misfits(mapping, rig)
+    rate, faults = mapping.rate_hz or table.rate, _mapping_faults(mapping, rig)
     if rate is None:
-        faults.append(f"rate_hz: is missing, and {foreign.name} does not tell how fast it was sampled")
+        faults.append(f"rate_hz: is missing, and {foreign.name} does not state its sample rate")
     elif table.rate is not None and abs(rate - table.rate) > RATE_TOLERANCE * rate:
         faults.append(f"rate_hz = {rate:g}: {foreign.name} says {table.rate:g}")
     if faults or rate is None:
@@ -124,9 +124,7 @@ def write_imported_run(
         column = table.column(wanted.source)
         channels.append(imported_channel(column, _channel(rig, section), wanted.unit, wanted.factor))
     started_ns = next(
-        moment
-        for moment in (mapping.started_ns, table.started_ns, foreign.path.stat().st_mtime_ns)
-        if moment is not None
+        start for start in (mapping.started_ns, table.started_ns, foreign.path.stat().st_mtime_ns) if start is not None
     )
     run_id, path = catalogue.new_run(rig.config.rig, started_ns)
     header = _header(rig, run_id, started_ns, rate, channels)
@@ -141,19 +139,21 @@ def write_imported_run(
     }
     note = mapping.note or table.properties.get("note", "")
     items = imported_items(channels, rate, started_ns)
-    if told is not None:
-        items = _told(items, table.n_rows, told)
-    written = path if drafts is None else drafts / path.name
+    if on_progress is not None:
+        items = _report_progress(items, table.n_rows, on_progress)
+    written = path if temporary_folder is None else temporary_folder / path.name
     write_run(written, replace(header, note=note), items, {IMPORTED_RECORD: origin})
-    if drafts is not None:
+    if temporary_folder is not None:
         move_without_overwriting(written, path)
     return run_id, path
 
 
-def _told(items: Iterator[SourceItem], n_rows: int, told: Callable[[float], None]) -> Iterator[SourceItem]:
+def _report_progress(
+    items: Iterator[SourceItem], n_rows: int, on_progress: Callable[[float], None]
+) -> Iterator[SourceItem]:
     for item in items:
         if isinstance(item, SampleBlock):
-            told(item.first_sample / n_rows)
+            on_progress(item.first_sample / n_rows)
         yield item
 
 
@@ -163,7 +163,7 @@ def _header(rig: Rig, run_id: str, started_ns: int, rate: float, channels: list[
         rate=rate,
         convert_rate=SIMULTANEOUS_CONVERT_RATE,
         channels=tuple(each.channel for each in channels),
-        tacho=replace(rig.tacho, counter=None),  # its stamps are in no foreign file
+        tacho=replace(rig.tacho, counter=None),  # foreign files hold no counter stamps
     )
     return RunHeader(
         run=run_id,

@@ -1,4 +1,4 @@
-"""What the live side shows of a run at one moment: the shaft, the model beside it, and the state of the recording."""
+"""The live update: a run's latest snapshot, prediction and recording status, as the view and the service show them."""
 
 from dataclasses import dataclass
 from enum import StrEnum
@@ -12,26 +12,26 @@ from recordings.mcap.markers import Marker
 
 
 class RunState(StrEnum):
-    """Where a run stands."""
+    """State of a run."""
 
     STARTING = "starting"
-    ARMED = "armed"  # samples come, and are recorded from a condition on
+    ARMED = "armed"  # samples arrive; recording starts with the trigger condition
     RECORDING = "recording"
     DEGRADED = "degraded"  # recording, but samples are about to be lost
-    INTERRUPTED = "interrupted"  # recording, but no samples come
+    INTERRUPTED = "interrupted"  # recording, but no samples arrive
     REPLAYING = "replaying"
     FINISHED = "finished"
     FAILED = "failed"
 
     @property
-    def is_under_way(self) -> bool:
+    def is_active(self) -> bool:
         """Whether the run has not ended."""
         return self not in {RunState.FINISHED, RunState.FAILED}
 
 
 @dataclass(frozen=True, slots=True)
 class TimedMarker:
-    """A marker, and when in the run it lies.
+    """A marker with its time in the run.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ class TimedMarker:
     time : float
         Sample time in its segment, s.
     elapsed : float
-        Sample time since the run began, s.
+        Sample time since the start of the run, s.
     """
 
     marker: Marker
@@ -50,18 +50,18 @@ class TimedMarker:
 
 @dataclass(frozen=True, slots=True)
 class Clipping:
-    """What a channel lost at the ends of the converter's range since the run began.
+    """Clipped samples of a channel since the start of the run.
 
     Parameters
     ----------
     channel : str
-        Its name.
+        Name of the channel.
     samples : int
-        Samples there.
+        Samples at the limits of the converter's range.
     blocks : int
-        Blocks with any.
+        Blocks that contain such samples.
     last : float
-        Sample time, since the run began, of the end of the last such block, s.
+        Sample time, since the start of the run, of the end of the last such block, s.
     """
 
     channel: str
@@ -72,14 +72,14 @@ class Clipping:
 
 @dataclass(frozen=True, slots=True)
 class Status:
-    """The state of the recording, for somebody two metres away.
+    """Status of a recording or replay.
 
     Parameters
     ----------
     state : RunState
-        Where the run stands.
+        State of the run.
     elapsed : float
-        Sample time since the run began, s.
+        Sample time since the start of the run, s.
     samples : int
         Samples per channel recorded (or replayed).
     lost : int
@@ -87,31 +87,31 @@ class Status:
     lost_is_exact : bool
         False where ``lost`` is a lower bound.
     backlog : float
-        What the device held at the last read, s.
+        Samples in the device's buffer at the last read, s.
     disk_left : float
-        How long the disk lasts at this rate before the reserve is reached, s; infinite where nothing is written.
+        Recording time at this rate until the disk reserve is reached, s; infinite where nothing is written.
     skipped : int
-        Samples per channel that the live analysis had to skip (they are recorded).
+        Samples per channel that the live analysis skipped (they are recorded).
     dropped_frames : int
-        Pictures that the view could not draw in time.
+        Live updates that the view could not draw in time.
     severity : Severity
-        The worst of the alarms that last.
+        The worst of the alarms whose condition persists.
     latched : Severity
-        The worst of the alarms in sight.
-    markers : tuple of TimedMarker
-        The last moments that were marked, in their order.
+        The worst of the alarms shown.
     model : str
-        "ready", "ready, not exact: " and why, "computing 34 %", or why there is no prediction.
+        "ready", "ready, not exact: <reason>", "computing 34 %", or why there is no prediction.
     clipped : tuple of Clipping
-        Of the channels that have been clipped, whether the live analysis has seen it or had to skip.
+        Channels that have been clipped, also in samples that the live analysis skipped.
     last_loss : str
-        What became of the last segment with which something went wrong; empty where there was none.
+        Description of the last segment end with a fault; empty for none.
     detail : str
-        What went wrong, for the operator; empty where all is well.
+        Message for the operator; empty where all is well.
     alarms : tuple of Alarm
-        Those in sight: they last, or are latched until somebody acknowledges them.
+        The alarms shown: their condition persists, or they are latched until acknowledged.
     acknowledged : int
-        Number of the last alarm that somebody has acknowledged; 0 for none.
+        Number of the last acknowledged alarm; 0 for none.
+    markers : tuple of TimedMarker
+        The latest markers, in order of time.
     """
 
     state: RunState
@@ -136,20 +136,20 @@ class Status:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LiveUpdate:
-    """One moment of a run.
+    """Snapshot, prediction and status of a run at one time.
 
     Parameters
     ----------
     header : RunHeader
         The run.
     status : Status
-        Its state.
+        Status of the recording or replay.
     snapshot : Snapshot or None
-        The shaft; None before the first.
+        Result of the live analysis; None before the first.
     prediction : Prediction or None
-        The model at the measured speed; None where the speed or the model is not known.
+        The model at the measured speed; None where the speed or the model is unknown.
     runout : RunOut or None
-        What is taken off as run-out; None where it is not asked for or not known yet.
+        The subtracted run-out; None where no compensation is configured or the run-out is not known yet.
     """
 
     header: RunHeader
@@ -160,8 +160,8 @@ class LiveUpdate:
 
 
 class LiveUpdateSink(Protocol):
-    """Whoever shows frames. It takes them at once and may forget all but the latest; it never blocks."""
+    """Consumer of live updates: it returns at once, may drop all but the latest, and never blocks."""
 
-    def offer(self, frame: LiveUpdate) -> None:
-        """Show this frame when there is time."""
+    def offer(self, update: LiveUpdate) -> None:
+        """Accept an update for display."""
         ...

@@ -1,7 +1,4 @@
-"""What a recorded run was, from its file: the results that lie beside the samples, or the samples analysed again.
-
-A recorded run's header with calibrations that were corrected since; `summarise` takes it.
-"""
+"""Results and summary of a recorded run, from the stored results or from its samples analysed again."""
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
@@ -20,17 +17,17 @@ Progress = Callable[[float], None]
 def summarise(reader: RunReader, on_progress: Progress | None = None, header: RunHeader | None = None) -> RunSummary:
     """Return the summary of a recording.
 
-    The live analysis wrote its results beside the samples. Where it kept up they are the whole story; where it had to
-    skip, or the file breaks off, the samples are analysed again, with the same outcome as a live analysis that kept up.
+    The file holds the results of the live analysis. Where that skipped samples, or the file is incomplete, the samples
+    are analysed again; the result equals that of a live analysis that skips nothing.
 
     Parameters
     ----------
     reader : RunReader
-        The recording; it stays as it is.
+        The recording; it is not changed.
     on_progress : callable or None
-        Told the part that is done, 0 to 1.
+        Receives the fraction done, 0 to 1.
     header : RunHeader or None
-        What its samples are taken to mean, of `corrected_header`; they are analysed again then. None for its own.
+        Header from `corrected_header` for an analysis with other calibrations; None: the recording's own.
     """
     builder = SummaryBuilder(header or reader.header)
     for item in results(reader, on_progress, header):
@@ -44,29 +41,31 @@ def summarise(reader: RunReader, on_progress: Progress | None = None, header: Ru
 def results(
     reader: RunReader, on_progress: Progress | None = None, header: RunHeader | None = None
 ) -> Iterator[Snapshot | SegmentEnd]:
-    """Yield the results of a recording and the ends of its segments, as recorded or analysed again as `summarise` does.
+    """Yield the snapshots and segment ends of a recording, stored or computed again as `summarise` does.
 
     Parameters
     ----------
     reader : RunReader
         The recording.
     on_progress : callable or None
-        Told the part that is done, 0 to 1.
+        Receives the fraction done, 0 to 1.
     header : RunHeader or None
         As for `summarise`.
     """
     is_whole = reader.is_complete and reader.skipped_samples == 0
     duration = max(reader.duration, 1e-9)
-    before = 0.0  # s of the segments before
-    for item in _kept(reader) if is_whole and header is None else _analysed(reader, header or reader.header):
+    previous = 0.0  # s, duration of the segments before
+    for item in (
+        _stored_results(reader) if is_whole and header is None else _computed_results(reader, header or reader.header)
+    ):
         yield item
         if isinstance(item, SegmentEnd):
-            before += item.samples / reader.header.acquisition.rate
+            previous += item.samples / reader.header.acquisition.rate
         elif on_progress is not None:
-            on_progress(min(1.0, (before + item.time) / duration))
+            on_progress(min(1.0, (previous + item.time) / duration))
 
 
-def _kept(reader: RunReader) -> Iterator[Snapshot | SegmentEnd]:
+def _stored_results(reader: RunReader) -> Iterator[Snapshot | SegmentEnd]:
     ends = list(reader.segment_ends)
     for snapshot in reader.snapshots():
         while ends and ends[0].segment < snapshot.segment:
@@ -75,7 +74,7 @@ def _kept(reader: RunReader) -> Iterator[Snapshot | SegmentEnd]:
     yield from ends
 
 
-def _analysed(reader: RunReader, header: RunHeader) -> Iterator[Snapshot | SegmentEnd]:
+def _computed_results(reader: RunReader, header: RunHeader) -> Iterator[Snapshot | SegmentEnd]:
     analyser = Analyser(header.acquisition, header.settings)
     for item in reader.items():
         if isinstance(item, SampleBlock):
@@ -86,19 +85,19 @@ def _analysed(reader: RunReader, header: RunHeader) -> Iterator[Snapshot | Segme
 
 
 def corrected_header(header: RunHeader, calibrations: Mapping[str, Calibration]) -> RunHeader:
-    """Return a run's header with other calibrations.
+    """Return a run's header with other calibrations, to analyse its samples again.
 
     Parameters
     ----------
     header : RunHeader
-        Of the run.
+        Header of the run.
     calibrations : mapping of str to Calibration
-        By the name of the probe's channel; probes that are not named keep theirs.
+        New calibrations by name of the probe's channel; other probes keep theirs.
 
     Raises
     ------
     UsageError
-        The run has no probe of a name.
+        The run has no probe with one of the names.
     """
     channels = header.acquisition.channels
     probes = [channel.name for channel in channels if channel.role is not Role.TACHO]

@@ -1,7 +1,4 @@
-"""Processes beside the main one: begun out of reach of the terminal, and ended for good whatever they do.
-
-Work that nobody waits for gives way to work that somebody does.
-"""
+"""Child processes: started with terminal signals blocked, run at low priority, and terminated reliably."""
 
 import ctypes
 import os
@@ -12,7 +9,10 @@ from contextlib import contextmanager
 from multiprocessing.process import BaseProcess
 from types import FrameType
 
-BELOW_NORMAL = 0x4000  # Windows' BELOW_NORMAL_PRIORITY_CLASS
+JOIN_TIMEOUT = 2.0  # s that a process has to end by itself
+_BELOW_NORMAL_PRIORITY_CLASS = 0x4000  # of the Windows API
+# The terminal sends these to all its processes. SIGHUP: POSIX only; SIGBREAK: Windows only.
+_TERMINAL_SIGNALS = ("SIGINT", "SIGHUP", "SIGBREAK")
 
 
 def lower_priority(steps: int = 5) -> None:
@@ -21,34 +21,30 @@ def lower_priority(steps: int = 5) -> None:
     Parameters
     ----------
     steps : int
-        How far, 1 to 19, where the system knows steps; Windows knows one.
+        Increase of the niceness, 1 to 19. Windows has a single step.
     """
     if sys.platform == "win32":
         kernel = ctypes.windll.kernel32
-        kernel.SetPriorityClass(kernel.GetCurrentProcess(), BELOW_NORMAL)
+        kernel.SetPriorityClass(kernel.GetCurrentProcess(), _BELOW_NORMAL_PRIORITY_CLASS)
     else:
         os.nice(steps)
 
 
-JOIN_TIMEOUT = 2.0  # s that a process has to end by itself
-_OF_THE_TERMINAL = ("SIGINT", "SIGHUP", "SIGBREAK")  # go to all its processes; SIGHUP: POSIX only, SIGBREAK: Windows
-
-
 @contextmanager
 def terminal_signals_blocked() -> Iterator[None]:
-    """Keep from processes that are started here what the terminal sends, until they can ignore it themselves.
+    """Block terminal signals in processes started here until they ignore them themselves.
 
-    Ctrl-C would end a process that still imports what it needs with a traceback. On Windows it does.
+    Without this, Ctrl-C ends a process that is still importing with a traceback. On Windows it does.
     """
     if sys.platform == "win32":
         yield
         return
     from multiprocessing.resource_tracker import ensure_running  # noqa: PLC0415 - POSIX only
 
-    blocked = {getattr(signal, name) for name in _OF_THE_TERMINAL if hasattr(signal, name)}
+    blocked = {getattr(signal, name) for name in _TERMINAL_SIGNALS if hasattr(signal, name)}
     before = signal.pthread_sigmask(signal.SIG_BLOCK, blocked)
     try:
-        ensure_running()  # the first start of a process would start it, and it lifts the mask behind itself
+        ensure_running()  # otherwise the first process start runs it, and it unblocks the signals
         signal.pthread_sigmask(signal.SIG_BLOCK, blocked)
         yield
     finally:
@@ -56,26 +52,26 @@ def terminal_signals_blocked() -> Iterator[None]:
 
 
 def start_process(process: BaseProcess) -> None:
-    """Start a process whose work begins with `leave_signals_to_parent` or `ignore_terminal_signals`."""
+    """Start a process whose target first calls `leave_signals_to_parent` or `ignore_terminal_signals`."""
     with terminal_signals_blocked():
         process.start()
 
 
 def leave_signals_to_parent() -> None:
-    """Let the parent decide what Ctrl-C and a closed terminal mean, and end tidily when it ends this process."""
+    """Ignore terminal signals, which the parent handles, and exit cleanly when the parent sends SIGTERM."""
     ignore_terminal_signals()
     signal.signal(signal.SIGTERM, _exit)
 
 
 def ignore_terminal_signals() -> None:
-    """Let the parent decide what Ctrl-C and a closed terminal mean."""
-    for name in _OF_THE_TERMINAL:
+    """Ignore Ctrl-C and a closed terminal: the parent decides what they mean."""
+    for name in _TERMINAL_SIGNALS:
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), signal.SIG_IGN)
 
 
 def end_process(process: BaseProcess) -> None:
-    """End a process that was started and wait until it has, by force where it does not or stands still."""
+    """Terminate a started process and join it; kill it where it does not end, for example because it is suspended."""
     process.terminate()
     process.join(JOIN_TIMEOUT)
     if process.is_alive():

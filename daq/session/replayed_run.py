@@ -1,4 +1,4 @@
-"""A run that is replayed: the recording through the very same analysis, at whatever pace."""
+"""A replayed run: a recording that passes through the live analysis again."""
 
 import threading
 from collections.abc import Sequence
@@ -15,20 +15,20 @@ from recordings.mcap.markers import Marker
 
 
 class ReplayedRun:
-    """A recording on its way through the live analysis.
+    """A recording being replayed through the live analysis.
 
     Parameters
     ----------
     header : RunHeader
         The recorded run.
     source : Source
-        Its replay; closed with the run.
-    model : Model
-        Whose prediction is laid over it.
+        Its replay; `close` closes it.
+    model : LivePredictor
+        The model whose prediction is shown with it.
     sinks : sequence of LiveUpdateSink
-        Who shows it.
+        Consumers of the live updates.
     markers : sequence of Marker
-        What was marked in it; each is shown when the replay comes to it.
+        Its markers; each is shown when the replay reaches it.
     """
 
     def __init__(
@@ -50,8 +50,8 @@ class ReplayedRun:
         )  # the next one last
         self._state = RunState.REPLAYING
         self._is_stopped_by_user = False
-        self._fault: BaseException | None = None
-        self._thread = threading.Thread(target=self._pump, name="replay", daemon=True)
+        self._error: BaseException | None = None
+        self._thread = threading.Thread(target=self._replay, name="replay", daemon=True)
         self._thread.start()
 
     @property
@@ -60,7 +60,7 @@ class ReplayedRun:
         return self._header
 
     def status(self) -> Status:
-        """Return how far the replay is."""
+        """Return the progress of the replay."""
         return Status(
             state=self._state,
             elapsed=self._samples / self._header.acquisition.rate,
@@ -70,7 +70,7 @@ class ReplayedRun:
             model=self._model.state,
         )
 
-    def _pump(self) -> None:
+    def _replay(self) -> None:
         try:
             for item in self._source.blocks():
                 if isinstance(item, SampleBlock):
@@ -80,13 +80,13 @@ class ReplayedRun:
                 self._show_markers(item)
                 self._analysis.process(item, self.status())
             self._state = RunState.FINISHED
-        except Exception as error:  # noqa: BLE001 - carried to whoever closes the run
-            self._fault = error
+        except Exception as error:  # noqa: BLE001 - `close` raises it
+            self._error = error
             self._state = RunState.FAILED
         self._analysis.offer(self.status())
 
     def _show_markers(self, item: SourceItem) -> None:
-        """Show the markers up to the end of an item."""
+        """Show the markers up to the end of a block or segment."""
         end = item.end if isinstance(item, SampleBlock) else item.samples
         rate = self._header.acquisition.rate
         while self._markers and (self._markers[-1].segment, self._markers[-1].sample) <= (item.segment, end):
@@ -96,32 +96,32 @@ class ReplayedRun:
             )
 
     def latest(self) -> LiveUpdate:
-        """Return the present frame."""
-        return self._analysis.frame(self.status())
+        """Return the current live update."""
+        return self._analysis.latest(self.status())
 
     def summary(self) -> RunSummary:
-        """Return the summary of what has been replayed."""
+        """Return the summary of the samples replayed so far."""
         return self._analysis.summary()
 
     def acknowledge(self) -> tuple[Alarm, ...]:
-        """Take note of the alarms so far, for this replay alone; return those that were new."""
+        """Acknowledge the alarms so far, in this replay only; return those that were new."""
         return self._analysis.acknowledge()
 
     def stop(self) -> None:
-        """Ask for the end, by hand."""
+        """Request the end, as the user does."""
         self._is_stopped_by_user = True
         self._source.stop()
 
     def wait(self, timeout: float) -> bool:
-        """Wait up to `timeout` s for the end; return whether it has come."""
+        """Wait up to `timeout` s for the end; return whether the run has ended."""
         self._thread.join(timeout)
         return not self._thread.is_alive()
 
     def close(self) -> RunOutcome:
-        """End the replay, join its thread, and say how it ended; what went wrong in it is raised here."""
+        """End the replay, join its thread and return the outcome; an exception of the replay is raised here."""
         self._source.stop()
         self._thread.join(10.0)
         self._source.close()
-        if self._fault is not None:
-            raise self._fault
+        if self._error is not None:
+            raise self._error
         return RunOutcome(tuple(self._ends), is_stopped_by_user=self._is_stopped_by_user)

@@ -1,4 +1,4 @@
-"""What every run offers while it goes, and what it comes to in the end."""
+"""Interfaces of a run in progress, recorded or replayed, and its outcome."""
 
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
@@ -18,13 +18,13 @@ class RunOutcome:
     Parameters
     ----------
     ends : tuple of SegmentEnd
-        Its segments.
+        Ends of its segments.
     message : str
-        What went wrong, for the operator; empty where all is well.
+        Error message for the operator; empty for none.
     is_stopped_by_user : bool
-        Whether somebody stopped it.
+        Whether the user stopped it.
     skipped : int
-        Samples per channel that the live analysis had to skip.
+        Samples per channel that the live analysis skipped.
     """
 
     ends: tuple[SegmentEnd, ...]
@@ -34,7 +34,7 @@ class RunOutcome:
 
     @property
     def exit_code(self) -> int:
-        """0 good, 3 the device failed, 5 data lost (file kept), 130 stopped by hand (file complete)."""
+        """0 success, 3 device failed, 5 data lost (file usable), 130 stopped by the user (file complete)."""
         reasons = {end.reason for end in self.ends}
         if not self.ends or self.message or any(not end.is_gap_free for end in self.ends):
             return 5
@@ -44,20 +44,20 @@ class RunOutcome:
 
 
 class LivePredictor(Protocol):
-    """What a run asks of the model."""
+    """The model as a run uses it: predictions without waiting."""
 
     @property
     def state(self) -> str:
-        """Whether it is "ready", "ready, not exact: " and why, "computing 34 %", or why there is none."""
+        """State for display: "ready", "ready, not exact: <reason>", "computing 34 %" or the reason for none."""
         ...
 
     def at(self, speed: float) -> Prediction | None:
-        """Return the prediction at a speed, rad/s, at once; None where there is none."""
+        """Return the prediction at a speed, rad/s, without waiting; None where there is none."""
         ...
 
 
 class Run(Protocol):
-    """A run in progress; for the view and the service a recorded and a replayed one are the same."""
+    """A run in progress, recorded or replayed, as the view and the service see it."""
 
     @property
     def header(self) -> RunHeader:
@@ -65,34 +65,34 @@ class Run(Protocol):
         ...
 
     def latest(self) -> LiveUpdate:
-        """Return the present frame."""
+        """Return the current live update."""
         ...
 
     def acknowledge(self) -> tuple[Alarm, ...]:
-        """Take note of the alarms so far; return those that were new."""
+        """Acknowledge the alarms so far; return those that were new."""
         ...
 
     def stop(self) -> None:
-        """Ask for the end, by hand."""
+        """Request the end, as the user does."""
         ...
 
     def wait(self, timeout: float) -> bool:
-        """Wait up to `timeout` s for the end; return whether it has come."""
+        """Wait up to `timeout` s for the end; return whether the run has ended."""
         ...
 
     def close(self) -> RunOutcome:
-        """End it, join all that it started, and say how it ended."""
+        """End the run, join its threads and processes, and return the outcome."""
         ...
 
 
 @runtime_checkable
 class SupportsMarkers(Protocol):
-    """A run in which moments can be named and alarms be acknowledged for good: one that is recorded."""
+    """A recorded run: markers and acknowledgements go into its file."""
 
     def add_marker(self, text: str) -> Marker | None:
-        """Name the present moment; return None where the run has ended."""
+        """Add a marker at the current sample; return None where the run has ended."""
         ...
 
     def acknowledge(self) -> tuple[Alarm, ...]:
-        """Take note of the alarms so far; return those that were new."""
+        """Acknowledge the alarms so far; return those that were new."""
         ...

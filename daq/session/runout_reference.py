@@ -1,4 +1,4 @@
-"""The run-out of an earlier run's slow roll, put into a rig in place of that run's name."""
+"""Run-out vectors from the slow roll of an earlier run, entered in a rig's configuration."""
 
 import math
 from dataclasses import replace
@@ -25,37 +25,37 @@ RPM = 2 * math.pi / 60
 
 
 def with_reference_runout(rig: Rig, folder: Path) -> Rig:
-    """Return the rig with the run-out of the earlier run that it names; the rig itself where it names none.
+    """Return the rig with the run-out of the run in ``runout.from_run``; the rig itself where none is named.
 
     Parameters
     ----------
     rig : Rig
         The rig.
     folder : Path
-        The data folder, in which the run is looked for by its id.
+        The data folder that holds the run.
 
     Raises
     ------
     UsageError
-        That run cannot be read, did not turn slowly, or was seen by other probes or another tacho.
+        The run cannot be read, has no slow roll, or was measured with other probe angles or another tacho.
     """
-    asked = rig.config.runout
-    if not asked.from_run:
+    section = rig.config.runout
+    if not section.from_run:
         return rig
-    name = asked.from_run
+    name = section.from_run
     path = rig.path.parent / name if name.endswith(SUFFIX) else folder / f"{name}{SUFFIX}"
     try:
         with RunReader(path) as reader:
-            _require_same_place(rig, reader.header.acquisition)
-            found = _slow_roll(reader, asked.slow_roll_rpm * RPM)
-            source = f"slow roll of {reader.header.run} up to {asked.slow_roll_rpm:g} r/min"
+            _require_same_sensors(rig, reader.header.acquisition)
+            found = _slow_roll(reader, section.slow_roll_rpm * RPM)
+            source = f"slow roll of {reader.header.run} up to {section.slow_roll_rpm:g} r/min"
     except RecordingError as error:
         raise UsageError(f"runout.from_run: {error}") from error
     if found is None:
-        raise UsageError(f"runout.from_run: {path.stem} holds no order spectrum up to {asked.slow_roll_rpm:g} r/min")
+        raise UsageError(f"runout.from_run: {path.stem} holds no order spectrum up to {section.slow_roll_rpm:g} r/min")
     vectors = tuple(_vector(order, found) for order in range(1, len(found.vectors) + 1))
-    section = RunOutSection(correct_orbit=asked.correct_orbit, vector=vectors, source=source)
-    config = rig.config.model_copy(update={"runout": section})
+    with_vectors = RunOutSection(correct_orbit=section.correct_orbit, vector=vectors, source=source)
+    config = rig.config.model_copy(update={"runout": with_vectors})
     return replace(rig, config=config, toml=to_toml(config.model_dump(mode="json", exclude_none=True)))
 
 
@@ -84,18 +84,18 @@ def _vector(order: int, runout: RunOut) -> RunOutVector:
     )
 
 
-def _require_same_place(rig: Rig, earlier: Acquisition) -> None:
-    """Raise UsageError where the earlier run's vectors do not hold for the rig's probes and tacho."""
+def _require_same_sensors(rig: Rig, earlier: Acquisition) -> None:
+    """Raise UsageError where the earlier run has other probe angles or another tacho: its vectors do not apply."""
     angles = {channel.role: channel.angle_deg for channel in rig.config.channel}
     for channel in earlier.channels:
         if channel.calibration is not None and abs(math.degrees(channel.angle) - angles[channel.role]) > 1e-6:
             raise UsageError(
-                f"runout.from_run: its probe {channel.name} sat at {math.degrees(channel.angle):g} degrees, "
-                f"expected {angles[channel.role]:g}: its vectors do not hold here"
+                f"runout.from_run: its probe {channel.name} is at {math.degrees(channel.angle):g} degrees, "
+                f"expected {angles[channel.role]:g}: its vectors do not apply to this rig"
             )
     if earlier.tacho.edge is not rig.tacho.edge or earlier.tacho.pulses_per_revolution != 1:
         raise UsageError(
-            f"runout.from_run: its tacho timed the {earlier.tacho.edge.value} edge of "
+            f"runout.from_run: its tacho times the {earlier.tacho.edge.value} edge of "
             f"{earlier.tacho.pulses_per_revolution} marks, expected {rig.tacho.edge.value} of 1: "
-            "its phases do not hold here"
+            "its phases do not apply to this rig"
         )

@@ -79,7 +79,7 @@ def test_recorder_that_does_not_heed_the_stop_is_ended_and_its_file_serves(rig: 
     outcome = run.close()
     assert outcome.exit_code == 5
     assert (
-        outcome.message == "the recorder did not stop within 0.5 s and was ended; its file holds all that was flushed"
+        outcome.message == "the recorder did not stop within 0.5 s and was killed; its file holds all flushed samples"
     )
     with RunReader(run.path) as reader:
         assert not reader.is_complete

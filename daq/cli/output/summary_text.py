@@ -9,7 +9,7 @@ from daq.cli.output.terminal import print_json, print_lines
 from daq.schemas.agreement import AgreementSchema
 from daq.schemas.events import AlarmSchema
 from daq.schemas.summary import SpeedRowSchema, SummarySchema, TachoSummarySchema
-from daq.session.recording.health import FULL
+from daq.session.recording.health import MAX_BUFFER_FILL
 from recordings.mcap.markers import MarkerKind
 
 
@@ -73,7 +73,7 @@ def _backlog(summary: SummarySchema) -> Iterator[str]:
     backlog, buffer = summary.largest_backlog_s, summary.buffer_s
     if backlog is not None and buffer:
         fraction = backlog / buffer
-        advice = "; close other programs or lower timing.rate_hz" if fraction > FULL else ""
+        advice = "; close other programs or lower timing.rate_hz" if fraction > MAX_BUFFER_FILL else ""
         filled = f"{100 * fraction:.0f} %{advice}"
         yield f"backlog          at most {backlog:.2f} s in the card's buffer of {buffer:.3g} s, {filled}"
 

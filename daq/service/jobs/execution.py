@@ -100,7 +100,7 @@ def prediction_job(report: ReportProgress, target: Path, header: RunHeader, chan
     config = config.model_copy(update={"model": config.model.model_copy(update=dict(changes))})
     report_fraction = fraction_reporter(report, "computing speed by speed")
     cached_map = CachedPredictionMap(model_parameters(config), header.settings, header.limits)
-    prediction_map = cached_map.computed(lambda done, total: report_fraction(done / total))
+    prediction_map = cached_map.load_or_compute(lambda done, total: report_fraction(done / total))
     by_speed = tuple(predicted_vibration_schema(prediction_map.at(speed)) for speed in prediction_map.speeds.tolist())
     _write_json(target, PredictionMapSchema(run=header.run, by_speed=by_speed))
 

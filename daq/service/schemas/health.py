@@ -63,5 +63,5 @@ def health_schema(
         version=version,
         uptime_s=round(uptime, 3),
         runs=runs,
-        live_run=frame.header.run if frame is not None and frame.status.state.is_under_way else None,
+        live_run=frame.header.run if frame is not None and frame.status.state.is_active else None,
     )

@@ -1,1 +1,1 @@
-"""The model's prediction beside a run: map cache, predictor, refinement at the exact speed."""
+"""Predictions for a run: the map cache, the predictor, and the refiner for the exact speed."""

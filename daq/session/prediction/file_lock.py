@@ -1,4 +1,4 @@
-"""A claim on work that several processes may want done: held by one at a time, and given back when that one ends."""
+"""A file lock between processes: exclusive, released when its holder ends, with the holder's progress as text."""
 
 import os
 import sys
@@ -12,52 +12,52 @@ if sys.platform == "win32":
 else:
     import fcntl
 
-BEYOND = 2**30  # bytes: Windows keeps others from reading what is locked, so that lies behind all that is written
+LOCKED_BYTE = 2**30  # offset: on Windows a locked byte cannot be read, so it lies beyond the text
 
 
 class FileLock:
-    """A file that is locked as long as the work goes on, with a word in it on how far that is.
+    """An exclusive lock on a file in which the holder writes its progress.
 
     Parameters
     ----------
     path : Path
-        The file; it is there as long as somebody holds or wants the claim. Its folder must be there.
+        The file, which exists while a process holds or requests the lock. Its folder must exist.
     """
 
     def __init__(self, path: Path) -> None:
         self._path = path
         self._handle: int | None = None
 
-    def take(self) -> bool:
-        """Take the claim where nobody else holds it; return whether it is held. OSError where there can be none."""
+    def try_acquire(self) -> bool:
+        """Acquire the lock without waiting; return whether it is held. OSError where the file cannot be created."""
         handle = os.open(self._path, os.O_RDWR | os.O_CREAT, 0o600)
         try:
             _lock(handle)
-            is_there = os.fstat(handle).st_ino == self._path.stat().st_ino  # else its last holder took it away
+            is_current = os.fstat(handle).st_ino == self._path.stat().st_ino  # else the last holder has deleted it
         except OSError:
-            is_there = False
-        if not is_there:
+            is_current = False
+        if not is_current:
             os.close(handle)
             return False
         self._handle = handle
         return True
 
-    def say(self, word: str) -> None:
-        """Tell those who wait how far the work is."""
+    def write_progress(self, text: str) -> None:
+        """Write the holder's progress for waiting processes, at most 40 bytes; nothing where the lock is not held."""
         if self._handle is not None:
             with suppress(OSError):  # a full disk
                 os.lseek(self._handle, 0, os.SEEK_SET)
-                os.write(self._handle, word.encode().ljust(40))
+                os.write(self._handle, text.encode().ljust(40))
 
-    def heard(self) -> str:
-        """Return the last word of whoever holds the claim; empty where there is none."""
+    def read_progress(self) -> str:
+        """Return the progress last written by the holder; empty for none."""
         try:
             return self._path.read_text(encoding="utf-8").strip()
         except (OSError, UnicodeDecodeError):
             return ""
 
-    def give_back(self) -> None:
-        """Let others have the claim; harmless where it is not held."""
+    def release(self) -> None:
+        """Release the lock and delete its file; nothing where the lock is not held."""
         if self._handle is None:
             return
         if sys.platform != "win32":
@@ -65,7 +65,7 @@ class FileLock:
         os.close(self._handle)
         self._handle = None
         if sys.platform == "win32":
-            with suppress(OSError):  # somebody has it already
+            with suppress(OSError):  # another process has already acquired it
                 self._path.unlink()
 
     def __enter__(self) -> Self:
@@ -74,13 +74,13 @@ class FileLock:
     def __exit__(
         self, _kind: type[BaseException] | None, _error: BaseException | None, _trace: TracebackType | None
     ) -> None:
-        self.give_back()
+        self.release()
 
 
 def _lock(handle: int) -> None:
-    """Lock a file at once; OSError where somebody else has."""
+    """Lock a file without waiting; OSError where another process holds the lock."""
     if sys.platform == "win32":
-        os.lseek(handle, BEYOND, os.SEEK_SET)
+        os.lseek(handle, LOCKED_BYTE, os.SEEK_SET)
         msvcrt.locking(handle, msvcrt.LK_NBLCK, 1)
     else:
         fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -1,7 +1,4 @@
-"""The model's maps for work that has a process of its own: from the cache, or computed in this very process.
-
-The model's maps on disk, where every program of this user finds them again.
-"""
+"""Cache of prediction maps on disk, shared by all programs of the user: one process computes, the others wait."""
 
 import os
 import sys
@@ -30,14 +27,14 @@ from model.prediction.prediction_map import (
 from model.rotor.parameters import ModelParameters
 from recordings.atomic_file import atomic_write
 
-Told: TypeAlias = Callable[[int, int], None]
-"""Told the number of speeds done and of all."""
-LOOK: Final = 0.2  # s between two looks at what another process does
-STILL: Final = 60.0  # s without a word after which a process that computes is not waited for any longer
+OnProgress: TypeAlias = Callable[[int, int], None]
+"""Receives the number of speeds done and the total."""
+POLL_INTERVAL: Final = 0.2  # s between reads of another process's progress
+STALL_TIMEOUT: Final = 60.0  # s without progress after which another process is no longer waited for
 
 
 def cache_folder() -> Path:
-    """Return where maps are kept: `$RIG_CACHE`, else a folder in the user's cache, as the platform has it."""
+    """Return the folder of the maps: `$RIG_CACHE`, else a folder in the platform's user cache."""
     chosen = os.environ.get("RIG_CACHE", "")
     if chosen:
         return Path(chosen)
@@ -49,99 +46,104 @@ def cache_folder() -> Path:
 
 
 def map_file(folder: Path, key: str) -> Path:
-    """Return the file of the map with a key of `prediction_map_key`."""
+    """Return the file of a map by its key from `prediction_map_key`."""
     return folder / f"prediction-{key}.npz"
 
 
 def read_map(file: Path) -> tuple[PredictionMap | None, str]:
-    """Return the map in a file, or None, and what is wrong with the file if it is there."""
+    """Return the map in a file, None for none, and an error message where the file is damaged."""
     try:
         with file.open("rb") as content, np.load(content, allow_pickle=False) as arrays:
             return PredictionMap.from_arrays(dict(arrays)), ""
     except FileNotFoundError:
         return None, ""
     except (OSError, EOFError, ValueError, TypeError, NotImplementedError, zipfile.BadZipFile, zlib.error) as error:
-        return None, f"{file}: no readable prediction ({error}); it is computed anew"
+        return None, f"{file}: no readable prediction ({error}); it is computed again"
 
 
 def write_map(file: Path, prediction_map: PredictionMap) -> None:
-    """Keep a map: whole or not at all."""
+    """Write a map atomically."""
     file.parent.mkdir(parents=True, exist_ok=True)
     with atomic_write(file) as temporary, temporary.open("wb") as part:
         np.savez(part, **prediction_map.to_arrays())  # type: ignore[arg-type]  # the stub takes names for an option
 
 
 def load_or_compute_map(
-    file: Path, compute: Callable[[Told], PredictionMap], told: Told, still: float = STILL
+    file: Path,
+    compute: Callable[[OnProgress], PredictionMap],
+    on_progress: OnProgress,
+    stall_timeout: float = STALL_TIMEOUT,
 ) -> PredictionMap:
-    """Return the map that is kept in a file, or compute and keep it; of several that want it one computes.
+    """Return the map in a file; where there is none, compute and write it, or wait for the process that does.
 
     Parameters
     ----------
     file : Path
-        Of the map.
+        File of the map.
     compute : callable
-        Computes it, and tells how far it is.
-    told : callable
-        Told how far it is, whoever computes.
-    still : float
-        Time without a word after which whoever computes is not waited for any longer, s.
+        Computes the map and reports its progress.
+    on_progress : callable
+        Receives the progress, of this or the other process.
+    stall_timeout : float
+        Time without progress after which the other process is no longer waited for, s.
 
     Raises
     ------
     ModelError, ValueError
         The motion cannot be computed.
     """
-    with FileLock(file.with_suffix(".claim")) as claim:
-        with suppress(OSError):  # a full or read-only disk, on which no map can be kept either
+    with FileLock(file.with_suffix(".lock")) as lock:
+        with suppress(OSError):  # a full or read-only disk, on which the map cannot be written either
             file.parent.mkdir(parents=True, exist_ok=True)
-        _await(claim, told, still)
-        kept, _ = read_map(file)
-        if kept is not None:
-            return kept
+        _wait_for_lock(lock, on_progress, stall_timeout)
+        cached, _ = read_map(file)
+        if cached is not None:
+            return cached
 
-        def tell(done: int, total: int) -> None:
-            claim.say(f"{done} {total}")
-            told(done, total)
+        def report(done: int, total: int) -> None:
+            lock.write_progress(f"{done} {total}")
+            on_progress(done, total)
 
-        computed = compute(tell)
-        with suppress(OSError):  # as above: it is computed again next time
+        computed = compute(report)
+        with suppress(OSError):  # as above: the next process computes it again
             write_map(file, computed)
         return computed
 
 
-def _await(claim: FileLock, told: Told, still: float) -> None:
-    """Return when the claim is held, when there can be none, or when whoever holds it stands still."""
+def _wait_for_lock(lock: FileLock, on_progress: OnProgress, stall_timeout: float) -> None:
+    """Return when the lock is held, when it cannot be created, or when its holder makes no progress."""
     last, since = "", time.monotonic()
-    while not _is_free(claim) and time.monotonic() - since < still:
-        word = claim.heard()
-        if word != last:
-            last, since = word, time.monotonic()
-            done, _, total = word.partition(" ")
+    while not _acquire_if_possible(lock) and time.monotonic() - since < stall_timeout:
+        text = lock.read_progress()
+        if text != last:
+            last, since = text, time.monotonic()
+            done, _, total = text.partition(" ")
             if done.isdecimal() and total.isdecimal():
-                told(int(done), int(total))
-        time.sleep(LOOK)
+                on_progress(int(done), int(total))
+        time.sleep(POLL_INTERVAL)
 
 
-def _is_free(claim: FileLock) -> bool:
-    """Take a claim; return whether there is nobody to be waited for."""
+def _acquire_if_possible(lock: FileLock) -> bool:
+    """Acquire a lock; return whether no other process is to be waited for."""
     try:
-        return claim.take()
-    except OSError:  # as above: nobody can hold it
+        return lock.try_acquire()
+    except OSError:  # the disk is full or read-only: no process can hold it
         return True
 
 
 class CachedPredictionMap:
-    """One rig's map.
+    """The prediction map of a rig, read from the cache or computed in this process.
+
+    For jobs, which have a process of their own. `Predictor` computes in a child process instead.
 
     Parameters
     ----------
     parameters : ModelParameters
         The rotor.
     settings : AnalysisSettings
-        The measurement's.
+        Settings of the measurement.
     limits : Limits
-        The rig's; the map goes up to its speed.
+        Limits of the rig; the map ends at its maximum speed.
     """
 
     def __init__(self, parameters: ModelParameters, settings: AnalysisSettings, limits: Limits) -> None:
@@ -153,16 +155,16 @@ class CachedPredictionMap:
 
     @property
     def map(self) -> PredictionMap | None:
-        """The map; None until it was computed."""
+        """The map; None until it is computed."""
         return self._map
 
-    def computed(self, on_progress: Callable[[int, int], None]) -> PredictionMap:
-        """Return the map, computed and kept where it has not been; where another process does so, wait for that.
+    def load_or_compute(self, on_progress: OnProgress) -> PredictionMap:
+        """Return the map; where the cache lacks it, compute and store it, or wait for the process that does.
 
         Parameters
         ----------
         on_progress : callable
-            Told the number of speeds done and of all.
+            Receives the number of speeds done and the total.
 
         Raises
         ------
@@ -175,21 +177,21 @@ class CachedPredictionMap:
             )
         return self._map
 
-    def wait(self, _patience: float, on_progress: Callable[[str], None]) -> PredictionMap | None:
-        """Compute the map here, as `Predictor.wait` waits for it; None where the model gives none."""
+    def wait(self, _timeout: float, on_progress: Callable[[str], None]) -> PredictionMap | None:
+        """Load or compute the map, with the interface of `Predictor.wait`; None where the model has no solution."""
         with suppress(ModelError, ValueError):
-            return self.computed(lambda done, total: on_progress(f"computing {100 * done // total} %"))
+            return self.load_or_compute(lambda done, total: on_progress(f"computing {100 * done // total} %"))
         return None
 
 
 class CachedPredictionMaps:
-    """Maps by the rigs of runs."""
+    """Cached prediction maps by run."""
 
     def __init__(self) -> None:
         self._by_run: dict[str, CachedPredictionMap] = {}
 
     def for_run(self, header: RunHeader) -> CachedPredictionMap:
-        """Return the map for the rig of a run, as its configuration was then."""
+        """Return the map for the rig of a run, with the configuration recorded in it."""
         if header.run not in self._by_run:
             config = read_recorded_config(header.config_toml, f"configuration of run {header.run}")
             self._by_run[header.run] = CachedPredictionMap(model_parameters(config), header.settings, header.limits)

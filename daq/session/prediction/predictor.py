@@ -1,4 +1,4 @@
-"""The prediction beside a run: a map, read or computed beside, and the exact speed; nobody ever waits for it."""
+"""Predictions for a run: from a cached map, a map computed in a child process, or computed at the exact speed."""
 
 import multiprocessing
 import threading
@@ -35,8 +35,8 @@ from model.rotor.parameters import ModelParameters
 
 FloatArray = NDArray[np.float64]
 
-PREDICTION_TIMEOUT = 120.0  # s between two words of a computation before it is given up
-PORTION = 0.2  # s of waiting at a time, so that Ctrl-C works everywhere
+PREDICTION_TIMEOUT = 120.0  # s without progress after which a computation is given up
+WAIT_INTERVAL = 0.2  # s of one wait, short so that Ctrl-C works on all platforms
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,24 +54,24 @@ _Report = _Progress | _Failure | dict[str, NDArray[np.generic]]
 
 
 class Predictor:
-    """Gives the model's prediction at a speed as soon as there is one.
+    """The model's predictions over speed for one rotor, available as soon as they are computed.
 
     Parameters
     ----------
     parameters : ModelParameters
         The rotor.
     settings : AnalysisSettings
-        The measurement's.
+        Settings of the measurement.
     speeds : ndarray of float64, shape (n,)
-        Of the map, rising, rad/s.
+        Speeds of the map, increasing, rad/s.
     folder : Path, optional
-        Where maps are kept; without it `$RIG_CACHE`, else the user's cache.
+        Folder of the cached maps; default `$RIG_CACHE`, else the user's cache.
 
     Notes
     -----
-    A map that is not in the cache is computed in another process at low priority, which keeps it there as well. A file
-    that cannot be read is computed anew and replaced. Where a speed is asked for that stays, the prediction at exactly
-    that speed is computed beside (`Refiner`). Close it, or use it in a with-statement.
+    A child process at low priority computes a map that is not in the cache, and writes it there. A damaged file is
+    replaced. When the speed stays constant, a `Refiner` computes the prediction at exactly that speed. Close the
+    predictor, or use it in a with-statement.
     """
 
     def __init__(
@@ -84,14 +84,14 @@ class Predictor:
         folder = cache_folder() if folder is None else folder
         self._parameters, self._settings = parameters, settings
         self._refiner: Refiner | None = None
-        self._starting = threading.Lock()  # it, once
+        self._starting = threading.Lock()  # so that only one refiner is started
         self._file = map_file(folder, prediction_map_key(parameters, speeds, settings))
         self._percent = 0
-        self._off = ""
+        self._failure = ""
         self._is_closed = False
         self._changed = threading.Condition()
         self._process: BaseProcess | None = None
-        self._map, self._remark = read_map(self._file)
+        self._map, self._cache_error = read_map(self._file)
         self._finished = self._map is not None
         if not self._finished:
             context = multiprocessing.get_context("spawn")  # the same on every platform, and safe beside threads
@@ -106,16 +106,16 @@ class Predictor:
 
     @property
     def state(self) -> str:
-        """Whether there is a prediction: "ready", "ready, not exact: " or "off: " and why, or "computing 34 %"."""
+        """State for display: "ready", "ready, not exact: <reason>", "off: <reason>" or "computing 34 %"."""
         if self._map is not None:
-            why = self._refiner.remark if self._refiner is not None else ""
-            return f"ready, not exact: {why}" if why else "ready"
-        return f"off: {self._off}" if self._off else f"computing {self._percent} %"
+            reason = self._refiner.failure if self._refiner is not None else ""
+            return f"ready, not exact: {reason}" if reason else "ready"
+        return f"off: {self._failure}" if self._failure else f"computing {self._percent} %"
 
     @property
-    def remark(self) -> str:
-        """What was wrong with the cached map, if anything; empty where all is well."""
-        return self._remark
+    def cache_error(self) -> str:
+        """Error message of a damaged cache file; empty for none."""
+        return self._cache_error
 
     @property
     def map(self) -> PredictionMap | None:
@@ -123,7 +123,7 @@ class Predictor:
         return self._map
 
     def at(self, speed: float) -> Prediction | None:
-        """Return the prediction at a speed, rad/s, at once: exact where that is known, else from the map.
+        """Return the prediction at a speed, rad/s, without waiting: exact where available, else from the map.
 
         None where the map is not ready or ends before the speed.
         """
@@ -142,33 +142,33 @@ class Predictor:
         Parameters
         ----------
         timeout : float
-            Longest to wait between two reports, s.
+            Maximum time without a change of state, s.
         on_progress : callable, optional
-            Told the state whenever it changes, and first what was wrong with the cached map, if anything.
+            Receives the error message of a damaged cache file first, then the state whenever it changes.
 
         Returns
         -------
         PredictionMap or None
-            None where there is none, or nothing new was reported in time.
+            None where there is none, or the timeout has passed.
         """
-        told, since = "", time.monotonic()
-        if on_progress is not None and self._remark:
-            on_progress(self._remark)
+        reported, since = "", time.monotonic()
+        if on_progress is not None and self._cache_error:
+            on_progress(self._cache_error)
         while True:
             state = self.state
-            if state != told:
-                told, since = state, time.monotonic()
+            if state != reported:
+                reported, since = state, time.monotonic()
                 if on_progress is not None:
                     on_progress(state)
             with self._changed:
-                if self.state != told:
+                if self.state != reported:
                     continue
                 if self._finished or time.monotonic() - since >= timeout:
                     return self._map
-                self._changed.wait(min(PORTION, timeout))
+                self._changed.wait(min(WAIT_INTERVAL, timeout))
 
     def close(self) -> None:
-        """End the computations, if they still run, and join them."""
+        """End the computations and join their processes."""
         with self._starting:
             self._is_closed = True
         if self._refiner is not None:
@@ -177,7 +177,7 @@ class Predictor:
         if process is None:
             return
         if not self._finished:
-            self._finish(off="stopped")
+            self._finish(failure="stopped")
         end_process(process)
         self._thread.join(JOIN_TIMEOUT)
 
@@ -190,7 +190,7 @@ class Predictor:
         self.close()
 
     def _listen(self, reports: Connection) -> None:
-        """Take what the process says, as far as it comes; the body of a thread, for a word may stop in its midst."""
+        """Receive the reports of the process; runs in a thread, since a report may stop arriving half-way."""
         with reports:
             while not self._finished:
                 try:
@@ -202,20 +202,20 @@ class Predictor:
                         self._percent = 100 * report.done // report.total
                         self._changed.notify_all()
                 elif isinstance(report, _Failure):
-                    self._finish(off=report.reason)
+                    self._finish(failure=report.reason)
                 else:
                     self._finish(PredictionMap.from_arrays(report))
 
-    def _finish(self, found: PredictionMap | None = None, off: str = "") -> None:
-        """Keep what came of the computation; the first word on that counts."""
+    def _finish(self, found: PredictionMap | None = None, failure: str = "") -> None:
+        """Store the result of the computation; only the first call counts."""
         with self._changed:
             if not self._finished:
-                self._map, self._off, self._finished = found, off, True
+                self._map, self._failure, self._finished = found, failure, True
                 self._changed.notify_all()
 
 
 class Predictors:
-    """Predictors by what they compute; each is started when it is first asked for and lives until `close`."""
+    """Predictors by rotor parameters, each created on first use and closed with the others."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -223,25 +223,25 @@ class Predictors:
 
     def for_rig(self, rig: Rig) -> Predictor:
         """Return the predictor for a rig."""
-        return self._for(model_parameters(rig.config), rig.settings, rig.limits)
+        return self._predictor(model_parameters(rig.config), rig.settings, rig.limits)
 
     def for_run(self, header: RunHeader) -> Predictor:
-        """Return the predictor for the rig of a run, as its configuration was then."""
+        """Return the predictor for the rig of a run, with the configuration recorded in it."""
         config = read_recorded_config(header.config_toml, f"configuration of run {header.run}")
-        return self._for(model_parameters(config), header.settings, header.limits)
+        return self._predictor(model_parameters(config), header.settings, header.limits)
 
     def prediction_for(self, header: RunHeader, speed: float) -> Prediction | None:
-        """Return what the model says of a run's rig at a speed, rad/s, at once.
+        """Return the prediction from the map of a run's rig at a speed, rad/s; None while the map is not ready.
 
         Raises
         ------
         ValueError
-            The speed lies outside the rig's map.
+            The speed is outside the map.
         """
-        known = self.for_run(header).map
-        return None if known is None else known.at(speed)
+        prediction_map = self.for_run(header).map
+        return None if prediction_map is None else prediction_map.at(speed)
 
-    def _for(self, parameters: ModelParameters, settings: AnalysisSettings, limits: Limits) -> Predictor:
+    def _predictor(self, parameters: ModelParameters, settings: AnalysisSettings, limits: Limits) -> Predictor:
         speeds = default_map_speeds(limits.speed)
         key = prediction_map_key(parameters, speeds, settings)
         with self._lock:
@@ -250,7 +250,7 @@ class Predictors:
             return self._by_key[key]
 
     def close(self) -> None:
-        """End them all."""
+        """Close all predictors."""
         with self._lock:
             for predictor in self._by_key.values():
                 predictor.close()
@@ -268,10 +268,10 @@ class Predictors:
 def _compute(
     reports: Connection, parameters: ModelParameters, speeds: FloatArray, settings: AnalysisSettings, file: Path
 ) -> None:
-    """Compute, keep and send a map, or send that of another process: the body of the process."""
+    """Load or compute a map and send it; entry point of the child process."""
     leave_signals_to_parent()
     lower_priority()
-    with suppress(BrokenPipeError):  # nobody listens any more
+    with suppress(BrokenPipeError):  # the parent has closed the pipe
         try:
             prediction_map = load_or_compute_map(
                 file,

@@ -1,4 +1,4 @@
-"""The prediction at exactly the speed at which the shaft stays, computed beside by a process that gives way."""
+"""Prediction at exactly the speed at which the shaft turns steadily, computed by a child process at low priority."""
 
 import multiprocessing
 import threading
@@ -13,33 +13,34 @@ from model.prediction.live_prediction import refine
 from model.prediction.prediction_map import Prediction, PredictionMap
 from model.rotor.parameters import ModelParameters
 
-STAYS = 2e-3  # of the speed: what it may change from call to call where it stays; cold air is steady to 0.2 % rms
-RENEWED = 1e-3  # of the speed: further off than this, another prediction is computed
-SHOWN = 5e-3  # of the speed: up to here the last one is the best there is
-STEPS = 10  # of priority below the acquisition and the live view
-PATIENCE = 120.0  # s for a look, which compiles on a fresh machine; who takes longer stands still
+STEADY_TOLERANCE = 2e-3  # relative change of a steady speed between calls; cold air is steady to 0.2 % RMS
+RECOMPUTE_TOLERANCE = 1e-3  # relative distance of the last prediction's speed above which another is computed
+DISPLAY_TOLERANCE = 5e-3  # relative distance up to which the last prediction is returned
+NICENESS = 10  # below the acquisition and the live view
+ANSWER_TIMEOUT = 120.0  # s for one result, which includes compilation on a new machine
 
-_Answer = Prediction | str | None  # a look, why there is none, or that the last one was settled
+# an intermediate prediction, an error message, or None where the last prediction has converged
+_Answer = Prediction | str | None
 
 
 class Refiner:
-    """Computes one prediction after the other at the speed that was asked for last; nobody waits for it.
+    """Computes predictions at the latest steady speed, one after the other, without blocking the caller.
 
     Parameters
     ----------
     parameters : ModelParameters
         The rotor.
     settings : AnalysisSettings
-        The measurement's.
+        Settings of the measurement.
     prediction_map : PredictionMap
-        From whose motions it begins.
-    patience : float
-        How long a look may take before it is given up, s.
+        The map whose motions are the initial states.
+    answer_timeout : float
+        Time for one result, s, after which the process is given up.
 
     Notes
     -----
-    The process is started when a speed has first stayed, and asked for one look at a time, so that a new speed never
-    waits longer than for a look. Close it.
+    The process starts at the first steady speed. It gets one request at a time and returns one intermediate prediction
+    for it, so that a new speed waits for one integration step at most. Close the refiner.
     """
 
     def __init__(
@@ -47,39 +48,39 @@ class Refiner:
         parameters: ModelParameters,
         settings: AnalysisSettings,
         prediction_map: PredictionMap,
-        patience: float = PATIENCE,
+        answer_timeout: float = ANSWER_TIMEOUT,
     ) -> None:
         self._model = (parameters, settings, prediction_map)
-        self._patience = patience
+        self._answer_timeout = answer_timeout
         self._changed = threading.Condition()
-        self._asked = 0.0  # rad/s, at the last call
-        self._wanted: float | None = None  # rad/s, where more can be said
-        self._hopeless = 0.0  # rad/s, where there is none
+        self._last_speed = 0.0  # rad/s, of the last call of `at`
+        self._requested: float | None = None  # rad/s, whose prediction is to be computed or refined
+        self._failed_speed = 0.0  # rad/s, where the model has no solution
         self._exact: Prediction | None = None
-        self._remark = ""
+        self._failure = ""
         self._is_closing = False
         self._process: BaseProcess | None = None
         self._thread = threading.Thread(target=self._work, name="refiner", daemon=True)
         self._thread.start()
 
     @property
-    def remark(self) -> str:
-        """Why there is no prediction at the exact speed; empty where there is or may be one."""
-        return self._remark
+    def failure(self) -> str:
+        """Why there is no prediction at the exact speed; empty where there is one, or may be."""
+        return self._failure
 
     def at(self, speed: float) -> Prediction | None:
-        """Return the prediction at a speed, rad/s, or very near to it, at once; None where there is none yet.
+        """Return the prediction at a speed, rad/s, or very near to it, without waiting; None where there is none.
 
-        A speed at which this is called twice running is one that stays, and is computed.
+        Two consecutive calls with the same speed, within ``STEADY_TOLERANCE``, request its computation.
         """
         with self._changed:
-            stays, self._asked = _is_within(STAYS, speed, self._asked), speed
+            is_steady, self._last_speed = _is_within(STEADY_TOLERANCE, speed, self._last_speed), speed
             exact = self._exact
-            known = (self._hopeless, self._wanted or 0.0, 0.0 if exact is None else exact.speed)
-            if stays and not any(_is_within(RENEWED, speed, other) for other in known):
-                self._wanted = speed
+            handled = (self._failed_speed, self._requested or 0.0, 0.0 if exact is None else exact.speed)
+            if is_steady and not any(_is_within(RECOMPUTE_TOLERANCE, speed, other) for other in handled):
+                self._requested = speed
                 self._changed.notify()
-            return exact if exact is not None and _is_within(SHOWN, speed, exact.speed) else None
+            return exact if exact is not None and _is_within(DISPLAY_TOLERANCE, speed, exact.speed) else None
 
     def close(self) -> None:
         """End the computation and join thread and process."""
@@ -88,84 +89,84 @@ class Refiner:
             self._changed.notify()
             process = self._process
         if process is not None:
-            end_process(process)  # whatever the thread waits for of it comes to an end as well
+            end_process(process)  # ends the thread's wait for an answer as well
         self._thread.join(2 * JOIN_TIMEOUT)
 
     def _work(self) -> None:
-        """Wait for a speed, then have the process compute as long as there is one; the body of the thread."""
-        if self._next() is None:
+        """Start the process at the first requested speed and send it requests; body of the thread."""
+        if self._wait_for_request() is None:
             return
         context = multiprocessing.get_context("spawn")  # the same on every platform, and safe beside threads
         pipe, theirs = context.Pipe()
-        process = context.Process(target=_answer, args=(theirs,), name="rig-refiner", daemon=True)
+        process = context.Process(target=_serve, args=(theirs,), name="rig-refiner", daemon=True)
         with pipe:
             try:
                 with theirs:
                     start_process(process)
-                if not self._watch(process):
+                if not self._register(process):
                     pipe.send(self._model)
-                    while (speed := self._next()) is not None:
+                    while (speed := self._wait_for_request()) is not None:
                         pipe.send(speed)
-                        self._take(speed, self._answered(pipe))
+                        self._store(speed, self._receive(pipe))
             except TimeoutError as error:
-                self._remark = str(error)
+                self._failure = str(error)
             except (EOFError, OSError) as error:
-                self._remark = f"the process that computes it went away ({type(error).__name__})"
+                self._failure = f"the process that computes it ended ({type(error).__name__})"
         if process.pid is not None:
             end_process(process)
         self._process = None
 
-    def _watch(self, process: BaseProcess) -> bool:
-        """Let `close` end this process; return whether it has been called already."""
+    def _register(self, process: BaseProcess) -> bool:
+        """Register the process for `close`; return whether `close` has been called."""
         with self._changed:
             self._process = process
             return self._is_closing
 
-    def _answered(self, pipe: Connection) -> _Answer:
-        """Return the answer of the process; TimeoutError where none comes."""
-        if not pipe.poll(self._patience):
-            raise TimeoutError(f"the process that computes it has not answered for {self._patience:g} s")
+    def _receive(self, pipe: Connection) -> _Answer:
+        """Return the next answer of the process; TimeoutError where none arrives."""
+        if not pipe.poll(self._answer_timeout):
+            raise TimeoutError(f"the process that computes it has not answered for {self._answer_timeout:g} s")
         answer: _Answer = pipe.recv()
         return answer
 
-    def _next(self) -> float | None:
+    def _wait_for_request(self) -> float | None:
         with self._changed:
-            self._changed.wait_for(lambda: self._is_closing or self._wanted is not None)
-            return None if self._is_closing else self._wanted
+            self._changed.wait_for(lambda: self._is_closing or self._requested is not None)
+            return None if self._is_closing else self._requested
 
-    def _take(self, speed: float, answer: _Answer) -> None:
+    def _store(self, speed: float, answer: _Answer) -> None:
         with self._changed:
             if isinstance(answer, Prediction):
-                self._exact, self._remark = answer, ""
+                self._exact, self._failure = answer, ""
                 return
             if isinstance(answer, str):
-                self._hopeless, self._remark = speed, answer
-            if self._wanted == speed:
-                self._wanted = None
+                self._failed_speed, self._failure = speed, answer
+            if self._requested == speed:
+                self._requested = None
 
 
-def _is_within(part: float, speed: float, other: float) -> bool:
-    return abs(speed - other) <= part * speed
+def _is_within(tolerance: float, speed: float, other: float) -> bool:
+    return abs(speed - other) <= tolerance * speed
 
 
-def _answer(pipe: Connection) -> None:
-    """Answer speeds with looks until nobody asks any more; the body of the process."""
+def _serve(pipe: Connection) -> None:
+    """Answer each requested speed with the next intermediate prediction; entry point of the process."""
     leave_signals_to_parent()
-    lower_priority(STEPS)
+    lower_priority(NICENESS)
     try:
         parameters, settings, prediction_map = pipe.recv()
         speed: float | None = None
         while True:
-            asked: float = pipe.recv()
-            if asked != speed:
-                speed, looks = asked, refine(parameters, asked, prediction_map, settings)
-            pipe.send(_look(looks))
+            requested: float = pipe.recv()
+            if requested != speed:
+                speed, predictions = requested, refine(parameters, requested, prediction_map, settings)
+            pipe.send(_next_answer(predictions))
     except (EOFError, OSError):
         return
 
 
-def _look(looks: Iterator[Prediction]) -> _Answer:
+def _next_answer(predictions: Iterator[Prediction]) -> _Answer:
     try:
-        return next(looks, None)
+        return next(predictions, None)
     except (ModelError, ValueError) as error:
         return str(error)

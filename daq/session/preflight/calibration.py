@@ -1,4 +1,4 @@
-"""Measuring for a calibration: a probe at a gap that a micrometer sets, and the tacho's levels."""
+"""Measurements for calibrations: a probe's voltage at a micrometer gap, and the tacho's switching levels."""
 
 import csv
 from contextlib import closing
@@ -17,7 +17,7 @@ from daq.drivers.factory import open_source
 from daq.errors import DeviceError, DeviceFault, UsageError
 from daq.session.preflight.preflight import capture
 
-STEP = 0.5  # s of samples at a step: whole periods of 50 and 60 Hz
+STEP_DURATION = 0.5  # s of samples per gap: whole periods of 50 and 60 Hz
 TACHO_CAPTURE_DURATION = 1.0  # s
 
 
@@ -28,11 +28,11 @@ class CalibrationPoint:
     Parameters
     ----------
     gap : float
-        That the micrometer set, m.
+        Gap set with the micrometer, m.
     volts : float
         Mean voltage, V.
     scatter : float
-        Standard deviation of the voltage, V; NaN where it is not known.
+        Standard deviation of the voltage, V; NaN where unknown.
     """
 
     gap: float
@@ -41,12 +41,12 @@ class CalibrationPoint:
 
 
 def probe_row(rig: Rig, name: str) -> int:
-    """Return the number of a probe's channel in a rig.
+    """Return the index of a probe's channel in a rig.
 
     Raises
     ------
     UsageError
-        There is no probe of this name.
+        The rig has no probe of this name.
     """
     probes = [channel.name for channel in rig.config.channel if channel.role is not Role.TACHO]
     for row, channel in enumerate(rig.config.channel):
@@ -56,64 +56,63 @@ def probe_row(rig: Rig, name: str) -> int:
 
 
 def measure_point(rig: Rig, name: str, gap: float) -> CalibrationPoint:
-    """Return a probe's voltage at a gap, m, that has been set.
+    """Return a probe's mean voltage at a gap, m, set with the micrometer.
 
-    With the simulated backend the gap is set here: the shaft stands still, where the micrometer puts it.
+    The simulated backend sets the gap itself, with the shaft at rest.
 
     Raises
     ------
     DeviceError
-        The device is missing or busy, gave no samples, or the voltage is out of its range or dead.
+        The device is missing or busy, delivers no samples, or the voltage is out of range or without noise.
     """
-    set_up = _at_gap(rig, name, gap) if rig.config.device.backend is Backend.SIMULATED else rig
-    with closing(open_source(set_up)) as source:
+    at_gap = _with_gap(rig, name, gap) if rig.config.device.backend is Backend.SIMULATED else rig
+    with closing(open_source(at_gap)) as source:
         acquisition = source.acquisition
-        seen = capture(source, round(STEP * acquisition.rate))
+        captured = capture(source, round(STEP_DURATION * acquisition.rate))
     row = [channel.name for channel in acquisition.channels].index(name)
-    if seen.codes.size == 0:
-        raise DeviceError(DeviceFault.OTHER, f"no samples came{_why(seen.end)}")
-    codes = seen.codes[row]
+    if captured.codes.size == 0:
+        raise DeviceError(DeviceFault.OTHER, f"the device delivered no samples{_reason(captured.end)}")
+    codes = captured.codes[row]
     if np.any((codes == CODE_MIN) | (codes == CODE_MAX)):
         raise DeviceError(
             DeviceFault.REJECTED,
-            f"probe {name} is at the end of what {acquisition.channels[row].physical} can read at {gap / MICRO:g} µm: "
-            "leave this step out, or set a larger range_v",
+            f"probe {name} reads at the limit of {acquisition.channels[row].physical} at {gap / MICRO:g} µm: "
+            "skip this gap, or set a larger range_v",
         )
     volts = acquisition.channels[row].volts(codes)
     noise = float(np.std(codes))
     if noise < MAX_STUCK_NOISE or (noise < MAX_CARD_NOISE and abs(float(np.mean(volts))) < MAX_OPEN_VOLTS):
         raise DeviceError(
             DeviceFault.REJECTED,
-            f"probe {name} shows not even a sensor's noise at {gap / MICRO:g} µm: unplugged, without supply or out of "
-            "its reach",
+            f"probe {name} shows no sensor noise at {gap / MICRO:g} µm: unplugged, without supply or out of range",
         )
     return CalibrationPoint(gap, float(np.mean(volts)), float(np.std(volts)))
 
 
 def measure_tacho_levels(rig: Rig) -> SignalLevels | None:
-    """Return the levels between which the tacho switches in a second; None where it does not.
+    """Return the tacho's low and high level from a second of samples; None where it does not switch.
 
     Raises
     ------
     DeviceError
-        The device is missing or busy, or gave no samples.
+        The device is missing or busy, or delivers no samples.
     """
     with closing(open_source(rig)) as source:
         acquisition = source.acquisition
-        seen = capture(source, round(TACHO_CAPTURE_DURATION * acquisition.rate))
-    if seen.codes.size == 0:
-        raise DeviceError(DeviceFault.OTHER, f"no samples came{_why(seen.end)}")
+        captured = capture(source, round(TACHO_CAPTURE_DURATION * acquisition.rate))
+    if captured.codes.size == 0:
+        raise DeviceError(DeviceFault.OTHER, f"the device delivered no samples{_reason(captured.end)}")
     row = acquisition.row(Role.TACHO)
-    return find_state_levels(acquisition.channels[row].volts(seen.codes[row]))
+    return find_state_levels(acquisition.channels[row].volts(captured.codes[row]))
 
 
 def read_points(path: Path) -> list[CalibrationPoint]:
-    """Return the points in a CSV file: gap in µm, volts; a head line and further columns are passed over.
+    """Return the points of a CSV file with gap in µm and volts; a header line and further columns are ignored.
 
     Raises
     ------
     UsageError
-        There is no such file, or a line holds no two numbers.
+        There is no such file, or a line does not start with two numbers.
     """
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:
@@ -133,28 +132,28 @@ def read_points(path: Path) -> list[CalibrationPoint]:
             gap, volts = (float(_decimal(field, delimiter)) for field in fields[:2])
         except ValueError as error:
             if number == 1 and not fields[0][:1].isdigit():
-                continue  # a head line
+                continue  # a header line
             raise UsageError(f"{path}, line {number}: {delimiter.join(fields)!r}: expected gap_um, volts") from error
         points.append(CalibrationPoint(gap * MICRO, volts))
     return points
 
 
 def _decimal(field: str, delimiter: str) -> str:
-    """Return a number as Python reads it; where commas do not part the fields they are decimal commas."""
+    """Return a number with a decimal point; commas are decimal commas unless they separate the fields."""
     return field if delimiter == "," else field.replace(",", ".")
 
 
-def _why(end: SegmentEnd | None) -> str:
+def _reason(end: SegmentEnd | None) -> str:
     detail = "" if end is None else end.detail
     return f": {detail}" if detail else ""
 
 
-def _at_gap(rig: Rig, name: str, gap: float) -> Rig:
-    """Return the simulated rig with its shaft at rest, so far from a probe."""
-    bench = rig.config.simulation
+def _with_gap(rig: Rig, name: str, gap: float) -> Rig:
+    """Return the simulated rig with its shaft at rest at a gap, m, from a probe."""
+    simulation = rig.config.simulation
     role = rig.config.channel[probe_row(rig, name)].role
-    gaps = (gap / MICRO, bench.gap_um[1]) if role is Role.PROBE_X else (bench.gap_um[0], gap / MICRO)
-    still = bench.model_copy(
+    gaps = (gap / MICRO, simulation.gap_um[1]) if role is Role.PROBE_X else (simulation.gap_um[0], gap / MICRO)
+    at_rest = simulation.model_copy(
         update={
             "motion": "bench",
             "pace": "flat out",
@@ -167,4 +166,4 @@ def _at_gap(rig: Rig, name: str, gap: float) -> Rig:
             "gap_um": gaps,
         }
     )
-    return replace(rig, config=rig.config.model_copy(update={"simulation": still}))
+    return replace(rig, config=rig.config.model_copy(update={"simulation": at_rest}))

@@ -1,7 +1,4 @@
-"""Is the rig ready? A second of its samples, and all that is known before, as a table of verdicts.
-
-A short look at what a source gives.
-"""
+"""Preflight checks: a short capture of the rig's samples and its configuration, judged check by check."""
 
 import datetime as dt
 import shutil
@@ -35,17 +32,21 @@ from daq.session.preflight.rig_checks import (
     self_calibration_checks,
 )
 
+CAPTURE_DURATION = 1.0  # s of samples
+
+Progress = Callable[[str], None]
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Capture:
-    """A stretch of samples from a source.
+    """The first segment of a source, captured for checks.
 
     Parameters
     ----------
     blocks : tuple of SampleBlock
-        Of the first segment, as they came.
+        Blocks of the segment.
     end : SegmentEnd or None
-        Of that segment; None where the source ended without one.
+        End of the segment; None where the source ended without one.
     """
 
     blocks: tuple[SampleBlock, ...]
@@ -53,20 +54,20 @@ class Capture:
 
     @property
     def codes(self) -> NDArray[np.int16]:
-        """All samples, shape (n_channels, n); n = 0 where none came."""
+        """All samples, shape (n_channels, n); empty where none arrived."""
         if not self.blocks:
             return np.empty((0, 0), dtype=np.int16)
         return np.concatenate([block.codes for block in self.blocks], axis=1)
 
     @property
     def ticks(self) -> NDArray[np.int64] | None:
-        """What a counter stamped of the tacho's edges; None where none did throughout."""
+        """Counter stamps of the tacho's edges; None where a block has none."""
         stamped = [block.ticks for block in self.blocks if block.ticks is not None]
         return np.concatenate(stamped) if stamped and len(stamped) == len(self.blocks) else None
 
 
 def capture(source: Source, samples: int) -> Capture:
-    """Take at least so many samples per channel from a source, and stop it; it is left to be closed."""
+    """Return at least `samples` samples per channel of a source, and stop it; the caller closes it."""
     blocks: list[SampleBlock] = []
     for item in source.blocks():
         if isinstance(item, SegmentEnd):
@@ -77,23 +78,18 @@ def capture(source: Source, samples: int) -> Capture:
     return Capture(tuple(blocks), None)
 
 
-CAPTURE_DURATION = 1.0  # s of samples
-
-Progress = Callable[[str], None]
-
-
 @dataclass(frozen=True, slots=True)
 class PlannedRun:
-    """The run that is planned.
+    """The planned run.
 
     Parameters
     ----------
     folder : Path
-        Where it goes.
+        Data folder of the run.
     duration : float or None
-        How long it is to be, s; None where that is open.
+        Its duration, s; None where not given.
     speed : float or None
-        Highest speed, rad/s; None for the rig's limit.
+        Its maximum speed, rad/s; None for the rig's limit.
     """
 
     folder: Path
@@ -103,16 +99,16 @@ class PlannedRun:
 
 @dataclass(frozen=True, slots=True)
 class PreflightReport:
-    """What was found.
+    """Result of the preflight checks.
 
     Parameters
     ----------
     acquisition : Acquisition or None
-        As the opened device reports it; None where it could not be opened.
+        Read back from the opened device; None where it cannot be opened.
     checks : tuple of Check
-        In the order in which an operator would look.
+        In the order in which an operator checks a rig.
     trouble : DeviceError or None
-        Why there are no samples; what needs none is judged all the same.
+        Why there are no samples; checks that need none are made.
     """
 
     acquisition: Acquisition | None
@@ -121,66 +117,66 @@ class PreflightReport:
 
     @property
     def verdict(self) -> Verdict:
-        """The worst of all."""
+        """The worst verdict of all checks."""
         return worst_verdict(self.checks)
 
 
-def run_preflight_checks(rig: Rig, plan: PlannedRun, today: dt.date, told: Progress) -> PreflightReport:
-    """Open the rig's device, look at a second of samples, and judge.
+def run_preflight_checks(rig: Rig, plan: PlannedRun, today: dt.date, on_progress: Progress) -> PreflightReport:
+    """Open the rig's device, capture a second of samples, and return the checks.
 
-    A device that is missing, busy or fails its own test is a check like any other, and what needs no samples is judged.
+    A device that is missing, busy or fails its self-test is a failed check; checks that need no samples follow.
 
     Parameters
     ----------
     rig : Rig
         The rig.
     plan : Plan
-        What is to be recorded.
+        The planned run.
     today : date
-        Against which calibrations age.
-    told : callable
-        Told what is being done.
+        Today's date, for the age of calibrations.
+    on_progress : callable
+        Receives the name of each step.
     """
     acquisition, device_error = None, None
     checks: list[Check] = []
     in_self_test = rig.config.device.backend is Backend.NIDAQMX
     try:
         if in_self_test:
-            told("the card tests itself")
-            calibrated = self_test(rig.config.device)  # before the acquisition: a card at work cannot
+            on_progress("self-test of the card")
+            calibrated = self_test(rig.config.device)  # before the acquisition: a card cannot test itself during one
             checks.append(Check.passed("self-test", "passed", "the card's own test"))
             checks += self_calibration_checks(rig, calibrated, today)
             in_self_test = False
-        acquisition, seen = _capture_from(rig, told)
+        acquisition, captured = _capture_from(rig, on_progress)
     except DeviceError as error:
         device_error = error
         checks.append(device_error_check(rig, error, in_self_test=in_self_test))
     else:
         checks = [*device_checks(rig, acquisition), *checks]
-        checks += sample_checks(seen.blocks, seen.end, round(CAPTURE_DURATION * acquisition.rate), rig)
-        if seen.codes.size:
-            checks += wiring_checks(acquisition, seen.codes, rig.wiring_limits)
+        checks += sample_checks(captured.blocks, captured.end, round(CAPTURE_DURATION * acquisition.rate), rig)
+        if captured.codes.size:
+            checks += wiring_checks(acquisition, captured.codes, rig.wiring_limits)
             if rig.tacho.counter is not None:
-                checks.append(counter_check(acquisition, seen.codes, seen.ticks))
+                checks.append(counter_check(acquisition, captured.codes, captured.ticks))
     speed = rig.limits.speed if plan.speed is None else plan.speed
     checks += [planned_speed_check(rig, speed), speed_limit_check(rig.tacho, speed)]
     checks += calibration_checks(rig, today)
     rate = rig.config.timing.rate_hz if acquisition is None else acquisition.rate
-    checks.append(disk_check(_free(plan.folder), rig, rate, plan.duration))
+    checks.append(disk_check(_free_bytes(plan.folder), rig, rate, plan.duration))
     return PreflightReport(acquisition, tuple(checks), device_error)
 
 
-def _capture_from(rig: Rig, told: Progress) -> tuple[Acquisition, Capture]:
-    """Return a second of the rig's samples; DeviceError where there is no device to give them."""
-    told("opening the device")
+def _capture_from(rig: Rig, on_progress: Progress) -> tuple[Acquisition, Capture]:
+    """Return a second of the rig's samples; DeviceError where the device cannot be opened."""
+    on_progress("opening the device")
     with closing(open_source(rig)) as source:
-        told(f"looking at {CAPTURE_DURATION:g} s of samples")
+        on_progress(f"capturing {CAPTURE_DURATION:g} s of samples")
         return source.acquisition, capture(source, round(CAPTURE_DURATION * source.acquisition.rate))
 
 
-def _free(folder: Path) -> int:
-    """Return the bytes that are free where a folder is, or will be made."""
-    there = folder.absolute()
-    while not there.exists() and there != there.parent:
-        there = there.parent
-    return shutil.disk_usage(there).free
+def _free_bytes(folder: Path) -> int:
+    """Return the free bytes on the disk of a folder that exists or will be created."""
+    existing = folder.absolute()
+    while not existing.exists() and existing != existing.parent:
+        existing = existing.parent
+    return shutil.disk_usage(existing).free

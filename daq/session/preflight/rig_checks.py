@@ -1,4 +1,4 @@
-"""What is known of a rig before its samples are looked at: card, calibrations, disk, as checks of a preflight."""
+"""Preflight checks of card, delivered samples, calibrations, disk and planned speed."""
 
 import datetime as dt
 from collections.abc import Iterator, Sequence
@@ -12,8 +12,8 @@ from daq.config.rig import MICRO, RPM, Rig
 from daq.config.schema import Backend
 from daq.errors import DeviceError, DeviceFault
 
-RATE_TOLERANCE = 1e-3  # relative, between the rate that was asked for and the card's: more is a wrong frequency axis
-BYTES = 2  # of a sample
+RATE_TOLERANCE = 1e-3  # relative, between the configured rate and the card's: more makes the frequency axis wrong
+BYTES_PER_SAMPLE = 2
 _FINDINGS = {
     DeviceFault.MISSING: Finding.MISSING,
     DeviceFault.TIMEOUT: Finding.MISSING,
@@ -23,7 +23,7 @@ _FINDINGS = {
 
 
 def device_checks(rig: Rig, acquisition: Acquisition) -> Iterator[Check]:
-    """Yield what is to be said of the card that was opened."""
+    """Yield the checks of the opened card: product, serial number, sample rate."""
     section, device = rig.config.device, acquisition.device
     value = f"{device.product}" + (f", serial number {device.serial}" if device.serial else "")
     if device.simulated:
@@ -41,17 +41,17 @@ def device_checks(rig: Rig, acquisition: Acquisition) -> Iterator[Check]:
                 f'serial = "{device.serial}" in [device]'
             )
             yield Check.warned("device serial", Finding.SERIAL, device.serial, "a serial number in [device]", advice)
-    asked, got = rig.config.timing.rate_hz, acquisition.rate
-    value, limit = f"{got:,.1f} Hz a channel", f"{asked:,.0f} Hz ± {100 * RATE_TOLERANCE:g} %"
-    if abs(got - asked) <= RATE_TOLERANCE * asked:
+    configured, actual = rig.config.timing.rate_hz, acquisition.rate
+    value, limit = f"{actual:,.1f} Hz a channel", f"{configured:,.0f} Hz ± {100 * RATE_TOLERANCE:g} %"
+    if abs(actual - configured) <= RATE_TOLERANCE * configured:
         yield Check.passed("sample rate", value, limit)
     else:
-        advice = f"the card's clock divides by whole numbers only: rate_hz = {got:.6g} says what it does"
+        advice = f"the card divides its clock by whole numbers only: enter the actual rate, rate_hz = {actual:.6g}"
         yield Check.warned("sample rate", Finding.RATE, value, limit, advice)
 
 
 def device_error_check(rig: Rig, error: DeviceError, *, in_self_test: bool) -> Check:
-    """Return what is to be said of a card that gives no samples, or fails its own test."""
+    """Return the failed check of a card that delivers no samples or fails its self-test."""
     section = rig.config.device
     finding = _FINDINGS.get(error.fault)
     if finding is None and in_self_test:
@@ -62,29 +62,29 @@ def device_error_check(rig: Rig, error: DeviceError, *, in_self_test: bool) -> C
 
 
 def self_calibration_checks(rig: Rig, calibrated: dt.date | None, today: dt.date) -> Iterator[Check]:
-    """Yield how long ago the card calibrated itself, where it tells."""
+    """Yield the check of the age of the card's self-calibration, none where the card does not report it."""
     if calibrated is None:
         return
-    age, oldest = (today - calibrated).days, rig.config.preflight.self_calibration_days
-    name, value, limit = "card self-calibration", f"{calibrated}, {age} days old", f"{oldest} days"
-    if age <= oldest:
+    age, max_age = (today - calibrated).days, rig.config.preflight.self_calibration_days
+    name, value, limit = "card self-calibration", f"{calibrated}, {age} days old", f"{max_age} days"
+    if age <= max_age:
         yield Check.passed(name, value, limit)
     else:
-        advice = "let the card calibrate itself in NI MAX when it has been on for 15 min: its scaling drifts"
+        advice = "run the self-calibration in NI MAX after 15 min of warm-up: the card's scaling drifts"
         yield Check.warned(name, Finding.CALIBRATION, value, limit, advice)
 
 
 def sample_checks(blocks: Sequence[SampleBlock], end: SegmentEnd | None, wanted: int, rig: Rig) -> Iterator[Check]:
-    """Yield whether the samples came whole, in time and without a remark of the driver's.
+    """Yield the checks that the samples arrive complete, in time and without driver warnings.
 
     Parameters
     ----------
     blocks : sequence of SampleBlock
-        As they came.
+        In order of arrival.
     end : SegmentEnd or None
-        Of their segment; None where the source gave none.
+        End of their segment; None where the source yields none.
     wanted : int
-        Samples per channel that were waited for.
+        Requested samples per channel.
     rig : Rig
         The rig.
     """
@@ -92,28 +92,28 @@ def sample_checks(blocks: Sequence[SampleBlock], end: SegmentEnd | None, wanted:
     for block in blocks:
         in_order = in_order and block.first_sample == count and block.segment == 0
         count = block.end
-    value, limit = f"{count:,} samples a channel", f"{wanted:,}, each of them"
+    value, limit = f"{count:,} samples a channel", f"{wanted:,} without a gap"
     name = "samples"
     if end is not None and in_order and end.is_gap_free and end.samples == count and count >= wanted:
         yield Check.passed(name, value, limit)
     else:
-        told = "" if end is None else f": {end.reason.value}" + (f", {end.detail}" if end.detail else "")
-        advice = f"the card did not deliver a whole second{told}; give it a USB port of its own, without a hub"
+        reason = "" if end is None else f": {end.reason.value}" + (f", {end.detail}" if end.detail else "")
+        advice = f"the card did not deliver a whole second{reason}; connect it to a USB port of its own, without a hub"
         yield Check.failed(name, Finding.COUNT, value, limit, advice)
     if end is not None and end.is_gap_free and end.detail:
-        yield Check.warned("driver", Finding.DRIVER_WARNING, "remarks", "none", end.detail)
+        yield Check.warned("driver", Finding.DRIVER_WARNING, "warnings", "none", end.detail)
     backlog = max((block.backlog for block in blocks), default=0) / rig.config.timing.rate_hz
     limit_s = rig.config.timing.buffer_s / 4
     value, limit = f"{backlog:.2f} s", f"{limit_s:.2g} s, a quarter of buffer_s"
     if backlog <= limit_s:
         yield Check.passed("backlog", value, limit)
     else:
-        advice = "this computer does not keep up: close other programs, lower rate_hz, or raise buffer_s"
+        advice = "this computer is too slow: close other programs, lower rate_hz, or raise buffer_s"
         yield Check.warned("backlog", Finding.BACKLOG, value, limit, advice)
 
 
 def calibration_checks(rig: Rig, today: dt.date) -> Iterator[Check]:
-    """Yield what is to be said of the calibrations that the rig names."""
+    """Yield the checks of the rig's calibrations: age, residual, serial numbers."""
     for name, calibration in rig.calibrations.items():
         yield _age_check(name, calibration, today, rig.config.preflight.calibration_days)
         yield _residual_check(name, calibration, rig.config.preflight.residual_fraction)
@@ -121,60 +121,60 @@ def calibration_checks(rig: Rig, today: dt.date) -> Iterator[Check]:
 
 
 def disk_check(free: int, rig: Rig, rate: float, duration: float | None) -> Check:
-    """Return whether the planned run fits on the disk.
+    """Return the check that the planned run fits on the disk.
 
     Parameters
     ----------
     free : int
-        Bytes that are free where runs go.
+        Free bytes of the data folder's disk.
     rig : Rig
         The rig.
     rate : float
-        Samples per channel and second, Hz.
+        Sample rate, Hz.
     duration : float or None
-        Of the planned run, s; None where none is planned.
+        Duration of the planned run, s; None where not given.
     """
-    room = free - rig.config.storage.reserve_gb * 1e9
-    lasts = max(room, 0.0) / disk_rate(rig, rate)
+    available = free - rig.config.storage.reserve_gb * 1e9
+    lasts = max(available, 0.0) / disk_rate(rig, rate)
     needed = 3600.0 * rig.config.preflight.disk_duration_h if duration is None else duration
-    value, limit = _span(lasts), _span(needed)
+    value, limit = _duration_text(lasts), _duration_text(needed)
     if lasts >= needed:
         return Check.passed("disk", value, limit)
-    advice = "make room, or record elsewhere (storage.folder, RIG_DATA)"
+    advice = "free disk space, or record elsewhere (storage.folder, RIG_DATA)"
     if duration is None and lasts > 0.0:
         return Check.warned("disk", Finding.DISK, value, limit, advice)
-    return Check.failed("disk", Finding.DISK, value, limit, f"the run would be ended by a full disk: {advice}")
+    return Check.failed("disk", Finding.DISK, value, limit, f"a full disk would end the run: {advice}")
 
 
-def _span(seconds: float) -> str:
+def _duration_text(seconds: float) -> str:
     return f"{seconds / 60:.0f} min" if seconds < 7200 else f"{seconds / 3600:,.0f} h"
 
 
 def disk_rate(rig: Rig, rate: float) -> float:
-    """Return the bytes a second that a run takes at most, before they are packed."""
-    return rate * len(rig.config.channel) * BYTES
+    """Return the maximum data rate of a run, bytes per second, before compression."""
+    return rate * len(rig.config.channel) * BYTES_PER_SAMPLE
 
 
 def planned_speed_check(rig: Rig, speed: float) -> Check:
-    """Return whether a planned speed, rad/s, is one that the rig is made for."""
-    highest = rig.limits.speed
-    value, limit = f"{speed / RPM:,.0f} r/min", f"{highest / RPM:,.0f} r/min"
-    if speed <= highest * (1.0 + 1e-9):
+    """Return the check of the planned speed, rad/s, against the rig's limit."""
+    limit_speed = rig.limits.speed
+    value, limit = f"{speed / RPM:,.0f} r/min", f"{limit_speed / RPM:,.0f} r/min"
+    if speed <= limit_speed * (1.0 + 1e-9):
         return Check.passed("planned speed", value, limit)
-    advice = "the run is planned above limits.speed_rpm, the highest speed of the rig: plan a lower one"
+    advice = "the planned speed is above limits.speed_rpm, the maximum speed of the rig: plan a lower one"
     return Check.failed("planned speed", Finding.SPEED, value, limit, advice)
 
 
-def _age_check(name: str, calibration: Calibration, today: dt.date, oldest: int) -> Check:
+def _age_check(name: str, calibration: Calibration, today: dt.date, max_age: int) -> Check:
     age = (today - dt.date.fromisoformat(calibration.date)).days
-    label, limit = f"probe {name} calibration", f"{oldest} days"
+    label, limit = f"probe {name} calibration", f"{max_age} days"
     value = f"{calibration.date}, {age} days old"
     if age < 0:
-        advice = "the calibration is from the future: the computer's date or the record's is wrong"
+        advice = "the calibration date is in the future: the computer's date or the record's is wrong"
         return Check.warned(label, Finding.CALIBRATION, f"{calibration.date}, today is {today}", limit, advice)
-    if age <= oldest:
+    if age <= max_age:
         return Check.passed(label, value, limit)
-    advice = f"calibrate the probe anew: rig calibrate gap RIG.TOML {name}"
+    advice = f"calibrate the probe again: rig calibrate gap RIG.TOML {name}"
     return Check.warned(label, Finding.CALIBRATION, value, limit, advice)
 
 
@@ -184,25 +184,25 @@ def _residual_check(name: str, calibration: Calibration, fraction: float) -> Che
     allowed = fraction * float(high - low)
     label = f"probe {name} fit"
     value, limit = (
-        f"{calibration.residual / MICRO:.2f} µm off at most",
+        f"{calibration.residual / MICRO:.2f} µm maximum error",
         f"{allowed / MICRO:.1f} µm, {100 * fraction:g} % of the span",
     )
     if 0.0 < calibration.residual <= allowed:
         return Check.passed(label, value, limit)
     if calibration.residual == 0.0:
-        advice = "the record does not say how well its polynomial fits: keep the points in it (rig calibrate gap)"
+        advice = "the record does not state the residual of its polynomial: rig calibrate gap stores it"
         return Check.warned(label, Finding.CALIBRATION, "unknown", limit, advice)
-    advice = "the polynomial does not follow the points: a higher order, or measure the points again"
+    advice = "the polynomial fits the points badly: use a higher order, or measure the points again"
     return Check.warned(label, Finding.CALIBRATION, value, limit, advice)
 
 
 def _serials_check(rig: Rig) -> Check:
-    label, limit = "probe serials", "sensor and conditioner of each, no two alike"
+    label, limit = "probe serials", "a sensor and conditioner for each probe, all different"
     serials = {name: (c.sensor, c.conditioner) for name, c in rig.calibrations.items()}
     value = "; ".join(f"{name}: {' + '.join(filter(None, pair)) or 'none'}" for name, pair in serials.items())
     advice = ""
     if not all(all(pair) for pair in serials.values()):
-        advice = "a record without serial numbers may belong to any sensor: enter them"
+        advice = "a record without serial numbers may belong to another sensor: enter them"
     else:
         sensors, conditioners = ({pair[number] for pair in serials.values()} for number in (0, 1))
         if min(len(sensors), len(conditioners)) < len(serials):

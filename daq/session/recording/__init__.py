@@ -1,1 +1,1 @@
-"""A run being recorded: recorder process, shared-memory ring, statistics, health."""
+"""Recording a run: the recorder process, the shared-memory ring and statistics, and the run that controls them."""

@@ -1,7 +1,4 @@
-"""What the watching process and its recorder say to one another, over an anonymous pipe.
-
-What is said to another process without waiting for it to listen.
-"""
+"""Messages between a recorded run and its recorder process, and the thread that sends them."""
 
 import threading
 from dataclasses import dataclass
@@ -16,7 +13,7 @@ from daq.config.rig import Rig
 
 @dataclass(frozen=True, slots=True)
 class RecordingRequest:
-    """What is to be recorded.
+    """A run to record.
 
     Parameters
     ----------
@@ -27,11 +24,11 @@ class RecordingRequest:
     started_ns : int
         Wall clock, ns since 1970.
     note, program : str
-        The operator's words; name and version of the program.
+        The operator's note; name and version of the program.
     path : Path
-        The file to be made.
+        The file to create.
     duration : float or None
-        Sample time after which to stop, s.
+        Sample time after which to stop, s; None: until it is stopped.
     """
 
     rig: Rig
@@ -45,14 +42,14 @@ class RecordingRequest:
 
 @dataclass(frozen=True, slots=True)
 class DeviceOpened:
-    """The device delivers and the file is there."""
+    """The device is open and the file is created."""
 
     header: RunHeader
 
 
 @dataclass(frozen=True, slots=True)
 class RecordingRefused:
-    """Nothing was recorded."""
+    """The recording did not start; nothing was recorded."""
 
     message: str
     exit_code: int
@@ -60,51 +57,51 @@ class RecordingRefused:
 
 @dataclass(frozen=True, slots=True)
 class AcquisitionEnded:
-    """The samples have ended; results may still be sent."""
+    """No more samples follow; the recorder still accepts results."""
 
     ends: tuple[SegmentEnd, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class FileClosed:
-    """The file is finished; `message` says what went wrong, if anything did."""
+    """The file is complete; `message` is the error message, empty for none."""
 
     message: str
 
 
 @dataclass(frozen=True, slots=True)
 class StopRequest:
-    """Stop the source."""
+    """Request to stop the source."""
 
 
 @dataclass(frozen=True, slots=True)
 class ResultsEnded:
-    """No more results will come; so many samples were skipped by the live analysis."""
+    """No more results follow; the live analysis skipped this number of samples per channel."""
 
     skipped_samples: int
 
 
 class MessageSender:
-    """Sends messages in their order from a thread of its own: a process that is stuck holds up nobody else.
+    """Sender of messages to another process, in order, from its own thread: a blocked receiver blocks no caller.
 
     Parameters
     ----------
     pipe : Connection
-        The way to the other process. Where it is gone, what is still to be sent is dropped.
+        Connection to the other process. When it breaks, queued messages are dropped.
     """
 
     def __init__(self, pipe: Connection) -> None:
         self._pipe = pipe
         self._messages: SimpleQueue[object] = SimpleQueue()
-        self._thread = threading.Thread(target=self._run, name="outbox", daemon=True)
+        self._thread = threading.Thread(target=self._run, name="message-sender", daemon=True)
         self._thread.start()
 
     def send(self, message: object) -> None:
-        """Send a message, soon; from any thread."""
+        """Queue a message; safe from any thread."""
         self._messages.put(message)
 
     def close(self, timeout: float) -> bool:
-        """Send what is left, for `timeout` s at most; return whether the thread has ended."""
+        """Send the queued messages within `timeout` s; return whether the thread has ended."""
         self._messages.put(None)
         self._thread.join(timeout)
         return not self._thread.is_alive()

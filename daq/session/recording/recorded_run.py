@@ -1,4 +1,4 @@
-"""A run that is being recorded: the recorder in its process, the analysis beside it, results sent back to be kept."""
+"""A run being recorded: controls the recorder process, analyses its samples live and returns the results to it."""
 
 import math
 import multiprocessing
@@ -15,13 +15,12 @@ from analysis.signals.blocks import SegmentEnd
 from analysis.signals.header import RunHeader
 from analysis.signals.snapshot import Snapshot
 from daq.config.rig import Rig
-from daq.drivers.reconnecting import RECONNECT_REASONS
 from daq.errors import DeviceError, DeviceFault, RigError, StoppedError
 from daq.session.alarms import acknowledgement_marker, alarm_marker
 from daq.session.live_analysis import LiveAnalysis
-from daq.session.live_update import Clipping, LiveUpdate, LiveUpdateSink, RunState, Status, TimedMarker
+from daq.session.live_update import LiveUpdate, LiveUpdateSink, RunState, Status, TimedMarker
 from daq.session.processes import start_process
-from daq.session.recording.health import loss_message, recording_health
+from daq.session.recording.health import clipped_channels, loss_message, reconnect_message, recording_health
 from daq.session.recording.messages import (
     AcquisitionEnded,
     DeviceOpened,
@@ -40,49 +39,49 @@ from recordings.mcap.markers import MAX_MARKER_LENGTH, Marker, encode_marker
 from recordings.mcap.results import encode_snapshot
 
 OPEN_DEADLINE = 120.0  # s: the simulated rig compiles its model the first time
-OPENING_LOOK = 0.1  # s between two looks at whether the end was asked for meanwhile
+OPEN_POLL_INTERVAL = 0.1  # s between checks for a stop request while the device is being opened
 RING_SECONDS = 8.0  # of samples that the live analysis may fall behind before it skips
-POLL = 0.02  # s between two looks into the ring
-STATUS_INTERVAL = 0.5  # s between frames when no snapshot comes
-KILL_DEADLINE = 5.0  # s for the system to take a process away
-STOP_DEADLINE = 30.0  # s that a recorder is given to end its acquisition before it is ended
+POLL_INTERVAL = 0.02  # s between reads of the ring
+STATUS_INTERVAL = 0.5  # s between live updates without a new snapshot
+KILL_DEADLINE = 5.0  # s for the system to end a killed process
+STOP_DEADLINE = 30.0  # s that a recorder has to end its acquisition before it is killed
 
 
 class RecordedRun:
-    """A run that is being recorded.
+    """A run being recorded: a recorder process and the live analysis in a thread of this one.
 
     Parameters
     ----------
-    order : Order
-        What is to be recorded.
-    model : Model
-        Whose prediction is laid over it.
+    request : RecordingRequest
+        The run to record.
+    model : LivePredictor
+        The model whose prediction is shown with it.
     sinks : sequence of LiveUpdateSink
-        Who shows it.
+        Consumers of the live updates.
     is_stopping : callable
-        Asked, while the device is being opened, whether the end has been asked for.
+        Returns whether the user has requested the end; called while the device is being opened.
     stop_deadline : float
-        Time after which a recorder that was told to stop is ended, s. Its file holds all that was flushed.
+        Time after a stop request, s, when the recorder is killed. Its file holds all flushed samples.
 
     Raises
     ------
     StoppedError
-        The end was asked for before the device was open; nothing is left behind.
+        The end was requested before the device was open; nothing is left behind.
     RigError
-        Where the device or the file cannot be opened; nothing is left behind.
+        The device or the file cannot be opened; nothing is left behind.
     """
 
     def __init__(
         self,
-        order: RecordingRequest,
+        request: RecordingRequest,
         model: LivePredictor,
         sinks: Sequence[LiveUpdateSink] = (),
         is_stopping: Callable[[], bool] = lambda: False,
         stop_deadline: float = STOP_DEADLINE,
     ) -> None:
-        self._order = order
+        self._request = request
         self._model = model
-        rig: Rig = order.rig
+        rig: Rig = request.rig
         timing = rig.config.timing
         capacity = math.ceil(timing.rate_hz * timing.block_s) + 1
         self._statistics_memory = RecorderStatistics.allocate()
@@ -92,7 +91,7 @@ class RecordedRun:
         )
         self._reader = self._ring.reader()
         self._pipe, self._process = self._spawn()
-        self._outbox = MessageSender(self._pipe)
+        self._sender = MessageSender(self._pipe)
         self._stop_deadline = stop_deadline
         self._end_at = math.inf  # on the monotonic clock
         self._ends: tuple[SegmentEnd, ...] = ()
@@ -100,7 +99,7 @@ class RecordedRun:
         self._last_loss = ""
         self._message = ""
         self._note = ""
-        self._fault = ""
+        self._error = ""
         self._state = RunState.STARTING
         self._is_stopped_by_user = False
         try:
@@ -109,8 +108,10 @@ class RecordedRun:
             self._release()
             raise
         self._rate = self._header.acquisition.rate
-        self._analysis: LiveAnalysis | None = LiveAnalysis(self._header, model.at, sinks, self._keep, self._keep_alarm)
-        self._shown = self._analysis
+        self._analysis: LiveAnalysis | None = LiveAnalysis(
+            self._header, model.at, sinks, self._store_snapshot, self._store_alarm
+        )
+        self._display = self._analysis
         self._state = RunState.RECORDING
         self._thread = threading.Thread(target=self._watch, name="live-analysis", daemon=True)
         self._thread.start()
@@ -123,13 +124,13 @@ class RecordedRun:
     @property
     def path(self) -> Path:
         """The file."""
-        return self._order.path
+        return self._request.path
 
     def _spawn(self) -> tuple[Connection, BaseProcess]:
         context = multiprocessing.get_context("spawn")  # the same on every platform, and safe beside threads
         here, there = context.Pipe()
         process = context.Process(
-            target=record, args=(self._order, self._ring.memory, self._statistics_memory, there), name="rig-recorder"
+            target=record, args=(self._request, self._ring.memory, self._statistics_memory, there), name="rig-recorder"
         )
         start_process(process)
         there.close()
@@ -137,9 +138,9 @@ class RecordedRun:
 
     def _opened(self, is_stopping: Callable[[], bool]) -> RunHeader:
         deadline = time.monotonic() + OPEN_DEADLINE
-        while not self._pipe.poll(OPENING_LOOK):
+        while not self._pipe.poll(OPEN_POLL_INTERVAL):
             if is_stopping():
-                self._outbox.send(StopRequest())
+                self._sender.send(StopRequest())
                 raise _stopped()
             if time.monotonic() > deadline:
                 raise DeviceError(DeviceFault.TIMEOUT, f"the device was not open after {OPEN_DEADLINE:g} s")
@@ -147,10 +148,11 @@ class RecordedRun:
             message = self._pipe.recv()
         except EOFError:
             self._process.join(5.0)
-            if is_stopping():  # the recorder was told as well
+            if is_stopping():  # the recorder saw the request as well
                 raise _stopped() from None
             raise DeviceError(
-                DeviceFault.OTHER, f"the recorder ended before it began (exit code {self._process.exitcode})"
+                DeviceFault.OTHER,
+                f"the recorder ended before the recording started (exit code {self._process.exitcode})",
             ) from None
         if isinstance(message, RecordingRefused):
             error = RigError(message.message)
@@ -159,37 +161,40 @@ class RecordedRun:
         opened: DeviceOpened = message
         return opened.header
 
-    def _keep(self, snapshot: Snapshot) -> None:
-        """Send a snapshot to be written beside the samples."""
+    def _store_snapshot(self, snapshot: Snapshot) -> None:
+        """Send a snapshot to the recorder, which stores it with the samples."""
         for result in encode_snapshot(snapshot, self._header):
-            self._outbox.send(result)
+            self._sender.send(result)
 
-    def _keep_alarm(self, alarm: Alarm) -> None:
-        """Send an alarm that has come to be written beside the samples."""
+    def _store_alarm(self, alarm: Alarm) -> None:
+        """Send the marker of a new alarm to the recorder, which stores it with the samples."""
         self._add_marker(alarm_marker(alarm, self._rate, time.time_ns()))
 
     def _add_marker(self, marker: Marker) -> None:
-        """Show a marker, and send it to be written beside the samples."""
+        """Show a marker, and send it to the recorder, which stores it with the samples."""
         (segment, sample), samples = self._statistics.position, self._statistics.samples
-        since = (
-            marker.sample if marker.segment == segment else 0
-        )  # of a segment that is over: where the present one began
-        self._shown.add_marker(TimedMarker(marker, marker.sample / self._rate, (samples - sample + since) / self._rate))
-        self._outbox.send(encode_marker(marker, self._header))
+        # a marker in an earlier segment is shown at the start of the current one
+        since = marker.sample if marker.segment == segment else 0
+        self._display.add_marker(
+            TimedMarker(marker, marker.sample / self._rate, (samples - sample + since) / self._rate)
+        )
+        self._sender.send(encode_marker(marker, self._header))
 
-    def _tell_to_stop(self) -> None:
-        """Stop the recorder; from now on its time is limited."""
+    def _request_stop(self) -> None:
+        """Send a stop request; the stop deadline starts with the first one."""
         self._end_at = min(self._end_at, time.monotonic() + self._stop_deadline)
-        self._outbox.send(StopRequest())
+        self._sender.send(StopRequest())
 
     def status(self) -> Status:
-        """Return the state of the recording."""
-        rate, statistics = self._rate, self._statistics
-        state, alert = self._state, ""
+        """Return the status of the recording."""
+        rate, statistics, config = self._rate, self._statistics, self._request.rig.config
+        state, warning = self._state, ""
         if state is RunState.RECORDING and not self._ring.is_closed:
-            state, alert = recording_health(statistics, self._header.acquisition.rate, self._order.rig.config.timing)
+            state, warning = recording_health(statistics, rate, config.timing)
             if state is RunState.INTERRUPTED and self._last_end is not None and not statistics.segment_samples:
-                alert = f"{alert}: {self._last_end.detail}{self._patience(self._last_end)}"
+                warning = (
+                    f"{warning}: {self._last_end.detail}{reconnect_message(self._last_end, config.session.reconnect_s)}"
+                )
         bytes_per_second = rate * len(self._header.acquisition.channels) * 2
         left = statistics.disk_bytes_left / bytes_per_second if statistics.disk_bytes_left >= 0 else math.inf
         return Status(
@@ -202,47 +207,33 @@ class RecordedRun:
             disk_left=left,
             skipped=self._reader.skipped,
             model=self._model.state,
-            clipped=self._clipped(),
+            clipped=clipped_channels(statistics, self._header.acquisition),
             last_loss=self._last_loss,
-            detail=self._message or alert or self._note,
+            detail=self._message or warning or self._note,
         )
-
-    def _clipped(self) -> tuple[Clipping, ...]:
-        """Return which channels have been clipped, as the recorder counts it."""
-        names = [channel.name for channel in self._header.acquisition.channels]
-        counts = [(name, *self._statistics.clipped(row)) for row, name in enumerate(names)]
-        return tuple(
-            Clipping(name, samples, blocks, end / self._rate) for name, samples, blocks, end in counts if samples
-        )
-
-    def _patience(self, end: SegmentEnd) -> str:
-        """Return that a device that went away is waited for, where it is."""
-        patience = self._order.rig.config.session.reconnect_s
-        is_awaited = end.reason in RECONNECT_REASONS and patience > 0
-        return f"; it is waited for, {patience:g} s at most (session.reconnect_s)" if is_awaited else ""
 
     def _watch(self) -> None:
-        """Follow the recorder to its end, whatever happens here."""
+        """Analyse the run and receive the recorder's end, also after an error here."""
         try:
-            self._follow()
-        except Exception as error:  # noqa: BLE001 - whatever it is, the recorder is stopped and finishes its file
-            self._fault = f"the run was stopped by a fault of the program: {type(error).__name__}: {error}"
-            self._tell_to_stop()
-        self._outbox.send(ResultsEnded(self._reader.skipped))
-        self._farewell()
-        self._message = self._message or self._fault
+            self._analyse_until_end()
+        except Exception as error:  # noqa: BLE001 - any error: the recorder is stopped and completes its file
+            self._error = f"the run was stopped by a program error: {type(error).__name__}: {error}"
+            self._request_stop()
+        self._sender.send(ResultsEnded(self._reader.skipped))
+        self._receive_end()
+        self._message = self._message or self._error
         self._state = RunState.FAILED if self._outcome().exit_code in {3, 5} else RunState.FINISHED
         self._offer()
 
     def _offer(self) -> None:
-        """Show how things stand where there is no new result."""
+        """Offer a live update without a new snapshot."""
         try:
-            self._shown.offer(self.status())
-        except Exception as error:  # noqa: BLE001 - a fault of a screen must not end a recording: it is told
-            self._note = f"a screen failed: {type(error).__name__}: {error}; the recording goes on"
+            self._display.offer(self.status())
+        except Exception as error:  # noqa: BLE001 - an error of a sink must not end a recording: it is reported
+            self._note = f"a live display failed: {type(error).__name__}: {error}; the recording continues"
 
-    def _follow(self) -> None:
-        """Analyse what the recorder publishes until it ends."""
+    def _analyse_until_end(self) -> None:
+        """Analyse the items that the recorder publishes, until it ends."""
         offered = time.monotonic()
         while True:
             alive = self._is_recording()
@@ -256,13 +247,13 @@ class RecordedRun:
                 if now - offered > STATUS_INTERVAL:
                     self._offer()
                     offered = now
-                time.sleep(POLL)
+                time.sleep(POLL_INTERVAL)
 
     def _is_recording(self) -> bool:
-        """Return whether samples may still come; a recorder that was told to stop and does not is ended."""
+        """Return whether more samples may follow; kill a recorder that does not stop by the deadline."""
         if time.monotonic() > self._end_at and not self._ring.is_closed and self._process.is_alive():
-            late = f"the recorder did not stop within {self._stop_deadline:g} s and was ended"
-            self._message = f"{late}; its file holds all that was flushed"
+            late = f"the recorder did not stop within {self._stop_deadline:g} s and was killed"
+            self._message = f"{late}; its file holds all flushed samples"
             self._process.kill()
             self._process.join(KILL_DEADLINE)
         return self._process.is_alive() and not self._ring.is_closed
@@ -277,12 +268,12 @@ class RecordedRun:
                 continue
             try:
                 self._analysis.process(item, self.status())
-            except Exception as error:  # noqa: BLE001 - a fault of the analysis must not end a recording: it is told
-                self._note = f"live analysis stopped: {type(error).__name__}: {error}; the recording goes on"
+            except Exception as error:  # noqa: BLE001 - an error of the analysis must not end a recording: it is reported
+                self._note = f"live analysis stopped: {type(error).__name__}: {error}; the recording continues"
                 self._analysis = None
         return seen
 
-    def _farewell(self) -> None:
+    def _receive_end(self) -> None:
         deadline = time.monotonic() + RESULTS_DEADLINE
         while self._pipe.poll(max(0.0, deadline - time.monotonic())):
             try:
@@ -294,26 +285,26 @@ class RecordedRun:
             elif isinstance(message, FileClosed):
                 self._message = message.message or self._message
                 return
-        self._message = self._message or "the recorder ended without closing its file; it holds all that was flushed"
+        self._message = self._message or "the recorder ended without closing its file; it holds all flushed samples"
 
     def _outcome(self) -> RunOutcome:
         return RunOutcome(self._ends, self._message, self._is_stopped_by_user, self._reader.skipped)
 
     def latest(self) -> LiveUpdate:
-        """Return the present frame."""
-        return self._shown.frame(self.status())
+        """Return the current live update."""
+        return self._display.latest(self.status())
 
     def summary(self) -> RunSummary:
-        """Return the summary of what has been analysed live."""
-        return self._shown.summary()
+        """Return the summary of the samples analysed live."""
+        return self._display.summary()
 
     def stop(self) -> None:
-        """Ask for the end, by hand."""
+        """Request the end, as the user does."""
         self._is_stopped_by_user = True
-        self._tell_to_stop()
+        self._request_stop()
 
     def add_marker(self, text: str) -> Marker | None:
-        """Name the present moment; return the marker, which is in the file soon, or None where the run has ended."""
+        """Add a marker at the current sample and send it to the recorder; return None where the run has ended."""
         if not self._thread.is_alive() or self._ring.is_closed:
             return None
         segment, sample = self._statistics.position
@@ -322,31 +313,31 @@ class RecordedRun:
         return marker
 
     def acknowledge(self) -> tuple[Alarm, ...]:
-        """Take note of the alarms so far, which is in the file soon; return those that were new."""
-        noted = self._shown.acknowledge()
-        if noted and self._thread.is_alive():
+        """Acknowledge the alarms so far and record that in the file; return those that were new."""
+        acknowledged = self._display.acknowledge()
+        if acknowledged and self._thread.is_alive():
             segment, sample = self._statistics.position
-            self._add_marker(acknowledgement_marker(noted, segment, sample, time.time_ns()))
-        return noted
+            self._add_marker(acknowledgement_marker(acknowledged, segment, sample, time.time_ns()))
+        return acknowledged
 
     def wait(self, timeout: float) -> bool:
-        """Wait up to `timeout` s for the end; return whether it has come."""
+        """Wait up to `timeout` s for the end; return whether the run has ended."""
         self._thread.join(timeout)
         return not self._thread.is_alive()
 
     def close(self) -> RunOutcome:
-        """End the run, join its thread and process, and say how it ended."""
+        """End the run, join its thread and process, and return the outcome."""
         if self._thread.is_alive():
-            self._tell_to_stop()
+            self._request_stop()
             self._thread.join(self._stop_deadline + 2 * RESULTS_DEADLINE)
         self._release()
         return self._outcome()
 
     def _release(self) -> None:
-        if not self._outbox.close(RESULTS_DEADLINE):  # nobody listens any more
+        if not self._sender.close(RESULTS_DEADLINE):  # the recorder does not read its pipe
             self._process.kill()
-            self._outbox.close(KILL_DEADLINE)
-        self._pipe.close()  # a recorder that still runs finishes its file now
+            self._sender.close(KILL_DEADLINE)
+        self._pipe.close()  # a recorder that still runs now completes its file
         self._process.join(RESULTS_DEADLINE)
         if self._process.is_alive():
             self._process.kill()

@@ -1,8 +1,9 @@
-"""The recorder: a process of its own that does nothing but carry samples from the source into the file and the ring.
+"""The recorder: a process that only carries samples from the source into the file and the ring.
 
-It talks with the watching process over an anonymous pipe: `Opened` or `Refused` first, `Acquired` when the samples have
-ended, `Closed` last. Back come results to be written beside the samples, `Stop`, and `Done` when no more will follow.
-If the watching process goes away, the recorder stops the source and finishes the file by itself.
+It exchanges messages with the controlling process over an anonymous pipe. It sends `DeviceOpened` or
+`RecordingRefused` first, `AcquisitionEnded` when the samples have ended, and `FileClosed` last. It receives results to
+store with the samples, `StopRequest`, and `ResultsEnded` when no more results follow. If the controlling process dies,
+the recorder stops the source and completes the file on its own.
 """
 
 import shutil
@@ -36,90 +37,92 @@ from recordings.mcap.markers import Marker, encode_marker
 from recordings.mcap.parts import PartLimits, PartWriter
 from recordings.mcap.results import EncodedResult
 
-RESULTS_DEADLINE = 15.0  # s that the finished acquisition waits for the last results before the file is closed without
+RESULTS_DEADLINE = 15.0  # s to wait for the last results after the acquisition, before the file is closed without
 
 
-def record(order: RecordingRequest, ring_memory: SharedBytes, statistics_memory: SharedBytes, pipe: Connection) -> None:
-    """Run the recorder; the entry point of its process."""
-    ignore_terminal_signals()  # the watching process decides
+def record(
+    request: RecordingRequest, ring_memory: SharedBytes, statistics_memory: SharedBytes, pipe: Connection
+) -> None:
+    """Run the recorder; entry point of its process."""
+    ignore_terminal_signals()  # the controlling process handles them
     ring, statistics = BlockRing(ring_memory), RecorderStatistics(statistics_memory)
     with ExitStack() as stack:
         try:
-            _require_room(order)
-            source = stack.enter_context(closing(open_source(order.rig)))
-            if pipe.poll():  # nobody says anything before it is told of the device, but to stop
+            _require_disk_space(request)
+            source = stack.enter_context(closing(open_source(request.rig)))
+            if pipe.poll():  # the only message sent before `DeviceOpened` is a stop request
                 raise StoppedError("stopped before the device was open")
-            header = run_header(order, source)
-            writer = PartWriter(order.path, header, _part_limits(order, header))
+            header = run_header(request, source)
+            writer = PartWriter(request.path, header, _part_limits(request, header))
         except RigError as error:
-            with suppress(OSError):  # who has stopped it does not wait
+            with suppress(OSError):  # after a stop the controlling process does not wait
                 pipe.send(RecordingRefused(str(error), error.exit_code))
         except RecordingError as error:
             pipe.send(RecordingRefused(str(error), UsageError.exit_code))
         else:
-            _Recorder(order, source, writer, ring, statistics, pipe).run()
+            _Recorder(request, source, writer, ring, statistics, pipe).run()
 
 
-def _part_limits(order: RecordingRequest, header: RunHeader) -> PartLimits:
-    """Return when a run goes on in a further file, as the rig says."""
-    storage = order.rig.config.storage
+def _part_limits(request: RecordingRequest, header: RunHeader) -> PartLimits:
+    """Return the size and duration limits of a run's files, from the rig file."""
+    storage = request.rig.config.storage
     samples = round(60 * storage.split_minutes * header.acquisition.rate) or None
-    return PartLimits(samples, round(1e9 * storage.split_gb) or None, order.rig.config.trigger.events != 1)
+    return PartLimits(samples, round(1e9 * storage.split_gb) or None, request.rig.config.trigger.events != 1)
 
 
-def _require_room(order: RecordingRequest) -> None:
-    """Raise UsageError where the disk holds less than the reserve already."""
-    free, reserve = _room(order)
+def _require_disk_space(request: RecordingRequest) -> None:
+    """Raise UsageError where less than the disk reserve is free before the start."""
+    free, reserve = _disk_space(request)
     if free < reserve:
-        raise UsageError(_too_little(order, free, reserve))
+        raise UsageError(_disk_full_message(request, free, reserve))
 
 
-def _room(order: RecordingRequest) -> tuple[int, int]:
-    """Return the bytes that are free where the run goes, and those that must stay free."""
-    return shutil.disk_usage(order.path.parent).free, int(order.rig.config.storage.reserve_gb * 1e9)
+def _disk_space(request: RecordingRequest) -> tuple[int, int]:
+    """Return the free bytes of the run's disk, and the reserve that must stay free."""
+    return shutil.disk_usage(request.path.parent).free, int(request.rig.config.storage.reserve_gb * 1e9)
 
 
-def _too_little(order: RecordingRequest, free: int, reserve: int) -> str:
+def _disk_full_message(request: RecordingRequest, free: int, reserve: int) -> str:
     return (
-        f"{order.path.parent}: {free / 1e9:.2f} GB free, expected more than storage.reserve_gb = {reserve / 1e9:g}: "
-        "make room or record elsewhere (storage.folder, RIG_DATA)"
+        f"{request.path.parent}: {free / 1e9:.2f} GB free, expected more than storage.reserve_gb = {reserve / 1e9:g}: "
+        "free disk space or record elsewhere (storage.folder, RIG_DATA)"
     )
 
 
-def run_header(order: RecordingRequest, source: Source) -> RunHeader:
-    """Return the header of the run, with the acquisition as the opened device reports it."""
+def run_header(request: RecordingRequest, source: Source) -> RunHeader:
+    """Return the header of the run, with the acquisition read back from the opened device."""
     return RunHeader(
-        run=order.run,
-        rig=order.rig.config.rig,
-        started_ns=order.started_ns,
+        run=request.run,
+        rig=request.rig.config.rig,
+        started_ns=request.started_ns,
         acquisition=source.acquisition,
-        settings=order.rig.settings,
-        limits=order.rig.limits,
-        config_toml=order.rig.toml,
-        program=order.program,
-        note=order.note,
+        settings=request.rig.settings,
+        limits=request.rig.limits,
+        config_toml=request.rig.toml,
+        program=request.program,
+        note=request.note,
     )
 
 
-def _fault(error: Exception) -> str:
-    return f"recording stopped by a fault of the program: {type(error).__name__}: {error}"
+def _fault_message(error: Exception) -> str:
+    return f"recording stopped by a program error: {type(error).__name__}: {error}"
 
 
 class _Recorder:
-    """Source → file and ring, until the end; results on the side."""
+    """Carries blocks from the source into file and ring until the end, and stores results from the pipe."""
 
     def __init__(
         self,
-        order: RecordingRequest,
+        request: RecordingRequest,
         source: Source,
         writer: PartWriter,
         ring: BlockRing,
         statistics: RecorderStatistics,
         pipe: Connection,
     ) -> None:
-        self._order = order
-        self._header = run_header(order, source)
-        self._source = apply_trigger(source, order.rig.config.trigger, self)
+        self._request = request
+        self._header = run_header(request, source)
+        self._source = apply_trigger(source, request.rig.config.trigger, self)
         self._passed = 0  # samples per channel that the trigger skipped since the last block it delivered
         self._writer = writer
         self._ring = ring
@@ -127,12 +130,12 @@ class _Recorder:
         self._pipe = pipe
         self._ends: list[SegmentEnd] = []
         self._message = ""
-        self._skipped: int | None = None  # not known before the watching process says that it is done
+        self._skipped: int | None = None  # unknown until `ResultsEnded` arrives
         self._done = threading.Event()
         self._disk_checked = -1.0
         rate = source.acquisition.rate
         self._rate = rate
-        self._limit = None if order.duration is None else max(1, round(order.duration * rate))
+        self._limit = None if request.duration is None else max(1, round(request.duration * rate))
 
     def run(self) -> None:
         signal.signal(signal.SIGTERM, lambda *_: self._source.stop())
@@ -141,28 +144,28 @@ class _Recorder:
             self._pipe.send(DeviceOpened(self._header))
             listener.start()
             self._statistics.start()
-            self._pump()
-        except Exception as error:  # noqa: BLE001 - whatever it is, the file is finished and the operator is told
-            self._message = _fault(error)
+            self._record_blocks()
+        except Exception as error:  # noqa: BLE001 - any error: the file is completed and the error reported
+            self._message = _fault_message(error)
             self._source.stop()
         finally:
             self._ring.finish()
             self._source.close()
-            with suppress(OSError):  # the watching process may be gone; the file matters
+            with suppress(OSError):  # the controlling process may be dead; the file matters
                 self._pipe.send(AcquisitionEnded(tuple(self._ends)))
                 self._done.wait(RESULTS_DEADLINE)
             self._close()
             listener.join(1.0)
 
-    def _pump(self) -> None:
+    def _record_blocks(self) -> None:
         for item in self._source.blocks():
             try:
-                self._take(item)
+                self._record(item)
             except RecordingError as error:
                 self._give_up(item, str(error))
                 return
 
-    def _take(self, item: SampleBlock | SegmentEnd) -> None:
+    def _record(self, item: SampleBlock | SegmentEnd) -> None:
         if isinstance(item, SegmentEnd):
             if item.reason is EndReason.STOPPED:
                 planned = self._limit is not None and self._statistics.samples >= self._limit
@@ -181,23 +184,23 @@ class _Recorder:
         self._ring.put(item)
 
     def on_waiting(self, event: int, speed: float) -> None:
-        """Show that the start of an event is waited for; as a `TriggerListener`."""
+        """Set the statistics to armed for an event; a method of `TriggerListener`."""
         self._statistics.set_armed(event, speed)
 
     def on_skipped(self, samples: int) -> None:
-        """Count the samples that a trigger skips; as a `TriggerListener`."""
+        """Count samples skipped by the trigger; a method of `TriggerListener`."""
         self._writer.skip_samples(samples)
         self._passed += samples
 
     def on_start(self, start: TriggerStart) -> None:
-        """Record the start of an event as a marker; as a `TriggerListener`."""
+        """Record the start of an event as a marker; a method of `TriggerListener`."""
         text = f"start: {start.condition}, after {self._passed:,} samples ({self._passed / self._rate:,.1f} s) skipped"
         self._passed = 0
         marker = Marker(start.segment, start.sample, text, time.time_ns())
         self._writer.add_result(encode_marker(marker, self._header))
 
     def _give_up(self, item: SampleBlock | SegmentEnd, message: str) -> None:
-        """Stop when the file takes no more; what came after the last good block is counted as lost."""
+        """Stop after a failed write; samples after the last written block count as lost."""
         self._message = message
         self._source.stop()
         lost = item.n_samples if isinstance(item, SampleBlock) else 0
@@ -218,19 +221,19 @@ class _Recorder:
         if now - self._disk_checked < 1.0:
             return
         self._disk_checked = now
-        free, reserve = _room(self._order)
+        free, reserve = _disk_space(self._request)
         self._statistics.disk_bytes_left = max(0, free - reserve)
         if free < reserve and not self._message:
-            self._message = "recording stopped: " + _too_little(self._order, free, reserve)
+            self._message = "recording stopped: " + _disk_full_message(self._request, free, reserve)
             self._source.stop()
 
     def _listen(self) -> None:
-        """Take results and orders from the watching process until it is done or gone; then nobody is left to stop."""
+        """Receive results and stop requests until the controlling process is done or dead; then stop the source."""
         try:
             while True:
                 message = self._pipe.recv()
                 if isinstance(message, EncodedResult):
-                    with suppress(RecordingError):  # the sample path meets the same trouble and tells it
+                    with suppress(RecordingError):  # the sample path meets the same error and reports it
                         self._writer.add_result(message)
                 elif isinstance(message, StopRequest):
                     self._source.stop()
@@ -238,16 +241,16 @@ class _Recorder:
                     self._skipped = message.skipped_samples
                     return
         except (EOFError, OSError):
-            pass  # the watching process is gone
-        except Exception as error:  # noqa: BLE001 - whatever it is, the file is finished and the operator is told
-            self._message = _fault(error)
+            pass  # the controlling process is dead
+        except Exception as error:  # noqa: BLE001 - any error: the file is completed and the error reported
+            self._message = _fault_message(error)
         finally:
             self._source.stop()
             self._done.set()
 
     def _close(self) -> None:
         try:
-            # without word from the watching process its results may be anything
+            # without `ResultsEnded` the stored results may be incomplete: count all as skipped
             skipped = self._statistics.samples if self._skipped is None else self._skipped
             self._writer.close(skipped_samples=skipped)
         except RecordingError as error:

@@ -1,7 +1,7 @@
-"""The numbers that the recorder keeps for whoever asks how the recording goes, in shared memory.
+"""Statistics of a recording in shared memory: written by the recorder, read by any process without a lock.
 
-No lock is shared with the processes that ask: one that is frozen or killed while it asks must not hold the recorder up.
-What belongs together is read again where it changed meanwhile.
+A reader that is suspended or killed while it holds a lock would block the recorder. Instead a counter is odd while
+related words change, and a reader repeats a read during which the counter changed (a seqlock).
 """
 
 import time
@@ -12,23 +12,23 @@ import numpy as np
 
 from analysis.signals.blocks import SampleBlock, SegmentEnd
 from analysis.signals.header import CODE_MAX, CODE_MIN
-from daq.session.recording.ring import SharedBytes, byte_view, shared_bytes
+from daq.session.recording.ring import SharedBytes, allocate_shared_bytes, byte_view
 
-MAX_CHANNELS = 16  # of a card
-# the first is odd while those that belong together change, and goes up by two each time
+MAX_CHANNELS = 16  # of one card
+# _CHANGES is odd while related words change, and rises by two with each change
 _CHANGES, _SAMPLES, _SEGMENT, _LOST, _AT_LEAST, _BACKLOG, _DISK, _BLOCK_AT, _ARMED, _RPM, _NUMBER = range(11)
-_CLIPPED = 11  # from here on for each channel: samples at the converter's rails, blocks with any, the last one's end
-_EACH = 3
-_LOOKS = 1000  # at words that keep changing: their writer may have ended in the midst of it
+_CLIPPED = 11  # first of three words per channel: clipped samples, blocks with any, end of the last such block
+_CLIPPED_WORDS = 3
+_MAX_READS = 1000  # of words that keep changing: their writer may have been killed during a change
 
 
 class RecorderStatistics:
-    """Counts of a recording: one process writes them, any may read.
+    """Counts of a recording, written by one process and read by any.
 
     Parameters
     ----------
     memory : SharedBytes
-        Shared memory from `shared`.
+        Shared memory from `allocate`.
     """
 
     def __init__(self, memory: SharedBytes) -> None:
@@ -36,24 +36,24 @@ class RecorderStatistics:
 
     @staticmethod
     def allocate() -> SharedBytes:
-        """Return fresh shared memory for a set of statistics."""
-        memory = shared_bytes(8 * (_CLIPPED + _EACH * MAX_CHANNELS))
+        """Return new shared memory for the statistics of a recording."""
+        memory = allocate_shared_bytes(8 * (_CLIPPED + _CLIPPED_WORDS * MAX_CHANNELS))
         byte_view(memory).view(np.int64)[_DISK] = -1
         return memory
 
     @contextmanager
     def _changing(self) -> Iterator[None]:
-        """Change words that belong together."""
+        """Mark related words as changing."""
         self._words[_CHANGES] += 1
         try:
             yield
         finally:
             self._words[_CHANGES] += 1
 
-    def _together(self, *at: int) -> tuple[int, ...]:
-        """Return words that belong together."""
+    def _read_related(self, *at: int) -> tuple[int, ...]:
+        """Return related words, all from the same change."""
         found: tuple[int, ...] = ()
-        for _ in range(_LOOKS):
+        for _ in range(_MAX_READS):
             before = int(self._words[_CHANGES])
             found = tuple(int(self._words[word]) for word in at)
             if before % 2 == 0 and before == self._words[_CHANGES]:
@@ -61,11 +61,11 @@ class RecorderStatistics:
         return found
 
     def start(self) -> None:
-        """Note that blocks are expected from now on."""
+        """Expect blocks from now on."""
         self._words[_BLOCK_AT] = time.monotonic_ns()
 
     def set_armed(self, event: int, speed: float) -> None:
-        """Note that the start of an event is waited for, at this speed, r/min."""
+        """Set the number of the event whose start condition is awaited, and the present speed, r/min."""
         with self._changing():
             self._words[_ARMED] = event
             self._words[_RPM] = round(speed)
@@ -82,13 +82,13 @@ class RecorderStatistics:
             self._words[_ARMED] = 0
             self._words[_BLOCK_AT] = time.monotonic_ns()
             for row in np.flatnonzero(rails):
-                at = _CLIPPED + _EACH * int(row)
+                at = _CLIPPED + _CLIPPED_WORDS * int(row)
                 self._words[at] += int(rails[row])
                 self._words[at + 1] += 1
                 self._words[at + 2] = self._words[_SAMPLES]
 
     def add_end(self, end: SegmentEnd) -> None:
-        """Count what was lost at the end of a segment."""
+        """Count the samples lost at the end of a segment."""
         with self._changing():
             self._words[_LOST] += end.lost
             self._words[_AT_LEAST] |= int(not end.lost_is_exact)
@@ -103,13 +103,13 @@ class RecorderStatistics:
 
     @property
     def segment_samples(self) -> int:
-        """Samples per channel recorded of the present segment."""
+        """Samples per channel recorded in the current segment."""
         return int(self._words[_SEGMENT])
 
     @property
     def position(self) -> tuple[int, int]:
-        """The present segment, and samples per channel recorded of it."""
-        segment, samples = self._together(_NUMBER, _SEGMENT)
+        """The current segment and the samples per channel recorded in it."""
+        segment, samples = self._read_related(_NUMBER, _SEGMENT)
         return segment, samples
 
     @property
@@ -119,13 +119,13 @@ class RecorderStatistics:
 
     @property
     def lost_is_exact(self) -> bool:
-        """Whether no more than that can have been lost."""
+        """Whether `lost` is exact, not a lower bound."""
         return not self._words[_AT_LEAST]
 
     def clipped(self, row: int) -> tuple[int, int, int]:
-        """Return a channel's samples at the converter's rails, the blocks with any, and the samples up to the last."""
-        at = _CLIPPED + _EACH * row
-        samples, blocks, last = self._together(at, at + 1, at + 2)
+        """Return a channel's clipped samples, the blocks with any, and the samples up to the end of the last one."""
+        at = _CLIPPED + _CLIPPED_WORDS * row
+        samples, blocks, last = self._read_related(at, at + 1, at + 2)
         return samples, blocks, last
 
     @property
@@ -135,12 +135,12 @@ class RecorderStatistics:
 
     @property
     def armed_event(self) -> int:
-        """Number of the event, from 1, whose start is waited for; 0 while samples are recorded."""
+        """Number, from 1, of the event whose start condition is awaited; 0 while samples are recorded."""
         return int(self._words[_ARMED])
 
     @property
     def speed_rpm(self) -> int:
-        """Speed while the start is waited for, r/min."""
+        """Speed while the start condition is awaited, r/min."""
         return int(self._words[_RPM])
 
     @property
@@ -151,7 +151,7 @@ class RecorderStatistics:
 
     @property
     def disk_bytes_left(self) -> int:
-        """Bytes that may still be written before the reserve is reached; -1 before it was looked at."""
+        """Bytes that can be written until the disk reserve is reached; -1 before the first check."""
         return int(self._words[_DISK])
 
     @disk_bytes_left.setter

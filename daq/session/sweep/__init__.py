@@ -1,1 +1,1 @@
-"""Sweeps over the model's parameters: many points, in processes of this machine or on a Dask cluster."""
+"""Sweeps over parameters of the model, computed by local processes or a Dask cluster."""

@@ -1,4 +1,4 @@
-"""Running a sweep: the points that are not known yet, in portions, each kept as soon as it is done."""
+"""Parameter sweeps: the grid of points, and their computation in chunks with resumable storage."""
 
 import itertools
 import time
@@ -10,31 +10,31 @@ from daq.session.sweep.workers import Workers
 from model.rotor.parameters import ModelParameters
 from model.studies.sweep_quantities import QUANTITIES, SweepPoint, SweepResult, compute_points, variable_names
 
-KEEP_INTERVAL = 2.0  # s between two parts
-PORTIONS = 200  # into which a sweep is cut, so that progress and resuming are fine enough
-LARGEST_PORTION = 50  # points
+SAVE_INTERVAL = 2.0  # s between two parts on disk
+MIN_CHUNKS = 200  # of a sweep, for fine-grained progress and resuming
+MAX_CHUNK_SIZE = 50  # points
 
 
 def grid(
-    parameters: ModelParameters, quantity: str, vary: Mapping[str, Sequence[float]], most: int = 10_000_000
+    parameters: ModelParameters, quantity: str, vary: Mapping[str, Sequence[float]], max_points: int = 10_000_000
 ) -> list[SweepPoint]:
-    """Return the points of all combinations, the last name varying fastest.
+    """Return the points of all combinations of parameter values, the last name varying fastest.
 
     Parameters
     ----------
     parameters : ModelParameters
-        What stays.
+        The fixed parameters.
     quantity : str
-        Of `QUANTITIES`.
+        A key of `QUANTITIES`.
     vary : mapping of str to sequence of float
-        Values of each name.
-    most : int
-        Points that are accepted.
+        Values of each varied parameter, by name.
+    max_points : int
+        Maximum number of points.
 
     Raises
     ------
     ValueError
-        Where a name or the quantity is unknown, the rotor has no films for it, or the points are too many.
+        A name or the quantity is unknown, the rotor lacks the films for it, or there are too many points.
     """
     names = variable_names(quantity, parameters)
     for name in vary:
@@ -43,8 +43,8 @@ def grid(
     count = 1
     for values in vary.values():
         count *= len(values)
-    if count > most:
-        raise ValueError(f"sweep: {count:,} points, expected at most {most:,}")
+    if count > max_points:
+        raise ValueError(f"sweep: {count:,} points, expected at most {max_points:,}")
     combinations = itertools.product(*([(name, float(value)) for value in values] for name, values in vary.items()))
     return [SweepPoint(parameters, quantity, combination) for combination in combinations]
 
@@ -52,18 +52,18 @@ def grid(
 def run_sweep(
     points: Sequence[SweepPoint], workers: Workers, file: Path, on_progress: Callable[[int, int], None]
 ) -> list[SweepResult]:
-    """Compute what is not known of a sweep, and write all of it.
+    """Compute the points of a sweep that are not stored yet, and write all results.
 
     Parameters
     ----------
     points : sequence of SweepPoint
-        Of one quantity, one or more, with the same names varied.
+        At least one; all of one quantity, with the same names varied.
     workers : Workers
-        Who computes them.
+        Local processes or a cluster.
     file : Path
-        ``.parquet``; what it, or a stopped sweep beside it, already holds of these points is not computed again.
+        ``.parquet``; results in it, or in parts of a stopped sweep next to it, are not computed again.
     on_progress : callable
-        Told the number of points done and of all.
+        Receives the number of points done and the total.
 
     Returns
     -------
@@ -72,23 +72,23 @@ def run_sweep(
     """
     store = SweepStore(file, QUANTITIES[points[0].quantity].results)
     keys = [point.key() for point in points]
-    found = store.known(keys)
+    found = store.load(keys)
     missing = list({key: point for key, point in zip(keys, points, strict=True) if key not in found}.values())
-    size = max(1, min(LARGEST_PORTION, len(missing) // PORTIONS))
-    portions = [tuple(missing[first : first + size]) for first in range(0, len(missing), size)]
+    size = max(1, min(MAX_CHUNK_SIZE, len(missing) // MIN_CHUNKS))
+    chunks = [tuple(missing[first : first + size]) for first in range(0, len(missing), size)]
     fresh: list[SweepResult] = []
-    kept_at = time.monotonic()
+    saved_at = time.monotonic()
     on_progress(len(found), len(points))
     try:
-        for _, outcomes in workers.run(compute_points, portions):
+        for _, outcomes in workers.run(compute_points, chunks):
             fresh += outcomes
             found |= {outcome.key: outcome for outcome in outcomes}
             on_progress(len(found), len(points))
-            if time.monotonic() - kept_at >= KEEP_INTERVAL:
-                store.keep(fresh)
-                fresh, kept_at = [], time.monotonic()
+            if time.monotonic() - saved_at >= SAVE_INTERVAL:
+                store.save_part(fresh)
+                fresh, saved_at = [], time.monotonic()
     finally:
-        store.keep(fresh)
+        store.save_part(fresh)
     ordered = [found[key] for key in keys]
     names = [name for name, _ in points[0].values]
     values = {name: [dict(point.values)[name] for point in points] for name in names}

@@ -1,4 +1,4 @@
-"""A sweep's results on disk: Parquet parts as they come, one Parquet file at the end, each whole or not there."""
+"""Results of a sweep on disk: Parquet parts during the sweep, one Parquet file at the end, all written atomically."""
 
 import importlib
 from collections.abc import Iterable, Mapping, Sequence
@@ -11,19 +11,19 @@ from recordings.atomic_file import atomic_write
 
 
 class SweepStore:
-    """Keeps outcomes by the keys of their points.
+    """Results of a sweep by the keys of their points.
 
     Parameters
     ----------
     file : Path
-        Of all results, ``.parquet``; parts are in the folder ``<file>.parts`` until the sweep is whole.
+        File of all results, ``.parquet``; parts are in the folder ``<file>.parts`` until the sweep is complete.
     results : tuple of str
-        Names of the numbers.
+        Names of the result columns.
 
     Raises
     ------
     UsageError
-        Where pyarrow is missing or the file cannot be what is expected.
+        pyarrow is missing, or the file name does not end with .parquet.
     """
 
     def __init__(self, file: Path, results: tuple[str, ...]) -> None:
@@ -37,8 +37,8 @@ class SweepStore:
         self._file, self._results = file, results
         self._parts = file.with_name(file.name + ".parts")
 
-    def known(self, keys: Iterable[str]) -> dict[str, SweepResult]:
-        """Return what is kept of these points, from the file and from parts of a sweep that was stopped."""
+    def load(self, keys: Iterable[str]) -> dict[str, SweepResult]:
+        """Return the stored results of these points, from the file and from parts of a stopped sweep."""
         wanted, found = set(keys), {}
         parts = sorted(self._parts.glob("*.parquet")) if self._parts.is_dir() else []
         for file in [self._file] * self._file.exists() + parts:
@@ -47,13 +47,13 @@ class SweepStore:
                     found[outcome.key] = outcome
         return found
 
-    def keep(self, outcomes: Sequence[SweepResult]) -> None:
-        """Keep some outcomes at once, as a part."""
+    def save_part(self, outcomes: Sequence[SweepResult]) -> None:
+        """Write some results as a part."""
         if outcomes:
             self._write({}, outcomes, self._parts / f"{uuid4().hex}.parquet")
 
     def finish(self, values: Mapping[str, Sequence[float]], outcomes: Sequence[SweepResult]) -> None:
-        """Write the whole sweep, values beside results in the order of its points, and remove the parts."""
+        """Write all values and results in the order of the points, and remove the parts."""
         self._write(values, outcomes, self._file)
         if self._parts.is_dir():
             for part in self._parts.iterdir():
@@ -84,6 +84,6 @@ class SweepStore:
         except (OSError, ArrowException) as error:
             raise UsageError(f"{file}: no readable Parquet file ({error}); move it away or choose another") from error
         if not {"key", "fault", *self._results} <= set(table.column_names):
-            raise UsageError(f"{file}: holds something else than this sweep's quantity; choose another file")
+            raise UsageError(f"{file}: holds results of another quantity; choose another file")
         columns = [table.column(name).to_pylist() for name in ("key", "fault", *self._results)]
         return [SweepResult(key, tuple(results), fault) for key, fault, *results in zip(*columns, strict=True)]

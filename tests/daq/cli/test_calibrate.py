@@ -160,7 +160,7 @@ def test_step_that_cannot_be_measured_leaves_earlier_steps(
     with typed("100\n300\n500\n700\n9000\n900\n\n"):
         assert main(["calibrate", "gap", str(path), "x"]) == 0
     err = capsys.readouterr().err
-    assert "not measured: probe x is at the end of what ai0 can read at 9000 µm: leave this step out" in err
+    assert "not measured: probe x reads at the limit of ai0 at 9000 µm: skip this gap" in err
     assert err.count("step 5, gap in µm: ") == 2
     (record,) = new_records(path.parent)
     assert [point.gap_um for point in load_record(record).point] == [100, 300, 500, 700, 900]
@@ -195,13 +195,13 @@ def test_gap_beyond_the_cards_range_is_refused(rig_file: RigFiles, capsys: pytes
     )
     with typed("900\n"):
         assert main(["calibrate", "gap", str(path), "x"]) == 3
-    assert "at the end of what ai0 can read at 900 µm" in capsys.readouterr().err
+    assert "reads at the limit of ai0 at 900 µm" in capsys.readouterr().err
 
 
 def test_unplugged_probe_is_refused(rig_file: RigFiles, capsys: pytest.CaptureFixture[str]) -> None:
     with typed("500\n"):
         assert main(["calibrate", "gap", str(rig_file(simulation={"miswiring": "probe x open"})), "x"]) == 3
-    assert "probe x shows not even a sensor's noise at 500 µm: unplugged, without supply" in capsys.readouterr().err
+    assert "probe x shows no sensor noise at 500 µm: unplugged, without supply" in capsys.readouterr().err
 
 
 def test_record_with_points_only_is_fitted_on_loading(tmp_path: Path) -> None:

@@ -41,7 +41,7 @@ def followed(*statuses: Status) -> list[str]:
 
 def test_each_loss_and_degraded_state_prints_one_line() -> None:
     good = Status(RunState.RECORDING)
-    filling = Status(RunState.DEGRADED, detail="5 s wait in the card's buffer")
+    filling = Status(RunState.DEGRADED, detail="the card's buffer of 8 s holds 5 s")
     lost = Status(RunState.RECORDING, last_loss="segment 0 ended after 7 samples: overrun")
     silent = replace(lost, state=RunState.INTERRUPTED, detail="no samples for 2 s")
     again = replace(silent, last_loss="segment 1 ended after 9 samples: unplugged")

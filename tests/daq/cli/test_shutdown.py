@@ -198,7 +198,7 @@ def test_error_in_the_recorder_is_reported(rig: RigFactory, tmp_path: Path) -> N
     recorder.run()
     watching.join(5)
     assert [type(message) for message in messages] == [DeviceOpened, AcquisitionEnded]
-    assert "stopped by a fault of the program: ZeroDivisionError: in the middle of a run" in recorder._message
+    assert "stopped by a program error: ZeroDivisionError: in the middle of a run" in recorder._message
 
 
 @pytest.mark.usefixtures("own_handlers")
@@ -224,7 +224,7 @@ def test_error_in_the_recorders_listener_completes_the_file_and_is_reported(rig:
         watching.join(10)
     closed = messages[-1]
     assert isinstance(closed, FileClosed)
-    assert closed.message.startswith("recording stopped by a fault of the program: ValueError: topic: '/nonsense'")
+    assert closed.message.startswith("recording stopped by a program error: ValueError: topic: '/nonsense'")
     with RunReader(made.path) as reader:
         assert reader.is_complete
         assert [end.reason for end in reader.segment_ends] == [EndReason.STOPPED]

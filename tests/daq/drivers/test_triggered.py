@@ -287,7 +287,7 @@ def test_operator_sees_that_a_run_is_armed_and_the_file_holds_what_followed(rig:
     ramp = rig(simulation={**RAMP, "pace": "real time"}, trigger={"hold_s": 0.1})
     run = start_recording(with_trigger(ramp, start="speed > 3800", stop="speed > 4200", pre_s=0.5), tmp_path)
     armed = wait_for_state(run, 60, RunState.ARMED)
-    assert "armed: the start is waited for, 3," in armed.detail
+    assert "armed: waiting for the start condition, 3," in armed.detail
     wait_for_state(run, 60, RunState.RECORDING)
     assert run.wait(60)
     outcome = run.close()

@@ -109,5 +109,5 @@ def test_an_earlier_run_with_other_probes_or_marks_is_refused(rig: RigFactory, t
     turned = rig(runout=asked)
     channels = tuple(c.model_copy(update={"angle_deg": c.angle_deg + 10.0}) for c in turned.config.channel)
     turned = Rig(turned.path, turned.config.model_copy(update={"channel": channels}), turned.calibrations, turned.toml)
-    with pytest.raises(UsageError, match="probe x sat at 45 degrees, expected 55"):
+    with pytest.raises(UsageError, match="probe x is at 45 degrees, expected 55"):
         with_reference_runout(turned, tmp_path)

@@ -223,7 +223,7 @@ def test_mapping_that_does_not_fit_is_refused_before_anything_is_done(
     for mapping, named in (
         ({"channel": {"x": {"source": "x"}}}, "channel.y: is missing"),
         ({"channel": VOLTS | {"z": {"source": "x"}}}, "channel.z: the rig has no such channel"),
-        ({"channel": VOLTS | {"tacho": {"source": "tacho", "unit": "um"}}}, 'a tacho gives "V"'),
+        ({"channel": VOLTS | {"tacho": {"source": "tacho", "unit": "um"}}}, 'expected "V"'),
         ({"channel": VOLTS | {"x": {"source": "x", "factor": "2"}}}, "valid number"),
         ({"channel": VOLTS | {"x": {"source": "x", "factor": 1e300}}}, "less than or equal to"),
         ({"started": "9999-12-31T23:59:59"}, "expected a moment"),

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from daq.session.prediction.file_lock import FileLock
-from daq.session.prediction.map_cache import Told, load_or_compute_map, read_map
+from daq.session.prediction.map_cache import OnProgress, load_or_compute_map, read_map
 from model.prediction.prediction_map import PredictionMap
 
 DEADLINE = 60.0  # s
@@ -46,7 +46,7 @@ class Computing:
         self.go_on = threading.Event()
         self.times = 0
 
-    def __call__(self, told: Told) -> PredictionMap:
+    def __call__(self, told: OnProgress) -> PredictionMap:
         self.times += 1
         told(1, 2)
         self.begun.set()
@@ -90,9 +90,9 @@ def test_one_computes_and_the_other_waits_and_is_told_how_far_it_is(tmp_path: Pa
 
 
 def hold(path: Path, said: Connection) -> None:
-    """Take a claim and stand still."""
-    claim = FileLock(path)
-    assert claim.take()
+    """Acquire a lock and hold it."""
+    lock = FileLock(path)
+    assert lock.try_acquire()
     said.send("held")
     time.sleep(10 * DEADLINE)
 
@@ -101,14 +101,14 @@ def hold(path: Path, said: Connection) -> None:
 def test_nobody_waits_for_who_was_killed_or_stands_still(tmp_path: Path, number: int) -> None:
     context = multiprocessing.get_context("spawn")
     here, there = context.Pipe()
-    holder = context.Process(target=hold, args=(tmp_path / "map.claim", there), daemon=True)
+    holder = context.Process(target=hold, args=(tmp_path / "map.lock", there), daemon=True)
     holder.start()
     try:
         assert here.poll(DEADLINE)
         os.kill(holder.pid or 0, number)
         computing = Computing(3.0)
         computing.go_on.set()
-        found = load_or_compute_map(tmp_path / "map.npz", computing, lambda *_progress: None, still=0.5)
+        found = load_or_compute_map(tmp_path / "map.npz", computing, lambda *_progress: None, stall_timeout=0.5)
         assert found.vectors[0, 0, 0] == 3.0
         kept, _ = read_map(tmp_path / "map.npz")
         assert kept is not None
@@ -126,7 +126,7 @@ def test_map_is_computed_where_none_can_be_kept(tmp_path: Path) -> None:
 
 
 def test_who_fails_lets_the_next_one_try(tmp_path: Path) -> None:
-    def fails(_told: Told) -> PredictionMap:
+    def fails(_told: OnProgress) -> PredictionMap:
         raise ValueError("no motion")
 
     for _ in range(2):

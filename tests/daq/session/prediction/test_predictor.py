@@ -55,7 +55,7 @@ def test_map_is_computed_beside_and_nobody_waits_for_it(tmp_path: Path) -> None:
 def test_map_in_the_cache_is_ready_at_once(filled: Path) -> None:
     with predictor(filled) as ready:
         assert ready.state == "ready"
-        assert ready.remark == ""
+        assert ready.cache_error == ""
         assert ready.at(530.0) is not None
         assert ready.wait(0.0) is ready.map
 
@@ -72,10 +72,10 @@ def test_damaged_file_is_said_once_and_computed_anew(filled: Path, tmp_path: Pat
     (tmp_path / kept.name).write_bytes(content)
     with predictor(tmp_path) as computing:
         assert computing.state.startswith("computing")
-        assert "no readable prediction" in computing.remark
+        assert "no readable prediction" in computing.cache_error
         told: list[str] = []
         computing.wait(0.0, told.append)
-        assert told[0] == computing.remark
+        assert told[0] == computing.cache_error
 
 
 def test_shortened_file_is_replaced_by_a_whole_one(filled: Path, tmp_path: Path) -> None:
@@ -83,7 +83,7 @@ def test_shortened_file_is_replaced_by_a_whole_one(filled: Path, tmp_path: Path)
     damaged = tmp_path / next(filled.iterdir()).name
     damaged.write_bytes(whole[: len(whole) // 2])
     with predictor(tmp_path) as computing:
-        assert computing.remark
+        assert computing.cache_error
         assert computing.wait(PATIENCE) is not None
     with predictor(tmp_path) as ready:
         assert ready.state == "ready"
@@ -182,8 +182,8 @@ def test_refinement_that_ends_leaves_the_map_and_says_so(filled: Path) -> None:
         ready.at(530.0)
         refiner = ready._refiner
         assert refiner is not None
-        refiner._remark = "the process that computes it went away (EOFError)"
-        assert ready.state == "ready, not exact: the process that computes it went away (EOFError)"
+        refiner._failure = "the process that computes it ended (EOFError)"
+        assert ready.state == "ready, not exact: the process that computes it ended (EOFError)"
         assert ready.at(530.0) is not None
 
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from analysis.signals.header import AnalysisSettings
-from daq.session.prediction.refiner import RENEWED, SHOWN, Refiner
+from daq.session.prediction.refiner import DISPLAY_TOLERANCE, RECOMPUTE_TOLERANCE, Refiner
 from model.errors import ModelError
 from model.prediction.live_prediction import predict, refine
 from model.prediction.prediction_map import Prediction, PredictionMap, compute_prediction_map
@@ -43,7 +43,7 @@ def until(said: Callable[[], bool]) -> None:
 
 def settled(refiner: Refiner, speed: float) -> Prediction:
     """Ask for a speed until nothing better comes."""
-    until(lambda: refiner.at(speed) is not None and refiner._wanted is None)
+    until(lambda: refiner.at(speed) is not None and refiner._requested is None)
     exact = refiner.at(speed)
     assert exact is not None
     return exact
@@ -58,26 +58,26 @@ def test_speed_that_stays_is_computed_exactly(refiner: Refiner, known: Predictio
     assert np.array_equal(exact.orbit, expected.orbit)
     assert np.array_equal(exact.vectors, expected.vectors)
     assert not np.array_equal(exact.vectors, known.at(511.0).vectors)
-    assert refiner.at(511.0 * (1 + 0.9 * SHOWN)) is exact
-    assert refiner.at(511.0 * (1 + 1.1 * SHOWN)) is None
-    assert refiner.remark == ""
+    assert refiner.at(511.0 * (1 + 0.9 * DISPLAY_TOLERANCE)) is exact
+    assert refiner.at(511.0 * (1 + 1.1 * DISPLAY_TOLERANCE)) is None
+    assert refiner.failure == ""
 
 
 def test_speed_that_wanders_is_followed_and_the_last_prediction_stands_meanwhile(refiner: Refiner) -> None:
     first = settled(refiner, 511.0)
-    slightly = 511.0 * (1 + 0.5 * RENEWED)
+    slightly = 511.0 * (1 + 0.5 * RECOMPUTE_TOLERANCE)
     assert refiner.at(slightly) is first
-    assert not refiner._wanted
-    further = 511.0 * (1 + 2 * RENEWED)
+    assert not refiner._requested
+    further = 511.0 * (1 + 2 * RECOMPUTE_TOLERANCE)
     assert refiner.at(further) is first
-    assert refiner._wanted == further
+    assert refiner._requested == further
     assert settled(refiner, further).speed == further
 
 
 def test_speed_that_changes_is_not_computed(refiner: Refiner) -> None:
     for speed in np.linspace(500.0, 550.0, 30):
         assert refiner.at(float(speed)) is None
-    assert refiner._wanted is None
+    assert refiner._requested is None
     assert refiner._process is None
 
 
@@ -85,7 +85,7 @@ def test_speed_asked_for_last_is_computed_first(refiner: Refiner) -> None:
     for speed in (505.0, 520.0, 535.0, 545.0):
         refiner.at(speed)
         refiner.at(speed)
-    assert refiner._wanted == 545.0
+    assert refiner._requested == 545.0
     assert settled(refiner, 545.0).speed == 545.0
     assert settled(refiner, 505.0).speed == 505.0
 
@@ -97,8 +97,8 @@ def test_process_that_is_killed_leaves_the_map_alone(refiner: Refiner) -> None:
     process.kill()
     refiner.at(530.0)
     refiner.at(530.0)
-    until(lambda: refiner.remark != "")
-    assert refiner.remark.startswith("the process that computes it went away")
+    until(lambda: refiner.failure != "")
+    assert refiner.failure.startswith("the process that computes it ended")
     refiner._thread.join(PATIENCE)
     assert not refiner._thread.is_alive()
     assert refiner.at(530.0) is None
@@ -112,16 +112,16 @@ def test_motion_that_fails_is_said_once_and_other_speeds_go_on(known: Prediction
     try:
         failing.at(511.0)
         failing.at(511.0)
-        until(lambda: failing.remark != "")
-        assert failing.remark == str(raised.value)
+        until(lambda: failing.failure != "")
+        assert failing.failure == str(raised.value)
         assert failing.at(511.0) is None
-        assert failing._wanted is None
+        assert failing._requested is None
         process = failing._process
         assert process is not None
         assert process.is_alive()
         failing.at(530.0)
         failing.at(530.0)
-        assert failing._wanted == 530.0
+        assert failing._requested == 530.0
     finally:
         failing.close()
 
@@ -148,7 +148,7 @@ def test_process_that_stands_still_is_ended_too(known: PredictionMap) -> None:
     os.kill(pid, signal.SIGSTOP)
     refiner.at(530.0)
     assert refiner.at(530.0) is None
-    assert refiner.remark == ""
+    assert refiner.failure == ""
     refiner.close()
     with pytest.raises(ProcessLookupError):
         os.kill(pid, 0)
@@ -163,10 +163,10 @@ def test_process_that_stands_still_is_said_and_given_up(known: PredictionMap) ->
     assert process is not None
     assert process.pid is not None
     os.kill(process.pid, signal.SIGSTOP)
-    refiner._patience = 0.1
+    refiner._answer_timeout = 0.1
     refiner.at(530.0)
     assert refiner.at(530.0) is None
-    until(lambda: refiner.remark == "the process that computes it has not answered for 0.1 s")
+    until(lambda: refiner.failure == "the process that computes it has not answered for 0.1 s")
     refiner._thread.join(PATIENCE)
     assert not refiner._thread.is_alive()
     assert not process.is_alive()

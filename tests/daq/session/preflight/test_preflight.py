@@ -156,7 +156,7 @@ def test_old_future_and_loose_calibrations_are_warned_of(rig: RigFactory) -> Non
     assert {check.verdict for check in checks} == {Verdict.WARN}
     assert "enter them" in named(checks, SERIALS_ALIKE).advice
     early = tuple(calibration_checks(bench, dt.date(2025, 11, 19)))
-    assert "from the future" in named(early, "probe y calibration").advice
+    assert "date is in the future" in named(early, "probe y calibration").advice
 
 
 def test_limits_of_the_rig_file_decide_what_is_still_good(rig: RigFactory, tmp_path: Path) -> None:

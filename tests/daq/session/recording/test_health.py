@@ -40,7 +40,7 @@ def test_backlog_is_told_from_half_the_buffer_on() -> None:
     assert recording_health(statistics_after(2000), RATE, TIMING) == (RunState.RECORDING, "")
     state, told = recording_health(statistics_after(2001), RATE, TIMING)
     assert state is RunState.DEGRADED
-    assert told.startswith("2.0 s wait in the card's buffer of 4 s: samples are about to be lost")
+    assert told.startswith("the card's buffer of 4 s holds 2.0 s: samples are about to be lost")
 
 
 def test_loss_is_told_with_its_segment_and_a_good_end_is_not() -> None:
@@ -101,7 +101,7 @@ def test_operator_sees_buffer_silence_and_recovery_of_a_run_over_the_wire(rig: R
         assert silent.detail.startswith("no samples for ")
         while "did not respond within its deadline" not in run.latest().status.detail:
             assert not run.wait(0.01)
-        assert "it is waited for, 60 s at most" in run.latest().status.detail
+        assert "reconnecting for 60 s at most" in run.latest().status.detail
         server.thaw()
         wait_for_state(run, 60, RunState.RECORDING)
         while not (lost := run.latest().status.last_loss):

@@ -133,7 +133,7 @@ def test_file_of_another_quantity_is_refused_and_kept(tmp_path: Path) -> None:
     assert file.read_bytes() == before
     (tmp_path / "torn.parquet").write_bytes(before[:40])
     with pytest.raises(UsageError, match="no readable Parquet file"):
-        SweepStore(tmp_path / "torn.parquet", ()).known([])
+        SweepStore(tmp_path / "torn.parquet", ()).load([])
 
 
 def test_processes_here_give_the_same_bits_and_survive_the_death_of_one(tmp_path: Path) -> None:
@@ -204,7 +204,7 @@ def test_nobody_at_the_schedulers_address_is_said() -> None:
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))  # bound, not listening: nobody answers
         with pytest.raises(UsageError, match="no Dask scheduler answers there"):
-            DaskWorkers(f"tcp://127.0.0.1:{taken.getsockname()[1]}", connect_time=0.5)
+            DaskWorkers(f"tcp://127.0.0.1:{taken.getsockname()[1]}", connect_timeout=0.5)
 
 
 @pytest.mark.campaign
