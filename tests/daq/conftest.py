@@ -1,4 +1,4 @@
-"""What tests of the live side share: rigs, written as files and loaded as the program loads them."""
+"""Fixtures for tests of daq: small rigs, written as TOML files and loaded by the program's own loader."""
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -39,14 +39,14 @@ RigFactory = Callable[..., Rig]
 
 
 def merged(base: Mapping[str, object], overrides: Mapping[str, object]) -> dict[str, object]:
-    """Return nested tables with overrides laid over them; lists are replaced, None takes a key out."""
+    """Return nested tables with overrides applied; lists are replaced, None removes a key."""
     result = dict(base)
     for key, value in overrides.items():
-        below = result.get(key)
+        nested = result.get(key)
         if value is None:
             result.pop(key, None)
-        elif isinstance(value, Mapping) and isinstance(below, Mapping):
-            result[key] = merged(below, value)
+        elif isinstance(value, Mapping) and isinstance(nested, Mapping):
+            result[key] = merged(nested, value)
         else:
             result[key] = value
     return result
@@ -54,7 +54,7 @@ def merged(base: Mapping[str, object], overrides: Mapping[str, object]) -> dict[
 
 @pytest.fixture
 def rig_file(tmp_path: Path) -> RigFiles:
-    """Writes rig.toml and its calibrations: ``rig_file(timing={"rate_hz": 1e4}, calibration={...})`` is its path."""
+    """Write rig.toml and calibrations, return its path: ``rig_file(timing={"rate_hz": 1e4}, calibration={...})``."""
 
     def write(*, calibration: Mapping[str, object] | None = None, **overrides: object) -> Path:
         record = to_toml({"calibration": merged(CALIBRATION, calibration or {})})
@@ -69,7 +69,7 @@ def rig_file(tmp_path: Path) -> RigFiles:
 
 @pytest.fixture
 def rig(rig_file: RigFiles) -> RigFactory:
-    """Loads a small simulated rig; keywords are sections laid over its rig.toml: ``rig(simulation={"seed": 1})``."""
+    """Load a small simulated rig; keywords override sections of its rig.toml: ``rig(simulation={"seed": 1})``."""
 
     def load(*, calibration: Mapping[str, object] | None = None, **overrides: object) -> Rig:
         return load_rig(rig_file(calibration=calibration, **overrides))

@@ -126,9 +126,9 @@ def test_run_is_stopped_by_a_second_press_and_by_no_single_one(page: Page, tmp_p
         page.until("!document.getElementById('stop').hidden")
         page.value("document.getElementById('stop').click()")
         page.until("document.getElementById('stop').textContent === 'Press again to stop'")
-        assert bench.steered.stopped == []
+        assert bench.run_control.stopped == []
         page.value("document.getElementById('stop').click()")
         page.until("document.getElementById('stop').textContent === 'Stopping …'")
-        assert bench.steered.stopped == [FRAME.header.run]
+        assert bench.run_control.stopped == [FRAME.header.run]
     finally:
         bench.close()

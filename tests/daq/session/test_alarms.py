@@ -1,4 +1,4 @@
-"""Alarms of a run: while it is recorded, in its file, in its summary, and in its replay."""
+"""Alarms of a run: live, in its file, summary and replay."""
 
 import json
 import re
@@ -26,31 +26,31 @@ from tests.daq.support.recording import REAL_TIME, NoModel, UpdateList, start_re
 
 RigFactory = Callable[..., Rig]
 
-SOON = {"peak_to_peak_alarm_um": 1.0, "peak_to_peak_danger_um": 90.0, "hold_s": 0.3}
+LOW_LIMIT = {"peak_to_peak_alarm_um": 1.0, "peak_to_peak_danger_um": 90.0, "hold_s": 0.3}
 
 
-def until(condition: Callable[[], bool]) -> None:
+def wait_until(condition: Callable[[], bool]) -> None:
     deadline = time.monotonic() + 30.0
     while not condition():
         assert time.monotonic() < deadline
         time.sleep(0.02)
 
 
-def test_an_alarm_comes_after_its_hold_time_is_recorded_and_is_acknowledged(rig: RigFactory, tmp_path: Path) -> None:
-    screen = UpdateList()
-    run = start_recording(rig(simulation=REAL_TIME, limits=SOON), tmp_path, screen)
-    until(lambda: len(run.latest().status.alarms) == 2)
+def test_alarm_starts_after_its_hold_time_and_is_recorded_and_acknowledged(rig: RigFactory, tmp_path: Path) -> None:
+    updates = UpdateList()
+    run = start_recording(rig(simulation=REAL_TIME, limits=LOW_LIMIT), tmp_path, updates)
+    wait_until(lambda: len(run.latest().status.alarms) == 2)
     assert {alarm.probe for alarm in run.latest().status.alarms} == {"x", "y"}
-    noted = run.acknowledge()
-    assert [alarm.number for alarm in noted] == [1, 2]
+    acknowledged = run.acknowledge()
+    assert [alarm.number for alarm in acknowledged] == [1, 2]
     assert run.acknowledge() == ()
     assert run.wait(60)
     run.close()
-    first = next(frame for frame in screen.updates if frame.status.alarms)
+    first = next(update for update in updates.updates if update.status.alarms)
     assert first.snapshot is not None
-    assert first.snapshot.time == pytest.approx(0.4)  # 0.1 s after the run began it was passed
+    assert first.snapshot.time == pytest.approx(0.4)  # the limit is exceeded 0.1 s after the start
     last = run.latest().status
-    assert (last.severity, last.latched) == (Severity.ALARM, Severity.ALARM)  # it lasts
+    assert (last.severity, last.latched) == (Severity.ALARM, Severity.ALARM)  # the condition persists
     assert last.acknowledged == 2
     with RunReader(run.path) as reader:
         markers = reader.markers()
@@ -59,14 +59,14 @@ def test_an_alarm_comes_after_its_hold_time_is_recorded_and_is_acknowledged(rig:
     assert markers[0].sample == 8000
     assert markers[0].text.startswith("alarm at ")
     assert "µm peak-to-peak, limit 1, at " in markers[0].text
-    assert markers[2].text == f"acknowledged alarm at {noted[0].probe}, alarm at {noted[1].probe}"
+    assert markers[2].text == f"acknowledged alarm at {acknowledged[0].probe}, alarm at {acknowledged[1].probe}"
     assert [(alarm.probe, alarm.begin.time) for alarm in summary.alarms] == [("x", 0.4), ("y", 0.4)]
     assert summary.alarms == run.summary().alarms
     assert verify(run.path).findings == ()
 
 
-def test_a_replay_gives_the_same_alarms_not_yet_acknowledged(rig: RigFactory, tmp_path: Path) -> None:
-    run = start_recording(rig(limits=SOON), tmp_path)
+def test_replay_gives_the_same_alarms_unacknowledged(rig: RigFactory, tmp_path: Path) -> None:
+    run = start_recording(rig(limits=LOW_LIMIT), tmp_path)
     assert run.wait(60)
     run.acknowledge()
     run.close()
@@ -83,7 +83,7 @@ def test_a_replay_gives_the_same_alarms_not_yet_acknowledged(rig: RigFactory, tm
 
 
 @pytest.mark.parametrize(("latch", "latched"), [(True, Severity.ALARM), (False, Severity.NORMAL)])
-def test_an_alarm_that_is_over_stays_in_sight_where_the_rig_says_so(
+def test_alarm_that_is_over_stays_shown_where_latching_is_configured(
     rig: RigFactory, tmp_path: Path, *, latch: bool, latched: Severity
 ) -> None:
     profile = [(0.0, 9000.0), (1.0, 9000.0), (2.0, 2000.0), (3.0, 2000.0)]
@@ -103,7 +103,7 @@ def test_an_alarm_that_is_over_stays_in_sight_where_the_rig_says_so(
     assert run.summary().alarms
 
 
-def test_alarms_are_named_by_what_they_watch() -> None:
+def test_alarm_texts_name_quantity_probe_value_and_limit() -> None:
     frame = with_further_alarms(make_live_updates(1)[0])
     one, below, speed = frame.status.alarms
     assert alarm_text(one) == "1X alarm at x: 24 µm peak, limit 20, at 12,000 r/min"
@@ -116,19 +116,19 @@ def test_alarms_are_named_by_what_they_watch() -> None:
     assert "pp  DANGER speed" in status_line(frame)
 
 
-def test_overspeed_and_1x_alarms_come_in_the_run_its_summary_and_on_the_terminal(
+def test_overspeed_and_1x_alarms_are_in_the_file_the_summary_and_on_the_terminal(
     rig: RigFactory, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     profile = [(0.0, 3000.0), (1.0, 9000.0), (2.0, 9000.0), (3.5, 2000.0)]
-    course = {"profile": [{"time_s": time_s, "speed_rpm": speed_rpm} for time_s, speed_rpm in profile]}
+    simulation = {"profile": [{"time_s": time_s, "speed_rpm": speed_rpm} for time_s, speed_rpm in profile]}
     limits = {"speed_danger_rpm": 8_000.0, "order_1x_peak_alarm_um": 0.5, "hold_s": 0.2}
-    run = start_recording(rig(simulation=course, limits=limits), tmp_path)
+    run = start_recording(rig(simulation=simulation, limits=limits), tmp_path)
     assert run.wait(60)
     run.close()
     by_name = {alarm_name(alarm): alarm for alarm in run.summary().alarms}
     assert {"1X alarm at x", "1X alarm at y", "speed danger"} == set(by_name)
     overspeed = by_name["speed danger"]
-    assert overspeed.begin.time == pytest.approx(0.9)  # 8,000 r/min at 0.83 s, told at once
+    assert overspeed.begin.time == pytest.approx(0.9)  # 8,000 r/min at 0.83 s, without hold time
     assert overspeed.end is not None
     assert overspeed.end.speed < 0.95 * 8_000.0 * RPM
     with RunReader(run.path) as reader:
@@ -136,11 +136,11 @@ def test_overspeed_and_1x_alarms_come_in_the_run_its_summary_and_on_the_terminal
         assert summarise(reader).alarms == run.summary().alarms
     assert any(text.startswith("speed danger: ") and text.endswith("r/min, limit 8,000") for text in texts)
     assert main(["summary", str(run.path)]) == 0
-    told = capsys.readouterr().out
+    output = capsys.readouterr().out
     assert re.search(
-        r"alarm +speed DANGER from 0\.9 s, 8,\d+ r/min until \d\.\d s, up to 9,0\d\d r/min, limit 8,000", told
+        r"alarm +speed DANGER from 0\.9 s, 8,\d+ r/min until \d\.\d s, up to 9,0\d\d r/min, limit 8,000", output
     )
-    assert re.search(r"alarm +1X ALARM at x from .* µm peak, limit 0\.5", told)
+    assert re.search(r"alarm +1X ALARM at x from .* µm peak, limit 0\.5", output)
 
 
 def test_alarms_are_acknowledged_by_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

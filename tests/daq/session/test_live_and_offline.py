@@ -1,4 +1,4 @@
-"""What is said live, kept in the file, and said again of the recording is the same, to the last bit."""
+"""Live results in the file equal those of an offline analysis of the recording, bit for bit."""
 
 from collections.abc import Callable, Iterable
 from contextlib import closing
@@ -29,15 +29,15 @@ def analysed(header: RunHeader, items: Iterable[SourceItem]) -> list[Snapshot]:
 
 
 def messages(header: RunHeader, snapshots: Iterable[Snapshot]) -> list[bytes]:
-    """Return every number of the snapshots as it is kept in a file."""
+    """Return the snapshots as encoded in a file."""
     return [part.data for snapshot in snapshots for part in encode_snapshot(snapshot, header)]
 
 
 @pytest.mark.parametrize("block", [None, 97, 4_096, 100_000])
-def test_a_recording_says_what_was_said_live_whatever_the_size_of_its_blocks(
+def test_offline_results_equal_live_results_for_any_block_size(
     rig: Callable[..., Rig], tmp_path: Path, block: int | None
 ) -> None:
-    path = record_run(rig(simulation=RUN_UP), tmp_path)  # analysed while it was recorded
+    path = record_run(rig(simulation=RUN_UP), tmp_path)  # with the results of a live analysis
     with RunReader(path) as reader, closing(open_replay(path, None, block=block)) as source:
         live = list(reader.snapshots())
         offline = analysed(reader.header, source.blocks())

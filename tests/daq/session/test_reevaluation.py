@@ -1,4 +1,4 @@
-"""A run evaluated anew with a corrected calibration: what it would have said with that record from the start."""
+"""Summary of a recorded run with corrected calibrations, from its samples analysed again."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -22,7 +22,7 @@ RigFactory = Callable[..., Rig]
 
 @pytest.fixture
 def run(rig: RigFactory, tmp_path: Path) -> Path:
-    """A recording of the small rig without results beside its samples."""
+    """Return a recording of the small rig without stored results."""
     bench = rig(limits={"speed_rpm": 7000.0})
     source = open_source(bench)
     header = RunHeader(
@@ -41,45 +41,45 @@ def run(rig: RigFactory, tmp_path: Path) -> Path:
             writer.write_block(item)
         else:
             writer.write_segment_end(item)
-    writer.close(skipped_samples=1)  # whoever sums it up analyses the samples
+    writer.close(skipped_samples=1)  # `summarise` then analyses the samples
     return writer.path
 
 
 def twice(calibration: Calibration) -> Calibration:
-    """Return the calibration of a probe that is half as sensitive."""
+    """Return the calibration of a probe with half the sensitivity."""
     return replace(calibration, coefficients=tuple(2 * c for c in calibration.coefficients))
 
 
-def test_run_with_its_own_calibrations_is_what_it_was(run: Path) -> None:
+def test_summary_with_unchanged_calibrations_is_unchanged(run: Path) -> None:
     with RunReader(run) as reader:
-        anew, before = summarise(reader, None, corrected_header(reader.header, {})), summarise(reader)
-    assert (anew.probes, anew.segments, anew.samples) == (before.probes, before.segments, before.samples)
-    for row, other in zip(anew.rows, before.rows, strict=True):
+        again, before = summarise(reader, None, corrected_header(reader.header, {})), summarise(reader)
+    assert (again.probes, again.segments, again.samples) == (before.probes, before.segments, before.samples)
+    for row, other in zip(again.rows, before.rows, strict=True):
         np.testing.assert_array_equal(row.vectors, other.vectors)
 
 
-def test_corrected_probe_changes_and_the_other_does_not(run: Path) -> None:
-    told: list[float] = []
+def test_corrected_calibration_changes_one_probe_only(run: Path) -> None:
+    fractions: list[float] = []
     with RunReader(run) as reader:
         before = summarise(reader)
         calibration = reader.header.acquisition.channels[0].calibration
         assert calibration is not None
         header = corrected_header(reader.header, {"x": twice(calibration)})
-        after = summarise(reader, told.append, header)
+        after = summarise(reader, fractions.append, header)
     (x_before, y_before), (x_after, y_after) = before.probes, after.probes
     assert x_after.largest_peak_to_peak == pytest.approx(2 * x_before.largest_peak_to_peak)
     assert x_after.gap_mean == x_before.gap_mean
     assert y_after == y_before
-    assert told[-1] == 1.0
+    assert fractions[-1] == 1.0
 
 
-def test_probe_that_the_run_has_not_is_named(run: Path) -> None:
+def test_unknown_probe_is_refused_by_name(run: Path) -> None:
     calibration = Calibration((0.0, 1e-4), 0.0, 10.0)
     with RunReader(run) as reader, pytest.raises(UsageError, match="no probe 'tacho': expected x or y"):
         corrected_header(reader.header, {"tacho": calibration})
 
 
-def test_summary_with_a_wrong_record_says_what_is_wrong(
+def test_summary_with_an_invalid_calibration_option_reports_the_error(
     run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["summary", str(run), "--calibration", f"x={tmp_path / 'gone.toml'}"]) == 2

@@ -1,4 +1,4 @@
-"""Run-out from rig.toml to the frames of a run: given, told by the run's own slow roll, or by an earlier run's."""
+"""Run-out compensation from rig.toml: given vectors, the run's own slow roll, or an earlier run's."""
 
 import math
 from collections.abc import Callable
@@ -22,7 +22,7 @@ QUIET = {"run_out_um": 3.0, "speed_fluctuation": 0.0, "glitches_per_s": 0.0}
 
 
 def profile(*points: tuple[float, float]) -> dict[str, object]:
-    """What the bench does whose speed runs through (s, r/min)."""
+    """Return [simulation] with a speed profile of points (s, r/min)."""
     return QUIET | {"profile": [{"time_s": time_s, "speed_rpm": speed_rpm} for time_s, speed_rpm in points]}
 
 
@@ -31,7 +31,7 @@ FAST = profile((0, 6000), (2, 6000))
 VECTOR = {"x_um": 2.0, "x_lag_deg": 90.0, "y_um": 1.0, "y_lag_deg": 0.0}
 
 
-def test_given_run_out_comes_in_si_units_and_says_where_it_is_from(rig: RigFactory) -> None:
+def test_given_run_out_is_in_si_units_with_its_source(rig: RigFactory) -> None:
     settings = rig(runout={"vector": [VECTOR | {"sigma_um": 0.1}], "correct_orbit": True}).settings.runout
     ((order, x, y),) = settings.vectors
     assert (order, settings.from_orbit, settings.source) == (1, True, "rig.toml")
@@ -42,7 +42,7 @@ def test_given_run_out_comes_in_si_units_and_says_where_it_is_from(rig: RigFacto
 
 
 @pytest.mark.parametrize(
-    ("tables", "told"),
+    ("tables", "expected"),
     [
         ({"runout": {"vector": [VECTOR], "slow_roll_rpm": 600.0}}, "runout.vector: expected none beside slow_roll_rpm"),
         ({"runout": {"from_run": "earlier"}}, 'runout.from_run = "earlier": expected slow_roll_rpm beside it'),
@@ -54,13 +54,15 @@ def test_given_run_out_comes_in_si_units_and_says_where_it_is_from(rig: RigFacto
         ),
     ],
 )
-def test_contradictions_about_run_out_are_told(rig_file: RigFiles, tables: dict[str, object], told: str) -> None:
+def test_contradictory_run_out_settings_are_refused(
+    rig_file: RigFiles, tables: dict[str, object], expected: str
+) -> None:
     with pytest.raises(ConfigError) as caught:
         load_rig(rig_file(**tables))
-    assert any(told in fault for fault in caught.value.faults)
+    assert any(expected in fault for fault in caught.value.faults)
 
 
-def test_a_run_tells_its_own_run_out_by_its_slow_roll(rig: RigFactory, tmp_path: Path) -> None:
+def test_run_out_is_estimated_from_the_slow_roll_of_the_run(rig: RigFactory, tmp_path: Path) -> None:
     path = record_run(rig(simulation=SLOW_THEN_FAST, runout={"slow_roll_rpm": 700.0}), tmp_path)
     with RunReader(path) as reader:
         frames = [snapshot.frame for snapshot in reader.snapshots() if snapshot.frame is not None]
@@ -72,11 +74,11 @@ def test_a_run_tells_its_own_run_out_by_its_slow_roll(rig: RigFactory, tmp_path:
     assert np.abs(last.compensated[0] - last.vectors[0]) == pytest.approx(np.abs(last.runout.vectors[0]))
 
 
-def test_an_earlier_run_tells_the_run_out_of_a_later_one(rig: RigFactory, tmp_path: Path) -> None:
+def test_run_out_is_taken_from_the_slow_roll_of_an_earlier_run(rig: RigFactory, tmp_path: Path) -> None:
     earlier = rig(simulation=SLOW_THEN_FAST)
     record_run(earlier, tmp_path, "earlier")
-    asked = rig(simulation=FAST, runout={"slow_roll_rpm": 700.0, "from_run": "earlier", "correct_orbit": True})
-    later = with_reference_runout(asked, tmp_path)
+    configured = rig(simulation=FAST, runout={"slow_roll_rpm": 700.0, "from_run": "earlier", "correct_orbit": True})
+    later = with_reference_runout(configured, tmp_path)
     runout = later.settings.runout
     assert runout.source == "slow roll of earlier up to 700 r/min"
     assert runout.slow_roll_speed == 0.0
@@ -90,7 +92,7 @@ def test_an_earlier_run_tells_the_run_out_of_a_later_one(rig: RigFactory, tmp_pa
     assert with_reference_runout(earlier, tmp_path) is earlier
 
 
-def test_an_earlier_run_that_cannot_tell_is_refused(rig: RigFactory, tmp_path: Path) -> None:
+def test_earlier_run_that_is_missing_or_has_no_slow_roll_is_refused(rig: RigFactory, tmp_path: Path) -> None:
     record_run(rig(simulation=FAST), tmp_path, "fast")
     missing = rig(runout={"slow_roll_rpm": 700.0, "from_run": "missing"})
     with pytest.raises(UsageError, match=r"runout\.from_run: .*missing"):
@@ -100,13 +102,13 @@ def test_an_earlier_run_that_cannot_tell_is_refused(rig: RigFactory, tmp_path: P
         with_reference_runout(never_slow, tmp_path)
 
 
-def test_an_earlier_run_with_other_probes_or_marks_is_refused(rig: RigFactory, tmp_path: Path) -> None:
+def test_earlier_run_with_other_probe_angles_or_tacho_is_refused(rig: RigFactory, tmp_path: Path) -> None:
     record_run(rig(simulation=SLOW_THEN_FAST), tmp_path, "earlier")
-    asked = {"slow_roll_rpm": 700.0, "from_run": "earlier"}
-    falling = rig(runout=asked, tacho={"edge": "falling"})
-    with pytest.raises(UsageError, match="timed the rising edge of 1 marks, expected falling of 1"):
+    section = {"slow_roll_rpm": 700.0, "from_run": "earlier"}
+    falling = rig(runout=section, tacho={"edge": "falling"})
+    with pytest.raises(UsageError, match="times the rising edge of 1 marks, expected falling of 1"):
         with_reference_runout(falling, tmp_path)
-    turned = rig(runout=asked)
+    turned = rig(runout=section)
     channels = tuple(c.model_copy(update={"angle_deg": c.angle_deg + 10.0}) for c in turned.config.channel)
     turned = Rig(turned.path, turned.config.model_copy(update={"channel": channels}), turned.calibrations, turned.toml)
     with pytest.raises(UsageError, match="probe x is at 45 degrees, expected 55"):

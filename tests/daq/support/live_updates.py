@@ -1,4 +1,4 @@
-"""A plausible run-up in closed form, as the view and the service are given it: no file, no card, no model."""
+"""Live updates of a run-up in closed form, for tests of the view and the service without file, card or model."""
 
 import math
 from collections.abc import Iterator
@@ -35,7 +35,7 @@ ComplexArray = NDArray[np.complex128]
 
 
 def make_header(run: str = "2026-11-24T09-12-07-gj90c") -> RunHeader:
-    """A run's header: two probes 90° apart, limits as on the bench."""
+    """Return the header of a run with two probes 90° apart and the bench's limits."""
     calibration = Calibration(coefficients=(0.0, 1e-4), volts_low=0.2, volts_high=9.8)
     scaling = (0.0, 10.0 / 32768.0)
     probes = tuple(
@@ -62,14 +62,14 @@ def make_header(run: str = "2026-11-24T09-12-07-gj90c") -> RunHeader:
 
 
 def _synchronous(speed: float, critical: float, scale: float) -> ComplexArray:
-    """1X vectors at x and y, m peak: imbalance response with one well damped critical speed."""
+    """Return 1X vectors at x and y, m peak: imbalance response with one well damped critical speed."""
     ratio = speed / critical
     vector = scale * ratio**2 / (1.0 - ratio**2 + 0.5j * ratio)
     return np.array([vector, 0.9 * vector * np.exp(-1j * (math.pi / 2 + 0.1))])
 
 
 def _whirl(speed: float, onset: float, order: float, size: float) -> tuple[float, float]:
-    """Order and peak amplitude, m, of a film that lets go at ``onset`` and is limited by its own stiffness."""
+    """Return order and peak amplitude, m, of a whirl above its onset speed, rad/s, limited by the film's stiffness."""
     excess = speed / onset - 1.0
     return (order, size * math.sqrt(excess)) if excess > 0.0 else (math.nan, 0.0)
 
@@ -80,15 +80,15 @@ def _measured_whirl(speed: float) -> tuple[float, float]:
 
 
 def _hann_line(orders: FloatArray, order: float, revolutions: int) -> FloatArray:
-    """The Hann window's main lobe about a line, 1 at its top."""
-    away = np.abs(orders - order) * revolutions
-    away = np.where(np.abs(away - 1.0) < 1e-9, 1.0 + 1e-9, away)
-    lobe = np.sinc(away) / (1.0 - away**2)
-    return np.where(away < 2.0, np.abs(lobe), 0.0)
+    """Return the main lobe of the Hann window about an order, 1 at its maximum."""
+    bins = np.abs(orders - order) * revolutions
+    bins = np.where(np.abs(bins - 1.0) < 1e-9, 1.0 + 1e-9, bins)
+    lobe = np.sinc(bins) / (1.0 - bins**2)
+    return np.where(bins < 2.0, np.abs(lobe), 0.0)
 
 
 def _motion(theta: FloatArray, vectors: ComplexArray, order: float, amplitude: float) -> FloatArray:
-    """Displacement in X and Y, m: 1X, 2X and a forward circle below 1X."""
+    """Return displacement in X and Y, m: 1X, 2X and a forward circular component below 1X."""
     turns = np.exp(1j * np.outer(np.arange(1, 3), theta))
     motion = np.einsum("kp,kn->pn", vectors, turns).real
     if amplitude > 0.0:
@@ -97,7 +97,7 @@ def _motion(theta: FloatArray, vectors: ComplexArray, order: float, amplitude: f
 
 
 def make_prediction(speed: float, settings: AnalysisSettings) -> Prediction:
-    """What a model would say: nearly right, whirl too early and too strong."""
+    """Return a prediction that is nearly right, with whirl too early and too strong."""
     one = _synchronous(speed, 9_200.0 * RPM, 5.5e-6)
     vectors = np.stack([one, 0.03 * one])
     order, amplitude = _whirl(speed, 9_500.0 * RPM, 0.70, 40e-6)
@@ -124,7 +124,7 @@ def make_prediction(speed: float, settings: AnalysisSettings) -> Prediction:
 
 
 def make_snapshot(time: float, speed: float, settings: AnalysisSettings, noise: np.random.Generator) -> Snapshot:
-    """The shaft at one moment of the run-up."""
+    """Return the snapshot at a time, s, and speed, rad/s, of the run-up."""
     one = _synchronous(speed, 9_500.0 * RPM, 5e-6) * (1.0 + 0.02 * noise.standard_normal())
     vectors = np.stack([one, 0.08 * one])
     order, amplitude = _measured_whirl(speed)
@@ -177,7 +177,7 @@ def make_snapshot(time: float, speed: float, settings: AnalysisSettings, noise: 
 
 
 def run_up(count: int, run: str = "2026-11-24T09-12-07-gj90c") -> Iterator[LiveUpdate]:
-    """``count`` frames, one every 0.1 s, from 1,000 to 15,600 r/min: 1X, 2X, then 0.49X, then 0.17X."""
+    """Yield ``count`` live updates, one every 0.1 s, from 1,000 to 15,600 r/min: 1X, 2X, then 0.49X, then 0.17X."""
     header = make_header(run)
     noise = np.random.default_rng(7)
     watch = AlarmMonitor(header.limits, ("x", "y"))
@@ -202,25 +202,25 @@ def run_up(count: int, run: str = "2026-11-24T09-12-07-gj90c") -> Iterator[LiveU
 
 
 def make_live_updates(count: int) -> list[LiveUpdate]:
-    """``run_up`` as a list."""
+    """Return `run_up` as a list."""
     return list(run_up(count))
 
 
-def with_alarm(frame: LiveUpdate, severity: Severity) -> LiveUpdate:
-    """Return a frame with a latched alarm that is over."""
-    limits, place = frame.header.limits, TimeInRun(0, 10.0, 12_000.0 * RPM)
+def with_alarm(update: LiveUpdate, severity: Severity) -> LiveUpdate:
+    """Return an update with a latched alarm whose condition is over."""
+    limits, place = update.header.limits, TimeInRun(0, 10.0, 12_000.0 * RPM)
     limit = limits.peak_to_peak_danger if severity is Severity.DANGER else limits.peak_to_peak_alarm
     over = TimeInRun(0, 12.0, 12_500.0 * RPM)
     alarm = Alarm(1, MonitoredQuantity.OVERALL, "x", severity, limit, place, 1.02 * limit, place, over)
-    status = replace(frame.status, severity=Severity.NORMAL, latched=severity, alarms=(alarm,))
-    return replace(frame, status=status)
+    status = replace(update.status, severity=Severity.NORMAL, latched=severity, alarms=(alarm,))
+    return replace(update, status=status)
 
 
-def with_further_alarms(frame: LiveUpdate) -> LiveUpdate:
-    """Return a frame of a rig that watches 1X, what is below it, and the speed: all passed, 1X no more."""
+def with_further_alarms(update: LiveUpdate) -> LiveUpdate:
+    """Return an update with alarms at 1X, below 1X and of the speed; only the 1X alarm is over."""
     place, over = TimeInRun(0, 10.0, 12_000.0 * RPM), TimeInRun(0, 12.0, 12_500.0 * RPM)
     limits = replace(
-        frame.header.limits,
+        update.header.limits,
         order_1x_alarm=20e-6,
         order_1x_danger=30e-6,
         below_1x_alarm=12.5e-6,
@@ -232,29 +232,29 @@ def with_further_alarms(frame: LiveUpdate) -> LiveUpdate:
         Alarm(2, MonitoredQuantity.BELOW_1X, "y", Severity.ALARM, 12.5e-6, place, 14.06e-6, place),
         Alarm(3, MonitoredQuantity.SPEED, "", Severity.DANGER, 19_500.0 * RPM, place, 19_642.0 * RPM, place),
     )
-    status = replace(frame.status, severity=Severity.DANGER, latched=Severity.DANGER, alarms=alarms)
-    return replace(frame, header=replace(frame.header, limits=limits), status=status)
+    status = replace(update.status, severity=Severity.DANGER, latched=Severity.DANGER, alarms=alarms)
+    return replace(update, header=replace(update.header, limits=limits), status=status)
 
 
-def with_runout(frame: LiveUpdate) -> LiveUpdate:
-    """Return a frame from which a run-out of 2 µm at 1X, known from a slow roll, was taken off, the orbit's too."""
-    assert frame.snapshot is not None
-    assert frame.snapshot.frame is not None
+def with_runout(update: LiveUpdate) -> LiveUpdate:
+    """Return an update with a subtracted run-out of 2 µm at 1X from a slow roll, also in the orbit."""
+    assert update.snapshot is not None
+    assert update.snapshot.frame is not None
     vectors = np.array([[2e-6, 2e-6j], [0.1e-6, 0.0]], dtype=np.complex128)
     runout = RunOut(vectors, np.full(2, 0.03e-6))
-    shown = frame.snapshot.frame
-    points = frame.header.settings.points_per_revolution
+    shown = update.snapshot.frame
+    points = update.header.settings.points_per_revolution
     compensated = shown.orbit - np.tile(runout.waveform(points), (1, shown.orbit.shape[1] // points))
     order_frame = replace(shown, runout=runout, compensated_orbit=compensated)
     settings = RunOutSettings(slow_roll_speed=600.0 * RPM, from_orbit=True)
-    header = replace(frame.header, settings=replace(frame.header.settings, runout=settings))
-    return replace(frame, header=header, snapshot=replace(frame.snapshot, frame=order_frame), runout=runout)
+    header = replace(update.header, settings=replace(update.header.settings, runout=settings))
+    return replace(update, header=header, snapshot=replace(update.snapshot, frame=order_frame), runout=runout)
 
 
-def with_second_whirl(frame: LiveUpdate) -> LiveUpdate:
-    """Return a frame with a weaker backward component at 0.31X beside what it shows."""
-    assert frame.snapshot is not None
-    assert frame.snapshot.frame is not None
+def with_second_whirl(update: LiveUpdate) -> LiveUpdate:
+    """Return an update with a further, weaker backward component at 0.31X."""
+    assert update.snapshot is not None
+    assert update.snapshot.frame is not None
     weaker = Whirl(0.31, 0.2e-6, 3e-6, 3e-6 * np.array([1.0, 1.0j], dtype=np.complex128), 0.002, 0.07e-6)
-    order_frame = replace(frame.snapshot.frame, whirls=(*frame.snapshot.frame.whirls, weaker))
-    return replace(frame, snapshot=replace(frame.snapshot, frame=order_frame))
+    order_frame = replace(update.snapshot.frame, whirls=(*update.snapshot.frame.whirls, weaker))
+    return replace(update, snapshot=replace(update.snapshot, frame=order_frame))

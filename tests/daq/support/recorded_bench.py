@@ -1,4 +1,4 @@
-"""A service over a folder that holds one real recording, made in a second from the simulated card."""
+"""A service over a data folder with a recording of the simulated card, and a client for it."""
 
 from collections.abc import Callable
 from contextlib import closing
@@ -30,20 +30,20 @@ from tests.daq.support.service_fakes import FakeLive
 
 RUN = "2026-11-24T09-12-07-test-rig"
 API = "/api/v1"
-HIGHEST = 20_000.0  # r/min that the model knows
+MAX_MODEL_RPM = 20_000.0  # r/min, end of the model's map
 
 
 def record_run(rig: Rig, folder: Path, run: str = RUN) -> Path:
     """Record a simulated run with its results into a folder; return its file."""
     path = folder / f"{run}.mcap"
-    order = RecordingRequest(rig, run, 1_795_000_000_000_000_000, "first light", "rig test", path, None)
+    request = RecordingRequest(rig, run, 1_795_000_000_000_000_000, "first light", "rig test", path, None)
     with closing(open_source(rig)) as source:
-        write_run(path, run_header(order, source), source.blocks(), {})
+        write_run(path, run_header(request, source), source.blocks(), {})
     return path
 
 
-class Steered:
-    """Ends the run that the live fake shows."""
+class FakeRunControl:
+    """Run control of the run in `FakeLive`; records which runs it stopped."""
 
     def __init__(self, live: FakeLive) -> None:
         self.live = live
@@ -70,27 +70,27 @@ class Steered:
         return AcknowledgedAlarmsSchema(run=frame.header.run, alarms=alarms)
 
 
-class KnownModels:
-    """A model that is ready, up to 20,000 r/min."""
+class ReadyModel:
+    """A model with predictions up to 20,000 r/min."""
 
     def prediction_for(self, header: RunHeader, speed: float) -> Prediction | None:
-        if speed * 30 / 3.141592653589793 > HIGHEST:
+        if speed * 30 / 3.141592653589793 > MAX_MODEL_RPM:
             raise ValueError(f"speed: {speed:g} rad/s, expected less")
         return make_prediction(speed, header.settings)
 
 
 @dataclass
 class RecordedBench:
-    """A served data folder and a client."""
+    """A data folder, the service over it, and a client."""
 
     folder: Path
     live: FakeLive
-    steered: Steered
+    run_control: FakeRunControl
     client: httpx.Client
     close: Callable[[], None]
 
     def get(self, tail: str, headers: dict[str, str] | None = None, /, **parameters: str | float) -> httpx.Response:
-        """Ask for something of the recorded run."""
+        """Send a GET request below the path of the recorded run."""
         return self.client.get(f"{API}/runs/{RUN}{tail}", params=parameters, headers=headers)
 
 
@@ -104,12 +104,12 @@ def open_recorded_bench(
     job_limit: float = 60.0,
     request_limit: float = 60.0,
 ) -> RecordedBench:
-    """Serve the runs of a folder at a free port of this machine, as if bound to ``host``."""
+    """Start a service over a folder at a free local port, with the access rules of a service bound to ``host``."""
     catalogue, live, predictors = Catalogue(folder), FakeLive(), Predictors()
-    results = ResultsReader(KnownModels(), time_limit=request_limit)
-    steered = Steered(live)
-    jobs = JobQueue(CatalogueLocation(folder), time_limit=job_limit)
-    features = ServiceFeatures(results, steered, run_starter, catalogue, jobs, origins)
+    results = ResultsReader(ReadyModel(), deadline=request_limit)
+    run_control = FakeRunControl(live)
+    jobs = JobQueue(CatalogueLocation(folder), limit=job_limit)
+    features = ServiceFeatures(results, run_control, run_starter, catalogue, jobs, origins)
     summaries = Summaries(catalogue, predictors, results.summary)
     app = create_app(catalogue, live, summaries, None, features=features, host=host, token=token)
     server = ServiceServer(app)
@@ -123,4 +123,4 @@ def open_recorded_bench(
         results.close()
         predictors.close()
 
-    return RecordedBench(folder, live, steered, client, close)
+    return RecordedBench(folder, live, run_control, client, close)

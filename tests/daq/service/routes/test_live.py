@@ -130,7 +130,7 @@ def test_run_under_way_is_ended_once_asked(bench: RecordedBench) -> None:
     bench.live.frame = FRAMES[0]
     response = bench.client.post(f"{API}/live/stop", json={})
     assert (response.status_code, response.json()) == (202, {"run": FRAMES[0].header.run})
-    assert bench.steered.stopped == [FRAMES[0].header.run]
+    assert bench.run_control.stopped == [FRAMES[0].header.run]
 
 
 def test_alarms_of_1x_of_what_is_below_it_and_of_the_speed_have_their_own_units(bench: RecordedBench) -> None:
@@ -182,7 +182,7 @@ def test_only_the_services_own_page_may_end_a_run(bench: RecordedBench, headers:
     bench.live.frame = FRAMES[0]
     response = bench.client.post(f"{API}/live/stop", headers=headers, content=b"{}")
     assert response.status_code == status
-    assert bool(bench.steered.stopped) == (status == 202)
+    assert bool(bench.run_control.stopped) == (status == 202)
 
 
 def test_page_from_elsewhere_cannot_open_a_socket(bench: RecordedBench) -> None:

@@ -1,4 +1,4 @@
-"""The model's maps on disk: of several that want one at once, one computes it and the others wait."""
+"""The cache of prediction maps: one process computes a map, the others wait for it."""
 
 import math
 import multiprocessing
@@ -21,7 +21,7 @@ DEADLINE = 60.0  # s
 
 
 def make_map(size: float = 1.0) -> PredictionMap:
-    """A map made by hand."""
+    """Return a map of arbitrary values."""
     n = 4
     return PredictionMap(
         speeds=np.arange(1.0, n + 1),
@@ -37,99 +37,101 @@ def make_map(size: float = 1.0) -> PredictionMap:
     )
 
 
-class Computing:
-    """Computes when it is let."""
+class GatedComputation:
+    """Computes a map when ``go_on`` is set; counts its calls."""
 
     def __init__(self, size: float = 1.0) -> None:
         self.size = size
-        self.begun = threading.Event()
+        self.started = threading.Event()
         self.go_on = threading.Event()
-        self.times = 0
+        self.calls = 0
 
-    def __call__(self, told: OnProgress) -> PredictionMap:
-        self.times += 1
-        told(1, 2)
-        self.begun.set()
+    def __call__(self, on_progress: OnProgress) -> PredictionMap:
+        self.calls += 1
+        on_progress(1, 2)
+        self.started.set()
         assert self.go_on.wait(DEADLINE)
-        told(2, 2)
+        on_progress(2, 2)
         return make_map(self.size)
 
 
-class Wanting(threading.Thread):
-    """Wants a map, and keeps what it was told."""
+class Requester(threading.Thread):
+    """Requests a map and records the reported progress."""
 
-    def __init__(self, file: Path, computing: Computing) -> None:
+    def __init__(self, file: Path, computing: GatedComputation) -> None:
         super().__init__(daemon=True)
         self.file = file
         self.computing = computing
-        self.heard: list[tuple[int, int]] = []
+        self.progress_reports: list[tuple[int, int]] = []
         self.found: PredictionMap | None = None
         self.start()
 
     def run(self) -> None:
-        self.found = load_or_compute_map(self.file, self.computing, lambda *progress: self.heard.append(progress))
+        self.found = load_or_compute_map(
+            self.file, self.computing, lambda *progress: self.progress_reports.append(progress)
+        )
 
 
-def test_one_computes_and_the_other_waits_and_is_told_how_far_it_is(tmp_path: Path) -> None:
-    first, second = Computing(1.0), Computing(2.0)
-    computing = Wanting(tmp_path / "new" / "map.npz", first)
-    assert first.begun.wait(DEADLINE)
-    waiting = Wanting(tmp_path / "new" / "map.npz", second)
+def test_second_request_waits_for_the_first_and_reports_its_progress(tmp_path: Path) -> None:
+    first, second = GatedComputation(1.0), GatedComputation(2.0)
+    computing = Requester(tmp_path / "new" / "map.npz", first)
+    assert first.started.wait(DEADLINE)
+    waiting = Requester(tmp_path / "new" / "map.npz", second)
     until = time.monotonic() + DEADLINE
-    while not waiting.heard:
+    while not waiting.progress_reports:
         assert time.monotonic() < until
         time.sleep(0.01)
-    assert waiting.heard == [(1, 2)]
+    assert waiting.progress_reports == [(1, 2)]
     first.go_on.set()
     for thread in (computing, waiting):
         thread.join(DEADLINE)
         assert thread.found is not None
         assert thread.found.vectors[0, 0, 0] == 1.0
-    assert (first.times, second.times) == (1, 0)
+    assert (first.calls, second.calls) == (1, 0)
     assert [path.name for path in (tmp_path / "new").iterdir()] == ["map.npz"]
 
 
-def hold(path: Path, said: Connection) -> None:
+def hold_lock(path: Path, pipe: Connection) -> None:
     """Acquire a lock and hold it."""
     lock = FileLock(path)
     assert lock.try_acquire()
-    said.send("held")
+    pipe.send("held")
     time.sleep(10 * DEADLINE)
 
 
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP] if sys.platform != "win32" else [signal.SIGTERM])
-def test_nobody_waits_for_who_was_killed_or_stands_still(tmp_path: Path, number: int) -> None:
+def test_killed_or_suspended_holder_of_the_lock_is_not_waited_for(tmp_path: Path, number: int) -> None:
     context = multiprocessing.get_context("spawn")
     here, there = context.Pipe()
-    holder = context.Process(target=hold, args=(tmp_path / "map.lock", there), daemon=True)
+    holder = context.Process(target=hold_lock, args=(tmp_path / "map.lock", there), daemon=True)
     holder.start()
     try:
         assert here.poll(DEADLINE)
         os.kill(holder.pid or 0, number)
-        computing = Computing(3.0)
+        computing = GatedComputation(3.0)
         computing.go_on.set()
         found = load_or_compute_map(tmp_path / "map.npz", computing, lambda *_progress: None, stall_timeout=0.5)
         assert found.vectors[0, 0, 0] == 3.0
-        kept, _ = read_map(tmp_path / "map.npz")
-        assert kept is not None
+        cached, _ = read_map(tmp_path / "map.npz")
+        assert cached is not None
     finally:
         holder.kill()
         holder.join(DEADLINE)
 
 
-def test_map_is_computed_where_none_can_be_kept(tmp_path: Path) -> None:
+def test_map_is_computed_without_a_writable_folder(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("no folder")
-    computing = Computing()
+    computing = GatedComputation()
     computing.go_on.set()
     found = load_or_compute_map(tmp_path / "file" / "map.npz", computing, lambda *_progress: None)
     assert found.vectors[0, 0, 0] == 1.0
 
 
-def test_who_fails_lets_the_next_one_try(tmp_path: Path) -> None:
-    def fails(_told: OnProgress) -> PredictionMap:
+def test_lock_is_released_after_a_failed_computation(tmp_path: Path) -> None:
+    def fail(_on_progress: OnProgress) -> PredictionMap:
         raise ValueError("no motion")
 
     for _ in range(2):
         with pytest.raises(ValueError, match="no motion"):
-            load_or_compute_map(tmp_path / "map.npz", fails, lambda *_progress: None)
+            load_or_compute_map(tmp_path / "map.npz", fail, lambda *_progress: None)
     assert list(tmp_path.iterdir()) == []

@@ -1,3 +1,5 @@
+"""The predictor with its real child process: map cache, states, errors."""
+
 import os
 import signal
 import sys
@@ -17,7 +19,7 @@ from model.rotor.gj90c import gj90c
 
 SETTINGS = AnalysisSettings(revolutions=8)
 SPEEDS = np.array([500.0, 560.0, 620.0])
-PATIENCE = 100.0  # s: the first computation on a machine compiles
+TIMEOUT = 100.0  # s, includes compilation on a new machine
 
 
 def predictor(folder: Path, viscosity: float = 0.015, speeds: list[float] | None = None) -> Predictor:
@@ -26,22 +28,22 @@ def predictor(folder: Path, viscosity: float = 0.015, speeds: list[float] | None
 
 @pytest.fixture(scope="module")
 def filled(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A cache in which a predictor has kept its map."""
+    """Return a cache folder with the map of a predictor."""
     folder = tmp_path_factory.mktemp("cache") / "not" / "there" / "yet"
     with predictor(folder) as computing:
-        assert computing.wait(PATIENCE) is not None
+        assert computing.wait(TIMEOUT) is not None
     return folder
 
 
-def test_map_is_computed_beside_and_nobody_waits_for_it(tmp_path: Path) -> None:
+def test_map_is_computed_in_the_background(tmp_path: Path) -> None:
     with predictor(tmp_path) as computing:
         assert computing.state.startswith("computing")
         assert computing.at(530.0) is None
         assert computing.map is None
-        told: list[str] = []
-        found = computing.wait(PATIENCE, told.append)
-        assert told[0].startswith("computing")
-        assert told[-1] == computing.state == "ready"
+        states: list[str] = []
+        found = computing.wait(TIMEOUT, states.append)
+        assert states[0].startswith("computing")
+        assert states[-1] == computing.state == "ready"
         assert found is not None
         expected = compute_prediction_map(gj90c(), SPEEDS, SETTINGS, lambda _done, _total: None)
         assert np.array_equal(found.vectors, expected.vectors)
@@ -52,7 +54,7 @@ def test_map_is_computed_beside_and_nobody_waits_for_it(tmp_path: Path) -> None:
     assert [file.suffix for file in tmp_path.iterdir()] == [".npz"]
 
 
-def test_map_in_the_cache_is_ready_at_once(filled: Path) -> None:
+def test_cached_map_is_ready_immediately(filled: Path) -> None:
     with predictor(filled) as ready:
         assert ready.state == "ready"
         assert ready.cache_error == ""
@@ -60,31 +62,31 @@ def test_map_in_the_cache_is_ready_at_once(filled: Path) -> None:
         assert ready.wait(0.0) is ready.map
 
 
-def test_other_parameters_are_not_served_from_the_cache(filled: Path) -> None:
+def test_other_parameters_are_not_read_from_the_cache(filled: Path) -> None:
     with predictor(filled, viscosity=0.016) as computing:
         assert computing.state.startswith("computing")
     assert computing.state == "off: stopped"
 
 
 @pytest.mark.parametrize("content", [b"", b"no archive", b"PK\x03\x04 cut short", b"\x93NUMPY\x01\x00"])
-def test_damaged_file_is_said_once_and_computed_anew(filled: Path, tmp_path: Path, content: bytes) -> None:
-    kept = next(filled.iterdir())
-    (tmp_path / kept.name).write_bytes(content)
+def test_damaged_file_is_reported_and_computed_again(filled: Path, tmp_path: Path, content: bytes) -> None:
+    cached = next(filled.iterdir())
+    (tmp_path / cached.name).write_bytes(content)
     with predictor(tmp_path) as computing:
         assert computing.state.startswith("computing")
         assert "no readable prediction" in computing.cache_error
-        told: list[str] = []
-        computing.wait(0.0, told.append)
-        assert told[0] == computing.cache_error
+        states: list[str] = []
+        computing.wait(0.0, states.append)
+        assert states[0] == computing.cache_error
 
 
-def test_shortened_file_is_replaced_by_a_whole_one(filled: Path, tmp_path: Path) -> None:
+def test_truncated_file_is_replaced(filled: Path, tmp_path: Path) -> None:
     whole = next(filled.iterdir()).read_bytes()
     damaged = tmp_path / next(filled.iterdir()).name
     damaged.write_bytes(whole[: len(whole) // 2])
     with predictor(tmp_path) as computing:
         assert computing.cache_error
-        assert computing.wait(PATIENCE) is not None
+        assert computing.wait(TIMEOUT) is not None
     with predictor(tmp_path) as ready:
         assert ready.state == "ready"
 
@@ -104,23 +106,23 @@ def test_closing_ends_the_computation(tmp_path: Path) -> None:
             os.kill(pid, 0)
 
 
-def test_motion_that_fails_switches_the_model_off_with_the_reason(tmp_path: Path) -> None:
+def test_model_without_solution_is_off_with_the_reason(tmp_path: Path) -> None:
     with predictor(tmp_path, viscosity=1e-7, speeds=[10.0, 11.0]) as failing:
-        assert failing.wait(PATIENCE) is None
+        assert failing.wait(TIMEOUT) is None
         assert failing.state.startswith("off: eccentricity: the ring reached")
 
 
-def test_computation_that_is_killed_switches_the_model_off(tmp_path: Path) -> None:
+def test_model_is_off_after_its_computation_is_killed(tmp_path: Path) -> None:
     with predictor(tmp_path, speeds=list(np.linspace(200, 2000, 400))) as killed:
         process = killed._process
         assert process is not None
         process.kill()
-        killed.wait(PATIENCE)
+        killed.wait(TIMEOUT)
         assert killed.state == "off: the computation ended without a result"
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="no such signal there")
-def test_computation_that_stands_still_holds_up_nobody_and_is_ended(tmp_path: Path) -> None:
+@pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
+def test_suspended_computation_blocks_no_caller_and_is_ended(tmp_path: Path) -> None:
     computing = predictor(tmp_path, speeds=list(np.linspace(200, 2000, 400)))
     process = computing._process
     assert process is not None
@@ -133,8 +135,8 @@ def test_computation_that_stands_still_holds_up_nobody_and_is_ended(tmp_path: Pa
     assert not process.is_alive()
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="a pipe of POSIX")
-def test_map_that_stops_in_its_midst_holds_up_nobody(filled: Path) -> None:
+@pytest.mark.skipif(sys.platform == "win32", reason="POSIX pipes")
+def test_truncated_message_blocks_no_caller(filled: Path) -> None:
     with predictor(filled) as listening:
         here, there = Pipe(duplex=False)
         listening._map, listening._finished = None, False
@@ -144,20 +146,20 @@ def test_map_that_stops_in_its_midst_holds_up_nobody(filled: Path) -> None:
         assert listening.state == "computing 0 %"
         assert listening.wait(0.1) is None
         there.close()
-        thread.join(PATIENCE)
+        thread.join(TIMEOUT)
         assert listening.state == "off: the computation ended without a result"
 
 
-def test_folder_that_cannot_be_written_costs_only_the_cache(tmp_path: Path) -> None:
+def test_map_is_computed_without_a_writable_cache_folder(tmp_path: Path) -> None:
     blocked = tmp_path / "file"
     blocked.write_text("no folder")
     with predictor(blocked / "cache") as computing:
-        assert computing.wait(PATIENCE) is not None
+        assert computing.wait(TIMEOUT) is not None
         assert computing.state == "ready"
     assert blocked.read_text() == "no folder"
 
 
-def test_speed_that_stays_is_refined_and_the_map_answers_meanwhile(filled: Path) -> None:
+def test_steady_speed_is_refined_while_the_map_serves(filled: Path) -> None:
     with predictor(filled) as ready:
         prediction_map = ready.map
         assert prediction_map is not None
@@ -165,19 +167,19 @@ def test_speed_that_stays_is_refined_and_the_map_answers_meanwhile(filled: Path)
         assert first is not None
         assert not first.is_exact
         assert np.array_equal(first.vectors, prediction_map.at(530.0).vectors)
-        end = time.monotonic() + PATIENCE
+        end = time.monotonic() + TIMEOUT
         while not (now := ready.at(530.0)) or not now.is_exact:
             assert time.monotonic() < end
             time.sleep(0.01)
         assert now.speed == 530.0
         assert ready.state == "ready"
-        beside = ready.at(540.0)
-        assert beside is not None
-        assert not beside.is_exact
+        nearby = ready.at(540.0)
+        assert nearby is not None
+        assert not nearby.is_exact
     assert ready.at(530.0) is not None
 
 
-def test_refinement_that_ends_leaves_the_map_and_says_so(filled: Path) -> None:
+def test_map_serves_after_the_refiner_failed(filled: Path) -> None:
     with predictor(filled) as ready:
         ready.at(530.0)
         refiner = ready._refiner
@@ -187,20 +189,20 @@ def test_refinement_that_ends_leaves_the_map_and_says_so(filled: Path) -> None:
         assert ready.at(530.0) is not None
 
 
-def test_several_may_ask_while_one_waits(tmp_path: Path) -> None:
+def test_state_can_be_read_while_another_thread_waits(tmp_path: Path) -> None:
     with predictor(tmp_path) as computing:
-        waiting = threading.Thread(target=computing.wait, args=(PATIENCE,))
+        waiting = threading.Thread(target=computing.wait, args=(TIMEOUT,))
         waiting.start()
         states = set()
         while waiting.is_alive():
             states.add(computing.state.split()[0])
             time.sleep(0.01)
         assert states <= {"computing", "ready"}
-        assert computing.wait(PATIENCE) is not None
+        assert computing.wait(TIMEOUT) is not None
 
 
-def test_cache_lies_where_the_environment_says() -> None:
-    kept = dict(os.environ)
+def test_cache_folder_comes_from_the_environment() -> None:
+    saved = dict(os.environ)
     try:
         os.environ["RIG_CACHE"] = "somewhere"
         assert cache_folder() == Path("somewhere")
@@ -209,4 +211,4 @@ def test_cache_lies_where_the_environment_says() -> None:
         assert cache_folder().is_absolute()
     finally:
         os.environ.clear()
-        os.environ.update(kept)
+        os.environ.update(saved)

@@ -1,4 +1,4 @@
-"""The exact prediction beside the live picture, with the real process that computes it."""
+"""The refiner with its real child process."""
 
 import os
 import signal
@@ -19,100 +19,100 @@ from model.prediction.prediction_map import Prediction, PredictionMap, compute_p
 from model.rotor.gj90c import gj90c
 
 SETTINGS = AnalysisSettings(revolutions=8)
-PATIENCE = 60.0  # s: a process starts, and on a fresh machine compiles
+TIMEOUT = 60.0  # s, includes process start and compilation on a new machine
 
 
 @pytest.fixture(scope="module")
-def known() -> PredictionMap:
+def prediction_map() -> PredictionMap:
     return compute_prediction_map(gj90c(), np.array([500.0, 526.0, 552.0]), SETTINGS, lambda _done, _total: None)
 
 
 @pytest.fixture
-def refiner(known: PredictionMap) -> Iterator[Refiner]:
-    refiner = Refiner(gj90c(), SETTINGS, known)
+def refiner(prediction_map: PredictionMap) -> Iterator[Refiner]:
+    refiner = Refiner(gj90c(), SETTINGS, prediction_map)
     yield refiner
     refiner.close()
 
 
-def until(said: Callable[[], bool]) -> None:
-    end = time.monotonic() + PATIENCE
-    while not said():
+def wait_until(condition: Callable[[], bool]) -> None:
+    end = time.monotonic() + TIMEOUT
+    while not condition():
         assert time.monotonic() < end
         time.sleep(0.01)
 
 
-def settled(refiner: Refiner, speed: float) -> Prediction:
-    """Ask for a speed until nothing better comes."""
-    until(lambda: refiner.at(speed) is not None and refiner._requested is None)
+def refined(refiner: Refiner, speed: float) -> Prediction:
+    """Return the converged prediction at a speed."""
+    wait_until(lambda: refiner.at(speed) is not None and refiner._requested is None)
     exact = refiner.at(speed)
     assert exact is not None
     return exact
 
 
-def test_speed_that_stays_is_computed_exactly(refiner: Refiner, known: PredictionMap) -> None:
+def test_steady_speed_is_computed_exactly(refiner: Refiner, prediction_map: PredictionMap) -> None:
     assert refiner.at(511.0) is None
-    exact = settled(refiner, 511.0)
-    *_, expected = refine(gj90c(), 511.0, known, SETTINGS)
+    exact = refined(refiner, 511.0)
+    *_, expected = refine(gj90c(), 511.0, prediction_map, SETTINGS)
     assert exact.is_exact
     assert exact.speed == 511.0
     assert np.array_equal(exact.orbit, expected.orbit)
     assert np.array_equal(exact.vectors, expected.vectors)
-    assert not np.array_equal(exact.vectors, known.at(511.0).vectors)
+    assert not np.array_equal(exact.vectors, prediction_map.at(511.0).vectors)
     assert refiner.at(511.0 * (1 + 0.9 * DISPLAY_TOLERANCE)) is exact
     assert refiner.at(511.0 * (1 + 1.1 * DISPLAY_TOLERANCE)) is None
     assert refiner.failure == ""
 
 
-def test_speed_that_wanders_is_followed_and_the_last_prediction_stands_meanwhile(refiner: Refiner) -> None:
-    first = settled(refiner, 511.0)
+def test_last_prediction_is_returned_while_a_drifting_speed_is_computed(refiner: Refiner) -> None:
+    first = refined(refiner, 511.0)
     slightly = 511.0 * (1 + 0.5 * RECOMPUTE_TOLERANCE)
     assert refiner.at(slightly) is first
     assert not refiner._requested
     further = 511.0 * (1 + 2 * RECOMPUTE_TOLERANCE)
     assert refiner.at(further) is first
     assert refiner._requested == further
-    assert settled(refiner, further).speed == further
+    assert refined(refiner, further).speed == further
 
 
-def test_speed_that_changes_is_not_computed(refiner: Refiner) -> None:
+def test_changing_speed_is_not_computed(refiner: Refiner) -> None:
     for speed in np.linspace(500.0, 550.0, 30):
         assert refiner.at(float(speed)) is None
     assert refiner._requested is None
     assert refiner._process is None
 
 
-def test_speed_asked_for_last_is_computed_first(refiner: Refiner) -> None:
+def test_latest_requested_speed_is_computed_first(refiner: Refiner) -> None:
     for speed in (505.0, 520.0, 535.0, 545.0):
         refiner.at(speed)
         refiner.at(speed)
     assert refiner._requested == 545.0
-    assert settled(refiner, 545.0).speed == 545.0
-    assert settled(refiner, 505.0).speed == 505.0
+    assert refined(refiner, 545.0).speed == 545.0
+    assert refined(refiner, 505.0).speed == 505.0
 
 
-def test_process_that_is_killed_leaves_the_map_alone(refiner: Refiner) -> None:
-    settled(refiner, 511.0)
+def test_killed_process_is_reported(refiner: Refiner) -> None:
+    refined(refiner, 511.0)
     process = refiner._process
     assert process is not None
     process.kill()
     refiner.at(530.0)
     refiner.at(530.0)
-    until(lambda: refiner.failure != "")
+    wait_until(lambda: refiner.failure != "")
     assert refiner.failure.startswith("the process that computes it ended")
-    refiner._thread.join(PATIENCE)
+    refiner._thread.join(TIMEOUT)
     assert not refiner._thread.is_alive()
     assert refiner.at(530.0) is None
 
 
-def test_motion_that_fails_is_said_once_and_other_speeds_go_on(known: PredictionMap) -> None:
-    beyond_the_wall = replace(known, states=100 * known.states)
+def test_speed_without_solution_is_reported_and_other_speeds_are_computed(prediction_map: PredictionMap) -> None:
+    beyond_the_wall = replace(prediction_map, states=100 * prediction_map.states)
     with pytest.raises((ModelError, ValueError)) as raised:
         predict(gj90c(), 511.0, beyond_the_wall, SETTINGS)
     failing = Refiner(gj90c(), SETTINGS, beyond_the_wall)
     try:
         failing.at(511.0)
         failing.at(511.0)
-        until(lambda: failing.failure != "")
+        wait_until(lambda: failing.failure != "")
         assert failing.failure == str(raised.value)
         assert failing.at(511.0) is None
         assert failing._requested is None
@@ -126,10 +126,10 @@ def test_motion_that_fails_is_said_once_and_other_speeds_go_on(known: Prediction
         failing.close()
 
 
-@pytest.mark.parametrize("asked", [0, 2])
-def test_closing_joins_thread_and_process_whatever_they_do(known: PredictionMap, asked: int) -> None:
-    refiner = Refiner(gj90c(), SETTINGS, known)
-    for _ in range(asked):
+@pytest.mark.parametrize("n_calls", [0, 2])
+def test_closing_joins_thread_and_process(prediction_map: PredictionMap, n_calls: int) -> None:
+    refiner = Refiner(gj90c(), SETTINGS, prediction_map)
+    for _ in range(n_calls):
         refiner.at(511.0)
     refiner.close()
     refiner.close()
@@ -137,10 +137,10 @@ def test_closing_joins_thread_and_process_whatever_they_do(known: PredictionMap,
     assert refiner._process is None
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="no such signal there")
-def test_process_that_stands_still_is_ended_too(known: PredictionMap) -> None:
-    refiner = Refiner(gj90c(), SETTINGS, known)
-    settled(refiner, 511.0)
+@pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
+def test_suspended_process_is_ended(prediction_map: PredictionMap) -> None:
+    refiner = Refiner(gj90c(), SETTINGS, prediction_map)
+    refined(refiner, 511.0)
     process = refiner._process
     assert process is not None
     pid = process.pid
@@ -155,10 +155,10 @@ def test_process_that_stands_still_is_ended_too(known: PredictionMap) -> None:
     assert "refiner" not in {thread.name for thread in threading.enumerate()}
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="no such signal there")
-def test_process_that_stands_still_is_said_and_given_up(known: PredictionMap) -> None:
-    refiner = Refiner(gj90c(), SETTINGS, known)
-    settled(refiner, 511.0)
+@pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
+def test_suspended_process_is_given_up_after_the_timeout(prediction_map: PredictionMap) -> None:
+    refiner = Refiner(gj90c(), SETTINGS, prediction_map)
+    refined(refiner, 511.0)
     process = refiner._process
     assert process is not None
     assert process.pid is not None
@@ -166,7 +166,7 @@ def test_process_that_stands_still_is_said_and_given_up(known: PredictionMap) ->
     refiner._answer_timeout = 0.1
     refiner.at(530.0)
     assert refiner.at(530.0) is None
-    until(lambda: refiner.failure == "the process that computes it has not answered for 0.1 s")
-    refiner._thread.join(PATIENCE)
+    wait_until(lambda: refiner.failure == "the process that computes it has not answered for 0.1 s")
+    refiner._thread.join(TIMEOUT)
     assert not refiner._thread.is_alive()
     assert not process.is_alive()

@@ -1,4 +1,4 @@
-"""Runs with random faults at random times: nothing hangs, nothing leaks, every sample is in the file or counted."""
+"""Runs with random faults at random times: no hang, no leak, every sample is recorded or counted as lost."""
 
 from collections import Counter
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""A run whose tacho is stamped by a counter: through ring, file, trigger and parts, bit for bit."""
+"""Runs with counter stamps of the tacho: through ring, file, trigger and parts, bit for bit."""
 
 import math
 from collections.abc import Iterable
@@ -37,7 +37,7 @@ from tests.daq.support.counted_bench import (
 from tests.daq.support.recording import NoModel, recording_request
 
 RPM = 2 * math.pi / 60
-SPEED = 6123.4567  # r/min: no whole ticks in a turn
+SPEED = 6123.4567  # r/min, with a non-integer number of ticks per turn
 STEADY = {
     "profile": [{"time_s": 0.0, "speed_rpm": SPEED}, {"time_s": 4.0, "speed_rpm": SPEED}],
     "speed_fluctuation": 0.0,
@@ -50,8 +50,8 @@ def counted_rigs(rig: RigFactory) -> RigFactory:
     return partial(counted, rig)
 
 
-def late(items: Iterable[SourceItem]) -> list[SourceItem]:
-    """Give every stamp with the block after its own, as a card whose counter is slow."""
+def delay_stamps(items: Iterable[SourceItem]) -> list[SourceItem]:
+    """Move every stamp to the block after its own, like a card with a late counter."""
     changed: list[SourceItem] = []
     waiting = np.empty(0, np.int64)
     for item in items:
@@ -63,8 +63,8 @@ def late(items: Iterable[SourceItem]) -> list[SourceItem]:
     return changed
 
 
-def failing(items: list[SourceItem], block: int) -> list[SourceItem]:
-    """Let the counter fail before a block."""
+def remove_stamps(items: list[SourceItem], block: int) -> list[SourceItem]:
+    """Remove the stamps from a block on, like a counter that fails."""
     return [
         replace(item, ticks=None) if k >= block and isinstance(item, SampleBlock) else item
         for k, item in enumerate(items)
@@ -85,7 +85,7 @@ def test_speed_of_a_steady_run_is_right_to_a_millionth(counted: RigFactory, tmp_
     np.testing.assert_allclose(record.speeds, SPEED * RPM, rtol=1e-6)
 
 
-def test_phase_from_the_counter_is_that_from_the_samples(counted: RigFactory, tmp_path: Path) -> None:
+def test_phase_from_the_counter_equals_that_from_the_samples(counted: RigFactory, tmp_path: Path) -> None:
     last = {}
     for reference in ("counter", "samples"):
         rig = counted(reference)
@@ -104,11 +104,11 @@ def test_counter_and_samples_agree(counted: RigFactory, tmp_path: Path) -> None:
     assert snapshot.counter.state is CounterState.AGREES
     assert snapshot.counter.compared > 300
     assert abs(snapshot.counter.mean_difference) < 1e-6
-    assert snapshot.counter.largest_difference < 0.25 / 20_000  # what the samples leave open between two of them
+    assert snapshot.counter.largest_difference < 0.25 / 20_000  # a quarter of the sample interval
 
 
 @pytest.mark.parametrize("reference", ["counter", "samples"])
-def test_stamps_come_back_from_the_file_bit_for_bit(counted: RigFactory, tmp_path: Path, reference: str) -> None:
+def test_stamps_are_read_back_from_the_file_bit_for_bit(counted: RigFactory, tmp_path: Path, reference: str) -> None:
     rig = counted(reference)
     items = items_of(rig)
     path = recorded(rig, tmp_path, items)
@@ -127,7 +127,7 @@ def test_stamps_come_back_from_the_file_bit_for_bit(counted: RigFactory, tmp_pat
 
 
 @pytest.mark.parametrize("block", [11, 777, 5_001])
-def test_results_do_not_depend_on_the_size_of_the_blocks(counted: RigFactory, tmp_path: Path, block: int) -> None:
+def test_results_do_not_depend_on_the_block_size(counted: RigFactory, tmp_path: Path, block: int) -> None:
     path = recorded(counted(simulation={"profile": RISING["profile"], "sensor_noise_um": 0.5}), tmp_path)
     with RunReader(path) as reader:
         header, live = reader.header, kept(reader.header, reader.snapshots())
@@ -137,11 +137,11 @@ def test_results_do_not_depend_on_the_size_of_the_blocks(counted: RigFactory, tm
 
 
 @pytest.mark.parametrize("block", [None, 500, 1_777])
-def test_results_with_a_late_counter_do_not_depend_on_the_blocks_either(
+def test_results_with_a_late_counter_do_not_depend_on_the_block_size(
     counted: RigFactory, tmp_path: Path, block: int | None
 ) -> None:
     rig = counted()
-    path = recorded(rig, tmp_path, late(items_of(rig)))
+    path = recorded(rig, tmp_path, delay_stamps(items_of(rig)))
     with RunReader(path) as reader:
         header, live = reader.header, kept(reader.header, reader.snapshots())
         snapshots = list(reader.snapshots())[10:]
@@ -152,9 +152,11 @@ def test_results_with_a_late_counter_do_not_depend_on_the_blocks_either(
 
 
 @pytest.mark.parametrize("block", [None, 1_777])
-def test_counter_that_fails_leaves_speed_to_the_samples(counted: RigFactory, tmp_path: Path, block: int | None) -> None:
+def test_speed_comes_from_the_samples_after_the_counter_fails(
+    counted: RigFactory, tmp_path: Path, block: int | None
+) -> None:
     rig = counted()
-    path = recorded(rig, tmp_path, failing(items_of(rig), 20))
+    path = recorded(rig, tmp_path, remove_stamps(items_of(rig), 20))
     with RunReader(path) as reader:
         header, snapshots = reader.header, list(reader.snapshots())
     assert all(snapshot.tacho.state is TachoState.GOOD for snapshot in snapshots[10:])
@@ -168,7 +170,7 @@ def test_counter_that_fails_leaves_speed_to_the_samples(counted: RigFactory, tmp
     source.close()
 
 
-def test_ring_carries_stamps_however_many() -> None:
+def test_ring_carries_more_stamps_than_a_slot_holds() -> None:
     ring = BlockRing.create(3, 1_000, 16)
     codes = np.arange(9_000, dtype=np.int16).reshape(3, 3_000)
     many = np.arange(1_300, dtype=np.int64) * 50 + 7
@@ -188,7 +190,7 @@ def test_ring_carries_stamps_however_many() -> None:
     assert all(block.first_sample == 0 for block in blocks if block.ticks is not None and block.ticks.size)
 
 
-def test_run_recorded_by_its_own_process_is_the_run_replayed(counted: RigFactory, tmp_path: Path) -> None:
+def test_replay_of_a_recorded_run_gives_the_live_results(counted: RigFactory, tmp_path: Path) -> None:
     rig = counted()
     run = RecordedRun(recording_request(rig, tmp_path), NoModel())
     assert run.wait(60.0)
@@ -202,8 +204,8 @@ def test_run_recorded_by_its_own_process_is_the_run_replayed(counted: RigFactory
     assert verify(run.path).pulses == truth.size
 
 
-class Counting:
-    """Counts the samples that a trigger lets pass."""
+class SkippedSampleCounter:
+    """Counts the samples that a trigger skips."""
 
     def __init__(self) -> None:
         self.samples = 0
@@ -216,8 +218,8 @@ class Counting:
     def on_start(self, start: TriggerStart) -> None: ...
 
 
-def test_run_that_is_started_by_speed_counts_from_its_first_sample(counted: RigFactory) -> None:
-    rig, watch = counted(), Counting()
+def test_stamps_of_a_triggered_run_count_from_its_first_sample(counted: RigFactory) -> None:
+    rig, watch = counted(), SkippedSampleCounter()
     section = TriggerSection(start="speed > 5000", stop="speed > 7000", pre_s=0.3, hold_s=0.1)
     source = apply_trigger(open_source(rig), section, watch)
     items = []
@@ -231,7 +233,7 @@ def test_run_that_is_started_by_speed_counts_from_its_first_sample(counted: RigF
     np.testing.assert_array_equal(ticks_of(items), SimulatedCard(rig).ticks(begin, begin + samples, begin))
 
 
-def test_part_of_a_run_counts_from_its_own_first_sample(counted: RigFactory, tmp_path: Path) -> None:
+def test_stamps_of_a_part_count_from_its_first_sample(counted: RigFactory, tmp_path: Path) -> None:
     rig = counted()
     header = header_of(rig, tmp_path)
     path = tmp_path / f"{header.run}.mcap"
@@ -252,7 +254,7 @@ def test_part_of_a_run_counts_from_its_own_first_sample(counted: RigFactory, tmp
     assert begin == card.n_samples
 
 
-def test_copy_of_a_damaged_run_has_the_stamps_of_its_samples(counted: RigFactory, tmp_path: Path) -> None:
+def test_recovered_copy_has_the_stamps_of_its_samples(counted: RigFactory, tmp_path: Path) -> None:
     rig = counted()
     path = recorded(rig, tmp_path)
     whole = path.read_bytes()
@@ -269,7 +271,7 @@ def test_copy_of_a_damaged_run_has_the_stamps_of_its_samples(counted: RigFactory
     np.testing.assert_array_equal(ticks, truth[truth < limit])
 
 
-def test_hole_in_a_run_divides_the_stamps_as_it_divides_the_samples(counted: RigFactory, tmp_path: Path) -> None:
+def test_recovered_stretches_have_the_stamps_of_their_samples(counted: RigFactory, tmp_path: Path) -> None:
     rig = counted()
     path = recorded(rig, tmp_path)
     data = bytearray(path.read_bytes())
@@ -288,7 +290,7 @@ def test_hole_in_a_run_divides_the_stamps_as_it_divides_the_samples(counted: Rig
             np.testing.assert_array_equal(reader.ticks(stretch.segment, 0, stretch.stop - stretch.first), expected)
 
 
-def test_stamps_of_a_stretch_are_those_in_its_time(counted: RigFactory, tmp_path: Path) -> None:
+def test_stamps_of_a_time_range_are_those_inside_it(counted: RigFactory, tmp_path: Path) -> None:
     rig = counted()
     path = recorded(rig, tmp_path)
     truth = ticks_of(items_of(rig))

@@ -1,4 +1,4 @@
-"""What the operator is told of how samples come, before any are lost."""
+"""State and messages of a recording: backlog, loss, clipping, missing samples."""
 
 import threading
 import time
@@ -36,22 +36,22 @@ def statistics_after(backlog: int) -> RecorderStatistics:
     return statistics
 
 
-def test_backlog_is_told_from_half_the_buffer_on() -> None:
+def test_backlog_above_half_the_buffer_gives_a_warning() -> None:
     assert recording_health(statistics_after(2000), RATE, TIMING) == (RunState.RECORDING, "")
-    state, told = recording_health(statistics_after(2001), RATE, TIMING)
+    state, message = recording_health(statistics_after(2001), RATE, TIMING)
     assert state is RunState.DEGRADED
-    assert told.startswith("the card's buffer of 4 s holds 2.0 s: samples are about to be lost")
+    assert message.startswith("the card's buffer of 4 s holds 2.0 s: samples are about to be lost")
 
 
-def test_loss_is_told_with_its_segment_and_a_good_end_is_not() -> None:
+def test_loss_message_names_the_segment_and_is_empty_for_a_normal_end() -> None:
     assert loss_message(SegmentEnd(0, 1000, EndReason.STOPPED)) == ""
     assert loss_message(SegmentEnd(0, 1000, EndReason.FINISHED, detail="stopped by speed < 2000 r/min")) == ""
-    told = loss_message(SegmentEnd(2, 12_000, EndReason.OVERRUN, 345, lost_is_exact=False, detail="too late"))
-    assert told == "segment 2 ended after 12,000 samples: overrun, at least 345 samples lost; too late"
+    message = loss_message(SegmentEnd(2, 12_000, EndReason.OVERRUN, 345, lost_is_exact=False, detail="too late"))
+    assert message == "segment 2 ended after 12,000 samples: overrun, at least 345 samples lost; too late"
     assert "unplugged, 0 samples lost" in loss_message(SegmentEnd(0, 5, EndReason.UNPLUGGED))
 
 
-def test_clipping_is_counted_by_channel_and_block_and_stays_told() -> None:
+def test_clipping_is_counted_by_channel_and_block() -> None:
     statistics = RecorderStatistics(RecorderStatistics.allocate())
     quiet = np.zeros((3, 100), np.int16)
     clipped = quiet.copy()
@@ -61,7 +61,7 @@ def test_clipping_is_counted_by_channel_and_block_and_stays_told() -> None:
     assert [statistics.clipped(row) for row in range(3)] == [(6, 2, 300), (0, 0, 0), (2, 2, 300)]
 
 
-def test_operator_sees_which_channel_was_clipped_and_where(rig: RigFactory, tmp_path: Path) -> None:
+def test_status_names_the_clipped_channel_and_its_samples(rig: RigFactory, tmp_path: Path) -> None:
     run = start_recording(rig(simulation={"miswiring": "probe y out of reach"}), tmp_path)
     assert run.wait(60)
     run.close()
@@ -74,11 +74,11 @@ def test_operator_sees_which_channel_was_clipped_and_where(rig: RigFactory, tmp_
     assert f"y CLIPPED {sum(rails):,} in {np.count_nonzero(rails):,} blocks" in status_line(run.latest())
 
 
-def test_nothing_is_told_before_blocks_are_expected() -> None:
+def test_there_is_no_warning_before_blocks_are_expected() -> None:
     assert recording_health(RecorderStatistics(RecorderStatistics.allocate()), RATE, TIMING) == (RunState.RECORDING, "")
 
 
-def test_operator_sees_buffer_silence_and_recovery_of_a_run_over_the_wire(rig: RigFactory, tmp_path: Path) -> None:
+def test_status_shows_full_buffer_missing_samples_and_reconnection(rig: RigFactory, tmp_path: Path) -> None:
     simulated = rig(simulation={"profile": LONG})
     with serving(NiDriver(lambda: SimulatedCard(simulated), real_time=True)) as server:
         device = {"backend": "nidaqmx", "target": server.target, "deadline_s": 0.4}
@@ -86,7 +86,7 @@ def test_operator_sees_buffer_silence_and_recovery_of_a_run_over_the_wire(rig: R
         wait_for_state(run, 60, RunState.RECORDING)
         filling = run.latest().status
         stalled = time.monotonic()
-        while filling.state is not RunState.DEGRADED:  # the reader catches up at once: on a busy machine unseen
+        while filling.state is not RunState.DEGRADED:  # the reader catches up immediately, unseen on a busy machine
             if time.monotonic() > stalled:
                 stalled = time.monotonic() + 1.0
                 server.driver.stall(30_000)  # of the 40,000 that the card holds
@@ -118,30 +118,30 @@ def test_operator_sees_buffer_silence_and_recovery_of_a_run_over_the_wire(rig: R
         assert not reader.is_gap_free
 
 
-def test_who_asks_while_the_recorder_counts_gets_numbers_that_belong_together() -> None:
+def test_related_counts_are_read_consistently_while_they_change() -> None:
     memory = RecorderStatistics.allocate()
-    counting, asking = RecorderStatistics(memory), RecorderStatistics(memory)
+    writer, reader = RecorderStatistics(memory), RecorderStatistics(memory)
     codes = np.zeros((1, 100), np.int16)
     ends = threading.Event()
 
     def count() -> None:
         for segment in range(300):
             for k in range(3):
-                counting.add_block(SampleBlock(codes, segment, 100 * k, 0))
-            counting.add_end(SegmentEnd(segment, 300, EndReason.OVERRUN))
+                writer.add_block(SampleBlock(codes, segment, 100 * k, 0))
+            writer.add_end(SegmentEnd(segment, 300, EndReason.OVERRUN))
         ends.set()
 
     thread = threading.Thread(target=count)
     thread.start()
     seen = []
     while not ends.is_set():
-        seen.append(asking.position)
+        seen.append(reader.position)
     thread.join(60)
     assert seen == sorted(seen)
-    assert asking.position == (300, 0)
+    assert reader.position == (300, 0)
 
 
-def test_recorder_that_ended_in_the_midst_of_a_count_holds_nobody_up() -> None:
+def test_reader_is_not_blocked_by_a_writer_killed_during_a_change() -> None:
     statistics = statistics_after(7)
-    statistics._words[0] += 1  # its first step
+    statistics._words[0] += 1  # as at the start of a change
     assert statistics.position == (0, 100)

@@ -1,4 +1,4 @@
-"""A live recording that is killed at any moment loses a quarter second at most, and what is left can be recovered."""
+"""A recording killed at a random time loses at most 0.25 s, and the rest of its file can be recovered."""
 
 import multiprocessing
 import os
@@ -32,14 +32,14 @@ RATE = 50_000.0
 BLOCK = 0.05
 
 
-def record_for_ever(rig_toml: Path, path: Path, taken: "Synchronized[int]") -> None:
-    """Carry a simulated rig's samples into a file, as the recorder does, and count what was taken from the source."""
+def record_endlessly(rig_toml: Path, path: Path, taken: "Synchronized[int]") -> None:
+    """Record a simulated rig like the recorder, and count the samples taken from the source."""
     rig = load_rig(rig_toml)
-    order = RecordingRequest(
+    request = RecordingRequest(
         rig=rig, run=path.stem, started_ns=time.time_ns(), note="", program="rig", path=path, duration=None
     )
     source = open_source(rig)
-    writer = RunWriter(path, run_header(order, source))
+    writer = RunWriter(path, run_header(request, source))
     for item in source.blocks():
         if isinstance(item, SampleBlock):
             with taken.get_lock():
@@ -48,18 +48,18 @@ def record_for_ever(rig_toml: Path, path: Path, taken: "Synchronized[int]") -> N
 
 
 @pytest.mark.parametrize("n_kills", [2, pytest.param(100, marks=pytest.mark.campaign)], ids=["few", "full"])
-def test_a_killed_recording_loses_a_quarter_second_at_most(
+def test_killed_recording_loses_a_quarter_second_at_most(
     rig_file: Callable[..., Path], tmp_path: Path, n_kills: int
 ) -> None:
     profile = [{"time_s": 0.0, "speed_rpm": 6000.0}, {"time_s": 600.0, "speed_rpm": 6000.0}]
     rig_toml = rig_file(timing={"rate_hz": RATE}, simulation={"pace": "real time", "profile": profile})
     context = multiprocessing.get_context("spawn")
-    chance = random.Random(17)  # noqa: S311 - moments, not secrets
+    chance = random.Random(17)  # noqa: S311 - times, not secrets
     losses = []
     for k in range(n_kills):
         path = tmp_path / f"run-{k}.mcap"
         taken: Synchronized[int] = context.Value(c_int64, 0)
-        process = context.Process(target=record_for_ever, args=(rig_toml, path, taken))
+        process = context.Process(target=record_endlessly, args=(rig_toml, path, taken))
         process.start()
         deadline = time.monotonic() + 60
         while taken.value < RATE / 2:
@@ -73,10 +73,10 @@ def test_a_killed_recording_loses_a_quarter_second_at_most(
             losses.append((taken.value - reader.n_samples) / RATE)
             assert not reader.is_complete
             assert reader.segment_ends[-1].reason is EndReason.CUT
-            kept = reader.n_samples
+            n_recorded = reader.n_samples
         assert verify(path).verdict is Verdict.NOT_WHOLE
         recovery = recover(path, tmp_path / "copy.mcap")
-        assert recovery.samples == kept
+        assert recovery.samples == n_recorded
         assert verify(recovery.target).verdict is Verdict.SOUND
         recovery.target.unlink()
         path.unlink()
@@ -86,28 +86,28 @@ def test_a_killed_recording_loses_a_quarter_second_at_most(
 
 
 def taken_before_kill(leader: psutil.Process) -> int:
-    """Kill a process with all its children and return the samples per channel that had gone through the ring.
+    """Kill a process with all its children and return the samples per channel published in the ring.
 
-    Nothing of the ring is left in the system then; what is read is held by its open file.
+    The ring's memory is deleted then; it is read through its open file.
     """
     processes = [leader, *leader.children(recursive=True)]
     for process in processes:
-        process.suspend()  # all at one moment, so that none sees another die
+        process.suspend()  # first, so that none sees another die
     shared = [path for path in Path(f"/proc/{leader.pid}/fd").iterdir() if "/pym-" in str(path.readlink())]
     with ExitStack() as stack:
         files = [stack.enter_context(path.open("rb")) for path in shared]
-        ring = max(files, key=lambda file: os.fstat(file.fileno()).st_size)  # the other is the statistics'
+        ring = max(files, key=lambda file: os.fstat(file.fileno()).st_size)  # the other one holds the statistics
         for process in processes:
             process.kill()
         _, alive = psutil.wait_procs(processes, timeout=60)
         assert not alive
         assert os.fstat(ring.fileno()).st_nlink == 0
-        return int(np.fromfile(ring, dtype=np.int64, count=6)[-1])  # the last word of its heading
+        return int(np.fromfile(ring, dtype=np.int64, count=6)[-1])  # the last word of the header
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="SIGKILL is POSIX, and shared memory is found as Linux shows it")
+@pytest.mark.skipif(sys.platform != "linux", reason="SIGKILL and /proc of Linux")
 @pytest.mark.parametrize("n_kills", [1, pytest.param(100, marks=pytest.mark.campaign)], ids=["one", "full"])
-def test_a_command_killed_with_all_its_processes_loses_a_quarter_second_at_most(
+def test_command_killed_with_all_its_processes_loses_a_quarter_second_at_most(
     rig_file: Callable[..., Path], tmp_path: Path, tmp_path_factory: pytest.TempPathFactory, n_kills: int
 ) -> None:
     profile = [{"time_s": 0.0, "speed_rpm": 3000.0}, {"time_s": 600.0, "speed_rpm": 3000.0}]
@@ -117,7 +117,7 @@ def test_a_command_killed_with_all_its_processes_loses_a_quarter_second_at_most(
     cache = str(tmp_path_factory.getbasetemp() / "cache")
     environment = os.environ | {"RIG_DATA": str(tmp_path / "data"), "RIG_CACHE": cache}
     command = [sys.executable, "-m", "daq.cli.main", "record", str(rig_toml), "--no-view", "--port", "0"]
-    chance = random.Random(18)  # noqa: S311 - moments, not secrets
+    chance = random.Random(18)  # noqa: S311 - times, not secrets
     losses = []
     for _ in range(n_kills):
         with subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True) as started:
@@ -135,9 +135,9 @@ def test_a_command_killed_with_all_its_processes_loses_a_quarter_second_at_most(
             losses.append((taken - reader.n_samples) / rate)
             assert not reader.is_complete
             assert reader.segment_ends[-1].reason is EndReason.CUT
-            kept = reader.n_samples
+            n_recorded = reader.n_samples
         recovery = recover(path, tmp_path / "copy.mcap")
-        assert recovery.samples == kept
+        assert recovery.samples == n_recorded
         assert verify(recovery.target).verdict is Verdict.SOUND
         recovery.target.unlink()
         path.unlink()

@@ -1,4 +1,4 @@
-"""Moments that are named while a run is recorded: over REST, at the terminal, in the file and in the summary."""
+"""Markers of a recorded run: added over REST, by command and at the terminal; in the file, replay and summary."""
 
 import os
 import re
@@ -29,18 +29,18 @@ RATE = 20_000.0
 JSON = {"Content-Type": "application/json"}
 
 
-def after(run: RecordedRun, samples: int) -> int:
-    """Wait until so many samples are recorded, and return how many are."""
+def wait_for_samples(run: RecordedRun, samples: int) -> int:
+    """Wait until at least this number of samples is recorded; return the number then."""
     while (recorded := run.status().samples) < samples:
         assert not run.wait(0.01)
     return recorded
 
 
-def test_marks_are_in_the_file_at_the_moment_they_were_made(rig: RigFactory, tmp_path: Path) -> None:
+def test_markers_are_in_the_file_at_the_sample_when_they_were_added(rig: RigFactory, tmp_path: Path) -> None:
     run = start_recording(rig(simulation=REAL_TIME_MINUTE), tmp_path)
-    before = after(run, 6_000)
+    before = wait_for_samples(run, 6_000)
     first = run.add_marker("  knocking\nbegins ")
-    between = after(run, run.status().samples + 4_000)
+    between = wait_for_samples(run, run.status().samples + 4_000)
     second = run.add_marker("")
     last = run.status().samples
     run.stop()
@@ -58,30 +58,30 @@ def test_marks_are_in_the_file_at_the_moment_they_were_made(rig: RigFactory, tmp
     assert verify(run.path).findings == ()
 
 
-def test_mark_is_shown_live_from_its_moment_on_and_again_in_a_replay(rig: RigFactory, tmp_path: Path) -> None:
+def test_marker_is_shown_live_from_its_sample_on_and_again_in_a_replay(rig: RigFactory, tmp_path: Path) -> None:
     run = start_recording(rig(simulation=REAL_TIME), tmp_path)
     assert run.latest().status.markers == ()
-    after(run, 10_000)
-    made = run.add_marker("knocking")
-    assert made is not None
+    wait_for_samples(run, 10_000)
+    added = run.add_marker("knocking")
+    assert added is not None
     (shown,) = run.latest().status.markers
-    assert shown == TimedMarker(made, made.sample / RATE, made.sample / RATE)
+    assert shown == TimedMarker(added, added.sample / RATE, added.sample / RATE)
     assert run.wait(60)
     run.close()
-    screen = UpdateList()
+    updates = UpdateList()
     with RunReader(run.path) as reader:
         markers = reader.markers()
     with closing(open_replay(run.path, None)) as source:
-        replayed = ReplayedRun(run.header, source, NoModel(), [screen], markers)
+        replayed = ReplayedRun(run.header, source, NoModel(), [updates], markers)
         assert replayed.wait(60)
         replayed.close()
-    for frame in screen.updates:
-        assert frame.status.markers == ((shown,) if frame.status.samples >= made.sample else ())
-    assert {frame.status.markers for frame in screen.updates} == {(), (shown,)}
+    for update in updates.updates:
+        assert update.status.markers == ((shown,) if update.status.samples >= added.sample else ())
+    assert {update.status.markers for update in updates.updates} == {(), (shown,)}
 
 
 @POSIX
-def test_marks_come_by_rest_by_command_and_by_the_terminal_and_are_told_in_the_summary(
+def test_markers_from_rest_command_and_terminal_are_in_the_summary(
     rig_file: RigFiles,
     tmp_path: Path,
     tmp_path_factory: pytest.TempPathFactory,
@@ -123,19 +123,19 @@ def test_marks_come_by_rest_by_command_and_by_the_terminal_and_are_told_in_the_s
     except OSError:  # the other side is closed
         pass
     os.waitpid(process, 0)
-    told = seen.decode(errors="replace")
-    assert "no new alarm" in told
-    assert "marked “by hand”" in told
-    assert re.search(r"mark +\d\.\d s  “by REST”", told)
-    assert re.search(r"mark +\d\.\d s  “by hand”", told)
+    output = seen.decode(errors="replace")
+    assert "no new alarm" in output
+    assert "marked “by hand”" in output
+    assert re.search(r"mark +\d\.\d s  “by REST”", output)
+    assert re.search(r"mark +\d\.\d s  “by hand”", output)
     (path,) = (tmp_path / "data").glob("*.mcap")
     with RunReader(path) as reader:
         assert [marker.text for marker in reader.markers()] == ["by REST", "by command", "by hand"]
 
 
-def test_mark_without_a_recording_says_what_is_missing(capsys: pytest.CaptureFixture[str]) -> None:
-    with socket.create_server(("127.0.0.1", 0)) as nobody:
-        port = str(nobody.getsockname()[1])
+def test_marker_command_without_a_recording_reports_the_address(capsys: pytest.CaptureFixture[str]) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as unused:
+        port = str(unused.getsockname()[1])
     assert main(["mark", "--port", port]) == 2
     assert re.search(rf"127\.0\.0\.1:{port} does not respond \(.+\): is rig record running", capsys.readouterr().err)
     bench = open_bench()

@@ -1,3 +1,5 @@
+"""Recording a simulated rig: file contents, live results, stop conditions and errors."""
+
 import multiprocessing
 import os
 import signal
@@ -43,76 +45,75 @@ from tests.daq.support.recording import (
 RigFactory = Callable[..., Rig]
 
 
-def codes_of_card(rig: Rig) -> NDArray[np.int16]:
+def card_codes(rig: Rig) -> NDArray[np.int16]:
     card = SimulatedCard(rig)
     return card.next_codes(card.n_samples)
 
 
-def identical(a: object, b: object) -> bool:
-    """Whether two results hold the same bits, whatever they are made of."""
+def is_identical(a: object, b: object) -> bool:
+    """Return whether two results are equal bit for bit, nested dataclasses included."""
     if isinstance(a, np.ndarray):
         return isinstance(b, np.ndarray) and a.dtype == b.dtype and a.shape == b.shape and a.tobytes() == b.tobytes()
     if isinstance(a, tuple):
-        return isinstance(b, tuple) and len(a) == len(b) and all(map(identical, a, b))
+        return isinstance(b, tuple) and len(a) == len(b) and all(map(is_identical, a, b))
     if isinstance(a, float):
         return isinstance(b, float) and np.float64(a).tobytes() == np.float64(b).tobytes()
     if hasattr(a, "__slots__") and type(a).__module__.startswith("analysis."):
-        return type(a) is type(b) and all(identical(getattr(a, n), getattr(b, n)) for n in a.__slots__)
+        return type(a) is type(b) and all(is_identical(getattr(a, n), getattr(b, n)) for n in a.__slots__)
     return a == b
 
 
-def snapshots_of(path: Path, block: int | None) -> list[Snapshot]:
-    kept: list[Snapshot] = []
+def replayed_snapshots(path: Path, block: int | None) -> list[Snapshot]:
+    snapshots: list[Snapshot] = []
     with RunReader(path) as reader:
-        analysis = LiveAnalysis(reader.header, NoModel().at, [], kept.append)
+        analysis = LiveAnalysis(reader.header, NoModel().at, [], snapshots.append)
     with closing(open_replay(path, None, block=block)) as source:
         for item in source.blocks():
             analysis.process(item, Status(RunState.REPLAYING))
-    return kept
+    return snapshots
 
 
-def test_run_is_recorded_whole_with_the_codes_that_the_card_gave(rig: RigFactory, tmp_path: Path) -> None:
+def test_file_holds_all_codes_of_the_card(rig: RigFactory, tmp_path: Path) -> None:
     small = rig()
     run = start_recording(small, tmp_path)
     assert run.wait(60)
     outcome = run.close()
     assert (outcome.exit_code, outcome.message) == (0, "")
     assert [end.reason for end in outcome.ends] == [EndReason.FINISHED]
-    np.testing.assert_array_equal(recorded_codes(run.path), codes_of_card(small))
+    np.testing.assert_array_equal(recorded_codes(run.path), card_codes(small))
     with RunReader(run.path) as reader:
         assert reader.is_complete
         assert reader.header == run.header
 
 
-def test_live_results_are_kept_beside_the_samples_and_replay_bit_for_bit(rig: RigFactory, tmp_path: Path) -> None:
-    live: list[Snapshot] = []
-    screen = UpdateList()
-    run = start_recording(rig(simulation=REAL_TIME), tmp_path, screen)
+def test_replay_gives_the_live_results_bit_for_bit(rig: RigFactory, tmp_path: Path) -> None:
+    updates = UpdateList()
+    run = start_recording(rig(simulation=REAL_TIME), tmp_path, updates)
     assert run.wait(60)
     assert run.close().skipped == 0
-    live = [frame.snapshot for frame in screen.updates if frame.snapshot is not None]
-    numbers = {snapshot.sample: snapshot for snapshot in live}
-    assert len(numbers) == 20
+    live = [update.snapshot for update in updates.updates if update.snapshot is not None]
+    by_sample = {snapshot.sample: snapshot for snapshot in live}
+    assert len(by_sample) == 20
     for block in (None, 400, 2000, 1777):
-        again = snapshots_of(run.path, block)
-        assert [s.sample for s in again] == sorted(numbers)
-        assert all(identical(numbers[s.sample], s) for s in again)
+        replayed = replayed_snapshots(run.path, block)
+        assert [s.sample for s in replayed] == sorted(by_sample)
+        assert all(is_identical(by_sample[s.sample], s) for s in replayed)
 
 
-def test_summary_from_the_kept_results_equals_the_one_from_the_samples(rig: RigFactory, tmp_path: Path) -> None:
+def test_summary_from_stored_results_equals_that_from_the_samples(rig: RigFactory, tmp_path: Path) -> None:
     run = start_recording(rig(simulation=REAL_TIME), tmp_path)
     assert run.wait(60)
     live = run.summary()
     run.close()
     with RunReader(run.path) as reader:
-        kept = summarise(reader)
-        assert identical(live, kept)
-        reader_of_samples = _Unkept(reader)
-        assert identical(summarise(reader_of_samples), kept)  # type: ignore[arg-type] # a reader in all but its results
+        stored = summarise(reader)
+        assert is_identical(live, stored)
+        reader_of_samples = _ReaderWithSkippedSamples(reader)
+        assert is_identical(summarise(reader_of_samples), stored)  # type: ignore[arg-type] # a reader in all but its results
 
 
-class _Unkept:
-    """A reader whose live results were not complete."""
+class _ReaderWithSkippedSamples:
+    """A reader of a run whose live results are incomplete."""
 
     def __init__(self, reader: RunReader) -> None:
         self._reader = reader
@@ -122,7 +123,7 @@ class _Unkept:
         return getattr(self._reader, name)
 
 
-def test_run_of_given_length_stops_by_itself(rig: RigFactory, tmp_path: Path) -> None:
+def test_run_of_given_duration_stops_by_itself(rig: RigFactory, tmp_path: Path) -> None:
     run = start_recording(rig(simulation=REAL_TIME), tmp_path, duration=0.5)
     assert run.wait(60)
     outcome = run.close()
@@ -131,7 +132,7 @@ def test_run_of_given_length_stops_by_itself(rig: RigFactory, tmp_path: Path) ->
     assert 10_000 <= outcome.ends[0].samples <= 12_000
 
 
-def test_run_stopped_by_hand_is_complete(rig: RigFactory, tmp_path: Path) -> None:
+def test_run_stopped_by_the_user_is_complete(rig: RigFactory, tmp_path: Path) -> None:
     run = start_recording(rig(simulation=REAL_TIME), tmp_path)
     while not run.status().samples:
         assert not run.wait(0.01)
@@ -144,7 +145,7 @@ def test_run_stopped_by_hand_is_complete(rig: RigFactory, tmp_path: Path) -> Non
         assert reader.n_samples == outcome.ends[0].samples > 0
 
 
-def test_stalled_analysis_loses_no_sample_and_says_what_it_skipped(rig: RigFactory, tmp_path: Path) -> None:
+def test_stalled_analysis_loses_no_sample_and_counts_skipped_ones(rig: RigFactory, tmp_path: Path) -> None:
     long = rig(
         timing={"rate_hz": 20_000.0, "block_s": 0.01, "buffer_s": 2.0},
         simulation={"profile": [{"time_s": 0.0, "speed_rpm": 6000.0}, {"time_s": 40.0, "speed_rpm": 6000.0}]},
@@ -160,23 +161,23 @@ def test_stalled_analysis_loses_no_sample_and_says_what_it_skipped(rig: RigFacto
         assert summarise(reader).snapshots == 400
 
 
-def test_analysis_that_fails_is_told_and_the_recording_goes_on(rig: RigFactory, tmp_path: Path) -> None:
-    class Broken(UpdateList):
-        def offer(self, frame: LiveUpdate) -> None:
-            if frame.status.state is RunState.RECORDING and not frame.status.detail:
-                raise ZeroDivisionError("a screen that fails")
+def test_recording_continues_after_an_error_of_the_analysis(rig: RigFactory, tmp_path: Path) -> None:
+    class FailingList(UpdateList):
+        def offer(self, update: LiveUpdate) -> None:
+            if update.status.state is RunState.RECORDING and not update.status.detail:
+                raise ZeroDivisionError("a view that fails")
 
-    run = start_recording(rig(simulation=REAL_TIME), tmp_path, Broken())
+    run = start_recording(rig(simulation=REAL_TIME), tmp_path, FailingList())
     assert run.wait(60)
     status = run.latest().status
     outcome = run.close()
-    assert "live analysis stopped: ZeroDivisionError: a screen that fails" in status.detail
+    assert "live analysis stopped: ZeroDivisionError: a view that fails" in status.detail
     assert outcome.exit_code == 0
     with RunReader(run.path) as reader:
         assert reader.n_samples == 40_000
 
 
-def test_missing_device_is_told_and_leaves_nothing_behind(rig: RigFactory, tmp_path: Path) -> None:
+def test_missing_device_is_reported_and_leaves_nothing_behind(rig: RigFactory, tmp_path: Path) -> None:
     before = threading.active_count()
     with pytest.raises(RigError) as caught:
         start_recording(rig(device={"backend": "nidaqmx"}), tmp_path)
@@ -185,7 +186,7 @@ def test_missing_device_is_told_and_leaves_nothing_behind(rig: RigFactory, tmp_p
     assert threading.active_count() == before
 
 
-def test_run_that_exists_is_never_overwritten(rig: RigFactory, tmp_path: Path) -> None:
+def test_existing_run_is_never_overwritten(rig: RigFactory, tmp_path: Path) -> None:
     (tmp_path / f"{RUN}.mcap").write_bytes(b"the only evidence")
     with pytest.raises(RigError, match=RUN) as caught:
         start_recording(rig(), tmp_path)
@@ -193,25 +194,25 @@ def test_run_that_exists_is_never_overwritten(rig: RigFactory, tmp_path: Path) -
     assert (tmp_path / f"{RUN}.mcap").read_bytes() == b"the only evidence"
 
 
-def test_disk_that_is_full_already_is_refused(rig: RigFactory, tmp_path: Path) -> None:
+def test_full_disk_is_refused(rig: RigFactory, tmp_path: Path) -> None:
     with pytest.raises(RigError, match=r"storage\.reserve_gb"):
         start_recording(rig(storage={"reserve_gb": 1e9}), tmp_path)
 
 
-def test_run_that_is_split_loses_no_sample_between_its_files(rig: RigFactory, tmp_path: Path) -> None:
+def test_split_run_loses_no_sample_between_its_files(rig: RigFactory, tmp_path: Path) -> None:
     small = rig(storage={"split_minutes": 0.01})
     run = start_recording(small, tmp_path)
     assert run.wait(60)
     assert run.close().exit_code == 0
     files = [tmp_path / f"{name}.mcap" for name in file_ids(run.path)]
     assert len(files) == 4  # of 0.6 s at least, in blocks of 0.1 s
-    np.testing.assert_array_equal(np.hstack([recorded_codes(file) for file in files]), codes_of_card(small))
+    np.testing.assert_array_equal(np.hstack([recorded_codes(file) for file in files]), card_codes(small))
     with RunReader(files[1]) as reader:
         assert reader.is_gap_free
         assert summarise(reader).snapshots == 6
 
 
-def test_disk_that_fills_up_ends_the_recording_cleanly(rig: RigFactory, tmp_path: Path) -> None:
+def test_disk_that_fills_up_ends_the_recording_with_a_complete_file(rig: RigFactory, tmp_path: Path) -> None:
     full = recording_request(rig(storage={"reserve_gb": 1e9}, simulation=REAL_TIME), tmp_path)
     source = open_source(full.rig)
     here, there = multiprocessing.Pipe()
@@ -232,7 +233,7 @@ def test_disk_that_fills_up_ends_the_recording_cleanly(rig: RigFactory, tmp_path
 
 
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="POSIX only")
-def test_recorder_finishes_the_file_when_the_watching_process_is_killed(rig: RigFactory, tmp_path: Path) -> None:
+def test_recorder_completes_the_file_after_the_controlling_process_is_killed(rig: RigFactory, tmp_path: Path) -> None:
     small = rig(
         simulation={**REAL_TIME, "profile": [{"time_s": 0, "speed_rpm": 6000}, {"time_s": 60, "speed_rpm": 6000}]}
     )
@@ -252,14 +253,14 @@ def test_recorder_finishes_the_file_when_the_watching_process_is_killed(rig: Rig
             print(run._process.pid, flush=True)
             run.wait(60)
     """)
-    main = tmp_path / "watching.py"
+    main = tmp_path / "controlling.py"
     main.write_text(script)
-    watching = subprocess.Popen([sys.executable, main], stdout=subprocess.PIPE, text=True)
-    assert watching.stdout is not None
-    recorder = int(watching.stdout.readline())
-    watching.kill()
-    watching.wait(60)
-    watching.stdout.close()
+    controlling = subprocess.Popen([sys.executable, main], stdout=subprocess.PIPE, text=True)
+    assert controlling.stdout is not None
+    recorder = int(controlling.stdout.readline())
+    controlling.kill()
+    controlling.wait(60)
+    controlling.stdout.close()
     deadline = time.monotonic() + 60
     while time.monotonic() < deadline and _is_running(recorder):
         time.sleep(0.05)
@@ -267,7 +268,7 @@ def test_recorder_finishes_the_file_when_the_watching_process_is_killed(rig: Rig
     with RunReader(tmp_path / f"{RUN}.mcap") as reader:
         assert reader.is_complete
         assert reader.n_samples > 10_000
-        assert reader.skipped_samples == reader.n_samples  # its results are not to be trusted as the whole story
+        assert reader.skipped_samples == reader.n_samples  # all, since the results may be incomplete
 
 
 def _is_running(pid: int) -> bool:

@@ -1,4 +1,4 @@
-"""The whole path of the real card, from nidaqmx over a wire into a file, against the simulator recorded directly."""
+"""A run through nidaqmx and gRPC into a file, compared with a direct recording of the simulator."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -20,7 +20,7 @@ from tests.daq.support.recording import NoModel, recorded_codes, recording_reque
 RigFactory = Callable[..., Rig]
 
 
-def test_run_over_the_wire_holds_the_codes_of_the_run_of_the_simulator(rig: RigFactory, tmp_path: Path) -> None:
+def test_run_through_nidaqmx_holds_the_codes_of_the_simulator(rig: RigFactory, tmp_path: Path) -> None:
     simulated = rig()
     direct = start_recording(simulated, folder(tmp_path, "direct"))
     assert direct.wait(60)
@@ -36,14 +36,14 @@ def test_run_over_the_wire_holds_the_codes_of_the_run_of_the_simulator(rig: RigF
     got, expected = recorded_codes(run.path), recorded_codes(direct.path)
     assert got.shape[1] >= 20_000
     np.testing.assert_array_equal(got, expected[:, : got.shape[1]])
-    with RunReader(run.path) as over_wire, RunReader(direct.path) as by_hand:
-        assert over_wire.header.acquisition.device.backend == "nidaqmx"
-        same_device = replace(over_wire.header.acquisition, device=by_hand.header.acquisition.device)
-        assert same_device == by_hand.header.acquisition
+    with RunReader(run.path) as through_driver, RunReader(direct.path) as direct_run:
+        assert through_driver.header.acquisition.device.backend == "nidaqmx"
+        same_device = replace(through_driver.header.acquisition, device=direct_run.header.acquisition.device)
+        assert same_device == direct_run.header.acquisition
 
 
 @pytest.mark.parametrize("is_frozen", [True, False])
-def test_end_asked_for_while_the_device_is_opened_leaves_nothing_behind(
+def test_stop_while_the_device_is_being_opened_leaves_nothing_behind(
     rig: RigFactory, tmp_path: Path, *, is_frozen: bool
 ) -> None:
     simulated = rig()

@@ -1,3 +1,5 @@
+"""The ring buffer between recorder and live analysis."""
+
 import threading
 
 import numpy as np
@@ -21,7 +23,7 @@ def ring() -> BlockRing:
     return BlockRing.create(n_channels=3, capacity=100, n_slots=8)
 
 
-def test_ring_gives_who_shares_its_memory_what_was_put(ring: BlockRing) -> None:
+def test_ring_in_the_same_memory_yields_the_items_put(ring: BlockRing) -> None:
     other = BlockRing(ring.memory)
     ring.put(block(0, 100))
     ring.put(SegmentEnd(0, 100, EndReason.OVERRUN, lost=7, lost_is_exact=False, detail="buffer ran over"))
@@ -32,7 +34,7 @@ def test_ring_gives_who_shares_its_memory_what_was_put(ring: BlockRing) -> None:
     assert end == SegmentEnd(0, 100, EndReason.OVERRUN, lost=7, lost_is_exact=False, detail="buffer ran over")
 
 
-def test_ring_cuts_blocks_that_are_longer_than_a_slot(ring: BlockRing) -> None:
+def test_ring_splits_blocks_longer_than_a_slot(ring: BlockRing) -> None:
     reader = ring.reader()
     ring.put(block(0, 250))
     parts = blocks_of(reader)
@@ -41,7 +43,7 @@ def test_ring_cuts_blocks_that_are_longer_than_a_slot(ring: BlockRing) -> None:
     assert reader.skipped == 0
 
 
-def test_reader_that_falls_behind_counts_every_sample_it_missed(ring: BlockRing) -> None:
+def test_reader_that_falls_behind_counts_all_skipped_samples(ring: BlockRing) -> None:
     reader = ring.reader()
     for k in range(30):
         ring.put(block(100 * k, 100))
@@ -50,7 +52,7 @@ def test_reader_that_falls_behind_counts_every_sample_it_missed(ring: BlockRing)
     assert seen + reader.skipped == 3000
 
 
-def test_reader_counts_what_it_missed_at_the_end_of_a_segment(ring: BlockRing) -> None:
+def test_reader_counts_samples_skipped_before_a_segment_end(ring: BlockRing) -> None:
     reader = ring.reader()
     for k in range(6):
         ring.put(block(100 * k, 100))
@@ -63,7 +65,7 @@ def test_reader_counts_what_it_missed_at_the_end_of_a_segment(ring: BlockRing) -
     assert reader.skipped == 2000
 
 
-def test_reader_beside_a_fast_writer_never_sees_a_torn_block(ring: BlockRing) -> None:
+def test_reader_never_sees_a_torn_block_of_a_fast_writer(ring: BlockRing) -> None:
     reader = ring.reader()
 
     def write() -> None:
@@ -82,6 +84,6 @@ def test_reader_beside_a_fast_writer_never_sees_a_torn_block(ring: BlockRing) ->
     assert seen + reader.skipped == 400_000
 
 
-def test_ring_refuses_blocks_of_other_channels(ring: BlockRing) -> None:
+def test_ring_refuses_blocks_with_another_number_of_channels(ring: BlockRing) -> None:
     with pytest.raises(ValueError, match="block of 2 channels: the ring holds 3"):
         ring.put(SampleBlock(np.zeros((2, 5), dtype=np.int16), 0, 0, 0))

@@ -1,4 +1,4 @@
-"""Sweeps: the same numbers wherever they are computed, and none lost when something dies."""
+"""Sweeps: equal results from all workers, and no result lost when a process dies."""
 
 import multiprocessing
 import os
@@ -29,22 +29,22 @@ Task = TypeVar("Task")
 Result = TypeVar("Result")
 
 
-class Here:
-    """Computes in this process, and stops after some tasks."""
+class InProcessWorkers:
+    """Computes in this process; raises KeyboardInterrupt after ``max_tasks`` tasks."""
 
-    def __init__(self, most: int | None = None) -> None:
-        self._most = most
+    def __init__(self, max_tasks: int | None = None) -> None:
+        self._max_tasks = max_tasks
         self.tasks = 0
 
     def run(self, function: Callable[[Task], Result], tasks: Sequence[Task]) -> Iterator[tuple[int, Result]]:
         for number, task in reversed(list(enumerate(tasks))):
-            if self.tasks == self._most:
+            if self.tasks == self._max_tasks:
                 raise KeyboardInterrupt
             self.tasks += 1
             yield number, function(task)
 
 
-def silent(_done: int, _total: int) -> None:
+def ignore_progress(_done: int, _total: int) -> None:
     pass
 
 
@@ -77,21 +77,21 @@ def test_grid_holds_all_combinations_the_last_name_fastest() -> None:
     assert len({point.key() for point in found}) == 6
 
 
-def test_key_changes_with_parameters_and_values_and_with_nothing_else() -> None:
+def test_key_depends_on_parameters_and_values_only() -> None:
     one = SweepPoint(gj90c(), "response", (("viscosity_pa_s", 0.01), ("speed_rad_s", 1.0)))
     assert one.key() == SweepPoint(gj90c(), "response", one.values[::-1]).key()
     assert one.key() != SweepPoint(gj90c(imbalance=6e-7), "response", one.values).key()
     assert one.key() != SweepPoint(gj90c(), "onset", one.values).key()
 
 
-def test_sweep_names_an_unknown_parameter() -> None:
+def test_unknown_parameter_is_refused_by_name() -> None:
     with pytest.raises(ValueError, match="vary viscosity: unknown, expected one of imbalance_kg_m"):
         grid(gj90c(), "response", {"viscosity": [0.01]})
 
 
 def test_sweep_writes_values_and_results_in_the_order_of_its_points(tmp_path: Path) -> None:
     file = tmp_path / "out.parquet"
-    found = run_sweep(points(20), Here(), file, silent)
+    found = run_sweep(points(20), InProcessWorkers(), file, ignore_progress)
     table = parquet.read_table(file)
     assert table.column_names == [
         "key", "viscosity_pa_s", "imbalance_kg_m", "speed_rad_s", *QUANTITIES["response"].results, "fault",
@@ -101,42 +101,44 @@ def test_sweep_writes_values_and_results_in_the_order_of_its_points(tmp_path: Pa
     assert list(tmp_path.iterdir()) == [file]
 
 
-def test_stopped_sweep_keeps_what_is_done_and_computes_only_the_rest(tmp_path: Path) -> None:
+def test_resumed_sweep_computes_only_the_missing_points(tmp_path: Path) -> None:
     file = tmp_path / "out.parquet"
     with pytest.raises(KeyboardInterrupt):
-        run_sweep(points(20), Here(most=7), file, silent)
+        run_sweep(points(20), InProcessWorkers(max_tasks=7), file, ignore_progress)
     assert not file.exists()
-    rest = Here()
-    first_told: list[int] = []
-    resumed = run_sweep(points(20), rest, file, lambda done, _total: first_told.append(done))
-    assert (rest.tasks, first_told[0]) == (13, 7)
-    assert bits(resumed) == bits(run_sweep(points(20), Here(), tmp_path / "whole.parquet", silent))
-    again = Here()
-    run_sweep(points(20), again, file, silent)
-    assert again.tasks == 0
+    rest = InProcessWorkers()
+    progress: list[int] = []
+    resumed = run_sweep(points(20), rest, file, lambda done, _total: progress.append(done))
+    assert (rest.tasks, progress[0]) == (13, 7)
+    assert bits(resumed) == bits(run_sweep(points(20), InProcessWorkers(), tmp_path / "whole.parquet", ignore_progress))
+    repeated = InProcessWorkers()
+    run_sweep(points(20), repeated, file, ignore_progress)
+    assert repeated.tasks == 0
 
 
-def test_point_that_the_model_refuses_says_why_and_stops_nothing(tmp_path: Path) -> None:
+def test_point_that_the_model_refuses_has_a_fault_and_the_sweep_continues(tmp_path: Path) -> None:
     file = tmp_path / "out.parquet"
-    found = run_sweep(grid(gj90c(), "response", {"imbalance_kg_m": [5e-7, 1.0]}), Here(), file, silent)
+    found = run_sweep(
+        grid(gj90c(), "response", {"imbalance_kg_m": [5e-7, 1.0]}), InProcessWorkers(), file, ignore_progress
+    )
     assert found[0].fault == ""
     assert "imbalance: 1 kg m at station 5, expected at most" in found[1].fault
     assert np.isnan(found[1].results).all()
 
 
-def test_file_of_another_quantity_is_refused_and_kept(tmp_path: Path) -> None:
+def test_file_of_another_quantity_is_refused_and_unchanged(tmp_path: Path) -> None:
     file = tmp_path / "out.parquet"
-    run_sweep(grid(gj90c(), "critical", {"stiffness_n_m": [1e4]}), Here(), file, silent)
+    run_sweep(grid(gj90c(), "critical", {"stiffness_n_m": [1e4]}), InProcessWorkers(), file, ignore_progress)
     before = file.read_bytes()
-    with pytest.raises(UsageError, match="holds something else"):
-        run_sweep(points(20), Here(), file, silent)
+    with pytest.raises(UsageError, match="holds results of another quantity"):
+        run_sweep(points(20), InProcessWorkers(), file, ignore_progress)
     assert file.read_bytes() == before
     (tmp_path / "torn.parquet").write_bytes(before[:40])
     with pytest.raises(UsageError, match="no readable Parquet file"):
         SweepStore(tmp_path / "torn.parquet", ()).load([])
 
 
-def test_processes_here_give_the_same_bits_and_survive_the_death_of_one(tmp_path: Path) -> None:
+def test_local_processes_give_identical_results_also_when_one_is_killed(tmp_path: Path) -> None:
     killed: list[int] = []
 
     def kill_one(done: int, _total: int) -> None:
@@ -147,27 +149,27 @@ def test_processes_here_give_the_same_bits_and_survive_the_death_of_one(tmp_path
 
     found = run_sweep(points(200), LocalWorkers(2), tmp_path / "out.parquet", kill_one)
     assert killed
-    assert bits(found) == bits(run_sweep(points(200), Here(), tmp_path / "here.parquet", silent))
+    assert bits(found) == bits(run_sweep(points(200), InProcessWorkers(), tmp_path / "here.parquet", ignore_progress))
 
 
-def stand_still(_point: int) -> None:
+def suspend_process(_point: int) -> None:
     os.kill(os.getpid(), signal.SIGSTOP)
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="no such signal there")
-def test_sweep_that_is_given_up_ends_its_processes_though_they_stand_still() -> None:
-    def stop_when_they_stand(_number: int, _frame: FrameType | None) -> None:
+@pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
+def test_interrupted_sweep_ends_its_suspended_processes() -> None:
+    def interrupt_when_suspended(_number: int, _frame: FrameType | None) -> None:
         states = [psutil.Process(process.pid).status() for process in multiprocessing.active_children()]
         if states != ["stopped"]:
             signal.setitimer(signal.ITIMER_REAL, 0.05)
             return
         raise KeyboardInterrupt
 
-    before = signal.signal(signal.SIGALRM, stop_when_they_stand)
+    before = signal.signal(signal.SIGALRM, interrupt_when_suspended)
     signal.setitimer(signal.ITIMER_REAL, 0.05)
     try:
         with pytest.raises(KeyboardInterrupt):
-            list(LocalWorkers(1).run(stand_still, [0, 1]))
+            list(LocalWorkers(1).run(suspend_process, [0, 1]))
     finally:
         signal.signal(signal.SIGALRM, before)
     assert not multiprocessing.active_children()
@@ -183,12 +185,12 @@ for _ in LocalWorkers(2).run(abs, range(100)):
 """
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="no such signal there")
-def test_processes_go_with_a_sweep_that_is_killed() -> None:
-    told = subprocess.run(
+@pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
+def test_processes_end_when_their_sweep_is_killed() -> None:
+    output = subprocess.run(
         [sys.executable, "-c", KILLED], check=False, stdout=subprocess.PIPE, text=True, timeout=60
     ).stdout
-    workers = [int(pid) for pid in told.split()]
+    workers = [int(pid) for pid in output.split()]
     assert workers
     end = time.monotonic() + 60.0
     while any(psutil.pid_exists(pid) and psutil.Process(pid).status() != psutil.STATUS_ZOMBIE for pid in workers):
@@ -196,19 +198,19 @@ def test_processes_go_with_a_sweep_that_is_killed() -> None:
         time.sleep(0.05)
 
 
-def test_two_dask_workers_give_the_same_bits(tmp_path: Path, cluster: distributed.LocalCluster) -> None:
-    _compare_with_cluster(points(100), cluster, tmp_path, silent, Here())
+def test_two_dask_workers_give_identical_results(tmp_path: Path, cluster: distributed.LocalCluster) -> None:
+    _compare_with_cluster(points(100), cluster, tmp_path, ignore_progress, InProcessWorkers())
 
 
-def test_nobody_at_the_schedulers_address_is_said() -> None:
+def test_missing_scheduler_is_refused() -> None:
     with socket.socket() as taken:
-        taken.bind(("127.0.0.1", 0))  # bound, not listening: nobody answers
+        taken.bind(("127.0.0.1", 0))  # bound, not listening: so that connections time out
         with pytest.raises(UsageError, match="no Dask scheduler answers there"):
             DaskWorkers(f"tcp://127.0.0.1:{taken.getsockname()[1]}", connect_timeout=0.5)
 
 
 @pytest.mark.campaign
-def test_2000_points_on_two_dask_workers_give_the_same_bits_though_one_is_killed(
+def test_2000_points_on_two_dask_workers_are_identical_also_when_one_is_killed(
     tmp_path: Path, cluster: distributed.LocalCluster
 ) -> None:
     with distributed.Client(cluster, set_as_default=False) as client:
@@ -220,7 +222,7 @@ def test_2000_points_on_two_dask_workers_give_the_same_bits_though_one_is_killed
             done_before.append(done)
             os.kill(victim, signal.SIGTERM if os.name == "nt" else signal.SIGKILL)
 
-    _compare_with_cluster(points(2000), cluster, tmp_path, silent, LocalWorkers(2))
+    _compare_with_cluster(points(2000), cluster, tmp_path, ignore_progress, LocalWorkers(2))
     _compare_with_cluster(points(2000), cluster, tmp_path, kill_one, LocalWorkers(2))
     assert done_before
 
@@ -240,4 +242,4 @@ def _compare_with_cluster(
         workers.close()
     file.unlink()
     assert len(found) == len(chosen)
-    assert bits(found) == bits(run_sweep(chosen, others, folder / "local.parquet", silent))
+    assert bits(found) == bits(run_sweep(chosen, others, folder / "local.parquet", ignore_progress))
