@@ -56,7 +56,7 @@ def analysed(header: RunHeader, items: Iterable[SourceItem]) -> list[Snapshot]:
 
 
 def kept(header: RunHeader, snapshots: Iterable[Snapshot]) -> list[bytes]:
-    """Return snapshots to the last bit, as a file keeps them."""
+    """Return snapshots as encoded in a file, for comparison bit for bit."""
     return [message.data for snapshot in snapshots for message in encode_snapshot(snapshot, header)]
 
 

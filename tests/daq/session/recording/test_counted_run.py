@@ -28,9 +28,9 @@ from tests.daq.support.counted_bench import (
     RigFactory,
     analysed,
     counted,
+    encoded_snapshots,
     header_of,
     items_of,
-    kept,
     recorded,
     ticks_of,
 )
@@ -130,9 +130,9 @@ def test_stamps_are_read_back_from_the_file_bit_for_bit(counted: RigFactory, tmp
 def test_results_do_not_depend_on_the_block_size(counted: RigFactory, tmp_path: Path, block: int) -> None:
     path = recorded(counted(simulation={"profile": RISING["profile"], "sensor_noise_um": 0.5}), tmp_path)
     with RunReader(path) as reader:
-        header, live = reader.header, kept(reader.header, reader.snapshots())
+        header, live = reader.header, encoded_snapshots(reader.header, reader.snapshots())
     source = open_replay(path, None, block=block)
-    assert kept(header, analysed(header, source.blocks())) == live
+    assert encoded_snapshots(header, analysed(header, source.blocks())) == live
     source.close()
 
 
@@ -143,11 +143,11 @@ def test_results_with_a_late_counter_do_not_depend_on_the_block_size(
     rig = counted()
     path = recorded(rig, tmp_path, delay_stamps(items_of(rig)))
     with RunReader(path) as reader:
-        header, live = reader.header, kept(reader.header, reader.snapshots())
+        header, live = reader.header, encoded_snapshots(reader.header, reader.snapshots())
         snapshots = list(reader.snapshots())[10:]
     assert all(snapshot.tacho.state is TachoState.GOOD and snapshot.frame is not None for snapshot in snapshots)
     source = open_replay(path, None, block=block)
-    assert kept(header, analysed(header, source.blocks())) == live
+    assert encoded_snapshots(header, analysed(header, source.blocks())) == live
     source.close()
 
 
@@ -166,7 +166,7 @@ def test_speed_comes_from_the_samples_after_the_counter_fails(
     assert "the tacho's counter failed" in finding.what
     assert not finding.is_fault
     source = open_replay(path, None, block=block)
-    assert kept(header, analysed(header, source.blocks())) == kept(header, snapshots)
+    assert encoded_snapshots(header, analysed(header, source.blocks())) == encoded_snapshots(header, snapshots)
     source.close()
 
 
@@ -199,8 +199,8 @@ def test_replay_of_a_recorded_run_gives_the_live_results(counted: RigFactory, tm
     with RunReader(run.path) as reader:
         assert reader.skipped_samples == 0
         np.testing.assert_array_equal(ticks_of(reader.items()), truth)
-        live = kept(reader.header, reader.snapshots())
-        assert kept(reader.header, analysed(reader.header, reader.items())) == live
+        live = encoded_snapshots(reader.header, reader.snapshots())
+        assert encoded_snapshots(reader.header, analysed(reader.header, reader.items())) == live
     assert verify(run.path).pulses == truth.size
 
 
