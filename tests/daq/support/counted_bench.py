@@ -55,7 +55,7 @@ def analysed(header: RunHeader, items: Iterable[SourceItem]) -> list[Snapshot]:
     return snapshots
 
 
-def kept(header: RunHeader, snapshots: Iterable[Snapshot]) -> list[bytes]:
+def encoded_snapshots(header: RunHeader, snapshots: Iterable[Snapshot]) -> list[bytes]:
     """Return snapshots as encoded in a file, for comparison bit for bit."""
     return [message.data for snapshot in snapshots for message in encode_snapshot(snapshot, header)]
 

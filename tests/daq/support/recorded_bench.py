@@ -106,9 +106,9 @@ def open_recorded_bench(
 ) -> RecordedBench:
     """Start a service over a folder at a free local port, with the access rules of a service bound to ``host``."""
     catalogue, live, predictors = Catalogue(folder), FakeLive(), Predictors()
-    results = ResultsReader(ReadyModel(), deadline=request_limit)
+    results = ResultsReader(ReadyModel(), time_limit=request_limit)
     run_control = FakeRunControl(live)
-    jobs = JobQueue(CatalogueLocation(folder), limit=job_limit)
+    jobs = JobQueue(CatalogueLocation(folder), time_limit=job_limit)
     features = ServiceFeatures(results, run_control, run_starter, catalogue, jobs, origins)
     summaries = Summaries(catalogue, predictors, results.summary)
     app = create_app(catalogue, live, summaries, None, features=features, host=host, token=token)
