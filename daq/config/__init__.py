@@ -1,1 +1,1 @@
-"""rig.toml: its schema, and the validated rig that it describes."""
+"""The configuration files: schema, checks and loading of rig.toml, calibration, rotor and import mapping files."""

@@ -1,4 +1,4 @@
-"""A probe's calibration record: a small TOML file beside rig.toml."""
+"""A probe's calibration file: its schema, reading, checking and writing."""
 
 import datetime as dt
 from dataclasses import dataclass
@@ -18,44 +18,42 @@ from daq.errors import ConfigError, UsageError
 FloatArray = NDArray[np.float64]
 
 MICRO = 1e-6
-ROUNDING = 0.1  # µm by which a point may lie farther off than the residual says
+ROUNDING = 0.1  # µm by which a point's deviation may exceed the stated residual
 
 
-def _day(value: str) -> str:
+def _iso_date(value: str) -> str:
     try:
         dt.date.fromisoformat(value)
     except ValueError as error:
-        raise ValueError('expected a day like "2026-11-24"') from error
+        raise ValueError('expected a date like "2026-11-24"') from error
     return value
 
 
 class CalibrationTable(Section):
-    """`[calibration]`: gap = sum of ``coefficients_um[k]`` · volts**k; left out, they are fitted to the points."""
+    """`[calibration]`: gap = sum of ``coefficients_um[k]`` · volts**k; without coefficients, a fit to the points."""
 
     coefficients_um: Annotated[tuple[float, ...], Field(min_length=2, max_length=8)] | None = None  # µm per volt**k
-    order: Annotated[int, Field(ge=ORDER_RANGE[0], le=ORDER_RANGE[1])] | None = (
-        None  # of the fit, where there are only points
-    )
+    order: Annotated[int, Field(ge=ORDER_RANGE[0], le=ORDER_RANGE[1])] | None = None  # of the fit to the points
     volts_low: float | None = None  # the span that was calibrated; left out: that of the points
     volts_high: float | None = None
     residual_um: NotNegative | None = None  # largest deviation of a calibration point
     sensor: str = ""  # serial numbers
     conditioner: str = ""
-    date: Annotated[str, AfterValidator(_day)]
-    target: str = ""  # material and diameter of what it was calibrated against
-    operator: str = ""  # who did it
+    date: Annotated[str, AfterValidator(_iso_date)]
+    target: str = ""  # material and diameter of the calibration target
+    operator: str = ""  # name of the person who calibrated
     note: str = ""
 
 
 class CalibrationPoint(Section):
-    """`[[point]]`: what was measured."""
+    """`[[point]]`: a measured point."""
 
     gap_um: NotNegative
     volts: float
 
 
 class CalibrationRecord(Section):
-    """A whole calibration file."""
+    """A calibration file."""
 
     calibration: CalibrationTable
     point: tuple[CalibrationPoint, ...] = ()
@@ -63,18 +61,18 @@ class CalibrationRecord(Section):
 
 @dataclass(frozen=True, slots=True)
 class CalibrationMetadata:
-    """What belongs to a calibration beside its points.
+    """The data of a calibration other than its points.
 
     Parameters
     ----------
     date : str
-        Day, ISO 8601.
+        Date, ISO 8601.
     sensor, conditioner : str
         Serial numbers.
     target : str
-        Material and diameter of what it was calibrated against.
+        Material and diameter of the calibration target.
     operator, note : str
-        Who did it, and anything else.
+        Name of the person who calibrated, and a free text.
     """
 
     date: str
@@ -91,30 +89,30 @@ def load_calibration(path: Path) -> Calibration:
     Raises
     ------
     ConfigError
-        The file is missing or wrong; names every fault.
+        The file is missing or wrong; lists all errors.
     """
     return to_calibration(load_record(path), str(path))
 
 
 def to_calibration(record: CalibrationRecord, file: str) -> Calibration:
-    """Return the calibration that a record says.
+    """Return the calibration in a record.
 
     Parameters
     ----------
     record : CalibrationRecord
         The record.
     file : str
-        Where it is from, for the error.
+        Its file name, for error messages.
 
     Raises
     ------
     ConfigError
-        It makes no curve; names every fault.
+        It does not describe a curve; lists all errors.
     """
     table = record.calibration
     faults: list[str] = []
     curve = _curve(record, faults)
-    if curve is None or (faults := faults + _cross_faults(curve, record)):
+    if curve is None or (faults := faults + _cross_field_faults(curve, record)):
         raise ConfigError(file, faults)
     return Calibration(
         coefficients=tuple(coefficient * MICRO for coefficient in curve.coefficients_um),
@@ -130,12 +128,12 @@ def to_calibration(record: CalibrationRecord, file: str) -> Calibration:
 
 
 def load_record(path: Path) -> CalibrationRecord:
-    """Return what a calibration file says, whether or not it makes a curve.
+    """Return the content of a calibration file, even if it does not describe a curve.
 
     Raises
     ------
     ConfigError
-        The file is missing or not of this form; names every fault.
+        The file is missing or violates the schema; lists all errors.
     """
     data = read_tables(read_text(path), str(path))
     try:
@@ -147,7 +145,7 @@ def load_record(path: Path) -> CalibrationRecord:
 
 @dataclass(frozen=True, slots=True)
 class _Curve:
-    """The polynomial of a record, as it says or as its points give it; µm and V."""
+    """A record's polynomial, stated or fitted to its points; µm and V."""
 
     coefficients_um: tuple[float, ...]
     volts_low: float
@@ -156,7 +154,7 @@ class _Curve:
 
 
 def _curve(record: CalibrationRecord, faults: list[str]) -> _Curve | None:
-    """Return a record's polynomial; None, with faults, where it has neither coefficients nor points for one."""
+    """Return a record's polynomial; None, with errors appended to `faults`, if it cannot be determined."""
     table, volts = record.calibration, [point.volts for point in record.point]
     low = min(volts, default=None) if table.volts_low is None else table.volts_low
     high = max(volts, default=None) if table.volts_high is None else table.volts_high
@@ -174,15 +172,17 @@ def _curve(record: CalibrationRecord, faults: list[str]) -> _Curve | None:
         faults.append(f"calibration.order = {table.order}: expected none where coefficients_um are given")
     for key, value in (("coefficients_um", coefficients), ("volts_low", low), ("volts_high", high)):
         if value is None:
-            wanted = "a list in brackets" if key == "coefficients_um" else "a number"
-            faults.append(f"calibration.{key}: missing, expected {wanted}, or the measured points as [[point]] tables")
+            expected = "a list in brackets" if key == "coefficients_um" else "a number"
+            faults.append(
+                f"calibration.{key}: missing, expected {expected}, or the measured points as [[point]] tables"
+            )
     if coefficients is None or low is None or high is None:
         return None
     return _Curve(coefficients, low, high, residual or 0.0)
 
 
-def _cross_faults(curve: _Curve, record: CalibrationRecord) -> list[str]:
-    """Return what single keys cannot show."""
+def _cross_field_faults(curve: _Curve, record: CalibrationRecord) -> list[str]:
+    """Return the contradictions between keys."""
     if curve.volts_low >= curve.volts_high:
         return [f"calibration.volts_low = {curve.volts_low:g}: expected less than volts_high = {curve.volts_high:g}"]
     faults = []
@@ -197,7 +197,7 @@ def _cross_faults(curve: _Curve, record: CalibrationRecord) -> list[str]:
         if off > curve.residual_um + ROUNDING:
             faults.append(
                 f"point[{number}] = {point.gap_um:g} µm at {point.volts:g} V: expected within {curve.residual_um:g} µm "
-                f"of the polynomial, lies {off:.2f} µm off"
+                f"of the polynomial, deviates by {off:.2f} µm"
             )
     return faults
 
@@ -214,7 +214,7 @@ def fitted_record(
     gaps, volts : ndarray of float64, shape (n,)
         The points, m and V.
     papers : CalibrationMetadata
-        What belongs to the record beside them.
+        The record's other data.
     """
     table = CalibrationTable(
         coefficients_um=tuple(float(f"{coefficient / MICRO:.9g}") for coefficient in fit.coefficients),
@@ -236,12 +236,12 @@ def fitted_record(
 
 
 def write_record(path: Path, record: CalibrationRecord) -> None:
-    """Write a record into a new file; one that is there is never overwritten.
+    """Write a record to a new file; an existing file is never overwritten.
 
     Raises
     ------
     UsageError
-        There is such a file, or it cannot be written.
+        The file exists, or it cannot be written.
     """
     text = to_toml(record.model_dump(mode="json", exclude_none=True))
     try:
@@ -249,6 +249,6 @@ def write_record(path: Path, record: CalibrationRecord) -> None:
         with path.open("x", encoding="utf-8") as file:
             file.write(text)
     except FileExistsError as error:
-        raise UsageError(f"{path}: is there already, and a calibration is never overwritten") from error
+        raise UsageError(f"{path}: exists already, and a calibration is never overwritten") from error
     except OSError as error:
         raise UsageError(f"{path}: cannot be written ({error.strerror or error})") from error

@@ -1,7 +1,4 @@
-"""What single keys of rig.toml cannot show: whether they fit together, the card and the sensors.
-
-Whether the tacho's counter can be what rig.toml says: lines, timebases and the room in 32 bits.
-"""
+"""Cross-field checks of rig.toml: whether its keys agree with each other, with the card and with the sensors."""
 
 import math
 from collections import Counter
@@ -13,54 +10,27 @@ from daq.config.schema import SPEED, TIME, Backend, ChannelSection, RigConfig, T
 from daq.config.toml_files import Fault
 from model.rotor.tables import TableError
 
+MAX_AGGREGATE_RATE = {"USB-6251": 1e6}  # samples per second over all channels of a multi-channel scan
+DIFFERENTIAL_INPUTS = 8  # ai0 to ai7, each with the input 8 above it as its negative
+SINGLE_ENDED_INPUTS = 16
+BLOCKS_IN_BUFFER = 4
+MIN_PROBE_ANGLE = 10.0  # degrees between the probes' axes
+ORDER_KEYS = ("analysis.highest_order", "limits.speed_rpm")
+MARK_KEYS = ("tacho.mark_fraction", "tacho.response_time_s", "tacho.pulses_per_revolution")
+MIN_SPLIT_MINUTES, MIN_SPLIT_GB = 0.01, 0.001
+MIN_PHASE_SAMPLES = 4  # of the tacho in the shorter of light and dark
+
 TIMEBASES = {80e6: "80MHzTimebase", 20e6: "20MHzTimebase", 100e3: "100kHzTimebase"}
 """Rates, Hz, and the driver's names of the clocks that an M Series card can count."""
 COUNTERS = ("ctr0", "ctr1")
 LINES = 16  # PFI0 to PFI15
-WRAP = 1 << 32  # ticks after which a count begins again
-SLACK = 10.0  # s that must be left of a wrap, for a stamp that comes late and a block that is long
-LOW_LEVEL, HIGH_LEVEL = 0.8, 2.2  # V: below and above, a line of the card is sure to see its level
-
-
-def _counter(config: RigConfig) -> Iterator[Fault]:
-    """Return what is wrong with the counter of a configuration."""
-    section, timing = config.tacho.counter, config.timing
-    if section is None:
-        return
-    key = "tacho.counter"
-    if section.counter not in COUNTERS:
-        yield _fault(f"{key}.counter", f'"{section.counter}"', f"{' or '.join(COUNTERS)}, the counters of the card")
-    if int(section.terminal.removeprefix("PFI")) >= LINES:
-        yield _fault(f"{key}.terminal", f'"{section.terminal}"', f"PFI0 to PFI{LINES - 1}, the lines of the card")
-    if section.timebase_hz not in TIMEBASES:
-        expected = f"one of the card's clocks, {', '.join(f'{rate:.0f}' for rate in TIMEBASES)}"
-        yield _fault(f"{key}.timebase_hz", f"{section.timebase_hz:g}", expected)
-        return
-    longest = WRAP / section.timebase_hz - SLACK
-    if timing.buffer_s > longest:
-        expected = f"at most {longest:.1f}: a count of 32 bits begins again every {WRAP / section.timebase_hz:.1f} s"
-        yield _fault("timing.buffer_s", f"{timing.buffer_s:g}", expected, f"{key}.timebase_hz")
-    bench = config.simulation
-    if config.device.backend is Backend.SIMULATED and not (
-        bench.tacho_low_v <= LOW_LEVEL and bench.tacho_high_v >= HIGH_LEVEL
-    ):
-        expected = f"at least {HIGH_LEVEL:g}, and tacho_low_v at most {LOW_LEVEL:g}: the levels of {section.terminal}"
-        yield _fault("simulation.tacho_high_v", f"{bench.tacho_high_v:g}", expected, "simulation.tacho_low_v", key)
-
-
-AGGREGATE_RATE = {"USB-6251": 1e6}  # samples per second over all channels of a multi-channel scan
-DIFFERENTIAL_INPUTS = 8  # ai0 to ai7, each with the input 8 above it as its negative
-SINGLE_ENDED_INPUTS = 16
-BLOCKS_IN_BUFFER = 4
-LEAST_ANGLE = 10.0  # degrees between the probes' axes
-ORDER_KEYS = ("analysis.highest_order", "limits.speed_rpm")
-MARK_KEYS = ("tacho.mark_fraction", "tacho.response_time_s", "tacho.pulses_per_revolution")
-LEAST_SPLIT_MIN, LEAST_SPLIT_GB = 0.01, 0.001
-LIGHT_AND_DARK_SAMPLES = 4  # of the tacho, at least, in its shorter phase
+COUNTER_WRAP = 1 << 32  # ticks; the count has 32 bits
+WRAP_MARGIN = 10.0  # s of a wrap reserved for a late stamp and a long block
+LOW_LEVEL, HIGH_LEVEL = 0.8, 2.2  # V: guaranteed logic levels of a line of the card
 
 
 def cross_field_faults(config: RigConfig) -> Iterator[Fault]:
-    """Return every contradiction between the keys of a configuration."""
+    """Yield the contradictions between the keys of a configuration."""
     yield from _roles(config)
     yield from _wiring(config)
     yield from _probe_angles(config)
@@ -96,7 +66,7 @@ def _roles(config: RigConfig) -> Iterator[Fault]:
     for number, channel in enumerate(config.channel):
         if channel.role is Role.TACHO and number != last:
             key = f"channel[{number}].role"
-            text = "the tacho as the last channel: its steep edges then settle before the next probe is sampled"
+            text = "the tacho as the last channel, so that its steep edges settle before the next probe is sampled"
             yield _fault(key, channel.role.value, text, "channel")
 
 
@@ -106,7 +76,7 @@ def _wiring(config: RigConfig) -> Iterator[Fault]:
     for number, channel in enumerate(config.channel):
         key = f"channel[{number}]"
         if channel.name in names:
-            yield _fault(f"{key}.name", channel.name, f"a name of its own, channel[{names[channel.name]}] has this one")
+            yield _fault(f"{key}.name", channel.name, f"a unique name, channel[{names[channel.name]}] has this one")
         names.setdefault(channel.name, number)
         positive = int(channel.physical.removeprefix("ai"))
         differential = channel.terminal == "differential"
@@ -118,8 +88,8 @@ def _wiring(config: RigConfig) -> Iterator[Fault]:
             continue
         for used in [positive, positive + DIFFERENTIAL_INPUTS] if differential else [positive]:
             if used in inputs:
-                taken = f"an input of its own, {inputs[used]} uses ai{used}"
-                yield _fault(f"{key}.physical", channel.physical, taken, "channel.terminal")
+                free = f"a free input, {inputs[used]} uses ai{used}"
+                yield _fault(f"{key}.physical", channel.physical, free, "channel.terminal")
                 break
             inputs[used] = key
 
@@ -130,8 +100,8 @@ def _probe_angles(config: RigConfig) -> Iterator[Fault]:
         return
     (_, first), (number, second) = probes
     apart = math.degrees(math.asin(abs(math.sin(math.radians(second.angle_deg - first.angle_deg)))))
-    if apart < LEAST_ANGLE:
-        expected = f"at least {LEAST_ANGLE:g} degrees from the line of {first.name!r} at {first.angle_deg:g}"
+    if apart < MIN_PROBE_ANGLE:
+        expected = f"at least {MIN_PROBE_ANGLE:g} degrees from the line of {first.name!r} at {first.angle_deg:g}"
         yield _fault(f"channel[{number}].angle_deg", second.angle_deg, expected, "channel.angle_deg", "channel.role")
 
 
@@ -153,7 +123,7 @@ def _channel(channel: ChannelSection, key: str) -> Iterator[Fault]:
 
 def _timing(config: RigConfig) -> Iterator[Fault]:
     timing, channels = config.timing, len(config.channel)
-    aggregate = AGGREGATE_RATE.get(config.device.product)
+    aggregate = MAX_AGGREGATE_RATE.get(config.device.product)
     if aggregate is not None and timing.rate_hz * channels > aggregate:
         expected = f"at most {aggregate / channels:.0f}: the {config.device.product} shares {aggregate:,.0f} Hz among "
         yield _fault("timing.rate_hz", timing.rate_hz, f"{expected}{channels} channels", "device.product")
@@ -185,34 +155,60 @@ def _tacho(config: RigConfig) -> Iterator[Fault]:
             keys = ("tacho.hysteresis_v", f"channel[{number}].range_v")
             yield _fault("tacho.threshold_v", tacho.threshold_v, expected, *keys)
     for key, speed in _planned_speeds(config):
-        if speed > (highest := _fastest_followed(tacho)) * (1 + 1e-9):
+        if speed > (highest := _max_tacho_speed(tacho)) * (1 + 1e-9):
             expected = (
-                f"at most {highest:.0f}: light and dark must each last the tacho's response time of "
+                f"at most {highest:.0f}: light and dark must both last the tacho's response time of "
                 f"{tacho.response_time_s * 1e3:g} ms, with a mark over {tacho.mark_fraction * 100:g} % of the turn"
             )
             yield _fault(key, speed, expected, *MARK_KEYS)
     shorter = min(tacho.mark_fraction, 1 - tacho.mark_fraction)
     pulses = config.limits.speed_rpm / 60 * tacho.pulses_per_revolution
-    if shorter * config.timing.rate_hz < LIGHT_AND_DARK_SAMPLES * pulses:
-        least = LIGHT_AND_DARK_SAMPLES * pulses / shorter
-        expected = f"at least {least:.0f}: {LIGHT_AND_DARK_SAMPLES} samples of the tacho's light and dark at full speed"
+    if shorter * config.timing.rate_hz < MIN_PHASE_SAMPLES * pulses:
+        minimum = MIN_PHASE_SAMPLES * pulses / shorter
+        expected = f"at least {minimum:.0f}: {MIN_PHASE_SAMPLES} samples of the tacho's light and dark at full speed"
         yield _fault("timing.rate_hz", config.timing.rate_hz, expected, "limits.speed_rpm", *MARK_KEYS)
 
 
 def _planned_speeds(config: RigConfig) -> Iterator[tuple[str, float]]:
-    """Yield key and value, r/min, of every speed that the tacho should follow."""
+    """Yield key and value, r/min, of all speeds that the tacho must be able to follow."""
     yield "limits.speed_rpm", config.limits.speed_rpm
     if config.device.backend is Backend.SIMULATED:
         for number, point in enumerate(config.simulation.profile):
             yield f"simulation.profile[{number}].speed_rpm", point.speed_rpm
 
 
-def _fastest_followed(tacho: TachoSection) -> float:
-    """Return the speed, r/min, up to which light and dark both outlast the sensor's response time."""
+def _max_tacho_speed(tacho: TachoSection) -> float:
+    """Return the highest speed, r/min, at which light and dark both last the sensor's response time."""
     if tacho.response_time_s == 0:
         return math.inf
     shorter = min(tacho.mark_fraction, 1 - tacho.mark_fraction)
     return shorter / tacho.response_time_s * 60 / tacho.pulses_per_revolution
+
+
+def _counter(config: RigConfig) -> Iterator[Fault]:
+    """Yield the errors in `[tacho.counter]`."""
+    section, timing = config.tacho.counter, config.timing
+    if section is None:
+        return
+    key = "tacho.counter"
+    if section.counter not in COUNTERS:
+        yield _fault(f"{key}.counter", f'"{section.counter}"', f"{' or '.join(COUNTERS)}, the counters of the card")
+    if int(section.terminal.removeprefix("PFI")) >= LINES:
+        yield _fault(f"{key}.terminal", f'"{section.terminal}"', f"PFI0 to PFI{LINES - 1}, the lines of the card")
+    if section.timebase_hz not in TIMEBASES:
+        expected = f"one of the card's clocks, {', '.join(f'{rate:.0f}' for rate in TIMEBASES)}"
+        yield _fault(f"{key}.timebase_hz", f"{section.timebase_hz:g}", expected)
+        return
+    longest = COUNTER_WRAP / section.timebase_hz - WRAP_MARGIN
+    if timing.buffer_s > longest:
+        expected = f"at most {longest:.1f}: a 32-bit count wraps every {COUNTER_WRAP / section.timebase_hz:.1f} s"
+        yield _fault("timing.buffer_s", f"{timing.buffer_s:g}", expected, f"{key}.timebase_hz")
+    bench = config.simulation
+    if config.device.backend is Backend.SIMULATED and not (
+        bench.tacho_low_v <= LOW_LEVEL and bench.tacho_high_v >= HIGH_LEVEL
+    ):
+        expected = f"at least {HIGH_LEVEL:g}, and tacho_low_v at most {LOW_LEVEL:g}: the levels of {section.terminal}"
+        yield _fault("simulation.tacho_high_v", f"{bench.tacho_high_v:g}", expected, "simulation.tacho_low_v", key)
 
 
 def _limits(config: RigConfig) -> Iterator[Fault]:
@@ -222,11 +218,11 @@ def _limits(config: RigConfig) -> Iterator[Fault]:
         expected = f"at most peak_to_peak_danger_um = {danger:g}"
         yield _fault("limits.peak_to_peak_alarm_um", alarm, expected, "limits.peak_to_peak_danger_um")
     if danger > 2 * limits.clearance_um:
-        expected = f"at most {2 * limits.clearance_um:g}, twice clearance_um: the shaft has no more room"
+        expected = f"at most {2 * limits.clearance_um:g}, twice clearance_um: the shaft cannot move further"
         yield _fault("limits.peak_to_peak_danger_um", danger, expected, "limits.clearance_um")
-    for name, unit, most, why in (
-        ("order_1x_peak", "um", limits.clearance_um, "clearance_um: the shaft has no more room"),
-        ("below_1x_peak", "um", limits.clearance_um, "clearance_um: the shaft has no more room"),
+    for name, unit, maximum, reason in (
+        ("order_1x_peak", "um", limits.clearance_um, "clearance_um: the shaft cannot move further"),
+        ("below_1x_peak", "um", limits.clearance_um, "clearance_um: the shaft cannot move further"),
         ("speed", "rpm", limits.speed_rpm, "speed_rpm: the highest speed of the rig"),
     ):
         alarm_key, danger_key = f"{name}_alarm_{unit}", f"{name}_danger_{unit}"
@@ -234,20 +230,18 @@ def _limits(config: RigConfig) -> Iterator[Fault]:
         if alarm > danger > 0:
             yield _fault(f"limits.{alarm_key}", alarm, f"at most {danger_key} = {danger:g}", f"limits.{danger_key}")
         for key, limit in ((alarm_key, alarm), (danger_key, danger)):
-            if limit > most:
-                yield _fault(f"limits.{key}", limit, f"at most {most:g}, {why}", f"limits.{why.split(':')[0]}")
+            if limit > maximum:
+                yield _fault(f"limits.{key}", limit, f"at most {maximum:g}, {reason}", f"limits.{reason.split(':')[0]}")
 
 
 def _runout(config: RigConfig) -> Iterator[Fault]:
-    """Return every contradiction in what is said of run-out."""
+    """Yield the contradictions in `[runout]`."""
     runout = config.runout
     if runout.vector and (runout.slow_roll_rpm or runout.from_run):
-        text = (
-            "runout.vector: expected none beside slow_roll_rpm or from_run: the run-out is given or told by a slow roll"
-        )
+        text = "runout.vector: expected none with slow_roll_rpm or from_run: both give the run-out"
         yield Fault(("runout.vector", "runout.slow_roll_rpm", "runout.from_run"), text)
     if runout.from_run and not runout.slow_roll_rpm:
-        text = f'runout.from_run = "{runout.from_run}": expected slow_roll_rpm beside it, the speed of its slow roll'
+        text = f'runout.from_run = "{runout.from_run}": expected slow_roll_rpm too, the speed of its slow roll'
         yield Fault(("runout.from_run", "runout.slow_roll_rpm"), text)
     marks = config.tacho.pulses_per_revolution
     if (runout.vector or runout.slow_roll_rpm) and marks != 1:
@@ -267,16 +261,16 @@ def _runout(config: RigConfig) -> Iterator[Fault]:
 
 def _storage(config: RigConfig) -> Iterator[Fault]:
     storage = config.storage
-    for key, value, least in (
-        ("split_minutes", storage.split_minutes, LEAST_SPLIT_MIN),
-        ("split_gb", storage.split_gb, LEAST_SPLIT_GB),
+    for key, value, minimum in (
+        ("split_minutes", storage.split_minutes, MIN_SPLIT_MINUTES),
+        ("split_gb", storage.split_gb, MIN_SPLIT_GB),
     ):
-        if 0 < value < least:
-            yield _fault(f"storage.{key}", value, f"0 for never, or at least {least:g}: each part is a file of its own")
+        if 0 < value < minimum:
+            yield _fault(f"storage.{key}", value, f"0 for never, or at least {minimum:g}: each part is a separate file")
 
 
 def trigger_faults(config: RigConfig) -> Iterator[Fault]:
-    """Return what is wrong with the trigger's conditions."""
+    """Yield the errors in `[trigger]`."""
     ranges = {channel.name: channel.range_v for channel in config.channel}
     names = [SPEED, TIME, *ranges]
     for key, text in (("trigger.start", config.trigger.start), ("trigger.stop", config.trigger.stop)):
@@ -285,16 +279,16 @@ def trigger_faults(config: RigConfig) -> Iterator[Fault]:
             continue
         if condition.quantity not in names:
             yield _fault(key, f'"{text}"', f"a condition on one of {', '.join(names)}", "channel.name")
-        elif abs(condition.value) >= (most := ranges.get(condition.quantity, math.inf)):
-            yield _fault(key, f'"{text}"', f"a voltage within the range of ±{most:g} V", "channel.range_v")
+        elif abs(condition.value) >= (maximum := ranges.get(condition.quantity, math.inf)):
+            yield _fault(key, f'"{text}"', f"a voltage within the range of ±{maximum:g} V", "channel.range_v")
     trigger = config.trigger
     if trigger.events != 1 and not (trigger.start.strip() and trigger.stop.strip()):
-        expected = "1 where not both start and stop are given: what ends an event, and what begins the next?"
+        expected = "1 without both start and stop: several events need both conditions"
         yield _fault("trigger.events", f"{trigger.events}", expected, "trigger.start", "trigger.stop")
 
 
 def _model(config: RigConfig) -> Iterator[Fault]:
-    """Return what the model itself says of its parameters."""
+    """Yield the errors that the rotor model finds in its parameters."""
     try:
         model_parameters(config)
     except TableError as error:

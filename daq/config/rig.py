@@ -1,7 +1,4 @@
-"""A validated rig: its configuration and every file that it names, read once.
-
-Run-out as rig.toml gives it, checked and in SI units.
-"""
+"""A validated rig: its configuration, calibrations, and their values in SI units."""
 
 import cmath
 import math
@@ -18,7 +15,7 @@ RPM = 2 * math.pi / 60
 
 
 def runout_settings(config: RigConfig) -> RunOutSettings:
-    """Return what is to be taken off as run-out; that of an earlier run must have been put in place of its name."""
+    """Return the run-out settings; the caller has replaced `from_run` by that run's vectors."""
     runout = config.runout
     sigmas = {vector.order: vector.sigma_um * MICRO for vector in runout.vector}
     return RunOutSettings(
@@ -39,7 +36,7 @@ def runout_settings(config: RigConfig) -> RunOutSettings:
 
 @dataclass(frozen=True, slots=True)
 class Rig:
-    """A rig.toml that has been found good, with the calibrations that it names.
+    """A validated rig.toml with the calibrations that it names.
 
     Parameters
     ----------
@@ -50,7 +47,7 @@ class Rig:
     calibrations : mapping of str to Calibration
         The calibration of each probe, by channel name.
     toml : str
-        The configuration in force, as TOML; copied into every run.
+        The complete configuration as TOML, with defaults; stored in the header of every run.
     """
 
     path: Path
@@ -60,7 +57,7 @@ class Rig:
 
     @property
     def tacho(self) -> Tacho:
-        """How the tacho is read."""
+        """The tacho's signal and mark."""
         section = self.config.tacho
         return Tacho(
             threshold=section.threshold_v,
@@ -89,7 +86,7 @@ class Rig:
 
     @property
     def limits(self) -> Limits:
-        """What is watched."""
+        """The alarm limits."""
         section = self.config.limits
         return Limits(
             peak_to_peak_alarm=section.peak_to_peak_alarm_um * MICRO,
@@ -99,17 +96,17 @@ class Rig:
             hysteresis=section.hysteresis_fraction,
             hold=section.hold_s,
             latch=section.latch,
-            order_1x_alarm=_watched(section.order_1x_peak_alarm_um, MICRO),
-            order_1x_danger=_watched(section.order_1x_peak_danger_um, MICRO),
-            below_1x_alarm=_watched(section.below_1x_peak_alarm_um, MICRO),
-            below_1x_danger=_watched(section.below_1x_peak_danger_um, MICRO),
-            speed_alarm=_watched(section.speed_alarm_rpm, RPM),
-            speed_danger=_watched(section.speed_danger_rpm, RPM),
+            order_1x_alarm=_limit(section.order_1x_peak_alarm_um, MICRO),
+            order_1x_danger=_limit(section.order_1x_peak_danger_um, MICRO),
+            below_1x_alarm=_limit(section.below_1x_peak_alarm_um, MICRO),
+            below_1x_danger=_limit(section.below_1x_peak_danger_um, MICRO),
+            speed_alarm=_limit(section.speed_alarm_rpm, RPM),
+            speed_danger=_limit(section.speed_danger_rpm, RPM),
         )
 
     @property
     def wiring_limits(self) -> WiringLimits:
-        """What a preflight takes for good of the wiring."""
+        """The limits of the preflight's wiring checks."""
         section = self.config.preflight
         return WiringLimits(
             hum_warn=section.hum_warn_um * MICRO,
@@ -120,7 +117,7 @@ class Rig:
 
     @property
     def settings(self) -> AnalysisSettings:
-        """How runs are analysed."""
+        """The settings of the analysis."""
         section = self.config.analysis
         return AnalysisSettings(
             update_interval=section.update_s,
@@ -131,6 +128,6 @@ class Rig:
         )
 
 
-def _watched(limit: float, unit: float) -> float:
-    """Return a limit in SI units, infinite where it is 0: not watched."""
+def _limit(limit: float, unit: float) -> float:
+    """Return a limit in SI units; infinity for 0, which means no limit."""
     return limit * unit if limit else math.inf

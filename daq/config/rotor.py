@@ -1,7 +1,4 @@
-"""The rotor model's parameters, from the rig's configuration.
-
-Rotor files: what the model's rotor is made of, read from disk; `model.rotor.rotor_file` says whether it is right.
-"""
+"""The rotor model's parameters from the configuration, and reading of rotor files."""
 
 import math
 from collections.abc import Mapping
@@ -19,19 +16,19 @@ from model.rotor.rotor_file import parse_rotor
 
 
 def read_rotor(path: Path | str) -> dict[str, object]:
-    """Return the content of a rotor file; ConfigError where it cannot be read or is not TOML."""
+    """Return the content of a rotor file; ConfigError if it cannot be read or is not TOML."""
     return read_tables(read_text(Path(path)), str(path))
 
 
 def default_rotor() -> dict[str, object]:
-    """Return the content of the rotor file that comes with the program: the thesis's GJ90C."""
+    """Return the content of the default rotor file: the thesis's GJ90C."""
     text = files("model.rotor").joinpath("gj90c.toml").read_text(encoding="utf-8")
     return read_tables(text, "gj90c.toml")
 
 
-def parameters_from_tables(document: Mapping[str, object]) -> ModelParameters:
-    """Return what a rotor file says, the GJ90C where it says nothing; TableError where it is wrong."""
-    return parse_rotor(document) if document else _gj90c()
+def parameters_from_tables(tables: Mapping[str, object]) -> ModelParameters:
+    """Return the parameters in a rotor file, those of the GJ90C if it is empty; TableError if it is wrong."""
+    return parse_rotor(tables) if tables else _gj90c()
 
 
 @cache
@@ -40,22 +37,20 @@ def _gj90c() -> ModelParameters:
 
 
 def model_parameters(config: RigConfig) -> ModelParameters:
-    """Return the parameters of the model that a configuration asks for, as of a recording's rig.
-
-    The rotor file's, with what `[model]` says in its place.
+    """Return the rotor model's parameters: those of the rotor file, with the changes in `[model]`.
 
     Raises
     ------
     ValueError
-        The rotor is wrong, or does not go together with what `[model]` says.
+        The rotor is wrong, or `[model]` contradicts it.
     """
     parameters = parameters_from_tables(config.rotor)
-    seats = {channel.role: math.radians(channel.angle_deg) for channel in config.channel}
+    angles = {channel.role: math.radians(channel.angle_deg) for channel in config.channel}
     return replace(
         parameters,
         bearing=_bearing(parameters.floating_ring, config.model),
         imbalances=_imbalances(parameters.imbalances, config.model),
-        probe_angles=(seats.get(Role.PROBE_X, 0.0), seats.get(Role.PROBE_Y, math.pi / 2)),
+        probe_angles=(angles.get(Role.PROBE_X, 0.0), angles.get(Role.PROBE_Y, math.pi / 2)),
     )
 
 
@@ -70,7 +65,7 @@ def _bearing(bearing: FloatingRing, section: ModelSection) -> FloatingRing:
 
 
 def _imbalances(imbalances: tuple[Imbalance, ...], section: ModelSection) -> tuple[Imbalance, ...]:
-    """Return the imbalances with the first as the section says; the others stay."""
+    """Return the imbalances, the first one changed as in the section."""
     magnitude, station, phase = section.imbalance_kg_m, section.imbalance_station, section.imbalance_phase_deg
     if magnitude is None and station is None and phase is None:
         return imbalances

@@ -1,4 +1,4 @@
-"""rig.toml: what is wired where, how it is calibrated, how fast it is read, what is watched and where it is kept."""
+"""The schema of rig.toml, and the syntax of trigger conditions."""
 
 import re
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from analysis.signals.header import Edge, Role
 
 
 class Section(BaseModel):
-    """A table of rig.toml: unknown keys are faults, values do not change."""
+    """Base class of rig.toml's tables: unknown keys are errors, instances are immutable."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
@@ -20,7 +20,7 @@ Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
 
 
-INPUT_RANGES = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0)  # of an M Series card, V, plus and minus
+INPUT_RANGES = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0)  # ±V, of an M Series card
 
 
 def _input_range(value: float) -> float:
@@ -33,29 +33,29 @@ InputRange = Annotated[float, AfterValidator(_input_range)]
 
 
 class Backend(StrEnum):
-    """What delivers the samples."""
+    """The source of the samples."""
 
     NIDAQMX = "nidaqmx"
     SIMULATED = "simulated"
 
 
 class DeviceSection(Section):
-    """`[device]`: which card, or the simulated one."""
+    """`[device]`: the card, real or simulated."""
 
     backend: Backend = Backend.SIMULATED
     product: str = "USB-6251"
     name: str = "Dev1"
     serial: Annotated[
         str, Field(pattern=r"^(0[xX])?[0-9A-Fa-f]{0,16}$", description="the hexadecimal number printed on the card")
-    ] = ""  # hexadecimal as printed on the card; when given, binds the card wherever it is plugged
+    ] = ""  # identifies the card at any USB port; empty: `name` does
     target: Annotated[str, Field(pattern=r"^(\S+:\S+)?$", description='an address as "host:port", or nothing')] = (
-        ""  # of a gRPC device server; empty: the driver on this machine
+        ""  # address of a gRPC device server; empty: the driver on this machine
     )
-    deadline_s: Positive = 3.0  # for every call over gRPC, beyond the call's own time-out
+    deadline_s: Positive = 3.0  # of every gRPC call, in addition to the call's own time-out
 
 
 class TimingSection(Section):
-    """`[timing]`: how fast, in what portions."""
+    """`[timing]`: sample rate, block length and buffer."""
 
     rate_hz: Positive = 100_000.0  # per channel
     block_s: Annotated[float, Field(ge=0.005, le=1.0)] = 0.1
@@ -63,7 +63,7 @@ class TimingSection(Section):
 
 
 class ChannelSection(Section):
-    """`[[channel]]`: one input and what is wired to it."""
+    """`[[channel]]`: an input and the sensor connected to it."""
 
     name: Annotated[
         str,
@@ -81,18 +81,18 @@ class ChannelSection(Section):
 
 
 class CounterSection(Section):
-    """`[tacho.counter]`: a counter of the card that stamps the tacho's edges, beside the channel that samples it."""
+    """`[tacho.counter]`: a counter of the card that stamps the tacho's edges, in addition to the sampled channel."""
 
     counter: Annotated[str, Field(pattern=r"^ctr[0-9]$", description='a counter of the card, as "ctr0"')] = "ctr0"
     terminal: Annotated[str, Field(pattern=r"^PFI[0-9]{1,2}$", description='a line of the card, as "PFI0"')] = "PFI0"
-    edge: Edge | None = None  # at that line; left out: as tacho.edge
+    edge: Edge | None = None  # at that line; default: tacho.edge
     timebase_hz: Positive = 80e6
-    reference: Literal["samples", "counter"] = "samples"  # what speed and phase are taken from
-    max_difference_us: Positive = 50.0  # how far apart the two may have an edge before it is told
+    reference: Literal["samples", "counter"] = "samples"  # source of speed and phase
+    max_difference_us: Positive = 50.0  # between the two times of an edge, before it is reported
 
 
 class TachoSection(Section):
-    """`[tacho]`: how the mark is read."""
+    """`[tacho]`: signal of the keyphasor mark."""
 
     threshold_v: float = 2.5
     hysteresis_v: Positive = 1.0
@@ -105,25 +105,25 @@ class TachoSection(Section):
 
 
 class LimitsSection(Section):
-    """`[limits]`: what must not be passed."""
+    """`[limits]`: alarm limits."""
 
     peak_to_peak_alarm_um: Positive = 80.0
     peak_to_peak_danger_um: Positive = 95.0
     clearance_um: Positive = 100.0  # radius of the circle the shaft can move in
     speed_rpm: Positive = 20_000.0
-    hysteresis_fraction: Annotated[float, Field(ge=0, le=0.5)] = 0.05  # part of a limit, below it, where its alarm ends
-    hold_s: Annotated[float, Field(ge=0, le=60)] = 1.0  # how long vibration must pass a limit before its alarm
-    latch: bool = True  # an alarm stays in sight until somebody acknowledges it
-    order_1x_peak_alarm_um: NotNegative = 0.0  # of 1X at either probe; 0: not watched, as all that follow
+    hysteresis_fraction: Annotated[float, Field(ge=0, le=0.5)] = 0.05  # of a limit: an alarm ends this far below it
+    hold_s: Annotated[float, Field(ge=0, le=60)] = 1.0  # how long vibration must exceed a limit before its alarm
+    latch: bool = True  # an alarm stays visible until it is acknowledged
+    order_1x_peak_alarm_um: NotNegative = 0.0  # of 1X at either probe; 0: no limit, as for all keys below
     order_1x_peak_danger_um: NotNegative = 0.0
-    below_1x_peak_alarm_um: NotNegative = 0.0  # of all components below 1X at either probe, added
+    below_1x_peak_alarm_um: NotNegative = 0.0  # sum of all components below 1X at either probe
     below_1x_peak_danger_um: NotNegative = 0.0
     speed_alarm_rpm: NotNegative = 0.0
     speed_danger_rpm: NotNegative = 0.0
 
 
 class AnalysisSection(Section):
-    """`[analysis]`: how a run is analysed, live and afterwards."""
+    """`[analysis]`: settings of the analysis, live and offline."""
 
     update_s: Annotated[float, Field(ge=0.02, le=2.0)] = 0.1
     revolutions: Annotated[int, Field(ge=4, le=256)] = 16
@@ -132,33 +132,33 @@ class AnalysisSection(Section):
 
 
 class RunOutVector(Section):
-    """`[[runout.vector]]`: what the probes see of the surface at one whole order."""
+    """`[[runout.vector]]`: run-out at the probes at one integer order."""
 
     order: Annotated[int, Field(ge=1, le=64)] = 1
     x_um: NotNegative  # peak, at probe x
-    x_lag_deg: float  # after the tacho's mark
+    x_lag_deg: float  # phase lag behind the keyphasor mark
     y_um: NotNegative
     y_lag_deg: float
-    sigma_um: NotNegative = 0.0  # standard deviation of either amplitude; 0 where nobody knows
+    sigma_um: NotNegative = 0.0  # standard deviation of either amplitude; 0 if unknown
 
 
 class RunOutSection(Section):
-    """`[runout]`: what is taken off 1X and 2X as run-out, beside the values as measured."""
+    """`[runout]`: run-out to subtract from 1X and 2X; the values as measured are reported too."""
 
-    slow_roll_rpm: NotNegative = 0.0  # frames of a run up to this speed tell its run-out; 0: none does
-    from_run: str = ""  # its id or file; empty: of the present run
-    correct_orbit: bool = False  # take it off the orbit too
-    vector: tuple[RunOutVector, ...] = ()  # given instead
-    source: str = ""  # where the vectors come from, for people
+    slow_roll_rpm: NotNegative = 0.0  # run-out is measured up to this speed; 0: it is not measured
+    from_run: str = ""  # id or file of the run that measures it; empty: the current run
+    correct_orbit: bool = False  # subtract it from the orbit too
+    vector: tuple[RunOutVector, ...] = ()  # known run-out, instead of a measurement
+    source: str = ""  # origin of the vectors, as a note
 
 
 class StorageSection(Section):
-    """`[storage]`: where runs go and how much room must stay."""
+    """`[storage]`: data folder, free space, splitting of files, catalogue."""
 
     folder: str = ""  # empty: $RIG_DATA, else ./data
-    reserve_gb: NotNegative = 1.0  # recording stops cleanly before less is free
-    split_gb: NotNegative = 0.0  # a run goes on in a further file when one is so large; 0: never
-    split_minutes: NotNegative = 0.0  # or holds so many minutes; 0: never
+    reserve_gb: NotNegative = 1.0  # recording stops cleanly when less is free
+    split_gb: NotNegative = 0.0  # a run continues in a further file at this size; 0: never
+    split_minutes: NotNegative = 0.0  # or at this duration; 0: never
     catalogue: Annotated[
         str,
         Field(
@@ -168,23 +168,23 @@ class StorageSection(Section):
     ] = ""  # database of the runs; empty: $RIG_CATALOGUE, else in the folder
 
 
-SPEED, TIME = "speed", "time"
-_NUMBER = r"[+-]?(?:[0-9]{1,3}(?:,[0-9]{3})+|[0-9][0-9_]*)(?:\.[0-9]+)?"  # a comma parts thousands, never decimals
+SPEED, TIME = "speed", "time"  # quantities of a condition; any other is a channel
+_NUMBER = r"[+-]?(?:[0-9]{1,3}(?:,[0-9]{3})+|[0-9][0-9_]*)(?:\.[0-9]+)?"  # a comma separates thousands, never decimals
 _CONDITION = re.compile(rf"\s*([A-Za-z][A-Za-z0-9_-]{{0,31}})\s*([<>])\s*({_NUMBER})\s*")
 
 
 @dataclass(frozen=True, slots=True)
 class TriggerCondition:
-    """A quantity above or below a value.
+    """The condition that a quantity is above or below a value.
 
     Parameters
     ----------
     quantity : str
         "speed", "time", or the name of a channel.
     is_above : bool
-        Whether it must be above the value; else below.
+        Whether it must be above the value; otherwise below.
     value : float
-        r/min of the speed, s of the time, V of a channel.
+        Speed, r/min; time, s; or a channel's voltage, V.
     """
 
     quantity: str
@@ -197,21 +197,21 @@ class TriggerCondition:
         return {SPEED: "r/min", TIME: "s"}.get(self.quantity, "V")
 
     def __str__(self) -> str:
-        """Return it as the operator writes it, with its unit."""
+        """Return the condition as the operator writes it, with unit."""
         return f"{self.quantity} {'>' if self.is_above else '<'} {self.value:g} {self.unit}"
 
     def holds(self, value: float) -> bool:
-        """Return whether it holds for a value of its quantity; never for NaN."""
+        """Return whether it holds for a value of its quantity; False for NaN."""
         return value > self.value if self.is_above else value < self.value
 
 
 def parse_condition(text: str) -> TriggerCondition | None:
-    """Return the condition that a text says, None for an empty one.
+    """Return the condition in a text such as "speed > 2000", None for an empty text.
 
     Raises
     ------
     ValueError
-        The text says none; the message tells what is expected.
+        The text is not a condition; the message gives examples.
     """
     if not text.strip():
         return None
@@ -231,70 +231,68 @@ ConditionText = Annotated[str, AfterValidator(_condition)]
 
 
 class TriggerSection(Section):
-    """`[trigger]`: from when to when a run is recorded."""
+    """`[trigger]`: conditions that start and stop a recording."""
 
     start: ConditionText = ""  # as "speed > 2000" (r/min), "x > 4.5" (V), "time > 10" (s); empty: at once
-    stop: ConditionText = ""  # likewise; empty: until it is stopped
-    pre_s: Annotated[float, Field(ge=0, le=30)] = 2.0  # of samples from before the start that are recorded too
+    stop: ConditionText = ""  # likewise; empty: until stopped
+    pre_s: Annotated[float, Field(ge=0, le=30)] = 2.0  # pre-trigger time
     hold_s: Annotated[float, Field(ge=0, le=60)] = 0.5  # how long a condition must hold
-    events: Annotated[int, Field(ge=0, le=100_000)] = 1  # recordings, each a file of its own; 0: until it is stopped
-    hold_off_s: Annotated[float, Field(ge=0, le=86_400)] = 0.0  # after a stop, before a start is looked for again
+    events: Annotated[int, Field(ge=0, le=100_000)] = 1  # recordings, each in a separate file; 0: until stopped
+    hold_off_s: Annotated[float, Field(ge=0, le=86_400)] = 0.0  # time after a stop before the trigger is rearmed
 
 
 class PreflightSection(Section):
-    """`[preflight]`: what `rig preflight` still takes for good, where that is a matter of the rig."""
+    """`[preflight]`: rig-specific limits of `rig preflight`."""
 
-    hum_warn_um: NotNegative = 1.0  # mains hum of a probe, peak: above it is said,
-    hum_fail_um: NotNegative = 5.0  # and above this it stands against a run
-    calibration_days: Annotated[int, Field(ge=1, le=36_500)] = 365  # how old a probe's calibration may be
-    self_calibration_days: Annotated[int, Field(ge=1, le=36_500)] = 365  # how long ago the card calibrated itself
-    residual_fraction: Annotated[float, Field(gt=0, le=0.5)] = 0.01  # of the calibrated gap, a fit's worst point
-    tacho_scatter_fraction: Annotated[float, Field(gt=0, le=1)] = 0.05  # of the period
-    tacho_mark_tolerance_fraction: Annotated[float, Field(gt=0, lt=1)] = (
-        0.15  # of the turn, light against mark_fraction
-    )
-    disk_duration_h: NotNegative = 1.0  # that should fit on the disk where no duration is planned
+    hum_warn_um: NotNegative = 1.0  # mains hum of a probe, peak: above this a warning,
+    hum_fail_um: NotNegative = 5.0  # above this a failed check
+    calibration_days: Annotated[int, Field(ge=1, le=36_500)] = 365  # maximum age of a probe's calibration
+    self_calibration_days: Annotated[int, Field(ge=1, le=36_500)] = 365  # maximum age of the card's self-calibration
+    residual_fraction: Annotated[float, Field(gt=0, le=0.5)] = 0.01  # of the calibrated gap: maximum residual of a fit
+    tacho_scatter_fraction: Annotated[float, Field(gt=0, le=1)] = 0.05  # of the period: maximum scatter
+    tacho_mark_tolerance_fraction: Annotated[float, Field(gt=0, lt=1)] = 0.15  # of the turn: |light - mark_fraction|
+    disk_duration_h: NotNegative = 1.0  # assumed run duration for the disk check if none is given
 
 
 class SessionSection(Section):
-    """`[session]`: how a recording goes on after a fault, in a new segment."""
+    """`[session]`: continuation of a recording in a new segment after a fault."""
 
     restarts_per_minute: Annotated[int, Field(ge=0, le=60)] = 5  # new segments; 0: the first fault ends the run
-    reconnect_s: Annotated[float, Field(ge=0, le=86_400)] = 60.0  # how long a card that went away is waited for
-    retry_s: Annotated[float, Field(ge=0.2, le=1.0)] = 0.5  # between two attempts to open it again
+    reconnect_s: Annotated[float, Field(ge=0, le=86_400)] = 60.0  # how long to wait for a disconnected card
+    retry_s: Annotated[float, Field(ge=0.2, le=1.0)] = 0.5  # between two attempts to reconnect
 
 
 class ModelSection(Section):
-    """`[model]`: the rotor that is laid over the measurement, and what differs here from its file."""
+    """`[model]`: the rotor model for the prediction, and changes to its file."""
 
-    rotor: str = ""  # file, relative to rig.toml; empty: the thesis's GJ90C
-    imbalance_kg_m: NotNegative | None = None  # this and the next two: of the file's first imbalance
+    rotor: str = ""  # rotor file, relative to rig.toml; empty: the thesis's GJ90C
+    imbalance_kg_m: NotNegative | None = None  # this and the next two keys change the file's first imbalance
     imbalance_station: Annotated[int, Field(ge=1)] | None = None
-    imbalance_phase_deg: float | None = None  # from the tacho mark, in the direction of rotation
+    imbalance_phase_deg: float | None = None  # from the keyphasor mark, in the direction of rotation
     viscosity_pa_s: Positive | None = None
     inner_clearance_um: Positive | None = None
     outer_clearance_um: Positive | None = None
 
 
 class ProfilePoint(Section):
-    """A corner of the speed profile."""
+    """`[[simulation.profile]]`: a corner of the speed profile."""
 
     time_s: Annotated[float, Field(ge=0, le=86_400)]  # a day at most
     speed_rpm: NotNegative
 
 
 class WhirlSection(Section):
-    """`[[simulation.whirl]]`: a sub-synchronous component that the bench shows whether the model does or not."""
+    """`[[simulation.whirl]]`: a prescribed sub-synchronous component, independent of the model."""
 
     order: Annotated[float, Field(gt=0, lt=1)]
     onset_rpm: Positive
     end_rpm: Positive
-    amplitude_um: Positive  # peak, reached a tenth of the onset speed above the onset and kept up to its end
+    amplitude_um: Positive  # peak, from 1.1 times the onset speed up to the end
     forward: bool = True
 
 
 class Miswiring(StrEnum):
-    """What is wired wrongly at the simulated bench."""
+    """A wiring fault of the simulated bench."""
 
     NONE = "none"
     X_OPEN = "probe x open"
@@ -312,29 +310,29 @@ class Miswiring(StrEnum):
 
 
 class SimulationSection(Section):
-    """`[simulation]`: the rig that is simulated; only read by the simulated backend.
+    """`[simulation]`: the simulated rig; ignored by other backends.
 
-    The shaft follows the model, integrated in time along the speed profile ("model"), or its synchronous motion with
-    the whirls that are listed ("bench").
+    The shaft's motion is the model's, integrated in time along the speed profile ("model"), or the model's synchronous
+    motion with the listed whirls ("bench").
     """
 
     motion: Literal["model", "bench"] = "bench"
-    seed: Annotated[int, Field(ge=0)] = 2012  # the same seed makes the same run, bit for bit
+    seed: Annotated[int, Field(ge=0)] = 2012  # the same seed gives the same run, bit for bit
     pace: Literal["real time", "flat out"] = "real time"
     profile: tuple[ProfilePoint, ...] = (
         ProfilePoint(time_s=0, speed_rpm=1000),
         ProfilePoint(time_s=20, speed_rpm=15_600),
     )
     whirl: tuple[WhirlSection, ...] = ()
-    speed_fluctuation: Annotated[float, Field(ge=0, le=0.1)] = 0.002  # rms, relative: the air is not steady
+    speed_fluctuation: Annotated[float, Field(ge=0, le=0.1)] = 0.002  # rms, relative: unsteady drive air
     fluctuation_time_s: Annotated[float, Field(ge=0.1, le=60)] = (
-        1.0  # how slowly the air and the rotor's inertia let it vary
+        1.0  # correlation time, from the air and the rotor's inertia
     )
     speed_drift: Annotated[float, Field(ge=-0.1, le=0.1)] = 0.0  # relative per minute
     run_out_um: NotNegative = 1.0  # residual, 1X at the probe, peak
-    second_order_um: NotNegative = 1.5  # the steady 2X that the thesis saw, peak
-    sag_um: NotNegative = 20.0  # how far below the bearing's centre the shaft runs ("model" finds its own)
-    glitches_per_s: Annotated[float, Field(ge=0, le=1000)] = 0.5  # of each probe
+    second_order_um: NotNegative = 1.5  # the constant 2X that the thesis measured, peak
+    sag_um: NotNegative = 20.0  # how far below the bearing's centre the shaft runs ("bench" only)
+    glitches_per_s: Annotated[float, Field(ge=0, le=1000)] = 0.5  # at each probe
     glitch_um: NotNegative = 6.0  # rms of their heights
     sensor_noise_um: NotNegative = 0.1  # rms
     sensor_bandwidth_hz: Positive = 50_000.0
@@ -344,11 +342,11 @@ class SimulationSection(Section):
     tacho_low_v: float = 0.1
     tacho_rise_us: Positive = 30.0  # from one level to the other
     tacho_noise_v: NotNegative = 0.01  # rms
-    miswiring: Miswiring = Miswiring.NONE  # what the preflight is to find; the seed draws how wrong it is
+    miswiring: Miswiring = Miswiring.NONE  # a fault for the preflight to detect; the seed determines its size
 
 
 class RigConfig(Section):
-    """A whole rig.toml."""
+    """The content of a rig.toml."""
 
     rig: Annotated[
         str, Field(pattern=r"^[a-z0-9][a-z0-9-]{0,31}$", description="up to 32 small letters, digits and hyphens")
@@ -365,5 +363,5 @@ class RigConfig(Section):
     trigger: TriggerSection = TriggerSection()
     preflight: PreflightSection = PreflightSection()
     model: ModelSection = ModelSection()
-    rotor: dict[str, object] = {}  # content of the rotor file, put here when rig.toml is read
+    rotor: dict[str, object] = {}  # content of the rotor file, inserted when rig.toml is loaded
     simulation: SimulationSection = SimulationSection()

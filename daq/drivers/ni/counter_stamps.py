@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.signals.blocks import SegmentEnd
+from daq.config.checks import COUNTER_WRAP
 from daq.errors import DeviceError, DeviceFault
 
 if TYPE_CHECKING:
     from daq.drivers.ni.card import NiCard
 
-WRAP = 1 << 32  # ticks; the count has 32 bits
 MAX_STAMP_DELAY = 5.0  # s from the edge to the program: longer than any real delay, much shorter than a wrap
 
 
@@ -33,7 +33,7 @@ class CounterUnwrapper:
         if counts.size == 0:
             return np.empty(0, np.int64)
         steps = np.diff(counts).astype(np.int64)  # modulo 2³²
-        first = self._minimum + (int(counts[0]) - self._minimum) % WRAP
+        first = self._minimum + (int(counts[0]) - self._minimum) % COUNTER_WRAP
         ticks = first + np.concatenate([[0], np.cumsum(steps)])
         self._minimum = int(ticks[-1]) + 1
         return ticks

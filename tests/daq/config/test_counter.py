@@ -64,7 +64,7 @@ def test_fault_of_the_counter_is_told_with_what_was_expected(
 
 def test_buffer_must_be_shorter_than_the_count_of_32_bits(rig_file: RigFiles) -> None:
     timing = {"rate_hz": 20_000.0, "block_s": 0.1, "buffer_s": 50.0}
-    expected = "timing.buffer_s = 50: expected at most 43.7: a count of 32 bits begins again every 53.7 s"
+    expected = "timing.buffer_s = 50: expected at most 43.7: a 32-bit count wraps every 53.7 s"
     assert faults_of(rig_file(timing=timing, tacho={"counter": {}})) == [expected]
     load_rig(rig_file(timing=timing, tacho={"counter": {"timebase_hz": 20e6}}))
 

@@ -237,7 +237,7 @@ def test_load_rig_lists_the_known_keys_where_none_is_near(rig_file: RigFiles) ->
         ),
         (
             {"limits": {"below_1x_peak_danger_um": 101.0}},
-            "limits.below_1x_peak_danger_um = 101: expected at most 100, clearance_um: the shaft has no more room",
+            "limits.below_1x_peak_danger_um = 101: expected at most 100, clearance_um: the shaft cannot move further",
         ),
         (
             {"limits": {"speed_danger_rpm": 20_001.0}},
@@ -274,14 +274,14 @@ def test_load_rig_names_what_does_not_fit_together(
     ("x", "y", "tacho", "fault"),
     [
         ({}, {"role": "probe_x"}, {}, "channel: 2 channels have the role probe_x, expected exactly one"),
-        ({}, {"name": "x"}, {}, "channel[1].name = x: expected a name of its own, channel[0] has this one"),
-        ({}, {}, {"physical": "ai1"}, "channel[2].physical = ai1: expected an input of its own, channel[1] uses ai1"),
+        ({}, {"name": "x"}, {}, "channel[1].name = x: expected a unique name, channel[0] has this one"),
+        ({}, {}, {"physical": "ai1"}, "channel[2].physical = ai1: expected a free input, channel[1] uses ai1"),
         ({}, {"physical": "ai8"}, {}, "channel[1].physical = ai8: expected ai0 to ai7 for a differential input"),
         (
             {},
             {},
             {"physical": "ai8", "terminal": "rse"},
-            "channel[2].physical = ai8: expected an input of its own, channel[0] uses ai8",
+            "channel[2].physical = ai8: expected a free input, channel[0] uses ai8",
         ),
         ({}, {"angle_deg": 222.0}, {}, "channel[1].angle_deg = 222: expected at least 10 degrees from the line of 'x'"),
         ({"gap_window_v": [6.0, 5.0]}, {}, {}, "channel[0].gap_window_v = [6, 5]: expected the lower voltage first"),
@@ -324,7 +324,7 @@ def test_load_rig_checks_the_simulated_profile_and_whirls(rig_file: RigFiles) ->
 def test_load_rig_checks_that_the_tacho_follows_the_simulated_profile(rig_file: RigFiles) -> None:
     profile = [{"time_s": 0.0, "speed_rpm": 3e3}, {"time_s": 2.0, "speed_rpm": 33e3}]
     (fault,) = faults_of(rig_file(simulation={"profile": profile}))
-    assert fault.startswith("simulation.profile[1].speed_rpm = 33000: expected at most 30000: light and dark must each")
+    assert fault.startswith("simulation.profile[1].speed_rpm = 33000: expected at most 30000: light and dark must both")
 
 
 def test_load_rig_does_not_check_the_simulation_for_the_real_card(rig_file: RigFiles) -> None:
@@ -364,7 +364,7 @@ def test_load_rig_checks_the_rest_of_a_table_that_lacks_a_key(rig_file: RigFiles
         "channel[1].role: missing, expected 'probe_x' or 'probe_y' or 'tacho'",
         "simulation.whirl[0].onset_rpm: missing, expected a number",
         "simulation.whirl[1].order: missing, expected a number",
-        "channel[2].physical = ai0: expected an input of its own, channel[0] uses ai0",
+        "channel[2].physical = ai0: expected a free input, channel[0] uses ai0",
         "simulation.whirl[1].end_rpm = 4000: expected more than onset_rpm = 5000",
     ]
 
@@ -422,7 +422,7 @@ def test_load_rig_tells_single_brackets_around_channel(tmp_path: Path) -> None:
         ({"volts_low": 9.9}, "calibration.volts_low = 9.9: expected less than volts_high = 9.8"),
         ({"coefficients_um": [1.0]}, "calibration.coefficients_um = [1.0]: expected 2 values, there are 1"),
         ({"coefficients_um": [1000.0, -100.0]}, "calibration.coefficients_um = [1000.0, -100.0]: expected a gap that"),
-        ({"date": "yesterday"}, 'calibration.date = "yesterday": expected a day like "2026-11-24"'),
+        ({"date": "yesterday"}, 'calibration.date = "yesterday": expected a date like "2026-11-24"'),
         ({"residual": 1.0}, "calibration.residual = 1.0: unknown key, did you mean residual_um?"),
     ],
 )

@@ -273,7 +273,7 @@ def test_run_that_is_armed_again_ends_when_it_is_stopped(rig: RigFactory, tmp_pa
 
 
 def test_events_without_a_start_and_a_stop_are_refused(rig: RigFactory) -> None:
-    with pytest.raises(ConfigError, match=r"trigger\.events = 0: expected 1 where not both start and stop are given"):
+    with pytest.raises(ConfigError, match=r"trigger\.events = 0: expected 1 without both start and stop"):
         rig(trigger={"events": 0, "start": "speed > 2000"})
     with pytest.raises(ConfigError, match=r"trigger\.events = 3: expected 1"):
         with_trigger(rig(), stop="speed < 2000", events=3)

@@ -44,8 +44,8 @@ def test_given_run_out_is_in_si_units_with_its_source(rig: RigFactory) -> None:
 @pytest.mark.parametrize(
     ("tables", "expected"),
     [
-        ({"runout": {"vector": [VECTOR], "slow_roll_rpm": 600.0}}, "runout.vector: expected none beside slow_roll_rpm"),
-        ({"runout": {"from_run": "earlier"}}, 'runout.from_run = "earlier": expected slow_roll_rpm beside it'),
+        ({"runout": {"vector": [VECTOR], "slow_roll_rpm": 600.0}}, "runout.vector: expected none with slow_roll_rpm"),
+        ({"runout": {"from_run": "earlier"}}, 'runout.from_run = "earlier": expected slow_roll_rpm too'),
         ({"runout": {"vector": [VECTOR, VECTOR]}}, "runout.vector[1].order = 1: expected each order once"),
         ({"runout": {"vector": [VECTOR | {"order": 9}]}}, "expected at most analysis.highest_order = 8"),
         (

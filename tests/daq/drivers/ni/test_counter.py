@@ -8,9 +8,10 @@ import pytest
 from numpy.typing import NDArray
 
 from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd, SourceItem
+from daq.config.checks import COUNTER_WRAP
 from daq.config.schema import CounterSection
 from daq.drivers.ni import NiSource, open_ni_source
-from daq.drivers.ni.counter_stamps import WRAP, CounterUnwrapper
+from daq.drivers.ni.counter_stamps import CounterUnwrapper
 from daq.drivers.simulation.card import SimulatedCard
 from daq.errors import DeviceFault
 from tests.daq.drivers.ni.bench import bench, ends_of, refused, take
@@ -82,8 +83,8 @@ def test_counter_runs_through_three_wraps_and_silences_longer_than_one() -> None
         source.close()
     ticks = ticks_of(items)
     np.testing.assert_array_equal(ticks, SimulatedCard(slow).ticks(0, ends_of(items)[0].samples))
-    assert ticks[-1] > 4 * WRAP
-    assert np.diff(ticks).max() > WRAP
+    assert ticks[-1] > 4 * COUNTER_WRAP
+    assert np.diff(ticks).max() > COUNTER_WRAP
     assert ends_of(items)[0].detail == ""
 
 
@@ -206,17 +207,17 @@ def test_server_that_freezes_ends_a_run_with_a_counter_and_both_tasks_are_cleare
 
 def test_counts_go_on_rising_through_every_wrap() -> None:
     rng = np.random.default_rng(7)
-    truth = np.cumsum(rng.integers(1, WRAP, 200))
+    truth = np.cumsum(rng.integers(1, COUNTER_WRAP, 200))
     unwrapping = CounterUnwrapper()
     for part in np.array_split(truth, 23):
-        np.testing.assert_array_equal(unwrapping.ticks((part % WRAP).astype(np.uint32)), part)
+        np.testing.assert_array_equal(unwrapping.ticks((part % COUNTER_WRAP).astype(np.uint32)), part)
 
 
 def test_counts_after_a_silence_of_many_wraps_lie_where_the_samples_are() -> None:
     unwrapping = CounterUnwrapper()
     assert unwrapping.ticks(np.array([17], np.uint32)).tolist() == [17]
     for wraps in (1, 2, 5, 1000):
-        tick = wraps * WRAP + 5
+        tick = wraps * COUNTER_WRAP + 5
         unwrapping.no_edge_before(tick - 1000)
         assert unwrapping.ticks(np.array([5], np.uint32)).tolist() == [tick]
-    assert math.isclose(WRAP / 80e6, 53.687, abs_tol=1e-3)
+    assert math.isclose(COUNTER_WRAP / 80e6, 53.687, abs_tol=1e-3)

@@ -226,7 +226,7 @@ def test_mapping_that_does_not_fit_is_refused_before_anything_is_done(
         ({"channel": VOLTS | {"tacho": {"source": "tacho", "unit": "um"}}}, 'expected "V"'),
         ({"channel": VOLTS | {"x": {"source": "x", "factor": "2"}}}, "valid number"),
         ({"channel": VOLTS | {"x": {"source": "x", "factor": 1e300}}}, "less than or equal to"),
-        ({"started": "9999-12-31T23:59:59"}, "expected a moment"),
+        ({"started": "9999-12-31T23:59:59"}, "expected a timestamp"),
         ({"rate_hz": 1e308}, "less than or equal to"),
         ({"path": "/etc/passwd"}, "Extra inputs"),
     ):
