@@ -68,8 +68,8 @@ def run_recover(args: argparse.Namespace) -> int:
         print_json(recovery_schema(recovery))
     else:
         print(
-            f"{recovery.target}: {recovery.samples:,} samples per channel in {len(recovery.stretches)} "
-            f"{'segment' if len(recovery.stretches) == 1 else 'segments'}, "
+            f"{recovery.target}: {recovery.samples:,} samples per channel in {len(recovery.segments)} "
+            f"{'segment' if len(recovery.segments) == 1 else 'segments'}, "
             f"{recovery.damaged_chunks} damaged {'chunk' if recovery.damaged_chunks == 1 else 'chunks'} left out"
         )
         for missing in recovery.missing:

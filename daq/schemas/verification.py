@@ -82,12 +82,12 @@ def recovery_schema(recovery: Recovery) -> RecoverySchema:
         damaged_chunks=recovery.damaged_chunks,
         segments=[
             RecoveredSegmentSchema(
-                segment=stretch.segment,
-                from_segment=stretch.from_segment,
-                first_sample=stretch.first,
-                stop_sample=stretch.stop,
+                segment=segment.segment,
+                from_segment=segment.from_segment,
+                first_sample=segment.first,
+                stop_sample=segment.stop,
             )
-            for stretch in recovery.stretches
+            for segment in recovery.segments
         ],
         missing=[
             MissingSamplesSchema(segment=gap.segment, first_sample=gap.first, stop_sample=gap.stop, samples=gap.samples)

@@ -1,9 +1,4 @@
-"""Whether what a counter stamped follows as a recording's must, and belongs to the samples beside it.
-
-What an inspection of a recording's file found.
-Whether a header can turn codes into volts and micrometres: its scalings and calibrations are sane.
-Whether the indexes of a file lead where they say.
-"""
+"""Checks of a recording: findings, continuity of blocks and counter stamps, calibrations, indexes."""
 
 import math
 import struct
@@ -15,18 +10,29 @@ from enum import StrEnum
 import numpy as np
 from mcap.opcode import Opcode
 
-from analysis.signals.blocks import SampleBlock
+from analysis.signals.blocks import SampleBlock, SegmentEnd
 from analysis.signals.header import CODE_MAX, CODE_MIN, Acquisition, Calibration, Channel, Role
 from recordings.mcap.chunk_table import ChunkLocation
 from recordings.mcap.container import RECORD, Container, StoredMessage
 from recordings.mcap.messages import parse_message
 from recordings.mcap.schema import rig_pb2
 
+N_CALIBRATION_POINTS = 501  # of the calibrated span, at which the calibration must be monotonic
+STATISTICS = struct.Struct("<QHIIIIQQ")
+"""Messages, schemas, channels, attachments, metadata records, chunks, first and last time."""
+COUNTED = {
+    Opcode.SCHEMA: "schemas",
+    Opcode.CHANNEL: "channels",
+    Opcode.ATTACHMENT: "attachments",
+    Opcode.METADATA: "metadata records",
+    Opcode.CHUNK: "chunks",
+}
+
 
 class Check(StrEnum):
-    """What was looked at."""
+    """Subject of a finding."""
 
-    FILE = "file"  # beginning, end, records that lead from one to the next
+    FILE = "file"  # start, end and sequence of records
     CRC = "crc"
     INDEX = "index"
     HEADER = "header"
@@ -37,18 +43,18 @@ class Check(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """Something found in a file.
+    """A fault or a remark on a file.
 
     Parameters
     ----------
     check : Check
-        What was looked at.
+        Subject.
     where : str
-        Where it is, as "byte 1234" or "segment 0".
+        Position, as "byte 1234" or "segment 0".
     what : str
         What is there, and what was expected.
     is_fault : bool
-        Whether the recording is not whole for it; else it is worth knowing.
+        Whether the recording is not intact; otherwise the finding is for information.
     """
 
     check: Check
@@ -57,11 +63,8 @@ class Finding:
     is_fault: bool = True
 
 
-POINTS = 501
-
-
 def check_acquisition(acquisition: Acquisition) -> Iterator[Finding]:
-    """Yield what is wrong with rates, channels, scalings and calibrations."""
+    """Yield faults of rates, channels, scalings and calibrations in a header."""
     for name, rate in (("rate", acquisition.rate), ("convert rate", acquisition.convert_rate)):
         if not 0 < rate < math.inf:
             yield Finding(Check.CALIBRATION, "header", f"{name} of {rate} Hz, expected a positive one")
@@ -83,11 +86,11 @@ def _channel_faults(channel: Channel) -> Iterator[str]:
         return
     volts = channel.volts(np.array([CODE_MIN, CODE_MAX], dtype=np.int16))
     if not volts[0] < volts[1]:
-        yield f"the scaling gives {volts[0]:g} V at the lowest code and {volts[1]:g} V at the highest"
+        yield f"the scaling gives {volts[0]:g} V at the lowest code and {volts[1]:g} V at the highest, expected more"
     if channel.role is Role.TACHO:
         return
     if channel.calibration is None:
-        yield "a probe without calibration: its samples cannot become micrometres"
+        yield "a probe without calibration: its samples cannot be converted to micrometres"
     else:
         yield from _calibration_faults(channel.calibration)
 
@@ -98,26 +101,149 @@ def _calibration_faults(calibration: Calibration) -> Iterator[str]:
     elif not calibration.volts_low < calibration.volts_high:
         yield f"calibrated from {calibration.volts_low:g} to {calibration.volts_high:g} V, expected a rising span"
     else:
-        volts = np.linspace(calibration.volts_low, calibration.volts_high, POINTS)
+        volts = np.linspace(calibration.volts_low, calibration.volts_high, N_CALIBRATION_POINTS)
         steps = np.diff(np.polynomial.polynomial.polyval(volts, calibration.coefficients))
         if not ((steps > 0).all() or (steps < 0).all()):
-            yield "the calibration gives one gap for two voltages within its span"
+            yield "the calibration is not monotonic: two voltages within its span have the same gap"
 
 
-STATISTICS = struct.Struct(
-    "<QHIIIIQQ"
-)  # messages, schemas, channels, attachments, metadata, chunks, first and last time
-COUNTED = {
-    Opcode.SCHEMA: "schemas",
-    Opcode.CHANNEL: "channels",
-    Opcode.ATTACHMENT: "attachments",
-    Opcode.METADATA: "metadata records",
-    Opcode.CHUNK: "chunks",
-}
+class ContinuityCheck:
+    """Check that blocks and segment ends, taken in file order, follow one another without a gap.
+
+    Parameters
+    ----------
+    acquisition : Acquisition
+        The header's channels.
+    """
+
+    def __init__(self, acquisition: Acquisition) -> None:
+        self._channels = acquisition.channels
+        self._segment, self._next_sample = 0, 0
+        self._is_open = False
+        self._ends: list[SegmentEnd] = []
+        self.samples = 0
+        """Samples per channel in all blocks."""
+        self._at_rails = np.zeros(len(self._channels), dtype=np.int64)
+        self._uncalibrated = np.zeros(len(self._channels), dtype=np.int64)
+        # for each of the 65536 codes, whether it lies outside the channel's calibrated span
+        codes = np.arange(2**16, dtype=np.uint16).view(np.int16)
+        self._is_outside = []
+        for channel in self._channels:
+            calibration, volts = channel.calibration, channel.volts(codes)
+            low, high = (-np.inf, np.inf) if calibration is None else (calibration.volts_low, calibration.volts_high)
+            self._is_outside.append((volts < low) | (volts > high))
+
+    @property
+    def ends(self) -> tuple[SegmentEnd, ...]:
+        """The segment ends so far."""
+        return tuple(self._ends)
+
+    def check_block(self, block: SampleBlock, where: str) -> Iterator[Finding]:
+        """Take the next block and yield its faults."""
+        if block.codes.shape[0] != len(self._channels):
+            what = f"a block of {block.codes.shape[0]} channels, expected {len(self._channels)}"
+            yield Finding(Check.CONTINUITY, where, what)
+            return
+        if (block.segment, block.first_sample) != (self._segment, self._next_sample):
+            yield Finding(
+                Check.CONTINUITY,
+                where,
+                f"samples from {block.first_sample} of segment {block.segment}, "
+                f"expected sample {self._next_sample} of segment {self._segment}",
+            )
+        self._segment, self._next_sample, self._is_open = block.segment, block.end, True
+        self.samples += block.n_samples
+        self._at_rails += np.count_nonzero((block.codes == CODE_MAX) | (block.codes == CODE_MIN), axis=1)
+        for row, is_outside in enumerate(self._is_outside):
+            self._uncalibrated[row] += np.count_nonzero(is_outside[block.codes[row].view(np.uint16)])
+
+    def check_segment_end(self, end: SegmentEnd, where: str) -> Iterator[Finding]:
+        """Take the next segment end and yield its faults."""
+        if (end.segment, end.samples) != (self._segment, self._next_sample):
+            yield Finding(
+                Check.CONTINUITY,
+                where,
+                f"segment {end.segment} ends after {end.samples} samples, "
+                f"expected the end of segment {self._segment} after {self._next_sample}",
+            )
+        self._segment, self._next_sample, self._is_open = end.segment + 1, 0, False
+        self._ends.append(end)
+
+    def finish(self) -> Iterator[Finding]:
+        """Yield what is missing at the end of the file, and remarks on losses, clipping and calibrated spans."""
+        if self._is_open or not self._ends:
+            what = f"segment {self._segment} has no end: the recording breaks off after {self._next_sample} samples"
+            yield Finding(Check.CONTINUITY, "end of file", what)
+        for end in self._ends:
+            if not end.is_gap_free:
+                lost = f"{'' if end.lost_is_exact else 'at least '}{end.lost} samples lost"
+                what = f"{lost} after sample {end.samples}: {end.reason.value}" + (end.detail and f", {end.detail}")
+                yield Finding(Check.CONTINUITY, f"segment {end.segment}", what, is_fault=False)
+        for channel, at_rails, uncalibrated in zip(self._channels, self._at_rails, self._uncalibrated, strict=True):
+            where = f"channel {channel.name}"
+            if at_rails:
+                what = f"{at_rails} samples at the converter's rails"
+                yield Finding(Check.CALIBRATION, where, what, is_fault=False)
+            if uncalibrated and channel.calibration is not None:
+                low, high = channel.calibration.volts_low, channel.calibration.volts_high
+                what = f"{uncalibrated / self.samples:.2%} of the samples outside the calibrated {low:g} to {high:g} V"
+                yield Finding(Check.CALIBRATION, where, what, is_fault=False)
+
+
+class PulseCheck:
+    """Check that counter stamps, taken with the blocks in file order, are consecutive and belong to their blocks.
+
+    Parameters
+    ----------
+    acquisition : Acquisition
+        The header's counter.
+    """
+
+    def __init__(self, acquisition: Acquisition) -> None:
+        self._acquisition = acquisition
+        self._segment, self._next, self._last = -1, 0, -1
+        self._expected_block: tuple[int, int] | None = None  # segment and first sample, from the last pulse message
+        self.count = 0
+        """Stamps in all messages."""
+
+    def check_pulses(self, data: bytes, where: str) -> Iterator[Finding]:
+        """Take the next pulse message and yield its faults; ValueError if the bytes are not such a message."""
+        message = parse_message(rig_pb2.Pulses(), data)
+        position, ticks = f"{where}, segment {message.segment}", np.array(message.ticks, dtype=np.int64)
+        self.count += ticks.size
+        if self._acquisition.tacho.counter is None:
+            yield Finding(Check.CONTINUITY, position, "counter stamps, but the header has no counter")
+        if message.segment != self._segment:
+            self._segment, self._next, self._last = message.segment, 0, -1
+        if message.first_pulse != self._next:
+            what = f"counter stamps from number {message.first_pulse} on, expected number {self._next}"
+            yield Finding(Check.CONTINUITY, position, what)
+        if (np.diff(ticks, prepend=self._last) <= 0).any():
+            what = f"counter stamps from number {message.first_pulse} on do not increase"
+            yield Finding(Check.CONTINUITY, position, what)
+        if ticks.size:
+            self._last = int(ticks[-1])
+        self._next = message.first_pulse + ticks.size
+        if message.has_failed:
+            what = f"the tacho's counter failed after {self._next} stamps, before sample {message.first_sample}"
+            yield Finding(Check.CONTINUITY, position, what, is_fault=False)
+        self._expected_block = (message.segment, message.first_sample)
+
+    def check_block(self, block: SampleBlock, where: str) -> Iterator[Finding]:
+        """Take the next block and yield faults of the stamps that precede it."""
+        if self._expected_block is None:
+            return
+        (segment, first_sample), self._expected_block = self._expected_block, None
+        if (segment, first_sample) != (block.segment, block.first_sample):
+            what = f"counter stamps of the block from sample {first_sample} of segment {segment}, which does not follow"
+            yield Finding(Check.CONTINUITY, where, what)
+        elif self._last >= block.end * self._acquisition.ticks_per_sample + 1:
+            what = f"a counter stamp of {self._last} ticks, expected one before the end of its block at {block.end}"
+            yield Finding(Check.CONTINUITY, where, what)
 
 
 class IndexCheck:
-    """Compares what the indexes of a file say with what is in it.
+    """Check of a file's indexes and statistics against its records.
 
     Parameters
     ----------
@@ -127,106 +253,56 @@ class IndexCheck:
 
     def __init__(self, container: Container) -> None:
         self._file = container
-        self._times: dict[int, list[int]] = {}
+        self._times: dict[int, list[int]] = {}  # log times by channel, of the chunk before
 
-    def chunk(self, place: ChunkLocation, messages: list[StoredMessage], where: str) -> Iterator[Finding]:
-        """Take an intact chunk; the message indexes that follow it are its own."""
+    def check_chunk(self, chunk: ChunkLocation, messages: list[StoredMessage], where: str) -> Iterator[Finding]:
+        """Take an intact chunk, which its own message indexes follow, and yield its faults."""
         self._times = {}
         for message in messages:
             self._times.setdefault(message.channel, []).append(message.log_time_ns)
-        if self._file.is_finished and place.channels != frozenset(self._times):
-            yield Finding(Check.INDEX, where, "the index at the end names other channels than the chunk holds")
-        earliest = min((message.log_time_ns for message in messages), default=place.start_ns)
-        if earliest != place.start_ns:
-            yield Finding(Check.INDEX, where, f"a chunk that begins at {earliest} ns, expected {place.start_ns} ns")
+        if self._file.is_finished and chunk.channels != frozenset(self._times):
+            yield Finding(Check.INDEX, where, "the index at the end lists other channels than the chunk contains")
+        earliest = min((message.log_time_ns for message in messages), default=chunk.start_ns)
+        if earliest != chunk.start_ns:
+            yield Finding(Check.INDEX, where, f"a chunk that starts at {earliest} ns, expected {chunk.start_ns} ns")
 
     def skip_chunk(self) -> None:
-        """Take a damaged chunk; nothing can be said of the message indexes that follow it."""
+        """Take a damaged chunk, whose message indexes cannot be checked."""
         self._times = {}
 
-    def message_index(self, content: bytes, where: str) -> Iterator[Finding]:
-        """Take a message index."""
+    def check_message_index(self, content: bytes, where: str) -> Iterator[Finding]:
+        """Take a message index and yield its faults."""
         if len(content) < 6:
-            yield Finding(Check.INDEX, where, "a message index that is too short")
+            yield Finding(Check.INDEX, where, f"a message index of {len(content)} bytes, expected 6 or more")
             return
         channel, length = struct.unpack_from("<HI", content)
         if length != len(content) - 6 or length % 16:
-            yield Finding(Check.INDEX, where, "a message index whose length is not what it says")
+            what = f"a message index that declares {length} bytes, expected {len(content) - 6}, a multiple of 16"
+            yield Finding(Check.INDEX, where, what)
             return
         times = [time for time, _ in struct.iter_unpack("<QQ", content[6:])]
         if self._times and self._times.get(channel) != times:
-            yield Finding(Check.INDEX, where, f"the message index of channel {channel} is not that of its chunk")
+            yield Finding(Check.INDEX, where, f"the message index of channel {channel} does not match its chunk")
 
     def finish(self, messages: Mapping[int, int]) -> Iterator[Finding]:
-        """Compare the statistics of a finished file with what was found, `messages` by channel.
+        """Yield faults of the index and the statistics of a finished file; `messages` are counts by channel.
 
-        The places in the index are those of the records that were walked, where every one of them is a record.
+        An index entry is right if it is the offset of a record that was found by reading the records in sequence.
         """
-        kinds: Counter[int] = Counter(record.opcode for record in self._file.records())
-        places = {(record.opcode, record.offset) for record in self._file.records()}
-        for place in self._file.chunks:
-            if (Opcode.CHUNK, place.offset) not in places:
-                where = f"byte {place.offset - RECORD.size}"
-                yield Finding(Check.INDEX, where, "the index names a chunk that is not there")
+        opcodes: Counter[int] = Counter(record.opcode for record in self._file.records())
+        found = {(record.opcode, record.offset) for record in self._file.records()}
+        for chunk in self._file.chunks:
+            if (Opcode.CHUNK, chunk.offset) not in found:
+                where = f"byte {chunk.offset - RECORD.size}"
+                yield Finding(Check.INDEX, where, "the index lists a chunk that is not there")
         for content in self._file.summary(Opcode.METADATA_INDEX):
             offset = int.from_bytes(content[:8], "little")
-            if (Opcode.METADATA, offset + RECORD.size) not in places:
-                yield Finding(Check.INDEX, f"byte {offset}", "the index names a metadata record that is not there")
+            if (Opcode.METADATA, offset + RECORD.size) not in found:
+                yield Finding(Check.INDEX, f"byte {offset}", "the index lists a metadata record that is not there")
         for content in self._file.summary(Opcode.STATISTICS):
             total, *counts = STATISTICS.unpack_from(content)[:6]
             if total != sum(messages.values()):
                 yield Finding(Check.COUNTS, "whole file", f"{sum(messages.values())} messages, expected {total}")
             for (opcode, name), count in zip(COUNTED.items(), counts, strict=True):
-                if kinds[opcode] != count:
-                    yield Finding(Check.COUNTS, "whole file", f"{kinds[opcode]} {name}, expected {count}")
-
-
-class PulseCheck:
-    """Takes the stamps and blocks of a file in their order and says where they do not fit.
-
-    Parameters
-    ----------
-    acquisition : Acquisition
-        What the header says of the counter.
-    """
-
-    def __init__(self, acquisition: Acquisition) -> None:
-        self._acquisition = acquisition
-        self._segment, self._next, self._last = -1, 0, -1
-        self._waiting: tuple[int, int] | None = None  # place of the block whose stamps have come
-        self.stamps = 0
-        """Stamps in all messages."""
-
-    def pulses(self, data: bytes, where: str) -> Iterator[Finding]:
-        """Take the next message of stamps and yield what is wrong with it; ValueError where the bytes are none."""
-        message = parse_message(rig_pb2.Pulses(), data)
-        place, ticks = f"{where}, segment {message.segment}", np.array(message.ticks, dtype=np.int64)
-        self.stamps += ticks.size
-        if self._acquisition.tacho.counter is None:
-            yield Finding(Check.CONTINUITY, place, "stamps of a counter, and none in the header")
-        if message.segment != self._segment:
-            self._segment, self._next, self._last = message.segment, 0, -1
-        if message.first_pulse != self._next:
-            what = f"stamps from number {message.first_pulse} on, expected number {self._next}"
-            yield Finding(Check.CONTINUITY, place, what)
-        if (np.diff(ticks, prepend=self._last) <= 0).any():
-            yield Finding(Check.CONTINUITY, place, f"stamps from number {message.first_pulse} on do not rise")
-        if ticks.size:
-            self._last = int(ticks[-1])
-        self._next = message.first_pulse + ticks.size
-        if message.has_failed:
-            what = f"the tacho's counter failed after {self._next} stamps, before sample {message.first_sample}"
-            yield Finding(Check.CONTINUITY, place, what, is_fault=False)
-        self._waiting = (message.segment, message.first_sample)
-
-    def block(self, block: SampleBlock, where: str) -> Iterator[Finding]:
-        """Take the next block and yield what is wrong with the stamps that came before it."""
-        if self._waiting is None:
-            return
-        place, self._waiting = self._waiting, None
-        if place != (block.segment, block.first_sample):
-            what = f"stamps of the block from sample {place[1]} of segment {place[0]}, which does not follow"
-            yield Finding(Check.CONTINUITY, where, what)
-        elif self._last >= block.end * self._acquisition.ticks_per_sample + 1:
-            what = f"a stamp of {self._last} ticks lies behind sample {block.end - 1}, the last that it came with"
-            yield Finding(Check.CONTINUITY, where, what)
+                if opcodes[opcode] != count:
+                    yield Finding(Check.COUNTS, "whole file", f"{opcodes[opcode]} {name}, expected {count}")

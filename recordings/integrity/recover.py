@@ -1,4 +1,4 @@
-"""A whole copy of what is intact in a damaged recording, and exactly what is missing from it."""
+"""Recovery: a complete copy of the intact samples of a damaged recording, and a list of the missing ones."""
 
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
@@ -28,16 +28,16 @@ from recordings.mcap.writer import write_run
 
 @dataclass(frozen=True, slots=True)
 class MissingSamples:
-    """Samples that the damaged recording had, or may have had, and its copy lacks.
+    """Samples of the damaged recording, known or possible, that the copy lacks.
 
     Parameters
     ----------
     segment : int
         Segment of the damaged recording.
     first : int
-        First sample that is missing.
+        First missing sample.
     stop : int or None
-        One past the last; None where nobody knows how far the segment went.
+        One past the last; None if the length of the segment is unknown.
     """
 
     segment: int
@@ -46,13 +46,13 @@ class MissingSamples:
 
     @property
     def samples(self) -> int | None:
-        """Samples per channel that are missing; None where that is not known."""
+        """Missing samples per channel; None if unknown."""
         return None if self.stop is None else self.stop - self.first
 
 
 @dataclass(frozen=True, slots=True)
 class RecoveredSegment:
-    """Consecutive samples that came through: a segment of the copy.
+    """A segment of the copy: consecutive samples that were recovered.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ class RecoveredSegment:
     from_segment : int
         Segment of the damaged recording.
     first, stop : int
-        Its samples there: the first, and one past the last.
+        Its samples there: first, and one past the last.
     """
 
     segment: int
@@ -72,52 +72,51 @@ class RecoveredSegment:
 
 @dataclass(frozen=True, slots=True)
 class Recovery:
-    """What came of a recovery.
+    """Result of a recovery.
 
     Parameters
     ----------
     source, target : Path
         The damaged file and its copy.
     damaged_chunks : int
-        Chunks that are there but do not match their checksum.
-    stretches : tuple of Stretch
-        What came through.
-    missing : tuple of Missing
-        What did not.
+        Chunks that do not match their checksum.
+    segments : tuple of RecoveredSegment
+        Segments of the copy.
+    missing : tuple of MissingSamples
+        What the copy lacks.
     """
 
     source: Path
     target: Path
     damaged_chunks: int
-    stretches: tuple[RecoveredSegment, ...]
+    segments: tuple[RecoveredSegment, ...]
     missing: tuple[MissingSamples, ...]
 
     @property
     def samples(self) -> int:
-        """Samples per channel that came through."""
-        return sum(stretch.stop - stretch.first for stretch in self.stretches)
+        """Recovered samples per channel."""
+        return sum(segment.stop - segment.first for segment in self.segments)
 
 
 def recover(source: Path, target: Path) -> Recovery:
-    """Write a whole copy of what is intact in a recording; the recording itself is only read.
+    """Write a complete copy of the intact samples of a recording, which is only read.
 
-    Every sample of every intact chunk is in the copy, where a gap inside a segment divides it in two. The header is the
-    recording's, bit for bit; results are computed again from the samples, and the record `rig.recovered` says what is
-    missing.
+    The copy has every sample of every intact chunk; a gap inside a segment divides it in two. The header is identical,
+    results are computed again from the samples, and the record `rig.recovered` lists what is missing.
 
     Parameters
     ----------
     source : Path
-        The recording's file.
+        The recording.
     target : Path
-        File to be created; it must not exist.
+        File to create; it must not exist.
 
     Raises
     ------
     NotFoundError, DamagedError, UnknownFormatError
-        Where the source is no recording, or neither a header nor any samples are left of it.
+        If the source is no recording, or has no intact header or no intact samples.
     StorageError
-        Where the source cannot be read or the copy cannot be written; then there is none.
+        If the source cannot be read or the copy cannot be written; no copy is left then.
     """
     container = Container(source)
     try:
@@ -125,69 +124,72 @@ def recover(source: Path, target: Path) -> Recovery:
         salvage = _Salvage(container, header)
         if not any(isinstance(item, SampleBlock) for item in salvage.read()):
             raise DamagedError(f"{source}: nothing to recover: it holds no intact samples")
-        told: dict[str, object] = {}
-        items = _told(salvage, source, told)
-        write_run(target, header, items, {RECOVERED_RECORD: told}, salvage.markers())
-        return Recovery(source, target, salvage.damaged, tuple(salvage.stretches), tuple(salvage.missing))
+        record: dict[str, object] = {}
+        items = _with_record(salvage, source, record)
+        write_run(target, header, items, {RECOVERED_RECORD: record}, salvage.markers())
+        return Recovery(source, target, salvage.damaged, tuple(salvage.segments), tuple(salvage.missing))
     finally:
         container.close()
 
 
-def _told(salvage: "_Salvage", source: Path, told: dict[str, object]) -> Iterator[SourceItem]:
-    """Pass on what comes through, and at its end tell what did not."""
+def _with_record(salvage: "_Salvage", source: Path, record: dict[str, object]) -> Iterator[SourceItem]:
+    """Yield the items of the copy, and fill in the record of the recovery after the last."""
     yield from salvage.items()
-    told |= {
+    record |= {
         "source": source.name,
         "damaged_chunks": salvage.damaged,
-        "segments": [asdict(stretch) for stretch in salvage.stretches],
+        "segments": [asdict(segment) for segment in salvage.segments],
         "missing": [asdict(missing) for missing in salvage.missing],
     }
 
 
 class _Salvage:
-    """What is intact in a file, as the items of a new recording."""
+    """Reader of the intact content of a file, as the items of a new recording.
+
+    Positions are tracked in both files: `_segment` counts segments of the copy; `_from_segment`, `_first` and
+    `_next_sample` are segment, first sample of the current stretch and next sample in the damaged recording.
+    """
 
     def __init__(self, container: Container, header: RunHeader) -> None:
         self._file = container
         self._n_channels = len(header.acquisition.channels)
-        found = {place.offset: place for place in (*container.chunks, *search_chunks(container))}
-        self._places = [found[offset] for offset in sorted(found)]
-        self._named = {place.offset for place in container.chunks}
+        found = {chunk.offset: chunk for chunk in (*container.chunks, *search_chunks(container))}
+        self._chunks = [found[offset] for offset in sorted(found)]
+        self._indexed = {chunk.offset for chunk in container.chunks}
         self._known_ends = self._ends()
         self._acquisition = header.acquisition
         self._pulses = PulseMerger(header.acquisition)
         self.damaged = 0
-        self.stretches: list[RecoveredSegment] = []
+        self.segments: list[RecoveredSegment] = []
         self.missing: list[MissingSamples] = []
         self._markers: list[Marker] = []
-        self._segment = 0  # of the copy
+        self._segment = 0
         self._from_segment, self._first, self._next_sample = 0, 0, 0
         self._is_open = True
 
     def read(self) -> Iterator[SampleBlock | SegmentEnd]:
-        """Yield all blocks and ends of segments that can be read, in the order of the file."""
+        """Yield all readable blocks and segment ends, in file order."""
         self.damaged = 0
         self._markers = []
         self._pulses = PulseMerger(self._acquisition)
-        for place in self._places:
-            yield from self._chunk(place)
+        for chunk in self._chunks:
+            yield from self._items_of(chunk)
 
     def markers(self) -> Iterator[Marker]:
-        """Yield the markers where they lie in the copy, once all items have come; one in a hole is at its beginning."""
+        """Yield the markers with their position in the copy, after the last item; one in a gap goes to its start."""
         for marker in self._markers:
             before = [
-                stretch
-                for stretch in self.stretches
-                if (stretch.from_segment, stretch.first) <= (marker.segment, marker.sample)
+                segment
+                for segment in self.segments
+                if (segment.from_segment, segment.first) <= (marker.segment, marker.sample)
             ]
             if before:
-                stretch = before[-1]
-                same = stretch.from_segment == marker.segment
-                sample = min(marker.sample, stretch.stop) - stretch.first if same else stretch.stop - stretch.first
-                yield replace(marker, segment=stretch.segment, sample=sample)
+                last = before[-1]
+                stop = min(marker.sample, last.stop) if last.from_segment == marker.segment else last.stop
+                yield replace(marker, segment=last.segment, sample=stop - last.first)
 
     def items(self) -> Iterator[SourceItem]:
-        """Yield what is intact as segments without a gap, each with its end."""
+        """Yield the intact samples as gap-free segments, each with its end."""
         for item in self.read():
             if isinstance(item, SampleBlock):
                 yield from self._block(item)
@@ -203,7 +205,7 @@ class _Salvage:
     def _block(self, block: SampleBlock) -> Iterator[SourceItem]:
         is_past = block.segment == self._from_segment and (block.first_sample < self._next_sample or not self._is_open)
         if block.segment < self._from_segment or is_past or block.codes.shape[0] != self._n_channels:
-            return  # a record that stands in the file twice
+            return  # a record that is in the file twice, or of another header
         yield from self._go_to(block.segment)
         if block.first_sample > self._next_sample:
             self.missing.append(MissingSamples(self._from_segment, self._next_sample, block.first_sample))
@@ -216,7 +218,7 @@ class _Salvage:
         yield block.relocated(self._segment, first, self._acquisition.ticks_per_sample)
 
     def _go_to(self, segment: int) -> Iterator[SourceItem]:
-        """End the segments before this one."""
+        """End the segments before a segment of the damaged recording."""
         while self._from_segment < segment:
             if self._is_open:
                 yield from self._end(self._known_ends.get(self._from_segment))
@@ -225,7 +227,7 @@ class _Salvage:
             self._is_open = True
 
     def _end(self, end: SegmentEnd | None) -> Iterator[SourceItem]:
-        """End the segment as recorded, as far as that is known."""
+        """End the current segment as recorded, or as cut if samples are missing at its end."""
         self._is_open = False
         if end is None:
             self.missing.append(MissingSamples(self._from_segment, self._next_sample, None))
@@ -239,17 +241,17 @@ class _Salvage:
             yield self._close(end.reason, end.lost, lost_is_exact=end.lost_is_exact, detail=end.detail)
 
     def _close(self, reason: EndReason, lost: int, *, lost_is_exact: bool = True, detail: str) -> SegmentEnd:
-        """Return the end of the copy's segment."""
+        """Return the end of the copy's current segment, and begin the next."""
         samples = self._next_sample - self._first
-        self.stretches.append(RecoveredSegment(self._segment, self._from_segment, self._first, self._next_sample))
+        self.segments.append(RecoveredSegment(self._segment, self._from_segment, self._first, self._next_sample))
         self._segment += 1
         return SegmentEnd(self._segment - 1, samples, reason, lost, lost_is_exact, detail)
 
-    def _chunk(self, place: ChunkLocation) -> Iterator[SampleBlock | SegmentEnd]:
+    def _items_of(self, chunk: ChunkLocation) -> Iterator[SampleBlock | SegmentEnd]:
         try:
-            messages = list(self._file.messages(place))
+            messages = list(self._file.messages(chunk))
         except DamagedError:
-            self.damaged += place.offset in self._named  # what only looked like a chunk does not count
+            self.damaged += chunk.offset in self._indexed  # what only looked like a chunk does not count
             return
         for message in messages:
             try:
@@ -261,15 +263,15 @@ class _Salvage:
                     yield decode_segment_end(message.data)
                 elif message.channel == CHANNEL_IDS[MARKER]:
                     self._markers.append(decode_marker(message.data))
-            except ValueError:  # intact, but no message of ours
+            except ValueError:  # intact, but written by another program
                 continue
 
     def _ends(self) -> dict[int, SegmentEnd]:
-        """Return how the segments ended, as far as the file still tells."""
+        """Return the segment ends in the end record; empty if there is no intact one."""
         for entries in self._file.metadata(END_RECORD):
             try:
-                document = decode_metadata(self._file.path, END_RECORD, entries)
+                record = decode_metadata(self._file.path, END_RECORD, entries)
             except RecordingError:
                 continue
-            return {end["segment"]: segment_end_from_json(end) for end in document["segments"]}
+            return {end["segment"]: segment_end_from_json(end) for end in record["segments"]}
         return {}

@@ -1,4 +1,4 @@
-"""Whether a recording is whole: every record, checksum, index, sample and count of its file is looked at."""
+"""Verification of a recording: every record, checksum, index, sample and count of the file."""
 
 import zlib
 from collections import Counter, defaultdict
@@ -11,8 +11,14 @@ from mcap.opcode import Opcode
 
 from analysis.signals.header import RunHeader
 from recordings.errors import DamagedError, RecordingError
-from recordings.integrity.checks import Check, Finding, IndexCheck, PulseCheck, check_acquisition
-from recordings.integrity.continuity import Continuity
+from recordings.integrity.checks import (
+    Check,
+    ContinuityCheck,
+    Finding,
+    IndexCheck,
+    PulseCheck,
+    check_acquisition,
+)
 from recordings.mcap.container import RECORD, Container, StoredMessage
 from recordings.mcap.layout import CONFIG_ATTACHMENT, END_RECORD, RUN_RECORD, TOPICS, decode_metadata
 from recordings.mcap.markers import decode_marker
@@ -22,14 +28,14 @@ from recordings.mcap.salvage import decode_header, read_header
 from recordings.mcap.schema.rig_pb2 import Features, OrderFrame
 from recordings.progress import Progress, ignore_progress
 
-WINDOW = 4 << 20
-WALK = 0.9  # of the work: going through the records; the rest is the checksum over all of them
+WINDOW = 4 << 20  # bytes that are read at a time
+RECORDS_SHARE = 0.9  # share of the work in reading the records; the rest is the checksum over the data section
 SAMPLES_ID, END_ID, FEATURES_ID, FRAME_ID, MARKER_ID, PULSES_ID = range(1, 7)
 MAX_FINDINGS = 100
 
 
 class Verdict(StrEnum):
-    """What an inspection came to."""
+    """Result of a verification."""
 
     SOUND = "sound"
     NOT_WHOLE = "not whole"
@@ -37,7 +43,7 @@ class Verdict(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Verification:
-    """What was found in a recording's file.
+    """Findings of a verification.
 
     Parameters
     ----------
@@ -48,13 +54,13 @@ class Verification:
     size : int
         Bytes.
     chunks : int
-        Chunks that are intact.
+        Intact chunks.
     segments, samples : int
-        Segments that have their end, and samples per channel, that are there.
+        Segments with an end, and samples per channel.
     pulses : int
-        Edges of the tacho that a counter stamped.
+        Tacho edges with a counter stamp.
     findings : tuple of Finding
-        Faults and what is worth knowing, in the order of looking.
+        Faults and remarks, in file order.
     """
 
     path: Path
@@ -68,75 +74,77 @@ class Verification:
 
     @property
     def faults(self) -> tuple[Finding, ...]:
-        """What makes the recording not whole."""
+        """Findings for which the recording is not intact."""
         return tuple(finding for finding in self.findings if finding.is_fault)
 
     @property
     def is_sound(self) -> bool:
-        """Whether the recording is whole."""
+        """Whether the recording is intact."""
         return not self.faults
 
     @property
     def verdict(self) -> Verdict:
-        """What the inspection came to."""
+        """The result."""
         return Verdict.SOUND if self.is_sound else Verdict.NOT_WHOLE
 
 
 def verify(path: Path, on_progress: Progress = ignore_progress) -> Verification:
-    """Inspect a recording.
+    """Return the findings of a complete check of a recording.
 
     Parameters
     ----------
     path : Path
-        Its file.
+        The file.
     on_progress : callable
-        Told the part that is done, 0 to 1.
+        Called with the fraction done, 0 to 1.
 
     Raises
     ------
     NotFoundError, StorageError
-        Where there is no such file or it cannot be read.
+        If there is no such file, or it cannot be read.
     DamagedError, UnknownFormatError
-        Where it is no recording, or nothing of its header is left.
+        If it is no recording, or no copy of its header is intact.
     """
     container = Container(path)
     try:
-        return _Inspection(container, read_header(container), on_progress).verification()
+        return _Verifier(container, read_header(container), on_progress).verification()
     finally:
         container.close()
 
 
-class _Inspection:
-    """One look through a file."""
+class _Verifier:
+    """One pass through a file."""
 
-    def __init__(self, container: Container, header: RunHeader, told: Progress) -> None:
+    def __init__(self, container: Container, header: RunHeader, on_progress: Progress) -> None:
         self._file = container
-        self._told = told
+        self._on_progress = on_progress
         self._header = header
-        self._continuity = Continuity(header.acquisition)
+        self._continuity = ContinuityCheck(header.acquisition)
         self._pulses = PulseCheck(header.acquisition)
         self._index = IndexCheck(container)
-        self._places = {place.offset: place for place in container.chunks}
-        self._chunks = 0
-        self._messages: Counter[int] = Counter()
-        self._attachments: Counter[str] = Counter()
+        self._chunk_index = {chunk.offset: chunk for chunk in container.chunks}
+        self._n_chunks = 0
+        self._n_messages: Counter[int] = Counter()
+        self._n_attachments: Counter[str] = Counter()
         self._metadata: dict[str, list[str]] = defaultdict(list)
 
     def verification(self) -> Verification:
         findings: list[Finding] = []
         for finding in self._all():
             if len(findings) == MAX_FINDINGS:
-                findings.append(Finding(finding.check, finding.where, "and more: the list ends here"))
+                findings.append(
+                    Finding(finding.check, finding.where, f"more than {MAX_FINDINGS} findings: the list ends here")
+                )
                 break
             findings.append(finding)
         return Verification(
             path=self._file.path,
             run=self._header.run,
             size=self._file.size,
-            chunks=self._chunks,
+            chunks=self._n_chunks,
             segments=len(self._continuity.ends),
             samples=self._continuity.samples,
-            pulses=self._pulses.stamps,
+            pulses=self._pulses.count,
             findings=tuple(findings),
         )
 
@@ -151,60 +159,64 @@ class _Inspection:
         yield from check_acquisition(self._header.acquisition)
         if self._file.is_finished:
             yield from self._run_end()
-            yield from self._index.finish(self._messages)
+            yield from self._index.finish(self._n_messages)
 
     def _records(self) -> Iterator[Finding]:
-        """Walk the records of the data section."""
+        """Yield faults of the records of the data section."""
         stop = 8
         for record in self._file.records():
             start = record.offset - RECORD.size
             if start > stop:
-                what = f"the records break off; the index leads on after {start - stop} bytes, at byte {start}"
+                what = (
+                    f"the records break off; the index lists the next one {start - stop} bytes later, at byte {start}"
+                )
                 yield Finding(Check.FILE, f"byte {stop}", what)
             where, stop = f"byte {start}", record.offset + record.length
-            self._told(WALK * stop / self._file.size)
+            self._on_progress(RECORDS_SHARE * stop / self._file.size)
             if record.opcode == Opcode.CHUNK:
                 yield from self._chunk(record.offset, record.length, where)
             elif record.opcode == Opcode.MESSAGE_INDEX:
-                yield from self._index.message_index(self._file.read(record.offset, record.length), where)
+                yield from self._index.check_message_index(self._file.read(record.offset, record.length), where)
             elif record.opcode == Opcode.METADATA:
                 yield from self._metadata_record(record.offset, record.length, where)
             elif record.opcode == Opcode.ATTACHMENT:
                 yield from self._attachment(record.offset, record.length, where)
             elif record.opcode not in (Opcode.HEADER, Opcode.SCHEMA, Opcode.CHANNEL):
-                yield Finding(Check.FILE, where, f"a record of kind {record.opcode}, expected none of that kind here")
+                yield Finding(Check.FILE, where, f"a record of opcode {record.opcode}, expected none of that kind here")
         yield from self._data_end(stop)
 
     def _data_end(self, stop: int) -> Iterator[Finding]:
-        """Check that the records led to the end of the data, and its checksum."""
+        """Check that the records reach the end of the data section, and its checksum."""
         head = self._file.read(stop, 13)
         if len(head) < 13 or RECORD.unpack_from(head) != (Opcode.DATA_END, 4):
-            yield Finding(Check.FILE, f"byte {stop}", f"the records break off, {self._file.size - stop} bytes are left")
+            yield Finding(
+                Check.FILE, f"byte {stop}", f"the records break off {self._file.size - stop} bytes before the end"
+            )
             return
         expected, crc, offset = int.from_bytes(head[9:13], "little"), 0, 0
         while offset < stop:
             window = self._file.read(offset, min(WINDOW, stop - offset))
             crc = zlib.crc32(window, crc)
             offset += len(window)
-            self._told(WALK + (1.0 - WALK) * offset / stop)
+            self._on_progress(RECORDS_SHARE + (1.0 - RECORDS_SHARE) * offset / stop)
         if crc != expected:
             yield Finding(Check.CRC, f"bytes 0 to {stop}", "the data do not match their checksum")
 
     def _chunk(self, offset: int, length: int, where: str) -> Iterator[Finding]:
-        place = self._places.get(offset)
-        if place is None or place.length != length:
-            yield Finding(Check.INDEX, where, "a chunk that the index at the end does not name")
+        chunk = self._chunk_index.get(offset)
+        if chunk is None or chunk.length != length:
+            yield Finding(Check.INDEX, where, "a chunk that the index at the end does not list")
             return
         try:
-            messages = list(self._file.messages(place))
+            messages = list(self._file.messages(chunk))
         except DamagedError:
             yield Finding(Check.CRC, where, f"a chunk of {length} bytes does not match its checksum")
             self._index.skip_chunk()
             return
-        self._chunks += 1
-        yield from self._index.chunk(place, messages, where)
+        self._n_chunks += 1
+        yield from self._index.check_chunk(chunk, messages, where)
         for message in messages:
-            self._messages[message.channel] += 1
+            self._n_messages[message.channel] += 1
             try:
                 yield from self._message(message, where)
             except ValueError as error:
@@ -213,10 +225,10 @@ class _Inspection:
     def _message(self, message: StoredMessage, where: str) -> Iterator[Finding]:
         if message.channel == SAMPLES_ID:
             block = decode_block(message.data)
-            yield from self._continuity.block(block, where)
-            yield from self._pulses.block(block, where)
+            yield from self._continuity.check_block(block, where)
+            yield from self._pulses.check_block(block, where)
         elif message.channel == END_ID:
-            yield from self._continuity.segment_end(decode_segment_end(message.data), where)
+            yield from self._continuity.check_segment_end(decode_segment_end(message.data), where)
         elif message.channel == FEATURES_ID:
             parse_message(Features(), message.data)
         elif message.channel == FRAME_ID:
@@ -224,7 +236,7 @@ class _Inspection:
         elif message.channel == MARKER_ID:
             decode_marker(message.data)
         elif message.channel == PULSES_ID:
-            yield from self._pulses.pulses(message.data, where)
+            yield from self._pulses.check_pulses(message.data, where)
         else:
             what = f"a message of channel {message.channel}, expected 1 to {len(TOPICS)}"
             yield Finding(Check.INDEX, where, what, is_fault=False)
@@ -248,38 +260,38 @@ class _Inspection:
         if zlib.crc32(content[:-4]) != int.from_bytes(content[-4:], "little"):
             yield Finding(Check.CRC, where, "an attachment does not match its checksum")
         elif content[20 : 20 + len(CONFIG_ATTACHMENT)] == CONFIG_ATTACHMENT.encode():
-            self._attachments[CONFIG_ATTACHMENT] += 1
+            self._n_attachments[CONFIG_ATTACHMENT] += 1
             if not content[:-4].endswith(self._header.config_toml.encode()):
                 yield Finding(Check.HEADER, where, f"{CONFIG_ATTACHMENT} is not the configuration of the header")
 
     def _header_copies(self) -> Iterator[Finding]:
         if not self._metadata[RUN_RECORD]:
-            yield Finding(Check.HEADER, "start of file", f"the record {RUN_RECORD} is not where it belongs")
-        if not self._attachments[CONFIG_ATTACHMENT]:
+            yield Finding(Check.HEADER, "start of file", f"the record {RUN_RECORD} is missing")
+        if not self._n_attachments[CONFIG_ATTACHMENT]:
             yield Finding(Check.HEADER, "start of file", f"the attachment {CONFIG_ATTACHMENT} is missing")
 
     def _run_end(self) -> Iterator[Finding]:
-        """Compare what the run came to with what is there."""
+        """Compare the end record with the samples and segments of the file."""
         entries = self._file.metadata(END_RECORD)
         try:
-            document = decode_metadata(self._file.path, END_RECORD, entries[-1]) if entries else {}
+            record = decode_metadata(self._file.path, END_RECORD, entries[-1]) if entries else {}
         except RecordingError:
-            document = {}  # its own record has been reported
-        if not document:
+            record = {}  # reported as a metadata record already
+        if not record:
             yield Finding(Check.COUNTS, "end of file", f"the record {END_RECORD} is missing")
             return
-        ends = tuple(segment_end_from_json(end) for end in document["segments"])
-        if document["samples"] != self._continuity.samples:
-            what = f"{self._continuity.samples} samples per channel, expected {document['samples']}"
+        ends = tuple(segment_end_from_json(end) for end in record["segments"])
+        if record["samples"] != self._continuity.samples:
+            what = f"{self._continuity.samples} samples per channel, expected {record['samples']}"
             yield Finding(Check.COUNTS, "whole file", what)
-        if document.get("pulses", 0) != self._pulses.stamps:  # older files have none
-            what = f"{self._pulses.stamps} stamps of the tacho's counter, expected {document.get('pulses', 0)}"
+        if record.get("pulses", 0) != self._pulses.count:  # missing in older files
+            what = f"{self._pulses.count} stamps of the tacho's counter, expected {record.get('pulses', 0)}"
             yield Finding(Check.COUNTS, "whole file", what)
         if ends != self._continuity.ends:
-            what = f"{len(self._continuity.ends)} ends of segments are not the {len(ends)} of {END_RECORD}"
+            what = f"the {len(self._continuity.ends)} segment ends differ from the {len(ends)} of {END_RECORD}"
             yield Finding(Check.COUNTS, "whole file", what)
-        if not document["complete"]:
-            yield Finding(Check.COUNTS, END_RECORD, "the run was closed inside a segment")
-        if document["skipped_samples"]:
-            what = f"the live analysis skipped {document['skipped_samples']} samples; they are in the file"
+        if not record["complete"]:
+            yield Finding(Check.COUNTS, END_RECORD, "the file was closed before its last segment ended")
+        if record["skipped_samples"]:
+            what = f"the live analysis skipped {record['skipped_samples']} samples; they are in the file"
             yield Finding(Check.COUNTS, END_RECORD, what, is_fault=False)

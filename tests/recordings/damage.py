@@ -1,4 +1,4 @@
-"""A small run of known codes, and what every reader of a damaged copy of it must hold to."""
+"""Examination of damaged files: reader, verification and recovery must give right samples or one clear error."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ Spans = set[tuple[int, int, int]]
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """What a damaged file still gave: samples read from it, samples recovered, whether it opens."""
+    """Result of an examination: samples read, samples recovered, whether the file opens."""
 
     read: int
     recovered: int
@@ -31,7 +31,7 @@ class Outcome:
 
 
 def examine(path: Path, copy: Path, codes_of: CodesOf) -> Outcome:
-    """Read, verify and recover a damaged file; every sample that comes out of it must be right, and none be left."""
+    """Read, verify and recover a damaged file; all intact samples must be recovered, with the right values."""
     copy.unlink(missing_ok=True)
     intact = intact_blocks(path, codes_of)
     try:
@@ -40,51 +40,51 @@ def examine(path: Path, copy: Path, codes_of: CodesOf) -> Outcome:
         assert verification.faults
         n_read = _read(path, codes_of)
     except RecordingError as error:
-        check_words(error, path)
+        check_names_file(error, path)
         n_read = 0
     try:
         recovery = recover(path, copy)
     except RecordingError as error:
-        check_words(error, path)
-        check_nothing_left(copy, intact)
+        check_names_file(error, path)
+        check_no_copy(copy, intact)
         return Outcome(n_read, 0, opens=False)
     assert verify(copy).verdict is Verdict.SOUND
     with RunReader(copy) as reader:
-        for stretch in recovery.stretches:
-            codes = reader.samples(stretch.segment, 0, stretch.stop - stretch.first)
-            np.testing.assert_array_equal(codes, codes_of(stretch.from_segment, stretch.first, stretch.stop))
+        for segment in recovery.segments:
+            codes = reader.samples(segment.segment, 0, segment.stop - segment.first)
+            np.testing.assert_array_equal(codes, codes_of(segment.from_segment, segment.first, segment.stop))
         assert reader.n_samples == recovery.samples
         assert reader.is_complete
-    for segment, first, stop in intact:
+    for number, first, stop in intact:
         assert any(
-            stretch.from_segment == segment and stretch.first <= first and stop <= stretch.stop
-            for stretch in recovery.stretches
-        ), f"samples {first} to {stop} of segment {segment} are intact and were not recovered"
+            segment.from_segment == number and segment.first <= first and stop <= segment.stop
+            for segment in recovery.segments
+        ), f"samples {first} to {stop} of segment {number} are intact and were not recovered"
     assert recovery.samples == sum(stop - first for _, first, stop in intact)
     return Outcome(n_read, recovery.samples, opens=True)
 
 
-def check_words(error: RecordingError, path: Path) -> None:
+def check_names_file(error: RecordingError, path: Path) -> None:
     """Check that an error names the file."""
     assert str(error).startswith(f"{path}: ")
 
 
-def check_nothing_left(copy: Path, intact: Spans) -> None:
-    """Check that a recovery that failed had nothing to bring back, and left no file."""
+def check_no_copy(copy: Path, intact: Spans) -> None:
+    """Check that a failed recovery had no intact samples, and left no file."""
     assert not copy.exists()
     assert not intact
 
 
 def intact_blocks(path: Path, codes_of: CodesOf) -> Spans:
-    """Return segment, first and last sample of the blocks in chunks whose checksums fit, found without any index."""
+    """Return (segment, first sample, end) of the blocks in intact chunks, found without an index."""
     spans: Spans = set()
     try:
         container = Container(path)
     except RecordingError:
         return spans
-    for place in search_chunks(container):
+    for chunk in search_chunks(container):
         try:
-            messages = list(container.messages(place))
+            messages = list(container.messages(chunk))
         except DamagedError:
             continue
         for message in messages:

@@ -1,4 +1,4 @@
-"""Damaged files give fewer samples or one clear error, never wrong samples and never another exception."""
+"""Reading damaged files gives fewer samples or a RecordingError, never wrong samples or another exception."""
 
 import zlib
 from collections.abc import Callable
@@ -29,7 +29,7 @@ BLOCK, N_BLOCKS = 400, 30
 
 @pytest.fixture
 def run(tmp_path: Path, header: RunHeader, make_block: MakeBlock, make_snapshot: Callable[..., Snapshot]) -> Path:
-    """Return the small file of a run of two segments."""
+    """Return the small file of a run of two segments with results."""
     writer = RunWriter(tmp_path / "run.mcap", header)
     for segment in range(2):
         for k in range(N_BLOCKS):
@@ -46,7 +46,7 @@ def run(tmp_path: Path, header: RunHeader, make_block: MakeBlock, make_snapshot:
 
 @pytest.fixture
 def check(header: RunHeader, codes_of: CodesOf) -> Callable[[Path], int]:
-    """Return a reader of all that a file holds that checks every sample and returns how many there were."""
+    """Return a function that reads a file, checks every sample, and returns their number."""
 
     def read(path: Path) -> int:
         n_samples, segment, expected = 0, -1, 0
@@ -75,9 +75,7 @@ def check(header: RunHeader, codes_of: CodesOf) -> Callable[[Path], int]:
 ALL = 2 * N_BLOCKS * BLOCK
 
 
-def test_a_file_cut_anywhere_gives_what_lies_before_the_cut(
-    run: Path, tmp_path: Path, check: Callable[[Path], int]
-) -> None:
+def test_a_cut_file_gives_the_samples_before_the_cut(run: Path, tmp_path: Path, check: Callable[[Path], int]) -> None:
     data = run.read_bytes()
     cut = tmp_path / "cut.mcap"
     read = []
@@ -95,18 +93,16 @@ def test_a_file_cut_anywhere_gives_what_lies_before_the_cut(
     assert len(set(read)) > 5
 
 
-def test_a_flipped_bit_anywhere_never_gives_wrong_samples(
-    run: Path, tmp_path: Path, check: Callable[[Path], int]
-) -> None:
+def test_a_flipped_bit_never_gives_wrong_samples(run: Path, tmp_path: Path, check: Callable[[Path], int]) -> None:
     data = bytearray(run.read_bytes())
     random = np.random.default_rng(42)
     flipped = tmp_path / "flipped.mcap"
     read = []
-    for place in random.choice(len(data), 250, replace=False):
-        kept = data[place]
-        data[place] ^= 1 << int(random.integers(8))
+    for position in random.choice(len(data), 250, replace=False):
+        original = data[position]
+        data[position] ^= 1 << int(random.integers(8))
         flipped.write_bytes(data)
-        data[place] = kept
+        data[position] = original
         try:
             read.append(check(flipped))
         except RecordingError:
@@ -117,11 +113,11 @@ def test_a_flipped_bit_anywhere_never_gives_wrong_samples(
 
 
 def cut_in_the_last_samples(path: Path) -> bytes:
-    """Return what is left of a file that breaks off in its last chunk of samples."""
+    """Return the bytes of a file up to the middle of its last sample chunk."""
     container = Container(path)
-    place = [place for place in container.chunks if place.may_contain(frozenset({1}))][-1]
+    last = [chunk for chunk in container.chunks if chunk.may_contain(frozenset({1}))][-1]
     container.close()
-    return path.read_bytes()[: place.offset + place.length // 2]
+    return path.read_bytes()[: last.offset + last.length // 2]
 
 
 def test_a_flipped_bit_in_a_cut_file_never_gives_wrong_samples(
@@ -131,35 +127,33 @@ def test_a_flipped_bit_in_a_cut_file_never_gives_wrong_samples(
     random = np.random.default_rng(43)
     flipped = tmp_path / "flipped.mcap"
     unread = 0
-    for place in random.choice(len(data), 200, replace=False):
-        kept = data[place]
-        data[place] = int(random.integers(256))
+    for position in random.choice(len(data), 200, replace=False):
+        original = data[position]
+        data[position] = int(random.integers(256))
         flipped.write_bytes(data)
-        data[place] = kept
-        if place < len(MCAP0_MAGIC):
+        data[position] = original
+        if position < len(MCAP0_MAGIC):
             with pytest.raises(DamagedError, match=r"flipped\.mcap: is not an MCAP file"):
                 check(flipped)
             continue
         try:
             assert check(flipped) < ALL
-        except DamagedError:  # the records in front of the first samples do not lead to them any more
+        except DamagedError:  # the records before the first samples do not lead to them any more
             unread += 1
     assert unread < 10
 
 
 def damage_chunk(path: Path, number: int) -> None:
-    """Spoil the content of one chunk of a finished file."""
+    """Change a byte inside one chunk of a finished file."""
     container = Container(path)
-    place = container.chunks[number]
+    chunk = container.chunks[number]
     container.close()
     data = bytearray(path.read_bytes())
-    data[place.offset + place.length // 2] ^= 0x55
+    data[chunk.offset + chunk.length // 2] ^= 0x55
     path.write_bytes(data)
 
 
-def test_damage_inside_a_segment_ends_it_there_and_counts_the_rest_as_lost(
-    run: Path, check: Callable[[Path], int]
-) -> None:
+def test_a_damaged_chunk_ends_the_segment_and_counts_the_rest_as_lost(run: Path, check: Callable[[Path], int]) -> None:
     damage_chunk(run, 1)
     assert 0 < check(run) < ALL
     with RunReader(run) as reader:
@@ -176,7 +170,7 @@ def test_damage_inside_a_segment_ends_it_there_and_counts_the_rest_as_lost(
     assert ends[1] == SegmentEnd(1, N_BLOCKS * BLOCK, EndReason.STOPPED)
 
 
-def test_a_cut_run_says_that_it_is_cut_and_not_gap_free(run: Path) -> None:
+def test_a_cut_run_ends_with_reason_cut_and_is_not_gap_free(run: Path) -> None:
     container = Container(run)
     second = container.chunks[1]
     container.close()
@@ -187,7 +181,7 @@ def test_a_cut_run_says_that_it_is_cut_and_not_gap_free(run: Path) -> None:
         assert not reader.is_gap_free
 
 
-def test_samples_of_a_cut_run_can_be_read_to_its_end(run: Path, codes_of: CodesOf) -> None:
+def test_samples_of_a_cut_run_are_read_to_its_end(run: Path, codes_of: CodesOf) -> None:
     run.write_bytes(cut_in_the_last_samples(run))
     with RunReader(run) as reader:
         end = reader.segment_ends[-1]
@@ -197,7 +191,7 @@ def test_samples_of_a_cut_run_can_be_read_to_its_end(run: Path, codes_of: CodesO
         )
 
 
-def test_a_run_that_is_still_being_written_can_be_read_so_far(
+def test_a_run_is_readable_while_it_is_being_written(
     tmp_path: Path, header: RunHeader, make_block: MakeBlock, codes_of: CodesOf
 ) -> None:
     writer = RunWriter(tmp_path / "run.mcap", header)
@@ -214,41 +208,41 @@ def test_a_run_that_is_still_being_written_can_be_read_so_far(
 
 
 def chunk_of(data: bytes, *, compression: str = "") -> bytes:
-    """Return a chunk record whose checksum fits whatever it holds."""
+    """Return a chunk record of this data with a matching checksum."""
     return encode_records(Chunk(compression, data, 1, 0, zlib.crc32(data), len(data)))
 
 
-NONSENSE = {
-    "no room for a length": chunk_of(b"\x05"),
+INVALID_RECORDS = {
+    "too short for a length": chunk_of(b"\x05"),
     "a length beyond the chunk": chunk_of(RECORD.pack(Opcode.MESSAGE, 1000) + b"short"),
     "a short message": chunk_of(RECORD.pack(Opcode.MESSAGE, 5) + b"short"),
     "no block": chunk_of(RECORD.pack(Opcode.MESSAGE, 27) + b"\x01\0" + bytes(20) + b"\xff" * 5),
     "no segment end": chunk_of(RECORD.pack(Opcode.MESSAGE, 27) + b"\x02\0" + bytes(20) + b"\xff" * 5),
     "no features": chunk_of(RECORD.pack(Opcode.MESSAGE, 27) + b"\x03\0" + bytes(20) + b"\xff" * 5),
-    "another compression": chunk_of(b"", compression="lz4"),
+    "unknown compression": chunk_of(b"", compression="lz4"),
     "not zstd": chunk_of(b"not zstd", compression="zstd"),
     "a short chunk": RECORD.pack(Opcode.CHUNK, 5) + b"short",
     "an empty chunk": RECORD.pack(Opcode.CHUNK, 0),
     "short metadata": RECORD.pack(Opcode.METADATA, 5) + b"short",
-    "filling by the file system": bytes(100_000),
+    "allocated zeros": bytes(100_000),
     "a new record": RECORD.pack(0x7F, 3) + b"new",
 }
 
 
-@pytest.mark.parametrize("nonsense", NONSENSE)
-def test_records_that_hold_nonsense_are_passed_over(
-    tmp_path: Path, header: RunHeader, make_block: MakeBlock, check: Callable[[Path], int], nonsense: str
+@pytest.mark.parametrize("kind", INVALID_RECORDS)
+def test_invalid_records_are_ignored(
+    tmp_path: Path, header: RunHeader, make_block: MakeBlock, check: Callable[[Path], int], kind: str
 ) -> None:
     writer = RunWriter(tmp_path / "run.mcap", header)
     for k in range(4):
         writer.write_block(make_block(0, k * 2000, 2000))
     forged = tmp_path / "forged.mcap"
-    forged.write_bytes(writer.path.read_bytes() + NONSENSE[nonsense])
+    forged.write_bytes(writer.path.read_bytes() + INVALID_RECORDS[kind])
     writer.close()
     assert check(forged) == 8000
 
 
-def test_blocks_that_come_twice_or_late_are_passed_over(make_block: MakeBlock) -> None:
+def test_duplicate_and_late_blocks_are_dropped(make_block: MakeBlock) -> None:
     ends = {0: SegmentEnd(0, 100, EndReason.OVERRUN), 1: SegmentEnd(1, 100, EndReason.STOPPED)}
     sequence = SequenceFilter(ends)
     first, second = make_block(0, 0, 100), make_block(1, 0, 100)
@@ -260,7 +254,7 @@ def test_blocks_that_come_twice_or_late_are_passed_over(make_block: MakeBlock) -
     assert list(sequence.finish()) == []
 
 
-def test_a_segment_whose_beginning_is_missing_is_told_by_its_end(make_block: MakeBlock) -> None:
+def test_a_segment_without_its_beginning_has_an_empty_end(make_block: MakeBlock) -> None:
     sequence = SequenceFilter({})
     assert list(sequence.add_block(make_block(0, 100, 100))) == []
     (end,) = sequence.finish()

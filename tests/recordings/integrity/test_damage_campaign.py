@@ -40,7 +40,7 @@ def data(tmp_path: Path, header: RunHeader, make_block: MakeBlock, make_snapshot
 @pytest.mark.parametrize(
     ("n_cases", "seed"), [(12, 1), pytest.param(500, 2, marks=pytest.mark.campaign)], ids=["few", "full"]
 )
-def test_a_file_cut_at_a_random_byte_gives_all_that_lies_before_the_cut(
+def test_a_file_cut_at_a_random_byte_gives_all_samples_before_the_cut(
     tmp_path: Path, data: bytearray, codes_of: CodesOf, n_cases: int, seed: int
 ) -> None:
     cut = tmp_path / "cut.mcap"
@@ -57,15 +57,15 @@ def test_a_file_cut_at_a_random_byte_gives_all_that_lies_before_the_cut(
 @pytest.mark.parametrize(
     ("n_cases", "seed"), [(12, 3), pytest.param(100, 4, marks=pytest.mark.campaign)], ids=["few", "full"]
 )
-def test_a_changed_byte_costs_no_more_than_the_chunk_it_is_in(
+def test_a_changed_byte_costs_at_most_its_chunk(
     tmp_path: Path, data: bytearray, codes_of: CodesOf, n_cases: int, seed: int
 ) -> None:
     random = np.random.default_rng(seed)
     flipped = tmp_path / "flipped.mcap"
     outcomes = []
-    for place in random.choice(len(data), n_cases, replace=False):
+    for position in random.choice(len(data), n_cases, replace=False):
         changed = bytearray(data)
-        changed[place] ^= int(random.integers(1, 256))
+        changed[position] ^= int(random.integers(1, 256))
         flipped.write_bytes(changed)
         outcomes.append(examine(flipped, tmp_path / "copy.mcap", codes_of))
     recovered = [outcome.recovered for outcome in outcomes]
@@ -80,7 +80,7 @@ def test_a_changed_byte_costs_no_more_than_the_chunk_it_is_in(
 @pytest.mark.parametrize(
     ("n_cases", "seed"), [(8, 5), pytest.param(100, 6, marks=pytest.mark.campaign)], ids=["few", "full"]
 )
-def test_a_changed_byte_in_a_file_that_was_cut_as_well_is_no_worse(
+def test_a_changed_byte_in_a_cut_file_is_recovered_from(
     tmp_path: Path, data: bytearray, codes_of: CodesOf, n_cases: int, seed: int
 ) -> None:
     random = np.random.default_rng(seed)

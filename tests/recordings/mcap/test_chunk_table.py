@@ -1,4 +1,4 @@
-"""The table of chunks says of each what its index says, and finds the one where a time begins."""
+"""ChunkTable: decoding of chunk indexes, and search by time."""
 
 import pytest
 from mcap.records import ChunkIndex
@@ -7,11 +7,11 @@ from recordings.mcap.chunk_table import ChunkLocation, ChunkTable
 from recordings.mcap.chunk_writer import encode_records
 from recordings.mcap.container import RECORD
 
-BILLION_YEARS = 1 << 63
+LATE = 1 << 63  # does not fit a signed 64-bit integer
 
 
 def content(offset: int, start_ns: int, channels: list[int]) -> bytes:
-    """Return what a file's summary says of a chunk."""
+    """Return the content of a chunk index record."""
     index = ChunkIndex(
         chunk_length=100,
         chunk_start_offset=offset,
@@ -30,13 +30,13 @@ CASES = [
     (10, 5, [1]),
     (210, 7, [1, 2]),
     (410, 6, [3, 4]),
-    (610, BILLION_YEARS + 1, [2, 1]),
+    (610, LATE + 1, [2, 1]),
     (810, 9, []),
     (1010, 10, [513, 1, 65535]),
 ]
 
 
-def test_a_table_says_what_the_indexes_say() -> None:
+def test_table_from_index_has_all_chunks() -> None:
     table = ChunkTable.from_index([content(*case) for case in CASES])
     assert len(table) == len(CASES)
     assert [*table] == [
@@ -44,21 +44,21 @@ def test_a_table_says_what_the_indexes_say() -> None:
         for offset, start_ns, channels in CASES
     ]
     assert [*table.starting_at(4)] == [table[4], table[5]]
-    assert [place.offset for place in reversed(table)] == [place.offset for place in table][::-1]
+    assert [chunk.offset for chunk in reversed(table)] == [chunk.offset for chunk in table][::-1]
 
 
-def test_a_table_of_places_gives_them_back() -> None:
-    places = [
+def test_table_from_locations_has_all_chunks() -> None:
+    locations = [
         ChunkLocation(9, 100, 5, frozenset({1})),
         ChunkLocation(200, 50, 7, None),
         ChunkLocation(300, 50, 8, frozenset({1})),
     ]
-    table = ChunkTable.from_locations(places)
-    assert [*table] == places
-    assert [place.may_contain(frozenset({2})) for place in table] == [False, True, False]
+    table = ChunkTable.from_locations(locations)
+    assert [*table] == locations
+    assert [chunk.may_contain(frozenset({2})) for chunk in table] == [False, True, False]
 
 
-def test_the_chunk_is_found_in_which_a_time_lies_whatever_lies_between() -> None:
+def test_last_chunk_before_a_time_is_found_among_other_channels() -> None:
     samples, results = frozenset({1}), frozenset({3, 4})
     starts = [(0, [1]), (10, [1]), (3, [3]), (20, [1, 2]), (13, [3, 4]), (30, [1])]
     table = ChunkTable.from_index([content(100 * k, start, channels) for k, (start, channels) in enumerate(starts)])
@@ -69,6 +69,6 @@ def test_the_chunk_is_found_in_which_a_time_lies_whatever_lies_between() -> None
 
 
 @pytest.mark.parametrize("table", [ChunkTable.from_index([]), ChunkTable.from_locations([])], ids=["index", "walk"])
-def test_a_table_of_nothing_is_empty(table: ChunkTable) -> None:
+def test_empty_table(table: ChunkTable) -> None:
     assert [*table] == []
     assert table.last_before(frozenset({1}), 5) == 0

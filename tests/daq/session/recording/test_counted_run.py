@@ -279,7 +279,7 @@ def test_recovered_stretches_have_the_stamps_of_their_samples(counted: RigFactor
     path.write_bytes(data)
     assert not verify(path).is_sound
     copy = tmp_path / "copy.mcap"
-    first, second = recover(path, copy).stretches
+    first, second = recover(path, copy).segments
     assert verify(copy).is_sound
     truth = ticks_of(items_of(rig))
     with RunReader(copy) as reader:
