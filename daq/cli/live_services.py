@@ -112,7 +112,7 @@ class LiveServices:
         if self._view is None:
             return update
         detail = update.status.detail or self._view.failure
-        return replace(update, status=replace(update.status, dropped_frames=self._view.dropped, detail=detail))
+        return replace(update, status=replace(update.status, dropped_updates=self._view.dropped, detail=detail))
 
     def stop(self) -> str | None:
         """Stop the live run; return its id, None without a run in progress."""

@@ -236,7 +236,7 @@ def _status(status: Status) -> StatusSchema:
         backlog_s=finite(status.backlog),
         disk_left_s=finite(status.disk_left),
         skipped_samples=status.skipped,
-        dropped_updates=status.dropped_frames,
+        dropped_updates=status.dropped_updates,
         severity=status.severity,
         latched_severity=status.latched,
         alarms=tuple(alarm_schema(alarm) for alarm in status.alarms),

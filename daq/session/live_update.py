@@ -92,7 +92,7 @@ class Status:
         Recording time at this rate until the disk reserve is reached, s; infinite where nothing is written.
     skipped : int
         Samples per channel that the live analysis skipped (they are recorded).
-    dropped_frames : int
+    dropped_updates : int
         Live updates that the view could not draw in time.
     severity : Severity
         The worst of the alarms whose condition persists.
@@ -122,7 +122,7 @@ class Status:
     backlog: float = 0.0
     disk_left: float = float("inf")
     skipped: int = 0
-    dropped_frames: int = 0
+    dropped_updates: int = 0
     severity: Severity = Severity.NORMAL
     latched: Severity = Severity.NORMAL
     model: str = "off"

@@ -149,7 +149,7 @@ class LiveView:
             if presenter is None or frame.header.run != run:
                 presenter, run = Presenter(stream, frame.header), frame.header.run
                 stream.send_blueprint(operator_blueprint(frame.header), make_active=True, make_default=True)
-            status = replace(frame.status, dropped_frames=self._dropped)
+            status = replace(frame.status, dropped_updates=self._dropped)
             presenter.show(replace(frame, status=status))
             rest = _SHORTEST - (time.monotonic() - started)
             if rest > 0.0 and not self._closing:

@@ -142,7 +142,7 @@ def _system(frame: LiveUpdate) -> list[str]:
         lines.append(f"**{status.detail}**")
     lines.append(f"- **{status.samples:,}** samples a channel, lost **{_lost(frame)}**, backlog {status.backlog:.2f} s")
     lines.append(
-        f"- disk {hours(status.disk_left)}; not analysed live {status.skipped:,}; not drawn {status.dropped_frames:,}"
+        f"- disk {hours(status.disk_left)}; not analysed live {status.skipped:,}; not drawn {status.dropped_updates:,}"
     )
     if frame.snapshot is not None:
         lines += _signals(frame, frame.snapshot)
@@ -206,7 +206,7 @@ def words(frame: LiveUpdate) -> Drawing:
     if frame.snapshot is not None:
         at = _signal_rows(drawing, frame, frame.snapshot, at)
     status = frame.status
-    missed = f"not analysed live {status.skipped:,}   not drawn {status.dropped_frames:,}"
+    missed = f"not analysed live {status.skipped:,}   not drawn {status.dropped_updates:,}"
     _line(drawing, at, missed, ALARM if status.skipped else QUIET)
     basis_said = "" if frame.prediction is None else f", {basis(frame.prediction)}"
     _line(drawing, at + 14.0, f"model {status.model}{basis_said}", MODEL)

@@ -90,7 +90,7 @@ class RecordedRun:
             len(rig.config.channel), capacity, max(16, math.ceil(RING_SECONDS / timing.block_s))
         )
         self._reader = self._ring.reader()
-        self._pipe, self._process = self._spawn()
+        self._pipe, self._process = self._start_recorder()
         self._sender = MessageSender(self._pipe)
         self._stop_deadline = stop_deadline
         self._end_at = math.inf  # on the monotonic clock
@@ -98,12 +98,12 @@ class RecordedRun:
         self._last_end: SegmentEnd | None = None
         self._last_loss = ""
         self._message = ""
-        self._note = ""
+        self._analysis_error = ""
         self._error = ""
         self._state = RunState.STARTING
         self._is_stopped_by_user = False
         try:
-            self._header = self._opened(is_stopping)
+            self._header = self._wait_until_open(is_stopping)
         except BaseException:
             self._release()
             raise
@@ -113,7 +113,7 @@ class RecordedRun:
         )
         self._display = self._analysis
         self._state = RunState.RECORDING
-        self._thread = threading.Thread(target=self._watch, name="live-analysis", daemon=True)
+        self._thread = threading.Thread(target=self._run, name="live-analysis", daemon=True)
         self._thread.start()
 
     @property
@@ -126,7 +126,7 @@ class RecordedRun:
         """The file."""
         return self._request.path
 
-    def _spawn(self) -> tuple[Connection, BaseProcess]:
+    def _start_recorder(self) -> tuple[Connection, BaseProcess]:
         context = multiprocessing.get_context("spawn")  # the same on every platform, and safe beside threads
         here, there = context.Pipe()
         process = context.Process(
@@ -136,12 +136,12 @@ class RecordedRun:
         there.close()
         return here, process
 
-    def _opened(self, is_stopping: Callable[[], bool]) -> RunHeader:
+    def _wait_until_open(self, is_stopping: Callable[[], bool]) -> RunHeader:
         deadline = time.monotonic() + OPEN_DEADLINE
         while not self._pipe.poll(OPEN_POLL_INTERVAL):
             if is_stopping():
                 self._sender.send(StopRequest())
-                raise _stopped()
+                raise _stopped_error()
             if time.monotonic() > deadline:
                 raise DeviceError(DeviceFault.TIMEOUT, f"the device was not open after {OPEN_DEADLINE:g} s")
         try:
@@ -149,7 +149,7 @@ class RecordedRun:
         except EOFError:
             self._process.join(5.0)
             if is_stopping():  # the recorder saw the request as well
-                raise _stopped() from None
+                raise _stopped_error() from None
             raise DeviceError(
                 DeviceFault.OTHER,
                 f"the recorder ended before the recording started (exit code {self._process.exitcode})",
@@ -209,10 +209,10 @@ class RecordedRun:
             model=self._model.state,
             clipped=clipped_channels(statistics, self._header.acquisition),
             last_loss=self._last_loss,
-            detail=self._message or warning or self._note,
+            detail=self._message or warning or self._analysis_error,
         )
 
-    def _watch(self) -> None:
+    def _run(self) -> None:
         """Analyse the run and receive the recorder's end, also after an error here."""
         try:
             self._analyse_until_end()
@@ -230,23 +230,23 @@ class RecordedRun:
         try:
             self._display.offer(self.status())
         except Exception as error:  # noqa: BLE001 - an error of a sink must not end a recording: it is reported
-            self._note = f"a live display failed: {type(error).__name__}: {error}; the recording continues"
+            self._analysis_error = f"a live display failed: {type(error).__name__}: {error}; the recording continues"
 
     def _analyse_until_end(self) -> None:
         """Analyse the items that the recorder publishes, until it ends."""
-        offered = time.monotonic()
+        offered_at = time.monotonic()
         while True:
-            alive = self._is_recording()
-            seen = self._analyse()
+            is_recording = self._is_recording()
+            has_items = self._analyse()
             now = time.monotonic()
-            if seen:
-                offered = now
-            elif not alive:
+            if has_items:
+                offered_at = now
+            elif not is_recording:
                 break
             else:
-                if now - offered > STATUS_INTERVAL:
+                if now - offered_at > STATUS_INTERVAL:
                     self._offer()
-                    offered = now
+                    offered_at = now
                 time.sleep(POLL_INTERVAL)
 
     def _is_recording(self) -> bool:
@@ -259,9 +259,9 @@ class RecordedRun:
         return self._process.is_alive() and not self._ring.is_closed
 
     def _analyse(self) -> bool:
-        seen = False
+        has_items = False
         for item in self._reader.available():
-            seen = True
+            has_items = True
             if isinstance(item, SegmentEnd):
                 self._last_end, self._last_loss = item, loss_message(item) or self._last_loss
             if self._analysis is None:
@@ -269,9 +269,11 @@ class RecordedRun:
             try:
                 self._analysis.process(item, self.status())
             except Exception as error:  # noqa: BLE001 - an error of the analysis must not end a recording: it is reported
-                self._note = f"live analysis stopped: {type(error).__name__}: {error}; the recording continues"
+                self._analysis_error = (
+                    f"live analysis stopped: {type(error).__name__}: {error}; the recording continues"
+                )
                 self._analysis = None
-        return seen
+        return has_items
 
     def _receive_end(self) -> None:
         deadline = time.monotonic() + RESULTS_DEADLINE
@@ -344,5 +346,5 @@ class RecordedRun:
             self._process.join(KILL_DEADLINE)
 
 
-def _stopped() -> StoppedError:
+def _stopped_error() -> StoppedError:
     return StoppedError("stopped before the device was open: nothing was recorded")

@@ -123,7 +123,7 @@ class _Recorder:
         self._request = request
         self._header = run_header(request, source)
         self._source = apply_trigger(source, request.rig.config.trigger, self)
-        self._passed = 0  # samples per channel that the trigger skipped since the last block it delivered
+        self._skipped_by_trigger = 0  # samples per channel that the trigger skipped since the last block it delivered
         self._writer = writer
         self._ring = ring
         self._statistics = statistics
@@ -131,11 +131,11 @@ class _Recorder:
         self._ends: list[SegmentEnd] = []
         self._message = ""
         self._skipped: int | None = None  # unknown until `ResultsEnded` arrives
-        self._done = threading.Event()
+        self._results_ended = threading.Event()
         self._disk_checked = -1.0
         rate = source.acquisition.rate
         self._rate = rate
-        self._limit = None if request.duration is None else max(1, round(request.duration * rate))
+        self._max_samples = None if request.duration is None else max(1, round(request.duration * rate))
 
     def run(self) -> None:
         signal.signal(signal.SIGTERM, lambda *_: self._source.stop())
@@ -153,8 +153,8 @@ class _Recorder:
             self._source.close()
             with suppress(OSError):  # the controlling process may be dead; the file matters
                 self._pipe.send(AcquisitionEnded(tuple(self._ends)))
-                self._done.wait(RESULTS_DEADLINE)
-            self._close()
+                self._results_ended.wait(RESULTS_DEADLINE)
+            self._close_file()
             listener.join(1.0)
 
     def _record_blocks(self) -> None:
@@ -162,15 +162,17 @@ class _Recorder:
             try:
                 self._record(item)
             except RecordingError as error:
-                self._give_up(item, str(error))
+                self._end_after_write_error(item, str(error))
                 return
 
     def _record(self, item: SampleBlock | SegmentEnd) -> None:
         if isinstance(item, SegmentEnd):
             if item.reason is EndReason.STOPPED:
-                planned = self._limit is not None and self._statistics.samples >= self._limit
+                has_reached_duration = self._max_samples is not None and self._statistics.samples >= self._max_samples
                 item = replace(
-                    item, reason=EndReason.FINISHED if planned else item.reason, detail=self._message or item.detail
+                    item,
+                    reason=EndReason.FINISHED if has_reached_duration else item.reason,
+                    detail=self._message or item.detail,
                 )
             self._writer.write_segment_end(item)
             self._statistics.add_end(item)
@@ -178,8 +180,8 @@ class _Recorder:
         else:
             self._writer.write_block(item)
             self._statistics.add_block(item)
-            self._guard_disk()
-            if self._limit is not None and self._statistics.samples >= self._limit:
+            self._check_disk_space()
+            if self._max_samples is not None and self._statistics.samples >= self._max_samples:
                 self._source.stop()
         self._ring.put(item)
 
@@ -190,16 +192,16 @@ class _Recorder:
     def on_skipped(self, samples: int) -> None:
         """Count samples skipped by the trigger; a method of `TriggerListener`."""
         self._writer.skip_samples(samples)
-        self._passed += samples
+        self._skipped_by_trigger += samples
 
     def on_start(self, start: TriggerStart) -> None:
         """Record the start of an event as a marker; a method of `TriggerListener`."""
-        text = f"start: {start.condition}, after {self._passed:,} samples ({self._passed / self._rate:,.1f} s) skipped"
-        self._passed = 0
+        skipped, self._skipped_by_trigger = self._skipped_by_trigger, 0
+        text = f"start: {start.condition}, after {skipped:,} samples ({skipped / self._rate:,.1f} s) skipped"
         marker = Marker(start.segment, start.sample, text, time.time_ns())
         self._writer.add_result(encode_marker(marker, self._header))
 
-    def _give_up(self, item: SampleBlock | SegmentEnd, message: str) -> None:
+    def _end_after_write_error(self, item: SampleBlock | SegmentEnd, message: str) -> None:
         """Stop after a failed write; samples after the last written block count as lost."""
         self._message = message
         self._source.stop()
@@ -216,7 +218,7 @@ class _Recorder:
         self._ends.append(end)
         self._ring.put(end)
 
-    def _guard_disk(self) -> None:
+    def _check_disk_space(self) -> None:
         now = time.monotonic()
         if now - self._disk_checked < 1.0:
             return
@@ -246,9 +248,9 @@ class _Recorder:
             self._message = _fault_message(error)
         finally:
             self._source.stop()
-            self._done.set()
+            self._results_ended.set()
 
-    def _close(self) -> None:
+    def _close_file(self) -> None:
         try:
             # without `ResultsEnded` the stored results may be incomplete: count all as skipped
             skipped = self._statistics.samples if self._skipped is None else self._skipped
