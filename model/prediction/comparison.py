@@ -1,4 +1,4 @@
-"""How far a run agrees with the model: 1X over speed, and where the oil films let go."""
+"""Comparison of a run with the model: 1X over speed, and onset of oil whirl."""
 
 import math
 from dataclasses import dataclass
@@ -12,36 +12,36 @@ from model.prediction.prediction_map import PredictionMap
 
 FloatArray = NDArray[np.float64]
 
-AMPLITUDE_TOLERANCE = 0.25  # |ln ratio| up to which measured and predicted 1X are said to agree: 28 % more, 22 % less
+AMPLITUDE_TOLERANCE = 0.25  # of |ln ratio| between measured and predicted 1X: 28 % more, 22 % less
 PHASE_TOLERANCE = math.radians(30)
-MIN_AMPLITUDE = 0.2e-6  # m peak: a smaller 1X than this, measured or predicted, is not compared
-ORDER_TOLERANCE = 0.1  # orders within which neighbouring speeds, or measured and predicted, show the same whirl
+MIN_AMPLITUDE = 0.2e-6  # m peak: smaller 1X, measured or predicted, is not compared
+ORDER_TOLERANCE = 0.1  # orders: closer components at neighbouring speeds are the same whirl
 
 
 @dataclass(frozen=True, slots=True)
 class SynchronousAgreement:
-    """Measured against predicted 1X.
+    """Agreement of measured and predicted 1X.
 
-    Ratios are measured over predicted amplitude; phase differences are measured minus predicted lag, rad, positive
-    where the measurement lags more. Both probes count alike.
+    Ratios are measured over predicted amplitude; phase differences are measured minus predicted lag, rad, positive if
+    the measurement lags more. Both probes have equal weight.
 
     Parameters
     ----------
     speeds : int
-        Number of measured speeds within the map that are compared.
+        Number of compared speeds: measured speeds within the map.
     median_ratio, worst_ratio : float
         Median ratio, and the one furthest from 1 on a logarithmic scale.
     worst_ratio_speed : float
-        Where that was, rad/s.
+        Speed of the worst ratio, rad/s.
     median_phase, worst_phase : float
-        Median phase difference, and the largest in size, rad.
+        Median phase difference, and the one of largest magnitude, rad.
     worst_phase_speed : float
-        Where that was, rad/s.
+        Speed of the worst phase difference, rad/s.
     agrees_to : float
-        Speed, rad/s, up to which, from the lowest compared, every ratio is within exp(±0.25) and every phase
-        difference within 30°; NaN where the lowest already is not.
+        Highest speed, rad/s, up to which every ratio is within exp(±0.25) and every phase difference within 30°; NaN
+        if the lowest speed already is not.
     within_ratio, within_phase : float
-        Up to there, largest |ratio - 1|, and largest size of phase difference, rad; NaN where ``agrees_to`` is.
+        Largest |ratio - 1| and largest magnitude of phase difference, rad, up to ``agrees_to``; NaN if that is NaN.
     """
 
     speeds: int
@@ -58,16 +58,16 @@ class SynchronousAgreement:
 
 @dataclass(frozen=True, slots=True)
 class PredictedWhirl:
-    """A range of speed in which the model shows one sub-synchronous component as the strongest.
+    """A speed range in which one sub-synchronous component is the strongest in the model.
 
     Parameters
     ----------
     order : float
-        Its frequency over the shaft's at the onset.
+        Whirl frequency over shaft speed at the onset.
     onset, end : float
         First and last speed of the range, rad/s.
     amplitude : float
-        Its largest half major axis, m peak.
+        Largest semi-major axis, m peak.
     """
 
     order: float
@@ -78,16 +78,16 @@ class PredictedWhirl:
 
 @dataclass(frozen=True, slots=True)
 class WhirlAgreement:
-    """Predicted and measured whirl of one rank: the first to come with rising speed, the second, and so on.
+    """Predicted and measured whirl of one rank, by rising onset speed.
 
     Parameters
     ----------
     predicted : PredictedWhirl or None
-        None where the model shows fewer whirls than the run within the speeds of the map.
+        None if the model shows fewer whirls than the run within the map.
     measured : WhirlFinding or None
-        None where the run showed fewer.
+        None if the run shows fewer whirls.
     was_reached : bool
-        Whether the run came to the predicted onset at all; true where nothing is predicted.
+        Whether the run reached the predicted onset; true without prediction.
     """
 
     predicted: PredictedWhirl | None
@@ -96,7 +96,7 @@ class WhirlAgreement:
 
     @property
     def onset_ratio(self) -> float:
-        """Measured over predicted onset speed; NaN where one of them is missing."""
+        """Measured over predicted onset speed; NaN if one of both is missing."""
         if self.predicted is None or self.measured is None:
             return math.nan
         return self.measured.begin.speed / self.predicted.onset
@@ -104,16 +104,16 @@ class WhirlAgreement:
 
 @dataclass(frozen=True, slots=True)
 class Agreement:
-    """A run against the model.
+    """Agreement of a run with the model.
 
     Parameters
     ----------
     synchronous : SynchronousAgreement or None
-        None where no measured speed can be compared.
+        None if no measured speed can be compared.
     whirls : tuple of WhirlAgreement
-        In rising order of onset.
+        By rising onset speed.
     instability_onset : float
-        Lowest speed from which the model's synchronous motion is unstable, rad/s; NaN where it never is in the map.
+        Lowest speed at which the synchronous motion of the model is unstable, rad/s; NaN if it is stable in the map.
     """
 
     synchronous: SynchronousAgreement | None
@@ -122,19 +122,19 @@ class Agreement:
 
 
 def compare(summary: RunSummary, prediction_map: PredictionMap) -> Agreement:
-    """Lay a run's summary beside the model's predictions.
+    """Compare the summary of a run with the predictions of the model.
 
     Parameters
     ----------
     summary : RunSummary
-        The run.
+        Summary of the run.
     prediction_map : PredictionMap
-        The model over speed.
+        Predictions over speed.
 
     Returns
     -------
     Agreement
-        1X over the measured speeds, and the whirls matched by their rank in speed.
+        1X over the measured speeds, and whirls matched by their rank in speed.
     """
     return Agreement(
         synchronous=_synchronous(summary, prediction_map),
@@ -144,7 +144,7 @@ def compare(summary: RunSummary, prediction_map: PredictionMap) -> Agreement:
 
 
 def instability_onset(prediction_map: PredictionMap) -> float:
-    """Return the lowest speed at which the synchronous motion turns unstable, rad/s; NaN where it stays stable."""
+    """Return the lowest speed at which the synchronous motion becomes unstable, rad/s; NaN if it is stable."""
     growth, speeds = prediction_map.growth_rate, prediction_map.speeds
     unstable = np.flatnonzero(growth > 0)
     if not unstable.size:
@@ -157,24 +157,24 @@ def instability_onset(prediction_map: PredictionMap) -> float:
 
 
 def predicted_whirls(prediction_map: PredictionMap) -> tuple[PredictedWhirl, ...]:
-    """Return the ranges of speed in which the model shows one and the same whirl, in rising order of onset."""
+    """Return the speed ranges of each whirl of the model, by rising onset speed."""
     found: list[list[int]] = []
     orders = prediction_map.whirl_order
-    for place in np.flatnonzero(np.isfinite(orders)):
-        for places in found:
-            if abs(orders[place] - orders[places[-1]]) < ORDER_TOLERANCE:
-                places.append(int(place))
+    for index in np.flatnonzero(np.isfinite(orders)):
+        for indices in found:
+            if abs(orders[index] - orders[indices[-1]]) < ORDER_TOLERANCE:
+                indices.append(int(index))
                 break
         else:
-            found.append([int(place)])
+            found.append([int(index)])
     return tuple(
         PredictedWhirl(
-            order=float(orders[places[0]]),
-            onset=float(prediction_map.speeds[places[0]]),
-            end=float(prediction_map.speeds[places[-1]]),
-            amplitude=float(prediction_map.whirl_amplitude[places].max()),
+            order=float(orders[indices[0]]),
+            onset=float(prediction_map.speeds[indices[0]]),
+            end=float(prediction_map.speeds[indices[-1]]),
+            amplitude=float(prediction_map.whirl_amplitude[indices].max()),
         )
-        for places in found
+        for indices in found
     )
 
 
@@ -192,12 +192,12 @@ def _synchronous(summary: RunSummary, prediction_map: PredictionMap) -> Synchron
         return None
     ratio = np.array(ratios)
     amplitude = np.abs(ratio)
-    off = np.max(np.abs(np.log(amplitude)), axis=1)
+    log_ratio = np.max(np.abs(np.log(amplitude)), axis=1)
     lag = -np.angle(ratio)
-    late = np.max(np.abs(lag), axis=1)
-    worst_ratio, worst_phase = int(np.argmax(off)), int(np.argmax(late))
-    misses = np.flatnonzero((off > AMPLITUDE_TOLERANCE) | (late > PHASE_TOLERANCE))
-    agreeing = int(misses[0]) if misses.size else len(speeds)
+    phase_error = np.max(np.abs(lag), axis=1)
+    worst_ratio, worst_phase = int(np.argmax(log_ratio)), int(np.argmax(phase_error))
+    disagreeing = np.flatnonzero((log_ratio > AMPLITUDE_TOLERANCE) | (phase_error > PHASE_TOLERANCE))
+    agreeing = int(disagreeing[0]) if disagreeing.size else len(speeds)
     return SynchronousAgreement(
         speeds=len(speeds),
         median_ratio=float(np.median(amplitude)),
@@ -208,7 +208,7 @@ def _synchronous(summary: RunSummary, prediction_map: PredictionMap) -> Synchron
         worst_phase_speed=float(speeds[worst_phase]),
         agrees_to=float(speeds[agreeing - 1]) if agreeing else math.nan,
         within_ratio=float(np.max(np.abs(amplitude[:agreeing] - 1))) if agreeing else math.nan,
-        within_phase=float(np.max(late[:agreeing])) if agreeing else math.nan,
+        within_phase=float(np.max(phase_error[:agreeing])) if agreeing else math.nan,
     )
 
 
@@ -225,10 +225,10 @@ def _whirls(summary: RunSummary, prediction_map: PredictionMap) -> tuple[WhirlAg
 
 
 def _measured_whirls(summary: RunSummary) -> list[WhirlFinding]:
-    """Return each forward whirl once, as it began at its lowest speed, in rising order of that speed."""
+    """Return each forward whirl once, at its lowest onset speed, by rising onset speed."""
     known = [one for one in summary.whirls if one.is_forward and math.isfinite(one.begin.speed)]
-    kept: list[WhirlFinding] = []
+    distinct: list[WhirlFinding] = []
     for one in sorted(known, key=lambda one: one.begin.speed):
-        if all(abs(one.order - other.order) >= ORDER_TOLERANCE for other in kept):
-            kept.append(one)
-    return kept
+        if all(abs(one.order - other.order) >= ORDER_TOLERANCE for other in distinct):
+            distinct.append(one)
+    return distinct

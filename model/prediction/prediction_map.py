@@ -1,6 +1,6 @@
-"""What the model says over speed: computed once, then looked up in microseconds.
+"""Prediction map: predicted vibration at the probes over speed, computed once and then interpolated.
 
-What the model says the probes will see at a speed, in the terms in which the measurement is given.
+Predictions have the same form as measurements: order spectrum, vectors, whirl component, orbit.
 """
 
 import hashlib
@@ -28,7 +28,7 @@ ComplexArray = NDArray[np.complex128]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Prediction:
-    """Predicted steady motion at the probes.
+    """Predicted steady-state vibration at the probes.
 
     Parameters
     ----------
@@ -41,17 +41,17 @@ class Prediction:
     vectors : ndarray of complex128, shape (2, 2)
         ``vectors[k - 1, probe]``: the kX vector, k = 1, 2, m peak, x(t) = Re[X exp(i k theta)].
     whirl_order : float
-        Order of the strongest sub-synchronous component; NaN where there is none.
+        Order of the strongest sub-synchronous component; NaN without one.
     whirl_amplitude : float
-        Its half major axis, m peak; 0 where there is none.
+        Semi-major axis of this component, m peak; 0 without one.
     peak_to_peak : ndarray of float64, shape (2,)
-        Overall, at the probes, m peak-to-peak.
+        Overall vibration at the probes, m peak-to-peak.
     orbit : ndarray of float64, shape (2, n_points)
         Motion in X and Y over a few whole revolutions from theta = 0, mean removed, m.
     growth_rate : float
-        Of the synchronous motion's least stable whirl, 1/s; positive where the film lets go.
+        Growth rate of the least stable whirl of the synchronous motion, 1/s; positive if unstable.
     is_exact : bool
-        Whether it is integrated at this very speed; else it lies between two speeds of a map.
+        Whether it was integrated at this speed; otherwise it is interpolated between two speeds of a map.
     """
 
     speed: float
@@ -66,18 +66,18 @@ class Prediction:
     is_exact: bool = False
 
 
-MODEL_VERSION = 4  # to be raised with every change of the model's results
-NUMERICAL_FLOOR = 5e-9  # m peak: what rounding and the end of settling leave between the lines
+MODEL_VERSION = 4  # increase with every change of the model's results
+NUMERICAL_FLOOR = 5e-9  # m peak: noise of rounding and incomplete settling between the lines
 SETTLING_TURNS = 200  # to settle at the lowest speed
-CHECK_TURNS = 32  # turns between two looks at whether the motion has settled
-MIN_CHECKS_STABLE, MIN_CHECKS_UNSTABLE, MAX_CHECKS = 2, 6, 24  # portions at a speed
-SETTLED_CHANGE = 0.01  # of peak-to-peak from portion to portion, below which it has
-DISTURBANCE = 0.1  # of the inner clearance: how far an unstable motion is disturbed
+CHECK_TURNS = 32  # turns between two checks whether the motion has settled
+MIN_CHECKS_STABLE, MIN_CHECKS_UNSTABLE, MAX_CHECKS = 2, 6, 24  # checks at a speed
+SETTLED_CHANGE = 0.01  # relative change of peak-to-peak below which the motion has settled
+DISTURBANCE = 0.1  # of the inner clearance: size of the disturbance of an unstable motion
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PredictionMap:
-    """Predictions at rising speeds, and between them.
+    """Predictions at rising speeds, with interpolation.
 
     Parameters
     ----------
@@ -90,15 +90,15 @@ class PredictionMap:
     vectors : ndarray of complex128, shape (n, 2, 2)
         kX vectors by order and probe, m peak.
     whirl_order, whirl_amplitude : ndarray of float64, shape (n,)
-        Strongest sub-synchronous component: order, NaN where there is none, and half major axis, m peak.
+        Strongest sub-synchronous component: order, NaN without one, and semi-major axis, m peak.
     peak_to_peak : ndarray of float64, shape (n, 2)
-        At the probes, m.
+        Overall vibration at the probes, m peak-to-peak.
     orbit : ndarray of float64, shape (n, 2, n_points)
         Motion in X and Y over a few whole revolutions from theta = 0, mean removed, m.
     growth_rate : ndarray of float64, shape (n,)
-        Of the synchronous motion's least stable whirl, 1/s.
+        Growth rate of the least stable whirl of the synchronous motion, 1/s.
     states : ndarray of complex128, shape (n, 3, n_modes + 2)
-        Where the motion is at theta = 0, to go on from (`model.dynamics.motion.ShaftMotion.state`).
+        State of the motion at theta = 0, to continue from (`model.dynamics.motion.ShaftMotion.state`).
     """
 
     speeds: FloatArray
@@ -148,7 +148,7 @@ class PredictionMap:
         Raises
         ------
         ValueError
-            Outside the map.
+            If the speed is outside the map.
         """
         lowest, highest = float(self.speeds[0]), float(self.speeds[-1])
         if not lowest <= speed <= highest:
@@ -175,12 +175,12 @@ class PredictionMap:
         )
 
     def to_arrays(self) -> dict[str, NDArray[np.generic]]:
-        """Return the map as plain arrays by name, for keeping."""
+        """Return the map as arrays by name, for storage."""
         return {field.name: getattr(self, field.name) for field in fields(self)}
 
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, NDArray[np.generic]]) -> "PredictionMap":
-        """Return the map that `to_arrays` took apart; ValueError where something is missing or does not fit."""
+        """Return the map from the arrays of `to_arrays`; ValueError if an array is missing or has a wrong shape."""
         names = [field.name for field in fields(cls)]
         missing = [name for name in names if name not in arrays]
         if missing:
@@ -199,7 +199,7 @@ def default_map_speeds(highest: float) -> FloatArray:
 
 
 def prediction_map_key(parameters: ModelParameters, speeds: FloatArray, settings: AnalysisSettings) -> str:
-    """Return a hash, hexadecimal, of all that a map depends on and of the model's version."""
+    """Return a hexadecimal hash of all inputs of a map and of the model version: the cache key."""
     inputs = {
         "version": MODEL_VERSION,
         "parameters": asdict(parameters),
@@ -215,10 +215,10 @@ def compute_prediction_map(
     settings: AnalysisSettings,
     on_progress: Callable[[int, int], None],
 ) -> PredictionMap:
-    """Compute the map: a settled motion at each speed, begun from that at the one before.
+    """Compute a prediction map: the settled motion at each speed, started from that at the previous speed.
 
-    A shaft that did not whirl at the speed before starts on the synchronous orbit. Where that is unstable it is nudged
-    the way in which it lets go: on the bench disturbances do that, and rounding alone takes thousands of turns.
+    A shaft that did not whirl at the previous speed starts on the synchronous orbit. An unstable orbit is disturbed
+    along its unstable whirl: a real rotor is always disturbed, while rounding alone takes thousands of turns.
 
     Parameters
     ----------
@@ -227,21 +227,21 @@ def compute_prediction_map(
     speeds : ndarray of float64, shape (n,)
         Rising, above 0, at least two, rad/s.
     settings : AnalysisSettings
-        The measurement's: the predicted spectra have its order axis and window.
+        Analysis settings of the measurement: they define order axis and window.
     on_progress : callable
-        Told the number of speeds done and of all after each.
+        Called after each speed with the numbers of finished and of all speeds.
 
     Returns
     -------
     PredictionMap
-        As a slow run-up would show it.
+        Predictions of a slow run-up.
 
     Raises
     ------
     ValueError
-        Where the speeds are not rising.
+        If the speeds are not rising.
     WallContactError
-        Where the motion reaches a wall.
+        If the motion reaches a wall.
     """
     speeds = np.asarray(speeds, np.float64)
     require_rising(speeds)
@@ -253,7 +253,7 @@ def compute_prediction_map(
     for done, speed in enumerate(speeds, 1):
         try:
             synchronous = synchronous_orbit(parameters, float(speed), synchronous)
-        except ModelError:  # far beyond the limit of stability there may be none within the clearances
+        except ModelError:  # far above the onset there may be no orbit within the clearances
             synchronous = None
         growth_rate = math.nan if synchronous is None else synchronous.growth_rate
         motion.change_speed(float(speed))
@@ -280,7 +280,7 @@ def compute_prediction_map(
 
 
 def _settle(motion: ShaftMotion, min_checks: int, disturbance: float) -> bool:
-    """Wait until the motion's size changes no more; return whether it whirls besides going round with the shaft."""
+    """Integrate until the vibration has settled; return whether the motion is not only synchronous."""
     last = 0.0
     for check in range(1, MAX_CHECKS + 1):
         path = motion.integrate_turns(CHECK_TURNS)
@@ -288,28 +288,28 @@ def _settle(motion: ShaftMotion, min_checks: int, disturbance: float) -> bool:
         if check >= min_checks and abs(size - last) < SETTLED_CHANGE * size:
             break
         last = size
-    marks = path[:, ::STEPS_PER_TURN]
-    return float(np.ptp(marks, axis=1).max()) > disturbance
+    once_per_turn = path[:, ::STEPS_PER_TURN]
+    return float(np.ptp(once_per_turn, axis=1).max()) > disturbance
 
 
 def analyse_motion(
     motion: ShaftMotion, parameters: ModelParameters, settings: AnalysisSettings, growth_rate: float
 ) -> Prediction:
-    """Return what the next turns show, reduced as the analysis reduces measured ones.
+    """Integrate some turns and return their prediction, with the analysis used for measurements.
 
     Parameters
     ----------
     motion : ShaftMotion
-        Settled, at theta = 0; it goes on by whole turns.
+        Settled, at theta = 0; advanced by whole turns.
     parameters, settings : ModelParameters, AnalysisSettings
-        The rotor's and the measurement's.
+        The rotor and the analysis settings of the measurement.
     growth_rate : float
-        To be passed on, 1/s.
+        Growth rate to store in the prediction, 1/s.
 
     Returns
     -------
     Prediction
-        At the motion's speed.
+        Prediction at the speed of the motion.
     """
     pair = ProbePair(*parameters.probe_angles)
     revolutions = settings.revolutions

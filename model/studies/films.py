@@ -1,4 +1,4 @@
-"""Studies of the oil films at rest: by three models over eccentricity, and in their bearing over speed."""
+"""Studies of the static oil films: three film models over eccentricity; bearing equilibrium over speed."""
 
 import math
 
@@ -20,7 +20,7 @@ AXES = ((0, 0, "xx"), (0, 1, "xy"), (1, 0, "yx"), (1, 1, "yy"))
 
 
 def film_study(bearing: FloatingRing, which: str, speed: float, eccentricities: FloatArray, grid: Grid) -> Study:
-    """Return one film's load, attitude and coefficients by the short, the finite and the long film.
+    """Return load, attitude and coefficients of one film by the short, finite and long film model.
 
     Parameters
     ----------
@@ -33,7 +33,7 @@ def film_study(bearing: FloatingRing, which: str, speed: float, eccentricities: 
     eccentricities : ndarray of float64, shape (n,)
         Ratios.
     grid : Grid
-        Of the film of finite length.
+        Grid of the film of finite length.
     """
     films = bearing_films(bearing)
     film, ratio = (films.inner, films.inner_speed) if which == "inner" else (films.outer, films.outer_speed)
@@ -54,7 +54,7 @@ def film_study(bearing: FloatingRing, which: str, speed: float, eccentricities: 
         columns[f"stiffness_{name}_n_m"] = stiffness[:, row, column]
     for row, column, name in AXES:
         columns[f"damping_{name}_n_s_m"] = damping[:, row, column]
-    models = ("infinitely short", "of its length", "infinitely long")
+    models = ("infinitely short", "finite length", "infinitely long")
     loads = (found.short_load, found.finite_load, found.long_load)
     attitudes = (found.short_attitude, found.finite_attitude, found.long_attitude)
     title = f"The {which} film at {speed:,.0f} rad/s"
@@ -80,25 +80,25 @@ def film_study(bearing: FloatingRing, which: str, speed: float, eccentricities: 
             _coefficients("Stiffness", "k", "N/m", e, stiffness),
             _coefficients("Damping", "c", "N s/m", e, damping),
         ),
-        ("short and finite film: cavity where the pressure would fall below 0 (half film; Reynolds's condition)",),
+        ("short and finite film cavitate at zero pressure (half film; Reynolds condition)",),
     )
 
 
 def _coefficients(quantity: str, letter: str, unit: str, e: FloatArray, values: FloatArray) -> Plot:
-    """Return coefficients over eccentricity; they change their size by decades, and some their sign."""
+    """Return a plot of coefficients over eccentricity on a logarithmic axis, negative values dashed or dotted."""
     series = []
     for row, column, name in AXES:
         value = values[:, row, column]
-        turned_up = Style.DOTTED if name == "yx" else Style.DASHED  # c_xy and c_yx are equal
+        negative_style = Style.DOTTED if name == "yx" else Style.DASHED  # c_xy and c_yx are equal
         series.append(Series(f"{letter}_{name}", e, np.where(value > 0, value, np.nan)))
-        series.append(Series(f"−{letter}_{name}", e, np.where(value < 0, -value, np.nan), turned_up))
-    shown = tuple(one for one in series if np.any(np.isfinite(one.y)))
-    title = f"{quantity} of the film of its length, load downwards"
-    return Plot(title, "Eccentricity ratio [–]", f"{quantity} [{unit}]", shown, y_log=True)
+        series.append(Series(f"−{letter}_{name}", e, np.where(value < 0, -value, np.nan), negative_style))
+    finite = tuple(one for one in series if np.any(np.isfinite(one.y)))
+    title = f"{quantity} of the film of finite length, load downwards"
+    return Plot(title, "Eccentricity ratio [–]", f"{quantity} [{unit}]", finite, y_log=True)
 
 
 def lubrication_study(lubrication: Lubrication, load: float, inlet_pressure: float, speeds: FloatArray) -> Study:
-    """Return where journal and ring run at rest over speed, their cavities, and the pressures at the last speed.
+    """Return equilibrium and cavities of journal and ring over speed, and the pressures at the last speed.
 
     Parameters
     ----------
@@ -114,12 +114,12 @@ def lubrication_study(lubrication: Lubrication, load: float, inlet_pressure: flo
     Raises
     ------
     EquilibriumError
-        Where no film carries the load at any speed.
+        If no film carries the load at any speed.
     """
-    rests, missing = _rests(lubrication, load, inlet_pressure, speeds)
+    equilibria, missing = _equilibria(lubrication, load, inlet_pressure, speeds)
     films = {
-        "inner": [None if rest is None else rest.inner for rest in rests],
-        "outer": [None if rest is None else rest.outer for rest in rests],
+        "inner": [None if equilibrium is None else equilibrium.inner for equilibrium in equilibria],
+        "outer": [None if equilibrium is None else equilibrium.outer for equilibrium in equilibria],
     }
     columns: dict[str, FloatArray | tuple[str, ...]] = {"speed_rad_s": speeds}
     for name, found in films.items():
@@ -129,16 +129,20 @@ def lubrication_study(lubrication: Lubrication, load: float, inlet_pressure: flo
         )
         ruptures = [None if one is None else one.rupture for one in found]
         columns[f"{name}_rupture_deg"] = np.array([math.nan if r is None else math.degrees(r) for r in ruptures])
-    columns["scaled_flow_kg_s"] = np.array([math.nan if rest is None else rest.mean_flow() for rest in rests])
-    title = f"Journal and ring at rest, {load:g} N, {inlet_pressure / 1e5:g} bar"
+    columns["scaled_flow_kg_s"] = np.array(
+        [math.nan if equilibrium is None else equilibrium.mean_flow() for equilibrium in equilibria]
+    )
+    title = f"Equilibrium of journal and ring, {load:g} N, {inlet_pressure / 1e5:g} bar"
     last_speed, last = next(
-        (speed, rest) for speed, rest in zip(reversed(speeds), reversed(rests), strict=True) if rest is not None
+        (speed, equilibrium)
+        for speed, equilibrium in zip(reversed(speeds), reversed(equilibria), strict=True)
+        if equilibrium is not None
     )
     psi = np.arange(0.0, 360.0)
     numbers = {name: column for name, column in columns.items() if not isinstance(column, tuple)}
 
     def over_speed(quantity: str, label: str, limits: tuple[float, float] | None = None) -> Plot:
-        styles = (Style.LINE, Style.DASHED)  # so that equal curves can be told apart
+        styles = (Style.LINE, Style.DASHED)  # to distinguish equal curves
         lines = tuple(
             Series(f"{name} film", speeds, numbers[f"{name}_{quantity}"], style)
             for name, style in zip(films, styles, strict=True)
@@ -157,32 +161,32 @@ def lubrication_study(lubrication: Lubrication, load: float, inlet_pressure: flo
             over_speed("attitude_deg", "Attitude [°]", (0.0, 100.0)),
             Plot(
                 f"Pressure at {last_speed:,.0f} rad/s",
-                "Place from the top in the direction of rotation [°]",
+                "Angle from the top in the direction of rotation [°]",
                 "Pressure [bar]",
                 pressures,
                 x_limits=(0.0, 360.0),
             ),
         ),
         (
-            "infinitely long films, their cavities from the named angle on (none: complete film)",
-            "flow is known up to a factor that the thesis does not give: compare, do not use it as kg/s",
-            *(() if missing is None else (f"{rests.count(None)} of {speeds.size} speeds are left out: {missing}",)),
+            "infinitely long films; cavity from the rupture angle on (none: complete film)",
+            "flow is known only up to a factor: use it for comparison, not as kg/s",
+            *(() if missing is None else (f"{equilibria.count(None)} of {speeds.size} speeds are omitted: {missing}",)),
         ),
     )
 
 
-def _rests(
+def _equilibria(
     lubrication: Lubrication, load: float, inlet_pressure: float, speeds: FloatArray
 ) -> tuple[list[RingEquilibrium | None], EquilibriumError | None]:
-    """Return the equilibrium at each speed, None where there is none, and why the last of these has none."""
-    rests: list[RingEquilibrium | None] = []
+    """Return the equilibrium at each speed, None without one, and the error of the last speed without one."""
+    equilibria: list[RingEquilibrium | None] = []
     missing: EquilibriumError | None = None
     for speed in speeds:
         try:
-            rests.append(lubrication.equilibrium(load, float(speed), inlet_pressure))
+            equilibria.append(lubrication.equilibrium(load, float(speed), inlet_pressure))
         except EquilibriumError as error:
-            rests.append(None)
+            equilibria.append(None)
             missing = error
-    if missing is not None and not any(rests):
+    if missing is not None and not any(equilibria):
         raise missing
-    return rests, missing
+    return equilibria, missing

@@ -1,4 +1,4 @@
-"""Studies of the rotor on linear springs: modes, Campbell diagram, critical speeds."""
+"""Studies of the rotor on linear supports: modes, Campbell diagram, critical speed map."""
 
 import math
 
@@ -16,51 +16,51 @@ from model.studies.study import Plot, Series, Study, Style
 FloatArray = NDArray[np.float64]
 
 SPEED_LABEL = "Speed of the shaft [rad/s]"
-DEFAULT_STIFFNESS = 1e4  # N/m, of Table 5.3
-RIGID_TOLERANCE = 1e-6  # of the highest frequency: below it a mode is a free motion, its frequency rounding
+DEFAULT_STIFFNESS = 1e4  # N/m, as in Table 5.3 of the thesis
+RIGID_TOLERANCE = 1e-6  # of the highest frequency: below it a mode is a rigid-body mode
 MAX_DRAWN_MODES = 5  # modes
 FREQUENCY_LABEL = "Natural frequency [Hz]"
 
 
 def journal_springs(rotor: Rotor, stiffness: float) -> tuple[Support, ...]:
-    """Return equal springs, N/m, at the journals."""
+    """Return supports with equal springs, N/m, at the journals."""
     return tuple(Support(station, SupportCoefficients.isotropic(stiffness)) for station in rotor.journal_stations)
 
 
 def supported_system(parameters: ModelParameters, stiffness: float | None) -> LinearSystem:
-    """Return the rotor on its own supports and, where a stiffness is given, N/m, on springs in the films' place."""
+    """Return the rotor on its own supports and, with a stiffness, N/m, on springs in place of the films."""
     springs = () if stiffness is None else journal_springs(parameters.rotor, stiffness)
     return linear_system(parameters.rotor, (*parameters.supports, *springs))
 
 
 def campbell_stiffness(parameters: ModelParameters) -> float | None:
-    """Return the springs that a Campbell diagram needs, N/m: none on supports that hold the rotor."""
+    """Return the default spring stiffness of a Campbell diagram, N/m: None if the supports hold the rotor."""
     return None if supported_system(parameters, None).is_fully_supported else DEFAULT_STIFFNESS
 
 
 def modes_study(parameters: ModelParameters, stiffness: float | None, speed: float, count: int = 10) -> Study:
-    """Return the lowest modes at a speed: frequencies and shapes.
+    """Return frequencies and shapes of the lowest modes at a speed.
 
     Parameters
     ----------
     parameters : ModelParameters
         Rotor and supports.
     stiffness : float, optional
-        Of a spring at each journal besides, in the film's place, N/m.
+        Of an additional spring at each journal, in place of the films, N/m.
     speed : float
         Of the shaft, rad/s.
     count : int
-        How many modes.
+        Number of modes.
     """
     system = supported_system(parameters, stiffness)
     modes = whirl_modes(system, [speed])[0]
-    kept = slice(0, min(count, modes.frequencies.size))
-    frequencies = modes.frequencies[kept] / (2 * math.pi)
-    is_rigid = np.abs(modes.frequencies[kept]) < RIGID_TOLERANCE * np.abs(modes.frequencies).max()
+    lowest = slice(0, min(count, modes.frequencies.size))
+    frequencies = modes.frequencies[lowest] / (2 * math.pi)
+    is_rigid = np.abs(modes.frequencies[lowest]) < RIGID_TOLERANCE * np.abs(modes.frequencies).max()
     frequencies = np.where(is_rigid, 0.0, frequencies)
-    mean = modes.forward[kept].mean(axis=1)
-    names = tuple(_sense(float(one), is_rigid=bool(free)) for one, free in zip(mean, is_rigid, strict=True))
-    # of undamped circles the reverse ones look like the forward ones; else each mode is of its own shape
+    mean = modes.forward[lowest].mean(axis=1)
+    names = tuple(_whirl_direction(float(one), is_rigid=bool(free)) for one, free in zip(mean, is_rigid, strict=True))
+    # On undamped isotropic supports reverse modes have the shapes of forward ones: draw the forward ones only.
     is_drawn = ~is_rigid & ((frequencies > 0) | (not system.is_undamped_isotropic))
     series = []
     for number in np.flatnonzero(is_drawn)[:MAX_DRAWN_MODES]:
@@ -74,14 +74,14 @@ def modes_study(parameters: ModelParameters, stiffness: float | None, speed: flo
         title,
         {
             "frequency_hz": np.asarray(frequencies),
-            "growth_rate_1_s": modes.growth_rates[kept],
+            "growth_rate_1_s": modes.growth_rates[lowest],
             "whirl": names,
         },
-        (Plot(title, "Position along the shaft [mm]", "Displacement, largest 1", tuple(series), y_limits=(-1.1, 1.1)),),
+        (Plot(title, "Position along the shaft [mm]", "Displacement, maximum 1", tuple(series), y_limits=(-1.1, 1.1)),),
     )
 
 
-def _sense(forward: float, *, is_rigid: bool) -> str:
+def _whirl_direction(forward: float, *, is_rigid: bool) -> str:
     if is_rigid:
         return "free"
     if abs(forward) < 0.005:
@@ -96,20 +96,20 @@ def _largest(values: NDArray[np.complex128]) -> complex:
 def campbell_study(
     parameters: ModelParameters, stiffness: float | None, speeds: FloatArray, count: int = 10, *, zoom: bool = True
 ) -> Study:
-    """Return natural frequencies over speed, each mode followed, and where they meet the shaft's own frequency.
+    """Return the Campbell diagram: tracked natural frequencies over speed, and critical speeds.
 
     Parameters
     ----------
     parameters : ModelParameters
         Rotor and supports.
     stiffness : float, optional
-        Of a spring at each journal besides, in the film's place, N/m.
+        Of an additional spring at each journal, in place of the films, N/m.
     speeds : ndarray of float64, shape (n,)
         Rising, rad/s.
     count : int
-        How many branches to follow, forward and reverse together.
+        Number of branches, forward and reverse together.
     zoom : bool
-        Whether to draw, besides all, what the shaft's frequency can reach.
+        Whether to add a plot up to the frequency of the shaft.
     """
     system = supported_system(parameters, stiffness)
     found = campbell(system, speeds, count)
@@ -127,32 +127,35 @@ def campbell_study(
             speeds,
             np.where(branch >= 0, branch, np.nan),
         )
-        for first, branch in _firsts(frequencies, forward=True)
+        for first, branch in _branches(frequencies, forward=True)
     ]
     lines += [
-        Series("reverse, turned up" if first else "", speeds, np.where(branch < 0, -branch, np.nan), Style.DASHED)
-        for first, branch in _firsts(frequencies, forward=False)
+        Series("reverse (absolute value)" if first else "", speeds, np.where(branch < 0, -branch, np.nan), Style.DASHED)
+        for first, branch in _branches(frequencies, forward=False)
     ]
-    own = Series("n = Ω: the shaft's frequency", speeds, speeds / (2 * math.pi), Style.REFERENCE)
+    own = Series("n = Ω: frequency of the shaft", speeds, speeds / (2 * math.pi), Style.REFERENCE)
     marks = Series("critical speeds", crossings, crossings / (2 * math.pi), Style.MARKERS)
     highest = 1.03 * max(float(np.nanmax(np.abs(frequencies))), float(speeds[-1]) / (2 * math.pi))
     plots = [Plot(title, SPEED_LABEL, FREQUENCY_LABEL, (*lines, own, marks), y_limits=(0.0, highest))]
     reach = 1.05 * float(speeds[-1]) / (2 * math.pi)
     if zoom and float(np.nanmax(np.abs(frequencies))) > 2 * reach:
-        below = f"{title}: up to the shaft's frequency"
+        below = f"{title}: up to the frequency of the shaft"
         plots.append(Plot(below, SPEED_LABEL, FREQUENCY_LABEL, (*lines, own, marks), y_limits=(0.0, reach)))
     remarks = (
-        "critical speeds, rad/s: forward " + _listed(critical.forward) + "; reverse " + _listed(critical.reverse),
+        "critical speeds, rad/s: forward "
+        + _listed_speeds(critical.forward)
+        + "; reverse "
+        + _listed_speeds(critical.reverse),
     )
     return Study(title, columns, tuple(plots), remarks)
 
 
-def _firsts(frequencies: FloatArray, *, forward: bool) -> list[tuple[bool, FloatArray]]:
+def _branches(frequencies: FloatArray, *, forward: bool) -> list[tuple[bool, FloatArray]]:
     chosen = [branch for branch in frequencies if np.any((branch >= 0) == forward)]
     return [(number == 0, branch) for number, branch in enumerate(chosen)]
 
 
-def _listed(speeds: tuple[float, ...]) -> str:
+def _listed_speeds(speeds: tuple[float, ...]) -> str:
     return ", ".join(f"{speed:,.1f}" for speed in speeds) or "none"
 
 
@@ -166,7 +169,7 @@ def critical_study(parameters: ModelParameters, stiffnesses: FloatArray, highest
     stiffnesses : ndarray of float64, shape (n,)
         Rising, N/m.
     highest : float
-        Speed up to which they are given, rad/s.
+        Largest critical speed returned, rad/s.
     """
     found = critical_speed_map(parameters.rotor, stiffnesses)
     columns: dict[str, FloatArray | tuple[str, ...]] = {"stiffness_n_m": stiffnesses}

@@ -1,4 +1,4 @@
-"""A study of the motion at one speed: orbit, order spectrum and Poincaré's points at any station."""
+"""Study of the motion at one speed: orbit, order spectrum and Poincaré section at any station."""
 
 from dataclasses import replace
 from enum import Enum
@@ -8,20 +8,18 @@ from numpy.typing import NDArray
 
 from analysis.spectra.order_spectrum import order_spectrum
 from model.rotor.parameters import ModelParameters
-from model.studies.run_up import MIN_AMPLITUDE
-from model.studies.stepped_motion import STEPS_PER_TURN, SteppedMotion
+from model.studies.run_up import MIN_AMPLITUDE, SUB_SYNCHRONOUS
+from model.studies.stepped_motion import STEPS_PER_TURN, WINDOW_HALF_WIDTH, SteppedMotion
 from model.studies.study import Plot, Series, Study, Style
 
 FloatArray = NDArray[np.float64]
 
 MAX_ORDER = 4.0
-ORBIT_TURNS = 8  # that are drawn and listed
-SUB_SYNCHRONOUS = (0.05, 0.95)  # orders of a whirl, less what the window spreads the mean and 1X over
-WINDOW_HALF_WIDTH = 2.5  # lines
+ORBIT_TURNS = 8  # drawn and listed
 
 
 class MotionTable(Enum):
-    """What the table of the study lists."""
+    """Content of the table of the study."""
 
     STATIONS = "stations"
     ORBIT = "orbit"
@@ -39,7 +37,7 @@ def motion_study(
     seed: float = 0.0,
     table: MotionTable = MotionTable.STATIONS,
 ) -> Study:
-    """Return the motion at a speed as it is once it has settled from rest.
+    """Return the settled motion at a speed, started from rest.
 
     Parameters
     ----------
@@ -48,20 +46,20 @@ def motion_study(
     speed : float
         rad/s, above 0.
     station : int, optional
-        That is drawn, and listed unless all are; the probes' where none is given.
+        Station of plots and table; default the station of the probes.
     settle, turns : int
-        Turns that are left out, then those that are looked at.
+        Turns to settle, then turns evaluated.
     seed : float
-        How far the motion is disturbed where it is unstable, m: see `model.studies.stepped_motion`.
+        Size of the disturbance of an unstable motion, m: see `model.studies.stepped_motion`.
     table : MotionTable, optional
-        What the table lists: all stations, or the orbit, order spectrum or Poincaré's points at one.
+        Content of the table: all stations, or orbit, order spectrum or Poincaré section at one.
 
     Raises
     ------
     ValueError
-        Where speed or station make no sense.
+        If speed or station are invalid.
     WallContactError
-        Where the motion reaches a wall.
+        If the motion reaches a wall.
     """
     if not (np.isfinite(speed) and speed > 0):
         raise ValueError(f"speed: {speed:g} rad/s, expected a finite value above 0")
@@ -69,13 +67,13 @@ def motion_study(
         parameters = replace(parameters, probe_station=station)
     station = parameters.probe_station
     stepped = SteppedMotion(parameters, seed)
-    whole = stepped.settle_at(speed, settle).record(turns).stations
-    path, points = whole[station - 1] * 1e6, whole[station - 1, :, ::STEPS_PER_TURN] * 1e6
+    stations = stepped.settle_at(speed, settle).record(turns).stations
+    path, points = stations[station - 1] * 1e6, stations[station - 1, :, ::STEPS_PER_TURN] * 1e6
     orders, spectrum = _spectrum(path, turns)
     orbit = path[:, -min(turns, ORBIT_TURNS) * STEPS_PER_TURN :]
     columns: dict[str, FloatArray | tuple[str, ...]]
     if table is MotionTable.STATIONS:
-        columns = _stations(whole, turns, parameters.rotor.positions)
+        columns = _station_columns(stations, turns, parameters.rotor.positions)
     elif table is MotionTable.ORBIT:
         turned = np.arange(orbit.shape[1]) / STEPS_PER_TURN
         columns = {"turns": turned, "x_um": orbit[0], "y_um": orbit[1]}
@@ -87,7 +85,7 @@ def motion_study(
     remark = f"settled for {stepped.turns_settled:,} turns"
     if seed:
         remark += (
-            f"; the synchronous motion's least stable whirl grows at {stepped.growth_rate:.3g} /s"
+            f"; growth rate of the least stable whirl of the synchronous motion {stepped.growth_rate:.3g} /s"
             f"{f', seeded with {seed * 1e6:g} µm' if stepped.growth_rate > 0 else ''}"
         )
     return Study(
@@ -97,13 +95,15 @@ def motion_study(
 
 def _spectrum(path: FloatArray, turns: int) -> tuple[FloatArray, NDArray[np.complex128]]:
     orders, spectrum = order_spectrum(path - path.mean(axis=-1, keepdims=True), turns)
-    kept = int(np.searchsorted(orders, MAX_ORDER, side="right"))
-    return orders[:kept], spectrum[..., :kept]
+    count = int(np.searchsorted(orders, MAX_ORDER, side="right"))
+    return orders[:count], spectrum[..., :count]
 
 
-def _stations(whole: FloatArray, turns: int, positions: FloatArray) -> dict[str, "FloatArray | tuple[str, ...]"]:
-    """Return the motion of all stations in some numbers each."""
-    orders, spectrum = _spectrum(whole, turns)
+def _station_columns(
+    displacements: FloatArray, turns: int, positions: FloatArray
+) -> dict[str, "FloatArray | tuple[str, ...]"]:
+    """Return characteristic values of the motion at all stations."""
+    orders, spectrum = _spectrum(displacements, turns)
     first = spectrum[:, :, int(np.argmin(np.abs(orders - 1)))]
     lowest, highest = (
         max(SUB_SYNCHRONOUS[0], WINDOW_HALF_WIDTH / turns),
@@ -121,11 +121,11 @@ def _stations(whole: FloatArray, turns: int, positions: FloatArray) -> dict[str,
         "lag_y_deg": np.degrees(-np.angle(first[:, 1])) % 360,
         "whirl_order": np.where(amplitude > MIN_AMPLITUDE, orders[below][strongest], np.nan),
         "whirl_x_um_pk": amplitude * 1e6,
-        "overall_x_um_pp": np.ptp(whole[:, 0], axis=1) * 1e6,
-        "overall_y_um_pp": np.ptp(whole[:, 1], axis=1) * 1e6,
-        "spread_x_um": np.ptp(whole[:, 0, ::STEPS_PER_TURN], axis=1) * 1e6,
-        "mean_x_um": whole[:, 0].mean(axis=1) * 1e6,
-        "mean_y_um": whole[:, 1].mean(axis=1) * 1e6,
+        "overall_x_um_pp": np.ptp(displacements[:, 0], axis=1) * 1e6,
+        "overall_y_um_pp": np.ptp(displacements[:, 1], axis=1) * 1e6,
+        "spread_x_um": np.ptp(displacements[:, 0, ::STEPS_PER_TURN], axis=1) * 1e6,
+        "mean_x_um": displacements[:, 0].mean(axis=1) * 1e6,
+        "mean_y_um": displacements[:, 1].mean(axis=1) * 1e6,
     }
 
 
@@ -136,7 +136,7 @@ def _plots(
     marks = Series("once a turn, at θ = 0", points[0], points[1], Style.POINTS)
     return (
         Plot(
-            f"{title}: orbit and Poincaré's points",
+            f"{title}: orbit and Poincaré section",
             "X [µm]",
             "Y [µm]",
             (Series("orbit", orbit[0], orbit[1]), marks),
@@ -152,5 +152,5 @@ def _plots(
             ),
             y_log=True,
         ),
-        Plot("Poincaré's points", "X at θ = 0 [µm]", "Y at θ = 0 [µm]", (marks,), is_square=True),
+        Plot("Poincaré section", "X at θ = 0 [µm]", "Y at θ = 0 [µm]", (marks,), is_square=True),
     )

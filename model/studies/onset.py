@@ -1,4 +1,4 @@
-"""Where the oil films let go of the synchronous motion: growth of each one's whirl over speed, onsets by bisection."""
+"""Stability of the synchronous motion over speed: growth rates of each film's whirl, onsets by bisection."""
 
 import itertools
 import math
@@ -19,22 +19,22 @@ from model.studies.study import Plot, Series, Study, Style
 
 FloatArray = NDArray[np.float64]
 
-PRECISION = 1.0  # rad/s, of an onset
-_UNKNOWN = Whirl(math.nan, math.nan, math.nan)
+PRECISION = 1.0  # rad/s, of the limits of unstable bands
+_NO_WHIRL = Whirl(math.nan, math.nan, math.nan)
 
 
 @dataclass(frozen=True, slots=True)
 class UnstableBand:
-    """Speeds at which a film's whirl would grow about the synchronous motion.
+    """Speed range in which the whirl of a film grows about the synchronous motion.
 
     Parameters
     ----------
     film : FilmName
-        Which film lets go.
+        The unstable film.
     start, stop : float
-        rad/s; the ends of the search where it grows there.
+        rad/s; an end of the search range if the whirl grows there.
     order : float
-        Of the whirl at the start, over the shaft's speed.
+        Order of the whirl at the start of the band.
     """
 
     film: FilmName
@@ -45,17 +45,17 @@ class UnstableBand:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Stability:
-    """Growth of the least stable whirl over speed, and of each film's.
+    """Growth rates over speed: of the least stable whirl, and of the whirl of each film.
 
     Parameters
     ----------
     speeds, growth_rates, orders, inner_shares : ndarray of float64, shape (n,)
-        rad/s, and of the least stable whirl 1/s, over the shaft's speed, and the inner film's share
+        Speeds, rad/s; growth rate, 1/s, order and inner share of the least stable whirl
         (`model.dynamics.whirl.Whirl`); NaN where no synchronous motion was found.
     film_growth_rates : mapping of FilmName to ndarray of float64, shape (n,)
-        Of each film's least stable whirl, 1/s.
+        Growth rate of the least stable whirl of each film, 1/s.
     bands : tuple of UnstableBand
-        Where each film's whirl grows, in rising order of their starts.
+        Unstable bands of both films, by rising start.
     """
 
     speeds: FloatArray
@@ -66,12 +66,12 @@ class Stability:
     bands: tuple[UnstableBand, ...]
 
     def onset(self, film: FilmName) -> float:
-        """Return the first speed at which a film's whirl grows, rad/s; NaN where it never does."""
+        """Return the onset speed of a film, rad/s; NaN if its whirl never grows."""
         return min((band.start for band in self.bands if band.film is film), default=math.nan)
 
 
 class _WhirlSolver:
-    """The whirls about the synchronous motion at a speed, each solution begun from the last one found."""
+    """Solver for the least stable whirls over speed; each solution starts from the previous one."""
 
     def __init__(self, parameters: ModelParameters) -> None:
         self._parameters = parameters
@@ -79,7 +79,7 @@ class _WhirlSolver:
         self._circle: SynchronousResponse | None = None
 
     def at(self, speed: float) -> tuple[Whirl, ...]:
-        """Return the least stable whirls, one of each film; none where no motion is found."""
+        """Return the least stable whirl of each film; empty if no synchronous motion is found."""
         try:
             if self._parameters.is_loaded:
                 self._orbit = synchronous_orbit(self._parameters, speed, self._orbit)
@@ -92,47 +92,49 @@ class _WhirlSolver:
 
 
 def stability(parameters: ModelParameters, speeds: FloatArray, precision: float = PRECISION) -> Stability:
-    """Return where the films let go of the synchronous motion: by eigenvalues at each speed, then by bisection.
+    """Return the stability of the synchronous motion: eigenvalues at each speed, then bisection.
 
     Parameters
     ----------
     parameters : ModelParameters
-        The rotor; with weight or loads at rest by Floquet's multipliers, without them in the turning frame.
+        The rotor; with weight or constant loads by Floquet multipliers, without them in the rotating frame.
     speeds : ndarray of float64, shape (n,)
-        Rising, rad/s: an unstable band between two of them is not seen.
+        Rising, rad/s; a band between two neighbouring speeds is not found.
     precision : float
-        Of the ends of the bands, rad/s.
+        Of the limits of the bands, rad/s.
 
     Returns
     -------
     Stability
-        Along the speeds, upwards.
+        Growth rates at the speeds, and the unstable bands.
     """
     speeds = np.asarray(speeds, np.float64)
     require_rising(speeds)
     motions = _WhirlSolver(parameters)
     found = [motions.at(float(speed)) for speed in speeds]
-    worst = [whirls[0] if whirls else _UNKNOWN for whirls in found]
-    edges = _Edges(parameters, speeds, found, precision)
+    worst = [whirls[0] if whirls else _NO_WHIRL for whirls in found]
+    edges = _BandSearch(parameters, speeds, found, precision)
     bands = [band for film in FilmName for band in edges.bands(film)]
     return Stability(
         speeds=speeds,
         growth_rates=np.array([whirl.growth_rate for whirl in worst]),
         orders=np.array([whirl.order for whirl in worst]),
         inner_shares=np.array([whirl.inner_share for whirl in worst]),
-        film_growth_rates={film: np.array([_of(whirls, film).growth_rate for whirls in found]) for film in FilmName},
+        film_growth_rates={
+            film: np.array([_whirl_of(whirls, film).growth_rate for whirls in found]) for film in FilmName
+        },
         bands=tuple(sorted(bands, key=lambda band: band.start)),
     )
 
 
-def _of(whirls: tuple[Whirl, ...], film: FilmName) -> Whirl:
-    """Return a film's whirl; one without numbers where there is none."""
-    return next((whirl for whirl in whirls if whirl.film is film), _UNKNOWN)
+def _whirl_of(whirls: tuple[Whirl, ...], film: FilmName) -> Whirl:
+    """Return the whirl of a film; NaN values if there is none."""
+    return next((whirl for whirl in whirls if whirl.film is film), _NO_WHIRL)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Edges:
-    """Where films let go, between speeds at which the whirls are known; none where there is no motion."""
+class _BandSearch:
+    """Search for the limits of unstable bands between speeds with known whirls."""
 
     parameters: ModelParameters
     speeds: FloatArray
@@ -140,15 +142,15 @@ class _Edges:
     precision: float
 
     def bands(self, film: FilmName) -> list[UnstableBand]:
-        """Return where a film's whirl grows."""
+        """Return the unstable bands of a film."""
         bands: list[UnstableBand] = []
-        whirls = [_of(one, film) for one in self.found]
+        whirls = [_whirl_of(one, film) for one in self.found]
         start = (float(self.speeds[0]), whirls[0].order) if whirls[0].growth_rate > 0 else None
-        for place, (below, above) in enumerate(itertools.pairwise(whirls)):
-            is_known = self.found[place] and self.found[place + 1]
+        for index, (below, above) in enumerate(itertools.pairwise(whirls)):
+            is_known = self.found[index] and self.found[index + 1]
             if not is_known or (below.growth_rate > 0) == (above.growth_rate > 0):
                 continue
-            edge, order = self._edge(film, place, above.order if above.growth_rate > 0 else below.order)
+            edge, order = self._band_limit(film, index, above.order if above.growth_rate > 0 else below.order)
             if start is None:
                 start = (edge, order)
             else:
@@ -158,14 +160,14 @@ class _Edges:
             bands.append(UnstableBand(film, start[0], float(self.speeds[-1]), start[1]))
         return bands
 
-    def _edge(self, film: FilmName, place: int, order: float) -> tuple[float, float]:
-        """Return between which speeds a film's growth rate changes its sign, and the order of what grows there."""
-        low, high = float(self.speeds[place]), float(self.speeds[place + 1])
+    def _band_limit(self, film: FilmName, index: int, order: float) -> tuple[float, float]:
+        """Return the speed at which the growth rate of a film changes sign, and the order of the growing whirl."""
+        low, high = float(self.speeds[index]), float(self.speeds[index + 1])
         motions = _WhirlSolver(self.parameters)
-        grows_below = _of(motions.at(low), film).growth_rate > 0
+        grows_below = _whirl_of(motions.at(low), film).growth_rate > 0
         while high - low > self.precision:
             middle = (low + high) / 2
-            whirl = _of(motions.at(middle), film)
+            whirl = _whirl_of(motions.at(middle), film)
             if whirl.growth_rate > 0:
                 order = whirl.order
             if (whirl.growth_rate > 0) == grows_below:
@@ -176,9 +178,9 @@ class _Edges:
 
 
 def onset_study(parameters: ModelParameters, speeds: FloatArray) -> Study:
-    """Return the films' growth rates over speed and the bands in which they let go of the synchronous motion.
+    """Return growth rates over speed and the unstable bands of both films.
 
-    ModelError where no synchronous motion is found at any of the speeds.
+    Raises ModelError if no synchronous motion is found at any speed.
     """
     found = stability(parameters, speeds)
     missing = int(np.count_nonzero(np.isnan(found.growth_rates)))
@@ -191,9 +193,11 @@ def onset_study(parameters: ModelParameters, speeds: FloatArray) -> Study:
         for band in found.bands
     ] or [f"stable {extent}"]
     if len({band.film for band in found.bands}) == 2:
-        remarks.append("each about the motion without whirl: once one film whirls the other lets go at another speed")
+        remarks.append(
+            "each onset is about the motion without whirl; once one film whirls, the onset of the other one changes"
+        )
     if missing:
-        remarks.append(f"left out: {missing} of {speeds.size} speeds, without motion within the clearances")
+        remarks.append(f"omitted: {missing} of {speeds.size} speeds without synchronous motion within the clearances")
     onsets = np.array([edge for band in found.bands for edge in (band.start, band.stop) if edge < speeds[-1]])
     columns: dict[str, FloatArray | tuple[str, ...]] = {
         "speed_rad_s": speeds,
@@ -213,7 +217,7 @@ def _stability_plots(title: str, found: Stability, onsets: FloatArray) -> tuple[
         Plot(
             title,
             SPEED_LABEL,
-            "Growth of the least stable whirl [1/s]",
+            "Growth rate of the least stable whirl [1/s]",
             (
                 *(Series(f"{film} film", speeds, rates) for film, rates in found.film_growth_rates.items()),
                 Series("", speeds, np.zeros(speeds.size), Style.REFERENCE),
@@ -221,7 +225,7 @@ def _stability_plots(title: str, found: Stability, onsets: FloatArray) -> tuple[
             ),
         ),
         Plot(
-            "Frequency of the less stable of the two",
+            "Order of the least stable whirl",
             SPEED_LABEL,
             "Whirl over the shaft's speed [X]",
             tuple(

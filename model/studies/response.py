@@ -1,4 +1,4 @@
-"""A study of the synchronous motion: 1X over speed, on films, supports or springs."""
+"""Study of the synchronous response: 1X over speed, on films, supports or springs."""
 
 import math
 from dataclasses import replace
@@ -19,19 +19,19 @@ FloatArray = NDArray[np.float64]
 def response_study(
     parameters: ModelParameters, speeds: FloatArray, stiffness: float | None = None, station: int | None = None
 ) -> Study:
-    """Return the 1X motion at a station over speed: on films and supports, upwards and downwards, or on springs.
+    """Return 1X at a station over speed: run-up and run-down on films and supports, or linear on springs.
 
     Parameters
     ----------
     parameters : ModelParameters
-        The rotor. On the films its weight is left out: the motion is a circle, or an ellipse where supports differ by
-        direction. A rotor without films moves linearly on its own supports.
+        The rotor. On films its weight is ignored: the motion is a circle, or an ellipse on anisotropic supports. A
+        rotor without films responds linearly on its own supports.
     speeds : ndarray of float64, shape (n,)
         Rising, rad/s.
     stiffness : float, optional
-        Of a spring at each journal instead of the films, N/m.
+        Of a spring at each journal in place of the films, N/m.
     station : int, optional
-        That is looked at; the probes' where none is given.
+        Station evaluated; default the station of the probes.
     """
     if station is not None:
         parameters = replace(parameters, probe_station=station)
@@ -42,9 +42,9 @@ def response_study(
         vectors = {f"on {on}": moved[:, 0, parameters.probe_station - 1]}
         names: tuple[str, ...] = ("",)
     else:
-        upwards = _circles(parameters, speeds)
-        downwards = _circles(parameters, speeds[::-1])[::-1]
-        vectors, names = {"run-up": upwards, "run-down": downwards}, ("up_", "down_")
+        run_up = _forward_response(parameters, speeds)
+        run_down = _forward_response(parameters, speeds[::-1])[::-1]
+        vectors, names = {"run-up": run_up, "run-down": run_down}, ("up_", "down_")
     amplitude, phase = [], []
     for (label, vector), name in zip(vectors.items(), names, strict=True):
         peak = np.asarray(np.abs(vector) * 1e6)
@@ -53,25 +53,25 @@ def response_study(
         columns[f"{name}lag_deg"] = lag
         style = Style.DASHED if name == "down_" else Style.LINE
         amplitude.append(Series(label, speeds, peak, style))
-        phase.append(Series(label, speeds, _unbroken(lag), style))
+        phase.append(Series(label, speeds, _without_wraps(lag), style))
     title = f"1X in X at station {parameters.probe_station}"
     return Study(
         title,
         columns,
         (
             Plot(title, SPEED_LABEL, "1X [µm peak]", tuple(amplitude), y_log=_is_wide(amplitude)),
-            Plot("Phase", SPEED_LABEL, "Lag behind the mark [°]", tuple(phase), y_limits=(0.0, 360.0)),
+            Plot("Phase", SPEED_LABEL, "Phase lag [°]", tuple(phase), y_limits=(0.0, 360.0)),
         ),
     )
 
 
 def _is_wide(series: list[Series]) -> bool:
-    """Return whether values differ so much that only a logarithmic axis shows them."""
-    seen = np.concatenate([one.y[np.isfinite(one.y)] for one in series])
-    return bool(seen.size and seen.max() > 50 * seen.min() > 0)
+    """Return whether the range of values needs a logarithmic axis."""
+    values = np.concatenate([one.y[np.isfinite(one.y)] for one in series])
+    return bool(values.size and values.max() > 50 * values.min() > 0)
 
 
-def _circles(parameters: ModelParameters, speeds: FloatArray) -> NDArray[np.complex128]:
+def _forward_response(parameters: ModelParameters, speeds: FloatArray) -> NDArray[np.complex128]:
     weightless = replace(parameters, gravity=0.0)
     found, last = [], None
     for speed in speeds:
@@ -84,8 +84,8 @@ def _circles(parameters: ModelParameters, speeds: FloatArray) -> NDArray[np.comp
     return np.array(found)
 
 
-def _unbroken(lag: FloatArray) -> FloatArray:
-    """Return the phase with a gap where it goes round from 360° to 0°."""
-    broken = lag.copy()
-    broken[1:][np.abs(np.diff(lag)) > 180] = np.nan
-    return broken
+def _without_wraps(lag: FloatArray) -> FloatArray:
+    """Return the phase with a gap where it jumps between 360° and 0°."""
+    gapped = lag.copy()
+    gapped[1:][np.abs(np.diff(lag)) > 180] = np.nan
+    return gapped

@@ -1,4 +1,4 @@
-"""A stepped run-up in time: at each speed the motion settles, then is looked at; waterfalls and bifurcations."""
+"""Stepped run-up in time: settled motion at each speed; waterfall plot and bifurcation diagram."""
 
 import math
 from dataclasses import dataclass, replace
@@ -16,28 +16,28 @@ from model.studies.study import Plot, Series, Study, Style, Surface
 
 FloatArray = NDArray[np.float64]
 
-SUB_SYNCHRONOUS = (0.05, 0.95)  # orders of a whirl, less what the window spreads the mean and 1X over
-MAX_COMBINATION_ORDER = 5  # times that a whirl's order may stand in the order of its combination with 1X
-MAX_COMBINATION_OFFSET = 0.5  # lines within which a peak is at a combination's order
-MAX_COMBINATION_SIZE = 0.25  # of a whirl's motion in its film: a combination is smaller
-VISIBLE_RATIO = 0.1  # of 1X: a component above it counts
-MIN_AMPLITUDE = 0.2e-6  # m peak: a component below it does not count
-ORBIT_TURNS = 12  # that are kept of the motion
-AMPLITUDE_FLOOR = 1e-2  # µm peak, lower end of the colours
+SUB_SYNCHRONOUS = (0.05, 0.95)  # orders searched for whirl, reduced by the width of the window about 0X and 1X
+MAX_COMBINATION_ORDER = 5  # largest integer factor in combinations of a whirl with 1X
+MAX_COMBINATION_OFFSET = 0.5  # lines between a peak and the order of a combination
+MAX_COMBINATION_SIZE = 0.25  # relative to the whirl in its film: a larger component is no combination
+VISIBLE_RATIO = 0.1  # of 1X: larger components are visible
+MIN_AMPLITUDE = 0.2e-6  # m peak: smaller components are ignored
+ORBIT_TURNS = 12  # stored
+AMPLITUDE_FLOOR = 1e-2  # µm peak, lower limit of the colour scale
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Seeding:
-    """How a run-up's unstable motions were disturbed: see `model.studies.stepped_motion`.
+    """Seeding of the unstable motions of a run-up: see `model.studies.stepped_motion`.
 
     Parameters
     ----------
     size : float
-        Of the seed, m.
+        Size of the seed, m.
     growth_rates : ndarray of float64, shape (n,)
-        Of the synchronous motion's least stable whirl at each speed, 1/s; NaN where it is not known.
+        Growth rate of the least stable whirl of the synchronous motion at each speed, 1/s; NaN if unknown.
     turns : ndarray of float64, shape (n,)
-        To settle at each speed.
+        Turns to settle at each speed.
     """
 
     size: float
@@ -47,7 +47,7 @@ class Seeding:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RunUp:
-    """What a stepped run-up showed.
+    """Result of a stepped run-up.
 
     Parameters
     ----------
@@ -56,19 +56,19 @@ class RunUp:
     orders : ndarray of float64, shape (n_orders,)
         From 0.
     spectrum : ndarray of float64, shape (n, n_orders)
-        In X at the station, m peak, Hann-windowed.
+        Hann-windowed order spectrum in X at the station, m peak.
     stroboscopic : ndarray of float64, shape (n, 2, n_turns)
-        X and Y once a turn at theta = 0, m: Poincaré's points.
+        Poincaré section: X and Y once per turn at theta = 0, m.
     peak_to_peak : ndarray of float64, shape (n,)
-        In X, m.
+        Overall vibration in X, m.
     orbit : ndarray of float64, shape (n, 2, n_points)
-        X and Y over the last few turns, m.
+        X and Y over the last turns, m.
     films : ndarray of float64, shape (n, 2, n_orders)
-        Spectra of the inner and the outer films' eccentricity ratios (`model.studies.stepped_motion.RecordedTurns`).
+        Spectra of the eccentricity ratios of inner and outer films (`model.studies.stepped_motion.RecordedTurns`).
     seeding : Seeding, optional
-        Where unstable motions were seeded.
+        Seeding of unstable motions; None without seeding.
 
-    At speeds where the motion reached a wall all of it is NaN.
+    All values are NaN at speeds where the motion reached a wall.
     """
 
     speeds: FloatArray
@@ -81,18 +81,18 @@ class RunUp:
     seeding: Seeding | None = None
 
     def component(self, band: tuple[float, float]) -> tuple[FloatArray, FloatArray]:
-        """Return the largest line within a band of orders at each speed: its order, and m peak; NaN at the wall."""
+        """Return order and amplitude, m peak, of the largest line in a band of orders; NaN at the wall."""
         inside = (self.orders >= band[0]) & (self.orders < band[1])
         place = np.argmax(self.spectrum[:, inside], axis=1)
         largest = np.take_along_axis(self.spectrum[:, inside], place[:, None], axis=1)[:, 0]
         return np.where(np.isnan(largest), np.nan, self.orders[inside][place]), largest
 
     def whirl(self, film: FilmName) -> tuple[FloatArray, FloatArray]:
-        """Return what a film whirls at each speed: order, NaN where it does not, and m peak at the station.
+        """Return order (NaN without whirl) and amplitude at the station, m peak, of the whirl of a film at each speed.
 
-        The line below 1X at which a film moves most is that film's if it has the larger part of it; the other film's
-        is the largest of those in which it has the larger part and that are no combination of the first
-        with 1X, as 1X less the inner film's 0.7X. NaN at the wall.
+        Each sub-synchronous peak belongs to the film with the larger motion there. The largest peak is the whirl of its
+        film. The whirl of the other film is its largest peak that is no combination of the first with 1X, such as 1X
+        minus the 0.7X of the inner film. NaN at the wall.
         """
         rows = [self._whirl(row, film) for row in range(self.speeds.size)]
         return np.array([order for order, _ in rows]), np.array([size for _, size in rows])
@@ -104,7 +104,7 @@ class RunUp:
         width = WINDOW_HALF_WIDTH * self.orders[1]
         lowest, highest = max(SUB_SYNCHRONOUS[0], width), min(SUB_SYNCHRONOUS[1], 1 - width)
         peaks = [_peaks(one, self.orders) for one in films]
-        # those below 1X in which it has the larger part
+        # sub-synchronous peaks of each film: those with the larger motion in that film
         own = [
             [(one, place) for one, place in found if lowest <= one <= highest and films[k, place] > films[1 - k, place]]
             for k, found in enumerate(peaks)
@@ -130,13 +130,13 @@ class RunUp:
         return np.asarray(self.spectrum[:, int(np.argmin(np.abs(self.orders - 1)))])
 
     def onset(self, film: FilmName) -> float:
-        """Return the first of two successive speeds at which a film's whirl is visible, rad/s; NaN for none."""
+        """Return the first of two successive speeds with visible whirl of a film, rad/s; NaN without any."""
         seen = self._visible(film)
         both = np.flatnonzero(seen[:-1] & seen[1:])
         return float(self.speeds[both[0]]) if both.size else math.nan
 
     def end(self, film: FilmName) -> float:
-        """Return the last speed at which a film's whirl is visible, rad/s; NaN for none."""
+        """Return the last speed with visible whirl of a film, rad/s; NaN without any."""
         seen = np.flatnonzero(self._visible(film))
         return float(self.speeds[seen[-1]]) if seen.size else math.nan
 
@@ -146,17 +146,17 @@ class RunUp:
 
 
 def _peaks(spectrum: FloatArray, orders: FloatArray) -> list[tuple[float, int]]:
-    """Return the peaks of a Hann-windowed spectrum: their orders, between the lines, and places."""
+    """Return the peaks of a Hann-windowed spectrum: interpolated order and index of the line."""
     inside = spectrum[1:-1]
     places = np.flatnonzero((inside > spectrum[:-2]) & (inside >= spectrum[2:])) + 1
     below, at, above = spectrum[places - 1], spectrum[places], spectrum[places + 1]
-    beside = np.maximum(below, above) / at
-    apart = np.where(above >= below, 1, -1) * np.clip((2 * beside - 1) / (1 + beside), 0.0, 0.5)  # lines
-    return [(float(one), int(place)) for one, place in zip(orders[places] + apart * orders[1], places, strict=True)]
+    ratio = np.maximum(below, above) / at
+    offset = np.where(above >= below, 1, -1) * np.clip((2 * ratio - 1) / (1 + ratio), 0.0, 0.5)  # lines
+    return [(float(one), int(place)) for one, place in zip(orders[places] + offset * orders[1], places, strict=True)]
 
 
 def combinations(order: float) -> FloatArray:
-    """Return the orders of a component's combinations with 1X, itself among them."""
+    """Return the orders of all combinations of a component with 1X, including the component itself."""
     times = np.arange(-MAX_COMBINATION_ORDER, MAX_COMBINATION_ORDER + 1)
     return np.asarray(np.abs(times[:, None] + order * times).ravel())
 
@@ -170,25 +170,25 @@ def run_up(
     station: int | None = None,
     seed: float = 0.0,
 ) -> RunUp:
-    """Return the motion at each speed, begun from the one before.
+    """Return the motion at each speed, started from that at the previous speed.
 
     Parameters
     ----------
     parameters : ModelParameters
         The rotor.
     speeds : ndarray of float64, shape (n,)
-        rad/s, above 0; they may fall.
+        rad/s, above 0, in any order.
     settle, turns : int
-        Turns at a speed that are left out, then those that are looked at.
+        Turns to settle at a speed, then turns evaluated.
     station : int, optional
-        That is looked at; the probes' where none is given.
+        Station evaluated; default the station of the probes.
     seed : float
-        How far a motion that is unstable is disturbed at each speed, m; such a motion settles as long as it needs to.
+        Size of the disturbance of an unstable motion at each speed, m; such a motion settles for as long as it needs.
 
     Returns
     -------
     RunUp
-        Where the motion reaches a wall the next speed begins from rest.
+        After a contact with a wall, the next speed starts from rest.
     """
     speeds = np.asarray(speeds, np.float64)
     if speeds.ndim != 1 or speeds.size < 2 or not np.all(speeds > 0):
@@ -205,12 +205,12 @@ def run_up(
     stepped = SteppedMotion(parameters, seed)
     for number, speed in enumerate(speeds):
         try:
-            seen = stepped.settle_at(float(speed), settle).record(turns)
+            recorded = stepped.settle_at(float(speed), settle).record(turns)
         except WallContactError:
             continue
         finally:
             growth_rates[number], settled[number] = stepped.growth_rate, stepped.turns_settled
-        moved, films[number] = seen.stations[parameters.probe_station - 1], seen.films[:, :highest]
+        moved, films[number] = recorded.stations[parameters.probe_station - 1], recorded.films[:, :highest]
         spectrum[number] = np.abs(order_spectrum(moved[0] - moved[0].mean(), turns)[1][:highest])
         stroboscopic[number] = moved[:, ::STEPS_PER_TURN]
         peak_to_peak[number] = np.ptp(moved[0])
@@ -220,21 +220,21 @@ def run_up(
 
 
 def waterfall_study(found: RunUp, name: str) -> Study:
-    """Return spectra over speed: what grows where.
+    """Return the waterfall of a run-up: spectra over speed.
 
     Parameters
     ----------
     found : RunUp
-        At rising speeds.
+        Run-up at rising speeds.
     name : str
-        Of the case.
+        Name of the case.
 
     Raises
     ------
     WallContactError
-        Where the motion reached a wall at all of them.
+        If the motion reached a wall at all speeds.
     """
-    at_the_wall = _wall_remarks(found)
+    wall_remarks = _wall_remarks(found)
     columns: dict[str, FloatArray] = {}
     for film in FilmName:
         order, size = found.whirl(film)
@@ -257,22 +257,22 @@ def waterfall_study(found: RunUp, name: str) -> Study:
                 f"{film} film: " + (f"whirl from {onset:,.0f} rad/s" if math.isfinite(onset) else "no whirl")
                 for film, onset in ((film, found.onset(film)) for film in FilmName)
             ),
-            "a whirl is the film's in which its surfaces move most against each other, in parts of the clearance",
-            *at_the_wall,
+            "each whirl is assigned to the film whose surfaces move more against each other, relative to the clearance",
+            *wall_remarks,
             *_seeding_remarks(found),
         ),
     )
 
 
 def _wall_remarks(found: RunUp) -> tuple[str, ...]:
-    """Say at how many speeds nothing is known; WallContactError where at none."""
+    """Return a remark on the speeds with wall contact; WallContactError if these are all speeds."""
     touched = int(np.count_nonzero(np.isnan(found.peak_to_peak)))
     if touched == found.speeds.size:
         raise WallContactError(
             f"eccentricity: the motion reached a wall at each of the {touched} speeds "
             f"from {found.speeds.min():,.0f} to {found.speeds.max():,.0f} rad/s, expected less than the clearance"
         )
-    return (f"the motion reached a wall at {touched} of {found.speeds.size} speeds: left out",) if touched else ()
+    return (f"the motion reached a wall at {touched} of {found.speeds.size} speeds: omitted",) if touched else ()
 
 
 def _seeding_columns(seeding: Seeding | None) -> dict[str, FloatArray]:
@@ -282,27 +282,25 @@ def _seeding_columns(seeding: Seeding | None) -> dict[str, FloatArray]:
 
 
 def _seeding_remarks(found: RunUp) -> list[str]:
-    """Return how the motion was seeded, where it is unstable, and where a seed had too little time to grow."""
+    """Return remarks on the seeding, on the first unstable speed, and on speeds with too little time to grow."""
     seeding = found.seeding
     if seeding is None:
-        return ["not seeded: an unstable motion may stay where it is for long"]
+        return ["not seeded: an unstable motion may take long to grow"]
     size = f"{seeding.size * 1e6:g} µm"
-    said = [
-        f"unstable motions seeded with {size} along each film's whirl, with {MAX_GROWTH_TURNS:,} turns at most to grow"
+    remarks = [
+        f"unstable motions seeded with {size} along each film's whirl, at most {MAX_GROWTH_TURNS:,} turns to grow"
     ]
     unstable = seeding.growth_rates > 0
     if unstable.any():
-        said.append(f"by eigenvalues first unstable at {found.speeds[unstable][0]:,.0f} rad/s of these speeds")
+        remarks.append(f"first of these speeds that is unstable by eigenvalues: {found.speeds[unstable][0]:,.0f} rad/s")
     slow = found.speeds[unstable & (seeding.turns >= MAX_GROWTH_TURNS)]
     if slow.size:
-        said.append(
-            "too slow to grow to its end in that time: " + ", ".join(f"{speed:,.0f}" for speed in slow) + " rad/s"
-        )
-    return said
+        remarks.append("growth too slow for this time: " + ", ".join(f"{speed:,.0f}" for speed in slow) + " rad/s")
+    return remarks
 
 
 def waterfall_surface(found: RunUp, title: str) -> Surface:
-    """Return a run-up's spectra as a picture: frequency over speed."""
+    """Return the waterfall of a run-up as a colour map, order over speed."""
     amplitude = np.asarray(np.clip(found.spectrum * 1e6, AMPLITUDE_FLOOR, None))
     largest = float(np.nanmax(amplitude)) if np.any(np.isfinite(amplitude)) else 1.0
     return Surface(
@@ -318,16 +316,16 @@ def waterfall_surface(found: RunUp, title: str) -> Surface:
 
 
 def bifurcation_study(found: RunUp, name: str) -> Study:
-    """Return Poincaré's points over speed: one point where the motion repeats itself every turn.
+    """Return the bifurcation diagram of a run-up: Poincaré points over speed, one point if periodic.
 
     Parameters
     ----------
     found : RunUp
-        The motion.
+        The run-up.
     name : str
-        Of the case.
+        Name of the case.
     """
-    at_the_wall = _wall_remarks(found)
+    wall_remarks = _wall_remarks(found)
     width = np.ptp(found.stroboscopic, axis=2) * 1e6
     return Study(
         f"Bifurcation diagram, {name}",
@@ -340,15 +338,15 @@ def bifurcation_study(found: RunUp, name: str) -> Study:
         },
         (bifurcation_plot(found, f"Bifurcation diagram, {name}"),),
         (
-            "spread: of the positions at theta = 0 over the turns; about 0 where the motion is synchronous",
-            *at_the_wall,
+            "spread: range of the positions at theta = 0 over all turns; about 0 for synchronous motion",
+            *wall_remarks,
             *_seeding_remarks(found),
         ),
     )
 
 
 def bifurcation_plot(found: RunUp, title: str) -> Plot:
-    """Return a run-up's Poincaré points over speed as a picture."""
+    """Return the Poincaré points of a run-up over speed as a plot."""
     points = found.stroboscopic[:, 0] * 1e6
     speeds = np.repeat(found.speeds, points.shape[1])
     return Plot(title, SPEED_LABEL, "X at θ = 0 [µm]", (Series("", speeds, points.ravel(), Style.POINTS),))

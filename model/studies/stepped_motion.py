@@ -1,9 +1,9 @@
-"""A motion that goes from speed to speed and is disturbed where it is unstable, as on a bench everything does.
+"""Motion at stepped speeds, with a small disturbance (seed) where it is unstable.
 
-Integrated in time, an unstable motion may stay where it is for thousands of turns: only rounding disturbs it. So it is
-seeded at each speed: moved a little the way in which each film's unstable whirl begins, as the eigenvalues say. Then it
-settles for as long as what is there of each whirl, the seed at least, takes to grow to the inner clearance; where the
-synchronous motion is stable, for as long as it takes to decay to the seed; up to a limit.
+In an integration only rounding disturbs an unstable motion, so it may take thousands of turns to leave it; a real rotor
+is always disturbed. Therefore the motion is seeded at each speed: moved slightly along the eigenvector of the unstable
+whirl of each film. It then settles for as long as the present whirl, at least the seed, needs to grow to the inner
+clearance or, if the synchronous motion is stable, to decay to the size of the seed, up to a limit.
 """
 
 import math
@@ -21,15 +21,15 @@ from model.rotor.parameters import ModelParameters
 
 FloatArray = NDArray[np.float64]
 
-STEPS_PER_TURN = 96  # a turn
-DEFAULT_SEED = 0.02e-6  # m: a tenth of the smallest whirl that counts
-MAX_GROWTH_TURNS = 4000  # that a seed is given to grow
-WINDOW_HALF_WIDTH = 2.5  # lines of a spectrum beside a component: what the window spreads it over
+STEPS_PER_TURN = 96
+DEFAULT_SEED = 0.02e-6  # m: a tenth of the smallest whirl that is evaluated
+MAX_GROWTH_TURNS = 4000  # for a seed to grow
+WINDOW_HALF_WIDTH = 2.5  # lines on each side of a component: width of the Hann window
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RecordedTurns:
-    """What was seen of a motion over some turns, from theta = 0 on.
+    """Recorded motion over some turns, from theta = 0 on.
 
     Parameters
     ----------
@@ -38,8 +38,8 @@ class RecordedTurns:
     orders : ndarray of float64, shape (n_orders,)
         From 0.
     films : ndarray of float64, shape (2, n_orders)
-        Spectrum of the inner and of the outer films' eccentricity ratios, peak, all directions and both bearings
-        together: the root of the sum of squares.
+        Spectrum of the eccentricity ratios of the inner and of the outer films, peak: root of the sum of squares over
+        directions and bearings.
     """
 
     stations: FloatArray
@@ -49,23 +49,23 @@ class RecordedTurns:
 
 @dataclass(slots=True)
 class SteppedMotion:
-    """A motion at one speed after the other.
+    """A motion at successive speeds.
 
     Parameters
     ----------
     parameters : ModelParameters
         The rotor.
     seed : float
-        How far an unstable motion is moved, m, of the journal or ring that moves most; 0: not at all.
+        Size of the disturbance, m, at the journal or ring that moves most; 0: no seeding.
     growth_rate : float
-        At the present speed, of the synchronous motion's least stable whirl, 1/s; NaN where it is not known.
+        Growth rate of the least stable whirl of the synchronous motion at the present speed, 1/s; NaN if unknown.
     turns_settled : int
-        At the present speed.
+        Turns settled at the present speed.
 
     Raises
     ------
     ValueError
-        Where the seed makes no sense.
+        If the seed is invalid.
     """
 
     parameters: ModelParameters
@@ -85,8 +85,8 @@ class SteppedMotion:
             )
 
     def settle_at(self, speed: float, settle: int) -> "SteppedMotion":
-        """Go to a speed, rad/s, settle there for so many turns or more; WallContactError where that is impossible."""
-        motion, self._motion = self._motion, None  # none is left where the wall is reached
+        """Change to a speed, rad/s, and settle for at least ``settle`` turns; WallContactError on wall contact."""
+        motion, self._motion = self._motion, None  # stays None if a wall is reached
         if motion is None:
             motion, self._recorded = ShaftMotion(self.parameters, speed, settle), None
             self.turns_settled = settle + self._disturb(motion)
@@ -100,9 +100,9 @@ class SteppedMotion:
         return self
 
     def record(self, turns: int) -> RecordedTurns:
-        """Return what every station and film does in the next turns."""
+        """Record the motion of all stations and films over the next turns."""
         if self._motion is None:
-            raise ValueError("motion: none, expected one that has been brought to a speed")
+            raise ValueError("motion: none, expected a call of settle_at first")
         motion, self._motion = self._motion, None
         stations, films = motion.integrate_stations_and_films(turns, STEPS_PER_TURN)
         orders, spectrum = order_spectrum(films - films.mean(axis=-1, keepdims=True), turns)
@@ -111,12 +111,12 @@ class SteppedMotion:
         return self._recorded
 
     def _disturb(self, motion: ShaftMotion) -> int:
-        """Seed the motion where it is unstable; return the turns that whirls need to grow, or to decay."""
+        """Seed the motion if it is unstable; return the turns that whirls need to grow or decay."""
         if self.seed == 0:
             return 0
         try:
             self._orbit = synchronous_orbit(self.parameters, motion.speed, self._orbit)
-        except ModelError:  # far beyond the limit of stability there may be none within the clearances
+        except ModelError:  # far above the onset there may be no orbit within the clearances
             self._orbit, self.growth_rate = None, math.nan
             return 0
         self.growth_rate = self._orbit.growth_rate
@@ -125,18 +125,18 @@ class SteppedMotion:
             if whirl.growth_rate > 0:
                 motion.disturb(self.seed * disturbance)
                 part = clearance / min(max(self._size(whirl, 0.0), self.seed), clearance)
-            else:  # what comes from rest is of the clearance's size
+            else:  # after a start from rest, assume the size of the clearance
                 part = max(min(self._size(whirl, clearance), clearance), self.seed) / self.seed
             per_turn = abs(whirl.growth_rate) * 2 * math.pi / motion.speed
             needed = max(needed, math.log(part) / max(per_turn, 1e-300))
         return math.ceil(min(needed, MAX_GROWTH_TURNS))
 
-    def _size(self, whirl: Whirl, otherwise: float) -> float:
-        """Return what there was of a whirl when the motion was last looked at, m; ``otherwise`` where it was not."""
+    def _size(self, whirl: Whirl, default: float) -> float:
+        """Return the amplitude of a whirl in the last recorded turns, m; ``default`` without a record."""
         if self._recorded is None:
-            return otherwise
-        bearing, seen = self.parameters.floating_ring, self._recorded
+            return default
+        bearing, recorded = self.parameters.floating_ring, self._recorded
         is_inner = whirl.film is FilmName.INNER
-        near = np.abs(seen.orders - abs(whirl.order)) <= WINDOW_HALF_WIDTH * seen.orders[1]
-        largest = float(seen.films[0 if is_inner else 1][near].max(initial=0.0))
+        near = np.abs(recorded.orders - abs(whirl.order)) <= WINDOW_HALF_WIDTH * recorded.orders[1]
+        largest = float(recorded.films[0 if is_inner else 1][near].max(initial=0.0))
         return largest * (bearing.inner_clearance if is_inner else bearing.outer_clearance)

@@ -1,4 +1,4 @@
-"""What every study gives: a table and what is to be drawn, in the units that stand in its names and labels."""
+"""Result of a study: a table and plots, with the units in column names and axis labels."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ Cell = float | str
 
 
 class Style(Enum):
-    """How a series is drawn."""
+    """Line or marker style of a series."""
 
     LINE = "line"
     DASHED = "dashed"
@@ -24,16 +24,16 @@ class Style(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Series:
-    """One line, or one cloud of points, of a plot.
+    """A line or a set of points of a plot.
 
     Parameters
     ----------
     label : str
-        In the legend; where empty, it has the colour of the one before.
+        Legend entry; if empty, the series has the colour of the previous one.
     x, y : ndarray of float64, shape (n,)
-        In the units of the plot's axes; NaN breaks a line.
+        Values in the units of the axes; NaN interrupts a line.
     style : Style
-        How it is drawn.
+        Line or marker style.
     """
 
     label: str
@@ -44,24 +44,24 @@ class Series:
 
 @dataclass(frozen=True, slots=True)
 class Plot:
-    """Lines over one pair of axes.
+    """A plot with one pair of axes.
 
     Parameters
     ----------
     title : str
-        What it shows.
+        Title of the plot.
     x_label, y_label : str
-        With their units.
+        Axis labels with units.
     series : tuple of Series
-        What is drawn.
+        Lines and points.
     x_log, y_log : bool
         Logarithmic axes.
     x_limits, y_limits : tuple of float, length 2, optional
-        Ends of the axes.
+        Limits of the axes.
     is_square : bool
         Whether both axes have the same scale.
     empty_text : str
-        What is to be said where there is nothing to draw.
+        Text shown if there is nothing to draw.
     """
 
     title: str
@@ -78,14 +78,14 @@ class Plot:
 
 @dataclass(frozen=True, slots=True)
 class Surface:
-    """A quantity over two others, drawn as colours on a logarithmic scale.
+    """A colour map of a quantity over two others, on a logarithmic scale.
 
     Parameters
     ----------
     title : str
-        What it shows.
+        Title of the plot.
     x_label, y_label, z_label : str
-        With their units.
+        Axis labels with units.
     x : ndarray of float64, shape (n_x,)
         Rising.
     y : ndarray of float64, shape (n_y,)
@@ -93,7 +93,7 @@ class Surface:
     z : ndarray of float64, shape (n_y, n_x)
         Above 0, or NaN.
     z_limits : tuple of float, length 2
-        Ends of the colours.
+        Limits of the colour scale.
     guides : tuple of Series
         Lines drawn over it.
     """
@@ -111,18 +111,18 @@ class Surface:
 
 @dataclass(frozen=True, slots=True)
 class Study:
-    """A study's outcome.
+    """The result of a study.
 
     Parameters
     ----------
     title : str
-        What was studied.
+        Subject of the study.
     columns : mapping of str to sequences of one length
-        The table: names carry the unit (``speed_rad_s``); NaN where there is nothing.
+        Table by column; names end with the unit (``speed_rad_s``), NaN marks missing values.
     plots : tuple of Plot or Surface
-        Drawn below each other.
+        Plots, one below the other.
     remarks : tuple of str
-        What must be known to read the table.
+        Notes for reading the table.
     """
 
     title: str
@@ -131,7 +131,7 @@ class Study:
     remarks: tuple[str, ...] = ()
 
     def rows(self) -> list[dict[str, Cell]]:
-        """Return the table by rows."""
+        """Return the table as rows."""
         names = list(self.columns)
         cells = zip(*self.columns.values(), strict=True)
         return [

@@ -1,4 +1,4 @@
-"""What a sweep computes at each of its points: a few numbers from parameters."""
+"""Quantities of a sweep: functions from parameters to a few numbers, and the points of a sweep."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -20,25 +20,25 @@ from model.studies.run_up import run_up
 from model.studies.stepped_motion import DEFAULT_SEED
 from model.studies.varied_parameters import PARAMETER_SETTERS, with_values
 
-QUANTITIES_VERSION = 3  # to be raised with every change of what a quantity is
+QUANTITIES_VERSION = 3  # increase with every change of a quantity
 
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """A quantity of a sweep.
+    """A quantity that a sweep can compute.
 
     Parameters
     ----------
     description : str
-        What it is.
+        Description for the help.
     options : mapping of str to float
-        Its own options, which may be varied too, and what they are otherwise.
+        Options of the quantity with their defaults; they may be varied too.
     results : tuple of str
-        Names of its numbers, with units.
+        Names of the results, with units.
     compute : callable
-        Numbers from parameters and options, in the order of `results`.
+        Function from parameters and options to the values of `results`.
     needs_films : bool
-        Whether it is of a motion on oil films.
+        Whether the quantity needs a rotor on oil films.
     """
 
     description: str
@@ -55,11 +55,11 @@ class SweepPoint:
     Parameters
     ----------
     parameters : ModelParameters
-        What stays.
+        Base parameters.
     quantity : str
-        Of `QUANTITIES`.
+        Name in `QUANTITIES`.
     values : tuple of pairs of str and float
-        What is varied: parameters of `PARAMETER_SETTERS`, options of the quantity.
+        Varied values: parameters of `PARAMETER_SETTERS`, options of the quantity.
     """
 
     parameters: ModelParameters
@@ -67,7 +67,7 @@ class SweepPoint:
     values: tuple[tuple[str, float], ...]
 
     def key(self) -> str:
-        """Return a hash, hexadecimal, of all that its result depends on, and of the model's version."""
+        """Return a hexadecimal hash of all inputs of the result and of the model version."""
         inputs = {
             "versions": [MODEL_VERSION, QUANTITIES_VERSION],
             "parameters": asdict(self.parameters),
@@ -79,16 +79,16 @@ class SweepPoint:
 
 @dataclass(frozen=True, slots=True)
 class SweepResult:
-    """What a point came to.
+    """Result of a point of a sweep.
 
     Parameters
     ----------
     key : str
-        Of the point.
+        Key of the point.
     results : tuple of float
-        The quantity's numbers; NaN where there are none.
+        Values of the results of the quantity; NaN on failure.
     fault : str
-        Why there are none; empty where there are.
+        Error message; empty on success.
     """
 
     key: str
@@ -97,7 +97,7 @@ class SweepResult:
 
 
 def compute_point(point: SweepPoint) -> SweepResult:
-    """Return what a point comes to; what the model refuses or cannot answer is told in it, never raised."""
+    """Return the result of a point. Errors of the model are stored in it, not raised."""
     quantity = QUANTITIES[point.quantity]
     values = dict(point.values)
     options = {**quantity.options, **{name: values[name] for name in quantity.options if name in values}}
@@ -110,23 +110,22 @@ def compute_point(point: SweepPoint) -> SweepResult:
 
 
 def compute_points(points: tuple[SweepPoint, ...]) -> tuple[SweepResult, ...]:
-    """Return what each of some points comes to: the unit of work that is sent to another process."""
+    """Return the results of several points: the unit of work sent to another process."""
     return tuple(compute_point(point) for point in points)
 
 
 def variable_names(quantity: str, parameters: ModelParameters) -> tuple[str, ...]:
-    """Return what may be varied with a quantity of a rotor.
+    """Return the names that a sweep of a quantity can vary.
 
     Raises
     ------
     ValueError
-        Where there is no such quantity, or it is of a motion on oil films, or of a rotor on two bearings, and the rotor
-        has none.
+        If the quantity is unknown, or it needs oil films or two bearings and the rotor has none.
     """
     if quantity not in QUANTITIES:
         raise ValueError(f"quantity: {quantity}, expected one of {', '.join(QUANTITIES)}")
     if QUANTITIES[quantity].needs_films and parameters.bearing is None:
-        raise ValueError(f"quantity: {quantity} is of a motion on oil films, expected a rotor with [bearing]")
+        raise ValueError(f"quantity: {quantity} needs oil films, expected a rotor with [bearing]")
     parameters.rotor.require_journals()
     return (*PARAMETER_SETTERS, *QUANTITIES[quantity].options)
 
@@ -142,9 +141,9 @@ def _onset(parameters: ModelParameters, options: Mapping[str, float]) -> tuple[f
     low, high, count = options["lowest_speed_rad_s"], options["highest_speed_rad_s"], int(options["speeds"])
     found = stability(parameters, np.linspace(low, high, count))
     largest = float(np.nanmax(found.growth_rates)) if np.any(np.isfinite(found.growth_rates)) else math.nan
-    of_films = found.onset(FilmName.INNER), found.onset(FilmName.OUTER)
+    film_onsets = found.onset(FilmName.INNER), found.onset(FilmName.OUTER)
     order = found.bands[0].order if found.bands else math.nan
-    return min(of_films, key=lambda onset: (math.isnan(onset), onset)), order, *of_films, largest
+    return min(film_onsets, key=lambda onset: (math.isnan(onset), onset)), order, *film_onsets, largest
 
 
 def _whirl(parameters: ModelParameters, options: Mapping[str, float]) -> tuple[float, ...]:
@@ -165,19 +164,19 @@ _RANGE = {"lowest_speed_rad_s": 100.0, "highest_speed_rad_s": 4000.0, "speeds": 
 
 QUANTITIES: Final[dict[str, Quantity]] = {
     "response": Quantity(
-        "1X at probe x and the least stable whirl at a speed, without weight",
+        "1X at probe x and least stable whirl at a speed, without weight",
         {"speed_rad_s": 1000.0},
         ("amplitude_um_pk", "lag_deg", "growth_rate_1_s", "whirl_order"),
         _response,
     ),
     "onset": Quantity(
-        "first speed at which the synchronous motion is unstable, and at which each film lets go, by eigenvalues",
+        "onset of instability of the synchronous motion, and of the whirl of each film, by eigenvalues",
         _RANGE,
         ("onset_rad_s", "whirl_order", "inner_onset_rad_s", "outer_onset_rad_s", "largest_growth_rate_1_s"),
         _onset,
     ),
     "whirl": Quantity(
-        "first speeds at which a run-up in time shows the films' whirls, and its largest overall vibration",
+        "onset of the whirl of each film in a run-up in time, and largest overall vibration",
         {**_RANGE, "settle_turns": 40.0, "turns": 64.0, "seed_um": DEFAULT_SEED * 1e6},
         ("inner_onset_rad_s", "outer_onset_rad_s", "largest_um_pp"),
         _whirl,

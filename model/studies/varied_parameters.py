@@ -1,4 +1,4 @@
-"""Parameters by name, with their unit in the name, as a sweep changes them."""
+"""Parameters that a sweep can vary, by a name that ends with the unit."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -21,7 +21,7 @@ def _bearing(field: str, factor: float) -> Callable[[ModelParameters, float], Mo
 
 
 def _ring_ratio(parameters: ModelParameters, value: float) -> ModelParameters:
-    """Give the ring the outer radius at which it turns at that part of the shaft's speed, eq. (3.25)."""
+    """Set the outer ring radius that gives this ratio of ring to shaft speed, eq. (3.25)."""
     if not 0 < value < 1:
         raise ValueError(f"ring_speed_ratio: {value:g}, expected more than 0 and less than 1")
     bearing = parameters.floating_ring
@@ -42,7 +42,7 @@ def _phase(parameters: ModelParameters, value: float) -> ModelParameters:
 def _rub(changed: Callable[[Rub, float], Rub]) -> Callable[[ModelParameters, float], ModelParameters]:
     def change(parameters: ModelParameters, value: float) -> ModelParameters:
         if not parameters.rubs:
-            raise ValueError(f"rub: none, expected a rotor with a wall that can be changed to {value:g}")
+            raise ValueError(f"rub: none, expected a rotor with [[rub]] to set {value:g}")
         first, *others = parameters.rubs
         return replace(parameters, rubs=(changed(first, value), *others))
 
@@ -50,9 +50,9 @@ def _rub(changed: Callable[[Rub, float], Rub]) -> Callable[[ModelParameters, flo
 
 
 def _support(parameters: ModelParameters, value: float) -> ModelParameters:
-    """Give the first support the same stiffness in all directions; its damping stays."""
+    """Set an isotropic stiffness of the first support; its damping is unchanged."""
     if not parameters.supports:
-        raise ValueError(f"support: none, expected a rotor with a support whose stiffness can be {value:g} N/m")
+        raise ValueError(f"support: none, expected a rotor with [[support]] to set {value:g} N/m")
     first, *others = parameters.supports
     inner = replace(SupportCoefficients.isotropic(value), damping=first.inner.damping)
     return replace(parameters, supports=(replace(first, inner=inner), *others))
@@ -82,17 +82,17 @@ PARAMETER_SETTERS: Final[dict[str, Callable[[ModelParameters, float], ModelParam
     "rub_friction": _rub(lambda rub, value: replace(rub, friction=value)),
     "rub_damping_s_m": _rub(lambda rub, value: replace(rub, damping=value)),
     "gravity_m_s2": lambda parameters, value: replace(parameters, gravity=value),
-    "ring_speed_ratio": _ring_ratio,  # after the clearances that it goes by
+    "ring_speed_ratio": _ring_ratio,  # after the clearances, on which it depends
 }
 
 
 def with_values(parameters: ModelParameters, values: Mapping[str, float]) -> ModelParameters:
-    """Return parameters with some changed.
+    """Return parameters with some values changed.
 
     Parameters
     ----------
     parameters : ModelParameters
-        What stays.
+        Base parameters.
     values : mapping of str to float
         By the names of `PARAMETER_SETTERS`, and applied in its order. Names of an imbalance, support or rub refer to
         the first one.
@@ -100,7 +100,7 @@ def with_values(parameters: ModelParameters, values: Mapping[str, float]) -> Mod
     Raises
     ------
     ValueError
-        Where a name is unknown or the parameters make no sense.
+        If a name is unknown or a value is invalid.
     """
     for name in values:
         if name not in PARAMETER_SETTERS:

@@ -33,7 +33,7 @@ def test_run_up_says_at_how_many_speeds_nothing_is_known(study: Callable[[RunUp,
     assert not any("wall" in remark for remark in study(calm, "calm").remarks)
     overall = np.where(calm.speeds == 520.0, np.nan, calm.peak_to_peak)
     touched = study(replace(calm, peak_to_peak=overall), "touched")
-    assert "the motion reached a wall at 1 of 3 speeds: left out" in touched.remarks
+    assert "the motion reached a wall at 1 of 3 speeds: omitted" in touched.remarks
 
 
 def test_rotor_without_synchronous_motion_is_not_called_stable() -> None:
@@ -57,5 +57,5 @@ def test_speeds_without_equilibrium_are_left_out_and_said() -> None:
 
     too_much = next(load for load in np.geomspace(100.0, 1e9, 60) if not is_full_film(float(load)))
     study = lubrication_study(nominal_lubrication(), float(too_much), 1e5, np.array([1000.0, 2000.0, 4000.0]))
-    assert any(remark.startswith("1 of 3 speeds are left out: load: ") for remark in study.remarks)
+    assert any(remark.startswith("1 of 3 speeds are omitted: load: ") for remark in study.remarks)
     assert study.plots[-1].title == "Pressure at 4,000 rad/s"

@@ -123,7 +123,7 @@ def test_what_needs_journals_of_a_rotor_without_is_refused(plain: str, tmp_path:
     for arguments, said in (
         (["critical", plain], "journal: none, expected two stations for bearings or springs"),
         (["modes", plain, "--stiffness-n-m", "1e6"], "journal: none, expected two stations"),
-        ([*sweep, "onset", "--vary", "viscosity_pa_s=0.01,0.02"], "quantity: onset is of a motion on oil films"),
+        ([*sweep, "onset", "--vary", "viscosity_pa_s=0.01,0.02"], "quantity: onset needs oil films"),
         ([*sweep, "critical", "--vary", "stiffness_n_m=1e4,1e5"], "journal: none, expected two stations"),
     ):
         assert main(["model", *arguments]) == 2
