@@ -1,7 +1,6 @@
-"""The card's full rate over a wire for ten minutes: gap-free, the own count the driver's, and what it costs.
+"""The card's full rate over gRPC for ten minutes: no samples lost, sample counts equal to the driver's, CPU load.
 
-The device server stands in a process of its own and plays one second of the simulated bench over and over. Run by
-`make bench`.
+The device server runs in its own process and repeats one second of the simulated bench.
 """
 
 import multiprocessing
@@ -21,30 +20,21 @@ from daq.config.loader import load_rig
 from daq.config.rig import Rig
 from daq.config.schema import Backend, DeviceSection
 from daq.drivers.simulation.card import SimulatedCard
-from daq.session.recording.messages import RecordingRequest
 from daq.session.recording.recorded_run import RecordedRun
-from model.prediction.prediction_map import Prediction
 from recordings.mcap.reader import RunReader
+from tests.benchmarks.bench_rig import RIG_FILE, RUN, request_for
 from tests.daq.support.device_server import serving
 from tests.daq.support.ni_driver import NiDriver
+from tests.daq.support.recording import NoModel
 
 pytestmark = pytest.mark.benchmark
 
-BENCH = Path(__file__).parents[2] / "rigs" / "bench.toml"
 RATE = 333_333.0
 SECONDS = 600.0
-RUN = "2026-11-24T09-12-07-gj90c"
 
 
-class NoModel:
-    state = "off"
-
-    def at(self, _speed: float) -> Prediction | None:
-        return None
-
-
-class Looped:
-    """A card that gives the same second again and again."""
+class RepeatingCard:
+    """A card that repeats the same samples."""
 
     n_samples = 1 << 60
 
@@ -52,22 +42,22 @@ class Looped:
         self.acquisition = acquisition
         self._codes = codes
         self._ticks = ticks
-        self._place = 0
+        self._position = 0
 
     def ticks(self, first: int, stop: int) -> NDArray[np.int64]:
         rounds, per_sample = self._codes.shape[1], self.acquisition.ticks_per_sample
-        again = round(rounds * per_sample) * np.arange(first // rounds, stop // rounds + 1, dtype=np.int64)
-        ticks: NDArray[np.int64] = (again[:, np.newaxis] + self._ticks).ravel()
+        offsets = round(rounds * per_sample) * np.arange(first // rounds, stop // rounds + 1, dtype=np.int64)
+        ticks: NDArray[np.int64] = (offsets[:, np.newaxis] + self._ticks).ravel()
         return ticks[(ticks >= first * per_sample) & (ticks < stop * per_sample)]
 
     def next_codes(self, n: int) -> NDArray[np.int16]:
-        index = (self._place + np.arange(n)) % self._codes.shape[1]
-        self._place += n
+        index = (self._position + np.arange(n)) % self._codes.shape[1]
+        self._position += n
         return self._codes[:, index]
 
 
 def full_rate_rig(target: str = "") -> Rig:
-    rig = load_rig(BENCH)
+    rig = load_rig(RIG_FILE)
     device = DeviceSection(backend=Backend.NIDAQMX, target=target)
     timing = rig.config.timing.model_copy(update={"rate_hz": RATE})
     return replace(rig, config=rig.config.model_copy(update={"device": device, "timing": timing}))
@@ -77,53 +67,53 @@ def serve(pipe: Connection) -> None:
     card = SimulatedCard(full_rate_rig())
     codes = card.next_codes(round(card.acquisition.rate))
     ticks = card.ticks(0, codes.shape[1])
-    with serving(NiDriver(lambda: Looped(codes, ticks, card.acquisition), real_time=True)) as server:
+    with serving(NiDriver(lambda: RepeatingCard(codes, ticks, card.acquisition), real_time=True)) as server:
         pipe.send(server.target)
         pipe.recv()
         pipe.send(server.tasks)
 
 
-def spent(process: psutil.Process) -> float:
+def cpu_time(process: psutil.Process) -> float:
     times = process.cpu_times()
     return times.user + times.system
 
 
-def test_full_rate_over_the_wire_is_gap_free_for_ten_minutes(tmp_path: Path) -> None:
+def test_full_rate_over_grpc_loses_no_samples_in_ten_minutes(tmp_path: Path) -> None:
     context = multiprocessing.get_context("spawn")
     here, there = context.Pipe()
     server = context.Process(target=serve, args=(there,))
     server.start()
     rig = full_rate_rig(str(here.recv()))
     path = tmp_path / f"{RUN}.mcap"
-    run = RecordedRun(RecordingRequest(rig, RUN, time.time_ns(), "", "rig bench", path, SECONDS), NoModel())
+    run = RecordedRun(request_for(rig, tmp_path, duration=SECONDS), NoModel())
     watching = psutil.Process()
     (recorder,) = (
         child for child in watching.children() if child.pid != server.pid and "spawn_main" in " ".join(child.cmdline())
     )
-    begun, before, server_before, own_before = (
+    started, before, server_before, own_before = (
         time.monotonic(),
-        spent(recorder),
-        spent(psutil.Process(server.pid)),
-        spent(watching),
+        cpu_time(recorder),
+        cpu_time(psutil.Process(server.pid)),
+        cpu_time(watching),
     )
     backlog = memory = 0.0
     while not run.wait(0.5):
         status = run.status()
         backlog = max(backlog, status.backlog)
         if status.elapsed < SECONDS - 2:
-            until, after, memory = time.monotonic(), spent(recorder), recorder.memory_info().rss / 1e6
-            server_after, own_after = spent(psutil.Process(server.pid)), spent(watching)
+            until, after, memory = time.monotonic(), cpu_time(recorder), recorder.memory_info().rss / 1e6
+            server_after, own_after = cpu_time(psutil.Process(server.pid)), cpu_time(watching)
     outcome = run.close()
     here.send("done")
     left = here.recv()
     server.join(10)
-    seconds = until - begun
+    seconds = until - started
     (end,) = outcome.ends
     with RunReader(path) as reader:
         clock, complete, recorded = reader.delivery.clock, reader.is_gap_free, reader.n_samples
     size, rate = path.stat().st_size / 1e6, run.header.acquisition.rate
-    print(f"\n3 × {rate / 1e3:g} kS/s over the wire for {recorded / rate:.0f} s: {recorded:,} samples a channel,")
-    print(f"  lost {end.lost}, the driver's count is ours: {not end.detail}; part of one core:")
+    print(f"\n3 × {rate / 1e3:g} kS/s over gRPC for {recorded / rate:.0f} s: {recorded:,} samples a channel,")
+    print(f"  lost {end.lost}, counts equal to the driver's: {not end.detail}; part of one core:")
     print(f"  {100 * (after - before) / seconds:5.1f} %  acquisition and recording")
     print(
         f"  {100 * (own_after - own_before) / seconds:5.1f} %  live analysis, which skipped {outcome.skipped:,} samples"

@@ -1,8 +1,9 @@
-"""How much faster than the run the order map of a run-up is, beside the other open program that makes one."""
+"""Speed and accuracy of the order map of a run-up, compared with rota-order."""
 
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,57 +11,14 @@ from numpy.typing import NDArray
 from rota import maps, speed
 
 from analysis.live.analyser import Analyser
-from analysis.resampling.angular_record import angular_record_from_codes
 from analysis.signals.blocks import SampleBlock
-from analysis.signals.header import Acquisition, AnalysisSettings, Calibration, Channel, Device, Role, Tacho
-from analysis.spectra.order_map import OrderMap, order_map
+from analysis.signals.header import AnalysisSettings
 from analysis.vectors.vold_kalman import order_envelopes
+from tests.benchmarks.synthetic_run_up import DURATION, MICRO, RATE, acquisition, order_map_of, run_up
 
 pytestmark = pytest.mark.benchmark
 
-RATE = 100_000.0
-DURATION = 60.0
-SLOWEST, FASTEST = 100.0, 1000.0  # revolutions a second
-MICRO = 1e-6
-METRES_PER_VOLT, VOLTS_PER_CODE = 1e-4, 10.0 / 32768
-ORDERS = ((1.0, 20.0, 0.05), (2.0, 5.0, 0.20), (0.5, 8.0, 0.12))  # order, um peak, bar of the rms error, %
-CHUNK = 500_000
-
-
-def acquisition() -> Acquisition:
-    calibration = Calibration((50e-6, METRES_PER_VOLT), volts_low=0.5, volts_high=9.5)
-    scaling = (0.0, VOLTS_PER_CODE)
-    return Acquisition(
-        device=Device("simulated", "benchmark", "0", "none", simulated=True),
-        rate=RATE,
-        convert_rate=1e6,
-        channels=(
-            Channel("x", Role.PROBE_X, "ai0", -10.0, 10.0, scaling, calibration),
-            Channel("y", Role.PROBE_Y, "ai1", -10.0, 10.0, scaling, calibration, angle=np.pi / 2),
-            Channel("tacho", Role.TACHO, "ai2", -10.0, 10.0, scaling),
-        ),
-        tacho=Tacho(threshold=2.0, hysteresis=1.0, response_time=1e-5),
-    )
-
-
-def run_up(duration: float, slowest: float = SLOWEST, fastest: float = FASTEST) -> NDArray[np.int16]:
-    """Return the codes of an even run-up: 1X 20 um forward, 2X 5 um backward, 0.5X 8 um forward, noise 0.2 um rms."""
-    random = np.random.default_rng(1)
-    codes = np.empty((3, int(duration * RATE)), dtype=np.int16)
-    for begin in range(0, codes.shape[1], CHUNK):
-        index = np.arange(begin, min(begin + CHUNK, codes.shape[1]))
-        for row in range(3):
-            seconds = index / RATE + row / 1e6
-            turn_rate = slowest + (fastest - slowest) / duration * seconds
-            theta = np.pi * (slowest + turn_rate) * seconds
-            if row == 2:
-                volts = np.clip(2.0 + 2.0 * np.sin(theta) / np.sin(2 * np.pi * turn_rate * 15e-6), 0.0, 4.0)
-            else:
-                z = 20 * np.exp(1j * theta) + 5 * np.exp(-2j * theta) + 8 * np.exp(0.5j * theta)
-                moved = (z.real, z.imag)[row] + 0.2 * random.standard_normal(index.size)
-                volts = (450e-6 - MICRO * moved) / METRES_PER_VOLT
-            codes[row, index] = np.round(volts / VOLTS_PER_CODE)
-    return codes
+ORDERS = ((1.0, 20.0, 0.05), (2.0, 5.0, 0.20), (0.5, 8.0, 0.12))  # order, um peak, limit of the rms error, %
 
 
 def errors(amplitudes: NDArray[np.float64], lines_an_order: int) -> list[float]:
@@ -71,24 +29,20 @@ def errors(amplitudes: NDArray[np.float64], lines_an_order: int) -> list[float]:
     ]
 
 
-def mapped(codes: NDArray[np.int16]) -> OrderMap:
-    return order_map(angular_record_from_codes(acquisition(), codes))
-
-
-def test_the_order_map_of_a_minute_is_made_thirty_times_as_fast_as_it_ran() -> None:
+def test_order_map_of_a_minute_is_30_times_faster_than_real_time() -> None:
     codes = run_up(DURATION)
-    mapped(codes[:, : int(2 * RATE)])
+    order_map_of(codes[:, : int(2 * RATE)])
     used = []
     for _ in range(3):
         begin = time.process_time()
-        found = mapped(codes)
+        found = order_map_of(codes)
         used.append(time.process_time() - begin)
     ratio = DURATION / min(used)
     seen = errors(np.abs(found.spectrum[0]) / MICRO, 16)
     print(
         f"\norder map of {DURATION:.0f} s of 2 channels: {ratio:.0f} times real time; rms errors {np.round(seen, 3)} %"
     )
-    assert all(error <= bar for error, (_, _, bar) in zip(seen, ORDERS, strict=True))
+    assert all(error <= limit for error, (_, _, limit) in zip(seen, ORDERS, strict=True))
     phase = np.degrees(np.angle(found.spectrum[0, :, 16]))
     drift = phase[-phase.size // 3 :].mean() - phase[: phase.size // 3].mean()
     print(f"phase of 1X: bias {phase.mean():.4f}, scatter {phase.std():.3f}, drift {drift:.4f} degrees")
@@ -97,23 +51,20 @@ def test_the_order_map_of_a_minute_is_made_thirty_times_as_fast_as_it_ran() -> N
     assert ratio > 30
 
 
-def test_the_order_map_of_a_minute_takes_less_than_half_a_gigabyte() -> None:
-    program = (
-        "import resource, sys; sys.path.insert(0, 'tests/benchmarks'); import test_order_map as t; "
-        "codes = t.run_up(t.DURATION); t.mapped(codes); print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)"
-    )
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+def test_order_map_of_a_minute_takes_less_than_500_megabytes() -> None:
+    command = [sys.executable, "-m", "tests.benchmarks.synthetic_run_up"]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, cwd=Path(__file__).parents[2])
     megabytes = int(done.stdout.split()[-1]) / 1024
     print(f"\npeak memory of the whole process, samples included: {megabytes:.0f} MB")
     assert megabytes < 500
 
 
-def test_the_order_map_is_nine_times_as_fast_as_rota_at_equal_accuracy() -> None:
+def test_order_map_is_9_times_faster_than_rota_at_equal_accuracy() -> None:
     duration = 12.0
     codes = run_up(duration)
     probes = acquisition().channels
     begin = time.process_time()
-    found = mapped(codes)
+    found = order_map_of(codes)
     ours = time.process_time() - begin
     both = np.stack([probes[row].displacement(codes[row]) for row in (0, 1)], axis=1) / MICRO
     tacho = probes[2].volts(codes[2])
@@ -134,8 +85,8 @@ def test_the_order_map_is_nine_times_as_fast_as_rota_at_equal_accuracy() -> None
     assert ours_seen[0] < 1.05 * theirs_seen[0]
 
 
-def test_everything_shown_live_is_made_in_two_milliseconds_at_sixty_thousand_revolutions_a_minute() -> None:
-    codes = run_up(4.0, slowest=999.9, fastest=1000.0)
+def test_live_update_takes_2_milliseconds_at_60000_rpm() -> None:
+    codes = run_up(4.0, low=999.9, high=1000.0)
     size = int(RATE * AnalysisSettings().update_interval)
     firsts = range(0, codes.shape[1], size)
     blocks = [SampleBlock(np.ascontiguousarray(codes[:, first : first + size]), 0, first, 0) for first in firsts]
@@ -153,7 +104,7 @@ def test_everything_shown_live_is_made_in_two_milliseconds_at_sixty_thousand_rev
     assert median <= 2.0
 
 
-def test_vold_kalman_of_three_orders_is_forty_times_as_fast_as_the_run_after_decimation() -> None:
+def test_vold_kalman_of_3_orders_is_40_times_faster_than_real_time() -> None:
     rate = 10_000.0
     seconds = np.arange(int(5 * rate)) / rate
     angle = 2 * np.pi * (100 * seconds + 40 * seconds**2)

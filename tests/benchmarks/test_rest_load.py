@@ -1,4 +1,4 @@
-"""A run is recorded at 3 × 200 kS/s while 50 clients ask all they can. Run by `make bench`."""
+"""Recording at 3 × 200 kS/s while 50 clients send requests."""
 
 import multiprocessing
 import random
@@ -12,55 +12,27 @@ import httpx
 import numpy as np
 import pytest
 
-from daq.config.loader import load_rig
-from daq.config.rig import Rig
 from daq.reports.run_summaries import Summaries
 from daq.service.app import ServiceFeatures, create_app
 from daq.service.results_reader import ResultsReader
 from daq.service.server import ServiceServer
-from daq.session.live_update import LiveUpdate
 from daq.session.prediction.predictor import Predictors
-from daq.session.recording.messages import RecordingRequest
 from daq.session.recording.recorded_run import RecordedRun
 from recordings.catalogue.catalogue import Catalogue
 from recordings.mcap.reader import RunReader
+from tests.benchmarks.bench_rig import RUN, LiveRun, request_for, rig_with
 
 pytestmark = pytest.mark.benchmark
 
-BENCH = Path(__file__).parents[2] / "rigs" / "bench.toml"
-RUN, BEFORE = "2026-11-24T09-12-07-gj90c", "2026-11-24T08-00-00-gj90c"
+BEFORE = "2026-11-24T08-00-00-gj90c"
 CLIENTS, SECONDS = 50, 60.0
-PAUSE = 0.05  # s that a client takes between an answer and its next question, as a busy page does
-ARRIVAL = 2.0  # s in which the clients come, one after the other
+PAUSE = 0.05  # s between a response and the client's next request, as of a busy page
+ARRIVAL = 2.0  # s over which the clients start
 RATE = 200_000.0
 
 
-def rig_with(folder: Path, *changes: tuple[str, str]) -> Rig:
-    """The simulated bench with lines of its file replaced."""
-    text = BENCH.read_text(encoding="utf-8").replace('"calibration/', f'"{BENCH.parent.as_posix()}/calibration/')
-    for old, new in changes:
-        assert old in text
-        text = text.replace(old, new)
-    path = folder / "rig.toml"
-    path.write_text(text, encoding="utf-8")
-    return load_rig(path)
-
-
-def order(rig: Rig, folder: Path, run: str, duration: float) -> RecordingRequest:
-    return RecordingRequest(rig, run, time.time_ns(), "", "rig bench", folder / f"{run}.mcap", duration)
-
-
-class Live:
-    """The run that the service tells of."""
-
-    run: RecordedRun | None = None
-
-    def latest(self) -> LiveUpdate | None:
-        return None if self.run is None else self.run.latest()
-
-
 def hammer(url: str, seconds: float, pipe: Connection) -> None:
-    """Ask as 50 clients do; the entry point of a process of its own, so that their work is not the service's."""
+    """Send the requests of 50 clients; runs in its own process so that its load is not the service's."""
     times: dict[str, list[float]] = defaultdict(list)
     statuses: dict[str, set[int]] = defaultdict(set)
     paths = [
@@ -74,16 +46,16 @@ def hammer(url: str, seconds: float, pipe: Connection) -> None:
     until = time.monotonic() + seconds
 
     def client(seed: int) -> None:
-        chance = random.Random(seed)  # noqa: S311 - which question comes next is no secret
+        chance = random.Random(seed)  # noqa: S311 - picks the next request
         time.sleep(seed * ARRIVAL / CLIENTS)
-        with httpx.Client(base_url=f"{url}/api/v1", timeout=60.0) as asking:
+        with httpx.Client(base_url=f"{url}/api/v1", timeout=60.0) as connection:
             while time.monotonic() < until:
                 path = chance.choice(paths)
                 name = path.split("?")[0].replace(BEFORE, "{run}") + (" npz" if "npz" in path else "")
-                begun = time.perf_counter()
-                answer = asking.get(path.format(chance.randint(1, 8)))
-                times[name].append(time.perf_counter() - begun)
-                statuses[name].add(answer.status_code)
+                started = time.perf_counter()
+                response = connection.get(path.format(chance.randint(1, 8)))
+                times[name].append(time.perf_counter() - started)
+                statuses[name].add(response.status_code)
                 time.sleep(PAUSE)
 
     threads = [Thread(target=client, args=(seed,)) for seed in range(CLIENTS)]
@@ -94,14 +66,14 @@ def hammer(url: str, seconds: float, pipe: Connection) -> None:
     pipe.send((dict(times), dict(statuses)))
 
 
-def test_fifty_clients_cost_the_recording_no_sample(tmp_path: Path) -> None:
+def test_50_clients_cause_no_sample_loss(tmp_path: Path) -> None:
     rig = rig_with(tmp_path, ("rate_hz = 100_000", "rate_hz = 200_000"), ("time_s = 20", "time_s = 90"))
     folder = tmp_path / "data"
     folder.mkdir()
-    live = Live()
+    live = LiveRun()
     with Predictors() as predictors, ResultsReader(predictors) as results:
         predictors.for_rig(rig).wait(120.0)
-        before = RecordedRun(order(rig, folder, BEFORE, 10.0), predictors.for_rig(rig))
+        before = RecordedRun(request_for(rig, folder, BEFORE, 10.0), predictors.for_rig(rig))
         assert before.wait(60.0)
         before.close()
         catalogue = Catalogue(folder)
@@ -109,27 +81,27 @@ def test_fifty_clients_cost_the_recording_no_sample(tmp_path: Path) -> None:
         server = ServiceServer(create_app(catalogue, live, summaries, None, features=ServiceFeatures(results)))
         server.start()
         httpx.get(f"{server.url}/api/v1/runs/{BEFORE}/order-vectors", timeout=60.0)
-        live.run = run = RecordedRun(order(rig, folder, RUN, SECONDS + 5.0), predictors.for_rig(rig))
+        live.run = run = RecordedRun(request_for(rig, folder, RUN, SECONDS + 5.0), predictors.for_rig(rig))
         here, there = multiprocessing.get_context("spawn").Pipe()
-        asking = multiprocessing.get_context("spawn").Process(target=hammer, args=(server.url, SECONDS, there))
-        asking.start()
+        clients = multiprocessing.get_context("spawn").Process(target=hammer, args=(server.url, SECONDS, there))
+        clients.start()
         backlog = 0.0
         while not run.wait(0.2):
             backlog = max(backlog, run.status().backlog)
         assert here.poll(120.0)
         times, statuses = here.recv()
-        asking.join()
+        clients.join()
         outcome = run.close()
         server.close()
     print(f"\n{CLIENTS} clients for {SECONDS:g} s beside 3 × 200 kS/s; ms")
-    print(f"  {'':34} {'asked':>7} {'p50':>8} {'p99':>8} {'most':>8}  statuses")
+    print(f"  {'':34} {'requests':>8} {'p50':>8} {'p99':>8} {'max':>8}  statuses")
     for name, taken in sorted(times.items()):
         p50, p99 = np.percentile(taken, [50, 99]) * 1e3
-        told = ", ".join(map(str, sorted(statuses[name])))
-        print(f"  {name:34} {len(taken):7} {p50:8.1f} {p99:8.1f} {max(taken) * 1e3:8.1f}  {told}")
+        status_list = ", ".join(map(str, sorted(statuses[name])))
+        print(f"  {name:34} {len(taken):8} {p50:8.1f} {p99:8.1f} {max(taken) * 1e3:8.1f}  {status_list}")
     with RunReader(folder / f"{RUN}.mcap") as reader:
         print(f"  recorded {reader.n_samples:,} samples a channel; largest backlog {backlog:.3f} s")
-        print(f"  samples that the live analysis skipped: {outcome.skipped:,}")
+        print(f"  samples skipped by the live analysis: {outcome.skipped:,}")
         assert reader.is_gap_free
         assert reader.n_samples >= (SECONDS + 4.9) * RATE
     assert not any(status >= 500 and status != 503 for found in statuses.values() for status in found)

@@ -1,4 +1,4 @@
-"""What a run costs: the load of each part at 3 × 200 kS/s, and memory over an hour. Run by `make bench`."""
+"""CPU load of each part of a run at 3 × 200 kS/s, and memory over an hour."""
 
 import threading
 import time
@@ -7,63 +7,33 @@ from pathlib import Path
 import psutil
 import pytest
 
-from daq.config.loader import load_rig
-from daq.config.rig import Rig
 from daq.reports.run_summaries import Summaries
 from daq.service.app import create_app
 from daq.service.server import ServiceServer
-from daq.session.live_update import LiveUpdate
 from daq.session.prediction.predictor import Predictors
-from daq.session.recording.messages import RecordingRequest
 from daq.session.recording.recorded_run import RecordedRun
 from daq.view.live_view import LiveView
 from recordings.catalogue.catalogue import Catalogue
 from recordings.mcap.reader import RunReader
+from tests.benchmarks.bench_rig import RUN, LiveRun, request_for, rig_with
 
 pytestmark = pytest.mark.benchmark
 
-BENCH = Path(__file__).parents[2] / "rigs" / "bench.toml"
-RUN = "2026-11-24T09-12-07-gj90c"
-
-
-def rig_with(folder: Path, *changes: tuple[str, str]) -> Rig:
-    """The simulated bench with lines of its file replaced."""
-    text = BENCH.read_text(encoding="utf-8").replace('"calibration/', f'"{BENCH.parent.as_posix()}/calibration/')
-    for old, new in changes:
-        assert old in text
-        text = text.replace(old, new)
-    path = folder / "rig.toml"
-    path.write_text(text, encoding="utf-8")
-    return load_rig(path)
-
-
-def order(rig: Rig, folder: Path) -> RecordingRequest:
-    return RecordingRequest(rig, RUN, time.time_ns(), "", "rig bench", folder / f"{RUN}.mcap", None)
-
-
-class Live:
-    """The run that the service tells of."""
-
-    run: RecordedRun | None = None
-
-    def latest(self) -> LiveUpdate | None:
-        return None if self.run is None else self.run.latest()
-
 
 def loads_by_thread(process: psutil.Process) -> dict[str, float]:
-    """CPU time of this process's threads, s, by name; those that are not Python's together."""
+    """Return the CPU time of a process's threads, s, by name; native threads together."""
     names = {thread.native_id: thread.name for thread in threading.enumerate()}
     loads: dict[str, float] = {}
     for thread in process.threads():
-        name = names.get(thread.id, "native threads (picture server, numerics)")
+        name = names.get(thread.id, "native threads (view server, numerics)")
         loads[name] = loads.get(name, 0.0) + thread.user_time + thread.system_time
     return loads
 
 
-def test_everything_keeps_up_with_three_times_200_kilosamples(tmp_path: Path) -> None:
+def test_analysis_view_and_service_keep_up_with_3_times_200_kilosamples(tmp_path: Path) -> None:
     rig = rig_with(tmp_path, ("rate_hz = 100_000", "rate_hz = 200_000"), ("time_s = 20", "time_s = 60"))
     watching = psutil.Process()
-    live = Live()
+    live = LiveRun()
     view = LiveView()
     with Predictors() as predictors:
         predictors.for_rig(rig).wait(120.0)
@@ -71,7 +41,7 @@ def test_everything_keeps_up_with_three_times_200_kilosamples(tmp_path: Path) ->
         app = create_app(catalogue, live, Summaries(catalogue, predictors), view.url)
         server = ServiceServer(app)
         server.start()
-        live.run = run = RecordedRun(order(rig, tmp_path), predictors.for_rig(rig), [view])
+        live.run = run = RecordedRun(request_for(rig, tmp_path), predictors.for_rig(rig), [view])
         (recorder,) = (child for child in watching.children() if "spawn_main" in " ".join(child.cmdline()))
         before, since, recorder_before = loads_by_thread(watching), time.monotonic(), recorder.cpu_times()
         backlog = 0.0
@@ -88,7 +58,7 @@ def test_everything_keeps_up_with_three_times_200_kilosamples(tmp_path: Path) ->
     print(f"  {100 * spent / seconds:6.1f} %  recorder (simulated card, writer, ring)")
     for name in sorted(after, key=lambda name: before.get(name, 0.0) - after[name]):
         print(f"  {100 * (after[name] - before.get(name, 0.0)) / seconds:6.1f} %  {name}")
-    print(f"  largest backlog {backlog:.3f} s, skipped {outcome.skipped} samples, dropped {view.dropped} pictures")
+    print(f"  largest backlog {backlog:.3f} s, skipped {outcome.skipped} samples, dropped {view.dropped} view updates")
     assert outcome.exit_code == 0
     assert all(end.is_gap_free for end in outcome.ends)
     assert outcome.skipped == 0
@@ -96,7 +66,7 @@ def test_everything_keeps_up_with_three_times_200_kilosamples(tmp_path: Path) ->
     assert spent < 0.6 * seconds
 
 
-def test_memory_stays_flat_over_an_hour(tmp_path: Path) -> None:
+def test_memory_is_constant_over_an_hour(tmp_path: Path) -> None:
     rig = rig_with(
         tmp_path,
         ('pace = "real time"', 'pace = "flat out"'),
@@ -105,7 +75,7 @@ def test_memory_stays_flat_over_an_hour(tmp_path: Path) -> None:
     watching = psutil.Process()
     with Predictors() as predictors:
         predictors.for_rig(rig).wait(120.0)
-        run = RecordedRun(order(rig, tmp_path), predictors.for_rig(rig))
+        run = RecordedRun(request_for(rig, tmp_path), predictors.for_rig(rig))
         (recorder,) = (child for child in watching.children() if "spawn_main" in " ".join(child.cmdline()))
         memory: list[tuple[float, float, float]] = []
         started = time.monotonic()
@@ -124,7 +94,7 @@ def test_memory_stays_flat_over_an_hour(tmp_path: Path) -> None:
     )
     for column, name in ((1, "recorder"), (2, "watching process")):
         print(
-            f"  {name}: {settled[0][column]:.0f} → {settled[-1][column]:.0f}, most {max(r[column] for r in memory):.0f}"
+            f"  {name}: {settled[0][column]:.0f} → {settled[-1][column]:.0f}, max {max(r[column] for r in memory):.0f}"
         )
         assert settled[-1][column] - settled[0][column] < 30
     assert outcome.exit_code == 0
