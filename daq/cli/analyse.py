@@ -17,8 +17,7 @@ from daq.cli.output.terminal import Cell, align_columns, format_number, print_js
 from daq.cli.runs import find_run
 from daq.errors import UsageError
 from daq.reports.analysis_export import analysis_table, encode_analysis
-from daq.reports.analysis_result import AnalysisResult
-from daq.reports.analysis_schema import analysis_schema
+from daq.reports.analysis_result import AnalysisResult, analysis_schema
 from daq.reports.columns import QUANTITIES
 from daq.reports.errors import DataNotFoundError, PngUnavailableError, RequestTooLargeError
 from daq.reports.parameters import MAX_ORDERS, AnalysisForm, QueryParameters

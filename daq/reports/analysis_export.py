@@ -1,7 +1,4 @@
-"""An analysis in the forms in which it is sent or written: JSON, npz, Arrow, SVG, PNG, a table for a file.
-
-Analyses as they are asked for over REST: made once as long as the file does not change.
-"""
+"""Analyses of a recorded run as JSON, npz, Arrow, SVG, PNG or a table; cached until the file changes."""
 
 import io
 import re
@@ -12,8 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from daq.reports.analysis_result import AnalysisResult, ProgressCallback
-from daq.reports.analysis_schema import analysis_schema
+from daq.reports.analysis_result import AnalysisResult, ProgressCallback, analysis_schema
 from daq.reports.errors import ArrowUnavailableError
 from daq.reports.parameters import AnalysisForm, AnalysisQuery
 from daq.reports.plots.png import render_png
@@ -29,34 +25,38 @@ ANALYSIS_PATH = re.compile(r"(analyses/([a-z-]+))\.([a-z]+)")
 
 
 def analysis_response(path: Path, what: str, query: AnalysisQuery) -> bytes:
-    """Return the answer of an address with its form, as "analyses/orbit.svg"."""
-    asked = ANALYSIS_PATH.fullmatch(what)
-    if asked is None:
-        raise ValueError(f"what: {what!r}, expected an analysis and its form, as analyses/orbit.svg")
+    """Return the response body for a path with a suffix, such as "analyses/orbit.svg"."""
+    match = ANALYSIS_PATH.fullmatch(what)
+    if match is None:
+        raise ValueError(f"what: {what!r}, expected an analysis and its format, such as analyses/orbit.svg")
     status = file_status(path)
-    alike = query.model_copy(update={"format": None})
-    run, analysis = _made(path, status.st_size, status.st_mtime_ns, asked[2], alike)
-    return encode_analysis(analysis, run, asked[2], AnalysisForm(asked[3]))
+    parameters = query.model_copy(update={"format": None})
+    run, analysis = _cached_analysis(path, status.st_size, status.st_mtime_ns, match[2], parameters)
+    return encode_analysis(analysis, run, match[2], AnalysisForm(match[3]))
 
 
-def run_analysis(path: Path, kind: str, query: AnalysisQuery, tell: ProgressCallback) -> tuple[str, AnalysisResult]:
-    """Return a run's id and an analysis of it."""
+def run_analysis(
+    path: Path, kind: str, query: AnalysisQuery, on_progress: ProgressCallback
+) -> tuple[str, AnalysisResult]:
+    """Return the run's id and the result of an analysis."""
     with RunReader(path) as reader:
-        return reader.header.run, KINDS[kind].analyse(RunSamples(reader, tell), query)
+        return reader.header.run, KINDS[kind].analyse(RunSamples(reader, on_progress), query)
 
 
 @lru_cache(maxsize=ANALYSIS_CACHE_SIZE)
-def _made(path: Path, _size: int, _changed_ns: int, kind: str, query: AnalysisQuery) -> tuple[str, AnalysisResult]:
-    return run_analysis(path, kind, query, lambda _doing, _part: None)
+def _cached_analysis(
+    path: Path, _size: int, _changed_ns: int, kind: str, query: AnalysisQuery
+) -> tuple[str, AnalysisResult]:
+    return run_analysis(path, kind, query, lambda _task, _fraction: None)
 
 
 def encode_analysis(analysis: AnalysisResult, run: str, kind: str, form: AnalysisForm) -> bytes:
-    """Return an analysis as a file of this form.
+    """Return an analysis encoded in a format.
 
     Raises
     ------
     PngUnavailableError, ArrowUnavailableError
-        The package that writes the form is not installed.
+        The package that writes the format is not installed.
     """
     match form:
         case AnalysisForm.JSON:
@@ -72,13 +72,13 @@ def encode_analysis(analysis: AnalysisResult, run: str, kind: str, form: Analysi
 
 
 def analysis_table(analysis: AnalysisResult, run: str) -> Table:
-    """Return an analysis as a table for a file."""
+    """Return an analysis as a table for export to a file."""
     columns = tuple(Column(each.name, each.quantity.unit, each.values) for each in analysis.columns)
-    return Table(columns, properties=_about(analysis, run))
+    return Table(columns, properties=_metadata(analysis, run))
 
 
-def _about(analysis: AnalysisResult, run: str) -> dict[str, str]:
-    """Return what there is to say beside the columns."""
+def _metadata(analysis: AnalysisResult, run: str) -> dict[str, str]:
+    """Return the run, title, single values and remarks."""
     figures = {name: f"{value:.9g}" for name, value in analysis.figures.items()}
     remarks = {"remarks": "; ".join(analysis.remarks)} if analysis.remarks else {}
     return {"run": run, "title": analysis.title, **figures, **remarks}
@@ -86,8 +86,8 @@ def _about(analysis: AnalysisResult, run: str) -> dict[str, str]:
 
 def _npz(analysis: AnalysisResult, run: str) -> bytes:
     file = io.BytesIO()
-    about = np.array(sorted(_about(analysis, run).items()))
-    np.savez(file, allow_pickle=False, **{each.name: each.values for each in analysis.columns}, about=about)
+    metadata = np.array(sorted(_metadata(analysis, run).items()))
+    np.savez(file, allow_pickle=False, **{each.name: each.values for each in analysis.columns}, about=metadata)
     return file.getvalue()
 
 
@@ -102,8 +102,8 @@ def _arrow(analysis: AnalysisResult, run: str) -> bytes:
         for each in analysis.columns
     ]
     rows = [arrow.array(each.values.tolist()) for each in analysis.columns]
-    made = arrow.table(rows, schema=arrow.schema(fields, metadata=_about(analysis, run)))
+    table = arrow.table(rows, schema=arrow.schema(fields, metadata=_metadata(analysis, run)))
     file = io.BytesIO()
-    with ipc.new_stream(file, made.schema) as stream:
-        stream.write_table(made)
+    with ipc.new_stream(file, table.schema) as stream:
+        stream.write_table(table)
     return file.getvalue()

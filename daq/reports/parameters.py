@@ -1,7 +1,4 @@
-"""What can be asked of an analysis: parameters of REST and options of the command line alike.
-
-What is asked of a recorded run: the parameters of its addresses.
-"""
+"""Query parameters of the results and analyses of a recorded run, for REST and the command line."""
 
 from enum import StrEnum
 from typing import Annotated, Final
@@ -11,7 +8,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from analysis.spectra.order_map import Scaling, Window
 
 Segment = Annotated[
-    int | None, Field(description="Only in this gap-free stretch of the run, from 0", ge=0, le=1_000_000, examples=[0])
+    int | None, Field(description="Only this gap-free segment of the run, from 0", ge=0, le=1_000_000, examples=[0])
 ]
 MAX_TIME = 1e7  # s
 MAX_SPEED_RPM = 1e6  # r/min
@@ -21,13 +18,13 @@ FromTime = Annotated[float, Field(description="Sample time in the segment, s", g
 
 
 class QueryParameters(BaseModel):
-    """Parameters of an address; others than these are refused."""
+    """Base of the query parameters; unknown parameters are refused."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
 class FrameQuery(QueryParameters):
-    """A moment of a run: the recorded frame nearest to it is taken."""
+    """Selects the recorded frame nearest to a time or speed."""
 
     segment: Segment = None
     time_s: Annotated[
@@ -52,59 +49,61 @@ class FrameQuery(QueryParameters):
 
 
 class SpeedQuery(QueryParameters):
-    """A speed."""
+    """Selects a shaft speed."""
 
     speed_rpm: Annotated[float, Field(description="Shaft speed, r/min", gt=0, le=MAX_SPEED_RPM, examples=[11_000.0])]
 
 
 class TrendQuery(QueryParameters):
-    """A stretch of time."""
+    """Parameters of the trend over time."""
 
     segment: Segment = None
     from_s: Annotated[float, Field(description="Sample time in the segment, s", ge=0, le=MAX_TIME, examples=[0.0])] = (
         0.0
     )
     duration_s: Annotated[
-        float | None, Field(description="How much of it, s; all where left out", gt=0, le=MAX_TIME, examples=[60.0])
+        float | None,
+        Field(description="Duration, s; to the end of the segment where omitted", gt=0, le=MAX_TIME, examples=[60.0]),
     ] = None
     entries: Annotated[
-        int, Field(description="At most about so many entries: the width of a screen", ge=1, le=5000, examples=[600])
+        int, Field(description="Approximate maximum number of entries", ge=1, le=5000, examples=[600])
     ] = 600
 
 
 class SpectrumMapQuery(QueryParameters):
-    """The size of a picture of many spectra."""
+    """Size and orders of a map of spectra."""
 
-    rows: Annotated[int, Field(description="Bins of speed or time, at most", ge=1, le=400, examples=[100])] = 100
-    columns: Annotated[int, Field(description="Orders, at most", ge=1, le=1024, examples=[256])] = 256
-    highest_order: Annotated[float | None, Field(description="Orders up to it", ge=0, le=1000, examples=[4.0])] = None
+    rows: Annotated[int, Field(description="Maximum number of speed or time bins", ge=1, le=400, examples=[100])] = 100
+    columns: Annotated[int, Field(description="Maximum number of orders", ge=1, le=1024, examples=[256])] = 256
+    highest_order: Annotated[float | None, Field(description="Highest order", ge=0, le=1000, examples=[4.0])] = None
     full: Annotated[
         bool,
         Field(
-            description="Full spectra: circles with (positive orders) and against (negative) the rotation",
+            description="Full spectra: forward (positive orders) and backward (negative orders)",
             examples=[False],
         ),
     ] = False
 
 
 class RecordedCascadeQuery(SpectrumMapQuery):
-    """Spectra over speed."""
+    """Parameters of the recorded spectra over speed."""
 
 
 class RecordedWaterfallQuery(SpectrumMapQuery):
-    """Spectra over a stretch of time."""
+    """Parameters of the recorded spectra over time."""
 
-    segment: Annotated[int, Field(description="Gap-free stretch of the run", ge=0, le=1_000_000, examples=[0])] = 0
+    segment: Annotated[int, Field(description="Gap-free segment of the run", ge=0, le=1_000_000, examples=[0])] = 0
     from_s: Annotated[float, Field(description="Sample time in the segment, s", ge=0, le=MAX_TIME, examples=[0.0])] = (
         0.0
     )
     duration_s: Annotated[
-        float | None, Field(description="How much of it, s; all where left out", gt=0, le=MAX_TIME, examples=[60.0])
+        float | None,
+        Field(description="Duration, s; to the end of the segment where omitted", gt=0, le=MAX_TIME, examples=[60.0]),
     ] = None
 
 
 class SampleUnit(StrEnum):
-    """What samples are given as."""
+    """Unit of the samples."""
 
     ENGINEERING = "engineering"  # µm towards the probe; V for the tacho
     VOLTS = "volts"
@@ -112,7 +111,7 @@ class SampleUnit(StrEnum):
 
 
 class SampleFormat(StrEnum):
-    """How samples are sent."""
+    """Format of the samples."""
 
     JSON = "json"
     NPZ = "npz"
@@ -120,9 +119,9 @@ class SampleFormat(StrEnum):
 
 
 class SamplesQuery(QueryParameters):
-    """A stretch of samples."""
+    """Parameters of the recorded samples."""
 
-    segment: Annotated[int, Field(description="Gap-free stretch of the run", ge=0, le=1_000_000, examples=[0])] = 0
+    segment: Annotated[int, Field(description="Gap-free segment of the run", ge=0, le=1_000_000, examples=[0])] = 0
     from_s: Annotated[
         float,
         Field(description="Time in the segment, s; refused past its end", ge=0, le=MAX_TIME, examples=[1.0]),
@@ -130,7 +129,7 @@ class SamplesQuery(QueryParameters):
     duration_s: Annotated[
         float,
         Field(
-            description="How much, s; cut at the segment's end. JSON holds 100,000 values, npz and Arrow 6,000,000",
+            description="Duration, s; cut at the segment's end. JSON holds 100,000 values, npz and Arrow 6,000,000",
             gt=0,
             le=60,
             examples=[0.1],
@@ -139,13 +138,11 @@ class SamplesQuery(QueryParameters):
     unit: Annotated[
         SampleUnit,
         Field(
-            description="µm at probes and V at the tacho; V; or the converter's codes",
+            description="engineering: µm of the probes, V of the tacho; volts; or codes of the converter",
             examples=["volts"],
         ),
     ] = SampleUnit.ENGINEERING
-    format: Annotated[
-        SampleFormat | None, Field(description="Before the header Accept, which else decides", examples=["json"])
-    ] = None
+    format: Annotated[SampleFormat | None, Field(description="Overrides the Accept header", examples=["json"])] = None
 
 
 MAX_ORDERS: Final = 6
@@ -153,16 +150,16 @@ MIN_BANDWIDTH: Final = 0.001  # Hz, or per cent
 ORDER = r"\d{1,2}(\.\d{1,4})?"
 ORDERS: Final = rf"^{ORDER}(,{ORDER}){{0,{MAX_ORDERS - 1}}}$"
 
-Order = Annotated[float, Field(description="Frequency over the shaft's", ge=0.05, le=100, examples=[1.0])]
+Order = Annotated[float, Field(description="Frequency over shaft frequency", ge=0.05, le=100, examples=[1.0])]
 Revolutions = Annotated[
-    int, Field(description="Whole revolutions in a spectrum: lines lie 1 / so many orders apart", ge=8, le=256)
+    int, Field(description="Whole revolutions per spectrum; the line spacing is 1 / revolutions orders", ge=8, le=256)
 ]
-HighestOrder = Annotated[float, Field(description="Orders up to it", ge=1, le=100, examples=[8.0])]
-Width = Annotated[float, Field(description="Width of a bin of speed, r/min", ge=1, le=MAX_SPEED_RPM, examples=[100.0])]
+HighestOrder = Annotated[float, Field(description="Highest order", ge=1, le=100, examples=[8.0])]
+Width = Annotated[float, Field(description="Width of a speed bin, r/min", ge=1, le=MAX_SPEED_RPM, examples=[100.0])]
 
 
 class AnalysisForm(StrEnum):
-    """How an analysis is sent: numbers, or drawn."""
+    """Format of an analysis: numbers or a plot."""
 
     JSON = "json"
     NPZ = "npz"
@@ -172,7 +169,7 @@ class AnalysisForm(StrEnum):
 
 
 class MapLines(StrEnum):
-    """What the lines of many spectra are."""
+    """Type of the spectra in a map."""
 
     ORDERS = "orders"  # the larger of the two probes
     FULL = "full"  # circles with and against the rotation
@@ -180,109 +177,110 @@ class MapLines(StrEnum):
 
 
 class AnalysisQuery(QueryParameters):
-    """What every analysis may be asked for."""
+    """Base of the parameters of all analyses."""
 
-    format: Annotated[
-        AnalysisForm | None, Field(description="Before the header Accept, which else decides", examples=["json"])
-    ] = None
+    format: Annotated[AnalysisForm | None, Field(description="Overrides the Accept header", examples=["json"])] = None
 
 
 class ShaftAngleQuery(AnalysisQuery):
-    """What everything that needs the shaft's angle may be asked for."""
+    """Base of the parameters of analyses against the shaft angle."""
 
     slow_roll_rpm: Annotated[
         float | None,
         Field(
-            description="Take off the run-out that the run's own revolutions up to this speed tell, r/min; what is "
-            "left is called compensated",
+            description="Subtract the run-out measured in the run's revolutions up to this speed, r/min; the result is "
+            "named compensated",
             gt=0, le=MAX_SPEED_RPM, examples=[None],
         ),
     ] = None  # fmt: skip
 
 
 class TimeIntervalQuery(AnalysisQuery):
-    """A stretch of time."""
+    """Base of the parameters of analyses over a time interval."""
 
     segment: Segment = None
     from_s: Annotated[float, Field(description="Sample time in the segment, s", ge=0, le=MAX_TIME, examples=[0.0])] = (
         0.0
     )
     duration_s: Annotated[
-        float | None, Field(description="How much of it, s; all where left out", gt=0, le=MAX_TIME, examples=[None])
+        float | None,
+        Field(description="Duration, s; to the end of the segment where omitted", gt=0, le=MAX_TIME, examples=[None]),
     ] = None
 
 
 class ShaftAngleIntervalQuery(TimeIntervalQuery, ShaftAngleQuery):
-    """A stretch of time, against the shaft's angle."""
+    """Base of the parameters of analyses over a time interval, against the shaft angle."""
 
 
 class FrameAnalysisQuery(FrameQuery, ShaftAngleQuery):
-    """A moment of a run: what comes before the recorded frame that is nearest is looked at."""
+    """Base of the parameters of analyses of the revolutions up to a recorded frame."""
 
 
 class OrderSpectrumQuery(FrameAnalysisQuery):
-    """An order spectrum."""
+    """Parameters of the order spectrum."""
 
     revolutions: Revolutions = 16
     highest_order: HighestOrder = 8.0
     window: Annotated[
         Window,
-        Field(description="hann tells lines apart, flat top reads any line to 0.1 %, uniform whole orders alone"),
+        Field(
+            description="hann separates lines; flat top reads any amplitude to 0.1 %; uniform suits whole orders only"
+        ),
     ] = Window.HANN
-    scaling: Annotated[Scaling, Field(description="What amplitudes are given as")] = Scaling.PEAK
+    scaling: Annotated[Scaling, Field(description="Scaling of the amplitudes")] = Scaling.PEAK
 
 
 class FullSpectrumQuery(FrameAnalysisQuery):
-    """A full spectrum."""
+    """Parameters of the full spectrum."""
 
     revolutions: Revolutions = 16
     highest_order: HighestOrder = 8.0
 
 
 class FrequencySpectrumQuery(TimeIntervalQuery):
-    """A frequency spectrum, averaged over a stretch of time; it needs no tacho."""
+    """Parameters of the frequency spectrum averaged over a time interval; needs no tacho."""
 
-    resolution_hz: Annotated[float, Field(description="Distance of the lines, Hz", ge=0.1, le=1000, examples=[2.0])] = (
-        2.0
-    )
-    highest_hz: Annotated[float, Field(description="MapLines up to it, Hz", ge=1, le=1e6, examples=[2000.0])] = 2000.0
+    resolution_hz: Annotated[float, Field(description="Line spacing, Hz", ge=0.1, le=1000, examples=[2.0])] = 2.0
+    highest_hz: Annotated[float, Field(description="Highest frequency, Hz", ge=1, le=1e6, examples=[2000.0])] = 2000.0
 
 
 class OrbitFilter(StrEnum):
-    """What an orbit is made of."""
+    """Order filter of an orbit."""
 
-    DIRECT = "direct"  # everything
-    ORDERS = "orders"  # the orders that are named alone
-    REST = "rest"  # all but those: not-1X
+    DIRECT = "direct"  # unfiltered
+    ORDERS = "orders"  # the selected orders only
+    REST = "rest"  # all but the selected orders: not-1X
 
 
 class OrbitQuery(FrameAnalysisQuery):
-    """An orbit."""
+    """Parameters of the orbit."""
 
     filter: Annotated[
         OrbitFilter,
         Field(
-            description="direct: as it is; orders: those of `orders` alone (1X, 2X, nX); rest: all but them (not-1X)"
+            description="direct: unfiltered; orders: only those of `orders` (1X, 2X, nX); rest: all but those (not-1X)"
         ),
     ] = OrbitFilter.DIRECT
-    orders: Annotated[str, Field(description="Orders with commas", pattern=ORDERS, examples=["1", "1,2"])] = "1"
-    revolutions: Annotated[int, Field(description="Revolutions that are drawn", ge=1, le=64)] = 4
+    orders: Annotated[str, Field(description="Orders, separated by commas", pattern=ORDERS, examples=["1", "1,2"])] = (
+        "1"
+    )
+    revolutions: Annotated[int, Field(description="Number of revolutions shown", ge=1, le=64)] = 4
 
 
 class AverageQuery(FrameAnalysisQuery):
-    """The mean revolution, and what does not repeat."""
+    """Parameters of the synchronous average."""
 
-    revolutions: Annotated[int, Field(description="Revolutions that are averaged", ge=8, le=1024)] = 64
+    revolutions: Annotated[int, Field(description="Number of revolutions averaged", ge=8, le=1024)] = 64
 
 
 class PoincareQuery(FrameAnalysisQuery):
-    """Where the shaft is each time the mark passes."""
+    """Parameters of the Poincaré section."""
 
-    revolutions: Annotated[int, Field(description="Revolutions, of which each gives a point", ge=48, le=4096)] = 128
+    revolutions: Annotated[int, Field(description="Number of revolutions, one point each", ge=48, le=4096)] = 128
 
 
 class SlowRollQuery(AnalysisQuery):
-    """The run-out that slow turning tells."""
+    """Parameters of the run-out of the slow roll."""
 
     segment: Segment = None
     slow_roll_rpm: Annotated[
@@ -292,34 +290,34 @@ class SlowRollQuery(AnalysisQuery):
 
 
 class MapQuery(ShaftAngleIntervalQuery):
-    """Many spectra."""
+    """Base of the parameters of spectra over speed or time."""
 
     lines: Annotated[
         MapLines,
-        Field(description="orders: the larger of the probes; full: circles with and against the rotation; frequencies"),
+        Field(description="orders: the larger of the probes; full: forward and backward orders; frequencies"),
     ] = MapLines.ORDERS
     revolutions: Revolutions = 16
     highest_order: HighestOrder = 4.0
     resolution_hz: Annotated[
-        float, Field(description="Distance of the lines of frequency, Hz", ge=0.5, le=1000, examples=[4.0])
+        float, Field(description="Line spacing of frequency spectra, Hz", ge=0.5, le=1000, examples=[4.0])
     ] = 4.0
-    highest_hz: Annotated[float, Field(description="MapLines of frequency up to it, Hz", ge=1, le=1e6)] = 1000.0
+    highest_hz: Annotated[float, Field(description="Highest frequency of frequency spectra, Hz", ge=1, le=1e6)] = 1000.0
 
 
 class CascadeQuery(MapQuery):
-    """Spectra over speed."""
+    """Parameters of the spectra over speed."""
 
     width_rpm: Width = 200.0
 
 
 class WaterfallQuery(MapQuery):
-    """Spectra over time."""
+    """Parameters of the spectra over time."""
 
-    rows: Annotated[int, Field(description="Bins of time, at most", ge=1, le=400)] = 100
+    rows: Annotated[int, Field(description="Maximum number of time bins", ge=1, le=400)] = 100
 
 
 class VectorsQuery(ShaftAngleIntervalQuery):
-    """Vectors of one order over speed."""
+    """Parameters of the vectors of one order over speed."""
 
     order: Order = 1.0
     width_rpm: Width = 100.0
@@ -327,51 +325,52 @@ class VectorsQuery(ShaftAngleIntervalQuery):
 
 
 class BifurcationQuery(ShaftAngleIntervalQuery):
-    """Positions at the mark over speed."""
+    """Parameters of the bifurcation diagram."""
 
     averaging_revolutions: Annotated[
-        int, Field(description="Revolutions about each whose mean position is taken off", ge=2, le=1024)
+        int, Field(description="Width of the moving average subtracted from the positions, revolutions", ge=2, le=1024)
     ] = 64
 
 
 class CentrelineQuery(ShaftAngleIntervalQuery):
-    """Mean positions of the shaft within its clearance."""
+    """Parameters of the shaft centreline."""
 
-    revolutions: Annotated[int, Field(description="Revolutions that are averaged for each position", ge=2, le=1024)] = (
-        16
-    )
+    revolutions: Annotated[
+        int, Field(description="Number of revolutions averaged for each position", ge=2, le=1024)
+    ] = 16
     rest_x_um: Annotated[
         float | None,
         Field(
-            description="Displacement towards probe x while the shaft lay still at the bottom, µm; left out: the mean "
-            "of the slowest revolutions is taken to lie there",
+            description="Displacement towards probe x with the shaft at rest at the bottom, µm; where omitted, the "
+            "mean of the slowest revolutions is taken as the rest position",
             ge=-1e5, le=1e5, examples=[None],
         ),
     ] = None  # fmt: skip
     rest_y_um: Annotated[
-        float | None, Field(description="The same towards probe y, µm", ge=-1e5, le=1e5, examples=[None])
+        float | None, Field(description="Displacement towards probe y at rest, µm", ge=-1e5, le=1e5, examples=[None])
     ] = None
 
 
 class SubSynchronousQuery(ShaftAngleIntervalQuery):
-    """Every component below 1X."""
+    """Parameters of the components below 1X."""
 
     revolutions: Revolutions = 16
 
 
 class OverallQuery(TimeIntervalQuery):
-    """Overall vibration over time; it needs no tacho."""
+    """Parameters of the overall vibration over time; needs no tacho."""
 
     interval_s: Annotated[
-        float, Field(description="Of which each tells one peak-to-peak, s; a turn at least", ge=0.001, le=60)
+        float, Field(description="Interval of each peak-to-peak value, s; at least one revolution", ge=0.001, le=60)
     ] = 0.1
 
 
 class EnvelopesQuery(TimeIntervalQuery):
-    """Orders as they swell and fade, by the Vold-Kalman filter of the second generation."""
+    """Parameters of the envelopes of orders by the second-generation Vold-Kalman filter."""
 
     orders: Annotated[
-        str, Field(description="Orders with commas, solved for together", pattern=ORDERS, examples=["1,2", "0.49,1,2"])
+        str,
+        Field(description="Orders, separated by commas, solved together", pattern=ORDERS, examples=["1,2", "0.49,1,2"]),
     ] = "1,2"
     bandwidth_hz: Annotated[
         float | None,
@@ -379,16 +378,22 @@ class EnvelopesQuery(TimeIntervalQuery):
     ] = None
     bandwidth_percent: Annotated[
         float | None,
-        Field(description="Instead: in per cent of each order's frequency", ge=MIN_BANDWIDTH, le=100, examples=[None]),
+        Field(
+            description="Bandwidth in per cent of each order's frequency, instead of Hz",
+            ge=MIN_BANDWIDTH,
+            le=100,
+            examples=[None],
+        ),
     ] = None
-    entries: Annotated[int, Field(description="At most so many times, evenly", ge=2, le=20_000)] = 600
+    entries: Annotated[int, Field(description="Number of evenly spaced times", ge=2, le=20_000)] = 600
 
 
 class WaveformsQuery(FrameQuery, AnalysisQuery):
-    """Waveforms of single orders."""
+    """Parameters of the waveforms of single orders."""
 
     orders: Annotated[
-        str, Field(description="Orders with commas, solved for together", pattern=ORDERS, examples=["1,2", "0.49,1,2"])
+        str,
+        Field(description="Orders, separated by commas, solved together", pattern=ORDERS, examples=["1,2", "0.49,1,2"]),
     ] = "1,2"
     bandwidth_hz: Annotated[float, Field(description="Full width at half power, Hz", ge=MIN_BANDWIDTH, le=1000)] = 4.0
-    revolutions: Annotated[int, Field(description="Revolutions that are drawn", ge=1, le=64)] = 4
+    revolutions: Annotated[int, Field(description="Number of revolutions shown", ge=1, le=64)] = 4

@@ -1,4 +1,4 @@
-"""The kinds of analysis: what each is called, asked and made by."""
+"""Registry of the analyses: title, description, columns, query parameters and function of each kind."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -51,16 +51,16 @@ VECTORS: Final = (
 
 @dataclass(frozen=True, slots=True)
 class AnalysisKind:
-    """One kind.
+    """A kind of analysis.
 
     Parameters
     ----------
     title : str
-        What it is called.
+        Displayed title.
     description : str
         What it returns, without a full stop.
     columns : tuple of str
-        The names of its table's columns, where nothing else is asked for.
+        Names of the table's columns with default parameters.
     parameters : type
         Its query parameters.
     analyse : callable
@@ -76,8 +76,8 @@ class AnalysisKind:
 
 KINDS: Final[Mapping[str, AnalysisKind]] = {
     "order-spectrum": AnalysisKind(
-        "The order spectrum about a moment",
-        "Amplitude and phase lag by order about a moment",
+        "Order spectrum",
+        "Amplitude and phase lag by order, at a time of the run",
         (
             "order",
             "amplitude_peak_x_um",
@@ -91,63 +91,63 @@ KINDS: Final[Mapping[str, AnalysisKind]] = {
         analyse_order_spectrum,
     ),
     "full-spectrum": AnalysisKind(
-        "The full spectrum about a moment",
-        "Circles with and against the rotation by order about a moment",
+        "Full spectrum",
+        "Forward and backward components by order, at a time of the run",
         ("order", "amplitude_peak_um", "uncertain"),
         FullSpectrumQuery,
         analyse_full_spectrum,
     ),
     "frequency-spectrum": AnalysisKind(
-        "The frequency spectrum of a stretch",
-        "Amplitude by frequency, averaged over a stretch of time; needs no tacho",
+        "Frequency spectrum",
+        "Amplitude by frequency, averaged over a time interval; needs no tacho",
         ("frequency_hz", "amplitude_peak_x_um", "amplitude_peak_y_um"),
         FrequencySpectrumQuery,
         analyse_frequency_spectrum,
     ),
     "cascade": AnalysisKind(
-        "Spectra over speed",
-        "Spectra over speed: of orders, full, or of frequencies",
+        "Cascade",
+        "Spectra over speed: order, full or frequency spectra",
         ("speed_rpm", "order", "amplitude_peak_um"),
         CascadeQuery,
         analyse_cascade,
     ),
     "waterfall": AnalysisKind(
-        "Spectra over time",
-        "Spectra over time: of orders, full, or of frequencies",
+        "Waterfall",
+        "Spectra over time: order, full or frequency spectra",
         ("time_s", "order", "amplitude_peak_um"),
         WaterfallQuery,
         analyse_waterfall,
     ),
     "bode": AnalysisKind(
-        "Vectors of an order over speed, as Bode plot",
-        "Amplitude and phase lag of any order over speed, run-up and run-down apart",
+        "Bode plot of an order",
+        "Amplitude and phase lag of any order over speed, run-up and run-down separately",
         VECTORS,
         VectorsQuery,
         analyse_bode,
     ),
     "polar": AnalysisKind(
-        "Vectors of an order over speed, as polar plot",
-        "The same vectors, drawn in the plane",
+        "Polar plot of an order",
+        "Amplitude and phase lag of any order over speed, as vectors in the plane",
         VECTORS,
         VectorsQuery,
         analyse_polar,
     ),
     "orbit": AnalysisKind(
-        "The orbit about a moment",
-        "The shaft's path about a moment: direct, of chosen orders (1X, 2X, nX), or without them (not-1X)",
+        "Orbit",
+        "Orbit at a time of the run: direct, of selected orders (1X, 2X, nX), or without them (not-1X)",
         ("revolution", "angle_deg", "time_s", "X_um", "Y_um"),
         OrbitQuery,
         analyse_orbit,
     ),
     "centreline": AnalysisKind(
-        "The shaft's centreline",
-        "The shaft's mean position in its clearance over speed",
+        "Shaft centreline",
+        "Mean position of the shaft in its clearance over speed",
         ("time_s", "speed_rpm", "X_um", "Y_um", "X_sigma_um", "Y_sigma_um", "eccentricity_ratio", "attitude_deg"),
         CentrelineQuery,
         analyse_centreline,
     ),
     "envelopes": AnalysisKind(
-        "Orders over time",
+        "Envelopes of orders",
         "Amplitude and phase lag of several orders over time, by the Vold-Kalman filter",
         (
             "time_s",
@@ -164,36 +164,36 @@ KINDS: Final[Mapping[str, AnalysisKind]] = {
         analyse_envelopes,
     ),
     "waveforms": AnalysisKind(
-        "Waveforms of orders about a moment",
-        "Waveforms of single orders about a moment, by the Vold-Kalman filter",
+        "Waveforms of orders",
+        "Waveforms of single orders at a time of the run, by the Vold-Kalman filter",
         ("time_s", "angle_deg", "order", "displacement_x_um", "displacement_y_um"),
         WaveformsQuery,
         analyse_waveforms,
     ),
     "average": AnalysisKind(
-        "The average revolution and its residual",
-        "The synchronous average of a revolution about a moment, and the residual",
+        "Synchronous average",
+        "Synchronous average of a revolution at a time of the run, and the residual",
         ("angle_deg", "average_x_um", "average_y_um", "residual_rms_x_um", "residual_rms_y_um"),
         AverageQuery,
         analyse_synchronous_average,
     ),
     "poincare": AnalysisKind(
-        "Poincaré points",
-        "The shaft's positions at the mark about a moment, and what they make",
+        "Poincaré section",
+        "Shaft positions at the keyphasor mark at a time of the run, and their pattern",
         ("revolution", "time_s", "speed_rpm", "X_um", "Y_um"),
         PoincareQuery,
         analyse_poincare,
     ),
     "bifurcation": AnalysisKind(
-        "The bifurcation diagram",
-        "The shaft's position at the mark of every revolution over speed",
+        "Bifurcation diagram",
+        "Shaft position at the keyphasor mark of every revolution over speed",
         ("time_s", "speed_rpm", "X_um", "Y_um"),
         BifurcationQuery,
         analyse_bifurcation,
     ),
     "sub-synchronous": AnalysisKind(
-        "What is below 1X",
-        "Every component below 1X: order, size, onset and end, whirl or whip",
+        "Components below 1X",
+        "Components below 1X: order, amplitude, onset and end, whirl or whip",
         (
             "component",
             "order",
@@ -215,8 +215,8 @@ KINDS: Final[Mapping[str, AnalysisKind]] = {
         analyse_sub_synchronous,
     ),
     "overall": AnalysisKind(
-        "Overall vibration over time",
-        "Overall vibration and speed over time, against the limits; needs no tacho",
+        "Overall vibration",
+        "Overall vibration and speed over time, compared with the limits; needs no tacho",
         (
             "time_s",
             "speed_rpm",
@@ -230,8 +230,8 @@ KINDS: Final[Mapping[str, AnalysisKind]] = {
         analyse_overall,
     ),
     "slow-roll": AnalysisKind(
-        "The run-out of the slow roll",
-        "The run-out that the run's own slow turning tells",
+        "Run-out",
+        "Run-out over the shaft angle, from the slow roll of the run",
         ("angle_deg", "runout_x_um", "runout_y_um"),
         SlowRollQuery,
         analyse_slow_roll,

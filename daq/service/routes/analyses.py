@@ -8,7 +8,7 @@ from typing import Annotated, Any, Final, Protocol, TypeAlias
 
 from fastapi import Query, Request, Response
 
-from daq.reports.analysis_schema import AnalysisSchema
+from daq.reports.analysis_result import AnalysisSchema
 from daq.reports.columns import QUANTITIES
 from daq.reports.parameters import (
     AnalysisForm,

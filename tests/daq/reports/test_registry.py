@@ -30,7 +30,7 @@ from analysis.whirl.tracks import subsynchronous_tracks
 from daq.cli.main import main
 from daq.config.loader import load_rig
 from daq.config.toml_files import to_toml
-from daq.reports.analysis_schema import AnalysisSchema
+from daq.reports.analysis_result import AnalysisSchema
 from daq.reports.kinds.envelopes import OrderFilter, solve_orders
 from daq.reports.registry import KINDS
 from daq.reports.run_samples import RunSamples, SampleRange
