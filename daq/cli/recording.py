@@ -162,7 +162,7 @@ def run_replay(args: argparse.Namespace) -> int:
             outcome = follow(replayed, stop, console)
         model.wait(PREDICTION_TIMEOUT, lambda state: console.progress(f"model {state}"))
         console.done()
-        summary = summaries.document(replayed.summary(), header, delivery, markers)
+        summary = summaries.with_agreement(replayed.summary(), header, delivery, markers)
     print_summary(summary, as_json=args.json)
     return outcome.exit_code
 

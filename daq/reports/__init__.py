@@ -1,1 +1,1 @@
-"""Analyses of a recorded run as table, plot and text."""
+"""Results and analyses of recorded runs as tables, plots and text, for REST, the command line and reports."""

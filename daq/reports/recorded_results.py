@@ -1,7 +1,4 @@
-"""A run's values over time, thinned so that no extreme is lost.
-
-Many order spectra in one picture: against speed (cascade) or time (waterfall), thinned to what a screen shows.
-"""
+"""Trend, cascade and waterfall of the recorded results of a run, thinned to the resolution of a screen."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -27,7 +24,7 @@ IntArray = NDArray[np.intp]
 
 
 def cascade(path: Path, found: RunHistory, query: RecordedCascadeQuery) -> CascadeSchema:
-    """Return spectra over speed, from 0 to the highest."""
+    """Return order spectra over speed, from 0 to the highest speed."""
     has_frame = np.isfinite(found.frame_speed)
     if not has_frame.any():
         raise DataNotFoundError("no order spectrum in the run")
@@ -42,7 +39,7 @@ def cascade(path: Path, found: RunHistory, query: RecordedCascadeQuery) -> Casca
 
 
 def waterfall(path: Path, found: RunHistory, query: RecordedWaterfallQuery) -> WaterfallSchema:
-    """Return spectra over time, from the begin of the stretch that is asked for to its end."""
+    """Return order spectra over the requested time interval."""
     of_segment = (found.segment == query.segment) & np.isfinite(found.frame_speed)
     end = np.inf if query.duration_s is None else query.from_s + query.duration_s
     chosen = of_segment & (found.time >= query.from_s) & (found.time <= end)
@@ -64,7 +61,7 @@ def waterfall(path: Path, found: RunHistory, query: RecordedWaterfallQuery) -> W
 
 
 def _bins(values: FloatArray, width: float, rows: int) -> IntArray:
-    """Return the row that each value falls into, the highest into the last; -1 for NaN."""
+    """Return the row of each value; the highest value falls into the last row, NaN gives -1."""
     row = np.minimum(np.nan_to_num(values / width, nan=-1.0), rows - 1)
     return np.floor(row).astype(np.intp)
 
@@ -72,18 +69,18 @@ def _bins(values: FloatArray, width: float, rows: int) -> IntArray:
 def _largest(
     path: Path, found: RunHistory, row_of: IntArray, query: RecordedCascadeQuery | RecordedWaterfallQuery
 ) -> tuple[Values, tuple[Values, ...], IntArray]:
-    """Return the orders of the columns, the largest amplitude of every cell, and which rows there are.
+    """Return the orders of the columns, the largest amplitude of each cell, and the rows with frames.
 
     Parameters
     ----------
     path : Path
         The run's file.
-    found : Records
-        Its results.
+    found : RunHistory
+        Results of the run.
     row_of : ndarray of int, shape (n,)
-        Row of each of its snapshots; -1 for none.
+        Row of each snapshot; -1 for none.
     query : RecordedCascadeQuery or RecordedWaterfallQuery
-        How many rows and columns, and whether of full spectra.
+        Number of rows and columns, and type of the spectra.
     """
     orders, amplitude = _spectrum_of(found.header, full=query.full)
     cells = np.zeros((query.rows, orders.size))
@@ -102,7 +99,7 @@ def _largest(
 
 
 def _spectrum_of(header: RunHeader, *, full: bool) -> tuple[FloatArray, Callable[[OrderFrame], FloatArray]]:
-    """Return the orders of a spectrum, and what gives a frame's amplitudes, m peak: the larger probe's, or circles."""
+    """Return the order axis and a function for a frame's amplitudes, m peak: larger probe, or radius if ``full``."""
     orders = order_axis(header.settings)
     if not full:
         return orders, lambda frame: np.abs(frame.spectrum).max(axis=0)
@@ -113,18 +110,18 @@ def _spectrum_of(header: RunHeader, *, full: bool) -> tuple[FloatArray, Callable
 
 
 def trend_schema(found: RunHistory, segment: int | None, begin: float, end: float, entries: int) -> TrendSchema:
-    """Return values over time as a document.
+    """Return the trend over time.
 
     Parameters
     ----------
-    found : Records
-        The run's results.
+    found : RunHistory
+        Results of the run.
     segment : int or None
         Only this segment.
     begin, end : float
-        Only results of this time in their segment, s.
+        Only results between these times in their segment, s.
     entries : int
-        About so many at most; a segment begins one of its own.
+        Approximate maximum number of entries; each segment begins a new entry.
     """
     chosen = (found.time >= begin) & (found.time <= end)
     if segment is not None:
@@ -139,10 +136,10 @@ def trend_schema(found: RunHistory, segment: int | None, begin: float, end: floa
     last = np.append(starts[1:], index.size) - 1 if index.size else starts
     one_x, one_y = np.abs(found.vectors)
 
-    def least(values: FloatArray) -> list[float]:
+    def minimum(values: FloatArray) -> list[float]:
         return np.fmin.reduceat(values[index], starts).tolist() if index.size else []
 
-    def most(values: FloatArray) -> list[float]:
+    def maximum(values: FloatArray) -> list[float]:
         return np.fmax.reduceat(values[index], starts).tolist() if index.size else []
 
     order, size = _largest_whirls(found.whirl_order[index], found.whirl_amplitude[index], starts)
@@ -152,16 +149,16 @@ def trend_schema(found: RunHistory, segment: int | None, begin: float, end: floa
         results_per_entry=width,
         segment=tuple(segments[last].tolist()),
         time_s=tuple(finite(value) for value in found.time[index][last].tolist()),
-        speed_min_rpm=tuple(map(rpm, least(found.speed))),
-        speed_max_rpm=tuple(map(rpm, most(found.speed))),
-        peak_to_peak_min_x_um=tuple(map(micrometres, least(found.peak_to_peak[0]))),
-        peak_to_peak_max_x_um=tuple(map(micrometres, most(found.peak_to_peak[0]))),
-        peak_to_peak_min_y_um=tuple(map(micrometres, least(found.peak_to_peak[1]))),
-        peak_to_peak_max_y_um=tuple(map(micrometres, most(found.peak_to_peak[1]))),
-        order_1x_min_x_um=tuple(map(micrometres, least(one_x))),
-        order_1x_max_x_um=tuple(map(micrometres, most(one_x))),
-        order_1x_min_y_um=tuple(map(micrometres, least(one_y))),
-        order_1x_max_y_um=tuple(map(micrometres, most(one_y))),
+        speed_min_rpm=tuple(map(rpm, minimum(found.speed))),
+        speed_max_rpm=tuple(map(rpm, maximum(found.speed))),
+        peak_to_peak_min_x_um=tuple(map(micrometres, minimum(found.peak_to_peak[0]))),
+        peak_to_peak_max_x_um=tuple(map(micrometres, maximum(found.peak_to_peak[0]))),
+        peak_to_peak_min_y_um=tuple(map(micrometres, minimum(found.peak_to_peak[1]))),
+        peak_to_peak_max_y_um=tuple(map(micrometres, maximum(found.peak_to_peak[1]))),
+        order_1x_min_x_um=tuple(map(micrometres, minimum(one_x))),
+        order_1x_max_x_um=tuple(map(micrometres, maximum(one_x))),
+        order_1x_min_y_um=tuple(map(micrometres, minimum(one_y))),
+        order_1x_max_y_um=tuple(map(micrometres, maximum(one_y))),
         order_1x_lag_x_deg=lag_x,
         order_1x_lag_y_deg=lag_y,
         whirl_order=tuple(map(finite, order)),
@@ -176,7 +173,7 @@ def _all_lags(vectors: NDArray[np.complex128]) -> Values:
 def _largest_whirls(
     orders: FloatArray, amplitudes: FloatArray, starts: NDArray[np.intp]
 ) -> tuple[list[float], list[float]]:
-    """Return order and size of the largest whirl of each stretch; NaN where there is none."""
+    """Return order and amplitude of the largest whirl of each entry; NaN without one."""
     stops = np.append(starts[1:], orders.size)
     found = []
     for start, stop in zip(starts.tolist(), stops.tolist(), strict=False):

@@ -1,4 +1,4 @@
-"""What the results of a run say at every moment, small enough to be kept: everything but spectra and orbits."""
+"""Scalar results and 1X vectors of a recorded run over time, cached by file; without spectra and orbits."""
 
 import os
 from collections.abc import Iterator
@@ -22,38 +22,38 @@ FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 IntArray = NDArray[np.int64]
 
-MAX_TIME_DISTANCE = 1.0  # s: a moment further than this from every frame has none
-SPEED_TOLERANCE = 0.02  # of the speed
+MAX_TIME_DISTANCE = 1.0  # s, between a requested time and the nearest frame
+SPEED_TOLERANCE = 0.02  # relative
 MIN_SPEED_TOLERANCE = 100.0 * np.pi / 30.0  # rad/s
 HISTORY_CACHE_SIZE = 8
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RunHistory:
-    """A run's results over time, one entry a snapshot; what belongs to the order frame is NaN where there is none.
+    """Results of a run over time, one entry per snapshot; values of the order frame are NaN without one.
 
     Parameters
     ----------
     header : RunHeader
-        The run.
+        Header of the run.
     summary : RunSummary
-        Made of the same snapshots.
+        Summary of the same snapshots.
     is_recorded : bool
-        Whether they lie in the file; else they are what its samples give when analysed again.
+        Whether the results were recorded; false where the samples were analysed again.
     segment, sample : ndarray of int64, shape (n,)
-        Where each is.
+        Segment, and index one past the last sample.
     time : ndarray of float64, shape (n,)
-        s in the segment.
+        Sample time in the segment, s.
     speed, frame_speed : ndarray of float64, shape (n,)
-        Of the moment, and the mean over the frame, rad/s.
+        Shaft speed of the snapshot and mean over its order frame, rad/s.
     peak_to_peak : ndarray of float64, shape (2, n)
-        Overall at the probes, m.
+        Overall vibration at the probes, m.
     gap_volts : ndarray of float64, shape (2, n)
-        V.
+        Mean gap voltage, V.
     vectors : ndarray of complex128, shape (2, n)
         1X at the probes, m peak.
     whirl_order, whirl_amplitude : ndarray of float64, shape (n,)
-        Strongest component below 1X; NaN where there is none, amplitude m peak.
+        Order and amplitude, m peak, of the strongest component below 1X; NaN without one.
     """
 
     header: RunHeader
@@ -71,59 +71,61 @@ class RunHistory:
     whirl_amplitude: FloatArray
 
     def nearest(self, segment: int | None, time: float | None, speed: float | None) -> int:
-        """Return the number of the snapshot whose frame is nearest to a moment.
+        """Return the index of the snapshot with the frame nearest to a time or speed.
 
         Parameters
         ----------
         segment : int or None
             Only in this segment.
         time : float or None
-            s in the segment.
+            Sample time in the segment, s.
         speed : float or None
-            rad/s. With a time, the frame of about this speed that is nearest to it; without either, the frame of the
-            largest overall vibration.
+            Shaft speed, rad/s. With a time, the frame near this speed that is nearest to it; without either, the
+            frame of the largest overall vibration.
 
         Raises
         ------
         DataNotFoundError
-            No frame is near.
+            No frame is within the tolerance.
         """
-        wanted = np.isfinite(self.frame_speed)
+        candidates = np.isfinite(self.frame_speed)
         if segment is not None:
-            wanted &= self.segment == segment
-        if not wanted.any():
+            candidates &= self.segment == segment
+        if not candidates.any():
             raise DataNotFoundError(f"no order spectrum in {'the run' if segment is None else f'segment {segment}'}")
         if speed is not None:
-            away = np.abs(self.frame_speed - speed)
-            near = wanted & (away <= max(SPEED_TOLERANCE * speed, MIN_SPEED_TOLERANCE))
+            distance = np.abs(self.frame_speed - speed)
+            near = candidates & (distance <= max(SPEED_TOLERANCE * speed, MIN_SPEED_TOLERANCE))
             if not near.any():
-                low, high = np.array([self.frame_speed[wanted].min(), self.frame_speed[wanted].max()]) * 30 / np.pi
+                low, high = (
+                    np.array([self.frame_speed[candidates].min(), self.frame_speed[candidates].max()]) * 30 / np.pi
+                )
                 raise DataNotFoundError(
-                    f"no order spectrum near {speed * 30 / np.pi:,.0f} r/min; there are some "
+                    f"no order spectrum near {speed * 30 / np.pi:,.0f} r/min; the run has them "
                     f"from {low:,.0f} to {high:,.0f} r/min"
                 )
             if time is None:
-                return int(np.argmin(np.where(near, away, np.inf)))
-            wanted = near
+                return int(np.argmin(np.where(near, distance, np.inf)))
+            candidates = near
         if time is None:
-            return int(np.argmax(np.where(wanted, self.peak_to_peak.max(axis=0), -np.inf)))
-        away = np.where(wanted, np.abs(self.time - time), np.inf)
-        index = int(np.argmin(away))
-        if away[index] > MAX_TIME_DISTANCE and speed is None:
+            return int(np.argmax(np.where(candidates, self.peak_to_peak.max(axis=0), -np.inf)))
+        distance = np.where(candidates, np.abs(self.time - time), np.inf)
+        index = int(np.argmin(distance))
+        if distance[index] > MAX_TIME_DISTANCE and speed is None:
             raise DataNotFoundError(f"no order spectrum within {MAX_TIME_DISTANCE:g} s of {time:g} s")
         return index
 
 
 def file_status(path: Path) -> os.stat_result:
-    """Return the state of a run's file; NotFoundError where it has gone."""
+    """Return size and times of a run's file; NotFoundError where it does not exist."""
     try:
         return path.stat()
     except OSError as error:
-        raise NotFoundError(f"{path}: there is no such file any more") from error
+        raise NotFoundError(f"{path}: file not found") from error
 
 
 def load_history(path: Path) -> RunHistory:
-    """Return the records of a run's file; RecordingError where it cannot be read."""
+    """Return the history of a run's file, cached until it changes; RecordingError where it cannot be read."""
     status = file_status(path)
     return _read(path, status.st_size, status.st_mtime_ns)
 
@@ -134,7 +136,7 @@ def _read(path: Path, _size: int, _changed_ns: int) -> RunHistory:
 
 
 def read_history(path: Path, on_progress: Progress | None = None) -> RunHistory:
-    """Return the records of a run's file, read now; `on_progress` is told the part that is done, 0 to 1."""
+    """Return the history of a run's file, not cached; ``on_progress`` receives the fraction done, 0 to 1."""
     rows: list[tuple[float, ...]] = []
     vectors: list[ComplexArray] = []
     none = np.full(2, complex(np.nan, np.nan))
@@ -182,13 +184,13 @@ def _row(snapshot: Snapshot) -> tuple[float, ...]:
     )
 
 
-def snapshot_at(path: Path, found: RunHistory, index: int) -> tuple[Snapshot, OrderFrame]:
-    """Return a snapshot of a run's file and its frame, by its number in the records, which must have one."""
-    place = int(found.segment[index]), int(found.sample[index])
+def snapshot_at(path: Path, history: RunHistory, index: int) -> tuple[Snapshot, OrderFrame]:
+    """Return the snapshot at an index of the history, and its frame; ValueError without a frame."""
+    position = int(history.segment[index]), int(history.sample[index])
     with RunReader(path) as reader:
-        snapshot = reader.snapshot(*place) if found.is_recorded else None
+        snapshot = reader.snapshot(*position) if history.is_recorded else None
         if snapshot is None:
-            snapshot = next(each for each in _snapshots(reader) if (each.segment, each.sample) == place)
+            snapshot = next(item for item in _snapshots(reader) if (item.segment, item.sample) == position)
     if snapshot.frame is None:
         raise ValueError(f"snapshot {index} of {path.name}: no order frame, expected one")
     return snapshot, snapshot.frame

@@ -1,4 +1,4 @@
-"""The samples of a run as analyses want them, read piece by piece, so that memory is bounded however long it is."""
+"""Samples of a recorded run for analyses, read in chunks so that memory is bounded for runs of any length."""
 
 import math
 from contextlib import suppress
@@ -24,15 +24,15 @@ from recordings.mcap.reader import RunReader
 
 FloatArray = NDArray[np.float64]
 
-CHUNK_SIZE = 1_000_000  # samples of each channel that are read at a time
-MAX_SAMPLES = 30_000_000  # of each probe that may be held at once
-MAX_POINTS = 16_000_000  # of each probe against the angle
-MAX_FREQUENCY_FRACTION = 0.3  # of the sample rate: up to there interpolation is good
-MIN_POINTS = 64  # a revolution, at least
-CHUNK_ALIGNMENT = 4096  # samples: where pieces begin, so that halved rates have their samples at the same instants
-MARGIN_TURNS, MARGIN_SAMPLES = 2.0, 128  # about a piece: what the filters and the interpolator reach
-GUARD_TURNS = 12  # revolutions about a moment, by which the angle is sure at its ends
-SPEED_MARGIN = 1.3  # how much slower the shaft may have been in the revolutions before a moment
+CHUNK_SIZE = 1_000_000  # samples per channel read at a time
+MAX_SAMPLES = 30_000_000  # per probe held in memory
+MAX_POINTS = 16_000_000  # per probe of an angular record
+MAX_FREQUENCY_FRACTION = 0.3  # of the sample rate: interpolation is accurate up to it
+MIN_POINTS = 64  # per revolution
+CHUNK_ALIGNMENT = 4096  # samples: chunks begin at multiples of it, so that decimated samples lie at the same times
+MARGIN_TURNS, MARGIN_SAMPLES = 2.0, 128  # around a chunk: reach of the filters and the interpolator
+GUARD_TURNS = 12  # around a requested time, for an accurate angle at its ends
+SPEED_MARGIN = 1.3  # by which the shaft may be slower in the revolutions before
 RPM = math.pi / 30.0
 
 
@@ -46,16 +46,16 @@ class SampleRange:
 
 
 class RunSamples:
-    """A run's samples.
+    """Reader of a run's samples as displacement, angle and angular record.
 
     Parameters
     ----------
     reader : RunReader
-        The run's file.
-    tell : callable
-        Told what goes on.
-    piece : int
-        Samples of each channel that are read at a time.
+        Reader of the run's file.
+    on_progress : callable
+        Receives the progress.
+    chunk_size : int
+        Samples per channel read at a time.
     """
 
     def __init__(self, reader: RunReader, on_progress: ProgressCallback, chunk_size: int = CHUNK_SIZE) -> None:
@@ -68,22 +68,22 @@ class RunSamples:
 
     @property
     def pair(self) -> ProbePair:
-        """Where the probes sit."""
+        """Angles of the probes as a pair."""
         return ProbePair(*self.probe_angles)
 
     @property
     def probe_angles(self) -> tuple[float, float]:
-        """Where the probes x and y sit, rad from X."""
+        """Angles of probes x and y, rad from X."""
         acquisition = self.header.acquisition
         x, y = (acquisition.channels[acquisition.row(role)].angle for role in (Role.PROBE_X, Role.PROBE_Y))
         return x, y
 
-    def report_progress(self, doing: str, part: float | None = None) -> None:
-        """Tell what goes on."""
-        self._on_progress(doing, part)
+    def report_progress(self, task: str, fraction: float | None = None) -> None:
+        """Report the current task and the fraction done, 0 to 1."""
+        self._on_progress(task, fraction)
 
     def sample_range(self, segment: int | None, start: float = 0.0, duration: float | None = None) -> SampleRange:
-        """Return a stretch of a segment, of the longest where none is named; DataNotFoundError where it is empty."""
+        """Return the range of a time interval, s, by default of the longest segment; DataNotFoundError where empty."""
         held = {end.segment: end.samples for end in self._reader.segment_ends}
         chosen = max(held, key=lambda one: held[one], default=0) if segment is None else segment
         if not held.get(chosen):
@@ -92,25 +92,25 @@ class RunSamples:
         stop = held[chosen] if duration is None else min(held[chosen], first + max(round(duration * self.rate), 1))
         if first >= stop:
             there = f"segment {chosen} holds {held[chosen] / self.rate:g} s"
-            raise DataNotFoundError(f"run {self.header.run}: {there}, nothing from {start:g} s")
+            raise DataNotFoundError(f"run {self.header.run}: {there}, no samples from {start:g} s")
         return SampleRange(chosen, first, stop)
 
     def shaft_angle(self, span: SampleRange) -> tuple[PulseRecord, ShaftAngle]:
-        """Return the pulses of the tacho and the angle of the shaft; times are s in the segment."""
+        """Return the tacho pulses and the shaft angle; times in the segment, s."""
         times = self._pulse_times(span)
         with translated_errors(f"run {self.header.run}, {self._span(span)}"):
             pulses = pulse_record(times, self.header.acquisition.tacho)
             return pulses, shaft_angle(pulses)
 
     def angular_record(self, span: SampleRange, highest_order: float = 1.0) -> AngularRecord:
-        """Return displacement against angle; times are s in the segment.
+        """Return displacement against shaft angle; times in the segment, s.
 
         Raises
         ------
         InsufficientDataError
-            The tacho does not tell the angle, or the stretch holds no whole revolution.
+            The tacho gives no angle, or the range has no whole revolution.
         RequestTooLargeError
-            More revolutions than may be held at once.
+            More revolutions than fit in memory.
         """
         points = max(MIN_POINTS, 2 ** math.ceil(math.log2(highest_order / PASSBAND_FRACTION)))
         pulses, angle = self.shaft_angle(span)
@@ -119,7 +119,7 @@ class RunSamples:
         if (last - first) * points > MAX_POINTS:
             most = MAX_POINTS // points
             raise RequestTooLargeError(
-                f"{last - first:,} revolutions, expected at most {most:,}: ask for a shorter stretch"
+                f"{last - first:,} revolutions, expected at most {most:,}: request a shorter interval"
             )
         with translated_errors(f"run {self.header.run}, {self._span(span)}"):
             return replace(self._resampled(span, angle, range(first, last + 1), points), pulses=pulses)
@@ -133,7 +133,7 @@ class RunSamples:
         if size > MAX_SAMPLES:
             longest = MAX_SAMPLES / self.rate
             raise RequestTooLargeError(
-                f"{size:,} samples, expected at most {MAX_SAMPLES:,}: ask for {longest:,.0f} s at most"
+                f"{size:,} samples, expected at most {MAX_SAMPLES:,}: request {longest:,.0f} s at most"
             )
         found = np.empty((2, size))
         for low in range(0, size, self.chunk_size):
@@ -146,9 +146,9 @@ class RunSamples:
     def range_before_frame(
         self, segment: int | None, time: float | None, speed_rpm: float | None, revolutions: int
     ) -> tuple[SampleRange, float]:
-        """Return the samples about the recorded frame that is nearest to a moment, and its end, s in the segment.
+        """Return the samples up to the recorded frame nearest to a time or speed, and its end, s in the segment.
 
-        They hold so many revolutions before it; DataNotFoundError where no frame is near.
+        The samples include ``revolutions`` before that end. DataNotFoundError where no frame is within the tolerance.
         """
         found = self._history_with_speed()
         index = found.nearest(segment, time, None if speed_rpm is None else speed_rpm * RPM)
@@ -159,11 +159,11 @@ class RunSamples:
         return self.sample_range(int(found.segment[index]), begin, after - begin), end
 
     def last_revolutions(self, span: SampleRange, end: float, revolutions: int, highest_order: float) -> AngularRecord:
-        """Return the last whole revolutions before an instant, s; InsufficientDataError where there are not so many."""
+        """Return the last whole revolutions before a time, s; InsufficientDataError where there are fewer."""
         record = self.angular_record(span, highest_order)
         if record.revolutions < revolutions:
             raise InsufficientDataError(
-                f"run {self.header.run}: {record.revolutions} whole revolutions about {end:.1f} s, expected at least "
+                f"run {self.header.run}: {record.revolutions} whole revolutions up to {end:.1f} s, expected at least "
                 f"{revolutions}"
             )
         last = int(np.searchsorted(record.times, end + 0.5 / self.rate, side="right")) - 1
@@ -171,7 +171,7 @@ class RunSamples:
         return record.section(last - revolutions, last)
 
     def slow_roll(self, segment: int | None, speed_rpm: float, points: int) -> SlowRoll:
-        """Return the run-out that the revolutions up to a speed tell; InsufficientDataError where they do not."""
+        """Return the run-out from the revolutions up to a speed; InsufficientDataError without any."""
         found = self._history_with_speed()
         slow = (found.frame_speed <= speed_rpm * RPM) & (found.segment == self.sample_range(segment).segment)
         if not slow.any():
@@ -187,7 +187,7 @@ class RunSamples:
             return slow_roll(self.angular_record(span, points * PASSBAND_FRACTION), 0.0, speed_rpm * RPM)
 
     def history(self) -> RunHistory:
-        """Return the run's results: what was recorded, or the samples analysed again."""
+        """Return the results of the run: recorded, or from analysing the samples again."""
         if self._history is None:
             path = self._reader.path
             is_recorded = self._reader.is_complete and self._reader.skipped_samples == 0
@@ -197,16 +197,16 @@ class RunSamples:
         return self._history
 
     def _history_with_speed(self) -> RunHistory:
-        """Return the run's results; InsufficientDataError where the tacho never told a speed."""
+        """Return the results of the run; InsufficientDataError where no order frame has a speed."""
         found = self.history()
         if not np.isfinite(found.frame_speed).any():
             raise InsufficientDataError(
-                f"run {self.header.run}: the tacho told no speed anywhere, or for fewer turns than a frame"
+                f"run {self.header.run}: the tacho measured no speed, or for fewer revolutions than an order frame"
             )
         return found
 
     def _require_order(self, order: float, angle: ShaftAngle) -> None:
-        """Raise InsufficientDataError where an order lies beyond what the samples hold."""
+        """Raise InsufficientDataError where an order exceeds the usable frequency range."""
         fastest = float(angle.speed(np.linspace(angle.first, angle.last, 1_000)).max())
         reached, held = order * fastest / (2.0 * math.pi), MAX_FREQUENCY_FRACTION * self.rate
         if reached > held:
@@ -216,7 +216,7 @@ class RunSamples:
             )
 
     def _pulse_times(self, span: SampleRange) -> FloatArray:
-        """Return when the tacho's edges came, s in the segment; the sensor's delay is still in."""
+        """Return the times of the tacho's edges in the segment, s, without correction of the sensor delay."""
         acquisition, counter = self.header.acquisition, self.header.acquisition.tacho.counter
         if counter is not None and counter.is_reference:
             ticks = self._reader.ticks(span.segment, span.first, span.stop)
@@ -229,26 +229,26 @@ class RunSamples:
             high = min(low + self.chunk_size, span.stop)
             codes = self._reader.samples(span.segment, low, high)
             edges.append(detector.edges(channel.volts(codes[row]), low))
-            self._on_progress("looking for the tacho's edges", (high - span.first) / (span.stop - span.first))
+            self._on_progress("detecting tacho edges", (high - span.first) / (span.stop - span.first))
         return np.asarray(np.concatenate(edges) / acquisition.rate + row / acquisition.convert_rate, dtype=np.float64)
 
     def _resampled(self, span: SampleRange, angle: ShaftAngle, turns: range, points: int) -> AngularRecord:
-        """Return the revolutions that begin and end at ``turns``."""
+        """Return the angular record of the revolutions between successive ``turns``."""
         times = np.asarray(angle.time(np.array(turns)), dtype=np.float64)
         breaks = np.flatnonzero(np.diff(np.floor(times[:-1] * self.rate / self.chunk_size))) + 1
         parts: list[AngularRecord] = []
         clipped = np.zeros(2, dtype=np.int64)
         for begin, end in zip([0, *breaks.tolist()], [*breaks.tolist(), len(turns) - 1], strict=True):
-            piece = self._piece(span, times, begin, end)
+            piece = self._chunk(span, times, begin, end)
             displacement, at_rail = self._probes(piece)
             low, high = (np.clip(times[[begin, end]] * self.rate - piece.first, 0, None)).astype(np.int64)
             clipped += np.count_nonzero(at_rail[:, low:high], axis=1)
-            with suppress(RecordTooShortError):  # the first and the last piece may hold no whole revolution
+            with suppress(RecordTooShortError):  # the first and the last chunk may have no whole revolution
                 parts.append(self._part(displacement, angle, piece, (turns[begin], turns[end]), points))
             self._on_progress("reading samples against angle", end / (len(turns) - 1))
         ends = [part.first_turn + part.revolutions for part in parts]
         if not parts or ends[:-1] != [part.first_turn for part in parts[1:]]:
-            raise RecordTooShortError("the samples hold no whole revolution")
+            raise RecordTooShortError("the samples contain no whole revolution")
         return replace(
             parts[0],
             waveform=np.concatenate([part.waveform for part in parts], axis=1),
@@ -257,8 +257,8 @@ class RunSamples:
             clipped=(int(clipped[0]), int(clipped[1])),
         )
 
-    def _piece(self, span: SampleRange, times: FloatArray, begin: int, end: int) -> SampleRange:
-        """Return the samples that the revolutions between two marks, by their places in ``times``, are read from."""
+    def _chunk(self, span: SampleRange, times: FloatArray, begin: int, end: int) -> SampleRange:
+        """Return the samples needed for the revolutions from index ``begin`` to ``end`` of ``times``."""
         low = times[begin] - MARGIN_TURNS * (times[begin + 1] - times[begin])
         high = times[end] + MARGIN_TURNS * (times[end] - times[end - 1])
         first = (
@@ -270,7 +270,7 @@ class RunSamples:
     def _part(
         self, displacement: FloatArray, angle: ShaftAngle, piece: SampleRange, turns: tuple[int, int], points: int
     ) -> AngularRecord:
-        """Return the revolutions between two counts, read from a piece."""
+        """Return the revolutions between two counts from the displacement of a chunk."""
         acquisition, shift = self.header.acquisition, piece.first / self.rate
         skews = tuple(acquisition.row(role) / acquisition.convert_rate for role in (Role.PROBE_X, Role.PROBE_Y))
         here = replace(moved(angle, -shift), first=float(turns[0]), last=float(turns[1]))
@@ -278,7 +278,7 @@ class RunSamples:
         return replace(part, times=part.times + shift)
 
     def _probes(self, span: SampleRange) -> tuple[FloatArray, NDArray[np.bool_]]:
-        """Return the displacement towards the probes, m, and which samples were at the converter's rails."""
+        """Return the displacement towards the probes, m, and a mask of clipped samples."""
         codes = self._reader.samples(span.segment, span.first, span.stop)
         acquisition = self.header.acquisition
         rows = [acquisition.row(role) for role in (Role.PROBE_X, Role.PROBE_Y)]
@@ -291,6 +291,6 @@ class RunSamples:
 
 
 def moved(angle: ShaftAngle, shift: float) -> ShaftAngle:
-    """Return an angle whose times are later by so many s."""
+    """Return a shaft angle with its times shifted by ``shift`` s."""
     spline = angle.time
     return replace(angle, time=BSpline(spline.t, spline.c + shift, spline.k))

@@ -1,4 +1,4 @@
-"""What runs were, as documents: read once, then kept beside the recordings."""
+"""Summaries of recorded runs with the agreement of the model, cached in the catalogue."""
 
 from collections.abc import Callable, Mapping
 from functools import partial
@@ -10,6 +10,7 @@ from pydantic import ValidationError
 from analysis.live.delivery import DeliveryStatistics
 from analysis.live.summary import RunSummary
 from analysis.signals.header import Calibration, RunHeader
+from daq.reports.analysis_result import ProgressCallback
 from daq.schemas.events import marker_schema
 from daq.schemas.summary import SummarySchema, summary_schema
 from daq.session.offline import corrected_header, summarise
@@ -20,113 +21,114 @@ from recordings.catalogue.catalogue import Catalogue
 from recordings.mcap.markers import Marker
 from recordings.mcap.reader import RunReader
 
-KEPT_AS = "summary"
-
-ProgressCallback = Callable[[str, float | None], None]
-"""Told what goes on, and the part of it that is done, 0 to 1, where that is known."""
+CACHE_KEY = "summary"
 
 
-class Mapped(Protocol):
-    """The model's map of one rig."""
+class PredictionMapSource(Protocol):
+    """Source of the prediction map of one rig."""
 
     @property
     def map(self) -> PredictionMap | None:
-        """The map; None as long as there is none."""
+        """The prediction map; None until it is ready."""
         ...
 
     def wait(self, patience: float, on_progress: Callable[[str], None]) -> PredictionMap | None:
-        """Return the map when it is there, or None."""
+        """Wait up to ``patience`` s and return the map, None without one."""
         ...
 
 
-class Maps(Protocol):
-    """The model's maps."""
+class PredictionMaps(Protocol):
+    """Prediction maps of all rigs."""
 
-    def for_run(self, header: RunHeader) -> Mapped:
-        """Return the map of the rig of a run."""
+    def for_run(self, header: RunHeader) -> PredictionMapSource:
+        """Return the source of the map for the rig of a run."""
         ...
 
 
 class Summaries:
-    """Summaries of the runs of a data folder, with how the model agrees.
+    """Summaries of the runs of a data folder, with the agreement of the model.
 
     Parameters
     ----------
     catalogue : Catalogue
-        The data folder.
-    maps : Maps
-        The model's.
+        Catalogue of the data folder.
+    maps : PredictionMaps
+        Prediction maps of the rigs.
     read : callable or None
-        Sums up the run of a file for whoever asks over REST; None does it here.
+        Summarises the run of a file, used where no progress is reported; None: `summarise`.
     """
 
-    def __init__(self, catalogue: Catalogue, maps: Maps, read: Callable[[Path], RunSummary] | None = None) -> None:
+    def __init__(
+        self, catalogue: Catalogue, maps: PredictionMaps, read: Callable[[Path], RunSummary] | None = None
+    ) -> None:
         self._catalogue = catalogue
         self._maps = maps
         self._read = read
 
     def summary(self, run_id: str) -> SummarySchema:
-        """Return a run's summary; the agreement is null as long as the model's map is being computed.
+        """Return a run's summary; the agreement is null while the prediction map is being computed.
 
         Raises
         ------
         RecordingError
-            There is no such run, or its file cannot be read.
+            The run does not exist, or its file cannot be read.
         """
-        return self._kept(run_id) or self._made(run_id, None)
+        return self._cached(run_id) or self._computed(run_id, None)
 
-    def summary_with_agreement(self, run_id: str, waiting: ProgressCallback) -> SummarySchema:
-        """Return a run's summary with the agreement, however long the model takes; `waiting` is told what goes on."""
-        return self._kept(run_id) or self._made(run_id, waiting)
+    def summary_with_agreement(self, run_id: str, on_progress: ProgressCallback) -> SummarySchema:
+        """Return a run's summary with the agreement, after waiting for the prediction map."""
+        return self._cached(run_id) or self._computed(run_id, on_progress)
 
     def recalibrated_summary(
-        self, run_id: str, calibrations: Mapping[str, Calibration], waiting: ProgressCallback
+        self, run_id: str, calibrations: Mapping[str, Calibration], on_progress: ProgressCallback
     ) -> SummarySchema:
-        """Return the summary that a run has with other calibrations, by probe; its kept summary stays as it is.
+        """Return a run's summary with other calibrations, by probe; the cached summary stays unchanged.
 
         Raises
         ------
         UsageError
-            The run has no probe of a name.
+            The run has no probe of this name.
         RecordingError
-            There is no such run, or its file cannot be read.
+            The run does not exist, or its file cannot be read.
         """
         with RunReader(self._catalogue.path(run_id)) as reader:
             header, delivery = corrected_header(reader.header, calibrations), reader.delivery
             markers = reader.markers()
             predictor = self._maps.for_run(header)
-            summary = summarise(reader, partial(waiting, f"analysing {run_id} anew"), header)
-        predictor.wait(PREDICTION_TIMEOUT, lambda state: waiting(f"model {state}", None))
-        return self.document(summary, header, delivery, markers)
+            summary = summarise(reader, partial(on_progress, f"analysing {run_id} again"), header)
+        predictor.wait(PREDICTION_TIMEOUT, lambda state: on_progress(f"model {state}", None))
+        return self.with_agreement(summary, header, delivery, markers)
 
-    def document(
+    def with_agreement(
         self, summary: RunSummary, header: RunHeader, delivery: DeliveryStatistics, markers: tuple[Marker, ...] = ()
     ) -> SummarySchema:
-        """Return a summary with how it agrees with the model of the run's rig, null where its map is not ready."""
+        """Return the schema of a summary with the agreement of the model, null where the map is not ready."""
         prediction_map = self._maps.for_run(header).map
         agreement = None if prediction_map is None else compare(summary, prediction_map)
         rate = header.acquisition.rate
         return summary_schema(summary, agreement, delivery, tuple(marker_schema(marker, rate) for marker in markers))
 
-    def _kept(self, run_id: str) -> SummarySchema | None:
-        document = self._catalogue.load_cached(run_id, KEPT_AS)
-        if document is None:
+    def _cached(self, run_id: str) -> SummarySchema | None:
+        content = self._catalogue.load_cached(run_id, CACHE_KEY)
+        if content is None:
             return None
         try:
-            return SummarySchema.model_validate(document)
-        except ValidationError:  # kept by another version of the program
+            return SummarySchema.model_validate(content)
+        except ValidationError:  # cached by another version
             return None
 
-    def _made(self, run_id: str, waiting: ProgressCallback | None) -> SummarySchema:
+    def _computed(self, run_id: str, on_progress: ProgressCallback | None) -> SummarySchema:
         with RunReader(self._catalogue.path(run_id)) as reader:
             header, is_complete, delivery = reader.header, reader.is_complete, reader.delivery
             markers = reader.markers()
-            told = None if waiting is None else partial(waiting, f"reading {run_id}")
+            report = None if on_progress is None else partial(on_progress, f"reading {run_id}")
             predictor = self._maps.for_run(header)
-            summary = self._read(reader.path) if self._read is not None and waiting is None else summarise(reader, told)
-        if waiting is not None:
-            predictor.wait(PREDICTION_TIMEOUT, lambda state: waiting(f"model {state}", None))
-        document = self.document(summary, header, delivery, markers)
+            summary = (
+                self._read(reader.path) if self._read is not None and on_progress is None else summarise(reader, report)
+            )
+        if on_progress is not None:
+            predictor.wait(PREDICTION_TIMEOUT, lambda state: on_progress(f"model {state}", None))
+        schema = self.with_agreement(summary, header, delivery, markers)
         if is_complete and predictor.map is not None:
-            self._catalogue.store_cached(run_id, KEPT_AS, document.model_dump(mode="json"))
-        return document
+            self._catalogue.store_cached(run_id, CACHE_KEY, schema.model_dump(mode="json"))
+        return schema
