@@ -1,4 +1,4 @@
-"""What the benchmarks of recordings write: two probes and a tacho at 3 × 200 kS/s."""
+"""Samples that the benchmarks of recordings write: two probes and a tacho at 3 × 200 kS/s."""
 
 import math
 from collections.abc import Iterator
@@ -27,7 +27,7 @@ def bench_header() -> RunHeader:
 
 
 def bench_blocks(seconds: int) -> Iterator[SampleBlock]:
-    """Yield two sines at 9000 r/min with noise of 6 codes, and a tacho; the same second again and again."""
+    """Yield two sines at 9000 r/min with noise of 6 codes, and a tacho; one second repeated."""
     random = np.random.default_rng(0)
     turn = 150.0 * np.arange(N_PARTS * BLOCK) / RATE
     rows = [3000 + 2500 * np.sin(2 * np.pi * turn), 3000 + 2500 * np.cos(2 * np.pi * turn), 16_000.0 * (turn % 1 < 0.5)]

@@ -1,4 +1,4 @@
-"""How fast the model is, beside ROSS and SciPy, in one run: `make bench`."""
+"""Speed of the model, compared with ROSS and SciPy."""
 
 import math
 import os
@@ -41,7 +41,7 @@ RPM = 2 * math.pi / 60
 SPEEDS = np.arange(100.0, 2001.0, 1900.0 / 78)  # rad/s: 79 speeds over the rig's range
 TURNS = 104
 STEPS = 96
-TOLERANCE = 0.05e-6  # m: "equal accuracy" is at least that of the march
+TOLERANCE = 0.05e-6  # m; solvers count as equally accurate up to the time integration's own error
 
 
 def median_time(act: Callable[[], object], repeats: int) -> float:
@@ -55,7 +55,7 @@ def median_time(act: Callable[[], object], repeats: int) -> float:
 
 @pytest.mark.benchmark
 @pytest.mark.skipif(not ORACLE.exists(), reason="`make oracle` installs ROSS")
-def test_campbell_diagram_is_a_hundred_times_as_fast_as_by_ross() -> None:
+def test_campbell_diagram_is_100_times_faster_than_ross() -> None:
     rotor = gj90c().rotor
 
     def ours() -> None:
@@ -64,8 +64,8 @@ def test_campbell_diagram_is_a_hundred_times_as_fast_as_by_ross() -> None:
 
     mine = median_time(ours, 50)
     program = ROOT / "tests" / "validation" / "ross" / "golden.py"
-    said = subprocess.run([ORACLE, program, "time"], check=True, capture_output=True, text=True).stdout
-    theirs = float(said.split()[-1])
+    output = subprocess.run([ORACLE, program, "time"], check=True, capture_output=True, text=True).stdout
+    theirs = float(output.split()[-1])
     print(f"\nCampbell, 17 speeds: {mine * 1e3:.2f} ms, ROSS {theirs * 1e3:.0f} ms, ratio {theirs / mine:.0f}")
     assert theirs / mine >= 100
 
@@ -88,10 +88,10 @@ def solved(
 
 
 def time_per_turn(make: Callable[..., Rates], method: Method, judged: float, timed: float) -> float:
-    """Return what a turn costs on the mean over three speeds of the sweep, s, as accurately as the march at least.
+    """Return a solver's CPU time per turn, s, averaged over three speeds of the sweep, at the march's accuracy.
 
-    Tolerances are the loosest of a few that are nowhere further off than the march in the turns ``judged``; the cost is
-    that of the turns ``timed``, from rest like the march's.
+    The tolerance is the loosest with an error at most the march's in the turns ``judged``; the time is that of the
+    turns ``timed``, from rest like the march's.
     """
     spent = 0.0
     for speed in SPEEDS[[13, 39, 65]]:
@@ -121,13 +121,13 @@ def time_per_turn(make: Callable[..., Rates], method: Method, judged: float, tim
 
 
 @pytest.mark.benchmark
-def test_sweep_is_faster_than_scipys_solvers_by_orders() -> None:
+def test_sweep_is_orders_of_magnitude_faster_than_scipy() -> None:
     marched(500.0, 1)
     begin = time.process_time()
     for speed in SPEEDS:
         marched(float(speed), TURNS)
     march = time.process_time() - begin
-    # the rivals are timed at three speeds of the sweep, LSODA over all its turns
+    # the solvers are timed at three speeds of the sweep, LSODA over all its turns
     lsoda = time_per_turn(compiled_rates, "LSODA", 4, TURNS) * TURNS * SPEEDS.size
     explicit = time_per_turn(numpy_rates, "RK45", 0.25, 1) * TURNS * SPEEDS.size
     print(f"\n{SPEEDS.size} speeds of {TURNS} turns: {march:.2f} s, measured")
@@ -144,7 +144,7 @@ def test_sweep_is_faster_than_scipys_solvers_by_orders() -> None:
 
 
 @pytest.mark.benchmark
-def test_synchronous_motion_with_its_stability_takes_a_millisecond() -> None:
+def test_synchronous_motion_with_stability_takes_a_millisecond() -> None:
     parameters = gj90c()
     times = []
     for _ in range(5):
@@ -177,35 +177,36 @@ def test_prediction_from_the_map_takes_a_tenth_of_a_millisecond(prediction_map: 
 
 
 @pytest.mark.benchmark
-def test_live_view_never_waits_while_the_exact_speed_is_computed(prediction_map: PredictionMap, tmp_path: Path) -> None:
+def test_predictor_does_not_block_while_it_refines_a_speed(prediction_map: PredictionMap, tmp_path: Path) -> None:
     parameters, settings, speeds = gj90c(), AnalysisSettings(), prediction_map.speeds
     file = tmp_path / f"prediction-{prediction_map_key(parameters, speeds, settings)}.npz"
     np.savez(file, **prediction_map.to_arrays())  # type: ignore[arg-type]  # the stub takes names for an option
-    times, answers, latest = [], 0, []
+    times, n_exact, latest = [], 0, []
     with Predictor(parameters, settings, speeds, tmp_path) as predictor:
         while (first := predictor.at(250.0)) is None or not first.is_exact:  # the process starts
             time.sleep(0.1)
-        for speed in np.linspace(300.0, 1900.0, 17):  # the shaft stays at each; it is looked at ten times a second
-            since, is_answered = time.perf_counter(), False
+        # the shaft stays at each speed; the prediction is read ten times a second
+        for speed in np.linspace(300.0, 1900.0, 17):
+            started, is_exact_seen = time.perf_counter(), False
             for _ in range(20):
                 begin = time.perf_counter()
                 found = predictor.at(float(speed))
                 times.append(time.perf_counter() - begin)
-                if found is not None and found.is_exact and not is_answered:
-                    is_answered, answers = True, answers + 1
-                    latest.append(time.perf_counter() - since)
+                if found is not None and found.is_exact and not is_exact_seen:
+                    is_exact_seen, n_exact = True, n_exact + 1
+                    latest.append(time.perf_counter() - started)
                 time.sleep(0.1)
     print(
         f"\nPredictor.at while it refines: median {np.median(times) * 1e6:.0f} µs, "
         f"99 % {np.percentile(times, 99) * 1e6:.0f} µs"
     )
-    print(f"exact at {answers} of 17 speeds; from the second look on after {np.median(latest):.2f} s in the median")
+    print(f"exact at {n_exact} of 17 speeds; from the second query on after {np.median(latest):.2f} s in the median")
     assert np.median(times) <= 1e-4
-    assert answers == 17
+    assert n_exact == 17
 
 
 @pytest.mark.benchmark
-def test_second_start_predicts_at_once(tmp_path: Path) -> None:
+def test_second_start_predicts_within_4_seconds(tmp_path: Path) -> None:
     environment = {**os.environ, "RIG_CACHE": str(tmp_path / "maps"), "NUMBA_CACHE_DIR": str(tmp_path / "compiled")}
     command = [sys.executable, "-m", "daq.cli.main", "predict", str(ROOT / "rigs" / "bench.toml"), "--speed", "11000"]
     spent, taken = [], []
@@ -216,8 +217,8 @@ def test_second_start_predicts_at_once(tmp_path: Path) -> None:
         taken.append(time.perf_counter() - begin)
         cost = after.children_user + after.children_system - before.children_user - before.children_system
         spent.append(cost)
-    print(f"\nfirst start, compiling: {taken[0]:.1f} s ({spent[0]:.1f} s of processor)", end="; ")
-    print(f"later, to the first exact prediction: {min(taken[1:]):.1f} s ({min(spent[1:]):.1f} s of processor)")
+    print(f"\nfirst start, compiling: {taken[0]:.1f} s ({spent[0]:.1f} s CPU)", end="; ")
+    print(f"later, to the first exact prediction: {min(taken[1:]):.1f} s ({min(spent[1:]):.1f} s CPU)")
     assert min(spent[1:]) <= 4.0
 
 
@@ -230,6 +231,6 @@ def test_prediction_at_a_new_speed_takes_twenty_milliseconds(prediction_map: Pre
         predict(gj90c(), float(speed), prediction_map, AnalysisSettings())
         times.append(time.thread_time() - begin)
     slowest = float(np.percentile(times, 99))
-    # processor time: what others do on the machine at the moment is not the model's
+    # CPU time, which excludes other processes
     print(f"\nat a new speed: median {np.median(times) * 1e3:.1f} ms, 99 % {slowest * 1e3:.1f} ms")
     assert slowest <= 20e-3

@@ -1,7 +1,7 @@
-"""The same samples in a plain file, TDMS, HDF5, MDF and in a run: how fast they are written and read, and how small.
+"""Speed and size of a run compared with the same samples in a plain file, TDMS, HDF5 and MDF.
 
-All take blocks of 0.1 s as they come, and give back int16 of all channels. Of these only HDF5 with Fletcher's sum and
-the run notice a flipped bit.
+All write blocks of 0.1 s and read int16 of all channels. Of these only HDF5 with Fletcher's checksum and the run
+detect a flipped bit.
 """
 
 import shutil
@@ -31,8 +31,8 @@ pytestmark = pytest.mark.benchmark
 
 
 @dataclass(frozen=True, slots=True)
-class Way:
-    """A way to keep samples: how to write blocks, how to read samples from one to another."""
+class SampleFormat:
+    """A file format for samples: writes blocks, reads samples from one index to another."""
 
     write: Callable[[Path, Blocks], None]
     read: Callable[[Path, int, int], Codes]
@@ -67,8 +67,8 @@ def read_tdms(path: Path, first: int, stop: int) -> Codes:
         return np.stack([file["run"][name][first:stop] for name in NAMES])
 
 
-def hdf5(**filters: Any) -> Way:
-    """Return HDF5 in chunks of a block of one channel."""
+def hdf5(**filters: Any) -> SampleFormat:
+    """Return HDF5 with chunks of one block of one channel."""
     h5py = pytest.importorskip("h5py")
 
     def write(path: Path, blocks: Blocks) -> None:
@@ -84,11 +84,11 @@ def hdf5(**filters: Any) -> Way:
             codes: Codes = file["codes"][:, first:stop]
         return codes
 
-    return Way(write, read)
+    return SampleFormat(write, read)
 
 
-def mdf(compression: int) -> Way:
-    """Return MDF 4: samples gathered by the library, in the file once it is saved; 2 is transposed and deflated."""
+def mdf(compression: int) -> SampleFormat:
+    """Return MDF 4, written when the library saves the file; compression 2 is transposed and deflated."""
     asammdf: Any = pytest.importorskip("asammdf")
 
     def write(path: Path, blocks: Blocks) -> None:
@@ -107,7 +107,7 @@ def mdf(compression: int) -> Way:
             rows = [file.get(name, record_offset=first, record_count=stop - first, raw=True).samples for name in NAMES]
         return np.stack(rows)
 
-    return Way(write, read, suffix=".mf4")  # the library gives it to the file in any case
+    return SampleFormat(write, read, suffix=".mf4")  # the library appends it in any case
 
 
 def read_run(path: Path, first: int, stop: int) -> Codes:
@@ -115,10 +115,10 @@ def read_run(path: Path, first: int, stop: int) -> Codes:
         return reader.samples(0, first, stop)
 
 
-WAYS: dict[str, Callable[[], Way]] = {
-    "plain file": lambda: Way(write_plain, read_plain),
-    "run (MCAP)": lambda: Way(write_run, read_run),
-    "TDMS, nptdms": lambda: Way(write_tdms, read_tdms),
+FORMATS: dict[str, Callable[[], SampleFormat]] = {
+    "plain file": lambda: SampleFormat(write_plain, read_plain),
+    "run (MCAP)": lambda: SampleFormat(write_run, read_run),
+    "TDMS, nptdms": lambda: SampleFormat(write_tdms, read_tdms),
     "HDF5, h5py": hdf5,
     "HDF5 shuffle gzip": lambda: hdf5(shuffle=True, compression="gzip", compression_opts=1),
     "HDF5 ... Fletcher": lambda: hdf5(shuffle=True, compression="gzip", compression_opts=1, fletcher32=True),
@@ -130,7 +130,7 @@ WAYS: dict[str, Callable[[], Way]] = {
 
 @dataclass(frozen=True, slots=True)
 class Cost:
-    """CPU time of writing and reading all, and of opening the file for one second, s; size, bytes."""
+    """CPU time of writing all, reading all, and opening the file to read one second, s; size, bytes."""
 
     write: float
     read: float
@@ -138,40 +138,40 @@ class Cost:
     size: int
 
 
-def measured(way: Way, path: Path, blocks: Blocks, expected: Codes) -> Cost:
-    """Return the best of a few passes; what is read must be what was written."""
+def measured(sample_format: SampleFormat, path: Path, blocks: Blocks, expected: Codes) -> Cost:
+    """Return the best of a few passes; asserts that the samples are read as written."""
     writing, reading, seeking = [], [], []
     for _ in range(PASSES):
         path.unlink(missing_ok=True)
-        begun = time.process_time()
-        way.write(path, blocks)
-        writing.append(time.process_time() - begun)
-        begun = time.process_time()
-        codes = way.read(path, 0, N_SAMPLES)
-        reading.append(time.process_time() - begun)
+        started = time.process_time()
+        sample_format.write(path, blocks)
+        writing.append(time.process_time() - started)
+        started = time.process_time()
+        codes = sample_format.read(path, 0, N_SAMPLES)
+        reading.append(time.process_time() - started)
         np.testing.assert_array_equal(codes, expected)
         for first in (N_SAMPLES // 2, N_SAMPLES // 3, 123_457):
-            begun = time.process_time()
-            codes = way.read(path, first, first + int(RATE))
-            seeking.append(time.process_time() - begun)
+            started = time.process_time()
+            codes = sample_format.read(path, first, first + int(RATE))
+            seeking.append(time.process_time() - started)
             np.testing.assert_array_equal(codes, expected[:, first : first + int(RATE)])
     return Cost(min(writing), min(reading), min(seeking), path.stat().st_size)
 
 
-def test_a_run_costs_less_than_what_others_keep_as_safely(tmp_path: Path) -> None:
+def test_run_costs_less_than_formats_with_equal_protection(tmp_path: Path) -> None:
     if shutil.disk_usage(tmp_path).free < 1_000_000_000:
         pytest.skip("needs 1 GB of disk")
     blocks = list(bench_blocks(SECONDS))
     expected = np.concatenate([block.codes for block in blocks], axis=1)
     costs = {}
-    for number, (name, make) in enumerate(WAYS.items()):
+    for number, (name, make) in enumerate(FORMATS.items()):
         try:
-            way = make()
+            sample_format = make()
         except pytest.skip.Exception as missing:
             print(f"{name}: left out, {missing}")
             continue
-        path = tmp_path / f"samples-{number}{way.suffix}"
-        costs[name] = measured(way, path, blocks, expected)
+        path = tmp_path / f"samples-{number}{sample_format.suffix}"
+        costs[name] = measured(sample_format, path, blocks, expected)
         path.unlink()
     print(f"\n{expected.nbytes / 1e6:.0f} MB of samples; MB of samples a second of CPU time, times the plain file's:")
     print(f"{'':20} {'write':>13} {'read':>13} {'one second':>15} {'size':>6}")
