@@ -1,4 +1,4 @@
-"""Draws every kind of plot that the analysis has data for, from one simulated run, into one picture.
+"""Draws one picture with every kind of plot, from one simulated run.
 
 python -m tests.gallery.draw docs/gallery.png
 """
@@ -108,14 +108,14 @@ def speeds(axes: Axes, run: Run) -> None:
         ridge.times + 4.0, ridge.speeds * RPM / 1e3, c=ridge.confidence, s=9, cmap="plasma", vmin=0, vmax=1, zorder=3
     )
     axes.figure.colorbar(dots, ax=axes, label="confidence of the ridge of 1X")
-    told = f"jitter {1e6 * run.angle.jitter:.1f} µs"
-    axes.set(title=f"Speed: tacho ({told}) and ridge", xlabel="time, s", ylabel="speed, 1000 r/min")
+    jitter = f"jitter {1e6 * run.angle.jitter:.1f} µs"
+    axes.set(title=f"Speed: tacho ({jitter}) and ridge", xlabel="time, s", ylabel="speed, 1000 r/min")
     axes.text(4.0, 0.3, "ridge unsure where whirl outgrows 1X", fontsize=6.5)
     axes.legend(loc="upper left")
 
 
 def centre(axes: Axes, run: Run) -> None:
-    line = centreline(run.raw, run.parked, LIMITS.clearance)
+    line = centreline(run.raw, run.rest_position, LIMITS.clearance)
     dots = axes.scatter(
         line.positions[0] / MICRO, line.positions[1] / MICRO, c=line.speeds * RPM / 1e3, s=4, cmap="viridis"
     )
@@ -203,9 +203,9 @@ def bode(amplitudes: Axes, phases: Axes, run: Run) -> None:
         low, high = (curve.amplitudes[0] + k * curve.sigma[0] for k in (-2, 2))
         amplitudes.fill_between(speeds, low / MICRO, high / MICRO, color=colour, alpha=0.25, lw=0)
         amplitudes.plot(speeds, curve.amplitudes[0] / MICRO, colour, ls=style, lw=1.1, label=curve.direction.value)
-        told = curve.phase_sigma[0] < 0.2
-        lags = np.degrees(np.unwrap(-np.angle(curve.vectors[0, told])))
-        phases.plot(speeds[told], lags, colour, ls=style, lw=1.1, label=curve.direction.value)
+        is_known = curve.phase_sigma[0] < 0.2
+        lags = np.degrees(np.unwrap(-np.angle(curve.vectors[0, is_known])))
+        phases.plot(speeds[is_known], lags, colour, ls=style, lw=1.1, label=curve.direction.value)
         for resonance in curve.resonances(0)[:1] if style == "-" else ():
             text = f"{resonance.speed * RPM:.0f} r/min\nAF {resonance.amplification_factor:.1f}"
             amplitudes.annotate(
@@ -225,7 +225,7 @@ def polar(axes: Axes, run: Run) -> None:
     for radius in np.arange(5.0, reach + 1.0, 5.0):
         axes.plot(radius * circle.real, radius * circle.imag, color="0.85", lw=0.6)
         axes.text(0.0, radius, f"{radius:g}", fontsize=6, color="0.4", ha="center", va="center")
-    for lag in range(0, 360, 30):  # against the rotation, as it is read
+    for lag in range(0, 360, 30):  # lag increases against the rotation
         spoke = np.exp(-1j * np.radians(lag))
         axes.plot([0.0, reach * spoke.real], [0.0, reach * spoke.imag], color="0.85", lw=0.6)
         axes.text(1.1 * reach * spoke.real, 1.1 * reach * spoke.imag, f"{lag}°", fontsize=6.5, ha="center", va="center")
@@ -332,8 +332,8 @@ def glitches(axes: Axes, run: Run) -> None:
     shown = 1e3 * (run.time[window] - run.time[place])
     axes.plot(shown, run.displacement[0, window] / MICRO, GREY, lw=0.8, label="as sampled")
     axes.plot(shown, found.displacement[0, window] / MICRO, X, lw=1.1, label="bridged")
-    told = f"{found.count[0]} at x, {found.count[1]} at y, {sum(found.unrepaired)} left"
-    axes.set(title=f"Glitches: {told}", xlabel="time about one, ms", ylabel="displacement, µm")
+    counts = f"{found.count[0]} at x, {found.count[1]} at y, {sum(found.unrepaired)} left"
+    axes.set(title=f"Glitches: {counts}", xlabel="time from a glitch, ms", ylabel="displacement, µm")
     axes.legend()
 
 
@@ -353,7 +353,7 @@ def standards(axes: Axes, run: Run) -> None:
 
 
 def draw(path: Path) -> None:
-    """Draw the gallery."""
+    """Draw the gallery into a PNG file."""
     mpl.rcParams.update(
         {"font.size": 8, "axes.titlesize": 8.5, "legend.fontsize": 6.5, "axes.grid": True, "grid.alpha": 0.25}
     )

@@ -1,7 +1,7 @@
-"""The run that the gallery draws.
+"""The simulated run that the gallery draws.
 
-It goes from 700 to 18,000 r/min and back: a critical speed at 8,000 r/min, run-out, a whirl at 0.47X from 11,000 r/min
-on that locks to 115 Hz, a shaft that rises in its clearance, a few glitches.
+Its speed goes from 700 to 18,000 r/min and back, with a critical speed at 8,000 r/min, run-out, a whirl at 0.47X from
+11,000 r/min that locks to 115 Hz, a shaft that rises in its clearance, and a few glitches.
 """
 
 from dataclasses import dataclass
@@ -24,41 +24,41 @@ FloatArray = NDArray[np.float64]
 MICRO = 1e-6
 RPM = 60.0 / (2.0 * np.pi)
 RATE, DURATION = 40_000.0, 30.0
-SLOWEST, FASTEST, CRITICAL, ONSET, LOCK = 700.0, 18_000.0, 8_000.0, 11_000.0, 115.0  # r/min; Hz
+MIN_SPEED, MAX_SPEED, CRITICAL, ONSET, LOCK = 700.0, 18_000.0, 8_000.0, 11_000.0, 115.0  # r/min; Hz
 
 
 @dataclass(frozen=True)
 class Run:
-    """The simulated run and what several plots share."""
+    """The simulated run and intermediate results that several plots share."""
 
     time: FloatArray
     displacement: FloatArray
     tacho: FloatArray
     angle: ShaftAngle
     raw: AngularRecord
-    record: AngularRecord  # run-out taken off
+    record: AngularRecord  # run-out subtracted
     roll: SlowRoll
     frames: OrderMap
     mismatch: ProbeMismatch
-    parked: FloatArray
+    rest_position: FloatArray
 
     def at(self, rpm: float, revolutions: int = 128) -> AngularRecord:
-        """Return the revolutions of the run-up about a speed."""
+        """Return revolutions of the run-up, centred on a speed."""
         middle = int(np.argmax(self.record.speeds * RPM >= rpm))
         return self.record.section(middle - revolutions // 2, middle + revolutions // 2)
 
     def samples(self, rpm: float, duration: float) -> slice:
-        """Return the samples of the run-up from a speed on."""
+        """Return the samples of the run-up from a speed, for a duration in s."""
         begin = float(self.record.times[np.argmax(self.record.speeds * RPM >= rpm)])
         return slice(int(begin * RATE), int((begin + duration) * RATE))
 
 
 def simulated() -> Run:
-    """Return the run."""
+    """Return the simulated run."""
     random = np.random.default_rng(7)
     time = np.arange(int(RATE * DURATION)) / RATE
     hold = 1.5
-    ramp = np.interp(time, [0, hold, 16, 18, DURATION], [SLOWEST, SLOWEST, FASTEST, FASTEST, SLOWEST])
+    ramp = np.interp(time, [0, hold, 16, 18, DURATION], [MIN_SPEED, MIN_SPEED, MAX_SPEED, MAX_SPEED, MIN_SPEED])
     turn_rate = ramp / 60.0
     turns = np.concatenate([[0.0], np.cumsum(0.5 * (turn_rate[1:] + turn_rate[:-1]) / RATE)]) + 0.3
     theta = 2 * np.pi * turns
@@ -69,7 +69,7 @@ def simulated() -> Run:
     strength = 12 * MICRO * np.clip((ramp - ONSET) / 1_500.0, 0.0, 1.0)
     z = 5 * MICRO * response * np.exp(1j * (theta + 0.5)) + 0.8 * MICRO * np.conj(response) * np.exp(-1j * theta)
     z += 2 * MICRO * ratio / (1 + ratio) * np.exp(1j * (2 * theta + 1.0)) + strength * np.exp(1j * phase)
-    lift = ramp / FASTEST
+    lift = ramp / MAX_SPEED
     z += 35 * MICRO * lift**0.5 * np.exp(1j * (0.5 * np.pi - 1.1 * (1 - lift)))
     surface = 3 * MICRO * np.cos(theta - 2.0) - 5 * MICRO * np.exp(-0.5 * ((turns % 1.0 - 0.62) / 0.02) ** 2)
     displacement = np.stack([z.real, z.imag]) + surface + 0.15 * MICRO * random.standard_normal((2, time.size))
@@ -82,7 +82,7 @@ def simulated() -> Run:
     angle = shaft_angle(pulse_record(pulses, tacho))
     clean = find_glitches(displacement, RATE, angle)
     raw = angular_record(clean.displacement, RATE, angle, ProbePair(0.0, np.pi / 2))
-    roll = slow_roll(raw, 0.9 * SLOWEST / RPM, 1.1 * SLOWEST / RPM)
+    roll = slow_roll(raw, 0.9 * MIN_SPEED / RPM, 1.1 * MIN_SPEED / RPM)
     record = roll.subtract_waveform(raw)
     frames = order_map(record)
     return Run(
@@ -95,5 +95,5 @@ def simulated() -> Run:
         roll=roll,
         frames=frames,
         mismatch=probe_mismatch(frames),
-        parked=np.zeros(2),
+        rest_position=np.zeros(2),
     )

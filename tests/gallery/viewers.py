@@ -1,8 +1,8 @@
-"""Makes what lets other viewers show a run: a layout for Foxglove and a blueprint for rerun.
+"""Writes a Foxglove layout and a rerun blueprint that show a run.
 
     python tests/gallery/viewers.py docs/viewers
 
-Each plot is named once, here; the fields are those of recordings/mcap/schema/rig.proto.
+Each plot is defined once; the fields are those of recordings/mcap/schema/rig.proto.
 """
 
 import json
@@ -21,9 +21,9 @@ COLOURS = ((57, 135, 229), (12, 163, 12), (250, 178, 25), (213, 81, 129))
 
 @dataclass(frozen=True, slots=True)
 class Plot:
-    """A plot: label and message path of each line; where x is given, against that instead of time.
+    """A plot: label and message path of each line, against time or against the message path x.
 
-    With `is_momentary` it shows the arrays of the message at the moment of playback, else the whole run.
+    With `is_momentary` it shows the arrays of the message at the playback time, else the whole run.
     """
 
     title: str
@@ -77,7 +77,7 @@ STATES = {"mark": "/mark.text", "tacho": "/features.tacho_state"}
 
 
 def foxglove_layout() -> dict[str, Any]:
-    """Return the layout: trends and states on the left, what is plotted against something else on the right."""
+    """Return the layout: trends and states on the left, plots against other quantities on the right."""
     panels = {f"Plot!{number}": _panel(plot) for number, plot in enumerate((*TRENDS, *PICTURES))}
     names = list(panels)
     states = {
@@ -128,7 +128,7 @@ def _column(names: list[str]) -> Any:
 
 
 def rerun_blueprint() -> rrb.Blueprint:
-    """Return the blueprint: the trends, for a run that was converted with the application id `rig`."""
+    """Return the blueprint with the trends, for a run converted with the application id `rig`."""
     views = [
         rrb.TimeSeriesView(
             name=f"{plot.title} [{plot.y_label}]",
@@ -157,7 +157,7 @@ def _series(label: str, selector: str, colour: tuple[int, int, int]) -> rrb.Visu
 
 
 def main(folder: Path) -> None:
-    """Write both files."""
+    """Write the layout and the blueprint into a folder."""
     layout = json.dumps(foxglove_layout(), ensure_ascii=False, indent=1)
     (folder / "foxglove.json").write_text(layout + "\n", encoding="utf-8")
     rerun_blueprint().save(APPLICATION, folder / "rerun.rbl")
