@@ -1,1 +1,1 @@
-"""Decimation, interpolation, records sampled uniformly in shaft angle, synchronous average."""
+"""Decimation, interpolation, records sampled uniformly in shaft angle, and the synchronous average."""

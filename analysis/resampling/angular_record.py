@@ -1,4 +1,4 @@
-"""A whole record of two probes, sampled uniformly in shaft angle."""
+"""Records of two probes sampled uniformly in shaft angle: the input of all order analysis of whole records."""
 
 from dataclasses import dataclass, replace
 
@@ -16,15 +16,15 @@ from analysis.tacho.shaft_angle import ShaftAngle, shaft_angle
 
 FloatArray = NDArray[np.float64]
 
-PASSBAND_FRACTION = 0.2  # of the angular sampling: the highest order that is kept without loss
-CHUNK_POINTS = 16_384  # angular samples that are read at a time: what a core's cache holds
+PASSBAND_FRACTION = 0.2  # highest lossless order over the angular samples per revolution
+CHUNK_POINTS = 16_384  # angular samples that are interpolated at a time, to fit the cache of a core
 _CODES = np.arange(2**16, dtype=np.uint16).view(np.int16)  # tables over them are indexed by a code's bits as uint16
-CHUNK_SAMPLES = 500_000  # samples of the tacho that are searched for edges at a time
+CHUNK_SAMPLES = 500_000  # tacho samples that are searched for edges at a time
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AngularRecord:
-    """Displacement towards two probes against the angle of the shaft, whole revolutions that begin at the mark.
+    """Displacement towards two probes against shaft angle, in whole revolutions that begin at theta = 0.
 
     Parameters
     ----------
@@ -33,20 +33,20 @@ class AngularRecord:
     first_turn : int
         Number of the first revolution since the first pulse.
     times : ndarray of float64, shape (n_revolutions + 1,)
-        When the mark passed, s.
+        Times at which the revolutions begin and the last one ends, s.
     pair : ProbePair
         Directions of the probes.
     angle_jitter : float
-        Scatter of the tacho's pulses about the smooth angle, s.
+        Scatter of the tacho pulses about the smooth angle, s.
     time_sigma : ndarray of float64, shape (n_revolutions + 1,)
-        Standard deviation of ``times``, s; NaN where no tacho told.
+        Standard deviation of ``times``, s; NaN without a tacho.
     is_measured : bool
-        Whether a tacho told the angle.
+        Whether the angle was measured by a tacho.
     pulses : PulseRecord or None
-        How far the tacho's pulses are to be trusted: what was filled and rejected, and whether its sensor was past its
-        response; None where the angle was given.
+        Tacho pulses, with the filled and rejected ones and whether the sensor response was exceeded; None where the
+        angle was given.
     clipped : tuple of int
-        Samples of each probe at the converter's rails: what is read near them is too small.
+        Samples of each probe at the limits of the converter range: the displacement there is too small.
     """
 
     waveform: FloatArray
@@ -76,12 +76,12 @@ class AngularRecord:
 
     @property
     def points(self) -> int:
-        """Angular samples a revolution."""
+        """Angular samples per revolution."""
         return int(self.waveform.shape[2])
 
     @property
     def highest_order(self) -> float:
-        """Order up to which nothing is lost and nothing folds in."""
+        """Highest order without loss and without aliasing."""
         return PASSBAND_FRACTION * self.points
 
     @property
@@ -117,11 +117,11 @@ def angular_record(
     points: int = 64,
     skews: tuple[float, float] = (0.0, 0.0),
 ) -> AngularRecord:
-    """Resample two probes uniformly in the angle of the shaft, without aliasing at any speed.
+    """Return two probes resampled uniformly in shaft angle, without aliasing at any speed.
 
-    Each revolution is read from the finest of the levels at the rate over 1, 2, 4, … that holds nothing which the
-    angular grid could fold onto orders below 0.2 of its points, by a windowed sinc of 32 samples; each probe at its
-    own instants.
+    Each revolution is interpolated by a windowed sinc of 32 samples, each probe at its own sampling times. It is read
+    from a level of the decimation pyramid (rate over 1, 2, 4, …): the finest one without components that the angular
+    grid would fold onto orders below 0.2 of its points.
 
     Parameters
     ----------
@@ -134,14 +134,14 @@ def angular_record(
     pair : ProbePair
         Directions of the probes.
     points : int
-        Angular samples a revolution: 5 times the highest order of interest.
+        Angular samples per revolution: 5 times the highest order of interest.
     skews : tuple of float
-        Time by which each probe is sampled later than the axis says, s (multiplexer, filter).
+        Delay of each probe's samples relative to the time axis, s (multiplexer, filter).
 
     Raises
     ------
     RecordTooShortError
-        Without one whole revolution that the samples hold.
+        The samples contain no whole revolution.
     ValueError
         Shapes, rate or samples that are not finite.
 
@@ -158,7 +158,7 @@ def angular_record(
         raise RecordTooShortError("the record holds no whole revolution")
     times = np.asarray(angle.time(np.arange(first, last + 1)), dtype=np.float64)
     reader = _LevelReader(displacement, rate, np.array(skews)[:, None], times, points)
-    begin, end = reader.held(times)
+    begin, end = reader.available_revolutions(times)
     waveform = reader.waveform(angle, first, begin, end)
     return AngularRecord(
         waveform=waveform,
@@ -172,7 +172,7 @@ def angular_record(
 
 
 class _LevelReader:
-    """Reads every revolution from the level of a pyramid that suits its speed.
+    """Reads each revolution from the pyramid level for its speed.
 
     Parameters
     ----------
@@ -181,22 +181,22 @@ class _LevelReader:
     rate : float
         Sample rate, Hz.
     skew : ndarray of float64, shape (2, 1)
-        Time by which each probe is sampled later, s.
+        Delay of each probe's samples, s.
     times : ndarray of float64, shape (n_revolutions + 1,)
-        When the mark passed, s.
+        Begin of each revolution and end of the last, s.
     points : int
-        Angular samples a revolution.
+        Angular samples per revolution.
     """
 
     def __init__(self, displacement: FloatArray, rate: float, skew: FloatArray, times: FloatArray, points: int) -> None:
-        most_per_turn = 2.0 * (1.0 - PASSBAND_FRACTION) * points  # samples of the level that is read
-        self._levels = np.maximum(np.ceil(np.log2(rate * np.diff(times) / most_per_turn)), 0).astype(np.int64)
+        max_per_turn = 2.0 * (1.0 - PASSBAND_FRACTION) * points  # samples of the level, to avoid aliasing
+        self._levels = np.maximum(np.ceil(np.log2(rate * np.diff(times) / max_per_turn)), 0).astype(np.int64)
         self._pyramid = DecimationPyramid(2, int(self._levels.max()) + 1, displacement.shape[1], 0)
         self._pyramid.push(displacement)
         self._rate, self._skew, self._points = rate, skew, points
 
-    def held(self, times: FloatArray) -> tuple[int, int]:
-        """Return the revolutions, the last one excluded, that the samples hold with the interpolator's reach."""
+    def available_revolutions(self, times: FloatArray) -> tuple[int, int]:
+        """Return first and end of the revolutions whose interpolation needs no samples outside the record."""
         inside = np.zeros(self._levels.size, dtype=np.bool_)
         for level in np.unique(self._levels):
             samples, origin = self._pyramid.level(int(level))
@@ -227,7 +227,7 @@ class _LevelReader:
 
 
 def tacho_edges(acquisition: Acquisition, codes: NDArray[np.int16]) -> FloatArray:
-    """Return the times, s, of the tacho's edges in a record of codes, shape (n_channels, n); the delay is still in."""
+    """Return the times of the tacho edges in codes of shape (n_channels, n), s, not corrected for the delay."""
     row = acquisition.row(Role.TACHO)
     channel = acquisition.channels[row]
     volts = channel.volts(_CODES)
@@ -241,14 +241,14 @@ def tacho_edges(acquisition: Acquisition, codes: NDArray[np.int16]) -> FloatArra
 
 
 def probe_displacement(acquisition: Acquisition, codes: NDArray[np.int16]) -> FloatArray:
-    """Return the displacement towards the probes x and y in a record of codes, shape (2, n), m.
+    """Return the displacement towards the probes x and y from converter codes, shape (2, n), m.
 
     Raises
     ------
     AnalysisError
-        Where a probe is at the converter's rail throughout.
+        A probe is at a limit of the converter range throughout.
     ValueError
-        Codes that do not fit the acquisition.
+        The codes do not match the acquisition.
     """
     channels = len(acquisition.channels)
     if codes.ndim != 2 or codes.shape[0] != channels or codes.shape[1] == 0 or codes.dtype != np.int16:
@@ -257,7 +257,7 @@ def probe_displacement(acquisition: Acquisition, codes: NDArray[np.int16]) -> Fl
     for probe, row in enumerate((acquisition.row(Role.PROBE_X), acquisition.row(Role.PROBE_Y))):
         channel = acquisition.channels[row]
         if codes[row, 0] in {CODE_MIN, CODE_MAX} and bool((codes[row] == codes[row, 0]).all()):
-            raise AnalysisError(f"probe {channel.name!r} is at the converter's rail throughout")
+            raise AnalysisError(f"probe {channel.name!r} is at a limit of the converter range throughout")
         table = channel.displacement(_CODES)
         np.take(table, np.ascontiguousarray(codes[row]).view(np.uint16), out=displacement[probe], mode="clip")
     return displacement
@@ -276,24 +276,24 @@ def angular_record_from_codes(
     Parameters
     ----------
     acquisition : Acquisition
-        What the codes mean.
+        Channels, rates, calibrations and tacho.
     codes : ndarray of int16, shape (n_channels, n)
         Consecutive samples.
     points : int
-        Angular samples a revolution.
+        Angular samples per revolution.
     pulse_times : ndarray of float64, shape (n_pulses,), or None
-        Times of the tacho's pulses from a counter, s from the first sample, in place of the tacho's channel.
+        Edge times from a counter, s from the first sample; replace the tacho channel.
     angle : ShaftAngle or None
-        Angle of the shaft where it is known otherwise (`analysis.spectra.tacholess_speed`): the tacho is not asked.
+        Shaft angle from another source (`analysis.spectra.tacholess_speed`); the tacho is then not used.
 
     Raises
     ------
     TachoRefusedError, RecordTooShortError
-        Where pulses or samples do not suffice.
+        Pulses or samples do not suffice.
     AnalysisError
-        Where a probe is at the converter's rail throughout.
+        A probe is at a limit of the converter range throughout.
     ValueError
-        Codes that do not fit the acquisition.
+        The codes do not match the acquisition.
     """
     displacement = probe_displacement(acquisition, codes)
     pulses = None

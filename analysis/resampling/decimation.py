@@ -1,4 +1,4 @@
-"""Samples at halved, quartered, … rates: what an angular grid is read from without aliasing, at any speed."""
+"""Decimation pyramid: samples at the rate over 1, 2, 4, …, for angular resampling without aliasing at any speed."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -6,38 +6,38 @@ from scipy.signal.windows import kaiser
 
 FloatArray = NDArray[np.float64]
 
-HALF_BAND_REACH = 27  # odd: samples on each side that the half-band filter uses
+HALF_BAND_REACH = 27  # samples on each side of the half-band filter, odd
 _BETA = 8.6  # of its Kaiser window: stop band 86 dB from 0.3 of the input rate
 
 
 def _half_band() -> FloatArray:
-    """Return the taps at odd distances of the half-band low-pass (that at 0 is 1/2, those at even distances vanish)."""
+    """Return the half-band filter taps at odd distances (the tap at 0 is 1/2, those at even distances are 0)."""
     distance = np.arange(-HALF_BAND_REACH, HALF_BAND_REACH + 1, 2)
     taps = np.sin(0.5 * np.pi * distance) / (np.pi * distance) * kaiser(2 * HALF_BAND_REACH + 1, _BETA)[::2]
-    return np.asarray(0.5 * taps / taps.sum(), dtype=np.float64)  # gain 1 at rest
+    return np.asarray(0.5 * taps / taps.sum(), dtype=np.float64)  # gain 1 at 0 Hz
 
 
 _TAPS = _half_band()
 
 
 class DecimationPyramid:
-    """The last samples at the sampling rate over 1, 2, 4, …, kept up as samples come.
+    """The last samples at the sample rate over 1, 2, 4, …, updated with every push.
 
-    Sample m of level k lies at sample m * 2**k of the original: the filters are symmetric and delay nothing, only
-    the newest samples of a level come later than those of the one below.
+    Sample m of level k lies at sample m * 2**k of the original: the filters are symmetric and without delay, but the
+    newest samples of a level become available later than those of the level below.
 
     Parameters
     ----------
     n_channels : int
         Number of channels.
     levels : int
-        Number of levels, the original one included.
+        Number of levels, including the original.
     keep : int
-        Samples that each level remembers.
+        Number of samples stored in each level.
     first : int
-        Index of the first sample to come.
+        Index of the first sample that will be pushed.
     late : int
-        Samples of the original beyond those; each level remembers as many more as come in their time.
+        Additional samples of the original to store; each level stores those of the same time.
 
     Notes
     -----
@@ -49,7 +49,7 @@ class DecimationPyramid:
         self._capacity = [max(capacity, 4 * HALF_BAND_REACH) + (late >> level) for level in range(levels)]
         self._samples = [np.empty((n_channels, 0)) for _ in range(levels)]
         self._first = [first]
-        self._next = [first]  # index, in its level, of the first sample not yet made; that of level 0 is its end
+        self._next = [first]  # index, in its level, of the next sample to compute; for level 0 its end
         for _ in range(levels - 1):
             start = -((-self._first[-1] - HALF_BAND_REACH) // 2)
             self._first.append(start)
@@ -61,7 +61,7 @@ class DecimationPyramid:
         return len(self._samples)
 
     def push(self, samples: FloatArray) -> None:
-        """Take consecutive samples, shape (n_channels, n); they are kept, not copied, where they are the first."""
+        """Add consecutive samples, shape (n_channels, n); the first ones are stored without a copy."""
         self._append(0, samples)
         for level in range(1, self.levels):
             first, end = self._next[level], (self._next[level - 1] - 1 - HALF_BAND_REACH) // 2 + 1
@@ -89,5 +89,5 @@ class DecimationPyramid:
                 self._first[level] += surplus
 
     def level(self, level: int) -> tuple[FloatArray, int]:
-        """Return the samples of a level, shape (n_channels, n), and the index of the first of them in that level."""
+        """Return the samples of a level, shape (n_channels, n), and the index of the first one in that level."""
         return self._samples[level], self._first[level]

@@ -1,4 +1,4 @@
-"""Values between samples: a windowed-sinc interpolator that is good to 0.42 of the sampling rate."""
+"""Windowed-sinc interpolation between samples, accurate to 1e-3 up to 0.42 of the sample rate."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -6,12 +6,12 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.float64]
 
 HALF_WIDTH = 16  # samples used on each side
-_PHASES = 512  # rows of the table between two samples
-_BETA = 7.7  # of the Kaiser window: error below 1e-3 to 0.42 of the sampling rate
+_PHASES = 512  # rows of the kernel table between two samples
+_BETA = 7.7  # of the Kaiser window: error below 1e-3 up to 0.42 of the sample rate
 
 
 def _kernel_table() -> FloatArray:
-    """Return the weights of 2 * HALF neighbours for each of the phases from 0 to 1, shape (_PHASES + 1, 2 * HALF)."""
+    """Return the weights of the neighbours for the phases from 0 to 1, shape (_PHASES + 1, 2 * HALF_WIDTH)."""
     fraction = np.arange(_PHASES + 1)[:, None] / _PHASES
     distance = fraction - np.arange(1 - HALF_WIDTH, HALF_WIDTH + 1)
     window = np.i0(_BETA * np.sqrt(np.maximum(1.0 - (distance / HALF_WIDTH) ** 2, 0.0)))
@@ -21,7 +21,7 @@ def _kernel_table() -> FloatArray:
 
 _TABLE = _kernel_table()
 _SLOPE = np.diff(_TABLE, axis=0)
-_BLOCK = 512  # positions whose weights and neighbours a core's cache holds
+_BLOCK = 512  # positions whose weights and neighbours fit the cache of a core
 
 
 def interpolate(samples: FloatArray, positions: FloatArray) -> FloatArray:
@@ -32,17 +32,17 @@ def interpolate(samples: FloatArray, positions: FloatArray) -> FloatArray:
     samples : ndarray of float64, shape (n_channels, n)
         Uniform samples.
     positions : ndarray of float64, shape (n_channels, m)
-        Where to read each channel, in samples from its first, each from ``HALF - 1`` to below ``n - HALF``.
+        Positions in samples from the first, each from ``HALF_WIDTH - 1`` to below ``n - HALF_WIDTH``.
 
     Returns
     -------
     ndarray of float64, shape (n_channels, m)
-        Interpolated values; amplitudes are kept within 0.01 % below 0.4 of the sampling rate.
+        Interpolated values; the error of amplitudes is below 0.01 % up to 0.4 of the sample rate.
 
     Raises
     ------
     ValueError
-        Where positions lie too near the ends.
+        Positions are too near the ends.
 
     Notes
     -----

@@ -1,4 +1,4 @@
-"""What repeats with every turn of the shaft, and what is left of the record without it."""
+"""Time-synchronous average over the revolutions of a record, and the residual without it."""
 
 from dataclasses import dataclass
 
@@ -14,17 +14,17 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SynchronousAverage:
-    """The mean revolution.
+    """The mean revolution of a record.
 
     Parameters
     ----------
     waveform : ndarray of float64, shape (2, points)
-        Towards the probes x and y, from the mark on, m, the mean displacement included.
+        Displacement towards the probes x and y from theta = 0 on, m, including the mean displacement.
     sigma : ndarray of float64, shape (2,)
-        Standard deviation of its points, m: the rms of the rest over the root of the revolutions, for a rest that
-        does not repeat.
+        Standard deviation of its points, m: the rms of the residual over the root of the revolutions, for a residual
+        that does not repeat.
     revolutions : int
-        Averaged.
+        Number of averaged revolutions.
     """
 
     waveform: FloatArray
@@ -40,22 +40,22 @@ def synchronous_average(record: AngularRecord) -> SynchronousAverage:
 
 
 def synchronous_residual(record: AngularRecord, revolutions: int = 16) -> AngularRecord:
-    """Return the record without what repeats: each revolution less the mean of those about it.
+    """Return the synchronous residual of a record: each revolution minus the mean of its neighbours.
 
-    What is left is whirl, rub and noise. A component of order q is kept but for the part 1 / revolutions that its own
-    mean has at most; 1X, 2X and all whole orders go as far as they are steady over the revolutions averaged.
+    The residual contains whirl, rub and noise. 1X, 2X and all whole orders are removed as far as they are steady over
+    the averaged revolutions. A component of non-integer order loses at most 1 / revolutions of its amplitude.
 
     Parameters
     ----------
     record : AngularRecord
-        At any speed, running up too.
+        At any speed, also a run-up.
     revolutions : int
-        Averaged about each revolution; at least 2.
+        Number of revolutions averaged around each revolution; at least 2.
 
     Raises
     ------
     RecordTooShortError
-        Where the record holds fewer.
+        The record has fewer revolutions.
 
     Notes
     -----

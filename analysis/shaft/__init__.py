@@ -1,1 +1,1 @@
-"""Orbit, centreline, Poincaré section and overall vibration of the shaft."""
+"""Orbits, shaft centreline, Poincaré sections and overall vibration."""

@@ -1,4 +1,4 @@
-"""Where the shaft lies on average within its clearance, against speed."""
+"""Shaft centreline: mean position of the shaft in the clearance circle, against speed."""
 
 from dataclasses import dataclass
 
@@ -13,21 +13,21 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Centreline:
-    """Mean positions of the shaft from the middle of the clearance circle.
+    """Mean shaft positions relative to the middle of the clearance circle.
 
     Parameters
     ----------
     positions : ndarray of float64, shape (2, n)
-        In the bench's X and Y, m.
+        In the bench axes X and Y, m.
     sigma : ndarray of float64, shape (2, n)
-        Standard deviation of each, from the scatter of the revolutions averaged, m. Drift of the probes since the
-        shaft was parked is not in it.
+        Standard deviation of each, from the scatter of the averaged revolutions, m. Drift of the probes since the
+        measurement at rest is not included.
     speeds : ndarray of float64, shape (n,)
-        rad/s.
+        Speed at each position, rad/s.
     times : ndarray of float64, shape (n,)
-        s.
+        Time of each position, s.
     clearance : float
-        Radius of the circle that the shaft can move in, m.
+        Radius of the clearance circle, m.
     """
 
     positions: FloatArray
@@ -38,12 +38,12 @@ class Centreline:
 
     @property
     def eccentricity_ratio(self) -> FloatArray:
-        """Distance from the middle over the clearance, shape (n,); above 1 the reference or the clearance is wrong."""
+        """Eccentricity over clearance, shape (n,); above 1 the rest position or the clearance is wrong."""
         return np.asarray(np.hypot(*self.positions) / self.clearance, dtype=np.float64)
 
     @property
     def attitude(self) -> FloatArray:
-        """Angle from straight down to the shaft's position, rad, positive in the direction of rotation, shape (n,)."""
+        """Attitude angle from straight down to the shaft, rad, positive in the direction of rotation, shape (n,)."""
         x, y = self.positions
         return np.asarray(np.arctan2(x, -y), dtype=np.float64)
 
@@ -66,25 +66,25 @@ def centreline(
     revolutions: int = 16,
     rest_position: tuple[float, float] | None = None,
 ) -> Centreline:
-    """Return the shaft's centreline from the probes' mean displacements.
+    """Return the shaft centreline from the mean displacements at the probes.
 
     Parameters
     ----------
     record : AngularRecord
-        Of probes that pass direct voltage.
+        Record of probes with DC response.
     rest_displacement : ndarray of float64, shape (2,)
-        Displacement towards the probes x and y while the shaft lay still, m.
+        Displacement towards the probes x and y with the shaft at rest, m.
     clearance : float
-        Radius, m.
+        Radius of the clearance circle, m.
     revolutions : int
-        Averaged for each position.
+        Revolutions averaged for each position.
     rest_position : tuple of float or None
-        Where the shaft lay then, in X and Y from the middle, m; None is the bottom of the circle.
+        Position of the shaft at rest, in X and Y from the middle, m; None for the bottom of the circle.
 
     Raises
     ------
     RecordTooShortError
-        Where the record holds fewer revolutions than are averaged.
+        The record has fewer revolutions than are averaged.
 
     Notes
     -----
@@ -98,12 +98,12 @@ def centreline(
     count = record.revolutions // revolutions
     if count == 0:
         raise RecordTooShortError(f"{record.revolutions} revolutions in the record, expected at least {revolutions}")
-    kept = count * revolutions
-    means = record.waveform[:, :kept].mean(axis=2).reshape(2, count, revolutions)
+    used = count * revolutions
+    means = record.waveform[:, :used].mean(axis=2).reshape(2, count, revolutions)
     origin = np.array(rest_position if rest_position is not None else (0.0, -clearance))
     moved = record.pair.to_bench(means.mean(axis=2) - rest_displacement[:, None])
     scatter = record.pair.to_bench(means - rest_displacement[:, None, None]).std(axis=2, ddof=1)
-    edges = record.times[: kept + 1 : revolutions]
+    edges = record.times[: used + 1 : revolutions]
     return Centreline(
         positions=origin[:, None] + moved,
         sigma=scatter / np.sqrt(revolutions),

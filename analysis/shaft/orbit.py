@@ -1,4 +1,4 @@
-"""Orbits of chosen orders alone, or of all but chosen ones, with the mark on them.
+"""Orbits: direct, filtered to chosen orders, or without chosen orders, with their keyphasor points.
 
 D. Bently and C. Hatch, Fundamentals of Rotating Machinery Diagnostics, 2002, ch. 5.
 """
@@ -18,20 +18,20 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FilteredOrbit:
-    """The path of the shaft in the bench's X and Y.
+    """An orbit of the shaft in the bench axes X and Y.
 
     Parameters
     ----------
     motion : ndarray of float64, shape (2, revolutions, points)
-        m, mean taken off; every revolution begins at the mark: ``motion[:, :, 0]`` is where the mark is drawn.
+        Motion in X and Y, m, mean subtracted; every revolution begins at theta = 0.
     times : ndarray of float64, shape (revolutions, points)
-        Time of each point, s, for the orbit's time base.
+        Time of each point, s, for a time-base plot.
     ellipses : tuple of Ellipse
-        Of the orders kept, or taken out, in their order.
+        Ellipses of the chosen orders, in their order.
     sigma : float
-        Standard deviation of the ellipses' amplitudes, m peak.
+        Standard deviation of the amplitudes of the ellipses, m peak.
     speed : float
-        Mean, rad/s.
+        Mean speed, rad/s.
     """
 
     motion: FloatArray
@@ -42,7 +42,7 @@ class FilteredOrbit:
 
     @property
     def keyphasor_points(self) -> FloatArray:
-        """Where the shaft was when the mark passed, shape (2, revolutions), m."""
+        """Positions of the shaft at theta = 0, shape (2, revolutions), m."""
         return np.asarray(self.motion[:, :, 0], dtype=np.float64)
 
     @property
@@ -52,30 +52,30 @@ class FilteredOrbit:
 
 
 def direct_orbit(record: AngularRecord, revolutions: int = 4) -> FilteredOrbit:
-    """Return the last revolutions of a record as they are."""
+    """Return the unfiltered orbit of the last revolutions of a record."""
     return _orbit(record, revolutions, _last(record, revolutions), (), np.nan)
 
 
 def filtered_orbit(
     record: AngularRecord, orders: tuple[float, ...], *, revolutions: int = 1, averaging_revolutions: int = 16
 ) -> FilteredOrbit:
-    """Return the orbit of chosen orders alone: 1X, 2X, nX or any other, or several together.
+    """Return the orbit filtered to chosen orders: 1X, 2X, nX, non-integer orders, or several together.
 
     Parameters
     ----------
     record : AngularRecord
         Its last revolutions are used.
     orders : tuple of float
-        Kept.
+        Orders of the orbit.
     revolutions : int
-        Drawn; a part order closes after several.
+        Revolutions of the orbit; that of a non-integer order closes after several.
     averaging_revolutions : int
-        Revolutions from which the vectors are taken, by a Hann window.
+        Revolutions from which the vectors are computed, with a Hann window.
 
     Raises
     ------
     RecordTooShortError
-        Where the record holds fewer revolutions than are averaged.
+        The record has fewer revolutions than are averaged.
     """
     synthesis, ellipses, sigma = _components(record, orders, revolutions, averaging_revolutions)
     return _orbit(record, revolutions, synthesis, ellipses, sigma)
@@ -84,7 +84,7 @@ def filtered_orbit(
 def orbit_without(
     record: AngularRecord, orders: tuple[float, ...] = (1.0,), *, revolutions: int = 4, averaging_revolutions: int = 16
 ) -> FilteredOrbit:
-    """Return the orbit of all but chosen orders, not-1X by default; parameters as for `filtered_orbit`."""
+    """Return the orbit without chosen orders, not-1X by default; parameters as for `filtered_orbit`."""
     synthesis, ellipses, sigma = _components(record, orders, revolutions, averaging_revolutions)
     return _orbit(record, revolutions, _last(record, revolutions) - synthesis, ellipses, sigma)
 

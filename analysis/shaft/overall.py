@@ -1,7 +1,4 @@
-"""Overall vibration: the peak-to-peak of the waveform as it is, all orders together, and the room that it takes.
-
-The extremes of many samples but for a few at either end, sooner than by ranking all of them.
-"""
+"""Overall vibration: unfiltered peak-to-peak over successive intervals, and the fraction of the clearance it takes."""
 
 from dataclasses import dataclass
 
@@ -13,26 +10,26 @@ from analysis.signals.probes import require_displacement
 
 FloatArray = NDArray[np.float64]
 
-SUBSAMPLING = 16  # of so many samples one is looked at first
-SUBSAMPLE_MARGIN = 8  # samples of that sketch, beyond those that belong to the few
-GLITCH_TIME = 2e-4  # s at either extreme of an interval that does not count as the shaft's: a sensor's glitches,
-MIN_SAMPLES_PER_GLITCH = 50  # and at most one sample in so many
+SUBSAMPLING = 16  # one sample in this many is sorted first
+SUBSAMPLE_MARGIN = 8  # subsamples, beyond the expected number of excluded samples
+GLITCH_TIME = 2e-4  # s of samples excluded at either end of the range of an interval, as sensor glitches
+MIN_SAMPLES_PER_GLITCH = 50  # at most one sample in this many is excluded
 
 
 def glitch_samples(size: int, rate: float) -> int:
-    """Return how many of so many samples at a rate, Hz, do not count at either extreme, as glitches lie there."""
+    """Return the number of samples to exclude as glitches at either end, for an interval of ``size`` samples."""
     return min(round(GLITCH_TIME * rate), size // MIN_SAMPLES_PER_GLITCH)
 
 
 def trimmed_extremes(samples: FloatArray, spare: int) -> tuple[FloatArray, FloatArray]:
-    """Return the smallest and the largest sample of each row that are left without the few at either end.
+    """Return the smallest and the largest sample of each row, without the most extreme ones at either end.
 
     Parameters
     ----------
     samples : ndarray of float64, shape (n_rows, n)
         Any unit, without NaN; n more than ``2 * spare``.
     spare : int
-        So many at either end do not count.
+        Number of samples excluded at either end.
 
     Returns
     -------
@@ -41,18 +38,18 @@ def trimmed_extremes(samples: FloatArray, spare: int) -> tuple[FloatArray, Float
 
     Notes
     -----
-    A sample of the values bounds the few that are ranked: R. Floyd and R. Rivest, Expected time bounds for selection,
-    CACM 18, 1975.
+    Faster than sorting: a sorted subsample bounds the few values that must be ranked (R. Floyd and R. Rivest, Expected
+    time bounds for selection, CACM 18, 1975).
     """
     if samples.ndim != 2 or not 0 <= 2 * spare < samples.shape[1]:
         raise ValueError(f"samples, spare: shape {samples.shape} and {spare}, expected (n_rows, n) and less than n / 2")
     low, high = np.empty(len(samples)), np.empty(len(samples))
     for row, values in enumerate(samples):
-        sketch = np.sort(values[::SUBSAMPLING])
-        place = min(2 * spare // SUBSAMPLING + SUBSAMPLE_MARGIN, sketch.size - 1)
-        few = values[values <= sketch[place]]
+        subsample = np.sort(values[::SUBSAMPLING])
+        place = min(2 * spare // SUBSAMPLING + SUBSAMPLE_MARGIN, subsample.size - 1)
+        few = values[values <= subsample[place]]
         low[row] = np.partition(few if few.size > spare else values, spare)[spare]
-        few = values[values >= sketch[-1 - place]]
+        few = values[values >= subsample[-1 - place]]
         from_above = few if few.size > spare else values
         high[row] = np.partition(from_above, from_above.size - 1 - spare)[from_above.size - 1 - spare]
     return low, high
@@ -69,10 +66,10 @@ class Overall:
     times : ndarray of float64, shape (n,)
         Middle of each interval, s.
     excluded_samples : int
-        Samples at either extreme of an interval that do not count, where a sensor's glitches lie: a steady sine reads
-        low by (pi left_out / samples)² / 2 for it.
+        Samples excluded as glitches at either end of an interval's range. A steady sine reads low by
+        (pi excluded_samples / samples)² / 2.
     clearance : float
-        Radius of the circle that the shaft can move in, m.
+        Radius of the clearance circle, m.
     """
 
     peak_to_peak: FloatArray
@@ -82,12 +79,12 @@ class Overall:
 
     @property
     def clearance_fraction(self) -> FloatArray:
-        """Vibration over the clearance's diameter, shape (2, n): 1 is all the room there is."""
+        """Vibration over the diameter of the clearance circle, shape (2, n)."""
         return np.asarray(self.peak_to_peak / (2.0 * self.clearance), dtype=np.float64)
 
 
 def overall(displacement: FloatArray, rate: float, clearance: float, *, interval: float = 0.1) -> Overall:
-    """Return the overall vibration of a record, unfiltered, as standards judge it.
+    """Return the overall vibration of a record, unfiltered, as in standards.
 
     Parameters
     ----------
@@ -96,19 +93,19 @@ def overall(displacement: FloatArray, rate: float, clearance: float, *, interval
     rate : float
         Sample rate, Hz.
     clearance : float
-        Radius of the circle that the shaft can move in, m.
+        Radius of the clearance circle, m.
     interval : float
-        s; a turn at least.
+        Length of an interval, s; at least one revolution.
 
     Raises
     ------
     RecordTooShortError
-        Where the record is shorter than an interval.
+        The record is shorter than an interval.
 
     Notes
     -----
-    Twice a line's amplitude is its peak-to-peak for a single line alone; limits are set to the waveform's (API 670;
-    ISO 20816-1).
+    Standards limit the peak-to-peak of the waveform (API 670; ISO 20816-1), which equals twice the amplitude of a line
+    only where the waveform contains a single line.
     """
     require_displacement(displacement, rate)
     if not (clearance > 0.0 and interval * rate >= 2.0):

@@ -1,4 +1,4 @@
-"""Where the shaft is each time the mark passes: points that tell a subharmonic from a whirl from chaos."""
+"""Poincaré sections, shaft positions at theta = 0, which separate subharmonic motion, whirl and chaos."""
 
 from dataclasses import dataclass
 from enum import StrEnum
@@ -11,10 +11,10 @@ from analysis.signals.errors import RecordTooShortError
 
 FloatArray = NDArray[np.float64]
 
-MIN_REVOLUTIONS = 48  # revolutions from which a pattern is told
-MAX_PERIOD = 6
-MAX_POINT_EXTENT = 0.01  # of the motion: points nearer than that are one
-MAX_CLUSTER_SCATTER = 0.1  # of the points' extent: scatter within a cluster
+MIN_REVOLUTIONS = 48  # for a classification of the pattern
+MAX_PERIOD = 6  # revolutions
+MAX_POINT_EXTENT = 0.01  # of the motion: points within that are one
+MAX_CLUSTER_SCATTER = 0.1  # within a cluster, of the extent of all points
 MIN_FILLED_SECTORS, MAX_RADIUS_SCATTER = (
     10,
     0.35,
@@ -22,31 +22,32 @@ MIN_FILLED_SECTORS, MAX_RADIUS_SCATTER = (
 
 
 class Pattern(StrEnum):
-    """What the points make."""
+    """Pattern of the points of a Poincaré section."""
 
     POINT = "point"  # synchronous alone
     CLUSTERS = "clusters"  # a subharmonic 1/k: rub, looseness
-    CURVE = "curve"  # a second frequency in no whole ratio: whirl
-    CLOUD = "cloud"  # no order: chaos, noise, or a whirl whose amplitude wanders
+    CURVE = "curve"  # a second, incommensurate frequency: whirl
+    CLOUD = "cloud"  # no pattern: chaos, noise, or whirl of varying amplitude
     UNKNOWN = "unknown"  # too few revolutions
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PoincareSection:
-    """The shaft's positions at the mark.
+    """Shaft positions at theta = 0, one per revolution.
 
     Parameters
     ----------
     points : ndarray of float64, shape (2, n)
-        In X and Y, m, one a revolution, the record's mean taken off.
+        Positions in X and Y, m, mean of the record subtracted.
     speeds : ndarray of float64, shape (n,)
-        Of each revolution, rad/s.
+        Speed of each revolution, rad/s.
     pattern : Pattern
-        What they make.
+        Pattern of the points.
     period : int
-        Revolutions after which they repeat: 1 for a point, k for clusters; 0 otherwise.
+        Revolutions after which the points repeat: 1 for a point, k for clusters; 0 otherwise.
     scatter : float
-        Rms distance from the points one period before (POINT, CLUSTERS), over sqrt 2, m; of all from their middle else.
+        For POINT and CLUSTERS the rms distance from the points one period before, over sqrt 2; otherwise the rms
+        distance from their mean, m.
     """
 
     points: FloatArray
@@ -57,15 +58,14 @@ class PoincareSection:
 
 
 def poincare_section(record: AngularRecord, noise: float = 0.0) -> PoincareSection:
-    """Return the section of a record at about one speed.
+    """Return the Poincaré section of a record at about constant speed.
 
     Parameters
     ----------
     record : AngularRecord
-        48 revolutions at least for a pattern to be told.
+        At least 48 revolutions for a classification of the pattern.
     noise : float
-        Rms of the probes' noise in one sample, m: points nearer than 5 times that, or than 1 % of the motion,
-        are one.
+        Rms noise of the probes in one sample, m: points closer than 5 times that, or than 1 % of the motion, are one.
 
     Notes
     -----
@@ -90,7 +90,7 @@ def poincare_section(record: AngularRecord, noise: float = 0.0) -> PoincareSecti
 
 
 def _period(points: FloatArray) -> tuple[int, float]:
-    """Return after how many revolutions the points repeat best, and how far they miss, m rms."""
+    """Return the number of revolutions after which the points repeat best, and their distance then, m rms."""
     misses = [
         float(np.sqrt(0.5 * np.mean(np.sum((points[:, k:] - points[:, :-k]) ** 2, axis=0))))
         for k in range(1, MAX_PERIOD + 1)
@@ -101,7 +101,7 @@ def _period(points: FloatArray) -> tuple[int, float]:
 
 
 def _is_curve(points: FloatArray) -> bool:
-    """Return whether the points lie on an ellipse about their middle, all round it."""
+    """Return whether the points lie all around an ellipse about their mean."""
     axes, _ = np.linalg.qr((points / np.abs(points).max()).T)  # an ellipse becomes a circle
     radius = np.hypot(*axes.T)
     sectors = np.unique(np.floor(np.arctan2(axes[:, 1], axes[:, 0]) / (np.pi / 8.0)))
@@ -109,26 +109,26 @@ def _is_curve(points: FloatArray) -> bool:
 
 
 def bifurcation_diagram(record: AngularRecord, *, averaging_revolutions: int = 64) -> tuple[FloatArray, FloatArray]:
-    """Return the data of a bifurcation diagram: speed and position at the mark of every revolution.
+    """Return the data of a bifurcation diagram: speed and position at theta = 0 of every revolution.
 
     Parameters
     ----------
     record : AngularRecord
-        Of a run-up or run-down.
+        Record of a run-up or run-down.
     averaging_revolutions : int
-        Revolutions about each whose mean position is taken off, so that the centreline's path does not show.
+        Revolutions around each one whose mean position is subtracted, to remove the motion of the centreline.
 
     Returns
     -------
     speeds : ndarray of float64, shape (n,)
-        rad/s.
+        Speed of each revolution, rad/s.
     positions : ndarray of float64, shape (2, n)
-        In X and Y, m.
+        Positions in X and Y, m.
 
     Raises
     ------
     RecordTooShortError
-        Where the record holds fewer revolutions than are averaged.
+        The record has fewer revolutions than are averaged.
 
     Notes
     -----
@@ -147,7 +147,7 @@ def bifurcation_diagram(record: AngularRecord, *, averaging_revolutions: int = 6
 
 
 def _running_mean(values: FloatArray, n: int) -> FloatArray:
-    """Return the mean of the n values about each, of those there are at the ends."""
+    """Return the mean of the n values around each, over those available at the ends."""
     total = np.concatenate([[0.0], np.cumsum(values)])
     at = np.arange(values.size)
     begin, end = np.maximum(at - n // 2, 0), np.minimum(at + (n + 1) // 2, values.size)

@@ -1,1 +1,1 @@
-"""Shared data types: run header, sample blocks, snapshot, probes, uncertainty, errors."""
+"""Data types that all packages share: run header, sample blocks, snapshots, probes, uncertainty, errors."""

@@ -1,7 +1,7 @@
-"""What travels from a source to its sinks: blocks of samples, and the end of each gap-free segment.
+"""Sample blocks and segment ends, as a source delivers them to its sinks, and times within a run.
 
-Index conventions, written once: a *segment* is a stretch of samples without a gap; its samples are numbered from 0.
-A sample's time is its index over the rate. Channels come first, samples last.
+Index conventions: a *segment* is a stretch of samples without a gap, numbered from 0. The time of a sample is its
+index over the sample rate. Arrays have channels first, samples last.
 """
 
 from dataclasses import dataclass, replace
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SampleBlock:
-    """Consecutive samples of all channels as the converter's codes.
+    """Consecutive samples of all channels, as codes of the A/D converter.
 
     Parameters
     ----------
@@ -24,13 +24,13 @@ class SampleBlock:
     first_sample : int
         Index of the first sample in its segment.
     host_time_ns : int
-        Wall clock of the host when the block had been read, ns since 1970 (evidence, never used to compute).
+        Wall clock of the host when the block had been read, ns since 1970 (for the record, never used to compute).
     backlog : int
         Samples per channel that the device still held after this block was read.
     ticks : ndarray of int64, shape (n_pulses,), or None
-        When the tacho's edges came, as a counter stamped them: ticks of its timebase since the segment's first sample,
-        rising from block to block. Those known when this block had been read and not given before, up to its last
-        sample; one that came late lies before its first. None where no counter stamps, or none does any more.
+        Tacho edges stamped by a counter: ticks of its timebase since the first sample of the segment, rising from
+        block to block. Contains the edges up to the last sample of this block that no earlier block contains; a late
+        edge lies before the first sample. None without a counter, or after it failed.
     """
 
     codes: NDArray[np.int16]
@@ -57,14 +57,14 @@ class SampleBlock:
         return self.first_sample + self.n_samples
 
     def relocated(self, segment: int, first_sample: int, ticks_per_sample: float) -> "SampleBlock":
-        """Return the block at another place of its run; what a counter stamped before the new segment is left out.
+        """Return the block with another segment and first sample, without edges from before the new segment.
 
         Parameters
         ----------
         segment, first_sample : int
-            Its new place.
+            New position of the block in its run.
         ticks_per_sample : float
-            Of the acquisition's counter.
+            Counter ticks per sample.
         """
         ticks = self.ticks
         if ticks is not None and first_sample != self.first_sample:
@@ -76,18 +76,18 @@ class SampleBlock:
 class EndReason(StrEnum):
     """Why a segment ended."""
 
-    STOPPED = "stopped"  # somebody asked for it
-    FINISHED = "finished"  # the source has no more to give (planned length reached, recording played)
-    OVERRUN = "overrun"  # samples were lost between the device and us
-    UNPLUGGED = "unplugged"  # the device went away
-    DEVICE_ERROR = "device error"  # the driver reported anything else
-    RECORDER = "recorder"  # the recorder could not keep up or could not write
-    CUT = "cut"  # the recording breaks off here: its writer was ended by force
+    STOPPED = "stopped"  # by the operator
+    FINISHED = "finished"  # end of the source: planned length reached, or recording replayed
+    OVERRUN = "overrun"  # samples were lost between the device and this program
+    UNPLUGGED = "unplugged"  # the device was disconnected
+    DEVICE_ERROR = "device error"  # any other error that the driver reported
+    RECORDER = "recorder"  # the recorder was too slow or could not write
+    CUT = "cut"  # the recording was truncated: its writer was killed
 
 
 @dataclass(frozen=True, slots=True)
 class SegmentEnd:
-    """The end of a segment, with what was lost at it.
+    """The end of a segment and the number of samples lost there.
 
     Parameters
     ----------
@@ -96,13 +96,13 @@ class SegmentEnd:
     samples : int
         Samples per channel that the segment delivered.
     reason : EndReason
-        Why it ended.
+        Reason for the end.
     lost : int
         Samples per channel known to be lost after its last sample; 0 where none were lost.
     lost_is_exact : bool
         False where ``lost`` is only a lower bound.
     detail : str
-        What the driver said, with its code, for the operator; empty where all is well.
+        Message and code of the driver, for the operator; empty without an error.
     """
 
     segment: int

@@ -1,18 +1,18 @@
-"""What the analysis of a whole record may refuse, for callers who can do something about it.
+"""Errors of the analysis of a whole record, for callers that can handle them.
 
 AnalysisError
-├── TachoRefusedError    the pulses do not tell the angle, and repairing them would be guessing
-└── RecordTooShortError  fewer whole revolutions or samples than the question needs
+├── TachoRefusedError    the shaft angle is ambiguous from the pulses, and repairing them would be guessing
+└── RecordTooShortError  fewer whole revolutions or samples than the analysis needs
 """
 
 
 class AnalysisError(Exception):
-    """A record that cannot give what was asked."""
+    """The record does not allow the requested analysis."""
 
 
 class TachoRefusedError(AnalysisError):
-    """The tacho's pulses do not tell the angle of the shaft."""
+    """The shaft angle is ambiguous from the tacho pulses."""
 
 
 class RecordTooShortError(AnalysisError):
-    """The record holds fewer whole revolutions or samples than the question needs."""
+    """The record holds fewer whole revolutions or samples than the analysis needs."""

@@ -1,4 +1,7 @@
-"""What an acquisition knew: everything needed to turn recorded codes into metres, speed and phase."""
+"""Run header: channels, calibrations, tacho, analysis settings and limits.
+
+Contains everything that turns recorded converter codes into metres, speed and phase.
+"""
 
 from dataclasses import dataclass
 from enum import StrEnum
@@ -10,7 +13,7 @@ CODE_MIN, CODE_MAX = -32768, 32767
 
 
 class Role(StrEnum):
-    """What a channel measures."""
+    """Quantity that a channel measures."""
 
     PROBE_X = "probe_x"
     PROBE_Y = "probe_y"
@@ -26,17 +29,17 @@ class Calibration:
     coefficients : tuple of float
         Polynomial coefficients in rising order, metres of gap per volt**k.
     volts_low, volts_high : float
-        Span of output voltage that was calibrated, V. Outside it the polynomial is extrapolated and that is said.
+        Calibrated range of the output voltage, V. Outside it the polynomial is extrapolated; such samples are counted.
     residual : float
         Largest deviation of the fit from the calibration points, m.
     sensor, conditioner : str
         Serial numbers.
     date : str
-        Day of the calibration, ISO 8601.
+        Date of the calibration, ISO 8601.
     target : str
-        Material and diameter of what it was calibrated against.
+        Material and diameter of the target.
     operator : str
-        Who did it.
+        Name of the person who calibrated.
     """
 
     coefficients: tuple[float, ...]
@@ -52,26 +55,26 @@ class Calibration:
 
 @dataclass(frozen=True, slots=True)
 class Channel:
-    """One input of the card and what is wired to it.
+    """One input of the card and the sensor wired to it.
 
     Parameters
     ----------
     name : str
-        The operator's name, as "x".
+        Name of the channel in the rig file, as "x".
     role : Role
-        What it measures.
+        Measured quantity.
     physical : str
-        The card's input, as "ai0".
+        Input of the card, as "ai0".
     range_low, range_high : float
         Input range, V.
     scaling : tuple of float
-        The device's polynomial: volts = sum of ``scaling[k] * code**k``.
+        Scaling polynomial of the device: volts = sum of ``scaling[k] * code**k``.
     calibration : Calibration or None
         For probes: volts to metres of gap.
     angle : float
-        For probes: where the probe sits, rad from +X (right), positive in the direction of rotation.
+        For probes: mounting angle, rad from +X (right), positive in the direction of rotation.
     gap_low, gap_high : float
-        For probes: window in which the mean (gap) voltage should lie, V.
+        For probes: allowed range of the mean (gap) voltage, V.
     """
 
     name: str
@@ -86,23 +89,23 @@ class Channel:
     gap_high: float = np.inf
 
     def volts(self, codes: NDArray[np.int16]) -> NDArray[np.float64]:
-        """Return the voltage at the input, V, for converter codes of any shape."""
+        """Return the input voltage, V, of converter codes of any shape."""
         volts = np.polynomial.polynomial.polyval(codes.astype(np.float64), self.scaling)
         return np.asarray(volts, dtype=np.float64)
 
     def displacement(self, codes: NDArray[np.int16]) -> NDArray[np.float64]:
-        """Return the shaft's displacement towards the probe, m, for converter codes of any shape.
+        """Return the shaft displacement towards the probe, m, of converter codes of any shape.
 
-        The zero is the probe's tip: minus the gap.
+        The zero is at the probe tip: the displacement is minus the gap.
         """
         if self.calibration is None:
-            raise ValueError(f"channel {self.name!r} has no calibration: it is no probe")
+            raise ValueError(f"channel {self.name!r} has no calibration: it is not a probe")
         gap = np.polynomial.polynomial.polyval(self.volts(codes), self.calibration.coefficients)
         return np.asarray(-gap, dtype=np.float64)
 
 
 class Edge(StrEnum):
-    """Which edge of the tacho's pulse is timed."""
+    """Edge of the tacho pulse that is timed."""
 
     RISING = "rising"
     FALLING = "falling"
@@ -110,22 +113,22 @@ class Edge(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class TachoCounter:
-    """A counter of the card that stamps the tacho's edges, beside its waveform.
+    """A counter of the card that timestamps the tacho edges, in addition to the sampled waveform.
 
     Parameters
     ----------
     counter : str
-        The card's counter, as "ctr0".
+        Counter of the card, as "ctr0".
     terminal : str
-        The card's line that the tacho is wired to as well, as "PFI0".
+        Digital line of the card that the tacho is also wired to, as "PFI0".
     edge : Edge
-        Edge at that line that is stamped.
+        Edge at that line that is timestamped.
     timebase : float
-        Rate of its ticks, Hz; they come from the oscillator that the samples come from.
+        Tick rate, Hz; from the same oscillator as the sample clock.
     is_reference : bool
-        Whether speed and phase are taken from its stamps; else from the waveform.
+        Whether speed and phase use the timestamps; otherwise the waveform.
     max_difference : float
-        How far a stamp may lie from the edge in the waveform, s.
+        Largest allowed difference between a timestamp and the edge in the waveform, s.
     """
 
     counter: str
@@ -138,26 +141,26 @@ class TachoCounter:
 
 @dataclass(frozen=True, slots=True)
 class Tacho:
-    """How the tacho is read.
+    """Tacho settings: switching levels, keyphasor marks, sensor response and counter.
 
     Parameters
     ----------
     threshold : float
-        Middle level, V.
+        Middle of the two switching levels, V.
     hysteresis : float
-        Full distance between the two switching levels, V.
+        Distance between the two switching levels, V.
     edge : Edge
-        Edge that marks theta = 0.
+        Edge at theta = 0.
     pulses_per_revolution : int
-        Marks on the shaft.
+        Number of keyphasor marks on the shaft.
     mark_fraction : float
-        Part of the turn that the mark covers, 0 to 1.
+        Fraction of a revolution that the mark covers, 0 to 1.
     response_time : float
         Slowest response of the sensor, s: both light and dark must last longer.
     delay : float
-        From the mark's passing to the edge in the signal, s; taken off every edge.
+        Time from the passing of the mark to the edge in the signal, s; subtracted from every edge.
     counter : TachoCounter or None
-        The counter that stamps its edges as well; None where only its waveform is sampled.
+        Counter that timestamps the edges as well; None where only the waveform is sampled.
     """
 
     threshold: float
@@ -171,13 +174,13 @@ class Tacho:
 
     @property
     def reference(self) -> str:
-        """What speed and phase are taken from: "counter" or "samples"."""
+        """Source of speed and phase: "counter" or "samples"."""
         return "counter" if self.counter is not None and self.counter.is_reference else "samples"
 
 
 @dataclass(frozen=True, slots=True)
 class Device:
-    """Which device delivered the samples."""
+    """The device that delivered the samples."""
 
     backend: str
     product: str
@@ -188,22 +191,22 @@ class Device:
 
 @dataclass(frozen=True, slots=True)
 class Acquisition:
-    """The acquisition as it really was, read back from the device after it was committed.
+    """Actual acquisition settings, read back from the device after they were committed.
 
     Parameters
     ----------
     device : Device
-        What delivered the samples.
+        Device that delivered the samples.
     rate : float
         Coerced sample rate per channel, Hz.
     convert_rate : float
         Rate of the multiplexer's convert clock, Hz: channel k is sampled k / convert_rate after channel 0.
     channels : tuple of Channel
-        In the order of the rows of a block.
+        Channels in the order of the rows of a block.
     tacho : Tacho
-        How the tacho channel is read.
+        Settings of the tacho channel.
     buffer : int
-        Samples per channel that the device holds for a late reader; 0 where there is no device or nobody knows.
+        Buffer size of the device, samples per channel; 0 without a device or where unknown.
     """
 
     device: Device
@@ -215,16 +218,16 @@ class Acquisition:
 
     @property
     def buffer_time(self) -> float | None:
-        """How long the device holds samples for a late reader, s; None where there is no device or nobody knows."""
+        """Length of the device buffer, s; None without a device or where unknown."""
         return self.buffer / self.rate if self.buffer else None
 
     @property
     def ticks_per_sample(self) -> float:
-        """Ticks of the tacho's counter from one sample to the next; 0 where there is no counter."""
+        """Ticks of the tacho counter per sample; 0 without a counter."""
         return 0.0 if self.tacho.counter is None else self.tacho.counter.timebase / self.rate
 
     def row(self, role: Role) -> int:
-        """Return the row of a block that holds the channel of this role; ValueError where there is none."""
+        """Return the row of the channel with this role in a block; ValueError where there is none."""
         for row, channel in enumerate(self.channels):
             if channel.role is role:
                 return row
@@ -233,20 +236,22 @@ class Acquisition:
 
 @dataclass(frozen=True, slots=True)
 class RunOutSettings:
-    """What is taken off 1X, 2X and the orbit while a run goes, beside what was measured; by default nothing is.
+    """Run-out compensation of 1X, 2X and the orbit during a run; off by default.
+
+    The compensated values are additional; the values as measured stay.
 
     Parameters
     ----------
     slow_roll_speed : float
-        Frames of the run up to this speed tell its run-out, rad/s; 0: none does.
+        Run-out is measured from the frames of the run up to this speed, rad/s; 0: not measured.
     vectors : tuple of (int, complex, complex)
-        Whole order, and the run-out at the probes x and y that was known before, m peak; empty: not known before.
+        Whole order and its known run-out at the probes x and y, m peak; empty where not known before the run.
     sigma : tuple of float
-        Standard deviation of the amplitudes of 1X and 2X among them, m peak; 0 where nobody knows.
+        Standard deviation of the amplitudes of 1X and 2X of ``vectors``, m peak; 0 where unknown.
     source : str
-        Where the vectors come from, for people.
+        Origin of the vectors, as text for the operator.
     from_orbit : bool
-        Whether it is taken off the orbit too.
+        Whether run-out is subtracted from the orbit too.
     """
 
     slow_roll_speed: float = 0.0
@@ -257,13 +262,13 @@ class RunOutSettings:
 
     @property
     def is_enabled(self) -> bool:
-        """Whether any run-out is to be taken off."""
+        """Whether any run-out is to be subtracted."""
         return bool(self.vectors) or self.slow_roll_speed > 0.0
 
 
 @dataclass(frozen=True, slots=True)
 class AnalysisSettings:
-    """How a run is analysed live and afterwards, alike.
+    """Settings of the order analysis, the same live and in replay.
 
     Parameters
     ----------
@@ -272,13 +277,13 @@ class AnalysisSettings:
     revolutions : int
         Whole revolutions in an order spectrum; the resolution is 1 / revolutions orders.
     points_per_revolution : int
-        Angular samples a revolution; even.
+        Angular samples per revolution; even.
     highest_order : float
-        Order up to which spectra are given.
+        Highest order of the spectra.
     orbit_revolutions : int
-        Revolutions drawn as orbit.
+        Revolutions of the orbit.
     runout : RunOutSettings
-        What is taken off as run-out.
+        Run-out compensation.
     """
 
     update_interval: float = 0.1
@@ -290,7 +295,7 @@ class AnalysisSettings:
 
 
 class Severity(StrEnum):
-    """What is watched against its limits, from harmless to worst."""
+    """Severity of a monitored value against its limits, in rising order."""
 
     NORMAL = "normal"
     ALARM = "alarm"
@@ -298,34 +303,34 @@ class Severity(StrEnum):
 
     @property
     def rank(self) -> int:
-        """0 for the harmless one, rising."""
+        """Position in rising order of severity, from 0."""
         return list(Severity).index(self)
 
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """What the operator must not pass, and the room there is.
+    """Alarm and danger limits of vibration and speed, and the bearing clearance.
 
     Parameters
     ----------
     peak_to_peak_alarm, peak_to_peak_danger : float
         Overall vibration at either probe, m peak-to-peak.
     clearance : float
-        Radius of the circle that the shaft can move in, m.
+        Radius of the clearance circle, m.
     speed : float
-        Highest speed of the rig, rad/s: how far picture and prediction reach; no alarm by itself.
+        Highest speed of the rig, rad/s: the end of the plots' and the prediction's speed axis; raises no alarm.
     hysteresis : float
-        Part of a limit by which what is watched must fall below it before its alarm ends, 0 to below 1.
+        Fraction of a limit by which a value must fall below it before the alarm ends, 0 to below 1.
     hold : float
-        Time that a vibration must pass its limit before its alarm comes, s; that of the speed comes at once.
+        Time that vibration must exceed its limit before the alarm, s; a speed alarm comes immediately.
     latch : bool
-        Whether an alarm stays in sight until somebody acknowledges it.
+        Whether an alarm stays visible until it is acknowledged.
     order_1x_alarm, order_1x_danger : float
-        1X at either probe as measured, m peak; infinite where it is not watched, as all that follow.
+        1X at either probe as measured, m peak; infinite where not monitored, also for the limits below.
     below_1x_alarm, below_1x_danger : float
-        All components below 1X together at either probe: the sum of their amplitudes, m peak.
+        Sum of the amplitudes of all components below 1X at either probe, m peak.
     speed_alarm, speed_danger : float
-        Speed of the shaft, rad/s.
+        Shaft speed, rad/s.
     """
 
     peak_to_peak_alarm: float
@@ -343,11 +348,11 @@ class Limits:
     speed_danger: float = np.inf
 
     def clearance_fraction(self, peak_to_peak: float) -> float:
-        """Return an overall vibration, m peak-to-peak, over the clearance's diameter: 1 is all the room there is."""
+        """Return an overall vibration, m peak-to-peak, over the diameter of the clearance circle."""
         return peak_to_peak / (2.0 * self.clearance)
 
     def severity(self, peak_to_peak: float) -> Severity:
-        """Return how an overall vibration, m peak-to-peak, stands to the limits; a limit that is met is passed."""
+        """Return the severity of an overall vibration, m peak-to-peak; a value equal to a limit exceeds it."""
         if peak_to_peak >= self.peak_to_peak_danger:
             return Severity.DANGER
         return Severity.ALARM if peak_to_peak >= self.peak_to_peak_alarm else Severity.NORMAL
@@ -355,28 +360,28 @@ class Limits:
 
 @dataclass(frozen=True, slots=True)
 class RunHeader:
-    """All that is known of a run when it starts; written first into its file.
+    """Everything known about a run at its start; written at the beginning of its file.
 
     Parameters
     ----------
     run : str
-        Its id, as "2026-11-24T09-12-07-gj90c".
+        Id of the run, as "2026-11-24T09-12-07-gj90c".
     rig : str
         Name of the rig.
     started_ns : int
         Wall clock at the start, ns since 1970.
     acquisition : Acquisition
-        What turns codes into quantities.
+        Channels, rates, calibrations and tacho.
     settings : AnalysisSettings
-        How it is analysed.
+        Settings of the order analysis.
     limits : Limits
-        What is watched.
+        Alarm limits and clearance.
     config_toml : str
-        The rig's configuration as it was in force, TOML.
+        Rig configuration in force, TOML.
     program : str
-        Name and version of the program that recorded it.
+        Name and version of the recording program.
     note : str
-        The operator's words.
+        Note of the operator.
     """
 
     run: str

@@ -1,7 +1,4 @@
-"""What every tool for a whole record asks of the displacement towards the two probes.
-
-The shaft's path in the bench's directions, from two probes at any two angles, and the ellipses it is made of.
-"""
+"""Pairs of probes at any two angles: conversion to the bench axes X and Y, and ellipses of single orders."""
 
 import math
 from dataclasses import dataclass
@@ -14,17 +11,17 @@ ComplexArray = NDArray[np.complex128]
 
 
 class ProbePair:
-    """Two probes that look at the shaft from two directions.
+    """Two probes that measure the shaft from two directions.
 
     Parameters
     ----------
     angle_x, angle_y : float
-        Where the probes sit, rad from +X, positive in the direction of rotation.
+        Mounting angles of the probes, rad from +X, positive in the direction of rotation.
 
     Raises
     ------
     ValueError
-        Where both lie on one line: the motion across it cannot be known.
+        Both probes lie on one line: they do not measure the motion across it.
     """
 
     def __init__(self, angle_x: float, angle_y: float) -> None:
@@ -37,25 +34,25 @@ class ProbePair:
         self._bench: FloatArray = np.linalg.inv(towards)
 
     def to_bench(self, displacement: FloatArray) -> FloatArray:
-        """Return motion in X and Y, shape (2, ...), of displacements towards the probes x and y, shape (2, ...)."""
+        """Return the motion in X and Y, shape (2, ...), from displacements towards the probes, shape (2, ...)."""
         return np.asarray(np.tensordot(self._bench, displacement, axes=1), dtype=np.float64)
 
     def to_probes(self, motion: FloatArray) -> FloatArray:
-        """Return displacements towards the probes, shape (2, ...), of motion in X and Y, shape (2, ...)."""
+        """Return displacements towards the probes, shape (2, ...), from the motion in X and Y, shape (2, ...)."""
         return np.asarray(np.tensordot(self._towards, motion, axes=1), dtype=np.float64)
 
     @property
     def lead(self) -> float:
-        """Sine of the angle from probe x to probe y: 1 where y lies a quarter turn further in the turning sense."""
+        """Sine of the angle from probe x to probe y: 1 where y leads by 90° in the direction of rotation."""
         cross = self._towards[0, 0] * self._towards[1, 1] - self._towards[0, 1] * self._towards[1, 0]
         return float(round(cross, 6))
 
     def vectors_to_bench(self, vectors: ComplexArray) -> ComplexArray:
-        """Return complex vectors in X and Y, shape (2, ...), of those at the probes x and y, shape (2, ...)."""
+        """Return complex vectors in X and Y, shape (2, ...), from those at the probes x and y, shape (2, ...)."""
         return np.asarray(np.tensordot(self._bench, vectors, axes=1), dtype=np.complex128)
 
     def ellipse(self, vectors: ComplexArray) -> "Ellipse":
-        """Return the ellipse of one component.
+        """Return the ellipse of one order component.
 
         Parameters
         ----------
@@ -75,8 +72,8 @@ class Ellipse:
     Parameters
     ----------
     forward, backward : complex
-        The circles with and against the rotation, m peak (D. Bently and C. Hatch, Fundamentals of Rotating
-        Machinery Diagnostics, 2002, ch. 8).
+        Circles with and against the rotation, m peak (D. Bently and C. Hatch, Fundamentals of Rotating Machinery
+        Diagnostics, 2002, ch. 8).
     """
 
     forward: complex
@@ -89,18 +86,18 @@ class Ellipse:
 
     @property
     def minor(self) -> float:
-        """Half the minor axis, m peak; negative where the component goes round against the shaft."""
+        """Half the minor axis, m peak; negative for backward precession."""
         return abs(self.forward) - abs(self.backward)
 
     @property
     def tilt(self) -> float:
-        """Angle of the major axis from +X, rad, from -pi/2 to pi/2; 0 where one circle vanishes."""
+        """Angle of the major axis from +X, rad, from -pi/2 to pi/2; 0 for a circle."""
         product = self.forward * self.backward
         return 0.5 * float(np.angle(product)) if product else 0.0
 
 
 def require_displacement(displacement: NDArray[np.float64], rate: float) -> None:
-    """Raise ValueError where displacement is not of two probes, shape (2, n), finite, m, or its rate not above 0 Hz."""
+    """Raise ValueError unless displacement is finite, m, of shape (2, n), and its rate is above 0 Hz."""
     if displacement.ndim != 2 or displacement.shape[0] != 2:
         raise ValueError(f"displacement: shape {displacement.shape}, expected (2, n), m at the probes x and y")
     if not np.isfinite(displacement).all():

@@ -1,8 +1,7 @@
-"""What the analyser says of the shaft at one moment: the one result that view, service, recording and summary share.
+"""Snapshots: the results of the live analysis at one sample, shared by view, service, recording and summary.
 
-Phase convention, written once: x(t) = Re[X exp(i k theta)] with theta = 0 when the mark passes the tacho.
-Where operators read a phase it is the *lag*, -arg(X), in degrees. Amplitudes are zero-to-peak unless the name says
-otherwise.
+Phase convention: x(t) = Re[X exp(i k theta)] with theta = 0 when the keyphasor mark passes the tacho. Phases shown to
+operators are the *lag*, -arg(X), in degrees. Amplitudes are zero-to-peak unless the name says otherwise.
 """
 
 import math
@@ -19,32 +18,32 @@ ComplexArray = NDArray[np.complex128]
 
 
 class TachoState(StrEnum):
-    """What the tacho gives."""
+    """State of the tacho signal."""
 
     GOOD = "good"
-    NO_PULSES = "no pulses"  # nothing in the last seconds: standing still, unplugged or misaligned
-    IRREGULAR = "irregular"  # pulses too unequal to be a shaft: noise, or a response limit passed
-    TOO_FAST = "too fast"  # light or dark time under the sensor's response time: speed may read too low
+    NO_PULSES = "no pulses"  # in the last seconds: shaft at rest, sensor unplugged or misaligned
+    IRREGULAR = "irregular"  # pulse intervals too unequal for a shaft: noise, or sensor response exceeded
+    TOO_FAST = "too fast"  # light or dark is shorter than the sensor response: speed may read too low
 
 
 @dataclass(frozen=True, slots=True)
 class TachoReport:
-    """What was seen of the tacho since the run began, and its state now.
+    """Present state of the tacho and its pulse counts since the start of the run.
 
     Parameters
     ----------
     state : TachoState
-        The verdict on the last update interval.
+        State over the last update interval.
     pulses : int
-        Pulses accepted.
+        Accepted pulses.
     filled : int
-        Pulses that were missing and filled in.
+        Missing pulses that were filled in.
     rejected : int
-        Edges that were rejected as doubles or noise.
+        Edges rejected as doubles or noise.
     jitter : float
-        Robust scatter (1.4826 MAD) of the edges about the smooth angle, s; NaN where there is none.
+        Robust scatter (1.4826 MAD) of the edges about the smooth angle, s; NaN without an angle.
     phase_reference_is_arbitrary : bool
-        Whether theta = 0 is the first mark seen of several that cannot be told apart: phases hold within a train only.
+        Whether theta = 0 is the first mark seen of several indistinguishable ones: phases hold within a train only.
     """
 
     state: TachoState
@@ -55,38 +54,40 @@ class TachoReport:
     phase_reference_is_arbitrary: bool = False
 
 
-RECENT_TIME = 10.0  # s: what happened longer ago is history to whoever watches
+RECENT_TIME = 10.0  # s: span of the recent counts
 
 
 class CounterState(StrEnum):
-    """How the tacho's counter and its waveform stand to one another."""
+    """Agreement of the tacho counter with the sampled tacho waveform."""
 
     AGREES = "agrees"
-    COUNT_DIFFERS = "count differs"  # edges that only one of them has
-    TIMES_DIFFER = "times differ"  # by more than the rig says they may
-    FAILED = "failed"  # the counter gives no more stamps in this segment
+    COUNT_DIFFERS = "count differs"  # some edges are in only one of them
+    TIMES_DIFFER = "times differ"  # by more than the configured tolerance
+    FAILED = "failed"  # the counter delivers no more timestamps in this segment
 
 
 @dataclass(frozen=True, slots=True)
 class CounterReport:
-    """The tacho's counter against its waveform since the run began; edges are compared a little later than they come.
+    """Comparison of the tacho counter with the tacho waveform since the start of the run.
+
+    Edges are compared with a short delay, so that late timestamps are included.
 
     Parameters
     ----------
     is_working : bool
-        Whether it still gives stamps.
+        Whether the counter still delivers timestamps.
     compared : int
-        Edges that both have.
+        Edges found by both.
     missing : int
-        Edges of the waveform that the counter has not stamped.
+        Edges of the waveform without a timestamp.
     extra : int
-        Stamps where the waveform has no edge.
+        Timestamps without an edge in the waveform.
     out_of_tolerance : int
-        Edges of both that lie further apart than the rig says they may.
+        Edges found by both whose times differ by more than the configured tolerance.
     mean_difference : float
-        How much later the counter has them, in the mean, s; NaN where none were compared.
+        Mean time of the counter minus that of the waveform, s; NaN where none were compared.
     largest_difference : float
-        Largest distance of the two, s; NaN where none were compared.
+        Largest time difference, s; NaN where none were compared.
     recent : int
         Edges of either that were compared in the last `RECENT_TIME` s.
     recent_mismatches : int
@@ -105,7 +106,7 @@ class CounterReport:
 
     @property
     def state(self) -> CounterState:
-        """The verdict."""
+        """State of the comparison."""
         if not self.is_working:
             return CounterState.FAILED
         if self.missing or self.extra:
@@ -114,14 +115,14 @@ class CounterReport:
 
     @property
     def message(self) -> str:
-        """What an operator should know; empty where they agree."""
+        """Message for the operator; empty where both agree."""
         odds = {
-            CounterState.FAILED: ["the counter gives no more stamps: speed and phase are taken from the samples"],
+            CounterState.FAILED: ["the counter delivers no more timestamps: speed and phase use the samples"],
             CounterState.COUNT_DIFFERS: [
                 f"{count:,} {what}"
                 for count, what in (
-                    (self.missing, "edges of the waveform that the counter has not stamped"),
-                    (self.extra, "stamps where the waveform has no edge"),
+                    (self.missing, "edges of the waveform without a timestamp"),
+                    (self.extra, "timestamps without an edge in the waveform"),
                 )
                 if count
             ],
@@ -133,7 +134,7 @@ class CounterReport:
 
     @property
     def recent_message(self) -> str:
-        """Whether they still differ where they have; empty where they agree, or the counter has failed."""
+        """Mismatches in the last `RECENT_TIME` s; empty where both agree or the counter has failed."""
         if self.state in {CounterState.AGREES, CounterState.FAILED}:
             return ""
         how_many = f"{self.recent_mismatches:,} of {self.recent:,}" if self.recent_mismatches else "none"
@@ -142,20 +143,20 @@ class CounterReport:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Whirl:
-    """A component below 1X.
+    """A component below 1X in one order frame.
 
     Parameters
     ----------
     order : float
-        Its frequency over the shaft's.
+        Frequency over shaft frequency.
     forward, backward : float
-        Amplitudes of its forward and backward circles, m peak; the ellipse's half axes are their sum and difference.
+        Amplitudes of its forward and backward circles, m peak; the half axes are their sum and difference.
     vectors : ndarray of complex128, shape (2,)
-        Peak amplitude and phase at the probes x and y, m (phase only meaningful relative to each other).
+        Peak amplitude and phase at the probes x and y, m (phases only meaningful relative to each other).
     order_sigma : float
-        Standard deviation of the order from the floor; NaN in older files.
+        Standard deviation of the order, from the noise floor; NaN in older files.
     sigma : float
-        Standard deviation of the amplitude from the floor, m peak; NaN in older files.
+        Standard deviation of the amplitude, from the noise floor, m peak; NaN in older files.
     """
 
     order: float
@@ -172,27 +173,27 @@ class Whirl:
 
     @property
     def is_forward(self) -> bool:
-        """Whether it goes round with the shaft."""
+        """Whether it precesses with the rotation."""
         return self.forward >= self.backward
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RunOut:
-    """What the probes see of the surface, to be taken off what they see of the motion.
+    """Run-out of the probed surfaces, to be subtracted from the measured motion.
 
     Parameters
     ----------
     vectors : ndarray of complex128, shape (n_orders, 2)
-        ``vectors[k - 1, probe]``: of the whole order k, at least 1 and 2, m peak; NaN where unknown.
+        ``vectors[k - 1, probe]``: run-out of the whole order k, at least 1 and 2, m peak; NaN where unknown.
     sigma : ndarray of float64, shape (2,)
-        Standard deviation of the amplitudes of 1X and 2X, m peak; 0 where nobody knows.
+        Standard deviation of the amplitudes of 1X and 2X, m peak; 0 where unknown.
     """
 
     vectors: ComplexArray
     sigma: FloatArray
 
     def waveform(self, points: int) -> FloatArray:
-        """Return it from the mark on over a turn, shape (2, points), m; orders that are not known leave nothing."""
+        """Return the run-out over one revolution from theta = 0, shape (2, points), m; unknown orders count as 0."""
         orders = np.arange(1, len(self.vectors) + 1)
         turn = np.exp(2j * np.pi * np.outer(orders, np.arange(points) / points))
         return np.asarray((np.nan_to_num(self.vectors).T @ turn).real, dtype=np.float64)
@@ -200,7 +201,7 @@ class RunOut:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class OrderFrame:
-    """What the last whole revolutions say.
+    """Order spectrum, vectors, whirl components and orbit of the last whole revolutions.
 
     Parameters
     ----------
@@ -215,21 +216,21 @@ class OrderFrame:
     vectors : ndarray of complex128, shape (2, 2)
         ``vectors[k - 1, probe]``: the kX vector, k = 1, 2, at x and y, m peak.
     noise : float
-        Floor of the order spectrum between the lines, m peak (median over orders and probes).
+        Noise floor of the order spectrum between the whole orders, m peak (median over orders and probes).
     whirls : tuple of Whirl
-        Sub-synchronous components that stand above the floor, the strongest first; older files hold one at most.
+        Sub-synchronous components above the noise floor, the strongest first; older files hold one at most.
     orbit : ndarray of float64, shape (2, n_points)
-        Displacement in the bench's directions X and Y over the last ``orbit_revolutions`` whole revolutions, mean
-        removed, m; every ``points_per_revolution``-th point from the first on lies on the mark.
+        Displacement in the bench axes X and Y over the last ``orbit_revolutions`` whole revolutions, mean removed, m;
+        every ``points_per_revolution``-th point, starting with the first, lies at theta = 0.
     sigma : ndarray of float64, shape (2,)
-        Standard deviation of the amplitudes of 1X and of 2X at either probe, from the lines beside them, m peak; NaN
+        Standard deviation of the amplitudes of 1X and of 2X at either probe, from the neighbouring lines, m peak; NaN
         in older files.
     angle_sigma : float
-        Standard deviation of the shaft's angle as the frame feels it, from the tacho's jitter, rad; NaN likewise.
+        Standard deviation of the shaft angle, averaged by the window, from the tacho jitter, rad; NaN in older files.
     runout : RunOut or None
-        What is known of the run-out; None where nothing is, or where it is not to be taken off.
+        Known run-out; None where unknown or not to be subtracted.
     compensated_orbit : ndarray of float64, shape (2, n_points), or None
-        The orbit less the run-out; None where that was not asked for or is not known.
+        Orbit minus run-out; None where not requested or unknown.
     """
 
     speed: float
@@ -247,17 +248,20 @@ class OrderFrame:
 
     @property
     def compensated(self) -> ComplexArray | None:
-        """``vectors`` less the run-out, NaN for an order whose run-out is not known; None where none is."""
+        """``vectors`` minus the run-out, NaN for an order of unknown run-out; None where no run-out is known."""
         return None if self.runout is None else self.vectors - self.runout.vectors[:2]
 
     @property
     def compensated_sigma(self) -> FloatArray:
-        """Standard deviation of the amplitudes of ``compensated``, shape (2,), m peak: both added in square."""
+        """Standard deviation of the amplitudes of ``compensated``, shape (2,), m peak: root of the sum of squares."""
         return self.sigma if self.runout is None else np.hypot(self.sigma, self.runout.sigma)
 
     @property
     def compensated_phase_sigma(self) -> FloatArray:
-        """Standard deviation of the phases of ``compensated``, shape (2, 2), rad: the angle's error turns all of it."""
+        """Standard deviation of the phases of ``compensated``, shape (2, 2), rad.
+
+        An error of the shaft angle turns the whole measured vector, run-out included.
+        """
         rest = self.vectors if self.compensated is None else self.compensated
         turned = self.angle_sigma * np.array([[1.0], [2.0]]) * np.abs(self.vectors)
         spread = np.hypot(self.compensated_sigma[:, None], turned)
@@ -265,7 +269,7 @@ class OrderFrame:
 
     @property
     def motion(self) -> ComplexArray:
-        """The vectors of the motion as well as they are known: compensated where the run-out is known."""
+        """Vectors of the shaft motion: compensated where the run-out is known, else as measured."""
         compensated = self.compensated
         return self.vectors if compensated is None else np.where(np.isnan(compensated), self.vectors, compensated)
 
@@ -286,14 +290,14 @@ class OrderFrame:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Trace:
-    """The last samples as a scope would show them, thinned for the eye.
+    """The last samples as waveforms, thinned for display.
 
     Parameters
     ----------
     time : ndarray of float64, shape (n,)
         Time in the segment, s.
     displacement : ndarray of float64, shape (2, n)
-        Displacement towards the probes x and y, mean removed, m.
+        Displacement towards the probes x and y, mean subtracted, m.
     tacho : ndarray of float64, shape (n,)
         Tacho voltage, V.
     """
@@ -305,41 +309,41 @@ class Trace:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Snapshot:
-    """The state of the shaft at one sample.
+    """Results of the live analysis at one sample.
 
-    Snapshots come at fixed sample indices, every ``update_interval`` and at a segment's end, whatever the size of the
-    blocks, and hold the same bits live and in replay.
+    Snapshots lie at fixed sample indices, every ``update_interval`` and at the end of a segment. They do not depend on
+    the block size and are identical, bit for bit, live and in replay.
 
     Parameters
     ----------
     segment : int
         Segment of the run.
     sample : int
-        One past the last sample used.
+        Index one past the last sample used.
     time : float
         ``sample / rate``, s in the segment.
     speed : float
-        Shaft speed over the last revolutions, rad/s; NaN where the tacho does not tell.
+        Shaft speed over the last revolutions, rad/s; NaN without valid tacho pulses.
     tacho : TachoReport
-        How far the tacho is to be trusted.
+        State and pulse counts of the tacho.
     gap_volts : ndarray of float64, shape (2,)
         Mean voltage of the probes over the last update interval, V.
     gap_ok : ndarray of bool, shape (2,)
-        Whether each lies in its window.
+        Whether each lies within its limits.
     peak_to_peak : ndarray of float64, shape (2,)
         Overall peak-to-peak of each probe over the last update interval or revolution, whichever is longer, m: whole
-        update intervals, each without the extreme 0.2 ms (2 % at most) at either side, where a sensor's glitches lie.
+        update intervals, each without the extreme 0.2 ms (2 % at most) at either end, to exclude sensor glitches.
     clipped : ndarray of int64, shape (n_channels,)
-        Samples at the converter's rails since the run began, per channel.
+        Samples at the limits of the converter range since the start of the run, per channel.
     frame : OrderFrame or None
-        None until there are enough whole revolutions in the segment, and where the tacho does not allow one.
+        None until the segment has enough whole revolutions, and without valid tacho pulses.
     trace : Trace
         The last samples.
     beyond_calibration : ndarray of int64, shape (2,)
-        Samples of each probe since the run began whose voltage lies outside the span that was calibrated: their
-        displacement is extrapolated.
+        Samples of each probe since the start of the run outside the calibrated voltage range: their displacement is
+        extrapolated.
     counter : CounterReport or None
-        The tacho's counter against its waveform; None where no counter stamps its edges.
+        Comparison of the tacho counter with the waveform; None without a counter.
     """
 
     segment: int

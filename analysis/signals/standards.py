@@ -1,7 +1,7 @@
-"""Figures of standards for the vibration of shafts, for information, each with what it is meant for and its source.
+"""Limits of shaft vibration, run-out and residual unbalance from standards, for information, with scope and source.
 
-None of them is written for a turbocharger on floating rings: judge that by its clearance. No standard's own text was
-at hand: `Figure.source` says where each number was read instead. Before anything hangs on one, read the standard.
+No standard covers a turbocharger on floating rings: judge its vibration by the clearance. The numbers are quoted from
+secondary sources, given in `StandardLimit.source`. Read the standard itself before any decision depends on a number.
 """
 
 from dataclasses import dataclass
@@ -24,26 +24,26 @@ API_SOURCE = (
     "standard's text"
 )
 API_MIN_RUNOUT, API_RUNOUT_FRACTION = 6.4, 0.25  # um peak-to-peak; of the allowed vibration
-API_RUNOUT_SCOPE = "the places of a shaft that proximity probes look at, both kinds of run-out together"
+API_RUNOUT_SCOPE = "the probed areas of a shaft, mechanical and electrical run-out together"
 API_RUNOUT_SOURCE = "API 670 as the field quotes it; not checked against the standard's text"
 
 
 @dataclass(frozen=True, slots=True)
 class StandardLimit:
-    """One figure of a standard.
+    """One limit of a standard.
 
     Parameters
     ----------
     standard, name : str
-        Where it stands and what it is called there.
+        Standard, and name of the limit in it.
     limit : float
-        Overall vibration, m peak-to-peak; NaN where its scope does not reach the speed.
+        Overall vibration, m peak-to-peak; NaN where the speed is out of scope.
     scope : str
-        What it is meant for.
+        Machines that the limit is meant for.
     in_scope : bool
-        Whether the speed lies in its scope; the machine never does.
+        Whether the speed is in scope; a turbocharger never is.
     source : str
-        Where the number was read, and that the standard's text was not.
+        Secondary source of the number.
     """
 
     standard: str
@@ -55,7 +55,7 @@ class StandardLimit:
 
 
 def standard_limits(speed: float) -> tuple[StandardLimit, ...]:
-    """Return the figures of ISO 20816-3, API 617 and API 670 at a shaft speed.
+    """Return the limits of ISO 20816-3, API 617 and API 670 at a shaft speed.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ def standard_limits(speed: float) -> tuple[StandardLimit, ...]:
     -----
     With n in r/min, in um peak-to-peak: ISO 20816-3 zone boundaries of relative shaft vibration 4800, 9000,
     13200 / sqrt(n); API 617 vibration limit 25.4 sqrt(12000 / n), at most 25.4; API 670 combined run-out, see
-    `combined_runout`.
+    `allowed_combined_runout`.
     """
     if not 0.0 < speed < np.inf:
         raise ValueError(f"speed: {speed} rad/s, expected more than 0, finite")
@@ -93,7 +93,7 @@ def standard_limits(speed: float) -> tuple[StandardLimit, ...]:
 
 
 def allowed_combined_runout(allowed: float) -> float:
-    """Return the run-out that API 670 bears beside an allowed vibration, both m peak-to-peak.
+    """Return the run-out that API 670 allows for a given allowed vibration, both m peak-to-peak.
 
     6.4 um or a quarter of the allowed vibration, whichever is more (`API_RUNOUT_SOURCE`).
     """
@@ -110,7 +110,7 @@ def permissible_unbalance(grade: float, mass: float, speed: float) -> float:
     grade : float
         Balance quality grade, m/s (G 2.5 is 2.5e-3 m/s).
     mass : float
-        Of the rotor, kg.
+        Mass of the rotor, kg.
     speed : float
         Highest service speed, rad/s.
 

@@ -1,7 +1,4 @@
-"""What is in a probe's signal that the shaft did not do: drift of its mean, and hum of the mains.
-
-Slow lines in a probe's signal: what goes round with the shaft, what the mains put in, whether anything moves.
-"""
+"""Disturbances in a probe signal: mains hum, separated from the shaft's orders, and drift of the mean."""
 
 from dataclasses import dataclass
 from typing import TypeVar
@@ -18,33 +15,33 @@ ComplexArray = NDArray[np.complex128]
 Number = TypeVar("Number", np.float64, np.complex128)
 
 TAU = 2.0 * np.pi
-SLOW_RATE = 5000.0  # Hz to which signals are thinned: the mains' and the shaft's lines lie well below
+SLOW_RATE = 5000.0  # Hz, of the decimated signal: mains and low shaft orders lie well below
 MAINS_FREQUENCIES = (50.0, 60.0)  # Hz
-MAX_MAINS_OFFSET = 0.6  # Hz about a mains frequency in which its line must be the highest, a resolution of about 1 s
-SEARCH_WIDTH = 5.0  # Hz about it
+MAX_MAINS_OFFSET = 0.6  # Hz, of the highest line from the mains frequency, for a resolution of about 1 s
+SEARCH_WIDTH = 5.0  # Hz on either side of the mains frequency
 SEARCH_STEP = 0.1  # Hz
-SKIRT_LINES = 2.5  # lines of the window's resolution about the mains' that its own skirt reaches
-BASE_RATE = 100.0  # Hz, of the signal shifted down by a mains frequency: the neighbours lie well below
-ORDERS = (1, 2, 3, 4)  # of the shaft that are taken out
-MIN_SEPARABLE_ENERGY = 0.5  # part of a mains line's energy that the shaft's orders must leave of it
-MIN_RELATIVE_POWER = 1e-10  # of the largest power: what is less is no direction of its own
+SKIRT_LINES = 2.5  # lines on either side of the mains line that the window's main lobe covers
+BASE_RATE = 100.0  # Hz, of the signal shifted down by a mains frequency: the search width lies well below
+ORDERS = (1, 2, 3, 4)  # of the shaft that are subtracted
+MIN_SEPARABLE_ENERGY = 0.5  # fraction of a mains line's energy that is no linear combination of shaft orders
+MIN_RELATIVE_POWER = 1e-10  # of the largest eigenvalue: smaller ones are linearly dependent
 MOTION_BAND = (2.0, 1000.0)  # Hz
 
 
 @dataclass(frozen=True, slots=True)
 class MainsLine:
-    """The mains' line in a signal.
+    """The mains line in a signal.
 
     Parameters
     ----------
     frequency : float
         50 or 60, Hz.
     amplitude : float
-        Peak, in the signal's unit; 0 where no line stands out there. With the shaft's part where both lie together.
+        Peak, in the unit of the signal; 0 where no line stands out. Includes a shaft order at the same frequency.
     sigma : float
-        Standard deviation of the amplitude, from what lies beside the line; not in it: the shaft's part.
+        Standard deviation of the amplitude, from the noise beside the line, without the contribution of shaft orders.
     is_separable : bool
-        Whether it can be told from the shaft's own orders.
+        Whether the line can be separated from the shaft orders.
     """
 
     frequency: float
@@ -54,7 +51,7 @@ class MainsLine:
 
 
 class LowFrequencySignal:
-    """A stretch of a signal, thinned, with the orders of the shaft taken out where its angle is known.
+    """A stretch of a decimated signal, with the shaft orders separated where the shaft angle is known.
 
     Parameters
     ----------
@@ -63,7 +60,7 @@ class LowFrequencySignal:
     rate : float
         Sample rate, Hz.
     angle : ndarray of float64, shape (n,), or None
-        Angle of the shaft at the samples, rad; None where it is not known.
+        Shaft angle at the samples, rad; None where unknown.
     """
 
     def __init__(self, values: FloatArray, rate: float, angle: FloatArray | None = None) -> None:
@@ -85,7 +82,7 @@ class LowFrequencySignal:
         turn = turn[:, powers > MIN_RELATIVE_POWER * powers[-1]] / np.sqrt(
             powers[powers > MIN_RELATIVE_POWER * powers[-1]]
         )
-        self._factor = weighted @ turn  # orthonormal columns that span the orders
+        self._factor = weighted @ turn  # orthonormal columns that span mean, trend and orders
         solution = turn @ (self._factor.T @ (self._window * thinned))
         self._solution = solution
         self._rest = self._window * (thinned - self._basis @ solution)
@@ -93,7 +90,7 @@ class LowFrequencySignal:
 
     @property
     def vectors(self) -> ComplexArray:
-        """Complex peak amplitudes of the shaft's orders 1 to 4, mean over the stretch; empty without an angle.
+        """Complex peak amplitudes of the shaft orders 1 to 4, mean over the stretch; empty without an angle.
 
         x(t) = Re[X exp(i k theta)].
         """
@@ -107,14 +104,14 @@ class LowFrequencySignal:
         return max((self._line(frequency) for frequency in MAINS_FREQUENCIES), key=lambda line: line.amplitude)
 
     def motion_rms(self) -> float:
-        """Return the rms of all that moves between 2 and 1000 Hz but for the mains' lines, in the signal's unit."""
+        """Return the rms between 2 and 1000 Hz without the mains lines, in the unit of the signal."""
         spectrum = np.fft.rfft(self._moving)
         frequency = np.fft.rfftfreq(self._moving.size, 1.0 / self._rate)
-        kept = (frequency >= MOTION_BAND[0]) & (frequency <= MOTION_BAND[1])
+        included = (frequency >= MOTION_BAND[0]) & (frequency <= MOTION_BAND[1])
         for mains in MAINS_FREQUENCIES:
             nearest = np.round(frequency / mains)
-            kept &= (nearest == 0) | (np.abs(frequency - nearest * mains) > 2.0)
-        power = 2.0 * np.sum(np.abs(spectrum[kept]) ** 2) / self._moving.size
+            included &= (nearest == 0) | (np.abs(frequency - nearest * mains) > 2.0)
+        power = 2.0 * np.sum(np.abs(spectrum[included]) ** 2) / self._moving.size
         return float(np.sqrt(power / np.sum(self._window**2)))
 
     def _line(self, mains: float) -> MainsLine:
@@ -135,20 +132,20 @@ class LowFrequencySignal:
         return MainsLine(mains, scale * float(heights[highest]) if is_highest else 0.0, sigma, is_separable)
 
     def _left_of(self, mains: float) -> float:
-        """Return the part of a mains line's energy that is left when the shaft's orders are taken out."""
+        """Return the fraction of a mains line's energy that remains after subtracting the shaft orders."""
         lines = self._window * np.stack([np.cos(TAU * mains * self._time), np.sin(TAU * mains * self._time)])
         taken = lines @ self._factor
         return 1.0 - float(np.max(np.sum(taken**2, axis=1) / np.sum(lines**2, axis=1)))
 
 
 def _thinned(values: NDArray[Number], step: int) -> NDArray[Number]:
-    """Return the means of so many values each."""
+    """Return the means of ``step`` values each."""
     whole = values.size // step * step
     return np.asarray(values[:whole].reshape(-1, step).mean(axis=1), dtype=values.dtype)
 
 
 def _order_columns(angle: FloatArray) -> list[FloatArray]:
-    """Return cosine and sine of each order, and both growing over the stretch: the speed, and so they, may change."""
+    """Return cosine and sine of each order, and both with a linear trend, as amplitudes change with the speed."""
     growth = np.linspace(-1.0, 1.0, angle.size)
     columns = []
     for order in ORDERS:
@@ -157,23 +154,23 @@ def _order_columns(angle: FloatArray) -> list[FloatArray]:
     return columns
 
 
-DRIFT_BLOCKS = 20  # of the record, of which the means are compared
+DRIFT_BLOCKS = 20  # of the record; the trend is fitted to their means
 MIN_HUM_DURATION = 0.4  # s
 MIN_SLOPE_SIGMAS = 4.0  # standard deviations of the slope
 
 
 @dataclass(frozen=True, slots=True)
 class Drift:
-    """How the mean of a signal moves with time.
+    """Drift of the mean of a signal over time.
 
     Parameters
     ----------
     slope : float
-        Of a straight line through the means, unit/s.
+        Slope of a straight line through the block means, unit/s.
     sigma : float
-        Standard deviation of the slope, from how the means scatter about the line.
+        Standard deviation of the slope, from the scatter of the means about the line.
     total : float
-        Over the record, in the signal's unit.
+        Drift over the record, in the unit of the signal.
     """
 
     slope: float
@@ -182,12 +179,12 @@ class Drift:
 
     @property
     def is_significant(self) -> bool:
-        """Whether the slope stands 4 standard deviations from none."""
+        """Whether the slope exceeds 4 standard deviations."""
         return abs(self.slope) > MIN_SLOPE_SIGMAS * self.sigma
 
 
 def drift(values: FloatArray, rate: float) -> Drift:
-    """Return the drift of a signal at about one speed: least squares through the means of twenty blocks.
+    """Return the drift of a signal at about constant speed: least squares through the means of twenty blocks.
 
     Parameters
     ----------
@@ -199,7 +196,7 @@ def drift(values: FloatArray, rate: float) -> Drift:
     Raises
     ------
     RecordTooShortError
-        With fewer than 200 samples.
+        Fewer than 200 samples.
 
     Notes
     -----
@@ -219,7 +216,7 @@ def drift(values: FloatArray, rate: float) -> Drift:
 
 
 def mains_hum(values: FloatArray, rate: float, record: AngularRecord | None = None) -> MainsLine:
-    """Return the mains' line in a signal, told from the shaft's orders where its angle is known.
+    """Return the mains line in a signal, separated from the shaft orders where the shaft angle is known.
 
     Parameters
     ----------
@@ -228,16 +225,16 @@ def mains_hum(values: FloatArray, rate: float, record: AngularRecord | None = No
     rate : float
         Sample rate, Hz.
     record : AngularRecord or None
-        Of the same samples, for the shaft's angle; the speed should not change by more than a few per cent.
+        Record of the same samples, for the shaft angle; the speed should not change by more than a few per cent.
 
     Raises
     ------
     RecordTooShortError
-        With less than 0.4 s, too little to tell 50 Hz from 60 Hz.
+        Less than 0.4 s, too short to resolve 50 Hz from 60 Hz.
 
     Notes
     -----
-    The shaft's lowest orders are taken out by least squares; the line is then the highest of a windowed spectrum near
+    The lowest shaft orders are subtracted by least squares; the line is then the highest of a windowed spectrum near
     50 or 60 Hz (A. Brandt, Noise and Vibration Analysis, 2011, ch. 9).
     """
     if values.ndim != 1 or not rate > 0.0:
@@ -247,9 +244,7 @@ def mains_hum(values: FloatArray, rate: float, record: AngularRecord | None = No
     inside = (time >= begin) & (time <= end)
     seconds = float(np.count_nonzero(inside) / rate)
     if seconds < MIN_HUM_DURATION:
-        raise RecordTooShortError(
-            f"{seconds:.3f} s of samples, expected at least {MIN_HUM_DURATION} s to tell the mains"
-        )
+        raise RecordTooShortError(f"{seconds:.3f} s of samples, expected at least {MIN_HUM_DURATION} s for mains hum")
     angle = None
     if record is not None:
         turns = np.arange(record.times.size, dtype=np.float64)

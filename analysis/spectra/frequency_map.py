@@ -1,4 +1,4 @@
-"""Frequency spectra one after the other: a waterfall against time, a cascade against speed."""
+"""Frequency spectra of successive frames: a waterfall against time, a cascade against speed."""
 
 from dataclasses import dataclass
 
@@ -25,11 +25,11 @@ class FrequencyMap:
     amplitudes : ndarray of float64, shape (2, n_frames, n_lines)
         At the probes x and y, peak of a single line, m.
     sigma : ndarray of float64, shape (n_frames,)
-        Standard deviation of the amplitudes, m peak, from the median of each frame's lines.
+        Standard deviation of the amplitudes, m peak, from the median over the lines of each frame.
     times : ndarray of float64, shape (n_frames,)
         Middle of each frame, s.
     speeds : ndarray of float64, shape (n_frames,)
-        Mean speed of each frame, rad/s; NaN where the angle does not reach or was not given.
+        Mean speed of each frame, rad/s; NaN outside the range of the angle or without an angle.
     noise_bandwidth : float
         Equivalent noise bandwidth of a line, Hz.
     """
@@ -42,17 +42,17 @@ class FrequencyMap:
     noise_bandwidth: float
 
     def cascade(self, width: float) -> tuple[FloatArray, FloatArray]:
-        """Return the largest amplitudes of each bin of speed.
+        """Return the largest amplitudes in each bin of speed.
 
         Parameters
         ----------
         width : float
-            Of a bin, rad/s.
+            Width of a bin, rad/s.
 
         Returns
         -------
         speeds : ndarray of float64, shape (n_rows,)
-            Middle of each bin that holds frames, rad/s, rising.
+            Middle of each bin that contains frames, rad/s, rising.
         amplitudes : ndarray of float64, shape (2, n_rows, n_lines)
             m peak.
         """
@@ -78,30 +78,30 @@ def frequency_map(
 ) -> FrequencyMap:
     """Return the frequency spectra of a record.
 
-    An order whose frequency changes within a frame is smeared over the lines that it passes and reads too low: for
-    amplitudes of orders take `analysis.spectra.order_map`, for what does not turn with the shaft take this.
+    An order whose frequency changes within a frame is smeared over several lines and reads too low. Use
+    `analysis.spectra.order_map` for amplitudes of orders, and this for components independent of the shaft speed.
 
     Parameters
     ----------
     displacement : ndarray of float64, shape (2, n)
-        Towards the probes x and y, uniformly in time, m; the mean of each frame is taken off.
+        Towards the probes x and y, uniformly in time, m; the mean of each frame is subtracted.
     rate : float
         Sample rate, Hz.
     angle : ShaftAngle or None
         For the speed of each frame.
     resolution : float
-        Distance of the lines, Hz, about; a frame is 1 / resolution long.
+        Approximate distance of the lines, Hz; a frame is 1 / resolution long.
     overlap : float
-        Part of a frame that the next one shares, 0 to below 1.
+        Overlap of successive frames, 0 to below 1.
     highest : float or None
-        Frequency up to which lines are kept, Hz; None keeps all.
+        Highest frequency returned, Hz; None returns all.
     window : Window
         Weighting.
 
     Raises
     ------
     RecordTooShortError
-        Where the record is shorter than a frame.
+        The record is shorter than a frame.
 
     Notes
     -----
@@ -111,12 +111,12 @@ def frequency_map(
     if not (highest is None or highest > 0.0):
         raise ValueError(f"highest: {highest} Hz, expected above 0")
     frames = FrequencyFrames(displacement, rate, resolution, overlap, window)
-    kept = int(np.searchsorted(frames.frequencies, np.inf if highest is None else highest, side="right"))
-    amplitudes = np.empty((2, len(frames), kept))
+    count = int(np.searchsorted(frames.frequencies, np.inf if highest is None else highest, side="right"))
+    amplitudes = np.empty((2, len(frames), count))
     for frame, lines in enumerate(frames):
-        amplitudes[:, frame] = lines[:, :kept]
+        amplitudes[:, frame] = lines[:, :count]
     return FrequencyMap(
-        frequencies=frames.frequencies[:kept],
+        frequencies=frames.frequencies[:count],
         amplitudes=amplitudes,
         sigma=noise_floor_sigma(np.median(amplitudes, axis=(0, 2))),
         times=frames.begins + 0.5 * frames.duration,

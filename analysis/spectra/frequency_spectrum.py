@@ -1,4 +1,4 @@
-"""Averaged spectra against frequency."""
+"""Averaged amplitude spectra against frequency (Welch's method)."""
 
 import math
 from collections.abc import Iterator
@@ -16,20 +16,20 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FrequencySpectrum:
-    """Amplitudes against frequency.
+    """An averaged amplitude spectrum.
 
     Parameters
     ----------
     frequencies : ndarray of float64, shape (n_lines,)
         From 0, Hz.
     amplitudes : ndarray of float64, shape (..., n_lines)
-        Root of the mean square of the frames' amplitudes, peak of a single line, in the waveform's unit.
+        Root mean square over the frames, peak amplitude of a single line, in the unit of the waveform.
     noise_bandwidth : float
         Equivalent noise bandwidth of a line, Hz.
     frames : int
-        Averaged.
+        Number of averaged frames.
     relative_sigma : float
-        Standard deviation over value where the line is noise: 1 / (2 sqrt(independent frames)), for many of them.
+        Standard deviation over value of a noise line: 1 / (2 sqrt(independent frames)), for many frames.
     """
 
     frequencies: FloatArray
@@ -52,20 +52,20 @@ def frequency_spectrum(
     Parameters
     ----------
     waveform : ndarray of float64, shape (..., n)
-        Uniformly in time, any unit; the mean of each frame is taken off.
+        Uniformly in time, any unit; the mean of each frame is subtracted.
     rate : float
         Sample rate, Hz.
     resolution : float
-        Distance of the lines, Hz, about; a frame is 1 / resolution long.
+        Approximate distance of the lines, Hz; a frame is 1 / resolution long.
     overlap : float
-        Part of a frame that the next one shares, 0 to below 1.
+        Overlap of successive frames, 0 to below 1.
     window : Window
         Weighting.
 
     Raises
     ------
     RecordTooShortError
-        Where the waveform is shorter than a frame.
+        The waveform is shorter than a frame.
 
     Notes
     -----
@@ -87,10 +87,10 @@ def frequency_spectrum(
 
 
 class FrequencyFrames:
-    """Successive frames of a waveform, each iterated as the amplitudes of its lines.
+    """Successive frames of a waveform; iteration gives the amplitudes of each frame's lines.
 
-    The amplitudes are those of single lines, peak, in the waveform's unit, shape (..., n_lines); each frame's mean is
-    taken off.
+    Amplitudes are those of single lines, peak, in the unit of the waveform, shape (..., n_lines). The mean of each
+    frame is subtracted.
 
     Parameters
     ----------
@@ -100,9 +100,9 @@ class FrequencyFrames:
     Raises
     ------
     RecordTooShortError
-        Where the waveform is shorter than a frame.
+        The waveform is shorter than a frame.
     ValueError
-        Settings out of range, or samples that are not finite.
+        Settings out of range, or samples not finite.
     """
 
     def __init__(self, waveform: FloatArray, rate: float, resolution: float, overlap: float, window: Window) -> None:
@@ -140,5 +140,5 @@ class FrequencyFrames:
 
     @property
     def independent(self) -> float:
-        """How many independent frames their mean power counts as."""
+        """Number of independent frames with the same variance of the mean power."""
         return independent_frames(self._weights, self._starts.step, len(self), of_power=True)

@@ -1,4 +1,4 @@
-"""Forward and backward circles of a spectrum, and how far unequal probes may have made the backward ones."""
+"""Full spectrum: forward and backward circles of each order, and the probe mismatch that can mimic backward ones."""
 
 from dataclasses import dataclass
 
@@ -12,29 +12,29 @@ from analysis.spectra.order_map import OrderMap
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
-MIN_LINE_TO_FLOOR = 10.0  # times the floor: lines that tell of the probes
-PROBE_TOLERANCE = 0.05  # of a probe's sensitivity, what API 670 is quoted to allow: a mismatch nobody may exclude
-MAX_REDUCED_CHI_SQUARE = 4.0  # mean square of what one mismatch leaves of the lines, over their variance
-LINE_UNCERTAINTY = 5e-4  # of a line: what leakage and a probe's curve leave uncertain beside the noise
+MIN_LINE_TO_FLOOR = 10.0  # of lines from which the mismatch is determined
+PROBE_TOLERANCE = 0.05  # of a probe's sensitivity, as quoted from API 670: a mismatch that cannot be excluded
+MAX_REDUCED_CHI_SQUARE = 4.0  # of the lines about one common mismatch
+LINE_UNCERTAINTY = 5e-4  # of a line, from leakage and probe nonlinearity, in addition to noise
 
 
 @dataclass(frozen=True, slots=True)
 class ProbeMismatch:
-    """What all strong components have in common that no shaft would give them.
+    """Mismatch of two probes in sensitivity and direction, from the strong components of a record.
 
     Parameters
     ----------
     gain : float
-        Sensitivity of probe y over probe x less 1, as the lines say; 0 where they do not tell.
+        Sensitivity of probe y over probe x, minus 1; 0 where not determined.
     skew : float
-        Angle by which the probes' directions or instants miss what is configured, rad.
+        Error of the configured angle between the probes, or of their relative sampling time, as an angle, rad.
     sigma : float
-        Standard deviation of both, from the floor.
+        Standard deviation of both, from the noise floor.
     is_told : bool
-        Whether several components of different order agree on it. One component alone, or a shaft whose components
-        are elliptic each in its own way, says nothing: an ellipse and a mismatch look the same there.
+        Whether several components of different order agree on it. A single component, or components with different
+        ellipses, determine nothing: an ellipse and a mismatch look the same.
     components : int
-        Strong components that were asked.
+        Number of strong components used.
     """
 
     gain: float
@@ -44,7 +44,7 @@ class ProbeMismatch:
     components: int
 
     def corrected(self, vectors: ComplexArray) -> ComplexArray:
-        """Return vectors at the probes, shape (2, ...), with probe y brought to probe x; as they are if not told."""
+        """Return vectors at the probes, shape (2, ...), with probe y corrected; unchanged if not determined."""
         if not self.is_determined:
             return vectors
         right = vectors.copy()
@@ -52,7 +52,7 @@ class ProbeMismatch:
         return right
 
     def correct_record(self, record: AngularRecord) -> AngularRecord:
-        """Return a record with probe y brought to probe x, before orbits and sections are made of both."""
+        """Return a record with probe y corrected, for orbits and Poincaré sections; unchanged if not determined."""
         if not self.is_determined:
             return record
         x, y = record.waveform
@@ -61,7 +61,7 @@ class ProbeMismatch:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FullSpectrum:
-    """Circles that go round with the shaft and against it, per order.
+    """Forward and backward circles of each order.
 
     Parameters
     ----------
@@ -70,10 +70,10 @@ class FullSpectrum:
     forward, backward : ndarray of complex128, shape (..., n_orders)
         X + iY = forward exp(i order theta) + backward exp(-i order theta), m peak.
     uncertain : ndarray of bool, shape (..., n_orders)
-        Backward (or forward) circles so small beside their counterpart that probes within their tolerance could have
-        made them: no whirl may be concluded from these.
+        Circles so small relative to their counterpart that a probe mismatch within tolerance could cause them: do not
+        conclude a backward (or forward) whirl from these.
     mismatch : ProbeMismatch
-        Of the probes; taken out of the circles where it is told.
+        Mismatch of the probes; the circles are corrected for it where it is determined.
     """
 
     orders: FloatArray
@@ -84,12 +84,12 @@ class FullSpectrum:
 
     @property
     def axis(self) -> FloatArray:
-        """Orders from the highest backward one, negative, through 0 to the highest forward one."""
+        """Order axis from the highest backward order, negative, through 0 to the highest forward order."""
         return np.concatenate([-self.orders[:0:-1], self.orders])
 
     @property
     def amplitudes(self) -> FloatArray:
-        """Amplitudes on that axis, shape (..., 2 n_orders - 1), m peak; at 0 the mean's distance from its zero."""
+        """Amplitudes on that axis, shape (..., 2 n_orders - 1), m peak; at order 0 the distance of the mean from 0."""
         return np.concatenate([np.abs(self.backward[..., :0:-1]), np.abs(self.forward)], axis=-1)
 
 
@@ -107,13 +107,13 @@ def full_spectrum(
     pair : ProbePair
         Directions of the probes.
     mismatch : ProbeMismatch or None
-        From `probe_mismatch`; None takes the probes as they are.
+        From `probe_mismatch`; None applies no correction.
 
     Notes
     -----
-    forward = (X + iY) / 2, backward = conj(X - iY) / 2 in the bench's directions (P. Goldman and A. Muszynska,
+    forward = (X + iY) / 2, backward = conj(X - iY) / 2 in the bench axes (P. Goldman and A. Muszynska,
     Application of full spectrum to rotating machinery diagnostics, Orbit 20, 1999; C.-W. Lee, Vibration Analysis of
-    Rotors, 1993). The real line at 0 has no circles: forward holds X + iY there, backward 0.
+    Rotors, 1993). The real line at order 0 has no circles: there forward is X + iY, backward 0.
     """
     found = mismatch or ProbeMismatch(0.0, 0.0, np.nan, is_determined=False, components=0)
     X, Y = pair.vectors_to_bench(found.corrected(spectrum))
@@ -128,21 +128,21 @@ def full_spectrum(
 
 
 def probe_mismatch(order_map: OrderMap) -> ProbeMismatch:
-    """Return the mismatch of gain and direction that all strong components of a record share.
+    """Return the mismatch of sensitivity and direction that all strong components of a record share.
 
-    A forward circle seen through a probe y that is too sensitive by g and turned by s has a backward circle of
-    -(g + i s) / 2 times its conjugate, whatever its order. Lines of the mean power spectrum that stand out are asked;
-    they must agree, in size and sign, and be at least two.
+    A forward circle measured with a probe y that is too sensitive by g and rotated by s has a backward circle of
+    -(g + i s) / 2 times its conjugate, for any order. At least two strong lines of the mean power spectrum must agree
+    on it in size and sign.
 
     Parameters
     ----------
     order_map : OrderMap
-        Of a record; two probes at right angles, X and Y in the bench's sense.
+        Order map of a record with two probes at right angles.
 
     Notes
     -----
-    The circles are linear in the probes' signals (C.-W. Lee, Vibration Analysis of Rotors, 1993); that several
-    components must agree before a mismatch is believed is this program's own rule.
+    The circles are linear in the probe signals (C.-W. Lee, Vibration Analysis of Rotors, 1993). That several
+    components must agree is a rule of this program.
     """
     spectrum = order_map.spectrum
     size = np.sqrt(np.mean(np.abs(spectrum) ** 2, axis=(0, 1)))
@@ -150,7 +150,7 @@ def probe_mismatch(order_map: OrderMap) -> ProbeMismatch:
     peak[1:-1] = (size[1:-1] > size[:-2]) & (size[1:-1] >= size[2:])
     peak &= size > MIN_LINE_TO_FLOOR * max(float(np.median(order_map.noise)), 1e-300)
     lines = np.flatnonzero(peak)
-    # Along the probes: x is the reference direction, y lies a quarter turn further in the turning sense.
+    # In probe directions: y leads x by 90° in the direction of rotation, or lags it where lead = -1.
     lead = order_map.pair.lead
     x, y = spectrum[0][:, lines], spectrum[1][:, lines]
     forward, backward = 0.5 * (x + 1j * lead * y), 0.5 * (x - 1j * lead * y)
@@ -178,23 +178,23 @@ def probe_mismatch(order_map: OrderMap) -> ProbeMismatch:
 def full_cascade(
     order_map: OrderMap, width: float, mismatch: ProbeMismatch | None = None
 ) -> tuple[FloatArray, FullSpectrum]:
-    """Return the largest circles of each bin of speed: a full cascade.
+    """Return a full cascade: the largest circles in each bin of speed.
 
     Parameters
     ----------
     order_map : OrderMap
-        Of a record.
+        Order map of a record.
     width : float
-        Of a bin, rad/s.
+        Width of a bin, rad/s.
     mismatch : ProbeMismatch or None
         As for `full_spectrum`.
 
     Returns
     -------
     speeds : ndarray of float64, shape (n_rows,)
-        Middle of each bin that holds frames, rad/s, rising.
+        Middle of each bin that contains frames, rad/s, rising.
     spectra : FullSpectrum
-        One row for each; of every line the frame with its largest circle, forward and backward apart.
+        One row per bin; for each line the largest circle of all frames, forward and backward separately.
 
     Notes
     -----

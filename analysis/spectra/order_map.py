@@ -1,6 +1,6 @@
-"""The order map of a record: order spectra of many revolutions at a time, from begin to end.
+"""Order map: order spectra of successive frames of whole revolutions through a record.
 
-Successive frames of whole revolutions, and what is common to all that is computed from them.
+Also the frames themselves, with their speeds, times and uncertainties, and the spectral windows and scalings.
 """
 
 import math
@@ -21,11 +21,11 @@ from analysis.spectra.order_spectrum import hann
 FloatArray = NDArray[np.float64]
 
 CHUNK_FRAMES = 128
-HANN_POINTS = 8  # a revolution: tell how alike the noise of two frames is
+HANN_POINTS = 8  # per revolution, of the window from which the correlation of overlapping frames is computed
 
 
 def independent_hann_frames(revolutions: int, step: int, count: int) -> float:
-    """Return as how many independent ones so many Hann frames count, a step of whole revolutions apart.
+    """Return the number of independent frames that overlapping Hann frames, whole revolutions apart, are worth.
 
     Notes
     -----
@@ -35,21 +35,21 @@ def independent_hann_frames(revolutions: int, step: int, count: int) -> float:
 
 
 class RevolutionFrames:
-    """Frames of a record, each sharing a part of its revolutions with the next.
+    """Overlapping frames of whole revolutions of a record.
 
     Parameters
     ----------
     record : AngularRecord
         Displacement against angle.
     revolutions : int
-        In a frame, at least 1.
+        Revolutions in a frame, at least 1.
     overlap : float
-        Part of a frame that the next one shares, 0 to below 1; the step is whole revolutions.
+        Overlap of successive frames, 0 to below 1; the step is whole revolutions.
 
     Raises
     ------
     RecordTooShortError
-        Where the record holds fewer revolutions than a frame.
+        The record has fewer revolutions than a frame.
     """
 
     def __init__(self, record: AngularRecord, revolutions: int, overlap: float) -> None:
@@ -71,7 +71,7 @@ class RevolutionFrames:
         return int(self._starts.size)
 
     def chunks(self) -> Iterator[tuple[slice, FloatArray]]:
-        """Yield places among the frames and their waveforms, shape (2, n, revolutions * points), m (views)."""
+        """Yield slices of the frames with their waveforms, shape (2, n, revolutions * points), m (views)."""
         points = self._record.points
         rows = self._record.waveform.reshape(2, -1)
         frames = np.lib.stride_tricks.sliding_window_view(rows, self.revolutions * points, axis=1)
@@ -97,7 +97,7 @@ class RevolutionFrames:
 
     @property
     def speed_sigma(self) -> FloatArray:
-        """Standard deviation of the mean speeds, from that of their two marks, rad/s, shape (n,)."""
+        """Standard deviation of the mean speeds, from that of the begin and end times, rad/s, shape (n,)."""
         sigma = self._record.time_sigma
         both = np.hypot(sigma[self._starts], sigma[self._starts + self.revolutions])
         return np.asarray(self.speeds * both / (self._end - self._begin), dtype=np.float64)
@@ -111,7 +111,7 @@ class RevolutionFrames:
 
     @property
     def angle_sigma(self) -> FloatArray:
-        """Standard deviation of the angle as the mean of a frame feels it, from the tacho's jitter, rad, shape (n,)."""
+        """Standard deviation of the angle, averaged over a frame, from the tacho jitter, rad, shape (n,)."""
         return mean_angle_sigma(self.speeds, self._record.angle_jitter, self.revolutions)
 
 
@@ -119,11 +119,11 @@ ComplexArray = NDArray[np.complex128]
 
 
 class Window(StrEnum):
-    """How the revolutions of a frame are weighted."""
+    """Window that weights a frame."""
 
-    HANN = "hann"  # resolves lines two bins apart; 15 % low at worst between two bins
-    FLAT_TOP = "flat top"  # 0.1 % at any order, lines must be five bins apart (ISO 18431-2)
-    UNIFORM = "uniform"  # exact for whole orders alone, leaks from everything else
+    HANN = "hann"  # resolves lines two bins apart; between two bins up to 15 % low
+    FLAT_TOP = "flat top"  # within 0.1 % at any order; lines must be five bins apart (ISO 18431-2)
+    UNIFORM = "uniform"  # exact for whole orders only; all others leak
 
     def weights(self, n: int) -> FloatArray:
         """Return ``n`` weights that sum to 1."""
@@ -139,7 +139,7 @@ class Window(StrEnum):
 
 
 class Scaling(StrEnum):
-    """What an amplitude is given as."""
+    """Scaling of an amplitude."""
 
     PEAK = "peak"
     RMS = "rms"
@@ -147,7 +147,7 @@ class Scaling(StrEnum):
 
     @property
     def factor(self) -> float:
-        """By which a zero-to-peak amplitude of a single line is multiplied."""
+        """Factor for the zero-to-peak amplitude of a single line."""
         return {Scaling.PEAK: 1.0, Scaling.RMS: 1.0 / math.sqrt(2.0), Scaling.PEAK_TO_PEAK: 2.0}[self]
 
 
@@ -170,13 +170,13 @@ class OrderMap:
     turns : ndarray of int64, shape (n_frames,)
         Number of each frame's first revolution.
     revolutions, step : int
-        In a frame, and from one frame to the next.
+        Revolutions in a frame, and from one frame to the next.
     window : Window
         Weighting.
     speed_sigma : ndarray of float64, shape (n_frames,)
-        Standard deviation of the speeds, rad/s; NaN where no tacho told.
+        Standard deviation of the speeds, rad/s; NaN without a tacho.
     angle_sigma : ndarray of float64, shape (n_frames,)
-        Standard deviation of the angle as a frame feels it, from the tacho's jitter, rad.
+        Standard deviation of the angle, averaged over a frame, from the tacho jitter, rad.
     pair : ProbePair
         Directions of the probes.
     """
@@ -196,7 +196,7 @@ class OrderMap:
     pair: ProbePair
 
     def amplitudes(self, scaling: Scaling = Scaling.PEAK) -> FloatArray:
-        """Return the amplitudes, shape (2, n_frames, n_orders), m, scaled as named."""
+        """Return the amplitudes, shape (2, n_frames, n_orders), m, in the given scaling."""
         return np.asarray(np.abs(self.spectrum) * scaling.factor, dtype=np.float64)
 
 
@@ -215,25 +215,25 @@ def order_map(
     record : AngularRecord
         Displacement against angle.
     revolutions : int
-        In a frame; the orders are 1 / revolutions apart.
+        Revolutions in a frame; the orders are 1 / revolutions apart.
     overlap : float
-        Part of a frame that the next one shares, 0 to below 1; the step is whole revolutions.
+        Overlap of successive frames, 0 to below 1; the step is whole revolutions.
     highest_order : float
-        Up to which spectra are given, at most ``record.highest_order``.
+        Highest order of the spectra, at most ``record.highest_order``.
     window : Window
         Weighting.
 
     Raises
     ------
     RecordTooShortError
-        Where the record holds fewer revolutions than a frame.
+        The record has fewer revolutions than a frame.
     ValueError
         Settings out of range.
 
     Notes
     -----
     X = 2 / sum(w) sum(w x exp(-i order theta)) (A. Brandt, Noise and Vibration Analysis, 2011, ch. 9 and 12). The
-    mean of each frame is taken off first.
+    mean of each frame is subtracted first.
     """
     if not 0.0 < highest_order <= record.highest_order:
         raise ValueError(f"highest order {highest_order}: expected above 0 to {record.highest_order}")

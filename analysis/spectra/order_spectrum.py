@@ -1,8 +1,8 @@
-"""Order spectra of waveforms that are sampled uniformly in shaft angle.
+"""Order spectra of waveforms sampled uniformly in shaft angle.
 
-Conventions, written once: the window is the periodic Hann window; amplitudes are zero-to-peak; the phase is referred
-to the first sample, so that x(theta) = Re[X exp(i k theta)] where the first sample lies on the tacho mark. A frame of
-N whole revolutions resolves 1 / N orders, a single line on a bin is exact, and two lines must be two bins apart.
+Conventions: periodic Hann window; zero-to-peak amplitudes; phases referred to the first sample, so that
+x(theta) = Re[X exp(i k theta)] where the first sample lies at theta = 0. A frame of N whole revolutions has lines 1 / N
+of an order apart. A component on a line is exact; two components must be two lines apart.
 """
 
 from functools import lru_cache
@@ -31,19 +31,19 @@ def order_spectrum(waveform: FloatArray, revolutions: int) -> tuple[FloatArray, 
     waveform : ndarray of float64, shape (..., n)
         Samples uniformly in angle over ``revolutions`` whole revolutions, the first at theta = 0, any unit.
     revolutions : int
-        Number of revolutions that the n samples span; at least 1, and n at least 2 a revolution.
+        Number of revolutions of the n samples; at least 1, with at least 2 samples per revolution.
 
     Returns
     -------
     orders : ndarray of float64, shape (n // 2 + 1,)
         Order axis, from 0, step ``1 / revolutions``.
     spectrum : ndarray of complex128, shape (..., n // 2 + 1)
-        Complex peak amplitude in the waveform's unit, x(theta) = Re[X exp(i order theta)]; line 0 is the mean.
+        Complex peak amplitude in the unit of the waveform, x(theta) = Re[X exp(i order theta)]; line 0 is the mean.
 
     Raises
     ------
     ValueError
-        Where the samples are too few for the revolutions, or not finite.
+        Too few samples for the revolutions, or samples not finite.
 
     Notes
     -----
@@ -61,7 +61,7 @@ def order_spectrum(waveform: FloatArray, revolutions: int) -> tuple[FloatArray, 
     spectrum = 2.0 * np.fft.rfft(waveform * hann(n), axis=-1)
     spectrum[..., 0] *= 0.5
     if n % 2 == 0:
-        spectrum[..., -1] *= 0.5  # the line at half the sampling has no mirror image either
+        spectrum[..., -1] *= 0.5  # the Nyquist line has no mirror image either
     orders = np.arange(spectrum.shape[-1]) / revolutions
     return orders, spectrum
 
@@ -85,8 +85,7 @@ def order_vectors(spectrum: ComplexArray, revolutions: int, count: int) -> Compl
 
     Notes
     -----
-    Lines of the spectrum at whole orders: with whole revolutions in the frame they lie on them (A. Brandt, Noise and
-    Vibration Analysis, 2011, ch. 12).
+    A frame of whole revolutions has lines at all whole orders (A. Brandt, Noise and Vibration Analysis, 2011, ch. 12).
     """
     lines = revolutions * np.arange(1, count + 1)
     vectors = np.zeros((count, *spectrum.shape[:-1]), dtype=np.complex128)

@@ -1,6 +1,6 @@
-"""Speed where the tacho fails: from the ridge that 1X makes in the spectrum, with how sure it is.
+"""Speed without a tacho: from the ridge of 1X in the time-frequency spectrum, with its confidence.
 
-A ridge gives speed, not angle: amplitudes of orders can be read by it, phases cannot.
+A ridge gives speed, not angle: the amplitudes of orders are valid, their phases are not.
 """
 
 from dataclasses import dataclass, replace
@@ -20,19 +20,19 @@ from analysis.tacho.shaft_angle import DEGREE, ShaftAngle
 
 FloatArray = NDArray[np.float64]
 
-SAMPLES_PER_TURN = 5.0  # samples a turn at the highest speed searched: the ridge needs no more
-FRAME_TURNS = 16.0  # at the lowest speed searched
+SAMPLES_PER_TURN = 5.0  # at the highest speed searched, after decimation
+FRAME_TURNS = 16.0  # revolutions in a frame at the lowest speed searched
 STEP_FRACTION = 0.25  # of a frame
-SLOPE_COST = 0.5  # of log amplitude for a change of a line from frame to frame
-MAX_LINE_CHANGE = 12  # by which the ridge may move from frame to frame
-MIN_SIGMA = 1e-4  # lines: what a speed that changes within a frame leaves
-TWO_PROBES_MEDIAN = 1.832  # of the root of two probes' squared noise over the standard deviation of one part of one
-RATIO_AT_HALF_CONFIDENCE = 3.0  # ratio of the ridge to the strongest line beside it at confidence 0.5
+SLOPE_COST = 0.5  # log amplitude per line of change from frame to frame
+MAX_LINE_CHANGE = 12  # of the ridge from frame to frame
+MIN_SIGMA = 1e-4  # lines: from the change of speed within a frame
+TWO_PROBES_MEDIAN = 1.832  # of the root sum of squares of two noise lines, over the sigma of a real or imaginary part
+RATIO_AT_HALF_CONFIDENCE = 3.0  # of the ridge to the strongest other line
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RidgeSpeed:
-    """Speed read from the vibration itself: estimated, not measured.
+    """Speed estimated from the vibration, not measured by a tacho.
 
     Parameters
     ----------
@@ -41,10 +41,9 @@ class RidgeSpeed:
     speeds : ndarray of float64, shape (n,)
         rad/s.
     sigma : ndarray of float64, shape (n,)
-        Standard deviation of each, rad/s, from the noise about the ridge. That it is 1X at all is not in it.
+        Standard deviation of each, rad/s, from the noise beside the ridge, on the assumption that the ridge is 1X.
     confidence : ndarray of float64, shape (n,)
-        0 to 1: how far the ridge stands above what else could be one, r² / (r² + 9) with r the ratio of amplitudes;
-        0.5 is three times.
+        r² / (r² + 9), 0 to 1, with r the ratio of the ridge to the strongest other line; 0.5 at a ratio of 3.
     """
 
     times: FloatArray
@@ -52,19 +51,19 @@ class RidgeSpeed:
     sigma: FloatArray
     confidence: FloatArray
 
-    def angle(self, least: float = 0.5) -> ShaftAngle:
-        """Return an angle by integration, from 0 at the first frame: marked as not measured, for amplitudes only.
+    def angle(self, min_confidence: float = 0.5) -> ShaftAngle:
+        """Return the angle by integration, from 0 at the first frame; marked as not measured, for amplitudes only.
 
         Raises
         ------
         TachoRefusedError
-            Where the confidence is below ``least`` in more than a tenth of the frames.
+            The confidence is below ``min_confidence`` in more than a tenth of the frames.
         """
-        doubtful = float(np.mean(self.confidence < least))
+        doubtful = float(np.mean(self.confidence < min_confidence))
         if doubtful > 0.1:
             raise TachoRefusedError(
-                f"speed from 1X: {100 * doubtful:.0f} % of the frames have a confidence below {least}, expected at "
-                "most 10 %"
+                f"speed from 1X: {100 * doubtful:.0f} % of the frames have a confidence below {min_confidence}, "
+                "expected at most 10 %"
             )
         turns = PchipInterpolator(self.times, self.speeds / (2.0 * np.pi)).antiderivative()
         times = np.linspace(self.times[0], self.times[-1], 4 * self.times.size)
@@ -76,29 +75,29 @@ class RidgeSpeed:
 
 
 def speed_from_ridge(displacement: FloatArray, rate: float, lowest: float, highest: float) -> RidgeSpeed:
-    """Return the speed of the strongest steady ridge between two speeds.
+    """Return the speed of the strongest continuous ridge between two speeds.
 
     Parameters
     ----------
     displacement : ndarray of float64, shape (2, n)
-        Of two probes, m; at a rate not far above what the highest speed needs (`analysis.resampling.decimation`).
+        Of two probes, m; decimated to a rate near that needed for the highest speed (`analysis.resampling.decimation`).
     rate : float
         Sample rate, Hz.
     lowest, highest : float
-        Speeds searched, rad/s: close enough that neither 2X nor whirl lies within unless 1X is the strongest.
+        Speeds searched, rad/s. The range must exclude 2X and whirl unless 1X is the strongest.
 
     Raises
     ------
     RecordTooShortError
-        With fewer than four frames of 16 turns at the lowest speed.
+        Fewer than four frames of 16 revolutions at the lowest speed.
     ValueError
         Shapes or speeds out of range.
 
     Notes
     -----
-    Of all paths through the frames' spectra the one with the largest sum of log amplitudes, less a cost for each line
-    by which it moves (Viterbi); then interpolated between the lines. Q. Leclère, S. Andre and J. Antoni, A
-    multi-order probabilistic approach for instantaneous angular speed tracking, MSSP 81, 2016, compares such methods.
+    The ridge is the path through the spectra with the largest sum of log amplitudes minus a cost for each line of
+    change (Viterbi), interpolated between the lines. Q. Leclère, S. Andre and J. Antoni, A multi-order probabilistic
+    approach for instantaneous angular speed tracking, MSSP 81, 2016, compares such methods.
     """
     require_displacement(displacement, rate)
     if not 0.0 < lowest < highest < np.pi * rate * 0.9:
@@ -123,27 +122,27 @@ def speed_from_ridge(displacement: FloatArray, rate: float, lowest: float, highe
 def angular_record_without_tacho(
     acquisition: Acquisition, codes: NDArray[np.int16], lowest: float, highest: float, *, points: int = 64
 ) -> tuple[AngularRecord, RidgeSpeed]:
-    """Return the angular record of a segment whose tacho failed, by the ridge of 1X, and that ridge.
+    """Return the angular record of a segment without a usable tacho, and the 1X ridge it is based on.
 
-    The record is marked as not measured: its amplitudes hold, its phases mean nothing.
+    The record is marked as not measured: its amplitudes are valid, its phases are not.
 
     Parameters
     ----------
     acquisition : Acquisition
-        What the codes mean.
+        Channels, rates and calibrations.
     codes : ndarray of int16, shape (n_channels, n)
         Consecutive samples.
     lowest, highest : float
         Speeds searched, rad/s, as for `speed_from_ridge`.
     points : int
-        Angular samples a revolution.
+        Angular samples per revolution.
 
     Raises
     ------
     TachoRefusedError
-        Where the ridge is not sure either.
+        The confidence of the ridge is too low.
     RecordTooShortError, AnalysisError, ValueError
-        As for `speed_from_ridge` and `record_of_codes`.
+        As for `speed_from_ridge` and `angular_record_from_codes`.
     """
     if not highest > 0.0:
         raise ValueError(f"highest: {highest} rad/s, expected more than 0")
@@ -159,21 +158,21 @@ def angular_record_without_tacho(
 
 
 def _ridge(gain: FloatArray) -> NDArray[np.int64]:
-    """Return the line of the best path in each frame."""
+    """Return the line of the best path in each frame, by dynamic programming (Viterbi)."""
     n, lines = gain.shape
     moves = np.arange(-MAX_LINE_CHANGE, MAX_LINE_CHANGE + 1)
     best = gain[0].copy()
-    came = np.empty((n, lines), dtype=np.int64)
+    previous = np.empty((n, lines), dtype=np.int64)
     for frame in range(1, n):
         padded = np.pad(best, MAX_LINE_CHANGE, constant_values=-np.inf)
         reached = np.lib.stride_tricks.sliding_window_view(padded, moves.size) - SLOPE_COST * np.abs(moves)
         move = np.argmax(reached, axis=1)
-        came[frame] = np.arange(lines) + moves[move]
+        previous[frame] = np.arange(lines) + moves[move]
         best = reached[np.arange(lines), move] + gain[frame]
     path = np.empty(n, dtype=np.int64)
     path[-1] = int(np.argmax(best))
     for frame in range(n - 1, 0, -1):
-        path[frame - 1] = came[frame, path[frame]]
+        path[frame - 1] = previous[frame, path[frame]]
     return path
 
 
@@ -188,7 +187,7 @@ def _read(
     delta = np.clip(np.where(up, 1.0, -1.0) * (2.0 * beside - peak) / (peak + beside), -1.0, 1.0)
     away = np.abs(np.arange(size.shape[1]) - at[:, None]) > 4
     other = np.where(away, size, 0.0).max(axis=1)
-    floor = np.array([np.median(row[kept]) if kept.any() else 0.0 for row, kept in zip(size, away, strict=True)])
+    floor = np.array([np.median(row[clear]) if clear.any() else 0.0 for row, clear in zip(size, away, strict=True)])
     ratio = peak / np.maximum(np.maximum(other, 3.0 * floor), 1e-300)
     line_width = 2.0 * np.pi * rate / n
     return RidgeSpeed(

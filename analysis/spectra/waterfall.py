@@ -1,6 +1,6 @@
-"""Order spectra for the eye: a waterfall against time and a cascade against speed, of fixed size however long the run.
+"""Waterfall (against time) and cascade (against speed) of the order spectra of a run, of fixed size.
 
-Both hold, at each order, the larger amplitude of the two probes, m peak; lines that no frame has reached are 0.
+Both contain, at each order, the larger amplitude of the two probes, m peak, and 0 where there was no frame.
 """
 
 from enum import StrEnum
@@ -15,7 +15,7 @@ FloatArray = NDArray[np.float64]
 
 
 def order_axis(settings: AnalysisSettings) -> FloatArray:
-    """Return the order axis that frames have with these settings, shape (n_orders,)."""
+    """Return the order axis of frames with these settings, shape (n_orders,)."""
     return np.arange(int(settings.highest_order * settings.revolutions) + 1) / settings.revolutions
 
 
@@ -26,8 +26,8 @@ def _amplitude(frame: OrderFrame) -> FloatArray:
 class Waterfall:
     """The last order spectra against time, the newest in the last row.
 
-    A row covers ``span / rows`` of sample time and shows the largest amplitudes of its frames. Segments follow one
-    another without the time between them, which nobody knows.
+    A row covers ``span / rows`` of sample time and contains the largest amplitudes of its frames. Segments follow
+    directly on one another, as the time between them is unknown.
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ class Waterfall:
     rows : int
         Number of rows.
     span : float
-        Time that they show, s.
+        Time that the rows cover, s.
     """
 
     def __init__(self, settings: AnalysisSettings, rows: int = 300, span: float = 60.0) -> None:
@@ -45,13 +45,13 @@ class Waterfall:
         self.orders = order_axis(settings)
         self._interval = span / rows
         self._amplitudes = np.zeros((rows, self.orders.size))
-        self._newest = 0  # number, since the run began, of the last row
+        self._newest = 0  # number of the last row since the start of the run
         self._segment = -1
         self._before = 0.0  # s of the segments before
         self._time = 0.0
 
     def add_snapshot(self, snapshot: Snapshot) -> None:
-        """Take a snapshot."""
+        """Add a snapshot."""
         if snapshot.segment != self._segment:
             self._segment = snapshot.segment
             self._before = self._time
@@ -72,13 +72,13 @@ class Waterfall:
 
     @property
     def times(self) -> FloatArray:
-        """Sample time since the run began at the begin of each row, shape (rows,), s; negative before the run."""
+        """Sample time since the start of the run at the begin of each row, shape (rows,), s; negative before it."""
         rows = len(self._amplitudes)
         return np.asarray((self._newest - rows + 1 + np.arange(rows)) * self._interval, dtype=np.float64)
 
 
 class CascadeMode(StrEnum):
-    """Which frame of a bin of speed a cascade shows."""
+    """Content of a row of a cascade."""
 
     LAST = "last"
     LARGEST = "largest"
@@ -92,11 +92,11 @@ class Cascade:
     settings : AnalysisSettings
         Revolutions and highest order of the frames.
     highest_speed : float
-        End of the speed axis, rad/s; faster frames fall into the last row.
+        End of the speed axis, rad/s; faster frames go into the last row.
     rows : int
         Number of rows.
-    mode : Keep
-        Whether a row shows its last frame or the largest amplitude of all.
+    mode : CascadeMode
+        Whether a row contains its last frame or the largest amplitudes of all its frames.
     """
 
     def __init__(
@@ -113,7 +113,7 @@ class Cascade:
         self._keep = keep
 
     def add_snapshot(self, snapshot: Snapshot) -> None:
-        """Take a snapshot."""
+        """Add a snapshot."""
         if snapshot.frame is None:
             return
         row = min(int(snapshot.frame.speed / self._width), len(self._amplitudes) - 1)
@@ -135,5 +135,5 @@ class Cascade:
 
     @property
     def filled(self) -> NDArray[np.bool_]:
-        """Whether a frame has reached each row, shape (rows,)."""
+        """Whether each row contains a frame, shape (rows,)."""
         return self._filled.copy()

@@ -1,1 +1,1 @@
-"""From the tacho's waveform or counter to the angle of the shaft."""
+"""From the tacho waveform or counter to pulses and shaft angle."""

@@ -1,4 +1,4 @@
-"""The tacho's counter against its waveform: two ways to the same edges, each a check of the other."""
+"""Comparison of the tacho edges from a counter with those in the sampled waveform."""
 
 from collections import deque
 
@@ -10,40 +10,40 @@ from analysis.signals.snapshot import RECENT_TIME, CounterReport
 
 FloatArray = NDArray[np.float64]
 
-SETTLING_TIME = 0.5  # s after which an edge that has not come will not come
-START_MARGIN = 5e-3  # s from where the waveform begins: of an edge there it shows only a part
+SETTLING_TIME = 0.5  # s: edges are compared with this delay, so that late timestamps are included
+START_MARGIN = 5e-3  # s after the start of the waveform: an edge there may be incomplete
 
 
 class CounterComparison:
-    """Compares stamps and sampled edges of a run as they come.
+    """Running comparison of the timestamps and the sampled edges of a run.
 
-    An edge and a stamp are the same where each is the nearest to the other.
+    An edge and a timestamp match where each is the nearest to the other.
 
     Parameters
     ----------
     counter : TachoCounter
-        Says how far apart they may lie.
+        Counter with its allowed time difference.
     """
 
     def __init__(self, counter: TachoCounter) -> None:
-        self._agreement = counter.max_difference
-        self._compared = self._missing = self._extra = self._apart = 0
+        self._max_difference = counter.max_difference
+        self._compared = self._missing = self._extra = self._out_of_tolerance = 0
         self._sum, self._largest = 0.0, 0.0
         self.restart(0.0)
 
     def restart(self, begin: float) -> None:
-        """Forget the edges that have not been compared and go on from another time, s; the counts run on."""
-        self._recent: deque[tuple[float, int, int]] = deque()  # up to when, s: edges of either, and those that differ
+        """Discard the edges not yet compared and continue from a new time, s; the counts stay."""
+        self._recent: deque[tuple[float, int, int]] = deque()  # end time, s; edges of either; mismatches
         self._sampled = self._stamped = np.empty(0)
         self._done = begin + START_MARGIN  # time up to which edges have been compared, s
 
     def advance(self, sampled: FloatArray, stamped: FloatArray, now: float) -> None:
-        """Take the edges and stamps of a further stretch of a segment and compare what has settled.
+        """Add the edges of the next stretch of a segment and compare those older than the settling time.
 
         Parameters
         ----------
         sampled, stamped : ndarray of float64, shape (n,)
-            Times in the segment by the waveform and by the counter, s, rising.
+            Times in the segment from the waveform and from the counter, s, rising.
         now : float
             End of the stretch, s.
         """
@@ -59,38 +59,38 @@ class CounterComparison:
             self._stamped = self._stamped[self._stamped > until - SETTLING_TIME]
 
     def report(self, *, is_working: bool) -> CounterReport:
-        """Return the counts since the run began."""
-        told = self._compared > 0
+        """Return the counts since the start of the run."""
+        has_compared = self._compared > 0
         return CounterReport(
             is_working=is_working,
             compared=self._compared,
             missing=self._missing,
             extra=self._extra,
-            out_of_tolerance=self._apart,
-            mean_difference=self._sum / self._compared if told else np.nan,
-            largest_difference=self._largest if told else np.nan,
+            out_of_tolerance=self._out_of_tolerance,
+            mean_difference=self._sum / self._compared if has_compared else np.nan,
+            largest_difference=self._largest if has_compared else np.nan,
             recent=sum(edges for _, edges, _ in self._recent),
-            recent_mismatches=sum(odd for _, _, odd in self._recent),
+            recent_mismatches=sum(mismatches for _, _, mismatches in self._recent),
         )
 
     def _compare(self, begin: float, end: float) -> tuple[int, int]:
-        """Compare the edges of a span of time and return how many there are of either, and how many differ.
+        """Compare the edges of a time span; return the number of edges of either and of mismatches.
 
-        Those about it are looked at too, they may be the nearest.
+        Edges outside the span are searched too: they may be the nearest.
         """
         to_stamp, to_edge = _nearest(self._sampled, self._stamped), _nearest(self._stamped, self._sampled)
         of_edge = _mutual(to_stamp, to_edge) & _within(self._sampled, begin, end)
         distances = self._stamped[to_stamp[of_edge]] - self._sampled[of_edge]
         missing = int(np.count_nonzero(_within(self._sampled, begin, end))) - distances.size
         extra = int(np.count_nonzero(_within(self._stamped, begin, end) & ~_mutual(to_edge, to_stamp)))
-        apart = int(np.count_nonzero(np.abs(distances) > self._agreement))
+        out_of_tolerance = int(np.count_nonzero(np.abs(distances) > self._max_difference))
         self._compared += distances.size
         self._missing += missing
         self._extra += extra
-        self._apart += apart
+        self._out_of_tolerance += out_of_tolerance
         self._sum += float(distances.sum())
         self._largest = max(self._largest, float(np.abs(distances).max(initial=0.0)))
-        return distances.size + missing + extra, missing + extra + apart
+        return distances.size + missing + extra, missing + extra + out_of_tolerance
 
 
 def _within(times: FloatArray, begin: float, end: float) -> NDArray[np.bool_]:
@@ -98,7 +98,7 @@ def _within(times: FloatArray, begin: float, end: float) -> NDArray[np.bool_]:
 
 
 def _nearest(times: FloatArray, others: FloatArray) -> NDArray[np.intp]:
-    """Return for each time the number of the nearest of the others; -1 where there are none."""
+    """Return the index of the nearest of the others for each time; -1 where there are none."""
     if others.size == 0:
         return np.full(times.size, -1)
     after = np.clip(np.searchsorted(others, times), 0, others.size - 1)
@@ -107,7 +107,7 @@ def _nearest(times: FloatArray, others: FloatArray) -> NDArray[np.intp]:
 
 
 def _mutual(nearest: NDArray[np.intp], of_others: NDArray[np.intp]) -> NDArray[np.bool_]:
-    """Return which are the nearest of their nearest."""
+    """Return which elements are themselves the nearest of their nearest."""
     if of_others.size == 0:
         return np.zeros(nearest.size, dtype=np.bool_)
     return np.asarray(of_others[nearest] == np.arange(nearest.size))

@@ -1,4 +1,4 @@
-"""The edges of the tacho as the analysis takes them: from its waveform, or from a counter that stamps them."""
+"""Tacho edges for the analysis, from the sampled waveform or from the timestamps of a counter."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -14,21 +14,21 @@ from analysis.tacho.edges import EdgeDetector
 
 FloatArray = NDArray[np.float64]
 
-MAX_STAMP_DELAY = 0.5  # s that a stamp may come late before its absence is taken for the shaft's
+MAX_STAMP_DELAY = 0.5  # s: after this time without a timestamp there was no edge
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TachoEdges:
-    """The edges of a further stretch of time, as `PulseTrain.advance` takes them.
+    """Edges of one stretch of time, the input of `PulseTrain.advance`.
 
     Parameters
     ----------
     edges : ndarray of float64, shape (n,)
-        Times at which the mark passed, in the segment, s, rising.
+        Times in the segment at which a keyphasor mark passed, s, rising.
     known : float
         Time up to which all edges are known, s.
     elapsed : float
-        Length of the time in which they lie, s.
+        Length of the stretch, s.
     """
 
     edges: FloatArray
@@ -37,16 +37,15 @@ class TachoEdges:
 
 
 class TachoEdgeReader:
-    """Finds the passings of the mark in the order of time, in whatever blocks they come.
+    """Reads tacho edges in the order of time, independent of the block size.
 
-    Where the acquisition has a counter that is the reference, its stamps are taken, and each counts from its own sample
-    on, or where it came late from the block that it came with; where the counter fails, the waveform is taken for the
-    rest of the segment.
+    With a counter as the reference, its timestamps are the edges. A timestamp takes effect at its own sample or, if
+    late, at the block that contains it. After the counter fails, the waveform is used for the rest of the segment.
 
     Parameters
     ----------
     acquisition : Acquisition
-        How the tacho is read.
+        Settings of the tacho and its counter.
     """
 
     def __init__(self, acquisition: Acquisition) -> None:
@@ -59,16 +58,16 @@ class TachoEdgeReader:
         self.restart(0)
 
     def restart(self, first: int) -> None:
-        """Begin a segment, or go on in one after a gap, at a sample."""
+        """Start a segment, or continue one after a gap, at a sample."""
         self._detector = EdgeDetector(self._tacho)
-        self._stamps: list[tuple[int, NDArray[np.int64]]] = []  # first sample of the block, and what came with it
+        self._stamps: list[tuple[int, NDArray[np.int64]]] = []  # first sample of the block, and its timestamps
         self._fails_from: int | None = None
         self._last = -np.inf
         if self._comparison is not None:
             self._comparison.restart(first / self._rate)
 
     def add_block(self, block: SampleBlock) -> None:
-        """Take note of what the counter stamped, before the samples of its block."""
+        """Add the timestamps of a block; call it before `read` for the samples of the block."""
         if self._counter is None:
             return
         if block.ticks is None:
@@ -77,14 +76,14 @@ class TachoEdgeReader:
             self._stamps.append((block.first_sample, block.ticks))
 
     def read(self, volts: FloatArray, first: int) -> TachoEdges:
-        """Return the edges of a further stretch of the waveform.
+        """Return the edges of the next stretch of the waveform.
 
         Parameters
         ----------
         volts : ndarray of float64, shape (n,)
             Consecutive samples, V.
         first : int
-            Index of the first in its segment.
+            Index of the first sample in its segment.
         """
         end, elapsed = (first + volts.size) / self._rate, volts.size / self._rate
         found, delay = self._detector.edges(volts, first) / self._rate, self._tacho.delay
@@ -103,21 +102,21 @@ class TachoEdgeReader:
         return TachoEdges(edges - delay, max(end - MAX_STAMP_DELAY, self._last), elapsed)
 
     def report(self, end: int) -> CounterReport | None:
-        """Return how counter and waveform compare, up to a sample; None without a counter."""
+        """Return the comparison of counter and waveform up to a sample; None without a counter."""
         return None if self._comparison is None else self._comparison.report(is_working=self._is_working(end))
 
     def _is_working(self, end: int) -> bool:
         return self._fails_from is None or end <= self._fails_from
 
     def _new_edges(self, edges: FloatArray) -> FloatArray:
-        """Return the edges behind the last that was given: counter and waveform may both have the one at a change."""
+        """Return the edges after the last one returned: at a change of source both may contain the same edge."""
         edges = edges[edges > self._last]
         if edges.size:
             self._last = float(edges[-1])
         return edges
 
     def _due_stamps(self, end: int) -> Iterator[FloatArray]:
-        """Yield the times, s, of stamps that lie before a sample and came with a block that begins before it."""
+        """Yield the times, s, of timestamps before a sample, from blocks that begin before it."""
         if self._counter is None:
             return
         timebase, waiting = self._counter.timebase, []

@@ -1,4 +1,4 @@
-"""Edges of the tacho's waveform: a Schmitt trigger whose edges are timed between the samples."""
+"""Edge detection in the tacho waveform: a Schmitt trigger with interpolation between the samples."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,11 +9,10 @@ FloatArray = NDArray[np.float64]
 
 
 class EdgeDetector:
-    """Finds the edges that mark theta = 0, across as many calls as the waveform comes in.
+    """Schmitt trigger that finds the tacho edges of a waveform given in consecutive pieces.
 
-    The waveform must have been below the lower level and reach the upper level (mirrored for falling edges) to give
-    an edge; its time is the last crossing of the middle level before that, by linear interpolation between the two
-    samples about it.
+    An edge needs a waveform below the lower level that then reaches the upper level (mirrored for falling edges). The
+    time of the edge is the last crossing of the middle level before that, interpolated linearly between two samples.
 
     Parameters
     ----------
@@ -22,8 +21,8 @@ class EdgeDetector:
 
     Notes
     -----
-    O. Schmitt, A thermionic trigger, J. Sci. Instrum. 15, 1938; of the edge's time between samples: A. Brandt, Noise
-    and Vibration Analysis, 2011, ch. 12.
+    O. Schmitt, A thermionic trigger, J. Sci. Instrum. 15, 1938; interpolation of the edge time: A. Brandt, Noise and
+    Vibration Analysis, 2011, ch. 12.
     """
 
     def __init__(self, tacho: Tacho) -> None:
@@ -38,24 +37,24 @@ class EdgeDetector:
         self._crossing = 0.0
 
     def edges(self, volts: FloatArray, first: int) -> FloatArray:
-        """Return the positions of the edges in a further piece of the waveform.
+        """Return the positions of the edges in the next piece of the waveform.
 
         Parameters
         ----------
         volts : ndarray of float64, shape (n,)
-            Consecutive to the piece before, V.
+            Samples that follow the previous piece, V.
         first : int
             Index of the first sample of the piece.
 
         Returns
         -------
         ndarray of float64, shape (n_edges,)
-            Positions on the axis of ``first``, in samples, rising.
+            Positions in samples, on the same axis as ``first``, rising.
 
         Raises
         ------
         ValueError
-            Where the samples are not finite.
+            The samples are not finite.
         """
         if not np.isfinite(volts).all():
             raise ValueError("volts: holds values that are not finite")

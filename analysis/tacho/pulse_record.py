@@ -1,6 +1,6 @@
-"""The pulses of a whole record: counted forward and backward in time, and refused where the two counts differ.
+"""Pulse numbers of a whole record, from edge times of a waveform (`analysis.tacho.edges`) or of a counter.
 
-Takes times of pulses, whether found in a waveform (`analysis.tacho.edges`) or stamped by a counter.
+Pulses are counted forward and backward in time; a record whose two counts differ is refused.
 """
 
 from collections.abc import Iterator
@@ -19,35 +19,33 @@ IntArray = NDArray[np.int64]
 
 MIN_PULSES = 8
 MIN_GAPS = 3
-MAX_PERIODIC_GAPS = (
-    0.5  # part of the places at one distance from one another where pulses are missing: no chance made these
-)
-MIN_TRAIN_FRACTION = 0.9  # part of the pulses that one train must hold: less is a shaft that stood still between
+MAX_PERIODIC_GAPS = 0.5  # fraction of every nth pulse that may be missing: more is no coincidence
+MIN_TRAIN_FRACTION = 0.9  # of all edges that one train must contain: with less the shaft stood still in between
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PulseRecord:
-    """The pulses of one uninterrupted train.
+    """Numbered pulses of one uninterrupted train.
 
     Parameters
     ----------
     numbers : ndarray of int64, shape (n,)
-        Number of each pulse, rising; where pulses were missing it skips.
+        Number of each pulse, rising; missing pulses are skipped.
     times : ndarray of float64, shape (n,)
-        Their times, s, rising, the sensor's delay taken off.
+        Their times, s, rising, corrected for the sensor delay.
     pulses_per_revolution : int
-        Marks on the shaft; pulses whose number divides by it lie at theta = 0: those after the longest interval where
-        it is clearly the longest, else those of the first mark seen.
+        Marks on the shaft. Pulses whose number is a multiple of it lie at theta = 0: those after the longest interval
+        where one is clearly the longest, else those of the first mark seen.
     edges : int
-        Edges given in the train's span.
+        Edges within the span of the train.
     filled : int
-        Pulses that were missing and counted as passed.
+        Missing pulses that were counted.
     rejected : int
-        Edges that were doubles or noise.
+        Edges rejected as doubles or noise.
     too_fast : bool
-        Whether light or dark lasted less than the sensor's response anywhere: pulses may be missing unnoticed.
-    mark_is_arbitrary : bool
-        Whether theta = 0 is the first mark seen of several that cannot be told apart: phases hold in this record only.
+        Whether light or dark was shorter than the sensor response anywhere: pulses may be missing unnoticed.
+    phase_reference_is_arbitrary : bool
+        Whether theta = 0 is the first mark seen of several indistinguishable ones: phases hold in this record only.
     """
 
     numbers: IntArray
@@ -61,36 +59,36 @@ class PulseRecord:
 
     @property
     def repaired_fraction(self) -> float:
-        """Pulses filled or rejected over pulses counted, the quality of the record: 0 is best."""
+        """Filled and rejected pulses over counted pulses: 0 is best."""
         return (self.filled + self.rejected) / max(int(self.numbers[-1] - self.numbers[0]), 1)
 
 
 def pulse_record(times: FloatArray, tacho: Tacho) -> PulseRecord:
-    """Return the longest train of pulses in a record, each numbered.
+    """Return the longest train of pulses in a record, numbered.
 
-    Where every interval is like that of the same mark a revolution before, the marks may lie anywhere on the shaft.
-    Else something is missing or double, and the marks must be about evenly spaced for that to be told: the
-    predictive gate of `PulseTrain` runs over the pulses forward and, with time reversed, backward: a pulse counts
-    where both accept it. Where the two come to different counts between two pulses, a repair would be guessing.
+    Where the intervals repeat from revolution to revolution, nothing is missing and the marks may lie anywhere on the
+    shaft. Otherwise pulses are missing or double, and the marks must be about evenly spaced to find out which: the
+    predictive gate of `PulseTrain` runs over the pulses forward and, with time reversed, backward. Pulses that both
+    accept are counted. Where the two counts between two pulses differ, a repair would be guessing.
 
     Parameters
     ----------
     times : ndarray of float64, shape (n,)
-        Times of the edges, s, rising; of a counter's stamps or of `EdgeDetector.edges` over the rate.
+        Times of the edges, s, rising: counter timestamps, or `EdgeDetector.edges` over the sample rate.
     tacho : Tacho
-        Marks, response time and delay; the delay is taken off.
+        Marks, response time and delay; the delay is subtracted.
 
     Raises
     ------
     TachoRefusedError
-        Too few pulses, no regular train, a count that differs forward and backward, or too many repairs.
+        Too few pulses, no regular train, different counts forward and backward, or too many repairs.
     ValueError
         Times that are not finite or do not rise.
 
     Notes
     -----
-    The counts forward and backward, and the refusal where they differ, are this program's own; what missing and false
-    pulses do otherwise is told by K. Fyfe and E. Munck, MSSP 11(2), 1997.
+    The comparison of the two counts is a method of this program. For the effect of missing and false pulses see
+    K. Fyfe and E. Munck, MSSP 11(2), 1997.
     """
     times = np.asarray(times, dtype=np.float64)
     if times.ndim != 1 or not np.isfinite(times).all() or (np.diff(times) <= 0.0).any():
@@ -103,7 +101,7 @@ def pulse_record(times: FloatArray, tacho: Tacho) -> PulseRecord:
     forward = max(_trains(times, single), key=lambda train: train[0].size, default=None)
     backward = max(_trains(-times[::-1], single), key=lambda train: train[0].size, default=None)
     if forward is None or backward is None:
-        raise TachoRefusedError(f"none of {times.size} tacho edges make a regular train: noise, or no shaft")
+        raise TachoRefusedError(f"{times.size} tacho edges contain no regular pulse train, expected one: noise?")
     back_numbers, back_times = -backward[0][::-1], -backward[1][::-1]
     numbers, kept = _merge_counts(forward, (back_numbers, back_times))
     begin, end = np.searchsorted(times, [kept[0], kept[-1]])
@@ -119,7 +117,7 @@ def pulse_record(times: FloatArray, tacho: Tacho) -> PulseRecord:
 
 
 def _is_clean(intervals: FloatArray, marks: int) -> bool:
-    """Return whether nothing is missing or double: each interval is like that of the same mark a revolution before."""
+    """Return whether no pulse is missing or double: the intervals repeat from revolution to revolution."""
     if intervals.size < 2 * marks + 1:
         return False
     ratios = intervals[marks:] / intervals[:-marks]
@@ -156,7 +154,7 @@ def _trains(times: FloatArray, tacho: Tacho) -> Iterator[tuple[IntArray, FloatAr
 def _merge_counts(
     forward: tuple[IntArray, FloatArray], backward: tuple[IntArray, FloatArray]
 ) -> tuple[IntArray, FloatArray]:
-    """Return numbers and times of the pulses of both trains, and of the one where the other has not begun."""
+    """Return numbers and times of the pulses common to both trains, and of one train where the other has none yet."""
     common, in_forward, in_backward = np.intersect1d(forward[1], backward[1], return_indices=True)
     if common.size < MIN_PULSES:
         raise TachoRefusedError(
@@ -168,7 +166,7 @@ def _merge_counts(
         raise TachoRefusedError(
             f"tacho: the pulses counted forward and backward differ by {abs(int(offset[-1] - offset[0]))}, in "
             f"{slips.size} places from {float(common[slips[0] + 1]):.4f} s on: too many are missing or double there to "
-            "know the angle"
+            "determine the angle"
         )
     before = backward[1] < forward[1][0]
     after = forward[1] > backward[1][-1]
@@ -178,7 +176,7 @@ def _merge_counts(
 
 
 def _refuse_many_repairs(numbers: IntArray, times: FloatArray, edges: FloatArray, marks: int) -> None:
-    """Raise where more than the live tracker would bear needed a repair, or the same did again and again."""
+    """Raise where more pulses were repaired than the live analysis allows, or every nth pulse is missing."""
     repaired = int(numbers[-1] - numbers[0]) + 1 - numbers.size + edges.size - times.size
     allowed = MAX_REPAIRED / HISTORY * numbers.size
     if repaired > allowed:
@@ -188,8 +186,8 @@ def _refuse_many_repairs(numbers: IntArray, times: FloatArray, edges: FloatArray
     is_gap = np.zeros(int(numbers[-1]), dtype=np.bool_)
     is_gap[numbers[:-1][np.diff(numbers) > 1]] = True
     for distance in range(2, min(2 * marks, is_gap.size // MIN_GAPS) + 1):
-        again = np.count_nonzero(is_gap[distance:] & is_gap[:-distance])
-        if distance % marks and again > max(MAX_PERIODIC_GAPS * is_gap.size / distance, MIN_GAPS):
+        recurring = np.count_nonzero(is_gap[distance:] & is_gap[:-distance])
+        if distance % marks and recurring > max(MAX_PERIODIC_GAPS * is_gap.size / distance, MIN_GAPS):
             raise TachoRefusedError(
                 f"tacho: a pulse is missing every {distance}: expected a pattern that repeats with the {marks} marks "
                 "of a revolution"

@@ -1,4 +1,4 @@
-"""The pulses of the tacho as a train: which edge is which pulse, what is missing, what is too much, and how sure."""
+"""Pulse train of the tacho: assigns edges to pulses, counts missing and rejected ones, and derives speed and state."""
 
 from collections import deque
 from collections.abc import Callable
@@ -12,49 +12,50 @@ from analysis.tacho.mark_spacing import MarkSpacing
 
 FloatArray = NDArray[np.float64]
 
-GATE = 0.3  # of the predicted period: how far an edge may lie from its prediction
-GATE_AFTER_GAP = 0.25  # the same where pulses before it are missing
-MAX_MISSING_PULSES = 2  # successive pulses that may be missing
-SEED_INTERVALS = 4  # like intervals that make a train
+GATE = 0.3  # of the predicted period: largest distance of an edge from its prediction
+GATE_AFTER_GAP = 0.25  # the same after missing pulses
+MAX_MISSING_PULSES = 2  # successive missing pulses that are counted
+SEED_INTERVALS = 4  # similar intervals that start a train
 MAX_SEED_RATIO = 1.25  # of successive intervals
-MIN_TRAIN_PULSES = SEED_INTERVALS + 1  # pulses of a train before its speed is believed
-MIN_TRAIN_TURNS, MIN_MULTI_MARK_PULSES = (
-    6,
-    64,
-)  # of a train of several marks whose spacing could not be learned, at least
-MAX_REJECTED_EDGES = 20  # edges in vain that are remembered: each asks for one pulse more
-MAX_INTERVAL_CHANGE = 0.05  # change from one interval to the next with which pulses are beyond question
-MAX_SUCCESSIVE_REPAIRS = 4  # successive pulses that each needed a repair: the train is not what it was taken for
-MAX_REJECTED_AT_START = 2  # edges in vain with which a shaft may start
+MIN_TRAIN_PULSES = SEED_INTERVALS + 1  # pulses of a train before its speed is reported
+MIN_TRAIN_TURNS, MIN_MULTI_MARK_PULSES = 6, 64  # the same with several marks of unknown spacing
+MAX_REJECTED_EDGES = 20  # without a train; each requires one more pulse before the speed is reported
+MAX_INTERVAL_CHANGE = 0.05  # relative change from one interval to the next of pulses accepted without the gate
+MAX_SUCCESSIVE_REPAIRS = 4  # then the train is assigned wrongly and is dropped
+MAX_REJECTED_AT_START = 2  # with more edges without a train the state is irregular, with fewer no pulses
 MAX_REJECTED_BETWEEN_PULSES = 10  # edges between two pulses
 HISTORY, MAX_REPAIRED = 64, 8  # of the last pulses
 MAX_JITTER = 0.05  # of the pulses' period
-NO_PULSE_TIMEOUT = 2.0  # s without an edge: no pulses
-MIN_SAMPLES_PER_PULSE = 20  # a pulse; more edges than that are no shaft
+NO_PULSE_TIMEOUT = 2.0  # s without an edge
+MIN_SAMPLES_PER_PULSE = 20  # with more edges than that the signal is noise
 
 
 class PulseTrain:
-    """Follows the pulses with a predictive gate.
+    """Tracks the tacho pulses with a predictive gate.
 
-    Four like intervals make a train. Each further edge is compared with the time extrapolated from the last eight
-    intervals (medians of the older and the younger half, so that an edge taken wrongly does not lead astray): near
-    it, it is the next pulse; too early, it is a double and rejected, unless it lies nearer to the prediction than the
-    one that was taken; one or two periods too late, the pulses between were missing and are counted. Anything else
-    ends the train, and a new one is sought. A train whose pulses begin to miss regularly, every second or third,
-    is that of a sensor past its response: the slower train that follows is told as too fast.
+    Four similar intervals start a train. Each further edge is compared with the time extrapolated from the last eight
+    intervals (medians of the older and the newer half, so that a wrongly accepted edge has little effect):
 
-    Several marks may lie anywhere on the shaft: their spacing is learned over the first revolutions without a fault
-    (`tacho.mark_spacing`), and intervals are then compared by their parts of a revolution. Where one interval is
-    clearly the longest, theta = 0 is the mark that ends it; else it is the first one seen of every train.
+    - near the prediction it is the next pulse;
+    - too early it is rejected as a double, unless it lies nearer to the prediction than the accepted one;
+    - one or two periods too late, the pulses between were missing and are counted;
+    - anything else ends the train, and a new one is sought.
+
+    Where every second or third pulse begins to be missing, the sensor response is exceeded: the state of the slower
+    train that follows is `TachoState.TOO_FAST`.
+
+    Several marks may lie anywhere on the shaft: their spacing is learned from the first revolutions without a fault
+    (`tacho.mark_spacing`), and intervals are then divided by their ratio to the mean. Where one interval is clearly
+    the longest, theta = 0 is the mark at its end; else it is the first mark seen of every train.
 
     Parameters
     ----------
     tacho : Tacho
-        Pulses a revolution, mark and response time.
+        Marks on the shaft and response time of the sensor.
     revolutions : int
-        Marks (one a revolution) to remember.
+        Number of once-per-turn marks to store.
     on_end : callable or None
-        Given the remembered marks, number and time, s, of every train that ends.
+        Called with the stored marks, number and time, s, of every train that ends.
     """
 
     def __init__(
@@ -75,9 +76,9 @@ class PulseTrain:
         self.restart()
 
     def restart(self) -> None:
-        """Forget the train but not the counts: the next edge does not follow the last."""
+        """Drop the train but not the counts: the next edge does not follow the last."""
         self._last_edge = -np.inf
-        self._unexplained_edges = 0  # edges that led to no train
+        self._unexplained_edges = 0  # edges that started no train
         self._is_flooded = False
         self._repaired.clear()
         self._spacing.forget_edges()
@@ -90,15 +91,15 @@ class PulseTrain:
         self._number = 0  # of the last pulse in its train
         self._time = self._before = self._predicted = 0.0
         self._skipped = 1  # periods between the last pulse and the one before,
-        self._span = 1.0  # and how many even ones they make
+        self._span = 1.0  # and their length in mean intervals
         self._repairs_in_a_row = self._rejected_since = 0
-        self._has_periodic_gaps = False  # whether the train came from one of which pulses went missing regularly
+        self._has_periodic_gaps = False  # whether every nth pulse was missing in the train before
         self._seed.clear()
         self._intervals.clear()
         self._marks.clear()
 
     def advance(self, edges: FloatArray, now: float, elapsed: float, rate: float) -> None:
-        """Take the edges of a further stretch of time.
+        """Add the edges of the next stretch of time.
 
         Parameters
         ----------
@@ -107,7 +108,7 @@ class PulseTrain:
         now : float
             End of the stretch, s.
         elapsed : float
-            Its length, s.
+            Length of the stretch, s.
         rate : float
             Sample rate, Hz.
         """
@@ -133,9 +134,9 @@ class PulseTrain:
             self._drop_train()
 
     def _accept_clean(self, edges: FloatArray) -> int:
-        """Accept a clean stretch of pulses at once, all but the last few; return how many.
+        """Accept a stretch of regular pulses at once, except the last few; return how many.
 
-        What it accepts the gate would have accepted one by one: each interval is like the one before.
+        The gate would accept the same pulses one by one, as each interval is similar to the one before.
         """
         n = edges.size - (self._intervals.maxlen or 0) - 1
         if n < 1 or not self._locked or self._repairs_in_a_row or self._rejected_since:
@@ -161,29 +162,29 @@ class PulseTrain:
         return n
 
     def _expected(self, periods: int) -> float:
-        """Return the time from the last pulse to the one so many periods later."""
+        """Return the predicted time from the last pulse to the one ``periods`` later, s."""
         return self._time_ahead(periods, *self._trend())
 
     def _time_ahead(self, periods: int, last: float, slope: float) -> float:
         return self._mean_intervals(periods) * last + slope * 0.5 * periods * (periods + 1)
 
     def _mean_intervals(self, periods: int) -> float:
-        """Return how many even periods the next ones make."""
+        """Return the length of the next periods in mean intervals."""
         if self._spacing.is_even:
             return periods
         marks = (self._number + np.arange(1, periods + 1)) % self._tacho.pulses_per_revolution
         return float(self._spacing.ratios[marks].sum())
 
     def _trend(self) -> tuple[float, float]:
-        """Return the last even interval as it should have been, and its change from one to the next.
+        """Return the smoothed last interval, as a mean interval, and its change per interval.
 
-        From medians of the older and the younger intervals, so that one of each may be wrong.
+        Uses medians of the older and the newer intervals, so that one of each may be wrong.
         """
         intervals = list(self._intervals)
         n, half = len(intervals), len(intervals) // 2
-        older, younger = _median(intervals[:half]), _median(intervals[half:])
-        slope = min(max((younger - older) / (0.5 * n), -0.2 * younger), 0.2 * younger)
-        return younger + 0.5 * (n - half - 1) * slope, slope
+        older, newer = _median(intervals[:half]), _median(intervals[half:])
+        slope = min(max((newer - older) / (0.5 * n), -0.2 * newer), 0.2 * newer)
+        return newer + 0.5 * (n - half - 1) * slope, slope
 
     def _add_edge(self, time: float) -> None:
         if not self._locked:
@@ -285,21 +286,21 @@ class PulseTrain:
 
     @property
     def marks(self) -> tuple[NDArray[np.int64], FloatArray]:
-        """Revolution number and time, s, of the last marks of the train, one a revolution, missing ones left out."""
+        """Revolution number and time, s, of the last once-per-turn marks of the train, without the missing ones."""
         turns = np.array([turn for turn, _ in self._marks], dtype=np.int64)
         return turns, np.array([time for _, time in self._marks], dtype=np.float64)
 
     @property
     def is_settled(self) -> bool:
-        """Whether there is a train that has held long enough to be believed."""
+        """Whether the train is long enough to report its speed."""
         marks = self._tacho.pulses_per_revolution
         needed = MIN_TRAIN_PULSES if self._spacing.is_known else max(MIN_TRAIN_TURNS * marks, MIN_MULTI_MARK_PULSES)
         return self._locked and self._number + 1 >= needed + self._unexplained_edges
 
     def speed(self, interval: float) -> float:
-        """Return the mean speed over the last whole revolutions that fill ``interval`` seconds (at least one), rad/s.
+        """Return the mean speed, rad/s, over the last whole revolutions that fill ``interval`` seconds, at least one.
 
-        NaN where the pulses do not tell.
+        NaN without a settled train.
         """
         if not self.is_settled or len(self._marks) < 2:
             return np.nan
@@ -309,7 +310,7 @@ class PulseTrain:
         return float(2.0 * np.pi * (turns[-1] - turns[first]) / (times[-1] - times[first]))
 
     def state(self, now: float, speed: float, jitter: float) -> TachoState:
-        """Return the verdict.
+        """Return the state of the tacho.
 
         Parameters
         ----------
@@ -318,7 +319,7 @@ class PulseTrain:
         speed : float
             From `speed`, rad/s.
         jitter : float
-            Scatter of the edges about the smooth angle, s; NaN where it is not known.
+            Scatter of the edges about the smooth angle, s; NaN where unknown.
         """
         if now - self._last_edge > NO_PULSE_TIMEOUT:
             return TachoState.NO_PULSES
@@ -333,7 +334,7 @@ class PulseTrain:
         return TachoState.GOOD
 
     def report(self, state: TachoState, jitter: float) -> TachoReport:
-        """Return the verdict with the counts since the run began and the scatter, s."""
+        """Return the state with the counts since the start of the run and the scatter, s."""
         arbitrary = not self._spacing.has_reference
         return TachoReport(
             state, self._pulses, self._filled, self._rejected, jitter, phase_reference_is_arbitrary=arbitrary

@@ -1,6 +1,6 @@
-"""The angle of the shaft through a whole record, with how far it is to be trusted.
+"""Smooth shaft angle from tacho pulses: a least-squares cubic spline of time against revolutions.
 
-Shaft angle as a smooth function of time, from pulses of which each is a little off.
+`smooth_angle` fits the last revolutions of the live analysis, `shaft_angle` a whole record with its uncertainty.
 """
 
 from dataclasses import dataclass
@@ -16,11 +16,11 @@ from analysis.tacho.pulse_record import PulseRecord
 FloatArray = NDArray[np.float64]
 
 DEGREE = 3
-MAX_KNOT_TURNS = 8.0  # at most: pulses averaged by one piece of the spline
+MAX_KNOT_TURNS = 8.0  # revolutions between knots: pulses averaged by one piece of the spline
 MIN_KNOT_TURNS = 3.0
-KNOT_TIME = 0.08  # s: slower fluctuations of speed are followed
+KNOT_TIME = 0.08  # s between knots at low speed, to resolve speed fluctuations
 MAD_TO_SIGMA = 1.4826  # of a normal distribution
-OUTLIER_SIGMAS, OUTLIER_TURNS = 6.0, 0.01  # times the scatter, and part of a revolution: further off is another edge
+OUTLIER_SIGMAS, OUTLIER_TURNS = 6.0, 0.01  # times the scatter, and revolutions: pulses further off are rejected
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -30,9 +30,9 @@ class SmoothAngle:
     Parameters
     ----------
     time : BSpline
-        Time, s, of a revolution count.
+        Time, s, as a function of the revolution count.
     jitter : float
-        Robust scatter of the pulses about it, 1.4826 MAD, s.
+        Robust scatter of the pulses about the spline, 1.4826 MAD, s.
     """
 
     time: BSpline
@@ -40,12 +40,12 @@ class SmoothAngle:
 
 
 def smooth_angle(turns: NDArray[np.int64], times: FloatArray) -> SmoothAngle:
-    """Fit a cubic spline, time against revolutions, to the times of the marks by least squares.
+    """Return a cubic spline, time against revolutions, fitted to the times of the marks by least squares.
 
-    The pulses lie uniformly in angle, so that time is fitted against the count and the instants of an angular grid
-    come straight out. The knots lie 8 revolutions apart, closer at low speed (80 ms, at least 3 revolutions), where
-    the air changes the speed within 8 revolutions and the scatter of the edges is small beside a revolution. Marks
-    that lie far off are left out and the rest is fitted again.
+    Time is fitted against the count, because the pulses lie uniformly in angle; the spline gives the times of an
+    angular grid directly. The knots lie 8 revolutions apart, closer at low speed (80 ms, at least 3 revolutions),
+    where the air changes the speed within 8 revolutions and the scatter of the edges is small relative to a
+    revolution. Outliers are rejected and the rest is fitted again.
 
     Parameters
     ----------
@@ -57,12 +57,12 @@ def smooth_angle(turns: NDArray[np.int64], times: FloatArray) -> SmoothAngle:
     Returns
     -------
     SmoothAngle
-        Good between the first and the last mark.
+        Valid between the first and the last mark.
 
     Notes
     -----
-    K. Fyfe and E. Munck, Analysis of computed order tracking, MSSP 11(2), 1997: the angle's errors limit everything;
-    least squares in B-splines as C. de Boor, A Practical Guide to Splines, 1978.
+    K. Fyfe and E. Munck, Analysis of computed order tracking, MSSP 11(2), 1997: errors of the angle limit the accuracy
+    of order tracking. Least squares in B-splines: C. de Boor, A Practical Guide to Splines, 1978.
     """
     if turns.size < 2 or turns.shape != times.shape:
         raise ValueError(f"turns, times: shapes {turns.shape} and {times.shape}, expected the same, 2 marks at least")
@@ -70,7 +70,7 @@ def smooth_angle(turns: NDArray[np.int64], times: FloatArray) -> SmoothAngle:
     scatter = MAD_TO_SIGMA * float(np.median(np.abs(residual - np.median(residual))))
     allowed = max(OUTLIER_SIGMAS * scatter, OUTLIER_TURNS * float(times[-1] - times[0]) / float(turns[-1] - turns[0]))
     good = np.abs(residual) <= allowed
-    good[[0, -1]] = True  # they carry the ends
+    good[[0, -1]] = True  # the ends of the spline
     if not good.all() and np.count_nonzero(good) > 2 * DEGREE:
         time, residual = _fit_spline(turns[good], times[good])
         scatter = MAD_TO_SIGMA * float(np.median(np.abs(residual - np.median(residual))))
@@ -78,14 +78,14 @@ def smooth_angle(turns: NDArray[np.int64], times: FloatArray) -> SmoothAngle:
 
 
 def _fit_spline(turns: NDArray[np.int64], times: FloatArray) -> tuple[BSpline, FloatArray]:
-    """Return the spline and what it leaves of each mark, s."""
+    """Return the spline and the residual of each mark, s."""
     span = float(turns[-1] - turns[0])
     apart = min(max(KNOT_TIME * span / float(times[-1] - times[0]), MIN_KNOT_TURNS), MAX_KNOT_TURNS)
     pieces = max(1, round(span / apart))
     inner = turns[0] + span * np.arange(pieces + 1) / pieces
     knots = np.concatenate([np.full(DEGREE, inner[0]), inner, np.full(DEGREE, inner[-1])])
-    # Fitted beside the straight line through the ends, whose coefficients are its values at the knots' averages: where
-    # there are few marks the spline stays near the line.
+    # Fitted as a correction to the straight line through the ends, whose coefficients are its values at the knot
+    # averages: with few marks the spline stays near the line.
     averages = np.convolve(knots[1:-1], np.full(DEGREE, 1.0 / DEGREE), mode="valid")
     line = times[0] + (times[-1] - times[0]) / span * (averages - inner[0])
     basis = BSpline.design_matrix(turns.astype(np.float64), knots, DEGREE).toarray()
@@ -95,32 +95,32 @@ def _fit_spline(turns: NDArray[np.int64], times: FloatArray) -> tuple[BSpline, F
     return BSpline(knots, coefficients, DEGREE), residual
 
 
-MAX_SPLINE_ERROR = 3e-6  # revolutions that the spline may miss a steady rise of speed by: 0.001 degrees
+MAX_SPLINE_ERROR = 3e-6  # revolutions, of the spline at a steady acceleration: 0.001 degrees
 MIN_TURNS = 4
-MAX_SUCCESSIVE_OUTLIERS = 3  # pulses in a row that may be false
-MAX_REFITS = 3  # after the first: a false pulse bends what it lies in, and false ones hide behind worse
+MAX_SUCCESSIVE_OUTLIERS = 3  # pulses in a row that are rejected; more are a jump of speed
+MAX_REFITS = 3  # after the first fit: a false pulse bends the spline and can hide smaller ones
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ShaftAngle:
-    """Time against revolutions, through a record.
+    """Smooth shaft angle of a record, as time against revolutions, with its uncertainty.
 
     Parameters
     ----------
     time : BSpline
-        Time, s, of a count of revolutions; theta = 0 where the count is whole.
+        Time, s, as a function of the revolution count; theta = 0 at whole counts.
     first, last : float
-        Revolutions between which it holds.
+        Range of validity, revolutions.
     jitter : float
-        Robust scatter of the pulses about it (1.4826 MAD), s.
+        Robust scatter of the pulses about the spline (1.4826 MAD), s.
     outliers : int
-        Pulses that were left out because they lay far off.
+        Number of rejected pulses.
     mark_angles : ndarray of float64, shape (pulses_per_revolution,)
-        Where the marks were found on the shaft, rad from the first; 0 for the first.
+        Angles of the marks on the shaft, rad from the first.
     covariance : ndarray of float64, shape (4, n_coefficients)
-        Of the spline's coefficients where the pulses scatter by 1 s: its diagonals, the main one first, s².
+        Diagonals of the covariance of the spline coefficients for a pulse scatter of 1 s, the main diagonal first, s².
     is_measured : bool
-        True where a tacho told; False where it was read from the vibration itself (`analysis.spectra.tacholess_speed`).
+        Whether the angle comes from a tacho; False if estimated from vibration (`analysis.spectra.tacholess_speed`).
     """
 
     time: BSpline
@@ -133,16 +133,19 @@ class ShaftAngle:
     is_measured: bool = True
 
     def speed(self, turns: FloatArray) -> FloatArray:
-        """Return the shaft's speed, rad/s, at counts of revolutions."""
+        """Return the shaft speed, rad/s, at revolution counts."""
         return np.asarray(2.0 * np.pi / self.time(turns, nu=1), dtype=np.float64)
 
     def cubics(self, turns: NDArray[np.int64]) -> FloatArray:
-        """Return time within whole revolutions as cubics of the part of the turn, coefficients (4, n), s, rising."""
+        """Return time within whole revolutions as cubics of the fraction of the revolution.
+
+        Coefficients in rising order, shape (4, n), s.
+        """
         factorials = (1.0, 1.0, 2.0, 6.0)
         return np.stack([self.time(turns, nu=power) / factorial for power, factorial in enumerate(factorials)])
 
     def turns(self, times: FloatArray) -> FloatArray:
-        """Return the count of revolutions at times, s; NaN outside the record."""
+        """Return the revolution count at times, s; NaN outside the record."""
         grid = np.linspace(self.first, self.last, max(int(2 * (self.last - self.first)), 2))
         turns = np.interp(times, self.time(grid), grid, left=np.nan, right=np.nan)
         inside = np.isfinite(turns)
@@ -152,10 +155,10 @@ class ShaftAngle:
         return np.asarray(turns, dtype=np.float64)
 
     def time_sigma(self, turns: FloatArray) -> FloatArray:
-        """Return the standard deviation of time at counts of revolutions, s, where pulses scatter independently.
+        """Return the standard deviation of time at revolution counts, s, for independent scatter of the pulses.
 
-        Smaller than the jitter, as the spline averages the pulses about, and larger at its ends; a common error of all
-        pulses, as of the configured delay, is not in it. NaN where no tacho told.
+        Smaller than the jitter, because the spline averages neighbouring pulses, and larger at the ends. A common
+        error of all pulses, such as the configured delay, is not included. NaN without a tacho.
         """
         if not self.is_measured:
             return np.full(np.shape(turns), np.nan)
@@ -171,11 +174,11 @@ class ShaftAngle:
 
 
 def shaft_angle(record: PulseRecord) -> ShaftAngle:
-    """Fit a least-squares cubic spline, time against revolutions, through a record of pulses.
+    """Return the shaft angle of a record, a least-squares cubic spline of time against revolutions.
 
     Knots lie 8 revolutions apart, closer at low speed (80 ms, at least 3 revolutions), where the speed changes within
-    8 revolutions. Pulses that lie far off are left out and the rest is fitted again. With several marks on the shaft
-    their places are found first, from where each lies on average between the revolutions of the first.
+    8 revolutions. Outliers are rejected and the rest is fitted again. With several marks on the shaft their angles are
+    found first, as the mean position of each between the revolutions of the first.
 
     Parameters
     ----------
@@ -185,14 +188,14 @@ def shaft_angle(record: PulseRecord) -> ShaftAngle:
     Raises
     ------
     RecordTooShortError
-        With fewer than 4 whole revolutions.
+        Fewer than 4 whole revolutions.
     TachoRefusedError
-        Where several pulses in a row lie off the smooth angle: the speed jumps.
+        Several pulses in a row are outliers: the speed jumps.
 
     Notes
     -----
-    K. Fyfe and E. Munck, Analysis of computed order tracking, MSSP 11(2), 1997: the angle's errors limit everything;
-    time is fitted against angle because the pulses lie uniformly in it.
+    K. Fyfe and E. Munck, Analysis of computed order tracking, MSSP 11(2), 1997: errors of the angle limit the accuracy
+    of order tracking. Time is fitted against angle, because the pulses lie uniformly in angle.
     """
     marks = record.pulses_per_revolution
     whole = np.count_nonzero(record.numbers % marks == 0) - 1
@@ -222,7 +225,7 @@ def shaft_angle(record: PulseRecord) -> ShaftAngle:
 
 
 def _mark_offsets(record: PulseRecord) -> FloatArray:
-    """Return by how much of a turn each mark lies off its even place, the first by none."""
+    """Return the offset of each mark from even spacing, revolutions; 0 for the first."""
     marks = record.pulses_per_revolution
     mark = record.numbers % marks
     turns = record.numbers / marks
@@ -231,7 +234,7 @@ def _mark_offsets(record: PulseRecord) -> FloatArray:
         time = _fit(turns[mark == 0], record.times[mark == 0]).time
         lowest, highest = turns[mark == 0][[0, -1]]
         inside = (turns > lowest) & (turns < highest)
-        for _ in range(2):  # Newton, from the even places
+        for _ in range(2):  # Newton, from even spacing
             there = np.clip(turns[inside] + offsets[mark[inside]], lowest, highest)
             off = (record.times[inside] - time(there)) / time(there, nu=1)
             for other in range(1, marks):
@@ -240,24 +243,24 @@ def _mark_offsets(record: PulseRecord) -> FloatArray:
 
 
 def _refuse_jumps(good: NDArray[np.bool_], times: FloatArray) -> None:
-    """Raise where several pulses in a row lie off: no false edges, but a speed that changes as no shaft's does."""
+    """Raise where several pulses in a row are outliers: not false edges, but a jump of speed."""
     bad = np.concatenate([[False], ~good, [False]]).astype(np.int8)
     begins, ends = np.flatnonzero(np.diff(bad) == 1), np.flatnonzero(np.diff(bad) == -1)
     long = np.flatnonzero(ends - begins > MAX_SUCCESSIVE_OUTLIERS)
     if long.size:
         raise TachoRefusedError(
-            f"tacho: {ends[long[0]] - begins[long[0]]} pulses in a row from {times[begins[long[0]]]:.4f} s on lie off "
-            "the smooth angle: the speed jumps there; analyse the record in parts"
+            f"tacho: {ends[long[0]] - begins[long[0]]} pulses in a row from {times[begins[long[0]]]:.4f} s on deviate "
+            "from the smooth angle: the speed jumps there; analyse the record in parts"
         )
 
 
 def _inner_knots(turns: FloatArray, times: FloatArray) -> list[float]:
-    """Return the knots, in revolutions: whole but for the ends, so that the spline is one cubic in each revolution.
+    """Return the knots, in whole revolutions except the ends, so that the spline is one cubic in each revolution.
 
-    Where the speed n rises by a in every unit of time, n t'' = -a / n², and so on: the cubic misses by about
-    h^4 15 a³ / (384 n^6) revolutions where knots lie h apart.
+    At a speed n with constant acceleration a, n t'' = -a / n², and so on: the error of the cubic is about
+    h^4 15 a³ / (384 n^6) revolutions for a knot distance h.
     """
-    per_turn = (turns.size - 1) / float(turns[-1] - turns[0])  # pulses a revolution
+    per_turn = (turns.size - 1) / float(turns[-1] - turns[0])  # pulses per revolution
     span, last = int(max(MAX_KNOT_TURNS * per_turn, DEGREE + 1)), turns.size - 1
     at, knots = 0, [float(turns[0])]
     while True:
@@ -278,7 +281,7 @@ def _inner_knots(turns: FloatArray, times: FloatArray) -> list[float]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Fit:
-    """A spline through pulses: what it leaves of each, s, and the Cholesky factor of its normal equations, banded."""
+    """A spline fit: residuals of the pulses, s, and the banded Cholesky factor of the normal equations."""
 
     time: BSpline
     residual: FloatArray
@@ -286,7 +289,7 @@ class _Fit:
 
     @property
     def scatter(self) -> float:
-        """Of the pulses, s: of what is left of them, and of what the fit has taken with it."""
+        """Robust scatter of the pulses, s, corrected for the degrees of freedom of the fit."""
         freedom = max(self.residual.size - self.factor.shape[1], 1)
         spread = float(np.median(np.abs(self.residual - np.median(self.residual))))
         return MAD_TO_SIGMA * spread * float(np.sqrt(self.residual.size / freedom))
@@ -309,10 +312,10 @@ def _fit(turns: FloatArray, times: FloatArray) -> _Fit:
 
 
 def _inverse_bands(factor: FloatArray) -> FloatArray:
-    """Return the diagonals of the inverse of a matrix, the main one first, from its banded lower Cholesky factor L.
+    """Return diagonals of the inverse of a matrix, the main one first, from its banded lower Cholesky factor L.
 
-    Z = (L L')⁻¹ has L' Z = L⁻¹, which is lower triangular, so that its bands follow from the last row upwards
-    (K. Takahashi, J. Fagan and M. Chin, PICA conference, 1973).
+    Z = (L L')⁻¹ satisfies L' Z = L⁻¹, which is lower triangular, so that the bands of Z follow from the last row
+    upwards (K. Takahashi, J. Fagan and M. Chin, PICA conference, 1973).
     """
     bands, size = factor.shape
     columns = factor.T.tolist()

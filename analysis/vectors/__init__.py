@@ -1,1 +1,1 @@
-"""Amplitude and phase of orders: tracks, speed curves, Vold-Kalman envelopes, run-out, glitches."""
+"""Amplitude and phase of orders: order tracks, Bode data, Vold-Kalman envelopes, run-out, glitches."""

@@ -1,4 +1,4 @@
-"""Glitches: samples that no shaft can have made, told by the same place of the turns before and after."""
+"""Detection and repair of glitches, by comparison with the same shaft angle in neighbouring revolutions."""
 
 from dataclasses import dataclass
 
@@ -10,26 +10,26 @@ from analysis.tacho.shaft_angle import MAD_TO_SIGMA, ShaftAngle
 
 FloatArray = NDArray[np.float64]
 
-LAGS = (-4, -3, -2, -1, 1, 2, 3, 4)  # turns that a sample is compared with
-THRESHOLD = 6.0  # times the scatter of the turns at that place
-MAX_REPAIRED = 3  # successive samples; longer ones are told, not touched
-CHUNK = 200_000
+LAGS = (-4, -3, -2, -1, 1, 2, 3, 4)  # revolutions with which a sample is compared
+THRESHOLD = 6.0  # times the scatter of these revolutions at that angle
+MAX_REPAIRED = 3  # successive samples; longer glitches are counted but not repaired
+CHUNK = 200_000  # samples
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Glitches:
-    """What was found, and the samples with the short ones bridged.
+    """Glitches found, and the samples with the short ones repaired.
 
     Parameters
     ----------
     displacement : ndarray of float64, shape (2, n)
-        The samples, m; bridged where ``repaired``.
+        The samples, m; interpolated where ``repaired``.
     flagged : ndarray of bool, shape (2, n)
         Samples that are glitches.
     repaired : ndarray of bool, shape (2, n)
-        Those in runs of at most 3 samples, bridged by a straight line.
+        Glitches of at most 3 samples, interpolated linearly.
     count : tuple of int
-        Runs of flagged samples at each probe.
+        Number of glitches at each probe.
     unrepaired : tuple of int
         Runs too long to bridge at each probe: still in the samples.
     """
@@ -42,17 +42,17 @@ class Glitches:
 
     @property
     def flagged_fraction(self) -> FloatArray:
-        """Part of the samples that is flagged, shape (2,)."""
+        """Fraction of the samples that is flagged, shape (2,)."""
         return np.asarray(self.flagged.mean(axis=1), dtype=np.float64)
 
 
 def find_glitches(displacement: FloatArray, rate: float, angle: ShaftAngle, threshold: float = THRESHOLD) -> Glitches:
     """Return the glitches in the samples of two probes.
 
-    Each sample is compared with the median of the samples at the same angle of the shaft four turns before and after
-    (a Hampel filter across the turns, not along them): marks that come with every turn are the shaft's own and stay,
-    and so does all motion that these turns share. The scatter is the turns' own at that angle, at least that of the
-    whole record. Nothing is filtered before.
+    Each sample is compared with the median of the samples at the same shaft angle in the four revolutions before and
+    after: a Hampel filter across revolutions, not along time. Surface marks and motion common to these revolutions
+    stay. The threshold is based on the scatter of these revolutions at that angle, at least that of the whole record.
+    The samples are not filtered before.
 
     Parameters
     ----------
@@ -67,8 +67,8 @@ def find_glitches(displacement: FloatArray, rate: float, angle: ShaftAngle, thre
 
     Notes
     -----
-    F. Hampel, J. Am. Stat. Assoc. 69, 1974. Samples outside the angle's range, and in its first and last four turns
-    where fewer turns can be compared, are judged by those there are.
+    F. Hampel, J. Am. Stat. Assoc. 69, 1974. In the first and last four revolutions fewer revolutions are compared, at
+    least three; samples outside the range of the angle are not judged.
     """
     require_displacement(displacement, rate)
     if not threshold > 0.0:
@@ -94,7 +94,7 @@ def find_glitches(displacement: FloatArray, rate: float, angle: ShaftAngle, thre
 def _compared(
     displacement: FloatArray, rate: float, angle: ShaftAngle, begin: int, end: int
 ) -> tuple[FloatArray, FloatArray]:
-    """Return how far samples are off the other turns' median, and those turns' median distance from it."""
+    """Return the deviations from the median of the other revolutions, and their median absolute deviation."""
     turns = angle.turns(np.arange(begin, end) / rate)
     others = np.full((2, len(LAGS), end - begin), np.nan)
     for row, lag in enumerate(LAGS):
@@ -116,7 +116,7 @@ def _compared(
 
 
 def _bridge(samples: FloatArray, flagged: NDArray[np.bool_], repaired: NDArray[np.bool_]) -> tuple[int, int]:
-    """Bridge short runs in place; return the number of runs and of those left."""
+    """Interpolate short glitches in place; return the number of glitches and of those not repaired."""
     edges = np.diff(np.concatenate([[False], flagged, [False]]).astype(np.int8))
     begins, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
     left = 0

@@ -1,4 +1,4 @@
-"""The vector of any one order through a record, with its uncertainty."""
+"""Vectors (amplitude and phase) of one order, whole or not, through a record, with their uncertainty."""
 
 from dataclasses import dataclass, replace
 
@@ -13,34 +13,34 @@ from analysis.spectra.order_spectrum import hann
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
-MAX_NOISE_RATIO = 3.0  # times the median: one line of noise in 500 is larger
-FLOOR_LINES = 6  # lines at either side of the order, from the third on, that tell the noise
+MAX_NOISE_RATIO = 3.0  # of a line to the median; one noise line in 500 is larger
+FLOOR_LINES = 6  # lines on either side of the order, from the third on, for the noise floor
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class OrderTrack:
-    """One order's vectors in successive frames.
+    """Vectors of one order in successive frames.
 
     Parameters
     ----------
     order : float
         Frequency over shaft frequency.
     vectors : ndarray of complex128, shape (2, n)
-        At the probes x and y, m peak, x(t) = Re[X exp(i order theta)]; theta counts on from the first pulse, so that
-        the phase of a part order runs on steadily. Operators read the lag, -arg X.
+        At the probes x and y, m peak, x(t) = Re[X exp(i order theta)]; theta counts from the first pulse, so that the
+        phase of a non-integer order is continuous. Phases are shown as lag, -arg X.
     sigma : ndarray of float64, shape (2, n)
         Standard deviation of each amplitude, m peak.
     phase_sigma : ndarray of float64, shape (2, n)
-        Standard deviation of each phase, rad: noise and the tacho's jitter; that of an unknown phase, pi / sqrt(3),
-        where no tacho told.
+        Standard deviation of each phase, rad, from noise and tacho jitter; pi / sqrt(3), that of an unknown phase,
+        without a tacho.
     speeds : ndarray of float64, shape (n,)
         Mean speed of each frame, rad/s.
     speed_sigma : ndarray of float64, shape (n,)
-        Standard deviation of the speeds, rad/s; NaN where no tacho told.
+        Standard deviation of the speeds, rad/s; NaN without a tacho.
     times : ndarray of float64, shape (n,)
         Middle of each frame, s.
     revolutions, step : int
-        In a frame, and from one frame to the next.
+        Revolutions in a frame, and from one frame to the next.
     """
 
     order: float
@@ -54,14 +54,15 @@ class OrderTrack:
     step: int
 
     def subtract(self, vectors: ComplexArray, sigma: FloatArray) -> "OrderTrack":
-        """Return the track less a vector for each probe, shape (2,), as for run-out; uncertainties add in square."""
-        rest = self.vectors - vectors[:, None]
+        """Return the track minus one vector per probe, shape (2,), such as run-out; variances add."""
+        residual = self.vectors - vectors[:, None]
         both = np.hypot(self.sigma, sigma[:, None])
         angle = np.sqrt(
             np.maximum(self.phase_sigma**2 - (self.sigma / np.maximum(np.abs(self.vectors), 1e-300)) ** 2, 0.0)
         )
-        turned = angle * np.abs(self.vectors) / np.maximum(np.abs(rest), 1e-300)  # the angle's error turns the whole
-        return replace(self, vectors=rest, sigma=both, phase_sigma=phase_sigma(np.abs(rest), both, turned, 1.0))
+        # an error of the angle turns the whole measured vector, not only the residual
+        turned = angle * np.abs(self.vectors) / np.maximum(np.abs(residual), 1e-300)
+        return replace(self, vectors=residual, sigma=both, phase_sigma=phase_sigma(np.abs(residual), both, turned, 1.0))
 
 
 def track_order(record: AngularRecord, order: float, *, revolutions: int = 16, overlap: float = 0.75) -> OrderTrack:
@@ -72,24 +73,24 @@ def track_order(record: AngularRecord, order: float, *, revolutions: int = 16, o
     record : AngularRecord
         Displacement against angle.
     order : float
-        Above 0; components nearer than 2 / revolutions to it are not told apart.
+        Above 0; components closer than 2 / revolutions to it are not resolved.
     revolutions : int
-        In a frame; at least 8 keep a whirl out of 1X.
+        Revolutions in a frame; at least 8 to resolve whirl from 1X.
     overlap : float
-        Part of a frame that the next one shares, 0 to below 1.
+        Overlap of successive frames, 0 to below 1.
 
     Raises
     ------
     RecordTooShortError
-        Where the record holds fewer revolutions than a frame.
+        The record has fewer revolutions than a frame.
     ValueError
         Order or settings out of range.
 
     Notes
     -----
     X = 2 sum(w x exp(-i order theta)) with a Hann window w of sum 1 (A. Brandt, Noise and Vibration Analysis, 2011, ch.
-    12); amplitude uncertainty from the median of the lines beside the order, clear of the whole orders' skirts (see
-    `analysis.signals.uncertainty`).
+    12). The amplitude uncertainty comes from the median of the lines beside the order that are clear of the main lobes
+    of the whole orders (see `analysis.signals.uncertainty`).
     """
     if not 0.0 < order <= record.highest_order or revolutions < 4:
         raise ValueError(
@@ -118,7 +119,7 @@ def track_order(record: AngularRecord, order: float, *, revolutions: int = 16, o
 
 
 def _lines(order: float, revolutions: int) -> FloatArray:
-    """Return the order and those beside it that tell the noise, clear of the whole orders' skirts if any are."""
+    """Return the order and the lines beside it for the noise floor, clear of the whole orders where possible."""
     away = np.arange(3, 3 + FLOOR_LINES) / revolutions
     beside = np.concatenate([order - away, order + away])
     beside = beside[beside > 1.5 / revolutions]
@@ -127,13 +128,13 @@ def _lines(order: float, revolutions: int) -> FloatArray:
 
 
 def _floor(sizes: FloatArray) -> FloatArray:
-    """Return the median of the lines of each frame, shape (2, n, n_lines), but for those that no noise made."""
+    """Return the median over the lines of each frame, shape (2, n, n_lines), without lines above the noise."""
     median = np.median(sizes, axis=(0, 2), keepdims=True)
     return np.asarray(np.nanmedian(np.where(sizes <= MAX_NOISE_RATIO * median, sizes, np.nan), axis=(0, 2)))
 
 
 def _kernel(lines: FloatArray, points: int, points_per_turn: int) -> ComplexArray:
-    """Return what a frame is multiplied with to give its lines, shape (points, n_lines)."""
+    """Return the matrix that gives the lines of a frame, shape (points, n_lines)."""
     theta = 2.0 * np.pi * np.arange(points) / points_per_turn
     kernel = 2.0 * hann(points)[:, None] * np.exp(-1j * theta[:, None] * lines)
-    return np.asarray(kernel - hann(points)[:, None] * kernel.sum(axis=0))  # a constant leaves nothing
+    return np.asarray(kernel - hann(points)[:, None] * kernel.sum(axis=0))  # makes a constant vanish

@@ -1,7 +1,4 @@
-"""Run-out: what the probes see of the surface when the shaft turns too slowly to move, and taking it off.
-
-Run-out that is taken off while a run goes: known before it, or told by its own slow turning.
-"""
+"""Run-out compensation: run-out from the slow roll of a record, and estimation during a run."""
 
 from dataclasses import dataclass
 
@@ -18,29 +15,29 @@ from analysis.vectors.order_track import OrderTrack
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
-MAX_SPEED_FRACTION = 0.1  # of the first critical speed: below it the shaft hardly moves
+MAX_SPEED_FRACTION = 0.1  # of the first critical speed, of a valid slow roll: the shaft hardly vibrates there
 MIN_REVOLUTIONS = 8  # revolutions
-MAX_DRIFT = 0.2  # change of the 1X vector over the slow roll, of itself: the shaft moved
+MAX_DRIFT = 0.2  # relative change of the 1X vector over a valid slow roll
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SlowRoll:
-    """What one slow roll says of the surface.
+    """Run-out measured during a slow roll.
 
     Parameters
     ----------
     waveform : ndarray of float64, shape (2, points)
-        Towards the probes x and y from the mark on, m, mean taken off.
+        Towards the probes x and y from theta = 0 on, m, mean subtracted.
     sigma : ndarray of float64, shape (2,)
         Standard deviation of its points, m.
     vector_sigma : ndarray of float64, shape (2,)
-        Standard deviation of the vectors' amplitudes, m peak.
+        Standard deviation of the amplitudes of the vectors, m peak.
     slowest, fastest : float
-        Speeds of the revolutions used, rad/s.
+        Speed range of the revolutions used, rad/s.
     revolutions : int
-        Averaged.
+        Number of averaged revolutions.
     drift : float
-        Change of the 1X vector between the two halves of the slow roll, over 1X: above 0.2 the shaft moved.
+        Change of the 1X vector between the two halves of the slow roll, over 1X: above 0.2 the shaft vibrated.
     """
 
     waveform: FloatArray
@@ -52,38 +49,38 @@ class SlowRoll:
     drift: float
 
     def vectors(self, order: int) -> ComplexArray:
-        """Return the run-out's vector of a whole order at the probes, shape (2,), m peak."""
+        """Return the run-out vector of a whole order at the probes, shape (2,), m peak."""
         if order < 1 or 2 * order >= self.waveform.shape[1]:
             raise ValueError(f"order: {order}, expected a whole order from 1 to {self.waveform.shape[1] // 2 - 1}")
         return np.asarray(2.0 * np.fft.rfft(self.waveform, axis=1)[:, order] / self.waveform.shape[1])
 
     @property
     def peak_to_peak(self) -> FloatArray:
-        """Of the run-out at each probe, shape (2,), m peak-to-peak."""
+        """Run-out at each probe, shape (2,), m peak-to-peak."""
         return np.asarray(np.ptp(self.waveform, axis=1), dtype=np.float64)
 
     def is_valid(self, critical_speed: float) -> bool:
-        """Whether it was slow beside the first critical speed, rad/s, and the shaft did not move."""
+        """Whether it was far below the first critical speed, rad/s, and the shaft did not vibrate."""
         return self.fastest <= MAX_SPEED_FRACTION * critical_speed and self.drift <= MAX_DRIFT
 
     def exceeds_api_670(self, allowed: float) -> bool:
-        """Whether run-out passes what API 670 bears beside an allowed vibration, m peak-to-peak."""
+        """Whether the run-out exceeds the limit of API 670 for an allowed vibration, m peak-to-peak."""
         return bool(self.peak_to_peak.max() > allowed_combined_runout(allowed))
 
     def subtract_waveform(self, record: AngularRecord) -> AngularRecord:
-        """Return a record less the run-out at every angle, scratches included.
+        """Return a record minus the run-out at every angle, scratches included.
 
-        Of a scratch narrower than about a sixteenth of a turn, which has orders beyond the record's highest, a part
-        may stay.
+        A scratch narrower than about a sixteenth of a revolution may be removed only in part: it has orders above the
+        highest order of the record.
         """
         if record.points != self.waveform.shape[1]:
-            raise ValueError(f"record of {record.points} points a revolution, expected {self.waveform.shape[1]}")
+            raise ValueError(f"record of {record.points} points per revolution, expected {self.waveform.shape[1]}")
         return record.with_waveform(record.waveform - self.waveform[:, None])
 
     def subtract_vectors(self, track: OrderTrack) -> OrderTrack:
-        """Return a whole order's track less the run-out's vector of that order, uncertainties added in square."""
+        """Return the track of a whole order minus the run-out vector of that order; variances add."""
         if track.order != round(track.order):
-            raise ValueError(f"track of order {track.order}: run-out has whole orders alone")
+            raise ValueError(f"track of order {track.order}, expected a whole order: run-out has no others")
         return track.subtract(self.vectors(round(track.order)), self.vector_sigma)
 
 
@@ -93,14 +90,14 @@ def slow_roll(record: AngularRecord, slowest: float, fastest: float) -> SlowRoll
     Parameters
     ----------
     record : AngularRecord
-        With a stretch of slow roll.
+        Record that contains a slow roll.
     slowest, fastest : float
-        Speeds between which its revolutions count, rad/s.
+        Speed range of the revolutions used, rad/s.
 
     Raises
     ------
     RecordTooShortError
-        With fewer than 8 such revolutions.
+        Fewer than 8 such revolutions.
 
     Notes
     -----
@@ -131,19 +128,19 @@ def slow_roll(record: AngularRecord, slowest: float, fastest: float) -> SlowRoll
     )
 
 
-RUN_UP_FACTOR = 1.05  # over the speed of slow roll: beyond it what the slow frames told stands
+RUN_UP_FACTOR = 1.05  # times the slow-roll speed: above it the run-out estimate is final
 
 
 class RunOutEstimator:
-    """Knows the run-out at each frame, from frames alone: the same live and in replay.
+    """Estimates the run-out from the order frames of a run, the same live and in replay.
 
-    Frames up to the speed of slow roll are averaged. From the first frame that is clearly faster on, their mean stands
-    for the rest of the run, slow turning later in it included: a run-down shows by what is left whether it still holds.
+    Frames up to the slow-roll speed are averaged. From the first clearly faster frame on, the mean is final, also for
+    a later slow roll: the residual after the run-down then shows whether the run-out still applies.
 
     Parameters
     ----------
     settings : RunOutSettings
-        Vectors known before, or the speed of slow roll.
+        Known vectors, or the slow-roll speed.
     """
 
     def __init__(self, settings: RunOutSettings) -> None:
@@ -160,20 +157,20 @@ class RunOutEstimator:
 
     @property
     def estimate(self) -> RunOut | None:
-        """What is known so far; None where nothing is."""
+        """Present estimate; None where nothing is known."""
         if self._known is not None or not self._frames:
             return self._known
         return RunOut(self._sum / self._frames, self._sigmas / self._frames)
 
     def update(self, speed: float, vectors: ComplexArray, sigma: FloatArray) -> RunOut | None:
-        """Take a frame and return the run-out to be taken off it; None where none is known yet.
+        """Add a frame and return the run-out to subtract from it; None where unknown.
 
         Parameters
         ----------
         speed : float
-            Its mean speed, rad/s.
+            Mean speed of the frame, rad/s.
         vectors : ndarray of complex128, shape (n_orders, 2)
-            Of the whole orders from 1 on at the probes x and y, m peak.
+            Vectors of the whole orders from 1 on at the probes x and y, m peak.
         sigma : ndarray of float64, shape (2,)
             Standard deviation of the amplitudes of 1X and 2X, m peak.
         """
@@ -181,7 +178,7 @@ class RunOutEstimator:
             return self._known
         if speed <= self._slow_roll:
             self._sum = vectors + (self._sum if self._frames else 0.0)
-            self._sigmas = self._sigmas + sigma  # frames share samples: their mean is taken as no surer than one
+            self._sigmas = self._sigmas + sigma  # frames share samples: the mean counts as one frame
             self._frames += 1
         elif speed > RUN_UP_FACTOR * self._slow_roll:
             self._known = self.estimate

@@ -1,4 +1,4 @@
-"""Amplitude and phase of an order against speed, run-up and run-down apart: what Bode and polar plots draw."""
+"""Data of Bode and polar plots: amplitude and phase of an order against speed, for run-up and run-down, and peaks."""
 
 from dataclasses import dataclass
 from itertools import pairwise
@@ -13,26 +13,26 @@ from analysis.vectors.order_track import OrderTrack
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
-MIN_REVERSAL_OF_SPAN = 0.02  # of the span of speeds: smaller ups and downs do not end a run-up
-MIN_REVERSAL_OF_SPEED = 0.005  # of the speed: the same
-MIN_PEAK_RATIO = 1.1  # a peak's amplitude over the larger of the lowest points at its sides
+MIN_REVERSAL_OF_SPAN = 0.02  # of the speed range: a smaller change does not reverse the ramp direction
+MIN_REVERSAL_OF_SPEED = 0.005  # of the speed: likewise
+MIN_PEAK_RATIO = 1.1  # of a peak to the higher of the minima on its two sides
 
 
 @dataclass(frozen=True, slots=True)
 class Resonance:
-    """A peak of an order's amplitude.
+    """A peak of the amplitude over speed.
 
     Parameters
     ----------
     speed : float
-        Of the largest amplitude, rad/s.
+        Speed of the largest amplitude, rad/s.
     amplitude : float
-        There, m peak.
+        Largest amplitude, m peak.
     amplification_factor : float
-        Speed over the width at half power (API 684, amplification factor N / (N2 - N1)); NaN where the half-power
-        points lie outside the curve.
+        Speed over the width at half power, N / (N2 - N1) (API 684); NaN where the half-power points lie outside the
+        curve.
     phase_change : float
-        Change of lag between the half-power points, rad, about pi/2 for a resonance; NaN as above.
+        Change of lag between the half-power points, rad, about pi/2 for a resonance; NaN likewise.
     """
 
     speed: float
@@ -43,7 +43,7 @@ class Resonance:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SpeedCurve:
-    """An order against speed in one direction.
+    """Vectors of an order against speed in one ramp direction.
 
     Parameters
     ----------
@@ -52,15 +52,16 @@ class SpeedCurve:
     direction : RampDirection
         Run-up or run-down.
     speeds : ndarray of float64, shape (n,)
-        Mean of the frames in each bin, rad/s, rising.
+        Mean speed of the frames in each bin, rad/s, rising.
     vectors : ndarray of complex128, shape (2, n)
-        Mean at the probes x and y, m peak; lag is -arg.
+        Mean vectors at the probes x and y, m peak; the lag is -arg.
     sigma : ndarray of float64, shape (2, n)
-        Standard deviation of the means' amplitudes, m peak: the larger of what noise and what the frames' scatter say.
+        Standard deviation of the amplitudes of the means, m peak: from the noise or from the scatter of the frames,
+        whichever is larger.
     phase_sigma : ndarray of float64, shape (2, n)
-        Of the means' phases, rad.
+        Standard deviation of the phases of the means, rad.
     frames : ndarray of int64, shape (n,)
-        In each bin.
+        Number of frames in each bin.
     """
 
     order: float
@@ -73,7 +74,7 @@ class SpeedCurve:
 
     @property
     def amplitudes(self) -> FloatArray:
-        """Shape (2, n), m peak."""
+        """Amplitudes at the probes x and y, shape (2, n), m peak."""
         return np.abs(self.vectors)
 
     @property
@@ -82,7 +83,7 @@ class SpeedCurve:
         return np.asarray(np.unwrap(-np.angle(self.vectors), axis=1), dtype=np.float64)
 
     def resonances(self, probe: int) -> tuple[Resonance, ...]:
-        """Return the peaks of a probe's amplitude that stand 10 % above their surroundings, slowest first."""
+        """Return the peaks of a probe's amplitude at least 10 % above the minima beside them, in order of speed."""
         amplitude, lag = self.amplitudes[probe], self.lags[probe]
         found = []
         for at in range(1, amplitude.size - 1):
@@ -95,21 +96,21 @@ class SpeedCurve:
 
 
 def speed_curves(track: OrderTrack, width: float) -> tuple[SpeedCurve, ...]:
-    """Return an order against speed, one curve for each direction in which the speed went.
+    """Return the vectors of an order against speed, one curve for each ramp direction.
 
     Parameters
     ----------
     track : OrderTrack
         From `track_order`.
     width : float
-        Of a bin of speed, rad/s.
+        Width of a bin of speed, rad/s.
 
     Notes
     -----
-    Direction turns where the speed goes back by 2 % of its span and 0.5 % of itself. On a fast
-    run-up the curve lags the steady one and beats after a resonance; compare run-up and run-down before concluding on
-    a split one.
-    Bode and polar plots as D. Bently and C. Hatch, Fundamentals of Rotating Machinery Diagnostics, 2002, ch. 7.
+    The direction reverses where the speed goes back by 2 % of its range and 0.5 % of its value. On a fast run-up the
+    peak is shifted against the steady-state curve, with beating after a resonance: compare run-up and run-down before
+    concluding on a split resonance. Bode and polar plots: D. Bently and C. Hatch, Fundamentals of Rotating Machinery
+    Diagnostics, 2002, ch. 7.
     """
     if not width > 0.0:
         raise ValueError(f"width: {width} rad/s, expected more than 0")
@@ -143,7 +144,7 @@ def _curve(track: OrderTrack, chosen: NDArray[np.bool_], direction: RampDirectio
 
 
 def _directions(speeds: FloatArray) -> NDArray[np.bool_]:
-    """Return whether the speed goes up at each frame: between turning points that are no mere ripple."""
+    """Return whether each frame belongs to a run-up, ignoring speed fluctuations below the reversal limits."""
     step = max(MIN_REVERSAL_OF_SPAN * float(np.ptp(speeds)), MIN_REVERSAL_OF_SPEED * float(speeds.max()))
     turns, high, low, going = [0], 0, 0, 0
     for at, speed in enumerate(speeds):
@@ -161,7 +162,7 @@ def _directions(speeds: FloatArray) -> NDArray[np.bool_]:
 
 
 def _saddle(outward: FloatArray) -> float:
-    """Return the lowest amplitude between a peak, first, and the next higher point, or the end."""
+    """Return the lowest amplitude between a peak (first element) and the next higher point or the end."""
     higher = np.flatnonzero(outward > outward[0])
     return float(outward[: higher[0]].min()) if higher.size else float(outward.min())
 

@@ -1,4 +1,4 @@
-"""Amplitude and phase against speed: a table of bounded size however long the run."""
+"""Amplitude and phase against speed in bins, updated during a run, with bounded memory."""
 
 from collections import defaultdict
 from dataclasses import dataclass, field
@@ -17,7 +17,7 @@ BIN_WIDTH = 2.0 * np.pi * 200.0 / 60.0  # rad/s
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SpeedRow:
-    """What the frames in one bin of speed said.
+    """Mean results of the frames in one bin of speed.
 
     Parameters
     ----------
@@ -38,11 +38,11 @@ class SpeedRow:
     noise : float
         Mean noise floor of the order spectra, m peak.
     whirl_amplitude : float
-        Largest sub-synchronous amplitude, m peak; 0 where there was none.
+        Largest sub-synchronous amplitude, m peak; 0 without one.
     whirl_order : float
-        Its order; NaN where there was none.
+        Its order; NaN without one.
     compensated : ndarray of complex128, shape (2, 2)
-        Complex mean of the kX vectors less run-out over the frames whose run-out was known; NaN where none was.
+        Complex mean of the kX vectors minus run-out, over the frames of known run-out; NaN without such frames.
     """
 
     direction: RampDirection
@@ -59,7 +59,7 @@ class SpeedRow:
 
     @property
     def motion(self) -> ComplexArray:
-        """The vectors of the motion as well as they are known: compensated where the run-out is."""
+        """Vectors of the shaft motion: compensated where the run-out is known, else as measured."""
         return np.where(np.isnan(self.compensated), self.vectors, self.compensated)
 
 
@@ -136,15 +136,15 @@ _Bins = defaultdict[int, _Bin]
 
 
 class SpeedTable:
-    """Gathers snapshots in bins of speed, run-up and run-down apart, running sums only.
+    """Running sums of snapshots in bins of speed, run-up and run-down separately.
 
-    A frame counts at its own mean speed, the overall vibration, which is younger, at the speed of its snapshot. That
-    the speed has turned is known a little later; what came since is then counted to the new direction.
+    A frame is added at its own mean speed, the overall vibration, which is more recent, at the speed of its snapshot. A
+    reversal is detected a little late; the results since the furthest speed are then added to the new direction.
 
     Parameters
     ----------
     width : float
-        Width of a bin, rad/s; each has a multiple of it in its middle, so that a held round speed fills one bin.
+        Width of a bin, rad/s. The middle of each bin is a multiple of it, so that a constant round speed fills one bin.
     """
 
     def __init__(self, width: float = BIN_WIDTH) -> None:
@@ -157,11 +157,11 @@ class SpeedTable:
 
     @property
     def direction(self) -> RampDirection:
-        """Which way the speed goes at present."""
+        """Present ramp direction."""
         return self._ramp.direction
 
     def add_snapshot(self, snapshot: Snapshot) -> None:
-        """Take a snapshot."""
+        """Add a snapshot."""
         if np.isfinite(snapshot.speed):
             if self._ramp.update(snapshot.speed) is not RampStep.WITHIN:
                 self._settle()
@@ -176,7 +176,7 @@ class SpeedTable:
         self._since.clear()
 
     def rows(self) -> tuple[SpeedRow, ...]:
-        """Return the bins that hold frames, in rising order of speed, of each the run-up first."""
+        """Return the bins that contain frames, in rising order of speed, run-up before run-down."""
         rows = []
         for place, (direction, bins) in enumerate(self._settled.items()):
             since = self._since if direction is self._ramp.direction else {}

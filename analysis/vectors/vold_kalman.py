@@ -1,4 +1,4 @@
-"""Orders as they swell and fade, sample by sample: the Vold-Kalman filter of the second generation."""
+"""Second-generation Vold-Kalman filter: complex envelopes of several orders, sample by sample."""
 
 from dataclasses import dataclass
 
@@ -14,30 +14,30 @@ from analysis.tacho.shaft_angle import ShaftAngle
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
-MAX_ORDER_FRACTION = 0.2  # of the thinned rate: the highest order lies below it
-MEAN_TURNS = 16.0  # over which the shaft's mean position is taken and taken off
-POLES = 2  # differences of the envelope that are held small
-MAX_WEIGHT = 1e13  # of the structural equation: beyond it the solution has lost its digits
+MAX_ORDER_FRACTION = 0.2  # of the decimated rate: the highest order lies below it
+MEAN_TURNS = 16.0  # revolutions over which the mean shaft position is computed and subtracted
+POLES = 2  # order of the differences of the envelope that are minimised
+MAX_WEIGHT = 1e13  # of the structural equation: above it the solution is ill-conditioned
 HALF_POWER = np.sqrt(2.0) - 1.0
 _STENCIL = np.array([1.0, -2.0, 1.0])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class OrderEnvelopes:
-    """The complex envelopes of several orders, solved for together.
+    """Complex envelopes of several orders from one joint solution.
 
     Parameters
     ----------
     orders : tuple of float
         Frequencies over shaft frequency.
     envelopes : ndarray of complex128, shape (n_orders, n)
-        In the waveform's unit, peak: x(t) = sum Re[X exp(i order theta(t))].
+        In the unit of the waveform, peak: x(t) = sum Re[X exp(i order theta(t))].
     sigma : ndarray of float64, shape (n_orders, n)
-        Standard deviation of each amplitude, from what all orders leave of the waveform taken as white noise.
+        Standard deviation of each amplitude, from the residual, assumed white noise.
     angle : ndarray of float64, shape (n,)
         Angle of the shaft, rad.
     residual : ndarray of float64, shape (n,)
-        What the orders leave of the waveform.
+        Waveform minus all orders.
     """
 
     orders: tuple[float, ...]
@@ -47,7 +47,7 @@ class OrderEnvelopes:
     residual: FloatArray
 
     def waveform(self, index: int) -> FloatArray:
-        """Return the waveform of one order alone, shape (n,), in the waveform's unit."""
+        """Return the waveform of one order, shape (n,), in the unit of the input."""
         turning = np.exp(1j * self.orders[index] * self.angle)
         return np.asarray((self.envelopes[index] * turning).real, dtype=np.float64)
 
@@ -63,13 +63,13 @@ def order_envelopes(
 ) -> OrderEnvelopes:
     """Return the envelopes of several orders of a waveform.
 
-    Decimate first (`resampling.decimation`): the work grows with the rate, and at a rate far above the bandwidth the
-    equations lose their digits, which is refused.
+    Decimate first (`resampling.decimation`): the computing time grows with the rate, and at a rate far above the
+    bandwidth the equations are ill-conditioned, which raises ValueError.
 
     Parameters
     ----------
     waveform : ndarray of float64, shape (n,)
-        Uniformly in time, any unit, about free of a mean.
+        Uniformly in time, any unit, with a mean near 0.
     angle : ndarray of float64, shape (n,)
         Angle of the shaft at the samples, rad, rising.
     rate : float
@@ -79,22 +79,22 @@ def order_envelopes(
     bandwidth : float or None
         Full width at half power, Hz, the same at every speed.
     bandwidth_percent : float or None
-        Full width at half power in per cent of each order's frequency. One of the two must be given.
+        Full width at half power in per cent of each order's frequency. Exactly one of the two must be given.
 
     Raises
     ------
     RecordTooShortError
-        With fewer than 8 samples, or too few to tell the orders apart at this bandwidth.
+        Fewer than 8 samples, or too few to resolve the orders at this bandwidth.
     ValueError
-        Shapes, orders above 0.45 of the rate, or a bandwidth that is out of reach at this rate.
+        Shapes, orders above 0.45 of the rate, or a bandwidth that is impossible at this rate.
 
     Notes
     -----
-    Minimises sum |r (second difference of X_k)|² + |x - sum Re[X_k exp(i k theta)]|² over all X_k together; r from
-    the bandwidth: r² (2 sin(pi B / (2 rate)))^4 = (sqrt 2 - 1) / 2, as a real waveform gives half its power to each
-    turning direction (H. Vold and J. Leuridan, SAE 931288, 1993; J. Tuma, Setting the passband width in the
-    Vold-Kalman order tracking filter, ICSV 12, 2005). The normal equations are banded: real and imaginary parts of all
-    orders at one sample, then the next sample.
+    Minimises sum |r (second difference of X_k)|² + |x - sum Re[X_k exp(i k theta)]|² over all X_k together. The weight
+    r follows from the bandwidth B: r² (2 sin(pi B / (2 rate)))^4 = (sqrt 2 - 1) / 2, as half the power of a real
+    waveform is at positive frequencies (H. Vold and J. Leuridan, SAE 931288, 1993; J. Tuma, Setting the passband
+    width in the Vold-Kalman order tracking filter, ICSV 12, 2005). The normal equations are banded: the unknowns are
+    the real and imaginary parts of all orders at one sample, then those at the next sample.
     """
     waveform, angle = np.asarray(waveform, dtype=np.float64), np.asarray(angle, dtype=np.float64)
     _check(waveform, angle, orders)
@@ -112,8 +112,8 @@ def order_envelopes(
     parts = _solution(rows, weights, waveform).reshape(n, count, 2)
     envelopes = np.ascontiguousarray((parts[..., 0] + 1j * parts[..., 1]).T)
     rest = waveform - (envelopes * turning).real.sum(axis=0)
-    # sigma_A = sigma_x sqrt(2 * noise bandwidth / rate); that of a filter 1 / (1 + u^4) is 3 pi / (8 sqrt 2) of its
-    # corner u = 1 on either side, which lies HALF_POWER^(-1/4) outside the half-power point.
+    # sigma_A = sigma_x sqrt(2 * noise bandwidth / rate). The noise bandwidth of a filter 1 / (1 + u^4) is
+    # 3 pi / (8 sqrt 2) of its corner u = 1 on either side, which is HALF_POWER^(-1/4) times the half-power point.
     noise_width = widths * 3.0 * np.pi / (8.0 * np.sqrt(2.0)) * HALF_POWER**-0.25
     sigma = float(np.std(rest)) * np.sqrt(2.0 * noise_width / rate)
     return OrderEnvelopes(tuple(orders), envelopes, sigma, angle, rest)
@@ -128,12 +128,12 @@ def probe_envelopes(
     bandwidth: float | None = None,
     bandwidth_percent: float | None = None,
 ) -> tuple[FloatArray, tuple[OrderEnvelopes, OrderEnvelopes]]:
-    """Return the envelopes of several orders at both probes of a record, thinned as far as the orders allow.
+    """Return the envelopes of several orders at both probes of a record, decimated as far as the orders allow.
 
     Parameters
     ----------
     displacement : ndarray of float64, shape (2, n)
-        Towards the probes x and y, uniformly in time, m; the mean over 16 turns is taken off.
+        Towards the probes x and y, uniformly in time, m; the mean over 16 revolutions is subtracted.
     rate : float
         Sample rate, Hz.
     angle : ShaftAngle
@@ -146,9 +146,9 @@ def probe_envelopes(
     Returns
     -------
     times : ndarray of float64, shape (m,)
-        Of the envelopes, s.
+        Times of the envelopes, s.
     envelopes : tuple of OrderEnvelopes
-        At the probes x and y, m peak.
+        Envelopes at the probes x and y, m peak.
 
     Raises
     ------
@@ -174,7 +174,7 @@ def probe_envelopes(
     times, turns, samples = times[known], turns[known], samples[:, known]
     x, y = (
         order_envelopes(
-            row - _slow(_slow(row, turns), turns),  # twice: a part order leaves little in the mean of a mean
+            row - _slow(_slow(row, turns), turns),  # twice: the mean of a mean contains little of a non-integer order
             2.0 * np.pi * turns,
             thinned,
             orders,
@@ -187,7 +187,7 @@ def probe_envelopes(
 
 
 def _slow(values: FloatArray, turns: FloatArray) -> FloatArray:
-    """Return the mean over the turns about each sample, of those there are at the ends."""
+    """Return the mean over the revolutions around each sample, over those available at the ends."""
     if turns.size < 2:
         return np.zeros(values.size)
     sums = np.concatenate([[0.0], np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(turns))])
@@ -198,7 +198,7 @@ def _slow(values: FloatArray, turns: FloatArray) -> FloatArray:
 
 
 def _widths(frequencies: FloatArray, bandwidth: float | None, bandwidth_percent: float | None) -> FloatArray:
-    """Return the bandwidth of each order at each sample, Hz, of orders at these frequencies, Hz."""
+    """Return the bandwidth of each order at each sample, Hz, for orders at these frequencies, Hz."""
     if bandwidth is not None and bandwidth_percent is None:
         return np.full(frequencies.shape, bandwidth)
     if bandwidth is None and bandwidth_percent is not None:
@@ -207,14 +207,14 @@ def _widths(frequencies: FloatArray, bandwidth: float | None, bandwidth_percent:
 
 
 def _solution(rows: FloatArray, weights: FloatArray, waveform: FloatArray) -> FloatArray:
-    """Return the envelopes' parts, one sample after the other."""
+    """Return real and imaginary parts of the envelopes, sample by sample."""
     equations = _equations(rows, np.repeat(weights, 2, axis=0))
     try:
         solution = solveh_banded(equations, (rows * waveform).T.ravel(), lower=True, check_finite=False)
     except LinAlgError:
         raise RecordTooShortError(
-            f"{waveform.size} samples do not tell these orders apart at this bandwidth: expected a longer record, or "
-            "a wider band"
+            f"{waveform.size} samples do not resolve these orders at this bandwidth: expected a longer record, or a "
+            "wider band"
         ) from None
     return np.asarray(solution, dtype=np.float64)
 

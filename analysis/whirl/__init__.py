@@ -1,1 +1,1 @@
-"""Components below 1X: search, tracks through a record, findings of a run."""
+"""Components below 1X: search in order spectra, tracks through a record, and findings of a run."""

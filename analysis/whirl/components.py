@@ -1,4 +1,4 @@
-"""Components below 1X, between the lines of order spectra: the search that live frames and whole records share."""
+"""Search for components below 1X in order spectra, the same for live frames and whole records."""
 
 from dataclasses import dataclass
 
@@ -14,17 +14,17 @@ ComplexArray = NDArray[np.complex128]
 
 MIN_ORDER, MAX_ORDER = 0.08, 0.92  # orders searched
 MAX_COMPONENTS = 4  # in one frame
-MIN_TO_FLOOR = 5.0  # times the floor
-MIN_TO_1X = 0.005  # of 1X: what an imperfect angle leaves of it at least,
-MIN_TO_1X_PER_RADIAN = 0.5  # and for each radian by which the marks scatter about the angle
-MIN_TO_1X_NEARBY = 0.02  # of 1X within some lines of it: what a 1X that swells leaves beside it
-MIN_TO_STRONGER = 0.05  # below it a component may be what the stronger one left
-MIN_TO_STRONGER_NEARBY, NEARBY_LINES = 0.25, 4.0  # the same for one as near as this
+MIN_TO_FLOOR = 5.0  # of a component to the noise floor
+MIN_TO_1X = 0.005  # of a component to 1X: errors of the angle leave sidebands of 1X; at least this,
+MIN_TO_1X_PER_RADIAN = 0.5  # plus this for each radian of scatter of the marks about the angle
+MIN_TO_1X_NEARBY = 0.02  # of a component near 1X: sidebands of a 1X of changing amplitude
+MIN_TO_STRONGER = 0.05  # below that it may be a residual of the stronger component
+MIN_TO_STRONGER_NEARBY, NEARBY_LINES = 0.25, 4.0  # the same for a component within so many lines
 _QUARTILE_TO_MEDIAN = 1.552  # of the Rayleigh distribution that the lines of noise have
 
 
 def noise_floor(spectrum: ComplexArray, revolutions: int) -> float:
-    """Return the median amplitude between the lines: two bins away from every whole order and from 0, m peak.
+    """Return the median amplitude of the lines two or more away from every whole order and from 0, m peak.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ def noise_floor(spectrum: ComplexArray, revolutions: int) -> float:
 
     Notes
     -----
-    The median of lines of noise, whose amplitudes are Rayleigh's, is 1.1774 sigma: `sigma_of_floor`.
+    Noise lines have Rayleigh distributed amplitudes with a median of 1.1774 sigma: `noise_floor_sigma`.
     """
     bins = np.arange(spectrum.shape[-1])
     distance = np.abs(bins - revolutions * np.round(bins / revolutions))
@@ -44,7 +44,7 @@ def noise_floor(spectrum: ComplexArray, revolutions: int) -> float:
 
 
 def quantile(values: FloatArray, part: float) -> float:
-    """Return a quantile, 0 to below 1, of at least one value by linear interpolation, as numpy does, only sooner."""
+    """Return a quantile, 0 to below 1, by linear interpolation; the same as numpy's, but faster."""
     ranked = np.sort(values, axis=None)
     place = part * (ranked.size - 1)
     below = ranked[int(place)]
@@ -52,13 +52,12 @@ def quantile(values: FloatArray, part: float) -> float:
 
 
 def without_synchronous(spectrum: ComplexArray, revolutions: int) -> ComplexArray:
-    """Return spectra up to 1X without it: its line and the two beside it that the Hann window gives it.
+    """Return spectra up to 1X without 1X: its line and the two side lines of the Hann window subtracted.
 
     Parameters
     ----------
     spectrum : ndarray of complex128, shape (2, ..., n_orders)
-        Hann spectra of ``revolutions`` whole revolutions, to 1X and two lines beyond; those of higher orders reach
-        no further down.
+        Hann spectra of ``revolutions`` whole revolutions, up to at least two lines above 1X.
     revolutions : int
         Revolutions in a frame.
 
@@ -76,18 +75,18 @@ def without_synchronous(spectrum: ComplexArray, revolutions: int) -> ComplexArra
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Components:
-    """One component below 1X in each of some frames.
+    """One component below 1X in each of several frames.
 
     Parameters
     ----------
     order : ndarray of float64, shape (n_frames,)
-        Frequency over the shaft's; NaN where nothing was found.
+        Frequency over shaft frequency; NaN where none was found.
     order_sigma : ndarray of float64, shape (n_frames,)
         Standard deviation of the order.
     forward, backward : ndarray of float64, shape (n_frames,)
-        Its circles, m peak.
+        Amplitudes of its circles, m peak.
     vectors : ndarray of complex128, shape (2, n_frames)
-        At the probes x and y, m peak, referred to the frame's first mark.
+        At the probes x and y, m peak, referred to the begin of the frame.
     """
 
     order: FloatArray
@@ -99,21 +98,20 @@ class Components:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ComponentSearch:
-    """Where components are looked for, and what is not believed.
+    """Spectra of several frames, and the thresholds of the component search.
 
     Parameters
     ----------
     spectrum : ndarray of complex128, shape (2, n_frames, n_orders)
-        Hann spectra of the frames at the probes x and y, m peak, to 1X and two lines beyond.
+        Hann spectra of the frames at the probes x and y, m peak, up to at least two lines above 1X.
     revolutions : int
-        In a frame; at least 4.
+        Revolutions in a frame; at least 4.
     noise : ndarray of float64, shape (n_frames,)
-        Between the lines, m peak: what a component is not surer than.
+        Noise floor, m peak, for the uncertainty of a component.
     floor : ndarray of float64, shape (n_frames,)
-        That noise, or more where the lines below 1X are uneasy, m peak: a component stands 5 times above it.
+        Noise floor, or more where the lines below 1X are elevated, m peak; components must be 5 times above it.
     scatter : ndarray of float64, shape (n_frames,)
-        Of the tacho's marks about the smooth angle, rad: it modulates 1X, and lines of so small a part of 1X are not
-        believed.
+        Scatter of the tacho marks about the smooth angle, rad. It modulates 1X; smaller components are rejected.
     pair : ProbePair
         Directions of the probes.
     """
@@ -125,36 +123,36 @@ class ComponentSearch:
     scatter: FloatArray
     pair: ProbePair
 
-    def find(self, most: int = MAX_COMPONENTS) -> list[Components]:
-        """Return the components, of each frame the strongest first.
+    def find(self, max_components: int = MAX_COMPONENTS) -> list[Components]:
+        """Return the components, the strongest of each frame first.
 
         Parameters
         ----------
-        most : int
-            At most so many in a frame.
+        max_components : int
+            Maximum number in a frame.
 
         Notes
         -----
-        1X is taken out with its window's skirts; then the strongest peak between 0.08X and 0.92X is measured between
-        the lines and taken out likewise, again and again. With A the line of the peak and B its larger neighbour, the
-        component lies delta = (2 B - A) / (A + B) lines towards the neighbour, and the window shows it too small by
+        1X is subtracted with its window lines. Then the strongest peak between 0.08X and 0.92X is interpolated between
+        the lines and subtracted likewise, repeatedly. With A the line of the peak and B its larger neighbour, the
+        component lies delta = (2 B - A) / (A + B) lines towards the neighbour, and its line is too small by the factor
         sinc(delta) / (1 - delta²) (A. Brandt, Noise and Vibration Analysis, 2011, ch. 9; exact for one component in a
         periodic Hann window of many samples).
         """
         rest = without_synchronous(self.spectrum, self.revolutions)
         found: list[Components] = []
-        while len(found) < most:
+        while len(found) < max_components:
             component = self._strongest(rest, found)
             good = np.isfinite(component.order)
             if not good.any():
                 break
             found.append(component)
-            if len(found) < most:
+            if len(found) < max_components:
                 self._subtract(rest, component, good)
         return found
 
     def _strongest(self, rest: ComplexArray, stronger_components: list[Components]) -> Components:
-        """Return the strongest component that is left of each frame."""
+        """Return the strongest remaining component of each frame."""
         n = self.revolutions
         size = np.sqrt(np.sum(rest.real**2 + rest.imag**2, axis=0))
         first, last = max(int(np.ceil(MIN_ORDER * n)), 2), int(MAX_ORDER * n)
@@ -165,7 +163,9 @@ class ComponentSearch:
         up = size[frame, line + 1] > size[frame, line - 1]
         peak, beside = size[frame, line], size[frame, np.where(up, line + 1, line - 1)]
         total = np.maximum(peak + beside, 1e-300)
-        delta = np.clip(np.where(up, 1.0, -1.0) * (2.0 * beside - peak) / total, -0.5, 0.5)  # further: the neighbour's
+        delta = np.clip(
+            np.where(up, 1.0, -1.0) * (2.0 * beside - peak) / total, -0.5, 0.5
+        )  # beyond 0.5 the peak is another line
         gain = np.sinc(delta) / (1.0 - delta**2)
         vectors = rest[:, frame, line] / gain * np.exp(-1j * np.pi * delta)
         X, Y = self.pair.vectors_to_bench(vectors)
@@ -181,20 +181,20 @@ class ComponentSearch:
         )
 
     def _threshold(self, order: FloatArray, stronger_components: list[Components]) -> FloatArray:
-        """Return the amplitude above which a component at an order is believed, m peak."""
+        """Return the amplitude above which a component at an order is accepted, m peak."""
         n = self.revolutions
         synchronous = np.abs(self.spectrum[:, :, n]).max(axis=0)
         beside_1x = np.abs(order - 1.0) * n < NEARBY_LINES
         part = np.where(beside_1x, MIN_TO_1X_NEARBY, MIN_TO_1X) + MIN_TO_1X_PER_RADIAN * self.scatter
         bar = np.maximum(part * synchronous, MIN_TO_FLOOR * self.floor)
         for stronger in stronger_components:
-            held = np.where(np.isfinite(stronger.order), stronger.forward + stronger.backward, 0.0)
+            amplitude = np.where(np.isfinite(stronger.order), stronger.forward + stronger.backward, 0.0)
             near = np.abs(order - stronger.order) * n < NEARBY_LINES
-            bar = np.maximum(bar, np.where(near, MIN_TO_STRONGER_NEARBY, MIN_TO_STRONGER) * held)
+            bar = np.maximum(bar, np.where(near, MIN_TO_STRONGER_NEARBY, MIN_TO_STRONGER) * amplitude)
         return np.asarray(bar, dtype=np.float64)
 
     def _subtract(self, rest: ComplexArray, component: Components, good: NDArray[np.bool_]) -> None:
-        """Take a component with its window's skirts out of what is left."""
+        """Subtract a component with its window lines from the remaining spectrum, in place."""
         away = self.revolutions * np.where(good, component.order, 0.0)[:, None] - np.arange(rest.shape[2])
         skirt = np.sinc(away) + 0.5 * (np.sinc(away - 1.0) + np.sinc(away + 1.0))
         rest -= np.where(good, component.vectors, 0.0)[:, :, None] * (skirt * np.exp(1j * np.pi * away))
@@ -206,30 +206,30 @@ def find_whirls(
     noise: float,
     pair: ProbePair,
     scatter: float = 0.0,
-    most: int = MAX_COMPONENTS,
+    max_components: int = MAX_COMPONENTS,
 ) -> tuple[Whirl, ...]:
-    """Return the sub-synchronous components of one frame that stand above the floor, the strongest first.
+    """Return the sub-synchronous components of one frame above the noise floor, the strongest first.
 
     Parameters
     ----------
     spectrum : ndarray of complex128, shape (2, n_orders)
-        As `Search` has it for many frames.
+        As for `ComponentSearch`, for one frame.
     revolutions : int
         Revolutions in the frame; at least 4.
     noise : float
-        From `noise_floor`, m peak. The floor is also taken from the searched lines' lower quartile, where air and
-        wandering speed raise it.
+        From `noise_floor`, m peak. The lower quartile of the searched lines can raise the floor, where air and speed
+        fluctuation elevate them.
     pair : ProbePair
         Directions of the probes.
     scatter : float
-        Of the tacho's marks about the smooth angle, rad.
-    most : int
-        At most so many.
+        Scatter of the tacho marks about the smooth angle, rad.
+    max_components : int
+        Maximum number of components.
 
     Notes
     -----
-    `Search.components`; the bars are this program's own, what such components are in A. Muszynska, J. Sound Vib. 110,
-    1986.
+    See `ComponentSearch.find`; the thresholds are a choice of this program. Physics of whirl and whip: A. Muszynska,
+    J. Sound Vib. 110, 1986.
     """
     first, last = max(int(np.ceil(MIN_ORDER * revolutions)), 2), int(MAX_ORDER * revolutions)
     rest = np.abs(without_synchronous(spectrum, revolutions)[:, first : last + 1])
@@ -247,10 +247,10 @@ def find_whirls(
             order_sigma=float(found.order_sigma[0]),
             sigma=sigma,
         )
-        for found in search.find(most)
+        for found in search.find(max_components)
     )
 
 
 def find_whirl(spectrum: ComplexArray, revolutions: int, noise: float, pair: ProbePair) -> Whirl | None:
     """Return the strongest of `find_whirls`, or None."""
-    return next(iter(find_whirls(spectrum, revolutions, noise, pair, most=1)), None)
+    return next(iter(find_whirls(spectrum, revolutions, noise, pair, max_components=1)), None)

@@ -1,4 +1,4 @@
-"""Sub-synchronous findings: the whirls of successive frames merged into components with a beginning and an end."""
+"""Sub-synchronous findings of a run: whirl components of successive frames merged, from onset to end."""
 
 import math
 from collections.abc import Sequence
@@ -8,35 +8,35 @@ from analysis.signals.blocks import TimeInRun
 from analysis.signals.ramp import RampDirection
 from analysis.signals.snapshot import OrderFrame, Whirl
 
-MAX_ORDER_CHANGE = 0.05  # orders: nearer whirls are one component
-MAX_BREAK = 0.5  # s without the component before it has ended
+MAX_ORDER_CHANGE = 0.05  # orders, of a component from frame to frame
+MAX_BREAK = 0.5  # s without a component before it ends
 MIN_FRAMES = 3
-MAX_FINDINGS = 256  # the weakest is dropped
-_SMOOTHING = 0.3  # how fast the order that is looked for follows
+MAX_FINDINGS = 256  # of a run; beyond it the weakest is dropped
+_SMOOTHING = 0.3  # exponential smoothing factor of the expected order
 
 
 @dataclass(frozen=True, slots=True)
 class WhirlFinding:
-    """A sub-synchronous component from its beginning to its end.
+    """A sub-synchronous component from onset to end.
 
     Parameters
     ----------
     order : float
-        Its frequency over the shaft's, mean weighted with amplitude.
+        Frequency over shaft frequency, mean weighted with amplitude.
     order_at_begin : float
         The same over its first frames.
     begin, end : TimeInRun
-        First and last frame that showed it.
+        First and last frame that contain it.
     amplitude : float
-        Its largest amplitude, half the major axis of its ellipse, m peak.
+        Largest amplitude, half the major axis of its ellipse, m peak.
     largest : TimeInRun
-        Where that was.
+        Time of the largest amplitude.
     is_forward : bool
-        Whether it went round with the shaft, by the sum of its amplitudes.
+        Whether it precesses with the rotation, by the sum of its amplitudes.
     frames : int
-        Number of frames that showed it.
+        Number of frames that contain it.
     begin_direction, end_direction : RampDirection
-        Whether the shaft was running up or down when it began, and when it ended.
+        Ramp direction at its begin and at its end.
     """
 
     order: float
@@ -53,16 +53,16 @@ class WhirlFinding:
 
 @dataclass(frozen=True, slots=True)
 class WhirlHysteresis:
-    """How much longer a component stays on the run-down than the run-up took to bring it.
+    """Speed hysteresis of a component between run-up and run-down.
 
     Parameters
     ----------
     order : float
-        Of the component when it came.
+        Order at onset.
     onset : float
-        Lowest speed at which it came on a run-up, rad/s.
+        Lowest onset speed of a run-up, rad/s.
     end : float
-        Lowest speed at which it went on a run-down, rad/s.
+        Lowest end speed of a run-down, rad/s.
     """
 
     order: float
@@ -71,18 +71,18 @@ class WhirlHysteresis:
 
     @property
     def width(self) -> float:
-        """By how much lower it went than it came, rad/s; negative where it went sooner."""
+        """Onset speed minus end speed, rad/s; negative where it ended at a higher speed."""
         return self.onset - self.end
 
 
 def whirl_hysteresis(findings: Sequence[WhirlFinding]) -> tuple[WhirlHysteresis, ...]:
-    """Return onset on the run-up and end on the run-down of every component that a run showed in both directions."""
+    """Return onset on the run-up and end on the run-down of each component that occurs in both directions."""
     found = []
-    came = [one for one in findings if one.begin_direction is RampDirection.RUN_UP and math.isfinite(one.begin.speed)]
-    went = [one for one in findings if one.end_direction is RampDirection.RUN_DOWN and math.isfinite(one.end.speed)]
+    onsets = [one for one in findings if one.begin_direction is RampDirection.RUN_UP and math.isfinite(one.begin.speed)]
+    ended = [one for one in findings if one.end_direction is RampDirection.RUN_DOWN and math.isfinite(one.end.speed)]
     orders: list[float] = []
-    for first in sorted(came, key=lambda one: one.begin.speed):
-        ends = [one.end.speed for one in went if abs(one.order - first.order) <= 2.0 * MAX_ORDER_CHANGE]
+    for first in sorted(onsets, key=lambda one: one.begin.speed):
+        ends = [one.end.speed for one in ended if abs(one.order - first.order) <= 2.0 * MAX_ORDER_CHANGE]
         if ends and all(abs(first.order - order) > 2.0 * MAX_ORDER_CHANGE for order in orders):
             orders.append(first.order)
             found.append(WhirlHysteresis(first.order_at_begin, first.begin.speed, min(ends)))
@@ -91,7 +91,7 @@ def whirl_hysteresis(findings: Sequence[WhirlFinding]) -> tuple[WhirlHysteresis,
 
 @dataclass(slots=True)
 class _Track:
-    """A component that is being followed: sums over its frames."""
+    """Running sums over the frames of a component."""
 
     recent_order: float
     begin: TimeInRun
@@ -127,7 +127,7 @@ class _Track:
 
     @property
     def is_sure(self) -> bool:
-        """Whether frames that share no samples showed it, so that no single disturbance can be behind it."""
+        """Whether frames without common samples contain it, so that no single disturbance explains it."""
         return self.frames >= MIN_FRAMES and self.end.time - self.begin.time >= self.frame_time
 
     def finding(self) -> WhirlFinding:
@@ -146,12 +146,12 @@ class _Track:
 
 
 class WhirlTracker:
-    """Merges the whirls of successive frames into components.
+    """Merges the whirl components of successive frames into findings.
 
-    A whirl belongs to the component whose order it continues within 0.05 (half a line of the spectrum, if that is
-    more). A component is found when three frames showed it, of which two share no samples, and has ended when no
-    frame has shown it for half a second or a frame's length, whichever is longer. Components that are there together
-    are followed side by side; one that replaces another is a finding of its own.
+    A whirl continues the component whose order is within 0.05 (or half a line of the spectrum, if that is more). A
+    component becomes a finding when three frames contain it, two of them without common samples. It ends when no
+    frame contains it for half a second or the length of a frame, whichever is longer. Simultaneous components are
+    tracked in parallel; one that replaces another is a separate finding.
     """
 
     def __init__(self) -> None:
@@ -161,18 +161,18 @@ class WhirlTracker:
     def add_frame(
         self, segment: int, time: float, frame: OrderFrame, direction: RampDirection = RampDirection.RUN_UP
     ) -> None:
-        """Take a frame.
+        """Add a frame.
 
         Parameters
         ----------
         segment : int
             Segment of the run.
         time : float
-            Time of the frame's end in it, s.
+            Time in the segment at the end of the frame, s.
         frame : OrderFrame
-            With its whirls.
+            Frame with its whirl components.
         direction : RampDirection
-            Whether the shaft runs up or down.
+            Present ramp direction.
         """
         resolution = float(frame.orders[1])
         frame_time = 2.0 * math.pi / (frame.speed * resolution)
@@ -190,7 +190,7 @@ class WhirlTracker:
             track.add(whirl, at, frame_time, direction)
 
     def end_segment(self) -> None:
-        """End all components: time does not run on into the next segment."""
+        """End all components at the end of a segment."""
         self._close(math.inf)
 
     def _close(self, before: float) -> None:
@@ -202,7 +202,7 @@ class WhirlTracker:
             self._closed.remove(min(self._closed, key=lambda track: track.weight))
 
     def findings(self) -> tuple[WhirlFinding, ...]:
-        """Return the components found, those still there included, in the order in which they began."""
+        """Return the findings, including those that have not ended, in the order of their begin."""
         tracks = self._closed + [track for track in self._open if track.is_sure]
         tracks.sort(key=lambda track: (track.begin.segment, track.begin.time))
         return tuple(track.finding() for track in tracks)

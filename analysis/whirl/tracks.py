@@ -1,4 +1,4 @@
-"""Every component below 1X through a record: its order, size, turning sense, and whether it follows the speed."""
+"""Tracks of the components below 1X through a record, each classified as whirl or whip."""
 
 from dataclasses import dataclass
 from enum import StrEnum
@@ -14,22 +14,22 @@ FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 IntArray = NDArray[np.int64]
 
-MAX_ORDER_CHANGE = 0.05  # orders by which a component may move on from frame to frame
-MAX_BREAK_FRAMES = 4  # frames' lengths without it before it has ended
+MAX_ORDER_CHANGE = 0.05  # orders, of a component from frame to frame
+MAX_BREAK_FRAMES = 4  # frame lengths without a component before it ends
 MIN_FRAMES = 4
-MIN_SPEED_RATIO = 1.05  # fastest over slowest speed of a track before its behaviour is told
+MIN_SPEED_RATIO = 1.05  # of the fastest to the slowest frame of a track that is classified
 EXPONENT_TOLERANCE = 0.25  # of the exponent of frequency against speed: 1 is whirl, 0 is whip
-MAX_LOCK_RESIDUAL = 0.5  # residual of the track that locks over that which does not
+MAX_LOCK_RESIDUAL = 0.5  # of the fit with locking to the fit without
 
 
 class Behaviour(StrEnum):
-    """How a component's frequency goes with the shaft's."""
+    """Behaviour of a component's frequency over shaft speed."""
 
-    WHIRL = "whirl"  # follows the speed: a constant order
-    WHIP = "whip"  # stays at a natural frequency whatever the speed
-    WHIRL_TO_WHIP = "whirl, then whip"  # follows, and then locks
+    WHIRL = "whirl"  # proportional to the speed: constant order
+    WHIP = "whip"  # constant, at a natural frequency
+    WHIRL_TO_WHIP = "whirl, then whip"  # first proportional, then constant
     NEITHER = "between"  # neither
-    UNKNOWN = "unknown"  # the speed hardly changed while it was there
+    UNKNOWN = "unknown"  # the speed hardly changed
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -39,22 +39,22 @@ class SubsynchronousTrack:
     Parameters
     ----------
     times, speeds : ndarray of float64, shape (n,)
-        Middle, s, and mean speed, rad/s, of the frames that showed it.
+        Middle, s, and mean speed, rad/s, of the frames that contain it.
     orders : ndarray of float64, shape (n,)
         Frequency over shaft frequency.
     order_sigma : ndarray of float64, shape (n,)
-        Standard deviation of each, from the floor.
+        Standard deviation of each, from the noise floor.
     forward, backward : ndarray of float64, shape (n,)
-        Its circles, m peak; half the major axis is their sum.
+        Amplitudes of its circles, m peak; half the major axis is their sum.
     sigma : ndarray of float64, shape (n,)
         Standard deviation of either, m peak.
     behaviour : Behaviour
-        Whether it follows the speed.
+        Whirl, whip or both.
     exponent, exponent_sigma : float
-        Of frequency against speed, f proportional to speed^exponent, over the whole track, and its standard deviation;
-        NaN where unknown.
+        Exponent of frequency against speed, f proportional to speed^exponent, over the whole track, and its standard
+        deviation; NaN where unknown.
     lock_speed : float
-        Where it locks, rad/s; NaN but for `Behaviour.LOCKS`.
+        Speed from which the frequency is constant, rad/s; NaN except for `Behaviour.WHIRL_TO_WHIP`.
     """
 
     times: FloatArray
@@ -81,43 +81,43 @@ class SubsynchronousTrack:
 
     @property
     def is_forward(self) -> bool:
-        """Whether it goes round with the shaft, by the sum of its circles."""
+        """Whether it precesses with the rotation, by the sum of its circles."""
         return bool(self.forward.sum() >= self.backward.sum())
 
     @property
     def onset_speed(self) -> float:
-        """Speed of the first frame that showed it, rad/s."""
+        """Speed of the first frame that contains it, rad/s."""
         return float(self.speeds[0])
 
     @property
     def end_speed(self) -> float:
-        """Speed of the last frame that showed it, rad/s."""
+        """Speed of the last frame that contains it, rad/s."""
         return float(self.speeds[-1])
 
 
 def subsynchronous_tracks(order_map: OrderMap) -> tuple[SubsynchronousTrack, ...]:
-    """Return all components below 1X, in the order in which they began.
+    """Return the tracks of all components below 1X, in the order of their begin.
 
-    1X and the other multiples are taken out of each frame with their window's skirts; then the strongest line between
-    0.08X and 0.92X is measured between the lines and taken out likewise, up to four times. What stands 5 times above
-    the floor, and above what an imperfect angle may have made of 1X, is linked from frame to frame.
+    1X is subtracted from each frame with its window lines. Then the strongest line between 0.08X and 0.92X is
+    interpolated between the lines and subtracted likewise, up to four times. Components 5 times above the noise floor,
+    and above the possible sidebands of 1X from an imperfect angle, are linked from frame to frame.
 
     Parameters
     ----------
     order_map : OrderMap
-        With a Hann window and at least 8 revolutions a frame, to 1X and two lines beyond.
+        With a Hann window and at least 8 revolutions per frame, up to at least two lines above 1X.
 
     Notes
     -----
-    Whirl follows the speed at 0.42 to 0.49X, whip stays at a natural frequency (A. Muszynska, Whirl and whip - rotor
-    bearing stability problems, J. Sound Vib. 110, 1986); floating rings whirl lower.
+    Whirl has a constant order of 0.42 to 0.49X, whip the constant frequency of a natural mode (A. Muszynska, Whirl and
+    whip - rotor bearing stability problems, J. Sound Vib. 110, 1986). Floating-ring bearings whirl at lower orders.
     """
     if order_map.window is not Window.HANN or order_map.revolutions < 8:
         raise ValueError(
             f"order_map: {order_map.window} over {order_map.revolutions} revolutions, expected hann over 8"
         )
     if order_map.orders.size < order_map.revolutions + 3:
-        raise ValueError(f"order_map: to order {order_map.orders[-1]:g}, expected to 1X and two lines beyond")
+        raise ValueError(f"order_map: to order {order_map.orders[-1]:g}, expected at least two lines above 1X")
     scatter = order_map.angle_sigma * np.sqrt(order_map.revolutions / 1.5)
     noise = order_map.noise
     search = ComponentSearch(order_map.spectrum, order_map.revolutions, noise, noise, scatter, order_map.pair)
@@ -126,7 +126,7 @@ def subsynchronous_tracks(order_map: OrderMap) -> tuple[SubsynchronousTrack, ...
 
 
 def _linked(order_map: OrderMap, found: list[Components]) -> list[list[tuple[int, int]]]:
-    """Return lists of (frame, index of component) that belong together, those that lasted."""
+    """Return the tracks of sufficient length, as lists of (frame, index of component)."""
     if not found:
         return []
     orders = np.stack([component.order for component in found], axis=1)
@@ -179,9 +179,9 @@ def _track(order_map: OrderMap, found: list[Components], links: list[tuple[int, 
 
 
 def _behaviour(speeds: FloatArray, orders: FloatArray, independent: float) -> tuple[Behaviour, float, float, float]:
-    """Return behaviour, exponent, its standard deviation, and the speed of locking, rad/s.
+    """Return behaviour, exponent, its standard deviation, and the lock speed, rad/s.
 
-    Of the frames the part ``independent`` counts, as the others share its samples.
+    ``independent`` is the number of independent frames over the number of frames, as frames share samples.
     """
     if float(speeds.max() / speeds.min()) < MIN_SPEED_RATIO:
         return Behaviour.UNKNOWN, np.nan, np.nan, np.nan
@@ -206,7 +206,7 @@ def _behaviour(speeds: FloatArray, orders: FloatArray, independent: float) -> tu
 
 
 def _best_lock(log_speed: FloatArray, log_frequency: FloatArray) -> tuple[float, float]:
-    """Return the speed from which the frequency stays, and what is left of the track then (square sum of logs)."""
+    """Return the best speed from which the frequency is constant, rad/s, and the residual sum of squares of logs."""
     best = (np.nan, np.inf)
     for lock in np.linspace(log_speed.min(), log_speed.max(), 60):
         shape = np.minimum(log_speed, lock)

@@ -49,7 +49,7 @@ def test_taking_the_vector_off_gives_the_true_order_and_a_larger_uncertainty(mak
     np.testing.assert_allclose(clean.vectors[0], 10 * MICRO * np.exp(0.3j), atol=5 * clean.sigma.max())
     assert (clean.sigma > track.sigma).all()
     assert clean.phase_sigma.max() < 0.02
-    with pytest.raises(ValueError, match="whole orders"):
+    with pytest.raises(ValueError, match="whole order"):
         rolled(make_angular).subtract_vectors(track_order(make_angular((1.0, 0.5, 0.0)), 0.5))
 
 
