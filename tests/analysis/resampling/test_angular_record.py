@@ -159,7 +159,7 @@ def test_what_cannot_be_analysed_is_refused_with_its_reason(make_bench: Maker) -
         angular_record_from_codes(bench.acquisition, noise)
     railed = codes.copy()
     railed[0] = 32767
-    with pytest.raises(AnalysisError, match="probe .x."):
+    with pytest.raises(AnalysisError, match="probe"):
         angular_record_from_codes(bench.acquisition, railed)
     with pytest.raises(ValueError, match="codes"):
         angular_record_from_codes(bench.acquisition, codes[:2])
