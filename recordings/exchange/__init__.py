@@ -1,1 +1,1 @@
-"""Import from and export to files of other programs, one module a format."""
+"""Export of runs to other file formats, and import of samples from them."""

@@ -1,4 +1,4 @@
-"""CSV: a line of names, then rows of numbers; lines that begin with # in front of them tell more."""
+"""CSV: property lines that begin with #, a line of column names, then rows of numbers."""
 
 import csv
 import re
@@ -14,29 +14,29 @@ from recordings.exchange.table import Column, Table, rate_of, require_ended
 from recordings.progress import Progress
 
 TIME = "time_s"
-PIECE = 50_000  # rows that are written at a time
-PORTION = 20_000  # rows that are held as Python's numbers, which take four times the room
+ROWS_PER_WRITE = 50_000
+ROWS_PER_READ = 20_000  # held as Python floats, which take four times the memory of an array
 NAME_WITH_UNIT = re.compile(r"(?P<name>.+?)\s*[\[(](?P<unit>[^\])]*)[\])]\s*$")
 
 
 def read(path: Path) -> Table:
-    """Read a file separated by comma, or by semicolon or tab: then decimals may have a comma."""
+    """Return the table of a file separated by commas, semicolons or tabs (the last two allow decimal commas)."""
     with path.open(encoding="utf-8-sig", errors="replace", newline="") as file:
-        properties, heading, above = _properties(file)
+        properties, heading, n_before = _properties(file)
         separator = max("\t;,", key=heading.count)
         names = [name.strip() for name in next(csv.reader([heading], delimiter=separator))]
         rows = csv.reader(file, delimiter=separator)
-        numbered = ((above + rows.line_num, row) for row in rows if row)
-        portions = list(_portions(numbered, len(names), comma=separator != ","))
-        require_ended(path, above + rows.line_num)
-    if not portions:
-        raise ForeignFormatError("holds no rows of numbers")
-    values = np.concatenate(portions)
+        numbered = ((n_before + rows.line_num, row) for row in rows if row)
+        batches = list(_batches(numbered, len(names), comma=separator != ","))
+        require_ended(path, n_before + rows.line_num)
+    if not batches:
+        raise ForeignFormatError("has no rows of numbers")
+    values = np.concatenate(batches)
     columns = []
     for name, column in zip(names, values.T, strict=True):
         found = NAME_WITH_UNIT.match(name)
-        plain, unit = (found["name"], found["unit"]) if found else (name, "")
-        columns.append(Column(plain, unit, np.ascontiguousarray(column)))
+        bare_name, unit = (found["name"], found["unit"]) if found else (name, "")
+        columns.append(Column(bare_name, unit, np.ascontiguousarray(column)))
     rate = float(properties["rate_hz"]) if "rate_hz" in properties else None
     for column in columns:
         if rate is None and column.name == TIME:
@@ -46,7 +46,7 @@ def read(path: Path) -> Table:
 
 
 def write(path: Path, table: Table, on_progress: Progress) -> None:
-    """Write a file: numbers come back bit for bit."""
+    """Write a file; numbers have 17 digits, so that reading restores them bit for bit."""
     properties = dict(table.properties)
     if table.rate is not None:
         properties["rate_hz"] = repr(table.rate)
@@ -56,13 +56,13 @@ def write(path: Path, table: Table, on_progress: Progress) -> None:
         for name, value in properties.items():
             file.write(f"# {name}: {' '.join(value.split())}\n")
         file.write(",".join(_quoted(c.name, c.unit) for c in table.columns) + "\n")
-        for first in range(0, table.n_rows, PIECE):
-            rows = [column.values[first : first + PIECE] for column in table.columns]
+        for first in range(0, table.n_rows, ROWS_PER_WRITE):
+            rows = [column.values[first : first + ROWS_PER_WRITE] for column in table.columns]
             if any(row.dtype.kind == "U" for row in rows):
                 csv.writer(file, lineterminator="\n").writerows(zip(*map(_texts, rows), strict=True))
             else:
                 np.savetxt(file, np.column_stack(rows), fmt="%.17g", delimiter=",")
-            on_progress(min(1.0, (first + PIECE) / table.n_rows))
+            on_progress(min(1.0, (first + ROWS_PER_WRITE) / table.n_rows))
 
 
 def _texts(row: NDArray[np.generic]) -> list[str]:
@@ -75,7 +75,7 @@ def _quoted(name: str, unit: str) -> str:
 
 
 def _properties(file: TextIO) -> tuple[dict[str, str], str, int]:
-    """Return what the lines in front tell, the line of names, and its number."""
+    """Return the properties in the first lines, the line of column names, and its number."""
     properties = {}
     for number, line in enumerate(file, 1):
         if line.startswith("#"):
@@ -83,23 +83,23 @@ def _properties(file: TextIO) -> tuple[dict[str, str], str, int]:
             properties[name.strip()] = value.strip()
         elif line.strip():
             return properties, line.rstrip("\r\n"), number
-    raise ForeignFormatError("holds no line of names")
+    raise ForeignFormatError("has no line of column names")
 
 
-def _portions(
+def _batches(
     numbered: Iterator[tuple[int, list[str]]], n_columns: int, *, comma: bool
 ) -> Iterator[NDArray[np.float64]]:
-    """Yield the numbers of rows, many rows at a time."""
-    portion: list[list[float]] = []
+    """Yield the numbers of the rows, `ROWS_PER_READ` rows at a time."""
+    batch: list[list[float]] = []
     for line, row in numbered:
         if len(row) != n_columns:
             raise ForeignFormatError(f"line {line}: a row of {len(row)} values, expected {n_columns}: {row[:4]}")
-        portion.append([_number(text, line, comma=comma) for text in row])
-        if len(portion) == PORTION:
-            yield np.array(portion)
-            portion = []
-    if portion:
-        yield np.array(portion)
+        batch.append([_number(text, line, comma=comma) for text in row])
+        if len(batch) == ROWS_PER_READ:
+            yield np.array(batch)
+            batch = []
+    if batch:
+        yield np.array(batch)
 
 
 def _number(text: str, line: int, *, comma: bool) -> float:

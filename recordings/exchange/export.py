@@ -1,4 +1,4 @@
-"""A run, or a part of it, as a table in the operator's units: what other programs are given."""
+"""Tables of a run, or part of it, for export: samples, recorded results and counter pulses, in display units."""
 
 import cmath
 import json
@@ -19,9 +19,9 @@ from recordings.progress import Progress, ignore_progress
 
 MICRO = 1e-6
 RPM = 2 * math.pi / 60
-PIECE = 2_000_000  # samples of each channel that are read at a time
+CHUNK_SAMPLES = 2_000_000  # per channel, read at a time
 MAX_SAMPLES = 50_000_000
-"""Per channel in one table: it is made in memory."""
+"""Samples per channel in one table, which is held in memory."""
 RESULT_UNITS = {
     "segment": "",
     "time_s": "s",
@@ -62,7 +62,7 @@ def samples_table(
 ) -> Table:
     """Return samples in engineering units.
 
-    Displacement of the probes is towards the probe, zero at its tip, µm; other channels are volts at the input.
+    Probes have displacement towards the probe, zero at its tip, µm; other channels have volts at the input.
 
     Parameters
     ----------
@@ -71,18 +71,18 @@ def samples_table(
     start, stop : float
         Part of the segment, s of sample time.
     segment : int or None
-        Which segment; None where there is only one.
+        The segment; None if the run has only one.
     on_progress : callable
-        Told the part that is read, 0 to 1.
+        Called with the fraction read, 0 to 1.
 
     Raises
     ------
     ForeignFormatError
-        Where the part is empty or too large for a table, or the segment is not named though there are several.
+        If the part is empty or too large for a table, or no segment is given for a run with several.
     DamagedError
-        Where the file is damaged there.
+        If the file is damaged there.
     """
-    end = _chosen(reader, segment)
+    end = _segment_end(reader, segment)
     acquisition = reader.header.acquisition
     first = max(0, math.ceil(start * acquisition.rate - 1e-6))
     last = end.samples if math.isinf(stop) else min(end.samples, math.ceil(stop * acquisition.rate - 1e-6))
@@ -92,15 +92,15 @@ def samples_table(
             f"{end.samples / acquisition.rate:g} s, expected 1 to {MAX_SAMPLES}"
         )
     codes = np.empty((len(acquisition.channels), last - first), dtype=np.int16)
-    for low in range(first, last, PIECE):
-        high = min(low + PIECE, last)
+    for low in range(first, last, CHUNK_SAMPLES):
+        high = min(low + CHUNK_SAMPLES, last)
         codes[:, low - first : high - first] = reader.samples(end.segment, low, high)
         on_progress((high - first) / (last - first))
     times = Column("time_s", "s", np.arange(first, last) / acquisition.rate)
     columns = [_column(channel, row) for channel, row in zip(acquisition.channels, codes, strict=True)]
     started_ns = reader.segment_started_ns(end.segment) + sample_time_ns(first, acquisition.rate)
-    about = _properties(reader) | {"segment": str(end.segment), "convert_rate_hz": repr(acquisition.convert_rate)}
-    return Table((times, *columns), acquisition.rate, started_ns, about)
+    properties = _properties(reader) | {"segment": str(end.segment), "convert_rate_hz": repr(acquisition.convert_rate)}
+    return Table((times, *columns), acquisition.rate, started_ns, properties)
 
 
 def results_table(
@@ -110,12 +110,12 @@ def results_table(
     segment: int | None = None,
     on_progress: Progress = ignore_progress,
 ) -> Table:
-    """Return the recorded results, one row for each, NaN where there is nothing; amplitudes are peak, lags are -arg X.
+    """Return the recorded results, one row per snapshot, NaN for missing values; amplitudes are peak, lags -arg X.
 
     Raises
     ------
     ForeignFormatError
-        Where there are none.
+        If there are none.
     """
     rows: list[list[float]] = []
     lengths = {end.segment: end.samples / reader.header.acquisition.rate for end in reader.segment_ends}
@@ -125,11 +125,13 @@ def results_table(
         before = sum(length for number, length in lengths.items() if number < snapshot.segment)
         on_progress(min(1.0, (before + snapshot.time) / max(reader.duration, 1e-9)))
     if not rows:
-        raise ForeignFormatError(f"{reader.path}: holds no results from {start:g} s to {stop:g} s")
+        raise ForeignFormatError(f"{reader.path}: has no results from {start:g} s to {stop:g} s")
     values = np.array(rows, dtype=np.float64).T
     columns = tuple(Column(name, unit, row) for (name, unit), row in zip(RESULT_UNITS.items(), values, strict=True))
-    about = _properties(reader) | {"phase": "x(t) = Re[X exp(i k theta)], theta = 0 at the mark; lag = -arg X"}
-    return Table(columns, None, reader.header.started_ns, about)
+    properties = _properties(reader) | {
+        "phase": "x(t) = Re[X exp(i k theta)], theta = 0 at the keyphasor mark; lag = -arg X"
+    }
+    return Table(columns, None, reader.header.started_ns, properties)
 
 
 def pulses_table(
@@ -139,35 +141,35 @@ def pulses_table(
     segment: int | None = None,
     on_progress: Progress = ignore_progress,
 ) -> Table:
-    """Return when the tacho's edges came, as a counter stamped them, one row for each; the tacho's delay is still in.
+    """Return the counter stamps of the tacho edges, one row each; the tacho's delay is not subtracted.
 
     Raises
     ------
     ForeignFormatError
-        Where there are none.
+        If there are none.
     """
     acquisition = reader.header.acquisition
     counter, found = acquisition.tacho.counter, []
     for end in reader.segment_ends if counter is not None else ():
         if segment in {None, end.segment}:
             first, last = (min(end.samples, math.ceil(min(time, 1e9) * acquisition.rate)) for time in (start, stop))
-            for low in range(first, last, PIECE):
-                ticks_here = reader.ticks(end.segment, low, min(low + PIECE, last))
+            for low in range(first, last, CHUNK_SAMPLES):
+                ticks_here = reader.ticks(end.segment, low, min(low + CHUNK_SAMPLES, last))
                 found += [(end.segment, tick) for tick in ticks_here.tolist()]
-                on_progress(min(low + PIECE, last) / max(reader.n_samples, 1))
+                on_progress(min(low + CHUNK_SAMPLES, last) / max(reader.n_samples, 1))
     if counter is None or not found:
-        raise ForeignFormatError(f"{reader.path}: holds no stamps of a counter from {start:g} s to {stop:g} s")
+        raise ForeignFormatError(f"{reader.path}: has no counter stamps from {start:g} s to {stop:g} s")
     segments, ticks = np.array(found, dtype=np.float64).T
-    about = _properties(reader) | {"timebase_hz": repr(counter.timebase), "delay_s": repr(acquisition.tacho.delay)}
+    properties = _properties(reader) | {"timebase_hz": repr(counter.timebase), "delay_s": repr(acquisition.tacho.delay)}
     columns = (
         Column("segment", "", segments),
         Column("ticks", "", ticks),
         Column("time_s", "s", ticks / counter.timebase),
     )
-    return Table(columns, None, reader.header.started_ns, about)
+    return Table(columns, None, reader.header.started_ns, properties)
 
 
-def _chosen(reader: RunReader, segment: int | None) -> SegmentEnd:
+def _segment_end(reader: RunReader, segment: int | None) -> SegmentEnd:
     ends = {end.segment: end for end in reader.segment_ends}
     if segment is None and len(ends) == 1:
         return reader.segment_ends[0]
@@ -195,7 +197,7 @@ def _properties(reader: RunReader) -> dict[str, str]:
 
 
 def _row(snapshot: Snapshot) -> Iterator[float]:
-    """Yield a row in the order of the columns."""
+    """Yield the values of a snapshot in the order of `RESULT_UNITS`."""
     yield from (snapshot.segment, snapshot.time, snapshot.speed / RPM)
     yield from snapshot.gap_volts
     yield from snapshot.peak_to_peak / MICRO
@@ -214,5 +216,5 @@ def _row(snapshot: Snapshot) -> Iterator[float]:
 
 
 def _polar(vector: complex) -> tuple[float, float]:
-    """Return amplitude, um peak, and phase lag, degrees from 0 to 360."""
+    """Return amplitude, µm peak, and phase lag, degrees from 0 to 360."""
     return abs(vector) / MICRO, -math.degrees(cmath.phase(vector)) % 360.0

@@ -1,6 +1,6 @@
-"""Foreign files: what runs are exported to and samples imported from, each format in its own file.
+"""Reading and writing tables in other formats, one module for each format.
 
-A format's library is imported when the format is used: they are the extra ``formats``.
+A format's library is imported only when the format is used; the libraries are the extra ``formats``.
 """
 
 from importlib import import_module
@@ -36,12 +36,12 @@ EXPORT_FORMATS = {
 
 
 def read_table(path: Path) -> Table:
-    """Read a foreign file; its suffix tells the format.
+    """Return the table in a file, whose suffix sets the format.
 
     Raises
     ------
     ForeignFormatError
-        Where the format is not known, its library is missing, or the file is not what it should be.
+        If the format is unknown, its library is missing, or the file is invalid.
     """
     module = _module(path, IMPORT_FORMATS)
     try:
@@ -50,7 +50,7 @@ def read_table(path: Path) -> Table:
         raise ForeignFormatError(f"{path}: {error}") from error
     except OSError as error:
         raise ForeignFormatError(f"{path}: cannot be read: {error.strerror or error}") from error
-    except Exception as error:  # the libraries meet a damaged file with errors of every kind
+    except Exception as error:  # the libraries raise all kinds of errors for a damaged file
         kind = path.suffix.lower().removeprefix(".")
         raise ForeignFormatError(f"{path}: is not a {kind} file that can be read: {error}") from error
     if table.n_rows == 0:
@@ -59,18 +59,18 @@ def read_table(path: Path) -> Table:
 
 
 def write_table(path: Path, table: Table, on_progress: Progress = ignore_progress) -> None:
-    """Write a table to a new file; its suffix tells the format.
+    """Write a table to a new file, whose suffix sets the format.
 
-    ``on_progress`` is told the part that is written, 0 to 1, as far as the format's library lets it be known.
+    ``on_progress`` is called with the fraction written, 0 to 1, as finely as the format's library allows.
 
     Raises
     ------
     ForeignFormatError
-        Where the format is not known, its library is missing, the file exists or cannot be written.
+        If the format is unknown, its library is missing, or the file exists or cannot be written.
     """
     module = _module(path, EXPORT_FORMATS)
     if path.exists():
-        raise ForeignFormatError(f"{path}: exists already; nothing is written over")
+        raise ForeignFormatError(f"{path}: exists already; files are never overwritten")
     try:
         with atomic_write(path) as temporary:
             module.write(temporary, table, on_progress)
@@ -78,10 +78,10 @@ def write_table(path: Path, table: Table, on_progress: Progress = ignore_progres
         raise ForeignFormatError(f"{path}: cannot be written: {error.strerror or error}") from error
 
 
-def _module(path: Path, known: dict[str, str]) -> Any:
-    name = known.get(path.suffix.lower())
+def _module(path: Path, formats: dict[str, str]) -> Any:
+    name = formats.get(path.suffix.lower())
     if name is None:
-        raise ForeignFormatError(f"{path}: suffix {path.suffix!r}, expected one of {', '.join(known)}")
+        raise ForeignFormatError(f"{path}: suffix {path.suffix!r}, expected one of {', '.join(formats)}")
     try:
         return import_module(f"recordings.exchange.{name}_file")
     except ModuleNotFoundError as error:

@@ -1,4 +1,4 @@
-"""HDF5: a data set for every column with its unit, the rest as attributes of the file."""
+"""HDF5: one data set per column with its unit as attribute, properties as attributes of the file."""
 
 from pathlib import Path
 
@@ -9,7 +9,7 @@ from recordings.progress import Progress
 
 
 def write(path: Path, table: Table, on_progress: Progress) -> None:
-    """Write a file."""
+    """Write a table to a new file."""
     with h5py.File(path, "x") as file:
         for name, value in table.properties.items():
             file.attrs[name] = value

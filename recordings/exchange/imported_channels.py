@@ -1,4 +1,4 @@
-"""Foreign samples as a recording's: codes with the scaling that brings back the values of the file."""
+"""Conversion of imported samples to 16-bit codes, with the scaling that restores the values of the file."""
 
 import math
 from collections.abc import Iterator
@@ -13,8 +13,8 @@ from recordings.errors import ForeignFormatError
 from recordings.exchange.table import Column
 
 STEPS = 65_532
-"""From -32766 to 32766: none of an imported value is at the converter's rails, where it would count as clipped."""
-BLOCK = 0.1
+"""Codes from -32766 to 32766: no imported value is at the converter's rails, where it would count as clipped."""
+BLOCK_DURATION = 0.1  # s
 VOLT_UNITS = {"V": 1.0, "mV": 1e-3}
 LENGTH_UNITS = {"um": 1e-6, "mm": 1e-3, "m": 1.0}
 UNITS = (*VOLT_UNITS, *LENGTH_UNITS)
@@ -22,24 +22,24 @@ UNITS = (*VOLT_UNITS, *LENGTH_UNITS)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ImportedChannel:
-    """A channel and its codes."""
+    """A channel with its codes."""
 
     channel: Channel
     codes: NDArray[np.int16]
 
 
 def imported_channel(column: Column, channel: Channel, unit: str, factor: float) -> ImportedChannel:
-    """Return a column's values as codes.
+    """Return a column's values as a channel's codes.
 
-    Values of 16 bits stay as they are. Others are divided into 65,532 steps from the smallest to the largest: they come
-    back within half a step. Where they are a displacement, one volt of the recording stands for one micrometre of it.
+    16-bit integers are kept as codes. Other values are quantised in 65,532 steps from the smallest to the largest, with
+    an error of half a step at most. For displacements, one volt in the recording represents one micrometre.
 
     Parameters
     ----------
     column : Column
-        Values times `factor` are in `unit`: volts at the input, or displacement towards the probe.
+        Values; times `factor` they are in `unit`: volts at the input, or displacement towards the probe.
     channel : Channel
-        What it is; its scaling is replaced, and for displacements its calibration.
+        Channel of the rig; its scaling is replaced, and for displacements its calibration.
     unit : str
         One of UNITS.
     factor : float
@@ -48,7 +48,7 @@ def imported_channel(column: Column, channel: Channel, unit: str, factor: float)
     Raises
     ------
     ForeignFormatError
-        Where values are not finite.
+        If a value is not finite, or the factor not positive.
     """
     scale = factor * (VOLT_UNITS[unit] if unit in VOLT_UNITS else LENGTH_UNITS[unit] / LENGTH_UNITS["um"])
     if column.values.dtype == np.int16:
@@ -56,7 +56,7 @@ def imported_channel(column: Column, channel: Channel, unit: str, factor: float)
     else:
         values = column.values.astype(np.float64) * scale
         if not np.isfinite(values).all():
-            raise ForeignFormatError(f"column {column.name!r}: holds values that are not finite")
+            raise ForeignFormatError(f"column {column.name!r}: has values that are not finite")
         low, high = float(values.min()), float(values.max())
         step = (high - low) / STEPS or max(abs(low), 1.0) * 1e-9
         middle = (low + high) / 2
@@ -72,9 +72,9 @@ def imported_channel(column: Column, channel: Channel, unit: str, factor: float)
 
 
 def imported_items(channels: list[ImportedChannel], rate: float, host_time_ns: int) -> Iterator[SourceItem]:
-    """Yield the samples as the blocks of one segment, and its end."""
+    """Yield the samples as blocks of one segment, and the segment end."""
     codes = np.stack([channel.codes for channel in channels])
-    n_samples, size = codes.shape[1], max(1, round(BLOCK * rate))
+    n_samples, size = codes.shape[1], max(1, round(BLOCK_DURATION * rate))
     for first in range(0, n_samples, size):
         block = np.ascontiguousarray(codes[:, first : first + size])
         yield SampleBlock(block, 0, first, host_time_ns)

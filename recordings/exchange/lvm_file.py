@@ -1,4 +1,4 @@
-"""LVM, LabVIEW's text format: a heading for the file, one for every stretch of rows, then rows of numbers."""
+"""LVM, LabVIEW's text format: a file header, then sections, each with a header and rows of numbers."""
 
 from collections.abc import Iterator
 from datetime import UTC, datetime
@@ -15,33 +15,33 @@ SEPARATORS = {"Tab": "\t", "Comma": ",", "Semicolon": ";"}
 
 
 def read(path: Path) -> Table:
-    """Read a file; stretches of rows of the same channels are put one after another."""
+    """Return the table of a file; sections of the same channels are concatenated."""
     text = path.read_bytes().decode("utf-8-sig", errors="replace")
     all_lines = text.splitlines()
     lines = iter(all_lines)
     if not next(lines, "").startswith(FIRST_LINE):
         raise ForeignFormatError(f"does not begin with {FIRST_LINE!r}")
-    about = _heading(lines, None)
-    separator = SEPARATORS.get(about.get("Separator", ["Tab"])[0], "\t")
-    comma = about.get("Decimal_Separator", ["."])[0] == ","
-    per_channel = about.get("X_Columns", ["One"])[0] == "Multi"
+    header = _header(lines, None)
+    separator = SEPARATORS.get(header.get("Separator", ["Tab"])[0], "\t")
+    comma = header.get("Decimal_Separator", ["."])[0] == ","
+    per_channel = header.get("X_Columns", ["One"])[0] == "Multi"
     names: list[str] = []
     units: list[str] = []
     steps: list[float] = []
     rows: list[list[float]] = []
-    for channel_about, titles, stretch in _stretches(lines, separator, comma=comma):
-        n_channels = int(_first(channel_about.get("Channels"), "0")) or len(titles) - 1
-        places = [2 * k + 1 if per_channel else k + 1 for k in range(n_channels)]
-        found = [titles[place] if place < len(titles) else f"{place}" for place in places]
+    for section_header, titles, section in _sections(lines, separator, comma=comma):
+        n_channels = int(_first(section_header.get("Channels"), "0")) or len(titles) - 1
+        indices = [2 * k + 1 if per_channel else k + 1 for k in range(n_channels)]
+        found = [titles[index] if index < len(titles) else f"{index}" for index in indices]
         if names and found != names:
-            raise ForeignFormatError(f"stretches of different channels: {names} and {found}")
-        _require_all(channel_about.get("Samples", []), len(stretch))
+            raise ForeignFormatError(f"sections of different channels: {names} and {found}")
+        _require_complete(section_header.get("Samples", []), len(section))
         names = found
-        units = [*channel_about.get("Y_Unit_Label", []), *[""] * n_channels][:n_channels]
-        steps += [_number(step, comma=comma) for step in channel_about.get("Delta_X", [])[:n_channels]]
-        rows += [[row[place] if place < len(row) else np.nan for place in places] for row in stretch]
+        units = [*section_header.get("Y_Unit_Label", []), *[""] * n_channels][:n_channels]
+        steps += [_number(step, comma=comma) for step in section_header.get("Delta_X", [])[:n_channels]]
+        rows += [[row[index] if index < len(row) else np.nan for index in indices] for row in section]
     if not rows:
-        raise ForeignFormatError("holds no rows of numbers")
+        raise ForeignFormatError("has no rows of numbers")
     if len(set(steps)) > 1:
         raise ForeignFormatError(f"channels of different rates: Delta_X {sorted(set(steps))} s")
     values = np.array(rows)
@@ -52,8 +52,8 @@ def read(path: Path) -> Table:
     return Table(
         tuple(Column(name, unit, np.ascontiguousarray(column)) for name, unit, column in columns),
         rate=_rate(steps),
-        started_ns=_moment(about, comma=comma),
-        properties={name: " ".join(words).strip() for name, words in about.items()},
+        started_ns=_started_ns(header, comma=comma),
+        properties={name: " ".join(words).strip() for name, words in header.items()},
     )
 
 
@@ -64,8 +64,8 @@ def _rate(steps: list[float]) -> float | None:
     return float(round(rate)) if abs(rate - round(rate)) < 1e-5 * rate else rate
 
 
-def _heading(lines: Iterator[str], separator: str | None) -> dict[str, list[str]]:
-    """Return the entries of a heading up to its end."""
+def _header(lines: Iterator[str], separator: str | None) -> dict[str, list[str]]:
+    """Return the entries of a header."""
     entries: dict[str, list[str]] = {}
     for line in lines:
         if line.strip().startswith(END):
@@ -73,11 +73,11 @@ def _heading(lines: Iterator[str], separator: str | None) -> dict[str, list[str]
         words = [word.strip() for word in (line.split(separator) if separator else _split(line))]
         if words and words[0]:
             entries[words[0]] = words[1:]
-    raise ForeignFormatError(f"a heading does not end with {END}")
+    raise ForeignFormatError(f"a header does not end with {END}")
 
 
 def _split(line: str) -> list[str]:
-    """Split a line of the first heading, before the separator is known: a name, then the rest."""
+    """Split a line of the file header, whose separator is unknown: a name, then the rest."""
     for separator in ("\t", ";", ","):
         if separator in line:
             name, _, rest = line.partition(separator)
@@ -85,33 +85,33 @@ def _split(line: str) -> list[str]:
     return [line]
 
 
-def _stretches(
+def _sections(
     lines: Iterator[str], separator: str, *, comma: bool
 ) -> Iterator[tuple[dict[str, list[str]], list[str], list[list[float]]]]:
-    """Yield heading, titles and rows of each stretch."""
+    """Yield header, column titles and rows of each section."""
     pending = [line for line in lines if line.strip(f"{separator} ")]
-    place = 0
-    while place < len(pending):
-        rest = iter(pending[place:])
-        stop = next((k for k in range(place, len(pending)) if pending[k].strip().startswith(END)), None)
-        about = {} if stop is None else _heading(rest, separator)
-        place = place if stop is None else stop + 1
-        titles = [title.strip() for title in pending[place].split(separator)] if place < len(pending) else []
+    position = 0
+    while position < len(pending):
+        rest = iter(pending[position:])
+        stop = next((k for k in range(position, len(pending)) if pending[k].strip().startswith(END)), None)
+        header = {} if stop is None else _header(rest, separator)
+        position = position if stop is None else stop + 1
+        titles = [title.strip() for title in pending[position].split(separator)] if position < len(pending) else []
         titles = [title for title in titles if title != "Comment"]
-        place += 1
+        position += 1
         rows = []
-        while place < len(pending) and not pending[place].startswith("Channels"):
-            words = pending[place].split(separator)[: len(titles)]
+        while position < len(pending) and not pending[position].startswith("Channels"):
+            words = pending[position].split(separator)[: len(titles)]
             rows.append([_number(word, comma=comma) if word.strip() else np.nan for word in words])
-            place += 1
-        yield about, titles, rows
+            position += 1
+        yield header, titles, rows
 
 
-def _require_all(told: list[str], n_rows: int) -> None:
-    """Raise ForeignFormatError where a stretch has fewer rows than its heading tells of samples."""
-    expected = max((int(count) for count in told if count.isdecimal()), default=0)
+def _require_complete(declared: list[str], n_rows: int) -> None:
+    """Raise ForeignFormatError if a section has fewer rows than the samples that its header declares."""
+    expected = max((int(count) for count in declared if count.isdecimal()), default=0)
     if n_rows < expected:
-        raise ForeignFormatError(f"a stretch of {n_rows:,} rows, its heading tells of {expected:,}: it is cut short")
+        raise ForeignFormatError(f"is cut short: a section of {n_rows:,} rows, expected {expected:,}")
 
 
 def _number(text: str, *, comma: bool) -> float:
@@ -121,18 +121,18 @@ def _number(text: str, *, comma: bool) -> float:
         raise ForeignFormatError(f"{text!r}, expected a number") from None
 
 
-def _moment(about: dict[str, list[str]], *, comma: bool) -> int | None:
-    """Return date and time of a heading, ns since 1970, by the clock of this computer; None where there are none."""
-    day, clock = _first(about.get("Date"), ""), _first(about.get("Time"), "")
+def _started_ns(header: dict[str, list[str]], *, comma: bool) -> int | None:
+    """Return date and time of a header, ns since 1970, in this computer's time zone; None if there are none."""
+    day, clock = _first(header.get("Date"), ""), _first(header.get("Time"), "")
     if comma:
         clock = clock.replace(",", ".")
     whole, _, fraction = clock.partition(".")
     try:
-        moment = datetime.strptime(f"{day} {whole}", "%Y/%m/%d %H:%M:%S").astimezone(UTC)  # local, as written
+        started = datetime.strptime(f"{day} {whole}", "%Y/%m/%d %H:%M:%S").astimezone(UTC)  # local time, as in the file
     except ValueError:
         return None
-    return round(moment.timestamp()) * 1_000_000_000 + int((fraction[:9] or "0").ljust(9, "0"))
+    return round(started.timestamp()) * 1_000_000_000 + int((fraction[:9] or "0").ljust(9, "0"))
 
 
-def _first(words: list[str] | None, missing: str) -> str:
-    return words[0] if words else missing
+def _first(values: list[str] | None, default: str) -> str:
+    return values[0] if values else default

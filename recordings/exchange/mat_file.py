@@ -1,4 +1,4 @@
-"""MATLAB .mat files up to version 7.2: a variable for every column."""
+"""MATLAB .mat files up to version 7.2: one variable per column, structures for units and properties."""
 
 from pathlib import Path
 
@@ -14,10 +14,10 @@ RATES = ("rate_hz", "fs", "Fs")
 
 
 def read(path: Path) -> Table:
-    """Read a file: every vector of numbers is a column, a matrix one column for every column of it, as "name:1"."""
+    """Return the table of a file: each numeric vector is a column, each column of a matrix one, as "name:1"."""
     with path.open("rb") as file:
         if file.read(128).startswith(b"MATLAB 7.3"):
-            raise ForeignFormatError("version 7.3; save it with -v7")
+            raise ForeignFormatError("is of version 7.3, expected up to 7.2; save it with -v7")
     variables = loadmat(path)
     units = _texts(variables.get(UNITS))
     found: dict[str, np.ndarray[tuple[int, ...], np.dtype[np.float64]]] = {}
@@ -37,7 +37,7 @@ def read(path: Path) -> Table:
 
 
 def write(path: Path, table: Table, on_progress: Progress) -> None:
-    """Write a file."""
+    """Write a table to a new file."""
     properties = dict(table.properties)
     if table.started_ns is not None:
         properties["started_ns"] = str(table.started_ns)
@@ -51,7 +51,7 @@ def write(path: Path, table: Table, on_progress: Progress) -> None:
 
 
 def _texts(record: object) -> dict[str, str]:
-    """Return a MATLAB structure of texts."""
+    """Return a MATLAB structure of strings as a dict."""
     if not isinstance(record, np.ndarray) or record.dtype.names is None:
         return {}
     return {name: "".join(record[name].item().ravel().tolist()) for name in record.dtype.names}

@@ -1,4 +1,4 @@
-"""Parquet by way of Arrow: units beside the columns, the rest in the schema's metadata."""
+"""Parquet, written with Arrow: units in the fields' metadata, properties in the schema's metadata."""
 
 from pathlib import Path
 
@@ -8,11 +8,11 @@ import pyarrow.parquet as pq
 from recordings.exchange.table import Table
 from recordings.progress import Progress
 
-PIECE = 500_000  # rows that are written at a time
+ROWS_PER_WRITE = 500_000
 
 
 def write(path: Path, table: Table, on_progress: Progress) -> None:
-    """Write a file."""
+    """Write a table to a new file."""
     metadata = dict(table.properties)
     if table.rate is not None:
         metadata["rate_hz"] = repr(table.rate)
@@ -20,8 +20,8 @@ def write(path: Path, table: Table, on_progress: Progress) -> None:
         metadata["started_ns"] = str(table.started_ns)
     rows = [pa.array(c.values) for c in table.columns]
     fields = [pa.field(c.name, row.type, metadata={"unit": c.unit}) for c, row in zip(table.columns, rows, strict=True)]
-    made = pa.table(rows, schema=pa.schema(fields, metadata=metadata))
-    with pq.ParquetWriter(path, made.schema, compression="zstd") as writer:
-        for first in range(0, max(table.n_rows, 1), PIECE):
-            writer.write_table(made.slice(first, PIECE))
-            on_progress(min(1.0, (first + PIECE) / max(table.n_rows, 1)))
+    arrow_table = pa.table(rows, schema=pa.schema(fields, metadata=metadata))
+    with pq.ParquetWriter(path, arrow_table.schema, compression="zstd") as writer:
+        for first in range(0, max(table.n_rows, 1), ROWS_PER_WRITE):
+            writer.write_table(arrow_table.slice(first, ROWS_PER_WRITE))
+            on_progress(min(1.0, (first + ROWS_PER_WRITE) / max(table.n_rows, 1)))

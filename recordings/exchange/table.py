@@ -1,7 +1,4 @@
-"""What foreign files hold: columns of equal length, taken at one rate or at times of their own.
-
-Whether a text of numbers was written to its end: a number that is cut is still a number, but another one.
-"""
+"""Table of columns: the content of files of other formats, sampled at one rate or with its own times."""
 
 import os
 from collections.abc import Mapping
@@ -21,11 +18,11 @@ class Column:
     Parameters
     ----------
     name : str
-        Its name; with unit where the table comes from or goes to people, as "x_um".
+        Name; with its unit in tables for people, as "x_um".
     unit : str
-        As the file says it, "µm" or "V"; empty where it does not.
+        As in the file, "µm" or "V"; empty if the file has none.
     values : ndarray, shape (n,)
-        float64, or int16 where the file holds codes; words only where a table is written as CSV or Parquet.
+        float64, or int16 if the file has codes; strings only in tables that are written as CSV or Parquet.
     """
 
     name: str
@@ -35,18 +32,18 @@ class Column:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Table:
-    """Columns of equal length.
+    """Columns of equal length, with rate, start and properties.
 
     Parameters
     ----------
     columns : tuple of Column
         The columns.
     rate : float or None
-        Rows a second, Hz; None where the file does not tell or the rows have times of their own.
+        Rows per second, Hz; None if unknown, or if the rows have a column of times.
     started_ns : int or None
-        Wall clock at the first row, ns since 1970; None where the file does not tell.
+        Wall clock at the first row, ns since 1970; None if unknown.
     properties : mapping of str to str
-        What else there is to say.
+        Further properties, as run, rig and calibrations.
     """
 
     columns: tuple[Column, ...]
@@ -66,7 +63,7 @@ class Table:
         return len(self.columns[0].values) if self.columns else 0
 
     def column(self, name: str) -> Column:
-        """Return the column of this name; ForeignFormatError says which there are."""
+        """Return the column of this name; ForeignFormatError lists the names that exist."""
         for column in self.columns:
             if column.name == name:
                 return column
@@ -74,12 +71,12 @@ class Table:
 
 
 def rate_of(times: NDArray[np.float64], name: str) -> float:
-    """Return the rate of rows at evenly spaced times, s, of a column of this name.
+    """Return the rate, Hz, of a column of evenly spaced times, s; `name` is for the message.
 
     Raises
     ------
     ForeignFormatError
-        Where they are not evenly spaced: a tenth of a step at most may be rounding.
+        If a time deviates from even spacing by more than a tenth of a step.
     """
     if len(times) < 2 or not np.isfinite(times).all() or not times[-1] > times[0]:
         raise ForeignFormatError(f"times in {name!r}: expected at least two, rising")
@@ -91,13 +88,13 @@ def rate_of(times: NDArray[np.float64], name: str) -> float:
 
 
 def require_ended(path: Path, line: int) -> None:
-    """Raise ForeignFormatError where the last line of a file, the one of this number, has no end."""
+    """Raise ForeignFormatError if the last line, of this number, lacks its line end: its last number may be cut off."""
     with path.open("rb") as file:
         if file.seek(0, os.SEEK_END) == 0:
             return
         file.seek(-1, os.SEEK_END)
         if file.read() not in b"\r\n":
             raise ForeignFormatError(
-                f"line {line}, the last, has no end: the file may be cut inside its last number; "
-                "take that line off, or end it where it is whole"
+                f"line {line}, the last one, has no line end: the file may be cut inside its last number; "
+                "delete the line, or end it if it is complete"
             )

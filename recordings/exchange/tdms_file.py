@@ -1,4 +1,4 @@
-"""TDMS, as LabVIEW writes it: waveform channels in groups, named "group/channel"."""
+"""TDMS, LabVIEW's binary format: waveform channels in groups; columns are named "group/channel"."""
 
 from pathlib import Path
 
@@ -13,7 +13,7 @@ GROUP = "run"
 
 
 def read(path: Path) -> Table:
-    """Read a file; channels that hold no numbers are left out."""
+    """Return the table of a file; channels without numbers are left out."""
     file = TdmsFile.read(path)
     _require_whole(file)
     columns, steps, starts = [], set(), set()
@@ -39,7 +39,7 @@ def read(path: Path) -> Table:
 
 
 def _require_whole(file: TdmsFile) -> None:
-    """Raise ForeignFormatError where the last segment lacks values that it tells of."""
+    """Raise ForeignFormatError if the last segment has fewer values than it declares."""
     for path, status in (file.file_status.channel_statuses or {}).items():
         if status.read_length < status.expected_length:
             read, expected = status.read_length, status.expected_length
@@ -47,17 +47,17 @@ def _require_whole(file: TdmsFile) -> None:
 
 
 def write(path: Path, table: Table, on_progress: Progress) -> None:
-    """Write a file: one group, every column a channel."""
-    about: dict[str, object] = {}
+    """Write a table to a new file: one group, one channel per column."""
+    waveform: dict[str, object] = {}
     properties: dict[str, object] = dict(table.properties)
     if table.rate is not None:
         properties["rate_hz"] = table.rate
-        about |= {"wf_increment": 1 / table.rate, "wf_start_offset": 0.0, "wf_samples": table.n_rows}
+        waveform |= {"wf_increment": 1 / table.rate, "wf_start_offset": 0.0, "wf_samples": table.n_rows}
     if table.started_ns is not None:
-        about["wf_start_time"] = np.datetime64(table.started_ns, "ns")
+        waveform["wf_start_time"] = np.datetime64(table.started_ns, "ns")
     with path.open("xb") as file, TdmsWriter(file) as writer:
         channels = [
-            ChannelObject(GROUP, column.name, column.values, about | {"unit_string": column.unit})
+            ChannelObject(GROUP, column.name, column.values, waveform | {"unit_string": column.unit})
             for column in table.columns
         ]
         writer.write_segment([RootObject(properties), GroupObject(GROUP), *channels])

@@ -1,4 +1,4 @@
-"""WAV: channels named "1", "2" …; values of 16 bits are codes, others lie between -1 and 1."""
+"""WAV: columns named "1", "2" …; 16-bit values are codes, others are scaled to -1 to 1."""
 
 import warnings
 from pathlib import Path
@@ -11,7 +11,7 @@ from recordings.exchange.table import Column, Table
 
 
 def read(path: Path) -> Table:
-    """Read a file."""
+    """Return the table of a file."""
     with warnings.catch_warnings():
         warnings.filterwarnings("error", "Reached EOF", wavfile.WavFileWarning)
         try:
@@ -29,7 +29,7 @@ def read(path: Path) -> Table:
 def _fractions(
     values: np.ndarray[tuple[int, ...], np.dtype[np.generic]],
 ) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
-    """Return values between -1 and 1: 8 bits are unsigned, 24 bits come as the upper ones of 32."""
+    """Return values scaled to -1 to 1; 8-bit values are unsigned, 24-bit values are the upper bits of 32."""
     if values.dtype == np.uint8:
         return (values.astype(np.float64) - 128) / 128
     if values.dtype == np.int32:

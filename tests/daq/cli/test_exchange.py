@@ -262,7 +262,7 @@ def test_impossible_export_is_refused(run: Path, tmp_path: Path, capsys: Capture
         ("--to", "x.xls"): "suffix '.xls', expected one of",
         ("--to", "x.csv", "--from", "5s"): "0 samples from 5 s to inf s of a segment of 2 s, expected 1 to",
         ("--to", "x.csv", "--segment", "3"): "segment 3, expected one of 0",
-        ("--to", "x.csv", "--from", "9s", "--results"): "holds no results",
+        ("--to", "x.csv", "--from", "9s", "--results"): "has no results",
     }
     for arguments, expected in cases.items():
         assert main(["export", str(run), *arguments]) == 2

@@ -1,4 +1,4 @@
-"""What is written in a foreign format comes back within its precision; what is none is refused with a clear word."""
+"""File formats: a round trip keeps values, units, rate and start; invalid files raise ForeignFormatError."""
 
 import csv
 from pathlib import Path
@@ -27,7 +27,7 @@ def table() -> Table:
 
 
 @pytest.mark.parametrize("suffix", PRECISION)
-def test_samples_units_rate_and_start_come_back(tmp_path: Path, table: Table, suffix: str) -> None:
+def test_round_trip_keeps_values_units_rate_and_start(tmp_path: Path, table: Table, suffix: str) -> None:
     path = tmp_path / f"run{suffix}"
     write_table(path, table)
     back = read_table(path)
@@ -40,12 +40,12 @@ def test_samples_units_rate_and_start_come_back(tmp_path: Path, table: Table, su
         )
     assert back.rate == RATE
     assert back.started_ns is not None
-    assert abs(back.started_ns - STARTED_NS) < 1000  # TDMS counts in 2^-64 s, numpy in what it was given
+    assert abs(back.started_ns - STARTED_NS) < 1000  # TDMS counts in 2^-64 s
     if suffix != ".uff":
         assert {name: back.properties[name] for name in ("run", "rig", "note")} == dict(table.properties)
 
 
-def test_parquet_and_hdf5_are_read_by_their_own_libraries(tmp_path: Path, table: Table) -> None:
+def test_parquet_and_hdf5_are_readable_with_their_libraries(tmp_path: Path, table: Table) -> None:
     write_table(tmp_path / "run.parquet", table)
     write_table(tmp_path / "run.h5", table)
     read = pq.read_table(tmp_path / "run.parquet")
@@ -62,32 +62,32 @@ def test_parquet_and_hdf5_are_read_by_their_own_libraries(tmp_path: Path, table:
 
 
 @pytest.mark.parametrize("suffix", [".csv", ".parquet", ".h5", ".tdms", ".mat", ".uff"])
-def test_progress_of_writing_rises_to_the_whole(tmp_path: Path, table: Table, suffix: str) -> None:
-    told: list[float] = []
-    write_table(tmp_path / f"run{suffix}", table, told.append)
-    assert told
-    assert told == sorted(told)
-    assert told[-1] == 1.0
+def test_progress_of_writing_increases_to_one(tmp_path: Path, table: Table, suffix: str) -> None:
+    fractions: list[float] = []
+    write_table(tmp_path / f"run{suffix}", table, fractions.append)
+    assert fractions
+    assert fractions == sorted(fractions)
+    assert fractions[-1] == 1.0
 
 
-def test_long_tables_are_written_in_pieces_and_words_beside_numbers(tmp_path: Path) -> None:
+def test_long_tables_with_text_columns_are_written_in_pieces(tmp_path: Path) -> None:
     size = 120_000
     numbers = Column("order", "", np.arange(size) / 7)
-    words = Column("course", "", np.where(np.arange(size) % 2, "run-up", "run, down"))
-    told: list[float] = []
-    write_table(tmp_path / "long.csv", Table((numbers, words)), told.append)
-    assert len(told) == 3
+    texts = Column("direction", "", np.where(np.arange(size) % 2, "run-up", "run, down"))
+    fractions: list[float] = []
+    write_table(tmp_path / "long.csv", Table((numbers, texts)), fractions.append)
+    assert len(fractions) == 3
     with (tmp_path / "long.csv").open(newline="") as file:
         rows = list(csv.reader(file))[1:]
     np.testing.assert_array_equal([float(row[0]) for row in rows], numbers.values)
-    assert [row[1] for row in rows] == words.values.tolist()
-    write_table(tmp_path / "long.parquet", Table((numbers, words)))
+    assert [row[1] for row in rows] == texts.values.tolist()
+    write_table(tmp_path / "long.parquet", Table((numbers, texts)))
     read = pq.read_table(tmp_path / "long.parquet")
-    assert read.column("course").to_pylist() == words.values.tolist()
+    assert read.column("direction").to_pylist() == texts.values.tolist()
     np.testing.assert_array_equal(read.column("order").to_numpy(), numbers.values)
 
 
-def test_nothing_is_written_over(tmp_path: Path, table: Table) -> None:
+def test_existing_files_are_not_overwritten(tmp_path: Path, table: Table) -> None:
     (tmp_path / "run.csv").write_text("precious")
     with pytest.raises(ForeignFormatError, match=r"run\.csv: exists already"):
         write_table(tmp_path / "run.csv", table)
@@ -95,7 +95,7 @@ def test_nothing_is_written_over(tmp_path: Path, table: Table) -> None:
         write_table(tmp_path / "nowhere" / "run.csv", table)
 
 
-def test_an_unknown_suffix_is_named_with_those_that_are_known(tmp_path: Path, table: Table) -> None:
+def test_an_unknown_suffix_is_reported_with_the_known_ones(tmp_path: Path, table: Table) -> None:
     with pytest.raises(ForeignFormatError, match=r"suffix '\.xls', expected one of \.csv, \.parquet"):
         write_table(tmp_path / "run.xls", table)
     with pytest.raises(ForeignFormatError, match=r"suffix '\.h5', expected one of \.tdms, \.lvm"):
@@ -104,7 +104,7 @@ def test_an_unknown_suffix_is_named_with_those_that_are_known(tmp_path: Path, ta
 
 @pytest.mark.parametrize("suffix", [".tdms", ".lvm", ".csv", ".mat", ".uff", ".wav"])
 @pytest.mark.parametrize("content", [b"", b"nonsense\nand\x00more nonsense\n" * 20])
-def test_what_is_no_such_file_is_said(tmp_path: Path, suffix: str, content: bytes) -> None:
+def test_missing_and_invalid_files_are_reported_with_their_name(tmp_path: Path, suffix: str, content: bytes) -> None:
     path = tmp_path / f"run{suffix}"
     with pytest.raises(ForeignFormatError, match=f"run{suffix}: "):
         read_table(path)
@@ -141,7 +141,7 @@ Delta_X\t1{decimal}000000E-4\t1{decimal}000000E-4\t
 
 @pytest.mark.parametrize("decimal", [".", ","])
 @pytest.mark.parametrize("columns", ["No", "One", "Multi"])
-def test_labview_s_measurements_are_read_in_all_their_shapes(tmp_path: Path, decimal: str, columns: str) -> None:
+def test_lvm_files_with_any_x_columns_and_decimal_sign_are_read(tmp_path: Path, decimal: str, columns: str) -> None:
     x = {"No": ("", ""), "One": ("0.0001", ""), "Multi": ("0.0001", "0.0001\t")}[columns]
     titles = (
         "X_Value\tVoltage_0\tX_Value\tVoltage_1\tComment" if columns == "Multi" else "X_Value\tVoltage_0\tVoltage_1"
@@ -161,13 +161,13 @@ def test_labview_s_measurements_are_read_in_all_their_shapes(tmp_path: Path, dec
     assert table.started_ns % 1_000_000_000 == 250_000_000
 
 
-def test_a_measurement_of_labview_without_its_heading_s_end_is_said(tmp_path: Path) -> None:
+def test_an_lvm_header_without_end_is_an_error(tmp_path: Path) -> None:
     (tmp_path / "run.lvm").write_text(LVM.split("***", maxsplit=1)[0])
-    with pytest.raises(ForeignFormatError, match="a heading does not end with"):
+    with pytest.raises(ForeignFormatError, match="a header does not end with"):
         read_table(tmp_path / "run.lvm")
 
 
-SOUNDS: dict[str, tuple[list[float], list[float]]] = {
+WAV_VALUES: dict[str, tuple[list[float], list[float]]] = {
     "int16": ([-32768, 0, 32767], [-32768, 0, 32767]),
     "uint8": ([0, 128, 255], [-1.0, 0.0, 127 / 128]),
     "int32": ([-(2**31), 0, 2**31 - 1], [-1.0, 0.0, 1 - 2**-31]),
@@ -175,9 +175,9 @@ SOUNDS: dict[str, tuple[list[float], list[float]]] = {
 }
 
 
-@pytest.mark.parametrize("dtype", SOUNDS)
-def test_sound_files_of_every_width_are_read(tmp_path: Path, dtype: str) -> None:
-    values, expected = SOUNDS[dtype]
+@pytest.mark.parametrize("dtype", WAV_VALUES)
+def test_wav_files_of_every_sample_width_are_read(tmp_path: Path, dtype: str) -> None:
+    values, expected = WAV_VALUES[dtype]
     wavfile.write(tmp_path / "run.wav", 8000, np.array([values, values], dtype=dtype).T)
     table = read_table(tmp_path / "run.wav")
     assert table.rate == 8000.0
@@ -186,7 +186,7 @@ def test_sound_files_of_every_width_are_read(tmp_path: Path, dtype: str) -> None
     assert (table.column("1").values.dtype == np.int16) == (dtype == "int16")
 
 
-def test_a_matrix_of_matlab_is_a_column_for_each_of_its_columns(tmp_path: Path) -> None:
+def test_each_column_of_a_matlab_matrix_is_a_column(tmp_path: Path) -> None:
     values = np.arange(12.0).reshape(6, 2)
     savemat(tmp_path / "run.mat", {"signals": values, "short": np.arange(3.0), "fs": 50.0, "word": "text"})
     table = read_table(tmp_path / "run.mat")
@@ -198,22 +198,22 @@ def test_a_matrix_of_matlab_is_a_column_for_each_of_its_columns(tmp_path: Path) 
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "message"),
     [
         ("a,b\n1,2\n3\n", "a row of 1 values, expected 2"),
         ("a,b\n1,x\n", "'x', expected a number"),
-        ("a,b\n", "holds no rows"),
+        ("a,b\n", "has no rows"),
         ("time_s,b\n0,1\n1,2\n5,3\n", "not evenly spaced"),
         ("time_s,b\n2,1\n1,2\n", "expected at least two, rising"),
     ],
 )
-def test_text_that_is_no_table_of_even_times_is_said(tmp_path: Path, text: str, told: str) -> None:
+def test_an_invalid_csv_file_is_an_error(tmp_path: Path, text: str, message: str) -> None:
     (tmp_path / "run.csv").write_text(text)
-    with pytest.raises(ForeignFormatError, match=told):
+    with pytest.raises(ForeignFormatError, match=message):
         read_table(tmp_path / "run.csv")
 
 
-def test_text_of_a_german_spreadsheet_is_read(tmp_path: Path) -> None:
+def test_csv_with_semicolons_and_decimal_commas_is_read(tmp_path: Path) -> None:
     (tmp_path / "run.csv").write_text("time_s;Weg x [µm]\n0,000;1,5\n0,001;-2,5\n", encoding="utf-8-sig")
     table = read_table(tmp_path / "run.csv")
     assert table.rate == 1000.0
@@ -221,29 +221,29 @@ def test_text_of_a_german_spreadsheet_is_read(tmp_path: Path) -> None:
     np.testing.assert_array_equal(table.column("Weg x").values, [1.5, -2.5])
 
 
-def test_columns_of_different_lengths_are_refused() -> None:
+def test_columns_of_different_lengths_are_an_error() -> None:
     with pytest.raises(ForeignFormatError, match="columns of different lengths"):
         Table((Column("a", "", np.zeros(2)), Column("b", "", np.zeros(3))))
 
 
 def cut(path: Path, size: int) -> Path:
-    """Leave the first bytes of a file."""
+    """Truncate a file to this size."""
     path.write_bytes(path.read_bytes()[:size])
     return path
 
 
 @pytest.mark.parametrize("lost", [1, 2, 9])
-def test_a_csv_file_cut_inside_its_last_number_is_said_with_its_line(tmp_path: Path, table: Table, lost: int) -> None:
+def test_a_csv_file_without_its_last_line_end_is_an_error(tmp_path: Path, table: Table, lost: int) -> None:
     path = tmp_path / "run.csv"
     write_table(path, table)
     lines = len(path.read_text(encoding="utf-8").splitlines())
-    with pytest.raises(ForeignFormatError, match=rf"run\.csv: line {lines}, the last, has no end"):
+    with pytest.raises(ForeignFormatError, match=rf"run\.csv: line {lines}, the last one, has no line end"):
         read_table(cut(path, path.stat().st_size - lost))
     path.write_bytes(path.read_bytes() + b"\n")
-    assert read_table(path).n_rows == table.n_rows, "whoever ends the line says that it is whole"
+    assert read_table(path).n_rows == table.n_rows
 
 
-def test_a_row_of_csv_that_is_cut_or_no_number_is_said_with_its_line(tmp_path: Path) -> None:
+def test_an_invalid_csv_row_is_reported_with_its_line(tmp_path: Path) -> None:
     path = tmp_path / "run.csv"
     path.write_text("# note: cold\n\nx [V],y [V]\n1,2\n3\n", encoding="utf-8")
     with pytest.raises(ForeignFormatError, match="line 5: a row of 1 values, expected 2"):
@@ -253,21 +253,21 @@ def test_a_row_of_csv_that_is_cut_or_no_number_is_said_with_its_line(tmp_path: P
         read_table(path)
 
 
-def test_a_measurement_of_labview_that_is_cut_is_said(tmp_path: Path) -> None:
+def test_a_cut_lvm_file_is_an_error(tmp_path: Path) -> None:
     path = tmp_path / "run.lvm"
     whole = (
         LVM.format(decimal=".", columns="No", titles="X_Value\tV_0\tV_1") + "\t1.5\t-2.25\n\t0.5\t3.25\n\t4.5\t5.75\n"
     )
     path.write_text(whole, encoding="utf-8")
     assert read_table(path).n_rows == 3
-    with pytest.raises(ForeignFormatError, match=rf"line {len(whole.splitlines())}, the last, has no end"):
+    with pytest.raises(ForeignFormatError, match=rf"line {len(whole.splitlines())}, the last one"):
         read_table(cut(path, path.stat().st_size - 2))
     path.write_text(whole.removesuffix("\t4.5\t5.75\n"), encoding="utf-8")
-    with pytest.raises(ForeignFormatError, match="a stretch of 2 rows, its heading tells of 3: it is cut short"):
+    with pytest.raises(ForeignFormatError, match="cut short: a section of 2 rows, expected 3"):
         read_table(path)
 
 
-def test_sound_and_tdms_files_that_are_cut_are_said(tmp_path: Path, table: Table) -> None:
+def test_cut_wav_and_tdms_files_are_an_error(tmp_path: Path, table: Table) -> None:
     write_table(tmp_path / "run.tdms", table)
     with pytest.raises(ForeignFormatError, match="is cut short: 499 of 500 values in the last segment"):
         read_table(cut(tmp_path / "run.tdms", (tmp_path / "run.tdms").stat().st_size - 8))

@@ -319,7 +319,7 @@ def test_numbers_of_an_exported_table_are_those_of_the_samples(bench: RecordedBe
 def test_export_of_counter_timestamps_needs_a_run_that_has_them(bench: RecordedBench) -> None:
     failed = ended(bench, begun(bench, kind="export", run=RUN, format="csv", content="pulses"))
     assert failed.state == "failed"
-    assert "holds no stamps of a counter" in failed.detail
+    assert "has no counter stamps" in failed.detail
 
 
 def test_verification_and_export_report_the_completed_fraction(bench: RecordedBench, tmp_path: Path) -> None:
