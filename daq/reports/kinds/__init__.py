@@ -1,1 +1,1 @@
-"""The kinds of analysis of a recorded run."""
+"""Analyses of a recorded run, one module per topic; `daq.reports.registry` lists them."""

@@ -1,4 +1,4 @@
-"""Orders as they swell and fade, and their waveforms, by the Vold-Kalman filter of the second generation."""
+"""Envelopes and waveforms of orders over time, by the second-generation Vold-Kalman filter."""
 
 import math
 from dataclasses import dataclass
@@ -21,20 +21,18 @@ from daq.reports.run_samples import CHUNK_ALIGNMENT, RunSamples, SampleRange, mo
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
-BANDWIDTH = 4.0  # Hz, where none is named
+DEFAULT_BANDWIDTH = 4.0  # Hz
 MIN_DURATION = 8.0  # s of envelopes in one solution
-SETTLING = (
-    6.0  # over the bandwidth: time at either side of them by which a solution is that of the whole, to 1e-7, s Hz
-)
-SLOW = 1.5 * MEAN_TURNS  # turns at either side that the mean position needs
-MAX_UNKNOWNS = 2_000_000  # orders squared times samples that are solved for together: about 1.5 GB
-INSET = 0.02  # s at the ends of a stretch that the filters need
-FINE = 128  # instants of a waveform a revolution
+SETTLING = 6.0  # s Hz, over the bandwidth: margin on either side for an error of 1e-7
+SLOW = 1.5 * MEAN_TURNS  # turns on either side needed by the mean position
+MAX_UNKNOWNS = 2_000_000  # orders squared times samples of one solution: about 1.5 GB
+INSET = 0.02  # s at either end, needed by the filters
+WAVEFORM_POINTS = 128  # per revolution
 
 
 @dataclass(frozen=True, slots=True)
 class OrderFilter:
-    """Which orders are solved for together, and how wide.
+    """Orders that are solved together, and the bandwidth.
 
     Parameters
     ----------
@@ -49,19 +47,19 @@ class OrderFilter:
     percent: float | None
 
     @property
-    def words(self) -> str:
-        """How wide it is."""
+    def bandwidth_text(self) -> str:
+        """Bandwidth as displayed."""
         return f"{self.hertz:g} Hz" if self.hertz is not None else f"{self.percent:g} % of each order"
 
     def settling(self, slowest: float) -> float:
-        """Return the time at either side that a solution needs, s, at the slowest speed, revolutions a second."""
+        """Return the margin on either side of a solution, s, at the slowest speed, revolutions per second."""
         narrowest = self.hertz if self.hertz is not None else 0.01 * (self.percent or 0.0) * min(self.orders) * slowest
         return SETTLING / narrowest + SLOW / slowest
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Solution:
-    """Envelopes at the instants that were wanted.
+    """Envelopes at requested times.
 
     Parameters
     ----------
@@ -76,23 +74,23 @@ class Solution:
 
 
 def analyse_envelopes(run: RunSamples, query: EnvelopesQuery) -> AnalysisResult:
-    """Return amplitude and phase of several orders at both probes over time."""
-    is_usual = query.bandwidth_hz is None and query.bandwidth_percent is None
+    """Return amplitude and phase of several orders over time."""
+    is_default = query.bandwidth_hz is None and query.bandwidth_percent is None
     chosen = OrderFilter(
-        orders_of(query.orders), BANDWIDTH if is_usual else query.bandwidth_hz, query.bandwidth_percent
+        orders_of(query.orders), DEFAULT_BANDWIDTH if is_default else query.bandwidth_hz, query.bandwidth_percent
     )
     span = run.sample_range(query.segment, query.from_s, query.duration_s)
     angle = run.shaft_angle(span)[1]
     begin, end = (float(angle.time(turn)) for turn in (angle.first, angle.last))
     begin, end = max(begin, span.first / run.rate) + INSET, min(end, span.stop / run.rate) - INSET
     if not begin < end:
-        raise InsufficientDataError(f"run {run.header.run}: the stretch is shorter than {2.0 * INSET:g} s")
+        raise InsufficientDataError(f"run {run.header.run}: the interval is shorter than {2.0 * INSET:g} s")
     times = np.linspace(begin, end, query.entries)
     found = solve_orders(run, span, angle, times, chosen)
     speeds = angle.speed(angle.turns(times)) * RPM
     sizes, sigma = np.abs(found.envelopes) * MICRO, found.sigma * MICRO
     title = f"{run.header.run} · Vold-Kalman · {times[0]:.1f} to {times[-1]:.1f} s"
-    caption = f"solved together, band of {chosen.words}; ± {np.median(sigma):.2g} µm (median 1 σ)"
+    caption = f"solved together, band of {chosen.bandwidth_text}; ± {np.median(sigma):.2g} µm (median 1 σ)"
     panels = [
         Panel(
             title if probe == 0 else "the same at probe y", "s", f"µm zero-to-peak at {'xy'[probe]}",
@@ -124,16 +122,16 @@ def analyse_envelopes(run: RunSamples, query: EnvelopesQuery) -> AnalysisResult:
 
 
 def analyse_waveforms(run: RunSamples, query: WaveformsQuery) -> AnalysisResult:
-    """Return the waveforms of single orders in the last revolutions before a moment."""
+    """Return the waveforms of single orders in the last revolutions before a time."""
     chosen = OrderFilter(orders_of(query.orders), query.bandwidth_hz, None)
     about, end = run.range_before_frame(query.segment, query.time_s, query.speed_rpm, query.revolutions)
-    room = chosen.settling(_slowest(run.shaft_angle(about)[1]))
-    begin = max(about.first / run.rate - room, 0.0)
-    span = run.sample_range(about.segment, begin, about.stop / run.rate + room - begin)
+    margin = chosen.settling(_slowest(run.shaft_angle(about)[1]))
+    begin = max(about.first / run.rate - margin, 0.0)
+    span = run.sample_range(about.segment, begin, about.stop / run.rate + margin - begin)
     angle = run.shaft_angle(span)[1]
     end = min(end, float(angle.time(angle.last)) - INSET)
     last = float(angle.turns(np.array([end]))[0])
-    turns = np.linspace(last - query.revolutions, last, FINE * query.revolutions + 1)
+    turns = np.linspace(last - query.revolutions, last, WAVEFORM_POINTS * query.revolutions + 1)
     if turns[0] < angle.first:
         raise InsufficientDataError(
             f"run {run.header.run}: fewer than {query.revolutions} revolutions before {end:.1f} s"
@@ -145,7 +143,7 @@ def analyse_waveforms(run: RunSamples, query: WaveformsQuery) -> AnalysisResult:
     sigma = float(np.median(found.sigma)) * MICRO
     speed = query.revolutions / (times[-1] - times[0]) * 60.0
     title = f"{run.header.run} · order waveforms · {speed:,.0f} r/min at {end:.1f} s"
-    caption = f"solved together, band of {chosen.words}; ± {sigma:.2g} µm (median 1 σ); dots: the mark"
+    caption = f"solved together, band of {chosen.bandwidth_text}; ± {sigma:.2g} µm (median 1 σ); dots: keyphasor mark"
     return AnalysisResult(
         title=title,
         columns=columns(
@@ -166,7 +164,7 @@ def analyse_waveforms(run: RunSamples, query: WaveformsQuery) -> AnalysisResult:
 def _waves(
     title: str, probe: int, chosen: OrderFilter, waves: tuple[FloatArray, FloatArray, FloatArray], caption: str
 ) -> Panel:
-    """Return waveforms of single orders over time, with the mark on each."""
+    """Return a plot of the waveforms of single orders with the keyphasor mark."""
     times, turns, rows = waves
     shifted = 1e3 * (times - times[0])
     marks = np.interp(np.arange(math.ceil(turns[0]), turns[-1]), turns, shifted)
@@ -191,9 +189,9 @@ def solve_orders(
 
     Solved in pieces of at least ``min_duration`` s that overlap by the settling time of the filter.
     """
-    room = chosen.settling(_slowest(angle))
-    core = max(min_duration, 2.0 * room)
-    _require_solvable(run, min(core + 2.0 * room, (span.stop - span.first) / run.rate), angle, chosen.orders)
+    margin = chosen.settling(_slowest(angle))
+    core = max(min_duration, 2.0 * margin)
+    _require_solvable(run, min(core + 2.0 * margin, (span.stop - span.first) / run.rate), angle, chosen.orders)
     vectors = np.empty((2, len(chosen.orders), times.size), dtype=np.complex128)
     sigma = np.empty(vectors.shape)
     number = np.floor((times - times[0]) / core).astype(np.intp)
@@ -201,9 +199,9 @@ def solve_orders(
         here = np.flatnonzero(number == one)
         if not here.size:
             continue
-        before = max(math.floor((times[here[0]] - room) * run.rate) - span.first, 0)
+        before = max(math.floor((times[here[0]] - margin) * run.rate) - span.first, 0)
         first = span.first + before // CHUNK_ALIGNMENT * CHUNK_ALIGNMENT
-        stop = min(math.ceil((times[here[-1]] + room) * run.rate), span.stop)
+        stop = min(math.ceil((times[here[-1]] + margin) * run.rate), span.stop)
         displacement = run.displacement(SampleRange(span.segment, first, stop), task="")
         with translated_errors(f"run {run.header.run}"):
             found_times, found = probe_envelopes(
@@ -218,17 +216,17 @@ def solve_orders(
 
 
 def _between(wanted: FloatArray, times: FloatArray, rows: ComplexArray | FloatArray) -> ComplexArray:
-    """Return rows at instants between their own."""
+    """Return rows interpolated at times."""
     return np.stack([np.interp(wanted, times, row.real) + 1j * np.interp(wanted, times, row.imag) for row in rows])
 
 
 def _slowest(angle: ShaftAngle) -> float:
-    """Return the slowest speed, revolutions a second."""
+    """Return the lowest speed, revolutions per second."""
     return float(angle.speed(np.linspace(angle.first, angle.last, 1_000)).min()) / (2.0 * math.pi)
 
 
 def _require_solvable(run: RunSamples, duration: float, angle: ShaftAngle, orders: tuple[float, ...]) -> None:
-    """Raise RequestTooLargeError where more would be solved for together than memory bears, in s of samples."""
+    """Raise RequestTooLargeError where the solution of ``duration`` s would not fit in memory."""
     fastest = float(angle.speed(np.linspace(angle.first, angle.last, 1_000)).max()) / (2.0 * math.pi)
     level = max(math.floor(math.log2(MAX_ORDER_FRACTION * run.rate / (max(orders) * fastest))), 0)
     unknowns = len(orders) ** 2 * duration * run.rate / 2**level
@@ -236,5 +234,5 @@ def _require_solvable(run: RunSamples, duration: float, angle: ShaftAngle, order
         longest = MAX_UNKNOWNS / unknowns * duration
         raise RequestTooLargeError(
             f"{len(orders)} orders so narrow are solved for {duration:,.0f} s at a time, expected at most "
-            f"{longest:,.0f} s: ask for a shorter stretch, fewer orders or a wider band"
+            f"{longest:,.0f} s: request a shorter interval, fewer orders or a wider band"
         )

@@ -1,4 +1,4 @@
-"""The shaft's path about a moment: direct, of chosen orders, of all but those; and where it is when the mark passes."""
+"""Orbits and Poincaré sections at a time of the run."""
 
 import math
 
@@ -15,36 +15,36 @@ from daq.reports.plots.layouts import orbit
 from daq.reports.plots.panel import Curve, Panel, Style
 from daq.reports.run_samples import RunSamples
 
-AVERAGED = 16  # revolutions from which the vectors of a filtered orbit are taken
+AVERAGED_REVOLUTIONS = 16  # for the vectors of a filtered orbit
 PATTERNS = {
-    Pattern.POINT: "a point: synchronous alone",
-    Pattern.CLUSTERS: "clusters: a subharmonic 1/{period}",
-    Pattern.CURVE: "a curve: a whirl in no whole ratio",
-    Pattern.CLOUD: "a cloud: chaos, noise, or a whirl whose amplitude wanders",
-    Pattern.UNKNOWN: "too few revolutions to tell",
+    Pattern.POINT: "a point: synchronous only",
+    Pattern.CLUSTERS: "clusters: subharmonic 1/{period}",
+    Pattern.CURVE: "a closed curve: whirl at an irrational frequency ratio",
+    Pattern.CLOUD: "a cloud: chaos, noise, or a whirl of varying amplitude",
+    Pattern.UNKNOWN: "unknown: too few revolutions",
 }
 
 
 def orders_of(text: str) -> tuple[float, ...]:
-    """Return the orders of a list with commas."""
+    """Return the orders of a comma-separated list."""
     return tuple(float(part) for part in text.split(","))
 
 
 def analyse_orbit(run: RunSamples, query: OrbitQuery) -> AnalysisResult:
-    """Return the orbit of the last revolutions before a moment."""
+    """Return the orbit of the last revolutions before a time."""
     orders = orders_of(query.orders)
-    used = max(query.revolutions, AVERAGED)
+    used = max(query.revolutions, AVERAGED_REVOLUTIONS)
     prepared = record_before_frame(run, query, used, max(1.0, *orders))
     with translated_errors(f"run {run.header.run}"):
         found, what = _orbit(prepared, query, orders)
     motion = found.motion * MICRO
     turns, points = motion.shape[1:]
     begin = found.times[0, 0]
-    figures, words = dict(prepared.figures), []
+    figures, ellipses = dict(prepared.figures), []
     for order, ellipse in zip(orders, found.ellipses, strict=False):
         sense = "forward" if ellipse.minor >= 0.0 else "backward"
         size = f"{ellipse.major * MICRO:.3g} × {abs(ellipse.minor) * MICRO:.3g} ± {found.sigma * MICRO:.2g} µm peak"
-        words.append(f"{order:g}X {sense}, {size}, tilt {math.degrees(ellipse.tilt):.0f}°")
+        ellipses.append(f"{order:g}X {sense}, {size}, tilt {math.degrees(ellipse.tilt):.0f}°")
     if found.ellipses:
         first = found.ellipses[0]
         figures |= {
@@ -56,7 +56,7 @@ def analyse_orbit(run: RunSamples, query: OrbitQuery) -> AnalysisResult:
     x, y = found.peak_to_peak * MICRO
     title = f"{run.header.run} · {what} orbit{prepared.title_suffix} · {prepared.position}"
     extent = f"{turns} turns, X {x:.3g}, Y {y:.3g} µm peak-to-peak"
-    caption = "; ".join([*words[:1], extent])
+    caption = "; ".join([*ellipses[:1], extent])
     paths = [(motion[0, turn].tolist(), motion[1, turn].tolist()) for turn in range(turns)]
     return AnalysisResult(
         title=title,
@@ -69,7 +69,7 @@ def analyse_orbit(run: RunSamples, query: OrbitQuery) -> AnalysisResult:
         ),
         panels=(orbit(title, paths, run.probe_angles, caption), _timebase(found, begin)),
         figures=figures,
-        remarks=(*words, *prepared.remarks),
+        remarks=(*ellipses, *prepared.remarks),
     )
 
 
@@ -80,36 +80,36 @@ def _orbit(prepared: PreparedRecord, query: OrbitQuery, orders: tuple[float, ...
             return direct_orbit(prepared.record, query.revolutions), "direct"
         case OrbitFilter.ORDERS:
             return filtered_orbit(
-                prepared.record, orders, revolutions=query.revolutions, averaging_revolutions=AVERAGED
+                prepared.record, orders, revolutions=query.revolutions, averaging_revolutions=AVERAGED_REVOLUTIONS
             ), named
         case OrbitFilter.REST:
             found = orbit_without(
-                prepared.record, orders, revolutions=query.revolutions, averaging_revolutions=AVERAGED
+                prepared.record, orders, revolutions=query.revolutions, averaging_revolutions=AVERAGED_REVOLUTIONS
             )
             return found, f"not-{named}"
 
 
 def _timebase(found: FilteredOrbit, begin: float) -> Panel:
-    """Return X and Y of an orbit over time, with the mark."""
+    """Return a plot of X and Y over time with the keyphasor mark."""
     times = 1e3 * (found.times - begin)
     curves = [
         Curve(name, times.ravel().tolist(), (row * MICRO).ravel().tolist(), colour=colour)
         for colour, (name, row) in enumerate(zip(("X", "Y"), found.motion, strict=True))
     ]
     marks = [Curve("", times[:, 0].tolist(), (row * MICRO).tolist(), Style.MARKS) for row in found.keyphasor_points]
-    return Panel("time base, with the mark", "ms", "µm", (*curves, *marks), y_from_zero=False)
+    return Panel("time base, dots: keyphasor mark", "ms", "µm", (*curves, *marks), y_from_zero=False)
 
 
 def analyse_poincare(run: RunSamples, query: PoincareQuery) -> AnalysisResult:
-    """Return where the shaft was when the mark passed, in the last revolutions before a moment."""
+    """Return the shaft positions at the keyphasor mark in the last revolutions before a time."""
     prepared = record_before_frame(run, query, query.revolutions)
     with translated_errors(f"run {run.header.run}"):
         found = poincare_section(prepared.record)
     points = found.points * MICRO
-    title = f"{run.header.run} · Poincaré points{prepared.title_suffix} · {prepared.position}"
-    told = _pattern(found)
+    title = f"{run.header.run} · Poincaré section{prepared.title_suffix} · {prepared.position}"
+    pattern = _pattern(found)
     scatter = found.scatter * MICRO
-    caption = f"{query.revolutions} turns: {told}; scatter {scatter:.3g} µm RMS"
+    caption = f"{query.revolutions} turns: {pattern}; scatter {scatter:.3g} µm RMS"
     dots = Curve("", points[0].tolist(), points[1].tolist(), Style.DOTS)
     return AnalysisResult(
         title=title,
@@ -122,7 +122,7 @@ def analyse_poincare(run: RunSamples, query: PoincareQuery) -> AnalysisResult:
         ),
         panels=(Panel(title, "X at the mark, µm", "Y at the mark, µm", (dots,), caption, is_square=True),),
         figures={"period": float(found.period), "scatter_um": scatter, **prepared.figures},
-        remarks=(f"the points make {told}", *prepared.remarks),
+        remarks=(f"pattern of the points: {pattern}", *prepared.remarks),
     )
 
 

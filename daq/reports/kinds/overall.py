@@ -1,4 +1,4 @@
-"""Overall vibration over time, against its limits and the room there is."""
+"""Overall vibration over time, compared with the limits and the clearance."""
 
 import numpy as np
 
@@ -16,7 +16,7 @@ MAX_INTERVALS = 100_000
 
 
 def analyse_overall(run: RunSamples, query: OverallQuery) -> AnalysisResult:
-    """Return the peak-to-peak of each interval, all orders together, and the speed then."""
+    """Return the overall peak-to-peak vibration and the mean speed of each interval."""
     span, limits = run.sample_range(query.segment, query.from_s, query.duration_s), run.header.limits
     parts = list(_parts(run, span, query.interval_s))
     sizes = np.concatenate([part.peak_to_peak for part, _ in parts], axis=1)
@@ -28,18 +28,18 @@ def analyse_overall(run: RunSamples, query: OverallQuery) -> AnalysisResult:
         half = 0.5 * query.interval_s
         speeds = 2.0 * np.pi * (angle.turns(times + half) - angle.turns(times - half)) / query.interval_s * RPM
     except InsufficientDataError as error:
-        remarks = (f"speeds are not known: {error}",)
+        remarks = (f"speeds are unknown: {error}",)
     larger = sizes.max(axis=0)
     severity = np.array([limits.severity(value).value for value in larger.tolist()])
     x, y = sizes * MICRO
     at = int(np.argmax(larger))
     title = f"{run.header.run} · overall vibration · {times[0]:.1f} to {times[-1]:.1f} s"
-    told = f", {speeds[at]:,.0f} r/min" if np.isfinite(speeds[at]) else ""
+    speed_text = f", {speeds[at]:,.0f} r/min" if np.isfinite(speeds[at]) else ""
     left_out = parts[0][0].excluded_samples
     caption = (
-        f"largest {larger[at] * MICRO:.3g} µm at {times[at]:.1f} s{told}, "
+        f"largest {larger[at] * MICRO:.3g} µm at {times[at]:.1f} s{speed_text}, "
         f"{100 * larger[at] / (2.0 * limits.clearance):.0f} % of the clearance; the {left_out} samples at either "
-        "extreme do not count"
+        "extreme are excluded"
     )
     ends = [float(times[0]), float(times[-1])]
     limit_lines = [
@@ -67,13 +67,13 @@ def analyse_overall(run: RunSamples, query: OverallQuery) -> AnalysisResult:
 
 
 def _parts(run: RunSamples, span: SampleRange, interval: float) -> list[tuple[Overall, float]]:
-    """Return the levels of successive parts of whole intervals, each with its begin, s in the segment."""
+    """Return the levels of successive chunks of whole intervals, each with its start time in the segment, s."""
     size = max(round(interval * run.rate), 2)
     count = (span.stop - span.first) // size
     if count > MAX_INTERVALS:
-        raise RequestTooLargeError(f"{count:,} intervals, expected at most {MAX_INTERVALS:,}: ask for longer ones")
+        raise RequestTooLargeError(f"{count:,} intervals, expected at most {MAX_INTERVALS:,}: request longer intervals")
     if count == 0:
-        raise InsufficientDataError(f"run {run.header.run}: the stretch is shorter than {interval:g} s")
+        raise InsufficientDataError(f"run {run.header.run}: the requested time is shorter than {interval:g} s")
     together = max(run.chunk_size // size, 1)
     found = []
     for low in range(0, count, together):

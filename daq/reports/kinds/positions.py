@@ -1,4 +1,4 @@
-"""Where the shaft is over speed: at the mark, revolution by revolution, and on average within its clearance."""
+"""Shaft position over speed: bifurcation diagram and shaft centreline."""
 
 import numpy as np
 
@@ -12,13 +12,13 @@ from daq.reports.parameters import BifurcationQuery, CentrelineQuery
 from daq.reports.plots.panel import Curve, Panel, Style
 from daq.reports.run_samples import RunSamples
 
-MAX_DOTS = 20_000  # of a drawing
-OUTSIDE = 0.05  # of the clearance, by which the reference may be wrong
-NOTES_APART = 0.12  # of the clearance: from one speed to the next that is written at a centreline
+MAX_DOTS = 20_000  # of a plot
+REFERENCE_TOLERANCE = 0.05  # of the clearance
+LABEL_SPACING = 0.12  # of the clearance, between speed labels of a centreline
 
 
 def analyse_bifurcation(run: RunSamples, query: BifurcationQuery) -> AnalysisResult:
-    """Return the position at the mark of every revolution over speed."""
+    """Return the shaft position at the keyphasor mark of every revolution over speed."""
     prepared = record_over_interval(run, query, 1.0)
     run.report_progress("computing")
     with translated_errors(f"run {run.header.run}"):
@@ -27,11 +27,11 @@ def analyse_bifurcation(run: RunSamples, query: BifurcationQuery) -> AnalysisRes
     step = -(-speeds.size // MAX_DOTS)
     shown = slice(None, None, step)
     title = f"{run.header.run} · bifurcation diagram{prepared.title_suffix} · {prepared.position}"
-    caption = f"each revolution a point, at the mark, less the mean of {query.averaging_revolutions} about it"
+    caption = f"one point per revolution at the keyphasor mark, minus the moving mean of {query.averaging_revolutions}"
     reach = 1.05 * float(np.abs(positions).max())
     panels = tuple(
         Panel(
-            title if row == 0 else "the same in Y", "r/min", f"{name} at the mark, µm",
+            title if row == 0 else "Y", "r/min", f"{name} at the keyphasor mark, µm",
             (Curve("", speeds[shown].tolist(), positions[row, shown].tolist(), Style.DOTS, colour=row),),
             caption if row == 0 else "", y_range=(-reach, reach),
         )
@@ -47,13 +47,13 @@ def analyse_bifurcation(run: RunSamples, query: BifurcationQuery) -> AnalysisRes
 
 
 def analyse_centreline(run: RunSamples, query: CentrelineQuery) -> AnalysisResult:
-    """Return the mean position of the shaft in its clearance over time."""
+    """Return the mean position of the shaft in its clearance over time and speed."""
     prepared = record_over_interval(run, query, 1.0)
     clearance = run.header.limits.clearance
-    parked, reference = _parked(prepared, query)
+    rest, reference = _rest_position(prepared, query)
     run.report_progress("computing")
     with translated_errors(f"run {run.header.run}"):
-        found = centreline(prepared.record, parked, clearance, revolutions=query.revolutions)
+        found = centreline(prepared.record, rest, clearance, revolutions=query.revolutions)
     x, y = found.positions * MICRO
     sigma, speeds = found.sigma * MICRO, found.speeds * RPM
     title = f"{run.header.run} · shaft centreline · {prepared.position}"
@@ -61,16 +61,16 @@ def analyse_centreline(run: RunSamples, query: CentrelineQuery) -> AnalysisResul
     around, above = (found.circle() * MICRO).tolist()
     notes: list[tuple[str, float, float]] = []
     for speed, across, up in zip(speeds.tolist(), x.tolist(), y.tolist(), strict=True):
-        if all(np.hypot(across - a, up - b) > NOTES_APART * clearance * MICRO for _, a, b in notes):
+        if all(np.hypot(across - a, up - b) > LABEL_SPACING * clearance * MICRO for _, a, b in notes):
             notes.append((f"{speed:,.0f}", across, up))
     panel = Panel(
         title, "X to the right, µm; r/min along the path", "Y up, µm",
         (Curve("", x.tolist(), y.tolist()), Curve("", around, above, Style.GUIDE)), caption, is_square=True,
         notes=tuple(notes),
     )  # fmt: skip
-    outside = int(np.count_nonzero(found.eccentricity_ratio > 1.0 + OUTSIDE))
+    outside = int(np.count_nonzero(found.eccentricity_ratio > 1.0 + REFERENCE_TOLERANCE))
     remarks = (
-        () if not outside else (f"{outside} positions lie outside the circle: the reference or the clearance is wrong",)
+        () if not outside else (f"{outside} positions outside the clearance: rest position or clearance is wrong",)
     )
     return AnalysisResult(
         title=title,
@@ -84,13 +84,13 @@ def analyse_centreline(run: RunSamples, query: CentrelineQuery) -> AnalysisResul
     )  # fmt: skip
 
 
-def _parked(prepared: PreparedRecord, query: CentrelineQuery) -> tuple[np.ndarray, str]:
-    """Return the displacement at the probes while the shaft lay at the bottom, m, and where it is from."""
+def _rest_position(prepared: PreparedRecord, query: CentrelineQuery) -> tuple[np.ndarray, str]:
+    """Return the displacement at the probes at rest, m, and its source."""
     if query.rest_x_um is not None and query.rest_y_um is not None:
-        given = np.array([query.rest_x_um, query.rest_y_um]) / MICRO
-        return given, "position at rest as given"
+        rest = np.array([query.rest_x_um, query.rest_y_um]) / MICRO
+        return rest, "rest position as given"
     record = prepared.record
     slowest = np.argsort(record.speeds)[: min(query.revolutions, record.revolutions)]
     speed = float(record.speeds[slowest].mean()) * RPM
-    told = f"the slowest {slowest.size} turns, {speed:,.0f} r/min, taken to lie at the bottom"
-    return record.waveform[:, slowest].mean(axis=(1, 2)), told
+    source = f"the slowest {slowest.size} turns, {speed:,.0f} r/min, taken as the rest position"
+    return record.waveform[:, slowest].mean(axis=(1, 2)), source

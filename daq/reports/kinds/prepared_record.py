@@ -1,4 +1,4 @@
-"""What all analyses against the shaft's angle share: the record less its run-out, how good it is, words and units."""
+"""Angular record for an analysis: run-out subtracted, with quality values and title texts."""
 
 import math
 from dataclasses import dataclass
@@ -15,23 +15,23 @@ FloatArray: TypeAlias = NDArray[np.float64]
 
 MICRO = 1e6  # µm in a metre
 RPM = 30.0 / math.pi  # r/min in a rad/s
-MAX_REPAIRED_FRACTION = 0.02  # of the pulses, filled or rejected, from where on that is worth a word
+MAX_REPAIRED_FRACTION = 0.02  # of the pulses, filled or rejected, above which a remark is made
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PreparedRecord:
-    """A record, and what must be known of it.
+    """Angular record with its quality.
 
     Parameters
     ----------
     record : AngularRecord
-        Displacement against angle, less run-out where that was asked for.
+        Displacement against angle, minus run-out if requested.
     title_suffix : str
-        Of a title: whether it is compensated.
+        Suffix of a title: " compensated" or empty.
     figures : dict of str to float
-        How good it is.
+        Quality values by names of `QUANTITIES`.
     remarks : tuple of str
-        What is unusual.
+        Notes on the quality.
     """
 
     record: AngularRecord
@@ -41,7 +41,7 @@ class PreparedRecord:
 
     @property
     def position(self) -> str:
-        """Where it is, of a title: a speed, or from which to which."""
+        """Speed and time of the record as displayed in a title."""
         speeds = self.record.speeds * RPM
         if float(np.ptp(speeds)) < 0.02 * float(speeds.max()):
             return f"{speeds.mean():,.0f} r/min at {self.record.times[-1]:.1f} s"
@@ -50,7 +50,7 @@ class PreparedRecord:
 
 
 def record_over_interval(run: RunSamples, query: ShaftAngleIntervalQuery, highest_order: float) -> PreparedRecord:
-    """Return the record of a stretch of time."""
+    """Return the record of a time interval."""
     span = run.sample_range(query.segment, query.from_s, query.duration_s)
     return _prepared(run, run.angular_record(span, highest_order), query.slow_roll_rpm, query.segment)
 
@@ -58,7 +58,7 @@ def record_over_interval(run: RunSamples, query: ShaftAngleIntervalQuery, highes
 def record_before_frame(
     run: RunSamples, query: FrameAnalysisQuery, revolutions: int, highest_order: float = 1.0
 ) -> PreparedRecord:
-    """Return the last revolutions before a moment."""
+    """Return the record of the last revolutions before a time."""
     span, end = run.range_before_frame(query.segment, query.time_s, query.speed_rpm, revolutions)
     record = run.last_revolutions(span, end, revolutions, highest_order)
     return _prepared(run, record, query.slow_roll_rpm, span.segment)
@@ -82,7 +82,7 @@ def _prepared(
     if record.pulses is not None:
         figures |= {"pulses_filled": float(record.pulses.filled), "pulses_rejected": float(record.pulses.rejected)}
         if record.pulses.too_fast:
-            remarks.append("the tacho's sensor was past its response: pulses may be missing unnoticed")
+            remarks.append("the speed exceeded the response of the tacho sensor: missing pulses may go unnoticed")
         if record.pulses.repaired_fraction > MAX_REPAIRED_FRACTION:
             remarks.append(f"{100 * record.pulses.repaired_fraction:.0f} % of the tacho's pulses were repaired")
     if any(record.clipped):
@@ -92,6 +92,6 @@ def _prepared(
         return PreparedRecord(record, "", figures, tuple(remarks))
     roll = run.slow_roll(segment, slow_roll_rpm, record.points)
     x, y = roll.peak_to_peak * MICRO
-    told = f"compensated: run-out of {roll.revolutions} turns up to {slow_roll_rpm:,.0f} r/min taken off, "
-    remarks.append(told + f"x {x:.2f} and y {y:.2f} µm peak-to-peak, ± {roll.sigma.max() * MICRO:.2f} µm")
+    source = f"compensated: run-out of {roll.revolutions} turns up to {slow_roll_rpm:,.0f} r/min subtracted, "
+    remarks.append(source + f"x {x:.2f} and y {y:.2f} µm peak-to-peak, ± {roll.sigma.max() * MICRO:.2f} µm")
     return PreparedRecord(roll.subtract_waveform(record), " compensated", figures, tuple(remarks))

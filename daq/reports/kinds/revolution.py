@@ -1,4 +1,4 @@
-"""The shaft's revolution: what repeats with every turn, what does not, and what slow turning tells of the surface."""
+"""Synchronous average of a revolution with its residual, and run-out of the slow roll."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,11 +14,11 @@ from daq.reports.run_samples import MIN_POINTS, RunSamples
 
 FloatArray = NDArray[np.float64]
 
-ANGLE = "shaft angle after the mark, degrees"
+ANGLE_LABEL = "shaft angle after the keyphasor mark, degrees"
 
 
 def analyse_synchronous_average(run: RunSamples, query: AverageQuery) -> AnalysisResult:
-    """Return the mean revolution before a moment, and the residual: what is left of each without it."""
+    """Return the synchronous average before a time, and the RMS residual about it."""
     prepared = record_before_frame(run, query, query.revolutions)
     with translated_errors(f"run {run.header.run}"):
         found = synchronous_average(prepared.record)
@@ -27,7 +27,7 @@ def analyse_synchronous_average(run: RunSamples, query: AverageQuery) -> Analysi
     residual = np.sqrt(np.mean(rest**2, axis=1))
     sigma = found.sigma * MICRO
     degrees = np.arange(mean.shape[1]) * 360.0 / mean.shape[1]
-    title = f"{run.header.run} · average revolution{prepared.title_suffix} · {prepared.position}"
+    title = f"{run.header.run} · synchronous average{prepared.title_suffix} · {prepared.position}"
     caption = f"mean of {found.revolutions} turns; ± {sigma[0]:.2g} µm at x, ± {sigma[1]:.2g} µm at y (1 σ)"
     return AnalysisResult(
         title=title,
@@ -40,7 +40,7 @@ def analyse_synchronous_average(run: RunSamples, query: AverageQuery) -> Analysi
         ),
         panels=(
             _over_angle(title, "µm", degrees, mean, caption),
-            _over_angle("residual: RMS of what does not repeat", "µm RMS", degrees, residual, ""),
+            _over_angle("RMS residual", "µm RMS", degrees, residual, ""),
         ),
         figures={"average_sigma_x_um": float(sigma[0]), "average_sigma_y_um": float(sigma[1]), **prepared.figures},
         remarks=prepared.remarks,
@@ -48,14 +48,14 @@ def analyse_synchronous_average(run: RunSamples, query: AverageQuery) -> Analysi
 
 
 def analyse_slow_roll(run: RunSamples, query: SlowRollQuery) -> AnalysisResult:
-    """Return the run-out that the run's own slow turning tells."""
+    """Return the run-out measured in the slow roll of the run."""
     found = run.slow_roll(query.segment, query.slow_roll_rpm, MIN_POINTS)
     waveform, sigma = found.waveform * MICRO, found.sigma * MICRO
     degrees = np.arange(waveform.shape[1]) * 360.0 / waveform.shape[1]
     title = f"{run.header.run} · run-out · {found.slowest * RPM:,.0f} to {found.fastest * RPM:,.0f} r/min"
     x, y = found.peak_to_peak * MICRO
     size = f"x {x:.3g} ± {sigma[0]:.2g}, y {y:.3g} ± {sigma[1]:.2g} µm peak-to-peak"
-    verdict = "" if found.drift <= 0.2 else "; THE SHAFT MOVED: 1X wandered"
+    verdict = "" if found.drift <= 0.2 else "; THE SHAFT MOVED: 1X drifted"
     one = found.vectors(1)
     return AnalysisResult(
         title=title,
@@ -71,7 +71,7 @@ def analyse_slow_roll(run: RunSamples, query: SlowRollQuery) -> AnalysisResult:
             "amplitude_peak_y_um": abs(one[1]) * MICRO,
             "slow_roll_drift": found.drift,
         },
-        remarks=("amplitude is the run-out's 1X",),
+        remarks=("amplitude: 1X of the run-out",),
     )
 
 
@@ -80,4 +80,4 @@ def _over_angle(title: str, unit: str, degrees: FloatArray, rows: FloatArray, ca
     curves = tuple(
         Curve(name, turn, [*row.tolist(), float(row[0])]) for name, row in zip(("x", "y"), rows, strict=True)
     )
-    return Panel(title, ANGLE, unit, curves, caption, x_is_angle=True, y_from_zero=bool((rows >= 0.0).all()))
+    return Panel(title, ANGLE_LABEL, unit, curves, caption, x_is_angle=True, y_from_zero=bool((rows >= 0.0).all()))

@@ -1,4 +1,4 @@
-"""One spectrum: by order, both ways round, by frequency."""
+"""Order spectrum, full spectrum and frequency spectrum."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,7 @@ from daq.reports.run_samples import RunSamples
 
 FloatArray = NDArray[np.float64]
 
-PEAKS = 16  # lines that a terminal shows
+MAX_PEAKS = 16  # lines shown in a terminal
 UNITS = {
     Scaling.PEAK: "µm zero-to-peak",
     Scaling.PEAK_TO_PEAK: "µm peak-to-peak",
@@ -26,7 +26,7 @@ UNITS = {
 
 
 def analyse_order_spectrum(run: RunSamples, query: OrderSpectrumQuery) -> AnalysisResult:
-    """Return the order spectrum of the last revolutions before a moment."""
+    """Return the order spectrum of the last revolutions before a time."""
     prepared = record_before_frame(run, query, query.revolutions, query.highest_order)
     with translated_errors(f"run {run.header.run}"):
         found = order_map(
@@ -37,7 +37,7 @@ def analyse_order_spectrum(run: RunSamples, query: OrderSpectrumQuery) -> Analys
     sigma = float(noise_floor_sigma(found.noise)[0])
     vectors = found.spectrum[:, 0]
     lag = in_degrees(vectors)
-    angle = found.orders * found.angle_sigma[0]  # an order feels the angle's error so many times
+    angle = found.orders * found.angle_sigma[0]  # the phase error of an order is the angle error times the order
     lag_sigma = np.degrees(phase_sigma(np.abs(vectors), np.full(vectors.shape, sigma), angle, 1.0))
     name = query.scaling.value.replace("-", "_")
     table = {
@@ -51,7 +51,7 @@ def analyse_order_spectrum(run: RunSamples, query: OrderSpectrumQuery) -> Analys
     }
     scaled = sigma * MICRO * query.scaling.factor
     title = f"{run.header.run} · order spectrum{prepared.title_suffix} · {prepared.position}"
-    caption = f"{query.window.value} window over {query.revolutions} revolutions; ± {scaled:.3g} µm (1 σ of the floor)"
+    caption = f"{query.window.value} window over {query.revolutions} revolutions; ± {scaled:.3g} µm (1 σ of the noise)"
     rows = list(zip("xy", size.tolist(), strict=True))
     return AnalysisResult(
         title=title,
@@ -64,7 +64,7 @@ def analyse_order_spectrum(run: RunSamples, query: OrderSpectrumQuery) -> Analys
 
 
 def analyse_full_spectrum(run: RunSamples, query: FullSpectrumQuery) -> AnalysisResult:
-    """Return the circles with and against the rotation in the last revolutions before a moment."""
+    """Return the forward and backward components of the last revolutions before a time."""
     prepared = record_before_frame(run, query, query.revolutions, query.highest_order)
     with translated_errors(f"run {run.header.run}"):
         lines = order_map(
@@ -81,7 +81,7 @@ def analyse_full_spectrum(run: RunSamples, query: FullSpectrumQuery) -> Analysis
     if mismatch.is_determined:
         figures["probe_gain_mismatch"] = mismatch.gain
     title = f"{run.header.run} · full spectrum{prepared.title_suffix} · {prepared.position}"
-    caption = f"hann window over {query.revolutions} revolutions; ± {sigma:.3g} µm (1 σ of the floor)"
+    caption = f"hann window over {query.revolutions} revolutions; ± {sigma:.3g} µm (1 σ of the noise)"
     return AnalysisResult(
         title=title,
         columns=columns(order=found.axis, amplitude_peak_um=size, uncertain=uncertain),
@@ -97,14 +97,14 @@ def analyse_full_spectrum(run: RunSamples, query: FullSpectrumQuery) -> Analysis
 
 
 def analyse_frequency_spectrum(run: RunSamples, query: FrequencySpectrumQuery) -> AnalysisResult:
-    """Return the frequency spectrum of a stretch of time, averaged."""
+    """Return the frequency spectrum averaged over a time interval."""
     span = run.sample_range(query.segment, query.from_s, query.duration_s)
     displacement = run.displacement(span)
     run.report_progress("computing")
     with translated_errors(f"run {run.header.run}"):
         found = frequency_spectrum(displacement, run.rate, resolution=query.resolution_hz)
-    kept = found.frequencies <= query.highest_hz
-    frequencies, (x, y) = found.frequencies[kept], found.amplitudes[:, kept] * MICRO
+    is_shown = found.frequencies <= query.highest_hz
+    frequencies, (x, y) = found.frequencies[is_shown], found.amplitudes[:, is_shown] * MICRO
     begin, end = span.first / run.rate, span.stop / run.rate
     title = f"{run.header.run} · frequency spectrum · {begin:.1f} to {end:.1f} s"
     caption = (
@@ -126,8 +126,8 @@ def analyse_frequency_spectrum(run: RunSamples, query: FrequencySpectrumQuery) -
 
 
 def peaks(size: FloatArray) -> NDArray[np.intp]:
-    """Return the largest lines that stand above those beside them, in their order."""
+    """Return the indices of the largest local maxima in rising order."""
     inner = size[1:-1]
     tops = np.flatnonzero((inner > size[:-2]) & (inner >= size[2:])) + 1
-    largest = tops[np.argsort(size[tops])[::-1][:PEAKS]]
+    largest = tops[np.argsort(size[tops])[::-1][:MAX_PEAKS]]
     return np.sort(largest) if largest.size else np.array([int(np.argmax(size))])

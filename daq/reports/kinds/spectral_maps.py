@@ -1,4 +1,4 @@
-"""Many spectra: against speed a cascade, against time a waterfall; of orders, of both ways round, of frequencies."""
+"""Cascade and waterfall: order, full or frequency spectra over speed or time."""
 
 from dataclasses import dataclass
 
@@ -34,11 +34,11 @@ class _Spectra:
     sizes : ndarray of float64, shape (n, n_lines)
         µm zero-to-peak.
     times, speeds, sigma : ndarray of float64, shape (n,)
-        s, r/min and µm; a speed is NaN where it is not known.
-    words, caption : str
-        What they are, and how they were made.
+        s, r/min and µm; NaN where the speed is unknown.
+    title, caption : str
+        Title with a placeholder for the kind of map, and settings.
     remarks : tuple of str
-        What must be known.
+        Notes on the spectra.
     """
 
     axis: FloatArray
@@ -46,30 +46,30 @@ class _Spectra:
     times: FloatArray
     speeds: FloatArray
     sigma: FloatArray
-    words: str
+    title: str
     caption: str
     remarks: tuple[str, ...]
 
 
 def analyse_cascade(run: RunSamples, query: CascadeQuery) -> AnalysisResult:
-    """Return the largest lines of each bin of speed."""
+    """Return the largest amplitudes of each speed bin."""
     found = _spectra(run, query)
     number = np.round(found.speeds / query.width_rpm)
     if not np.isfinite(number).any():
-        raise InsufficientDataError(f"run {run.header.run}: the speed is not known anywhere in the stretch")
+        raise InsufficientDataError(f"run {run.header.run}: the speed is unknown over the whole interval")
     feet, sizes = _largest(found, number)
     guides = _guides(query.lines, feet * query.width_rpm, float(found.axis[-1]))
-    return _shown(run, query, found, "cascade", feet * query.width_rpm, sizes, "r/min", guides)
+    return _result(run, query, found, "cascade", feet * query.width_rpm, sizes, "r/min", guides)
 
 
 def analyse_waterfall(run: RunSamples, query: WaterfallQuery) -> AnalysisResult:
-    """Return the largest lines of each bin of time."""
+    """Return the largest amplitudes of each time bin."""
     found = _spectra(run, query)
     width = max((found.times[-1] - found.times[0]) / query.rows, 1e-9)
     number = np.minimum(np.floor((found.times - found.times[0]) / width), query.rows - 1)
     feet, sizes = _largest(found, number)
     times = found.times[0] + (feet + 0.5) * width
-    return _shown(run, query, found, "waterfall", times, sizes, "s", ())
+    return _result(run, query, found, "waterfall", times, sizes, "s", ())
 
 
 def _spectra(run: RunSamples, query: MapQuery) -> _Spectra:
@@ -84,9 +84,9 @@ def _spectra(run: RunSamples, query: MapQuery) -> _Spectra:
     if query.lines is MapLines.FULL:
         full = full_spectrum(lines.orders, lines.spectrum, lines.pair, probe_mismatch(lines))
         axis, sizes, sigma = full.axis, full.amplitudes, sigma / np.sqrt(2.0)
-    words = f"{'full ' if query.lines is MapLines.FULL else ''}{{}}{prepared.title_suffix}"
+    title = f"{'full ' if query.lines is MapLines.FULL else ''}{{}}{prepared.title_suffix}"
     caption = f"hann window over {query.revolutions} revolutions, µm zero-to-peak; ± {np.median(sigma):.2g} µm (1 σ)"
-    return _Spectra(axis, sizes * MICRO, lines.times, lines.speeds * RPM, sigma, words, caption, prepared.remarks)
+    return _Spectra(axis, sizes * MICRO, lines.times, lines.speeds * RPM, sigma, title, caption, prepared.remarks)
 
 
 def _of_frequencies(run: RunSamples, query: MapQuery) -> _Spectra:
@@ -95,7 +95,7 @@ def _of_frequencies(run: RunSamples, query: MapQuery) -> _Spectra:
     try:
         angle = run.shaft_angle(span)[1]
     except InsufficientDataError as error:
-        angle, remarks = None, (f"speeds are not known: {error}",)
+        angle, remarks = None, (f"speeds are unknown: {error}",)
     displacement = run.displacement(span)
     run.report_progress("computing")
     begin = span.first / run.rate
@@ -106,24 +106,22 @@ def _of_frequencies(run: RunSamples, query: MapQuery) -> _Spectra:
     speeds = np.full(times.size, np.nan)
     if angle is not None:
         speeds = 60.0 * (angle.turns(times + 0.5 * length) - angle.turns(times - 0.5 * length)) / length
-    caption = (
-        f"hann window, lines of {found.noise_bandwidth:.3g} Hz, µm zero-to-peak; a speed that changes smears orders"
-    )
+    caption = f"hann window, lines of {found.noise_bandwidth:.3g} Hz, µm zero-to-peak; a changing speed smears orders"
     sigma = found.sigma * MICRO
     sizes = found.amplitudes.max(axis=0) * MICRO
     return _Spectra(found.frequencies, sizes, times, speeds, sigma, "frequency {}", caption, remarks)
 
 
 def _largest(found: _Spectra, number: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the bins that hold spectra, and of each the largest lines."""
+    """Return the bins with spectra and the largest amplitudes of each."""
     bins = np.unique(number[np.isfinite(number)])
     if bins.size > MAX_ROWS:
-        raise RequestTooLargeError(f"{bins.size} spectra, expected at most {MAX_ROWS}: ask for wider bins")
+        raise RequestTooLargeError(f"{bins.size} spectra, expected at most {MAX_ROWS}: request wider bins")
     return bins, np.stack([found.sizes[number == one].max(axis=0) for one in bins])
 
 
 def _guides(lines: MapLines, speeds: FloatArray, highest: float) -> tuple[Curve, ...]:
-    """Return where 1X and its half and double lie: upright in orders, slanting in frequencies."""
+    """Return guide lines at 0.5X, 1X and 2X in frequency spectra."""
     if lines is not MapLines.FREQUENCIES:
         return ()
     ends = np.array([speeds.min(), speeds.max()])
@@ -135,13 +133,13 @@ def _guides(lines: MapLines, speeds: FloatArray, highest: float) -> tuple[Curve,
     return tuple(curves)
 
 
-def _shown(
+def _result(
     run: RunSamples, query: MapQuery, found: _Spectra, name: str, feet: FloatArray, sizes: FloatArray, unit: str,
     guides: tuple[Curve, ...],
 ) -> AnalysisResult:  # fmt: skip
     is_order = query.lines is not MapLines.FREQUENCIES
     across = {MapLines.ORDERS: "order", MapLines.FULL: FULL_SPECTRUM_LABEL, MapLines.FREQUENCIES: "Hz"}[query.lines]
-    title = f"{run.header.run} · {found.words.format(name)}"
+    title = f"{run.header.run} · {found.title.format(name)}"
     rows, lines = sizes.shape
     table = {
         "speed_rpm" if unit == "r/min" else "time_s": np.repeat(feet, lines),

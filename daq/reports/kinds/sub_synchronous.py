@@ -1,4 +1,4 @@
-"""Every component below 1X through a run: when it came and went, and whether it follows the speed."""
+"""Components below 1X over a run: onset, end, and whether the frequency follows the speed (whirl) or not (whip)."""
 
 from itertools import cycle
 
@@ -15,16 +15,18 @@ from daq.reports.plots.layouts import DISTINCT_COLOURS
 from daq.reports.plots.panel import Curve, Panel, Style
 from daq.reports.run_samples import RunSamples
 
-GUIDES = (0.5, 1.0)  # orders that are drawn beside
-HIGHEST = 2.0  # order that the search needs
+GUIDE_ORDERS = (0.5, 1.0)
+HIGHEST_ORDER = 2.0  # needed by the search
 
 
 def analyse_sub_synchronous(run: RunSamples, query: SubSynchronousQuery) -> AnalysisResult:
-    """Return the components below 1X, in the order in which they began."""
-    prepared = record_over_interval(run, query, HIGHEST)
+    """Return the components below 1X in order of onset."""
+    prepared = record_over_interval(run, query, HIGHEST_ORDER)
     run.report_progress("computing")
     with translated_errors(f"run {run.header.run}"):
-        tracks = subsynchronous_tracks(order_map(prepared.record, revolutions=query.revolutions, highest_order=HIGHEST))
+        tracks = subsynchronous_tracks(
+            order_map(prepared.record, revolutions=query.revolutions, highest_order=HIGHEST_ORDER)
+        )
     title = f"{run.header.run} · components below 1X{prepared.title_suffix} · {prepared.position}"
     return AnalysisResult(
         title=title,
@@ -33,7 +35,7 @@ def analyse_sub_synchronous(run: RunSamples, query: SubSynchronousQuery) -> Anal
             title, tracks, float(prepared.record.speeds.min()) * RPM, float(prepared.record.speeds.max()) * RPM
         ),
         figures=prepared.figures,
-        remarks=prepared.remarks if tracks else ("none stood out", *prepared.remarks),
+        remarks=prepared.remarks if tracks else ("no component above the noise", *prepared.remarks),
         representative_rows=np.arange(len(tracks)),
     )
 
@@ -57,13 +59,13 @@ def _table(tracks: tuple[SubsynchronousTrack, ...]) -> dict[str, np.ndarray]:
         "exponent_sigma": [track.exponent_sigma for track in tracks],
         "lock_rpm": [track.lock_speed * RPM for track in tracks],
     }
-    words = {
+    texts = {
         "direction": ["forward" if track.is_forward else "backward" for track in tracks],
         "behaviour": [track.behaviour.value for track in tracks],
     }
     return {
         **{name: np.array(row, dtype=np.float64) for name, row in numbers.items()},
-        **{name: np.array(row, dtype=np.str_) for name, row in words.items()},
+        **{name: np.array(row, dtype=np.str_) for name, row in texts.items()},
     }
 
 
@@ -77,15 +79,17 @@ def _panels(title: str, tracks: tuple[SubsynchronousTrack, ...], slowest: float,
         frequency.append(Curve(name, speeds, hertz, colour=number))
         size.append(Curve(name, speeds, (track.amplitudes * MICRO).tolist(), colour=number))
     ends = [slowest, fastest]
-    guides = [Curve(f"{order:g}X", ends, [order * speed / 60.0 for speed in ends], Style.GUIDE) for order in GUIDES]
-    caption = "; ".join(_told(track) for track in tracks[:2]) or "none stood out"
+    guides = [
+        Curve(f"{order:g}X", ends, [order * speed / 60.0 for speed in ends], Style.GUIDE) for order in GUIDE_ORDERS
+    ]
+    caption = "; ".join(_description(track) for track in tracks[:2]) or "no component above the noise"
     return (
         Panel(title, "r/min", "Hz", (*frequency, *guides), caption),
         Panel("half the major axis", "r/min", "µm zero-to-peak", tuple(size), x_range=(slowest, fastest)),
     )
 
 
-def _told(track: SubsynchronousTrack) -> str:
+def _description(track: SubsynchronousTrack) -> str:
     exponent = (
         "" if np.isnan(track.exponent) else f", frequency ∝ speed^({track.exponent:.2f} ± {track.exponent_sigma:.2g})"
     )

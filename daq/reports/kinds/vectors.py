@@ -1,4 +1,4 @@
-"""The vector of any one order over speed, run-up and run-down apart: Bode and polar."""
+"""Vectors of one order over speed, run-up and run-down separately: Bode plot and polar plot."""
 
 from collections.abc import Callable
 
@@ -16,21 +16,22 @@ from daq.reports.plots.layouts import RampCurve, bode, polar
 from daq.reports.plots.panel import Panel, Values
 from daq.reports.run_samples import RunSamples
 
-PEAK = "µm zero-to-peak"
-SURE = np.radians(30.0)  # a lag that is less sure than that is not drawn
-CLEAR, MAX_PEAKS = 20.0, 3  # standard deviations that a peak must have; and how many are told of a curve
+PEAK_UNIT = "µm zero-to-peak"
+MAX_PHASE_SIGMA = np.radians(30.0)  # a more uncertain lag is not drawn
+MIN_PEAK_RATIO = 20.0  # of a resonance amplitude to its standard deviation
+MAX_PEAKS = 3  # reported for each curve
 ARROWS = {RampDirection.RUN_UP: "▲", RampDirection.RUN_DOWN: "▼"}
 
 
 def analyse_bode(run: RunSamples, query: VectorsQuery) -> AnalysisResult:
-    """Return an order over speed, drawn as phase lag and amplitude."""
-    return _vectors(run, query, lambda title, what, ramps, caption: bode(title, what, PEAK, ramps, caption))
+    """Return the vectors of an order over speed as a Bode plot."""
+    return _vectors(run, query, lambda title, what, ramps, caption: bode(title, what, PEAK_UNIT, ramps, caption))
 
 
 def analyse_polar(run: RunSamples, query: VectorsQuery) -> AnalysisResult:
-    """Return an order over speed, drawn in the plane; a lag of 0 lies where the probe sits."""
+    """Return the vectors of an order over speed as a polar plot; a lag of 0 points to the probe."""
     zeros = run.probe_angles
-    return _vectors(run, query, lambda title, what, ramps, caption: polar(title, what, PEAK, ramps, zeros, caption))
+    return _vectors(run, query, lambda title, what, ramps, text: polar(title, what, PEAK_UNIT, ramps, zeros, text))
 
 
 def _vectors(
@@ -45,7 +46,7 @@ def _vectors(
     sigma = float(np.median(np.concatenate([curve.sigma.ravel() for curve in curves]))) * MICRO
     ramps = [_ramp_curve(curve, ARROWS[curve.direction] if len(curves) > 1 else "") for curve in curves]
     title = f"{run.header.run} · {prepared.position}"
-    made = f"{query.revolutions} revolutions a vector, bins of {query.width_rpm:g} r/min"
+    made = f"{query.revolutions} revolutions per vector, bins of {query.width_rpm:g} r/min"
     caption = f"{what}: {made}; ± {sigma:.2g} µm (median 1 σ)"
     found = [(curve, probe, one) for curve in curves for probe in (0, 1) for one in _resonances(curve, probe)]
     figures = {"sigma_peak_um": sigma, **prepared.figures}
@@ -81,8 +82,8 @@ def _by_probe(curves: tuple[SpeedCurve, ...]) -> dict[str, list[np.ndarray]]:
 
 
 def _ramp_curve(curve: SpeedCurve, arrow: str) -> RampCurve:
-    """Return a curve to be drawn; a lag that is not known has none."""
-    lags = np.where(curve.phase_sigma < SURE, in_degrees(curve.vectors), np.nan)
+    """Return a curve for plotting; lags that are too uncertain are None."""
+    lags = np.where(curve.phase_sigma < MAX_PHASE_SIGMA, in_degrees(curve.vectors), np.nan)
     rows = [[None if np.isnan(value) else value for value in row] for row in lags.tolist()]
     x, y = (curve.amplitudes * MICRO).tolist()
     known: tuple[Values, Values] = (rows[0], rows[1])
@@ -90,9 +91,11 @@ def _ramp_curve(curve: SpeedCurve, arrow: str) -> RampCurve:
 
 
 def _resonances(curve: SpeedCurve, probe: int) -> list[Resonance]:
-    """Return the largest peaks of an amplitude that no noise makes."""
+    """Return the largest resonances that clearly exceed the noise."""
     noise = np.interp([one.speed for one in curve.resonances(probe)], curve.speeds, curve.sigma[probe])
-    clear = [one for one, sigma in zip(curve.resonances(probe), noise, strict=True) if one.amplitude > CLEAR * sigma]
+    clear = [
+        one for one, sigma in zip(curve.resonances(probe), noise, strict=True) if one.amplitude > MIN_PEAK_RATIO * sigma
+    ]
     return sorted(clear, key=lambda one: one.amplitude, reverse=True)[:MAX_PEAKS]
 
 

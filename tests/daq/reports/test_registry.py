@@ -364,7 +364,7 @@ def test_forms_are_sent_as_asked_for_by_parameter_or_header(bench: RecordedBench
     [
         ("bode", {"order": 60}, 409, "order 60 reaches 8,967 Hz"),
         ("poincare", {"revolutions": 4000}, 409, "expected at least 4000"),
-        ("orbit", {"speed_rpm": 19_000}, 404, "there are some from"),
+        ("orbit", {"speed_rpm": 19_000}, 404, "the run has them from 1,5"),
         ("bode", {"from_s": 60}, 404, "no samples from 60 s"),
         ("slow-roll", {"slow_roll_rpm": 100}, 409, "never turned as slowly as 100 r/min"),
         ("envelopes", {"bandwidth_hz": 0.001}, 409, "bandwidth"),
@@ -396,7 +396,7 @@ def test_run_without_a_tacho_tells_what_needs_none(silent: Path, capsys: pytest.
         else:
             assert code == 1, kind
             assert told.err.startswith("rig: ")
-            assert re.search("tacho|speed is not known", told.err)
+            assert re.search("tacho|speed is unknown", told.err)
             assert len(told.err.splitlines()) == 1
 
 
