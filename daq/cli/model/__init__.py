@@ -1,1 +1,1 @@
-"""The commands `rig model`: studies of the rotor and its films, sweeps, the thesis computed again."""
+"""`rig model` and `rig predict`: studies of the rotor and its films, sweeps, thesis report, prediction."""

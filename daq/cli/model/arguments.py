@@ -1,7 +1,4 @@
-"""Ranges as the commands take them: FIRST:LAST:COUNT, and values of the studies' options.
-
-The parameters that a study is made for, and the model's errors in the words of the command line.
-"""
+"""Arguments of `rig model`: number ranges and values, model parameters of a file, errors of the model."""
 
 import argparse
 import math
@@ -20,20 +17,24 @@ from model.rotor.gj90c import gj90c
 from model.rotor.parameters import ModelParameters
 from model.rotor.tables import TableError
 
+FloatArray = NDArray[np.float64]
+
+MAX_VALUES = 1_000_000  # values in a range
+
 
 def parameters_of(config: str | None) -> ModelParameters:
-    """Return the parameters that a rig file asks for, or a rotor's own file; the thesis's rotor without one.
+    """Return the model parameters of a rig file or rotor file; without a file the GJ90C of the thesis.
 
     Raises
     ------
     ConfigError
-        Where the file cannot be read or is wrong.
+        If the file cannot be read or is invalid.
     """
     if config is None:
         return gj90c()
     file = Path(config)
     tables = read_rotor(file)
-    if "station" not in tables:  # no rig has stations, no rotor is without
+    if "station" not in tables:  # only a rotor file has stations
         return model_parameters(load_rig(file).config)
     try:
         return parameters_from_tables(tables)
@@ -43,18 +44,13 @@ def parameters_of(config: str | None) -> ModelParameters:
 
 @contextmanager
 def model_errors() -> Iterator[None]:
-    """Turn what the model refuses or cannot answer into one message of the command."""
+    """Convert errors of the model to errors of the command line."""
     try:
         yield
     except ValueError as error:
         raise UsageError(str(error)) from error
     except ModelError as error:
         raise RigError(str(error)) from error
-
-
-FloatArray = NDArray[np.float64]
-
-MAX_VALUES = 1_000_000  # values in a range
 
 
 def number_range(text: str) -> FloatArray:
@@ -71,7 +67,7 @@ def number_range(text: str) -> FloatArray:
 
 
 def _range(first: str, last: str, count: str, scale: str = "") -> FloatArray:
-    """Return a range; none where it makes no sense."""
+    """Return the values of a range; empty if it is invalid."""
     start, stop, number = float(first), float(last), int(count)
     if not (math.isfinite(start) and math.isfinite(stop)):
         return np.empty(0)
@@ -81,10 +77,10 @@ def _range(first: str, last: str, count: str, scale: str = "") -> FloatArray:
 
 
 def rising_range(text: str) -> FloatArray:
-    """Return rising values above 0, two or more."""
+    """Return two or more rising values above 0."""
     found = number_range(text)
     if found.size < 2 or not found[0] > 0 or np.any(np.diff(found) <= 0):
-        raise argparse.ArgumentTypeError(f"{text!r}: expected two or more rising values above 0, as 100:2000:40")
+        raise argparse.ArgumentTypeError(f"{text!r}: expected two or more rising values above 0, such as 100:2000:40")
     return found
 
 

@@ -1,4 +1,4 @@
-"""`rig predict`: what the model expects at the probes over speed."""
+"""`rig predict`: predicted vibration at the probes over speed."""
 
 import argparse
 import math
@@ -22,7 +22,7 @@ _SPEED_STEP = 1000 * RPM  # rad/s between the rows of the table
 
 
 def run(args: argparse.Namespace) -> int:
-    """Compute or look up the prediction and show it; return the exit code."""
+    """Compute or load the prediction and print it; return the exit code."""
     console = Console()
     rig = load_rig(Path(args.config))
     with Predictors() as predictors:
@@ -31,7 +31,7 @@ def run(args: argparse.Namespace) -> int:
         console.clear()
         found = predictor.map
         if found is None:
-            raise RigError(f"there is no prediction: {predictor.state}")
+            raise RigError(f"no prediction: {predictor.state}")
     if args.quiet:
         return 0
     predictions = _over_speed(found) if args.speed_rpm is None else [_at_speed(rig, found, args.speed_rpm * RPM)]
@@ -51,7 +51,7 @@ def _over_speed(found: PredictionMap) -> list[Prediction]:
 
 
 def _at_speed(rig: Rig, found: PredictionMap, speed: float) -> Prediction:
-    """Return the settled motion at a speed, rad/s."""
+    """Return the settled prediction at a speed, rad/s."""
     lowest, highest = float(found.speeds[0]), float(found.speeds[-1])
     if not lowest <= speed <= highest:
         raise UsageError(
@@ -61,7 +61,7 @@ def _at_speed(rig: Rig, found: PredictionMap, speed: float) -> Prediction:
     try:
         *_, settled = refine(model_parameters(rig.config), speed, found, rig.settings)
     except ModelError as error:
-        raise RigError(f"there is no prediction at {speed / RPM:g} r/min: {error}") from error
+        raise RigError(f"no prediction at {speed / RPM:g} r/min: {error}") from error
     return settled
 
 
@@ -69,7 +69,7 @@ _TABLE_HEADER = "   r/min  1X x µm∠lag  1X y µm∠lag   below 1X µm     ove
 
 
 def _row(prediction: Prediction) -> str:
-    """Return a row of the table; amplitudes are peak, overall vibration is of x and y."""
+    """Return a row of the table: peak amplitudes, and overall vibration of x and y."""
     x, y = (f"{abs(v) * 1e6:.2f}∠{math.degrees(-math.atan2(v.imag, v.real)) % 360:.0f}°" for v in prediction.vectors[0])
     whirl = (
         f"{prediction.whirl_order:.2f}X {prediction.whirl_amplitude * 1e6:6.1f}"

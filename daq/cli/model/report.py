@@ -1,4 +1,4 @@
-"""The thesis computed again as one page: stated beside computed, every figure, nothing fetched from elsewhere."""
+"""HTML report of the recomputed thesis: stated and computed numbers, all figures, self-contained."""
 
 from collections import Counter
 from collections.abc import Iterable, Sequence
@@ -6,14 +6,14 @@ from dataclasses import dataclass
 from html import escape
 from itertools import cycle
 
-from daq.cli.model.figures import render
+from daq.cli.model.output import render
 from model.studies.study import Plot, Series, Style, Surface
 from model.studies.thesis.chapter_6 import Trend
 from model.studies.thesis.report import Comparison, Figure
 
 Captioned = tuple[str, tuple[Plot | Surface, ...]]
 
-_STYLES = (Style.LINE, Style.DASHED, Style.DOTTED)  # so that equal curves can be told apart
+_STYLES = (Style.LINE, Style.DASHED, Style.DOTTED)  # to distinguish equal curves
 _STYLE = """\
 body{font:15px/1.45 system-ui,sans-serif;max-width:72rem;margin:2rem auto;padding:0 1rem;color:#222}
 table{border-collapse:collapse;font-size:13px;margin:1rem 0}th,td{padding:.2rem .6rem;border-bottom:1px solid #ddd;
@@ -23,8 +23,8 @@ figure svg{max-width:100%;height:auto}
 figcaption{font-size:13px;color:#444}.three figure{display:inline-block;width:48%;margin:.5rem .5%;vertical-align:top}
 """
 _INTRODUCTION = (
-    "H. Zhang's tables and figures (2012), each stated number beside the computed one. “Reproduced” means within the "
-    "tolerance that the printing allows; where a number differs, the reason stands beside it."
+    "Tables and figures of H. Zhang (2012): stated and computed numbers. “Reproduced” means within the tolerance of "
+    "the printed value; if a number differs, the note gives the reason."
 )
 
 
@@ -37,13 +37,13 @@ class Part:
     title : str
         Number and subject.
     text : str
-        What must be known to read it.
+        Introduction.
     comparisons : tuple of Comparison
-        Stated beside computed.
+        Stated and computed numbers.
     figures : tuple of pairs of caption and plots
-        Drawn.
+        Figures.
     trends : tuple of Trend
-        What is said in words.
+        Trends stated in words.
     """
 
     title: str
@@ -54,7 +54,7 @@ class Part:
 
 
 def captioned_plot(figure: Figure) -> Captioned:
-    """Return a figure of curves as one to be drawn."""
+    """Return a figure as caption and plots."""
     series = tuple(
         Series(curve.label, curve.x, curve.y, style)
         for curve, style in zip(figure.curves, cycle(_STYLES), strict=False)
@@ -68,7 +68,7 @@ def captioned_plot(figure: Figure) -> Captioned:
 def report_html(parts: Sequence[Part]) -> str:
     """Return the report as HTML."""
     body = [
-        "<h1>The thesis computed again</h1>",
+        "<h1>The thesis recomputed</h1>",
         f"<p>{_INTRODUCTION}</p>",
         _overview(parts),
     ]
@@ -81,12 +81,12 @@ def report_html(parts: Sequence[Part]) -> str:
         body.append(f"<div{layout}>")
         body += [_figure(one, f"{number}-{index}") for index, one in enumerate(part.figures)]
         body.append("</div>")
-    head = f'<meta charset="utf-8"><title>The thesis computed again</title><style>{_STYLE}</style>'
+    head = f'<meta charset="utf-8"><title>The thesis recomputed</title><style>{_STYLE}</style>'
     return f'<!doctype html><html lang="en"><head>{head}</head><body>{"".join(body)}</body></html>\n'
 
 
 def count_reproduced(part: Part) -> tuple[int, int]:
-    """Return how many numbers and trends of a part are reproduced, of how many."""
+    """Return the number of reproduced numbers and trends of a part, and their total."""
     verdicts = [one.is_reproduced for one in part.comparisons] + [one.is_reproduced for one in part.trends]
     return sum(verdicts), len(verdicts)
 
@@ -94,10 +94,10 @@ def count_reproduced(part: Part) -> tuple[int, int]:
 def _overview(parts: Sequence[Part]) -> str:
     rows = []
     for part in parts:
-        good, total = count_reproduced(part)
+        reproduced, total = count_reproduced(part)
         places = Counter(one.place for one in part.comparisons if not one.is_reproduced)
         missed = ", ".join(f"{place} ({count})" for place, count in places.items()) or "none"
-        rows.append(f"<tr><td>{escape(part.title)}<td class=n>{good} of {total}<td>{escape(missed)}</tr>")
+        rows.append(f"<tr><td>{escape(part.title)}<td class=n>{reproduced} of {total}<td>{escape(missed)}</tr>")
     return f"<table><tr><th>Chapter<th>Reproduced<th>Numbers that differ, by place</tr>{''.join(rows)}</table>"
 
 
@@ -121,7 +121,7 @@ def _comparisons(comparisons: Iterable[Comparison]) -> str:
         kinds = ("", "", " class=n", " class=n", " class=n", "", " class=v", "")
         row = "".join(f"<td{k}>{escape(cell)}" for k, cell in zip(kinds, cells, strict=True))
         rows.append(f"<tr class={kind}>{row}</tr>")
-    names = ("Place", "Quantity", "Stated", "Computed", "Deviation", "Unit", "Verdict", "How, or why it differs")
+    names = ("Place", "Quantity", "Stated", "Computed", "Deviation", "Unit", "Verdict", "Note")
     return f"<table><tr>{''.join(f'<th>{name}' for name in names)}</tr>{''.join(rows)}</table>"
 
 
@@ -131,7 +131,7 @@ def _trends(trends: Iterable[Trend]) -> str:
         f"<td class=v>{'reproduced' if one.is_reproduced else 'not reproduced'}<td>{escape(one.seen)}</tr>"
         for one in trends
     )
-    return f"<table><tr><th>Trend stated<th>Verdict<th>Computed, in the order of the cases</tr>{rows}</table>"
+    return f"<table><tr><th>Trend stated<th>Verdict<th>Computed, in order of the cases</tr>{rows}</table>"
 
 
 def _figure(one: Captioned, salt: str) -> str:

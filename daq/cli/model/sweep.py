@@ -1,4 +1,4 @@
-"""`rig model sweep`: a quantity over all combinations of parameters."""
+"""`rig model sweep`: a quantity for all combinations of parameters."""
 
 import argparse
 import textwrap
@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from daq.cli.model.arguments import FloatArray, model_errors, number_range, parameters_of, positive_integer
-from daq.cli.model.figures import require_drawing, save
-from daq.cli.model.output import show_study
+from daq.cli.model.output import require_drawing, save, show_study
 from daq.cli.output.progress import Console
 from daq.errors import UsageError
 from daq.session.sweep.run import grid, run_sweep
@@ -19,7 +18,8 @@ from model.studies.study import Plot, Series, Study, Style
 from model.studies.sweep_quantities import QUANTITIES, SweepPoint, SweepResult
 from model.studies.varied_parameters import PARAMETER_SETTERS
 
-MAX_TABLE_ROWS = 40  # points in the table that is printed
+MAX_TABLE_ROWS = 40  # printed
+MAX_CURVES = 12  # in a plot; more are drawn as points
 AXIS_UNITS = UNIT_LABELS | {
     "rad_s": "rad/s", "1_s": "1/s", "um_pk": "µm peak", "um_pp": "µm peak-to-peak", "mm": "mm", "kg": "kg",
 }  # fmt: skip
@@ -27,13 +27,13 @@ _WIDTH = 78  # of the help
 
 
 def add_sweep(add: Callable[[str, str], argparse.ArgumentParser]) -> None:
-    """Add the command."""
-    command = add("sweep", "A quantity over all combinations of parameters, in processes here or on a Dask cluster.")
+    """Add the subcommand `sweep`."""
+    command = add("sweep", "A quantity for all combinations of parameters, in local processes or on a Dask cluster.")
     command.formatter_class = argparse.RawDescriptionHelpFormatter
     command.description = textwrap.fill(command.description or "", _WIDTH)
     command.epilog = _epilog()
     command.add_argument(
-        "config", metavar="RIG.TOML", nargs="?", help="the rig, or a rotor's own file (default: the thesis's GJ90C)"
+        "config", metavar="RIG.TOML", nargs="?", help="rig file or rotor file (default: the GJ90C of the thesis)"
     )
     command.add_argument(
         "--vary",
@@ -41,22 +41,24 @@ def add_sweep(add: Callable[[str, str], argparse.ArgumentParser]) -> None:
         action="append",
         required=True,
         metavar="NAME=RANGE",
-        help="as viscosity_pa_s=0.005:0.035:7",
+        help="such as viscosity_pa_s=0.005:0.035:7",
     )
-    command.add_argument("--quantity", choices=QUANTITIES, default="onset", help="what is computed (default: onset)")
+    command.add_argument("--quantity", choices=QUANTITIES, default="onset", help="quantity to compute (default: onset)")
     command.add_argument(
-        "-o", "--output", type=Path, required=True, metavar="FILE.parquet", help="results; taken up again"
+        "-o", "--output", type=Path, required=True, metavar="FILE.parquet", help="results; an interrupted sweep resumes"
     )
     command.add_argument("--plot", type=Path, metavar="FILE.svg|.png", help="draw the results over the first parameter")
-    command.add_argument("--json", action="store_true", help="all points as JSON on standard output")
+    command.add_argument("--json", action="store_true", help="print all points as JSON")
     where = command.add_mutually_exclusive_group()
-    where.add_argument("--processes", type=positive_integer, help="how many here (default: one for each processor)")
-    where.add_argument("--scheduler", default="", metavar="tcp://HOST:PORT", help="of a Dask cluster, instead")
+    where.add_argument(
+        "--processes", type=positive_integer, help="number of local processes (default: one per processor)"
+    )
+    where.add_argument("--scheduler", default="", metavar="tcp://HOST:PORT", help="use this Dask cluster instead")
     command.set_defaults(run=run)
 
 
 def _epilog() -> str:
-    """Say what can be varied and computed."""
+    """Return the help text on parameters and quantities."""
     parts = [
         "parameters:",
         _indented(", ".join(PARAMETER_SETTERS), 2),
@@ -80,17 +82,17 @@ def _indented(text: str, indent: int) -> str:
 def _vary(text: str) -> tuple[str, FloatArray]:
     name, equals, range_ = text.partition("=")
     if not (name and equals and range_):
-        raise argparse.ArgumentTypeError(f"{text!r}: expected NAME=RANGE, as viscosity_pa_s=0.005:0.035:7")
+        raise argparse.ArgumentTypeError(f"{text!r}: expected NAME=RANGE, such as viscosity_pa_s=0.005:0.035:7")
     return name, number_range(range_)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Compute a sweep, write and show it; return the exit code."""
+    """Compute a sweep, write and print it; return the exit code."""
     if args.plot is not None:
         require_drawing(args.plot, "--plot")
     vary = dict(args.vary)
     if len(vary) < len(args.vary):
-        raise UsageError("--vary: a name stands twice, expected each once")
+        raise UsageError("--vary: a name is given twice, expected once each")
     parameters = parameters_of(args.config)
     with model_errors():
         points = grid(parameters, args.quantity, {name: list(map(float, one)) for name, one in vary.items()})
@@ -111,7 +113,7 @@ def run(args: argparse.Namespace) -> int:
     study = _study(points, results, args.output)
     if args.plot is not None:
         save(study.plots, args.plot)
-    args.output = None  # the table is written, not drawn
+    args.output = None  # the results are written already; -o is no plot here
     return show_study(study if args.json else _shortened(study), args)
 
 
@@ -127,25 +129,25 @@ def _study(points: list[SweepPoint], results: list[SweepResult], file: Path) -> 
     faults = sum(bool(outcome.fault) for outcome in results)
     if faults:
         columns["fault"] = tuple(outcome.fault for outcome in results)
-    remarks = (f"{len(points):,} points in {file}" + (f", {faults:,} without a result" if faults else ""),)
+    remarks = (f"{len(points):,} points in {file}" + (f", {faults:,} without result" if faults else ""),)
     others = np.array([[value for _, value in point.values[1:]] for point in points])
     first = np.array([point.values[0][1] for point in points])
     plots = []
     for number, name in enumerate(result_names):
         series = []
         for group in np.unique(others, axis=0) if others.size else [np.empty(0)]:
-            inside = np.all(others == group, axis=1) if others.size else np.ones(len(points), bool)
+            in_group = np.all(others == group, axis=1) if others.size else np.ones(len(points), bool)
             label = ", ".join(f"{one} {value:.4g}" for one, value in zip(names[1:], group, strict=True))
-            order = np.argsort(first[inside], kind="stable")
-            series.append(Series(label, first[inside][order], found[inside, number][order]))
-        few = series if len(series) <= 12 else [Series("", first, found[:, number], Style.POINTS)]
+            order = np.argsort(first[in_group], kind="stable")
+            series.append(Series(label, first[in_group][order], found[in_group, number][order]))
+        drawn = series if len(series) <= MAX_CURVES else [Series("", first, found[:, number], Style.POINTS)]
         title = f"Sweep: {points[0].quantity}" if number == 0 else ""
-        plots.append(Plot(title, axis_label(names[0]), axis_label(name), tuple(few)))
+        plots.append(Plot(title, axis_label(names[0]), axis_label(name), tuple(drawn)))
     return Study(f"Sweep: {points[0].quantity}", columns, tuple(plots), remarks)
 
 
 def axis_label(name: str) -> str:
-    """Return a name that ends with its unit as an axis says it: ``onset_rad_s`` is "Onset [rad/s]"."""
+    """Return the axis label of a name that ends with a unit: "Onset [rad/s]" for ``onset_rad_s``."""
     unit = max((unit for unit in AXIS_UNITS if name.endswith(f"_{unit}")), key=len, default="")
     quantity = name.removesuffix(f"_{unit}").replace("_", " ") if unit else name.replace("_", " ")
     return f"{quantity[0].upper()}{quantity[1:]} [{AXIS_UNITS.get(unit, '–')}]"

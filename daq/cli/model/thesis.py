@@ -1,10 +1,10 @@
-"""`rig model thesis`: every table and figure of chapters 3, 5 and 6 computed again, as one report."""
+"""`rig model thesis`: report with all tables and figures of chapters 3, 5 and 6, recomputed."""
 
 import argparse
 from collections.abc import Callable
 from pathlib import Path
 
-from daq.cli.model.figures import require_drawing
+from daq.cli.model.output import require_drawing
 from daq.cli.model.report import Part, captioned_plot, count_reproduced, report_html
 from daq.cli.output.progress import Console
 from daq.errors import UsageError
@@ -22,30 +22,35 @@ from model.studies.thesis.chapter_6 import (
 )
 from recordings.atomic_file import atomic_write
 
-NAME = "thesis.html"
+FILE_NAME = "thesis.html"
 _CHAPTER_3 = (
-    "Two readings: nominal, as Table 3.1 and the equations say, and thesis-like, with the two factors that bring back "
-    "the stated equilibria. Oil flows are known up to a factor that the thesis does not give."
+    "Two calibrations: nominal, with Table 3.1 and the equations; thesis-like, with two factors that reproduce the "
+    "stated equilibria. Oil flows are known only up to a factor that the thesis does not give."
 )
 _CHAPTER_5 = (
     "Euler-Bernoulli shaft, lumped discs with gyroscopic moments, as printed in Table 5.1; radii, journals 3 and 4."
 )
 _CHAPTER_6 = (
-    "Run-ups in steps of 100 rad/s, 40 turns or more to settle and 64 looked at; onset: a film's whirl above a tenth "
-    "of 1X at two successive speeds. Two of the printed imbalances exceed what the clearances can bear, the smallest "
-    "pins the journals: the cases are computed at 0.05 of them. Unstable motions are seeded with 0.02 µm along each "
-    "film's whirl and given the time to grow: left to itself a motion stays unstable for as long as rounding lets it, "
-    "so that its onset would be the computer's, not the rotor's. A whirl is the film's in which its surfaces move most "
-    "against each other, as the integrated motion of the rings and the eigenvectors tell; combinations with 1X count "
-    "for no film. Spectra and trajectories are those of the run-ups at that speed. Grey: the motion reached a wall. "
+    "Run-ups in steps of 100 rad/s, at least 40 turns to settle and 64 evaluated. Onset: a film's whirl exceeds a "
+    "tenth of 1X at two successive speeds. Two of the printed imbalances exceed the limit of the clearances, and the "
+    "smallest pins the journals, so the cases are computed at 0.05 of them. Unstable motions are seeded with 0.02 µm "
+    "along each film's whirl and have time to grow; without seed, the onset would depend on rounding errors. A whirl "
+    "is assigned to the film whose surfaces move more against each other, by the integrated motion of the rings and by "
+    "the eigenvectors; combinations with 1X are assigned to no film. Spectra and trajectories are those of the run-ups "
+    "at that speed. Grey: the motion reached a wall. "
 )
 
 
 def add_thesis(add: Callable[[str, str], argparse.ArgumentParser]) -> None:
-    """Add the command."""
-    command = add("thesis", "Compute chapters 3, 5 and 6 of the thesis again: one report, stated beside computed.")
+    """Add the subcommand `thesis`."""
+    command = add("thesis", "Recompute chapters 3, 5 and 6 of the thesis: report of stated and computed numbers.")
     command.add_argument(
-        "-o", "--output", type=Path, default=Path(), metavar="FOLDER", help=f"where {NAME} goes (default: here)"
+        "-o",
+        "--output",
+        type=Path,
+        default=Path(),
+        metavar="FOLDER",
+        help=f"folder of {FILE_NAME} (default: the current one)",
     )
     command.set_defaults(run=run)
 
@@ -58,10 +63,10 @@ def run(args: argparse.Namespace) -> int:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise UsageError(f"-o {folder}: expected a folder that can be made ({error.strerror})") from error
+        raise UsageError(f"-o {folder}: expected a folder that can be created ({error.strerror})") from error
     parts = compute_parts(console.progress)
     console.progress("drawing")
-    file = folder / NAME
+    file = folder / FILE_NAME
     text = report_html(parts)
     try:
         with atomic_write(file) as temporary:
@@ -70,14 +75,14 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError(f"{file}: cannot be written ({error.strerror})") from error
     console.done()
     for part in parts:
-        good, total = count_reproduced(part)
-        print(f"{part.title}: {good} of {total} numbers and trends reproduced")
+        reproduced, total = count_reproduced(part)
+        print(f"{part.title}: {reproduced} of {total} numbers and trends reproduced")
     print(f"report: {file}")
     return 0
 
 
 def compute_parts(on_progress: Callable[[str], None]) -> list[Part]:
-    """Return the chapters; chapter 6's run-ups go through processes of this machine."""
+    """Return the chapters of the report; the run-ups of chapter 6 run in local processes."""
     found: dict[int, CaseResult] = {}
     for number, outcome in LocalWorkers().run(run_case, CASES):
         found[number] = outcome

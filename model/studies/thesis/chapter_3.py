@@ -27,19 +27,19 @@ from model.studies.thesis.report import Chapter, Comparison, Relation
 FloatArray = NDArray[np.float64]
 
 SIDE_FORCE = (
-    "a difference with these zeros pushes sideways: for horizontal balance its mean times sin Psi must be 0, whatever "
-    "load, viscosity or clearance"
+    "a difference with these zeros has a side force: horizontal balance requires that its mean times sin Psi is 0, "
+    "for any load, viscosity or clearance"
 )
 FLOW_TREND = (
-    "no factors on loads and capacities that were tried give flows that fall with speed: at a fixed load the inner "
+    "none of the tried factors on loads and capacities gives a flow that falls with speed: at a fixed load the inner "
     "pressure hardly changes and the outer cavity shrinks"
 )
-ZEROS_MOVE = "30 N taken, none is stated; the flow's kinks lie where a hole meets a zero of Fig. 3.9, which differ"
-LOAD_RATIO = "the speeds for 10, 20 and 30 N stand as 1 to 2.7 to 4.9 in any reading"
+ZEROS_MOVE = "no load stated, 30 N assumed; the flow has kinks where a hole meets a zero of Fig. 3.9, and these differ"
+LOAD_RATIO = "the ratio of the speeds for 10, 20 and 30 N is 1 to 2.7 to 4.9 with any calibration"
 
 
 def chapter_3() -> Chapter:
-    """Return chapter 3 computed again with both calibrations; takes about a second."""
+    """Return chapter 3 recomputed with both calibrations; takes about a second."""
     readings = (
         calibrated_chapter("nominal", nominal_lubrication()),
         calibrated_chapter("thesis-like", thesis_like_lubrication()),
@@ -62,12 +62,21 @@ def _equilibria(chapter: CalibratedChapter) -> list[Comparison]:
         _equality(chapter, "3.2", "loads whose outer attitude nears 90° with speed", "-", 3, rising, 0, "counted"),
     ]
     for case, eccentricity, attitude in zip(chapter.by_load, (0.12, 0.23, 0.35), (90, 89, 87), strict=True):
-        rest, where = case.at(1000.0), _case_and_speed(case, 1000.0)
+        equilibrium, where = case.at(1000.0), _case_and_speed(case, 1000.0)
         found += [
             _equality(
-                chapter, "3.3", f"inner eccentricity, {where}", "-", eccentricity, rest.inner.eccentricity, 0.005, note
+                chapter,
+                "3.3",
+                f"inner eccentricity, {where}",
+                "-",
+                eccentricity,
+                equilibrium.inner.eccentricity,
+                0.005,
+                note,
             ),
-            _equality(chapter, "3.3", f"inner attitude, {where}", "°", attitude, inner_attitude(rest), 0.8, note),
+            _equality(
+                chapter, "3.3", f"inner attitude, {where}", "°", attitude, inner_attitude(equilibrium), 0.8, note
+            ),
         ]
     return found
 
@@ -80,8 +89,8 @@ def _cavities(chapter: CalibratedChapter) -> list[Comparison]:
     known = [angle for angle in slow if angle is not None]
     spread = max(known) - min(known) if len(known) == len(slow) else None
     lowest = min(angle for angle in (inner_rupture(case.at(1000.0)) for case in chapter.by_load) if angle is not None)
-    never = sum(rest.inner.is_complete for case in chapter.by_load for rest in case.rests)
-    broken = sum(any(not rest.outer.is_complete for rest in case.rests) for case in chapter.by_load)
+    never = sum(equilibrium.inner.is_complete for case in chapter.by_load for equilibrium in case.equilibria)
+    broken = sum(any(not equilibrium.outer.is_complete for equilibrium in case.equilibria) for case in chapter.by_load)
     return [
         _equality(
             chapter,
@@ -91,7 +100,7 @@ def _cavities(chapter: CalibratedChapter) -> list[Comparison]:
             3,
             broken,
             0,
-            "counted" if broken == 3 else f"as Table 3.1 has it the outer film is complete from {thirty:,.0f} rad/s on",
+            "counted" if broken == 3 else f"with Table 3.1 the outer film is complete from {thirty:,.0f} rad/s on",
         ),
         Comparison("Fig. 3.5", quantity.format(10), "rad/s", 2000, ten, 0, Relation.AT_MOST, chapter.name),
         Comparison(
@@ -126,14 +135,14 @@ def _cavities(chapter: CalibratedChapter) -> list[Comparison]:
             0,
             spread,
             7,
-            "stated as the same place; tolerance what can be read off an axis of 360°"
+            "stated as the same position; tolerance: reading accuracy of an axis of 360°"
             if spread is not None
             else "the outer film is complete",
         ),
         _equality(
             chapter,
             "3.8",
-            "start of the outer cavity, 3,000 rad/s, 2e5 Pa, load not stated (30 N taken)",
+            "start of the outer cavity, 3,000 rad/s, 2e5 Pa, load not stated (30 N assumed)",
             "°",
             280,
             outer_rupture(chapter.reference_equilibrium),
@@ -146,12 +155,12 @@ def _cavities(chapter: CalibratedChapter) -> list[Comparison]:
 
 
 def _differences(chapter: CalibratedChapter) -> list[Comparison]:
-    rest = chapter.reference_equilibrium
+    equilibrium = chapter.reference_equilibrium
     degrees = np.arange(0.0, 360.0, 0.05)
     psi = np.radians(degrees)
-    difference = rest.pressure_difference(psi) / 1e5
+    difference = equilibrium.pressure_difference(psi) / 1e5
     zeros = degrees[1:][np.sign(difference[1:]) != np.sign(difference[:-1])]
-    quantity = "the pressure difference's zero nearest to {}°, 3,000 rad/s, 2e5 Pa, load not stated (30 N taken)"
+    quantity = "zero of the pressure difference nearest to {}°, 3,000 rad/s, 2e5 Pa, load not stated (30 N assumed)"
     note = SIDE_FORCE if zeros.size else "no zero: the outer pressure is higher everywhere"
     found = [
         _equality(chapter, "3.9", quantity.format(f"{stated:g}"), "°", stated, _nearest(zeros, stated), 5, note)
@@ -161,16 +170,16 @@ def _differences(chapter: CalibratedChapter) -> list[Comparison]:
         _equality(
             chapter,
             "3.10",
-            f"holes fed with the ring at {angle}°, load not stated (30 N taken)",
+            f"holes fed with the ring at {angle}°, load not stated (30 N assumed)",
             "-",
             stated,
-            float(np.sum(rest.hole_flow(np.radians(angle + 60.0 * np.arange(6))) > 0)),
+            float(np.sum(equilibrium.hole_flow(np.radians(angle + 60.0 * np.arange(6))) > 0)),
             0,
             SIDE_FORCE,
         )
         for angle, stated in ((0, 4), (20, 3), (60, 4))
     ]
-    peak = float(np.max(rest.outer.pressure(psi))) / 1e5
+    peak = float(np.max(equilibrium.outer.pressure(psi))) / 1e5
     axis = "axis of the figure; the load is not stated"
     return [
         *found,
@@ -217,7 +226,7 @@ def _flows(chapter: CalibratedChapter) -> list[Comparison]:
             2.1,
             mean_flow(chapter.by_load[0].at(1000.0)),
             0.05,
-            "the flow's scale is chosen to give it nominally: no prediction",
+            "the flow scale is calibrated to this value: no prediction",
         ),
         _equality(
             chapter,
@@ -252,7 +261,7 @@ def _flows(chapter: CalibratedChapter) -> list[Comparison]:
                 stated,
                 computed,
                 0.5,
-                "the size is calibrated, the ratio of the three is not",
+                "the magnitude is calibrated, the ratio of the three is not",
             )
         )
     middle, high = chapter.by_pressure[1:]
@@ -286,10 +295,10 @@ def _flows(chapter: CalibratedChapter) -> list[Comparison]:
 
 def _inner_note(chapter: CalibratedChapter) -> str:
     calibrated = chapter.lubrication.inner_capacity_factor != 1
-    return "one factor gives all six" if calibrated else "the inner film as Table 3.1 has it carries 13 times more"
+    return "one factor gives all six" if calibrated else "with Table 3.1 the inner film carries 13 times more"
 
 
-def _equality(  # a comparison with one number of a figure
+def _equality(
     chapter: CalibratedChapter,
     figure: str,
     quantity: str,
@@ -311,13 +320,13 @@ def _nearest(values: FloatArray, stated: float) -> float | None:
 
 
 def _outward_speeds(case: Case) -> FloatArray:
-    # speeds at which oil leaves the inner film, rad/s
+    # speeds at which oil flows out of the inner film, rad/s
     speeds, flow = case.over_speed(mean_flow)
     return speeds[flow < 0]
 
 
 def _outward_percentage(case: Case) -> float:
-    return 100 * _outward_speeds(case).size / len(case.rests)
+    return 100 * _outward_speeds(case).size / len(case.equilibria)
 
 
 def _first_outward(case: Case) -> float | None:

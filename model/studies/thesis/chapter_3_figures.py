@@ -1,4 +1,4 @@
-"""Figures 3.2 to 3.15 of the thesis computed again."""
+"""Figures 3.2 to 3.15 of the thesis, recomputed."""
 
 from collections.abc import Callable
 
@@ -20,14 +20,14 @@ from model.studies.thesis.report import Curve, Figure
 
 RING_ANGLES = np.arange(0.0, 360.0, 0.5)  # degrees
 SPEED_LABEL = "Speed of the shaft [rad/s]"
-PLACE_LABEL = "Place from the top in the direction of rotation [°]"
+ANGLE_LABEL = "Angle from the top in the direction of rotation [°]"
 RING_LABEL = "Angle of the ring [°]"
-NO_CAVITY = "the film is complete at all these speeds: no cavity to draw"
-FLOW_LABEL = "Oil flow into the inner film, scaled [1e-4 kg/s]"
+NO_CAVITY = "the film is complete at all these speeds: no cavity"
+FLOW_LABEL = "Oil flow into the inner film, calibrated [1e-4 kg/s]"
 
 
 def chapter_3_figures(chapter: CalibratedChapter) -> list[Figure]:
-    """Return Figures 3.2 to 3.15 with computed curves; 3.1 is a drawing, 3.10 is drawn as the number of fed holes."""
+    """Return Figures 3.2 to 3.15; 3.1 is a drawing, and 3.10 becomes a curve of the number of fed holes."""
     loads, pressures = chapter.by_load, chapter.by_pressure
     return [
         _over_speed(chapter, "3.2a", "outer eccentricity", "Eccentricity ratio", loads, outer_eccentricity),
@@ -53,7 +53,7 @@ def _three_speeds(case: Case) -> tuple[tuple[Case, float], ...]:
     return tuple((case, speed) for speed in (1000.0, 3000.0, 5000.0))
 
 
-def _over_speed(  # the figures over the speed of the shaft, one curve a case
+def _over_speed(
     chapter: CalibratedChapter,
     number: str,
     subject: str,
@@ -75,22 +75,22 @@ def _turn(chapter: CalibratedChapter, number: str, reference_equilibrium: tuple[
 
 
 def _pressure_figures(chapter: CalibratedChapter) -> list[Figure]:
-    rest = chapter.reference_equilibrium
+    equilibrium = chapter.reference_equilibrium
     psi = np.radians(RING_ANGLES)
     films = (
-        Curve("inner film", RING_ANGLES, rest.inner.pressure(psi) / 1e5),
-        Curve("outer film", RING_ANGLES, rest.outer.pressure(psi) / 1e5),
+        Curve("inner film", RING_ANGLES, equilibrium.inner.pressure(psi) / 1e5),
+        Curve("outer film", RING_ANGLES, equilibrium.outer.pressure(psi) / 1e5),
     )
-    difference = Curve("outer less inner", RING_ANGLES, rest.pressure_difference(psi) / 1e5)
+    difference = Curve("outer less inner", RING_ANGLES, equilibrium.pressure_difference(psi) / 1e5)
     title = f"30 N, 2e5 Pa, 3,000 rad/s, {chapter.name}"
     return [
-        Figure("3.8", f"Pressures, {title}", PLACE_LABEL, "Pressure [1e5 Pa]", films),
-        Figure("3.9", f"Pressure difference, {title}", PLACE_LABEL, "Pressure difference [1e5 Pa]", (difference,)),
+        Figure("3.8", f"Pressures, {title}", ANGLE_LABEL, "Pressure [1e5 Pa]", films),
+        Figure("3.9", f"Pressure difference, {title}", ANGLE_LABEL, "Pressure difference [1e5 Pa]", (difference,)),
     ]
 
 
 def _fed_holes(chapter: CalibratedChapter) -> Figure:
-    # Fig. 3.10 draws the ring at 0, 20, 40 and 60 degrees with the holes that are fed
+    # Fig. 3.10 shows the fed holes of the ring at 0, 20, 40 and 60 degrees.
     holes = np.radians(RING_ANGLES + 60.0 * np.arange(6)[:, None])
     fed = np.sum(chapter.reference_equilibrium.hole_flow(holes) > 0, axis=0).astype(np.float64)
     title = f"Holes through which oil flows in, of six, {chapter.name}"

@@ -1,7 +1,4 @@
-"""Chapter 5 of the thesis computed again: Tables 5.2 and 5.3, mode shapes and Campbell diagrams.
-
-Table 5.3 of the thesis as printed, and why some of its entries cannot be meant.
-"""
+"""Chapter 5 of the thesis recomputed: Tables 5.2 and 5.3 with known misprints, mode shapes, Campbell diagrams."""
 
 import math
 from typing import Final
@@ -18,7 +15,7 @@ from model.studies.linear import campbell_study, critical_study, modes_study, su
 from model.studies.study import Plot, Series, Surface
 from model.studies.thesis.report import Comparison
 
-# rad/s: third, second, first bending, upper, lower rigid mode, Hz; forward, then reverse
+# Speed, rad/s: third, second, first bending, upper, lower rigid mode, Hz; forward, then reverse. As printed.
 TABLE_5_3: Final[dict[int, tuple[tuple[int, ...], tuple[int, ...]]]] = {
     0: ((11976, 5046, 1732, 52, 20), (-11976, -5046, -1732, -52, -20)),
     500: ((11997, 5094, 1769, 53, 25), (-11955, -4997, -1695, -52, -16)),
@@ -39,20 +36,18 @@ TABLE_5_3: Final[dict[int, tuple[tuple[int, ...], tuple[int, ...]]]] = {
     8000: ((12351, 5909, 2410, 53, 143), (-11667, -4361, -1231, -50, -3)),
 }
 
-CARRIED_ON: Final = (
-    "printed as 53 at every speed; the branch dips to 50.0 where it meets the lower one near 2,600 rad/s"
-)
-HAND_CARRIED: Final = "printed as -50 from 2,500 rad/s on; the branch hardly depends on speed and stays at -52.4"
-JUMPS: Final = "the column falls by 18 a row; -11665.6 continues it, -11667 does not"
+COPIED_53: Final = "printed as 53 at every speed; the branch dips to 50.0 where it meets the lower one near 2,600 rad/s"
+COPIED_MINUS_50: Final = "printed as -50 from 2,500 rad/s on; the branch hardly depends on speed and stays at -52.4"
+MISPRINT_11667: Final = "the column falls by 18 a row; -11665.6 continues it, -11667 does not"
 
 
 def misprint_reason(speed: int, printed: int) -> str:
-    """Return why an entry is not met; empty where nothing is known."""
+    """Return the reason why a printed entry differs; empty if none is known."""
     if printed == 53 and 2500 <= speed <= 6500:
-        return CARRIED_ON
+        return COPIED_53
     if printed == -50 and speed >= 2500:
-        return HAND_CARRIED
-    return JUMPS if (speed, printed) == (8000, -11667) else ""
+        return COPIED_MINUS_50
+    return MISPRINT_11667 if (speed, printed) == (8000, -11667) else ""
 
 
 FloatArray = NDArray[np.float64]
@@ -70,7 +65,7 @@ MODES_PER_DIRECTION = 4  # modes of each sense
 
 
 def chapter_5_comparisons() -> list[Comparison]:
-    """Return every number that chapter 5 states, beside the computed one."""
+    """Return all numbers stated in chapter 5 with the computed ones."""
     rotor = gj90c_rotor()
     bending = free_modes(rotor).frequencies[2:6] / (2 * math.pi)
     found = [
@@ -98,7 +93,7 @@ def chapter_5_comparisons() -> list[Comparison]:
 
 
 def _row(rotor: Rotor, speed: int, forward: tuple[int, ...], reverse: tuple[int, ...]) -> list[Comparison]:
-    """Return a row of Table 5.3, sorted: its columns follow the rigid modes through their meeting."""
+    """Return a row of Table 5.3, sorted: its columns track the rigid modes through their veering."""
     frequencies = natural_frequencies(rotor, STIFFNESS, speed) / (2 * math.pi)
     middle = frequencies.size // 2
     ours = (*frequencies[middle : middle + 5][::-1], *frequencies[middle - 5 : middle])
@@ -112,7 +107,7 @@ def _row(rotor: Rotor, speed: int, forward: tuple[int, ...], reverse: tuple[int,
 
 
 def chapter_5_figures() -> list[tuple[str, tuple[Plot | Surface, ...]]]:
-    """Return chapter 5's figures with their captions."""
+    """Return the figures of chapter 5 with captions."""
     parameters, speeds = gj90c(), np.linspace(0.0, MAX_SPEED, 161)
     shapes = modes_study(parameters, None, 0.0, 14).plots
     diagrams = [campbell_study(parameters, stiffness, speeds) for stiffness in CRITICAL_SPEED_COUNTS]
@@ -128,26 +123,26 @@ def chapter_5_figures() -> list[tuple[str, tuple[Plot | Surface, ...]]]:
             for number, stiffness in zip(SHAPES, CRITICAL_SPEED_COUNTS, strict=True)
         ),
         (
-            "Where the critical speeds of the three diagrams come from: all over the bearings' stiffness",
+            "Critical speed map: the critical speeds of the three diagrams over the stiffness of the bearings",
             critical_study(parameters, stiffnesses, 2e4).plots,
         ),
     ]
 
 
 def _shapes(parameters: ModelParameters, stiffness: float) -> tuple[Plot, ...]:
-    """Return the lowest forward and reverse modes at the highest speed, each with its largest displacement 1."""
+    """Return the lowest forward and reverse modes at the highest speed, scaled to a maximum of 1."""
     modes = whirl_modes(supported_system(parameters, stiffness), [MAX_SPEED])[0]
     plots = []
     for name, sign in (("Forward", 1), ("Reverse", -1)):
-        places = np.flatnonzero(sign * modes.frequencies > 0)
+        indices = np.flatnonzero(sign * modes.frequencies > 0)
         series = []
-        for place in places[np.argsort(np.abs(modes.frequencies[places]))][:MODES_PER_DIRECTION]:
-            moved = modes.shapes[place, 0]
-            shape = np.real(moved / moved[int(np.argmax(np.abs(moved)))])
-            hertz = f"{abs(modes.frequencies[place]) / (2 * math.pi):,.1f} Hz"
-            series.append(Series(hertz, parameters.rotor.positions * 1e3, np.asarray(shape)))
+        for index in indices[np.argsort(np.abs(modes.frequencies[indices]))][:MODES_PER_DIRECTION]:
+            shape = modes.shapes[index, 0]
+            scaled = np.real(shape / shape[int(np.argmax(np.abs(shape)))])
+            hertz = f"{abs(modes.frequencies[index]) / (2 * math.pi):,.1f} Hz"
+            series.append(Series(hertz, parameters.rotor.positions * 1e3, np.asarray(scaled)))
         title = f"{name} modes at {MAX_SPEED:,.0f} rad/s, springs of {stiffness:.0e} N/m"
         plots.append(
-            Plot(title, "Position along the shaft [mm]", "Displacement, largest 1", tuple(series), y_limits=(-1.1, 1.1))
+            Plot(title, "Position along the shaft [mm]", "Displacement, maximum 1", tuple(series), y_limits=(-1.1, 1.1))
         )
     return tuple(plots)

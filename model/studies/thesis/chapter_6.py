@@ -1,8 +1,8 @@
-"""Chapter 6 of the thesis computed again: run-ups with eleven sets of parameters, onsets, looks and trends.
+"""Chapter 6 of the thesis recomputed: run-ups with eleven parameter sets, onsets, spectra and trends.
 
-The printed imbalances (1, 2.5 and 5e-5 kg m) cannot be borne: two are larger than the rotor's mass times the bearing's
-clearance, and the smallest pins the journals near the wall. All cases are therefore computed at 0.05 of them, and the
-smallest once as printed.
+The printed imbalances (1, 2.5 and 5e-5 kg m) are not feasible: two are larger than the rotor mass times the bearing
+clearance, and the smallest one pins the journals near the wall. All cases are therefore computed at 0.05 of them, and
+the smallest one also as printed.
 """
 
 import itertools
@@ -29,32 +29,34 @@ FloatArray = NDArray[np.float64]
 IMBALANCE_FRACTION = 0.05  # of the printed imbalances
 SPEEDS = np.arange(200.0, 8001.0, 100.0)  # rad/s
 SPEEDS.flags.writeable = False
-RESONANCE_LIMIT = 6000.0  # rad/s: above it the printed imbalance meets an undamped resonance
-UNDAMPED_NOTE = "; above 6,000 rad/s the undamped resonance at 7,526 rad/s: sizes without meaning, off the scale"
+RESONANCE_LIMIT = 6000.0  # rad/s: at higher speeds the printed imbalance excites an undamped resonance
+UNDAMPED_NOTE = (
+    "; above 6,000 rad/s the undamped resonance at 7,526 rad/s dominates: amplitudes off the scale, without meaning"
+)
 ONSET_TOLERANCE = 100.0  # rad/s, the step of the run-ups
-ORDER_TOLERANCE = 0.05  # of an order that is stated in tens of percent
+ORDER_TOLERANCE = 0.05  # orders are stated in tenths
 HALF_SPEED = {
-    INNER: "half the sum of both surfaces' speeds, which the text names as the cause, is 0.703 for a centred journal",
+    INNER: "half the sum of both surface speeds, which the text names as the cause, is 0.703 for a centred journal",
     OUTER: "half the ring's speed is 0.203 for a centred ring",
 }
-CHANCE_NOTE = "near the stated one, which proves little: most others are far off"
+CHANCE_NOTE = "agreement by chance: most other onsets are far off"
 PINNED_NOTE = "at this imbalance the journals are pinned near the wall"
 NOT_REPRODUCED_NOTE = (
     "the onset speeds do not follow from the printed data: at the printed imbalance the journals are pinned to the "
-    "wall, at 0.05 of it the films let go as computed here"
+    "wall, at 0.05 of it the onsets are as computed here"
 )
 
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """A set of parameters of chapter 6 and what is stated of it.
+    """A parameter set of chapter 6 with the results stated in the text.
 
     Parameters
     ----------
     name : str
-        What differs.
+        Parameter that differs from the base case.
     figures : str
-        In the thesis.
+        Figures in the thesis.
     imbalance : float
         As printed, kg m, on the turbine wheel.
     viscosity : float
@@ -64,13 +66,13 @@ class Case:
     static_load : float
         On each ring, N.
     inner_onset, outer_onset : float
-        Stated, rad/s; NaN where nothing is.
+        Stated onset speeds, rad/s; NaN if none is stated.
     inner_end : float
-        Stated, rad/s: where the inner film's whirl ends; NaN where nothing is.
+        Stated end of the inner-film whirl, rad/s; NaN if none is stated.
     imbalance_fraction : float
-        Of the printed imbalance that is computed.
+        Fraction of the printed imbalance used in the computation.
     spectra : tuple of Spectrum
-        Spectra and trajectories that are shown of it.
+        Spectra and trajectories shown in the thesis.
     """
 
     name: str
@@ -87,7 +89,7 @@ class Case:
     spectra: tuple[Spectrum, ...] = ()
 
     def parameters(self) -> ModelParameters:
-        """Return the case with the imbalance that can be borne."""
+        """Return the model parameters of the case, with the reduced imbalance."""
         found = gj90c(
             imbalance=self.imbalance_fraction * self.imbalance,
             viscosity=self.viscosity,
@@ -160,14 +162,14 @@ CASES = (
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CaseResult:
-    """A case computed again.
+    """Computed results of a case.
 
     Parameters
     ----------
     run : RunUp
-        Every 100 rad/s, seeded where it is unstable: 40 turns or more to settle and 64 looked at.
+        Run-up in steps of 100 rad/s, seeded where unstable: 40 turns or more to settle, 64 turns evaluated.
     stability : Stability
-        Of the synchronous motion, by eigenvalues.
+        Stability of the synchronous motion, by eigenvalues.
     """
 
     run: RunUp
@@ -175,13 +177,13 @@ class CaseResult:
 
 
 def run_case(case: Case) -> CaseResult:
-    """Return a case computed again; takes some seconds."""
+    """Compute a case; takes some seconds."""
     parameters = case.parameters()
     return CaseResult(run_up(parameters, SPEEDS, seed=DEFAULT_SEED), stability(parameters, SPEEDS[::2], 5.0))
 
 
 def chapter_6_comparisons(found: tuple[CaseResult, ...]) -> list[Comparison]:
-    """Return what chapter 6 states of its cases and frequencies, beside what run-ups of `CASES` showed."""
+    """Return onsets and whirl orders stated in chapter 6 with those of the run-ups of `CASES`."""
     onsets, orders = [], []
     for case, one in zip(CASES, found, strict=True):
         onsets += [_edge(case, one, film, stated) for film, stated in _stated_onsets(case)]
@@ -197,7 +199,7 @@ def _stated_onsets(case: Case) -> list[tuple[FilmName, float]]:
 
 
 def _edge(case: Case, one: CaseResult, film: FilmName, stated: float, *, is_end: bool = False) -> Comparison:
-    """Return where a film's whirl begins or ends beside what is stated."""
+    """Return stated and computed onset, or end, of the whirl of a film."""
     speed = one.run.end(film) if is_end else one.run.onset(film)
     why = PINNED_NOTE if case.imbalance_fraction == 1 else NOT_REPRODUCED_NOTE
     if abs(speed - stated) <= ONSET_TOLERANCE:
@@ -231,7 +233,7 @@ def _order(spectrum: Spectrum, case: Case, run: RunUp) -> Comparison:
 
 
 def _bands(found: Stability, film: FilmName) -> str:
-    """Return what the eigenvalues say of a film."""
+    """Return the unstable bands of a film as text."""
     parts = [
         f"from {one.start:,.0f} to {one.stop:,.0f} rad/s ({one.order:.2f}X)" for one in found.bands if one.film is film
     ]
@@ -239,7 +241,7 @@ def _bands(found: Stability, film: FilmName) -> str:
 
 
 def onsets_by_eigenvalues(found: tuple[CaseResult, ...]) -> str:
-    """Return how the run-ups' onsets stand to the eigenvalues', which need no time to grow."""
+    """Return a comparison of the onsets of run-ups and of eigenvalues, which need no time to grow, as text."""
     others, agreeing = [], 0
     for case, one in zip(CASES, found, strict=True):
         for film in FilmName:
@@ -249,10 +251,12 @@ def onsets_by_eigenvalues(found: tuple[CaseResult, ...]) -> str:
                 agreeing += 1
             else:
                 others.append(f"{film} film, {case.name}: {_at(seen)}, by eigenvalues {_at(expected)}")
-    elsewhere = f"; elsewhere growth is slow, or the other film whirls already: {'; '.join(others)}" if others else ""
+    elsewhere = (
+        f"; in the others growth is slow, or the other film whirls already: {'; '.join(others)}" if others else ""
+    )
     return (
-        f"{agreeing} of {agreeing + len(others)} onsets of a film stand at the first speed beyond the eigenvalues' "
-        f"onset, or neither shows any{elsewhere}."
+        f"{agreeing} of {agreeing + len(others)} onsets of a film are at the first speed above the onset by "
+        f"eigenvalues, or neither shows any{elsewhere}."
     )
 
 
@@ -262,16 +266,16 @@ def _at(speed: float) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Trend:
-    """Something that chapter 6 says of its cases.
+    """A trend stated in chapter 6.
 
     Parameters
     ----------
     text : str
-        The trend.
+        Text of the trend.
     is_reproduced : bool
-        Whether the run-ups show it.
+        Whether the run-ups reproduce it.
     seen : str
-        What they show.
+        Computed values.
     """
 
     text: str
@@ -280,7 +284,7 @@ class Trend:
 
 
 def trends(found: tuple[CaseResult, ...]) -> list[Trend]:
-    """Return the trends of chapter 6, each judged by the run-ups of `CASES`."""
+    """Return the trends stated in chapter 6, evaluated with the run-ups of `CASES`."""
     runs = [(case, one.run) for case, one in zip(CASES, found, strict=True)]
     by_name = {case.name: one for case, one in runs}
     base = CASES[1].name
@@ -292,7 +296,7 @@ def trends(found: tuple[CaseResult, ...]) -> list[Trend]:
 
     def trend(text: str, names: tuple[str, ...], film: FilmName, sign: int) -> Trend:
         onsets = [by_name[name].onset(film) for name in names]
-        sizes = [one if math.isfinite(one) else math.inf for one in onsets]  # no whirl: later than any
+        sizes = [one if math.isfinite(one) else math.inf for one in onsets]  # no whirl: counts as the latest onset
         steps = [(later > earlier) - (later < earlier) for earlier, later in itertools.pairwise(sizes)]
         seen = " → ".join(f"{one:,.0f} rad/s" if math.isfinite(one) else "none" for one in onsets)
         return Trend(text, all(step == sign for step in steps), seen)
@@ -326,13 +330,13 @@ def trends(found: tuple[CaseResult, ...]) -> list[Trend]:
 
 
 def chapter_6_figures(found: tuple[CaseResult, ...]) -> list[tuple[str, tuple[Plot | Surface, ...]]]:
-    """Return a waterfall and a bifurcation diagram of each case, its spectra and trajectories, with captions."""
+    """Return waterfall, bifurcation diagram, spectra and trajectories of each case, with captions."""
     figures: list[tuple[str, tuple[Plot | Surface, ...]]] = []
     for case, one in zip(CASES, found, strict=True):
         at = f"{case.name} (computed at {case.imbalance_fraction:g} of the printed imbalance)"
         waterfall = waterfall_surface(one.run, f"Waterfall, {case.name}")
         bifurcation = bifurcation_plot(one.run, f"Bifurcation, {case.name}")
-        if case.imbalance_fraction == 1:  # scales that show what is below the resonance
+        if case.imbalance_fraction == 1:  # scales without the resonance
             below = float(np.nanmax(one.run.peak_to_peak[one.run.speeds <= RESONANCE_LIMIT])) * 1e6
             waterfall = replace(waterfall, z_limits=(waterfall.z_limits[0], below))
             bifurcation = replace(bifurcation, y_limits=(-below, below))

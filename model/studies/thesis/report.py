@@ -1,6 +1,6 @@
-"""What a recomputed chapter of the thesis consists of: numbers stated beside computed ones, and curves to be drawn.
+"""Data of a recomputed chapter of the thesis: stated and computed numbers, and figures.
 
-Numbers here stand in the unit that is named beside them, as the thesis prints them: they are for a report.
+Numbers are in the printed unit of the thesis, which is given with each of them.
 """
 
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ FloatArray = NDArray[np.float64]
 
 
 class Relation(Enum):
-    """How a computed number should stand to the stated one."""
+    """Expected relation of the computed number to the stated one."""
 
     EQUAL = "="
     AT_MOST = "≤"
@@ -22,26 +22,26 @@ class Relation(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """A number that the thesis states beside the one computed.
+    """A number stated in the thesis, and the computed one.
 
     Parameters
     ----------
     place : str
-        Table, figure or page.
+        Table, figure or page in the thesis.
     quantity : str
-        What the number is.
+        Name of the quantity.
     unit : str
         Of both numbers.
     stated : float
-        By the thesis.
+        Value in the thesis.
     computed : float or None
-        Here; none where there is no such thing.
+        Computed value; None if it does not exist.
     tolerance : float
-        Difference up to which the two count as one, in the same unit.
+        Accepted difference, in the same unit.
     relation : Relation
-        How the computed one should stand to the stated one.
+        Expected relation of the computed value to the stated one.
     note : str
-        How it was computed, or the reason why they differ.
+        Method of computation, or reason of a difference.
     """
 
     place: str
@@ -55,12 +55,12 @@ class Comparison:
 
     @property
     def deviation(self) -> float | None:
-        """Computed less stated, in the unit; none where nothing was computed."""
+        """Computed minus stated value, in the unit; None without a computed value."""
         return None if self.computed is None else self.computed - self.stated
 
     @property
     def is_reproduced(self) -> bool:
-        """Whether the computed number stands to the stated one as it should, within the tolerance."""
+        """Whether the computed number has the expected relation to the stated one, within the tolerance."""
         deviation = self.deviation
         if deviation is None:
             return False
@@ -78,9 +78,9 @@ class Curve:
     Parameters
     ----------
     label : str
-        What tells it from the others.
+        Legend entry.
     x, y : ndarray, shape (n_points,), may be none
-        In the units of the figure's axes; only points that exist (a complete film has no rupture to draw).
+        Values in the units of the axes; points that do not exist are omitted (a complete film has no rupture).
     """
 
     label: str
@@ -90,22 +90,22 @@ class Curve:
 
 @dataclass(frozen=True, slots=True)
 class Figure:
-    """A figure of the thesis, computed again.
+    """A recomputed figure of the thesis.
 
     Parameters
     ----------
     number : str
-        In the thesis.
+        Number in the thesis.
     title : str
-        What it shows and with which calibration.
+        Content and calibration.
     x_label, y_label : str
-        Of the axes, with their units.
+        Axis labels with units.
     curves : tuple of Curve
-        Lines.
+        Curves of the figure.
     empty_text : str
-        Why there is none, where no curve has a point.
+        Text shown if no curve has a point.
     y_limits : tuple of float, length 2, optional
-        Ends of the axis.
+        Limits of the axis.
     """
 
     number: str
@@ -119,16 +119,16 @@ class Figure:
 
 @dataclass(frozen=True, slots=True)
 class Chapter:
-    """A chapter of the thesis, computed again.
+    """A recomputed chapter of the thesis.
 
     Parameters
     ----------
     title : str
         Number and subject.
     comparisons : tuple of Comparison
-        Every number it states.
+        All numbers stated in the chapter.
     figures : tuple of Figure
-        Every figure with computed curves.
+        All figures with computed curves.
     """
 
     title: str

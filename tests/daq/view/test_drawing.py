@@ -5,7 +5,7 @@ import pytest
 
 pytest.importorskip("matplotlib", reason="the extra `plots` is not installed")
 
-from daq.cli.model.figures import draw
+from daq.cli.model.output import draw
 from daq.cli.model.report import captioned_plot
 from model.studies.study import Plot, Series
 from model.studies.thesis.report import Curve, Figure
