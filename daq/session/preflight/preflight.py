@@ -107,7 +107,7 @@ class PreflightReport:
         Read back from the opened device; None where it cannot be opened.
     checks : tuple of Check
         In the order in which an operator checks a rig.
-    trouble : DeviceError or None
+    device_error : DeviceError or None
         Why there are no samples; checks that need none are made.
     """
 
@@ -130,7 +130,7 @@ def run_preflight_checks(rig: Rig, plan: PlannedRun, today: dt.date, on_progress
     ----------
     rig : Rig
         The rig.
-    plan : Plan
+    plan : PlannedRun
         The planned run.
     today : date
         Today's date, for the age of calibrations.
