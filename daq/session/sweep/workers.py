@@ -48,7 +48,7 @@ class LocalWorkers:
             pool_context = _PoolContext()
             executor = ProcessPoolExecutor(self._count, mp_context=pool_context, initializer=_start_worker)
             try:
-                yield from self._finish(executor, function, left)
+                yield from self._submit_and_collect(executor, function, left)
             except BrokenProcessPool:
                 continue
             finally:
@@ -60,7 +60,7 @@ class LocalWorkers:
             f"sweep: its processes died {1 + MAX_RESTARTS} times without a result; finished points are saved"
         )
 
-    def _finish(
+    def _submit_and_collect(
         self, executor: ProcessPoolExecutor, function: Callable[[Task], Result], left: dict[int, Task]
     ) -> Iterator[tuple[int, Result]]:
         """Yield results and remove them from `left`; submit only as many tasks as keep the processes busy."""

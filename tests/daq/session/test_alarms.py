@@ -2,8 +2,6 @@
 
 import json
 import re
-import time
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -11,7 +9,6 @@ import pytest
 from analysis.signals.header import Severity
 from daq.cli.main import main
 from daq.cli.output.progress import status_line
-from daq.config.rig import Rig
 from daq.drivers.replay import open_replay
 from daq.session.alarms import acknowledgement_marker, alarm_name, alarm_text
 from daq.session.offline import summarise
@@ -20,20 +17,12 @@ from daq.view.status_text import worst_alarm
 from recordings.integrity.verify import verify
 from recordings.mcap.markers import MarkerKind
 from recordings.mcap.reader import RunReader
+from tests.daq.conftest import RigFactory
 from tests.daq.support.live_updates import RPM, make_live_updates, with_alarm, with_further_alarms
 from tests.daq.support.recorded_bench import open_recorded_bench
-from tests.daq.support.recording import REAL_TIME, NoModel, UpdateList, start_recording
-
-RigFactory = Callable[..., Rig]
+from tests.daq.support.recording import REAL_TIME, NoModel, UpdateList, start_recording, wait_until
 
 LOW_LIMIT = {"peak_to_peak_alarm_um": 1.0, "peak_to_peak_danger_um": 90.0, "hold_s": 0.3}
-
-
-def wait_until(condition: Callable[[], bool]) -> None:
-    deadline = time.monotonic() + 30.0
-    while not condition():
-        assert time.monotonic() < deadline
-        time.sleep(0.02)
 
 
 def test_alarm_starts_after_its_hold_time_and_is_recorded_and_acknowledged(rig: RigFactory, tmp_path: Path) -> None:

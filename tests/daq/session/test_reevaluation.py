@@ -1,6 +1,5 @@
 """Summary of a recorded run with corrected calibrations, from its samples analysed again."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,14 +9,12 @@ import pytest
 from analysis.signals.blocks import SampleBlock
 from analysis.signals.header import Calibration, RunHeader
 from daq.cli.main import main
-from daq.config.rig import Rig
 from daq.drivers.factory import open_source
 from daq.errors import UsageError
 from daq.session.offline import corrected_header, summarise
 from recordings.mcap.reader import RunReader
 from recordings.mcap.writer import RunWriter
-
-RigFactory = Callable[..., Rig]
+from tests.daq.conftest import RigFactory
 
 
 @pytest.fixture

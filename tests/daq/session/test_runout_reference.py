@@ -1,7 +1,6 @@
 """Run-out compensation from rig.toml: given vectors, the run's own slow roll, or an earlier run's."""
 
 import math
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -12,10 +11,9 @@ from daq.config.rig import Rig
 from daq.errors import ConfigError, UsageError
 from daq.session.runout_reference import with_reference_runout
 from recordings.mcap.reader import RunReader
+from tests.daq.conftest import RigFactory, RigFiles
 from tests.daq.support.recorded_bench import record_run
 
-RigFiles = Callable[..., Path]
-RigFactory = Callable[..., Rig]
 RPM = math.pi / 30
 MICRO = 1e-6
 QUIET = {"run_out_um": 3.0, "speed_fluctuation": 0.0, "glitches_per_s": 0.0}

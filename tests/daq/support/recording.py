@@ -1,6 +1,7 @@
 """Recordings of a small simulated rig, and what tests read of them while they run and afterwards."""
 
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -58,6 +59,14 @@ def recorded_codes(path: Path) -> NDArray[np.int16]:
     """Return all codes in a run's file, shape (n_channels, n_samples)."""
     with RunReader(path) as reader:
         return np.hstack([item.codes for item in reader.items() if isinstance(item, SampleBlock)])
+
+
+def wait_until(condition: Callable[[], bool], timeout: float = 60.0) -> None:
+    """Wait until a condition holds; fail after the timeout, s."""
+    deadline = time.monotonic() + timeout
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
 
 
 def wait_for_state(run: RecordedRun, timeout: float, state: RunState) -> Status:

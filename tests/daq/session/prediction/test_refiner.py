@@ -4,8 +4,7 @@ import os
 import signal
 import sys
 import threading
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -17,6 +16,7 @@ from model.errors import ModelError
 from model.prediction.live_prediction import predict, refine
 from model.prediction.prediction_map import Prediction, PredictionMap, compute_prediction_map
 from model.rotor.gj90c import gj90c
+from tests.daq.support.recording import wait_until
 
 SETTINGS = AnalysisSettings(revolutions=8)
 TIMEOUT = 60.0  # s, includes process start and compilation on a new machine
@@ -32,13 +32,6 @@ def refiner(prediction_map: PredictionMap) -> Iterator[Refiner]:
     refiner = Refiner(gj90c(), SETTINGS, prediction_map)
     yield refiner
     refiner.close()
-
-
-def wait_until(condition: Callable[[], bool]) -> None:
-    end = time.monotonic() + TIMEOUT
-    while not condition():
-        assert time.monotonic() < end
-        time.sleep(0.01)
 
 
 def refined(refiner: Refiner, speed: float) -> Prediction:

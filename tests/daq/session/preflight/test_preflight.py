@@ -2,7 +2,6 @@
 
 import datetime as dt
 import json
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,9 +17,7 @@ from daq.errors import ConfigError
 from daq.schemas.preflight import PreflightSchema
 from daq.session.preflight.preflight import PlannedRun, PreflightReport, run_preflight_checks
 from daq.session.preflight.rig_checks import calibration_checks, disk_check, planned_speed_check, sample_checks
-
-RigFactory = Callable[..., Rig]
-RigFiles = Callable[..., Path]
+from tests.daq.conftest import RigFactory, RigFiles
 
 TODAY = dt.date(2026, 11, 24)
 SERIALS_CHECK = "probe serials"  # the test rig's two probes share a record

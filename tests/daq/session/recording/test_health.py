@@ -2,7 +2,6 @@
 
 import threading
 import time
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,18 +10,16 @@ import pytest
 
 from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd
 from daq.cli.output.progress import status_line
-from daq.config.rig import Rig
 from daq.config.schema import TimingSection
 from daq.drivers.simulation.card import SimulatedCard
 from daq.session.live_update import RunState
 from daq.session.recording.health import loss_message, recording_health
 from daq.session.recording.statistics import RecorderStatistics
 from recordings.mcap.reader import RunReader
+from tests.daq.conftest import RigFactory
 from tests.daq.support.device_server import serving
 from tests.daq.support.ni_driver import NiDriver
 from tests.daq.support.recording import start_recording, wait_for_state
-
-RigFactory = Callable[..., Rig]
 
 RATE = 1000.0
 TIMING = TimingSection(rate_hz=RATE, block_s=0.1, buffer_s=4)

@@ -8,9 +8,8 @@ import signal
 import subprocess
 import sys
 import threading
-import time
 import urllib.request
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -19,15 +18,16 @@ import pytest
 
 from daq.config.loader import load_rig
 from recordings.integrity.verify import Verdict, verify
+from tests.daq.conftest import RigFiles
 from tests.daq.support.commands import TIMEOUT, remaining_processes
 from tests.daq.support.recorded_bench import RUN, record_run
+from tests.daq.support.recording import wait_until
 
 pytestmark = [
     pytest.mark.skipif(sys.platform != "linux", reason="POSIX signals and Linux process states"),
     pytest.mark.campaign,
 ]
 
-RigFiles = Callable[..., Path]
 STEADY = {"pace": "real time", "profile": [{"time_s": t, "speed_rpm": 3000.0} for t in (0.0, 600.0)]}
 NICE = {"predictor": 5, "refiner": 10, "reader": 15}
 """Increase of niceness of each helper process, by which the test identifies it."""
@@ -73,13 +73,6 @@ class Recording:
 
         wait_until(is_found)
         return found[0]
-
-
-def wait_until(condition: Callable[[], bool]) -> None:
-    end = time.monotonic() + TIMEOUT
-    while not condition():
-        assert time.monotonic() < end
-        time.sleep(0.01)
 
 
 @contextlib.contextmanager

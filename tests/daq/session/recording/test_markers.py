@@ -4,7 +4,6 @@ import os
 import re
 import socket
 import sys
-from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
 
@@ -12,19 +11,17 @@ import httpx
 import pytest
 
 from daq.cli.main import main
-from daq.config.rig import Rig
 from daq.drivers.replay import open_replay
 from daq.session.live_update import TimedMarker
 from daq.session.recording.recorded_run import RecordedRun
 from daq.session.replayed_run import ReplayedRun
 from recordings.integrity.verify import verify
 from recordings.mcap.reader import RunReader
+from tests.daq.conftest import RigFactory, RigFiles
 from tests.daq.support.commands import POSIX, REAL_TIME_MINUTE, record_command
 from tests.daq.support.recording import REAL_TIME, NoModel, UpdateList, start_recording
 from tests.daq.support.service_bench import open_bench
 
-RigFiles = Callable[..., Path]
-RigFactory = Callable[..., Rig]
 RATE = 20_000.0
 JSON = {"Content-Type": "application/json"}
 
@@ -126,8 +123,8 @@ def test_markers_from_rest_command_and_terminal_are_in_the_summary(
     output = seen.decode(errors="replace")
     assert "no new alarm" in output
     assert "marked “by hand”" in output
-    assert re.search(r"mark +\d\.\d s  “by REST”", output)
-    assert re.search(r"mark +\d\.\d s  “by hand”", output)
+    assert re.search(r"marker +\d+\.\d s  “by REST”", output)
+    assert re.search(r"marker +\d+\.\d s  “by hand”", output)
     (path,) = (tmp_path / "data").glob("*.mcap")
     with RunReader(path) as reader:
         assert [marker.text for marker in reader.markers()] == ["by REST", "by command", "by hand"]

@@ -8,7 +8,6 @@ import sys
 import textwrap
 import threading
 import time
-from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
 
@@ -32,6 +31,7 @@ from daq.session.recording.ring import BlockRing
 from daq.session.recording.statistics import RecorderStatistics
 from recordings.mcap.parts import PartLimits, PartWriter, file_ids
 from recordings.mcap.reader import RunReader
+from tests.daq.conftest import RigFactory
 from tests.daq.support.recording import (
     REAL_TIME,
     RUN,
@@ -41,8 +41,6 @@ from tests.daq.support.recording import (
     recording_request,
     start_recording,
 )
-
-RigFactory = Callable[..., Rig]
 
 
 def card_codes(rig: Rig) -> NDArray[np.int16]:

@@ -1,6 +1,5 @@
 """A run through nidaqmx and gRPC into a file, compared with a direct recording of the simulator."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -8,16 +7,14 @@ import numpy as np
 import pytest
 
 from analysis.signals.blocks import EndReason
-from daq.config.rig import Rig
 from daq.drivers.simulation.card import SimulatedCard
 from daq.errors import StoppedError
 from daq.session.recording.recorded_run import RecordedRun
 from recordings.mcap.reader import RunReader
+from tests.daq.conftest import RigFactory
 from tests.daq.support.device_server import serving
 from tests.daq.support.ni_driver import NiDriver
 from tests.daq.support.recording import NoModel, recorded_codes, recording_request, start_recording
-
-RigFactory = Callable[..., Rig]
 
 
 def test_run_through_nidaqmx_holds_the_codes_of_the_simulator(rig: RigFactory, tmp_path: Path) -> None:
