@@ -172,7 +172,7 @@ def _waves(
         Curve(f"{order:g}X", shifted.tolist(), row.tolist(), colour=colour)
         for order, row, colour in zip(chosen.orders, rows, DISTINCT_COLOURS, strict=False)
     ]
-    dots = [Curve("", marks.tolist(), np.interp(marks, shifted, row).tolist(), Style.MARKS) for row in rows]
+    dots = [Curve("", marks.tolist(), np.interp(marks, shifted, row).tolist(), Style.KEYPHASOR) for row in rows]
     shown = caption if probe == 0 else ""
     return Panel(title, "ms", f"µm at {'xy'[probe]}", (*curves, *dots), shown, y_from_zero=False)
 

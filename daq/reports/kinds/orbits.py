@@ -96,7 +96,7 @@ def _timebase(found: FilteredOrbit, begin: float) -> Panel:
         Curve(name, times.ravel().tolist(), (row * MICRO).ravel().tolist(), colour=colour)
         for colour, (name, row) in enumerate(zip(("X", "Y"), found.motion, strict=True))
     ]
-    marks = [Curve("", times[:, 0].tolist(), (row * MICRO).tolist(), Style.MARKS) for row in found.keyphasor_points]
+    marks = [Curve("", times[:, 0].tolist(), (row * MICRO).tolist(), Style.KEYPHASOR) for row in found.keyphasor_points]
     return Panel("time base, dots: keyphasor mark", "ms", "µm", (*curves, *marks), y_from_zero=False)
 
 

@@ -1,1 +1,1 @@
-"""Plots: panels, layouts, and their renderers."""
+"""Plots of results as SVG and PNG: panels, layouts, renderers."""

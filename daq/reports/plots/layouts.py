@@ -1,36 +1,37 @@
-"""How each sort of plot is laid out, in the conventions that operators of rotors know: lags grow, speed is in r/min."""
+"""Layouts of Bode, polar, cascade, orbit and spectrum plots in the conventions of rotating machinery."""
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-from daq.reports.plots.panel import FULL_TURN, ROOM, Curve, Panel, Style, Values
+from daq.reports.plots.panel import FULL_TURN, MARGIN, Curve, Panel, Style, Values
 
 FULL_SPECTRUM_LABEL = "order (negative: against the rotation)"
-NOTES_APART = 0.15  # of the largest vector: from one speed to the next that is written at a polar plot
-LINES = 40  # of a cascade, at most
-LINE_HEIGHT = 0.2  # of the axis that the feet stand at, that the largest line of a cascade takes
-PLACE = 0.97  # of the axes of an orbit, where a probe is written
-BLANK = 0.05  # of a turn before the mark that an orbit is blank: it goes from blank to bright
+LABEL_SPACING = 0.15  # of the largest vector, between speed labels of a polar plot
+MAX_LINES = 40  # of a cascade
+LINE_HEIGHT = 0.2  # height of a cascade's largest line over the length of the y axis
+PROBE_LABEL_RADIUS = 0.97  # of the axes of an orbit
+BLANK_FRACTION = 0.05  # of a revolution before the keyphasor mark, left blank in an orbit
 PROBES = ("x", "y")
-DISTINCT_COLOURS = (0, 4, 1, 5, 2, 3)  # colours of what is no pair of probes, the most different first
-SPEED_COLOUR = 6  # colour of a speed over time
-NAMED, NAMED_PART = 6, 0.01  # lines of a spectrum that are named, at most, and of the largest, at least
+DISTINCT_COLOURS = (0, 4, 1, 5, 2, 3)  # colour indices of curves other than probes, most distinct first
+SPEED_COLOUR = 6  # index of the colour of a speed over time
+MAX_LABELS = 6  # lines of a spectrum with a label
+MIN_LABEL_FRACTION = 0.01  # of the largest line, for a label
 
 
 @dataclass(frozen=True, slots=True)
 class RampCurve:
-    """Vectors of one order over speed, in one direction of the speed.
+    """Vectors of one order over the speed of a run-up or run-down.
 
     Parameters
     ----------
     arrow : str
-        Which way the speed went; empty where there is one way alone.
+        ▲ run-up or ▼ run-down; empty where only one of them exists.
     speeds : sequence
         r/min.
     amplitudes, lags : pair of sequences
-        At the probes x and y, µm and degrees; None where not known.
+        At probes x and y, µm and degrees; None where unknown.
     """
 
     arrow: str
@@ -40,7 +41,7 @@ class RampCurve:
 
 
 def bode(title: str, what: str, unit: str, ramps: Sequence[RampCurve], caption: str = "") -> list[Panel]:
-    """Return phase lag, growing downwards, above amplitude, both over speed."""
+    """Return a Bode plot: phase lag, growing downwards, above amplitude."""
     lag: list[Curve] = []
     size: list[Curve] = []
     begin = _begin([ramp.lags[probe] for ramp in ramps for probe in (0, 1)])
@@ -61,7 +62,7 @@ def bode(title: str, what: str, unit: str, ramps: Sequence[RampCurve], caption: 
 def polar(
     title: str, what: str, unit: str, ramps: Sequence[RampCurve], zeros: tuple[float, float], caption: str = ""
 ) -> list[Panel]:
-    """Return the vectors in the plane, for each probe; a lag of 0 lies at ``zeros``, rad, and lags grow clockwise."""
+    """Return a polar plot for each probe; zero lag at ``zeros``, rad, lags growing clockwise."""
     panels = []
     for probe, name in enumerate(PROBES):
         curves: list[Curve] = []
@@ -91,15 +92,15 @@ def stacked(
     caption: str = "",
     guides: tuple[Curve, ...] = (),
 ) -> Panel:
-    """Return spectra one above the other: each line's foot stands at its speed or time."""
-    together = -(-len(feet) // LINES)  # rows of which a line shows the largest
-    groups = [rows[k : k + together] for k in range(0, len(feet), together)]
+    """Return stacked spectra; the baseline of each lies at its speed or time."""
+    group_size = -(-len(feet) // MAX_LINES)  # rows per line, which shows their maximum
+    groups = [rows[k : k + group_size] for k in range(0, len(feet), group_size)]
     lines = [tuple(max(value or 0.0 for value in cell) for cell in zip(*group, strict=True)) for group in groups]
-    stands = [foot or 0.0 for foot in feet[::together]]
+    baselines = [foot or 0.0 for foot in feet[::group_size]]
     largest = max(map(max, lines), default=0.0) or 1.0
-    scale = LINE_HEIGHT * ((max(stands) - min(stands)) or max(stands) or 1.0) / largest
+    scale = LINE_HEIGHT * ((max(baselines) - min(baselines)) or max(baselines) or 1.0) / largest
     curves = tuple(
-        Curve("", across, [foot + scale * value for value in line]) for foot, line in zip(stands, lines, strict=True)
+        Curve("", across, [foot + scale * value for value in line]) for foot, line in zip(baselines, lines, strict=True)
     )
     heading = f"{title}, largest line {largest:.3g} µm"
     return Panel(heading, x_label, y_label, curves + guides, caption, y_from_zero=False, is_stacked=True)
@@ -108,20 +109,20 @@ def stacked(
 def orbit(
     title: str, turns: Sequence[tuple[Values, Values]], directions: tuple[float, float], caption: str = ""
 ) -> Panel:
-    """Return the path of successive turns that begin at the mark: blank just before it, and bright at it.
+    """Return an orbit of successive revolutions that start at the keyphasor mark: blank before it, a dot at it.
 
-    ``directions`` are where the probes sit, rad from X.
+    ``directions`` are the angles of the probes, rad from X.
     """
     across: list[float | None] = []
     up: list[float | None] = []
     for xs, ys in turns:
-        seen = len(xs) - max(round(BLANK * len(xs)), 1)
+        seen = len(xs) - max(round(BLANK_FRACTION * len(xs)), 1)
         across += [*xs[:seen], None]
         up += [*ys[:seen], None]
-    marks = Curve("mark", [xs[0] for xs, _ in turns], [ys[0] for _, ys in turns], Style.MARKS)
-    reach = ROOM * max((abs(value) for value in (*across, *up, *marks.x, *marks.y) if value is not None), default=1.0)
+    marks = Curve("keyphasor mark", [xs[0] for xs, _ in turns], [ys[0] for _, ys in turns], Style.KEYPHASOR)
+    reach = MARGIN * max((abs(value) for value in (*across, *up, *marks.x, *marks.y) if value is not None), default=1.0)
     notes = tuple(
-        (f"probe {name}", PLACE * reach * math.cos(angle), PLACE * reach * math.sin(angle))
+        (f"probe {name}", PROBE_LABEL_RADIUS * reach * math.cos(angle), PROBE_LABEL_RADIUS * reach * math.sin(angle))
         for name, angle in zip(PROBES, directions, strict=True)
     )
     label = "X to the right, µm; the shaft turns anticlockwise"
@@ -132,35 +133,35 @@ def orbit(
 def spectrum(
     title: str, x_label: str, unit: str, across: Values, rows: Sequence[tuple[str, Values]], caption: str = ""
 ) -> list[Panel]:
-    """Return spectra of one axis and one scale, each a panel with its largest lines named."""
+    """Return spectra of the same scale, one panel each, with labels at the largest lines."""
     highest = max((value for _, row in rows for value in row if value is not None), default=0.0) or 1.0
     panels = []
     for place, (name, row) in enumerate(rows):
         unit_of_x = "X" if "order" in x_label else f" {x_label}"
-        tops = _peaks(across, row, NAMED_PART * highest)
+        tops = _peaks(across, row, MIN_LABEL_FRACTION * highest)
         notes = tuple((f"{x:.3g}{unit_of_x} {size:.3g}", x, size) for x, size in tops)
         panels.append(
             Panel(
                 title if place == 0 else "", x_label, f"{unit}{name and f' at {name}'}",
-                (Curve("", across, row, colour=place),), caption if place == 0 else "", y_range=(0.0, ROOM * highest),
+                (Curve("", across, row, colour=place),), caption if place == 0 else "", y_range=(0.0, MARGIN * highest),
                 notes=notes,
             )
         )  # fmt: skip
     return panels
 
 
-def _peaks(across: Values, row: Values, least: float) -> list[tuple[float, float]]:
-    """Return the largest lines that stand above those beside them, and where they are."""
+def _peaks(across: Values, row: Values, minimum: float) -> list[tuple[float, float]]:
+    """Return position and amplitude of the largest local maxima."""
     sizes = [value or 0.0 for value in row]
     tops = [
         (sizes[k], x) for k in range(1, len(sizes) - 1)
-        if sizes[k - 1] < sizes[k] >= sizes[k + 1] and sizes[k] > least and (x := across[k]) is not None
+        if sizes[k - 1] < sizes[k] >= sizes[k + 1] and sizes[k] > minimum and (x := across[k]) is not None
     ]  # fmt: skip
-    return [(x, size) for size, x in sorted(tops, reverse=True)[:NAMED]]
+    return [(x, size) for size, x in sorted(tops, reverse=True)[:MAX_LABELS]]
 
 
 def _places(ramp: RampCurve, probe: int, zero: float) -> list[tuple[float, float, float]]:
-    """Return the speeds at which the vector of a probe is known, and where it points then."""
+    """Return speed, x and y of the known vectors of a probe."""
     places = []
     for speed, radius, lag in zip(ramp.speeds, ramp.amplitudes[probe], ramp.lags[probe], strict=True):
         if speed is not None and radius is not None and lag is not None:
@@ -170,7 +171,7 @@ def _places(ramp: RampCurve, probe: int, zero: float) -> list[tuple[float, float
 
 
 def _begin(rows: Sequence[Values]) -> float:
-    """Return the lag, a whole quarter of a turn, from which an axis leaves the curves whole."""
+    """Return the start of the lag axis, a multiple of 90 degrees, with the fewest breaks of the curves."""
 
     def breaks(begin: float) -> int:
         return sum(_is_break(a, b) for row in rows for a, b in pairwise(_turned(row, begin)))
@@ -179,7 +180,7 @@ def _begin(rows: Sequence[Values]) -> float:
 
 
 def _turned(lags: Values, begin: float) -> list[float | None]:
-    """Return lags from ``begin`` to a turn beyond."""
+    """Return lags wrapped to ``begin`` up to ``begin`` + 360 degrees."""
     return [None if lag is None else begin + (lag - begin) % FULL_TURN for lag in lags]
 
 
@@ -188,7 +189,7 @@ def _is_break(before: float | None, lag: float | None) -> bool:
 
 
 def _wrapped(speeds: Values, lags: Values, begin: float) -> tuple[Values, Values]:
-    """Return a lag on an axis from ``begin``, broken where it leaves it."""
+    """Return a lag wrapped to an axis from ``begin``, broken at the ends of the axis."""
     points = list(zip(speeds, _turned(lags, begin), strict=True))
     found = points[:1]
     for (_, before), (speed, lag) in pairwise(points):
@@ -199,10 +200,10 @@ def _wrapped(speeds: Values, lags: Values, begin: float) -> tuple[Values, Values
 
 
 def _spaced(places: Sequence[tuple[float, float, float]]) -> list[tuple[str, float, float]]:
-    """Return the speeds that are written at a polar plot: not too near to each other."""
+    """Return the speed labels of a polar plot at a minimum spacing."""
     reach = max((math.hypot(x, y) for _, x, y in places), default=0.0)
     written: list[tuple[str, float, float]] = []
     for speed, x, y in places:
-        if all(math.hypot(x - other[1], y - other[2]) > NOTES_APART * reach for other in written):
+        if all(math.hypot(x - other[1], y - other[2]) > LABEL_SPACING * reach for other in written):
             written.append((f"{speed:,.0f}", x, y))
     return written

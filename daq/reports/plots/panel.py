@@ -1,4 +1,4 @@
-"""What a drawing is made of: curves over two axes, with what is written at them."""
+"""Panels of a plot: curves over two axes with labels, ranges and ticks."""
 
 import math
 from collections.abc import Sequence
@@ -7,33 +7,33 @@ from enum import Enum
 
 Values = Sequence[float | None]
 FULL_TURN = 360.0  # degrees
-ROOM = 1.1  # of the largest value, to the end of axes of one scale
-ROOM_POLAR = 1.25  # the same with words round it
+MARGIN = 1.1  # end of a square panel's axes over the largest value
+POLAR_MARGIN = 1.25  # the same with labels around it
 
 
 class Style(Enum):
-    """How a curve is drawn."""
+    """Style of a curve."""
 
     LINE = "line"
-    GUIDE = "guide"  # dashed and grey, its name at its end: what the others are held against
-    DOTS = "dots"  # points that are not joined
-    MARKS = "marks"  # bright ones, on all else: where the tacho's mark passed
+    GUIDE = "guide"  # dashed grey reference line with its name at the end
+    DOTS = "dots"  # unconnected points
+    KEYPHASOR = "keyphasor"  # bright dots on top, at the keyphasor mark
 
 
 @dataclass(frozen=True, slots=True)
 class Curve:
-    """One curve, or one cloud of points.
+    """A curve or a set of points.
 
     Parameters
     ----------
     name : str
-        What it is called in the legend; empty: not at all.
+        Name in the legend; empty: not in the legend.
     x, y : sequence
         Abscissas and ordinates; a None breaks the curve.
     style : Style
-        How it is drawn.
+        Style of the curve.
     colour : int or None
-        Which of the colours; None: by its place among the curves.
+        Index of the colour; None: index of the curve.
     """
 
     name: str
@@ -42,45 +42,45 @@ class Curve:
     style: Style = Style.LINE
     colour: int | None = None
 
-    def stretches(self) -> list[list[tuple[float, float]]]:
-        """Return the unbroken stretches."""
+    def segments(self) -> list[list[tuple[float, float]]]:
+        """Return the unbroken segments of finite points."""
         found: list[list[tuple[float, float]]] = [[]]
         for x, y in zip(self.x, self.y, strict=True):
             if x is None or y is None or not (math.isfinite(x) and math.isfinite(y)):
                 found.append([])
             else:
                 found[-1].append((x, y))
-        return [stretch for stretch in found if stretch]
+        return [segment for segment in found if segment]
 
 
 @dataclass(frozen=True, slots=True)
 class Panel:
-    """Curves over two axes.
+    """A plot of curves over two axes.
 
     Parameters
     ----------
     title, x_label, y_label : str
-        What is written at it; labels carry the unit.
+        Texts; labels carry the unit.
     curves : tuple of Curve
-        What is drawn, the first on top where they are lines.
+        Curves; of lines, the first is on top.
     caption : str
-        A line below the title: how it was made, how sure it is.
+        Line below the title, with settings and uncertainty.
     is_square : bool
-        Whether both axes have one scale and their zero in the middle.
+        Whether both axes have the same scale with zero in the centre.
     y_from_zero : bool
         Whether the ordinates begin at 0.
     x_range, y_range : tuple of float or None
-        Ends of the axes; None: as the curves need.
+        Ends of the axes; None: from the curves.
     x_is_angle : bool
         Whether the abscissas are an angle, degrees.
     y_is_lag : bool
-        Whether the ordinates are a phase lag, degrees: they grow downwards, and a full turn is 0 again.
+        Whether the ordinates are a phase lag, degrees: growing downwards, modulo a full turn.
     is_stacked : bool
-        Whether the curves stand one behind the other, the first in front.
+        Whether the curves are stacked, the first in front.
     polar_zero : float or None
-        Direction of a lag of 0 in the plane, rad; then the grid is circles and spokes. None: two axes.
+        Direction of zero lag in a polar plot, rad. None: rectangular axes.
     notes : tuple
-        Words, and abscissa and ordinate where they stand.
+        Labels as text, abscissa and ordinate.
     """
 
     title: str
@@ -99,22 +99,22 @@ class Panel:
     notes: tuple[tuple[str, float, float], ...] = ()
 
     def ranges(self) -> tuple[tuple[float, float], tuple[float, float]]:
-        """Return from where to where abscissas and ordinates go."""
-        points = [point for curve in self.curves for stretch in curve.stretches() for point in stretch] or [(0.0, 0.0)]
+        """Return the ends of the x and y axes."""
+        points = [point for curve in self.curves for segment in curve.segments() for point in segment] or [(0.0, 0.0)]
         xs, ys = [x for x, _ in points], [y for _, y in points]
         if self.is_square:
-            room = ROOM if self.polar_zero is None else ROOM_POLAR
-            most = room * max(*map(abs, xs), *map(abs, ys)) or 1.0
-            return (-most, most), (-most, most)
+            margin = MARGIN if self.polar_zero is None else POLAR_MARGIN
+            reach = margin * max(*map(abs, xs), *map(abs, ys)) or 1.0
+            return (-reach, reach), (-reach, reach)
         y_low, y_high = (0.0 if self.y_from_zero else min(ys)), max(ys)
-        room = 0.05 * (y_high - y_low) or 1.0
-        below = 0.0 if self.y_from_zero or self.is_stacked else room
+        margin = 0.05 * (y_high - y_low) or 1.0
+        below = 0.0 if self.y_from_zero or self.is_stacked else margin
         x_low, x_high = min(xs), max(xs)
         across = (x_low, x_high if x_high > x_low else x_low + 1.0)
-        return self.x_range or across, self.y_range or (y_low - below, y_high + room)
+        return self.x_range or across, self.y_range or (y_low - below, y_high + margin)
 
-    def steps(self) -> tuple[list[tuple[float, str]], list[tuple[float, str]]]:
-        """Return where numbers stand at the axes, and which."""
+    def tick_labels(self) -> tuple[list[tuple[float, str]], list[tuple[float, str]]]:
+        """Return value and label of the ticks of the x and y axes."""
         (x_low, x_high), (y_low, y_high) = self.ranges()
         xs = _quarters(x_low, x_high) if self.x_is_angle else ticks(x_low, x_high)
         across = [(x, label(x)) for x in xs]
@@ -123,9 +123,9 @@ class Panel:
         return across, [(y, label(y)) for y in ticks(y_low, y_high, 6 if self.is_square else 5)]
 
 
-def ticks(low: float, high: float, wanted: int = 6) -> list[float]:
-    """Return round numbers from ``low`` to ``high``, about so many."""
-    step = (high - low) / wanted
+def ticks(low: float, high: float, count: int = 6) -> list[float]:
+    """Return about ``count`` round numbers from ``low`` to ``high``."""
+    step = (high - low) / count
     power = 10.0 ** math.floor(math.log10(step))
     step = next((factor * power for factor in (1, 2, 5) if factor * power >= step), 10 * power)
     first = math.ceil(low / step - 1e-9)
@@ -133,10 +133,10 @@ def ticks(low: float, high: float, wanted: int = 6) -> list[float]:
 
 
 def _quarters(low: float, high: float) -> list[float]:
-    """Return the quarters of a turn between two angles, degrees."""
+    """Return the multiples of 90 degrees between two angles, degrees."""
     return [90.0 * k for k in range(math.ceil(low / 90.0), math.floor(high / 90.0) + 1)]
 
 
 def label(tick: float) -> str:
-    """Return a tick as it is written: thousands with commas."""
+    """Return the text of a tick, thousands separated by commas."""
     return f"{tick:,.6g}" if abs(tick) < 1e6 else f"{tick:g}"

@@ -1,4 +1,4 @@
-"""The same drawing as a picture of points, PNG, by matplotlib where it is installed."""
+"""PNG renderer of panels with matplotlib; it looks like the SVG."""
 
 import io
 import math
@@ -23,18 +23,18 @@ from daq.reports.plots.svg import (
     width_of,
 )
 
-DOTS = 100  # an inch
-NEAR_EDGE = 0.88  # of an axis, from where words are written to the left
-SCALE = 1.5  # points of the picture to one of the drawing
+DPI = 100
+LABEL_LEFT_FROM = 0.88  # of the x axis: labels beyond it are placed to the left
+SCALE = 1.5  # pixels per px of the SVG
 
 
 def render_png(panels: Sequence[Panel]) -> bytes:
-    """Return panels one below the other as PNG; PngUnavailableError where matplotlib is missing."""
+    """Return panels, one below the other, as PNG; PngUnavailableError without matplotlib."""
     require_matplotlib()
     figure_module: Any = import_module("matplotlib.figure")  # optional
     heights = [height_of(panel) for panel in panels]
-    size = (SCALE * WIDTH / DOTS, SCALE * sum(heights) / DOTS)
-    figure = figure_module.Figure(figsize=size, dpi=DOTS, layout="constrained", facecolor=GROUND)
+    size = (SCALE * WIDTH / DPI, SCALE * sum(heights) / DPI)
+    figure = figure_module.Figure(figsize=size, dpi=DPI, layout="constrained", facecolor=GROUND)
     grid = figure.add_gridspec(len(panels), 1, height_ratios=heights)
     for place, panel in enumerate(panels):
         _draw(figure.add_subplot(grid[place]), panel)
@@ -44,7 +44,7 @@ def render_png(panels: Sequence[Panel]) -> bytes:
 
 
 def require_matplotlib() -> None:
-    """Raise PngUnavailableError where matplotlib is missing."""
+    """Raise PngUnavailableError without matplotlib."""
     try:
         import_module("matplotlib.figure")
     except ImportError as error:
@@ -59,7 +59,7 @@ def _draw(axes: Any, panel: Panel) -> None:
         _plot(axes, panel, place, depth)
     for words, x, y in panel.notes:
         axes.plot([x], [y], ".", color=NOTE, markersize=4)
-        is_far = (x - x_low) / (x_high - x_low) > NEAR_EDGE
+        is_far = (x - x_low) / (x_high - x_low) > LABEL_LEFT_FROM
         placing: dict[str, Any] = {"xytext": (-4 if is_far else 4, 4), "ha": "right" if is_far else "left"}
         axes.annotate(words, (x, y), **placing, textcoords="offset points", color=NOTE, fontsize=8)
     axes.set_xlim(x_low, x_high)
@@ -69,12 +69,12 @@ def _draw(axes: Any, panel: Panel) -> None:
     if panel.polar_zero is not None:
         _circles(axes, panel.polar_zero, x_high)
         return
-    for set_ticks, steps in zip((axes.set_xticks, axes.set_yticks), panel.steps(), strict=True):
+    for set_ticks, steps in zip((axes.set_xticks, axes.set_yticks), panel.tick_labels(), strict=True):
         set_ticks([value for value, _ in steps], [words for _, words in steps])
 
 
 def _write(axes: Any, panel: Panel) -> None:
-    """Write what stands round the axes."""
+    """Write title, caption, labels and legend."""
     axes.set_facecolor(GROUND)
     axes.tick_params(colors=INK)
     axes.grid(visible=False) if panel.polar_zero is not None else axes.grid(color=GRID)
@@ -85,10 +85,10 @@ def _write(axes: Any, panel: Panel) -> None:
     axes.set_ylabel("" if panel.polar_zero is not None else panel.y_label, color=INK)
     named = [(k, each.name) for k, each in enumerate(panel.curves) if each.name and each.style is not Style.GUIDE]
     lines = [(panel.title, INK, 11)] + ([(panel.caption, NOTE, 9)] if panel.caption else [])
-    room = 6.0 + 15.0 * bool(named)
+    offset = 6.0 + 15.0 * bool(named)
     for words, colour, size in reversed(lines):
-        axes.annotate(words, (0, 1), (0, room), "axes fraction", "offset points", color=colour, fontsize=size)
-        room += 15.0
+        axes.annotate(words, (0, 1), (0, offset), "axes fraction", "offset points", color=colour, fontsize=size)
+        offset += 15.0
     at = 0.0
     for place, name in named:
         colour = colour_of(panel, place)
@@ -102,10 +102,10 @@ def _plot(axes: Any, panel: Panel, place: int, depth: float) -> None:
         Style.LINE: {"linewidth": width_of(panel, curve)},
         Style.GUIDE: {"linewidth": 0.9, "linestyle": "--"},
         Style.DOTS: {"linestyle": "", "marker": "o", "markersize": 2.4 * dot_of(curve), "markeredgewidth": 0.0},
-        Style.MARKS: {"linestyle": "", "marker": "o", "markersize": 6.0},
+        Style.KEYPHASOR: {"linestyle": "", "marker": "o", "markersize": 6.0},
     }
-    for stretch in curve.stretches():
-        across, up = [x for x, _ in stretch], [y for _, y in stretch]
+    for segment in curve.segments():
+        across, up = [x for x, _ in segment], [y for _, y in segment]
         if panel.is_stacked and curve.style is Style.LINE:
             axes.fill_between(across, min(up), up, color=GROUND, zorder=depth, linewidth=0.0)
         axes.plot(across, up, color=colour, zorder=depth, **looks[curve.style])

@@ -1,4 +1,4 @@
-"""What can be drawn of a run: the same documents that REST gives as numbers."""
+"""Panels of the recorded results of a run."""
 
 from analysis.signals.ramp import RampDirection
 from daq.reports.plots.layouts import FULL_SPECTRUM_LABEL, RampCurve, bode, orbit, polar, spectrum, stacked
@@ -7,86 +7,86 @@ from daq.schemas.results import CascadeSchema, OrderVectorsSchema, WaterfallSche
 from daq.schemas.snapshot import FullSpectrumSchema, OrbitSchema, OrderSpectrumSchema
 from daq.schemas.units import Schema
 
-PEAK = "µm zero-to-peak"
+PEAK_UNIT = "µm zero-to-peak"
 
 
-def result_panels(document: Schema, what: str, directions: tuple[float, float]) -> list[Panel]:
-    """Return a document as panels of a drawing; ValueError where it is none that can be drawn.
+def result_panels(result: Schema, what: str, directions: tuple[float, float]) -> list[Panel]:
+    """Return a result as panels; ValueError for a schema without a plot.
 
     Parameters
     ----------
-    document : Document
-        What an address answers.
+    result : Schema
+        Result of a run.
     what : str
-        Name of the plot, which tells how vectors over speed are shown: "bode" or "polar".
+        Name of the plot; "polar" or "bode" for vectors over speed.
     directions : tuple of float
-        Where the probes x and y sit, rad from X.
+        Angles of probes x and y, rad from X.
     """
-    match document:
+    match result:
         case OrderSpectrumSchema():
-            rows = (("x", document.amplitude_peak_x_um), ("y", document.amplitude_peak_y_um))
-            return spectrum(_title(document), "order", PEAK, document.orders, rows)
+            rows = (("x", result.amplitude_peak_x_um), ("y", result.amplitude_peak_y_um))
+            return spectrum(_title(result), "order", PEAK_UNIT, result.orders, rows)
         case FullSpectrumSchema():
             return spectrum(
-                _title(document), FULL_SPECTRUM_LABEL, PEAK, document.orders, (("", document.amplitude_peak_um),)
+                _title(result), FULL_SPECTRUM_LABEL, PEAK_UNIT, result.orders, (("", result.amplitude_peak_um),)
             )
         case OrbitSchema():
-            turns = _turns(document, document.orbit_x_um, document.orbit_y_um)
-            measured = orbit(_title(document), turns, directions)
-            across, up = document.compensated_orbit_x_um, document.compensated_orbit_y_um
+            turns = _turns(result, result.orbit_x_um, result.orbit_y_um)
+            measured = orbit(_title(result), turns, directions)
+            across, up = result.compensated_orbit_x_um, result.compensated_orbit_y_um
             if across is None or up is None:
                 return [measured]
-            less = _turns(document, across, up)
-            return [orbit(_title(document), less, directions, "compensated: less run-out"), measured]
+            less = _turns(result, across, up)
+            return [orbit(_title(result), less, directions, "compensated: minus run-out"), measured]
         case OrderVectorsSchema():
-            what_of, ramps = _ramp_curves(document)
+            what_of, ramps = _ramp_curves(result)
             if what == "polar":
-                return polar(document.run, what_of, PEAK, ramps, directions)
-            return bode(document.run, what_of, PEAK, ramps)
+                return polar(result.run, what_of, PEAK_UNIT, ramps, directions)
+            return bode(result.run, what_of, PEAK_UNIT, ramps)
         case CascadeSchema():
-            return [_stacked(document, "cascade", document.speeds_rpm, "r/min")]
+            return [_stacked(result, "cascade", result.speeds_rpm, "r/min")]
         case WaterfallSchema():
-            return [_stacked(document, "waterfall", document.times_s, "s")]
+            return [_stacked(result, "waterfall", result.times_s, "s")]
         case _:
-            raise ValueError(f"document: {type(document).__name__}, expected one that can be drawn")
+            raise ValueError(f"result: {type(result).__name__}, expected a schema with a plot")
 
 
-def _title(document: OrderSpectrumSchema | FullSpectrumSchema | OrbitSchema) -> str:
-    frame = document.frame
-    return f"{document.run} · {frame.speed_rpm or 0.0:,.0f} r/min at {frame.time_s:.1f} s"
+def _title(result: OrderSpectrumSchema | FullSpectrumSchema | OrbitSchema) -> str:
+    frame = result.frame
+    return f"{result.run} · {frame.speed_rpm or 0.0:,.0f} r/min at {frame.time_s:.1f} s"
 
 
-def _turns(document: OrbitSchema, xs: Values, ys: Values) -> list[tuple[Values, Values]]:
-    points = document.points_per_revolution
+def _turns(result: OrbitSchema, xs: Values, ys: Values) -> list[tuple[Values, Values]]:
+    points = result.points_per_revolution
     return [(xs[k : k + points], ys[k : k + points]) for k in range(0, len(xs), points)]
 
 
-def _ramp_curves(document: OrderVectorsSchema) -> tuple[str, list[RampCurve]]:
-    """Return what is drawn of 1X, and its vectors by speed, run-up and run-down apart, each with its arrow.
+def _ramp_curves(result: OrderVectorsSchema) -> tuple[str, list[RampCurve]]:
+    """Return the name and the curves of 1X over speed, run-up and run-down separately.
 
-    Where run-out was known, what it left is drawn, and nothing of the speeds before it was.
+    Where the run-out is known, only compensated vectors are shown.
     """
-    compensated = any(row.order_1x_compensated is not None for row in document.by_speed)
-    ways = []
-    for way, arrow in ((RampDirection.RUN_UP, "▲"), (RampDirection.RUN_DOWN, "▼")):
-        rows = [row for row in document.by_speed if row.ramp_direction is way]
+    compensated = any(row.order_1x_compensated is not None for row in result.by_speed)
+    found = []
+    for direction, arrow in ((RampDirection.RUN_UP, "▲"), (RampDirection.RUN_DOWN, "▼")):
+        rows = [row for row in result.by_speed if row.ramp_direction is direction]
         points = [(row.speed_rpm, row.order_1x_compensated if compensated else row.order_1x) for row in rows]
         known = [(speed, line) for speed, line in points if line is not None]
         if known:
-            ways.append((arrow, known))
+            found.append((arrow, known))
     ramps = [
         RampCurve(
-            arrow if len(ways) > 1 else "",
+            arrow if len(found) > 1 else "",
             [speed for speed, _ in known],
             ([line.amplitude_peak_x_um for _, line in known], [line.amplitude_peak_y_um for _, line in known]),
             ([line.lag_x_deg for _, line in known], [line.lag_y_deg for _, line in known]),
         )
-        for arrow, known in ways
+        for arrow, known in found
     ]
     return "1X compensated" if compensated else "1X", ramps
 
 
-def _stacked(document: CascadeSchema | WaterfallSchema, name: str, feet: Values, label: str) -> Panel:
-    is_full = any((order or 0.0) < 0.0 for order in document.orders)
-    title, across = f"{document.run} · {name}", FULL_SPECTRUM_LABEL if is_full else "order"
-    return stacked(title, across, label, document.orders, feet, document.amplitude_peak_um, PEAK)
+def _stacked(result: CascadeSchema | WaterfallSchema, name: str, feet: Values, label: str) -> Panel:
+    is_full = any((order or 0.0) < 0.0 for order in result.orders)
+    title, across = f"{result.run} · {name}", FULL_SPECTRUM_LABEL if is_full else "order"
+    return stacked(title, across, label, result.orders, feet, result.amplitude_peak_um, PEAK_UNIT)

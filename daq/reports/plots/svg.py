@@ -1,24 +1,25 @@
-"""A small drawing of curves over two axes, SVG: enough for spectra, orbits, Bode and polar plots and cascades."""
+"""SVG renderer of panels, without dependencies."""
 
 import html
 import math
 from collections.abc import Iterator, Sequence
 
-from daq.reports.plots.panel import ROOM_POLAR, Curve, Panel, Style, label, ticks
+from daq.reports.plots.panel import POLAR_MARGIN, Curve, Panel, Style, label, ticks
 
 WIDTH = 640  # px of one panel
-HEIGHT, SQUARE_HEIGHT = 400, 640  # px; the latter with axes of one scale
-LEFT, RIGHT, TOP, BOTTOM, LINE = 68, 20, 30, 48, 17  # px round it, and of a line of words above it
-THIN, BEHIND = 1.4, 0.9  # px of a line, and by how much wider one is that lies behind
-LETTER = 6.6  # px that a letter takes, about
+HEIGHT, SQUARE_HEIGHT = 400, 640  # px; the latter for square panels
+LEFT, RIGHT, TOP, BOTTOM, LINE = 68, 20, 30, 48, 17  # px of the margins, and of a line of text
+LINE_WIDTH = 1.4  # px
+EXTRA_WIDTH_BEHIND = 0.9  # px, of a line behind another
+CHARACTER_WIDTH = 6.6  # px, approximate
 COLOURS = ("#4fc3f7", "#7ce38b", "#2f87ad", "#4e9a5a", "#ff8fb1", "#c9b37a", "#ecf0f5")
-"""Probes x and y as on the page, both darker for a run-down, two for what is no probe, the speed; never the model's."""
-GUIDE, MARK, GROUND, INK, GRID, FRAME, NOTE = (
+"""Probes x and y as on the page, both darker for a run-down, two others, the speed; never the colour of the model."""
+GUIDE, KEYPHASOR, GROUND, INK, GRID, FRAME, NOTE = (
     "#7d8899", "#be96ff", "#12161c", "#d8dee9", "#2c333d", "#6b7687", "#9aa5b5",
 )  # fmt: skip
-SPOKE = 30  # degrees between two of a polar plot
-RIM = 1.0 / ROOM_POLAR  # of its reach, where its largest value lies
-FEW = 500  # dots, which are then drawn larger
+SPOKE_SPACING = 30  # degrees, of a polar plot
+RIM = 1.0 / POLAR_MARGIN  # of a polar plot's axes, radius of the largest value
+MAX_LARGE_DOTS = 500  # more dots are drawn smaller
 STYLE = (
     f"text{{font:12px sans-serif;fill:{INK}}}.grid{{stroke:{GRID};stroke-width:1;fill:none}}"
     f".frame{{fill:none;stroke:{FRAME}}}polyline{{fill:none}}"
@@ -27,10 +28,10 @@ STYLE = (
 
 
 def render_svg(panels: Sequence[Panel]) -> str:
-    """Return panels one below the other as an SVG document."""
+    """Return panels, one below the other, as an SVG document."""
     bodies, height = [], 0
     for panel in panels:
-        bodies.append(f'<g transform="translate(0,{height})">{"".join(_Drawn(panel).parts())}</g>')
+        bodies.append(f'<g transform="translate(0,{height})">{"".join(_PanelSvg(panel).elements())}</g>')
         height += height_of(panel)
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" width="{WIDTH}" height="{height}" viewBox="0 0 {WIDTH} {height}">'
@@ -46,32 +47,32 @@ def height_of(panel: Panel) -> int:
 def colour_of(panel: Panel, place: int) -> str:
     """Return the colour of a panel's curve."""
     curve = panel.curves[place]
-    if curve.style in {Style.GUIDE, Style.MARKS}:
-        return GUIDE if curve.style is Style.GUIDE else MARK
+    if curve.style in {Style.GUIDE, Style.KEYPHASOR}:
+        return GUIDE if curve.style is Style.GUIDE else KEYPHASOR
     number = (0 if panel.is_stacked else place) if curve.colour is None else curve.colour
     return COLOURS[number % len(COLOURS)]
 
 
 def width_of(panel: Panel, curve: Curve) -> float:
-    """Return the width of a line, px: one that lies behind another is wider, so that it is seen where both agree."""
+    """Return the width of a line, px; a line behind another is wider, to stay visible where both coincide."""
     behind = 0 if panel.is_stacked or curve.style is not Style.LINE else panel.curves.index(curve) % 2
-    return THIN + BEHIND * behind
+    return LINE_WIDTH + EXTRA_WIDTH_BEHIND * behind
 
 
 def dot_of(curve: Curve) -> float:
     """Return the radius of a dot, px."""
-    return 1.9 if len(curve.x) <= FEW else 1.0
+    return 1.9 if len(curve.x) <= MAX_LARGE_DOTS else 1.0
 
 
 def spokes(zero: float, reach: float) -> Iterator[tuple[str, float, float]]:
-    """Yield the spokes of a polar plot: lag, which grows against the rotation, and where it ends."""
-    for lag in range(0, 360, SPOKE):
+    """Yield the spokes of a polar plot: text of the lag, which grows against the rotation, and the end point."""
+    for lag in range(0, 360, SPOKE_SPACING):
         angle = zero - math.radians(lag)
         yield f"{lag}°", reach * math.cos(angle), reach * math.sin(angle)
 
 
-class _Drawn:
-    """One panel as elements of SVG."""
+class _PanelSvg:
+    """Writes one panel as SVG elements."""
 
     def __init__(self, panel: Panel) -> None:
         self._panel = panel
@@ -83,8 +84,8 @@ class _Drawn:
             self._width = self._height = min(self._width, self._height)
         self._right, self._bottom = LEFT + self._width, self._top + self._height
 
-    def parts(self) -> Iterator[str]:
-        """Yield everything."""
+    def elements(self) -> Iterator[str]:
+        """Yield all elements of the panel."""
         panel = self._panel
         yield _text(LEFT, 20, panel.title)
         if panel.caption:
@@ -100,11 +101,11 @@ class _Drawn:
                 f"{html.escape(panel.y_label)}</text>"
             )
         order = reversed(range(len(panel.curves)))
-        for place in sorted(order, key=lambda k: panel.curves[k].style is not Style.LINE):  # guides and marks on top
+        for place in sorted(order, key=lambda k: panel.curves[k].style is not Style.LINE):  # guides and dots on top
             yield from self._curve(panel.curves[place], colour_of(panel, place))
         for words, x, y in panel.notes:
             yield f'<circle cx="{self._across(x):.1f}" cy="{self._up(y):.1f}" r="2" class="note"/>'
-            is_far = self._across(x) + LETTER * len(words) > self._right  # the words would run out of the picture
+            is_far = self._across(x) + CHARACTER_WIDTH * len(words) > self._right  # the label would leave the panel
             yield _text(
                 self._across(x) + (-5 if is_far else 5), self._up(y) - 4, words, "end" if is_far else "", "note"
             )
@@ -118,7 +119,7 @@ class _Drawn:
 
     def _axes(self) -> Iterator[str]:
         top, bottom, right = self._top, self._bottom, self._right
-        xs, ys = self._panel.steps()
+        xs, ys = self._panel.tick_labels()
         for x, words in xs:
             at = self._across(x)
             yield f'<line class="grid" x1="{at:.1f}" x2="{at:.1f}" y1="{top}" y2="{bottom}"/>'
@@ -147,13 +148,13 @@ class _Drawn:
             if curve.name and curve.style is not Style.GUIDE:
                 colour = colour_of(self._panel, place)
                 yield f'<text x="{at:.0f}" y="{line}" style="fill:{colour}">{html.escape(curve.name)}</text>'
-                at += LETTER * len(curve.name) + 18
+                at += CHARACTER_WIDTH * len(curve.name) + 18
 
     def _curve(self, curve: Curve, colour: str) -> Iterator[str]:
-        for stretch in curve.stretches():
-            points = [(self._across(x), self._up(y)) for x, y in stretch]
-            if curve.style in {Style.DOTS, Style.MARKS}:
-                radius = 3.5 if curve.style is Style.MARKS else dot_of(curve)
+        for segment in curve.segments():
+            points = [(self._across(x), self._up(y)) for x, y in segment]
+            if curve.style in {Style.DOTS, Style.KEYPHASOR}:
+                radius = 3.5 if curve.style is Style.KEYPHASOR else dot_of(curve)
                 yield (
                     f'<g fill="{colour}">'
                     + "".join(f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{radius}"/>' for x, y in points)

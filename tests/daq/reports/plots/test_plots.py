@@ -54,10 +54,10 @@ def test_lag_grows_downwards_and_breaks_where_a_turn_is_full() -> None:
     across = drawn(350.0, 10.0)
     assert across.y_is_lag
     assert across.ranges()[1] == (270.0, 630.0), "an axis that leaves the curve whole"
-    assert [words for _, words in across.steps()[1]] == ["270", "0", "90", "180", "270"]
+    assert [words for _, words in across.tick_labels()[1]] == ["270", "0", "90", "180", "270"]
     assert list(across.curves[0].y) == pytest.approx([350.0, 370.0])
     all_round = drawn(10.0, 130.0, 250.0, 370.0, 490.0)
-    assert [len(stretch) for stretch in all_round.curves[0].stretches()] == [3, 2]
+    assert [len(stretch) for stretch in all_round.curves[0].segments()] == [3, 2]
 
 
 def test_what_run_out_left_is_drawn_and_called_compensated() -> None:
@@ -89,8 +89,8 @@ def test_orbit_goes_from_blank_to_bright_at_the_mark() -> None:
     turn = (3.0 * np.cos(angle)).tolist(), (3.0 * np.sin(angle)).tolist()
     panel = orbit("two turns", [turn, turn], PROBES)
     path, marks = panel.curves
-    assert [len(stretch) for stretch in path.stretches()] == [61, 61], "blank just before the mark"
-    assert path.stretches()[1][0] == marks.stretches()[0][1] == (3.0, 0.0)
+    assert [len(stretch) for stretch in path.segments()] == [61, 61], "blank just before the mark"
+    assert path.segments()[1][0] == marks.segments()[0][1] == (3.0, 0.0)
     (x_low, x_high), (y_low, y_high) = panel.ranges()
     assert x_high == y_high == -x_low == -y_low > 3.0, "one scale, zero in the middle"
     assert [words for words, _, _ in panel.notes] == ["probe x", "probe y"]
