@@ -241,7 +241,7 @@ def test_file_that_cannot_be_imported_is_said_without_its_place_on_the_disk(
     whole = written("run.csv")
     runs = bench.client.get(f"{API}/runs").json()["total"]
     for content, mapping, named in (
-        (whole[:-3], {}, "run.csv: line 5004, the last, has no end"),
+        (whole[:-3], {}, "run.csv: line 5004, the last one, has no line end"),
         (b"nonsense", {}, "run.csv: "),
         (whole, {"channel": VOLTS | {"x": {"source": "z"}}}, "no column 'z'; there are 'x', 'y', 'tacho'"),
         (whole, {"rate_hz": 1000.0}, "run.csv says 5000"),
