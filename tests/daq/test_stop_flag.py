@@ -49,7 +49,7 @@ class Interrupted(threading.Thread):
         return self._trace
 
 
-def test_end_may_be_asked_for_between_any_two_instructions_of_a_wait() -> None:
+def test_stop_may_be_requested_between_any_two_instructions_of_a_wait() -> None:
     for n in range(1000):
         waiting = Interrupted(n)
         waiting.start()
@@ -69,7 +69,7 @@ def test_wait_ends_as_soon_as_the_flag_is_set() -> None:
 
 
 @POSIX
-def test_recorder_that_does_not_heed_the_stop_is_ended_and_its_file_serves(rig: RigFactory, tmp_path: Path) -> None:
+def test_recorder_that_ignores_the_stop_is_killed_and_its_file_is_readable(rig: RigFactory, tmp_path: Path) -> None:
     run = RecordedRun(recording_request(rig(simulation=LONG), tmp_path), NoModel(), stop_deadline=0.5)
     while run.latest().status.samples < 30_000:
         assert not run.wait(0.05)
@@ -86,7 +86,7 @@ def test_recorder_that_does_not_heed_the_stop_is_ended_and_its_file_serves(rig: 
         assert reader.n_samples >= 20_000
 
 
-def test_messages_wait_for_nobody_and_keep_their_order() -> None:
+def test_messages_do_not_block_the_sender_and_stay_in_order() -> None:
     here, there = get_context("spawn").Pipe()
     outbox = MessageSender(here)
     sent = [b"%d" % k + b" " * 10_000 for k in range(100)]  # more than a pipe holds
@@ -99,7 +99,7 @@ def test_messages_wait_for_nobody_and_keep_their_order() -> None:
     here.close()
 
 
-def test_messages_to_a_process_that_is_gone_are_dropped() -> None:
+def test_messages_to_an_ended_process_are_dropped() -> None:
     here, there = get_context("spawn").Pipe()
     there.close()
     outbox = MessageSender(here)

@@ -16,7 +16,7 @@ def test_rig_without_the_table_has_no_counter(rig: RigFactory) -> None:
     assert rig().tacho.reference == "samples"
 
 
-def test_empty_table_is_the_counter_of_the_card_with_the_edge_of_the_tacho(rig: RigFactory) -> None:
+def test_empty_counter_table_uses_the_defaults_and_the_tachos_edge(rig: RigFactory) -> None:
     counter = rig(tacho={"edge": "falling", "counter": {}}).tacho.counter
     assert counter is not None
     assert (counter.counter, counter.terminal, counter.edge) == ("ctr0", "PFI0", Edge.FALLING)
@@ -25,13 +25,13 @@ def test_empty_table_is_the_counter_of_the_card_with_the_edge_of_the_tacho(rig: 
     assert not counter.is_reference
 
 
-def test_edge_at_the_line_may_be_the_other_one(rig: RigFactory) -> None:
+def test_edge_at_the_line_may_differ_from_the_tachos(rig: RigFactory) -> None:
     counter = rig(tacho={"edge": "falling", "counter": {"edge": "rising"}}).tacho.counter
     assert counter is not None
     assert counter.edge is Edge.RISING
 
 
-def test_counter_is_in_the_configuration_that_a_recording_carries(rig: RigFactory) -> None:
+def test_recorded_configuration_contains_the_counter(rig: RigFactory) -> None:
     loaded = rig(tacho={"counter": {"reference": "counter", "terminal": "PFI9"}})
     assert "[tacho.counter]" in loaded.toml
     assert read_recorded_config(loaded.toml, "a recording") == loaded.config
@@ -56,9 +56,7 @@ def test_counter_is_in_the_configuration_that_a_recording_carries(rig: RigFactor
         ({"teminal": "PFI0"}, 'tacho.counter.teminal = "PFI0": unknown key, did you mean terminal?'),
     ],
 )
-def test_fault_of_the_counter_is_told_with_what_was_expected(
-    rig_file: RigFiles, counter: dict[str, object], fault: str
-) -> None:
+def test_counter_error_names_the_expected_value(rig_file: RigFiles, counter: dict[str, object], fault: str) -> None:
     assert faults_of(rig_file(tacho={"counter": counter})) == [fault]
 
 
@@ -69,7 +67,7 @@ def test_buffer_must_be_shorter_than_the_count_of_32_bits(rig_file: RigFiles) ->
     load_rig(rig_file(timing=timing, tacho={"counter": {"timebase_hz": 20e6}}))
 
 
-def test_simulated_tacho_must_pass_the_levels_of_the_line(rig_file: RigFiles) -> None:
+def test_simulated_tacho_must_cross_the_levels_of_the_line(rig_file: RigFiles) -> None:
     (fault,) = faults_of(
         rig_file(
             tacho={"threshold_v": 1.2, "hysteresis_v": 0.5, "counter": {}},
@@ -81,7 +79,7 @@ def test_simulated_tacho_must_pass_the_levels_of_the_line(rig_file: RigFiles) ->
     )
 
 
-def test_check_says_what_speed_will_come_from(rig_file: RigFiles, capsys: Captured) -> None:
+def test_check_command_reports_the_source_of_the_speed(rig_file: RigFiles, capsys: Captured) -> None:
     assert main(["check", str(rig_file(tacho={"counter": {"reference": "counter"}}))]) == 0
     told = capsys.readouterr().out
     assert "edges stamped by ctr0 on PFI0 to 12.5 ns; speed and phase from the counter" in told

@@ -39,13 +39,13 @@ def faults_of(path: Path) -> list[str]:
 
 
 @pytest.mark.parametrize("name", ["bench", "model", "usb6251"])
-def test_load_rig_accepts_the_rigs_that_come_with_the_program(name: str) -> None:
+def test_load_rig_accepts_the_rig_files_of_the_repository(name: str) -> None:
     rig = load_rig(RIGS / f"{name}.toml")
     assert [channel.role for channel in rig.config.channel] == [Role.PROBE_X, Role.PROBE_Y, Role.TACHO]
     assert set(rig.calibrations) == {"x", "y"}
 
 
-def test_load_rig_gives_si_units(rig: RigFactory) -> None:
+def test_load_rig_converts_to_si_units(rig: RigFactory) -> None:
     loaded = rig(tacho={"delay_s": 2e-4}, limits={"peak_to_peak_alarm_um": 50.0, "speed_rpm": 12_000.0})
     assert loaded.limits.peak_to_peak_alarm == pytest.approx(50e-6)
     assert loaded.limits.speed == pytest.approx(400 * math.pi)
@@ -56,7 +56,7 @@ def test_load_rig_gives_si_units(rig: RigFactory) -> None:
     assert loaded.calibrations["y"].sensor == "1U1-4711"
 
 
-def test_further_limits_are_given_in_um_peak_and_r_min_each_for_itself(rig: RigFactory) -> None:
+def test_optional_limits_are_converted_independently(rig: RigFactory) -> None:
     limits = rig(
         limits={
             "order_1x_peak_alarm_um": 30.0,
@@ -70,18 +70,18 @@ def test_further_limits_are_given_in_um_peak_and_r_min_each_for_itself(rig: RigF
     assert (limits.speed_alarm, limits.speed_danger) == pytest.approx((600 * math.pi, math.inf))
 
 
-def test_load_rig_keeps_what_a_probe_was_calibrated_against_and_by_whom(rig: RigFactory) -> None:
+def test_load_rig_reads_target_and_operator_of_a_calibration(rig: RigFactory) -> None:
     loaded = rig(calibration={"target": "42CrMo4", "operator": "M. Curie"})
     assert (loaded.calibrations["x"].target, loaded.calibrations["x"].operator) == ("42CrMo4", "M. Curie")
 
 
-def test_rig_toml_holds_the_whole_configuration_in_force_and_reads_back(rig: RigFactory) -> None:
+def test_rig_toml_holds_the_complete_configuration_and_reads_back(rig: RigFactory) -> None:
     loaded = rig(storage={"folder": 'C:\\runs "new"'})
     assert "deadline_s = 3.0" in loaded.toml  # a default that the file does not name
     assert read_recorded_config(loaded.toml, "a recording") == loaded.config
 
 
-def test_read_config_names_what_it_was_given() -> None:
+def test_read_recorded_config_names_the_recording() -> None:
     with pytest.raises(ConfigError) as caught:
         read_recorded_config("rig = 3", "run 7")
     assert caught.value.file == "run 7"
@@ -97,7 +97,7 @@ def test_read_config_names_what_it_was_given() -> None:
         ("latch = true", "latch = true\nof_another_version = 3"),
     ],
 )
-def test_recording_stays_readable_whatever_is_refused_since_then(rig: RigFactory, before: str, after: str) -> None:
+def test_recording_with_values_that_are_refused_today_stays_readable(rig: RigFactory, before: str, after: str) -> None:
     loaded = rig()
     assert before in loaded.toml
     read = read_recorded_config(loaded.toml.replace(before, after), "a recording")
@@ -205,7 +205,7 @@ def test_load_rig_names_key_value_and_expectation(
     assert faults_of(rig_file(**{section: values})) == [fault]
 
 
-def test_rate_beyond_the_card_is_told_beside_a_wrong_channel(rig_file: RigFiles) -> None:
+def test_rate_beyond_the_card_is_reported_together_with_a_wrong_channel(rig_file: RigFiles) -> None:
     wrong = rig_file(timing={"rate_hz": 1e9}, channel=channels({"range_v": 11.0}, {}, {}))
     assert [fault.partition(" = ")[0] for fault in faults_of(wrong)] == ["channel[0].range_v", "timing.rate_hz"]
 
@@ -216,7 +216,7 @@ def test_load_rig_refuses_too_deeply_nested_toml(tmp_path: Path) -> None:
     assert faults_of(path) == ["not a rig's TOML: tables or lists are nested too deeply"]
 
 
-def test_load_rig_lists_the_known_keys_where_none_is_near(rig_file: RigFiles) -> None:
+def test_load_rig_lists_the_known_keys_if_none_is_similar(rig_file: RigFiles) -> None:
     (fault,) = faults_of(rig_file(storage={"xyz": 1}))
     assert (
         fault == "storage.xyz = 1: unknown key, expected one of folder, reserve_gb, split_gb, split_minutes, catalogue"
@@ -264,9 +264,7 @@ def test_load_rig_lists_the_known_keys_where_none_is_near(rig_file: RigFiles) ->
         ({"analysis": {"points_per_revolution": 16}}, "analysis.highest_order = 8: expected less than half of points"),
     ],
 )
-def test_load_rig_names_what_does_not_fit_together(
-    rig_file: RigFiles, overrides: dict[str, object], fault: str
-) -> None:
+def test_load_rig_reports_contradictions(rig_file: RigFiles, overrides: dict[str, object], fault: str) -> None:
     assert any(found.startswith(fault) for found in faults_of(rig_file(**overrides)))
 
 
@@ -298,13 +296,13 @@ def test_load_rig_names_what_does_not_fit_together(
         ({"physical": "a0"}, {}, {}, 'channel[0].physical = "a0": expected an input of the card, as "ai0"'),
     ],
 )
-def test_load_rig_checks_what_is_wired_where(
+def test_load_rig_checks_the_channels(
     rig_file: RigFiles, x: dict[str, object], y: dict[str, object], tacho: dict[str, object], fault: str
 ) -> None:
     assert any(found.startswith(fault) for found in faults_of(rig_file(channel=channels(x, y, tacho))))
 
 
-def test_load_rig_wants_the_tacho_last(rig_file: RigFiles) -> None:
+def test_load_rig_requires_the_tacho_as_the_last_channel(rig_file: RigFiles) -> None:
     x, y, tacho = channels({}, {}, {})
     (fault,) = faults_of(rig_file(channel=[x, tacho, y]))
     assert fault.startswith("channel[1].role = tacho: expected the tacho as the last channel")
@@ -332,7 +330,7 @@ def test_load_rig_does_not_check_the_simulation_for_the_real_card(rig_file: RigF
     assert rig.config.device.backend is Backend.NIDAQMX
 
 
-def test_load_rig_lists_every_fault_at_once(rig_file: RigFiles) -> None:
+def test_load_rig_reports_all_errors_together(rig_file: RigFiles) -> None:
     path = rig_file(
         timing={"rate_khz": 100, "block_s": "fast"},
         limits={"peak_to_peak_alarm_um": 200.0, "speed_rpm": 40_000.0},
@@ -369,18 +367,18 @@ def test_load_rig_checks_the_rest_of_a_table_that_lacks_a_key(rig_file: RigFiles
     ]
 
 
-def test_load_rig_survives_a_channel_that_is_no_table(rig_file: RigFiles) -> None:
+def test_load_rig_reports_a_channel_that_is_not_a_table(rig_file: RigFiles) -> None:
     faults = faults_of(rig_file(channel=["x", *channels({}, {}, {})]))
     assert faults == ['channel[0] = "x": expected a table']
 
 
-def test_load_rig_does_not_blame_what_rests_on_a_wrong_value(rig_file: RigFiles) -> None:
+def test_load_rig_does_not_report_consequences_of_a_wrong_value(rig_file: RigFiles) -> None:
     """The alarm is below every sensible danger limit; that the default stands in for a wrong one says nothing."""
     faults = faults_of(rig_file(limits={"peak_to_peak_alarm_um": 120.0, "peak_to_peak_danger_um": "150"}))
     assert faults == ['limits.peak_to_peak_danger_um = "150": expected a number']
 
 
-def test_load_rig_tells_the_line_of_a_mistake_in_toml(tmp_path: Path) -> None:
+def test_load_rig_names_the_line_of_a_toml_error(tmp_path: Path) -> None:
     path = tmp_path / "rig.toml"
     path.write_text('rig = "gj90c"\n[timing]\nrate_hz 100\n', encoding="utf-8")
     (fault,) = faults_of(path)
@@ -388,28 +386,28 @@ def test_load_rig_tells_the_line_of_a_mistake_in_toml(tmp_path: Path) -> None:
     assert "line 3" in fault
 
 
-def test_load_rig_tells_a_missing_file(tmp_path: Path) -> None:
+def test_load_rig_reports_a_missing_file(tmp_path: Path) -> None:
     assert faults_of(tmp_path / "nowhere.toml") == ["no such file"]
 
 
-def test_load_rig_tells_a_folder(tmp_path: Path) -> None:
+def test_load_rig_reports_a_folder(tmp_path: Path) -> None:
     (fault,) = faults_of(tmp_path)
     assert fault.endswith("expected a TOML file")
 
 
-def test_load_rig_reads_what_a_windows_editor_wrote(rig_file: RigFiles) -> None:
+def test_load_rig_reads_a_file_with_a_byte_order_mark(rig_file: RigFiles) -> None:
     path = rig_file()
     path.write_bytes(b"\xef\xbb\xbf" + path.read_bytes().replace(b"\n", b"\r\n"))
     assert load_rig(path).config.rig == "test-rig"
 
 
-def test_load_rig_tells_what_is_no_text(tmp_path: Path) -> None:
+def test_load_rig_reports_a_file_that_is_not_utf_8(tmp_path: Path) -> None:
     path = tmp_path / "rig.toml"
     path.write_bytes(b"\xff\xfe\x00")
     assert faults_of(path) == ["byte 0 is not UTF-8: expected a TOML text file"]
 
 
-def test_load_rig_tells_single_brackets_around_channel(tmp_path: Path) -> None:
+def test_load_rig_reports_single_brackets_around_channel(tmp_path: Path) -> None:
     path = tmp_path / "rig.toml"
     path.write_text('[channel]\nname = "x"\n', encoding="utf-8")
     assert faults_of(path) == ["channel = a table: expected tables: [[channel]]"]
@@ -434,12 +432,12 @@ def test_load_rig_names_channel_file_and_key_of_a_wrong_calibration(
     assert y.startswith(f'channel[1].calibration = "probe-y.toml": {fault}')
 
 
-def test_load_rig_tells_a_missing_calibration(rig_file: RigFiles) -> None:
+def test_load_rig_reports_a_missing_calibration(rig_file: RigFiles) -> None:
     (fault,) = faults_of(rig_file(channel=channels({"calibration": "gone.toml"}, {}, {})))
     assert fault == 'channel[0].calibration = "gone.toml": no such file'
 
 
-def test_load_rig_tells_a_calibration_point_far_from_its_polynomial(rig_file: RigFiles) -> None:
+def test_load_rig_reports_a_calibration_point_far_from_its_polynomial(rig_file: RigFiles) -> None:
     path = rig_file()
     with (path.parent / "probe-x.toml").open("a", encoding="utf-8") as record:
         record.write("\n[[point]]\ngap_um = 500.0\nvolts = 6.0\n")

@@ -58,7 +58,7 @@ def told(text: str) -> list[str]:
 
 @settings(max_examples=150, deadline=None, derandomize=True)
 @given(data=st.data())
-def test_read_config_accepts_or_tells_what_is_wrong(data: st.DataObject) -> None:
+def test_read_recorded_config_returns_a_configuration_or_errors(data: st.DataObject) -> None:
     tables = copy.deepcopy(BENCH)
     for _ in range(data.draw(st.integers(1, 4))):
         *above, last = data.draw(st.sampled_from(places(tables)))

@@ -41,7 +41,7 @@ def test_every_key_of_the_configuration_is_explained_in_a_rig_file() -> None:
 
 
 @pytest.mark.parametrize("name", ["bench", "model"])
-def test_simulated_rig_begins_in_its_gap_windows_with_a_tacho_that_turns(name: str) -> None:
+def test_simulated_rig_starts_in_its_gap_windows_with_a_working_tacho(name: str) -> None:
     card = SimulatedCard(load_rig(RIGS / f"{name}.toml"))
     codes = card.next_codes(20_000)
     for row, channel in enumerate(card.acquisition.channels):

@@ -32,11 +32,11 @@ def faults_of(path: Path) -> list[str]:
     return caught.value.faults
 
 
-def test_rig_that_names_no_rotor_has_the_default_one(rig: RigFactory) -> None:
+def test_rig_without_a_rotor_has_the_default_one(rig: RigFactory) -> None:
     assert model_parameters(rig().config) == gj90c(probe_angles=SEATS)
 
 
-def test_rotor_is_read_beside_the_rig_and_the_recording_carries_it(rig_file: RigFiles) -> None:
+def test_rotor_file_is_relative_to_the_rig_and_embedded_in_the_recording(rig_file: RigFiles) -> None:
     path = beside(rig_file(model={"rotor": "rotor.toml"}), GJ90C.replace("mass_kg = 0.07", "mass_kg = 0.08"))
     loaded = load_rig(path)
     path.with_name("rotor.toml").unlink()
@@ -48,16 +48,16 @@ def test_rotor_is_read_beside_the_rig_and_the_recording_carries_it(rig_file: Rig
         assert parameters.probe_angles == pytest.approx(SEATS)
 
 
-def test_recording_carries_the_default_rotor_too(rig: RigFactory) -> None:
+def test_default_rotor_is_embedded_in_the_recording(rig: RigFactory) -> None:
     assert read_recorded_config(rig().toml, "a recording").rotor == default_rotor()
 
 
-def test_recording_of_before_there_were_rotor_files_has_the_default_one(rig: RigFactory) -> None:
+def test_recording_without_a_rotor_has_the_default_one(rig: RigFactory) -> None:
     old = rig().config.model_copy(update={"rotor": {}})
     assert model_parameters(old) == gj90c(probe_angles=SEATS)
 
 
-def test_model_section_says_what_differs_from_the_rotors_file(rig_file: RigFiles) -> None:
+def test_model_section_overrides_the_rotor_file(rig_file: RigFiles) -> None:
     more = GJ90C + "\n[[imbalance]]\nstation = 2\nmagnitude_g_mm = 0.1\nphase_deg = 90\n"
     changes = {"imbalance_kg_m": 2e-7, "inner_clearance_um": 25.0}
     parameters = model_parameters(load_rig(beside(rig_file(model={"rotor": "rotor.toml"} | changes), more)).config)
@@ -66,7 +66,7 @@ def test_model_section_says_what_differs_from_the_rotors_file(rig_file: RigFiles
     assert parameters.floating_ring.outer_clearance == 80e-6
 
 
-def test_every_fault_of_the_rotor_is_named_with_its_file(rig_file: RigFiles) -> None:
+def test_rotor_errors_name_the_file(rig_file: RigFiles) -> None:
     wrong = GJ90C.replace("mass_kg = 0.07", "mass_kg = -0.07").replace("radius_mm = 4", "radius_inch = 4")
     faults = faults_of(beside(rig_file(model={"rotor": "rotor.toml"}, storage={"reserve_gb": -1.0}), wrong))
     units = "radius_mm or radius_m or radius_um"
@@ -77,19 +77,19 @@ def test_every_fault_of_the_rotor_is_named_with_its_file(rig_file: RigFiles) -> 
     ]
 
 
-def test_rotor_without_films_cannot_be_laid_over_a_measurement(rig_file: RigFiles) -> None:
+def test_rotor_without_films_is_refused(rig_file: RigFiles) -> None:
     bare = GJ90C.split("[bearing]")[0] + "[[imbalance]]" + GJ90C.split("[[imbalance]]")[1]
     (fault,) = faults_of(beside(rig_file(model={"rotor": "rotor.toml"}), bare))
     assert fault.endswith("bearing: none, expected a rotor on oil films, with [bearing] in its file")
 
 
-def test_rotor_that_cannot_be_read_is_a_fault_of_the_rig(rig_file: RigFiles) -> None:
+def test_unreadable_rotor_file_is_an_error_of_the_rig(rig_file: RigFiles) -> None:
     path = rig_file(model={"rotor": "rotor.toml"})
     assert faults_of(path) == ['model.rotor = "rotor.toml": no such file']
     assert faults_of(beside(path, "radius 5"))[0].startswith('model.rotor = "rotor.toml": not TOML: ')
 
 
-def test_rotor_may_stand_in_the_rigs_own_file_but_not_twice(rig_file: RigFiles) -> None:
+def test_rotor_may_be_in_the_rig_file_but_not_twice(rig_file: RigFiles) -> None:
     assert model_parameters(load_rig(rig_file(rotor=default_rotor())).config) == gj90c(probe_angles=SEATS)
     (fault,) = faults_of(beside(rig_file(rotor=default_rotor(), model={"rotor": "rotor.toml"}), GJ90C))
     assert fault == 'model.rotor = "rotor.toml": expected none beside the file\'s own [rotor]'

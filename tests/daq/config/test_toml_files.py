@@ -18,5 +18,5 @@ from daq.config.toml_files import to_toml
         {"mixed": [1, {"a": [2, 3]}, "x"]},
     ],
 )
-def test_to_toml_reads_back_as_it_was(data: dict[str, object]) -> None:
+def test_to_toml_survives_a_round_trip(data: dict[str, object]) -> None:
     assert tomllib.loads(to_toml(data)) == data

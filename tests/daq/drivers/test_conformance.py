@@ -228,7 +228,7 @@ def stamps_of(blocks: list[SampleBlock]) -> Ticks:
     return np.concatenate([np.empty(0, np.int64), *(block.ticks for block in blocks if block.ticks is not None)])
 
 
-def test_acquisition_says_what_the_rows_of_a_block_are(backend: Backend) -> None:
+def test_acquisition_describes_the_rows_of_a_block(backend: Backend) -> None:
     source = backend.open()
     acquisition = source.acquisition
     blocks, _ = taken(source, 1)
@@ -240,7 +240,7 @@ def test_acquisition_says_what_the_rows_of_a_block_are(backend: Backend) -> None
     assert source.acquisition == acquisition
 
 
-def test_blocks_follow_one_another_and_a_stop_ends_the_segment_with_all_that_was_read(backend: Backend) -> None:
+def test_blocks_are_contiguous_and_a_stop_ends_the_segment_with_all_samples_read(backend: Backend) -> None:
     blocks, ends = taken(backend.open(), 4)
     firsts = [block.first_sample for block in blocks]
     assert firsts == [0, *np.cumsum([block.n_samples for block in blocks])[:-1].tolist()]
@@ -248,14 +248,14 @@ def test_blocks_follow_one_another_and_a_stop_ends_the_segment_with_all_that_was
     assert ends == [SegmentEnd(0, blocks[-1].end, EndReason.STOPPED)]
 
 
-def test_codes_are_those_of_the_card_bit_for_bit_and_stay_so(backend: Backend) -> None:
+def test_codes_equal_those_of_the_card_and_are_not_overwritten(backend: Backend) -> None:
     blocks, _ = taken(backend.open(), 4)  # a block that is kept is not overwritten by the next
     codes = np.concatenate([block.codes for block in blocks], axis=1)
     np.testing.assert_array_equal(codes, backend.truth(codes.shape[1]))
     assert all(block.codes.dtype == np.int16 and block.codes.flags.c_contiguous for block in blocks)
 
 
-def test_stamps_are_those_of_the_counter_and_come_with_their_samples(backend: Backend) -> None:
+def test_stamps_equal_those_of_the_counter_and_come_with_their_samples(backend: Backend) -> None:
     source = backend.open()
     per_sample = source.acquisition.ticks_per_sample
     assert per_sample == 80e6 / source.acquisition.rate
@@ -270,21 +270,21 @@ def test_stamps_are_those_of_the_counter_and_come_with_their_samples(backend: Ba
         assert (block.ticks < block.end * per_sample).all()
 
 
-def test_host_times_do_not_run_back_and_backlogs_are_counts(backend: Backend) -> None:
+def test_host_times_do_not_decrease_and_backlogs_are_counts(backend: Backend) -> None:
     blocks, _ = taken(backend.open(), 4)
     times = [block.host_time_ns for block in blocks]
     assert times == sorted(times)
     assert all(block.backlog >= 0 for block in blocks)
 
 
-def test_source_that_was_stopped_before_it_began_gives_an_end_and_no_samples(backend: Backend) -> None:
+def test_source_stopped_before_its_start_gives_an_end_and_no_samples(backend: Backend) -> None:
     source = backend.open()
     source.stop()
     assert list(source.blocks()) == [SegmentEnd(0, 0, EndReason.STOPPED)]
     source.close()
 
 
-def test_stop_from_another_thread_ends_it_soon(backend: Backend) -> None:
+def test_stop_from_another_thread_ends_the_blocks_soon(backend: Backend) -> None:
     source = backend.open()
     first = threading.Event()
 
@@ -309,7 +309,7 @@ def test_stop_from_another_thread_ends_it_soon(backend: Backend) -> None:
     source.close()
 
 
-def test_close_is_harmless_at_any_time_and_releases_everything(backend: Backend) -> None:
+def test_close_may_be_called_at_any_time_and_releases_everything(backend: Backend) -> None:
     unused = backend.open()
     unused.close()
     unused.close()
@@ -320,7 +320,7 @@ def test_close_is_harmless_at_any_time_and_releases_everything(backend: Backend)
     assert backend.is_released()
 
 
-def test_source_that_nobody_reads_to_its_end_is_released_by_close(backend: Backend) -> None:
+def test_close_releases_a_source_that_is_not_read_to_its_end(backend: Backend) -> None:
     source = backend.open()
     items = source.blocks()
     assert isinstance(next(items), SampleBlock)
@@ -329,7 +329,7 @@ def test_source_that_nobody_reads_to_its_end_is_released_by_close(backend: Backe
     assert backend.is_released()
 
 
-def test_second_opening_begins_anew(backend: Backend) -> None:
+def test_reopened_source_starts_from_the_beginning(backend: Backend) -> None:
     (first, _), (second, _) = taken(backend.open(), 2), taken(backend.open(), 2)
     assert [block.first_sample for block in first] == [block.first_sample for block in second]
     assert all(np.array_equal(a.codes, b.codes) for a, b in zip(first, second, strict=True))
@@ -354,7 +354,7 @@ def test_overrun_ends_the_segment_with_its_loss_and_the_next_begins_at_zero(back
 
 @pytest.mark.skipif(OVER_C, reason="this is that process")
 @pytest.mark.skipif(sys.platform != "linux", reason=f"the double is built on Linux with {', '.join(TOOLS)}")
-def test_card_over_the_c_interface_does_all_of_the_above(tmp_path: Path) -> None:
+def test_card_through_the_c_interface_conforms(tmp_path: Path) -> None:
     build(tmp_path / "libnidaqmx.so.1", SOURCE)
     (tmp_path / "libnidaqmx.so").symlink_to("libnidaqmx.so.1")
     environment = os.environ | {"LD_LIBRARY_PATH": str(tmp_path), "RIG_TEST_NIDAQMX_DOUBLE": "1"}

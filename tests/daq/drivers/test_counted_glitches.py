@@ -64,7 +64,7 @@ def harmed(items: list[SourceItem], acquisition: Acquisition, harm: Harm) -> lis
 
 
 @pytest.mark.parametrize(("harm", "filled", "rejected"), [(without, 19, 0), (doubled, 0, 19)])
-def test_counter_and_samples_come_to_the_same_through_missing_and_doubled_edges(
+def test_counter_and_samples_agree_despite_missing_and_doubled_edges(
     rig: RigFactory, tmp_path: Path, harm: Harm, filled: int, rejected: int
 ) -> None:
     found = []
@@ -85,7 +85,7 @@ def test_counter_and_samples_come_to_the_same_through_missing_and_doubled_edges(
         assert (last.counter.state, last.counter.recent_mismatches) == (CounterState.AGREES, 0)
 
 
-def test_doubles_that_the_counter_alone_has_are_rejected_and_told(rig: RigFactory, tmp_path: Path) -> None:
+def test_doubled_edges_of_the_counter_alone_are_rejected_and_reported(rig: RigFactory, tmp_path: Path) -> None:
     chosen = counted(rig, simulation=COURSE)
     header, items = header_of(chosen, tmp_path), items_of(chosen)
     last = analysed(header, harmed(items, header.acquisition, doubled_at_the_counter_alone))[-1]

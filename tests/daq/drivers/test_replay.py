@@ -58,7 +58,7 @@ def ends_in(items: Iterable[SourceItem]) -> tuple[SegmentEnd, ...]:
 
 
 @pytest.mark.parametrize("block", [None, 1, 7, 499, 500, 501, 2_000, 100_000])
-def test_samples_and_ends_are_the_recorded_ones_for_any_block(run: Path, block: int | None) -> None:
+def test_samples_and_ends_equal_the_recorded_ones_for_any_block_size(run: Path, block: int | None) -> None:
     source = open_replay(run, None, block=block)
     items = list(source.blocks())
     source.close()
@@ -74,7 +74,7 @@ def test_samples_and_ends_are_the_recorded_ones_for_any_block(run: Path, block: 
         assert items.index(end) > items.index(blocks[-1])
 
 
-def test_new_blocks_know_what_the_recorded_block_of_their_last_sample_knew(run: Path) -> None:
+def test_new_blocks_have_the_host_time_of_their_last_samples_recorded_block(run: Path) -> None:
     source = open_replay(run, None, block=750)
     blocks = [item for item in source.blocks() if isinstance(item, SampleBlock) and item.segment == 0]
     source.close()
@@ -83,14 +83,14 @@ def test_new_blocks_know_what_the_recorded_block_of_their_last_sample_knew(run: 
     assert [b.host_time_ns for b in blocks] == [1500, 2000, 3000, 3500, 4000]
 
 
-def test_the_acquisition_is_the_recorded_one_device_included(run: Path) -> None:
+def test_acquisition_equals_the_recorded_one_including_the_device(run: Path) -> None:
     source = open_replay(run, None)
     assert source.acquisition == HEADER.acquisition
     assert source.header == HEADER
     source.close()
 
 
-def test_replay_keeps_its_pace_over_the_gap(run: Path) -> None:
+def test_replay_keeps_its_pace_over_a_gap(run: Path) -> None:
     source = open_replay(run, 2.0)
     begun = time.monotonic()
     due = [
@@ -103,7 +103,7 @@ def test_replay_keeps_its_pace_over_the_gap(run: Path) -> None:
     assert min(came - when for came, when in due[-4:]) < 1.0
 
 
-def test_a_late_consumer_is_caught_up_with(run: Path) -> None:
+def test_replay_catches_up_after_a_late_reader(run: Path) -> None:
     source = open_replay(run, 1.0)
     begun = time.monotonic()
     late = []
@@ -128,7 +128,7 @@ def test_stop_from_another_thread_ends_the_replay_at_once(run: Path) -> None:
     assert items == [SegmentEnd(0, 0, EndReason.STOPPED)]
 
 
-def test_a_stopped_replay_ends_its_segment_where_it_stands(run: Path) -> None:
+def test_stopped_replay_ends_its_segment_at_the_current_sample(run: Path) -> None:
     source = open_replay(run, None)
     items = []
     for item in source.blocks():
@@ -140,14 +140,14 @@ def test_a_stopped_replay_ends_its_segment_where_it_stands(run: Path) -> None:
     assert isinstance(items[-1], SegmentEnd)
 
 
-def test_a_recording_that_was_cut_is_played_as_far_as_it_goes(run: Path) -> None:
+def test_truncated_recording_is_replayed_up_to_its_end(run: Path) -> None:
     run.write_bytes(run.read_bytes()[:-20])
     source = open_replay(run, None)
     assert ends_in(source.blocks()) == ENDS
     source.close()
 
 
-def test_a_file_that_can_no_longer_be_read_ends_the_segment(run: Path) -> None:
+def test_unreadable_file_ends_the_segment(run: Path) -> None:
     source = open_replay(run, None)
     items = []
     for item in source.blocks():
@@ -159,23 +159,23 @@ def test_a_file_that_can_no_longer_be_read_ends_the_segment(run: Path) -> None:
     assert "run.mcap: cannot be read" in items[-1].detail
 
 
-def test_a_missing_recording_is_named(tmp_path: Path) -> None:
+def test_missing_recording_is_named(tmp_path: Path) -> None:
     with pytest.raises(NotFoundError, match=r"gone\.mcap"):
         open_replay(tmp_path / "gone.mcap")
 
 
-def test_a_damaged_recording_is_named(tmp_path: Path) -> None:
+def test_damaged_recording_is_named(tmp_path: Path) -> None:
     (tmp_path / "run.mcap").write_bytes(b"")
     with pytest.raises(DamagedError, match="is empty"):
         open_replay(tmp_path / "run.mcap")
 
 
 @pytest.mark.parametrize("pace", [0.0, -1.0, float("nan")])
-def test_a_pace_that_is_none_is_refused(run: Path, pace: float) -> None:
+def test_invalid_pace_is_refused(run: Path, pace: float) -> None:
     with pytest.raises(ValueError, match="pace:"):
         open_replay(run, pace)
 
 
-def test_a_block_without_samples_is_refused(run: Path) -> None:
+def test_block_without_samples_is_refused(run: Path) -> None:
     with pytest.raises(ValueError, match="block: 0 samples"):
         open_replay(run, None, block=0)

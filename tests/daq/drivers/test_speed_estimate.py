@@ -36,14 +36,14 @@ def stamped(acquisition: Acquisition, edges: Iterable[float], end: float, *, fai
     return speeds
 
 
-def test_speed_comes_from_the_counter_where_it_is_the_reference_and_from_the_samples_where_not(rig: RigFactory) -> None:
+def test_speed_comes_from_the_declared_reference(rig: RigFactory) -> None:
     edges = np.arange(0.05, 3.0, 0.1)
     by_counter = stamped(acquisition_of(rig), edges, 3.0)
     assert by_counter[5:] == pytest.approx([600.0] * (len(by_counter) - 5), rel=1e-6)
     assert set(stamped(acquisition_of(rig, "samples"), edges, 3.0)) == {0.0}
 
 
-def test_speed_comes_from_the_samples_once_the_counter_fails_and_from_it_again_in_the_next_segment(
+def test_speed_comes_from_the_samples_after_a_counter_failure_until_the_next_segment(
     rig: RigFactory,
 ) -> None:
     chosen = rig(simulation=HELD, tacho={"counter": {"reference": "counter"}})
@@ -63,7 +63,7 @@ def test_speed_comes_from_the_samples_once_the_counter_fails_and_from_it_again_i
 
 @pytest.mark.parametrize("pulses", [1, 2])
 @pytest.mark.parametrize("glitch", ["double", "missing", "none"])
-def test_single_doubled_or_missing_edge_hardly_moves_the_speed(rig: RigFactory, pulses: int, glitch: str) -> None:
+def test_single_doubled_or_missing_edge_hardly_changes_the_speed(rig: RigFactory, pulses: int, glitch: str) -> None:
     acquisition = acquisition_of(rig)
     acquisition = replace(acquisition, tacho=replace(acquisition.tacho, pulses_per_revolution=pulses))
     edges = np.arange(0.05, 4.0, 0.1 / pulses)
@@ -78,11 +78,11 @@ def test_single_doubled_or_missing_edge_hardly_moves_the_speed(rig: RigFactory, 
     assert speeds[8:] == pytest.approx([600.0] * (len(speeds) - 8), rel=0.02)  # the edge alone: 12 %
 
 
-def test_two_edges_of_a_glitch_at_rest_are_no_speed(rig: RigFactory) -> None:
+def test_two_edges_of_a_glitch_at_rest_give_no_speed(rig: RigFactory) -> None:
     assert set(stamped(acquisition_of(rig), [1.0, 1.001], 3.0)) == {0.0}
 
 
-def test_shaft_that_stops_is_told_within_a_second(rig: RigFactory) -> None:
+def test_standstill_is_detected_within_a_second(rig: RigFactory) -> None:
     speeds = stamped(acquisition_of(rig), np.arange(0.05, 2.0, 0.1), 4.0)
     assert speeds[19] == pytest.approx(600.0)
     assert set(speeds[31:]) == {0.0}

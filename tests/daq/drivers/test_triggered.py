@@ -65,7 +65,7 @@ def run_of(source: Source) -> tuple[list[SampleBlock], list[SegmentEnd]]:
     return [item for item in items if isinstance(item, SampleBlock)], ends
 
 
-def test_run_lies_between_its_conditions_with_what_came_before(rig: RigFactory) -> None:
+def test_run_contains_the_samples_between_its_conditions_and_the_pre_trigger(rig: RigFactory) -> None:
     ramp = rig(simulation=RAMP, trigger={"hold_s": 0.1, "start": "speed > 4000", "stop": "speed < 3500", "pre_s": 1.0})
     watch = Watch()
     with closing(opened(ramp, watch)) as source:
@@ -100,7 +100,7 @@ def test_level_of_a_channel_starts_a_run(rig: RigFactory) -> None:
     assert 3.5 < SimulatedCard(ramp).acquisition.channels[2].volts(highest)[0] < 4.5
 
 
-def test_start_that_never_comes_leaves_an_empty_segment_that_says_so(rig: RigFactory) -> None:
+def test_start_condition_that_is_never_met_gives_an_empty_segment_with_the_reason(rig: RigFactory) -> None:
     blocks, ends = run_of(opened(rig(simulation=RAMP, trigger={"start": "speed > 9000"})))
     assert blocks == []
     assert ends == [SegmentEnd(0, 0, EndReason.STOPPED, detail="speed > 9000 r/min was not reached")]
@@ -146,14 +146,14 @@ def scripted(
     return TriggeredSource(Scripted(acquisition, items), trigger, watch or Watch())
 
 
-def test_glitch_shorter_than_the_hold_starts_nothing(rig: RigFactory) -> None:
+def test_glitch_shorter_than_the_hold_time_does_not_start_an_event(rig: RigFactory) -> None:
     blocks, ends = run_of(scripted(rig(), [0, 0, 0, 0, 0, 3, 0, 3, 3, 0, 0], hold=0.2))
     seen = [bool(block.codes[0].max() > 0) for block in blocks]
     assert seen == [False, False, True, False, True, True, False, False]  # what is held, 0.3 s before it, and the rest
     assert ends == [SegmentEnd(0, 8 * 2000, EndReason.STOPPED)]
 
 
-def test_samples_from_before_a_gap_are_not_given_as_what_came_before(rig: RigFactory) -> None:
+def test_samples_before_a_gap_are_not_part_of_the_pre_trigger(rig: RigFactory) -> None:
     blocks, ends = run_of(scripted(rig(), [0, 0, 0, None, 0, 3, 0, None, 0], hold=0.0))
     assert [(block.segment, block.first_sample) for block in blocks] == [(1, 0), (1, 2000), (1, 4000), (2, 0)]
     told = "while waiting for x > 2 V: overrun"
@@ -169,7 +169,7 @@ def given_levels(blocks: Sequence[SampleBlock]) -> list[tuple[int, int]]:
     return [(block.segment, int(block.codes[1, 0])) for block in blocks]
 
 
-def test_trigger_is_armed_again_after_each_stop_up_to_so_many_events(rig: RigFactory) -> None:
+def test_trigger_is_rearmed_after_each_stop_up_to_the_number_of_events(rig: RigFactory) -> None:
     watch = Watch()
     levels = [0, 0, 0, 3, 0, -3, 0, 0, 0, 3, -3, 3, -3, 0, 3, 0]
     trigger = Trigger(ABOVE, BELOW, before=0.2, events=3)
@@ -189,7 +189,7 @@ def test_trigger_is_armed_again_after_each_stop_up_to_so_many_events(rig: RigFac
     assert set(watch.waited_for) == {1, 2}
 
 
-def test_no_start_is_looked_for_during_the_hold_off(rig: RigFactory) -> None:
+def test_no_start_is_detected_during_the_hold_off(rig: RigFactory) -> None:
     levels = [3, -3, 3, 3, 3, 0, 3, -3]
     trigger = Trigger(ABOVE, BELOW, hold_off=0.25, events=0)
     blocks, ends = run_of(scripted(rig(), levels, hold=0.0, trigger=trigger))
@@ -200,7 +200,7 @@ def test_no_start_is_looked_for_during_the_hold_off(rig: RigFactory) -> None:
     assert [end.reason for end in ends] == [EndReason.FINISHED, EndReason.FINISHED]
 
 
-def test_device_that_fails_while_a_start_is_waited_for_is_told(rig: RigFactory) -> None:
+def test_device_fault_while_waiting_for_a_start_is_reported(rig: RigFactory) -> None:
     acquisition = SimulatedCard(rig()).acquisition
     end = SegmentEnd(0, 0, EndReason.UNPLUGGED, detail="the card is gone")
     source = TriggeredSource(Scripted(acquisition, [end]), Trigger(ABOVE, None), Watch())
@@ -211,7 +211,7 @@ def test_device_that_fails_while_a_start_is_waited_for_is_told(rig: RigFactory) 
 
 
 @pytest.mark.parametrize("seed", range(40))
-def test_every_sample_is_given_once_or_counted_as_let_pass(rig: RigFactory, seed: int) -> None:
+def test_every_sample_is_delivered_once_or_counted_as_skipped(rig: RigFactory, seed: int) -> None:
     draw = np.random.default_rng(seed)
     levels = [None if level > 4 else level for level in draw.choice([0.0, 0.0, 3.0, -3.0, 5.0], 60).tolist()]
     before, hold, hold_off = draw.choice([0.0, 0.1, 0.25, 0.4], 3).tolist()
@@ -230,7 +230,7 @@ def test_every_sample_is_given_once_or_counted_as_let_pass(rig: RigFactory, seed
         assert stretch == [*range(stretch[0], stretch[0] + len(stretch))] if stretch else not end.samples
 
 
-def test_each_event_is_a_recording_and_the_run_ends_after_as_many(rig: RigFactory, tmp_path: Path) -> None:
+def test_each_event_is_a_recording_and_the_run_ends_after_the_last_event(rig: RigFactory, tmp_path: Path) -> None:
     swing = [{"time_s": 2 * k, "speed_rpm": 3000 + 3000 * (k % 2)} for k in range(7)]
     trigger = {"start": "speed > 5000", "stop": "speed < 4000", "pre_s": 0.3, "hold_s": 0.1, "events": 2}
     run = start_recording(rig(simulation={"profile": swing, "speed_fluctuation": 0.0}, trigger=trigger), tmp_path)
@@ -256,7 +256,7 @@ def test_each_event_is_a_recording_and_the_run_ends_after_as_many(rig: RigFactor
     assert begun == pytest.approx((passed + outcome.ends[0].samples) / RATE, abs=1e-8)
 
 
-def test_run_that_is_armed_again_ends_when_it_is_stopped(rig: RigFactory, tmp_path: Path) -> None:
+def test_rearmed_run_ends_when_it_is_stopped(rig: RigFactory, tmp_path: Path) -> None:
     swing = [{"time_s": 0, "speed_rpm": 5500}, {"time_s": 1, "speed_rpm": 3000}, {"time_s": 60, "speed_rpm": 3000}]
     trigger = {"start": "speed > 5000", "stop": "speed < 4000", "pre_s": 0.0, "hold_s": 0.1, "events": 0}
     bench = rig(simulation={"profile": swing, "speed_fluctuation": 0.0, "pace": "real time"}, trigger=trigger)
@@ -283,7 +283,7 @@ def test_events_without_a_start_and_a_stop_are_refused(rig: RigFactory) -> None:
         TriggeredSource(open_source(rig()), Trigger(ABOVE, None, events=0), Watch())
 
 
-def test_operator_sees_that_a_run_is_armed_and_the_file_holds_what_followed(rig: RigFactory, tmp_path: Path) -> None:
+def test_live_status_shows_the_armed_run_and_the_file_holds_the_event(rig: RigFactory, tmp_path: Path) -> None:
     ramp = rig(simulation={**RAMP, "pace": "real time"}, trigger={"hold_s": 0.1})
     run = start_recording(with_trigger(ramp, start="speed > 3800", stop="speed > 4200", pre_s=0.5), tmp_path)
     armed = wait_for_state(run, 60, RunState.ARMED)
@@ -308,25 +308,25 @@ def test_operator_sees_that_a_run_is_armed_and_the_file_holds_what_followed(rig:
         ("", None),
     ],
 )
-def test_condition_is_read_as_it_is_written(text: str, condition: TriggerCondition | None) -> None:
+def test_condition_is_parsed(text: str, condition: TriggerCondition | None) -> None:
     assert parse_condition(text) == condition
 
 
 @pytest.mark.parametrize("text", ["fast", "speed => 3", "speed > ", "speed > nan", "> 3", "x > 4,5", "x > 1,50"])
-def test_what_is_no_condition_is_refused_with_an_example(rig: RigFactory, text: str) -> None:
+def test_invalid_condition_is_refused_with_an_example(rig: RigFactory, text: str) -> None:
     with pytest.raises(ConfigError, match=r'expected a condition such as "speed > 2000"'):
         rig(trigger={"start": text})
     with pytest.raises(ConfigError, match=r'expected a condition such as "speed > 2000"'):
         with_trigger(rig(), start=text)
 
 
-def test_condition_on_a_channel_that_is_not_there_is_refused(rig: RigFactory) -> None:
+def test_condition_on_an_unknown_channel_is_refused(rig: RigFactory) -> None:
     with pytest.raises(ConfigError, match=r'trigger\.stop = "z > 3": expected a condition on one of speed, time, x, y'):
         with_trigger(rig(), stop="z > 3")
     with pytest.raises(ConfigError, match=r"trigger\.start"):
         rig(trigger={"start": "z > 3"})
 
 
-def test_condition_on_a_voltage_that_the_input_never_shows_is_refused(rig: RigFactory) -> None:
+def test_condition_on_a_voltage_outside_the_range_is_refused(rig: RigFactory) -> None:
     with pytest.raises(ConfigError, match=r'trigger\.stop = "x > 45": expected a voltage within the range of ±10 V'):
         with_trigger(rig(), stop="x > 45")

@@ -40,7 +40,7 @@ def ticks_of(items: list[SourceItem], segment: int = 0) -> NDArray[np.int64]:
     return np.concatenate([np.empty(0, np.int64), *(block.ticks for block in blocks if block.ticks is not None)])
 
 
-def test_stamps_are_the_true_moments_of_the_edges_in_whole_ticks(card: NiSource) -> None:
+def test_stamps_are_the_true_edge_times_in_whole_ticks(card: NiSource) -> None:
     items = take(card, 20)
     n = ends_of(items)[0].samples
     np.testing.assert_array_equal(ticks_of(items), SimulatedCard(bench(counter=COUNTER)).ticks(0, n))
@@ -49,7 +49,7 @@ def test_stamps_are_the_true_moments_of_the_edges_in_whole_ticks(card: NiSource)
     assert card.acquisition.tacho.reference == "counter"
 
 
-def test_each_stamp_comes_with_the_block_in_which_it_lies(card: NiSource) -> None:
+def test_each_stamp_comes_with_the_block_that_contains_its_edge(card: NiSource) -> None:
     per_sample = card.acquisition.ticks_per_sample
     for item in take(card, 10):
         if isinstance(item, SampleBlock):
@@ -72,7 +72,7 @@ def test_no_task_is_left_after_a_run_with_a_counter(card: NiSource, server: Devi
     assert server.tasks == []
 
 
-def test_counter_runs_through_three_wraps_and_silences_longer_than_one() -> None:
+def test_counter_is_unwrapped_through_three_wraps_and_pauses_longer_than_one() -> None:
     course = ((0, 600), (30, 600), (30.1, 0), (100, 0), (101, 900), (235, 900))  # still for 70 s; a wrap takes 53.7 s
     slow = bench(counter=COUNTER, rate=500.0, profile=course)
     with serving(NiDriver(lambda: SimulatedCard(slow))) as server:
@@ -89,7 +89,7 @@ def test_counter_runs_through_three_wraps_and_silences_longer_than_one() -> None
 
 
 @pytest.mark.parametrize("code", [-200279, -200141, -200545])
-def test_counter_that_fails_costs_its_stamps_and_no_sample(card: NiSource, server: DeviceServer, code: int) -> None:
+def test_counter_failure_loses_stamps_but_no_sample(card: NiSource, server: DeviceServer, code: int) -> None:
     server.faults[READ].extend([0, 0, 0, code])
     items = take(card, 8)
     blocks = [item for item in items if isinstance(item, SampleBlock)]
@@ -101,7 +101,7 @@ def test_counter_that_fails_costs_its_stamps_and_no_sample(card: NiSource, serve
     assert server.tasks == []
 
 
-def test_counter_whose_buffer_overflows_costs_no_sample(server: DeviceServer) -> None:
+def test_counter_buffer_overflow_loses_no_sample(server: DeviceServer) -> None:
     card = open_ni_source(bench(server.target, counter=COUNTER))
     items: list[SourceItem] = []
     for item in card.blocks():
@@ -118,7 +118,7 @@ def test_counter_whose_buffer_overflows_costs_no_sample(server: DeviceServer) ->
     assert "the buffer was overwritten" in end.detail
 
 
-def test_overrun_of_the_samples_begins_a_new_count(card: NiSource, server: DeviceServer) -> None:
+def test_overrun_of_the_samples_restarts_the_count(card: NiSource, server: DeviceServer) -> None:
     server.faults["ReadBinaryI16"].extend([0, 0, 0, -200279])
     items = take(card, 8)
     first, second = ends_of(items)
@@ -138,9 +138,7 @@ def test_counter_that_failed_works_again_in_the_next_segment(card: NiSource, ser
     assert ticks_of(items, 1).size > 0
 
 
-def test_last_block_has_its_stamps_though_the_question_for_the_backlog_fails(
-    card: NiSource, server: DeviceServer
-) -> None:
+def test_last_block_has_its_stamps_if_reading_the_backlog_fails(card: NiSource, server: DeviceServer) -> None:
     server.faults["GetReadAttributeUInt32"].extend([0, 0, -200545])
     items = list(card.blocks())
     (end,) = ends_of(items)
@@ -149,7 +147,7 @@ def test_last_block_has_its_stamps_though_the_question_for_the_backlog_fails(
     np.testing.assert_array_equal(ticks_of(items), SimulatedCard(bench(counter=COUNTER)).ticks(0, end.samples))
 
 
-def test_counter_that_does_not_start_costs_no_sample(card: NiSource, server: DeviceServer) -> None:
+def test_counter_that_does_not_start_loses_no_sample(card: NiSource, server: DeviceServer) -> None:
     server.faults["StartTask"].append(-200545)
     items = take(card, 3)
     (end,) = ends_of(items)
@@ -158,7 +156,7 @@ def test_counter_that_does_not_start_costs_no_sample(card: NiSource, server: Dev
     assert all(item.ticks is None for item in items if isinstance(item, SampleBlock))
 
 
-def test_counter_of_another_clock_is_found_out(card: NiSource, server: DeviceServer) -> None:
+def test_counter_of_another_clock_is_detected(card: NiSource, server: DeviceServer) -> None:
     items: list[SourceItem] = []
     for item in card.blocks():
         items.append(item)
@@ -173,7 +171,7 @@ def test_counter_of_another_clock_is_found_out(card: NiSource, server: DeviceSer
     assert end.is_gap_free
 
 
-def test_counter_that_another_program_holds_is_said_and_nothing_stays_reserved(server: DeviceServer) -> None:
+def test_busy_counter_is_reported_and_nothing_stays_reserved(server: DeviceServer) -> None:
     server.driver.counter_held_elsewhere = True
     error = refused(bench(server.target, counter=COUNTER))
     assert error.fault is DeviceFault.BUSY
@@ -187,9 +185,7 @@ def test_counter_that_cannot_be_set_up_leaves_nothing_reserved(server: DeviceSer
     assert server.tasks == []
 
 
-def test_server_that_freezes_ends_a_run_with_a_counter_and_both_tasks_are_cleared(
-    card: NiSource, server: DeviceServer
-) -> None:
+def test_frozen_server_ends_a_run_with_counter_and_both_tasks_are_cleared(card: NiSource, server: DeviceServer) -> None:
     items: list[SourceItem] = []
     for item in card.blocks():
         items.append(item)
@@ -205,7 +201,7 @@ def test_server_that_freezes_ends_a_run_with_a_counter_and_both_tasks_are_cleare
     assert server.tasks == []
 
 
-def test_counts_go_on_rising_through_every_wrap() -> None:
+def test_unwrapped_counts_rise_through_every_wrap() -> None:
     rng = np.random.default_rng(7)
     truth = np.cumsum(rng.integers(1, COUNTER_WRAP, 200))
     unwrapping = CounterUnwrapper()
@@ -213,7 +209,7 @@ def test_counts_go_on_rising_through_every_wrap() -> None:
         np.testing.assert_array_equal(unwrapping.ticks((part % COUNTER_WRAP).astype(np.uint32)), part)
 
 
-def test_counts_after_a_silence_of_many_wraps_lie_where_the_samples_are() -> None:
+def test_counts_after_a_pause_of_many_wraps_match_the_samples() -> None:
     unwrapping = CounterUnwrapper()
     assert unwrapping.ticks(np.array([17], np.uint32)).tolist() == [17]
     for wraps in (1, 2, 5, 1000):

@@ -24,13 +24,13 @@ def test_devices_are_listed_with_serial_number_and_driver(server: DeviceServer) 
     assert server.tasks == []
 
 
-def test_device_that_another_program_holds_is_listed_as_busy(server: DeviceServer) -> None:
+def test_device_held_by_another_program_is_listed_as_busy(server: DeviceServer) -> None:
     server.driver.held_elsewhere = True
     assert [device.busy for device in connected_devices(section(server))] == [True, True]
     assert server.tasks == []
 
 
-def test_device_that_a_recording_holds_is_listed_as_busy(server: DeviceServer, card: NiSource) -> None:
+def test_device_held_by_a_recording_is_listed_as_busy(server: DeviceServer, card: NiSource) -> None:
     assert connected_devices(section(server))[0].busy is True
     card.close()
     assert connected_devices(section(server))[0].busy is False
@@ -42,23 +42,23 @@ def test_device_without_analog_inputs_is_neither_busy_nor_free(server: DeviceSer
     assert server.tasks == []
 
 
-def test_self_test_passes_for_a_card_that_answers(server: DeviceServer) -> None:
+def test_self_test_passes_for_a_working_card(server: DeviceServer) -> None:
     self_test(section(server, serial="1a2b3c"))
     assert "SelfTestDevice" in server.log
 
 
-def test_self_test_that_fails_is_told_with_the_drivers_code(server: DeviceServer) -> None:
+def test_failed_self_test_reports_the_drivers_code(server: DeviceServer) -> None:
     server.driver.answers_tests = False
     with pytest.raises(DeviceError, match="does not respond") as caught:
         self_test(section(server))
     assert (caught.value.fault, caught.value.code) == (DeviceFault.MISSING, -201003)
 
 
-def test_self_test_of_a_card_that_is_not_there_names_what_is(server: DeviceServer) -> None:
+def test_self_test_of_a_missing_card_lists_the_connected_devices(server: DeviceServer) -> None:
     with pytest.raises(DeviceError, match="connected: Dev1: USB-6251, serial number 1A2B3C"):
         self_test(section(server, serial="DEAD"))
 
 
-def test_devices_without_the_ni_driver_say_what_to_install() -> None:
+def test_listing_devices_without_the_ni_driver_names_what_to_install() -> None:
     with pytest.raises(DeviceError, match="install NI-DAQmx from"):
         connected_devices(DeviceSection(backend=Backend.NIDAQMX))

@@ -33,15 +33,15 @@ def named(pattern: str) -> set[int]:
     }
 
 
-def test_every_code_by_which_the_driver_tells_an_overrun_of_inputs_is_one() -> None:
+def test_overrun_codes_contain_all_input_overruns_of_the_drivers_list() -> None:
     assert named(OVERRUNS) <= set(OVERRUN_CODES)
 
 
-def test_every_code_by_which_the_driver_tells_that_a_device_is_away_is_one() -> None:
+def test_absent_codes_contain_all_missing_device_codes_of_the_drivers_list() -> None:
     assert named(ABSENT) <= set(ABSENT_CODES)
 
 
-def test_each_code_is_the_drivers_and_has_one_meaning() -> None:
+def test_each_code_is_in_the_drivers_list_and_has_one_meaning() -> None:
     tables = (OVERRUN_CODES, ABSENT_CODES, BUSY_CODES, OTHER_CODES)
     codes = [code for table in tables for code in table]
     assert len(codes) == len(set(codes))
@@ -62,11 +62,11 @@ def test_each_code_is_the_drivers_and_has_one_meaning() -> None:
         (-50405, DeviceFault.OTHER),
     ],
 )
-def test_code_is_a_fault_that_is_waited_for_or_not(code: int, fault: DeviceFault) -> None:
+def test_code_has_its_fault_category(code: int, fault: DeviceFault) -> None:
     assert device_fault(code, known=True) is fault
 
 
-def test_what_the_driver_says_a_setting_is_about_is_kept_without_task_and_code() -> None:
+def test_driver_text_contains_the_details_without_task_and_code() -> None:
     text = (
         "Requested value is not a supported value\nfor this property.\n\nProperty: DAQmx_SampClk_Rate\n"
         "Requested Value:  400.0e3\nMaximum Value:  333.3e3\n\nTask Name: rig-Dev1\n\nStatus Code: -200077\n"

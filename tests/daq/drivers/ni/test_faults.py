@@ -14,7 +14,7 @@ from tests.daq.support.device_server import DeviceServer
 
 
 @pytest.mark.parametrize("code", [-200279, -200222, -200361, -200010, -200019, -200714])
-def test_overrun_ends_the_segment_with_code_and_text_and_the_next_begins(
+def test_overrun_ends_the_segment_with_code_and_text_and_starts_the_next(
     card: NiSource, server: DeviceServer, code: int
 ) -> None:
     server.faults["ReadBinaryI16"].extend([0, 0, code])
@@ -29,9 +29,7 @@ def test_overrun_ends_the_segment_with_code_and_text_and_the_next_begins(
     assert [block.first_sample for block in restarted] == [0, size, 2 * size]
 
 
-def test_card_that_does_not_start_ends_an_empty_segment_and_is_not_left_reserved(
-    card: NiSource, server: DeviceServer
-) -> None:
+def test_card_that_does_not_start_gives_an_empty_segment_and_is_released(card: NiSource, server: DeviceServer) -> None:
     server.faults["StartTask"].append(-50103)
     (end,) = list(card.blocks())
     assert isinstance(end, SegmentEnd)
@@ -40,7 +38,7 @@ def test_card_that_does_not_start_ends_an_empty_segment_and_is_not_left_reserved
     assert server.tasks == []
 
 
-def test_overrun_tells_at_least_how_many_samples_were_lost(card: NiSource, server: DeviceServer) -> None:
+def test_overrun_reports_the_minimum_number_of_lost_samples(card: NiSource, server: DeviceServer) -> None:
     items: list[SourceItem] = []
     for item in card.blocks():
         items.append(item)
@@ -55,7 +53,7 @@ def test_overrun_tells_at_least_how_many_samples_were_lost(card: NiSource, serve
     assert not first.is_gap_free
 
 
-def test_overrun_without_an_answer_about_the_loss_is_still_a_gap(card: NiSource, server: DeviceServer) -> None:
+def test_overrun_with_unknown_loss_is_still_a_gap(card: NiSource, server: DeviceServer) -> None:
     server.faults["ReadBinaryI16"].extend([0, -200279])
     server.faults["GetReadAttributeUInt64"].append(-200279)
     first = ends_of(take(card, 2))[0]
@@ -63,16 +61,14 @@ def test_overrun_without_an_answer_about_the_loss_is_still_a_gap(card: NiSource,
     assert not first.is_gap_free
 
 
-def test_overrun_again_and_again_ends_the_run(card: NiSource, server: DeviceServer) -> None:
+def test_repeated_overruns_end_the_run(card: NiSource, server: DeviceServer) -> None:
     server.faults["ReadBinaryI16"].extend([0, -200279] * 20)
     items = list(card.blocks())
     assert [end.segment for end in ends_of(items)] == [0, 1, 2, 3, 4, 5]
     assert server.tasks == []
 
 
-def test_overrun_after_which_the_card_does_not_start_ends_the_run_with_that(
-    card: NiSource, server: DeviceServer
-) -> None:
+def test_failed_start_after_an_overrun_ends_the_run(card: NiSource, server: DeviceServer) -> None:
     server.faults["ReadBinaryI16"].extend([0, -200279])
     server.faults["StartTask"].extend([0, -200545])
     first, second = ends_of(list(card.blocks()))
@@ -81,9 +77,7 @@ def test_overrun_after_which_the_card_does_not_start_ends_the_run_with_that(
     assert server.tasks == []
 
 
-def test_overrun_after_which_the_card_does_not_even_stop_ends_the_run_with_that(
-    card: NiSource, server: DeviceServer
-) -> None:
+def test_failed_stop_after_an_overrun_ends_the_run(card: NiSource, server: DeviceServer) -> None:
     server.faults["ReadBinaryI16"].extend([0, -200279])
     server.faults["StopTask"].append(-88710)
     del server.driver.devices["Dev1"]
@@ -93,7 +87,7 @@ def test_overrun_after_which_the_card_does_not_even_stop_ends_the_run_with_that(
 
 
 @pytest.mark.parametrize("code", [-88710, -88709, -201003, -200220, -50405, -200284])
-def test_card_that_is_no_longer_listed_was_unplugged(card: NiSource, server: DeviceServer, code: int) -> None:
+def test_card_that_is_no_longer_listed_is_unplugged(card: NiSource, server: DeviceServer, code: int) -> None:
     del server.driver.devices["Dev1"]
     server.faults["ReadBinaryI16"].extend([0, code])
     (end,) = ends_of(list(card.blocks()))
@@ -103,21 +97,19 @@ def test_card_that_is_no_longer_listed_was_unplugged(card: NiSource, server: Dev
     assert server.tasks == []
 
 
-def test_card_that_is_listed_and_fails_its_test_was_unplugged(card: NiSource, server: DeviceServer) -> None:
+def test_listed_card_that_fails_its_self_test_is_unplugged(card: NiSource, server: DeviceServer) -> None:
     server.driver.answers_tests = False
     server.faults["ReadBinaryI16"].extend([0, -88710])
     assert ends_of(list(card.blocks()))[0].reason is EndReason.UNPLUGGED
 
 
-def test_card_plugged_in_again_at_once_was_unplugged_all_the_same(card: NiSource, server: DeviceServer) -> None:
+def test_card_plugged_in_again_at_once_is_still_reported_as_unplugged(card: NiSource, server: DeviceServer) -> None:
     server.faults["ReadBinaryI16"].extend([0, -201003])
     assert ends_of(list(card.blocks()))[0].reason is EndReason.UNPLUGGED
 
 
 @pytest.mark.parametrize("code", [-88710, -50103, -200077, -200545, -299_999])
-def test_other_faults_of_a_card_that_is_there_are_device_errors(
-    card: NiSource, server: DeviceServer, code: int
-) -> None:
+def test_other_faults_of_a_connected_card_are_device_errors(card: NiSource, server: DeviceServer, code: int) -> None:
     server.faults["ReadBinaryI16"].extend([0, 0, 0, code])
     items = list(card.blocks())
     (end,) = ends_of(items)
@@ -129,9 +121,7 @@ def test_other_faults_of_a_card_that_is_there_are_device_errors(
     assert server.tasks == []
 
 
-def test_samples_that_come_before_the_time_out_are_kept_and_reading_goes_on(
-    card: NiSource, server: DeviceServer
-) -> None:
+def test_samples_before_a_time_out_are_delivered_and_reading_continues(card: NiSource, server: DeviceServer) -> None:
     server.driver.late.extend([1499, 700, 1499])
     items = take(card, 4)
     blocks = [item for item in items if isinstance(item, SampleBlock)]
@@ -140,21 +130,21 @@ def test_samples_that_come_before_the_time_out_are_kept_and_reading_goes_on(
     assert ends_of(items) == [SegmentEnd(0, 1499 * 3 + 700, EndReason.STOPPED)]
 
 
-def test_card_that_gives_no_samples_at_all_is_a_device_error(card: NiSource, server: DeviceServer) -> None:
+def test_card_without_any_samples_is_a_device_error(card: NiSource, server: DeviceServer) -> None:
     server.driver.late.extend([1499, 0])
     (end,) = ends_of(list(card.blocks()))
     assert (end.reason, end.samples) == (EndReason.DEVICE_ERROR, 1499)
     assert "no samples arrived in time" in end.detail
 
 
-def test_block_is_delivered_where_only_the_question_for_the_backlog_fails(card: NiSource, server: DeviceServer) -> None:
+def test_block_is_delivered_if_reading_the_backlog_fails(card: NiSource, server: DeviceServer) -> None:
     server.faults["GetReadAttributeUInt32"].extend([0, -200545])
     items = list(card.blocks())
     assert codes_of(items).shape[1] == ends_of(items)[0].samples == 2 * 1499
     assert ends_of(items)[0].reason is EndReason.DEVICE_ERROR
 
 
-def test_server_that_is_killed_ends_the_segment_and_closing_is_harmless(card: NiSource, server: DeviceServer) -> None:
+def test_killed_server_ends_the_segment_and_close_does_not_fail(card: NiSource, server: DeviceServer) -> None:
     items: list[SourceItem] = []
     for item in card.blocks():
         items.append(item)
@@ -166,7 +156,7 @@ def test_server_that_is_killed_ends_the_segment_and_closing_is_harmless(card: Ni
     card.close()
 
 
-def test_server_that_freezes_ends_the_segment_by_the_deadline_and_is_cleared_when_it_thaws(
+def test_frozen_server_ends_the_segment_by_the_deadline_and_its_task_is_cleared_after_the_thaw(
     card: NiSource, server: DeviceServer
 ) -> None:
     began = time.monotonic()
@@ -187,7 +177,7 @@ def test_server_that_freezes_ends_the_segment_by_the_deadline_and_is_cleared_whe
     assert server.tasks == []
 
 
-def test_count_that_differs_from_the_drivers_is_never_passed_over(card: NiSource, server: DeviceServer) -> None:
+def test_sample_count_that_differs_from_the_drivers_is_reported(card: NiSource, server: DeviceServer) -> None:
     server.driver.miscount = 17
     (end,) = ends_of(take(card, 2))
     assert (end.reason, end.lost, end.lost_is_exact) == (EndReason.OVERRUN, 17, True)
@@ -212,28 +202,26 @@ def test_counts_are_compared_every_second_and_a_difference_ends_the_segment(
     assert (stopped.segment, stopped.reason, stopped.samples) == (1, EndReason.STOPPED, 17 * 1499)
 
 
-def test_count_that_differs_from_the_first_comparison_on_is_told_at_the_stop_alone(
-    card: NiSource, server: DeviceServer
-) -> None:
+def test_constant_count_offset_is_reported_only_at_the_stop(card: NiSource, server: DeviceServer) -> None:
     server.driver.miscount = 17
     (end,) = ends_of(take(card, 80))
     assert (end.reason, end.samples, end.lost) == (EndReason.OVERRUN, 80 * 1499, 17)
 
 
-def test_count_below_ours_is_an_error_of_the_device(card: NiSource, server: DeviceServer) -> None:
+def test_driver_count_below_ours_is_a_device_error(card: NiSource, server: DeviceServer) -> None:
     server.driver.miscount = -17
     (end,) = ends_of(take(card, 2))
     assert (end.reason, end.is_gap_free) == (EndReason.DEVICE_ERROR, False)
 
 
-def test_count_that_cannot_be_asked_is_said(card: NiSource, server: DeviceServer) -> None:
+def test_unreadable_driver_count_is_reported(card: NiSource, server: DeviceServer) -> None:
     server.faults["GetReadAttributeUInt64"].append(-200545)
     (end,) = ends_of(take(card, 2))
     assert end.reason is EndReason.STOPPED
     assert "could not be read" in end.detail
 
 
-def test_closed_card_is_not_taken_for_unplugged(server: DeviceServer) -> None:
+def test_closed_card_is_not_reported_as_unplugged(server: DeviceServer) -> None:
     card = NiCard(bench(server.target))
     card.close()
     assert card.is_present()

@@ -91,7 +91,7 @@ def test_codes_come_through_the_c_interface_bit_for_bit(recorded: dict[str, Any]
     np.testing.assert_array_equal(codes, expected)
 
 
-def test_late_block_is_kept_and_the_next_follows_without_a_gap(recorded: dict[str, Any]) -> None:
+def test_late_block_is_delivered_and_the_next_follows_without_a_gap(recorded: dict[str, Any]) -> None:
     assert [block[:2] for block in recorded["blocks"]] == [[0, 0], [0, 1000], [0, 2000], [0, 2500], [1, 0], [1, 1000]]
     assert [len(block[3][0]) for block in recorded["blocks"]] == [1000, 1000, 500, 1000, 1000, 1000]
     assert {block[2] for block in recorded["blocks"]} == {42}
@@ -104,14 +104,14 @@ def test_stamps_come_through_the_c_interface_with_the_samples_they_belong_to(rec
     assert [stamps for segment, stamps in recorded["ticks"] if segment == 1] == [part.tolist() for part in expected[:2]]
 
 
-def test_overrun_is_told_with_the_librarys_code_and_text(recorded: dict[str, Any]) -> None:
+def test_overrun_has_the_librarys_code_and_text(recorded: dict[str, Any]) -> None:
     (overrun, stopped) = recorded["ends"]
     assert overrun[:4] == [0, 3500, "overrun", 5000]
     assert "the library's text (driver code -200279)" in overrun[4]
     assert stopped == [1, 2000, "stopped", 0, ""]
 
 
-def test_warning_of_the_library_is_told_once_and_costs_nothing(recorded: dict[str, Any]) -> None:
+def test_warning_of_the_library_is_reported_once(recorded: dict[str, Any]) -> None:
     warned = [part for part in recorded["ends"][0][4].split("; ") if part.startswith("the driver warns")]
     assert warned == [
         "the driver warns: too fast to settle (driver code 200011)",
@@ -132,7 +132,7 @@ def test_no_task_is_left_in_the_library(recorded: dict[str, Any]) -> None:
     assert recorded["alive"] == 0
 
 
-def test_library_that_lacks_a_function_is_too_old(tmp_path: Path) -> None:
+def test_library_without_a_function_is_too_old(tmp_path: Path) -> None:
     build(tmp_path / "libnidaqmx.so.1", SOURCE, "-DOLD")
     done = run(tmp_path)
     told = "daq.errors.DeviceError: the NI-DAQmx driver on this machine is too old: install a newer one"
@@ -140,7 +140,7 @@ def test_library_that_lacks_a_function_is_too_old(tmp_path: Path) -> None:
     assert "DAQmxSetTrigAttribute" in done.stderr
 
 
-def test_library_that_does_not_load_is_a_matter_of_the_driver(tmp_path: Path) -> None:
+def test_library_that_does_not_load_is_a_driver_error(tmp_path: Path) -> None:
     needed = tmp_path / "libneeded.so"
     build(needed, SOURCE)
     build(tmp_path / "libnidaqmx.so.1", SOURCE, "-Wl,--no-as-needed", needed)

@@ -20,7 +20,7 @@ from tests.daq.support.ni_driver import NiDriver
 # Finding the card
 
 
-def test_card_is_bound_by_its_serial_number_wherever_it_is_plugged(server: DeviceServer) -> None:
+def test_card_is_found_by_its_serial_number_at_any_port(server: DeviceServer) -> None:
     server.driver.devices = {"Dev1": ("USB-6251", 0xABC), "Dev7": ("USB-6251", 0x1A2B3C)}
     source = open_ni_source(bench(server.target, name="Dev1", serial="0x01a2b3c"))
     (task,) = server.rpcs.tasks.values()
@@ -28,14 +28,14 @@ def test_card_is_bound_by_its_serial_number_wherever_it_is_plugged(server: Devic
     assert [channel.physical for channel in task.channels] == ["Dev7/ai0", "Dev7/ai1", "Dev7/ai2"]
 
 
-def test_card_is_bound_by_name_where_no_serial_number_is_given(server: DeviceServer) -> None:
+def test_card_is_found_by_name_without_a_serial_number(server: DeviceServer) -> None:
     source = open_ni_source(bench(server.target, name="dev1"))
     source.close()
     assert source.acquisition.device.serial == "1A2B3C"
 
 
 @pytest.mark.parametrize("device", [{"serial": "DEAD"}, {"name": "Dev9"}, {"name": "Dev2"}])
-def test_missing_card_is_told_with_what_is_there(server: DeviceServer, device: dict[str, Any]) -> None:
+def test_missing_card_error_lists_the_connected_devices(server: DeviceServer, device: dict[str, Any]) -> None:
     error = refused(bench(server.target, **device))
     assert error.fault is DeviceFault.MISSING
     assert next(iter(device.values())) in str(error)
@@ -43,7 +43,7 @@ def test_missing_card_is_told_with_what_is_there(server: DeviceServer, device: d
     assert server.tasks == []
 
 
-def test_missing_card_is_told_where_none_is_there(server: DeviceServer) -> None:
+def test_missing_card_error_without_any_device(server: DeviceServer) -> None:
     server.driver.devices = {}
     assert "connected: no device" in str(refused(bench(server.target)))
 
@@ -64,11 +64,11 @@ def test_rate_beyond_the_card_is_rejected_with_the_drivers_code(server: DeviceSe
     assert (error.fault, error.code) == (DeviceFault.REJECTED, -200077)
 
 
-def test_input_that_the_card_has_not_is_rejected(server: DeviceServer) -> None:
+def test_nonexistent_input_is_rejected(server: DeviceServer) -> None:
     assert refused(bench(server.target, tacho_input="ai9")).fault is DeviceFault.REJECTED
 
 
-def test_code_that_nobody_knows_keeps_its_number_and_text(server: DeviceServer) -> None:
+def test_unknown_code_is_reported_with_number_and_text(server: DeviceServer) -> None:
     server.faults["TaskControl"].append(-299_999)
     error = refused(bench(server.target))
     assert (error.fault, error.code) == (DeviceFault.OTHER, -299_999)
@@ -93,7 +93,7 @@ def test_code_that_nobody_knows_keeps_its_number_and_text(server: DeviceServer) 
         "GetChanAttributeDoubleArray",
     ],
 )
-def test_nothing_is_left_reserved_where_opening_fails(server: DeviceServer, rpc: str) -> None:
+def test_failed_opening_leaves_nothing_reserved(server: DeviceServer, rpc: str) -> None:
     server.faults[rpc].extend([0, -200077] if rpc == "CreateTask" else [-200077])
     assert refused(bench(server.target)).code == -200077
     assert server.tasks == []
@@ -105,7 +105,7 @@ def test_device_without_a_scaling_polynomial_is_refused(server: DeviceServer) ->
     assert server.tasks == []
 
 
-def test_server_that_is_not_there_is_named_with_the_deadline() -> None:
+def test_unreachable_server_is_named_with_the_deadline() -> None:
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         target = f"127.0.0.1:{free.getsockname()[1]}"
@@ -114,7 +114,7 @@ def test_server_that_is_not_there_is_named_with_the_deadline() -> None:
     assert f"{target} cannot be reached (deadline 0.4 s)" in str(error)
 
 
-def test_server_that_is_frozen_ends_the_opening_by_the_deadline(server: DeviceServer) -> None:
+def test_frozen_server_ends_the_opening_by_the_deadline(server: DeviceServer) -> None:
     server.freeze()
     began = time.monotonic()
     error = refused(bench(server.target, deadline_s=0.4))
@@ -123,7 +123,7 @@ def test_server_that_is_frozen_ends_the_opening_by_the_deadline(server: DeviceSe
     assert f"{server.target} did not respond within its deadline of 0.4 s" in str(error)
 
 
-def test_server_too_old_for_a_call_is_a_matter_of_the_driver(server: DeviceServer) -> None:
+def test_server_too_old_for_a_call_is_a_driver_error(server: DeviceServer) -> None:
     server.refusals["CfgSampClkTiming"] = grpc.StatusCode.UNIMPLEMENTED
     error = refused(bench(server.target))
     assert error.fault is DeviceFault.DRIVER
@@ -138,13 +138,13 @@ def test_server_that_refuses_a_call_is_quoted(server: DeviceServer) -> None:
     assert f"device server {server.target}: StatusCode.PERMISSION_DENIED: TaskControl is refused" in str(error)
 
 
-def test_local_card_without_the_ni_driver_says_what_to_install() -> None:
+def test_local_card_without_the_ni_driver_names_what_to_install() -> None:
     error = refused(bench())
     assert (error.fault, error.code) == (DeviceFault.DRIVER, 0)
     assert "install NI-DAQmx from ni.com/downloads" in str(error)
 
 
-def test_missing_package_says_which_extra_to_install() -> None:
+def test_missing_package_names_the_extra_to_install() -> None:
     program = (
         "import sys; sys.modules['nidaqmx'] = None\n"
         "from daq.drivers.ni import open_ni_source\n"
@@ -160,7 +160,7 @@ def test_missing_package_says_which_extra_to_install() -> None:
 # What a client that died has left on the server
 
 
-def test_acquisition_that_a_dead_client_left_is_cleared(server: DeviceServer) -> None:
+def test_abandoned_acquisition_of_a_dead_client_is_cleared(server: DeviceServer) -> None:
     left = open_ni_source(bench(server.target))
     next(left.blocks())
     source = open_ni_source(bench(server.target))
@@ -171,7 +171,7 @@ def test_acquisition_that_a_dead_client_left_is_cleared(server: DeviceServer) ->
     assert server.tasks == []
 
 
-def test_acquisition_that_another_client_reads_is_left_alone(server: DeviceServer, driver: NiDriver) -> None:
+def test_acquisition_of_another_client_is_not_disturbed(server: DeviceServer, driver: NiDriver) -> None:
     driver.real_time = True
     other = open_ni_source(bench(server.target))
     items: list[SourceItem] = []

@@ -43,13 +43,13 @@ def test_preflight_tests_the_card_before_it_acquires_and_leaves_nothing_reserved
     assert server.tasks == []
 
 
-def test_card_bound_by_its_name_alone_is_warned_of(server: DeviceServer, tmp_path: Path) -> None:
+def test_card_found_by_name_alone_gives_a_warning(server: DeviceServer, tmp_path: Path) -> None:
     (check,) = (check for check in looked_at(ready(server), tmp_path).checks if check.name == "device serial")
     assert check.finding is Finding.SERIAL
     assert 'serial = "1A2B3C"' in check.advice
 
 
-def test_samples_lost_in_the_look_fail(server: DeviceServer, tmp_path: Path) -> None:
+def test_samples_lost_in_the_capture_fail(server: DeviceServer, tmp_path: Path) -> None:
     server.faults["ReadBinaryI16"].extend([0, 0, -200279])
     (check,) = (check for check in looked_at(ready(server), tmp_path).checks if check.name == "samples")
     assert check.finding is Finding.COUNT
@@ -61,7 +61,7 @@ def test_samples_lost_in_the_look_fail(server: DeviceServer, tmp_path: Path) -> 
     ("day", "verdict"),
     [(dt.date(2026, 11, 2), Verdict.GOOD), (dt.date(2025, 11, 23), Verdict.WARN), (None, None)],
 )
-def test_card_that_calibrated_itself_long_ago_is_warned_of(
+def test_old_self_calibration_gives_a_warning(
     server: DeviceServer, tmp_path: Path, day: dt.date | None, verdict: Verdict | None
 ) -> None:
     server.driver.self_calibrated = day
@@ -72,7 +72,7 @@ def test_card_that_calibrated_itself_long_ago_is_warned_of(
 
 
 @pytest.mark.filterwarnings("always::nidaqmx.errors.DaqWarning")
-def test_what_the_driver_warns_of_is_told(server: DeviceServer, tmp_path: Path) -> None:
+def test_driver_warnings_are_reported(server: DeviceServer, tmp_path: Path) -> None:
     server.driver.warning = 200036
     found = looked_at(ready(server), tmp_path)
     (check,) = (check for check in found.checks if check.name == "driver")
@@ -90,7 +90,7 @@ def test_what_the_driver_warns_of_is_told(server: DeviceServer, tmp_path: Path) 
         ({"devices": {}}, Finding.MISSING, "no USB-6251 with name Dev1 is connected"),
     ],
 )
-def test_card_that_gives_no_samples_is_a_failed_check_and_the_rest_is_judged(
+def test_card_without_samples_is_a_failed_check_and_the_other_checks_run(
     server: DeviceServer, tmp_path: Path, harm: dict[str, object], finding: Finding, advice: str
 ) -> None:
     for name, value in harm.items():
@@ -106,7 +106,7 @@ def test_card_that_gives_no_samples_is_a_failed_check_and_the_rest_is_judged(
     assert server.tasks == []
 
 
-def test_self_test_that_fails_is_named_as_one(server: DeviceServer, tmp_path: Path) -> None:
+def test_failed_self_test_is_reported_as_such(server: DeviceServer, tmp_path: Path) -> None:
     server.faults["SelfTestDevice"].append(-200545)
     found = looked_at(ready(server), tmp_path)
     (check,) = (check for check in found.checks if check.verdict is Verdict.FAIL)
@@ -114,7 +114,7 @@ def test_self_test_that_fails_is_named_as_one(server: DeviceServer, tmp_path: Pa
     assert "-200545" in check.advice
 
 
-def test_devices_are_listed_at_the_command_line(server: DeviceServer, capsys: pytest.CaptureFixture[str]) -> None:
+def test_devices_command_lists_the_devices(server: DeviceServer, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["devices", "--target", server.target]) == 0
     head, first, _ = capsys.readouterr().out.splitlines()
     assert head == f"NI-DAQmx 24.5.1 at device server {server.target}"
@@ -127,12 +127,12 @@ def test_devices_are_listed_at_the_command_line(server: DeviceServer, capsys: py
     assert "no device connected" in capsys.readouterr().out
 
 
-def test_devices_without_the_driver_end_with_3(capsys: pytest.CaptureFixture[str]) -> None:
+def test_devices_command_without_the_driver_exits_with_3(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["devices"]) == 3
     assert "install NI-DAQmx" in capsys.readouterr().err
 
 
-def test_devices_at_no_address_are_wrong_usage(capsys: pytest.CaptureFixture[str]) -> None:
+def test_devices_command_with_an_invalid_address_is_a_usage_error(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as caught:
         main(["devices", "--target", "bench-pc"])
     assert caught.value.code == 2

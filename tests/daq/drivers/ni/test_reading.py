@@ -14,7 +14,7 @@ from tests.daq.drivers.ni.bench import CALIBRATION, RATE, bench, codes_of, ends_
 from tests.daq.support.device_server import DeviceServer
 
 
-def test_codes_that_arrive_are_those_the_card_made_bit_for_bit(card: NiSource) -> None:
+def test_codes_equal_those_of_the_card_bit_for_bit(card: NiSource) -> None:
     items = take(card, 20)
     assert [type(item) for item in items] == [SampleBlock] * 20 + [SegmentEnd]
     got = codes_of(items)
@@ -23,7 +23,7 @@ def test_codes_that_arrive_are_those_the_card_made_bit_for_bit(card: NiSource) -
     assert ends_of(items) == [SegmentEnd(0, got.shape[1], EndReason.STOPPED)]
 
 
-def test_blocks_are_of_one_size_contiguous_and_numbered_without_a_gap(card: NiSource) -> None:
+def test_blocks_have_one_size_and_are_contiguous(card: NiSource) -> None:
     before = time.time_ns()
     blocks = [item for item in take(card, 10) if isinstance(item, SampleBlock)]
     size = round(card.acquisition.rate * 0.05)
@@ -33,7 +33,7 @@ def test_blocks_are_of_one_size_contiguous_and_numbered_without_a_gap(card: NiSo
     assert all(np.shares_memory(block.codes, other.codes) == (block is other) for block in blocks for other in blocks)
 
 
-def test_card_opened_anew_counts_from_zero_and_gives_the_same_again(card: NiSource, server: DeviceServer) -> None:
+def test_reopened_card_counts_from_zero_and_gives_the_same_codes(card: NiSource, server: DeviceServer) -> None:
     first = take(card, 3)
     card.close()
     second = open_ni_source(bench(server.target))
@@ -44,7 +44,7 @@ def test_card_opened_anew_counts_from_zero_and_gives_the_same_again(card: NiSour
     np.testing.assert_array_equal(codes_of(first), codes_of(again))
 
 
-def test_acquisition_is_read_back_from_the_device_as_it_was_coerced(card: NiSource, server: DeviceServer) -> None:
+def test_acquisition_has_the_coerced_settings_of_the_device(card: NiSource, server: DeviceServer) -> None:
     got, played = card.acquisition, server.driver.acquisition
     assert got.rate == played.rate != RATE
     assert got.convert_rate == played.convert_rate
@@ -63,7 +63,7 @@ def test_acquisition_is_read_back_from_the_device_as_it_was_coerced(card: NiSour
     assert got.device.simulated
 
 
-def test_channels_keep_the_terminals_and_the_buffer_that_the_rig_asks_for(server: DeviceServer) -> None:
+def test_channels_have_the_configured_terminals_and_buffer(server: DeviceServer) -> None:
     source = open_ni_source(bench(server.target))
     (task,) = server.rpcs.tasks.values()
     source.close()
@@ -72,7 +72,7 @@ def test_channels_keep_the_terminals_and_the_buffer_that_the_rig_asks_for(server
     assert task.continuous
 
 
-def test_block_costs_one_read_and_one_question_for_the_backlog(card: NiSource, server: DeviceServer) -> None:
+def test_block_needs_one_read_and_one_backlog_call(card: NiSource, server: DeviceServer) -> None:
     server.log.clear()
     take(card, 5)
     assert server.log == [
@@ -83,7 +83,7 @@ def test_block_costs_one_read_and_one_question_for_the_backlog(card: NiSource, s
     ]
 
 
-def test_backlog_tells_what_the_card_still_holds(server: DeviceServer) -> None:
+def test_backlog_is_the_number_of_unread_samples(server: DeviceServer) -> None:
     server.driver.real_time = True
     source = open_ni_source(bench(server.target))
     stream = source.blocks()
@@ -127,7 +127,7 @@ def test_stop_before_the_start_gives_an_empty_segment(card: NiSource) -> None:
     assert list(card.blocks()) == [SegmentEnd(0, 0, EndReason.STOPPED)]
 
 
-def test_close_is_harmless_twice_and_before_reading(card: NiSource, server: DeviceServer) -> None:
+def test_close_may_be_called_twice_and_before_reading(card: NiSource, server: DeviceServer) -> None:
     card.close()
     card.close()
     assert server.tasks == []
@@ -150,14 +150,14 @@ def test_close_from_another_thread_waits_for_the_read_and_ends_the_blocks(server
     assert server.tasks == []
 
 
-def test_blocks_that_are_left_unread_release_the_card(card: NiSource, server: DeviceServer) -> None:
+def test_abandoned_iterator_releases_the_card(card: NiSource, server: DeviceServer) -> None:
     stream = card.blocks()
     next(stream)
     del stream
     assert server.tasks == []
 
 
-def test_blocks_are_iterated_once(card: NiSource) -> None:
+def test_blocks_may_be_called_once(card: NiSource) -> None:
     take(card, 1)
     with pytest.raises(RuntimeError, match="second time"):
         card.blocks()

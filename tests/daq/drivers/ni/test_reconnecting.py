@@ -49,7 +49,7 @@ def blocks_of(items: list[SourceItem], segment: int) -> list[SourceItem]:
     return [item for item in items if isinstance(item, SampleBlock) and item.segment == segment]
 
 
-def test_card_plugged_in_again_goes_on_in_the_next_segment(server: DeviceServer) -> None:
+def test_card_plugged_in_again_continues_in_the_next_segment(server: DeviceServer) -> None:
     with opened(going_on(server.target)) as source:
         device = server.driver.devices.pop("Dev1")
         server.faults["ReadBinaryI16"].extend([0, 0, -88710])
@@ -65,7 +65,7 @@ def test_card_plugged_in_again_goes_on_in_the_next_segment(server: DeviceServer)
     assert server.tasks == []
 
 
-def test_card_that_does_not_come_back_ends_the_run_and_says_so(server: DeviceServer) -> None:
+def test_card_that_does_not_come_back_ends_the_run_with_the_reason(server: DeviceServer) -> None:
     with opened(going_on(server.target, reconnect=0.5)) as source:
         del server.driver.devices["Dev1"]
         server.faults["ReadBinaryI16"].extend([0, -201003])
@@ -76,7 +76,7 @@ def test_card_that_does_not_come_back_ends_the_run_and_says_so(server: DeviceSer
     assert server.tasks == []
 
 
-def test_card_is_not_waited_for_where_the_rig_says_so(server: DeviceServer) -> None:
+def test_reconnect_time_of_zero_ends_the_run_at_once(server: DeviceServer) -> None:
     with opened(going_on(server.target, reconnect=0.0)) as source:
         server.faults["ReadBinaryI16"].extend([0, -201003])
         (end,) = ends_of(list(source.blocks()))
@@ -84,7 +84,7 @@ def test_card_is_not_waited_for_where_the_rig_says_so(server: DeviceServer) -> N
     assert server.tasks == []
 
 
-def test_first_fault_ends_the_run_where_the_rig_allows_no_new_segment(server: DeviceServer) -> None:
+def test_first_fault_ends_the_run_if_no_new_segment_is_allowed(server: DeviceServer) -> None:
     for code in (-201003, -200279):
         with opened(going_on(server.target, restarts=0)) as source:
             server.faults["ReadBinaryI16"].extend([0, code])
@@ -92,7 +92,7 @@ def test_first_fault_ends_the_run_where_the_rig_allows_no_new_segment(server: De
         assert end.detail.endswith("the run ends here: every fault ends the run (session.restarts_per_minute)")
 
 
-def test_faults_of_every_kind_together_are_limited(server: DeviceServer) -> None:
+def test_restart_limit_counts_all_faults_together(server: DeviceServer) -> None:
     with opened(going_on(server.target, restarts=3)) as source:
         server.faults["ReadBinaryI16"].extend([0, -200279, 0, -201003] * 4)
         ends = ends_of(list(source.blocks()))
@@ -111,7 +111,7 @@ def test_card_held_by_another_program_ends_the_run(server: DeviceServer) -> None
     assert server.tasks == []
 
 
-def test_another_card_in_its_place_is_not_recorded_under_the_runs_header(server: DeviceServer) -> None:
+def test_another_card_is_not_recorded_under_the_runs_header(server: DeviceServer) -> None:
     with opened(going_on(server.target)) as source:
         server.faults["ReadBinaryI16"].extend([0, -201003])
         server.driver.devices["Dev1"] = ("USB-6251", 0xABC)
@@ -120,7 +120,7 @@ def test_another_card_in_its_place_is_not_recorded_under_the_runs_header(server:
     assert server.tasks == []
 
 
-def test_server_that_freezes_and_thaws_goes_on_in_the_next_segment(server: DeviceServer) -> None:
+def test_server_that_freezes_and_thaws_continues_in_the_next_segment(server: DeviceServer) -> None:
     with opened(going_on(server.target)) as source:
         items: list[SourceItem] = []
         for item in source.blocks():
@@ -136,7 +136,7 @@ def test_server_that_freezes_and_thaws_goes_on_in_the_next_segment(server: Devic
     assert server.tasks == []
 
 
-def test_server_that_was_started_anew_goes_on_in_the_next_segment(driver: NiDriver) -> None:
+def test_restarted_server_continues_in_the_next_segment(driver: NiDriver) -> None:
     with serving(driver) as first:
         source = open_source(going_on(first.target))
         items: list[SourceItem] = []
@@ -156,7 +156,7 @@ def test_server_that_was_started_anew_goes_on_in_the_next_segment(driver: NiDriv
     second.kill()
 
 
-def test_stop_ends_the_waiting_at_once(server: DeviceServer) -> None:
+def test_stop_ends_the_wait_at_once(server: DeviceServer) -> None:
     with opened(going_on(server.target, reconnect=60.0)) as source:
         del server.driver.devices["Dev1"]
         server.faults["ReadBinaryI16"].extend([0, -201003])

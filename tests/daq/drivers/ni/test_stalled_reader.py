@@ -56,7 +56,7 @@ def stalled_rig(target: str) -> Rig:
     return replace(rig, config=config)
 
 
-def test_loss_over_the_wire_is_what_the_server_dropped_up_to_the_question_and_said_to_be_at_least_that(
+def test_loss_at_a_server_is_a_lower_bound_from_its_sample_count(
     tmp_path: Path,
 ) -> None:
     with serving(NiDriver(lambda: SimulatedCard(bench()), real_time=True)) as server:

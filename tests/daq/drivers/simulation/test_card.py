@@ -66,7 +66,7 @@ def crossings(card: SimulatedCard, codes: NDArray[np.int16], *, rising: bool = T
     return np.asarray((before + part) / card.acquisition.rate + row / card.acquisition.convert_rate)
 
 
-def test_codes_do_not_depend_on_the_portions_in_which_they_are_taken(rig: RigFactory) -> None:
+def test_codes_do_not_depend_on_the_block_size(rig: RigFactory) -> None:
     bench = rig()
     whole = taken(SimulatedCard(bench), 1_000_000)
     assert whole.shape == (3, 40_000)
@@ -74,7 +74,7 @@ def test_codes_do_not_depend_on_the_portions_in_which_they_are_taken(rig: RigFac
     np.testing.assert_array_equal(taken(SimulatedCard(bench), 1, 8192, 20_000), whole)
 
 
-def test_codes_are_made_again_bit_for_bit_from_the_seed(rig: RigFactory) -> None:
+def test_same_seed_gives_the_same_codes(rig: RigFactory) -> None:
     first, second = (SimulatedCard(rig(simulation={"seed": 7})).next_codes(4000) for _ in range(2))
     other = SimulatedCard(rig(simulation={"seed": 8})).next_codes(4000)
     np.testing.assert_array_equal(first, second)
@@ -89,7 +89,7 @@ def test_run_ends_with_the_profile(rig: RigFactory) -> None:
     assert card.next_codes(9_000).shape == (3, 0)
 
 
-def test_skipped_samples_leave_the_rest_as_it_was(rig: RigFactory) -> None:
+def test_skipped_samples_do_not_change_the_rest(rig: RigFactory) -> None:
     bench = rig()
     whole = taken(SimulatedCard(bench), 40_000)
     card = SimulatedCard(bench)
@@ -108,7 +108,7 @@ def test_skipped_samples_leave_the_rest_as_it_was(rig: RigFactory) -> None:
         (30_000.0, 20e6 / 667, 11e-6),
     ],
 )
-def test_acquisition_reports_the_clocks_that_the_card_can_make(
+def test_acquisition_reports_the_clocks_of_the_card(
     rig: RigFactory, asked: float, rate: float, between_channels: float
 ) -> None:
     acquisition = SimulatedCard(rig(timing={"rate_hz": asked})).acquisition
@@ -116,7 +116,7 @@ def test_acquisition_reports_the_clocks_that_the_card_can_make(
     assert 1 / acquisition.convert_rate == pytest.approx(between_channels, rel=1e-12)
 
 
-def test_acquisition_says_what_is_wired_where(rig: RigFactory) -> None:
+def test_acquisition_describes_the_channels(rig: RigFactory) -> None:
     bench = rig()
     acquisition = SimulatedCard(bench).acquisition
     assert acquisition.device.simulated
@@ -128,14 +128,14 @@ def test_acquisition_says_what_is_wired_where(rig: RigFactory) -> None:
     assert acquisition.tacho == bench.tacho
 
 
-def test_mean_gap_is_the_standing_gap_and_the_sag(rig: RigFactory) -> None:
+def test_mean_gap_is_the_standing_gap_plus_the_sag(rig: RigFactory) -> None:
     card = SimulatedCard(rig(simulation=QUIET | {"gap_um": [500.0, 400.0], "sag_um": 30.0}))
     displacement = displacements(card, taken(card, 40_000))
     below = 30e-6 * math.sin(math.pi / 4)  # both probes sit 45 degrees above the horizontal
     assert displacement.mean(axis=1) == pytest.approx([-500e-6 - below, -400e-6 - below], abs=0.05e-6)
 
 
-def test_shaft_turns_as_the_model_says_on_top_of_its_run_out(rig: RigFactory) -> None:
+def test_1x_is_the_models_response_plus_the_run_out(rig: RigFactory) -> None:
     with_run_out, without = (
         rig(simulation=QUIET | {"run_out_um": run_out, "second_order_um": 1.5}) for run_out in (2.0, 0.0)
     )
@@ -161,7 +161,7 @@ def test_probes_are_sampled_one_after_the_other(rig: RigFactory) -> None:
 
 
 @pytest.mark.parametrize("forward", [True, False])
-def test_whirl_has_the_order_amplitude_and_sense_it_was_told(rig: RigFactory, *, forward: bool) -> None:
+def test_whirl_has_the_configured_order_amplitude_and_direction(rig: RigFactory, *, forward: bool) -> None:
     whirl = {"order": 0.49, "onset_rpm": 5000.0, "end_rpm": 9000.0, "amplitude_um": 12.0, "forward": forward}
     card = SimulatedCard(rig(simulation=QUIET | {"whirl": [whirl]}))
     x, y = lines(card, displacements(card, taken(card, 40_000)), [0.49, 1.0, 2.0])[0]
@@ -182,13 +182,13 @@ def test_whirl_grows_with_the_root_of_the_distance_from_its_onset(
     np.testing.assert_allclose(np.abs(vectors), amplitude, atol=0.02e-6)
 
 
-def test_noise_of_the_probes_is_what_it_was_told(rig: RigFactory) -> None:
+def test_probe_noise_has_the_configured_rms(rig: RigFactory) -> None:
     bench = QUIET | {"sensor_noise_um": 0.4, "run_out_um": 0.0, "second_order_um": 0.0}
     card = SimulatedCard(rig(simulation=bench, model={"imbalance_kg_m": 0.0}))
     assert displacements(card, taken(card, 40_000)).std(axis=1) == pytest.approx([0.4e-6, 0.4e-6], rel=0.03)
 
 
-def test_glitches_are_few_short_and_of_the_height_they_were_told(rig: RigFactory) -> None:
+def test_glitches_have_the_configured_rate_and_height(rig: RigFactory) -> None:
     bench = QUIET | {"glitches_per_s": 20.0, "glitch_um": 10.0, "run_out_um": 0.0, "second_order_um": 0.0}
     card = SimulatedCard(rig(simulation=bench | {"profile": steady(10.0)}, model={"imbalance_kg_m": 0.0}))
     away = displacements(card, taken(card, 200_000))
@@ -197,7 +197,7 @@ def test_glitches_are_few_short_and_of_the_height_they_were_told(rig: RigFactory
     assert 15e-6 < np.abs(away).max() < 50e-6
 
 
-def test_converter_holds_at_its_rail_where_the_probe_leaves_its_range(rig: RigFactory) -> None:
+def test_converter_clips_if_the_probe_leaves_its_range(rig: RigFactory) -> None:
     channel = {"name": "x", "role": "probe_x", "physical": "ai0", "calibration": "probe-x.toml"}
     wired = [
         channel | {"range_v": 5.0, "gap_window_v": [1.0, 5.0]},
@@ -230,7 +230,7 @@ def test_tacho_crosses_its_threshold_a_delay_after_the_mark(rig: RigFactory, edg
     assert np.abs(off).max() < math.radians(0.1)
 
 
-def test_tacho_shows_the_mark_for_its_part_of_the_turn(rig: RigFactory) -> None:
+def test_tacho_is_light_for_the_mark_fraction_of_the_turn(rig: RigFactory) -> None:
     card = SimulatedCard(rig(simulation=QUIET, tacho={"mark_fraction": 0.35, "pulses_per_revolution": 1}))
     codes = taken(card, 40_000)
     volts = card.acquisition.channels[2].volts(codes[2])
@@ -244,7 +244,7 @@ def test_tacho_gives_as_many_pulses_as_there_are_marks(rig: RigFactory) -> None:
     assert abs(crossings(card, taken(card, 40_000)).size - 4 * 200) <= 1
 
 
-def test_tacho_edges_scatter_as_told(rig: RigFactory) -> None:
+def test_tacho_jitter_has_the_configured_rms(rig: RigFactory) -> None:
     card = SimulatedCard(
         rig(
             timing={"rate_hz": 100_000.0},
@@ -258,14 +258,14 @@ def test_tacho_edges_scatter_as_told(rig: RigFactory) -> None:
     assert late.mean() == pytest.approx(0.0, abs=3e-6)
 
 
-def test_tacho_of_a_standing_shaft_stays_where_it_is(rig: RigFactory) -> None:
+def test_tacho_of_a_standing_shaft_is_constant(rig: RigFactory) -> None:
     card = SimulatedCard(rig(simulation=QUIET | {"profile": steady(1.0, 0.0)}))
     codes = taken(card, 20_000)
     assert np.ptp(codes[2]) == 0
     assert np.ptp(codes[0]) <= 1
 
 
-def test_speed_wanders_and_drifts_as_told(rig: RigFactory) -> None:
+def test_speed_fluctuates_and_drifts_as_configured(rig: RigFactory) -> None:
     bench = {"speed_fluctuation": 0.01, "fluctuation_time_s": 0.1, "speed_drift": 0.06, "profile": steady(60.0)}
     course = SimulatedCard(rig(simulation=bench)).speed_profile
     _, speed = course.angle_and_speed(np.linspace(0.0, 60.0, 6001))
@@ -274,7 +274,7 @@ def test_speed_wanders_and_drifts_as_told(rig: RigFactory) -> None:
     assert np.mean(speed / drifted) == pytest.approx(1.0, abs=0.003)
 
 
-def test_angle_is_the_integral_of_the_speed_and_turns_back_into_time(rig: RigFactory) -> None:
+def test_angle_is_the_integral_of_the_speed_and_time_at_inverts_it(rig: RigFactory) -> None:
     course = SimulatedCard(rig(simulation={"speed_fluctuation": 0.02})).speed_profile
     time = np.linspace(0.0, 2.0, 200_001)
     angle, speed = course.angle_and_speed(time)
@@ -284,7 +284,7 @@ def test_angle_is_the_integral_of_the_speed_and_turns_back_into_time(rig: RigFac
     assert np.isnan(course.time_at(np.array([-1.0, 1e9]))).all()
 
 
-def test_analyser_finds_what_the_bench_was_told(rig: RigFactory) -> None:
+def test_analyser_finds_the_configured_motion(rig: RigFactory) -> None:
     whirls = [{"order": 0.17, "onset_rpm": 5000.0, "end_rpm": 9000.0, "amplitude_um": 9.0}]
     bench = rig(timing={"rate_hz": 50_000.0}, simulation={"whirl": whirls, "profile": steady(3.0)})
     card = SimulatedCard(bench)

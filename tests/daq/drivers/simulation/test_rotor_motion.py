@@ -25,7 +25,7 @@ CLEAN: dict[str, object] = {
 }
 
 
-def test_shaft_moves_as_the_model_integrated_at_every_sample(rig: RigFactory) -> None:
+def test_interpolated_motion_matches_integration_at_every_sample(rig: RigFactory) -> None:
     bench = rig(simulation=CLEAN)
     card = SimulatedCard(bench)
     codes = card.next_codes(6000)
@@ -42,7 +42,7 @@ def test_shaft_moves_as_the_model_integrated_at_every_sample(rig: RigFactory) ->
     np.testing.assert_allclose(seen, expected, atol=0.15e-6)
 
 
-def test_codes_of_the_model_do_not_depend_on_the_portions_in_which_they_are_taken(rig: RigFactory) -> None:
+def test_codes_of_the_model_do_not_depend_on_the_block_size(rig: RigFactory) -> None:
     bench = rig(simulation=CLEAN)
     whole = SimulatedCard(bench).next_codes(8000)
     card = SimulatedCard(bench)
@@ -50,7 +50,7 @@ def test_codes_of_the_model_do_not_depend_on_the_portions_in_which_they_are_take
     np.testing.assert_array_equal(np.concatenate(parts, axis=1), whole)
 
 
-def test_shaft_without_oil_touches_the_wall_at_once_and_cannot_be_opened(rig: RigFactory) -> None:
+def test_shaft_that_touches_the_wall_at_once_cannot_be_opened(rig: RigFactory) -> None:
     with pytest.raises(DeviceError, match="cannot start") as caught:
         open_source(rig(simulation=CLEAN, model={"viscosity_pa_s": 1e-9, "imbalance_kg_m": 1.5e-5}))
     assert caught.value.fault is DeviceFault.REJECTED

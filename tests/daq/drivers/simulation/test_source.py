@@ -40,7 +40,7 @@ def paced(rig: RigFactory, *, buffer: int) -> SimulatedSource:
     return SimulatedSource(SimulatedCard(rig()), block=1000, buffer=buffer, real_time=True, restarts=RestartLimiter(5))
 
 
-def test_blocks_follow_one_another_to_the_end_of_the_profile(rig: RigFactory) -> None:
+def test_blocks_are_contiguous_up_to_the_end_of_the_profile(rig: RigFactory) -> None:
     bench = rig(timing={"block_s": 0.15})
     source = open_source(bench)
     blocks, ends = split(list(source.blocks()))
@@ -52,7 +52,7 @@ def test_blocks_follow_one_another_to_the_end_of_the_profile(rig: RigFactory) ->
     assert all(block.codes.flags.c_contiguous for block in blocks)
 
 
-def test_flat_out_is_far_ahead_of_the_clock(rig: RigFactory) -> None:
+def test_flat_out_is_much_faster_than_real_time(rig: RigFactory) -> None:
     profile = [{"time_s": 0.0, "speed_rpm": 6000.0}, {"time_s": 20.0, "speed_rpm": 6000.0}]
     source = open_source(rig(simulation={"profile": profile}))
     started = time.monotonic()
@@ -74,7 +74,7 @@ def test_real_time_keeps_its_pace_without_drift(rig: RigFactory) -> None:
     assert min(arrivals[-4:]) < 0.3  # at eight and more times 45 ms a pace that waits for its reader would be 0.36 late
 
 
-def test_backlog_says_how_late_the_reader_is(rig: RigFactory) -> None:
+def test_backlog_is_how_late_the_reader_is(rig: RigFactory) -> None:
     source = paced(rig, buffer=RATE)
     items = source.blocks()
     started = time.monotonic()
@@ -85,7 +85,7 @@ def test_backlog_says_how_late_the_reader_is(rig: RigFactory) -> None:
     source.stop()
 
 
-def test_late_reader_overruns_the_buffer_and_goes_on_in_the_next_segment(rig: RigFactory) -> None:
+def test_late_reader_overruns_the_buffer_and_continues_in_the_next_segment(rig: RigFactory) -> None:
     source = paced(rig, buffer=8000)
     items = source.blocks()
     started = time.monotonic()
@@ -107,7 +107,7 @@ def test_late_reader_overruns_the_buffer_and_goes_on_in_the_next_segment(rig: Ri
     np.testing.assert_array_equal(card.next_codes(1000), following.codes)
 
 
-def test_reader_that_is_always_late_is_given_up(rig: RigFactory) -> None:
+def test_reader_that_is_always_late_ends_the_run(rig: RigFactory) -> None:
     ends = []
     for item in paced(rig, buffer=500).blocks():
         if isinstance(item, SegmentEnd):
@@ -126,7 +126,7 @@ def test_stop_from_another_thread_ends_within_a_block(rig: RigFactory) -> None:
 
 
 @pytest.mark.parametrize("ask", [SimulatedSource.stop, SimulatedSource.close])
-def test_source_that_was_stopped_before_it_began_gives_nothing(
+def test_source_stopped_before_its_start_gives_no_samples(
     rig: RigFactory, ask: Callable[[SimulatedSource], None]
 ) -> None:
     source = paced(rig, buffer=RATE)
@@ -145,14 +145,14 @@ class TouchingCard(SimulatedCard):
         return super().next_codes(n)
 
 
-def test_shaft_that_reaches_the_wall_ends_the_run_as_a_fault(rig: RigFactory) -> None:
+def test_shaft_that_reaches_the_wall_ends_the_run_with_a_device_error(rig: RigFactory) -> None:
     source = SimulatedSource(TouchingCard(rig()), block=1000, buffer=RATE, real_time=False, restarts=RestartLimiter(5))
     blocks, ends = split(list(source.blocks()))
     assert [block.end for block in blocks] == [1000, 2000]
     assert ends == [SegmentEnd(0, 2000, EndReason.DEVICE_ERROR, detail="the shaft touches the wall")]
 
 
-def test_shaft_that_reaches_the_wall_while_nobody_reads_ends_the_next_segment(rig: RigFactory) -> None:
+def test_shaft_that_reaches_the_wall_in_skipped_samples_ends_the_next_segment(rig: RigFactory) -> None:
     source = SimulatedSource(TouchingCard(rig()), block=1000, buffer=500, real_time=True, restarts=RestartLimiter(5))
     items = source.blocks()
     next_block(items)
@@ -164,7 +164,7 @@ def test_shaft_that_reaches_the_wall_while_nobody_reads_ends_the_next_segment(ri
     ]
 
 
-def test_rig_with_the_real_card_is_opened_by_its_driver(rig: RigFactory) -> None:
+def test_rig_with_the_real_card_uses_the_ni_driver(rig: RigFactory) -> None:
     """Nobody listens at port 1: whoever tries to speak to a card there is told so in the rig's own error."""
     card = {"backend": "nidaqmx", "target": "127.0.0.1:1", "deadline_s": 0.5}
     with pytest.raises(DeviceError):
