@@ -1,4 +1,4 @@
-"""The end may be asked for at any instant, and whoever does not heed it is ended."""
+"""Stop requests at any time, and a recorder that ignores them."""
 
 import os
 import signal
@@ -26,7 +26,7 @@ POSIX = pytest.mark.skipif(sys.platform == "win32", reason="signals that freeze 
 
 
 class Interrupted(threading.Thread):
-    """Waits for a flag, which a handler sets in the midst of the wait, before its n-th instruction."""
+    """A thread that waits for a flag, which a trace function sets before the n-th instruction of the wait."""
 
     def __init__(self, n: int) -> None:
         super().__init__(daemon=True)

@@ -1,4 +1,4 @@
-"""`[tacho.counter]`: what a rig file may say of the counter, and what is said of it."""
+"""`[tacho.counter]`: its defaults, its checks and the output of `rig check`."""
 
 import pytest
 
@@ -81,7 +81,7 @@ def test_simulated_tacho_must_cross_the_levels_of_the_line(rig_file: RigFiles) -
 
 def test_check_command_reports_the_source_of_the_speed(rig_file: RigFiles, capsys: Captured) -> None:
     assert main(["check", str(rig_file(tacho={"counter": {"reference": "counter"}}))]) == 0
-    told = capsys.readouterr().out
-    assert "edges stamped by ctr0 on PFI0 to 12.5 ns; speed and phase from the counter" in told
+    output = capsys.readouterr().out
+    assert "edges stamped by ctr0 on PFI0 to 12.5 ns; speed and phase from the counter" in output
     assert main(["check", "--json", str(rig_file(tacho={"counter": None}))]) == 0
     assert '"counter_resolution_ns": null' in capsys.readouterr().out

@@ -1,4 +1,4 @@
-"""Reading rig.toml: what is right comes through, what is wrong is said, all of it, in the bench's words."""
+"""Loading rig.toml: values in SI units, and all errors with key, value and expectation."""
 
 import copy
 import math
@@ -77,7 +77,7 @@ def test_load_rig_reads_target_and_operator_of_a_calibration(rig: RigFactory) ->
 
 def test_rig_toml_holds_the_complete_configuration_and_reads_back(rig: RigFactory) -> None:
     loaded = rig(storage={"folder": 'C:\\runs "new"'})
-    assert "deadline_s = 3.0" in loaded.toml  # a default that the file does not name
+    assert "deadline_s = 3.0" in loaded.toml  # a default; the file lacks the key
     assert read_recorded_config(loaded.toml, "a recording") == loaded.config
 
 
@@ -373,7 +373,7 @@ def test_load_rig_reports_a_channel_that_is_not_a_table(rig_file: RigFiles) -> N
 
 
 def test_load_rig_does_not_report_consequences_of_a_wrong_value(rig_file: RigFiles) -> None:
-    """The alarm is below every sensible danger limit; that the default stands in for a wrong one says nothing."""
+    """The danger limit is wrong. Its default replaces it, but a contradiction with the default is not reported."""
     faults = faults_of(rig_file(limits={"peak_to_peak_alarm_um": 120.0, "peak_to_peak_danger_um": "150"}))
     assert faults == ['limits.peak_to_peak_danger_um = "150": expected a number']
 

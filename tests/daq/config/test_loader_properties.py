@@ -1,4 +1,4 @@
-"""Whatever stands in a rig.toml, it is either a rig or told what is wrong."""
+"""Property test: any rig.toml gives either a rig or a list of errors."""
 
 import copy
 import tomllib
@@ -34,21 +34,21 @@ ODD = [
     [{}],
 ]
 
-Place = tuple[int | str, ...]
+KeyPath = tuple[int | str, ...]
 
 
-def places(data: object, above: Place = ()) -> list[Place]:
-    """Return every place in nested tables."""
+def key_paths(data: object, above: KeyPath = ()) -> list[KeyPath]:
+    """Return the paths of all values in nested tables."""
     items: list[tuple[int | str, object]] = []
     if isinstance(data, dict):
         items = list(data.items())
     elif isinstance(data, list):
         items = list(enumerate(data))
-    return [place for key, value in items for place in [(*above, key), *places(value, (*above, key))]]
+    return [place for key, value in items for place in [(*above, key), *key_paths(value, (*above, key))]]
 
 
-def told(text: str) -> list[str]:
-    """Return the faults that are told of a configuration, none where it is taken as good."""
+def errors_in(text: str) -> list[str]:
+    """Return the errors reported for a configuration; an empty list if it is accepted."""
     try:
         config = read_recorded_config(text, "any.toml")
     except ConfigError as error:
@@ -61,7 +61,7 @@ def told(text: str) -> list[str]:
 def test_read_recorded_config_returns_a_configuration_or_errors(data: st.DataObject) -> None:
     tables = copy.deepcopy(BENCH)
     for _ in range(data.draw(st.integers(1, 4))):
-        *above, last = data.draw(st.sampled_from(places(tables)))
+        *above, last = data.draw(st.sampled_from(key_paths(tables)))
         table: Any = tables
         for part in above:
             table = table[part]
@@ -69,5 +69,5 @@ def test_read_recorded_config_returns_a_configuration_or_errors(data: st.DataObj
             del table[last]
         else:
             table[last] = copy.deepcopy(data.draw(st.sampled_from(ODD)))
-    faults = told(to_toml(tables))
+    faults = errors_in(to_toml(tables))
     assert all("expected" in fault or "unknown key" in fault for fault in faults)

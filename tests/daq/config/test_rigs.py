@@ -1,4 +1,4 @@
-"""The rig files that come with the program: they say everything there is to say, and run."""
+"""The rig files in the repository: they explain all keys, and the simulated ones run."""
 
 import tomllib
 from collections.abc import Iterator, Mapping
@@ -17,7 +17,7 @@ RIGS = Path(__file__).parents[3] / "rigs"
 
 
 def keys(data: object, above: str = "") -> Iterator[str]:
-    """Yield every key of nested tables, dotted, without indices."""
+    """Yield all keys of nested tables, dotted, without indices."""
     if isinstance(data, BaseModel):
         data = data.model_dump()
     if isinstance(data, Mapping):
@@ -31,7 +31,7 @@ def keys(data: object, above: str = "") -> Iterator[str]:
 
 def test_every_key_of_the_configuration_is_explained_in_a_rig_file() -> None:
     config = load_rig(RIGS / "bench.toml").config.model_dump()
-    del config["rotor"]  # the rotor's own file, taken in when the rig is loaded; explained there
+    del config["rotor"]  # content of the rotor file, which explains its keys itself
     known = set(keys(config))
     assert set(RigConfig.model_fields) - {"rotor"} < known
     written = {

@@ -1,4 +1,4 @@
-"""The rotor that rig.toml names: read beside it, checked with it, and whole in what a recording carries."""
+"""The rotor that rig.toml names: reading, checking, and embedding in recordings."""
 
 import math
 from collections.abc import Callable
@@ -18,7 +18,7 @@ RigFiles = Callable[..., Path]
 RigFactory = Callable[..., Rig]
 
 GJ90C = files("model.rotor").joinpath("gj90c.toml").read_text(encoding="utf-8")
-SEATS = (math.pi / 4, 3 * math.pi / 4)  # of the test rig's probes
+PROBE_ANGLES = (math.pi / 4, 3 * math.pi / 4)  # of the test rig's probes
 
 
 def beside(rig: Path, text: str) -> Path:
@@ -33,7 +33,7 @@ def faults_of(path: Path) -> list[str]:
 
 
 def test_rig_without_a_rotor_has_the_default_one(rig: RigFactory) -> None:
-    assert model_parameters(rig().config) == gj90c(probe_angles=SEATS)
+    assert model_parameters(rig().config) == gj90c(probe_angles=PROBE_ANGLES)
 
 
 def test_rotor_file_is_relative_to_the_rig_and_embedded_in_the_recording(rig_file: RigFiles) -> None:
@@ -45,7 +45,7 @@ def test_rotor_file_is_relative_to_the_rig_and_embedded_in_the_recording(rig_fil
         model_parameters(read_recorded_config(loaded.toml, "a recording")),
     ):
         assert parameters.rotor.discs[4].mass == 0.08
-        assert parameters.probe_angles == pytest.approx(SEATS)
+        assert parameters.probe_angles == pytest.approx(PROBE_ANGLES)
 
 
 def test_default_rotor_is_embedded_in_the_recording(rig: RigFactory) -> None:
@@ -54,7 +54,7 @@ def test_default_rotor_is_embedded_in_the_recording(rig: RigFactory) -> None:
 
 def test_recording_without_a_rotor_has_the_default_one(rig: RigFactory) -> None:
     old = rig().config.model_copy(update={"rotor": {}})
-    assert model_parameters(old) == gj90c(probe_angles=SEATS)
+    assert model_parameters(old) == gj90c(probe_angles=PROBE_ANGLES)
 
 
 def test_model_section_overrides_the_rotor_file(rig_file: RigFiles) -> None:
@@ -90,6 +90,6 @@ def test_unreadable_rotor_file_is_an_error_of_the_rig(rig_file: RigFiles) -> Non
 
 
 def test_rotor_may_be_in_the_rig_file_but_not_twice(rig_file: RigFiles) -> None:
-    assert model_parameters(load_rig(rig_file(rotor=default_rotor())).config) == gj90c(probe_angles=SEATS)
+    assert model_parameters(load_rig(rig_file(rotor=default_rotor())).config) == gj90c(probe_angles=PROBE_ANGLES)
     (fault,) = faults_of(beside(rig_file(rotor=default_rotor(), model={"rotor": "rotor.toml"}), GJ90C))
     assert fault == 'model.rotor = "rotor.toml": expected none beside the file\'s own [rotor]'

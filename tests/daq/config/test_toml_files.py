@@ -1,4 +1,4 @@
-"""TOML text from plain data."""
+"""Writing TOML from plain data."""
 
 import tomllib
 

@@ -1,6 +1,6 @@
-"""What every source of samples must do, asked of each: simulated, replayed, the card over the wire, and over C.
+"""Conformance of all sources to the `Source` interface: simulated, replayed, NI at a device server, NI through C.
 
-The C library is found by the dynamic loader when the interpreter starts, so its part runs in a process of its own,
+The dynamic loader finds the C library when the interpreter starts, so the tests through C run in a separate process,
 which the last test starts.
 """
 
@@ -29,9 +29,9 @@ from daq.drivers.simulation.card import SimulatedCard
 from daq.drivers.source import Source
 from daq.session.recording.recorder import run_header
 from recordings.mcap.writer import RunWriter
-from tests.daq.drivers.ni.test_library import SOURCE, TOOLS, build
 from tests.daq.support.device_server import serving
 from tests.daq.support.ni_driver import NiDriver
+from tests.daq.support.ni_library import SOURCE, TOOLS, build
 from tests.daq.support.recording import recording_request
 
 RigFactory = Callable[..., Rig]
@@ -39,18 +39,18 @@ Codes = NDArray[np.int16]
 Ticks = NDArray[np.int64]
 
 FAULTLESS = "NIDAQMX_DOUBLE_FAULTLESS"
-OVER_C = os.environ.get("RIG_TEST_NIDAQMX_DOUBLE") == "1"
+THROUGH_C = os.environ.get("RIG_TEST_NIDAQMX_DOUBLE") == "1"
 COUNTED = {"threshold_v": 2.15, "hysteresis_v": 1.0, "counter": {"reference": "counter"}}
 STEADY = {"profile": [{"time_s": 0, "speed_rpm": 6000}, {"time_s": 4, "speed_rpm": 6000}]}
 
 
 class Backend(Protocol):
-    """One way to samples, with what is known of them from elsewhere."""
+    """A kind of source, with the samples and stamps that it should deliver."""
 
     def open(self) -> Source: ...
 
     def open_with_overrun(self) -> Source:
-        """Open a source that loses samples in its first segment and goes on."""
+        """Open a source that loses samples in its first segment and continues."""
         ...
 
     def truth(self, n: int) -> Codes:
@@ -58,7 +58,7 @@ class Backend(Protocol):
         ...
 
     def stamps(self, segment: int, n: int) -> Ticks:
-        """Return what the counter stamped of the first samples of a segment."""
+        """Return the counter's stamps in the first samples of a segment."""
         ...
 
     def is_released(self) -> bool: ...
@@ -83,17 +83,17 @@ class Simulated:
         return SimulatedCard(self._rig).next_codes(n)
 
     def stamps(self, segment: int, n: int) -> Ticks:
-        return self.stamps_since(0, n)  # what its second segment misses is different each time
+        return self.stamps_since(0, n)  # the loss before its second segment varies
 
     def stamps_since(self, begin: int, n: int) -> Ticks:
         return SimulatedCard(self._rig).ticks(begin, begin + n, begin)
 
     def is_released(self) -> bool:
-        return True  # it holds nothing
+        return True  # there is no device
 
 
 class Stalled:
-    """A source whose reader is away for a while after the second block."""
+    """A source whose reader stalls after the second block."""
 
     def __init__(self, source: Source, seconds: float) -> None:
         self._source, self._seconds = source, seconds
@@ -151,7 +151,7 @@ class Replayed:
         return not any(path.is_relative_to(self._folder) for path in opened)
 
 
-class OverWire:
+class AtServer:
     def __init__(self, rig: RigFactory, stack: ExitStack) -> None:
         simulated = rig(simulation=STEADY, tacho=COUNTED)
         self._card: Callable[[], SimulatedCard] = lambda: SimulatedCard(simulated)
@@ -169,13 +169,13 @@ class OverWire:
         return self._card().next_codes(n)
 
     def stamps(self, segment: int, n: int) -> Ticks:
-        return self._card().ticks(0, n)  # the bench begins anew with every start
+        return self._card().ticks(0, n)  # the bench restarts with every start
 
     def is_released(self) -> bool:
         return not self._server.tasks
 
 
-class OverC:
+class ThroughC:
     def __init__(self, rig: RigFactory) -> None:
         self._rig = rig(device={"backend": "nidaqmx", "serial": "1A2B32"}, tacho=COUNTED)
         os.environ[FAULTLESS] = "1"
@@ -197,20 +197,20 @@ class OverC:
         return ctypes.c_int.in_dll(ctypes.CDLL("libnidaqmx.so.1"), "alive").value == 0
 
 
-@pytest.fixture(params=["over C"] if OVER_C else ["simulated", "replayed", "over the wire"])
+@pytest.fixture(params=["over C"] if THROUGH_C else ["simulated", "replayed", "over the wire"])
 def backend(request: pytest.FixtureRequest, rig: RigFactory, tmp_path: Path) -> Iterator[Backend]:
     with ExitStack() as stack:
         backends: dict[str, Callable[[], Backend]] = {
             "simulated": lambda: Simulated(rig),
             "replayed": lambda: Replayed(rig, tmp_path),
-            "over the wire": lambda: OverWire(rig, stack),
-            "over C": lambda: OverC(rig),
+            "over the wire": lambda: AtServer(rig, stack),
+            "over C": lambda: ThroughC(rig),
         }
         yield backends[request.param]()
 
 
 def taken(source: Source, blocks: int) -> tuple[list[SampleBlock], list[SegmentEnd]]:
-    """Take so many blocks, stop, take what still comes, and close."""
+    """Return blocks and ends of a source that is stopped after a number of blocks, and close it."""
     got: list[SampleBlock] = []
     ends: list[SegmentEnd] = []
     for item in source.blocks():
@@ -249,7 +249,7 @@ def test_blocks_are_contiguous_and_a_stop_ends_the_segment_with_all_samples_read
 
 
 def test_codes_equal_those_of_the_card_and_are_not_overwritten(backend: Backend) -> None:
-    blocks, _ = taken(backend.open(), 4)  # a block that is kept is not overwritten by the next
+    blocks, _ = taken(backend.open(), 4)  # a block is not overwritten by the next one
     codes = np.concatenate([block.codes for block in blocks], axis=1)
     np.testing.assert_array_equal(codes, backend.truth(codes.shape[1]))
     assert all(block.codes.dtype == np.int16 and block.codes.flags.c_contiguous for block in blocks)
@@ -352,7 +352,7 @@ def test_overrun_ends_the_segment_with_its_loss_and_the_next_begins_at_zero(back
     assert backend.is_released()
 
 
-@pytest.mark.skipif(OVER_C, reason="this is that process")
+@pytest.mark.skipif(THROUGH_C, reason="this is that process")
 @pytest.mark.skipif(sys.platform != "linux", reason=f"the double is built on Linux with {', '.join(TOOLS)}")
 def test_card_through_the_c_interface_conforms(tmp_path: Path) -> None:
     build(tmp_path / "libnidaqmx.so.1", SOURCE)

@@ -1,4 +1,4 @@
-"""Edges that are missing or doubled: counter and waveform come to the same speed, angle and report."""
+"""Missing or doubled edges: counter and waveform give the same speed, vectors and tacho report."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -13,15 +13,15 @@ from analysis.signals.header import Acquisition, Role
 from analysis.signals.snapshot import CounterState, TachoState
 from tests.daq.support.counted_bench import RISING, RigFactory, analysed, counted, header_of, items_of, ticks_of
 
-EVERY = 20  # edges from one that is harmed to the next
-COURSE = {**RISING, "speed_fluctuation": 0.0, "tacho_jitter_us": 2.0, "tacho_noise_v": 0.0}
+EVERY = 20  # every 20th edge is disturbed
+RUN_UP = {**RISING, "speed_fluctuation": 0.0, "tacho_jitter_us": 2.0, "tacho_noise_v": 0.0}
 Codes = NDArray[np.int16]
 Ticks = NDArray[np.int64]
-Harm = Callable[[Codes, Ticks, Acquisition], Ticks]
+Disturbance = Callable[[Codes, Ticks, Acquisition], Ticks]
 
 
 def without(codes: Codes, ticks: Ticks, acquisition: Acquisition) -> Ticks:
-    """Hide the mark at every so-manieth edge from the waveform, and return the stamps without it."""
+    """Remove every `EVERY`-th edge from the waveform, and return the stamps without it."""
     row, chosen = acquisition.row(Role.TACHO), slice(EVERY, ticks.size - 1, EVERY)
     edges = ticks / acquisition.ticks_per_sample
     for edge, following in zip(edges[:-1][chosen], edges[1:][chosen], strict=False):
@@ -30,7 +30,7 @@ def without(codes: Codes, ticks: Ticks, acquisition: Acquisition) -> Ticks:
 
 
 def doubled(codes: Codes, ticks: Ticks, acquisition: Acquisition) -> Ticks:
-    """Let the light fail for a moment after every so-manieth edge, and return the stamps with its coming back."""
+    """Interrupt the light briefly after every `EVERY`-th edge, and return the stamps with the additional edge."""
     row, more = acquisition.row(Role.TACHO), []
     channel, lag = acquisition.channels[row], row / acquisition.convert_rate * acquisition.rate
     edges = ticks / acquisition.ticks_per_sample
@@ -44,14 +44,14 @@ def doubled(codes: Codes, ticks: Ticks, acquisition: Acquisition) -> Ticks:
 
 
 def doubled_at_the_counter_alone(codes: Codes, ticks: Ticks, acquisition: Acquisition) -> Ticks:
-    """Return the stamps with doubles that the waveform does not show."""
+    """Return the stamps with additional edges that the waveform lacks."""
     return doubled(codes.copy(), ticks, acquisition)
 
 
-def harmed(items: list[SourceItem], acquisition: Acquisition, harm: Harm) -> list[SourceItem]:
-    """Return a run's items with another waveform and other stamps, in blocks as before."""
+def disturbed(items: list[SourceItem], acquisition: Acquisition, disturbance: Disturbance) -> list[SourceItem]:
+    """Return a run's items with disturbed waveform and stamps, in the same blocks."""
     codes = np.concatenate([item.codes for item in items if isinstance(item, SampleBlock)], axis=1)
-    ticks = harm(codes, ticks_of(items), acquisition)
+    ticks = disturbance(codes, ticks_of(items), acquisition)
     changed: list[SourceItem] = []
     for item in items:
         if isinstance(item, SampleBlock):
@@ -63,15 +63,15 @@ def harmed(items: list[SourceItem], acquisition: Acquisition, harm: Harm) -> lis
     return changed
 
 
-@pytest.mark.parametrize(("harm", "filled", "rejected"), [(without, 19, 0), (doubled, 0, 19)])
+@pytest.mark.parametrize(("disturbance", "filled", "rejected"), [(without, 19, 0), (doubled, 0, 19)])
 def test_counter_and_samples_agree_despite_missing_and_doubled_edges(
-    rig: RigFactory, tmp_path: Path, harm: Harm, filled: int, rejected: int
+    rig: RigFactory, tmp_path: Path, disturbance: Disturbance, filled: int, rejected: int
 ) -> None:
     found = []
     for reference in ("counter", "samples"):
-        chosen = counted(rig, reference, simulation=COURSE)
+        chosen = counted(rig, reference, simulation=RUN_UP)
         header = header_of(chosen, tmp_path)
-        found.append(analysed(header, harmed(items_of(chosen), header.acquisition, harm)))
+        found.append(analysed(header, disturbed(items_of(chosen), header.acquisition, disturbance)))
     for by_counter, by_samples in zip(*found, strict=True):
         assert by_counter.tacho.state is by_samples.tacho.state is TachoState.GOOD
         assert by_counter.speed == pytest.approx(by_samples.speed, rel=5e-4)
@@ -86,9 +86,9 @@ def test_counter_and_samples_agree_despite_missing_and_doubled_edges(
 
 
 def test_doubled_edges_of_the_counter_alone_are_rejected_and_reported(rig: RigFactory, tmp_path: Path) -> None:
-    chosen = counted(rig, simulation=COURSE)
+    chosen = counted(rig, simulation=RUN_UP)
     header, items = header_of(chosen, tmp_path), items_of(chosen)
-    last = analysed(header, harmed(items, header.acquisition, doubled_at_the_counter_alone))[-1]
+    last = analysed(header, disturbed(items, header.acquisition, doubled_at_the_counter_alone))[-1]
     clean = analysed(header, items)[-1]
     assert last.counter is not None
     assert (last.tacho.rejected, last.counter.extra, last.counter.missing) == (19, 16, 0)  # the last are compared later

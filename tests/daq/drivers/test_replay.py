@@ -1,4 +1,4 @@
-"""A recording played back is the recording, at the pace asked for and in blocks of any size."""
+"""Replay of a recording: the same samples, at the requested pace and for any block size."""
 
 import threading
 import time
@@ -92,9 +92,9 @@ def test_acquisition_equals_the_recorded_one_including_the_device(run: Path) -> 
 
 def test_replay_keeps_its_pace_over_a_gap(run: Path) -> None:
     source = open_replay(run, 2.0)
-    begun = time.monotonic()
+    started = time.monotonic()
     due = [
-        (time.monotonic() - begun, (item.end + 4_250 * item.segment) / RATE / 2.0)
+        (time.monotonic() - started, (item.end + 4_250 * item.segment) / RATE / 2.0)
         for item in source.blocks()
         if isinstance(item, SampleBlock)
     ]
@@ -105,11 +105,11 @@ def test_replay_keeps_its_pace_over_a_gap(run: Path) -> None:
 
 def test_replay_catches_up_after_a_late_reader(run: Path) -> None:
     source = open_replay(run, 1.0)
-    begun = time.monotonic()
+    started = time.monotonic()
     late = []
     for item in source.blocks():
         if isinstance(item, SampleBlock):
-            late.append(time.monotonic() - begun - (item.end + 4_250 * item.segment) / RATE)
+            late.append(time.monotonic() - started - (item.end + 4_250 * item.segment) / RATE)
         if len(late) == 1:
             time.sleep(0.4)
     source.close()
@@ -119,12 +119,12 @@ def test_replay_catches_up_after_a_late_reader(run: Path) -> None:
 def test_stop_from_another_thread_ends_the_replay_at_once(run: Path) -> None:
     source = open_replay(run, 0.01)
     timer = threading.Timer(0.05, source.stop)
-    begun = time.monotonic()
+    started = time.monotonic()
     timer.start()
     items = list(source.blocks())
     timer.join()
     source.close()
-    assert time.monotonic() - begun < 30.0  # of the 62 s that it would have taken
+    assert time.monotonic() - started < 30.0  # of the 62 s that it would have taken
     assert items == [SegmentEnd(0, 0, EndReason.STOPPED)]
 
 

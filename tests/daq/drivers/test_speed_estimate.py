@@ -1,4 +1,4 @@
-"""The trigger's quick estimate of speed: from the declared reference, through glitches and a counter that fails."""
+"""The trigger's speed estimate: declared reference, glitches and counter failure."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import replace
@@ -68,14 +68,14 @@ def test_single_doubled_or_missing_edge_hardly_changes_the_speed(rig: RigFactory
     acquisition = replace(acquisition, tacho=replace(acquisition.tacho, pulses_per_revolution=pulses))
     edges = np.arange(0.05, 4.0, 0.1 / pulses)
     if pulses == 2:
-        edges[::2] += 0.008  # marks that do not lie opposite
+        edges[::2] += 0.008  # marks that are not evenly spaced
     edges = {
         "double": np.insert(edges, 20, edges[20] - 0.03 / pulses),
         "missing": np.delete(edges, 20),
         "none": edges,
     }[glitch]
     speeds = stamped(acquisition, edges, 4.0)
-    assert speeds[8:] == pytest.approx([600.0] * (len(speeds) - 8), rel=0.02)  # the edge alone: 12 %
+    assert speeds[8:] == pytest.approx([600.0] * (len(speeds) - 8), rel=0.02)  # from one period: 12 % off
 
 
 def test_two_edges_of_a_glitch_at_rest_give_no_speed(rig: RigFactory) -> None:

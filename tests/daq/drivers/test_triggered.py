@@ -1,4 +1,4 @@
-"""Recordings that start and stop by themselves."""
+"""Trigger conditions, and recordings that they start and stop."""
 
 import re
 from collections.abc import Callable, Iterator, Sequence
@@ -27,8 +27,8 @@ from tests.daq.support.recording import start_recording, wait_for_state
 RigFactory = Callable[..., Rig]
 
 
-class Watch:
-    """Keeps what a trigger tells."""
+class Listener:
+    """Records the events of a trigger."""
 
     def __init__(self) -> None:
         self.speeds: list[float] = []
@@ -47,8 +47,8 @@ class Watch:
         self.events.append(start)
 
 
-def opened(rig: Rig, watch: Watch | None = None) -> Source:
-    return apply_trigger(open_source(rig), rig.config.trigger, watch or Watch())
+def opened(rig: Rig, listener: Listener | None = None) -> Source:
+    return apply_trigger(open_source(rig), rig.config.trigger, listener or Listener())
 
 
 RATE = 20_000
@@ -67,21 +67,21 @@ def run_of(source: Source) -> tuple[list[SampleBlock], list[SegmentEnd]]:
 
 def test_run_contains_the_samples_between_its_conditions_and_the_pre_trigger(rig: RigFactory) -> None:
     ramp = rig(simulation=RAMP, trigger={"hold_s": 0.1, "start": "speed > 4000", "stop": "speed < 3500", "pre_s": 1.0})
-    watch = Watch()
-    with closing(opened(ramp, watch)) as source:
+    listener = Listener()
+    with closing(opened(ramp, listener)) as source:
         blocks, (end,) = run_of(source)
     codes = np.concatenate([block.codes for block in blocks], axis=1)
     truth = SimulatedCard(ramp).next_codes(12 * RATE)
     (first,) = [k for k in range(0, truth.shape[1], 2000) if np.array_equal(truth[:, k : k + 2000], codes[:, :2000])]
     np.testing.assert_array_equal(codes, truth[:, first : first + codes.shape[1]])
     assert (2.0 - 1.0 - 0.2) * RATE <= first <= (2.0 - 1.0 + 0.3) * RATE  # 4000 r/min is reached after 2 s
-    assert 11.0 * RATE <= first + codes.shape[1] <= 11.5 * RATE  # 3500 r/min is fallen below after 11 s
+    assert 11.0 * RATE <= first + codes.shape[1] <= 11.5 * RATE  # the speed falls below 3500 r/min after 11 s
     assert end == SegmentEnd(0, codes.shape[1], EndReason.FINISHED, detail="stopped by speed < 3500 r/min")
     assert [block.first_sample for block in blocks] == [2000 * k for k in range(len(blocks))]
-    assert watch.speeds == sorted(watch.speeds)
-    assert watch.speeds[-1] == pytest.approx(4000, rel=0.03)
-    assert watch.n_passed == first
-    (start,) = watch.events
+    assert listener.speeds == sorted(listener.speeds)
+    assert listener.speeds[-1] == pytest.approx(4000, rel=0.03)
+    assert listener.n_passed == first
+    (start,) = listener.events
     assert (start.event, start.segment, str(start.condition)) == (1, 0, "speed > 4000 r/min")
     assert first + start.sample == pytest.approx(2.0 * RATE, abs=0.3 * RATE)
 
@@ -107,7 +107,7 @@ def test_start_condition_that_is_never_met_gives_an_empty_segment_with_the_reaso
 
 
 class Scripted:
-    """A source that gives what it was made with."""
+    """A source that yields given items."""
 
     def __init__(self, acquisition: Acquisition, items: list[SourceItem]) -> None:
         self.acquisition, self._items = acquisition, items
@@ -125,7 +125,12 @@ BELOW = TriggerCondition("x", is_above=False, value=-2.0)
 
 
 def scripted(
-    rig: Rig, levels: Sequence[float | None], *, hold: float, trigger: Trigger | None = None, watch: Watch | None = None
+    rig: Rig,
+    levels: Sequence[float | None],
+    *,
+    hold: float,
+    trigger: Trigger | None = None,
+    listener: Listener | None = None,
 ) -> TriggeredSource:
     """Return a source of 0.1 s blocks of a level of x, V; None is an overrun."""
     acquisition = SimulatedCard(rig).acquisition
@@ -143,67 +148,67 @@ def scripted(
         first += 2000
     items.append(SegmentEnd(segment, first, EndReason.STOPPED))
     trigger = replace(trigger or Trigger(ABOVE, None, before=0.3), hold=hold)
-    return TriggeredSource(Scripted(acquisition, items), trigger, watch or Watch())
+    return TriggeredSource(Scripted(acquisition, items), trigger, listener or Listener())
 
 
 def test_glitch_shorter_than_the_hold_time_does_not_start_an_event(rig: RigFactory) -> None:
     blocks, ends = run_of(scripted(rig(), [0, 0, 0, 0, 0, 3, 0, 3, 3, 0, 0], hold=0.2))
     seen = [bool(block.codes[0].max() > 0) for block in blocks]
-    assert seen == [False, False, True, False, True, True, False, False]  # what is held, 0.3 s before it, and the rest
+    assert seen == [False, False, True, False, True, True, False, False]  # hold time, 0.3 s before it, and the rest
     assert ends == [SegmentEnd(0, 8 * 2000, EndReason.STOPPED)]
 
 
 def test_samples_before_a_gap_are_not_part_of_the_pre_trigger(rig: RigFactory) -> None:
     blocks, ends = run_of(scripted(rig(), [0, 0, 0, None, 0, 3, 0, None, 0], hold=0.0))
     assert [(block.segment, block.first_sample) for block in blocks] == [(1, 0), (1, 2000), (1, 4000), (2, 0)]
-    told = "while waiting for x > 2 V: overrun"
+    detail = "while waiting for x > 2 V: overrun"
     assert ends == [
-        SegmentEnd(0, 0, EndReason.OVERRUN, 7, detail=told),
+        SegmentEnd(0, 0, EndReason.OVERRUN, 7, detail=detail),
         SegmentEnd(1, 6000, EndReason.OVERRUN, 7),
         SegmentEnd(2, 2000, EndReason.STOPPED),
     ]
 
 
-def given_levels(blocks: Sequence[SampleBlock]) -> list[tuple[int, int]]:
-    """Return segment and number in the script of each block that was given."""
+def delivered_levels(blocks: Sequence[SampleBlock]) -> list[tuple[int, int]]:
+    """Return segment and number in the script of each delivered block."""
     return [(block.segment, int(block.codes[1, 0])) for block in blocks]
 
 
 def test_trigger_is_rearmed_after_each_stop_up_to_the_number_of_events(rig: RigFactory) -> None:
-    watch = Watch()
+    listener = Listener()
     levels = [0, 0, 0, 3, 0, -3, 0, 0, 0, 3, -3, 3, -3, 0, 3, 0]
     trigger = Trigger(ABOVE, BELOW, before=0.2, events=3)
-    blocks, ends = run_of(scripted(rig(), levels, hold=0.0, trigger=trigger, watch=watch))
-    one, two, three = [1, 2, 3, 4, 5], [7, 8, 9, 10], [11, 12]  # what came before reaches back to the last stop at most
-    assert given_levels(blocks) == [(0, k) for k in one] + [(1, k) for k in two] + [(2, k) for k in three]
+    blocks, ends = run_of(scripted(rig(), levels, hold=0.0, trigger=trigger, listener=listener))
+    one, two, three = [1, 2, 3, 4, 5], [7, 8, 9, 10], [11, 12]  # the pre-trigger reaches back to the last stop at most
+    assert delivered_levels(blocks) == [(0, k) for k in one] + [(1, k) for k in two] + [(2, k) for k in three]
     assert ends == [
         SegmentEnd(k, 2000 * n, EndReason.FINISHED, detail="stopped by x < -2 V")
         for k, n in enumerate(map(len, (one, two, three)))
     ]
-    assert [(event.event, event.segment, event.sample) for event in watch.events] == [
+    assert [(event.event, event.segment, event.sample) for event in listener.events] == [
         (1, 0, 2 * 2000),
         (2, 1, 2 * 2000),
         (3, 2, 0),
     ]
-    assert watch.n_passed == 2 * 2000  # the 0th and the 6th; what follows the last stop is not acquired any more
-    assert set(watch.waited_for) == {1, 2}
+    assert listener.n_passed == 2 * 2000  # the 0th and the 6th; nothing is acquired after the last stop
+    assert set(listener.waited_for) == {1, 2}
 
 
 def test_no_start_is_detected_during_the_hold_off(rig: RigFactory) -> None:
     levels = [3, -3, 3, 3, 3, 0, 3, -3]
     trigger = Trigger(ABOVE, BELOW, hold_off=0.25, events=0)
     blocks, ends = run_of(scripted(rig(), levels, hold=0.0, trigger=trigger))
-    assert given_levels(blocks) == [(0, 0), (0, 1), (1, 6), (1, 7)]
+    assert delivered_levels(blocks) == [(0, 0), (0, 1), (1, 6), (1, 7)]
     trigger = replace(trigger, before=0.3)
     blocks, ends = run_of(scripted(rig(), levels, hold=0.0, trigger=trigger))
-    assert given_levels(blocks) == [(0, 0), (0, 1), (1, 3), (1, 4), (1, 5), (1, 6), (1, 7)]
+    assert delivered_levels(blocks) == [(0, 0), (0, 1), (1, 3), (1, 4), (1, 5), (1, 6), (1, 7)]
     assert [end.reason for end in ends] == [EndReason.FINISHED, EndReason.FINISHED]
 
 
 def test_device_fault_while_waiting_for_a_start_is_reported(rig: RigFactory) -> None:
     acquisition = SimulatedCard(rig()).acquisition
     end = SegmentEnd(0, 0, EndReason.UNPLUGGED, detail="the card is gone")
-    source = TriggeredSource(Scripted(acquisition, [end]), Trigger(ABOVE, None), Watch())
+    source = TriggeredSource(Scripted(acquisition, [end]), Trigger(ABOVE, None), Listener())
     assert [*source.blocks()] == [
         replace(end, detail="while waiting for x > 2 V: the card is gone"),
         SegmentEnd(1, 0, EndReason.STOPPED, detail="x > 2 V was not reached"),
@@ -215,18 +220,18 @@ def test_every_sample_is_delivered_once_or_counted_as_skipped(rig: RigFactory, s
     draw = np.random.default_rng(seed)
     levels = [None if level > 4 else level for level in draw.choice([0.0, 0.0, 3.0, -3.0, 5.0], 60).tolist()]
     before, hold, hold_off = draw.choice([0.0, 0.1, 0.25, 0.4], 3).tolist()
-    watch = Watch()
+    listener = Listener()
     trigger = Trigger(ABOVE, BELOW, before=before, hold_off=hold_off, events=0)
-    blocks, ends = run_of(scripted(rig(), levels, hold=hold, trigger=trigger, watch=watch))
-    numbers = [number for _, number in given_levels(blocks)]
+    blocks, ends = run_of(scripted(rig(), levels, hold=hold, trigger=trigger, listener=listener))
+    numbers = [number for _, number in delivered_levels(blocks)]
     assert numbers == sorted(set(numbers))
-    assert 2000 * len(numbers) + watch.n_passed == 2000 * sum(level is not None for level in levels)
+    assert 2000 * len(numbers) + listener.n_passed == 2000 * sum(level is not None for level in levels)
     assert sum(end.lost for end in ends) == 7 * levels.count(None)
     assert [end.segment for end in ends] == [*range(len(ends))]
     for end in ends:
         mine = [block for block in blocks if block.segment == end.segment]
         assert [block.first_sample for block in mine] == [*range(0, end.samples, 2000)]
-        stretch = [number for segment, number in given_levels(blocks) if segment == end.segment]
+        stretch = [number for segment, number in delivered_levels(blocks) if segment == end.segment]
         assert stretch == [*range(stretch[0], stretch[0] + len(stretch))] if stretch else not end.samples
 
 
@@ -252,8 +257,8 @@ def test_each_event_is_a_recording_and_the_run_ends_after_the_last_event(rig: Ri
             found = re.fullmatch(r"start: speed > 5000 r/min, after ([\d,]+) samples \([\d.]+ s\) skipped", marker.text)
             assert found is not None
             passed += int(found[1].replace(",", ""))
-            begun = (reader.header.started_ns - run.header.started_ns) / 1e9
-    assert begun == pytest.approx((passed + outcome.ends[0].samples) / RATE, abs=1e-8)
+            started = (reader.header.started_ns - run.header.started_ns) / 1e9
+    assert started == pytest.approx((passed + outcome.ends[0].samples) / RATE, abs=1e-8)
 
 
 def test_rearmed_run_ends_when_it_is_stopped(rig: RigFactory, tmp_path: Path) -> None:
@@ -265,7 +270,7 @@ def test_rearmed_run_ends_when_it_is_stopped(rig: RigFactory, tmp_path: Path) ->
     while "1 recorded" not in armed.detail:
         armed = wait_for_state(run, 60, RunState.ARMED)
     with RunReader(run.path) as reader:
-        assert reader.is_complete  # while the next is waited for
+        assert reader.is_complete  # while the trigger waits for the next event
     run.stop()
     assert run.wait(60)
     assert run.close().exit_code == 130
@@ -280,7 +285,7 @@ def test_events_without_a_start_and_a_stop_are_refused(rig: RigFactory) -> None:
     with pytest.raises(ConfigError, match=r"trigger\.events = -1: "):
         with_trigger(rig(), events=-1)
     with pytest.raises(ValueError, match="events: 0, expected 1 without"):
-        TriggeredSource(open_source(rig()), Trigger(ABOVE, None, events=0), Watch())
+        TriggeredSource(open_source(rig()), Trigger(ABOVE, None, events=0), Listener())
 
 
 def test_live_status_shows_the_armed_run_and_the_file_holds_the_event(rig: RigFactory, tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""A rig whose tacho is stamped by a counter, and its runs as items, as a file and as results."""
+"""A rig with a tacho counter, and its runs as items, as a file and as results."""
 
 from collections.abc import Callable, Iterable
 from pathlib import Path
@@ -22,7 +22,7 @@ RISING = {"profile": [{"time_s": 0.0, "speed_rpm": 3000.0}, {"time_s": 4.0, "spe
 
 
 def counted(rig: RigFactory, reference: str = "counter", **sections: object) -> Rig:
-    """Load a rig whose tacho is stamped by a counter too, which is the reference unless said."""
+    """Return a rig with a tacho counter, by default as the reference."""
     tacho = {"delay_s": 4e-4, "counter": {"reference": reference}}
     return rig(**({"simulation": RISING} | sections | {"tacho": tacho}))
 

@@ -1,9 +1,9 @@
-"""A stand-in for NI's gRPC device server, on the servicer that nidaqmx itself ships.
+"""A stand-in for NI's gRPC device server, based on the servicer that nidaqmx ships.
 
-It keeps the real server's conventions (ni/grpc-device): an error is status UNKNOWN with `ni-error` in the trailing
-metadata, a read's error tells `ni-samps-per-chan-read` as well; a read's time-out alone is the status of an ordinary
-response with the samples that did come; arrays are as long as was asked for, padded with zeros; sessions have names and
-outlive their client.
+It follows the conventions of the real server (ni/grpc-device). An error is status UNKNOWN with `ni-error` in the
+trailing metadata, and `ni-samps-per-chan-read` for a read. Only a read's time-out is the status of an ordinary
+response, with the samples that have arrived. Arrays have the requested length, padded with zeros. Sessions have names
+and outlive their client.
 """
 
 import threading
@@ -19,9 +19,7 @@ from nidaqmx._stubs import nidaqmx_pb2 as pb
 from nidaqmx._stubs.nidaqmx_pb2_grpc import NiDAQmxServicer, add_NiDAQmxServicer_to_server
 from session_pb2 import Session
 
-from tests.daq.support.ni_counter import NiCounter
-from tests.daq.support.ni_driver import NiChannel, NiDriver, NiTask
-from tests.daq.support.ni_errors import DriverError
+from tests.daq.support.ni_driver import DriverError, NiChannel, NiCounter, NiDriver, NiTask
 
 ATTACH, NEW = 2, 1  # of initialization_behavior
 COMMIT = 3  # of TaskMode
@@ -30,7 +28,7 @@ COUNT_UP = 10128  # of CountDirection
 
 
 class Rpcs:
-    """The calls that the client makes, each answered from the driver; named as the service names them."""
+    """The remote procedures that the client calls, named as in the service and executed by the stand-in driver."""
 
     def __init__(self, driver: NiDriver) -> None:
         self.driver = driver
@@ -214,10 +212,11 @@ class Rpcs:
 
 
 class DeviceServer:
-    """The server, serving on a port of the loopback, a free one unless it is given.
+    """A server on a loopback port, a free one by default.
 
-    `faults["ReadBinaryI16"].extend([0, -200279])` lets one read pass and fails the next; `refusals` are calls that the
-    server itself refuses; `log` has the calls made; `at_call` says what happens right before the call of that number.
+    `faults["ReadBinaryI16"].extend([0, -200279])` lets one read succeed and the next one fail. `refusals` are calls
+    that the server itself refuses. `log` lists the calls. `at_call` maps the number of a call to a function that runs
+    before it.
     """
 
     def __init__(self, driver: NiDriver, *, port: int = 0) -> None:
@@ -229,7 +228,7 @@ class DeviceServer:
         self.at_call: dict[int, Callable[[], None]] = {}
         self._thawed = threading.Event()
         self._thawed.set()
-        self._pool = ThreadPoolExecutor(max_workers=16)  # more calls than a client leaves behind while it is frozen
+        self._pool = ThreadPoolExecutor(max_workers=16)  # more than the calls that clients abandon while it is frozen
         self._server = grpc.server(self._pool)
         calls = {
             name: staticmethod(self._call(name, method))
@@ -241,18 +240,18 @@ class DeviceServer:
 
     @property
     def tasks(self) -> list[str]:
-        """Names of the tasks that nobody has cleared."""
+        """Names of the tasks that have not been cleared."""
         return list(self.rpcs.tasks)
 
     def freeze(self) -> None:
-        """Answer no call until thawed."""
+        """Block all calls until `thaw`."""
         self._thawed.clear()
 
     def thaw(self) -> None:
         self._thawed.set()
 
     def kill(self) -> None:
-        """End at once, with the calls in progress."""
+        """Stop at once and abort the calls in progress."""
         self._thawed.set()
         self._server.stop(None).wait()
         self._pool.shutdown()
@@ -263,7 +262,7 @@ class DeviceServer:
             raise DriverError(code)
 
     def _call(self, name: str, method: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
-        def answer(request: Any, context: grpc.ServicerContext) -> Any:
+        def handle(request: Any, context: grpc.ServicerContext) -> Any:
             self.log.append(name)
             self.at_call.pop(len(self.log), lambda: None)()
             self._thawed.wait()
@@ -280,12 +279,12 @@ class DeviceServer:
                 context.set_trailing_metadata(metadata)
                 context.abort(grpc.StatusCode.UNKNOWN, str(error))
 
-        return answer
+        return handle
 
 
 @contextmanager
 def serving(driver: NiDriver) -> Iterator[DeviceServer]:
-    """Serve, and see to it that the server ends."""
+    """Yield a running server, and stop it at the end."""
     server = DeviceServer(driver)
     try:
         yield server

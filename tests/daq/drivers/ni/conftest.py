@@ -1,4 +1,4 @@
-"""The card at a stand-in device server: the real nidaqmx, over a real wire."""
+"""Fixtures: the card at a stand-in device server, with the real nidaqmx client and real gRPC."""
 
 from collections.abc import Iterator
 
@@ -6,8 +6,8 @@ import pytest
 
 from daq.drivers.ni import NiSource, open_ni_source
 from daq.drivers.simulation.card import SimulatedCard
-from tests.daq.drivers.ni.bench import bench
 from tests.daq.support.device_server import DeviceServer, serving
+from tests.daq.support.ni_bench import bench
 from tests.daq.support.ni_driver import NiDriver
 
 

@@ -1,9 +1,9 @@
-/* A double of NI's C library: one card whose code number i of channel c is 7 i + 1000 c, wrapped to 16 bits. Of the reads
- * of a task the third is late (half its samples, then the time-out) and the fifth finds its samples overwritten; a task
- * that was started again reads on without either, as does every task where NIDAQMX_DOUBLE_FAULTLESS is in the
- * environment. Where NIDAQMX_DOUBLE_WARNS is, setting the clock is warned of, and so are the first two reads. An edge
- * comes every 250 samples; a counter that was started before the samples, to begin with them, has latched the ticks since
- * then, in 32 bits. What is kept in `alive` counts tasks that nobody has cleared. */
+/* A double of NI's C library: one card whose code number i of channel c is 7 i + 1000 c, wrapped to 16 bits. The third
+ * read of a task is late (half its samples, then the time-out) and the fifth reports overwritten samples. A restarted
+ * task has neither fault, nor has any task if NIDAQMX_DOUBLE_FAULTLESS is in the environment. With NIDAQMX_DOUBLE_WARNS,
+ * setting the clock and the first two reads give a warning. There is an edge every 250 samples; a counter that is armed
+ * before the samples start latches the ticks since their start, in 32 bits. `alive` counts the tasks that have not been
+ * cleared. */
 #include <stdarg.h>
 #include <stdint.h>
 #include <stdlib.h>
@@ -14,19 +14,19 @@ typedef struct {
     uint64_t position;
     uint32_t buffer;
     double rate;
-    int counts, armed; /* of a counter: how much of what it needs is set, and whether it waits for the samples */
+    int counts, armed; /* of a counter: number of settings made, and whether it waits for the samples */
 } Task;
 
 enum { EDGE_EVERY = 250 };
 static Task task, counter;
-static Task *made; /* the task whose channels decide what it is */
+static Task *made; /* the latest task; its channels determine its kind */
 int alive;
 static const double scaling[4] = {6e-4, 3.2e-4, 1.4e-13, -7.1e-18};
 
 static int text(va_list arguments, const char *value) {
     char *out = va_arg(arguments, char *);
     uint32_t size = va_arg(arguments, uint32_t);
-    if (size == 0) return (int)strlen(value) + 1; /* the length is asked first */
+    if (size == 0) return (int)strlen(value) + 1; /* the first call requests the length */
     strncpy(out, value, size);
     return 0;
 }

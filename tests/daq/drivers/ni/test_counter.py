@@ -1,4 +1,4 @@
-"""The tacho's edges stamped by a counter of the card: bit for bit, through wraps, silences and faults."""
+"""Stamps of the tacho's edges by the card's counter: exact values, wraps, pauses and faults."""
 
 import math
 from collections.abc import Iterator
@@ -14,8 +14,8 @@ from daq.drivers.ni import NiSource, open_ni_source
 from daq.drivers.ni.counter_stamps import CounterUnwrapper
 from daq.drivers.simulation.card import SimulatedCard
 from daq.errors import DeviceFault
-from tests.daq.drivers.ni.bench import bench, ends_of, refused, take
 from tests.daq.support.device_server import DeviceServer, serving
+from tests.daq.support.ni_bench import bench, ends_of, refused, take
 from tests.daq.support.ni_driver import NiDriver
 
 COUNTER = CounterSection(reference="counter")
@@ -73,10 +73,17 @@ def test_no_task_is_left_after_a_run_with_a_counter(card: NiSource, server: Devi
 
 
 def test_counter_is_unwrapped_through_three_wraps_and_pauses_longer_than_one() -> None:
-    course = ((0, 600), (30, 600), (30.1, 0), (100, 0), (101, 900), (235, 900))  # still for 70 s; a wrap takes 53.7 s
-    slow = bench(counter=COUNTER, rate=500.0, profile=course)
+    corners = (
+        (0, 600),
+        (30, 600),
+        (30.1, 0),
+        (100, 0),
+        (101, 900),
+        (235, 900),
+    )  # at rest for 70 s; a wrap: 53.7 s
+    slow = bench(counter=COUNTER, rate=500.0, profile=corners)
     with serving(NiDriver(lambda: SimulatedCard(slow))) as server:
-        rig = bench(server.target, counter=COUNTER, rate=500.0, profile=course)
+        rig = bench(server.target, counter=COUNTER, rate=500.0, profile=corners)
         config = rig.config.model_copy(update={"timing": rig.config.timing.model_copy(update={"block_s": 0.8})})
         source = open_ni_source(type(rig)(rig.path, config, rig.calibrations, rig.toml))
         items = take(source, 290)

@@ -1,4 +1,4 @@
-"""What is connected, and the card's test of itself, over the wire."""
+"""The list of devices and the card's self-test, at a device server."""
 
 import pytest
 
@@ -48,7 +48,7 @@ def test_self_test_passes_for_a_working_card(server: DeviceServer) -> None:
 
 
 def test_failed_self_test_reports_the_drivers_code(server: DeviceServer) -> None:
-    server.driver.answers_tests = False
+    server.driver.passes_self_test = False
     with pytest.raises(DeviceError, match="does not respond") as caught:
         self_test(section(server))
     assert (caught.value.fault, caught.value.code) == (DeviceFault.MISSING, -201003)

@@ -1,4 +1,4 @@
-"""What the driver's codes are taken for, held against nidaqmx's own list of their names."""
+"""The categories of the driver's codes, compared with nidaqmx's own list."""
 
 import re
 
@@ -71,8 +71,8 @@ def test_driver_text_contains_the_details_without_task_and_code() -> None:
         "Requested value is not a supported value\nfor this property.\n\nProperty: DAQmx_SampClk_Rate\n"
         "Requested Value:  400.0e3\nMaximum Value:  333.3e3\n\nTask Name: rig-Dev1\n\nStatus Code: -200077\n"
     )
-    told = "Requested value is not a supported value for this property."
+    sentence = "Requested value is not a supported value for this property."
     about = "Property: DAQmx_SampClk_Rate, Requested Value: 400.0e3, Maximum Value: 333.3e3"
-    assert driver_text(text) == f"{told} ({about})"
-    assert operator_message(-200077, text) == f"the driver reports: {told} ({about})"
+    assert driver_text(text) == f"{sentence} ({about})"
+    assert operator_message(-200077, text) == f"the driver reports: {sentence} ({about})"
     assert driver_text("") == ""

@@ -1,4 +1,4 @@
-"""What goes wrong in the midst of a run ends a segment, with its reason and what was lost."""
+"""Faults during a run: each ends a segment with its reason and its loss."""
 
 import time
 
@@ -9,8 +9,8 @@ from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd, SourceIt
 from daq.drivers.ni import NiSource, open_ni_source
 from daq.drivers.ni.card import NiCard
 from daq.drivers.simulation.card import SimulatedCard
-from tests.daq.drivers.ni.bench import bench, codes_of, ends_of, take
 from tests.daq.support.device_server import DeviceServer
+from tests.daq.support.ni_bench import bench, codes_of, ends_of, take
 
 
 @pytest.mark.parametrize("code", [-200279, -200222, -200361, -200010, -200019, -200714])
@@ -48,7 +48,7 @@ def test_overrun_reports_the_minimum_number_of_lost_samples(card: NiSource, serv
             card.stop()
     first = ends_of(items)[0]
     assert first.reason is EndReason.OVERRUN
-    assert first.lost == 130_000 + 1499  # and the block that was due
+    assert first.lost == 130_000 + 1499  # plus the block that was due
     assert not first.lost_is_exact
     assert not first.is_gap_free
 
@@ -98,7 +98,7 @@ def test_card_that_is_no_longer_listed_is_unplugged(card: NiSource, server: Devi
 
 
 def test_listed_card_that_fails_its_self_test_is_unplugged(card: NiSource, server: DeviceServer) -> None:
-    server.driver.answers_tests = False
+    server.driver.passes_self_test = False
     server.faults["ReadBinaryI16"].extend([0, -88710])
     assert ends_of(list(card.blocks()))[0].reason is EndReason.UNPLUGGED
 
@@ -190,7 +190,7 @@ def test_counts_are_compared_every_second_and_a_difference_ends_the_segment(
     items: list[SourceItem] = []
     for item in card.blocks():
         items.append(item)
-        if len(items) == 25:  # of 0.05 s: the first comparison has been
+        if len(items) == 25:  # of 0.05 s: after the first comparison
             server.driver.miscount = 17
         if isinstance(item, SegmentEnd):
             server.driver.miscount = 0

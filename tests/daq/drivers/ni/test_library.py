@@ -1,6 +1,6 @@
-"""The driver of the card through the C interface, with a double of NI's library built on the spot.
+"""The NI source through the C interface, with a double of NI's library.
 
-The library is found by the dynamic loader when the interpreter starts, so the reading is done by a process of its own.
+The dynamic loader finds the library when the interpreter starts, so the source runs in a separate process.
 """
 
 import json
@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-SOURCE = Path(__file__).with_name("nidaqmx_double.c")
+from tests.daq.support.ni_library import SOURCE, TOOLS, build
+
 PROGRAM = """
 import ctypes, json, sys
 from pathlib import Path
@@ -52,20 +53,14 @@ json.dump({
 """
 
 
-TOOLS = ("cc", "ld", "objdump")
 pytestmark = pytest.mark.skipif(
     sys.platform != "linux" or not all(shutil.which(tool) for tool in TOOLS),
     reason=f"needs Linux with {', '.join(TOOLS)}",
 )
 
 
-def build(library: Path, source: Path, *options: str | Path) -> None:
-    command = ["cc", "-shared", "-fPIC", "-O1", f"-Wl,-soname,{library.name}", "-o", library, source, *options]
-    subprocess.run(command, check=True, timeout=60)
-
-
 def run(folder: Path) -> subprocess.CompletedProcess[str]:
-    """Run the program with the folder's library in the place of NI's."""
+    """Run the program with the folder's library instead of NI's."""
     (folder / "libnidaqmx.so").symlink_to("libnidaqmx.so.1")
     environment = os.environ | {"LD_LIBRARY_PATH": str(folder), "NIDAQMX_DOUBLE_WARNS": "1"}
     command = [sys.executable, "-W", "error", "-c", PROGRAM]
@@ -74,7 +69,7 @@ def run(folder: Path) -> subprocess.CompletedProcess[str]:
 
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
-    """What was read through the double."""
+    """The acquisition, blocks and ends read through the double."""
     folder = tmp_path_factory.mktemp("library")
     build(folder / "libnidaqmx.so.1", SOURCE)
     done = run(folder)
@@ -135,8 +130,7 @@ def test_no_task_is_left_in_the_library(recorded: dict[str, Any]) -> None:
 def test_library_without_a_function_is_too_old(tmp_path: Path) -> None:
     build(tmp_path / "libnidaqmx.so.1", SOURCE, "-DOLD")
     done = run(tmp_path)
-    told = "daq.errors.DeviceError: the NI-DAQmx driver on this machine is too old: install a newer one"
-    assert told in done.stderr
+    assert "daq.errors.DeviceError: the NI-DAQmx driver on this machine is too old" in done.stderr
     assert "DAQmxSetTrigAttribute" in done.stderr
 
 

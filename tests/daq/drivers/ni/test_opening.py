@@ -1,4 +1,4 @@
-"""Finding and reserving the card, and what the operator is told where that fails."""
+"""Finding and reserving the card, and the errors if that fails."""
 
 import socket
 import subprocess
@@ -13,8 +13,8 @@ import pytest
 from analysis.signals.blocks import EndReason, SourceItem
 from daq.drivers.ni import open_ni_source
 from daq.errors import DeviceFault
-from tests.daq.drivers.ni.bench import bench, ends_of, refused, take
 from tests.daq.support.device_server import DeviceServer
+from tests.daq.support.ni_bench import bench, ends_of, refused, take
 from tests.daq.support.ni_driver import NiDriver
 
 # Finding the card
@@ -157,7 +157,7 @@ def test_missing_package_names_the_extra_to_install() -> None:
     assert "rig-service[card]" in done.stdout
 
 
-# What a client that died has left on the server
+# Abandoned acquisitions at a server
 
 
 def test_abandoned_acquisition_of_a_dead_client_is_cleared(server: DeviceServer) -> None:

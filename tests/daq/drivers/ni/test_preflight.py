@@ -1,4 +1,4 @@
-"""Preflight and the list of devices with the real client over the wire."""
+"""Preflight and the devices command with the real client at a device server."""
 
 import datetime as dt
 import json
@@ -14,8 +14,8 @@ from daq.cli.main import main
 from daq.config.rig import Rig
 from daq.schemas.preflight import preflight_schema
 from daq.session.preflight.preflight import PlannedRun, PreflightReport, run_preflight_checks
-from tests.daq.drivers.ni.bench import bench
 from tests.daq.support.device_server import DeviceServer
+from tests.daq.support.ni_bench import bench
 
 CALIBRATION = Calibration((0.0, 1e-4), 0.0, 10.0, residual=1e-6, sensor="a", conditioner="b", date="2026-11-20")
 
@@ -77,15 +77,15 @@ def test_driver_warnings_are_reported(server: DeviceServer, tmp_path: Path) -> N
     found = looked_at(ready(server), tmp_path)
     (check,) = (check for check in found.checks if check.name == "driver")
     assert (check.verdict, check.finding) == (Verdict.WARN, Finding.DRIVER_WARNING)
-    told = "the driver warns: the driver's text of 200036, over two lines (driver code 200036)"
-    assert check.advice == told
+    warning = "the driver warns: the driver's text of 200036, over two lines (driver code 200036)"
+    assert check.advice == warning
     assert [check.verdict for check in found.checks if check.name == "samples"] == [Verdict.GOOD]
 
 
 @pytest.mark.parametrize(
     ("harm", "finding", "advice"),
     [
-        ({"answers_tests": False}, Finding.MISSING, "check its supply and its USB cable"),
+        ({"passes_self_test": False}, Finding.MISSING, "check its supply and its USB cable"),
         ({"held_elsewhere": True}, Finding.BUSY, "another program holds the card"),
         ({"devices": {}}, Finding.MISSING, "no USB-6251 with name Dev1 is connected"),
     ],

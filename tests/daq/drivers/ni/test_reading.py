@@ -1,4 +1,4 @@
-"""What the card delivers, and how it ends when asked to."""
+"""Blocks of the NI source, and stopping and closing it."""
 
 import threading
 import time
@@ -10,8 +10,8 @@ from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd, SourceIt
 from analysis.signals.header import Role
 from daq.drivers.ni import NiSource, open_ni_source
 from daq.drivers.simulation.card import SimulatedCard
-from tests.daq.drivers.ni.bench import CALIBRATION, RATE, bench, codes_of, ends_of, take
 from tests.daq.support.device_server import DeviceServer
+from tests.daq.support.ni_bench import CALIBRATION, RATE, bench, codes_of, ends_of, take
 
 
 def test_codes_equal_those_of_the_card_bit_for_bit(card: NiSource) -> None:
@@ -101,20 +101,20 @@ def test_backlog_is_the_number_of_unread_samples(server: DeviceServer) -> None:
 def test_stop_from_another_thread_ends_within_a_block_with_every_sample_read(server: DeviceServer) -> None:
     server.driver.real_time = True
     source = open_ni_source(bench(server.target))
-    asked: list[int] = []
+    stop_times: list[int] = []
 
-    def ask() -> None:
-        time.sleep(0.02)  # in the midst of a block
-        asked.append(time.time_ns())
+    def stop() -> None:
+        time.sleep(0.02)  # in the middle of a block
+        stop_times.append(time.time_ns())
         source.stop()
 
     items: list[SourceItem] = []
     for item in source.blocks():
         items.append(item)
         if len(items) == 3:
-            threading.Thread(target=ask).start()
+            threading.Thread(target=stop).start()
     source.close()
-    late = [item for item in items if isinstance(item, SampleBlock) and item.host_time_ns > asked[0]]
+    late = [item for item in items if isinstance(item, SampleBlock) and item.host_time_ns > stop_times[0]]
     assert len(late) <= 1
     got = codes_of(items)
     np.testing.assert_array_equal(got, SimulatedCard(bench()).next_codes(got.shape[1]))

@@ -1,4 +1,4 @@
-"""A card that goes away in the midst of a run is opened anew, and the run goes on in the next segment."""
+"""Reconnecting to a disconnected card; the run continues in the next segment."""
 
 import threading
 import time
@@ -14,14 +14,14 @@ from daq.config.schema import SessionSection
 from daq.drivers.factory import open_source
 from daq.drivers.simulation.card import SimulatedCard
 from daq.drivers.source import Source
-from tests.daq.drivers.ni.bench import bench, codes_of, ends_of
 from tests.daq.support.device_server import DeviceServer, serving
+from tests.daq.support.ni_bench import bench, codes_of, ends_of
 from tests.daq.support.ni_driver import NiDriver
 
 BLOCK = 1499
 
 
-def going_on(target: str, *, restarts: int = 5, reconnect: float = 5.0) -> Rig:
+def reconnecting_rig(target: str, *, restarts: int = 5, reconnect: float = 5.0) -> Rig:
     rig = bench(target)
     session = SessionSection(restarts_per_minute=restarts, reconnect_s=reconnect, retry_s=0.2)
     return replace(rig, config=rig.config.model_copy(update={"session": session}))
@@ -50,7 +50,7 @@ def blocks_of(items: list[SourceItem], segment: int) -> list[SourceItem]:
 
 
 def test_card_plugged_in_again_continues_in_the_next_segment(server: DeviceServer) -> None:
-    with opened(going_on(server.target)) as source:
+    with opened(reconnecting_rig(server.target)) as source:
         device = server.driver.devices.pop("Dev1")
         server.faults["ReadBinaryI16"].extend([0, 0, -88710])
         threading.Timer(0.8, lambda: server.driver.devices.update(Dev1=device)).start()
@@ -66,7 +66,7 @@ def test_card_plugged_in_again_continues_in_the_next_segment(server: DeviceServe
 
 
 def test_card_that_does_not_come_back_ends_the_run_with_the_reason(server: DeviceServer) -> None:
-    with opened(going_on(server.target, reconnect=0.5)) as source:
+    with opened(reconnecting_rig(server.target, reconnect=0.5)) as source:
         del server.driver.devices["Dev1"]
         server.faults["ReadBinaryI16"].extend([0, -201003])
         lost, gone = ends_of(list(source.blocks()))
@@ -77,7 +77,7 @@ def test_card_that_does_not_come_back_ends_the_run_with_the_reason(server: Devic
 
 
 def test_reconnect_time_of_zero_ends_the_run_at_once(server: DeviceServer) -> None:
-    with opened(going_on(server.target, reconnect=0.0)) as source:
+    with opened(reconnecting_rig(server.target, reconnect=0.0)) as source:
         server.faults["ReadBinaryI16"].extend([0, -201003])
         (end,) = ends_of(list(source.blocks()))
     assert end.reason is EndReason.UNPLUGGED
@@ -86,14 +86,14 @@ def test_reconnect_time_of_zero_ends_the_run_at_once(server: DeviceServer) -> No
 
 def test_first_fault_ends_the_run_if_no_new_segment_is_allowed(server: DeviceServer) -> None:
     for code in (-201003, -200279):
-        with opened(going_on(server.target, restarts=0)) as source:
+        with opened(reconnecting_rig(server.target, restarts=0)) as source:
             server.faults["ReadBinaryI16"].extend([0, code])
             (end,) = ends_of(list(source.blocks()))
         assert end.detail.endswith("the run ends here: every fault ends the run (session.restarts_per_minute)")
 
 
 def test_restart_limit_counts_all_faults_together(server: DeviceServer) -> None:
-    with opened(going_on(server.target, restarts=3)) as source:
+    with opened(reconnecting_rig(server.target, restarts=3)) as source:
         server.faults["ReadBinaryI16"].extend([0, -200279, 0, -201003] * 4)
         ends = ends_of(list(source.blocks()))
     assert [end.segment for end in ends] == [0, 1, 2, 3]
@@ -102,7 +102,7 @@ def test_restart_limit_counts_all_faults_together(server: DeviceServer) -> None:
 
 
 def test_card_held_by_another_program_ends_the_run(server: DeviceServer) -> None:
-    with opened(going_on(server.target)) as source:
+    with opened(reconnecting_rig(server.target)) as source:
         server.faults["ReadBinaryI16"].extend([0, -201003])
         server.driver.held_elsewhere = True
         _, busy = ends_of(list(source.blocks()))
@@ -112,7 +112,7 @@ def test_card_held_by_another_program_ends_the_run(server: DeviceServer) -> None
 
 
 def test_another_card_is_not_recorded_under_the_runs_header(server: DeviceServer) -> None:
-    with opened(going_on(server.target)) as source:
+    with opened(reconnecting_rig(server.target)) as source:
         server.faults["ReadBinaryI16"].extend([0, -201003])
         server.driver.devices["Dev1"] = ("USB-6251", 0xABC)
         _, other = ends_of(list(source.blocks()))
@@ -121,7 +121,7 @@ def test_another_card_is_not_recorded_under_the_runs_header(server: DeviceServer
 
 
 def test_server_that_freezes_and_thaws_continues_in_the_next_segment(server: DeviceServer) -> None:
-    with opened(going_on(server.target)) as source:
+    with opened(reconnecting_rig(server.target)) as source:
         items: list[SourceItem] = []
         for item in source.blocks():
             items.append(item)
@@ -138,7 +138,7 @@ def test_server_that_freezes_and_thaws_continues_in_the_next_segment(server: Dev
 
 def test_restarted_server_continues_in_the_next_segment(driver: NiDriver) -> None:
     with serving(driver) as first:
-        source = open_source(going_on(first.target))
+        source = open_source(reconnecting_rig(first.target))
         items: list[SourceItem] = []
         for item in source.blocks():
             items.append(item)
@@ -157,7 +157,7 @@ def test_restarted_server_continues_in_the_next_segment(driver: NiDriver) -> Non
 
 
 def test_stop_ends_the_wait_at_once(server: DeviceServer) -> None:
-    with opened(going_on(server.target, reconnect=60.0)) as source:
+    with opened(reconnecting_rig(server.target, reconnect=60.0)) as source:
         del server.driver.devices["Dev1"]
         server.faults["ReadBinaryI16"].extend([0, -201003])
         stopped_at = 0.0

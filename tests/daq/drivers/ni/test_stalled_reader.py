@@ -1,4 +1,4 @@
-"""A reader that stays away for longer than the card's buffer lasts: the loss is in the file."""
+"""A reader that stalls for longer than the card's buffer: the file contains the loss."""
 
 import time
 from dataclasses import replace
@@ -14,8 +14,8 @@ from daq.drivers.simulation.card import SimulatedCard
 from daq.session.recording.recorder import run_header
 from recordings.mcap.reader import RunReader
 from recordings.mcap.writer import RunWriter
-from tests.daq.drivers.ni.bench import bench
 from tests.daq.support.device_server import serving
+from tests.daq.support.ni_bench import bench
 from tests.daq.support.ni_driver import NiDriver
 from tests.daq.support.recording import recording_request
 
@@ -24,7 +24,7 @@ TIMING = TimingSection(rate_hz=30_000.0, block_s=0.05, buffer_s=0.5)
 
 
 def recorded_with_stall(rig: Rig, folder: Path) -> tuple[SegmentEnd, ...]:
-    """Record three blocks, stay away, record three more; return the ends of the segments as the file has them."""
+    """Record three blocks, stall, record three more; return the segment ends in the file."""
     made = recording_request(rig, folder)
     source = open_source(made.rig)
     writer = RunWriter(made.path, run_header(made, source))

@@ -1,4 +1,4 @@
-"""The simulated bench shows what it was told, through the card that it is wired to."""
+"""The simulated card: its codes show the configured bench."""
 
 import math
 from collections.abc import Callable
@@ -29,12 +29,12 @@ QUIET: dict[str, object] = {
 
 
 def steady(seconds: float, speed_rpm: float = SPEED) -> list[dict[str, float]]:
-    """Return a profile at one speed."""
+    """Return a profile at constant speed."""
     return [{"time_s": 0.0, "speed_rpm": speed_rpm}, {"time_s": seconds, "speed_rpm": speed_rpm}]
 
 
 def taken(card: SimulatedCard, *portions: int) -> NDArray[np.int16]:
-    """Return a card's whole run, taken in portions of these sizes again and again."""
+    """Return a card's whole run, read in blocks of these sizes in turn."""
     parts: list[NDArray[np.int16]] = []
     while not parts or parts[-1].shape[1]:
         parts.append(card.next_codes(portions[len(parts) % len(portions)]))
@@ -48,7 +48,7 @@ def displacements(card: SimulatedCard, codes: NDArray[np.int16]) -> FloatArray:
 
 
 def lines(card: SimulatedCard, displacement: FloatArray, orders: list[float]) -> NDArray[np.complex128]:
-    """Return the vectors of orders, (n_orders, 2), m peak, fitted on the true angle at channel 0's instants."""
+    """Return the vectors of orders, (n_orders, 2), m peak, fitted to the true angle at channel 0's sample times."""
     time = np.arange(displacement.shape[1]) / card.acquisition.rate
     angle, _ = card.speed_profile.angle_and_speed(time)
     columns = [np.ones_like(angle)] + [wave(order * angle) for order in orders for wave in (np.cos, np.sin)]
@@ -57,7 +57,7 @@ def lines(card: SimulatedCard, displacement: FloatArray, orders: list[float]) ->
 
 
 def crossings(card: SimulatedCard, codes: NDArray[np.int16], *, rising: bool = True) -> FloatArray:
-    """Return when the tacho's voltage crosses its threshold, s, interpolated."""
+    """Return the times at which the tacho's voltage crosses its threshold, s, interpolated."""
     row = card.acquisition.row(Role.TACHO)
     volts = card.acquisition.channels[row].volts(codes[row]) - card.acquisition.tacho.threshold
     volts = volts if rising else -volts
@@ -99,7 +99,7 @@ def test_skipped_samples_do_not_change_the_rest(rig: RigFactory) -> None:
 
 
 @pytest.mark.parametrize(
-    ("asked", "rate", "between_channels"),
+    ("requested", "rate", "between_channels"),
     [
         (20_000.0, 20_000.0, 11e-6),  # 10 µs of padding fit
         (100_000.0, 100_000.0, 3.3e-6),  # evenly spaced, in ticks of 50 ns
@@ -109,9 +109,9 @@ def test_skipped_samples_do_not_change_the_rest(rig: RigFactory) -> None:
     ],
 )
 def test_acquisition_reports_the_clocks_of_the_card(
-    rig: RigFactory, asked: float, rate: float, between_channels: float
+    rig: RigFactory, requested: float, rate: float, between_channels: float
 ) -> None:
-    acquisition = SimulatedCard(rig(timing={"rate_hz": asked})).acquisition
+    acquisition = SimulatedCard(rig(timing={"rate_hz": requested})).acquisition
     assert acquisition.rate == pytest.approx(rate, rel=1e-12)
     assert 1 / acquisition.convert_rate == pytest.approx(between_channels, rel=1e-12)
 
@@ -131,7 +131,7 @@ def test_acquisition_describes_the_channels(rig: RigFactory) -> None:
 def test_mean_gap_is_the_standing_gap_plus_the_sag(rig: RigFactory) -> None:
     card = SimulatedCard(rig(simulation=QUIET | {"gap_um": [500.0, 400.0], "sag_um": 30.0}))
     displacement = displacements(card, taken(card, 40_000))
-    below = 30e-6 * math.sin(math.pi / 4)  # both probes sit 45 degrees above the horizontal
+    below = 30e-6 * math.sin(math.pi / 4)  # both probes are 45 degrees above the horizontal
     assert displacement.mean(axis=1) == pytest.approx([-500e-6 - below, -400e-6 - below], abs=0.05e-6)
 
 
@@ -152,7 +152,7 @@ def test_1x_is_the_models_response_plus_the_run_out(rig: RigFactory) -> None:
 
 
 def test_probes_are_sampled_one_after_the_other(rig: RigFactory) -> None:
-    """Two probes 90 degrees apart see a forward circle a quarter of a turn apart, and what the multiplexer adds."""
+    """Two probes 90 degrees apart see a forward circle 90 degrees apart, plus the multiplexer's delay."""
     card = SimulatedCard(rig(simulation=QUIET | {"run_out_um": 20.0, "profile": steady(2.0, 18_000.0)}))
     ((x, y),) = lines(card, displacements(card, taken(card, 40_000)), [1.0])
     between = 18_000.0 * RPM / card.acquisition.convert_rate
@@ -267,21 +267,21 @@ def test_tacho_of_a_standing_shaft_is_constant(rig: RigFactory) -> None:
 
 def test_speed_fluctuates_and_drifts_as_configured(rig: RigFactory) -> None:
     bench = {"speed_fluctuation": 0.01, "fluctuation_time_s": 0.1, "speed_drift": 0.06, "profile": steady(60.0)}
-    course = SimulatedCard(rig(simulation=bench)).speed_profile
-    _, speed = course.angle_and_speed(np.linspace(0.0, 60.0, 6001))
+    profile = SimulatedCard(rig(simulation=bench)).speed_profile
+    _, speed = profile.angle_and_speed(np.linspace(0.0, 60.0, 6001))
     drifted = SPEED * RPM * (1 + 0.06 * np.linspace(0.0, 1.0, 6001))
     assert np.std(speed / drifted) == pytest.approx(0.01, rel=0.2)
     assert np.mean(speed / drifted) == pytest.approx(1.0, abs=0.003)
 
 
 def test_angle_is_the_integral_of_the_speed_and_time_at_inverts_it(rig: RigFactory) -> None:
-    course = SimulatedCard(rig(simulation={"speed_fluctuation": 0.02})).speed_profile
+    profile = SimulatedCard(rig(simulation={"speed_fluctuation": 0.02})).speed_profile
     time = np.linspace(0.0, 2.0, 200_001)
-    angle, speed = course.angle_and_speed(time)
+    angle, speed = profile.angle_and_speed(time)
     turned = np.concatenate(([0.0], np.cumsum(0.5 * np.diff(time) * (speed[1:] + speed[:-1]))))
     np.testing.assert_allclose(angle - angle[0], turned, atol=1e-5)
-    np.testing.assert_allclose(course.time_at(angle[::100]), time[::100], atol=1e-9)
-    assert np.isnan(course.time_at(np.array([-1.0, 1e9]))).all()
+    np.testing.assert_allclose(profile.time_at(angle[::100]), time[::100], atol=1e-9)
+    assert np.isnan(profile.time_at(np.array([-1.0, 1e9]))).all()
 
 
 def test_analyser_finds_the_configured_motion(rig: RigFactory) -> None:

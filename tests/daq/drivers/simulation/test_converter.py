@@ -22,7 +22,7 @@ def test_every_code_survives_a_round_trip_through_its_voltage() -> None:
 
 
 def test_scaling_is_nonlinear_by_more_than_a_code_over_the_range() -> None:
-    """Scaling with range over codes would be seen: the straight line through the ends misses the middle."""
+    """A program that assumes range over codes fails with this converter."""
     offset, gain, square, cube = scaling(10.0)
     assert abs(offset) > gain
     assert abs(square * 32768**2) + abs(cube * 32768**3) > gain

@@ -1,4 +1,4 @@
-"""The simulated shaft that follows the model in time."""
+"""The simulated shaft whose motion is the rotor model's, integrated in time."""
 
 from collections.abc import Callable
 
@@ -31,14 +31,14 @@ def test_interpolated_motion_matches_integration_at_every_sample(rig: RigFactory
     codes = card.next_codes(6000)
     seen = np.stack([card.acquisition.channels[row].displacement(codes[row]) for row in (0, 1)])
 
-    rate, course = card.acquisition.rate, card.speed_profile
-    angle, speed = course.angle_and_speed(np.arange(-4, 6000) / rate)
+    rate, profile = card.acquisition.rate, card.speed_profile
+    angle, speed = profile.angle_and_speed(np.arange(-4, 6000) / rate)
     shaft = ShaftMotion(model_parameters(bench.config), float(speed[0]), angle=float(angle[0]))
     path = shaft.advance(angle[1:], speed[1:], 1 / rate)[:, 3:]
-    diagonal = np.array([[1.0, 1.0], [-1.0, 1.0]]) / np.sqrt(2.0)  # the probes sit at 45 and 135 degrees
+    diagonal = np.array([[1.0, 1.0], [-1.0, 1.0]]) / np.sqrt(2.0)  # the probes are at 45 and 135 degrees
     expected = diagonal @ path - 500e-6
     assert np.ptp(expected[0]) > 4e-6
-    # what stays is the steps' own error, the conditioner's 3 µs and the multiplexer's 11 µs, and the converter's step
+    # remaining: integration error, the conditioner's 3 µs, the multiplexer's 11 µs, and the converter's resolution
     np.testing.assert_allclose(seen, expected, atol=0.15e-6)
 
 

@@ -1,4 +1,4 @@
-"""The simulated card as a source: pace, buffer, stop, and how its segments end."""
+"""The simulated card as a source: pace, buffer, stop and segment ends."""
 
 import threading
 import time
@@ -24,7 +24,7 @@ RATE = 20_000
 
 
 def split(items: list[SourceItem]) -> tuple[list[SampleBlock], list[SegmentEnd]]:
-    """Return blocks and ends, each in their order."""
+    """Return blocks and ends separately, in order."""
     blocks = [item for item in items if isinstance(item, SampleBlock)]
     return blocks, [item for item in items if isinstance(item, SegmentEnd)]
 
@@ -36,7 +36,7 @@ def next_block(items: Iterator[SourceItem]) -> SampleBlock:
 
 
 def paced(rig: RigFactory, *, buffer: int) -> SimulatedSource:
-    """Return a source at its own pace with a small buffer, in samples."""
+    """Return a source in real time with a small buffer, in samples."""
     return SimulatedSource(SimulatedCard(rig()), block=1000, buffer=buffer, real_time=True, restarts=RestartLimiter(5))
 
 
@@ -57,7 +57,7 @@ def test_flat_out_is_much_faster_than_real_time(rig: RigFactory) -> None:
     source = open_source(rig(simulation={"profile": profile}))
     started = time.monotonic()
     assert len(list(source.blocks())) == 201
-    assert time.monotonic() - started < 15.0  # for 20 s of samples, on however busy a machine
+    assert time.monotonic() - started < 15.0  # for 20 s of samples, even on a busy machine
 
 
 def test_real_time_keeps_its_pace_without_drift(rig: RigFactory) -> None:
@@ -71,7 +71,7 @@ def test_real_time_keeps_its_pace_without_drift(rig: RigFactory) -> None:
         time.sleep(0.045)
     source.stop()
     assert min(arrivals) > -0.002
-    assert min(arrivals[-4:]) < 0.3  # at eight and more times 45 ms a pace that waits for its reader would be 0.36 late
+    assert min(arrivals[-4:]) < 0.3  # a pace that waits for its reader would be at least 8 × 45 ms late
 
 
 def test_backlog_is_how_late_the_reader_is(rig: RigFactory) -> None:
@@ -125,12 +125,12 @@ def test_stop_from_another_thread_ends_within_a_block(rig: RigFactory) -> None:
     assert len(blocks) >= 1
 
 
-@pytest.mark.parametrize("ask", [SimulatedSource.stop, SimulatedSource.close])
+@pytest.mark.parametrize("stop", [SimulatedSource.stop, SimulatedSource.close])
 def test_source_stopped_before_its_start_gives_no_samples(
-    rig: RigFactory, ask: Callable[[SimulatedSource], None]
+    rig: RigFactory, stop: Callable[[SimulatedSource], None]
 ) -> None:
     source = paced(rig, buffer=RATE)
-    ask(source)
+    stop(source)
     assert list(source.blocks()) == [SegmentEnd(0, 0, EndReason.STOPPED)]
 
 
@@ -165,7 +165,7 @@ def test_shaft_that_reaches_the_wall_in_skipped_samples_ends_the_next_segment(ri
 
 
 def test_rig_with_the_real_card_uses_the_ni_driver(rig: RigFactory) -> None:
-    """Nobody listens at port 1: whoever tries to speak to a card there is told so in the rig's own error."""
+    """No server listens at port 1, so opening the card fails with a DeviceError."""
     card = {"backend": "nidaqmx", "target": "127.0.0.1:1", "deadline_s": 0.5}
     with pytest.raises(DeviceError):
         open_source(rig(device=card))

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.daq.support.campaign import run_of
+from tests.daq.support.fault_campaign import run_of
 
 RUNS = 240
 

@@ -1,7 +1,7 @@
-"""Runs over the wire in which everything goes wrong that can, drawn by a seed; every sample is accounted for.
+"""Runs at a device server with random faults from a seed, and the check that every sample is accounted for.
 
-The recorder's part, source to file, runs in this process so that a run takes a fraction of a second: the source is the
-one that the recorder opens, the file is written by the writer that the recorder uses.
+The recorder's work, from source to file, runs in this process, so that a run takes a fraction of a second. Source and
+writer are those of the recorder.
 """
 
 import random
@@ -24,14 +24,14 @@ from daq.drivers.simulation.card import SimulatedCard
 from daq.session.recording.recorder import run_header
 from recordings.mcap.reader import RunReader
 from recordings.mcap.writer import RunWriter
-from tests.daq.drivers.ni.bench import bench
 from tests.daq.support.device_server import DeviceServer
+from tests.daq.support.ni_bench import bench
 from tests.daq.support.ni_driver import NiDriver
 from tests.daq.support.recording import recording_request
 
-DEADLINE = 60.0  # s for a run: what is slower hangs
+DEADLINE = 60.0  # s for a run; a slower run counts as hanging
 BLOCKS = 40  # after which a run is stopped
-CALLS = 160  # within which trouble comes; four make a block
+CALLS = 160  # within which faults occur; a block needs four calls
 BUFFER = 120_000  # samples of the card
 OVERRUNS = (-200279, -200222, -200361, -200010, -200019, -200714)
 ABSENT = (-88710, -88709, -201003, -200220, -50405)
@@ -47,19 +47,19 @@ ACQUISITION: Acquisition = SimulatedCard(bench(counter=COUNTER)).acquisition
 
 
 def codes_of(generation: int, first: int, n: int) -> NDArray[np.int16]:
-    """Return codes that tell in which start of the card, in which channel and when they were taken."""
+    """Return codes that identify the card's start, the channel and the sample."""
     index = np.arange(first, first + n)
     return (257 * generation + 7 * index + 1000 * np.arange(3)[:, np.newaxis]).astype(np.int16)
 
 
 def ticks_of(generation: int, first: int, stop: int) -> NDArray[np.int64]:
-    """Return stamps that tell in which start of the card they were made, of the edges from a sample up to another."""
+    """Return stamps of the edges in an interval of samples; they identify the card's start."""
     edges = np.arange(-(-first // EDGE_EVERY), -(-stop // EDGE_EVERY)) * EDGE_EVERY
     return np.asarray(edges * round(ACQUISITION.ticks_per_sample) + generation, dtype=np.int64)
 
 
 class CountingCard:
-    """A card whose codes are numbered."""
+    """A card with numbered codes."""
 
     acquisition = ACQUISITION
     n_samples = 1 << 40
@@ -79,12 +79,12 @@ class CountingCard:
 
 @dataclass
 class Bench:
-    """The card at its server, and those who do harm to it."""
+    """The card at its server, and the faults that disturb them."""
 
     random: random.Random
     made: int = 0
     timers: list[threading.Timer] = field(default_factory=list)
-    troubles: list[str] = field(default_factory=list)
+    faults_drawn: list[str] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         self.driver = NiDriver(self._card)
@@ -95,8 +95,8 @@ class Bench:
         self.made += 1
         return CountingCard(self.made - 1)
 
-    def later(self, what: Callable[[], None], least: float, most: float) -> None:
-        timer = threading.Timer(self.random.uniform(least, most), what)
+    def later(self, what: Callable[[], None], earliest: float, latest: float) -> None:
+        timer = threading.Timer(self.random.uniform(earliest, latest), what)
         self.timers.append(timer)
         timer.start()
 
@@ -130,9 +130,9 @@ class Bench:
         self.later(lambda: setattr(self.driver, "held_elsewhere", False), 0.05, 0.8)
 
     def fail_test(self) -> None:
-        self.driver.answers_tests = False
+        self.driver.passes_self_test = False
         self.abort()
-        self.later(lambda: setattr(self.driver, "answers_tests", True), 0.05, 0.8)
+        self.later(lambda: setattr(self.driver, "passes_self_test", True), 0.05, 0.8)
 
     def freeze(self) -> None:
         self.server.freeze()
@@ -163,16 +163,16 @@ class Bench:
             self.power_cycle()
 
     def plan(self) -> None:
-        """Draw what goes wrong when."""
+        """Draw the faults and their times."""
         kinds = (
             self.overrun, self.stall, self.unplug, self.power_cycle, self.abort, self.seize, self.fail_test,
             self.freeze, self.restart, self.partial_reads, self.silence, self.any_call, self.fail_counter,
         )  # fmt: skip
-        begun = len(self.server.log)
+        n_calls = len(self.server.log)
         for _ in range(self.random.randrange(1, 4)):
-            trouble = self.random.choice(kinds)
-            self.troubles.append(trouble.__name__)
-            self.server.at_call[begun + self.random.randrange(1, CALLS)] = trouble
+            fault = self.random.choice(kinds)
+            self.faults_drawn.append(fault.__name__)
+            self.server.at_call[n_calls + self.random.randrange(1, CALLS)] = fault
 
 
 def rig_at(target: str, deadline: float = 0.3) -> Rig:
@@ -182,7 +182,7 @@ def rig_at(target: str, deadline: float = 0.3) -> Rig:
 
 
 def record(bench: Bench, path: Path) -> float:
-    """Record a run with its troubles, as the recorder does; return how long it took, s."""
+    """Record a run with its faults, as the recorder does; return its duration, s."""
     made = recording_request(rig_at(bench.server.target), path.parent)
     source = open_source(made.rig)
     writer = RunWriter(path, run_header(made, source))
@@ -206,7 +206,7 @@ def record(bench: Bench, path: Path) -> float:
     pumping.join(DEADLINE)
     took = time.monotonic() - began
     source.close()
-    assert not pumping.is_alive(), f"{bench.troubles}: the run hangs"
+    assert not pumping.is_alive(), f"{bench.faults_drawn}: the run hangs"
     writer.close()
     return took
 
@@ -215,9 +215,9 @@ Segment = tuple[SegmentEnd, NDArray[np.int16], NDArray[np.int64], int]
 
 
 def segments(reader: RunReader) -> Iterator[Segment]:
-    """Yield each segment's end, its codes, its stamps and up to which sample they are told to be all.
+    """Yield each segment's end, codes, stamps, and the sample up to which its stamps are complete.
 
-    Its blocks follow one another.
+    Check that its blocks are contiguous.
     """
     blocks: list[SampleBlock] = []
     for item in reader.items():
@@ -236,7 +236,7 @@ def segments(reader: RunReader) -> Iterator[Segment]:
 
 
 def check(bench: Bench, path: Path) -> int:
-    """See to it that every sample that the server gave is in the file or counted; return the file's samples."""
+    """Check that every sample from the server is in the file or counted as lost; return the file's samples."""
     starts = dict(enumerate(bench.driver.starts))
     with RunReader(path) as reader:
         assert reader.is_complete
@@ -251,9 +251,9 @@ def check(bench: Bench, path: Path) -> int:
                 np.testing.assert_array_equal(codes, codes_of(generation, 0, end.samples))
                 np.testing.assert_array_equal(ticks, ticks_of(generation, 0, stamped))
                 start = starts.pop(generation)
-                way_failed = "device server" in end.detail
+                connection_failed = "device server" in end.detail
                 missed = start.replied - end.samples
-                assert 0 <= missed <= (1499 if way_failed else 0), end
+                assert 0 <= missed <= (1499 if connection_failed else 0), end
                 assert end.samples + end.lost <= start.acquired, end
                 if missed:
                     assert not end.lost_is_exact, end
@@ -263,40 +263,40 @@ def check(bench: Bench, path: Path) -> int:
                     assert start.position == end.samples, end
         n_samples = reader.n_samples
         unstarted = sum(end.samples == 0 for end in ends)
-    assert all(start.replied == 0 for start in starts.values()), "samples that were given are in no segment"
+    assert all(start.replied == 0 for start in starts.values()), "delivered samples are in no segment"
     assert len(starts) <= unstarted
     return n_samples
 
 
 def holds_the_card(server: DeviceServer) -> bool:
-    """Return whether a task holds the card when the last calls have been worked off."""
+    """Return whether a task still holds the card after all pending calls."""
     deadline = time.monotonic() + 30.0
     while (held := any(task.committed for task in server.rpcs.tasks.values())) and time.monotonic() < deadline:
         time.sleep(0.02)
     return held
 
 
-def opens_again(harmed: Bench) -> bool:
-    """Return whether the next opening finds the card free and leaves nothing behind.
+def opens_again(bench: Bench) -> bool:
+    """Return whether the next opening succeeds and leaves no task at the server.
 
-    What a frozen server was asked to make after everybody had gone may lie there unreserved; it is cleared now.
+    A frozen server may have created an unreserved task after its client had ended; this opening clears it.
     """
-    harmed.server.faults.clear()
-    harmed.driver.devices["Dev1"] = ("USB-6251", 0x1A2B3C)
-    open_source(rig_at(harmed.server.target, deadline=3.0)).close()
-    return not harmed.server.tasks
+    bench.server.faults.clear()
+    bench.driver.devices["Dev1"] = ("USB-6251", 0x1A2B3C)
+    open_source(rig_at(bench.server.target, deadline=3.0)).close()
+    return not bench.server.tasks
 
 
 def run_of(seed: int, folder: Path) -> tuple[list[str], float, int]:
-    """Make the run of a seed and check it; return its troubles, how long it took, s, and its samples."""
-    harmed = Bench(random.Random(seed))  # noqa: S311 - reproducible on purpose
+    """Record and check the run of a seed; return its faults, its duration, s, and its number of samples."""
+    bench = Bench(random.Random(seed))  # noqa: S311 - reproducible on purpose
     path = folder / f"{seed}.mcap"
     try:
-        took = record(harmed, path)
+        took = record(bench, path)
     finally:
-        harmed.end()
-    assert not holds_the_card(harmed.server), f"{harmed.troubles}: the card was left reserved"
-    samples = check(harmed, path)
-    assert opens_again(harmed), f"{harmed.troubles}: a task was left on the server"
-    harmed.server.kill()
-    return harmed.troubles, took, samples
+        bench.end()
+    assert not holds_the_card(bench.server), f"{bench.faults_drawn}: the card was left reserved"
+    samples = check(bench, path)
+    assert opens_again(bench), f"{bench.faults_drawn}: a task was left on the server"
+    bench.server.kill()
+    return bench.faults_drawn, took, samples

@@ -1,4 +1,4 @@
-"""A bench with the card at a device server, and what is asked of the items that the card yields."""
+"""A rig whose card is at a device server, and helpers that read its source."""
 
 from pathlib import Path
 from typing import Any
@@ -52,7 +52,7 @@ def bench(
 
 
 def take(source: NiSource, blocks: int) -> list[SourceItem]:
-    """Read so many blocks, stop, and read on to the end."""
+    """Return the items of a source that is stopped after a number of blocks."""
     items: list[SourceItem] = []
     for item in source.blocks():
         items.append(item)
