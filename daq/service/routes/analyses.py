@@ -1,7 +1,4 @@
-"""The addresses of analyses: what the samples of a run say as a whole, as numbers or drawn.
-
-The addresses of drawings: the numbers of a run's results as SVG and as PNG.
-"""
+"""Routes of a run's analyses, as numbers or plots, and of plots of its results as SVG or PNG."""
 
 from collections.abc import Awaitable, Callable
 from typing import Annotated, Any, Final, Protocol, TypeAlias
@@ -25,80 +22,80 @@ from daq.service.responses import NOT_MODIFIED, preferred_media_type
 from daq.service.routing import Routing, RunId
 
 PLOT_TYPES: Final = {"svg": "image/svg+xml", "png": "image/png"}
-CONTENT: Final = {"svg": {"type": "string"}, "png": {"type": "string", "format": "binary"}}
+PLOT_SCHEMAS: Final = {"svg": {"type": "string"}, "png": {"type": "string", "format": "binary"}}
 
-Endpoint: TypeAlias = Callable[..., Awaitable[Response]]
+Handler: TypeAlias = Callable[..., Awaitable[Response]]
 
 
-class PlotAnswer(Protocol):
-    """Who makes the answers about a run."""
+class ResultHandler(Protocol):
+    """Handler of requests for a run's results."""
 
-    async def __call__(self, request: Request, run: str, what: str, query: QueryParameters | None = None) -> Response:
-        """Return an answer by its name."""
+    async def __call__(self, request: Request, run: str, path: str, query: QueryParameters | None = None) -> Response:
+        """Return the response of a result by its path."""
         ...
 
 
-def add_plots(routing: Routing, answer: PlotAnswer) -> None:
-    """Make the addresses known."""
-    plots: tuple[tuple[str, Callable[[PlotAnswer, str], Endpoint], str], ...] = (
-        ("order-spectrum", _of_moment, "The order spectrum of a moment"),
-        ("full-spectrum", _of_moment, "The full spectrum of a moment"),
-        ("orbit", _of_moment, "The orbit of a moment"),
-        ("bode", _of_run, "Amplitude and phase of 1X over speed"),
-        ("polar", _of_run, "Vectors of 1X by speed"),
-        ("cascade", _of_cascade, "Order spectra over speed"),
-        ("waterfall", _of_waterfall, "Order spectra over time"),
+def add_plots(routing: Routing, respond: ResultHandler) -> None:
+    """Add the routes."""
+    plots: tuple[tuple[str, Callable[[ResultHandler, str], Handler], str], ...] = (
+        ("order-spectrum", _frame_plot, "Order spectrum at a time or speed"),
+        ("full-spectrum", _frame_plot, "Full spectrum at a time or speed"),
+        ("orbit", _frame_plot, "Orbit at a time or speed"),
+        ("bode", _run_plot, "Amplitude and phase of 1X over speed"),
+        ("polar", _run_plot, "1X vectors over speed"),
+        ("cascade", _cascade_plot, "Order spectra over speed"),
+        ("waterfall", _waterfall_plot, "Order spectra over time"),
     )
-    for what, endpoint, meaning in plots:
+    for path, endpoint, title in plots:
         for form, media_type in PLOT_TYPES.items():
             routing.add(
-                f"/runs/{{run}}/plots/{what}.{form}",
-                endpoint(answer, f"plots/{what}.{form}"),
-                f"plot_run_{what.replace('-', '_')}_{form}",
+                f"/runs/{{run}}/plots/{path}.{form}",
+                endpoint(respond, f"plots/{path}.{form}"),
+                f"plot_run_{path.replace('-', '_')}_{form}",
                 "results",
-                f"{meaning}, drawn as {form.upper()}",
+                f"{title}, as {form.upper()} plot",
                 *RUN_READ_PROBLEMS,
                 ProblemType.NO_DATA,
                 *((ProblemType.NOT_ACCEPTABLE,) if form == "png" else ()),
-                responses={200: {"content": {media_type: {"schema": CONTENT[form]}}}, **NOT_MODIFIED},
+                responses={200: {"content": {media_type: {"schema": PLOT_SCHEMAS[form]}}}, **NOT_MODIFIED},
             )
 
 
-def _of_moment(answer: PlotAnswer, what: str) -> Endpoint:
-    async def draw(request: Request, run: RunId, at: Annotated[FrameQuery, Query()]) -> Response:
-        """Draw the recorded frame that is nearest, with the same numbers as the address without `plots`."""
-        return await answer(request, run, what, at)
+def _frame_plot(respond: ResultHandler, path: str) -> Handler:
+    async def plot(request: Request, run: RunId, frame: Annotated[FrameQuery, Query()]) -> Response:
+        """Plot the nearest recorded order frame, with the numbers of the path without `plots`."""
+        return await respond(request, run, path, frame)
 
-    return draw
-
-
-def _of_run(answer: PlotAnswer, what: str) -> Endpoint:
-    async def draw(request: Request, run: RunId) -> Response:
-        """Draw 1X at both probes, with the numbers of `order-vectors`."""
-        return await answer(request, run, what)
-
-    return draw
+    return plot
 
 
-def _of_cascade(answer: PlotAnswer, what: str) -> Endpoint:
-    async def draw(request: Request, run: RunId, query: Annotated[RecordedCascadeQuery, Query()]) -> Response:
-        """Draw the spectra one above the other, each with its foot at its speed."""
-        return await answer(request, run, what, query)
+def _run_plot(respond: ResultHandler, path: str) -> Handler:
+    async def plot(request: Request, run: RunId) -> Response:
+        """Plot 1X of both probes, with the numbers of `order-vectors`."""
+        return await respond(request, run, path)
 
-    return draw
+    return plot
 
 
-def _of_waterfall(answer: PlotAnswer, what: str) -> Endpoint:
-    async def draw(request: Request, run: RunId, query: Annotated[RecordedWaterfallQuery, Query()]) -> Response:
-        """Draw the spectra one above the other, each with its foot at its time."""
-        return await answer(request, run, what, query)
+def _cascade_plot(respond: ResultHandler, path: str) -> Handler:
+    async def plot(request: Request, run: RunId, query: Annotated[RecordedCascadeQuery, Query()]) -> Response:
+        """Plot the spectra stacked, each with its baseline at its speed."""
+        return await respond(request, run, path, query)
 
-    return draw
+    return plot
+
+
+def _waterfall_plot(respond: ResultHandler, path: str) -> Handler:
+    async def plot(request: Request, run: RunId, query: Annotated[RecordedWaterfallQuery, Query()]) -> Response:
+        """Plot the spectra stacked, each with its baseline at its time."""
+        return await respond(request, run, path, query)
+
+    return plot
 
 
 NPZ: Final = "application/x-npz"
 ARROW: Final = "application/vnd.apache.arrow.stream"
-FORM_TYPES: Final = {
+ANALYSIS_MEDIA_TYPES: Final = {
     "application/json": AnalysisForm.JSON,
     NPZ: AnalysisForm.NPZ,
     ARROW: AnalysisForm.ARROW,
@@ -106,27 +103,27 @@ FORM_TYPES: Final = {
     PLOT_TYPES["png"]: AnalysisForm.PNG,
 }
 BINARY: Final = {"schema": {"type": "string", "format": "binary"}}
-FORMS: Final[dict[str, Any]] = {
+ANALYSIS_CONTENT: Final[dict[str, Any]] = {
     NPZ: BINARY,
     ARROW: BINARY,
-    PLOT_TYPES["svg"]: {"schema": CONTENT["svg"]},
-    PLOT_TYPES["png"]: {"schema": CONTENT["png"]},
+    PLOT_TYPES["svg"]: {"schema": PLOT_SCHEMAS["svg"]},
+    PLOT_TYPES["png"]: {"schema": PLOT_SCHEMAS["png"]},
 }
 
 
-class Answer(Protocol):
-    """Who makes the answers about a run."""
+class AnalysisHandler(Protocol):
+    """Handler of requests for a run's analyses."""
 
-    async def __call__(self, request: Request, run: str, what: str, query: AnalysisQuery | None = None) -> Response:
-        """Return an answer by its name."""
+    async def __call__(self, request: Request, run: str, path: str, query: AnalysisQuery | None = None) -> Response:
+        """Return the response of an analysis by its path."""
         ...
 
 
-def add_analyses(routing: Routing, answer: Answer) -> None:
-    """Make the addresses known."""
+def add_analyses(routing: Routing, respond: AnalysisHandler) -> None:
+    """Add the routes."""
     for name, kind in KINDS.items():
-        endpoint = _endpoint(answer, name, kind.parameters)
-        endpoint.__doc__ = _told(kind)
+        endpoint = _analysis_handler(respond, name, kind.parameters)
+        endpoint.__doc__ = _description(kind)
         routing.add(
             f"/runs/{{run}}/analyses/{name}",
             endpoint,
@@ -139,22 +136,22 @@ def add_analyses(routing: Routing, answer: Answer) -> None:
             ProblemType.RESPONSE_TOO_LARGE,
             ProblemType.NOT_ACCEPTABLE,
             model=AnalysisSchema,
-            responses={200: {"content": FORMS}, **NOT_MODIFIED},
+            responses={200: {"content": ANALYSIS_CONTENT}, **NOT_MODIFIED},
         )
 
 
-def _endpoint(answer: Answer, name: str, question: type[AnalysisQuery]) -> Endpoint:
+def _analysis_handler(respond: AnalysisHandler, name: str, query_class: type[AnalysisQuery]) -> Handler:
     async def analyse(request: Request, run: RunId, query: Annotated[AnalysisQuery, Query()]) -> Response:
-        form = query.format or preferred_media_type(request.headers.get("accept"), FORM_TYPES)
+        form = query.format or preferred_media_type(request.headers.get("accept"), ANALYSIS_MEDIA_TYPES)
         if form is None:
-            raise ProblemError(ProblemType.NOT_ACCEPTABLE, f"expected one of {', '.join(FORM_TYPES)}")
-        return await answer(request, run, f"analyses/{name}.{form}", query)
+            raise ProblemError(ProblemType.NOT_ACCEPTABLE, f"expected one of {', '.join(ANALYSIS_MEDIA_TYPES)}")
+        return await respond(request, run, f"analyses/{name}.{form}", query)
 
-    analyse.__annotations__["query"] = Annotated[question, Query()]
+    analyse.__annotations__["query"] = Annotated[query_class, Query()]
     return analyse
 
 
-def _told(kind: AnalysisKind) -> str:
-    """Return what the schema says of a kind: its columns with units."""
+def _description(kind: AnalysisKind) -> str:
+    """Return the OpenAPI description of an analysis: its columns with units."""
     lines = [f"- `{name}`: {QUANTITIES[name].text}" for name in kind.columns]
     return f"{kind.description}, computed from the run's samples. Its columns:\n\n" + "\n".join(lines)

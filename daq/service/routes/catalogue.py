@@ -1,4 +1,4 @@
-"""The addresses under /api/v1: what they answer and how they can fail."""
+"""Routes of the run list, run summaries, the current run and the service's health."""
 
 import time
 from collections.abc import Sequence
@@ -32,35 +32,35 @@ class Catalogue(Protocol):
         ...
 
     def search(self, search: Search) -> Sequence[RunEntry]:
-        """Return the runs that a search asks for, newest first."""
+        """Return the runs that match a search, newest first."""
         ...
 
     def run(self, run_id: str) -> RunEntry:
-        """Return one run; NotFoundError where there is none, whatever its id looks like."""
+        """Return one run; NotFoundError if there is none, for any id."""
         ...
 
 
 class Summaries(Protocol):
-    """What runs were."""
+    """Summaries of runs."""
 
     def summary(self, run_id: str) -> SummarySchema:
-        """Return a run's summary; it may read the whole recording. RecordingError where it cannot be read."""
+        """Return a run's summary; this may read the whole recording. RecordingError if it cannot be read."""
         ...
 
 
 class CatalogueRoutes:
-    """The answers; whatever reads files does so in threads, never on the event loop.
+    """Routes of the run list, summaries, live values and health; files are read in threads only.
 
     Parameters
     ----------
     catalogue : Catalogue
         The recorded runs.
     live : LiveFeed
-        The run under way.
+        The current run.
     summaries : Summaries
-        What runs were.
+        Summaries of runs.
     version : str
-        Of the service.
+        Version of the service.
     """
 
     def __init__(self, catalogue: Catalogue, live: LiveFeed, summaries: Summaries, version: str) -> None:
@@ -68,12 +68,12 @@ class CatalogueRoutes:
         self._live = live
         self._summaries = summaries
         self._version = version
-        self._made = time.monotonic()
+        self._started_at = time.monotonic()
         self._lookup_threads = BoundedThreadPool(threads=4, waiting=32)
         self._summary_threads = BoundedThreadPool(threads=2, waiting=16)
 
     def add_to(self, routing: Routing) -> None:
-        """Make the addresses known."""
+        """Add the routes."""
         listing = (ProblemType.INVALID_PARAMETER, ProblemType.STORAGE_UNAVAILABLE, ProblemType.BUSY)
         routing.add("/runs", self.runs, "list_runs", "runs", "List the runs", *listing)
         routing.add(
@@ -81,7 +81,7 @@ class CatalogueRoutes:
             self.run,
             "get_run",
             "runs",
-            "One run",
+            "Properties of a run",
             ProblemType.RUN_NOT_FOUND,
             *listing,
             model=RunSchema,
@@ -92,7 +92,7 @@ class CatalogueRoutes:
             self.summary,
             "get_run_summary",
             "runs",
-            "What a run was",
+            "Summary of a run",
             ProblemType.RUN_NOT_FOUND,
             *listing,
             ProblemType.RUN_UNDER_WAY,
@@ -101,66 +101,66 @@ class CatalogueRoutes:
             ProblemType.TIME_LIMIT_EXCEEDED,
         )
         routing.add(
-            "/live", self.live, "get_live_run", "live", "The run under way, at this moment", ProblemType.NO_LIVE_RUN
+            "/live", self.live, "get_live_run", "live", "Current values of the run in progress", ProblemType.NO_LIVE_RUN
         )
         routing.add(
             "/live/curves",
             self.curves,
             "get_live_curves",
             "live",
-            "Orbit and order spectrum now",
+            "Current orbit and order spectrum",
             ProblemType.NO_LIVE_RUN,
         )
-        routing.add("/health", self.health, "get_health", "service", "Whether the service is well", ProblemType.BUSY)
+        routing.add("/health", self.health, "get_health", "service", "Health of the service", ProblemType.BUSY)
 
     async def runs(self, query: Annotated[RunQuery, Query()]) -> RunListSchema:
-        """List the data folder; runs under way or cut short too, with `is_complete` false.
+        """List the runs of the data folder; unfinished and truncated ones have `is_complete` false.
 
-        What was measured (speed, onset) is known of runs that the job `index` or `rig index` has summed up.
+        Filters by measured values (speed, onset) find runs that `rig index` or the job `index` has summarised.
         """
         search = query.search()
-        found = partial(self._catalogue.search, search) if search != Search() else self._catalogue.runs
-        chosen = query.chosen(await self._lookup_threads.run(found))
+        search_runs = partial(self._catalogue.search, search) if search != Search() else self._catalogue.runs
+        chosen = query.chosen(await self._lookup_threads.run(search_runs))
         return run_list_schema(chosen[query.offset :][: query.limit], len(chosen), query.limit, query.offset)
 
     async def run(self, request: Request, run: RunId) -> Response:
-        """Answers from the recording's header and end alone, in milliseconds."""
-        document = run_schema(await self._lookup_threads.run(partial(self._catalogue.run, run)))
-        headers = {"ETag": strong_etag(document), "Cache-Control": "private, no-cache"}
+        """Return the run's properties from the recording's header and footer, within milliseconds."""
+        schema = run_schema(await self._lookup_threads.run(partial(self._catalogue.run, run)))
+        headers = {"ETag": strong_etag(schema), "Cache-Control": "private, no-cache"}
         if matches_etag(request.headers.get("if-none-match"), headers["ETag"]):
             return Response(status_code=304, headers=headers)
-        return Response(document.model_dump_json(), headers=headers, media_type="application/json")
+        return Response(schema.model_dump_json(), headers=headers, media_type="application/json")
 
     async def summary(self, run: RunId) -> SummarySchema:
-        """Speeds, amplitudes, phases, sub-synchronous components, losses, and the agreement with the model.
+        """Return speeds, amplitudes, phases, sub-synchronous components, losses, and the agreement with the model.
 
-        A summary that was not made when the run ended is made now from the whole recording, which takes a while.
+        If the run has no stored summary, it is computed from the whole recording, which takes a while.
         """
         require_ended(self._live, run)
         return await self._summary_threads.run(partial(self._summaries.summary, run))
 
     async def live(self) -> LiveSchema:
-        """Measured values, the model's beside them, and the state of the recording; meant to be asked for often.
+        """Return measured values, the model's prediction and the state of the recording; cheap enough for polling.
 
-        When a run has ended its last moment stays, with `state` finished or failed, until the next one begins.
+        After a run's end its last values stay, with `state` finished or failed, until the next run starts.
         """
-        return live_schema(self._frame())
+        return live_schema(self._latest_update())
 
     async def curves(self) -> LiveCurvesSchema:
-        """Give the curves of the last whole revolutions, measured and predicted, as `/live` gives the numbers."""
-        return live_curves_schema(self._frame())
+        """Return the measured and predicted curves of the last complete revolutions."""
+        return live_curves_schema(self._latest_update())
 
-    def _frame(self) -> LiveUpdate:
-        frame = self._live.latest()
-        if frame is None:
+    def _latest_update(self) -> LiveUpdate:
+        update = self._live.latest()
+        if update is None:
             raise ProblemError(ProblemType.NO_LIVE_RUN, "nothing is recorded or replayed now")
-        return frame
+        return update
 
     async def health(self) -> HealthSchema:
-        """Answer at all; `health` says whether data folder and live run are well too."""
+        """Return the health of data folder and current run; any response shows that the service is up."""
         trouble, runs = "", None
         try:
             runs = len(await self._lookup_threads.run(self._catalogue.runs))
         except RecordingError as error:
             trouble = str(error)
-        return health_schema(self._version, time.monotonic() - self._made, runs, self._live.latest(), trouble)
+        return health_schema(self._version, time.monotonic() - self._started_at, runs, self._live.latest(), trouble)

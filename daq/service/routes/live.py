@@ -71,7 +71,7 @@ class RunControlRoutes:
         self._run_control = run_control
 
     def add_to(self, routing: Routing) -> None:
-        """Make the addresses known."""
+        """Add the routes."""
         if self._run_control is not None:
             routing.add(
                 "POST /live/stop",
@@ -181,7 +181,7 @@ class LiveStreamRoutes:
         self._curves = _Followed(LiveBroadcaster(live, live_curves_schema, CURVES_INTERVAL), "curves")
 
     def add_to(self, routing: Routing) -> None:
-        """Make the addresses known."""
+        """Add the routes."""
         routing.add(
             "/live/events",
             self.events,

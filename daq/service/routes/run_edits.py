@@ -1,4 +1,4 @@
-"""Changing the data folder: words on a run, a run put away, a recording sent in."""
+"""Routes that edit the data folder: annotate, delete, restore and upload runs."""
 
 from functools import partial
 from pathlib import Path
@@ -27,32 +27,32 @@ from recordings.catalogue.trash import TrashedRun
 from recordings.errors import NotFoundError, RunExistsError
 
 MAX_RECORDING_SIZE: Final = 64 * 1024**3
-BINARY = {"content": {OCTET_STREAM: {"schema": {"type": "string", "format": "binary"}}}, "required": True}
+RECORDING_BODY = {"content": {OCTET_STREAM: {"schema": {"type": "string", "format": "binary"}}}, "required": True}
 
 
 TrashName = Annotated[
     str,
-    PathParameter(description="Name in the trash, as /api/v1/trash lists it", examples=["2026-11-24T09-12-07-gj90c"]),
+    PathParameter(description="Name in the trash, from /api/v1/trash", examples=["2026-11-24T09-12-07-gj90c"]),
 ]
 
 
 class EditableCatalogue(Protocol):
-    """A data folder that can be changed."""
+    """A catalogue whose runs can be edited."""
 
     def run(self, run_id: str) -> RunEntry:
-        """Return one run; NotFoundError where there is none."""
+        """Return one run; NotFoundError if there is none."""
         ...
 
     def annotate(self, run_id: str, *, remark: str | None, tags: tuple[str, ...] | None) -> RunEntry:
-        """Give a run other words; ValueError where they cannot be."""
+        """Change a run's remark and tags; ValueError if they are invalid."""
         ...
 
     def move_to_trash(self, run_id: str) -> Path:
-        """Move a run into the trash; return where it is."""
+        """Move a run into the trash; return its new path."""
         ...
 
     def trashed_runs(self) -> list[TrashedRun]:
-        """Return what lies in the trash."""
+        """Return the runs in the trash."""
         ...
 
     def restore(self, name: str, run_id: str = "") -> RunEntry:
@@ -60,25 +60,25 @@ class EditableCatalogue(Protocol):
         ...
 
     def path_for(self, run_id: str) -> Path:
-        """Return where the file of a run belongs; NotFoundError for no id."""
+        """Return the path of a run's file; NotFoundError if the id is invalid."""
         ...
 
     def free_bytes(self) -> int:
-        """Return the room left on the disk, bytes."""
+        """Return the free disk space, bytes."""
         ...
 
 
 class RunEditRoutes:
-    """Changes to the data folder.
+    """Routes that edit runs of the data folder.
 
     Parameters
     ----------
-    catalogue : ChangingCatalogue
+    catalogue : EditableCatalogue
         The data folder.
     live : LiveFeed
-        The run under way, which is left alone.
+        The current run, which cannot be edited.
     results : ResultsReader
-        Who looks through what is sent in.
+        Checks uploaded recordings.
     """
 
     def __init__(self, catalogue: EditableCatalogue, live: LiveFeed, results: ResultsReader) -> None:
@@ -86,11 +86,11 @@ class RunEditRoutes:
         self._live = live
         self._results = results
         self._edit_threads = BoundedThreadPool(threads=1, waiting=16)
-        self._incoming = UploadReceiver(catalogue.free_bytes, MAX_RECORDING_SIZE)
+        self._receiver = UploadReceiver(catalogue.free_bytes, MAX_RECORDING_SIZE)
 
     def add_to(self, routing: Routing) -> None:
-        """Make the addresses known."""
-        changing = (
+        """Add the routes."""
+        edit_problems = (
             ProblemType.RUN_NOT_FOUND,
             ProblemType.INVALID_PARAMETER,
             ProblemType.CROSS_SITE_REQUEST,
@@ -102,8 +102,8 @@ class RunEditRoutes:
             self.annotate,
             "annotate_run",
             "runs",
-            "Change words and tags of a run",
-            *changing,
+            "Change a run's remark and tags",
+            *edit_problems,
             ProblemType.PRECONDITION_FAILED,
         )
         routing.add(
@@ -112,78 +112,78 @@ class RunEditRoutes:
             "trash_run",
             "runs",
             "Move a run into the trash",
-            *changing,
+            *edit_problems,
             ProblemType.RUN_UNDER_WAY,
             ProblemType.PRECONDITION_FAILED,
         )
-        routing.add("/trash", self.trash, "list_trash", "runs", "List the runs in the trash", *changing[-2:])
+        routing.add("/trash", self.trash, "list_trash", "runs", "List the runs in the trash", *edit_problems[-2:])
         routing.add(
             "POST /trash/{name}/restore",
             self.restore,
             "restore_run",
             "runs",
-            "Take a run out of the trash",
+            "Restore a run from the trash",
             ProblemType.NOT_IN_TRASH,
             ProblemType.RUN_EXISTS,
-            *changing,
+            *edit_problems,
             status=201,
         )
         routing.add(
             "PUT /runs/{run}/file",
-            self.arrive,
+            self.upload,
             "upload_run",
             "runs",
-            "Send a recording in",
-            *changing,
+            "Upload a recording",
+            *edit_problems,
             ProblemType.RUN_EXISTS,
             ProblemType.INVALID_RECORDING,
             ProblemType.CONTENT_TOO_LARGE,
             ProblemType.REQUEST_TIMEOUT,
             status=201,
-            content=BINARY,
+            content=RECORDING_BODY,
         )
 
     async def annotate(
-        self, run: RunId, words: AnnotationRequest, response: Response, if_match: IfMatch = None
+        self, run: RunId, annotation: AnnotationRequest, response: Response, if_match: IfMatch = None
     ) -> RunSchema:
-        """Change what is said of the run; it is kept in a file beside the recording, which never changes."""
+        """Change the run's remark and tags, stored in a file beside the recording, which is not changed."""
 
-        def changed() -> RunEntry:
-            self._require_meant(run, if_match)
-            return self._catalogue.annotate(run, remark=words.remark, tags=words.tags)
+        def annotate_run() -> RunEntry:
+            self._check_if_match(run, if_match)
+            return self._catalogue.annotate(run, remark=annotation.remark, tags=annotation.tags)
 
         try:
-            document = run_schema(await self._edit_threads.run(changed))
+            schema = run_schema(await self._edit_threads.run(annotate_run))
         except ValueError as error:
             raise ProblemError(ProblemType.INVALID_PARAMETER, str(error)) from error
-        response.headers["ETag"] = strong_etag(document)
-        return document
+        response.headers["ETag"] = strong_etag(schema)
+        return schema
 
     async def move_to_trash(self, run: RunId, if_match: IfMatch = None) -> TrashedRunSchema:
         """Move the recording into the folder `trash` of the data folder; nothing is deleted."""
         require_ended(self._live, run)
 
-        def moved() -> Path:
-            self._require_meant(run, if_match)
+        def move() -> Path:
+            self._check_if_match(run, if_match)
             return self._catalogue.move_to_trash(run)
 
-        place = await self._edit_threads.run(moved)
-        return TrashedRunSchema(run=run, trash=f"{place.parent.name}/{place.name}", name=place.stem)
+        path = await self._edit_threads.run(move)
+        return TrashedRunSchema(run=run, trash=f"{path.parent.name}/{path.name}", name=path.stem)
 
-    def _require_meant(self, run: str, if_match: str | None) -> None:
-        """Raise ProblemError where a run is no longer what a change rests on."""
+    def _check_if_match(self, run: str, if_match: str | None) -> None:
+        """Raise ProblemError if a run has changed since the version in If-Match."""
         if if_match is not None and not allows_change(if_match, strong_etag(run_schema(self._catalogue.run(run)))):
             raise ProblemError(ProblemType.PRECONDITION_FAILED, f"run {run} has changed")
 
     async def trash(self) -> TrashSchema:
-        """List what was put away; nothing is ever deleted by the service."""
-        found = await self._edit_threads.run(self._catalogue.trashed_runs)
-        return TrashSchema(runs=tuple(TrashEntrySchema(name=each.name, size_bytes=each.size) for each in found))
+        """List the runs in the trash; the service never deletes them permanently."""
+        trashed = await self._edit_threads.run(self._catalogue.trashed_runs)
+        return TrashSchema(runs=tuple(TrashEntrySchema(name=each.name, size_bytes=each.size) for each in trashed))
 
-    async def restore(self, name: TrashName, order: RestoreRequest, response: Response) -> RunSchema:
-        """Move a run and what was said of it back into the data folder, never in place of another."""
+    async def restore(self, name: TrashName, request: RestoreRequest, response: Response) -> RunSchema:
+        """Move a run and its annotations back into the data folder; an existing run is never replaced."""
         try:
-            entry = await self._edit_threads.run(partial(self._catalogue.restore, name, order.run or ""))
+            entry = await self._edit_threads.run(partial(self._catalogue.restore, name, request.run or ""))
         except NotFoundError as error:
             raise ProblemError(ProblemType.NOT_IN_TRASH, str(error)) from error
         except RunExistsError as error:
@@ -191,12 +191,12 @@ class RunEditRoutes:
         response.headers["Location"] = f"{API_PREFIX}/runs/{entry.id}"
         return run_schema(entry)
 
-    async def arrive(self, request: Request, run: RunId, response: Response) -> RunSchema:
-        """Keep a recording under the id of the address, once it is whole and every checksum in it holds.
+    async def upload(self, request: Request, run: RunId, response: Response) -> RunSchema:
+        """Store a recording under the path's id once it is complete and all its checksums are correct.
 
-        What is there already is never written over, and of what is refused nothing is left.
+        An existing run is never overwritten, and nothing of a rejected recording is left.
         """
-        place = self._catalogue.path_for(run)
-        await self._incoming.receive(request, place, self._results.require_sound)
+        path = self._catalogue.path_for(run)
+        await self._receiver.receive(request, path, self._results.require_sound)
         response.headers["Location"] = f"{API_PREFIX}/runs/{run}"
         return run_schema(await self._edit_threads.run(partial(self._catalogue.run, run)))

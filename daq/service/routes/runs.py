@@ -1,4 +1,4 @@
-"""The addresses that tell of a recorded run: its results, its samples, its file."""
+"""Routes of one recorded run: its results, samples, predictions and file."""
 
 from collections.abc import Callable
 from functools import partial
@@ -49,7 +49,7 @@ from recordings.catalogue.catalogue import RunEntry
 from recordings.mcap.container import MAGIC
 
 MEDIA_TYPES = {**PLOT_TYPES, "npz": NPZ, "arrow": ARROW}
-TEXTS = ("application/json", PLOT_TYPES["svg"])
+COMPRESSIBLE = ("application/json", PLOT_TYPES["svg"])
 SAMPLE_TYPES = {"application/json": SampleFormat.JSON, NPZ: SampleFormat.NPZ, ARROW: SampleFormat.ARROW}
 BINARY = {"schema": {"type": "string", "format": "binary"}}
 RPM = np.pi / 30.0
@@ -59,23 +59,23 @@ class Catalogue(Protocol):
     """The runs of a data folder."""
 
     def run(self, run_id: str) -> RunEntry:
-        """Return one run; NotFoundError where there is none."""
+        """Return one run; NotFoundError if there is none."""
         ...
 
 
 class RunRoutes:
-    """Answers about one recorded run.
+    """Routes of one recorded run: results, samples, predictions and file.
 
     Parameters
     ----------
     catalogue : Catalogue
         The recorded runs.
     live : LiveFeed
-        The run under way, which cannot be asked so.
+        The current run; its results are refused until it has ended.
     results : ResultsReader
-        Who makes the answers.
+        Computes the results.
     version : str
-        Of the service; an answer of another version is made anew.
+        Version of the service; part of the ETags.
     """
 
     def __init__(self, catalogue: Catalogue, live: LiveFeed, results: ResultsReader, version: str) -> None:
@@ -87,43 +87,43 @@ class RunRoutes:
         self._result_threads = BoundedThreadPool(threads=2, waiting=64)
 
     def add_to(self, routing: Routing) -> None:
-        """Make the addresses known."""
+        """Add the routes."""
         results: tuple[tuple[str, Callable[..., object], str, type[Schema]], ...] = (
             ("order-vectors", self.order_vectors, "1X and 2X over speed", OrderVectorsSchema),
-            ("findings", self.findings, "What was found below 1X", WhirlFindingsSchema),
+            ("findings", self.findings, "Sub-synchronous components", WhirlFindingsSchema),
             ("trend", self.trend, "Speed and vibration over time", TrendSchema),
             ("cascade", self.cascade, "Order spectra over speed", CascadeSchema),
             ("waterfall", self.waterfall, "Order spectra over time", WaterfallSchema),
-            ("order-spectrum", self.order_spectrum, "The order spectrum of a moment", OrderSpectrumSchema),
-            ("full-spectrum", self.full_spectrum, "Forward and backward circles of a moment", FullSpectrumSchema),
-            ("orbit", self.orbit, "The orbit of a moment", OrbitSchema),
+            ("order-spectrum", self.order_spectrum, "Order spectrum at a time or speed", OrderSpectrumSchema),
+            ("full-spectrum", self.full_spectrum, "Full spectrum at a time or speed", FullSpectrumSchema),
+            ("orbit", self.orbit, "Orbit at a time or speed", OrbitSchema),
         )
-        for what, endpoint, meaning, model in results:
-            name = f"get_run_{what.replace('-', '_')}"
+        for path, endpoint, title, model in results:
+            name = f"get_run_{path.replace('-', '_')}"
             problem_types = (
                 RUN_READ_PROBLEMS
                 if endpoint in {self.order_vectors, self.findings, self.trend}
                 else (*RUN_READ_PROBLEMS, ProblemType.NO_DATA)
             )
             routing.add(
-                f"/runs/{{run}}/{what}",
+                f"/runs/{{run}}/{path}",
                 endpoint,
                 name,
                 "results",
-                meaning,
+                title,
                 *problem_types,
                 model=model,
                 responses=NOT_MODIFIED,
             )
-        add_plots(routing, self._answer)
-        add_analyses(routing, self._answer)
+        add_plots(routing, self._result_response)
+        add_analyses(routing, self._result_response)
         predicted = (*RUN_READ_PROBLEMS, ProblemType.NO_DATA, ProblemType.MODEL_NOT_READY)
         routing.add(
             "/runs/{run}/prediction",
             self.prediction,
             "get_run_prediction",
             "results",
-            "What the model says at a speed",
+            "Predicted vibration at a speed",
             *predicted,
         )
         routing.add(
@@ -131,7 +131,7 @@ class RunRoutes:
             self.comparison,
             "get_run_comparison",
             "results",
-            "Measurement and model at a speed",
+            "Measured and predicted vibration at a speed",
             *predicted,
         )
         routing.add(
@@ -139,7 +139,7 @@ class RunRoutes:
             self.samples,
             "get_run_samples",
             "results",
-            "Samples of a stretch of time",
+            "Samples of a time range",
             *RUN_READ_PROBLEMS,
             ProblemType.NO_DATA,
             ProblemType.RESPONSE_TOO_LARGE,
@@ -152,7 +152,7 @@ class RunRoutes:
             self.file,
             "get_run_file",
             "runs",
-            "The recording's file",
+            "Download the recording's file",
             ProblemType.RUN_NOT_FOUND,
             ProblemType.INVALID_PARAMETER,
             ProblemType.RUN_UNDER_WAY,
@@ -162,62 +162,62 @@ class RunRoutes:
             ProblemType.RANGE_NOT_SATISFIABLE,
             responses={
                 200: {"description": "The whole file, MCAP", "content": {OCTET_STREAM: BINARY}},
-                206: {"description": "The stretch that `Range` asks for", "content": {OCTET_STREAM: BINARY}},
+                206: {"description": "The byte range of `Range`", "content": {OCTET_STREAM: BINARY}},
                 **NOT_MODIFIED,
             },
         )
 
     async def order_vectors(self, request: Request, run: RunId) -> Response:
-        """Give amplitude and phase of 1X and 2X, their scatter and the overall vibration by bins of speed.
+        """Return amplitude and phase of 1X and 2X, their scatter and the overall vibration by speed bins.
 
-        The rows are those of the run's summary. `ETag` and `If-None-Match` spare sending what is known already.
+        The rows are those of the run's summary. `ETag` and `If-None-Match` avoid repeated transfers.
         """
-        return await self._answer(request, run, "order-vectors")
+        return await self._result_response(request, run, "order-vectors")
 
     async def findings(self, request: Request, run: RunId) -> Response:
-        """Give the sub-synchronous components, each from its beginning to its end, as in the run's summary."""
-        return await self._answer(request, run, "findings")
+        """Return the sub-synchronous components with their onset and end, as in the run's summary."""
+        return await self._result_response(request, run, "findings")
 
     async def trend(self, request: Request, run: RunId, query: Annotated[TrendQuery, Query()]) -> Response:
-        """Give speed, overall vibration, 1X and whirl over time; what is thinned keeps its extremes."""
-        return await self._answer(request, run, "trend", query)
+        """Return speed, overall vibration, 1X and whirl over time; decimation preserves minima and maxima."""
+        return await self._result_response(request, run, "trend", query)
 
     async def cascade(self, request: Request, run: RunId, query: Annotated[RecordedCascadeQuery, Query()]) -> Response:
-        """Give the largest amplitude of every cell of speed and order, as many as a screen shows."""
-        return await self._answer(request, run, "cascade", query)
+        """Return the maximum amplitude per cell of speed and order, at screen resolution."""
+        return await self._result_response(request, run, "cascade", query)
 
     async def waterfall(
         self, request: Request, run: RunId, query: Annotated[RecordedWaterfallQuery, Query()]
     ) -> Response:
-        """Give the largest amplitude of every cell of time and order, as many as a screen shows."""
-        return await self._answer(request, run, "waterfall", query)
+        """Return the maximum amplitude per cell of time and order, at screen resolution."""
+        return await self._result_response(request, run, "waterfall", query)
 
-    async def order_spectrum(self, request: Request, run: RunId, at: Annotated[FrameQuery, Query()]) -> Response:
-        """Give amplitude and phase by order at the recorded frame that is nearest."""
-        return await self._answer(request, run, "order-spectrum", at)
+    async def order_spectrum(self, request: Request, run: RunId, query: Annotated[FrameQuery, Query()]) -> Response:
+        """Return amplitude and phase by order of the nearest recorded order frame."""
+        return await self._result_response(request, run, "order-spectrum", query)
 
-    async def full_spectrum(self, request: Request, run: RunId, at: Annotated[FrameQuery, Query()]) -> Response:
-        """Give the circles with and against the rotation by order at the recorded frame that is nearest."""
-        return await self._answer(request, run, "full-spectrum", at)
+    async def full_spectrum(self, request: Request, run: RunId, query: Annotated[FrameQuery, Query()]) -> Response:
+        """Return forward and backward amplitudes by order of the nearest recorded order frame."""
+        return await self._result_response(request, run, "full-spectrum", query)
 
-    async def orbit(self, request: Request, run: RunId, at: Annotated[FrameQuery, Query()]) -> Response:
-        """Give the path of the last whole revolutions of the recorded frame that is nearest."""
-        return await self._answer(request, run, "orbit", at)
+    async def orbit(self, request: Request, run: RunId, query: Annotated[FrameQuery, Query()]) -> Response:
+        """Return the orbit over the last complete revolutions of the nearest recorded order frame."""
+        return await self._result_response(request, run, "orbit", query)
 
-    async def prediction(self, run: RunId, at: Annotated[SpeedQuery, Query()]) -> PredictionSchema:
-        """Give what the model expects of the run's rig, as its configuration was then."""
+    async def prediction(self, run: RunId, query: Annotated[SpeedQuery, Query()]) -> PredictionSchema:
+        """Return the model's prediction for the run's rig, with its configuration at the time of recording."""
         entry = await self._entry(run)
-        return await self._result_threads.run(partial(self._results.prediction, entry, at.speed_rpm * RPM))
+        return await self._result_threads.run(partial(self._results.prediction, entry, query.speed_rpm * RPM))
 
-    async def comparison(self, run: RunId, at: Annotated[SpeedQuery, Query()]) -> ComparisonSchema:
-        """Give the measured bin of speed that is nearest, within 300 r/min, beside the model at its mean speed."""
+    async def comparison(self, run: RunId, query: Annotated[SpeedQuery, Query()]) -> ComparisonSchema:
+        """Return the nearest measured speed bin, within 300 r/min, and the prediction at the bin's mean speed."""
         entry = await self._entry(run)
-        return await self._result_threads.run(partial(self._results.comparison, entry, at.speed_rpm * RPM))
+        return await self._result_threads.run(partial(self._results.comparison, entry, query.speed_rpm * RPM))
 
     async def samples(self, request: Request, run: RunId, query: Annotated[SamplesQuery, Query()]) -> Response:
-        """Give samples as JSON, as a NumPy archive or as an Arrow stream, in engineering units, volts or codes.
+        """Return samples as JSON, NumPy archive or Arrow stream, in engineering units, volts or codes.
 
-        The archive holds an array `channel:NAME` for each channel and a table `about` of names and values.
+        The archive has an array `channel:NAME` for each channel and a table `about` of names and values.
         """
         form = query.format or preferred_media_type(request.headers.get("accept"), SAMPLE_TYPES)
         if form is None:
@@ -227,43 +227,45 @@ class RunRoutes:
         gzipped = form is SampleFormat.JSON and accepts_gzip(request.headers.get("accept-encoding"))
         entry = await self._entry(run)
         etag = weak_etag(entry, self._version, form.value, str(gzipped))
-        headers = {**_headers(etag, gzipped=gzipped), "Vary": "Accept, Accept-Encoding"}
+        headers = {**_cache_headers(etag, gzipped=gzipped), "Vary": "Accept, Accept-Encoding"}
         if matches_etag(request.headers.get("if-none-match"), etag):
             return Response(status_code=304, headers=headers)
         body = await self._result_threads.run(partial(self._results.samples, entry, query, form, gzipped=gzipped))
         return Response(body, headers=headers, media_type=media_type)
 
     async def file(self, request: Request, run: RunId) -> Response:
-        """Send the recording, or with `Range` a stretch of it; `If-Range` makes sure that it is of the same file."""
+        """Return the recording, or with `Range` a byte range of it; `If-Range` guards against a changed file."""
         entry = await self._entry(run)
         try:
             return await file_response(request, entry.path, magic=MAGIC)
         except FileNotFoundError as error:
-            raise ProblemError(ProblemType.RUN_NOT_FOUND, f"run {run}: its file has gone") from error
+            raise ProblemError(ProblemType.RUN_NOT_FOUND, f"run {run}: its file no longer exists") from error
         except OSError as error:
             raise ProblemError(ProblemType.STORAGE_UNAVAILABLE, f"run {run}: {error.strerror or error}") from error
         except ValueError as error:
             raise ProblemError(ProblemType.RUN_DAMAGED, str(error)) from error
 
-    async def _answer(self, request: Request, run: str, what: str, query: QueryParameters | None = None) -> Response:
-        media_type = MEDIA_TYPES.get(what.rpartition(".")[2], "application/json")
-        gzipped = media_type in TEXTS and accepts_gzip(request.headers.get("accept-encoding"))
+    async def _result_response(
+        self, request: Request, run: str, path: str, query: QueryParameters | None = None
+    ) -> Response:
+        media_type = MEDIA_TYPES.get(path.rpartition(".")[2], "application/json")
+        gzipped = media_type in COMPRESSIBLE and accepts_gzip(request.headers.get("accept-encoding"))
         entry = await self._entry(run)
-        etag = weak_etag(entry, self._version, what, str(gzipped))
-        headers = _headers(etag, gzipped=gzipped)
+        etag = weak_etag(entry, self._version, path, str(gzipped))
+        headers = _cache_headers(etag, gzipped=gzipped)
         if isinstance(query, AnalysisQuery):
             headers["Vary"] = "Accept, Accept-Encoding"
         if matches_etag(request.headers.get("if-none-match"), etag):
             return Response(status_code=304, headers=headers)
-        body = await self._result_threads.run(partial(self._results.result, entry, what, query, gzipped=gzipped))
+        body = await self._result_threads.run(partial(self._results.result, entry, path, query, gzipped=gzipped))
         return Response(body, headers=headers, media_type=media_type)
 
     async def _entry(self, run: str) -> RunEntry:
-        """Return a run that has ended."""
+        """Return a run; ProblemError if it is still in progress."""
         require_ended(self._live, run)
         return await self._lookup_threads.run(partial(self._catalogue.run, run))
 
 
-def _headers(etag: str, *, gzipped: bool) -> dict[str, str]:
+def _cache_headers(etag: str, *, gzipped: bool) -> dict[str, str]:
     coding = {"Content-Encoding": "gzip"} if gzipped else {}
     return {"ETag": etag, "Cache-Control": "private, no-cache", "Vary": "Accept-Encoding", **coding}

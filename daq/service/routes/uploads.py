@@ -1,4 +1,4 @@
-"""Files of other programs: sent in, looked into, deleted; a job makes one into a run."""
+"""Routes of uploaded files; a job of kind `import` converts one into a run."""
 
 from collections.abc import Callable
 from functools import partial
@@ -28,53 +28,51 @@ from daq.service.uploads import (
     UploadStoreFullError,
 )
 
-CONTENT: Final = {"content": {OCTET_STREAM: {"schema": {"type": "string", "format": "binary"}}}, "required": True}
+UPLOAD_BODY: Final = {"content": {OCTET_STREAM: {"schema": {"type": "string", "format": "binary"}}}, "required": True}
 
-UploadId = Annotated[
-    str, Path(description="Id of the upload, as /api/v1/uploads lists it", examples=["5d41402abc4b2a76"])
-]
+UploadId = Annotated[str, Path(description="Id of the upload, from /api/v1/uploads", examples=["5d41402abc4b2a76"])]
 
 
 class NameQuery(QueryParameters):
-    """What is sent."""
+    """Query parameters of an upload."""
 
     name: Annotated[
         str,
         Query(
-            description="What the file is called, without folders; its suffix tells the format",
+            description="File name without folders; its suffix gives the format",
             min_length=1, max_length=MAX_NAME_LENGTH, examples=["run-up.tdms"],
         ),
     ]  # fmt: skip
 
 
 class UploadRoutes:
-    """Uploads as resources.
+    """Routes of uploads.
 
     Parameters
     ----------
     uploads : UploadStore
-        Who keeps them.
+        Stores the files.
     results : ResultsReader
-        Who looks into them.
+        Reads their columns.
     free_bytes : callable
-        Returns the room left on the disk, bytes.
+        Returns the free disk space, bytes.
     """
 
     def __init__(self, uploads: UploadStore, results: ResultsReader, free_bytes: Callable[[], int]) -> None:
         self._uploads = uploads
         self._results = results
-        self._incoming = UploadReceiver(free_bytes, MAX_UPLOAD_SIZE)
+        self._receiver = UploadReceiver(free_bytes, MAX_UPLOAD_SIZE)
         self._lookup_threads = BoundedThreadPool(threads=2, waiting=32)
         self._result_threads = BoundedThreadPool(threads=1, waiting=4)
 
     def add_to(self, routing: Routing) -> None:
-        """Make the addresses known."""
+        """Add the routes."""
         routing.add(
             "POST /uploads",
-            self.arrive,
+            self.create,
             "create_upload",
             "uploads",
-            "Send another program's file in",
+            "Upload another program's file",
             ProblemType.INVALID_PARAMETER,
             ProblemType.CROSS_SITE_REQUEST,
             ProblemType.UNSUPPORTED_MEDIA_TYPE,
@@ -84,44 +82,46 @@ class UploadRoutes:
             ProblemType.STORAGE_UNAVAILABLE,
             ProblemType.BUSY,
             status=201,
-            content=CONTENT,
+            content=UPLOAD_BODY,
         )
         routing.add(
-            "/uploads", self.all, "list_uploads", "uploads", "List what was sent in, the last first", ProblemType.BUSY
+            "/uploads", self.list_uploads, "list_uploads", "uploads", "List the uploads, newest first", ProblemType.BUSY
         )
-        known = (ProblemType.UPLOAD_NOT_FOUND, ProblemType.INVALID_PARAMETER, ProblemType.BUSY)
-        routing.add("/uploads/{upload}", self.upload, "get_upload", "uploads", "What was sent in", *known)
+        upload_problems = (ProblemType.UPLOAD_NOT_FOUND, ProblemType.INVALID_PARAMETER, ProblemType.BUSY)
+        routing.add(
+            "/uploads/{upload}", self.upload, "get_upload", "uploads", "Properties of an upload", *upload_problems
+        )
         routing.add(
             "/uploads/{upload}/columns",
             self.columns,
             "get_upload_columns",
             "uploads",
-            "The columns in it",
-            *known,
+            "Columns of an upload",
+            *upload_problems,
             ProblemType.UNREADABLE_UPLOAD,
             ProblemType.TIME_LIMIT_EXCEEDED,
         )
         routing.add(
             "DELETE /uploads/{upload}",
-            self.remove,
+            self.delete,
             "delete_upload",
             "uploads",
-            "Delete what was sent in",
-            *known,
+            "Delete an upload",
+            *upload_problems,
             ProblemType.CROSS_SITE_REQUEST,
         )
 
-    async def arrive(self, request: Request, query: Annotated[NameQuery, Query()], response: Response) -> UploadSchema:
-        """Keep a TDMS, LVM, CSV, MATLAB, UFF or WAV file for an hour; a job of kind `import` makes it into a run.
+    async def create(self, request: Request, query: Annotated[NameQuery, Query()], response: Response) -> UploadSchema:
+        """Store a TDMS, LVM, CSV, MATLAB, UFF or WAV file for an hour; a job of kind `import` converts it into a run.
 
-        Up to 2 GiB. Nothing is looked at yet, and nothing of its name reaches the disk but the suffix.
+        Up to 2 GiB. The content is not checked yet, and nothing of its name reaches the disk but the suffix.
         """
         sent = request.headers.get("content-type", "")
         if sent.partition(";")[0].strip().lower() != OCTET_STREAM:
             raise ProblemError(ProblemType.UNSUPPORTED_MEDIA_TYPE, f"{sent or 'no type'!r}, expected {OCTET_STREAM}")
         try:
             path = await self._lookup_threads.run(partial(self._uploads.path_for, query.name))
-            size = await self._incoming.receive(request, path)
+            size = await self._receiver.receive(request, path)
             upload = await self._lookup_threads.run(partial(self._uploads.add, query.name, path, size))
         except UploadStoreFullError as error:
             raise ProblemError(ProblemType.TOO_MANY_UPLOADS, str(error)) from error
@@ -130,29 +130,29 @@ class UploadRoutes:
         response.headers["Location"] = f"{API_PREFIX}/uploads/{upload.id}"
         return upload_schema(upload)
 
-    async def all(self) -> UploadListSchema:
-        """List the files that were sent in during the last hour."""
+    async def list_uploads(self) -> UploadListSchema:
+        """List the files uploaded during the last hour."""
         return UploadListSchema(
             uploads=tuple(map(upload_schema, await self._lookup_threads.run(self._uploads.list_uploads)))
         )
 
     async def upload(self, upload: UploadId) -> UploadSchema:
-        """Tell what the file is called, and until when it is kept."""
-        return upload_schema(await self._known(upload))
+        """Return the file's name, size and time of deletion."""
+        return upload_schema(await self._find(upload))
 
     async def columns(self, upload: UploadId) -> ColumnsSchema:
-        """Read the file and tell what a mapping must choose from: names, units and ends of its columns, its rate."""
-        known = await self._known(upload)
-        return await self._result_threads.run(partial(self._results.columns, known.path, known.name))
+        """Read the file and return what a mapping needs: names, units and ranges of its columns, and its rate."""
+        found = await self._find(upload)
+        return await self._result_threads.run(partial(self._results.columns, found.path, found.name))
 
-    async def remove(self, upload: UploadId) -> UploadSchema:
-        """Delete the file and tell what it was."""
+    async def delete(self, upload: UploadId) -> UploadSchema:
+        """Delete the file and return its properties."""
         try:
             return upload_schema(await self._lookup_threads.run(partial(self._uploads.delete, upload)))
         except UploadNotFoundError as error:
             raise ProblemError(ProblemType.UPLOAD_NOT_FOUND, str(error)) from error
 
-    async def _known(self, upload_id: str) -> Upload:
+    async def _find(self, upload_id: str) -> Upload:
         try:
             return await self._lookup_threads.run(partial(self._uploads.upload, upload_id))
         except UploadNotFoundError as error:
