@@ -1,6 +1,6 @@
-"""The page and its files, read once and served from memory; nothing of them comes from elsewhere.
+"""The operator's page with its static files, and the REST reference as HTML from the OpenAPI schema.
 
-The REST reference as a plain page, made from the OpenAPI document: it needs no script and nothing from elsewhere.
+All is served from memory, and nothing is loaded from other hosts.
 """
 
 import html
@@ -45,7 +45,7 @@ class Pages:
     Parameters
     ----------
     viewer_url : str or None
-        Address of the web viewer that the page embeds; None shows none.
+        URL of the web viewer that the page embeds; None for none.
     reference : str
         The reference page, HTML.
     """
@@ -53,41 +53,41 @@ class Pages:
     def __init__(self, viewer_url: str | None, reference: str) -> None:
         package = files("daq.console")
         page = package.joinpath("page.html").read_text(encoding="utf-8")
-        self._frame = "'none'" if viewer_url is None else origin(viewer_url)
+        self._frame_source = "'none'" if viewer_url is None else origin(viewer_url)
         self._page = page.replace("{{viewer}}", html.escape(viewer_url or "", quote=True))
         self._reference = reference
         self._assets = {name: package.joinpath(name).read_text(encoding="utf-8") for name in ASSETS}
 
     def router(self) -> APIRouter:
-        """Return the routes for an application; they are no part of its schema."""
+        """Return the routes of the static files; the OpenAPI schema leaves them out."""
         router = APIRouter(include_in_schema=False)
         pages = {
-            "/": self._answer(self._page, "html"),
-            "/docs": self._answer(self._reference, "html"),
-            **{f"/{name}": self._answer(text, name.rpartition(".")[2]) for name, text in self._assets.items()},
+            "/": self._static_handler(self._page, "html"),
+            "/docs": self._static_handler(self._reference, "html"),
+            **{f"/{name}": self._static_handler(text, name.rpartition(".")[2]) for name, text in self._assets.items()},
         }
-        for path, answer in pages.items():
-            router.add_api_route(path, answer)
+        for path, handle in pages.items():
+            router.add_api_route(path, handle)
         return router
 
-    def _answer(self, text: str, kind: str) -> Callable[[], Awaitable[Response]]:
+    def _static_handler(self, text: str, suffix: str) -> Callable[[], Awaitable[Response]]:
         content = text.encode()
         headers = {"Cache-Control": "no-cache"}
-        if kind == "html":
+        if suffix == "html":
             headers["Origin-Agent-Cluster"] = "?1"  # a busy viewer in the frame must not hold up the values
             headers["Content-Security-Policy"] = (
                 "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob:; connect-src 'self'; "
-                f"frame-src {self._frame}; form-action 'none'; base-uri 'none'; frame-ancestors 'none'"
+                f"frame-src {self._frame_source}; form-action 'none'; base-uri 'none'; frame-ancestors 'none'"
             )
 
-        async def answer() -> Response:
-            return Response(content, headers=headers, media_type=MEDIA_TYPES[kind])
+        async def handle() -> Response:
+            return Response(content, headers=headers, media_type=MEDIA_TYPES[suffix])
 
-        return answer
+        return handle
 
 
 def origin(url: str) -> str:
-    """Return scheme, host and port of an address; ValueError where it is none of the web."""
+    """Return scheme, host and port of a URL; ValueError if it is not http or https."""
     parts = urlsplit(url)
     if parts.scheme not in {"http", "https"} or not parts.hostname or set(url) & set(" ;,'\""):
         raise ValueError(f"viewer_url: {url!r}, expected http://host:port/...")
@@ -103,7 +103,7 @@ def reference_page(openapi: Schema) -> str:
     Parameters
     ----------
     openapi : mapping
-        The application's OpenAPI document.
+        The application's OpenAPI schema.
     """
     schemas: Schema = openapi["components"]["schemas"]
     operations = [
@@ -115,14 +115,14 @@ def reference_page(openapi: Schema) -> str:
     body = [
         f"<h1>{_text(info['title'])} <small>{_text(info['version'])}</small></h1>",
         f"<p>{_text(info['description'])}</p>",
-        '<p><a href="/">The page</a> · <a href="/openapi.json">OpenAPI document</a></p>',
+        '<p><a href="/">The page</a> · <a href="/openapi.json">OpenAPI schema</a></p>',
         *operations,
         "<h2>Problems</h2>",
-        "<p>Errors are <code>application/problem+json</code> (RFC 9457); <code>type</code> names the kind.</p>",
+        "<p>Errors are <code>application/problem+json</code> (RFC 9457); <code>type</code> names the problem type.</p>",
         _problems(),
-        "<h2>Documents</h2>",
-        "<p>Every field is always there; what is not known is null.</p>",
-        *(_document(name, schema) for name, schema in sorted(schemas.items())),
+        "<h2>Schemas</h2>",
+        "<p>Every field is always present; unknown values are null.</p>",
+        *(_schema_section(name, schema) for name, schema in sorted(schemas.items())),
     ]
     return (
         '<!doctype html><html lang="en"><head><meta charset="utf-8"><meta name="color-scheme" content="dark">'
@@ -133,7 +133,7 @@ def reference_page(openapi: Schema) -> str:
 
 
 def example(schema: Schema, schemas: Schema) -> object:
-    """Return an example of a schema, put together from its fields' own."""
+    """Return an example of a schema, composed of its fields' examples."""
     if schema.get("examples"):
         return schema["examples"][0]
     if "$ref" in schema:
@@ -150,65 +150,67 @@ def example(schema: Schema, schemas: Schema) -> object:
 def _operation(method: str, path: str, operation: Schema, schemas: Schema) -> str:
     parts = [
         f'<section id="{_text(operation["operationId"])}"><h2><code>{method.upper()} {_text(path)}</code></h2>',
-        f"<p><strong>{_text(operation['summary'])}.</strong> {_prose(operation['description'])}</p>",
+        f"<p><strong>{_text(operation['summary'])}.</strong> {_markdown(operation['description'])}</p>",
     ]
     if operation.get("parameters"):
         rows = (
             f"<tr><td><code>{_text(parameter['name'])}</code></td><td>{parameter['in']}</td>"
-            f"<td>{_kind(parameter['schema'])}</td><td>{_prose(parameter.get('description', ''))}</td></tr>"
+            f"<td>{_type_text(parameter['schema'])}</td><td>{_markdown(parameter.get('description', ''))}</td></tr>"
             for parameter in operation["parameters"]
         )
         parts.append(_table("Parameter", "In", "Type", "Meaning", rows=rows))
-    parts.append(_table("Status", "Answer", "Type", rows=_answers(operation["responses"])))
+    parts.append(_table("Status", "Response", "Type", rows=_response_rows(operation["responses"])))
     for status, response in operation["responses"].items():
-        answer = response.get("content", {}).get("application/json")
-        if status.startswith("2") and answer is not None:
-            shown = json.dumps(example(answer["schema"], schemas), indent=2, ensure_ascii=False)
-            parts.append(f"<details><summary>Example</summary><pre>{_text(shown)}</pre></details>")
+        json_content = response.get("content", {}).get("application/json")
+        if status.startswith("2") and json_content is not None:
+            example_json = json.dumps(example(json_content["schema"], schemas), indent=2, ensure_ascii=False)
+            parts.append(f"<details><summary>Example</summary><pre>{_text(example_json)}</pre></details>")
     return "".join((*parts, "</section>"))
 
 
-def _answers(responses: Schema) -> Iterator[str]:
+def _response_rows(responses: Schema) -> Iterator[str]:
     for status, response in sorted(responses.items()):
         for media_type, content in response.get("content", {"–": {"schema": {"type": "no content"}}}).items():
             yield (
-                f"<tr><td>{status}</td><td>{_prose(response['description'])}</td>"
-                f"<td>{_kind(content['schema'])} <small>{_text(media_type)}</small></td></tr>"
+                f"<tr><td>{status}</td><td>{_markdown(response['description'])}</td>"
+                f"<td>{_type_text(content['schema'])} <small>{_text(media_type)}</small></td></tr>"
             )
 
 
 def _problems() -> str:
     rows = (
-        f'<tr id="{kind.slug}"><td><code>{kind.slug}</code></td><td>{kind.status}</td>'
-        f"<td>{_text(kind.title)}. {_prose(kind.explanation)}</td></tr>"
-        for kind in ProblemType
+        f'<tr id="{problem_type.slug}"><td><code>{problem_type.slug}</code></td><td>{problem_type.status}</td>'
+        f"<td>{_text(problem_type.title)}. {_markdown(problem_type.explanation)}</td></tr>"
+        for problem_type in ProblemType
     )
     return _table("Name", "Status", "Meaning", rows=rows)
 
 
-def _document(name: str, schema: Schema) -> str:
-    meaning = _prose(schema.get("description", ""))
+def _schema_section(name: str, schema: Schema) -> str:
+    meaning = _markdown(schema.get("description", ""))
     if "properties" not in schema:
-        return f'<section id="{_text(name)}"><h3>{_text(name)}</h3><p>{meaning}</p><p>{_kind(schema)}</p></section>'
+        return (
+            f'<section id="{_text(name)}"><h3>{_text(name)}</h3><p>{meaning}</p><p>{_type_text(schema)}</p></section>'
+        )
     rows = (
-        f"<tr><td><code>{_text(field)}</code></td><td>{_kind(content)}</td>"
-        f"<td>{_prose(content.get('description', ''))}</td></tr>"
+        f"<tr><td><code>{_text(field)}</code></td><td>{_type_text(content)}</td>"
+        f"<td>{_markdown(content.get('description', ''))}</td></tr>"
         for field, content in schema["properties"].items()
     )
     table = _table("Field", "Type", "Meaning", rows=rows)
     return f'<section id="{_text(name)}"><h3>{_text(name)}</h3><p>{meaning}</p>{table}</section>'
 
 
-def _kind(schema: Schema) -> str:
+def _type_text(schema: Schema) -> str:
     if "$ref" in schema:
         name = _text(_name(schema["$ref"]))
         return f'<a href="#{name}">{name}</a>'
     if "anyOf" in schema:
-        return " or ".join(_kind(option) for option in schema["anyOf"])
+        return " or ".join(_type_text(option) for option in schema["anyOf"])
     if "enum" in schema:
         return " or ".join(f"<code>{_text(value)}</code>" for value in schema["enum"])
     if schema.get("type") == "array":
-        return f"list of {_kind(schema['items'])}"
+        return f"list of {_type_text(schema['items'])}"
     return _text(schema.get("format", schema.get("type", "any")))
 
 
@@ -225,7 +227,7 @@ def _text(value: object) -> str:
     return html.escape(str(value), quote=True)
 
 
-def _prose(value: str) -> str:
+def _markdown(value: str) -> str:
     """Return Markdown's code spans and paragraphs as HTML."""
     parts = _text(value).split("`")
     marked = "".join(f"<code>{part}</code>" if k % 2 else part for k, part in enumerate(parts))

@@ -120,7 +120,7 @@ class CatalogueRoutes:
         """
         search = query.search()
         search_runs = partial(self._catalogue.search, search) if search != Search() else self._catalogue.runs
-        chosen = query.chosen(await self._lookup_threads.run(search_runs))
+        chosen = query.matching(await self._lookup_threads.run(search_runs))
         return run_list_schema(chosen[query.offset :][: query.limit], len(chosen), query.limit, query.offset)
 
     async def run(self, request: Request, run: RunId) -> Response:

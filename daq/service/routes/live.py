@@ -1,7 +1,4 @@
-"""Following the live run instead of asking again and again: as events, or over a WebSocket.
-
-Starting a run, ending it, and naming its moments.
-"""
+"""Routes of the current run: start, stop, markers, alarms, and its values as server-sent events or over WebSocket."""
 
 import asyncio
 from collections.abc import AsyncIterator
@@ -26,48 +23,48 @@ from daq.service.stream import LiveBroadcaster, LiveFeed
 
 
 class RunControl(Protocol):
-    """Who can end the run that is under way."""
+    """Control of the current run."""
 
     def stop(self) -> str | None:
-        """Ask for its end; return its id, None where no run is under way."""
+        """Request the end of the run; return its id, None if no run is in progress."""
         ...
 
     def add_marker(self, text: str) -> MarkerSchema | None:
-        """Name the present moment of the run that is recorded; None where none is."""
+        """Add a marker at the current time of the recorded run; None if nothing is being recorded."""
         ...
 
     def acknowledge(self) -> AcknowledgedAlarmsSchema | None:
-        """Take note of the alarms of the run that is shown; None where none is."""
+        """Acknowledge the alarms of the current run; None if there is no run."""
         ...
 
 
 class RunStarter(Protocol):
-    """Who starts runs, one at a time."""
+    """Starts runs, one at a time."""
 
     @property
     def rigs(self) -> tuple[str, ...]:
-        """Names of the rigs that may be chosen."""
+        """Names of the available rigs."""
         ...
 
     def start(self, rig: str, note: str, duration: float | None) -> RunHeader:
-        """Begin a run and return its header once samples come; RigError where it cannot be."""
+        """Start a run and return its header once samples arrive; RigError if it cannot start."""
         ...
 
 
 class RunControlRoutes:
-    """The beginning of a run, its end, and what is said to it.
+    """Routes that start, stop, mark and acknowledge.
 
     Parameters
     ----------
     run_control : RunControl or None
-        Who can end it; None: nobody here.
+        Controls the current run; None: no such routes.
     run_starter : RunStarter or None
-        Who can start one; None: nobody here.
+        Starts runs; None: no such route.
     """
 
     def __init__(self, run_control: RunControl | None, run_starter: RunStarter | None) -> None:
         self._run_starter = run_starter
-        self._starting = BoundedThreadPool(threads=1, waiting=0)
+        self._start_thread = BoundedThreadPool(threads=1, waiting=0)
         self._run_control = run_control
 
     def add_to(self, routing: Routing) -> None:
@@ -78,7 +75,7 @@ class RunControlRoutes:
                 self.stop,
                 "stop_run",
                 "live",
-                "End the run under way",
+                "Stop the run in progress",
                 ProblemType.NO_LIVE_RUN,
                 status=202,
             )
@@ -87,7 +84,7 @@ class RunControlRoutes:
                 self.add_marker,
                 "add_marker",
                 "live",
-                "Name this moment of the run under way",
+                "Add a marker at the current time",
                 ProblemType.NO_LIVE_RUN,
                 status=201,
             )
@@ -96,7 +93,7 @@ class RunControlRoutes:
                 self.acknowledge,
                 "acknowledge_alarms",
                 "live",
-                "Take note of the alarms",
+                "Acknowledge the alarms",
                 ProblemType.NO_LIVE_RUN,
             )
 
@@ -113,72 +110,75 @@ class RunControlRoutes:
                 status=201,
             )
 
-    async def start(self, order: StartRequest, response: Response) -> StartedRunSchema:
-        """Start a run with a rig that the service was started with, and answer when samples come, which takes seconds.
+    async def start(self, request: StartRequest, response: Response) -> StartedRunSchema:
+        """Start a run with one of the service's rigs, and respond once samples arrive, which takes seconds.
 
-        One run goes at a time. `/live` follows it, `/live/stop` ends it, and so does the service's own end.
+        Only one run at a time. `/live` returns its values; `/live/stop` or the end of the service stops it.
         """
         if self._run_starter is None:
             raise ProblemError(ProblemType.RUN_CANNOT_START, "this service starts no runs")
-        rig = order.rig or self._run_starter.rigs[0]
+        rig = request.rig or self._run_starter.rigs[0]
         if rig not in self._run_starter.rigs:
             raise ProblemError(
                 ProblemType.RUN_CANNOT_START, f"rig: {rig!r}, expected one of {', '.join(self._run_starter.rigs)}"
             )
         try:
-            header = await self._starting.run(partial(self._run_starter.start, rig, order.note, order.duration_s))
+            header = await self._start_thread.run(
+                partial(self._run_starter.start, rig, request.note, request.duration_s)
+            )
         except RigError as error:
             raise ProblemError(ProblemType.RUN_CANNOT_START, str(error)) from error
         response.headers["Location"] = f"/api/v1/runs/{header.run}"
         return StartedRunSchema(run=header.run, rig=header.rig, started_at=utc_time(header.started_ns))
 
-    async def stop(self, _order: StopRequest) -> StoppingRunSchema:
-        """Ask for the end, as Ctrl-C at the bench does: the file is finished and kept. `/live` tells when that is done.
+    async def stop(self, _request: StopRequest) -> StoppingRunSchema:
+        """Request the end of the run, as Ctrl-C at the bench does; the recording is completed. `/live` shows its state.
 
-        What is sent is `{}`, as `application/json`; pages of other sites are turned away.
+        The request body is `{}`, as `application/json`; this prevents requests from other sites' pages.
         """
         run = None if self._run_control is None else self._run_control.stop()
         if run is None:
-            raise ProblemError(ProblemType.NO_LIVE_RUN, "no run is under way")
+            raise ProblemError(ProblemType.NO_LIVE_RUN, "no run is in progress")
         return StoppingRunSchema(run=run)
 
-    async def add_marker(self, order: MarkerRequest) -> MarkerSchema:
-        """Keep a word on this moment in the recording, as a line typed at the command's terminal does.
+    async def add_marker(self, request: MarkerRequest) -> MarkerSchema:
+        """Add a marker at the current time to the recording, as a line typed in the terminal does.
 
-        It is in the run's summary when the run has ended. A run that is replayed takes none.
+        The run's summary lists it. A replayed run takes no markers.
         """
-        made = None if self._run_control is None else self._run_control.add_marker(order.text)
-        if made is None:
+        marker = None if self._run_control is None else self._run_control.add_marker(request.text)
+        if marker is None:
             raise ProblemError(ProblemType.NO_LIVE_RUN, "no run is being recorded")
-        return made
+        return marker
 
-    async def acknowledge(self, _order: AcknowledgeRequest) -> AcknowledgedAlarmsSchema:
-        """Take note of the alarms in sight: those that are over go, those that last stay until they are over.
+    async def acknowledge(self, _request: AcknowledgeRequest) -> AcknowledgedAlarmsSchema:
+        """Acknowledge the active and latched alarms: ended ones disappear now, others as soon as they end.
 
-        It is kept in the recording and told among the summary's markers; a replay forgets it. What is sent is `{}`.
+        The recording and the summary's markers include the acknowledgement; a replay does not store it. The request
+        body is `{}`.
         """
-        noted = None if self._run_control is None else self._run_control.acknowledge()
-        if noted is None:
-            raise ProblemError(ProblemType.NO_LIVE_RUN, "there is no run whose alarms could be acknowledged")
-        return noted
+        acknowledged = None if self._run_control is None else self._run_control.acknowledge()
+        if acknowledged is None:
+            raise ProblemError(ProblemType.NO_LIVE_RUN, "no run is in progress whose alarms could be acknowledged")
+        return acknowledged
 
 
-PROTOCOL: Final = "rig.live"
+SUBPROTOCOL: Final = "rig.live"
 CURVES_INTERVAL: Final = 0.25  # s
 
 
 class LiveStreamRoutes:
-    """The live run's values and its picture, whenever they change.
+    """Routes that stream the current run's values and curves as they change.
 
     Parameters
     ----------
     live : LiveFeed
-        The run under way.
+        The current run.
     """
 
     def __init__(self, live: LiveFeed) -> None:
-        self._values = _Followed(LiveBroadcaster(live, live_schema), "live")
-        self._curves = _Followed(LiveBroadcaster(live, live_curves_schema, CURVES_INTERVAL), "curves")
+        self._values = _LiveStream(LiveBroadcaster(live, live_schema), "live")
+        self._curves = _LiveStream(LiveBroadcaster(live, live_curves_schema, CURVES_INTERVAL), "curves")
 
     def add_to(self, routing: Routing) -> None:
         """Add the routes."""
@@ -187,7 +187,7 @@ class LiveStreamRoutes:
             self.events,
             "stream_live_run",
             "live",
-            "The run under way, whenever it changes",
+            "Live values as server-sent events",
             ProblemType.BUSY,
             responses=event_stream("live"),
         )
@@ -197,82 +197,84 @@ class LiveStreamRoutes:
             self.curves_events,
             "stream_live_curves",
             "live",
-            "Orbit and order spectrum, whenever they change",
+            "Live orbit and order spectrum as server-sent events",
             ProblemType.BUSY,
             responses=event_stream("curves"),
         )
         routing.router.add_api_websocket_route("/live/curves/socket", self._curves.socket, name="live_curves_socket")
 
     async def events(self, request: Request) -> Response:
-        """Send server-sent events of type `live` whose data is the document of `/live`, or `null` without a run.
+        """Send server-sent events of type `live` with the JSON of `/live` as data, or `null` without a run.
 
-        A client that is slow is sent the newest and not all between; every 15 s without news comes a comment. The
-        WebSocket `/api/v1/live/socket` sends the same documents as text messages; where a token is needed, a browser
-        names the subprotocols `rig.live` and `token.<token>`.
+        A slow client skips updates; a comment follows every 15 s without a change. The WebSocket
+        `/api/v1/live/socket` sends the same JSON as text messages; if a token is required, a browser names the
+        subprotocols `rig.live` and `token.<token>`.
         """
         return self._values.events(request)
 
     async def curves_events(self, request: Request) -> Response:
-        """Send server-sent events of type `curves` whose data is the document of `/live/curves`, or `null`.
+        """Send server-sent events of type `curves` with the JSON of `/live/curves` as data, or `null` without a run.
 
         Up to four times a second; the WebSocket `/api/v1/live/curves/socket` sends the same.
         """
         return self._curves.events(request)
 
     def close_streams(self) -> None:
-        """Let all who follow go."""
+        """End all streams."""
         self._values.close()
         self._curves.close()
 
 
-class _Followed:
-    """What a hub tells, as answers.
+class _LiveStream:
+    """Updates of a broadcaster as server-sent events and over WebSocket.
 
     Parameters
     ----------
-    hub : Hub
-        Who looks at the run.
+    broadcaster : LiveBroadcaster
+        Source of the updates.
     name : str
-        Of the events.
+        Type of the events.
     """
 
-    def __init__(self, hub: LiveBroadcaster, name: str) -> None:
-        self._hub = hub
+    def __init__(self, broadcaster: LiveBroadcaster, name: str) -> None:
+        self._broadcaster = broadcaster
         self._name = name
-        self.close = hub.close
+        self.close = broadcaster.close
 
     def events(self, request: Request) -> Response:
-        """Return the stream of events."""
-        self._hub.require_capacity()
+        """Return the event stream."""
+        self._broadcaster.require_capacity()
         if request.scope.get("rig.head"):
             return Response(media_type=EVENT_STREAM)
         return StreamingResponse(self._events(), media_type=EVENT_STREAM, headers={"X-Accel-Buffering": "no"})
 
     async def _events(self) -> AsyncIterator[str]:
-        with suppress(ProblemError):  # the last place was taken in between: the stream ends, and the client comes again
-            async for text in self._hub.updates():
+        with suppress(
+            ProblemError
+        ):  # another client took the last place meanwhile: the stream ends, the client reconnects
+            async for text in self._broadcaster.updates():
                 yield f"event: {self._name}\ndata: {text}\n\n" if text else ": still here\n\n"
 
     async def socket(self, socket: WebSocket) -> None:
-        """Send the live document as text whenever it changes."""
+        """Send each update as a text message."""
         try:
-            self._hub.require_capacity()
+            self._broadcaster.require_capacity()
         except ProblemError as error:
             await socket.send_denial_response(problem_response(error.problem_type, error.detail, socket.url.path))
             return
-        await socket.accept(PROTOCOL if PROTOCOL in socket.scope.get("subprotocols", ()) else None)
+        await socket.accept(SUBPROTOCOL if SUBPROTOCOL in socket.scope.get("subprotocols", ()) else None)
         sending = asyncio.create_task(self._send(socket))
         try:
             while True:
                 await socket.receive()
-        except (WebSocketDisconnect, RuntimeError):  # gone, or told so already
+        except (WebSocketDisconnect, RuntimeError):  # the client is gone, or the socket is closed
             sending.cancel()
             with suppress(asyncio.CancelledError):
                 await sending
 
     async def _send(self, socket: WebSocket) -> None:
         with suppress(WebSocketDisconnect, ProblemError, RuntimeError):
-            async for text in self._hub.updates():
+            async for text in self._broadcaster.updates():
                 if text:
                     await socket.send_text(text)
             await socket.close(1001)
