@@ -1,30 +1,29 @@
-// Follows the live run over a WebSocket, asks for it where nothing is told, and says so when neither answers.
+// The operator's page: shows the live run from a WebSocket or by polling, and reports a lost connection.
 
-import { clock } from "./figures.js";
-import { offerImport } from "./imports.js";
-import { drawIdle, drawLive } from "./live.js";
-import { listen } from "./live_socket.js";
-import { drawAgain, followPicture } from "./picture.js";
-import { drawRuns } from "./runs.js";
-import { ask, heldToken, keepToken, send, takeTokenFromAddress } from "./service_client.js";
+import { formatClock } from "./format.js";
+import { offerImport } from "./import_form.js";
+import { drawIdle, drawLive } from "./live_values.js";
+import { redraw, followCurves } from "./live_curves.js";
+import { drawRuns } from "./run_list.js";
 import { addToTrend } from "./trend.js";
+import { getJson, listen, postJson, readTokenFromUrl, storeToken, storedToken } from "./service_client.js";
 
 const LIVE_INTERVAL = 200; // ms
-const IDLE_INTERVAL = 1000; // also without a word over the socket before the page asks itself
+const IDLE_INTERVAL = 1000; // also the time without a WebSocket message until the page polls
 const RUNS_INTERVAL = 10000;
-const PATIENCE = 1500; // ms without an answer, or without new samples, before that is said
+const STALE_AFTER = 1500; // ms without a response, or without new samples, until a warning
 
 const element = (id) => document.getElementById(id);
-const later = (interval) => new Promise((done) => setTimeout(done, interval));
-let answered = performance.now();
-let moved = performance.now();
+const delay = (interval) => new Promise((done) => setTimeout(done, interval));
+let lastResponse = performance.now();
+let lastProgress = performance.now();
 let elapsed = null;
 let state = null;
 
 const isUnderWay = (name) => ["armed", "recording", "degraded", "interrupted", "replaying"].includes(name);
 const isMoving = (name) => isUnderWay(name) && !["armed", "interrupted"].includes(name);
 
-function tell(text) {
+function showConnection(text) {
   const node = element("connection");
   node.className = "banner lost";
   if (text && node.textContent !== text) node.textContent = text;
@@ -32,23 +31,23 @@ function tell(text) {
   document.body.classList.toggle("stale", Boolean(text));
 }
 
-function watch() {
+function checkConnection() {
   const now = performance.now();
-  const silent = now - answered;
-  const still = now - moved;
-  if (silent > PATIENCE && (state === "finished" || state === "failed")) {
-    tell(`The run has ${state} and its service has ended. These are its last values.`);
-  } else if (silent > PATIENCE) {
-    tell(`CONNECTION LOST: no answer from the service for ${clock(silent / 1000)}. The values shown are old.`);
-  } else if (isMoving(state) && still > PATIENCE + 500) {
-    tell(`NO NEW SAMPLES for ${clock(still / 1000)}. The values shown are old.`);
+  const silent = now - lastResponse;
+  const still = now - lastProgress;
+  if (silent > STALE_AFTER && (state === "finished" || state === "failed")) {
+    showConnection(`The run has ${state} and the service has stopped. These are its last values.`);
+  } else if (silent > STALE_AFTER) {
+    showConnection(`CONNECTION LOST: no response from the service for ${formatClock(silent / 1000)}. The values shown are old.`);
+  } else if (isMoving(state) && still > STALE_AFTER + 500) {
+    showConnection(`NO NEW SAMPLES for ${formatClock(still / 1000)}. The values shown are old.`);
   } else {
-    tell("");
+    showConnection("");
   }
 }
 
-function take(live) {
-  answered = performance.now();
+function update(live) {
+  lastResponse = performance.now();
   element("token").hidden = true;
   if (!live) {
     state = null;
@@ -56,61 +55,61 @@ function take(live) {
     return;
   }
   const ended = state && state !== live.status.state;
-  if (live.status.elapsed_s !== elapsed) moved = answered;
+  if (live.status.elapsed_s !== elapsed) lastProgress = lastResponse;
   elapsed = live.status.elapsed_s;
   state = live.status.state;
   drawLive(live);
-  if (addToTrend(live)) drawAgain();
+  if (addToTrend(live)) redraw();
   if (ended && !isUnderWay(state)) drawRuns(live.run);
 }
 
-async function step() {
+async function poll() {
   try {
-    take(await ask("/api/v1/live"));
+    update(await getJson("/api/v1/live"));
     return LIVE_INTERVAL;
   } catch (error) {
     if (error.name === "no-live-run") {
-      take(null);
+      update(null);
       return IDLE_INTERVAL;
     }
     if (error.name === "token-required") {
-      answered = performance.now();
+      lastResponse = performance.now();
       element("token").hidden = false;
-      if (heldToken()) element("token-label").textContent = "That is not this service's token";
+      if (storedToken()) element("token-label").textContent = "The token is wrong";
       return IDLE_INTERVAL;
     }
     return IDLE_INTERVAL / 2;
   }
 }
 
-let told = performance.now() - IDLE_INTERVAL / 2; // when the socket last had a word; it is given a moment to open
+let lastMessage = performance.now() - IDLE_INTERVAL / 2; // of the WebSocket; the offset gives it time to open
 
 async function follow() {
   const isOpen = listen("/api/v1/live", (live) => {
-    told = performance.now();
-    take(live);
+    lastMessage = performance.now();
+    update(live);
   });
   for (;;) {
-    const isQuiet = isOpen() && state === null; // nothing goes on, and nothing is told until something does
-    if (isQuiet) answered = performance.now();
-    await later(isQuiet || performance.now() - told < IDLE_INTERVAL ? LIVE_INTERVAL : await step());
+    const isQuiet = isOpen() && state === null; // without a run the WebSocket sends nothing until one starts
+    if (isQuiet) lastResponse = performance.now();
+    await delay(isQuiet || performance.now() - lastMessage < IDLE_INTERVAL ? LIVE_INTERVAL : await poll());
   }
 }
 
 async function listRuns() {
   for (;;) {
     await drawRuns();
-    await later(RUNS_INTERVAL);
+    await delay(RUNS_INTERVAL);
   }
 }
 
-// The viewer is a server of its own that only the bench's machine can reach; elsewhere the page draws by itself.
+// Only the bench's own machine can reach the viewer's server; on other machines the page draws the curves itself.
 function showViewer(address) {
   const here = ["localhost", "127.0.0.1", "[::1]"];
   if (!address || (here.includes(new URL(address).hostname) && !here.includes(location.hostname))) {
     const empty = element("empty");
-    empty.textContent = "No run is under way.\nOrbit and order spectrum are drawn here when one is.";
-    followPicture(element("view"), empty);
+    empty.textContent = "No run in progress.\nA run's orbit and order spectrum appear here.";
+    followCurves(element("view"), empty);
   } else {
     const frame = document.createElement("iframe");
     frame.src = address;
@@ -123,7 +122,7 @@ function showViewer(address) {
 
 element("token").addEventListener("submit", (event) => {
   event.preventDefault();
-  keepToken(element("token-value").value);
+  storeToken(element("token-value").value);
   drawRuns();
   offerImport();
 });
@@ -132,7 +131,7 @@ async function acknowledge() {
   const button = element("acknowledge");
   button.disabled = true;
   try {
-    await send("/api/v1/live/acknowledge");
+    await postJson("/api/v1/live/acknowledge");
     button.textContent = "Acknowledge";
   } catch (error) {
     button.textContent = `Not acknowledged: ${error.message}`;
@@ -147,36 +146,36 @@ document.addEventListener("keydown", (event) => {
   if (event.key === "a" && !typing && !element("alarms").hidden && !element("acknowledge").hidden) acknowledge();
 });
 
-async function markMoment(event) {
+async function addMarker(event) {
   event.preventDefault();
-  const word = element("mark-text");
+  const input = element("marker-text");
   try {
-    const made = await send("/api/v1/live/markers", { text: word.value.trim() || "mark" });
-    word.value = "";
-    word.placeholder = `marked “${made.text}”`;
+    const marker = await postJson("/api/v1/live/markers", { text: input.value.trim() || "mark" });
+    input.value = "";
+    input.placeholder = `marked “${marker.text}”`;
   } catch (error) {
-    word.placeholder = `not marked: ${error.message}`;
+    input.placeholder = `not marked: ${error.message}`;
   }
-  word.blur();
+  input.blur();
 }
 
-element("marking").addEventListener("submit", markMoment);
+element("marker-form").addEventListener("submit", addMarker);
 
-const SURE = 4000; // ms in which a second press ends the run
+const CONFIRM_TIME = 4000; // ms for the second press that stops the run
 
-// A single press, perhaps by mistake, ends nothing.
+// Stops the run on the second press, so that an accidental one has no effect.
 async function stopRun({ currentTarget: button }) {
-  if (!button.classList.contains("sure")) {
-    button.classList.add("sure");
+  if (!button.classList.contains("confirm")) {
+    button.classList.add("confirm");
     button.textContent = "Press again to stop";
     setTimeout(() => {
-      button.classList.remove("sure");
+      button.classList.remove("confirm");
       button.textContent = "Stop";
-    }, SURE);
+    }, CONFIRM_TIME);
     return;
   }
   try {
-    await send("/api/v1/live/stop");
+    await postJson("/api/v1/live/stop");
     button.textContent = "Stopping …";
   } catch (error) {
     button.textContent = `Not stopped: ${error.message}`;
@@ -186,14 +185,14 @@ async function stopRun({ currentTarget: button }) {
 element("stop").addEventListener("click", stopRun);
 document.addEventListener("keydown", (event) => {
   const typing = event.target.matches("input, textarea") || event.ctrlKey || event.metaKey || event.altKey;
-  if (event.key !== "m" || typing || element("marking").hidden) return;
+  if (event.key !== "m" || typing || element("marker-form").hidden) return;
   event.preventDefault();
-  element("mark-text").focus();
+  element("marker-text").focus();
 });
 
-takeTokenFromAddress();
+readTokenFromUrl();
 showViewer(document.body.dataset.viewer);
-setInterval(watch, 250);
+setInterval(checkConnection, 250);
 follow();
 listRuns();
 offerImport();

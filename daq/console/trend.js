@@ -1,7 +1,7 @@
-// Draws overall vibration and speed over the last minutes, and what was marked, where there is no viewer.
+// Overall vibration, speed and markers over the last minutes, for a page without the viewer.
 
-import { decimals, known, whole } from "./figures.js";
-import { draw, follow, plane } from "./picture.js";
+import { formatFixed, formatInteger, isKnown } from "./format.js";
+import { adaptScale, draw, plane } from "./live_curves.js";
 
 const [WIDTH, HEIGHT] = [1600, 260];
 const SPANS = [60, 300, 1800]; // s: the shortest that holds the run, or the longest
@@ -12,57 +12,57 @@ let run = null;
 let points = [];
 let markers = [];
 let now = 0;
-let level = 10;
-let pace = 1000;
+let vibrationScale = 10;
+let speedScale = 1000;
 
-// Takes a moment of the run; says whether the drawing must change: a new run or a new marker.
+// Adds a live update to the trend; returns whether it must be redrawn: a new run or a new marker.
 export function addToTrend({ run: id, status, measured }) {
-  const isNews = id !== run || status.markers.length !== markers.length;
+  const mustRedraw = id !== run || status.markers.length !== markers.length;
   if (id !== run || status.elapsed_s < now) points = [];
   run = id;
   now = status.elapsed_s;
   markers = status.markers;
-  if (!measured) return isNews;
+  if (!measured) return mustRedraw;
   const [x, y, speed] = [measured.peak_to_peak_x_um, measured.peak_to_peak_y_um, measured.speed_rpm];
   const last = points.at(-1);
   if (last && now < last.at + INTERVAL) Object.assign(last, { x: Math.max(last.x, x), y: Math.max(last.y, y), speed });
   else points.push({ at: now, x, y, speed });
   if (points.length > SPANS.at(-1) / INTERVAL) points.shift();
-  return isNews;
+  return mustRedraw;
 }
 
 export function drawTrend(parent) {
   const span = SPANS.find((one) => now <= one) ?? SPANS.at(-1);
   const shown = points.filter((point) => point.at >= now - span);
   const across = (at) => (WIDTH * (at - now + span)) / span;
-  level = follow(level, Math.max(0, ...shown.map((point) => Math.max(point.x ?? 0, point.y ?? 0))));
-  pace = follow(pace, Math.max(0, ...shown.map((point) => point.speed ?? 0)));
+  vibrationScale = adaptScale(vibrationScale, Math.max(0, ...shown.map((point) => Math.max(point.x ?? 0, point.y ?? 0))));
+  speedScale = adaptScale(speedScale, Math.max(0, ...shown.map((point) => point.speed ?? 0)));
   const svg = plane(parent, `-80 -30 ${WIDTH + 190} ${HEIGHT + 84}`, "Overall vibration, µm peak-to-peak, and speed, r/min, over the last minutes");
   svg.classList.add("trend");
   for (const part of [0, 0.5, 1]) {
     const y = HEIGHT * (1 - part);
     draw(svg, "path", { d: `M0 ${y}H${WIDTH}`, class: "grid" });
-    draw(svg, "text", { x: -10, y: y + 7, class: "label end" }, `${level * part}`);
-    draw(svg, "text", { x: WIDTH + 10, y: y + 7, class: "label" }, whole(pace * part));
+    draw(svg, "text", { x: -10, y: y + 7, class: "label end" }, `${vibrationScale * part}`);
+    draw(svg, "text", { x: WIDTH + 10, y: y + 7, class: "label" }, formatInteger(speedScale * part));
   }
   for (let part = 0; part <= 1; part += 1 / 6) {
     const value = (span * (part - 1)) / (span > 60 ? 60 : 1);
     draw(svg, "path", { d: `M${WIDTH * part} 0V${HEIGHT}`, class: "grid" });
-    draw(svg, "text", { x: WIDTH * part, y: HEIGHT + 30, class: "label middle" }, decimals(Math.round(value), 0));
+    draw(svg, "text", { x: WIDTH * part, y: HEIGHT + 30, class: "label middle" }, formatFixed(Math.round(value), 0));
   }
   draw(svg, "text", { x: 0, y: -8, class: "label" }, "overall · µm peak-to-peak");
   draw(svg, "text", { x: WIDTH, y: -8, class: "label end" }, "speed · r/min (white)");
   draw(svg, "text", { x: WIDTH / 2, y: HEIGHT + 52, class: "label middle" }, `${span > 60 ? "min" : "s"} before now`);
-  for (const [name, full] of [["speed", pace], ["y", level], ["x", level]]) {
-    const curve = shown.filter((point) => known(point[name]));
+  for (const [name, full] of [["speed", speedScale], ["y", vibrationScale], ["x", vibrationScale]]) {
+    const curve = shown.filter((point) => isKnown(point[name]));
     const path = curve.map((point) => `${across(point.at).toFixed(1)},${(HEIGHT * (1 - point[name] / full)).toFixed(1)}`);
     draw(svg, "polyline", { points: path.join(" "), class: `curve ${name}` });
   }
-  for (const marker of markers.filter((one) => known(one.elapsed_s) && one.elapsed_s >= now - span)) {
+  for (const marker of markers.filter((one) => isKnown(one.elapsed_s) && one.elapsed_s >= now - span)) {
     const x = across(marker.elapsed_s);
     const label = marker.text.length > MAX_LABEL_LENGTH ? `${marker.text.slice(0, MAX_LABEL_LENGTH - 1)}…` : marker.text;
     draw(svg, "path", { d: `M${x} 0V${HEIGHT}`, class: `flag ${marker.kind}` });
-    const isFarLeft = x < WIDTH / 4; // the word would run out of the picture
+    const isFarLeft = x < WIDTH / 4; // otherwise the label would extend beyond the left edge
     draw(svg, "text", { x: isFarLeft ? x + 6 : x - 6, y: 22, class: `label ${isFarLeft ? "" : "end"} ${marker.kind}` }, label);
   }
 }

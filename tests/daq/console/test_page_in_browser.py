@@ -1,4 +1,4 @@
-"""The page in a real browser: what an operator reads on it."""
+"""The operator's page in a real browser: values, banners, plots and forms."""
 
 import re
 import shutil
@@ -30,7 +30,7 @@ from tests.daq.support.service_bench import Bench, open_bench
 from tests.daq.support.service_fakes import NEWEST, FakeCatalogue, FakeLive, FakeSummaries
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-pytestmark = [pytest.mark.browser, pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium here")]
+pytestmark = [pytest.mark.browser, pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed")]
 
 FRAME = make_live_updates(200)[150]
 
@@ -42,29 +42,29 @@ def bench() -> Iterator[Bench]:
     served.close()
 
 
-def seen(address: str, profile: Path) -> str:
-    """The page as the browser has it after two seconds, and what the browser complained of."""
+def load_page(url: str, profile: Path) -> str:
+    """Return the page's DOM after two seconds; assert that the console shows no errors."""
     command = [
         str(CHROMIUM), "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
         "--disable-background-networking", "--disable-component-update", "--disable-sync", f"--user-data-dir={profile}",
-        "--virtual-time-budget=2000", "--enable-logging=stderr", "--dump-dom", address,
+        "--virtual-time-budget=2000", "--enable-logging=stderr", "--dump-dom", url,
     ]  # fmt: skip
     done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True)
-    complaints = [line for line in done.stderr.splitlines() if "CONSOLE" in line and not re.search("40[34]", line)]
-    assert complaints == []
+    errors = [line for line in done.stderr.splitlines() if "CONSOLE" in line and not re.search("40[34]", line)]
+    assert errors == []
     return done.stdout
 
 
 def text_of(page: str, element: str) -> str:
-    """What the element of this id says."""
+    """Return the text of the element with this id."""
     found = re.search(rf'id="{element}"[^>]*>(.*?)</(?:b|p|h1|dd|span)>', page, re.DOTALL)
     assert found is not None, element
     return found[1]
 
 
-def test_page_shows_the_live_run_with_the_model_beside_it(bench: Bench, tmp_path: Path) -> None:
+def test_page_shows_measured_and_predicted_values_of_the_live_run(bench: Bench, tmp_path: Path) -> None:
     bench.live.frame = FRAME
-    page = seen(bench.server.url, tmp_path)
+    page = load_page(bench.server.url, tmp_path)
     assert 'data-state="recording"' in page
     assert text_of(page, "run") == NEWEST
     assert text_of(page, "speed") == "12,005"
@@ -77,39 +77,39 @@ def test_page_shows_the_live_run_with_the_model_beside_it(bench: Bench, tmp_path
     assert page.count("<polyline") == 8  # two orbits; spectra of x, y and the model; overall x, y and speed over time
 
 
-def test_page_says_at_which_speed_the_overlay_is_exact(bench: Bench, tmp_path: Path) -> None:
+def test_page_shows_the_speed_of_an_exact_prediction(bench: Bench, tmp_path: Path) -> None:
     assert FRAME.prediction is not None
     bench.live.frame = replace(FRAME, prediction=replace(FRAME.prediction, is_exact=True))
-    assert text_of(seen(bench.server.url, tmp_path), "model") == "ready, exact at 12,005 r/min"
+    assert text_of(load_page(bench.server.url, tmp_path), "model") == "ready, exact at 12,005 r/min"
 
 
-def test_page_draws_a_mark_in_the_trend_and_takes_new_ones_while_a_run_is_recorded(
+def test_page_draws_markers_in_the_trend_and_shows_the_marker_form_while_recording(
     bench: Bench, tmp_path: Path
 ) -> None:
-    placed = TimedMarker(Marker(0, 100_000, "knocking begins", 0), 1.0, FRAME.status.elapsed - 1.0)
-    bench.live.frame = replace(FRAME, status=replace(FRAME.status, markers=(placed,)))
-    page = seen(bench.server.url, tmp_path)
+    marker = TimedMarker(Marker(0, 100_000, "knocking begins", 0), 1.0, FRAME.status.elapsed - 1.0)
+    bench.live.frame = replace(FRAME, status=replace(FRAME.status, markers=(marker,)))
+    page = load_page(bench.server.url, tmp_path)
     assert re.search(r'class="flag word"', page)
     assert ">knocking begins</text>" in page
-    assert re.search(r'<form class="marking" id="marking">', page)
+    assert re.search(r'<form class="marker-form" id="marker-form">', page)
     bench.live.frame = replace(FRAME, status=replace(FRAME.status, state=RunState.REPLAYING))
-    assert re.search(r'id="marking" hidden=""', seen(bench.server.url, tmp_path))
+    assert re.search(r'id="marker-form" hidden=""', load_page(bench.server.url, tmp_path))
 
 
-def test_page_keeps_a_passed_limit_in_sight(bench: Bench, tmp_path: Path) -> None:
+def test_page_shows_a_latched_alarm_until_it_is_acknowledged(bench: Bench, tmp_path: Path) -> None:
     frame = with_alarm(FRAME, Severity.DANGER)
     bench.live.frame = replace(frame, status=replace(frame.status, lost=2000, lost_is_exact=False))
-    page = seen(bench.server.url, tmp_path)
+    page = load_page(bench.server.url, tmp_path)
     assert text_of(page, "verdict") == "DANGER LATCHED"
-    assert text_of(page, "alarm") == "▲ DANGER at x: 92 µm peak-to-peak, limit 90, came 00:10 at 12,000 r/min, over."
+    assert text_of(page, "alarm") == "▲ DANGER at x: 92 µm peak-to-peak, limit 90, began 00:10 at 12,000 r/min, over."
     assert re.search(r'<button id="acknowledge"[^>]*(?<!hidden="")>Acknowledge', page)
     assert text_of(page, "lost") == "≥ 2,000"
     assert re.search(r'id="lost-cell" class="bad"', page)
 
 
-def test_page_judges_each_value_by_its_own_limits(bench: Bench, tmp_path: Path) -> None:
+def test_page_colours_each_tile_by_the_alarms_of_its_quantity(bench: Bench, tmp_path: Path) -> None:
     bench.live.frame = with_further_alarms(FRAME)
-    page = seen(bench.server.url, tmp_path)
+    page = load_page(bench.server.url, tmp_path)
     tiles = {
         tile: re.search(rf'id="{tile}" data-severity="(\w+)"', page)
         for tile in ("speed-tile", "overall", "one", "below")
@@ -125,24 +125,24 @@ def test_page_judges_each_value_by_its_own_limits(bench: Bench, tmp_path: Path) 
     assert text_of(page, "one-note").endswith("alarm 20 · danger 30")
     assert re.fullmatch(r" · \d+ % of clearance", text_of(page, "clearance"))
     assert text_of(page, "whirls") == "alarm 13 together"
-    assert text_of(page, "alarm").startswith("▲ speed DANGER: 19,642 r/min, limit 19,500, came 00:10")
+    assert text_of(page, "alarm").startswith("▲ speed DANGER: 19,642 r/min, limit 19,500, began 00:10")
 
 
-def test_page_says_at_a_glance_whether_what_is_recorded_can_be_trusted(bench: Bench, tmp_path: Path) -> None:
+def test_page_shows_data_quality_in_one_line(bench: Bench, tmp_path: Path) -> None:
     bench.live.frame = FRAME
-    assert text_of(seen(bench.server.url, tmp_path), "trust") == "✓ gap-free · signals good"
+    assert text_of(load_page(bench.server.url, tmp_path), "quality") == "✓ gap-free · signals good"
     assert FRAME.snapshot is not None
     doubtful = replace(FRAME.snapshot, gap_ok=np.array([True, False]), gap_volts=np.array([5.1, 0.02]))
     status = replace(FRAME.status, lost=2000, clipped=(Clipping("y", 1234, 3, 12.0),))
     bench.live.frame = replace(FRAME, snapshot=doubtful, status=status)
-    page = seen(bench.server.url, tmp_path)
-    assert text_of(page, "trust") == "▲ 2,000 samples lost · y clipped · probe y reads 0.02 V"
-    assert 'class="trust bad"' in page
+    page = load_page(bench.server.url, tmp_path)
+    assert text_of(page, "quality") == "▲ 2,000 samples lost · y clipped · probe y reads 0.02 V"
+    assert 'class="quality bad"' in page
 
 
-def test_page_shows_what_was_compensated_beside_what_was_measured(bench: Bench, tmp_path: Path) -> None:
+def test_page_shows_compensated_and_measured_vectors(bench: Bench, tmp_path: Path) -> None:
     bench.live.frame = with_second_whirl(with_runout(FRAME))
-    page = seen(bench.server.url, tmp_path)
+    page = load_page(bench.server.url, tmp_path)
     assert text_of(page, "one-source") == "compensated"
     note = text_of(page, "one-note")
     measured = FRAME.snapshot.frame.vectors[0] if FRAME.snapshot and FRAME.snapshot.frame else None
@@ -154,23 +154,23 @@ def test_page_shows_what_was_compensated_beside_what_was_measured(bench: Bench, 
     assert text_of(page, "whirl-note").endswith("± 0.07 µm")
 
 
-def test_page_says_that_nothing_is_under_way_and_lists_the_runs(bench: Bench, tmp_path: Path) -> None:
-    page = seen(bench.server.url, tmp_path)
+def test_page_without_a_run_is_idle_and_lists_the_recorded_runs(bench: Bench, tmp_path: Path) -> None:
+    page = load_page(bench.server.url, tmp_path)
     assert 'data-state="idle"' in page
     assert text_of(page, "speed") == "–"
     assert page.count("<details data-run") == 4
     assert "no MCAP file" in page
 
 
-def test_page_says_why_a_run_failed(bench: Bench, tmp_path: Path) -> None:
+def test_page_shows_why_a_run_failed(bench: Bench, tmp_path: Path) -> None:
     bench.live.frame = LiveUpdate(FRAME.header, replace(FRAME.status, state=RunState.FAILED, detail="card unplugged"))
-    page = seen(bench.server.url, tmp_path)
+    page = load_page(bench.server.url, tmp_path)
     assert 'data-state="failed"' in page
     assert "card unplugged" in text_of(page, "trouble")
 
 
-class Deaf:
-    """An application that lets no request of a kind for the live run through."""
+class BlockedLive:
+    """Application that blocks live requests of one kind, HTTP or WebSocket."""
 
     def __init__(self, app: ASGIApp, kind: str) -> None:
         self.app = app
@@ -182,16 +182,16 @@ class Deaf:
         await self.app(scope, receive, send)
 
 
-@pytest.mark.parametrize("refused", ["http", "websocket"])
-def test_page_follows_the_run_by_socket_or_by_asking_whichever_is_let_through(refused: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize("blocked", ["http", "websocket"])
+def test_page_follows_the_run_by_socket_or_by_polling_if_one_is_blocked(blocked: str, tmp_path: Path) -> None:
     live = FakeLive()
     live.frame = FRAME
     catalogue = FakeCatalogue([])
     app = create_app(catalogue, live, FakeSummaries(catalogue), None)
-    server = ServiceServer(Deaf(app, refused))
+    server = ServiceServer(BlockedLive(app, blocked))
     server.start()
     try:
-        page = seen(server.url, tmp_path)
+        page = load_page(server.url, tmp_path)
     finally:
         app.close_streams()
         server.close()
@@ -199,37 +199,37 @@ def test_page_follows_the_run_by_socket_or_by_asking_whichever_is_let_through(re
     assert text_of(page, "speed") == "12,005"
 
 
-class Counting:
-    """An application that counts what it is asked for."""
+class RequestLog:
+    """Application that records the path of each request."""
 
     def __init__(self, app: ASGIApp) -> None:
         self.app = app
-        self.asked: list[str] = []
+        self.requests: list[str] = []
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        self.asked.append(f"{scope['type']} {scope.get('path')}")
+        self.requests.append(f"{scope['type']} {scope.get('path')}")
         await self.app(scope, receive, send)
 
 
-def test_page_is_told_of_the_picture_and_does_not_ask_for_it(tmp_path: Path) -> None:
+def test_page_receives_the_curves_over_the_socket_and_does_not_poll(tmp_path: Path) -> None:
     live = FakeLive()
     live.frame = FRAME
     catalogue = FakeCatalogue([])
     app = create_app(catalogue, live, FakeSummaries(catalogue), None)
-    counting = Counting(app)
-    server = ServiceServer(counting)
+    log = RequestLog(app)
+    server = ServiceServer(log)
     server.start()
     try:
-        page = seen(server.url, tmp_path)
+        page = load_page(server.url, tmp_path)
     finally:
         app.close_streams()
         server.close()
-    assert 'class="picture"' in page
-    assert counting.asked.count("websocket /api/v1/live/curves/socket") == 1
-    assert counting.asked.count("http /api/v1/live/curves") <= 2, "only while the socket opens"
+    assert 'class="curves"' in page
+    assert log.requests.count("websocket /api/v1/live/curves/socket") == 1
+    assert log.requests.count("http /api/v1/live/curves") <= 2, "only while the socket opens"
 
 
-def test_file_is_imported_on_the_page(tmp_path: Path, rig: RigFactory) -> None:
+def test_page_imports_a_file(tmp_path: Path, rig: RigFactory) -> None:
     folder = tmp_path / "data"
     folder.mkdir()
     still = [{"time_s": 0.0, "speed_rpm": 3000.0}, {"time_s": 0.2, "speed_rpm": 3000.0}]
@@ -249,7 +249,7 @@ def test_file_is_imported_on_the_page(tmp_path: Path, rig: RigFactory) -> None:
             chosen = "[...document.querySelectorAll('#import-columns select')].map(one => one.value).join()"
             assert page.value(chosen) == "x,V,y,V,tacho,V"
             page.value("document.getElementById('import-rate-value').value = '4000'")
-            page.value("document.getElementById('import-words').value = 'cold oil'")
+            page.value("document.getElementById('import-comment').value = 'cold oil'")
             page.value("document.querySelector('#import-form button').click()")
             page.until("document.getElementById('import-note').textContent.startsWith('Imported as ')")
             page.until("document.querySelectorAll('#runs details').length === 2")
@@ -259,7 +259,7 @@ def test_file_is_imported_on_the_page(tmp_path: Path, rig: RigFactory) -> None:
         bench.close()
 
 
-def test_page_draws_an_opened_run(tmp_path: Path, rig: RigFactory) -> None:
+def test_page_shows_plots_of_an_opened_run(tmp_path: Path, rig: RigFactory) -> None:
     record_run(rig(), tmp_path)
     bench = open_recorded_bench(tmp_path, host="0.0.0.0", token="open-sesame")  # noqa: S104, S106 - as another machine would reach it
     try:
@@ -269,16 +269,16 @@ def test_page_draws_an_opened_run(tmp_path: Path, rig: RigFactory) -> None:
             page.value("document.getElementById('token').requestSubmit()")
             page.until("document.querySelector('#runs details') !== null")
             page.value("document.querySelector('#runs details').open = true")
-            page.until("document.querySelectorAll('.drawings button').length > 15")
-            press = "[...document.querySelectorAll('.drawings button')].find(one => one.textContent === '{}').click()"
-            drawn = "(one => one !== null && one.naturalWidth)(document.querySelector('.drawings img'))"
+            page.until("document.querySelectorAll('.plots button').length > 15")
+            press = "[...document.querySelectorAll('.plots button')].find(one => one.textContent === '{}').click()"
+            drawn = "(one => one !== null && one.naturalWidth)(document.querySelector('.plots img'))"
             page.value(press.format("Bode 1X"))
             page.until(f"{drawn} === 640")
-            page.value("document.querySelector('.drawings input').value = '19000'")
+            page.value("document.querySelector('.plots input').value = '19000'")
             page.value(press.format("1X orbit"))
-            page.until("document.querySelector('.drawings .note').textContent.includes('there are some from')")
-            page.value("document.querySelector('.drawings input').value = ''")
+            page.until("document.querySelector('.plots .note').textContent.includes('there are some from')")
+            page.value("document.querySelector('.plots input').value = ''")
             page.value(press.format("1X orbit"))
-            page.until("document.querySelector('.drawings img').alt.startsWith('1X orbit')")
+            page.until("document.querySelector('.plots img').alt.startsWith('1X orbit')")
     finally:
         bench.close()

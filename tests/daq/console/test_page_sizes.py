@@ -1,4 +1,4 @@
-"""The page in windows from a telephone's to a bench screen's."""
+"""The operator's page at window sizes from a telephone to a bench screen."""
 
 import shutil
 from collections.abc import Iterator
@@ -14,12 +14,12 @@ from tests.daq.support.recorded_bench import open_recorded_bench
 from tests.daq.support.service_bench import Bench, open_bench
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-pytestmark = [pytest.mark.browser, pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium here")]
+pytestmark = [pytest.mark.browser, pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed")]
 
 FRAME = with_alarm(make_live_updates(200)[150], Severity.DANGER)
 STATE = {True: "idle", False: "recording"}
-# Of every tile, banner and bar in sight: which stick out of the window, which lie over another, whose words are cut.
-FAULTS = """(() => {
+# Layout errors of visible tiles, banners and bars: outside the window, overlapping, or with clipped text.
+LAYOUT_ERRORS = """(() => {
   const parts = [...document.querySelectorAll('.tile, .view, .status, .banner, .runs details')];
   const boxes = parts.filter((one) => one.offsetParent)
     .map((one) => [one.id || one.className, one.getBoundingClientRect(), one]);
@@ -50,65 +50,65 @@ def bench() -> Iterator[Bench]:
     served.close()
 
 
-def shown(page: Page, bench: Bench, frame: LiveUpdate | None) -> None:
-    """Show the page with a run that goes on, or none, and wait until it is drawn."""
+def load(page: Page, bench: Bench, frame: LiveUpdate | None) -> None:
+    """Load the page with a run in progress, or none, and wait until it is drawn."""
     bench.live.frame = frame
     page.show(bench.server.url)
     page.until(f"document.querySelector('#runs details') && document.body.dataset.state === '{STATE[frame is None]}'")
 
 
 @pytest.mark.parametrize("size", [(390, 844), (844, 390), (768, 1024), (1024, 768), (1366, 768), (1920, 1080)])
-def test_nothing_sticks_out_is_cut_or_lies_over_something_else(size: tuple[int, int], page: Page, bench: Bench) -> None:
+def test_page_has_no_layout_errors(size: tuple[int, int], page: Page, bench: Bench) -> None:
     page.resize(*size)
     for frame in (None, FRAME):
-        shown(page, bench, frame)
-        assert page.value(FAULTS) == []
+        load(page, bench, frame)
+        assert page.value(LAYOUT_ERRORS) == []
 
 
-def test_page_without_a_run_begins_with_the_recorded_ones(page: Page, bench: Bench) -> None:
+def test_page_without_a_run_starts_with_the_recorded_runs(page: Page, bench: Bench) -> None:
     page.resize(1366, 768)
-    shown(page, bench, None)
+    load(page, bench, None)
     assert page.value("document.querySelector('#runs details').getBoundingClientRect().bottom < innerHeight")
 
 
-def test_bench_screen_shows_all_that_goes_on_without_scrolling(page: Page, bench: Bench) -> None:
+def test_bench_screen_shows_all_live_values_without_scrolling(page: Page, bench: Bench) -> None:
     for size in ((1366, 768), (1920, 1080)):
         page.resize(*size)
-        shown(page, bench, FRAME)
+        load(page, bench, FRAME)
         assert page.value("document.getElementById('status').getBoundingClientRect().bottom <= innerHeight")
 
 
-def test_page_without_a_run_asks_for_none_while_its_socket_is_open(page: Page, bench: Bench) -> None:
-    shown(page, bench, None)
+def test_page_without_a_run_does_not_poll_while_its_socket_is_open(page: Page, bench: Bench) -> None:
+    load(page, bench, None)
     page.until("performance.now() > 2500")
-    asked = "performance.getEntriesByType('resource').filter((one) => one.name.endsWith('/live')).length"
-    assert page.value(asked) == 0
+    polls = "performance.getEntriesByType('resource').filter((one) => one.name.endsWith('/live')).length"
+    assert page.value(polls) == 0
     assert page.value("document.getElementById('connection').hidden")
     bench.live.frame = FRAME
     page.until("document.body.dataset.state === 'recording'")
 
 
-def test_service_that_is_gone_is_told_with_a_run_and_without(page: Page) -> None:
+def test_page_reports_a_lost_connection_with_and_without_a_run(page: Page) -> None:
     for frame in (None, FRAME):
         bench = open_bench()
         try:
-            shown(page, bench, frame)
+            load(page, bench, frame)
         finally:
             bench.close()
         page.until("document.getElementById('connection').offsetParent !== null")
-        told = page.value("document.getElementById('connection').textContent")
-        assert told.startswith("CONNECTION LOST: no answer from the service for 00:")
+        text = page.value("document.getElementById('connection').textContent")
+        assert text.startswith("CONNECTION LOST: no response from the service for 00:")
 
 
-def test_wrong_token_is_told_and_the_right_one_lets_in(page: Page) -> None:
-    word = "two words"  # no name of a protocol, so that no socket can carry it
-    bench = open_bench(token=word)
+def test_page_rejects_a_wrong_token_and_accepts_the_right_one(page: Page) -> None:
+    token = "two words"  # noqa: S105 - no valid subprotocol name, so that no socket can send it
+    bench = open_bench(token=token)
     try:
         page.show(bench.server.url)
         page.until("document.getElementById('token').offsetParent !== null")
         for typed, then in (
-            ("wrong", "textContent.startsWith('That is not')"),
-            (word, "offsetParent === null"),
+            ("wrong", "textContent.startsWith('The token is wrong')"),
+            (token, "offsetParent === null"),
         ):
             page.value(f"document.getElementById('token-value').value = '{typed}'")
             page.value("document.querySelector('#token button').click()")
@@ -118,7 +118,7 @@ def test_wrong_token_is_told_and_the_right_one_lets_in(page: Page) -> None:
         bench.close()
 
 
-def test_run_is_stopped_by_a_second_press_and_by_no_single_one(page: Page, tmp_path: Path) -> None:
+def test_stop_button_stops_the_run_on_the_second_press_only(page: Page, tmp_path: Path) -> None:
     bench = open_recorded_bench(tmp_path)
     try:
         bench.live.frame = FRAME

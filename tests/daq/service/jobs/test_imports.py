@@ -184,7 +184,7 @@ def test_rig_may_be_sent_as_text_with_its_calibrations(bench: RecordedBench, wri
     ("changes", "named"),
     [
         ({"model": {"rotor": "/etc/passwd"}}, "no file is read here"),
-        ({"runout": {"from_run": "../../secret.mcap", "slow_roll_rpm": 500.0}}, "expected the id of a run, no file"),
+        ({"runout": {"from_run": "../../secret.mcap", "slow_roll_rpm": 500.0}}, "expected the id of a run, not a file"),
         ({"runout": {"from_run": "../secret", "slow_roll_rpm": 500.0}}, "there is no such run"),
         ({"rig": "../../tmp"}, "small letters, digits and hyphens"),
     ],
@@ -261,7 +261,7 @@ def test_run_that_was_imported_is_no_rig(bench: RecordedBench, written: Callable
     run = imported(bench, ordered(bench, upload))["run"]
     refused = ordered(bench, upload, {"source": "run", "run": run})
     assert refused.status_code == 422
-    assert "was imported itself" in refused.json()["detail"]
+    assert "was imported" in refused.json()["detail"]
 
 
 def test_uploads_are_listed_and_deleted(bench: RecordedBench) -> None:
@@ -324,7 +324,7 @@ def test_uploads_are_forgotten_and_limited_in_number(tmp_path: Path) -> None:
     assert not list((tmp_path / "a/.rig/uploads").iterdir())
     for _ in range(16):
         put(lasting, "run.csv")
-    with pytest.raises(UploadStoreFullError, match="16 uploads are kept already"):
+    with pytest.raises(UploadStoreFullError, match="16 uploads are stored"):
         lasting.path_for("run.csv")
 
 

@@ -1,20 +1,19 @@
-// Sends another program's file in, lets its columns be chosen, and has it made into a run of a rig that is known here.
+// Form that uploads another program's file, maps its columns to a rig's channels and imports it as a run.
 
-import { known, whole } from "./figures.js";
-import { doJob } from "./jobs.js";
-import { drawRuns } from "./runs.js";
-import { ask, sendFile } from "./service_client.js";
+import { formatInteger, isKnown } from "./format.js";
+import { drawRuns } from "./run_list.js";
+import { getJson, runJob, uploadFile } from "./service_client.js";
 
 const UPLOADS = "/api/v1/uploads";
-const READING_PATIENCE = 35000; // ms
+const READ_TIMEOUT = 35000; // ms
 const UNITS = ["V", "mV", "um", "mm", "m"];
 
 const element = (id) => document.getElementById(id);
-const note = (words) => {
-  element("import-note").textContent = words;
+const note = (text) => {
+  element("import-note").textContent = text;
 };
-let upload = null;
-let found = null;
+let uploaded = null;
+let content = null;
 let runs = new Map();
 
 function choice(name, values, chosen) {
@@ -24,28 +23,28 @@ function choice(name, values, chosen) {
   return node;
 }
 
-// The rigs as they were in the last runs that were recorded, each once.
+// Lists the distinct rigs of the last recorded runs.
 async function listRigs() {
-  const { runs: listed } = await ask("/api/v1/runs?complete=true&limit=100");
+  const { runs: listed } = await getJson("/api/v1/runs?complete=true&limit=100");
   const recorded = listed.filter((run) => run.device && run.device.backend !== "imported");
   const rigs = new Map(recorded.reverse().map((run) => [`${run.rig} ${run.calibration}`, run]));
   runs = new Map([...rigs.values()].reverse().map((run) => [run.run, run]));
   element("import-rig").replaceChildren(...[...runs.values()].map((run) => new Option(`${run.rig} as in ${run.run}`, run.run)));
-  if (!runs.size) note("A run that was recorded must be here first: it tells which rig the file is of.");
+  if (!runs.size) note("An import needs a recorded run of the same rig in this data folder.");
 }
 
 function drawColumns() {
   const run = runs.get(element("import-rig").value);
-  const ready = Boolean(run && found);
+  const ready = Boolean(run && content);
   element("import-form").hidden = !ready;
   if (!ready) return;
-  element("import-rate").hidden = known(found.rate_hz);
-  const names = found.columns.map((column) => column.name);
+  element("import-rate").hidden = isKnown(content.rate_hz);
+  const names = content.columns.map((column) => column.name);
   const rows = run.channels.map((channel, index) => {
     const row = document.createElement("tr");
     const same = names.find((name) => name.split("/").pop().split("_")[0] === channel.name);
     const guess = same ?? names[Math.min(index, names.length - 1)];
-    const unit = found.columns[names.indexOf(guess)].unit.replace("µ", "u");
+    const unit = content.columns[names.indexOf(guess)].unit.replace("µ", "u");
     row.dataset.channel = channel.name;
     row.append(
       Object.assign(document.createElement("th"), { scope: "row", textContent: channel.name }),
@@ -59,23 +58,23 @@ function drawColumns() {
   element("import-columns").replaceChildren(...rows);
 }
 
-async function take(file) {
-  found = null;
+async function upload(file) {
+  content = null;
   drawColumns();
-  note(`Sending ${file.name} …`);
+  note(`Uploading ${file.name} …`);
   try {
-    upload = await sendFile(UPLOADS, file.name, file);
+    uploaded = await uploadFile(UPLOADS, file.name, file);
     note(`Reading ${file.name} …`);
-    found = await ask(upload.columns, READING_PATIENCE);
-    const rate = known(found.rate_hz) ? ` at ${whole(found.rate_hz)} a second` : "";
-    note(`${file.name}: ${whole(found.rows)} rows${rate}.`);
+    content = await getJson(uploaded.columns, READ_TIMEOUT);
+    const rate = isKnown(content.rate_hz) ? ` at ${formatInteger(content.rate_hz)} samples/s` : "";
+    note(`${file.name}: ${formatInteger(content.rows)} rows${rate}.`);
   } catch (error) {
-    note(`${file.name} cannot be taken: ${error.message}`);
+    note(`${file.name} cannot be read: ${error.message}`);
   }
   drawColumns();
 }
 
-async function make(event) {
+async function importFile(event) {
   event.preventDefault();
   const rows = [...element("import-columns").rows];
   const channel = Object.fromEntries(
@@ -85,14 +84,14 @@ async function make(event) {
     }),
   );
   const rate = element("import-rate").hidden ? {} : { rate_hz: Number(element("import-rate-value").value) };
-  const order = {
+  const jobRequest = {
     kind: "import",
-    upload: upload.upload,
+    upload: uploaded.upload,
     rig: { source: "run", run: element("import-rig").value },
-    mapping: { ...rate, note: element("import-words").value, channel },
+    mapping: { ...rate, note: element("import-comment").value, channel },
   };
   try {
-    const run = await doJob(order, note);
+    const run = await runJob(jobRequest, note);
     note(`Imported as ${run.run}.`);
     drawRuns(run.run);
   } catch (error) {
@@ -100,21 +99,21 @@ async function make(event) {
   }
 }
 
-// Shows the place for it where the service takes files, and lets who asks in.
+// Shows the form if the service accepts uploads and the token is valid.
 export async function offerImport() {
   try {
-    await ask(UPLOADS);
+    await getJson(UPLOADS);
   } catch {
     return;
   }
   element("importing").hidden = false;
 }
 
-function begin() {
+function addListeners() {
   element("importing").addEventListener("toggle", () => element("importing").open && listRigs().then(drawColumns, (error) => note(error.message)));
-  element("import-file").addEventListener("change", (event) => event.target.files.length && take(event.target.files[0]));
+  element("import-file").addEventListener("change", (event) => event.target.files.length && upload(event.target.files[0]));
   element("import-rig").addEventListener("change", drawColumns);
-  element("import-form").addEventListener("submit", make);
+  element("import-form").addEventListener("submit", importFile);
 }
 
-begin();
+addListeners();

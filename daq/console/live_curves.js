@@ -1,12 +1,11 @@
-// Draws the orbit in its clearance circle and the order spectrum, measured and predicted, where there is no viewer.
+// Live orbit within the clearance circle and order spectrum, measured and predicted, for a page without the viewer.
 
-import { listen } from "./live_socket.js";
-import { ask } from "./service_client.js";
 import { drawTrend } from "./trend.js";
+import { getJson, listen } from "./service_client.js";
 
 const SVG = "http://www.w3.org/2000/svg";
 const [WIDTH, HEIGHT] = [800, 640]; // of the spectrum's plane
-const INTERVAL = 500; // ms between two pictures that are asked for where the socket is not let through
+const POLL_INTERVAL = 500; // ms, while the WebSocket is not open
 
 export function draw(parent, tag, attributes, text = "") {
   const node = document.createElementNS(SVG, tag);
@@ -21,65 +20,65 @@ export function plane(parent, box, label) {
   return svg;
 }
 
-// The next of 1, 2, 5 times a power of ten.
-function rounded(value) {
+// Returns the value rounded up to 1, 2 or 5 times a power of ten.
+function roundUp(value) {
   const power = 10 ** Math.floor(Math.log10(value));
   return [1, 2, 5, 10].map((step) => step * power).find((step) => step >= value * (1 - 1e-9));
 }
 
-function largest(curves, names) {
-  return Math.max(0, ...curves.filter(Boolean).flatMap((one) => names.flatMap((name) => one[name].map(Math.abs))));
+function largest(sources, names) {
+  return Math.max(0, ...sources.filter(Boolean).flatMap((one) => names.flatMap((name) => one[name].map(Math.abs))));
 }
 
-// The parts of a full scale between its grid lines, so that their numbers are short.
-export function parts(scale) {
+// Returns the positions of a scale's grid lines, 0 to 1, such that their labels are short.
+export function gridPositions(scale) {
   const count = String(scale).startsWith("2") ? 4 : 5;
   return Array.from({ length: count + 1 }, (_, k) => k / count);
 }
 
-// A scale that grows at once and shrinks only when a third of it would do.
-export function follow(scale, needed) {
-  const wanted = rounded(Math.max(needed * 1.1, 1));
+// Returns an axis scale that grows at once and shrinks only if a third of it suffices.
+export function adaptScale(scale, needed) {
+  const wanted = roundUp(Math.max(needed * 1.1, 1));
   return wanted > scale || needed < scale / 3 ? wanted : scale;
 }
 
 let reach = 5;
 let level = 5;
 
-const figure = (value) => String(Number(value.toPrecision(3)));
-const placed = (across, up, unit) => across.map((x, k) => [x * unit, -up[k] * unit]);
+const formatTick = (value) => String(Number(value.toPrecision(3)));
+const toPoints = (xs, ys, unit) => xs.map((x, k) => [x * unit, -ys[k] * unit]);
 
 function drawPath(svg, points, kind) {
   draw(svg, "polyline", { points: points.map((point) => point.map((one) => one.toFixed(2)).join()).join(" "), class: kind });
 }
 
-function drawOrbit(parent, picture) {
-  reach = follow(reach, largest([picture.measured, picture.predicted], ["orbit_x_um", "orbit_y_um"]));
+function drawOrbit(parent, curves) {
+  reach = adaptScale(reach, largest([curves.measured, curves.predicted], ["orbit_x_um", "orbit_y_um"]));
   const svg = plane(parent, "-118 -118 236 250", "Orbit seen from the compressor end, measured and predicted, µm");
   const unit = 100 / reach;
   draw(svg, "rect", { x: -100, y: -100, width: 200, height: 200, class: "frame" });
   draw(svg, "path", { d: "M-100 0H100M0 -100V100", class: "grid" });
   for (const part of [-1, -0.5, 0.5, 1]) {
-    draw(svg, "text", { x: 100 * part, y: 112, class: "tick middle" }, figure(part * reach));
+    draw(svg, "text", { x: 100 * part, y: 112, class: "tick middle" }, formatTick(part * reach));
   }
   draw(svg, "text", { x: 0, y: 112, class: "tick middle" }, "µm");
-  draw(svg, "text", { x: 0, y: 128, class: "caption middle" }, `orbit${picture.measured?.compensated_orbit_x_um ? ", compensated (thin: as measured)" : ""} · clearance ${picture.clearance_um} µm`);
-  if (picture.clearance_um <= reach) draw(svg, "circle", { r: picture.clearance_um * unit, class: "clearance" });
-  for (const [source, kind] of [[picture.predicted, "model"], [picture.measured, "measured"]]) {
+  draw(svg, "text", { x: 0, y: 128, class: "caption middle" }, `orbit${curves.measured?.compensated_orbit_x_um ? ", compensated (thin: as measured)" : ""} · clearance ${curves.clearance_um} µm`);
+  if (curves.clearance_um <= reach) draw(svg, "circle", { r: curves.clearance_um * unit, class: "clearance" });
+  for (const [source, kind] of [[curves.predicted, "model"], [curves.measured, "measured"]]) {
     if (!source) continue;
     const compensated = source.compensated_orbit_x_um;
-    if (compensated) drawPath(svg, placed(source.orbit_x_um, source.orbit_y_um, unit), "curve raw");
-    const points = placed(compensated ?? source.orbit_x_um, source.compensated_orbit_y_um ?? source.orbit_y_um, unit);
+    if (compensated) drawPath(svg, toPoints(source.orbit_x_um, source.orbit_y_um, unit), "curve raw");
+    const points = toPoints(compensated ?? source.orbit_x_um, source.compensated_orbit_y_um ?? source.orbit_y_um, unit);
     drawPath(svg, points, `curve ${kind}`);
-    for (let k = 0; k < points.length; k += picture.points_per_revolution) {
+    for (let k = 0; k < points.length; k += curves.points_per_revolution) {
       draw(svg, "circle", { cx: points[k][0], cy: points[k][1], r: 3, class: `mark ${kind}` });
     }
   }
 }
 
-function drawSpectrum(parent, picture) {
-  const sources = [picture.measured, picture.predicted];
-  level = follow(level, largest(sources, ["spectrum_peak_x_um", "spectrum_peak_y_um"]));
+function drawSpectrum(parent, curves) {
+  const sources = [curves.measured, curves.predicted];
+  level = adaptScale(level, largest(sources, ["spectrum_peak_x_um", "spectrum_peak_y_um"]));
   const svg = plane(parent, `-70 -16 ${WIDTH + 90} ${HEIGHT + 86}`, "Order spectrum, measured and predicted, µm peak by order");
   const orders = sources.find(Boolean)?.orders ?? [0, 8];
   const highest = Math.min(4, orders[orders.length - 1]);
@@ -88,23 +87,23 @@ function drawSpectrum(parent, picture) {
     draw(svg, "path", { d: `M${x} 0V${HEIGHT}`, class: k === 1 ? "first" : "grid" });
     draw(svg, "text", { x, y: HEIGHT + 30, class: "label middle" }, `${k}X`);
   }
-  for (const part of parts(level)) {
+  for (const part of gridPositions(level)) {
     draw(svg, "path", { d: `M0 ${HEIGHT * (1 - part)}H${WIDTH}`, class: "grid" });
-    draw(svg, "text", { x: -10, y: HEIGHT * (1 - part) + 7, class: "label end" }, figure(level * part));
+    draw(svg, "text", { x: -10, y: HEIGHT * (1 - part) + 7, class: "label end" }, formatTick(level * part));
   }
   draw(svg, "text", { x: WIDTH / 2, y: HEIGHT + 66, class: "label middle" }, "order spectrum · µm peak · Hann window");
   const curve = (source, name, kind) => {
     const points = source.orders.flatMap((order, k) => (order <= highest ? [`${((WIDTH * order) / highest).toFixed(1)},${(HEIGHT * (1 - source[name][k] / level)).toFixed(1)}`] : []));
     draw(svg, "polyline", { points: points.join(" "), class: `curve ${kind}` });
   };
-  if (picture.measured) {
-    curve(picture.measured, "spectrum_peak_x_um", "x");
-    curve(picture.measured, "spectrum_peak_y_um", "y");
+  if (curves.measured) {
+    curve(curves.measured, "spectrum_peak_x_um", "x");
+    curve(curves.measured, "spectrum_peak_y_um", "y");
   }
-  if (!picture.measured) {
-    draw(svg, "text", { x: WIDTH / 2, y: HEIGHT / 2, class: "missing middle" }, "no whole revolutions measured now");
+  if (!curves.measured) {
+    draw(svg, "text", { x: WIDTH / 2, y: HEIGHT / 2, class: "missing middle" }, "no complete revolutions measured now");
   }
-  if (picture.predicted) curve(picture.predicted, "spectrum_peak_x_um", "model");
+  if (curves.predicted) curve(curves.predicted, "spectrum_peak_x_um", "model");
 }
 
 function legend(parent) {
@@ -119,36 +118,36 @@ function legend(parent) {
   parent.append(node);
 }
 
-let shown = null; // where, what there is without a picture, and the latest picture
+let shown = null; // parent element, placeholder without a run, and the latest curves
 
-// Draws the latest picture anew, for what else is drawn beside it.
-export function drawAgain() {
+// Draws the latest curves again, together with the trend.
+export function redraw() {
   if (shown) show(...shown);
 }
 
-function show(parent, empty, picture) {
-  shown = [parent, empty, picture];
-  if (!picture) {
+function show(parent, empty, curves) {
+  shown = [parent, empty, curves];
+  if (!curves) {
     parent.replaceChildren(empty);
     return;
   }
   const drawn = document.createElement("div");
-  drawn.className = "picture";
-  drawOrbit(drawn, picture);
-  drawSpectrum(drawn, picture);
+  drawn.className = "curves";
+  drawOrbit(drawn, curves);
+  drawSpectrum(drawn, curves);
   drawTrend(drawn);
   legend(drawn);
   parent.replaceChildren(drawn);
 }
 
-// Draws what the socket tells; where it is not let through the page asks.
-export async function followPicture(parent, empty) {
-  const isOpen = listen("/api/v1/live/curves", (picture) => show(parent, empty, picture));
+// Draws the curves as they arrive over the WebSocket; polls while it is not open.
+export async function followCurves(parent, empty) {
+  const isOpen = listen("/api/v1/live/curves", (curves) => show(parent, empty, curves));
   for (;;) {
-    await new Promise((done) => setTimeout(done, INTERVAL));
+    await new Promise((done) => setTimeout(done, POLL_INTERVAL));
     if (isOpen()) continue;
     try {
-      show(parent, empty, await ask("/api/v1/live/curves"));
+      show(parent, empty, await getJson("/api/v1/live/curves"));
     } catch (error) {
       if (error.name === "no-live-run") show(parent, empty, null);
     }
