@@ -109,7 +109,7 @@ class RunEditRoutes:
         routing.add(
             "DELETE /runs/{run}",
             self.move_to_trash,
-            "trash_run",
+            "delete_run",
             "runs",
             "Move a run into the trash",
             *edit_problems,

@@ -276,7 +276,7 @@ def test_page_shows_plots_of_an_opened_run(tmp_path: Path, rig: RigFactory) -> N
             page.until(f"{drawn} === 640")
             page.value("document.querySelector('.plots input').value = '19000'")
             page.value(press.format("1X orbit"))
-            page.until("document.querySelector('.plots .note').textContent.includes('there are some from')")
+            page.until("document.querySelector('.plots .note').textContent.includes('the run has them from')")
             page.value("document.querySelector('.plots input').value = ''")
             page.value(press.format("1X orbit"))
             page.until("document.querySelector('.plots img').alt.startsWith('1X orbit')")

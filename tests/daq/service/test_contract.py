@@ -18,7 +18,7 @@ CONFIG = Path(__file__).with_name("schemathesis.toml")
 SHORT = {"profile": [{"time_s": 0.0, "speed_rpm": 10_000.0}, {"time_s": 1.0, "speed_rpm": 12_000.0}]}
 KNOWN = "2026-11-24T09-12-07-gj90c"  # what the schema's examples name
 LEAST_CAMPAIGN = 20_000
-PUTTING_AWAY = "trash_run"  # comes last: it takes away what is asked about
+PUTTING_AWAY = "delete_run"  # comes last: it takes away what is asked about
 ANALYSES = r"/analyses/(?!(orbit|cascade|envelopes)$)"  # all but three: they are asked and answered alike
 PNG = r"\.png$"  # drawn in half a second each, of the same questions and answers as SVG
 
