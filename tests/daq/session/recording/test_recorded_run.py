@@ -26,6 +26,7 @@ from daq.session.live_analysis import LiveAnalysis
 from daq.session.live_update import LiveUpdate, RunState, Status
 from daq.session.offline import summarise
 from daq.session.recording.messages import ResultsEnded
+from daq.session.recording.recorded_run import RecordedRun
 from daq.session.recording.recorder import _Recorder, run_header
 from daq.session.recording.ring import BlockRing
 from daq.session.recording.statistics import RecorderStatistics
@@ -41,6 +42,8 @@ from tests.daq.support.recording import (
     recording_request,
     start_recording,
 )
+
+LONG_RUN = {"profile": [{"time_s": 0, "speed_rpm": 6000}, {"time_s": 60, "speed_rpm": 6000}], "pace": "real time"}
 
 
 def card_codes(rig: Rig) -> NDArray[np.int16]:
@@ -276,3 +279,21 @@ def _is_running(pid: int) -> bool:
         return False
     stat = Path(f"/proc/{pid}/stat")
     return not stat.exists() or stat.read_text().rpartition(")")[2].split()[0] != "Z"
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="SIGSTOP exists on POSIX only")
+def test_recorder_that_ignores_the_stop_is_killed_and_its_file_is_readable(rig: RigFactory, tmp_path: Path) -> None:
+    run = RecordedRun(recording_request(rig(simulation=LONG_RUN), tmp_path), NoModel(), stop_deadline=0.5)
+    while run.latest().status.samples < 30_000:
+        assert not run.wait(0.05)
+    os.kill(run._process.pid or 0, signal.SIGSTOP)
+    run.stop()
+    assert run.wait(60)
+    outcome = run.close()
+    assert outcome.exit_code == 5
+    assert (
+        outcome.message == "the recorder did not stop within 0.5 s and was killed; its file holds all flushed samples"
+    )
+    with RunReader(run.path) as reader:
+        assert not reader.is_complete
+        assert reader.n_samples >= 20_000
