@@ -1,1 +1,1 @@
-"""The command `rig`."""
+"""The command line `rig`."""

@@ -1,1 +1,1 @@
-"""Output of the commands: text that fits the terminal, progress of a run, its summary in words."""
+"""Output of the commands: terminal width and encoding, progress, and summaries as text."""
